@@ -1,1 +1,17 @@
-//! schemas
+//! What a run, a frame and a recording are: in memory, on the bus, in a file.
+//!
+//! Start with [`manifest::RunManifest`], which is what a run is, and [`frame::Frame`], which is what
+//! it consists of. The physics that producers and consumers must agree on to the bit is the
+//! [`contact`] law, with its own [`power`] function, over a resolved [`chain`].
+
+pub mod chain;
+pub mod config;
+pub mod contact;
+pub mod frame;
+pub mod manifest;
+pub mod method;
+pub mod power;
+pub mod presets;
+pub mod run_name;
+pub mod scales;
+pub mod summary;

@@ -1,0 +1,112 @@
+//! Frames, and where they come from and go to.
+
+use crate::manifest::RunManifest;
+use std::fmt;
+
+/// One published state, lent by its source until the next call.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frame<'a> {
+    /// Number of the frame, from 0.
+    pub frame: u64,
+    /// Number of the time step, `min(frame·publish_every_steps, step_count)`.
+    pub step: u64,
+    /// Simulated time `step·dt` (s).
+    pub time_s: f64,
+    /// Displacement of each bead (m), N values.
+    pub u_m: &'a [f64],
+    /// Velocity of each bead (m/s), N values.
+    pub v_m_s: &'a [f64],
+    /// What else the method needs to go on, `E·N` values (none for symplectic methods).
+    pub extra: &'a [f64],
+}
+
+/// Why no more frames come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EndReason {
+    /// The run reached its last step.
+    Complete,
+    /// The producer was asked to stop (a signal) and ended the run early, in order.
+    Interrupted,
+    /// The producer ended the run because of an error.
+    Failed,
+    /// The producer vanished without saying why.
+    ProducerLost,
+    /// The producer dropped this consumer because it held the run back for too long.
+    Dropped,
+    /// The recording ends before it says so: it was not closed.
+    Unfinished,
+    /// We were asked to stop (a signal in this process).
+    Stopped,
+}
+
+impl EndReason {
+    /// Whether the frames up to here are all that the run ever had.
+    pub fn is_orderly(self) -> bool {
+        matches!(self, Self::Complete | Self::Interrupted)
+    }
+
+    /// The word used in files and on the bus.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Complete => "complete",
+            Self::Interrupted => "interrupted",
+            Self::Failed => "failed",
+            Self::ProducerLost => "producer lost",
+            Self::Dropped => "dropped",
+            Self::Unfinished => "unfinished",
+            Self::Stopped => "stopped",
+        }
+    }
+}
+
+impl fmt::Display for EndReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+/// What a source has next.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Received<'a> {
+    /// The next frame.
+    Frame(Frame<'a>),
+    /// Frames `from` up to and including `to` were published, but did not reach us.
+    Missed {
+        /// First missing frame.
+        from: u64,
+        /// Last missing frame.
+        to: u64,
+    },
+    /// No more frames.
+    End(EndReason),
+}
+
+/// Where an analysis gets its frames from: a live run, a replay, a file or a re-simulation.
+///
+/// A source never skips silently: what is not delivered is reported as [`Received::Missed`], in
+/// order, and after [`Received::End`] it only repeats the end.
+pub trait FrameSource {
+    /// What goes wrong in this kind of source.
+    type Error: std::error::Error + Send + Sync + 'static;
+
+    /// The run that the frames belong to.
+    fn manifest(&self) -> &RunManifest;
+
+    /// Waits for the next frame and lends it until the next call.
+    ///
+    /// # Errors
+    /// When the source can no longer be read; frames lent before stay valid results.
+    fn receive(&mut self) -> Result<Received<'_>, Self::Error>;
+}
+
+/// Where a run's frames go: a publisher or a recorder.
+pub trait FrameSink {
+    /// What goes wrong in this kind of sink.
+    type Error: std::error::Error + Send + Sync + 'static;
+
+    /// Takes one frame.
+    ///
+    /// # Errors
+    /// When the frame could not be taken; the sink has not kept a part of it.
+    fn accept(&mut self, frame: &Frame<'_>) -> Result<(), Self::Error>;
+}

@@ -1,0 +1,522 @@
+//! The manifest: what a run is, validated and complete.
+//!
+//! Architecture invariant: past this module nobody sees a [`RunConfig`]. What decides the bits of a
+//! run is in [`Physics`], and is stored, never derived a second time.
+
+use crate::chain::{Chain, Energy};
+use crate::config::{ConfigError, Impurity, RunConfig, StrikerConfig};
+use crate::contact::ContactLaw;
+use crate::method::Method;
+use crate::run_name::RunName;
+use crate::scales::Scales;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::fmt;
+
+/// Version of the dynamics: changes whenever the bits of any run change.
+pub const KERNEL_VERSION: u32 = 1;
+
+/// Version of the schemas of frames, manifests and recordings. Another major version is refused.
+pub const SCHEMA_VERSION: SchemaVersion = SchemaVersion { major: 1, minor: 0 };
+
+/// Largest number of beads: a frame then stays below the 1 GiB that a reader accepts.
+pub const MAX_BEADS: u64 = 20_000_000;
+
+/// Largest number of steps: step numbers and frame numbers are exact as doubles.
+pub const MAX_STEPS: u64 = 1 << 52;
+
+/// A `major.minor` version.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SchemaVersion {
+    /// Changes when old readers would misunderstand.
+    pub major: u32,
+    /// Changes when something is added.
+    pub minor: u32,
+}
+
+impl fmt::Display for SchemaVersion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}.{}", self.major, self.minor)
+    }
+}
+
+/// Everything that decides the bits of a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Physics {
+    /// The dynamics that computed it, [`KERNEL_VERSION`].
+    pub kernel_version: u32,
+    /// Number of beads N.
+    pub beads: u64,
+    /// Mass of a bead that is no impurity (kg).
+    pub bead_mass_kg: f64,
+    /// Exponent α of the contact law.
+    pub alpha: f64,
+    /// Stiffness k of every contact (N·m^−α).
+    pub stiffness: f64,
+    /// Beads of another mass, in the order of the beads.
+    pub impurities: Vec<Impurity>,
+    /// The bead that moves at the beginning.
+    pub striker: StrikerConfig,
+    /// The integration method.
+    pub method: Method,
+    /// Time step (s).
+    pub dt_s: f64,
+    /// Number of steps.
+    pub step_count: u64,
+}
+
+/// Where a run comes from, and what of it is published; decides no bit of a state.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Provenance {
+    /// Name of the run on the bus.
+    pub name: RunName,
+    /// Identity of the run, different for each.
+    pub run_id: RunId,
+    /// Program that computed the run, with its version.
+    pub program: String,
+    /// Machine it ran on.
+    pub host: String,
+    /// When it started, nanoseconds since 1970-01-01 UTC.
+    pub started_unix_ns: u64,
+    /// Every how many steps a frame is published.
+    pub publish_every_steps: u64,
+    /// Every how many steps a frame is recorded.
+    pub record_every_steps: u64,
+}
+
+/// What a run is: the one thing that all other parts of the program know it by.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunManifest {
+    /// Version of the schemas it was written with.
+    pub schema_version: SchemaVersion,
+    /// What decides the bits.
+    pub physics: Physics,
+    /// Where it comes from.
+    pub provenance: Provenance,
+}
+
+/// Identity of a run: a random UUID.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct RunId(pub [u8; 16]);
+
+impl RunId {
+    /// A new identity.
+    pub fn random() -> Self {
+        Self(*uuid::Uuid::new_v4().as_bytes())
+    }
+}
+
+impl fmt::Display for RunId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        uuid::Uuid::from_bytes(self.0).hyphenated().fmt(f)
+    }
+}
+
+impl Serialize for RunId {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for RunId {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        let uuid = uuid::Uuid::parse_str(&text).map_err(serde::de::Error::custom)?;
+        Ok(Self(*uuid.as_bytes()))
+    }
+}
+
+/// Why bytes are not a manifest that we can use.
+#[derive(Debug, thiserror::Error)]
+pub enum ManifestError {
+    /// Not JSON of the right shape.
+    #[error("the manifest cannot be read: {0}")]
+    Json(#[from] serde_json::Error),
+    /// Written by a later, incompatible version.
+    #[error(
+        "the manifest has schema version {found}, this program reads {SCHEMA_VERSION}; \
+         use a Beadline that reads {found}"
+    )]
+    Version {
+        /// The version found.
+        found: SchemaVersion,
+    },
+    /// A value that no run can have.
+    #[error("the manifest is not a possible run: {0}")]
+    Value(#[from] ConfigError),
+}
+
+impl Physics {
+    /// Validates `config` and fills in what it leaves open.
+    ///
+    /// # Errors
+    /// With the key, the value and what is allowed.
+    pub fn resolve(config: &RunConfig) -> Result<Self, ConfigError> {
+        let chain = &config.chain;
+        let mut physics = Self {
+            kernel_version: KERNEL_VERSION,
+            beads: chain.beads,
+            bead_mass_kg: chain.bead_mass_kg,
+            alpha: chain.alpha,
+            stiffness: chain.stiffness,
+            impurities: chain.impurities.clone(),
+            striker: config.striker,
+            method: config.integrator.method,
+            dt_s: 0.0,
+            step_count: 0,
+        };
+        physics.impurities.sort_by_key(|impurity| impurity.bead);
+        physics.check_chain(&chain.impurities)?;
+        physics.dt_s = config.time.dt_s.unwrap_or_else(|| physics.default_dt_s());
+        physics.check_dt()?;
+        physics.step_count = step_count(config.time.duration_s, physics.dt_s)?;
+        Ok(physics)
+    }
+
+    /// `fraction · min(T, 4·T_light)`: the fraction of [`Method::default_step_fraction`], T for a bead of
+    /// `bead_mass_kg`, `T_light` for the lightest bead, which decides only below about 1/30 of the mass.
+    fn default_dt_s(&self) -> f64 {
+        let (usual, light) = (self.scales().time_s, 4.0 * self.light_scales().time_s);
+        self.method.default_step_fraction() * if light < usual { light } else { usual }
+    }
+
+    /// Scales L and T of a bead of `bead_mass_kg` at the striker's speed.
+    pub fn scales(&self) -> Scales {
+        Scales::new(self.bead_mass_kg, self.striker.velocity_m_s.abs(), self.stiffness, self.alpha)
+    }
+
+    fn light_scales(&self) -> Scales {
+        let lightest = self.impurities.iter().fold(self.bead_mass_kg, |lightest, impurity| {
+            if impurity.mass_kg < lightest { impurity.mass_kg } else { lightest }
+        });
+        Scales::new(lightest, self.striker.velocity_m_s.abs(), self.stiffness, self.alpha)
+    }
+
+    /// Checks everything but the time; `written` are the impurities in the user's order.
+    fn check_chain(&self, written: &[Impurity]) -> Result<(), ConfigError> {
+        if !(2..=MAX_BEADS).contains(&self.beads) {
+            return Err(ConfigError::value("chain.beads", self.beads, "2 to 20000000 beads"));
+        }
+        check_positive("chain.bead_mass_kg", self.bead_mass_kg, "kg")?;
+        if !(1.0..=1000.0).contains(&self.alpha) {
+            return Err(ConfigError::value("chain.alpha", self.alpha, "an exponent from 1 to 1000"));
+        }
+        check_positive("chain.stiffness", self.stiffness, "N/m^alpha")?;
+        for (i, impurity) in written.iter().enumerate() {
+            self.check_bead(&format!("chain.impurities[{i}].bead"), impurity.bead)?;
+            check_positive(&format!("chain.impurities[{i}].mass_kg"), impurity.mass_kg, "kg")?;
+            if written[..i].iter().any(|other| other.bead == impurity.bead) {
+                let key = format!("chain.impurities[{i}].bead");
+                return Err(ConfigError::value(&key, impurity.bead, "each bead once"));
+            }
+        }
+        self.check_bead("striker.bead", self.striker.bead)?;
+        check_positive("striker.velocity_m_s", self.striker.velocity_m_s.abs(), "m/s").map_err(|_| {
+            let allowed = "a velocity of 1e-100 to 1e100 m/s, in either direction";
+            ConfigError::value("striker.velocity_m_s", self.striker.velocity_m_s, allowed)
+        })?;
+        let scales = self.light_scales();
+        if !(scales.time_s > 0.0 && scales.time_s < 1e30 && scales.length_m > 0.0) {
+            let allowed = "masses, stiffness and velocity of a collision that takes a finite time";
+            return Err(ConfigError::value("chain", format!("T = {} s", scales.time_s), allowed));
+        }
+        Ok(())
+    }
+
+    fn check_bead(&self, key: &str, bead: u64) -> Result<(), ConfigError> {
+        if bead < self.beads {
+            return Ok(());
+        }
+        let allowed = format!("beads 0 to {} of this chain", self.beads - 1);
+        Err(ConfigError::value(key, bead, &allowed))
+    }
+
+    fn check_dt(&self) -> Result<(), ConfigError> {
+        let longest = 0.25 * self.light_scales().time_s;
+        if self.dt_s > 0.0 && self.dt_s <= longest {
+            return Ok(());
+        }
+        let allowed = format!(
+            "a step of more than 0 and at most {longest:.3e} s, a quarter of the collision time of the \
+             lightest bead; {:.3e} s is the default",
+            self.default_dt_s()
+        );
+        Err(ConfigError::value("time.dt_s", self.dt_s, &allowed))
+    }
+
+    /// Checks a manifest that came from elsewhere as strictly as a configuration.
+    fn check(&self) -> Result<(), ConfigError> {
+        self.check_chain(&self.impurities)?;
+        self.check_dt()?;
+        if !(1..=MAX_STEPS).contains(&self.step_count) {
+            return Err(ConfigError::value("step_count", self.step_count, "1 to 2^52 steps"));
+        }
+        Ok(())
+    }
+
+    /// The resolved masses, stiffnesses and rest overlaps.
+    pub fn chain(&self) -> Chain {
+        let beads = usize_of(self.beads);
+        let mut mass_kg = vec![self.bead_mass_kg; beads];
+        for impurity in &self.impurities {
+            mass_kg[usize_of(impurity.bead)] = impurity.mass_kg;
+        }
+        Chain {
+            mass_kg,
+            stiffness: vec![self.stiffness; beads - 1],
+            rest_overlap_m: vec![0.0; beads - 1],
+            law: ContactLaw::new(self.alpha),
+        }
+    }
+
+    /// Displacements (m) and velocities (m/s) at step 0, N values each.
+    pub fn initial_state(&self) -> (Vec<f64>, Vec<f64>) {
+        let beads = usize_of(self.beads);
+        let mut v_m_s = vec![0.0; beads];
+        v_m_s[usize_of(self.striker.bead)] = self.striker.velocity_m_s;
+        (vec![0.0; beads], v_m_s)
+    }
+
+    /// Energy of the initial state, which every drift is measured against.
+    pub fn initial_energy(&self) -> Energy {
+        let (u_m, v_m_s) = self.initial_state();
+        self.chain().energy(&u_m, &v_m_s, &mut vec![0.0; u_m.len() - 1])
+    }
+
+    /// The time `step·dt` (s).
+    pub fn time_s(&self, step: u64) -> f64 {
+        step as f64 * self.dt_s
+    }
+
+    /// SHA-256 of the physics as JSON: equal exactly when the bits of two runs must be equal.
+    pub fn hash(&self) -> [u8; 32] {
+        Sha256::digest(self.to_json().as_bytes()).into()
+    }
+
+    /// The physics as JSON, with every double in the shortest form that reads back to its bits.
+    pub fn to_json(&self) -> String {
+        to_json(self)
+    }
+}
+
+impl RunManifest {
+    /// The manifest of a new run: validates `config`, with `fallback_name` if it names none.
+    ///
+    /// # Errors
+    /// With the key, the value and what is allowed.
+    pub fn new(config: &RunConfig, fallback_name: &str, origin: Origin) -> Result<Self, ConfigError> {
+        let name = config.name.as_deref().unwrap_or(fallback_name);
+        let name =
+            name.parse().map_err(|_| ConfigError::value("name", format!("`{name}`"), RunName::ALLOWED))?;
+        let stream = config.stream;
+        let manifest = Self {
+            schema_version: SCHEMA_VERSION,
+            physics: Physics::resolve(config)?,
+            provenance: Provenance {
+                name,
+                run_id: RunId::random(),
+                program: origin.program,
+                host: origin.host,
+                started_unix_ns: origin.started_unix_ns,
+                publish_every_steps: stream.publish_every_steps,
+                record_every_steps: stream.record_every_steps,
+            },
+        };
+        manifest.check_stream()?;
+        Ok(manifest)
+    }
+
+    fn check_stream(&self) -> Result<(), ConfigError> {
+        let provenance = &self.provenance;
+        if !(1..=MAX_STEPS).contains(&provenance.publish_every_steps) {
+            let found = provenance.publish_every_steps;
+            return Err(ConfigError::value("stream.publish_every_steps", found, "1 or more"));
+        }
+        let record = provenance.record_every_steps;
+        if record == 0 || record > MAX_STEPS || record % provenance.publish_every_steps != 0 {
+            let allowed = format!(
+                "a multiple of publish_every_steps = {}; only published frames are recorded",
+                provenance.publish_every_steps
+            );
+            return Err(ConfigError::value("stream.record_every_steps", record, &allowed));
+        }
+        Ok(())
+    }
+
+    /// Reads and validates a manifest from JSON.
+    ///
+    /// # Errors
+    /// When it is not a manifest, of another major schema version, or not a possible run.
+    pub fn from_json(json: &[u8]) -> Result<Self, ManifestError> {
+        #[derive(Deserialize)]
+        struct Versioned {
+            schema_version: SchemaVersion,
+        }
+        let Versioned { schema_version: found } = serde_json::from_slice(json)?;
+        if found.major != SCHEMA_VERSION.major {
+            return Err(ManifestError::Version { found });
+        }
+        let manifest: Self = serde_json::from_slice(json)?;
+        manifest.physics.check()?;
+        manifest.check_stream()?;
+        Ok(manifest)
+    }
+
+    /// The manifest as JSON.
+    pub fn to_json(&self) -> String {
+        to_json(self)
+    }
+
+    /// The step of frame `frame`.
+    pub fn step_of_frame(&self, frame: u64) -> u64 {
+        frame.saturating_mul(self.provenance.publish_every_steps).min(self.physics.step_count)
+    }
+
+    /// Number of frames of the whole run, the first and the last included.
+    pub fn frame_count(&self) -> u64 {
+        self.physics.step_count.div_ceil(self.provenance.publish_every_steps) + 1
+    }
+
+    /// Whether the frame at `step` is recorded: every K-th, the first and the last.
+    pub fn is_recorded(&self, step: u64) -> bool {
+        step % self.provenance.record_every_steps == 0 || step == self.physics.step_count
+    }
+
+    /// Number of frames that a recording of the whole run holds.
+    pub fn recorded_count(&self) -> u64 {
+        self.physics.step_count.div_ceil(self.provenance.record_every_steps) + 1
+    }
+
+    /// Doubles in a frame on the bus: `(2 + E)·N`.
+    pub fn frame_doubles(&self) -> usize {
+        (2 + self.physics.method.extra_per_bead()) * usize_of(self.physics.beads)
+    }
+}
+
+/// Who starts a run, where and when.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Origin {
+    /// Program with its version.
+    pub program: String,
+    /// Name of the machine.
+    pub host: String,
+    /// Nanoseconds since 1970-01-01 UTC.
+    pub started_unix_ns: u64,
+}
+
+fn to_json(value: &impl Serialize) -> String {
+    // plain structs of finite numbers and strings always serialise
+    serde_json::to_string(value).unwrap_or_default()
+}
+
+/// A validated count of beads as an index; MAX_BEADS fits every platform's usize.
+fn usize_of(beads: u64) -> usize {
+    usize::try_from(beads).unwrap_or(usize::MAX)
+}
+
+/// `round(duration/dt)`, at least 1.
+fn step_count(duration_s: f64, dt_s: f64) -> Result<u64, ConfigError> {
+    let steps = (duration_s / dt_s).round();
+    if duration_s > 0.0 && (1.0..=MAX_STEPS as f64).contains(&steps) {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
+        return Ok(steps as u64);
+    }
+    let allowed = format!("a time of at least one step of {dt_s:.6e} s and at most 2^52 steps");
+    Err(ConfigError::value("time.duration_s", duration_s, &allowed))
+}
+
+/// Positive, and far enough from the ends of the range that no product of scales leaves it.
+fn check_positive(key: &str, value: f64, unit: &str) -> Result<(), ConfigError> {
+    if (1e-100..=1e100).contains(&value) {
+        return Ok(());
+    }
+    Err(ConfigError::value(key, value, &format!("a positive number of {unit}, 1e-100 to 1e100")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::presets::PRESETS;
+
+    fn origin() -> Origin {
+        Origin { program: "test".into(), host: "here".into(), started_unix_ns: 1 }
+    }
+
+    fn manifest() -> RunManifest {
+        RunManifest::new(&PRESETS[0].config(), "run", origin()).expect("valid preset")
+    }
+
+    /// 0.08 s in steps of 0.02·72.477966 µs.
+    #[test]
+    fn light_impurity_has_the_documented_step() {
+        let m = manifest();
+        assert!((m.physics.dt_s - 0.02 * 72.477_966e-6).abs() < 1e-13);
+        assert_eq!(m.physics.step_count, 55_189);
+        assert_eq!(m.frame_count(), 55_190);
+    }
+
+    #[test]
+    fn json_round_trips_bit_for_bit() {
+        let m = manifest();
+        let back = RunManifest::from_json(m.to_json().as_bytes()).expect("own JSON");
+        assert_eq!(back, m);
+        assert_eq!(back.physics.dt_s.to_bits(), m.physics.dt_s.to_bits());
+        assert_eq!(back.physics.hash(), m.physics.hash());
+    }
+
+    #[test]
+    fn another_major_version_is_refused_with_both_versions() {
+        let json = manifest().to_json().replace("\"major\":1", "\"major\":2");
+        let error = RunManifest::from_json(json.as_bytes()).expect_err("newer");
+        assert!(error.to_string().contains("2.0") && error.to_string().contains("1.0"), "{error}");
+    }
+
+    #[test]
+    fn a_manifest_from_elsewhere_is_checked_like_a_configuration() {
+        for (from, to) in [("\"alpha\":1.5", "\"alpha\":0.5"), ("\"beads\":1000", "\"beads\":400")] {
+            let json = manifest().to_json().replace(from, to);
+            assert!(matches!(RunManifest::from_json(json.as_bytes()), Err(ManifestError::Value(_))));
+        }
+    }
+
+    #[test]
+    fn impossible_values_name_key_value_and_what_is_allowed() {
+        let refuse = |change: fn(&mut RunConfig), key: &str| {
+            let mut config = PRESETS[0].config();
+            change(&mut config);
+            let error = RunManifest::new(&config, "run", origin()).expect_err(key);
+            assert_eq!(error.key, key, "{error}");
+            assert!(error.message.contains("allowed"), "{error}");
+        };
+        refuse(|c| c.chain.alpha = 0.99, "chain.alpha");
+        refuse(|c| c.chain.alpha = f64::NAN, "chain.alpha");
+        refuse(|c| c.chain.beads = 1, "chain.beads");
+        refuse(|c| c.chain.bead_mass_kg = 0.0, "chain.bead_mass_kg");
+        refuse(|c| c.chain.stiffness = -1.0, "chain.stiffness");
+        refuse(|c| c.chain.impurities[0].bead = 1000, "chain.impurities[0].bead");
+        refuse(|c| c.chain.impurities[0].mass_kg = f64::INFINITY, "chain.impurities[0].mass_kg");
+        refuse(|c| c.chain.impurities.push(c.chain.impurities[0]), "chain.impurities[1].bead");
+        refuse(|c| c.striker.bead = 5000, "striker.bead");
+        refuse(|c| c.striker.velocity_m_s = 0.0, "striker.velocity_m_s");
+        refuse(|c| c.time.dt_s = Some(1e-3), "time.dt_s");
+        refuse(|c| c.time.duration_s = -1.0, "time.duration_s");
+        refuse(|c| c.stream.publish_every_steps = 0, "stream.publish_every_steps");
+        refuse(|c| c.stream.publish_every_steps = 3, "stream.record_every_steps");
+        refuse(|c| c.name = Some("Not Allowed".into()), "name");
+    }
+
+    #[test]
+    fn the_first_and_the_last_frame_are_always_recorded() {
+        let mut config = PRESETS[2].config();
+        config.stream = crate::config::StreamConfig { publish_every_steps: 10, record_every_steps: 100 };
+        let m = RunManifest::new(&config, "run", origin()).expect("valid");
+        let last = m.frame_count() - 1;
+        assert_eq!(m.step_of_frame(last), m.physics.step_count);
+        let recorded = (0..=last).filter(|f| m.is_recorded(m.step_of_frame(*f))).count();
+        assert_eq!(recorded as u64, m.recorded_count());
+        assert!(m.is_recorded(0) && m.is_recorded(m.physics.step_count));
+    }
+}
