@@ -1,1 +1,9 @@
-//! producer
+//! From a manifest to frames: the dynamics, and the loop that publishes and records them.
+//!
+//! Start with [`run::run`], the one path of a frame: advance → publish → record. The dynamics is
+//! [`splitting::Integrator`], which works on a [`state::ChainState`] with the forces of [`kernel`].
+
+pub mod kernel;
+pub mod run;
+pub mod splitting;
+pub mod state;

@@ -184,7 +184,7 @@ impl RunConfig {
 /// The line, from 1, of byte `offset` of `text`.
 fn line_at(text: &str, offset: usize) -> usize {
     let end = offset.min(text.len());
-    text.as_bytes()[..end].iter().filter(|byte| **byte == b'\n').count() + 1
+    text.as_bytes()[..end].split(|byte| *byte == b'\n').count()
 }
 
 /// The line of a dotted key such as `chain.impurities[1].mass_kg` in `toml`, if it is there.

@@ -29,9 +29,10 @@ enum Form {
 ///
 /// ```
 /// let hertz = schemas::contact::ContactLaw::new(1.5);
-/// assert_eq!(hertz.force(1e7, 4e-4), 80.0);            // 1e7 · (4e-4)^1.5 N
-/// assert_eq!(hertz.energy(1e7, 4e-4), 0.0128);         // F·δ/2.5 J
-/// assert_eq!(hertz.force(1e7, -1.0), 0.0);             // an open contact
+/// let overlap_m = 1.0 / 4096.0; // 2^-12 m, so δ^1.5 = 2^-18
+/// assert_eq!(hertz.force(1_048_576.0, overlap_m), 4.0); // 2^20 · 2^-18 N
+/// assert_eq!(hertz.energy(1_048_576.0, overlap_m), 4.0 * overlap_m / 2.5); // F·δ/(α + 1)
+/// assert_eq!(hertz.force(1e7, -1.0), 0.0); // an open contact
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactLaw {
@@ -78,7 +79,6 @@ impl ContactLaw {
     /// Calls `user` with the power of this law as a function that the compiler can inline into
     /// `user`'s loops: one copy of the loop for each form of the power, none with a branch in it.
     #[inline(always)]
-    #[expect(clippy::inline_always, reason = "each SIMD version needs its own copies")]
     pub fn with_power<U: PowerUser>(&self, user: U) -> U::Output {
         let (alpha, bound) = (self.alpha, self.zero_below_m);
         match self.form {

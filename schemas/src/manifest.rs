@@ -336,7 +336,7 @@ impl RunManifest {
             return Err(ConfigError::value("stream.publish_every_steps", found, "1 or more"));
         }
         let record = provenance.record_every_steps;
-        if record == 0 || record > MAX_STEPS || record % provenance.publish_every_steps != 0 {
+        if record == 0 || record > MAX_STEPS || !record.is_multiple_of(provenance.publish_every_steps) {
             let allowed = format!(
                 "a multiple of publish_every_steps = {}; only published frames are recorded",
                 provenance.publish_every_steps
@@ -382,7 +382,7 @@ impl RunManifest {
 
     /// Whether the frame at `step` is recorded: every K-th, the first and the last.
     pub fn is_recorded(&self, step: u64) -> bool {
-        step % self.provenance.record_every_steps == 0 || step == self.physics.step_count
+        step.is_multiple_of(self.provenance.record_every_steps) || step == self.physics.step_count
     }
 
     /// Number of frames that a recording of the whole run holds.
@@ -412,7 +412,7 @@ fn to_json(value: &impl Serialize) -> String {
     serde_json::to_string(value).unwrap_or_default()
 }
 
-/// A validated count of beads as an index; MAX_BEADS fits every platform's usize.
+/// A validated count of beads as an index; [`MAX_BEADS`] fits every platform's usize.
 fn usize_of(beads: u64) -> usize {
     usize::try_from(beads).unwrap_or(usize::MAX)
 }

@@ -39,7 +39,7 @@ const ATANH: [f64; 11] = [
 
 /// `(ln 2)^k/k!` for k = 1…14: the series of `(2^r − 1)/r`.
 const EXP2: [f64; 14] = [
-    6.931_471_805_599_453e-1,
+    std::f64::consts::LN_2,
     2.402_265_069_591_007_2e-1,
     5.550_410_866_482_158e-2,
     9.618_129_107_628_477e-3,
@@ -70,7 +70,6 @@ const EXP2: [f64; 14] = [
 /// assert_eq!(schemas::power::power(4.0, 2.5), 32.0);
 /// ```
 #[inline(always)]
-#[expect(clippy::inline_always, reason = "inlined into each SIMD version of its callers")]
 pub fn power(x: f64, exponent: f64) -> f64 {
     let (log_high, log_low) = log2(x);
     let y = exponent * log_high;
@@ -80,7 +79,6 @@ pub fn power(x: f64, exponent: f64) -> f64 {
 
 /// `log2 x` as an unevaluated sum of two doubles.
 #[inline(always)]
-#[expect(clippy::inline_always, reason = "inlined into each SIMD version of its callers")]
 fn log2(x: f64) -> (f64, f64) {
     let bits = x.to_bits();
     // e + 1024 as a small positive integer, so that no signed 64-bit shift is needed
@@ -123,7 +121,6 @@ fn log2(x: f64) -> (f64, f64) {
 
 /// `2^(y + y_low)`, flushed to `+0` below the normal range and to `+∞` above it.
 #[inline(always)]
-#[expect(clippy::inline_always, reason = "inlined into each SIMD version of its callers")]
 fn exp2(y: f64, y_low: f64) -> f64 {
     let in_range = if y > -1021.0 { y } else { -1021.0 };
     let in_range = if in_range < 1023.0 { in_range } else { 1023.0 };
@@ -138,7 +135,6 @@ fn exp2(y: f64, y_low: f64) -> f64 {
 
 /// Horner's rule with fused multiply-add; `coefficients[k]` belongs to `x^k`.
 #[inline(always)]
-#[expect(clippy::inline_always, reason = "inlined into each SIMD version of its callers")]
 fn polynomial<const COUNT: usize>(coefficients: &[f64; COUNT], x: f64) -> f64 {
     let mut sum = coefficients[COUNT - 1];
     let mut k = COUNT - 1;

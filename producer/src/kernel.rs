@@ -1,0 +1,167 @@
+//! Kicks, drifts and contact forces, over the part of the chain that has ever moved.
+//!
+//! Architecture invariant: a bead is skipped only where the full step would return the bits it
+//! already has. Outside the [`Activity`] window displacement and velocity are zero, every contact is
+//! closed by nothing, and a kick or a drift adds exactly zero.
+
+use pulp::Arch;
+use schemas::chain::Chain;
+use schemas::contact::{ContactLaw, PowerUser};
+use std::ops::Range;
+
+/// The beads that may differ from rest: all others have zero bits in `u` and `v`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Activity {
+    beads: Range<usize>,
+}
+
+impl Activity {
+    /// The smallest window around the beads that are not at rest at zero displacement.
+    pub fn of(u_m: &[f64], v_m_s: &[f64]) -> Self {
+        let active = |(u, v): (&f64, &f64)| u.to_bits() != 0 || v.to_bits() != 0;
+        let pairs = || u_m.iter().zip(v_m_s);
+        let first = pairs().position(active).unwrap_or(0);
+        let end = pairs().rposition(active).map_or(first, |last| last + 1);
+        Self { beads: first..end }
+    }
+
+    /// A window over all `bead_count` beads, which skips nothing.
+    pub fn everything(bead_count: usize) -> Self {
+        Self { beads: 0..bead_count }
+    }
+}
+
+/// The arrays of a chain in the form in which the kernel uses them.
+#[derive(Debug, Clone)]
+pub struct Kernel {
+    arch: Arch,
+    law: ContactLaw,
+    inverse_mass: Vec<f64>,
+    stiffness: Vec<f64>,
+    /// Force (N) of contact `c` at index `c + 1`; zero at both ends, which are free.
+    force: Vec<f64>,
+    activity: Activity,
+}
+
+impl Kernel {
+    /// A kernel for `chain` that uses the widest SIMD instructions of this machine.
+    pub fn new(chain: &Chain) -> Self {
+        Self::with_arch(chain, Arch::new())
+    }
+
+    /// A kernel with a given instruction set; every one gives the same bits.
+    pub fn with_arch(chain: &Chain, arch: Arch) -> Self {
+        Self {
+            arch,
+            law: chain.law,
+            inverse_mass: chain.mass_kg.iter().map(|m| 1.0 / m).collect(),
+            stiffness: chain.stiffness.clone(),
+            force: vec![0.0; chain.bead_count() + 1],
+            activity: Activity { beads: 0..0 },
+        }
+    }
+
+    /// Forgets the forces of before and takes `activity` as the beads that may not be at rest.
+    pub fn restart(&mut self, activity: Activity) {
+        self.force.fill(0.0);
+        self.activity = activity;
+    }
+
+    /// Evaluates `F = k·δ^α` of every contact at the displacements `u_m`, and widens the window over
+    /// the beads that a contact now pushes.
+    pub fn evaluate_forces(&mut self, u_m: &[f64]) {
+        let beads = self.activity.beads.clone();
+        if beads.is_empty() {
+            return;
+        }
+        // contacts that touch an active bead: contact c joins beads c and c + 1
+        let contacts = beads.start.saturating_sub(1)..beads.end.min(self.stiffness.len());
+        let (first, end) = (contacts.start, contacts.end);
+        let law = self.law;
+        let forces = Forces {
+            left: &u_m[first..end],
+            right: &u_m[first + 1..end + 1],
+            stiffness: &self.stiffness[first..end],
+            force: &mut self.force[first + 1..end + 1],
+        };
+        self.arch.dispatch(
+            #[inline(always)]
+            || law.with_power(forces),
+        );
+        self.widen(first, end);
+    }
+
+    fn widen(&mut self, first_contact: usize, end_contact: usize) {
+        let beads = &mut self.activity.beads;
+        if first_contact < beads.start && self.force[first_contact + 1] != 0.0 {
+            beads.start = first_contact;
+        }
+        if end_contact == beads.end && self.force[end_contact] != 0.0 {
+            beads.end += 1;
+        }
+    }
+
+    /// A kick `v ← v + h·F/m` followed by a drift `u ← u + d·v`, with the forces evaluated last.
+    pub fn kick_drift(&self, kick_s: f64, drift_s: f64, u_m: &mut [f64], v_m_s: &mut [f64]) {
+        let beads = self.activity.beads.clone();
+        let (left, right) = self.forces_beside(&beads);
+        let inverse_mass = &self.inverse_mass[beads.clone()];
+        let (u, v) = (&mut u_m[beads.clone()], &mut v_m_s[beads]);
+        self.arch.dispatch(
+            #[inline(always)]
+            || {
+                for i in 0..left.len() {
+                    let velocity = (kick_s * inverse_mass[i]).mul_add(left[i] - right[i], v[i]);
+                    v[i] = velocity;
+                    u[i] = drift_s.mul_add(velocity, u[i]);
+                }
+            },
+        );
+    }
+
+    /// A kick `v ← v + h·F/m` with the forces evaluated last.
+    pub fn kick(&self, kick_s: f64, v_m_s: &mut [f64]) {
+        let beads = self.activity.beads.clone();
+        let (left, right) = self.forces_beside(&beads);
+        let inverse_mass = &self.inverse_mass[beads.clone()];
+        let v = &mut v_m_s[beads];
+        self.arch.dispatch(
+            #[inline(always)]
+            || {
+                for i in 0..left.len() {
+                    v[i] = (kick_s * inverse_mass[i]).mul_add(left[i] - right[i], v[i]);
+                }
+            },
+        );
+    }
+
+    /// Forces (N) of the contacts on the left and on the right of each of `beads`.
+    fn forces_beside(&self, beads: &Range<usize>) -> (&[f64], &[f64]) {
+        (&self.force[beads.clone()], &self.force[beads.start + 1..beads.end + 1])
+    }
+}
+
+/// The loop over contacts, one copy for each form of the power.
+struct Forces<'a> {
+    left: &'a [f64],
+    right: &'a [f64],
+    stiffness: &'a [f64],
+    force: &'a mut [f64],
+}
+
+impl PowerUser for Forces<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, zero_below_m: f64, power: impl Fn(f64) -> f64 + Copy) {
+        let contacts = self.force.len();
+        let (left, right) = (&self.left[..contacts], &self.right[..contacts]);
+        let (stiffness, force) = (&self.stiffness[..contacts], &mut self.force[..contacts]);
+        for c in 0..contacts {
+            let overlap = left[c] - right[c];
+            let closed = overlap > zero_below_m;
+            let f = stiffness[c] * power(if closed { overlap } else { 1.0 });
+            force[c] = if closed { f } else { 0.0 };
+        }
+    }
+}

@@ -1,0 +1,209 @@
+//! The one path of a frame: advance → publish → record.
+
+use crate::splitting::Integrator;
+use crate::state::ChainState;
+use schemas::frame::{EndReason, Frame, FrameSink};
+use schemas::manifest::RunManifest;
+use schemas::summary::Summarizer;
+use std::ops::ControlFlow;
+
+/// How a run went.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RunOutcome {
+    /// [`EndReason::Complete`] or, when the conductor ended it early, [`EndReason::Interrupted`].
+    pub reason: EndReason,
+    /// Frames published, frame 0 included.
+    pub published_count: u64,
+    /// Frames recorded.
+    pub recorded_count: u64,
+    /// The last step reached.
+    pub last_step: u64,
+    /// `(E − E0)/E0` of the last state.
+    pub relative_drift: f64,
+}
+
+/// Why a run could not go on. What was published and recorded before stays valid.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError<P: std::error::Error + 'static, R: std::error::Error + 'static> {
+    /// The publisher refused a frame.
+    #[error("frame {frame} could not be published")]
+    Publish {
+        /// The frame.
+        frame: u64,
+        /// What the publisher said.
+        source: P,
+    },
+    /// The recorder refused a frame.
+    #[error("frame {frame} could not be recorded")]
+    Record {
+        /// The frame.
+        frame: u64,
+        /// What the recorder said.
+        source: R,
+    },
+    /// The dynamics left the range of doubles.
+    #[error(
+        "bead {bead} is not finite at step {step} (u = {u_m} m, v = {v_m_s} m/s): \
+         the time step is too long for this chain; choose a smaller dt"
+    )]
+    NonFinite {
+        /// The step.
+        step: u64,
+        /// The first such bead.
+        bead: usize,
+        /// Its displacement (m).
+        u_m: f64,
+        /// Its velocity (m/s).
+        v_m_s: f64,
+    },
+}
+
+/// What a run does between frames: progress, pacing, a request to stop.
+pub trait Conductor<P, R> {
+    /// Called after each frame has been published (and recorded, if it was due); may take its time.
+    /// `Break` ends the run early, with this frame as its last.
+    fn after_frame(
+        &mut self,
+        frame: &Frame<'_>,
+        publisher: &mut P,
+        recorder: Option<&mut R>,
+    ) -> ControlFlow<()>;
+}
+
+/// Simulates `manifest`'s run, publishing each frame and recording those that are due.
+///
+/// When the run ends early its last frame is recorded too, so that a recording always ends with the
+/// last state that anybody saw. Neither sink is closed.
+///
+/// # Errors
+/// When a sink refuses a frame or a state is not finite.
+pub fn run<P: FrameSink, R: FrameSink>(
+    manifest: &RunManifest,
+    publisher: &mut P,
+    mut recorder: Option<&mut R>,
+    conductor: &mut impl Conductor<P, R>,
+) -> Result<RunOutcome, RunError<P::Error, R::Error>> {
+    let mut integrator = Integrator::new(&manifest.physics);
+    let mut state = ChainState::initial(&manifest.physics);
+    let mut recorded_count = 0;
+    let mut record = |recorder: &mut R, frame: &Frame<'_>| {
+        recorded_count += 1;
+        recorder.accept(frame).map_err(|source| RunError::Record { frame: frame.frame, source })
+    };
+    let mut number = 0;
+    let reason = loop {
+        let frame = state.as_frame(manifest, number);
+        publisher.accept(&frame).map_err(|source| RunError::Publish { frame: number, source })?;
+        let due = manifest.is_recorded(frame.step);
+        if let (true, Some(recorder)) = (due, recorder.as_deref_mut()) {
+            record(recorder, &frame)?;
+        }
+        let go_on = conductor.after_frame(&frame, publisher, recorder.as_deref_mut());
+        if state.step == manifest.physics.step_count {
+            break EndReason::Complete;
+        }
+        if go_on.is_break() {
+            if let (false, Some(recorder)) = (due, recorder.as_deref_mut()) {
+                record(recorder, &frame)?;
+            }
+            break EndReason::Interrupted;
+        }
+        number += 1;
+        advance(&mut integrator, &mut state, manifest.step_of_frame(number))?;
+    };
+    let frame = state.as_frame(manifest, number);
+    Ok(RunOutcome {
+        reason,
+        published_count: number + 1,
+        recorded_count,
+        last_step: state.step,
+        relative_drift: Summarizer::new(&manifest.physics).summarize(&frame).relative_drift,
+    })
+}
+
+/// Advances `state` to `step`.
+fn advance<P: std::error::Error, R: std::error::Error>(
+    integrator: &mut Integrator,
+    state: &mut ChainState,
+    step: u64,
+) -> Result<(), RunError<P, R>> {
+    while state.step < step {
+        integrator.step(state);
+    }
+    match state.first_non_finite() {
+        None => Ok(()),
+        Some(bead) => {
+            let (u_m, v_m_s) = (state.u_m[bead], state.v_m_s[bead]);
+            Err(RunError::NonFinite { step: state.step, bead, u_m, v_m_s })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use schemas::config::StreamConfig;
+    use schemas::manifest::Origin;
+    use schemas::presets::PRESETS;
+    use std::convert::Infallible;
+
+    #[derive(Default)]
+    struct Steps(Vec<u64>);
+
+    impl FrameSink for Steps {
+        type Error = Infallible;
+
+        fn accept(&mut self, frame: &Frame<'_>) -> Result<(), Infallible> {
+            self.0.push(frame.step);
+            Ok(())
+        }
+    }
+
+    /// Ends the run after the frame of a given number.
+    struct StopAfter(u64);
+
+    impl<P, R> Conductor<P, R> for StopAfter {
+        fn after_frame(&mut self, frame: &Frame<'_>, _: &mut P, _: Option<&mut R>) -> ControlFlow<()> {
+            if frame.frame >= self.0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        }
+    }
+
+    fn steps(stop_after: u64) -> (Vec<u64>, Vec<u64>, RunOutcome) {
+        let mut config = PRESETS[2].config();
+        config.stream = StreamConfig { publish_every_steps: 2, record_every_steps: 6 };
+        config.time.dt_s = Some(1e-6);
+        config.time.duration_s = 15e-6;
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        let manifest = RunManifest::new(&config, "run", origin).expect("valid");
+        let (mut publisher, mut recorder) = (Steps::default(), Steps::default());
+        let outcome =
+            run(&manifest, &mut publisher, Some(&mut recorder), &mut StopAfter(stop_after)).expect("runs");
+        assert_eq!(outcome.published_count, publisher.0.len() as u64);
+        assert_eq!(outcome.recorded_count, recorder.0.len() as u64);
+        (publisher.0, recorder.0, outcome)
+    }
+
+    #[test]
+    fn frames_go_out_on_schedule_and_end_with_the_last_step() {
+        let (published, recorded, outcome) = steps(u64::MAX);
+        assert_eq!(published, [0, 2, 4, 6, 8, 10, 12, 14, 15]);
+        assert_eq!(recorded, [0, 6, 12, 15]);
+        assert_eq!((outcome.reason, outcome.last_step), (EndReason::Complete, 15));
+    }
+
+    #[test]
+    fn an_interrupted_run_records_the_last_published_frame() {
+        let (published, recorded, outcome) = steps(2);
+        assert_eq!(published, [0, 2, 4]);
+        assert_eq!(recorded, [0, 4]);
+        assert_eq!((outcome.reason, outcome.last_step), (EndReason::Interrupted, 4));
+    }
+
+    /// A stop that comes with the last frame changes nothing: the run is complete.
+    #[test]
+    fn a_stop_at_the_last_frame_leaves_the_run_complete() {
+        let (published, recorded, outcome) = steps(8);
+        assert_eq!((published.len(), recorded.len()), (9, 4));
+        assert_eq!(outcome.reason, EndReason::Complete);
+    }
+}
