@@ -80,9 +80,9 @@ impl Kernel {
         let law = self.law;
         let forces = Forces {
             left: &u_m[first..end],
-            right: &u_m[first + 1..end + 1],
+            right: &u_m[first + 1..=end],
             stiffness: &self.stiffness[first..end],
-            force: &mut self.force[first + 1..end + 1],
+            force: &mut self.force[first + 1..=end],
         };
         self.arch.dispatch(
             #[inline(always)]
@@ -137,7 +137,7 @@ impl Kernel {
 
     /// Forces (N) of the contacts on the left and on the right of each of `beads`.
     fn forces_beside(&self, beads: &Range<usize>) -> (&[f64], &[f64]) {
-        (&self.force[beads.clone()], &self.force[beads.start + 1..beads.end + 1])
+        (&self.force[beads.clone()], &self.force[beads.start + 1..=beads.end])
     }
 }
 

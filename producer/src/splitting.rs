@@ -133,10 +133,10 @@ mod tests {
         let n = chain.bead_count();
         let kick = |h: f64, u: &[f64], v: &mut [f64]| {
             let force = |c: usize| law.force(chain.stiffness[c], u[c] - u[c + 1]);
-            for i in 0..n {
+            for (i, v) in v.iter_mut().enumerate() {
                 let left = if i > 0 { force(i - 1) } else { 0.0 };
                 let right = if i + 1 < n { force(i) } else { 0.0 };
-                v[i] = (h * (1.0 / chain.mass_kg[i])).mul_add(left - right, v[i]);
+                *v = (h * (1.0 / chain.mass_kg[i])).mul_add(left - right, *v);
             }
         };
         for (b, a) in stages.kick_drift {
