@@ -1,1 +1,13 @@
-//! consumers
+//! From frames to results.
+//!
+//! An analysis takes frames one by one and cannot tell a live run, a replay, a file or a
+//! re-simulation apart: [`follow::follow`] is the one loop that reads a source. Each analysis is a
+//! module: [`energies`], [`impurity`], [`contacts`], [`pulses`].
+
+pub mod contacts;
+pub mod energies;
+pub mod follow;
+pub mod impurity;
+pub mod pulses;
+pub mod series;
+pub mod table;

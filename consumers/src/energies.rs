@@ -1,0 +1,203 @@
+//! Where the energy of a chain is: left of a bead, in it, right of it.
+
+use schemas::chain::{Chain, ordered_sum};
+use schemas::frame::Frame;
+use schemas::manifest::RunManifest;
+
+/// Energies (J) of one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EnergyRow {
+    /// Kinetic energy of all beads.
+    pub kinetic_j: f64,
+    /// Potential energy of all contacts.
+    pub potential_j: f64,
+    /// Kinetic plus potential energy.
+    pub total_j: f64,
+    /// Beads left of the split bead, their contacts, and half the contact with the split bead.
+    pub left_j: f64,
+    /// The split bead and half of each of its contacts.
+    pub split_j: f64,
+    /// Beads right of the split bead, their contacts, and half the contact with the split bead.
+    pub right_j: f64,
+    /// `(total − E0)/E0`, with the energy E0 of the initial state that the manifest implies.
+    pub relative_drift: f64,
+}
+
+impl EnergyRow {
+    /// Names of the columns, with units, in the order of [`EnergyRow::values`].
+    pub const COLUMNS: [&'static str; 7] =
+        ["kinetic_j", "potential_j", "total_j", "left_j", "split_j", "right_j", "relative_drift"];
+
+    /// The values in the order of [`EnergyRow::COLUMNS`].
+    pub fn values(&self) -> [f64; 7] {
+        [
+            self.kinetic_j,
+            self.potential_j,
+            self.total_j,
+            self.left_j,
+            self.split_j,
+            self.right_j,
+            self.relative_drift,
+        ]
+    }
+}
+
+/// Computes the energies of the frames of one run.
+#[derive(Debug, Clone)]
+pub struct Energies {
+    chain: Chain,
+    initial_j: f64,
+    split_bead: usize,
+    contact_j: Vec<f64>,
+    max_abs_drift: f64,
+    last: Option<EnergyRow>,
+}
+
+/// What is left at the end of a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EnergyOutcome {
+    /// The bead that divides left from right.
+    pub split_bead: u64,
+    /// Energies of the last frame.
+    pub last: EnergyRow,
+    /// Reflected over total energy: left/total.
+    pub reflected_over_total: f64,
+    /// Reflected over transmitted energy: left/right.
+    pub reflected_over_transmitted: f64,
+    /// Largest |relative drift| of any frame.
+    pub max_abs_drift: f64,
+}
+
+/// The bead that divides a chain by default: the first impurity that is not the striker, otherwise
+/// the middle one.
+pub fn default_split_bead(manifest: &RunManifest) -> u64 {
+    let physics = &manifest.physics;
+    let struck = physics.striker.bead;
+    let impurity = physics.impurities.iter().find(|impurity| impurity.bead != struck);
+    impurity.map_or(physics.beads / 2, |impurity| impurity.bead)
+}
+
+impl Energies {
+    /// For the frames of `manifest`'s run, divided at `split_bead`, a bead of the chain.
+    pub fn new(manifest: &RunManifest, split_bead: u64) -> Self {
+        let chain = manifest.physics.chain();
+        Self {
+            initial_j: manifest.physics.initial_energy().total_j(),
+            split_bead: usize::try_from(split_bead).unwrap_or(usize::MAX).min(chain.bead_count() - 1),
+            contact_j: vec![0.0; chain.contact_count()],
+            max_abs_drift: 0.0,
+            last: None,
+            chain,
+        }
+    }
+
+    /// The energies of `frame`.
+    pub fn observe(&mut self, frame: &Frame<'_>) -> EnergyRow {
+        let (chain, s) = (&self.chain, self.split_bead);
+        chain.contact_energies_j(frame.u_m, &mut self.contact_j);
+        let contact_j = &self.contact_j;
+        let contacts = |range: std::ops::Range<usize>| {
+            let energies = &contact_j[range];
+            ordered_sum(energies.len(), |c| energies[c])
+        };
+        let kinetic = |beads| chain.kinetic_j(frame.v_m_s, beads);
+        // contact s − 1 is left of the split bead, contact s right of it
+        let left_contact = if s > 0 { contact_j[s - 1] } else { 0.0 };
+        let right_contact = contact_j.get(s).copied().unwrap_or(0.0);
+
+        let kinetic_left = kinetic(0..s);
+        let kinetic_split = kinetic(s..s + 1);
+        let kinetic_right = kinetic(s + 1..chain.bead_count());
+        let potential_left = contacts(0..s.saturating_sub(1));
+        let potential_right = contacts((s + 1).min(contact_j.len())..contact_j.len());
+
+        let kinetic_j = kinetic_left + kinetic_split + kinetic_right;
+        let potential_j = potential_left + left_contact + right_contact + potential_right;
+        let total_j = kinetic_j + potential_j;
+        let relative_drift = (total_j - self.initial_j) / self.initial_j;
+        let row = EnergyRow {
+            kinetic_j,
+            potential_j,
+            total_j,
+            left_j: kinetic_left + potential_left + 0.5 * left_contact,
+            split_j: kinetic_split + 0.5 * (left_contact + right_contact),
+            right_j: kinetic_right + potential_right + 0.5 * right_contact,
+            relative_drift,
+        };
+        if relative_drift.abs() > self.max_abs_drift {
+            self.max_abs_drift = relative_drift.abs();
+        }
+        self.last = Some(row);
+        row
+    }
+
+    /// The bead that divides left from right.
+    pub fn split_bead(&self) -> u64 {
+        self.split_bead as u64
+    }
+
+    /// The outcome, if there was a frame.
+    pub fn outcome(&self) -> Option<EnergyOutcome> {
+        self.last.map(|last| EnergyOutcome {
+            split_bead: self.split_bead(),
+            last,
+            reflected_over_total: last.left_j / last.total_j,
+            reflected_over_transmitted: last.left_j / last.right_j,
+            max_abs_drift: self.max_abs_drift,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use schemas::config::Impurity;
+    use schemas::manifest::Origin;
+    use schemas::presets::PRESETS;
+
+    fn manifest(beads: u64, split: u64) -> RunManifest {
+        let mut config = PRESETS[0].config();
+        config.chain.beads = beads;
+        config.chain.alpha = 3.0;
+        config.chain.stiffness = 64.0;
+        config.chain.bead_mass_kg = 2.0;
+        config.chain.impurities = vec![Impurity { bead: split, mass_kg: 4.0 }];
+        config.striker.velocity_m_s = 1.0;
+        config.time.duration_s = 100.0;
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        RunManifest::new(&config, "run", origin).expect("valid")
+    }
+
+    /// Overlaps 0.5, 0.5, open, 0.25 with k·δ⁴/4 = 16·δ⁴: energies 1, 1, 0, 1/16.
+    #[test]
+    fn energies_worked_out_by_hand() {
+        let m = manifest(5, 2);
+        let u_m = [1.0, 0.5, 0.0, 0.25, 0.0];
+        let v_m_s = [1.0, 2.0, -1.0, 3.0, 0.0];
+        let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[] };
+        let mut energies = Energies::new(&m, default_split_bead(&m));
+        let row = energies.observe(&frame);
+        assert_eq!(row.kinetic_j, 1.0 + 4.0 + 2.0 + 9.0);
+        assert_eq!(row.potential_j, 2.0625);
+        assert_eq!(row.left_j, 5.0 + 1.0 + 0.5);
+        assert_eq!(row.split_j, 2.0 + 0.5);
+        assert_eq!(row.right_j, 9.0 + 0.0625);
+        assert_eq!(row.total_j, row.left_j + row.split_j + row.right_j);
+        assert_eq!(row.relative_drift, (18.0625 - 1.0) / 1.0); // E0 = ½·2 kg·(1 m/s)²
+        let outcome = energies.outcome().expect("one frame");
+        assert_eq!(outcome.reflected_over_transmitted, 6.5 / 9.0625);
+    }
+
+    #[test]
+    fn either_end_may_divide_the_chain() {
+        for split in [0, 4] {
+            let m = manifest(5, 2);
+            let u_m = [1.0, 0.5, 0.0, 0.25, 0.0];
+            let v_m_s = [1.0, 2.0, -1.0, 3.0, 0.0];
+            let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[] };
+            let row = Energies::new(&m, split).observe(&frame);
+            assert_eq!(row.left_j + row.split_j + row.right_j, row.total_j);
+            assert_eq!(if split == 0 { row.left_j } else { row.right_j }, 0.0);
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! The one loop that reads a source.
+
+use schemas::frame::{EndReason, Frame, FrameSource, Received};
+
+/// Something that looks at frames one by one.
+pub trait Analysis {
+    /// What goes wrong in it, such as a disk that is full.
+    type Error: std::error::Error + Send + Sync + 'static;
+
+    /// Looks at the next frame.
+    ///
+    /// # Errors
+    /// When a result cannot be kept; the frame then counts as received, but not as analysed.
+    fn observe(&mut self, frame: &Frame<'_>) -> Result<(), Self::Error>;
+
+    /// Frames are missing before the next one: nothing may be interpolated across the gap.
+    fn gap(&mut self) {}
+}
+
+/// What a source delivered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Tally {
+    /// Frames received.
+    pub frame_count: u64,
+    /// Frames published or due, but not received.
+    pub missed_count: u64,
+    /// First frame received.
+    pub first_frame: Option<u64>,
+    /// Last frame received.
+    pub last_frame: Option<u64>,
+    /// Why it ended.
+    pub end: EndReason,
+}
+
+impl Tally {
+    /// Whether every frame from frame 0 to the end of the run was received.
+    pub fn is_whole(&self) -> bool {
+        self.missed_count == 0 && self.first_frame == Some(0) && self.end.is_orderly()
+    }
+}
+
+/// Why a source could not be followed to its end.
+#[derive(Debug, thiserror::Error)]
+pub enum FollowError<S: std::error::Error + 'static, A: std::error::Error + 'static> {
+    /// The source failed.
+    #[error(transparent)]
+    Source(S),
+    /// The analysis failed.
+    #[error(transparent)]
+    Analysis(A),
+}
+
+/// Feeds `source` to `analysis` until the source ends. `watch` sees the tally after each frame, for
+/// a progress display.
+///
+/// # Errors
+/// When the source or the analysis fails.
+pub fn follow<S: FrameSource, A: Analysis>(
+    source: &mut S,
+    analysis: &mut A,
+    mut watch: impl FnMut(&Tally),
+) -> Result<Tally, FollowError<S::Error, A::Error>> {
+    let mut tally = Tally {
+        frame_count: 0,
+        missed_count: 0,
+        first_frame: None,
+        last_frame: None,
+        end: EndReason::Stopped,
+    };
+    loop {
+        match source.receive().map_err(FollowError::Source)? {
+            Received::Frame(frame) => {
+                analysis.observe(&frame).map_err(FollowError::Analysis)?;
+                tally.frame_count += 1;
+                tally.first_frame.get_or_insert(frame.frame);
+                tally.last_frame = Some(frame.frame);
+                watch(&tally);
+            }
+            Received::Missed { from, to } => {
+                tally.missed_count += to.saturating_sub(from) + 1;
+                analysis.gap();
+            }
+            Received::End(end) => {
+                tally.end = end;
+                return Ok(tally);
+            }
+        }
+    }
+}
+
+/// Two analyses that look at the same frames.
+impl<A: Analysis, B: Analysis<Error = A::Error>> Analysis for (A, B) {
+    type Error = A::Error;
+
+    fn observe(&mut self, frame: &Frame<'_>) -> Result<(), Self::Error> {
+        self.0.observe(frame)?;
+        self.1.observe(frame)
+    }
+
+    fn gap(&mut self) {
+        self.0.gap();
+        self.1.gap();
+    }
+}
