@@ -1,1 +1,2 @@
 //! consumers
+pub mod figure;
