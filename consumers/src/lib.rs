@@ -6,6 +6,7 @@
 
 pub mod contacts;
 pub mod energies;
+pub mod figure;
 pub mod follow;
 pub mod impurity;
 pub mod pulses;

@@ -1,0 +1,312 @@
+//! Where everything goes: sizes of the look, margins from the real width of the text, heights of panels.
+
+use super::legend::{self, Row};
+use super::panel::{Axis, Panel};
+use super::scale::{Room, Scale};
+use super::style::{Colour, Stroke};
+use super::svg::{Pen, Rect};
+use super::text::{CAP_HEIGHT, width, wrap};
+use super::ticks::{Ticks, label_with_factor};
+use super::{Figure, Size};
+
+const POINTS_PER_MM: f64 = 72.0 / 25.4;
+/// Axes are no lower than this, in units of the numbers' size; the figure grows instead.
+const LOWEST: f64 = 5.0;
+/// From one baseline to the next, in units of the font's size.
+pub(super) const LEADING: f64 = 1.28;
+
+/// The lengths that make the look at one size, in points.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Look {
+    pub(super) width: f64,
+    /// The whole height where it is fixed, else the largest.
+    height: f64,
+    fixed_height: bool,
+    /// Font sizes of axis labels and legend, of numbers, of the caption.
+    pub(super) label: f64,
+    pub(super) number: f64,
+    pub(super) caption: f64,
+    /// Widths of a curve and of the frame.
+    pub(super) line: f64,
+    pub(super) frame: f64,
+    /// Radius of a marker.
+    pub(super) mark: f64,
+    /// Height of an only, of a stacked, and of a raster panel as parts of the figure's width.
+    only: f64,
+    stacked: f64,
+    raster: f64,
+}
+
+impl Look {
+    pub(super) fn of(size: Size) -> Self {
+        let column = Self {
+            width: 86.0 * POINTS_PER_MM,
+            height: 235.0 * POINTS_PER_MM,
+            fixed_height: false,
+            label: 7.5,
+            number: 7.0,
+            caption: 6.0,
+            line: 0.8,
+            frame: 0.5,
+            mark: 1.6,
+            only: 0.56,
+            stacked: 0.34,
+            raster: 0.8,
+        };
+        match size {
+            Size::Column => column,
+            Size::Page => Self {
+                width: 178.0 * POINTS_PER_MM,
+                label: 8.0,
+                number: 7.5,
+                caption: 6.5,
+                line: 0.9,
+                mark: 1.9,
+                only: 0.4,
+                stacked: 0.22,
+                raster: 0.55,
+                ..column
+            },
+            Size::Slide => Self {
+                width: 254.0 * POINTS_PER_MM,
+                height: 254.0 * 9.0 / 16.0 * POINTS_PER_MM,
+                fixed_height: true,
+                label: 14.0,
+                number: 12.5,
+                caption: 9.5,
+                line: 1.7,
+                frame: 0.9,
+                mark: 3.3,
+                only: 0.4,
+                stacked: 0.2,
+                raster: 0.4,
+            },
+        }
+    }
+
+    pub(super) fn tick_length(&self) -> f64 {
+        0.36 * self.number
+    }
+
+    pub(super) fn number_gap(&self) -> f64 {
+        0.32 * self.number
+    }
+
+    pub(super) fn curve_pen(&self, colour: Colour, stroke: Stroke) -> Pen {
+        Pen { colour, width: self.line, stroke }
+    }
+
+    /// Reference lines are thin, dashed and grey.
+    pub(super) fn reference_pen(&self) -> Pen {
+        Pen { colour: Colour::Rgb(0x55, 0x55, 0x55), width: 0.75 * self.line, stroke: Stroke::Dashed }
+    }
+
+    fn pad(&self) -> f64 {
+        0.5 * self.label
+    }
+
+    /// The height a panel has where there is room.
+    fn wanted_height(&self, figure: &Figure, panel: &Panel) -> f64 {
+        let part = match (&panel.raster, figure.panels.len()) {
+            (Some(_), _) => self.raster,
+            (None, 1) => self.only,
+            (None, _) => self.stacked,
+        };
+        part * self.width * panel.height
+    }
+}
+
+/// A panel with all that is needed to draw it.
+#[derive(Debug)]
+pub(super) struct Placed<'a> {
+    pub(super) panel: &'a Panel,
+    pub(super) x: Scale,
+    pub(super) y: Scale,
+    pub(super) x_ticks: Ticks,
+    pub(super) y_ticks: Ticks,
+    pub(super) x_label: Vec<String>,
+    pub(super) y_label: Vec<String>,
+    pub(super) legend: Vec<Row>,
+    /// Whether numbers and label are written below.
+    pub(super) has_x_text: bool,
+    /// The axes.
+    pub(super) frame: Rect,
+    /// How far left of the axes the last line of the y label has its baseline: the same for all panels.
+    pub(super) y_label_distance: f64,
+}
+
+/// A figure laid out.
+#[derive(Debug)]
+pub(super) struct Layout<'a> {
+    pub(super) look: Look,
+    pub(super) panels: Vec<Placed<'a>>,
+    pub(super) caption: Vec<String>,
+    /// Upper edge of the caption.
+    pub(super) caption_y: f64,
+    pub(super) height: f64,
+}
+
+impl<'a> Layout<'a> {
+    /// With `dots_per_point` the axes lie on whole device dots, so that they come out sharp.
+    pub(super) fn new(figure: &'a Figure, size: Size, dots_per_point: Option<f64>) -> Self {
+        let look = Look::of(size);
+        let wanted = figure.panels.iter().map(|panel| look.wanted_height(figure, panel));
+        let first = Self::with_heights(figure, look, &wanted.collect::<Vec<_>>());
+        // Where the height is scarce, text is wrapped once more for the height there is.
+        let heights = first.panels.iter().map(|placed| placed.frame.height);
+        let mut layout = Self::with_heights(figure, look, &heights.collect::<Vec<_>>());
+        layout.stack(dots_per_point);
+        layout
+    }
+
+    /// Panels of about these heights, with margins for the text that these lead to.
+    fn with_heights(figure: &'a Figure, look: Look, heights: &[f64]) -> Self {
+        let mut panels = scaled_panels(figure, &look, heights);
+        let left = set_left_margin(&mut panels, &look);
+        let right = set_x_ticks(&mut panels, &look, left);
+        for placed in &mut panels {
+            placed.frame.x = left;
+            placed.frame.width = look.width - left - right;
+            let factor = placed.x_ticks.exponent;
+            let label = label_with_factor(&placed.panel.x.label, factor);
+            placed.x_label = wrap(&label, look.label, placed.frame.width);
+            placed.legend = legend::rows(placed.panel, look.label, placed.frame.width);
+        }
+        let caption = wrap(&figure.caption, look.caption, look.width - 2.0 * look.pad());
+        let mut layout = Self { look, panels, caption, caption_y: 0.0, height: 0.0 };
+        layout.fit_heights();
+        layout
+    }
+
+    /// Shares what the text leaves of the height among the axes.
+    fn fit_heights(&mut self) {
+        let look = self.look;
+        let axes: f64 = self.panels.iter().map(|placed| placed.frame.height).sum();
+        let text = self.stack(None) - axes;
+        let room = look.height - text;
+        if axes <= 0.0 || (axes <= room && !look.fixed_height) {
+            return;
+        }
+        for placed in &mut self.panels {
+            let share = placed.frame.height * room / axes;
+            placed.frame.height = share.max(LOWEST * look.number);
+            placed.y_ticks = placed.y.ticks(y_count(placed.frame.height, &look));
+        }
+    }
+
+    /// Puts the panels under each other and the caption below; gives the height that this takes.
+    fn stack(&mut self, dots_per_point: Option<f64>) -> f64 {
+        let look = self.look;
+        let snap = |place: f64| dots_per_point.map_or(place, |dots| (place * dots).round() / dots);
+        let mut y = look.pad();
+        for (index, placed) in self.panels.iter_mut().enumerate() {
+            if index > 0 {
+                y += 0.7 * look.label;
+            }
+            y += legend::height(&placed.legend, look.label);
+            let bottom = snap(y + placed.frame.height);
+            let right = snap(placed.frame.right());
+            placed.frame.y = snap(y);
+            placed.frame.height = bottom - placed.frame.y;
+            placed.frame.x = snap(placed.frame.x);
+            placed.frame.width = right - placed.frame.x;
+            y = bottom + look.tick_length();
+            if placed.has_x_text {
+                y += look.number_gap() + look.number * CAP_HEIGHT;
+                y += placed.x_label.len() as f64 * look.label * LEADING + 0.15 * look.label;
+            }
+        }
+        if !self.caption.is_empty() {
+            y += 0.7 * look.label;
+            self.caption_y = y;
+            y += self.caption.len() as f64 * look.caption * LEADING;
+        }
+        let taken = y + look.pad();
+        self.height = if look.fixed_height { taken.max(look.height) } else { taken };
+        taken
+    }
+}
+
+/// The panels with their scales and y ticks.
+fn scaled_panels<'a>(figure: &'a Figure, look: &Look, heights: &[f64]) -> Vec<Placed<'a>> {
+    let last = figure.panels.len().saturating_sub(1);
+    let place = |(index, (panel, &height)): (usize, (&'a Panel, &f64))| {
+        let x = if figure.shared_x {
+            shared_x_scale(figure, &panel.x)
+        } else {
+            Scale::new(&panel.x, panel.x_values(), panel.x_room())
+        };
+        let y = Scale::new(&panel.y, panel.y_values(), panel.y_room());
+        let y_ticks = y.ticks(y_count(height, look));
+        let y_label = label_with_factor(&panel.y.label, y_ticks.exponent);
+        Placed {
+            panel,
+            x,
+            y,
+            x_ticks: x.ticks(4),
+            y_label: wrap(&y_label, look.label, height),
+            y_ticks,
+            x_label: Vec::new(),
+            legend: Vec::new(),
+            has_x_text: !figure.shared_x || index == last,
+            frame: Rect { x: 0.0, y: 0.0, width: 0.0, height },
+            y_label_distance: 0.0,
+        }
+    };
+    figure.panels.iter().zip(heights).enumerate().map(place).collect()
+}
+
+/// One scale for all panels: the limits that the first panel with limits sets, or what all of them show.
+fn shared_x_scale(figure: &Figure, own: &Axis) -> Scale {
+    let mut axis = own.clone();
+    axis.limits = figure.panels.iter().find_map(|panel| panel.x.limits);
+    let values = figure.panels.iter().flat_map(Panel::x_values);
+    // A raster's edges are the axes' edges; else the panel with markers, if any, needs the most room.
+    let rooms = || figure.panels.iter().map(Panel::x_room);
+    let room = [Room::Nothing, Room::Part(0.04)].into_iter().find(|room| rooms().any(|other| other == *room));
+    Scale::new(&axis, values, room.unwrap_or(Room::ToRound))
+}
+
+/// How many numbers a y axis of this height holds in comfort.
+fn y_count(height: f64, look: &Look) -> usize {
+    // A small positive number.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let count = (height / (2.6 * look.number)).round() as usize;
+    count.clamp(2, 8)
+}
+
+fn widest(ticks: &Ticks, size: f64) -> f64 {
+    let widths = ticks.major.iter().map(|(_, label)| width(label, size));
+    widths.fold(0.0, f64::max)
+}
+
+/// Gives all y labels one distance from the axes, beyond the widest number; returns the left margin.
+fn set_left_margin(panels: &mut [Placed<'_>], look: &Look) -> f64 {
+    let largest = |value: &dyn Fn(&Placed<'_>) -> f64| panels.iter().map(value).fold(0.0, f64::max);
+    let numbers = largest(&|placed| widest(&placed.y_ticks, look.number));
+    let half_number = 0.5 * largest(&|placed| widest(&placed.x_ticks, look.number));
+    let lines = largest(&|placed| placed.y_label.len() as f64);
+    let distance = look.tick_length() + look.number_gap() + numbers + 0.6 * look.label;
+    for placed in &mut *panels {
+        placed.y_label_distance = distance;
+    }
+    (distance + lines * LEADING * look.label).max(half_number + look.pad())
+}
+
+/// Gives each x axis as many numbers as fit side by side; returns the right margin.
+fn set_x_ticks(panels: &mut [Placed<'_>], look: &Look, left: f64) -> f64 {
+    let room = look.width - left - look.pad();
+    let mut right = look.pad();
+    for placed in panels {
+        let fitting = (2..=9).rev().map(|count| placed.x.ticks(count)).find(|ticks| {
+            let slot = room / ticks.major.len().max(1) as f64;
+            widest(ticks, look.number) + 1.6 * look.number <= slot
+        });
+        placed.x_ticks = fitting.unwrap_or_else(|| placed.x.ticks(1));
+        for (fraction, label) in &placed.x_ticks.major {
+            let beyond = 0.5 * width(label, look.number) - (1.0 - fraction) * room;
+            right = right.max(beyond + 0.3 * look.label);
+        }
+    }
+    right
+}

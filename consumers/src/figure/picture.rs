@@ -1,0 +1,132 @@
+//! PNG files: rasters for embedding, and whole figures from their SVG.
+
+use std::sync::{Arc, OnceLock};
+
+use png::{BitDepth, ColorType, Compression, Encoder, PixelDimensions, Unit};
+use resvg::{tiny_skia, usvg};
+
+use super::{FigureError, text};
+
+fn failed(reason: impl std::fmt::Display) -> FigureError {
+    FigureError::Render { reason: reason.to_string() }
+}
+
+/// Renders a document of this module with the bundled font only.
+pub(super) fn png(document: &str, dpi: f64) -> Result<Vec<u8>, FigureError> {
+    // At most 2400, which f32 holds exactly enough.
+    #[allow(clippy::cast_possible_truncation)]
+    let options = usvg::Options {
+        dpi: dpi as f32,
+        font_family: "Liberation Sans".to_owned(),
+        fontdb: fonts(),
+        ..usvg::Options::default()
+    };
+    let tree = usvg::Tree::from_str(document, &options).map_err(failed)?;
+    let size = tree.size().to_int_size();
+    let mut pixels = tiny_skia::Pixmap::new(size.width(), size.height())
+        .ok_or_else(|| failed("no room for the pixels"))?;
+    // The sheet may end within a dot.
+    pixels.fill(tiny_skia::Color::WHITE);
+    resvg::render(&tree, tiny_skia::Transform::identity(), &mut pixels.as_mut());
+    let rgb: Vec<u8> =
+        pixels.pixels().iter().flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()]).collect();
+    encode_rgb(size.width(), size.height(), &rgb, Some(dpi))
+}
+
+fn fonts() -> Arc<usvg::fontdb::Database> {
+    static FONTS: OnceLock<Arc<usvg::fontdb::Database>> = OnceLock::new();
+    let load = || {
+        let mut fonts = usvg::fontdb::Database::new();
+        fonts.load_font_data(text::FONT.to_vec());
+        Arc::new(fonts)
+    };
+    FONTS.get_or_init(load).clone()
+}
+
+/// A PNG of `rgb`, of shape (`height`, `width`, 3); with `dpi` it states its physical size.
+pub(super) fn encode_rgb(
+    width: u32,
+    height: u32,
+    rgb: &[u8],
+    dpi: Option<f64>,
+) -> Result<Vec<u8>, FigureError> {
+    let mut file = Vec::new();
+    let mut encoder = Encoder::new(&mut file, width, height);
+    encoder.set_color(ColorType::Rgb);
+    encoder.set_depth(BitDepth::Eight);
+    encoder.set_compression(Compression::High);
+    if let Some(dpi) = dpi {
+        // At most 94,488.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let per_metre = (dpi / 0.0254).round() as u32;
+        encoder.set_pixel_dims(Some(PixelDimensions { xppu: per_metre, yppu: per_metre, unit: Unit::Meter }));
+    }
+    let mut writer = encoder.write_header().map_err(failed)?;
+    writer.write_image_data(rgb).map_err(failed)?;
+    writer.finish().map_err(failed)?;
+    Ok(file)
+}
+
+/// A PNG of indices into `palette` (3 bytes a colour), of shape (`height`, `width`), with as few bits a
+/// cell as the palette needs.
+pub(super) fn encode_palette(
+    width: u32,
+    height: u32,
+    indices: &[u8],
+    palette: Vec<u8>,
+) -> Result<Vec<u8>, FigureError> {
+    let (depth, bits) = match palette.len() / 3 {
+        0..=2 => (BitDepth::One, 1),
+        3..=4 => (BitDepth::Two, 2),
+        5..=16 => (BitDepth::Four, 4),
+        _ => (BitDepth::Eight, 8),
+    };
+    let packed: Vec<u8> = indices
+        .chunks(width.max(1) as usize)
+        .flat_map(|row| row.chunks(8 / bits).map(|cells| pack(cells, bits)))
+        .collect();
+    let mut file = Vec::new();
+    let mut encoder = Encoder::new(&mut file, width, height);
+    encoder.set_color(ColorType::Indexed);
+    encoder.set_depth(depth);
+    encoder.set_palette(palette);
+    encoder.set_compression(Compression::High);
+    let mut writer = encoder.write_header().map_err(failed)?;
+    writer.write_image_data(&packed).map_err(failed)?;
+    writer.finish().map_err(failed)?;
+    Ok(file)
+}
+
+/// Up to a byte's worth of cells, the first in the highest bits.
+fn pack(cells: &[u8], bits: usize) -> u8 {
+    let place = |(index, cell): (usize, &u8)| cell << (8 - bits * (index + 1));
+    cells.iter().enumerate().map(place).fold(0, |byte, cell| byte | cell)
+}
+
+/// Width, height and RGB of a PNG.
+#[cfg(test)]
+pub(super) fn decode(file: &[u8]) -> (usize, usize, Vec<[u8; 3]>) {
+    let mut decoder = png::Decoder::new(std::io::Cursor::new(file));
+    decoder.set_transformations(png::Transformations::EXPAND);
+    let mut reader = decoder.read_info().expect("a header");
+    let mut rgb = vec![0; reader.output_buffer_size().expect("a size")];
+    let info = reader.next_frame(&mut rgb).expect("a frame");
+    let pixels = rgb.chunks_exact(3).map(|p| [p[0], p[1], p[2]]);
+    (info.width as usize, info.height as usize, pixels.collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn packed_cells_come_back() {
+        let palette = vec![0, 0, 0, 50, 50, 50, 100, 100, 100];
+        let cells = [0, 1, 2, 2, 1, 2, 0, 1, 1, 0];
+        let file = encode_palette(5, 2, &cells, palette).expect("encodes");
+        let (width, height, rgb) = decode(&file);
+        assert_eq!((width, height), (5, 2));
+        let reds: Vec<u8> = rgb.iter().map(|pixel| pixel[0] / 50).collect();
+        assert_eq!(reds, cells);
+    }
+}

@@ -1,0 +1,128 @@
+//! The range of an axis, and where values lie on it.
+
+use super::panel::Axis;
+use super::ticks::RoundStep;
+
+/// Values beyond this do not count for a range, nor those below its inverse on a logarithmic axis: what
+/// is computed from them would overflow.
+const LARGEST: f64 = 1e290;
+
+/// What an axis leaves free beyond the values on it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Room {
+    /// Nothing.
+    Nothing,
+    /// Nothing, but an end just short of a round number goes on to it.
+    ToRound,
+    /// This part of the length, on both sides.
+    Part(f64),
+}
+
+/// The range of an axis, and how values lie in it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Scale {
+    pub(super) from: f64,
+    pub(super) to: f64,
+    pub(super) log: bool,
+    reversed: bool,
+}
+
+impl Scale {
+    /// The axis' own limits, or the extent of `values` with some room.
+    pub(super) fn new(axis: &Axis, values: impl Iterator<Item = f64>, room: Room) -> Self {
+        let scale = |from, to| Self { from, to, log: axis.log, reversed: axis.reversed };
+        if let Some((a, b)) = axis.limits {
+            let usable = scale(a, b);
+            if a != b && usable.holds(a) && usable.holds(b) {
+                return scale(a.min(b), a.max(b));
+            }
+        }
+        let probe = scale(1.0, 10.0);
+        let held = values.filter(|value| probe.holds(*value));
+        let extent = held.fold(None, |extent: Option<(f64, f64)>, value| {
+            let (low, high) = extent.unwrap_or((value, value));
+            Some((low.min(value), high.max(value)))
+        });
+        let margin = if let Room::Part(part) = room { part } else { 0.0 };
+        let (from, to) = match (extent, axis.log) {
+            (None, false) => (0.0, 1.0),
+            (None, true) => (1.0, 10.0),
+            (Some((low, high)), false) if room == Room::ToRound => {
+                let (low, high) = widen(low, high, 0.0);
+                to_round(low, high)
+            }
+            (Some((low, high)), false) => widen(low, high, margin),
+            (Some((low, high)), true) => {
+                let (low, high) = if high / low > 1.0 + 1e-9 {
+                    (low.log10(), high.log10())
+                } else {
+                    (low.log10() - 0.5, low.log10() + 0.5)
+                };
+                let (low, high) = (low - margin * (high - low), high + margin * (high - low));
+                (10_f64.powf(low), 10_f64.powf(high))
+            }
+        };
+        scale(from, to)
+    }
+
+    /// Whether an axis of this kind can begin or end at a value.
+    fn holds(&self, value: f64) -> bool {
+        value.abs() <= LARGEST && (!self.log || value >= 1.0 / LARGEST)
+    }
+
+    /// The place of a value as a fraction of the axis' length; `None` where it has none.
+    pub(super) fn place(&self, value: f64) -> Option<f64> {
+        if !value.is_finite() || (self.log && value <= 0.0) {
+            return None;
+        }
+        let fraction = if self.log {
+            (value / self.from).log10() / (self.to / self.from).log10()
+        } else {
+            (value - self.from) / (self.to - self.from)
+        };
+        Some(if self.reversed { 1.0 - fraction } else { fraction })
+    }
+}
+
+/// A range with a margin on both sides, and some length where there was none.
+fn widen(low: f64, high: f64, margin: f64) -> (f64, f64) {
+    let length = high - low;
+    let size = low.abs().max(high.abs());
+    if length > 1e-12 * size {
+        return (low - margin * length, high + margin * length);
+    }
+    if size < 1e-290 {
+        return (-1.0, 1.0);
+    }
+    (low - 0.1 * size, high + 0.1 * size)
+}
+
+/// A range whose ends go on to a round number where one is near.
+fn to_round(low: f64, high: f64) -> (f64, f64) {
+    const NEAR: f64 = 0.015;
+    let step = RoundStep::near((high - low) / 8.0).size();
+    let (below, above) = ((low / step).floor() * step, (high / step).ceil() * step);
+    let near = NEAR * (high - low);
+    (if low - below < near { below } else { low }, if above - high < near { above } else { high })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_end_just_short_of_a_round_number_reaches_it() {
+        let range = |to| Scale::new(&Axis::new(""), [0.0, to].into_iter(), Room::ToRound).to;
+        assert_eq!(range(999.0), 1000.0);
+        assert_eq!(range(79.998), 80.0);
+        assert_eq!(range(87.0), 87.0);
+    }
+
+    #[test]
+    fn a_reversed_axis_starts_at_its_end() {
+        let axis = Axis::new("t").limits(0.0, 8.0).reversed();
+        let scale = Scale::new(&axis, std::iter::empty(), Room::Nothing);
+        assert_eq!(scale.place(2.0), Some(0.75));
+        assert_eq!(scale.place(f64::NAN), None);
+    }
+}
