@@ -1,0 +1,171 @@
+//! What each analysis shows, drawn with [`crate::figure`].
+
+use crate::contacts::{COMPRESSED, ContactRaster, OPEN, TOUCHING};
+use crate::energies::EnergyRow;
+use crate::figure::{Axis, Colour, Curve, Figure, FigureError, Panel, Raster};
+use crate::impurity::{Event, EventKind, Motion};
+use crate::series::Series;
+use schemas::frame::Frame;
+use schemas::manifest::RunManifest;
+use std::fmt::Write;
+
+/// Columns of an [`EnergyRow`] in a series of them.
+const LEFT: usize = 3;
+const SPLIT: usize = 4;
+const RIGHT: usize = 5;
+const DRIFT: usize = 6;
+
+/// The parameters of a run as one line of text.
+pub fn caption(manifest: &RunManifest) -> String {
+    let physics = &manifest.physics;
+    let mut text = format!(
+        "{}: N = {}, m = {} g, α = {}, k = {} N m^{{−α}}",
+        manifest.provenance.name,
+        physics.beads,
+        short(physics.bead_mass_kg * 1e3),
+        short(physics.alpha),
+        scientific(physics.stiffness),
+    );
+    // writing to a String cannot fail
+    for impurity in physics.impurities.iter().take(4) {
+        let _ = write!(text, ", bead {}: {} g", impurity.bead, short(impurity.mass_kg * 1e3));
+    }
+    if physics.impurities.len() > 4 {
+        let _ = write!(text, ", … ({} impurities)", physics.impurities.len());
+    }
+    let striker = physics.striker;
+    let dt = scientific(physics.dt_s);
+    let _ = write!(
+        text,
+        ", v_{{0}} = {} m/s on bead {}; {}, dt = {dt} s",
+        short(striker.velocity_m_s),
+        striker.bead,
+        physics.method
+    );
+    text
+}
+
+/// A number in at most six digits.
+fn short(value: f64) -> String {
+    let rounded = format!("{value:.5e}").parse::<f64>().unwrap_or(value);
+    format!("{rounded}").replace('-', "−")
+}
+
+/// A number as `1.45×10^{−6}`.
+fn scientific(value: f64) -> String {
+    let text = format!("{value:.2e}");
+    let (digits, exponent) = text.split_once('e').unwrap_or((&text, "0"));
+    let digits =
+        if digits.contains('.') { digits.trim_end_matches('0').trim_end_matches('.') } else { digits };
+    let power = format!("10^{{{}}}", exponent.replace('-', "−"));
+    if digits == "1" { power } else { format!("{digits}×{power}") }
+}
+
+/// Velocity and displacement of every bead in one frame.
+pub fn profiles(manifest: &RunManifest, frame: &Frame<'_>) -> Figure {
+    let points = |values: &[f64], factor: f64| -> Vec<(f64, f64)> {
+        values.iter().enumerate().map(|(bead, value)| (bead as f64, value * factor)).collect()
+    };
+    let mut velocity = Panel::new().y_axis("velocity (m/s)").line("", points(frame.v_m_s, 1.0));
+    let mut displacement = Panel::new().y_axis("displacement (mm)").line("", points(frame.u_m, 1e3));
+    for impurity in manifest.physics.impurities.iter().take(4) {
+        velocity = velocity.vertical("impurity", impurity.bead as f64);
+        displacement = displacement.vertical("", impurity.bead as f64);
+    }
+    let x = || Axis::new("bead").limits(0.0, manifest.physics.beads as f64 - 1.0);
+    let text = format!("{}; t = {} ms", caption(manifest), short(frame.time_s * 1e3));
+    Figure::new().shared_x().caption(text).panel(velocity.x_axis(x())).panel(displacement.x_axis(x()))
+}
+
+/// The energies left of, in and right of the split bead, and the drift of their sum.
+pub fn energies(
+    manifest: &RunManifest,
+    split_bead: u64,
+    rows: &Series<{ EnergyRow::COLUMNS.len() }>,
+) -> Figure {
+    let times_s = rows.times_s();
+    let curve = |column: usize, factor: f64| -> Vec<(f64, f64)> {
+        times_s.iter().zip(rows.column(column)).map(|(t, value)| (t * 1e3, value * factor)).collect()
+    };
+    let parts = Panel::new()
+        .x_axis("time (ms)")
+        .y_axis("energy (mJ)")
+        .line(format!("left of bead {split_bead}"), curve(LEFT, 1e3))
+        .line(format!("bead {split_bead}"), curve(SPLIT, 1e3))
+        .line(format!("right of bead {split_bead}"), curve(RIGHT, 1e3));
+    let drift = Panel::new()
+        .x_axis("time (ms)")
+        .y_axis("(E − E_{0})/E_{0}")
+        .curve(Curve::line("", curve(DRIFT, 1.0)).colour(Colour::Black))
+        .height(0.6);
+    Figure::new().shared_x().caption(caption(manifest)).panel(parts).panel(drift)
+}
+
+/// Displacement and velocity of the beads that were followed; `motions` holds one series a bead.
+pub fn trajectories(
+    manifest: &RunManifest,
+    beads: &[u64],
+    motions: &[Series<{ Motion::QUANTITIES.len() }>],
+    events: &[Event],
+) -> Figure {
+    let panel = |label: &str| Panel::new().x_axis("time (ms)").y_axis(label);
+    let (mut displacement, mut velocity) = (panel("displacement (mm)"), panel("velocity (m/s)").height(0.7));
+    for (bead, series) in beads.iter().zip(motions) {
+        let times_s = series.times_s();
+        let curve = |column: usize, factor: f64| -> Vec<(f64, f64)> {
+            times_s.iter().zip(series.column(column)).map(|(t, value)| (t * 1e3, value * factor)).collect()
+        };
+        displacement = displacement.line(format!("bead {bead}"), curve(0, 1e3));
+        velocity = velocity.line("", curve(1, 1.0));
+    }
+    let turns = events.iter().filter(|event| event.kind == EventKind::Turns);
+    let turns: Vec<_> = turns.map(|event| (event.time_s * 1e3, event.u_m * 1e3)).collect();
+    if !turns.is_empty() {
+        displacement = displacement.curve(Curve::points("turning points", turns).colour(Colour::Black));
+    }
+    Figure::new().shared_x().caption(caption(manifest)).panel(displacement).panel(velocity)
+}
+
+/// The space-time map of the contacts, time running down as in the paper.
+///
+/// # Errors
+/// When the cells hold something else than classes of contacts.
+pub fn contact_map(
+    manifest: &RunManifest,
+    tolerance_m: f64,
+    raster: &ContactRaster,
+) -> Result<Figure, FigureError> {
+    let mut classes = [("", Colour::White); 3];
+    classes[usize::from(TOUCHING)] = ("touching", Colour::White);
+    classes[usize::from(COMPRESSED)] = ("compressed", Colour::Black);
+    classes[usize::from(OPEN)] = ("open", Colour::Orange);
+    // both sides of a contact raster are at most 1000
+    let side = |cells: usize| u32::try_from(cells).unwrap_or(u32::MAX);
+    let contacts = manifest.physics.beads as f64 - 1.0;
+    let end_ms = manifest.physics.time_s(manifest.physics.step_count) * 1e3;
+    let map =
+        Raster::classes(side(raster.columns()), side(raster.rows()), raster.cells().to_vec(), &classes)?
+            .over((-0.5, contacts - 0.5), (0.0, end_ms));
+    let panel =
+        Panel::new().x_axis("contact").y_axis(Axis::new("time (ms)").reversed()).raster(map).height(1.6);
+    let text = format!("{}; touching: |δ| ≤ {} m", caption(manifest), scientific(tolerance_m));
+    Ok(Figure::new().caption(text).panel(panel))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use schemas::manifest::Origin;
+    use schemas::presets::PRESETS;
+
+    #[test]
+    fn a_caption_names_every_parameter() {
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        let m = RunManifest::new(&PRESETS[0].config(), "run", origin).expect("valid");
+        assert_eq!(
+            caption(&m),
+            "light-impurity: N = 1000, m = 1 g, α = 1.5, k = 10^{7} N m^{−α}, bead 500: 0.6 g, \
+             v_{0} = 5 m/s on bead 0; rkn4, dt = 1.45×10^{−6} s"
+        );
+    }
+}
