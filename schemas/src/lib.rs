@@ -12,6 +12,7 @@ pub mod manifest;
 pub mod method;
 pub mod power;
 pub mod presets;
+pub mod recording;
 pub mod run_name;
 pub mod scales;
 pub mod summary;

@@ -1,0 +1,23 @@
+//! Compiles `proto/` to Rust and to one descriptor set for each file, without protoc.
+#![allow(clippy::print_stdout, reason = "that is how cargo is told")]
+
+use std::error::Error;
+use std::path::PathBuf;
+use std::{env, fs};
+
+/// Each file is self-contained, so that the descriptor set of a message is its own file alone.
+const PROTO_FILES: [&str; 4] = ["chain_state", "chain", "summary", "contact_classes"];
+
+fn main() -> Result<(), Box<dyn Error>> {
+    println!("cargo::rerun-if-changed=proto");
+    println!("cargo::rerun-if-changed=build.rs");
+    let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("OUT_DIR is not set")?);
+    let paths = PROTO_FILES.map(|name| format!("beadline/v1/{name}.proto"));
+    for (name, path) in PROTO_FILES.iter().zip(&paths) {
+        let mut compiler = protox::Compiler::new(["proto"])?;
+        compiler.include_source_info(false).include_imports(true).open_file(path)?;
+        fs::write(out.join(format!("{name}.binpb")), compiler.encode_file_descriptor_set())?;
+    }
+    prost_build::Config::new().compile_fds(protox::compile(&paths, ["proto"])?)?;
+    Ok(())
+}

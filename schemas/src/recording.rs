@@ -1,0 +1,51 @@
+//! Recordings: runs as MCAP files.
+//!
+//! [`RecordingWriter`] is a frame sink and [`RecordingSource`] a frame source; [`RecordingInfo`] says what
+//! is in a file, [`SpaceNeeded`] what one would take on the disk. [`ContactsWriter`] and
+//! [`ContactsReader`] keep the space-time map of the contacts in the same kind of file.
+//!
+//! A file is written as `<name>.mcap.partial` in whole chunks, so that what a crash leaves is a valid
+//! prefix, and becomes `<name>.mcap` when it is finished. Files come from other people: whatever the
+//! bytes are, reading ends in a value or an error, within a memory of one chunk (at most
+//! [`MAX_RECORD_BYTES`], compressed and decompressed).
+//!
+//! Architecture invariants: nothing else imports `mcap`. No double passes through text, and none is
+//! computed here: the bits of a frame are those that were accepted. `docs/FORMAT.md` describes every
+//! byte.
+
+mod channel_writer;
+mod chunk;
+mod contacts;
+mod decode;
+mod encode;
+mod error;
+mod head;
+mod info;
+mod messages;
+mod partial_file;
+mod proto;
+mod records;
+mod source;
+mod space;
+mod writer;
+
+pub use channel_writer::{Compression, Finished, WriteOptions};
+pub use contacts::{COMPRESSED, ContactsReader, ContactsRow, ContactsWriter, OPEN, TOUCHING};
+pub use error::{ReadError, WriteError};
+pub use head::EndRecord;
+pub use info::{ChannelInfo, RecordingInfo};
+pub use records::MAX_RECORD_BYTES;
+pub use source::RecordingSource;
+pub use space::{SpaceNeeded, estimate_bytes};
+pub use writer::RecordingWriter;
+
+/// Profile of our files in the MCAP header.
+pub const PROFILE: &str = "beadline";
+
+/// Simulated time in ns from 0, as in the log and publish times of messages: rounded, so neighbours may
+/// be equal.
+fn log_time_ns(time_s: f64) -> u64 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates, NaN is 0")]
+    let ns = (time_s * 1e9).round() as u64;
+    ns
+}

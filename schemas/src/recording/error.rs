@@ -1,0 +1,206 @@
+//! What goes wrong with recordings.
+
+use crate::manifest::ManifestError;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Why a recording cannot be written.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// There is a file of this name.
+    #[error("{} exists; choose another name, or overwrite it with --force", path.display())]
+    Exists {
+        /// The file in the way.
+        path: PathBuf,
+    },
+    /// There is an unfinished recording of this name.
+    #[error(
+        "{} exists, an unfinished recording; keep it with `beadline recover`, or overwrite it with --force",
+        path.display()
+    )]
+    PartialExists {
+        /// The file in the way.
+        path: PathBuf,
+    },
+    /// Another process is recording to this name.
+    #[error("{} is being written by another process; choose another name", path.display())]
+    Busy {
+        /// The file it writes.
+        path: PathBuf,
+    },
+    /// A file of the final name appeared while this one was being written.
+    #[error(
+        "{} appeared while it was being recorded and is left alone; the finished recording is {}: rename it",
+        path.display(), partial.display()
+    )]
+    Appeared {
+        /// The file in the way.
+        path: PathBuf,
+        /// The finished recording.
+        partial: PathBuf,
+    },
+    /// The disk cannot hold what a run will write.
+    #[error(
+        "not enough space in {}: this recording takes {} at the least, {} are free; record fewer \
+         steps (record_every_steps) or choose another directory",
+        directory.display(), Bytes(*needed_bytes), Bytes(*free_bytes)
+    )]
+    NoSpace {
+        /// Where the recording should go.
+        directory: PathBuf,
+        /// What it takes at the least.
+        needed_bytes: u64,
+        /// What is free.
+        free_bytes: u64,
+    },
+    /// The operating system refused.
+    #[error("cannot write {}: {source}", path.display())]
+    Io {
+        /// What was written.
+        path: PathBuf,
+        /// What the operating system says.
+        source: io::Error,
+    },
+    /// A frame that this recording cannot hold.
+    #[error("frame {frame} (step {step}) does not fit into {}: {what}", path.display())]
+    Frame {
+        /// The recording.
+        path: PathBuf,
+        /// The frame.
+        frame: u64,
+        /// Its step.
+        step: u64,
+        /// What was expected and found.
+        what: String,
+    },
+    /// Writing failed before; nothing more is taken.
+    #[error("{} was given up after a write error", path.display())]
+    GivenUp {
+        /// The recording.
+        path: PathBuf,
+    },
+}
+
+impl WriteError {
+    /// For `map_err`: an error of the operating system about `path`.
+    pub(super) fn io(path: &Path) -> impl Fn(io::Error) -> Self + '_ {
+        move |source| Self::Io { path: path.to_owned(), source }
+    }
+}
+
+/// Why a recording cannot be read. What was read before stays valid.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The operating system refused.
+    #[error("cannot read {}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system says.
+        source: io::Error,
+    },
+    /// Not an MCAP file.
+    #[error("{} is not an MCAP file, so it is no recording", path.display())]
+    NotMcap {
+        /// The file.
+        path: PathBuf,
+    },
+    /// MCAP, but not ours.
+    #[error("{} is an MCAP file, but no Beadline recording: {what}", path.display())]
+    NotBeadline {
+        /// The file.
+        path: PathBuf,
+        /// What was expected and found.
+        what: String,
+    },
+    /// Ours, but of other contents.
+    #[error("{} holds no `{topic}` channel, only {found}", path.display())]
+    NoChannel {
+        /// The file.
+        path: PathBuf,
+        /// What was looked for.
+        topic: &'static str,
+        /// What there is.
+        found: String,
+    },
+    /// The manifest is not one that we can use; names both versions if it is too new.
+    #[error("{}: {source}", path.display())]
+    Manifest {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: ManifestError,
+    },
+    /// The manifest is not what was written.
+    #[error(
+        "{} is damaged: the manifest's checksum is {found}, its contents give {computed}", path.display()
+    )]
+    ManifestChecksum {
+        /// The file.
+        path: PathBuf,
+        /// The checksum in the file.
+        found: String,
+        /// The checksum of what is in the file.
+        computed: String,
+    },
+    /// A checksum is wrong.
+    #[error(
+        "{} is damaged: the CRC of {part} is {computed:08x} instead of {found:08x}; `beadline verify` says \
+         what is affected", path.display()
+    )]
+    Crc {
+        /// The file.
+        path: PathBuf,
+        /// Which part, with its offset.
+        part: String,
+        /// The checksum in the file.
+        found: u32,
+        /// The checksum of what is in the file.
+        computed: u32,
+    },
+    /// Something is not as it must be.
+    #[error("{} is damaged at byte {offset}: {what}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Where, from the start of the file: a record, or the chunk that holds the message.
+        offset: u64,
+        /// What was expected and found.
+        what: String,
+    },
+}
+
+impl ReadError {
+    /// For `map_err`: an error of the operating system about `path`.
+    pub(super) fn io(path: &Path) -> impl Fn(io::Error) -> Self + '_ {
+        move |source| Self::Io { path: path.to_owned(), source }
+    }
+
+    pub(super) fn damaged(path: &Path, offset: u64, what: impl Into<String>) -> Self {
+        Self::Damaged { path: path.to_owned(), offset, what: what.into() }
+    }
+
+    /// Whether the file is not what it should be, rather than damaged or out of reach.
+    pub fn is_wrong_file(&self) -> bool {
+        matches!(
+            self,
+            Self::NotMcap { .. } | Self::NotBeadline { .. } | Self::NoChannel { .. } | Self::Manifest { .. }
+        )
+    }
+}
+
+/// A size for a message, in decimal units as disks are sold and listed.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bytes(pub(super) u64);
+
+impl std::fmt::Display for Bytes {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self(bytes) = *self;
+        match bytes {
+            0..1000 => write!(f, "{bytes} B"),
+            1000..1_000_000 => write!(f, "{:.1} kB", bytes as f64 / 1e3),
+            1_000_000..1_000_000_000 => write!(f, "{:.1} MB", bytes as f64 / 1e6),
+            _ => write!(f, "{:.1} GB", bytes as f64 / 1e9),
+        }
+    }
+}

@@ -1,0 +1,334 @@
+//! The messages of a recording in the order of the file, with what stands around them.
+
+use super::PROFILE;
+use super::chunk::{Chunk, Inner};
+use super::error::ReadError;
+use super::head::{self, EndRecord};
+use super::records::{RawRecord, RecordReader, check_crc};
+use crate::manifest::RunManifest;
+use mcap::records::{Metadata, Record, op};
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::ops::Range;
+use std::path::Path;
+
+/// Reads the messages of a file. Memory is bounded by one chunk, compressed and decompressed.
+pub(super) struct MessageReader {
+    records: RecordReader,
+    chunk: Chunk,
+    in_chunk: bool,
+    contents: Contents,
+    manifest: RunManifest,
+}
+
+/// What a file holds beside its messages, as far as it has been read.
+#[derive(Debug, Default)]
+pub(super) struct Contents {
+    schemas: BTreeMap<u16, SchemaDef>,
+    /// By the number that messages give.
+    pub(super) channels: BTreeMap<u16, Channel>,
+    /// The configuration as the user gave it.
+    pub(super) run_toml: Option<String>,
+    /// How the recording ended.
+    pub(super) end: Option<EndRecord>,
+    /// The data section is closed.
+    data_end: bool,
+    /// Size of the chunks before compression.
+    pub(super) uncompressed_bytes: u64,
+}
+
+/// A schema in the file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct SchemaDef {
+    name: String,
+    encoding: String,
+}
+
+/// A channel in the file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Channel {
+    pub(super) topic: String,
+    pub(super) message_encoding: String,
+    pub(super) schema: String,
+    pub(super) schema_encoding: String,
+}
+
+/// A message, lent until the next call.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RawMessage<'a> {
+    pub(super) channel_id: u16,
+    pub(super) channel: &'a Channel,
+    pub(super) data: &'a [u8],
+    /// Of the chunk or record in the file.
+    pub(super) offset: u64,
+}
+
+/// Where a message is, before it is lent.
+struct Place {
+    channel_id: u16,
+    data: Range<usize>,
+    offset: u64,
+}
+
+/// Channel, sequence, log and publish time.
+const MESSAGE_HEAD_BYTES: usize = 2 + 4 + 8 + 8;
+
+impl MessageReader {
+    /// Opens the recording `path` and reads its manifest.
+    pub(super) fn open(path: &Path) -> Result<Self, ReadError> {
+        let mut records = RecordReader::open(path)?;
+        check_profile(path, records.next()?)?;
+        let manifest = match records.next()? {
+            Some(RawRecord { opcode: op::METADATA, body, offset }) => {
+                let metadata = parse_metadata(path, offset, body)?;
+                Some(metadata).filter(|metadata| metadata.name == head::RUN)
+            }
+            _ => None,
+        };
+        let manifest = manifest.ok_or_else(|| ReadError::NotBeadline {
+            path: path.to_owned(),
+            what: format!("its first record is not the metadata `{}`", head::RUN),
+        })?;
+        Ok(Self {
+            manifest: head::read_run(path, &manifest)?,
+            records,
+            chunk: Chunk::default(),
+            in_chunk: false,
+            contents: Contents::default(),
+        })
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        self.records.path()
+    }
+
+    pub(super) fn manifest(&self) -> &RunManifest {
+        &self.manifest
+    }
+
+    pub(super) fn contents(&self) -> &Contents {
+        &self.contents
+    }
+
+    /// For reading on by other means.
+    pub(super) fn into_parts(self) -> (RecordReader, Contents, RunManifest) {
+        (self.records, self.contents, self.manifest)
+    }
+
+    /// Whether the file was closed properly, known at its end.
+    pub(super) fn is_finished(&self) -> bool {
+        self.records.is_closed() && self.contents.data_end && self.contents.end.is_some()
+    }
+
+    /// The next message of any channel; none at the end or where an unfinished file is torn.
+    pub(super) fn next(&mut self) -> Result<Option<RawMessage<'_>>, ReadError> {
+        loop {
+            let place = if self.in_chunk { self.next_in_chunk()? } else { self.next_in_file()? };
+            match place {
+                Step::Message(place) => return self.lend(place).map(Some),
+                Step::Other => {}
+                Step::End => return Ok(None),
+            }
+        }
+    }
+
+    /// Reads up to the first chunk: the attachment with the configuration comes before it.
+    pub(super) fn read_head(&mut self) -> Result<(), ReadError> {
+        while !self.in_chunk {
+            match self.next_in_file()? {
+                Step::Other => {}
+                Step::Message(_) | Step::End => break,
+            }
+        }
+        Ok(())
+    }
+
+    fn next_in_chunk(&mut self) -> Result<Step, ReadError> {
+        let path = self.records.path();
+        let Some(inner) = self.chunk.next(path)? else {
+            self.in_chunk = false;
+            return Ok(Step::Other);
+        };
+        let (body, offset) = (self.chunk.body(&inner), self.chunk.offset());
+        match inner.opcode {
+            op::MESSAGE => {
+                let Inner { body: range, .. } = &inner;
+                message(path, offset, body).map(|place| Step::Message(place.within(range.start)))
+            }
+            op::SCHEMA | op::CHANNEL => {
+                self.contents.define(path, offset, inner.opcode, body)?;
+                Ok(Step::Other)
+            }
+            _ => Ok(Step::Other),
+        }
+    }
+
+    fn next_in_file(&mut self) -> Result<Step, ReadError> {
+        let path = self.records.path().to_owned();
+        let Some(RawRecord { opcode, offset, body }) = self.records.next()? else {
+            return Ok(Step::End);
+        };
+        match opcode {
+            op::FOOTER => return Ok(Step::End),
+            // the summary, which repeats what was read
+            _ if self.contents.data_end => {}
+            op::CHUNK => {
+                self.chunk.load(&path, offset, body)?;
+                self.contents.uncompressed_bytes += self.chunk.bytes();
+                self.in_chunk = true;
+            }
+            op::MESSAGE => return message(&path, offset, body).map(Step::Message),
+            op::DATA_END => self.contents.data_end = true,
+            _ => self.contents.define(&path, offset, opcode, body)?,
+        }
+        Ok(Step::Other)
+    }
+
+    fn lend(&self, place: Place) -> Result<RawMessage<'_>, ReadError> {
+        let Place { channel_id, data, offset } = place;
+        let body = if self.in_chunk { self.chunk.records() } else { self.records.body() };
+        let data = body.get(data).unwrap_or_default();
+        let channel = self.contents.channels.get(&channel_id).ok_or_else(|| {
+            ReadError::damaged(self.path(), offset, format!("a message of the unknown channel {channel_id}"))
+        })?;
+        Ok(RawMessage { channel_id, channel, data, offset })
+    }
+}
+
+/// What reading on has brought.
+enum Step {
+    Message(Place),
+    Other,
+    End,
+}
+
+impl Place {
+    /// From a place in a record to one in the chunk, where the record starts at `start`.
+    fn within(self, start: usize) -> Self {
+        Self { data: start + self.data.start..start + self.data.end, ..self }
+    }
+}
+
+impl Contents {
+    /// Takes in a record that is neither chunk nor message.
+    fn define(&mut self, path: &Path, offset: u64, opcode: u8, body: &[u8]) -> Result<(), ReadError> {
+        match opcode {
+            op::SCHEMA | op::CHANNEL => {
+                let record = mcap::parse_record(opcode, body).map_err(|error| {
+                    ReadError::damaged(path, offset, format!("a record that is none: {error}"))
+                })?;
+                self.add(record).map_err(|what| ReadError::damaged(path, offset, what))
+            }
+            op::METADATA => {
+                let metadata = parse_metadata(path, offset, body)?;
+                if metadata.name == head::END {
+                    let end = EndRecord::from_metadata(&metadata);
+                    self.end = Some(end.map_err(|what| ReadError::damaged(path, offset, what))?);
+                }
+                Ok(())
+            }
+            op::ATTACHMENT => {
+                let (name, data) = parse_attachment(path, offset, body)?;
+                if name == head::RUN_TOML.as_bytes() {
+                    self.run_toml = Some(String::from_utf8_lossy(data).into_owned());
+                }
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Adds a schema or a channel; the same number twice must be the same thing.
+    pub(super) fn add(&mut self, record: Record<'_>) -> Result<(), String> {
+        match record {
+            Record::Schema { header, .. } => {
+                let schema = SchemaDef { name: header.name, encoding: header.encoding };
+                insert(&mut self.schemas, header.id, schema, "schema")
+            }
+            Record::Channel(channel) => {
+                let schema = self.schemas.get(&channel.schema_id);
+                let schema =
+                    schema.cloned().unwrap_or(SchemaDef { name: String::new(), encoding: String::new() });
+                let definition = Channel {
+                    topic: channel.topic,
+                    message_encoding: channel.message_encoding,
+                    schema: schema.name,
+                    schema_encoding: schema.encoding,
+                };
+                insert(&mut self.channels, channel.id, definition, "channel")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The topics, for messages.
+    pub(super) fn topics(&self) -> String {
+        let topics: Vec<_> = self.channels.values().map(|channel| format!("`{}`", channel.topic)).collect();
+        if topics.is_empty() { "nothing".into() } else { topics.join(", ") }
+    }
+}
+
+fn insert<T: PartialEq>(map: &mut BTreeMap<u16, T>, id: u16, value: T, what: &str) -> Result<(), String> {
+    match map.entry(id) {
+        Entry::Occupied(known) if *known.get() != value => {
+            Err(format!("two different {what}s numbered {id}"))
+        }
+        Entry::Occupied(_) => Ok(()),
+        Entry::Vacant(place) => {
+            place.insert(value);
+            Ok(())
+        }
+    }
+}
+
+fn check_profile(path: &Path, first: Option<RawRecord<'_>>) -> Result<(), ReadError> {
+    let not_ours = |what: String| ReadError::NotBeadline { path: path.to_owned(), what };
+    let header = first.filter(|record| record.opcode == op::HEADER);
+    match header.map(|record| mcap::parse_record(record.opcode, record.body)) {
+        Some(Ok(Record::Header(header))) if header.profile == PROFILE => Ok(()),
+        Some(Ok(Record::Header(header))) => {
+            Err(not_ours(format!("its profile is `{}` instead of `{PROFILE}`", header.profile)))
+        }
+        _ => Err(not_ours("it has no header".into())),
+    }
+}
+
+pub(super) fn parse_metadata(path: &Path, offset: u64, body: &[u8]) -> Result<Metadata, ReadError> {
+    match mcap::parse_record(op::METADATA, body) {
+        Ok(Record::Metadata(metadata)) => Ok(metadata),
+        _ => Err(ReadError::damaged(path, offset, "metadata that is none")),
+    }
+}
+
+/// Where the contents of the message record `body` are.
+fn message(path: &Path, offset: u64, body: &[u8]) -> Result<Place, ReadError> {
+    match body.first_chunk::<MESSAGE_HEAD_BYTES>() {
+        Some([low, high, ..]) => {
+            let channel_id = u16::from_le_bytes([*low, *high]);
+            Ok(Place { channel_id, data: MESSAGE_HEAD_BYTES..body.len(), offset })
+        }
+        None => Err(ReadError::damaged(path, offset, "a message without its header")),
+    }
+}
+
+/// Name and contents of an attachment, after its CRC. By hand: mcap panics on short ones.
+fn parse_attachment<'a>(path: &Path, offset: u64, body: &'a [u8]) -> Result<(&'a [u8], &'a [u8]), ReadError> {
+    let parse = || {
+        let (content, crc) = body.split_last_chunk::<4>()?;
+        let (_times, rest) = content.split_first_chunk::<16>()?;
+        let (name, rest) = take_string(rest)?;
+        let (_media_type, rest) = take_string(rest)?;
+        let (length, data) = rest.split_first_chunk::<8>()?;
+        let whole = usize::try_from(u64::from_le_bytes(*length)).ok()? == data.len();
+        whole.then_some((name, data, content, u32::from_le_bytes(*crc)))
+    };
+    let (name, data, content, crc) =
+        parse().ok_or_else(|| ReadError::damaged(path, offset, "an attachment that is none"))?;
+    check_crc(path, &format!("the attachment at byte {offset}"), crc, crc32fast::hash(content))?;
+    Ok((name, data))
+}
+
+fn take_string(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let (length, rest) = bytes.split_first_chunk::<4>()?;
+    rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)
+}

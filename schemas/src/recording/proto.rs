@@ -1,0 +1,70 @@
+//! The messages of `proto/beadline/v1`, as prost generates them, and their descriptors.
+
+#![allow(missing_docs, unreachable_pub, clippy::pedantic, reason = "generated code")]
+
+include!(concat!(env!("OUT_DIR"), "/beadline.v1.rs"));
+
+/// A channel of ours: where its messages go and what describes them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Topic {
+    /// Topic of the channel.
+    pub(super) topic: &'static str,
+    /// Full name of the message.
+    pub(super) message: &'static str,
+    /// Self-contained `FileDescriptorSet` of the message.
+    pub(super) descriptor: &'static [u8],
+}
+
+pub(super) const STATE: Topic = Topic {
+    topic: "/state",
+    message: "beadline.v1.ChainState",
+    descriptor: include_bytes!(concat!(env!("OUT_DIR"), "/chain_state.binpb")),
+};
+
+pub(super) const CHAIN: Topic = Topic {
+    topic: "/chain",
+    message: "beadline.v1.Chain",
+    descriptor: include_bytes!(concat!(env!("OUT_DIR"), "/chain.binpb")),
+};
+
+pub(super) const SUMMARY: Topic = Topic {
+    topic: "/summary",
+    message: "beadline.v1.Summary",
+    descriptor: include_bytes!(concat!(env!("OUT_DIR"), "/summary.binpb")),
+};
+
+pub(super) const CONTACTS: Topic = Topic {
+    topic: "/contacts",
+    message: "beadline.v1.ContactClasses",
+    descriptor: include_bytes!(concat!(env!("OUT_DIR"), "/contact_classes.binpb")),
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use prost::Message;
+
+    #[test]
+    fn each_descriptor_set_holds_its_message_and_needs_no_other_file() {
+        for topic in [STATE, CHAIN, SUMMARY, CONTACTS] {
+            let set = prost_types::FileDescriptorSet::decode(topic.descriptor).expect("descriptor set");
+            assert_eq!(set.file.len(), 1, "{}", topic.message);
+            let file = &set.file[0];
+            assert!(file.dependency.is_empty());
+            let names: Vec<_> =
+                file.message_type.iter().map(|m| format!("{}.{}", file.package(), m.name())).collect();
+            assert_eq!(names, [topic.message]);
+        }
+    }
+
+    #[test]
+    fn the_state_keeps_its_numbers_and_reserves_the_rest_of_one_byte_tags() {
+        let set = prost_types::FileDescriptorSet::decode(STATE.descriptor).expect("descriptor set");
+        let message = &set.file[0].message_type[0];
+        let fields: Vec<_> = message.field.iter().map(|f| (f.number(), f.name())).collect();
+        let expected = ["frame", "step", "time_s", "displacement_m", "velocity_m_s", "extra"];
+        assert_eq!(fields, (1..=6).zip(expected).collect::<Vec<_>>());
+        assert!(message.field[0].proto3_optional());
+        assert_eq!((message.reserved_range[0].start(), message.reserved_range[0].end()), (7, 16));
+    }
+}

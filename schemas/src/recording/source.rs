@@ -1,0 +1,189 @@
+//! A recording as a source of frames.
+
+use super::decode::{self, StateHead, StateLengths};
+use super::error::ReadError;
+use super::messages::{MessageReader, RawMessage};
+use super::proto;
+use crate::frame::{EndReason, Frame, FrameSource, Received};
+use crate::manifest::RunManifest;
+use std::path::Path;
+
+/// Reads the frames of a recording, finished or not, in the order of the file.
+///
+/// Frames come as they were recorded: one every `record_every_steps`, the first and the last. What lies
+/// between them is not missing and is not reported; [`Received::Missed`] names frames that the manifest's
+/// schedule says are recorded, but that are not in the file. A file that was not closed ends with
+/// [`EndReason::Unfinished`] after its last whole chunk. States without a frame number, which were
+/// recomputed between frames, are passed over.
+///
+/// Every state is checked: CRC of its chunk, lengths, order, frame and time against the manifest.
+pub struct RecordingSource {
+    messages: MessageReader,
+    lengths: StateLengths,
+    /// `[u | v | extra]` of the state read last.
+    doubles: Vec<f64>,
+    /// Read, but not lent.
+    next: Next,
+    /// Step up to which everything recorded has been lent or reported.
+    accounted: Option<u64>,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Next {
+    Unknown,
+    Frame {
+        frame: u64,
+        step: u64,
+        time_s: f64,
+    },
+    /// No more frames; the recording should have reached `last_step`.
+    End {
+        reason: EndReason,
+        last_step: Option<u64>,
+    },
+}
+
+impl RecordingSource {
+    /// Opens the recording `path` and goes to its first state.
+    ///
+    /// # Errors
+    /// When it cannot be read, is no recording, is of another major schema version, holds no states, or
+    /// is damaged up to its first state.
+    pub fn open(path: &Path) -> Result<Self, ReadError> {
+        let messages = MessageReader::open(path)?;
+        let lengths = StateLengths::of(messages.manifest());
+        let mut source =
+            Self { messages, lengths, doubles: Vec::new(), next: Next::Unknown, accounted: None };
+        source.advance()?;
+        Ok(source)
+    }
+
+    /// Reads the next state, or the end.
+    fn advance(&mut self) -> Result<(), ReadError> {
+        let next = self.read_next();
+        self.next = match &next {
+            Ok(next) => *next,
+            // what comes after damage is not trusted
+            Err(_) => Next::End { reason: EndReason::Unfinished, last_step: None },
+        };
+        next.map(|_| ())
+    }
+
+    fn read_next(&mut self) -> Result<Next, ReadError> {
+        while let Some(message) = self.messages.next()? {
+            if message.channel.topic != proto::STATE.topic {
+                continue;
+            }
+            let RawMessage { data, offset, .. } = message;
+            let state = decode::state(data, self.lengths, &mut self.doubles);
+            let damaged = |what| ReadError::damaged(self.messages.path(), offset, what);
+            let state = state.map_err(damaged)?;
+            if let Some(frame) = self.check(&state).map_err(damaged)? {
+                return Ok(Next::Frame { frame, step: state.step, time_s: state.time_s });
+            }
+        }
+        self.read_end()
+    }
+
+    /// The frame number of a state that is one of this run and in order.
+    fn check(&self, state: &StateHead) -> Result<Option<u64>, String> {
+        let manifest = self.messages.manifest();
+        let StateHead { frame, step, time_s } = *state;
+        let last_step = manifest.physics.step_count;
+        if step > last_step {
+            return Err(format!("a state of step {step}, the last of the run is {last_step}"));
+        }
+        if let Some(before) = self.accounted.filter(|before| *before >= step) {
+            return Err(format!("the state of step {step} after that of step {before}"));
+        }
+        let expected_s = manifest.physics.time_s(step);
+        if time_s.to_bits() != expected_s.to_bits() {
+            return Err(format!("the state of step {step} at {time_s} s instead of {expected_s} s"));
+        }
+        match frame {
+            Some(frame) if manifest.step_of_frame(frame) != step || frame >= manifest.frame_count() => {
+                Err(format!("the state of step {step} as frame {frame}, which it is not"))
+            }
+            frame => Ok(frame),
+        }
+    }
+
+    fn read_end(&self) -> Result<Next, ReadError> {
+        let (contents, manifest) = (self.messages.contents(), self.messages.manifest());
+        let found = contents.channels.values().any(|channel| channel.topic == proto::STATE.topic);
+        let path = self.messages.path();
+        if !found && (!contents.channels.is_empty() || self.messages.is_finished()) {
+            let (topic, found) = (proto::STATE.topic, contents.topics());
+            return Err(ReadError::NoChannel { path: path.to_owned(), topic, found });
+        }
+        let Some(end) = contents.end.as_ref().filter(|_| self.messages.is_finished()) else {
+            return Ok(Next::End { reason: EndReason::Unfinished, last_step: None });
+        };
+        let last_step = match end.reason {
+            EndReason::Complete => Some(manifest.physics.step_count),
+            _ => end.last_step.filter(|step| *step <= manifest.physics.step_count),
+        };
+        Ok(Next::End { reason: end.reason, last_step })
+    }
+
+    /// The frames that should come before step `next` (or up to it, if `included`) but do not.
+    fn missed_before(&self, next: u64, included: bool) -> Option<(u64, u64)> {
+        let manifest = self.messages.manifest();
+        let every = manifest.provenance.record_every_steps;
+        let last_step = manifest.physics.step_count;
+        let due = match self.accounted {
+            None => 0,
+            Some(step) if step >= last_step => return None,
+            Some(step) => (step / every + 1).saturating_mul(every).min(last_step),
+        };
+        let to = match (included, next.checked_sub(1)) {
+            (true, _) => next,
+            (false, Some(before)) => before / every * every,
+            (false, None) => return None,
+        };
+        let frame_of = |step: u64| step.div_ceil(manifest.provenance.publish_every_steps);
+        (due <= to).then(|| (frame_of(due), frame_of(to)))
+    }
+
+    fn lend(&self, frame: u64, step: u64, time_s: f64) -> Frame<'_> {
+        let beads = self.lengths.beads;
+        let (u_m, rest) = self.doubles.split_at(beads.min(self.doubles.len()));
+        let (v_m_s, extra) = rest.split_at(beads.min(rest.len()));
+        Frame { frame, step, time_s, u_m, v_m_s, extra }
+    }
+}
+
+impl FrameSource for RecordingSource {
+    type Error = ReadError;
+
+    fn manifest(&self) -> &RunManifest {
+        self.messages.manifest()
+    }
+
+    fn receive(&mut self) -> Result<Received<'_>, ReadError> {
+        if matches!(self.next, Next::Unknown) {
+            self.advance()?;
+        }
+        match self.next {
+            Next::Frame { frame, step, time_s } => {
+                if let Some((from, to)) = self.missed_before(step, false) {
+                    self.accounted = Some(step - 1);
+                    return Ok(Received::Missed { from, to });
+                }
+                self.accounted = Some(step);
+                self.next = Next::Unknown;
+                Ok(Received::Frame(self.lend(frame, step, time_s)))
+            }
+            Next::End { reason, last_step } => {
+                if let Some(step) = last_step
+                    && let Some((from, to)) = self.missed_before(step, true)
+                {
+                    self.accounted = Some(step);
+                    return Ok(Received::Missed { from, to });
+                }
+                Ok(Received::End(reason))
+            }
+            Next::Unknown => Ok(Received::End(EndReason::Unfinished)),
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! The recorder: a frame sink into a file.
+
+use super::channel_writer::{ChannelId, ChannelWriter, Finished, WriteOptions};
+use super::decode::{self, StateLengths};
+use super::encode::{self, StateEncoder};
+use super::error::WriteError;
+use super::head::{self, EndRecord};
+use super::proto;
+use crate::frame::{EndReason, Frame, FrameSink};
+use crate::manifest::RunManifest;
+use crate::summary::Summarizer;
+use prost::Message;
+use std::path::Path;
+
+/// Records the frames of one run.
+///
+/// The file is `<path>.partial` until [`finish`](Self::finish) gives it its name. Dropped without that it
+/// stays as it is, a valid prefix with every frame accepted.
+pub struct RecordingWriter {
+    file: ChannelWriter,
+    manifest: RunManifest,
+    state: ChannelId,
+    summary: ChannelId,
+    summarizer: Summarizer,
+    encoder: StateEncoder,
+    message: Vec<u8>,
+    first_step: Option<u64>,
+    last_step: Option<u64>,
+    frames: u64,
+}
+
+impl RecordingWriter {
+    /// Starts the recording `path` of the run `manifest`, with `run_toml` as the user gave it.
+    ///
+    /// # Errors
+    /// When there is such a file or its `.partial` and `options.force` is not set, when another process
+    /// writes it, or when the operating system refuses.
+    pub fn create(
+        path: &Path,
+        manifest: &RunManifest,
+        run_toml: &str,
+        options: &WriteOptions,
+    ) -> Result<Self, WriteError> {
+        let mut file = ChannelWriter::create(path, manifest, Some(run_toml), options)?;
+        let chain = file.add_channel(proto::CHAIN)?;
+        let state = file.add_channel(proto::STATE)?;
+        let summary = file.add_channel(proto::SUMMARY)?;
+        file.write(chain, 0, 0.0, &encode::chain(&manifest.physics.chain()).encode_to_vec())?;
+        Ok(Self {
+            file,
+            manifest: manifest.clone(),
+            state,
+            summary,
+            summarizer: Summarizer::new(&manifest.physics),
+            encoder: StateEncoder::default(),
+            message: Vec::new(),
+            first_step: None,
+            last_step: None,
+            frames: 0,
+        })
+    }
+
+    /// Records `frame` whether or not it is its turn: the last frame of a run that is interrupted. A frame
+    /// that has just been recorded is not recorded twice.
+    ///
+    /// # Errors
+    /// When the frame is not one of this run or not after the frame before, or when writing fails; the
+    /// file then ends with the last whole chunk.
+    pub fn record(&mut self, frame: &Frame<'_>) -> Result<(), WriteError> {
+        if self.last_step == Some(frame.step) {
+            return Ok(());
+        }
+        self.check(frame)?;
+        self.file.write(self.state, frame.frame, frame.time_s, self.encoder.encode(frame))?;
+        let summary = self.summarizer.summarize(frame);
+        self.message.clear();
+        encode::summary(frame, &summary).encode_raw(&mut self.message);
+        self.file.write(self.summary, frame.frame, frame.time_s, &self.message)?;
+        self.frames += 1;
+        self.first_step.get_or_insert(frame.step);
+        self.last_step = Some(frame.step);
+        self.file.flush_if_due()
+    }
+
+    fn check(&self, frame: &Frame<'_>) -> Result<(), WriteError> {
+        let physics = &self.manifest.physics;
+        let beads = self.manifest.frame_doubles() - frame.extra.len();
+        let what = if frame.u_m.len() != frame.v_m_s.len() || frame.u_m.len() * 2 != beads {
+            format!("it has {} beads, the run {}", frame.u_m.len(), physics.beads)
+        } else if let Some(last) = self.last_step.filter(|last| *last >= frame.step) {
+            format!("step {last} was recorded before")
+        } else if self.manifest.step_of_frame(frame.frame) != frame.step {
+            format!("that frame is step {}", self.manifest.step_of_frame(frame.frame))
+        } else {
+            return Ok(());
+        };
+        let path = self.file.path().to_owned();
+        Err(WriteError::Frame { path, frame: frame.frame, step: frame.step, what })
+    }
+
+    /// SHA-256 of the state encoded last.
+    fn last_state_hash(&self) -> Option<String> {
+        let step = self.last_step?;
+        let mut doubles = Vec::new();
+        decode::state(self.encoder.last(), StateLengths::of(&self.manifest), &mut doubles).ok()?;
+        Some(head::state_hash(step, &doubles))
+    }
+
+    /// Closes the open chunk now, so that a kill costs none of the frames accepted so far. Frames flush
+    /// themselves by [`WriteOptions::flush_period`]; this is for a run that pauses.
+    ///
+    /// # Errors
+    /// When writing fails.
+    pub fn flush(&mut self) -> Result<(), WriteError> {
+        self.file.flush()
+    }
+
+    /// Bytes on the disk so far.
+    pub fn bytes_written(&self) -> u64 {
+        self.file.bytes_written()
+    }
+
+    /// Frames recorded so far.
+    pub fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    /// Where the bytes are until [`finish`](Self::finish): `<path>.partial`.
+    pub fn partial_path(&self) -> &Path {
+        self.file.path()
+    }
+
+    /// Ends the recording for `reason`, on the disk and under its name.
+    ///
+    /// # Errors
+    /// When writing fails, or when a file of this name appeared meanwhile; the `.partial` then stays.
+    pub fn finish(self, reason: EndReason) -> Result<Finished, WriteError> {
+        let end = EndRecord {
+            reason,
+            first_step: self.first_step,
+            last_step: self.last_step,
+            part: 1,
+            previous_state_hash: None,
+            last_state_hash: self.last_state_hash(),
+        };
+        self.file.finish(&end.metadata(), self.frames)
+    }
+}
+
+impl FrameSink for RecordingWriter {
+    type Error = WriteError;
+
+    /// Records `frame` if it is its turn by the manifest: every K-th, the first and the last.
+    fn accept(&mut self, frame: &Frame<'_>) -> Result<(), WriteError> {
+        if self.manifest.is_recorded(frame.step) { self.record(frame) } else { Ok(()) }
+    }
+}
