@@ -1,0 +1,152 @@
+//! Runs on the bus: frames through shared memory between processes of one user, over iceoryx2.
+//!
+//! A producer makes a [`StatePublisher`]; consumers attach a [`LiveSource`] whenever they like. What
+//! lies in shared memory, and the contract that programs in other languages follow, is described in
+//! `docs/FORMAT.md`; the code here is its only implementation in this project.
+//!
+//! Architecture invariant: nothing outside this module names iceoryx2. Nothing here prints.
+//!
+//! Signals: iceoryx2 is told to leave them alone, so the caller's handlers stay in charge; a flag in the
+//! options ends every wait.
+
+mod backpressure;
+mod board;
+mod live;
+mod publisher;
+mod results;
+mod room;
+mod root;
+mod runs;
+mod services;
+mod wire;
+
+#[doc(hidden)]
+pub use backpressure::Remedies;
+pub use backpressure::{ConsumerEvent, Delivery};
+pub use live::{AttachError, AttachNotice, AttachOptions, LiveError, LiveSource};
+pub use publisher::{PublishCounts, PublishError, PublishOptions, StatePublisher, WaitOutcome};
+pub use results::{
+    ResultColumns, ResultElement, ResultPublisher, ResultReceived, ResultSubscriber, ResultsError, Row,
+};
+pub use room::RoomError;
+pub use root::RootError;
+pub use runs::{RunInfo, RunState, list_runs};
+pub use services::{BusError, Topic};
+pub use wire::{
+    FLAG_LAST, JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, ManifestText, RunStatus, STATE_DONE,
+    STATE_FAILED, STATE_INTERRUPTED, STATE_RUNNING, STATE_WAITING, StateHeader, StreamId,
+};
+
+use iceoryx2::node::{Node, NodeBuilder, NodeState};
+use iceoryx2::prelude::{
+    CallbackProgression, Config, LogLevel, PortFactory as _, SignalHandlingMode, set_log_level_from_env_or,
+};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Ports may be used from any thread; the same services as those of single-threaded programs.
+type Ipc = iceoryx2::prelude::ipc_threadsafe::Service;
+
+/// The bus of one user: a directory, and everything in shared memory that goes with it.
+#[derive(Debug, Clone)]
+pub struct Bus {
+    root: PathBuf,
+    config: Config,
+}
+
+impl Bus {
+    /// The bus in `$BEADLINE_ROOT`, or else in `/tmp/beadline-<uid>`; the directory is created if it
+    /// is missing.
+    ///
+    /// # Errors
+    /// When the directory is not ours alone, or its path is too long.
+    pub fn from_env() -> Result<Self, RootError> {
+        Self::at(&root::default_root())
+    }
+
+    /// The bus in `root`; the directory is created if it is missing, its parent is not.
+    ///
+    /// # Errors
+    /// As for [`Bus::from_env`].
+    pub fn at(root: &Path) -> Result<Self, RootError> {
+        // before anything else of iceoryx2, which otherwise prints about its missing configuration file
+        set_log_level_from_env_or(LogLevel::Error);
+        let root = root::prepare(root)?;
+        let config = root::config(&root)?;
+        Ok(Self { root, config })
+    }
+
+    /// The directory, with links resolved.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// What the names of this bus in `/dev/shm` begin with: see `docs/FORMAT.md` for the rule.
+    pub fn prefix(&self) -> String {
+        root::prefix(&self.root)
+    }
+
+    fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Registers this process, and cleans up what dead ones left.
+    fn node(&self) -> Result<Node<Ipc>, BusError> {
+        self.node_with(&self.config)
+    }
+
+    /// Registers this process and touches nothing else, so that what a dead producer left can be seen.
+    fn observer(&self) -> Result<Node<Ipc>, BusError> {
+        let mut config = self.config.clone();
+        config.global.node.cleanup_dead_nodes_on_creation = false;
+        config.global.node.cleanup_dead_nodes_on_destruction = false;
+        config.global.service.cleanup_dead_nodes_on_open = false;
+        self.node_with(&config)
+    }
+
+    fn node_with(&self, config: &Config) -> Result<Node<Ipc>, BusError> {
+        let start = Instant::now();
+        loop {
+            let builder =
+                NodeBuilder::new().config(config).signal_handling_mode(SignalHandlingMode::Disabled);
+            match builder.create::<Ipc>() {
+                Ok(node) => return Ok(node),
+                Err(e) if start.elapsed() > Duration::from_secs(1) => {
+                    let root = self.root.display().to_string();
+                    return Err(BusError::Node { root, cause: format!("{e:?}") });
+                }
+                Err(_) => std::thread::sleep(Duration::from_millis(2)),
+            }
+        }
+    }
+
+    /// Whether the process behind `node_id` lives.
+    fn is_alive(&self, node_id: [u8; 16]) -> bool {
+        let id = u128::from_le_bytes(node_id);
+        let mut alive = false;
+        let listed = Node::<Ipc>::list(&self.config, |node| {
+            let found = node.node_id().value() == id;
+            alive = alive || (found && !matches!(node, NodeState::Dead(_)));
+            if found { CallbackProgression::Stop } else { CallbackProgression::Continue }
+        });
+        // when the directory cannot be read we do not know better
+        alive || listed.is_err()
+    }
+
+    /// Whether a publisher of `service` belongs to a living process.
+    fn has_live_publisher<T>(&self, service: &services::SliceService<T>) -> bool
+    where
+        T: std::fmt::Debug + iceoryx2::prelude::ZeroCopySend,
+    {
+        let mut nodes = Vec::new();
+        service.dynamic_config().list_publishers(|publisher| {
+            nodes.push(publisher.node_id.value().to_le_bytes());
+            CallbackProgression::Continue
+        });
+        nodes.into_iter().any(|node| self.is_alive(node))
+    }
+}
+
+fn node_bytes(node: &Node<Ipc>) -> [u8; 16] {
+    node.id().value().to_le_bytes()
+}

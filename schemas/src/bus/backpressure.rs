@@ -1,0 +1,265 @@
+//! Who may hold a publisher back, for how long, and what is done meanwhile.
+
+use super::Ipc;
+use super::services::SliceService;
+use iceoryx2::node::{Node, NodeState};
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::port::{BackpressureAction, BackpressureInfo};
+use iceoryx2::prelude::{CallbackProgression, Config, PortFactory as _, ZeroCopySend};
+use std::collections::HashMap;
+use std::fmt::Debug;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// How a consumer wants its frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Delivery {
+    /// Every frame: holds the producer back.
+    Lossless,
+    /// What there is: never holds the producer back, keeps a short queue, and counts what it misses.
+    Latest,
+}
+
+impl Delivery {
+    /// What a subscriber's name begins with.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Lossless => "lossless",
+            Self::Latest => "latest",
+        }
+    }
+
+    pub(super) fn of_name(name: &str) -> Self {
+        if name.starts_with(Self::Lossless.as_str()) { Self::Lossless } else { Self::Latest }
+    }
+}
+
+/// What a producer may want to say about its consumers.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ConsumerEvent {
+    /// A consumer finished its handshake.
+    Joined {
+        /// Name of its subscriber.
+        name: String,
+    },
+    /// A lossless consumer is alive, but took nothing for too long: it no longer holds the run back.
+    Evicted {
+        /// Name of its subscriber.
+        name: String,
+        /// How long it held the run back.
+        held: Duration,
+    },
+    /// The remains of dead processes were cleaned up while a consumer held the run back.
+    CleanedUp {
+        /// How many processes.
+        dead: u64,
+    },
+}
+
+/// The remedies against known traps; tests switch one off to see that it is needed.
+#[doc(hidden)]
+#[derive(Debug, Clone, Copy)]
+#[expect(clippy::struct_excessive_bools, reason = "independent switches")]
+pub struct Remedies {
+    /// Clean up dead processes while blocked.
+    pub clean_while_blocked: bool,
+    /// Wake consumers when their queue is full.
+    pub wake_when_blocked: bool,
+    /// Send a frame again when the send was interrupted by a signal.
+    pub resend: bool,
+    /// Hold no entry of the blackboard for longer than an update.
+    pub release_board: bool,
+    /// Update connections in the handshake.
+    pub connect_on_join: bool,
+    /// Pause between two looks at a full queue.
+    pub pause: bool,
+}
+
+impl Default for Remedies {
+    fn default() -> Self {
+        Self {
+            clean_while_blocked: true,
+            wake_when_blocked: true,
+            resend: true,
+            release_board: true,
+            connect_on_join: true,
+            pause: true,
+        }
+    }
+}
+
+const CLEAN_AFTER: Duration = Duration::from_millis(50);
+const CLEAN_PERIOD: Duration = Duration::from_millis(100);
+/// What a healthy consumer needs to make room, once we were asked to stop.
+const STOP_GRACE: Duration = Duration::from_millis(250);
+
+/// State shared by a publisher and its handler.
+pub(super) struct Backpressure<T: Debug + ZeroCopySend + 'static> {
+    service: SliceService<T>,
+    config: Config,
+    notifier: Notifier<Ipc>,
+    stop: Arc<AtomicBool>,
+    stuck_after: Duration,
+    remedies: Remedies,
+    blocked: AtomicBool,
+    evicted_count: AtomicU64,
+    /// `latest` consumers are waited for as well, briefly: the end of a stream is on its way.
+    pub(super) ending: AtomicBool,
+    memory: Mutex<Memory>,
+}
+
+#[derive(Default)]
+struct Memory {
+    consumers: HashMap<u128, (Delivery, String)>,
+    evicted: Vec<u128>,
+    events: Vec<ConsumerEvent>,
+    cleaned_at: Option<Instant>,
+    stopped_at: Option<Instant>,
+}
+
+impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
+    pub(super) fn new(
+        service: SliceService<T>,
+        config: Config,
+        notifier: Notifier<Ipc>,
+        stop: Arc<AtomicBool>,
+        stuck_after: Duration,
+        remedies: Remedies,
+    ) -> Arc<Self> {
+        Arc::new(Self {
+            service,
+            config,
+            notifier,
+            stop,
+            stuck_after,
+            remedies,
+            blocked: AtomicBool::new(false),
+            evicted_count: AtomicU64::new(0),
+            ending: AtomicBool::new(false),
+            memory: Mutex::default(),
+        })
+    }
+
+    /// Called by iceoryx2, in the middle of a send, for a consumer whose queue is full.
+    pub(super) fn decide(&self, info: &BackpressureInfo) -> BackpressureAction {
+        let mut memory = self.memory();
+        let id = info.receiver_port_id;
+        let Some((delivery, name)) = self.consumer(&mut memory, id) else {
+            return BackpressureAction::DiscardData; // it has just left
+        };
+        if delivery == Delivery::Latest {
+            let wait = self.ending.load(Ordering::Relaxed) && info.elapsed_time < STOP_GRACE;
+            return if wait { self.retry(info) } else { BackpressureAction::DiscardData };
+        }
+        if memory.evicted.contains(&id) {
+            return BackpressureAction::DiscardData;
+        }
+        self.blocked.store(true, Ordering::Relaxed);
+        if info.elapsed_time >= self.stuck_after {
+            memory.evicted.push(id);
+            memory.events.push(ConsumerEvent::Evicted { name, held: info.elapsed_time });
+            self.evicted_count.fetch_add(1, Ordering::Relaxed);
+            return BackpressureAction::DiscardData;
+        }
+        if self.stop.load(Ordering::Relaxed) {
+            if memory.stopped_at.get_or_insert_with(Instant::now).elapsed() >= STOP_GRACE {
+                return BackpressureAction::DiscardDataAndFail;
+            }
+        }
+        if info.elapsed_time >= CLEAN_AFTER && self.remedies.clean_while_blocked {
+            self.clean(&mut memory);
+        }
+        drop(memory);
+        self.retry(info)
+    }
+
+    /// Wakes whoever has to make room, and lets it run.
+    fn retry(&self, info: &BackpressureInfo) -> BackpressureAction {
+        if info.retries == 0 && self.remedies.wake_when_blocked {
+            self.wake();
+        }
+        if info.retries > 50 && self.remedies.pause {
+            // iceoryx2 itself only yields at first, which keeps a core busy
+            std::thread::sleep(Duration::from_micros(if info.retries > 500 { 1000 } else { 50 }));
+        }
+        BackpressureAction::Retry
+    }
+
+    fn consumer(&self, memory: &mut Memory, id: u128) -> Option<(Delivery, String)> {
+        if !memory.consumers.contains_key(&id) {
+            memory.consumers = self.consumers();
+        }
+        memory.consumers.get(&id).cloned()
+    }
+
+    fn clean(&self, memory: &mut Memory) {
+        if memory.cleaned_at.is_some_and(|at| at.elapsed() < CLEAN_PERIOD) {
+            return;
+        }
+        memory.cleaned_at = Some(Instant::now());
+        let dead = clean_dead(&self.config);
+        if dead > 0 {
+            memory.events.push(ConsumerEvent::CleanedUp { dead });
+        }
+    }
+
+    /// Wakes every consumer that waits.
+    pub(super) fn wake(&self) {
+        // fails only for single listeners that are going away
+        let _ = self.notifier.notify();
+    }
+
+    /// Every consumer attached now, by the id of its subscriber.
+    pub(super) fn consumers(&self) -> HashMap<u128, (Delivery, String)> {
+        let mut consumers = HashMap::new();
+        self.service.dynamic_config().list_subscribers(|subscriber| {
+            let name = subscriber.subscriber_name.as_str();
+            consumers.insert(subscriber.subscriber_id.value(), (Delivery::of_name(name), name.to_owned()));
+            CallbackProgression::Continue
+        });
+        consumers
+    }
+
+    pub(super) fn is_evicted(&self, id: u128) -> bool {
+        self.memory().evicted.contains(&id)
+    }
+
+    pub(super) fn evicted_count(&self) -> u64 {
+        self.evicted_count.load(Ordering::Relaxed)
+    }
+
+    pub(super) fn subscriber_count(&self) -> usize {
+        self.service.dynamic_config().number_of_subscribers()
+    }
+
+    /// Whether a lossless consumer held the publisher back since the last call.
+    pub(super) fn was_blocked(&self) -> bool {
+        self.blocked.load(Ordering::Relaxed) && self.blocked.swap(false, Ordering::Relaxed)
+    }
+
+    pub(super) fn note(&self, event: ConsumerEvent) {
+        self.memory().events.push(event);
+    }
+
+    pub(super) fn take_events(&self) -> Vec<ConsumerEvent> {
+        std::mem::take(&mut self.memory().events)
+    }
+
+    fn memory(&self) -> std::sync::MutexGuard<'_, Memory> {
+        self.memory.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Removes what dead processes left on this bus; returns how many were removed.
+pub(super) fn clean_dead(config: &Config) -> u64 {
+    let mut dead = 0;
+    // a list that is incomplete is completed the next time
+    let _ = Node::<Ipc>::list(config, |node| {
+        if let NodeState::Dead(node) = node {
+            dead += u64::from(node.try_remove_stale_resources().is_ok());
+        }
+        CallbackProgression::Continue
+    });
+    dead
+}

@@ -1,0 +1,562 @@
+//! The producer's side of a run on the bus.
+
+use super::backpressure::{Backpressure, ConsumerEvent, Delivery, Remedies};
+use super::board::{BoardReader, BoardWriter};
+use super::services::{self, Topic, check_schema, text_of};
+use super::wire::{
+    FLAG_LAST, JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, MANIFEST_BYTES, RunStatus, STATE_DONE,
+    STATE_FAILED, STATE_INTERRUPTED, STATE_RUNNING, STATE_WAITING, StateHeader, StreamId, fill,
+};
+use super::{Bus, BusError, Ipc, RoomError, node_bytes, room};
+use crate::chain::Chain;
+use crate::frame::{EndReason, Frame, FrameSink};
+use crate::manifest::{RunId, RunManifest};
+use crate::run_name::RunName;
+use iceoryx2::active_request::ActiveRequest;
+use iceoryx2::node::Node;
+use iceoryx2::port::SendError;
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
+use iceoryx2::port::server::Server;
+use iceoryx2::port::update_connections::UpdateConnections as _;
+use iceoryx2::prelude::PortFactory as _;
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Frames between two wake-ups of consumers, when frames come fast.
+const WAKE_EVERY_FRAMES: u32 = 16;
+/// Longest time between two wake-ups while frames come.
+const WAKE_PERIOD: Duration = Duration::from_millis(1);
+/// How often consumers are counted for the status.
+const COUNT_PERIOD: Duration = Duration::from_millis(100);
+/// How often an idle producer looks around.
+const IDLE_WAIT: Duration = Duration::from_millis(50);
+/// How long a producer of the same name may take to vanish.
+const TAKE_OVER_PATIENCE: Duration = Duration::from_secs(1);
+
+/// How a run is published.
+#[derive(Debug, Clone)]
+pub struct PublishOptions {
+    /// Number of the first frame that will be published.
+    pub first_frame: u64,
+    /// How long a lossless consumer may take nothing before it is dropped. Default: 30 s.
+    pub stuck_after: Duration,
+    /// When set, a publish that is held back gives up with [`PublishError::Stopped`].
+    pub stop: Arc<AtomicBool>,
+    #[doc(hidden)]
+    pub remedies: Remedies,
+}
+
+impl Default for PublishOptions {
+    fn default() -> Self {
+        Self {
+            first_frame: 0,
+            stuck_after: Duration::from_secs(30),
+            stop: Arc::default(),
+            remedies: Remedies::default(),
+        }
+    }
+}
+
+/// Why a run cannot be published.
+#[derive(Debug, thiserror::Error)]
+pub enum PublishError {
+    /// The bus.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// Shared memory.
+    #[error(transparent)]
+    Room(#[from] RoomError),
+    /// Another producer has this name.
+    #[error(
+        "run {name} is being published already: run id {run_id}, process {pid}; use another name, or end it"
+    )]
+    NameTaken {
+        /// The name.
+        name: RunName,
+        /// The other run.
+        run_id: RunId,
+        /// The other producer's process.
+        pid: u64,
+        /// When it last published (or said that it waits), ns since 1970-01-01 UTC.
+        seen_unix_ns: u64,
+    },
+    /// The manifest does not fit the blackboard.
+    #[error(
+        "the manifest has {bytes} bytes, at most {MANIFEST_BYTES} can be published; use fewer impurities"
+    )]
+    ManifestTooLong {
+        /// Its length.
+        bytes: usize,
+    },
+    /// A frame that is not one of this run.
+    #[error("frame {frame} has {found} values, the run's frames have {expected}")]
+    Shape {
+        /// Number of the frame.
+        frame: u64,
+        /// Values expected.
+        expected: usize,
+        /// Values found.
+        found: usize,
+    },
+    /// Frames must follow each other without a gap: consumers take a gap for a loss.
+    #[error("frame {found} was published where frame {expected} was expected")]
+    Order {
+        /// Expected.
+        expected: u64,
+        /// Found.
+        found: u64,
+    },
+    /// We were asked to stop while a consumer held the run back; not every consumer got the frame.
+    #[error("stopped while a consumer held the run back at frame {frame}")]
+    Stopped {
+        /// Number of the frame.
+        frame: u64,
+    },
+    /// The frame could not be sent.
+    #[error("frame {frame} could not be sent: {cause}")]
+    Send {
+        /// Number of the frame.
+        frame: u64,
+        /// What iceoryx2 says.
+        cause: String,
+    },
+}
+
+/// How waiting for consumers ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WaitOutcome {
+    /// Enough lossless consumers are ready.
+    Ready,
+    /// We were asked to stop.
+    Stopped,
+    /// The time is over; this many are ready.
+    TimedOut {
+        /// Lossless consumers that are ready.
+        ready: usize,
+    },
+}
+
+/// What a publisher has done so far.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct PublishCounts {
+    /// Frames published.
+    pub frames: u64,
+    /// Lossless consumers that are ready.
+    pub lossless: usize,
+    /// Consumers that take what there is.
+    pub latest: usize,
+    /// Lossless consumers dropped because they were stuck.
+    pub evicted: u64,
+    /// Frames sent again because a signal interrupted the first time.
+    pub resent: u64,
+    /// Time spent waiting for lossless consumers.
+    pub held_back: Duration,
+}
+
+type JoinServer = Server<Ipc, JoinRequest, (), JoinAnswer, ()>;
+
+/// Publishes one run: every accepted frame reaches every lossless consumer, or the end says why not.
+///
+/// Dropping it without [`StatePublisher::finish`] tells consumers that the run failed.
+pub struct StatePublisher {
+    publisher: Publisher<Ipc, [f64], StateHeader>,
+    chain: Publisher<Ipc, [f64], StateHeader>,
+    server: JoinServer,
+    join: services::JoinService,
+    joiners: Listener<Ipc>,
+    backpressure: Arc<Backpressure<f64>>,
+    board: BoardWriter,
+    status: RunStatus,
+    stream: StreamId,
+    doubles: usize,
+    last_step: u64,
+    ready: HashSet<u128>,
+    counts: PublishCounts,
+    next_frame: u64,
+    since_wake: u32,
+    woke_at: Instant,
+    counted_at: Instant,
+    finished: bool,
+    remedies: Remedies,
+    // last, so that everything on the node goes before it
+    node: Node<Ipc>,
+}
+
+impl StatePublisher {
+    /// Registers the run under its name; consumers can attach from now on.
+    ///
+    /// # Errors
+    /// When the name is taken, shared memory is short, or the bus cannot be used.
+    pub fn create(
+        bus: &Bus,
+        manifest: &RunManifest,
+        chain: &Chain,
+        options: &PublishOptions,
+    ) -> Result<Self, PublishError> {
+        let (run, json) = (&manifest.provenance.name, manifest.to_json());
+        if json.len() > MANIFEST_BYTES {
+            return Err(PublishError::ManifestTooLong { bytes: json.len() });
+        }
+        let stream = StreamId::new(manifest.provenance.run_id);
+        let doubles = manifest.frame_doubles();
+        let slot_bytes = (doubles * size_of::<f64>()) as u64;
+        let free_bytes = room::free_bytes()?;
+        let limits = room::plan(slot_bytes, free_bytes);
+
+        let node = bus.node()?;
+        check_schema(bus, run, Topic::Manifest)?;
+        check_schema(bus, run, Topic::State)?;
+        let state = services::slices::<f64>(&node, run, Topic::State, limits, &[])?;
+        // a service that consumers of an earlier run still hold keeps the limits it has
+        let limits = services::limits_of(&state);
+        room::check(slot_bytes, limits, free_bytes)?;
+        let events = services::events(&node, run, Topic::State)?;
+        let notifier = events.notifier_builder().create();
+        let notifier = notifier.map_err(|e| BusError::service(&text_of(run, Topic::State), "notify", &e))?;
+        let backpressure = Backpressure::new(
+            services::slices::<f64>(&node, run, Topic::State, limits, &[])?,
+            bus.config().clone(),
+            notifier,
+            Arc::clone(&options.stop),
+            options.stuck_after,
+            options.remedies,
+        );
+        let publisher = exclusive_publisher(bus, &node, run, &state, doubles, &backpressure)?;
+
+        let mut status = RunStatus {
+            run_id: stream.run_id.0,
+            stream_id: stream.stream_id,
+            state: STATE_WAITING,
+            first_frame: options.first_frame,
+            pid: u64::from(std::process::id()),
+            node_id: node_bytes(&node),
+            ..RunStatus::default()
+        };
+        let (server, join, joiners) = join_server(&node, run)?;
+        let chain = publish_chain(&node, run, chain, stream)?;
+        let mut board = BoardWriter::create(&node, run, json.as_bytes(), status)?;
+        if !options.remedies.release_board {
+            board.hold()?;
+        }
+        board.write(&mut status)?;
+        let now = Instant::now();
+        Ok(Self {
+            publisher,
+            chain,
+            server,
+            join,
+            joiners,
+            backpressure,
+            board,
+            status,
+            stream,
+            doubles,
+            last_step: manifest.physics.step_count,
+            ready: HashSet::new(),
+            counts: PublishCounts::default(),
+            next_frame: options.first_frame,
+            since_wake: 0,
+            woke_at: now,
+            counted_at: now,
+            finished: false,
+            remedies: options.remedies,
+            node,
+        })
+    }
+
+    /// Which publishing of which run this is: results carry it too.
+    pub fn stream(&self) -> StreamId {
+        self.stream
+    }
+
+    /// Waits until `count` lossless consumers are ready, `stop` is set, or `timeout` is over.
+    ///
+    /// # Errors
+    /// When the bus cannot be used.
+    pub fn wait_for(
+        &mut self,
+        count: usize,
+        stop: &AtomicBool,
+        timeout: Option<Duration>,
+    ) -> Result<WaitOutcome, PublishError> {
+        let start = Instant::now();
+        loop {
+            self.serve()?;
+            let ready = self.ready_count();
+            if ready >= count {
+                return Ok(WaitOutcome::Ready);
+            }
+            if stop.load(Ordering::Relaxed) {
+                return Ok(WaitOutcome::Stopped);
+            }
+            if timeout.is_some_and(|timeout| start.elapsed() >= timeout) {
+                return Ok(WaitOutcome::TimedOut { ready });
+            }
+            self.node.try_cleanup_dead_nodes();
+            // a signal ends the wait early; the loop looks at the flag
+            let _ = self.joiners.timed_wait(|_| {}, IDLE_WAIT);
+        }
+    }
+
+    /// Answers consumers that want to join, and renews the status: for a producer that has nothing to
+    /// publish for a while. Never waits.
+    ///
+    /// # Errors
+    /// When the bus cannot be used.
+    pub fn serve(&mut self) -> Result<(), PublishError> {
+        // joiners are found by their requests; their notifications only end a wait
+        let _ = self.joiners.try_wait(|_| {});
+        self.serve_joins()?;
+        if self.since_wake > 0 {
+            self.wake();
+        }
+        self.write_status(Instant::now())
+    }
+
+    fn serve_joins(&mut self) -> Result<(), PublishError> {
+        while self.join.dynamic_config().number_of_clients() > 0 {
+            let request = self.server.receive();
+            let Some(request) = request.map_err(|e| self.send_error(&e))? else { break };
+            self.answer(&request)?;
+        }
+        Ok(())
+    }
+
+    fn answer(
+        &mut self,
+        request: &ActiveRequest<Ipc, JoinRequest, (), JoinAnswer, ()>,
+    ) -> Result<(), PublishError> {
+        let JoinRequest { subscriber_id, phase, .. } = *request.payload();
+        let mut answer = JoinAnswer {
+            run_id: self.stream.run_id.0,
+            stream_id: self.stream.stream_id,
+            phase,
+            ..JoinAnswer::default()
+        };
+        match phase {
+            JOIN_CONNECT if self.remedies.connect_on_join => {
+                self.publisher.update_connections().map_err(|e| self.send_error(&e))?;
+                self.chain.update_connections().map_err(|e| self.send_error(&e))?;
+            }
+            JOIN_READY => {
+                let id = u128::from_le_bytes(subscriber_id);
+                answer.first_frame = self.next_frame;
+                if let Some((_, name)) = self.backpressure.consumers().remove(&id) {
+                    self.ready.insert(id);
+                    self.backpressure.note(ConsumerEvent::Joined { name });
+                }
+            }
+            _ => {}
+        }
+        // a consumer that left meanwhile needs no answer
+        let _ = request.send_copy(answer);
+        self.backpressure.wake();
+        Ok(())
+    }
+
+    fn ready_count(&self) -> usize {
+        let attached = self.backpressure.consumers();
+        let counts = |(id, (delivery, _)): &(&u128, &(Delivery, String))| {
+            *delivery == Delivery::Lossless && self.ready.contains(id) && !self.backpressure.is_evicted(**id)
+        };
+        attached.iter().filter(counts).count()
+    }
+
+    /// What happened so far.
+    pub fn counts(&self) -> PublishCounts {
+        let attached = self.backpressure.consumers();
+        PublishCounts {
+            lossless: self.ready_count(),
+            latest: attached.values().filter(|(delivery, _)| *delivery == Delivery::Latest).count(),
+            evicted: self.backpressure.evicted_count(),
+            ..self.counts
+        }
+    }
+
+    /// What happened to consumers since the last call.
+    pub fn take_events(&mut self) -> Vec<ConsumerEvent> {
+        self.backpressure.take_events()
+    }
+
+    fn send(&mut self, frame: &Frame<'_>) -> Result<(), PublishError> {
+        let header = StateHeader {
+            run_id: self.stream.run_id.0,
+            stream_id: self.stream.stream_id,
+            frame: frame.frame,
+            step: frame.step,
+            time_s: frame.time_s,
+            flags: if frame.step == self.last_step { FLAG_LAST } else { 0 },
+            reserved: 0,
+        };
+        loop {
+            let slot = self.publisher.loan_slice_uninit(self.doubles);
+            let slot = slot.map_err(|e| self.send_error(&e))?;
+            match fill(slot, header, &[frame.u_m, frame.v_m_s, frame.extra]).send() {
+                Ok(_) => return Ok(()),
+                // a signal ended a wait in the middle: whoever has the frame already ignores the second one
+                Err(SendError::InternalError) if self.remedies.resend => self.counts.resent += 1,
+                Err(SendError::InternalError) => return Ok(()),
+                Err(SendError::UnableToDeliver) => return Err(PublishError::Stopped { frame: frame.frame }),
+                Err(e) => return Err(self.send_error(&e)),
+            }
+        }
+    }
+
+    fn send_error(&self, cause: &dyn std::fmt::Debug) -> PublishError {
+        PublishError::Send { frame: self.next_frame, cause: format!("{cause:?}") }
+    }
+
+    fn wake(&mut self) {
+        self.backpressure.wake();
+        self.since_wake = 0;
+        self.woke_at = Instant::now();
+    }
+
+    /// Writes the status, and now and then counts the consumers for it.
+    fn write_status(&mut self, now: Instant) -> Result<(), PublishError> {
+        if now.duration_since(self.counted_at) >= COUNT_PERIOD {
+            let counts = self.counts();
+            self.counted_at = now;
+            self.status.lossless = counts.lossless as u64;
+            self.status.latest = counts.latest as u64;
+            self.status.evicted = counts.evicted;
+        }
+        Ok(self.board.write(&mut self.status)?)
+    }
+
+    /// Says how the run ended, and lets go of the bus. Consumers that are behind still get every frame
+    /// that was accepted, also after this process has exited.
+    ///
+    /// # Errors
+    /// When the end could not be written; consumers then find that the producer is gone.
+    pub fn finish(mut self, reason: EndReason) -> Result<PublishCounts, PublishError> {
+        self.end(match reason {
+            EndReason::Complete => STATE_DONE,
+            EndReason::Interrupted | EndReason::Stopped => STATE_INTERRUPTED,
+            _ => STATE_FAILED,
+        })?;
+        Ok(self.counts())
+    }
+
+    fn end(&mut self, state: u64) -> Result<(), PublishError> {
+        self.finished = true;
+        self.status.state = state;
+        self.counted_at = Instant::now().checked_sub(COUNT_PERIOD).unwrap_or(self.counted_at);
+        let written = self.write_status(Instant::now());
+        self.wake();
+        written
+    }
+}
+
+impl Drop for StatePublisher {
+    fn drop(&mut self) {
+        if !self.finished {
+            // consumers that cannot be told find out by themselves
+            let _ = self.end(STATE_FAILED);
+        }
+    }
+}
+
+impl FrameSink for StatePublisher {
+    type Error = PublishError;
+
+    fn accept(&mut self, frame: &Frame<'_>) -> Result<(), PublishError> {
+        let found = frame.u_m.len() + frame.v_m_s.len() + frame.extra.len();
+        if found != self.doubles {
+            return Err(PublishError::Shape { frame: frame.frame, expected: self.doubles, found });
+        }
+        if frame.frame != self.next_frame {
+            return Err(PublishError::Order { expected: self.next_frame, found: frame.frame });
+        }
+        self.serve_joins()?;
+        let start = Instant::now();
+        let sent = self.send(frame);
+        let mut now = start;
+        if self.backpressure.was_blocked() {
+            now = Instant::now();
+            self.counts.held_back += now.duration_since(start);
+        }
+        sent?;
+        self.next_frame += 1;
+        self.counts.frames += 1;
+        self.since_wake += 1;
+        self.status.state = STATE_RUNNING;
+        self.status.frames = self.counts.frames;
+        (self.status.step, self.status.time_s) = (frame.step, frame.time_s);
+        if self.since_wake >= WAKE_EVERY_FRAMES || now.duration_since(self.woke_at) >= WAKE_PERIOD {
+            self.write_status(now)?;
+            self.wake();
+        }
+        Ok(())
+    }
+}
+
+/// The publisher of `/state`: the one place where two producers of one name are told apart.
+fn exclusive_publisher(
+    bus: &Bus,
+    node: &Node<Ipc>,
+    run: &RunName,
+    state: &services::StateService,
+    doubles: usize,
+    backpressure: &Arc<Backpressure<f64>>,
+) -> Result<Publisher<Ipc, [f64], StateHeader>, PublishError> {
+    let start = Instant::now();
+    loop {
+        let handler = Arc::clone(backpressure);
+        let builder = state.publisher_builder().initial_max_slice_len(doubles).max_loaned_samples(1);
+        match builder.set_backpressure_handler(move |info| handler.decide(info)).create() {
+            Ok(publisher) => return Ok(publisher),
+            Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => {
+                node.try_cleanup_dead_nodes();
+                if start.elapsed() < TAKE_OVER_PATIENCE && !bus.has_live_publisher(state) {
+                    std::thread::sleep(Duration::from_millis(2));
+                    continue;
+                }
+                let status = BoardReader::find(node, run)?.map(|board| board.status()).unwrap_or_default();
+                return Err(PublishError::NameTaken {
+                    name: run.clone(),
+                    run_id: RunId(status.run_id),
+                    pid: status.pid,
+                    seen_unix_ns: status.written_unix_ns,
+                });
+            }
+            Err(e) => return Err(BusError::service(&text_of(run, Topic::State), "publish", &e).into()),
+        }
+    }
+}
+
+fn join_server(
+    node: &Node<Ipc>,
+    run: &RunName,
+) -> Result<(JoinServer, services::JoinService, Listener<Ipc>), BusError> {
+    let text = text_of(run, Topic::Join);
+    let join = services::join(node, run)?;
+    let server = join.server_builder().create().map_err(|e| BusError::service(&text, "serve", &e))?;
+    let events = services::events(node, run, Topic::Join)?;
+    let joiners = events.listener_builder().create().map_err(|e| BusError::service(&text, "listen", &e))?;
+    Ok((server, join, joiners))
+}
+
+/// Publishes `[mass | stiffness | rest overlap]` once; the history keeps it for whoever comes later.
+fn publish_chain(
+    node: &Node<Ipc>,
+    run: &RunName,
+    chain: &Chain,
+    stream: StreamId,
+) -> Result<Publisher<Ipc, [f64], StateHeader>, BusError> {
+    let text = text_of(run, Topic::Chain);
+    let failed = |e: &dyn std::fmt::Debug| BusError::service(&text, "publish", &format!("{e:?}"));
+    let parts = [&chain.mass_kg[..], &chain.stiffness, &chain.rest_overlap_m];
+    let length = parts.iter().map(|part| part.len()).sum();
+    let header =
+        StateHeader { run_id: stream.run_id.0, stream_id: stream.stream_id, ..StateHeader::default() };
+    let service = services::chain(node, run)?;
+    let builder = service.publisher_builder().initial_max_slice_len(length).max_loaned_samples(1);
+    let publisher = builder.create().map_err(|e| failed(&e))?;
+    let slot = publisher.loan_slice_uninit(length).map_err(|e| failed(&e))?;
+    fill(slot, header, &parts).send().map_err(|e| failed(&e))?;
+    Ok(publisher)
+}

@@ -1,0 +1,396 @@
+//! Results of analyses on the bus: one row per frame.
+
+use super::backpressure::{Backpressure, Delivery, Remedies};
+use super::services::{self, Limits, MAX_SUBSCRIBERS, SliceService, Topic, attribute, check_schema, text_of};
+use super::wire::{FLAG_LAST, StateHeader, StreamId, fill};
+use super::{Bus, BusError, Ipc};
+use crate::frame::EndReason;
+use crate::manifest::RunId;
+use crate::run_name::RunName;
+use iceoryx2::node::Node;
+use iceoryx2::port::SendError;
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::prelude::{PortFactory as _, PortName, ZeroCopySend};
+use iceoryx2::sample::Sample;
+use std::fmt::Debug;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+const BUFFER: usize = 64;
+const LATEST_BUFFER: usize = 2;
+const WAIT: Duration = Duration::from_millis(50);
+const LIVENESS_PERIOD: Duration = Duration::from_millis(500);
+/// How long a lossless subscriber to results may take nothing.
+const STUCK_AFTER: Duration = Duration::from_secs(10);
+const TAKE_OVER_PATIENCE: Duration = Duration::from_millis(500);
+const COLUMNS_KEY: &str = "beadline.columns";
+const WIDTH_KEY: &str = "beadline.width";
+
+/// What a row consists of: `f64` for numbers, `u8` for packed classes.
+pub trait ResultElement: Copy + Debug + ZeroCopySend + Send + Sync + 'static {}
+impl ResultElement for f64 {}
+impl ResultElement for u8 {}
+
+/// What the elements of a row mean.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ResultColumns {
+    /// Elements in each row.
+    pub width: usize,
+    /// Names of the columns with their units, separated by commas; at most 256 bytes, as long names are cut.
+    pub names: String,
+}
+
+/// Why results cannot be published or read.
+#[derive(Debug, thiserror::Error)]
+pub enum ResultsError {
+    /// The bus.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// Another process publishes them already; this one can go on without.
+    #[error("{topic} of run {name} are being published by another process already")]
+    AlreadyPublished {
+        /// The run.
+        name: RunName,
+        /// Which results.
+        topic: Topic,
+    },
+    /// A row of another width.
+    #[error("frame {frame}: a row of {found} elements, expected {expected}")]
+    Width {
+        /// The frame.
+        frame: u64,
+        /// Elements expected.
+        expected: usize,
+        /// Elements found.
+        found: usize,
+    },
+    /// We were asked to stop while a subscriber held us back.
+    #[error("stopped while a subscriber to {topic} held us back")]
+    Stopped {
+        /// Which results.
+        topic: Topic,
+    },
+    /// Sending or receiving failed.
+    #[error("{topic}: {cause}")]
+    Port {
+        /// Which results.
+        topic: Topic,
+        /// What iceoryx2 says.
+        cause: String,
+    },
+}
+
+/// Publishes one kind of result of one run. Costs next to nothing while nobody listens.
+pub struct ResultPublisher<T: ResultElement> {
+    publisher: Publisher<Ipc, [T], StateHeader>,
+    backpressure: Arc<Backpressure<T>>,
+    stream: StreamId,
+    topic: Topic,
+    width: usize,
+    last: StateHeader,
+    finished: bool,
+    _node: Node<Ipc>,
+}
+
+impl<T: ResultElement> ResultPublisher<T> {
+    /// Publishes `topic` of `run`; `stop` ends a publish that is held back.
+    ///
+    /// # Errors
+    /// [`ResultsError::AlreadyPublished`] when another process does so, or when the bus cannot be used.
+    pub fn create(
+        bus: &Bus,
+        run: &RunName,
+        topic: Topic,
+        stream: StreamId,
+        columns: &ResultColumns,
+        stop: Arc<AtomicBool>,
+    ) -> Result<Self, ResultsError> {
+        let text = text_of(run, topic);
+        let node = bus.node()?;
+        check_schema(bus, run, topic)?;
+        let mut names = columns.names.clone();
+        names.truncate(names.floor_char_boundary(256));
+        let more = [(COLUMNS_KEY, names), (WIDTH_KEY, columns.width.to_string())];
+        let limits = Limits { subscribers: MAX_SUBSCRIBERS, buffer: BUFFER };
+        let service = services::slices::<T>(&node, run, topic, limits, &more)?;
+        let notifier = services::events(&node, run, topic)?.notifier_builder().create();
+        let notifier = notifier.map_err(|e| BusError::service(&text, "notify", &e))?;
+        let watched = services::slices::<T>(&node, run, topic, limits, &more)?;
+        let config = bus.config().clone();
+        let backpressure =
+            Backpressure::new(watched, config, notifier, stop, STUCK_AFTER, Remedies::default());
+        let start = Instant::now();
+        let publisher = loop {
+            let handler = Arc::clone(&backpressure);
+            let builder = service.publisher_builder().initial_max_slice_len(columns.width.max(1));
+            let builder = builder.max_loaned_samples(1);
+            match builder.set_backpressure_handler(move |info| handler.decide(info)).create() {
+                Ok(publisher) => break publisher,
+                Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => {
+                    node.try_cleanup_dead_nodes();
+                    if start.elapsed() >= TAKE_OVER_PATIENCE || bus.has_live_publisher(&service) {
+                        return Err(ResultsError::AlreadyPublished { name: run.clone(), topic });
+                    }
+                    std::thread::sleep(Duration::from_millis(2));
+                }
+                Err(e) => return Err(BusError::service(&text, "publish", &e).into()),
+            }
+        };
+        let last =
+            StateHeader { run_id: stream.run_id.0, stream_id: stream.stream_id, ..StateHeader::default() };
+        let width = columns.width;
+        Ok(Self { publisher, backpressure, stream, topic, width, last, finished: false, _node: node })
+    }
+
+    /// Publishes the row of one frame.
+    ///
+    /// # Errors
+    /// When the row has another width, or the bus fails.
+    pub fn publish(&mut self, frame: u64, step: u64, time_s: f64, row: &[T]) -> Result<(), ResultsError> {
+        if row.len() != self.width {
+            return Err(ResultsError::Width { frame, expected: self.width, found: row.len() });
+        }
+        self.last = StateHeader {
+            run_id: self.stream.run_id.0,
+            stream_id: self.stream.stream_id,
+            frame,
+            step,
+            time_s,
+            flags: 0,
+            reserved: 0,
+        };
+        if self.backpressure.subscriber_count() == 0 {
+            return Ok(());
+        }
+        self.send(self.last, row)?;
+        self.backpressure.wake();
+        Ok(())
+    }
+
+    fn send(&self, header: StateHeader, row: &[T]) -> Result<(), ResultsError> {
+        let topic = self.topic;
+        let failed = |e: &dyn Debug| ResultsError::Port { topic, cause: format!("{e:?}") };
+        loop {
+            let slot = self.publisher.loan_slice_uninit(row.len()).map_err(|e| failed(&e))?;
+            match fill(slot, header, &[row]).send() {
+                Ok(_) => return Ok(()),
+                Err(SendError::InternalError) => {} // interrupted by a signal: the row is sent again
+                Err(SendError::UnableToDeliver) => return Err(ResultsError::Stopped { topic }),
+                Err(e) => return Err(failed(&e)),
+            }
+        }
+    }
+
+    /// Tells subscribers that no more rows come: a row of length 0 with [`FLAG_LAST`].
+    ///
+    /// # Errors
+    /// When it cannot be sent; subscribers then find that the publisher is gone.
+    pub fn finish(mut self) -> Result<(), ResultsError> {
+        self.finished = true;
+        self.backpressure.ending.store(true, Ordering::Relaxed);
+        self.send(StateHeader { flags: FLAG_LAST, ..self.last }, &[])?;
+        self.backpressure.wake();
+        Ok(())
+    }
+}
+
+/// One row of results, lent until the next call.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Row<'a, T> {
+    /// The frame it belongs to.
+    pub frame: u64,
+    /// The step of that frame.
+    pub step: u64,
+    /// The time of that frame (s).
+    pub time_s: f64,
+    /// The values.
+    pub values: &'a [T],
+}
+
+/// What a subscriber to results has next.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ResultReceived<'a, T> {
+    /// The next row.
+    Row(Row<'a, T>),
+    /// Rows of the frames `from` up to and including `to` did not reach us.
+    Missed {
+        /// First missing frame.
+        from: u64,
+        /// Last missing frame.
+        to: u64,
+    },
+    /// No more rows.
+    End(EndReason),
+}
+
+/// Receives one kind of result of one run.
+pub struct ResultSubscriber<T: ResultElement> {
+    sample: Option<Sample<Ipc, [T], StateHeader>>,
+    stashed: Option<Sample<Ipc, [T], StateHeader>>,
+    subscriber: Subscriber<Ipc, [T], StateHeader>,
+    listener: Listener<Ipc>,
+    service: SliceService<T>,
+    bus: Bus,
+    topic: Topic,
+    columns: ResultColumns,
+    stream: Option<StreamId>,
+    expected: Option<u64>,
+    closing: Option<EndReason>,
+    ended: Option<EndReason>,
+    checked_at: Instant,
+    stop: Arc<AtomicBool>,
+    _node: Node<Ipc>,
+}
+
+impl<T: ResultElement> ResultSubscriber<T> {
+    /// Attaches to `topic` of `run`. `None`: nobody publishes it (yet).
+    ///
+    /// # Errors
+    /// When the bus cannot be used.
+    pub fn attach(
+        bus: &Bus,
+        run: &RunName,
+        topic: Topic,
+        delivery: Delivery,
+        stop: Arc<AtomicBool>,
+    ) -> Result<Option<Self>, ResultsError> {
+        let text = text_of(run, topic);
+        let failed = |e: &dyn Debug| BusError::service(&text, "subscribe to", &format!("{e:?}"));
+        let node = bus.node()?;
+        check_schema(bus, run, topic)?;
+        let Some(service) = services::find_slices::<T>(&node, run, topic)? else { return Ok(None) };
+        if service.dynamic_config().number_of_publishers() == 0 {
+            return Ok(None);
+        }
+        let columns = ResultColumns {
+            width: attribute(service.attributes(), WIDTH_KEY).and_then(|w| w.parse().ok()).unwrap_or(0),
+            names: attribute(service.attributes(), COLUMNS_KEY).unwrap_or_default(),
+        };
+        let name = format!("{}.results.{}", delivery.as_str(), std::process::id());
+        let name = PortName::new(&name).map_err(|e| failed(&e))?;
+        let mut builder = service.subscriber_builder().name(&name);
+        if delivery == Delivery::Latest {
+            builder = builder.buffer_size(LATEST_BUFFER);
+        }
+        let subscriber = builder.create().map_err(|e| failed(&e))?;
+        let events = services::events(&node, run, topic)?;
+        let listener = events.listener_builder().create().map_err(|e| failed(&e))?;
+        Ok(Some(Self {
+            sample: None,
+            stashed: None,
+            subscriber,
+            listener,
+            service,
+            bus: bus.clone(),
+            topic,
+            columns,
+            stream: None,
+            expected: None,
+            closing: None,
+            ended: None,
+            checked_at: Instant::now(),
+            stop,
+            _node: node,
+        }))
+    }
+
+    /// What the elements of a row mean.
+    pub fn columns(&self) -> &ResultColumns {
+        &self.columns
+    }
+
+    /// The stream that the rows belong to, once one has come.
+    pub fn stream(&self) -> Option<StreamId> {
+        self.stream
+    }
+
+    /// Waits for the next row and lends it until the next call.
+    ///
+    /// # Errors
+    /// When rows can no longer be received.
+    pub fn receive(&mut self) -> Result<ResultReceived<'_, T>, ResultsError> {
+        self.sample = None;
+        loop {
+            if let Some(reason) = self.ended {
+                return Ok(ResultReceived::End(reason));
+            }
+            if self.stop.load(Ordering::Relaxed) {
+                self.ended = Some(EndReason::Stopped);
+                continue;
+            }
+            let next = match self.stashed.take() {
+                Some(sample) => Some(sample),
+                None => self.subscriber.receive().map_err(|e| self.failed(&e))?,
+            };
+            match next {
+                Some(sample) => {
+                    if let Some(received) = self.take(sample) {
+                        return Ok(self.lend(received));
+                    }
+                }
+                None if self.closing.is_some() => self.ended = self.closing,
+                None => self.look_or_wait(),
+            }
+        }
+    }
+
+    fn failed(&self, cause: &dyn Debug) -> ResultsError {
+        ResultsError::Port { topic: self.topic, cause: format!("{cause:?}") }
+    }
+
+    /// Sorts one sample in: `Some(None)` says that it is now the row to lend.
+    #[expect(clippy::option_option, reason = "nothing to report, a row to lend, a gap to report")]
+    fn take(&mut self, sample: Sample<Ipc, [T], StateHeader>) -> Option<Option<(u64, u64)>> {
+        let header = *sample.user_header();
+        let stream = StreamId { run_id: RunId(header.run_id), stream_id: header.stream_id };
+        if *self.stream.get_or_insert(stream) != stream {
+            self.closing.get_or_insert(EndReason::ProducerLost);
+            return None;
+        }
+        if header.flags & FLAG_LAST != 0 && sample.payload().is_empty() {
+            self.closing = Some(EndReason::Complete);
+            let missing = self.expected.filter(|expected| *expected <= header.frame);
+            return missing.map(|from| Some((from, header.frame)));
+        }
+        let expected = *self.expected.get_or_insert(header.frame);
+        if header.frame < expected {
+            return None;
+        }
+        if header.frame > expected {
+            self.stashed = Some(sample);
+            self.expected = Some(header.frame);
+            return Some(Some((expected, header.frame - 1)));
+        }
+        self.expected = Some(header.frame + 1);
+        self.sample = Some(sample);
+        Some(None)
+    }
+
+    fn lend(&self, gap: Option<(u64, u64)>) -> ResultReceived<'_, T> {
+        match (gap, &self.sample) {
+            (None, Some(sample)) => {
+                let StateHeader { frame, step, time_s, .. } = *sample.user_header();
+                ResultReceived::Row(Row { frame, step, time_s, values: sample.payload() })
+            }
+            (Some((from, to)), _) => ResultReceived::Missed { from, to },
+            (None, None) => ResultReceived::End(EndReason::ProducerLost),
+        }
+    }
+
+    fn look_or_wait(&mut self) {
+        let gone = self.service.dynamic_config().number_of_publishers() == 0;
+        let ask = self.checked_at.elapsed() >= LIVENESS_PERIOD;
+        if ask {
+            self.checked_at = Instant::now();
+        }
+        if gone || (ask && !self.bus.has_live_publisher(&self.service)) {
+            self.closing = Some(EndReason::ProducerLost);
+            return;
+        }
+        // a signal ends the wait early; the loop looks at the flag
+        let _ = self.listener.timed_wait(|_| {}, WAIT);
+    }
+}

@@ -1,0 +1,361 @@
+//! The services of a run: their names, their limits, and opening them while others come and go.
+
+use super::wire::{JoinAnswer, JoinRequest, StateHeader};
+use super::{Bus, Ipc};
+use crate::manifest::{SCHEMA_VERSION, SchemaVersion};
+use crate::run_name::RunName;
+use iceoryx2::node::Node;
+use iceoryx2::prelude::{
+    AttributeSpecifier, MessagingPattern, PortFactory as _, SemanticString as _, Service as _, ServiceName,
+    ZeroCopySend,
+};
+use iceoryx2::service::attribute::{AttributeKey, AttributeSet, AttributeValue};
+use iceoryx2::service::builder::blackboard::{BlackboardCreateError, BlackboardOpenError};
+use iceoryx2::service::builder::event::{EventCreateError, EventOpenError};
+use iceoryx2::service::builder::publish_subscribe::{PublishSubscribeCreateError, PublishSubscribeOpenError};
+use iceoryx2::service::builder::request_response::{RequestResponseCreateError, RequestResponseOpenError};
+use iceoryx2::service::port_factory::{blackboard, event, publish_subscribe, request_response};
+
+use std::fmt::{self, Debug};
+use std::time::{Duration, Instant};
+
+/// What a service of a run carries, the last part of its name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Topic {
+    /// Every frame.
+    State,
+    /// The resolved arrays.
+    Chain,
+    /// Manifest and status.
+    Manifest,
+    /// The handshake of consumers.
+    Join,
+    /// Energies per frame.
+    Energies,
+    /// Motion of chosen beads per frame.
+    Impurity,
+    /// Open and closed contacts per frame.
+    Contacts,
+    /// Pulses found per frame.
+    Pulses,
+}
+
+impl Topic {
+    /// The last part of the service's name.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::State => "state",
+            Self::Chain => "chain",
+            Self::Manifest => "manifest",
+            Self::Join => "join",
+            Self::Energies => "energies",
+            Self::Impurity => "impurity",
+            Self::Contacts => "contacts",
+            Self::Pulses => "pulses",
+        }
+    }
+}
+
+impl fmt::Display for Topic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+pub(super) type StateService = publish_subscribe::PortFactory<Ipc, [f64], StateHeader>;
+pub(super) type SliceService<T> = publish_subscribe::PortFactory<Ipc, [T], StateHeader>;
+pub(super) type EventService = event::PortFactory<Ipc>;
+pub(super) type JoinService = request_response::PortFactory<Ipc, JoinRequest, (), JoinAnswer, ()>;
+pub(super) type BoardService = blackboard::PortFactory<Ipc, u64>;
+
+/// Most consumers of one topic; fewer for big frames when shared memory is short.
+pub(super) const MAX_SUBSCRIBERS: usize = 16;
+/// Samples that one consumer may hold at a time.
+pub(super) const BORROWED: usize = 2;
+/// Most processes that have a service open.
+const MAX_NODES: usize = 64;
+/// How long a service may be in the middle of being created or removed.
+const PATIENCE: Duration = Duration::from_secs(2);
+const SCHEMA_KEY: &str = "beadline.schema";
+
+pub(super) fn text_of(run: &RunName, topic: Topic) -> String {
+    format!("beadline/{run}/{topic}")
+}
+
+pub(super) fn service_name(run: &RunName, topic: Topic) -> Result<ServiceName, BusError> {
+    let text = text_of(run, topic);
+    ServiceName::new(&text).map_err(|e| BusError::service(&text, "name", &e))
+}
+
+/// What to do about a failure to open or create.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Class {
+    Missing,
+    Exists,
+    Transient,
+    Refused,
+}
+
+pub(super) trait Classify: Debug {
+    fn class(&self) -> Class;
+}
+
+macro_rules! classify {
+    ($($open:ident, $create:ident $(, $hangs:ident)?;)*) => { $(
+        impl Classify for $open {
+            fn class(&self) -> Class {
+                match self {
+                    Self::DoesNotExist => Class::Missing,
+                    Self::Interrupt | Self::ServiceInCorruptedState | Self::HangsInCreation
+                    | Self::IsMarkedForDestruction => Class::Transient,
+                    _ => Class::Refused,
+                }
+            }
+        }
+        impl Classify for $create {
+            fn class(&self) -> Class {
+                match self {
+                    Self::AlreadyExists => Class::Exists,
+                    Self::Interrupt | Self::ServiceInCorruptedState $(| Self::$hangs)?
+                    | Self::IsBeingCreatedByAnotherInstance => Class::Transient,
+                    _ => Class::Refused,
+                }
+            }
+        }
+    )* };
+}
+
+classify! {
+    BlackboardOpenError, BlackboardCreateError, HangsInCreation;
+    EventOpenError, EventCreateError;
+    PublishSubscribeOpenError, PublishSubscribeCreateError, HangsInCreation;
+    RequestResponseOpenError, RequestResponseCreateError, HangsInCreation;
+}
+
+/// Opens, while others may be creating or removing the same service. `None`: there is none.
+pub(super) fn open<T, E: Classify>(
+    text: &str,
+    open: impl Fn() -> Result<T, E>,
+) -> Result<Option<T>, BusError> {
+    let start = Instant::now();
+    loop {
+        match open() {
+            Ok(service) => return Ok(Some(service)),
+            Err(e) if e.class() == Class::Missing => return Ok(None),
+            Err(e) if e.class() == Class::Transient && start.elapsed() < PATIENCE => {
+                std::thread::sleep(Duration::from_millis(2));
+            }
+            Err(e) => return Err(BusError::service(text, "open", &e)),
+        }
+    }
+}
+
+/// Opens what is there, or creates it. An existing service keeps the limits it was created with.
+pub(super) fn open_or_create<T, O: Classify, C: Classify>(
+    text: &str,
+    try_open: impl Fn() -> Result<T, O>,
+    try_create: impl Fn() -> Result<T, C>,
+) -> Result<(T, bool), BusError> {
+    let start = Instant::now();
+    loop {
+        if let Some(service) = open(text, &try_open)? {
+            return Ok((service, false));
+        }
+        match try_create() {
+            Ok(service) => return Ok((service, true)),
+            Err(e) if e.class() != Class::Refused && start.elapsed() < PATIENCE => {
+                std::thread::sleep(Duration::from_millis(2));
+            }
+            Err(e) => return Err(BusError::service(text, "create", &e)),
+        }
+    }
+}
+
+fn key(text: &str) -> Result<AttributeKey, BusError> {
+    AttributeKey::new(text.as_bytes()).map_err(|e| BusError::service(text, "describe", &e))
+}
+
+/// Attributes of a new service: the schema version and `more`.
+pub(super) fn attributes(more: &[(&str, String)]) -> Result<AttributeSpecifier, BusError> {
+    let mut attributes = AttributeSpecifier::new();
+    let version = (SCHEMA_KEY, SCHEMA_VERSION.to_string());
+    for (name, text) in std::iter::once(&version).chain(more) {
+        let value =
+            AttributeValue::new(text.as_bytes()).map_err(|e| BusError::service(name, "describe", &e))?;
+        attributes =
+            attributes.define(&key(name)?, &value).map_err(|e| BusError::service(name, "describe", &e))?;
+    }
+    Ok(attributes)
+}
+
+/// The value of attribute `name`.
+pub(super) fn attribute(attributes: &AttributeSet, name: &str) -> Option<String> {
+    let value = attributes.key_value(&key(name).ok()?, 0)?;
+    String::from_utf8(value.as_bytes().to_vec()).ok()
+}
+
+/// Refuses a service of another major schema version; before opening it, because its types may differ.
+pub(super) fn check_schema(bus: &Bus, run: &RunName, topic: Topic) -> Result<(), BusError> {
+    let pattern = match topic {
+        Topic::Manifest => MessagingPattern::Blackboard,
+        Topic::Join => MessagingPattern::RequestResponse,
+        _ => MessagingPattern::PublishSubscribe,
+    };
+    let Ok(Some(details)) = Ipc::details(&service_name(run, topic)?, bus.config(), pattern) else {
+        return Ok(()); // opening it says what is wrong
+    };
+    let found = attribute(details.static_details.attributes(), SCHEMA_KEY).unwrap_or_else(|| "none".into());
+    let major = found.split('.').next().and_then(|major| major.parse::<u32>().ok());
+    if major == Some(SCHEMA_VERSION.major) {
+        return Ok(());
+    }
+    Err(BusError::Version { service: text_of(run, topic), found, expected: SCHEMA_VERSION })
+}
+
+impl BusError {
+    pub(super) fn service(service: &str, doing: &'static str, cause: &impl Debug) -> Self {
+        Self::Service { service: service.to_owned(), doing, cause: format!("{cause:?}") }
+    }
+}
+
+/// Why the bus cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum BusError {
+    /// The directory of the bus.
+    #[error(transparent)]
+    Root(#[from] super::RootError),
+    /// This process could not register itself.
+    #[error("cannot register on the bus in {root}: {cause}; check that the directory is writable")]
+    Node {
+        /// Root of the bus.
+        root: String,
+        /// What iceoryx2 says.
+        cause: String,
+    },
+    /// A service could not be used.
+    #[error("cannot {doing} {service}: {cause}")]
+    Service {
+        /// Name of the service.
+        service: String,
+        /// What was tried.
+        doing: &'static str,
+        /// What iceoryx2 says.
+        cause: String,
+    },
+    /// A service of another schema version.
+    #[error(
+        "{service} has schema version {found}, this program speaks {expected}; use the same Beadline on both sides"
+    )]
+    Version {
+        /// Name of the service.
+        service: String,
+        /// Its version.
+        found: String,
+        /// Ours.
+        expected: SchemaVersion,
+    },
+}
+
+/// Limits of a `/state` or results service.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Limits {
+    pub(super) subscribers: usize,
+    pub(super) buffer: usize,
+}
+
+/// Opens or creates a topic of slices that never overflows: the publisher's handler decides who waits.
+pub(super) fn slices<T: Debug + ZeroCopySend>(
+    node: &Node<Ipc>,
+    run: &RunName,
+    topic: Topic,
+    limits: Limits,
+    more: &[(&str, String)],
+) -> Result<SliceService<T>, BusError> {
+    let (text, name, attributes) = (text_of(run, topic), service_name(run, topic)?, attributes(more)?);
+    let builder = || node.service_builder(&name).publish_subscribe::<[T]>().user_header::<StateHeader>();
+    let create = || {
+        builder()
+            .enable_safe_overflow(false)
+            .history_size(0)
+            .max_publishers(1)
+            .max_subscribers(limits.subscribers)
+            .subscriber_max_buffer_size(limits.buffer)
+            .subscriber_max_borrowed_samples(BORROWED)
+            .max_nodes(MAX_NODES)
+            .create_with_attributes(&attributes)
+    };
+    Ok(open_or_create(&text, || builder().enable_safe_overflow(false).open(), create)?.0)
+}
+
+/// Opens a topic of slices, if it is there.
+pub(super) fn find_slices<T: Debug + ZeroCopySend>(
+    node: &Node<Ipc>,
+    run: &RunName,
+    topic: Topic,
+) -> Result<Option<SliceService<T>>, BusError> {
+    let name = service_name(run, topic)?;
+    let builder = || node.service_builder(&name).publish_subscribe::<[T]>().user_header::<StateHeader>();
+    open(&text_of(run, topic), || builder().enable_safe_overflow(false).open())
+}
+
+/// `/chain`: one sample, kept as history for consumers that come later.
+pub(super) fn chain(node: &Node<Ipc>, run: &RunName) -> Result<StateService, BusError> {
+    let (text, name, attributes) =
+        (text_of(run, Topic::Chain), service_name(run, Topic::Chain)?, attributes(&[])?);
+    let builder = || node.service_builder(&name).publish_subscribe::<[f64]>().user_header::<StateHeader>();
+    let create = || {
+        builder()
+            .enable_safe_overflow(true)
+            .history_size(1)
+            .max_publishers(1)
+            .max_subscribers(MAX_SUBSCRIBERS)
+            .subscriber_max_buffer_size(1)
+            .subscriber_max_borrowed_samples(1)
+            .max_nodes(MAX_NODES)
+            .create_with_attributes(&attributes)
+    };
+    Ok(open_or_create(&text, || builder().open(), create)?.0)
+}
+
+/// The event service that goes with `topic`.
+pub(super) fn events(node: &Node<Ipc>, run: &RunName, topic: Topic) -> Result<EventService, BusError> {
+    let (text, name, attributes) = (text_of(run, topic), service_name(run, topic)?, attributes(&[])?);
+    let create = || {
+        let builder = node.service_builder(&name).event();
+        builder
+            .max_listeners(2 * MAX_SUBSCRIBERS)
+            .max_notifiers(2 * MAX_SUBSCRIBERS)
+            .max_nodes(MAX_NODES)
+            .create_with_attributes(&attributes)
+    };
+    Ok(open_or_create(&text, || node.service_builder(&name).event().open(), create)?.0)
+}
+
+/// `/join`.
+pub(super) fn join(node: &Node<Ipc>, run: &RunName) -> Result<JoinService, BusError> {
+    let (text, name, attributes) =
+        (text_of(run, Topic::Join), service_name(run, Topic::Join)?, attributes(&[])?);
+    let builder = || node.service_builder(&name).request_response::<JoinRequest, JoinAnswer>();
+    let create = || {
+        builder()
+            .max_servers(1)
+            .max_clients(MAX_SUBSCRIBERS)
+            .max_active_requests_per_client(2)
+            .max_nodes(MAX_NODES)
+            .create_with_attributes(&attributes)
+    };
+    Ok(open_or_create(&text, || builder().open(), create)?.0)
+}
+
+/// `/join`, if it is there.
+pub(super) fn find_join(node: &Node<Ipc>, run: &RunName) -> Result<Option<JoinService>, BusError> {
+    let name = service_name(run, Topic::Join)?;
+    let builder = || node.service_builder(&name).request_response::<JoinRequest, JoinAnswer>();
+    open(&text_of(run, Topic::Join), || builder().open())
+}
+
+/// The limits that a service has.
+pub(super) fn limits_of<T: Debug + ZeroCopySend>(service: &SliceService<T>) -> Limits {
+    let config = service.static_config();
+    Limits { subscribers: config.max_subscribers(), buffer: config.subscriber_max_buffer_size() }
+}
