@@ -1,0 +1,11 @@
+//! The dynamics is right: runs against solvers that share nothing with it, against results that can be
+//! worked out by hand, and against the symmetries of the equations of motion.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot read its own files has failed")]
+
+mod chains;
+mod final_states;
+mod orders;
+mod reference;
+mod symmetries;
+mod table;
