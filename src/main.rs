@@ -1,1 +1,33 @@
-fn main() {}
+//! The `beadline` command: parse, compose, print, exit codes. No physics, no formats.
+
+mod analysis;
+mod args;
+mod commands;
+mod configuration;
+mod display;
+mod failure;
+mod signals;
+mod source;
+
+use args::{Cli, Command};
+use clap::Parser;
+use failure::{Done, Failure};
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    failure::exit(dispatch(Cli::parse().command))
+}
+
+fn dispatch(command: Command) -> Result<Done, Failure> {
+    match command {
+        Command::Demo(args) => commands::demo::demo(&args),
+        Command::Run(args) => commands::run::run(&args),
+        Command::Presets => commands::presets::list(),
+        Command::Preset { name } => commands::presets::print(&name),
+        Command::Energies(args) => commands::energies::energies(&args),
+        Command::Impurity(args) => commands::impurity::impurity(&args),
+        Command::Contacts(args) => commands::contacts::contacts(&args),
+        Command::Ls { json } => commands::ls::ls(json),
+        Command::Info { file, json } => commands::info::info(&file, json),
+    }
+}

@@ -3,13 +3,7 @@
 use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
-
-/// Class of a contact: undisturbed or within tolerance.
-pub const TOUCHING: u8 = 0;
-/// Class of a contact: overlap above the tolerance.
-pub const COMPRESSED: u8 = 1;
-/// Class of a contact: gap above the tolerance.
-pub const OPEN: u8 = 2;
+pub use schemas::recording::{COMPRESSED, OPEN, TOUCHING};
 
 /// The tolerance (m) unless another is asked for: 1e-6 of the collision length L, 0.36 nm for the
 /// light-impurity run.

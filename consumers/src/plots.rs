@@ -67,7 +67,11 @@ pub fn profiles(manifest: &RunManifest, frame: &Frame<'_>) -> Figure {
         values.iter().enumerate().map(|(bead, value)| (bead as f64, value * factor)).collect()
     };
     let mut velocity = Panel::new().y_axis("velocity (m/s)").line("", points(frame.v_m_s, 1.0));
-    let mut displacement = Panel::new().y_axis("displacement (mm)").line("", points(frame.u_m, 1e3));
+    let shown_mm = bulk_range(frame.u_m).map(|limit_m| limit_m * 1e3);
+    let mut displacement = Panel::new()
+        .y_axis(Axis::new("displacement (mm)").limits(shown_mm[0], shown_mm[1]))
+        .line("", points(frame.u_m, 1e3))
+        .note(beyond_note(frame.u_m, shown_mm));
     for impurity in manifest.physics.impurities.iter().take(4) {
         velocity = velocity.vertical("impurity", impurity.bead as f64);
         displacement = displacement.vertical("", impurity.bead as f64);
@@ -75,6 +79,31 @@ pub fn profiles(manifest: &RunManifest, frame: &Frame<'_>) -> Figure {
     let x = || Axis::new("bead").limits(0.0, manifest.physics.beads as f64 - 1.0);
     let text = format!("{}; t = {} ms", caption(manifest), short(frame.time_s * 1e3));
     Figure::new().shared_x().caption(text).panel(velocity.x_axis(x())).panel(displacement.x_axis(x()))
+}
+
+/// The range of all but a fiftieth of the values at either end, with some room: the struck end of a
+/// chain flies off, and the rest would be a flat line beside it.
+fn bulk_range(values: &[f64]) -> [f64; 2] {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let few = sorted.len() / 50;
+    let (low, high) = (sorted[few], sorted[sorted.len() - 1 - few]);
+    let room = 0.15 * (high - low);
+    [low - room, high + room]
+}
+
+/// Says what lies outside of the displacements shown (mm).
+fn beyond_note(u_m: &[f64], shown_mm: [f64; 2]) -> String {
+    let beyond: Vec<f64> =
+        u_m.iter().map(|u| u * 1e3).filter(|u| *u < shown_mm[0] || *u > shown_mm[1]).collect();
+    let Some(farthest) = beyond.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs())) else {
+        return String::new();
+    };
+    format!(
+        "{} beads beyond the frame, as far as {} mm",
+        beyond.len(),
+        short((farthest * 10.0).round() / 10.0)
+    )
 }
 
 /// The energies left of, in and right of the split bead, and the drift of their sum.
@@ -108,7 +137,9 @@ pub fn trajectories(
     motions: &[Series<{ Motion::QUANTITIES.len() }>],
     events: &[Event],
 ) -> Figure {
-    let panel = |label: &str| Panel::new().x_axis("time (ms)").y_axis(label);
+    let (from_ms, to_ms) = shown_ms(motions, events);
+    let panel =
+        |label: &str| Panel::new().x_axis(Axis::new("time (ms)").limits(from_ms, to_ms)).y_axis(label);
     let (mut displacement, mut velocity) = (panel("displacement (mm)"), panel("velocity (m/s)").height(0.7));
     for (bead, series) in beads.iter().zip(motions) {
         let times_s = series.times_s();
@@ -124,6 +155,14 @@ pub fn trajectories(
         displacement = displacement.curve(Curve::points("turning points", turns).colour(Colour::Black));
     }
     Figure::new().shared_x().caption(caption(manifest)).panel(displacement).panel(velocity)
+}
+
+/// The times (ms) from a little before the first event to the end, or all of them.
+fn shown_ms(motions: &[Series<{ Motion::QUANTITIES.len() }>], events: &[Event]) -> (f64, f64) {
+    let times_s = motions.first().map(Series::times_s).unwrap_or_default();
+    let (Some(first), Some(last)) = (times_s.first(), times_s.last()) else { return (0.0, 1.0) };
+    let begin = events.first().map_or(*first, |event| event.time_s - 0.04 * (last - event.time_s));
+    (if begin > *first { begin } else { *first } * 1e3, last * 1e3)
 }
 
 /// The space-time map of the contacts, time running down as in the paper.

@@ -1,0 +1,257 @@
+//! What every analysis command does around its analysis: open the source, follow it, say how it went.
+
+use crate::args::AnalysisArgs;
+use crate::display::{self, count};
+use crate::failure::{Done, Failure};
+use crate::signals;
+use crate::source::{Named, Source, SourceFailure};
+use anyhow::{Context, anyhow};
+use consumers::figure::{Figure, Options};
+use consumers::follow::{Analysis, FollowError, Tally, follow};
+use consumers::table::TableError;
+use schemas::bus::{Bus, ResultColumns, ResultElement, ResultPublisher, ResultsError, StreamId, Topic};
+use schemas::frame::{EndReason, Frame, FrameSource};
+use schemas::manifest::RunManifest;
+use schemas::recording::WriteError;
+use serde_json::{Map, Value, json};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+/// An open source and what goes with it.
+pub(crate) struct Session<'a> {
+    args: &'a AnalysisArgs,
+    source: Source,
+    /// The bus and the stream, if the source is live.
+    live: Option<(Bus, StreamId)>,
+    stop: Arc<AtomicBool>,
+}
+
+/// What goes wrong while frames are analysed.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum AnalysisError {
+    #[error(transparent)]
+    Table(#[from] TableError),
+    #[error(transparent)]
+    Map(#[from] WriteError),
+    #[error(transparent)]
+    Results(#[from] ResultsError),
+}
+
+impl<'a> Session<'a> {
+    /// Opens the source that `args` name; `label` is what the producer calls this consumer.
+    pub(crate) fn open(args: &'a AnalysisArgs, label: &str, outputs: &[&PathBuf]) -> Result<Self, Failure> {
+        check_outputs(args, outputs)?;
+        let stop = signals::stop_flag()?;
+        let (source, live) = match Named::parse(&args.source)? {
+            Named::Live(name) => {
+                let bus = Bus::from_env()?;
+                let live = crate::source::attach(&bus, name.as_ref(), args, label, &stop)?;
+                let stream = live.stream();
+                (Source::Live(Box::new(live)), Some((bus, stream)))
+            }
+            Named::File(path) => (Source::open(&path, &stop)?, None),
+        };
+        Ok(Self { args, source, live, stop })
+    }
+
+    pub(crate) fn manifest(&self) -> &RunManifest {
+        self.source.manifest()
+    }
+
+    /// A publisher of results, if the source is live and nobody else publishes them.
+    pub(crate) fn results<T: ResultElement>(
+        &self,
+        topic: Topic,
+        columns: &ResultColumns,
+    ) -> Result<Option<ResultPublisher<T>>, Failure> {
+        let Some((bus, stream)) = self.live.as_ref().filter(|_| !self.args.no_publish) else {
+            return Ok(None);
+        };
+        let run = &self.manifest().provenance.name;
+        match ResultPublisher::create(bus, run, topic, *stream, columns, Arc::clone(&self.stop)) {
+            Ok(publisher) => Ok(Some(publisher)),
+            Err(error @ ResultsError::AlreadyPublished { .. }) => {
+                display::notice(format_args!("{error}: these results are not published"));
+                Ok(None)
+            }
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Feeds every frame to `analysis`, with a progress bar.
+    pub(crate) fn follow(
+        &mut self,
+        analysis: &mut impl Analysis<Error = AnalysisError>,
+    ) -> Result<Tally, Failure> {
+        let manifest = self.source.manifest();
+        let bar = display::progress_bar(manifest.physics.step_count, manifest.provenance.name.as_str());
+        let publish_every = manifest.provenance.publish_every_steps;
+        let (mut seen, mut refreshed) = (0_u64, Instant::now());
+        let followed = follow(&mut self.source, analysis, |tally| {
+            seen += 1;
+            if seen.is_multiple_of(64) && refreshed.elapsed() >= Duration::from_millis(100) {
+                refreshed = Instant::now();
+                bar.set_position(tally.last_frame.unwrap_or(0) * publish_every);
+                bar.set_message(format!(
+                    "{} frames, {} missed",
+                    count(tally.frame_count),
+                    count(tally.missed_count)
+                ));
+            }
+        });
+        bar.finish_and_clear();
+        match followed {
+            Ok(tally) => Ok(tally),
+            Err(FollowError::Source(error @ SourceFailure::File(_))) => Err(Failure::BadInput(error.into())),
+            Err(FollowError::Source(error)) => Err(error.into()),
+            Err(FollowError::Analysis(error)) => Err(error.into()),
+        }
+    }
+
+    /// Prints the summary and says whether anything was lost.
+    pub(crate) fn report(
+        &self,
+        tally: &Tally,
+        title: &str,
+        rows: Vec<(&str, String)>,
+        results: Value,
+    ) -> Result<Done, Failure> {
+        if self.args.json {
+            display::print_json(&self.json(tally, results))?;
+        } else {
+            let mut all = vec![("frames", frames_text(tally))];
+            all.extend(rows);
+            let provenance = &self.manifest().provenance;
+            display::print(display::rows(&format!("{title} of {} ({})", provenance.name, tally.end), &all))?;
+        }
+        self.warn(tally);
+        let ended_well = tally.end.is_orderly() || tally.end == EndReason::Stopped;
+        Ok(Done::whole_if(ended_well && tally.missed_count == 0))
+    }
+
+    fn json(&self, tally: &Tally, results: Value) -> Value {
+        let provenance = &self.manifest().provenance;
+        let mut all = Map::new();
+        all.insert("run".into(), json!(provenance.name));
+        all.insert("run_id".into(), json!(provenance.run_id));
+        all.insert("frames_received".into(), json!(tally.frame_count));
+        all.insert("frames_missed".into(), json!(tally.missed_count));
+        all.insert("first_frame".into(), json!(tally.first_frame));
+        all.insert("last_frame".into(), json!(tally.last_frame));
+        all.insert("end".into(), json!(tally.end.as_str()));
+        all.insert("results".into(), results);
+        Value::Object(all)
+    }
+
+    fn warn(&self, tally: &Tally) {
+        if tally.missed_count > 0 {
+            let missed = count(tally.missed_count);
+            display::notice(format_args!("{missed} frame(s) were published but did not arrive"));
+        }
+        match tally.end {
+            EndReason::ProducerLost => {
+                display::notice("the producer is gone without a word; results end there");
+            }
+            EndReason::Dropped => display::notice(
+                "the producer dropped this consumer because it held the run back for too long; \
+                 use --latest, or a longer --stall-timeout of `beadline run`",
+            ),
+            EndReason::Failed => display::notice("the run failed; results end at its last frame"),
+            EndReason::Unfinished => {
+                display::notice("the recording was not finished; results end where it does");
+            }
+            EndReason::Complete | EndReason::Interrupted | EndReason::Stopped => {}
+        }
+        if self.live.is_some() && tally.first_frame.is_some_and(|first| first > 0) {
+            let first = count(tally.first_frame.unwrap_or(0));
+            display::notice(format_args!("attached to a run under way: results begin with frame {first}"));
+        }
+    }
+}
+
+fn frames_text(tally: &Tally) -> String {
+    let range = match (tally.first_frame, tally.last_frame) {
+        (Some(first), Some(last)) => format!(" ({} to {})", count(first), count(last)),
+        _ => String::new(),
+    };
+    format!("{}{range}, {} missed", count(tally.frame_count), count(tally.missed_count))
+}
+
+/// Draws the figures that were asked for.
+pub(crate) fn draw(
+    args: &AnalysisArgs,
+    figure: impl FnOnce() -> Result<Figure, Failure>,
+) -> Result<(), Failure> {
+    if args.figure.is_empty() {
+        return Ok(());
+    }
+    let figure = figure()?;
+    for path in &args.figure {
+        figure.write(path, Options::default())?;
+    }
+    Ok(())
+}
+
+/// Refuses outputs that could not be written in the end, before any work is done.
+pub(crate) fn check_outputs(args: &AnalysisArgs, outputs: &[&PathBuf]) -> Result<(), Failure> {
+    let extension =
+        |path: &Path| path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    for figure in &args.figure {
+        if !matches!(extension(figure).as_str(), "svg" | "png") {
+            let message = format!("--figure {}: a figure is written as .svg or .png", figure.display());
+            return Err(Failure::BadInput(anyhow!(message)));
+        }
+    }
+    for path in outputs.iter().copied().chain(&args.figure) {
+        if path.exists() && !args.force {
+            let message = format!("{} exists already; choose another name or pass --force", path.display());
+            return Err(Failure::Failed(anyhow!(message)));
+        }
+        let directory =
+            path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        std::fs::metadata(directory)
+            .with_context(|| format!("{}: its directory cannot be used", path.display()))
+            .map_err(Failure::Failed)?;
+    }
+    Ok(())
+}
+
+/// A bead named on the command line, checked against the chain.
+pub(crate) fn check_bead(manifest: &RunManifest, flag: &str, bead: u64) -> Result<u64, Failure> {
+    let beads = manifest.physics.beads;
+    if bead < beads {
+        return Ok(bead);
+    }
+    let message = format!("{flag} {bead}: the chain has beads 0 to {}", beads - 1);
+    Err(Failure::BadInput(anyhow!(message)))
+}
+
+/// The frame, step and time with which every row of a table begins.
+pub(crate) const ROW_HEAD: [&str; 3] = ["frame", "step", "time_s"];
+
+/// Begins a row of `table`.
+pub(crate) fn begin_row(table: &mut consumers::table::Table, frame: &Frame<'_>) {
+    table.integer(frame.frame).integer(frame.step).double(frame.time_s);
+}
+
+/// Publishes one row of results; a stop that comes meanwhile is no error.
+pub(crate) fn publish<T: ResultElement>(
+    publisher: Option<&mut ResultPublisher<T>>,
+    frame: &Frame<'_>,
+    row: &[T],
+) -> Result<(), AnalysisError> {
+    match publisher.map(|publisher| publisher.publish(frame.frame, frame.step, frame.time_s, row)) {
+        None | Some(Ok(()) | Err(ResultsError::Stopped { .. })) => Ok(()),
+        Some(Err(error)) => Err(error.into()),
+    }
+}
+
+/// Ends the published results.
+pub(crate) fn finish<T: ResultElement>(publisher: Option<ResultPublisher<T>>) -> Result<(), Failure> {
+    match publisher.map(ResultPublisher::finish) {
+        None | Some(Ok(()) | Err(ResultsError::Stopped { .. })) => Ok(()),
+        Some(Err(error)) => Err(error.into()),
+    }
+}

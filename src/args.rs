@@ -1,0 +1,267 @@
+//! The command line as it is written. Every mode turns its part once into validated values.
+
+use clap::{Args, Parser, Subcommand};
+use schemas::method::Method;
+use std::path::PathBuf;
+
+/// Shocks in granular chains: simulated, streamed, recorded and analysed while they run.
+#[derive(Debug, Parser)]
+#[command(
+    name = "beadline",
+    version,
+    max_term_width = 100,
+    subcommand_required = true,
+    arg_required_else_help = true,
+    after_help = "Exit codes: 0 done, 1 failed, 2 bad usage or bad input file, 3 finished, but something was lost.\n\
+                  Units are SI. Runs of one user meet under $BEADLINE_ROOT (/tmp/beadline-<uid>).\n\n\
+                  Examples:\n  \
+                  beadline demo                         the whole pipeline once, with figures\n  \
+                  beadline run --wait-for 1             a run that waits for an analysis …\n  \
+                  beadline energies --figure e.svg      … which you start in another terminal\n  \
+                  beadline energies light-impurity.mcap the same from the recording"
+)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Run the whole pipeline once: a producer, three analyses, a recording, figures
+    Demo(DemoArgs),
+    /// Simulate a chain, publish every step, record it
+    Run(Box<RunArgs>),
+    /// List the ready-made configurations
+    Presets,
+    /// Print a ready-made configuration as TOML, to be edited and run
+    Preset {
+        /// Its name, see `beadline presets`
+        name: String,
+    },
+    /// Where the energy is: left of the impurity, in it, right of it
+    Energies(EnergiesArgs),
+    /// The motion of the impurity, or of any beads: trajectory, contacts, turning points
+    Impurity(ImpurityArgs),
+    /// The space-time map of compressed, touching and open contacts
+    Contacts(ContactsArgs),
+    /// List the live runs of this user
+    Ls {
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Show what is in a recording
+    Info {
+        /// The recording
+        file: PathBuf,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  beadline demo --out shock   leaves everything in the directory `shock`")]
+pub(crate) struct DemoArgs {
+    /// Directory for the recording, the tables and the figures
+    #[arg(long, value_name = "DIR", default_value = "beadline-demo")]
+    pub(crate) out: PathBuf,
+    /// Replace files of an earlier demo
+    #[arg(long)]
+    pub(crate) force: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline run                                      the light-impurity run of the paper\n  \
+    beadline run --preset homogeneous --alpha 1.2     a preset, one value changed\n  \
+    beadline run chain.toml --out chain.mcap          a configuration of your own\n  \
+    beadline run --no-record --wait-for 2             starts when two analyses are ready\n  \
+    beadline run --impurity 400=2e-3 --impurity 600=0.5e-3 --duration 0.1")]
+pub(crate) struct RunArgs {
+    /// Configuration file; see `beadline preset light-impurity` for one to start from
+    #[arg(value_name = "CONFIG.toml", conflicts_with = "preset")]
+    pub(crate) config: Option<PathBuf>,
+    /// Ready-made configuration; see `beadline presets`
+    #[arg(long, value_name = "NAME", default_value = "light-impurity")]
+    pub(crate) preset: String,
+    /// Name of the run on the bus: a-z, 0-9 and -
+    #[arg(long, value_name = "RUN")]
+    pub(crate) name: Option<String>,
+    /// Recording to write [default: <RUN>.mcap]
+    #[arg(long, value_name = "FILE.mcap", conflicts_with = "no_record")]
+    pub(crate) out: Option<PathBuf>,
+    /// Publish only, write no recording
+    #[arg(long)]
+    pub(crate) no_record: bool,
+    /// Replace a recording that exists
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Start when this many lossless consumers are ready
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) wait_for: usize,
+    /// How fast to go: `max`, or simulated seconds per second
+    #[arg(long, value_name = "max|X", default_value = "max", value_parser = parse_pace)]
+    pub(crate) pace: Pace,
+    /// Drop a lossless consumer that holds the run back for this long (s)
+    #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = parse_seconds)]
+    pub(crate) stall_timeout: f64,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) overrides: Overrides,
+}
+
+/// Values that replace those of the configuration.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Instead of the configuration's values")]
+pub(crate) struct Overrides {
+    /// Number of beads
+    #[arg(long, value_name = "N")]
+    pub(crate) beads: Option<u64>,
+    /// Exponent of the contact law F = k·δ^α, at least 1
+    #[arg(long)]
+    pub(crate) alpha: Option<f64>,
+    /// Stiffness k (N·m^-α)
+    #[arg(long, value_name = "K")]
+    pub(crate) stiffness: Option<f64>,
+    /// Mass of a bead (kg)
+    #[arg(long, value_name = "KG")]
+    pub(crate) bead_mass: Option<f64>,
+    /// A bead of another mass (kg), repeatable; `none` for no impurity
+    #[arg(long, value_name = "BEAD=KG", value_parser = parse_impurity)]
+    pub(crate) impurity: Vec<Option<(u64, f64)>>,
+    /// The bead that moves at first, and its velocity (m/s)
+    #[arg(long, value_name = "BEAD=M_S", value_parser = parse_pair)]
+    pub(crate) striker: Option<(u64, f64)>,
+    /// Simulated time (s)
+    #[arg(long, value_name = "S")]
+    pub(crate) duration: Option<f64>,
+    /// Time step (s) [default: a fraction of the collision time T]
+    #[arg(long, value_name = "S")]
+    pub(crate) dt: Option<f64>,
+    /// Integration method: velocity-verlet or rkn4
+    #[arg(long)]
+    pub(crate) method: Option<Method>,
+    /// Publish every K-th step
+    #[arg(long, value_name = "K")]
+    pub(crate) publish_every_steps: Option<u64>,
+    /// Record every K-th step, the first and the last [default: every published one]
+    #[arg(long, value_name = "K")]
+    pub(crate) record_every_steps: Option<u64>,
+}
+
+/// What every analysis takes.
+#[derive(Debug, Args)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
+pub(crate) struct AnalysisArgs {
+    /// `live` (the only live run), `live:RUN`, or a recording
+    #[arg(value_name = "SOURCE", default_value = "live")]
+    pub(crate) source: String,
+    /// Draw a figure, repeatable
+    #[arg(long, value_name = "FILE.svg|.png")]
+    pub(crate) figure: Vec<PathBuf>,
+    /// Attach without ever holding the run back: frames may be missed, and are counted
+    #[arg(long)]
+    pub(crate) latest: bool,
+    /// Give up when no run appears within this time (s) [default: wait]
+    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    pub(crate) timeout: Option<f64>,
+    /// Do not publish the results on the bus
+    #[arg(long)]
+    pub(crate) no_publish: bool,
+    /// Replace files that exist
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline energies                                    attach to the only live run\n  \
+    beadline energies run.mcap --out e.csv --figure e.svg\n  \
+    beadline energies run.mcap --split 300               left and right of bead 300")]
+pub(crate) struct EnergiesArgs {
+    #[command(flatten)]
+    pub(crate) common: AnalysisArgs,
+    /// Table of the energies of each frame
+    #[arg(long, value_name = "FILE.csv")]
+    pub(crate) out: Option<PathBuf>,
+    /// The bead that divides left from right [default: the first impurity, or the middle]
+    #[arg(long, value_name = "BEAD")]
+    pub(crate) split: Option<u64>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline impurity --figure trajectory.png            attach to the only live run\n  \
+    beadline impurity run.mcap --out i.csv --events events.csv\n  \
+    beadline impurity run.mcap --bead 499 --bead 501     other beads\n\n\
+    A contact counts as closed while its overlap is above 1e-6 of the collision length L. Events are\n\
+    interpolated between frames.")]
+pub(crate) struct ImpurityArgs {
+    #[command(flatten)]
+    pub(crate) common: AnalysisArgs,
+    /// Table of the motion in each frame
+    #[arg(long, value_name = "FILE.csv")]
+    pub(crate) out: Option<PathBuf>,
+    /// Table of what happened: contacts that close or open, turning points
+    #[arg(long, value_name = "FILE.csv")]
+    pub(crate) events: Option<PathBuf>,
+    /// A bead to follow, repeatable [default: every impurity, or the middle bead]
+    #[arg(long, value_name = "BEAD")]
+    pub(crate) bead: Vec<u64>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline contacts --figure map.png                   attach to the only live run\n  \
+    beadline contacts run.mcap --out counts.csv --out map.mcap\n  \
+    beadline contacts map.mcap --figure map.svg          draw a map that was kept")]
+pub(crate) struct ContactsArgs {
+    #[command(flatten)]
+    pub(crate) common: AnalysisArgs,
+    /// FILE.csv: table of the counts in each frame; FILE.mcap: the class of every contact (repeatable)
+    #[arg(long, value_name = "FILE.csv|.mcap")]
+    pub(crate) out: Vec<PathBuf>,
+    /// Largest overlap or gap (m) that counts as touching [default: 1e-6 of the collision length L]
+    #[arg(long, value_name = "M")]
+    pub(crate) tolerance: Option<f64>,
+}
+
+/// How fast a run goes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Pace {
+    /// As fast as possible.
+    Max,
+    /// Simulated seconds per second of wall time.
+    PerSecond(f64),
+}
+
+fn parse_pace(text: &str) -> Result<Pace, String> {
+    match text {
+        "max" => Ok(Pace::Max),
+        _ => parse_seconds(text).map(Pace::PerSecond).map_err(|_| {
+            "expected `max` or a positive number of simulated seconds per second, such as 0.01".to_owned()
+        }),
+    }
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
+    let allowed = seconds > 0.0 && seconds <= 1e9;
+    if allowed { Ok(seconds) } else { Err("expected a positive number, at most 1e9".to_owned()) }
+}
+
+fn parse_pair(text: &str) -> Result<(u64, f64), String> {
+    let expected = || "expected BEAD=VALUE, such as 500=0.6e-3".to_owned();
+    let (bead, value) = text.split_once('=').ok_or_else(expected)?;
+    Ok((bead.parse().map_err(|_| expected())?, value.parse().map_err(|_| expected())?))
+}
+
+fn parse_impurity(text: &str) -> Result<Option<(u64, f64)>, String> {
+    if text == "none" { Ok(None) } else { parse_pair(text).map(Some) }
+}

@@ -1,0 +1,10 @@
+//! One module for each mode; each reads from top to bottom.
+
+pub(crate) mod contacts;
+pub(crate) mod demo;
+pub(crate) mod energies;
+pub(crate) mod impurity;
+pub(crate) mod info;
+pub(crate) mod ls;
+pub(crate) mod presets;
+pub(crate) mod run;

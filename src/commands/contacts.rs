@@ -1,0 +1,171 @@
+//! `beadline contacts`.
+
+use crate::analysis::{AnalysisError, ROW_HEAD, Session, begin_row, check_outputs, draw, finish, publish};
+use crate::args::ContactsArgs;
+use crate::display::{self, count};
+use crate::failure::{BadInput, Done, Failure};
+use crate::source::Named;
+use anyhow::anyhow;
+use consumers::contacts::{ContactCounts, ContactRaster, Contacts, default_tolerance_m};
+use consumers::follow::Analysis;
+use consumers::plots;
+use consumers::table::Table;
+use schemas::bus::{ResultColumns, ResultPublisher, Topic};
+use schemas::frame::Frame;
+use schemas::manifest::RunManifest;
+use schemas::recording::{ContactsReader, ContactsRow, ContactsWriter, WriteOptions};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// The analysis with everything that its results go to.
+struct Outputs {
+    contacts: Contacts,
+    last: ContactCounts,
+    raster: ContactRaster,
+    table: Option<Table>,
+    map: Option<ContactsWriter>,
+    publisher: Option<ResultPublisher<u8>>,
+}
+
+impl Analysis for Outputs {
+    type Error = AnalysisError;
+
+    fn observe(&mut self, frame: &Frame<'_>) -> Result<(), AnalysisError> {
+        let tolerance_m = self.contacts.tolerance_m();
+        let classes = self.contacts.observe(frame);
+        self.raster.push(frame.step, classes);
+        self.last = ContactCounts::of(classes);
+        if let Some(table) = &mut self.table {
+            begin_row(table, frame);
+            table.integer(self.last.compressed).integer(self.last.touching).integer(self.last.open);
+            match self.last.compressed_range {
+                Some((first, last)) => table.integer(first).integer(last),
+                None => table.empty().empty(),
+            };
+            table.end_row()?;
+        }
+        if let Some(map) = &mut self.map {
+            let (number, step, time_s) = (frame.frame, frame.step, frame.time_s);
+            map.write(&ContactsRow { frame: number, step, time_s, tolerance_m, classes })?;
+        }
+        publish(self.publisher.as_mut(), frame, classes)
+    }
+}
+
+pub(crate) fn contacts(args: &ContactsArgs) -> Result<Done, Failure> {
+    let (table, map) = outputs(args)?;
+    if let Named::File(path) = Named::parse(&args.common.source)?
+        && let Ok(reader) = ContactsReader::open(&path)
+    {
+        return redraw(args, reader);
+    }
+    let mut session = Session::open(&args.common, "contacts", &args.out.iter().collect::<Vec<_>>())?;
+    let manifest = session.manifest().clone();
+    let tolerance_m = tolerance_m(args, &manifest)?;
+    let contact_count = manifest.physics.chain().contact_count();
+    let columns: Vec<_> =
+        ROW_HEAD.iter().chain(&ContactCounts::COLUMNS).map(|name| (*name).to_owned()).collect();
+    let force = args.common.force;
+    let names = "one class a contact: 0 touching, 1 compressed, 2 open".to_owned();
+    let mut outputs = Outputs {
+        contacts: Contacts::new(&manifest, tolerance_m),
+        last: ContactCounts::default(),
+        raster: ContactRaster::new(contact_count, manifest.physics.step_count),
+        table: table.map(|path| Table::create(path, &columns, force)).transpose()?,
+        map: map
+            .map(|path| {
+                ContactsWriter::create(path, &manifest, &WriteOptions { force, ..WriteOptions::default() })
+            })
+            .transpose()?,
+        publisher: session.results(Topic::Contacts, &ResultColumns { width: contact_count, names })?,
+    };
+    let tally = session.follow(&mut outputs)?;
+
+    let Outputs { last, raster, table, map, publisher, .. } = outputs;
+    finish(publisher)?;
+    table.map(Table::finish).transpose()?;
+    map.map(|map| map.finish(tally.end)).transpose()?;
+    draw(&args.common, || Ok(plots::contact_map(&manifest, tolerance_m, &raster)?))?;
+    session.report(&tally, "contacts", summary(tolerance_m, &last), results(tolerance_m, &last))
+}
+
+/// Draws and counts a map that was kept.
+fn redraw(args: &ContactsArgs, mut map: ContactsReader) -> Result<Done, Failure> {
+    if !args.out.is_empty() {
+        let message = "--out: the source is a map of contacts already; give the recording of the run instead";
+        return Err(anyhow!(message)).bad_input();
+    }
+    check_outputs(&args.common, &[])?;
+    let manifest = map.manifest().clone();
+    let mut raster =
+        ContactRaster::new(manifest.physics.chain().contact_count(), manifest.physics.step_count);
+    let (mut rows, mut last, mut tolerance_m) = (0, ContactCounts::default(), default_tolerance_m(&manifest));
+    while let Some(row) = map.next_row().bad_input()? {
+        raster.push(row.step, row.classes);
+        last = ContactCounts::of(row.classes);
+        tolerance_m = row.tolerance_m;
+        rows += 1;
+    }
+    draw(&args.common, || Ok(plots::contact_map(&manifest, tolerance_m, &raster)?))?;
+    let end = map.end_reason();
+    if args.common.json {
+        display::print_json(&json!({
+            "run": manifest.provenance.name,
+            "run_id": manifest.provenance.run_id,
+            "rows": rows,
+            "end": end.as_str(),
+            "results": results(tolerance_m, &last),
+        }))?;
+    } else {
+        let mut all = vec![("frames", count(rows).to_string())];
+        all.extend(summary(tolerance_m, &last));
+        display::print(display::rows(
+            &format!("map of contacts of {} ({end})", manifest.provenance.name),
+            &all,
+        ))?;
+    }
+    Ok(Done::whole_if(end.is_orderly()))
+}
+
+fn summary(tolerance_m: f64, last: &ContactCounts) -> Vec<(&'static str, String)> {
+    let counts = [last.compressed, last.touching, last.open].map(|number| count(number).to_string());
+    vec![
+        ("tolerance", format!("{tolerance_m:.3e} m")),
+        ("last frame", format!("{} compressed, {} touching, {} open", counts[0], counts[1], counts[2])),
+    ]
+}
+
+fn results(tolerance_m: f64, last: &ContactCounts) -> Value {
+    json!({
+        "tolerance_m": tolerance_m,
+        "last": { "compressed": last.compressed, "touching": last.touching, "open": last.open },
+    })
+}
+
+/// The table and the map among the outputs.
+fn outputs(args: &ContactsArgs) -> Result<(Option<&PathBuf>, Option<&PathBuf>), Failure> {
+    let (mut table, mut map) = (None, None);
+    for path in &args.out {
+        let place = match path.extension().and_then(|extension| extension.to_str()) {
+            Some("csv") => &mut table,
+            Some("mcap") => &mut map,
+            _ => {
+                let message =
+                    format!("--out {}: expected .csv for counts or .mcap for the map", path.display());
+                return Err(anyhow!(message)).bad_input();
+            }
+        };
+        if place.replace(path).is_some() {
+            return Err(anyhow!("--out {}: one table and one map at most", path.display())).bad_input();
+        }
+    }
+    Ok((table, map))
+}
+
+fn tolerance_m(args: &ContactsArgs, manifest: &RunManifest) -> Result<f64, Failure> {
+    match args.tolerance {
+        None => Ok(default_tolerance_m(manifest)),
+        Some(tolerance_m) if tolerance_m >= 0.0 && tolerance_m.is_finite() => Ok(tolerance_m),
+        Some(other) => Err(anyhow!("--tolerance {other}: expected a length in m, 0 or more")).bad_input(),
+    }
+}

@@ -1,0 +1,329 @@
+//! `beadline demo`: the whole pipeline once, each part a process of its own.
+
+use crate::args::DemoArgs;
+use crate::configuration::preset;
+use crate::display::{self, bytes, count, seconds};
+use crate::failure::{Done, Failure};
+use anyhow::{Context, anyhow};
+use consumers::figure::Options;
+use consumers::follow::{Analysis, follow};
+use consumers::plots;
+use consumers::pulses::{Passage, Probes};
+use schemas::bus::{Bus, list_runs};
+use schemas::frame::{Frame, FrameSource};
+use schemas::manifest::{Physics, RunManifest};
+use schemas::recording::RecordingSource;
+use schemas::run_name::RunName;
+use serde_json::Value;
+use std::convert::Infallible;
+use std::fmt::Write;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// The run that the demo shows.
+const PRESET: &str = "light-impurity";
+
+/// Independent numbers for the leading pulses: direction, order, `v_peak_m_s`, `speed_beads_per_s`.
+const REFERENCE: &str = include_str!("../../tests/reference/light-impurity-pulses.csv");
+/// The beads at which these were taken.
+const BACKWARD_PROBE: u64 = 300;
+const FORWARD_PROBE: u64 = 700;
+
+/// The consumers, with the outputs of each.
+const CONSUMERS: [(&str, &[(&str, &str)]); 3] = [
+    ("energies", &[("--out", "energies.csv"), ("--figure", "energies.svg"), ("--figure", "energies.png")]),
+    (
+        "impurity",
+        &[
+            ("--out", "impurity.csv"),
+            ("--events", "impurity-events.csv"),
+            ("--figure", "impurity.svg"),
+            ("--figure", "impurity.png"),
+        ],
+    ),
+    (
+        "contacts",
+        &[
+            ("--out", "contacts.csv"),
+            ("--out", "contacts.mcap"),
+            ("--figure", "contacts.svg"),
+            ("--figure", "contacts.png"),
+        ],
+    ),
+];
+
+/// Drawn from the recording's last frame.
+const PROFILES: [&str; 2] = ["profiles.svg", "profiles.png"];
+
+pub(crate) fn demo(args: &DemoArgs) -> Result<Done, Failure> {
+    let start = Instant::now();
+    let dir = &args.out;
+    fs::create_dir_all(dir).with_context(|| format!("{} cannot be created", dir.display()))?;
+    check_free(dir, args.force)?;
+    let name = free_name()?;
+
+    let mut processes = Processes::start(dir, &name, args.force)?;
+    processes.watch(&name, step_count()?)?;
+    let [run, consumers @ ..] = processes.finish()?;
+    let passages = look_at_recording(dir)?;
+
+    let mut text = summary(&run, &consumers);
+    text.push_str(&pulses_table(&passages));
+    text.push_str(&files_table(dir)?);
+    let _ = writeln!(text, "\nall of it in {}", display::duration(start.elapsed()));
+    display::print(text)?;
+    let published = run["frames_published"].as_u64();
+    let whole = consumers.iter().all(|consumer| consumer["frames_received"].as_u64() == published);
+    Ok(Done::whole_if(whole && published == run["frames_recorded"].as_u64()))
+}
+
+/// The preset's name, or another if a run of that name is on the bus.
+fn free_name() -> Result<RunName, Failure> {
+    let taken = list_runs(&Bus::from_env()?)?.iter().any(|run| run.name.as_str() == PRESET);
+    let name = if taken { format!("{PRESET}-{}", std::process::id()) } else { PRESET.to_owned() };
+    Ok(name.parse().map_err(|error: String| anyhow!(error))?)
+}
+
+/// Steps of the demo's run.
+fn step_count() -> Result<u64, Failure> {
+    Ok(Physics::resolve(&preset(PRESET)?.config())?.step_count)
+}
+
+fn recording_path(dir: &Path) -> PathBuf {
+    dir.join(format!("{PRESET}.mcap"))
+}
+
+/// Refuses to start when results of before are in the way.
+fn check_free(dir: &Path, force: bool) -> Result<(), Failure> {
+    let outputs = CONSUMERS.iter().flat_map(|(_, outputs)| outputs.iter().map(|(_, file)| dir.join(file)));
+    let taken = outputs.chain([recording_path(dir)]).find(|path| path.exists());
+    match taken {
+        Some(path) if !force => {
+            let message = format!("{} exists already; choose another --out or pass --force", path.display());
+            Err(Failure::Failed(anyhow!(message)))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The producer and its consumers; whatever still runs when this is dropped is ended.
+struct Processes {
+    children: Vec<(&'static str, Child)>,
+}
+
+impl Processes {
+    fn start(dir: &Path, name: &RunName, force: bool) -> Result<Self, Failure> {
+        let program = std::env::current_exe().context("the program cannot find itself")?;
+        let mut processes = Self { children: Vec::new() };
+        let mut spawn = |role: &'static str, arguments: &mut Command| -> Result<(), Failure> {
+            let arguments =
+                arguments.arg("--json").stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+            if force {
+                arguments.arg("--force");
+            }
+            let child = arguments.spawn().with_context(|| format!("{role} cannot be started"))?;
+            processes.children.push((role, child));
+            Ok(())
+        };
+        let mut run = Command::new(&program);
+        run.args(["run", "--preset", PRESET, "--name", name.as_str(), "--wait-for", "3", "--out"]);
+        spawn("run", run.arg(recording_path(dir)))?;
+        for (role, outputs) in CONSUMERS {
+            let mut consumer = Command::new(&program);
+            consumer.args([role, &format!("live:{name}"), "--timeout", "60"]);
+            for (flag, file) in outputs {
+                consumer.arg(flag).arg(dir.join(file));
+            }
+            spawn(role, &mut consumer)?;
+        }
+        Ok(processes)
+    }
+
+    /// Shows how far the run is until every process has ended, or one of them failed.
+    fn watch(&mut self, name: &RunName, step_count: u64) -> Result<(), Failure> {
+        let bus = Bus::from_env()?;
+        let bar = display::progress_bar(step_count, PRESET);
+        loop {
+            let mut running = 0;
+            for (role, child) in &mut self.children {
+                match child.try_wait()? {
+                    None => running += 1,
+                    Some(status) if status.success() => {}
+                    Some(_) => {
+                        let role = *role;
+                        return Err(Failure::Failed(anyhow!("{role} failed: {}", self.complaint_of(role))));
+                    }
+                }
+            }
+            if running == 0 {
+                bar.finish_and_clear();
+                return Ok(());
+            }
+            let runs = list_runs(&bus)?;
+            if let Some(run) = runs.iter().find(|run| run.name == *name) {
+                bar.set_position(run.step);
+                bar.set_message(format!(
+                    "{} · t = {} · {} consumers",
+                    run.state,
+                    seconds(run.time_s),
+                    run.lossless
+                ));
+            }
+            thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// What a process that failed said.
+    fn complaint_of(&mut self, role: &str) -> String {
+        let position = self.children.iter().position(|(other, _)| *other == role);
+        let output = position.map(|position| self.children.remove(position).1.wait_with_output());
+        match output {
+            Some(Ok(output)) => String::from_utf8_lossy(&output.stderr).trim().to_owned(),
+            _ => "it said nothing".to_owned(),
+        }
+    }
+
+    /// The summaries of all processes, the producer's first.
+    fn finish(mut self) -> Result<[Value; 4], Failure> {
+        let mut summaries = Vec::new();
+        for (role, child) in self.children.drain(..) {
+            let Output { stdout, .. } = child.wait_with_output()?;
+            summaries
+                .push(serde_json::from_slice(&stdout).with_context(|| format!("{role} gave no summary"))?);
+        }
+        summaries.try_into().map_err(|_| Failure::Failed(anyhow!("a process is missing")))
+    }
+}
+
+impl Drop for Processes {
+    fn drop(&mut self) {
+        for (_, child) in &mut self.children {
+            // a process that has ended meanwhile needs no end
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+/// What the demo takes from the recording itself: pulses, and the last frame.
+struct Look {
+    probes: Probes,
+    last: LastFrame,
+}
+
+/// A copy of the frame seen last.
+#[derive(Default)]
+struct LastFrame {
+    frame: u64,
+    step: u64,
+    time_s: f64,
+    u_m: Vec<f64>,
+    v_m_s: Vec<f64>,
+}
+
+impl LastFrame {
+    fn copy(&mut self, frame: &Frame<'_>) {
+        (self.frame, self.step, self.time_s) = (frame.frame, frame.step, frame.time_s);
+        self.u_m.clear();
+        self.u_m.extend_from_slice(frame.u_m);
+        self.v_m_s.clear();
+        self.v_m_s.extend_from_slice(frame.v_m_s);
+    }
+
+    fn draw(&self, manifest: &RunManifest, dir: &Path) -> Result<(), Failure> {
+        let (u_m, v_m_s) = (&self.u_m, &self.v_m_s);
+        let frame = Frame { frame: self.frame, step: self.step, time_s: self.time_s, u_m, v_m_s, extra: &[] };
+        for file in PROFILES {
+            plots::profiles(manifest, &frame).write(&dir.join(file), Options::default())?;
+        }
+        Ok(())
+    }
+}
+
+impl Analysis for Look {
+    type Error = Infallible;
+
+    fn observe(&mut self, frame: &Frame<'_>) -> Result<(), Infallible> {
+        self.probes.observe(frame);
+        self.last.copy(frame);
+        Ok(())
+    }
+}
+
+/// Reads the recording from beginning to end: draws its last frame, finds its pulses.
+fn look_at_recording(dir: &Path) -> Result<Vec<Passage>, Failure> {
+    let mut source = RecordingSource::open(&recording_path(dir))?;
+    let manifest = source.manifest().clone();
+    let mut look =
+        Look { probes: Probes::new(&manifest, &[BACKWARD_PROBE, FORWARD_PROBE]), last: LastFrame::default() };
+    follow(&mut source, &mut look, |_| {})?;
+    look.last.draw(&manifest, dir)?;
+    Ok(look.probes.passages())
+}
+
+/// Frames sent, recorded and received, and how exact the run was.
+fn summary(run: &Value, consumers: &[Value; 3]) -> String {
+    let number = |value: &Value| value.as_u64().map_or("?".to_owned(), |number| count(number).to_string());
+    let float = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
+    let received = |consumer: &Value| {
+        format!("{}, {} missed", number(&consumer["frames_received"]), number(&consumer["frames_missed"]))
+    };
+    let energies = &consumers[0]["results"];
+    let wall_s = float(&run["wall_s"]);
+    let steps_per_s = float(&run["steps"]) / wall_s;
+    let rows = [
+        ("frames sent", number(&run["frames_published"])),
+        ("frames recorded", number(&run["frames_recorded"])),
+        ("received by energies", received(&consumers[0])),
+        ("received by impurity", received(&consumers[1])),
+        ("received by contacts", received(&consumers[2])),
+        ("largest energy drift |ΔE/E|", format!("{:.1e}", float(&energies["max_abs_relative_drift"]))),
+        ("reflected/total energy", format!("{:.6}", float(&energies["reflected_over_total"]))),
+        ("reflected/transmitted energy", format!("{:.6}", float(&energies["reflected_over_transmitted"]))),
+        (
+            "run, with everything attached",
+            format!("{} ({:.0} k steps/s)", seconds(wall_s), steps_per_s / 1e3),
+        ),
+    ];
+    display::rows(&format!("{PRESET}: {} steps", number(&run["steps"])), &rows)
+}
+
+/// The leading pulses beside independent numbers.
+fn pulses_table(passages: &[Passage]) -> String {
+    let mut text =
+        String::from("\nleading pulses     v_peak (m/s)      reference  difference    speed (beads/s)\n");
+    for line in REFERENCE.lines().skip(1) {
+        let fields: Vec<&str> = line.split(',').collect();
+        let [direction, order, v_peak, _] = fields[..] else { continue };
+        let forward = direction == "forward";
+        let (Ok(order), Ok(v_reference)) = (order.parse::<usize>(), v_peak.parse::<f64>()) else { continue };
+        let probe = if forward { FORWARD_PROBE } else { BACKWARD_PROBE };
+        let ours = |p: &&Passage| p.bead == probe && (p.v_peak_m_s > 0.0) == forward;
+        // pulses that pass the probe after the end of the run are in the reference only
+        let Some(passage) = passages.iter().filter(ours).nth(order - 1) else { continue };
+        let difference = passage.v_peak_m_s / v_reference - 1.0;
+        // writing to a String cannot fail
+        let _ = writeln!(
+            text,
+            "  {direction:8} {order}   {:14.6} {v_reference:14.6}  {difference:10.1e}  {:17.2}",
+            passage.v_peak_m_s, passage.speed_beads_per_s
+        );
+    }
+    text
+}
+
+/// The files that the demo left, with their sizes.
+fn files_table(dir: &Path) -> Result<String, Failure> {
+    let mut files = vec![recording_path(dir)];
+    files.extend(CONSUMERS.iter().flat_map(|(_, outputs)| outputs.iter().map(|(_, file)| dir.join(file))));
+    files.extend(PROFILES.map(|file| dir.join(file)));
+    let mut text = String::from("\nfiles\n");
+    for path in files {
+        let size = fs::metadata(&path).with_context(|| format!("{} is missing", path.display()))?.len();
+        let _ = writeln!(text, "  {:>10}  {}", bytes(size).to_string(), path.display());
+    }
+    Ok(text)
+}

@@ -1,0 +1,111 @@
+//! `beadline info FILE`: what is in a recording.
+
+use crate::display::{self, bytes, count, seconds};
+use crate::failure::{BadInput, Done, Failure};
+use schemas::recording::RecordingInfo;
+use serde_json::json;
+use std::path::Path;
+
+pub(crate) fn info(path: &Path, as_json: bool) -> Result<Done, Failure> {
+    let info = RecordingInfo::read(path).bad_input()?;
+    if as_json {
+        display::print_json(&to_json(&info))?;
+    } else {
+        display::print(text(&info))?;
+    }
+    Ok(Done::whole_if(info.finished && info.damage.is_none()))
+}
+
+/// Whether it was closed, and whether it reaches the end of the run.
+fn state(info: &RecordingInfo) -> String {
+    let steps = info.manifest.physics.step_count;
+    let reached = info.last_step.map_or("no step".to_owned(), |step| format!("step {}", count(step)));
+    match &info.end {
+        _ if info.damage.is_some() => format!("damaged: {}", info.damage.as_deref().unwrap_or_default()),
+        None => format!("unfinished: it was not closed; it reaches {reached} of {}", count(steps)),
+        Some(_) if info.is_complete() => format!("finished and complete: all {} steps", count(steps)),
+        Some(end) => {
+            format!("finished ({}), not complete: it reaches {reached} of {}", end.reason, count(steps))
+        }
+    }
+}
+
+fn text(info: &RecordingInfo) -> String {
+    let (physics, provenance) = (&info.manifest.physics, &info.manifest.provenance);
+    let impurities: Vec<_> =
+        physics.impurities.iter().map(|i| format!("bead {} of {} kg", i.bead, i.mass_kg)).collect();
+    let time = info.time_range_s().map_or("none".to_owned(), |(first, last)| {
+        format!("{} to {}, every {} steps", seconds(first), seconds(last), provenance.record_every_steps)
+    });
+    let mut rows = vec![
+        ("state", state(info)),
+        ("run", format!("{} {}", provenance.name, provenance.run_id)),
+        (
+            "chain",
+            format!(
+                "{} beads of {} kg, α = {}, k = {:e} N/m^α",
+                physics.beads, physics.bead_mass_kg, physics.alpha, physics.stiffness
+            ),
+        ),
+        ("impurities", if impurities.is_empty() { "none".to_owned() } else { impurities.join(", ") }),
+        ("striker", format!("bead {} at {} m/s", physics.striker.bead, physics.striker.velocity_m_s)),
+        (
+            "method",
+            format!(
+                "{}, dt = {:e} s, {} steps, kernel {}",
+                physics.method,
+                physics.dt_s,
+                count(physics.step_count),
+                physics.kernel_version
+            ),
+        ),
+        ("made by", format!("{} on {}", provenance.program, provenance.host)),
+        ("schema", info.manifest.schema_version.to_string()),
+        ("time", time),
+        (
+            "size",
+            format!(
+                "{}, {} before compression, {:.2} : 1",
+                bytes(info.file_bytes),
+                bytes(info.uncompressed_bytes),
+                info.compression_ratio()
+            ),
+        ),
+    ];
+    for channel in &info.channels {
+        rows.push((
+            "channel",
+            format!(
+                "{:10} {:24} {:>10} messages",
+                channel.topic,
+                channel.schema,
+                count(channel.messages).to_string()
+            ),
+        ));
+    }
+    display::rows(&info.path.display().to_string(), &rows)
+}
+
+fn to_json(info: &RecordingInfo) -> serde_json::Value {
+    let channels: Vec<_> = info
+        .channels
+        .iter()
+        .map(|c| json!({ "topic": c.topic, "schema": c.schema, "encoding": c.encoding, "messages": c.messages }))
+        .collect();
+    json!({
+        "path": info.path,
+        "manifest": info.manifest,
+        "run_toml": info.run_toml,
+        "channels": channels,
+        "first_step": info.first_step,
+        "last_step": info.last_step,
+        "time_range_s": info.time_range_s(),
+        "file_bytes": info.file_bytes,
+        "uncompressed_bytes": info.uncompressed_bytes,
+        "compression_ratio": info.compression_ratio(),
+        "finished": info.finished,
+        "complete": info.is_complete(),
+        "end_reason": info.end.as_ref().map(|end| end.reason.as_str()),
+        "damage": info.damage,
+    })
+}

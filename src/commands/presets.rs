@@ -1,0 +1,21 @@
+//! `beadline presets` and `beadline preset NAME`.
+
+use crate::configuration::preset;
+use crate::display;
+use crate::failure::{Done, Failure};
+use schemas::presets::PRESETS;
+
+pub(crate) fn list() -> Result<Done, Failure> {
+    for preset in PRESETS {
+        display::print(format_args!("{:16} {}\n", preset.name, preset.about))?;
+    }
+    Ok(Done::Whole)
+}
+
+pub(crate) fn print(name: &str) -> Result<Done, Failure> {
+    let preset = preset(name)?;
+    let text =
+        format!("# {}\n# run it with `beadline run FILE.toml`\n{}", preset.about, preset.config().to_toml());
+    display::print(text)?;
+    Ok(Done::Whole)
+}

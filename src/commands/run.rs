@@ -1,0 +1,252 @@
+//! `beadline run`: simulate, publish, record.
+
+use crate::args::{Pace, RunArgs};
+use crate::configuration::{Configured, configure};
+use crate::display::{self, bytes, count, duration, seconds};
+use crate::failure::{Done, Failure};
+use crate::signals;
+use indicatif::ProgressBar;
+use producer::run::{Conductor, RunError, RunOutcome};
+use schemas::bus::{
+    Bus, ConsumerEvent, PublishCounts, PublishError, PublishOptions, StatePublisher, WaitOutcome,
+};
+use schemas::frame::{EndReason, Frame};
+use schemas::manifest::RunManifest;
+use schemas::recording::{Finished, RecordingWriter, SpaceNeeded, WriteOptions};
+use serde_json::json;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// How often a person needs to see progress.
+const REFRESH: Duration = Duration::from_millis(100);
+
+pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
+    let configured = configure(args)?;
+    let manifest = &configured.manifest;
+    let out = (!args.no_record).then(|| {
+        args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.mcap", manifest.provenance.name)))
+    });
+    let options = WriteOptions { force: args.force, ..WriteOptions::default() };
+    announce(manifest, out.as_ref(), &options)?;
+
+    let stop = signals::stop_flag()?;
+    let publish = PublishOptions {
+        stuck_after: Duration::from_secs_f64(args.stall_timeout),
+        stop: Arc::clone(&stop),
+        ..PublishOptions::default()
+    };
+    let mut recorder = match &out {
+        Some(path) => Some(RecordingWriter::create(path, manifest, &configured.toml, &options)?),
+        None => None,
+    };
+    let mut publisher =
+        StatePublisher::create(&Bus::from_env()?, manifest, &manifest.physics.chain(), &publish)?;
+    wait_for_consumers(args, &mut publisher, &stop)?;
+
+    let mut watch = Watch::new(&configured, args.pace, stop);
+    let result = producer::run::run(manifest, &mut publisher, recorder.as_mut(), &mut watch);
+    watch.bar.finish_and_clear();
+    let reason = match &result {
+        Ok(outcome) => outcome.reason,
+        Err(RunError::Publish { source: PublishError::Stopped { .. }, .. }) => EndReason::Interrupted,
+        Err(_) => EndReason::Failed,
+    };
+    let counts = publisher.finish(reason)?;
+    let recording = recorder.map(|recorder| recorder.finish(reason)).transpose();
+    let summary =
+        Summary { manifest, outcome: result?, counts, recording: recording?, wall: watch.start.elapsed() };
+    display::print(if args.json { summary.json()? } else { summary.text() })?;
+    Ok(Done::whole_if(counts.evicted == 0))
+}
+
+/// Says what the run will write, and refuses what cannot fit.
+fn announce(manifest: &RunManifest, out: Option<&PathBuf>, options: &WriteOptions) -> Result<(), Failure> {
+    let frame_bytes = 8 * manifest.frame_doubles() as u64;
+    let frames = format!(
+        "{}: {} steps of {}, {} frames of {}",
+        manifest.provenance.name,
+        count(manifest.physics.step_count),
+        seconds(manifest.physics.dt_s),
+        count(manifest.frame_count()),
+        bytes(frame_bytes),
+    );
+    let Some(path) = out else {
+        display::notice(format_args!("{frames}; no recording"));
+        return Ok(());
+    };
+    let needed = SpaceNeeded::new(manifest, options.compression);
+    let free = needed.check(path)?;
+    display::notice(format_args!(
+        "{frames}; {} recorded in {}: {} to {}, {} free",
+        count(manifest.recorded_count()),
+        path.display(),
+        bytes(needed.at_least_bytes),
+        bytes(needed.at_most_bytes),
+        bytes(free),
+    ));
+    Ok(())
+}
+
+fn wait_for_consumers(
+    args: &RunArgs,
+    publisher: &mut StatePublisher,
+    stop: &AtomicBool,
+) -> Result<(), Failure> {
+    if args.wait_for == 0 {
+        return Ok(());
+    }
+    display::notice(format_args!("waiting for {} lossless consumer(s)", args.wait_for));
+    // the outcome that a signal ends the wait shows at the first frame, which is then the last
+    let _: WaitOutcome = publisher.wait_for(args.wait_for, stop, None)?;
+    Ok(())
+}
+
+/// Progress, pacing and the request to stop.
+struct Watch {
+    bar: ProgressBar,
+    pace: Pace,
+    stop: Arc<AtomicBool>,
+    start: Instant,
+    refreshed: Instant,
+    /// Frames between two looks at the clock: about a tenth of a millisecond of work.
+    clock_every: u64,
+}
+
+impl Watch {
+    fn new(configured: &Configured, pace: Pace, stop: Arc<AtomicBool>) -> Self {
+        let physics = &configured.manifest.physics;
+        let now = Instant::now();
+        Self {
+            bar: display::progress_bar(physics.step_count, configured.manifest.provenance.name.as_str()),
+            pace,
+            stop,
+            start: now,
+            refreshed: now,
+            clock_every: (100_000 / physics.beads).max(1),
+        }
+    }
+
+    fn refresh(
+        &mut self,
+        frame: &Frame<'_>,
+        publisher: &mut StatePublisher,
+        recorder: Option<&mut RecordingWriter>,
+    ) {
+        self.refreshed = Instant::now();
+        for event in publisher.take_events() {
+            if let ConsumerEvent::Evicted { name, held } = event {
+                let held = duration(held);
+                self.bar.suspend(|| {
+                    display::notice(format_args!("consumer {name} took nothing for {held} and was dropped"));
+                });
+            }
+        }
+        let counts = publisher.counts();
+        let rate = frame.step as f64 / self.start.elapsed().as_secs_f64();
+        let recorded = recorder.map_or(String::new(), |r| format!(" · {}", bytes(r.bytes_written())));
+        self.bar.set_position(frame.step);
+        self.bar.set_message(format!(
+            "step {} · t = {} · {:.0} k steps/s · {} lossless, {} latest{recorded}",
+            count(frame.step),
+            seconds(frame.time_s),
+            rate / 1e3,
+            counts.lossless,
+            counts.latest,
+        ));
+    }
+
+    /// Waits until the wall clock has caught up with the simulated time.
+    fn keep_pace(&self, per_second: f64, frame: &Frame<'_>, publisher: &mut StatePublisher) {
+        loop {
+            let ahead = frame.time_s / per_second - self.start.elapsed().as_secs_f64();
+            if ahead <= 0.0 || self.stop.load(Ordering::Relaxed) {
+                return;
+            }
+            // a consumer that cannot be answered now is answered at the next frame
+            let _ = publisher.serve();
+            thread::sleep(Duration::from_secs_f64(ahead.min(0.02)));
+        }
+    }
+}
+
+impl Conductor<StatePublisher, RecordingWriter> for Watch {
+    fn after_frame(
+        &mut self,
+        frame: &Frame<'_>,
+        publisher: &mut StatePublisher,
+        recorder: Option<&mut RecordingWriter>,
+    ) -> ControlFlow<()> {
+        if let Pace::PerSecond(per_second) = self.pace {
+            self.keep_pace(per_second, frame, publisher);
+        }
+        if frame.frame.is_multiple_of(self.clock_every) && self.refreshed.elapsed() >= REFRESH {
+            self.refresh(frame, publisher, recorder);
+        }
+        if self.stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+/// What a run leaves behind, in numbers.
+struct Summary<'a> {
+    manifest: &'a RunManifest,
+    outcome: RunOutcome,
+    counts: PublishCounts,
+    recording: Option<Finished>,
+    wall: Duration,
+}
+
+impl Summary<'_> {
+    fn text(&self) -> String {
+        let outcome = &self.outcome;
+        let steps_per_s = outcome.last_step as f64 / self.wall.as_secs_f64();
+        let mut rows = vec![
+            ("steps", format!("{} of {}", count(outcome.last_step), count(self.manifest.physics.step_count))),
+            ("frames published", count(outcome.published_count).to_string()),
+            ("frames recorded", count(outcome.recorded_count).to_string()),
+            ("energy drift ΔE/E", format!("{:.2e}", outcome.relative_drift)),
+            ("wall time", format!("{} ({:.0} k steps/s)", duration(self.wall), steps_per_s / 1e3)),
+            ("held back by consumers", duration(self.counts.held_back)),
+        ];
+        if self.counts.evicted > 0 {
+            rows.push((
+                "consumers dropped",
+                format!("{} that took nothing for too long", self.counts.evicted),
+            ));
+        }
+        if let Some(recording) = &self.recording {
+            let ratio = recording.uncompressed_bytes as f64 / recording.bytes as f64;
+            let size = format!("{}, {} ({ratio:.2} : 1)", recording.path.display(), bytes(recording.bytes));
+            rows.push(("recording", size));
+        }
+        display::rows(&format!("{} {}", self.manifest.provenance.name, outcome.reason), &rows)
+    }
+
+    fn json(&self) -> Result<String, serde_json::Error> {
+        let (provenance, outcome) = (&self.manifest.provenance, &self.outcome);
+        let recording = self.recording.as_ref().map(|recording| {
+            json!({
+                "path": recording.path,
+                "bytes": recording.bytes,
+                "uncompressed_bytes": recording.uncompressed_bytes,
+            })
+        });
+        let summary = json!({
+            "run": provenance.name,
+            "run_id": provenance.run_id,
+            "end": outcome.reason.as_str(),
+            "steps": outcome.last_step,
+            "frames_published": outcome.published_count,
+            "frames_recorded": outcome.recorded_count,
+            "relative_drift": outcome.relative_drift,
+            "wall_s": self.wall.as_secs_f64(),
+            "held_back_s": self.counts.held_back.as_secs_f64(),
+            "consumers_dropped": self.counts.evicted,
+            "recording": recording,
+        });
+        Ok(format!("{}\n", serde_json::to_string_pretty(&summary)?))
+    }
+}

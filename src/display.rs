@@ -1,0 +1,80 @@
+//! What a person sees: progress bars, notices, numbers.
+
+use crate::failure::Failure;
+use indicatif::{DecimalBytes, HumanCount, ProgressBar, ProgressStyle};
+use serde::Serialize;
+use std::fmt::Display;
+use std::io::{self, Write};
+use std::time::Duration;
+
+/// Prints a notice or a warning on stderr.
+#[expect(clippy::print_stderr, reason = "the command's edge")]
+pub(crate) fn notice(text: impl Display) {
+    eprintln!("beadline: {text}");
+}
+
+/// Prints results on stdout.
+pub(crate) fn print(text: impl Display) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    write!(out, "{text}")?;
+    out.flush()?;
+    Ok(())
+}
+
+/// Prints results on stdout for a program.
+pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
+    print(format_args!("{}\n", serde_json::to_string_pretty(value)?))
+}
+
+/// A progress bar over `length` units, on a terminal only.
+pub(crate) fn progress_bar(length: u64, label: &str) -> ProgressBar {
+    let bar = ProgressBar::new(length);
+    let style = ProgressStyle::with_template("{prefix} {bar:28} {percent:>3} %  {msg}");
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("━╸ "));
+    bar.set_prefix(label.to_owned());
+    bar
+}
+
+/// `1,234,567`
+pub(crate) fn count(value: u64) -> HumanCount {
+    HumanCount(value)
+}
+
+/// `139.2 MB`
+pub(crate) fn bytes(value: u64) -> DecimalBytes {
+    DecimalBytes(value)
+}
+
+/// Seconds with three digits and a fitting unit.
+pub(crate) fn seconds(value: f64) -> String {
+    let (scaled, unit) = match value.abs() {
+        0.0 => return "0 s".to_owned(),
+        v if v >= 1.0 => (value, "s"),
+        v if v >= 1e-3 => (value * 1e3, "ms"),
+        v if v >= 1e-6 => (value * 1e6, "µs"),
+        _ => (value * 1e9, "ns"),
+    };
+    let decimals = if scaled.abs() >= 100.0 {
+        0
+    } else if scaled.abs() >= 10.0 {
+        1
+    } else {
+        2
+    };
+    format!("{scaled:.decimals$} {unit}")
+}
+
+/// A duration like [`seconds`].
+pub(crate) fn duration(value: Duration) -> String {
+    seconds(value.as_secs_f64())
+}
+
+/// Rows of a name and a value, aligned.
+pub(crate) fn rows(title: &str, rows: &[(&str, String)]) -> String {
+    let width = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
+    let mut text = format!("{title}\n");
+    for (name, value) in rows {
+        text.push_str(&format!("  {name:width$}  {value}\n"));
+    }
+    text
+}

@@ -1,0 +1,71 @@
+//! The one place that maps outcomes to exit codes.
+
+use anyhow::Error;
+use std::process::ExitCode;
+
+/// How a command ended that did not fail.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Done {
+    /// Everything is as asked for.
+    Whole,
+    /// It finished, but something was lost.
+    Lossy,
+}
+
+impl Done {
+    /// [`Done::Whole`] or, if not, [`Done::Lossy`].
+    pub(crate) fn whole_if(whole: bool) -> Self {
+        if whole { Self::Whole } else { Self::Lossy }
+    }
+}
+
+/// Why a command failed.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// The user's input cannot be used: a flag, a configuration, a file.
+    BadInput(Error),
+    /// Anything else.
+    Failed(Error),
+}
+
+impl<E: Into<Error>> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Self::Failed(error.into())
+    }
+}
+
+/// Marks errors of the user's input.
+pub(crate) trait BadInput<T> {
+    /// An error becomes [`Failure::BadInput`].
+    fn bad_input(self) -> Result<T, Failure>;
+}
+
+impl<T, E: Into<Error>> BadInput<T> for Result<T, E> {
+    fn bad_input(self) -> Result<T, Failure> {
+        self.map_err(|error| Failure::BadInput(error.into()))
+    }
+}
+
+/// Prints a failure and gives the exit code.
+#[expect(clippy::print_stderr, reason = "the command's edge: errors are printed here and nowhere else")]
+pub(crate) fn exit(result: Result<Done, Failure>) -> ExitCode {
+    match result {
+        Ok(Done::Whole) => ExitCode::SUCCESS,
+        Ok(Done::Lossy) => ExitCode::from(3),
+        Err(Failure::Failed(error)) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(Failure::Failed(error)) => {
+            eprintln!("beadline: {error:#}");
+            ExitCode::from(1)
+        }
+        Err(Failure::BadInput(error)) => {
+            eprintln!("beadline: {error:#}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// A reader that went away, as in `beadline presets | head -1`, is no failure.
+fn is_broken_pipe(error: &Error) -> bool {
+    let io = error.chain().find_map(|cause| cause.downcast_ref::<std::io::Error>());
+    io.is_some_and(|error| error.kind() == std::io::ErrorKind::BrokenPipe)
+}
