@@ -13,9 +13,9 @@ use consumers::table::Table;
 use schemas::bus::{ResultColumns, ResultPublisher, Topic};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
-use schemas::recording::{ContactsReader, ContactsRow, ContactsWriter, WriteOptions};
+use schemas::recording::{ContactsReader, ContactsRow, ContactsWriter, RecordingInfo, WriteOptions};
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The analysis with everything that its results go to.
 struct Outputs {
@@ -55,9 +55,9 @@ impl Analysis for Outputs {
 pub(crate) fn contacts(args: &ContactsArgs) -> Result<Done, Failure> {
     let (table, map) = outputs(args)?;
     if let Named::File(path) = Named::parse(&args.common.source)?
-        && let Ok(reader) = ContactsReader::open(&path)
+        && is_contact_map(&path)
     {
-        return redraw(args, reader);
+        return redraw(args, ContactsReader::open(&path).bad_input()?);
     }
     let mut session = Session::open(&args.common, "contacts", &args.out.iter().collect::<Vec<_>>())?;
     let manifest = session.manifest().clone();
@@ -87,6 +87,12 @@ pub(crate) fn contacts(args: &ContactsArgs) -> Result<Done, Failure> {
     map.map(|map| map.finish(tally.end)).transpose()?;
     draw(&args.common, || Ok(plots::contact_map(&manifest, tolerance_m, &raster)?))?;
     session.report(&tally, "contacts", summary(tolerance_m, &last), results(tolerance_m, &last))
+}
+
+/// Whether a file holds contacts and no states. What cannot be read is told when it is opened.
+fn is_contact_map(path: &Path) -> bool {
+    let info = RecordingInfo::read(path);
+    info.is_ok_and(|info| info.messages("/contacts") > 0 && info.messages("/state") == 0)
 }
 
 /// Draws and counts a map that was kept.

@@ -39,12 +39,12 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         stop: Arc::clone(&stop),
         ..PublishOptions::default()
     };
+    let mut publisher =
+        StatePublisher::create(&Bus::from_env()?, manifest, &manifest.physics.chain(), &publish)?;
     let mut recorder = match &out {
         Some(path) => Some(RecordingWriter::create(path, manifest, &configured.toml, &options)?),
         None => None,
     };
-    let mut publisher =
-        StatePublisher::create(&Bus::from_env()?, manifest, &manifest.physics.chain(), &publish)?;
     wait_for_consumers(args, &mut publisher, &stop)?;
 
     let mut watch = Watch::new(&configured, args.pace, stop);

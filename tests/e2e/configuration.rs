@@ -1,0 +1,95 @@
+//! Bad configurations are refused with the key, the value, what is allowed, and the line.
+
+use crate::harness::Place;
+
+const TOML: &str = "name = \"mine\"\n\
+    [chain]\n\
+    beads = 50\n\
+    bead_mass_kg = 1e-3\n\
+    alpha = 1.5\n\
+    stiffness = 1e7\n\
+    impurities = [{ bead = 20, mass_kg = 2e-3 }]\n\
+    [striker]\n\
+    bead = 0\n\
+    velocity_m_s = 5.0\n\
+    [time]\n\
+    duration_s = 1e-4\n";
+
+#[track_caller]
+fn refuses(from: &str, to: &str, says: &[&str]) {
+    let place = Place::new();
+    assert!(TOML.contains(from));
+    place.write("mine.toml", &TOML.replace(from, to));
+    place.run("run mine.toml").exits(2).says(says);
+    assert!(!place.path("mine.mcap").exists() && !place.path("mine.mcap.partial").exists());
+}
+
+#[test]
+fn a_configuration_file_is_run() {
+    let place = Place::new();
+    place.write("mine.toml", TOML);
+    place.run("run mine.toml").exits(0);
+    let info = place.run("info mine.mcap --json").exits(0).json();
+    assert_eq!(info["run_toml"], TOML);
+    assert_eq!(info["manifest"]["physics"]["impurities"][0]["bead"], 20);
+    assert_eq!(info["complete"], true);
+}
+
+#[test]
+fn unknown_keys() {
+    refuses("stiffness", "stifness", &["mine.toml:6", "stifness", "stiffness"]);
+}
+
+#[test]
+fn impossible_values() {
+    refuses("alpha = 1.5", "alpha = 0.5", &["mine.toml:5", "chain.alpha", "0.5", "allowed"]);
+    refuses("mass_kg = 2e-3", "mass_kg = -2e-3", &["mine.toml:7", "impurities[0].mass_kg", "-0.002"]);
+    refuses("bead = 20", "bead = 50", &["mine.toml:7", "impurities[0].bead", "50", "0 to 49"]);
+    refuses("velocity_m_s = 5.0", "velocity_m_s = 0.0", &["mine.toml:10", "striker.velocity_m_s"]);
+    refuses(
+        "duration_s = 1e-4",
+        "duration_s = 1e-4\ndt_s = 1.0",
+        &["mine.toml:13", "time.dt_s", "collision time"],
+    );
+    refuses("\"mine\"", "\"My Run\"", &["mine.toml:1", "name", "a-z"]);
+}
+
+#[test]
+fn things_that_are_not_toml() {
+    refuses("[chain]", "[chain", &["mine.toml:2"]);
+    refuses("beads = 50", "beads = \"many\"", &["mine.toml:3", "many"]);
+}
+
+#[test]
+fn bad_flags() {
+    let place = Place::new();
+    place.run("run --alpha 0.5").exits(2).says(&["chain.alpha", "0.5", "allowed"]);
+    place.run("run --impurity 500").exits(2).says(&["BEAD=VALUE"]);
+    place.run("run --preset nothing").exits(2).says(&["nothing", "light-impurity"]);
+    place.run("run --method euler").exits(2).says(&["euler", "rkn4"]);
+    place.run("run missing.toml").exits(2).says(&["missing.toml"]);
+    place.run("energies live:Not_A_Name").exits(2).says(&["Not_A_Name", "a-z"]);
+    place.run("run --preset homogeneous --duration 1e-4").exits(0);
+    place.run("energies homogeneous.mcap --split 200").exits(2).says(&["--split 200", "0 to 199"]);
+    place.run("impurity homogeneous.mcap --bead 999").exits(2).says(&["--bead 999", "0 to 199"]);
+    place.run("contacts homogeneous.mcap --out map.txt").exits(2).says(&["map.txt", ".mcap"]);
+    place.run("energies homogeneous.mcap --figure e.gif").exits(2).says(&["e.gif", ".svg"]);
+}
+
+/// Flags replace what the file says, and the recording keeps the effective configuration.
+#[test]
+fn flags_replace_values_of_the_file() {
+    let place = Place::new();
+    place.write("mine.toml", TOML);
+    place.run("run mine.toml --alpha 2 --impurity none --striker 49=-3 --name other").exits(0);
+    let info = place.run("info other.mcap --json").exits(0).json();
+    let physics = &info["manifest"]["physics"];
+    assert_eq!(physics["alpha"], 2.0);
+    assert_eq!(physics["impurities"].as_array().unwrap().len(), 0);
+    assert_eq!(
+        (physics["striker"]["bead"].as_u64(), physics["striker"]["velocity_m_s"].as_f64()),
+        (Some(49), Some(-3.0))
+    );
+    let toml = info["run_toml"].as_str().unwrap();
+    assert!(toml.starts_with("# mine.toml") && toml.contains("alpha = 2.0"), "{toml}");
+}

@@ -1,0 +1,191 @@
+//! Directories, buses and processes for tests.
+
+use schemas::bus::{Bus, RunInfo, list_runs};
+use serde_json::Value;
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// Nothing here takes this long unless it hangs.
+const WATCHDOG: Duration = Duration::from_secs(120);
+
+/// A directory for files and a bus that no other test sees.
+pub(crate) struct Place {
+    dir: tempfile::TempDir,
+    root: PathBuf,
+}
+
+impl Place {
+    pub(crate) fn new() -> Self {
+        let dir = tempfile::Builder::new().prefix("bl").tempdir_in("/tmp").unwrap();
+        let root = dir.path().join("bus");
+        Self { dir, root }
+    }
+
+    /// A file in the directory.
+    pub(crate) fn path(&self, name: impl AsRef<Path>) -> PathBuf {
+        self.dir.path().join(name)
+    }
+
+    pub(crate) fn read(&self, name: &str) -> String {
+        fs::read_to_string(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
+    pub(crate) fn write(&self, name: &str, text: &str) -> PathBuf {
+        fs::write(self.path(name), text).unwrap();
+        self.path(name)
+    }
+
+    pub(crate) fn bus(&self) -> Bus {
+        Bus::at(&self.root).unwrap()
+    }
+
+    /// `beadline ARGUMENTS` in this directory and on this bus.
+    pub(crate) fn command<S: AsRef<OsStr>>(&self, arguments: impl IntoIterator<Item = S>) -> Command {
+        self.foreign(env!("CARGO_BIN_EXE_beadline"), arguments)
+    }
+
+    /// Another program in this directory and on this bus.
+    pub(crate) fn foreign<S: AsRef<OsStr>>(
+        &self,
+        program: impl AsRef<OsStr>,
+        arguments: impl IntoIterator<Item = S>,
+    ) -> Command {
+        let mut command = Command::new(program);
+        command.args(arguments).current_dir(self.dir.path()).env("BEADLINE_ROOT", &self.root);
+        command
+    }
+
+    /// Runs `beadline` with these words to its end.
+    pub(crate) fn run(&self, words: &str) -> Ended {
+        self.start(words).wait()
+    }
+
+    /// Starts `beadline` with these words.
+    pub(crate) fn start(&self, words: &str) -> Running {
+        Running::start(words, self.command(words.split_whitespace()))
+    }
+
+    /// Waits until a run of that name shows `condition`.
+    pub(crate) fn wait_for_run(&self, name: &str, condition: impl Fn(&RunInfo) -> bool) -> RunInfo {
+        let bus = self.bus();
+        wait_until(&format!("run {name}"), || {
+            let runs = list_runs(&bus).unwrap();
+            runs.into_iter().find(|run| run.name.as_str() == name && condition(run))
+        })
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        // what iceoryx2 keeps for a root outlives it otherwise
+        let Ok(bus) = Bus::at(&self.root) else { return };
+        for entry in fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
+            if entry.file_name().to_string_lossy().starts_with(&bus.prefix()) {
+                let _ = fs::remove_file(entry.path());
+            }
+        }
+    }
+}
+
+/// Polls `look` until it gives something.
+pub(crate) fn wait_until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+    let start = Instant::now();
+    loop {
+        if let Some(found) = look() {
+            return found;
+        }
+        assert!(start.elapsed() < WATCHDOG, "{what}: waited in vain");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// A `beadline` process; killed when dropped.
+pub(crate) struct Running {
+    words: String,
+    child: Option<Child>,
+}
+
+impl Running {
+    pub(crate) fn start(words: &str, mut command: Command) -> Self {
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let child = command.spawn().unwrap_or_else(|error| panic!("{words}: {error}"));
+        Self { words: words.to_owned(), child: Some(child) }
+    }
+
+    /// Sends a signal, named as `kill` names it.
+    pub(crate) fn signal(&self, signal: &str) {
+        let pid = self.child.as_ref().unwrap().id().to_string();
+        assert!(Command::new("kill").args([format!("-{signal}"), pid]).status().unwrap().success());
+    }
+
+    /// Whether it still runs.
+    pub(crate) fn is_running(&mut self) -> bool {
+        self.child.as_mut().unwrap().try_wait().unwrap().is_none()
+    }
+
+    pub(crate) fn wait(mut self) -> Ended {
+        let output = self.child.take().unwrap().wait_with_output().unwrap();
+        Ended { words: std::mem::take(&mut self.words), output }
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.child {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+/// What a process left.
+pub(crate) struct Ended {
+    words: String,
+    output: Output,
+}
+
+impl Ended {
+    pub(crate) fn stdout(&self) -> String {
+        String::from_utf8_lossy(&self.output.stdout).into_owned()
+    }
+
+    pub(crate) fn stderr(&self) -> String {
+        String::from_utf8_lossy(&self.output.stderr).into_owned()
+    }
+
+    /// Asserts the exit code.
+    #[track_caller]
+    pub(crate) fn exits(self, code: i32) -> Self {
+        let found = self.output.status;
+        assert_eq!(found.code(), Some(code), "{}\n{found}\n{}{}", self.words, self.stdout(), self.stderr());
+        self
+    }
+
+    /// Asserts that each of `words` stands in what was said on stderr.
+    #[track_caller]
+    pub(crate) fn says(self, words: &[&str]) -> Self {
+        let stderr = self.stderr();
+        for word in words {
+            assert!(stderr.contains(word), "{}: `{word}` is not in:\n{stderr}", self.words);
+        }
+        self
+    }
+
+    /// The JSON on stdout.
+    #[track_caller]
+    pub(crate) fn json(&self) -> Value {
+        let stdout = self.stdout();
+        serde_json::from_str(&stdout)
+            .unwrap_or_else(|error| panic!("{}: {error}\n{stdout}{}", self.words, self.stderr()))
+    }
+}
+
+/// Says that a test did nothing, in the form that CI looks for.
+pub(crate) fn skip(why: &str) {
+    println!("SKIPPED: {why}");
+    // the harness hides what a test prints unless it fails; the user and CI shall see this
+    let _ = std::io::Write::write_all(&mut std::io::stderr(), format!("\nSKIPPED: {why}\n").as_bytes());
+}

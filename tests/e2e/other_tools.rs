@@ -1,0 +1,32 @@
+//! Recordings read by tools that others wrote.
+
+use crate::harness::{Place, Running, skip};
+use std::path::PathBuf;
+
+/// The Python of `tests/setup`, or none.
+fn python() -> Option<PathBuf> {
+    let found = std::env::var_os("BEADLINE_CHECK_PYTHON")
+        .map(PathBuf::from)
+        .and_then(|path| path.canonicalize().ok());
+    if found.is_none() {
+        skip("set BEADLINE_CHECK_PYTHON to the Python that `tests/setup` makes to check with Python's mcap");
+    }
+    // the link itself names the environment, its target does not
+    found.and(
+        std::env::var_os("BEADLINE_CHECK_PYTHON")
+            .map(|path| std::path::absolute(PathBuf::from(path)).unwrap()),
+    )
+}
+
+/// Python's `mcap` and `mcap-protobuf-support` read a recording, CRCs checked, and get the doubles that
+/// stand in our table.
+#[test]
+fn python_reads_the_same_doubles() {
+    let Some(python) = python() else { return };
+    let place = Place::new();
+    place.run("run --preset homogeneous --name run --duration 4e-3 --impurity 20=0.6e-3").exits(0);
+    place.run("impurity run.mcap --bead 0 --bead 20 --bead 21 --bead 199 --out motion.csv").exits(0);
+    let script = format!("{}/tests/python/check_recording.py", env!("CARGO_MANIFEST_DIR"));
+    let check = place.foreign(&python, [script.as_str(), "run.mcap", "motion.csv"]);
+    Running::start("check_recording.py", check).wait().exits(0);
+}

@@ -1,0 +1,159 @@
+//! Recordings: bad ones are refused, good ones are kept.
+
+use crate::harness::{Place, Running, skip};
+use std::fs;
+use std::process::Command;
+
+/// A quick run, recorded as `run.mcap`.
+fn recorded(place: &Place) -> Vec<u8> {
+    place.run("run --preset homogeneous --name run --duration 2e-3").exits(0);
+    fs::read(place.path("run.mcap")).unwrap()
+}
+
+#[test]
+fn info_shows_what_is_in_a_recording() {
+    let place = Place::new();
+    recorded(&place);
+    let text = place.run("info run.mcap").exits(0).stdout();
+    for word in [
+        "finished and complete",
+        "200 beads",
+        "α = 1.5",
+        "rkn4",
+        "/state",
+        "beadline.v1.ChainState",
+        "/summary",
+        ": 1",
+    ] {
+        assert!(text.contains(word), "`{word}` is not in:\n{text}");
+    }
+    let info = place.run("info run.mcap --json").exits(0).json();
+    let states = info["manifest"]["physics"]["step_count"].as_u64().unwrap() + 1;
+    for channel in info["channels"].as_array().unwrap() {
+        let expected = if channel["topic"] == "/chain" { 1 } else { states };
+        assert_eq!(channel["messages"], expected, "{channel}");
+    }
+    assert_eq!(info["file_bytes"], fs::metadata(place.path("run.mcap")).unwrap().len());
+}
+
+#[test]
+fn files_that_are_no_recordings_are_refused() {
+    let place = Place::new();
+    let recording = recorded(&place);
+    place.write("text.mcap", "this is not MCAP, but text that is long enough to be looked at");
+    place.write("empty.mcap", "");
+    let sinks: [(&str, &[&str]); 3] = [
+        ("text.mcap", &["text.mcap", "MCAP"]),
+        ("empty.mcap", &["empty.mcap"]),
+        ("missing.mcap", &["missing.mcap", "No such file"]),
+    ];
+    for (file, says) in sinks {
+        place.run(&format!("info {file}")).exits(2).says(says);
+        place.run(&format!("energies {file}")).exits(2).says(says);
+    }
+    // an MCAP file of somebody else: only the profile tells at first
+    let foreign = String::from_utf8_lossy(&recording[..40]).find("beadline").unwrap();
+    let mut other = recording;
+    other[foreign..foreign + 8].copy_from_slice(b"somebody");
+    fs::write(place.path("other.mcap"), other).unwrap();
+    place.run("energies other.mcap").exits(2).says(&["other.mcap", "Beadline"]);
+}
+
+/// What a kill or a full disk leaves: whole chunks are read, and the end is said to be missing.
+#[test]
+fn a_truncated_recording_gives_what_it_has() {
+    let place = Place::new();
+    let recording = recorded(&place);
+    fs::write(place.path("cut.mcap"), &recording[..recording.len() * 3 / 4]).unwrap();
+    place.run("info cut.mcap").exits(3);
+    let energies = place.run("energies cut.mcap --out cut.csv --json").exits(3).says(&["not finished"]);
+    let summary = energies.json();
+    assert_eq!(summary["end"], "unfinished");
+    place.run("energies run.mcap --out whole.csv").exits(0);
+    let (cut, whole) = (place.read("cut.csv"), place.read("whole.csv"));
+    assert!(whole.starts_with(&cut) && cut.lines().count() > 100, "{} rows", cut.lines().count());
+}
+
+#[test]
+fn a_recording_of_a_newer_schema_version_is_refused_with_both_versions() {
+    let place = Place::new();
+    recorded(&place);
+    // the same length, so that nothing moves; the manifest's own checksum comes after its version
+    let mut bytes = fs::read(place.path("run.mcap")).unwrap();
+    let at = find(&bytes, b"schema_version").expect("the manifest is not compressed");
+    let digit = at + bytes[at..].iter().position(u8::is_ascii_digit).unwrap();
+    bytes[digit] = b'7';
+    fs::write(place.path("newer.mcap"), bytes).unwrap();
+    place.run("energies newer.mcap").exits(2).says(&["7.0", "1.0"]);
+}
+
+fn find(bytes: &[u8], what: &[u8]) -> Option<usize> {
+    bytes.windows(what.len()).position(|window| window == what)
+}
+
+#[test]
+fn nothing_is_overwritten_without_force() {
+    let place = Place::new();
+    let recording = recorded(&place);
+    place
+        .run("run --preset homogeneous --name run --duration 1e-4")
+        .exits(1)
+        .says(&["run.mcap", "exists", "--force"]);
+    assert!(fs::read(place.path("run.mcap")).unwrap() == recording);
+    place.write("mine.csv", "mine");
+    place.run("energies run.mcap --out mine.csv").exits(1).says(&["mine.csv", "--force"]);
+    place.write("mine.svg", "mine");
+    place.run("energies run.mcap --figure mine.svg").exits(1).says(&["mine.svg", "--force"]);
+    assert_eq!((place.read("mine.csv"), place.read("mine.svg")), ("mine".into(), "mine".into()));
+    place.run("energies run.mcap --out mine.csv --figure mine.svg --force").exits(0);
+    place.run("run --preset homogeneous --name run --duration 1e-4 --force").exits(0);
+    assert_ne!(place.read("mine.csv"), "mine");
+}
+
+#[test]
+fn outputs_that_cannot_be_written_are_refused_before_any_work() {
+    let place = Place::new();
+    recorded(&place);
+    place.run("run --out no/such/place.mcap").exits(1).says(&["no/such"]);
+    place.run("energies run.mcap --out no/such/place.csv").exits(1).says(&["no/such/place.csv"]);
+    place.run("contacts run.mcap --figure no/such/place.svg").exits(1).says(&["no/such/place.svg"]);
+}
+
+#[test]
+fn a_run_says_what_it_will_write_and_refuses_what_cannot_fit() {
+    let place = Place::new();
+    place.run("run --preset homogeneous --duration 1e-4").exits(0).says(&[
+        "frames",
+        "free",
+        "homogeneous.mcap",
+    ]);
+    let refused = place.run("run --beads 10000000 --duration 100 --impurity none");
+    refused.exits(1).says(&["free", "record_every_steps"]);
+    assert!(!place.path("light-impurity.mcap.partial").exists());
+}
+
+/// A disk that fills up in the middle: a clear error, and what was recorded stays readable.
+#[test]
+fn a_full_disk_leaves_a_readable_part() {
+    let place = Place::new();
+    fs::create_dir(place.path("small")).unwrap();
+    let program = env!("CARGO_BIN_EXE_beadline");
+    let script = format!(
+        "mount -t tmpfs -o size=30m tmpfs small && {{ {program} run --beads 300 --impurity 150=0.6e-3 --out small/run.mcap; \
+         code=$?; cp small/run.mcap.partial part.mcap; exit $code; }}"
+    );
+    let Some(ended) = in_a_namespace(&place, &script) else { return };
+    ended.exits(1).says(&["run.mcap", "No space left"]);
+    place.run("energies part.mcap --out part.csv").exits(3);
+    assert!(place.read("part.csv").lines().count() > 1000);
+}
+
+/// Runs a shell script with mounts of its own, if this machine allows that.
+pub(crate) fn in_a_namespace(place: &Place, script: &str) -> Option<crate::harness::Ended> {
+    let allowed = Command::new("unshare").args(["-rm", "true"]).output();
+    if !allowed.is_ok_and(|output| output.status.success()) {
+        skip("`unshare -rm` is not allowed here: a full disk or a full /dev/shm cannot be made");
+        return None;
+    }
+    Some(Running::start(script, place.foreign("unshare", ["-rm", "sh", "-c", script])).wait())
+}
