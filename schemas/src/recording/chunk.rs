@@ -102,5 +102,5 @@ fn take_record(bytes: &[u8]) -> Option<Inner> {
     let (head, rest) = bytes.split_first_chunk::<9>()?;
     let [opcode, length @ ..] = *head;
     let length = usize::try_from(u64::from_le_bytes(length)).ok()?;
-    (length <= rest.len()).then_some(Inner { opcode, body: 9..9 + length })
+    (length <= rest.len()).then(|| Inner { opcode, body: 9..9 + length })
 }
