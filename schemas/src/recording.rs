@@ -27,6 +27,7 @@ mod proto;
 mod records;
 mod source;
 mod space;
+mod sync;
 mod writer;
 
 pub use channel_writer::{Compression, Finished, WriteOptions};

@@ -149,14 +149,14 @@ impl MessageReader {
             self.in_chunk = false;
             return Ok(Step::Other);
         };
-        let (body, offset) = (self.chunk.body(&inner), self.chunk.offset());
-        match inner.opcode {
-            op::MESSAGE => {
-                let Inner { body: range, .. } = &inner;
-                message(path, offset, body).map(|place| Step::Message(place.within(range.start)))
-            }
+        let Inner { opcode, body: place } = inner;
+        let start = place.start;
+        let body = self.chunk.buffer().get(place).unwrap_or_default();
+        let offset = self.chunk.offset();
+        match opcode {
+            op::MESSAGE => message(path, offset, body).map(|place| Step::Message(place.within(start))),
             op::SCHEMA | op::CHANNEL => {
-                self.contents.define(path, offset, inner.opcode, body)?;
+                self.contents.define(path, offset, opcode, body)?;
                 Ok(Step::Other)
             }
             _ => Ok(Step::Other),
@@ -173,7 +173,7 @@ impl MessageReader {
             // the summary, which repeats what was read
             _ if self.contents.data_end => {}
             op::CHUNK => {
-                self.chunk.load(&path, offset, body)?;
+                self.chunk.load(offset, &mut self.records)?;
                 self.contents.uncompressed_bytes += self.chunk.bytes();
                 self.in_chunk = true;
             }
@@ -186,7 +186,7 @@ impl MessageReader {
 
     fn lend(&self, place: Place) -> Result<RawMessage<'_>, ReadError> {
         let Place { channel_id, data, offset } = place;
-        let body = if self.in_chunk { self.chunk.records() } else { self.records.body() };
+        let body = if self.in_chunk { self.chunk.buffer() } else { self.records.body() };
         let data = body.get(data).unwrap_or_default();
         let channel = self.contents.channels.get(&channel_id).ok_or_else(|| {
             ReadError::damaged(self.path(), offset, format!("a message of the unknown channel {channel_id}"))

@@ -1,6 +1,6 @@
 //! What is left when writing stops: by a kill, by an error, in the middle of anything.
 
-use crate::run::{RUN_TOML, for_each_frame, manifest, options, read_all, temp_dir, write_recording};
+use crate::run::{RUN_TOML, for_each_frame, manifest, options, put, read_all, temp_dir, write_recording};
 use schemas::frame::{EndReason, FrameSink};
 use schemas::recording::{
     Compression, ReadError, RecordingInfo, RecordingSource, RecordingWriter, WriteError, WriteOptions,
@@ -65,8 +65,8 @@ fn a_file_torn_anywhere_gives_what_was_whole() {
     let bytes = fs::read(&path).unwrap();
     let torn = path.with_extension("torn");
     let mut frames_before = 0;
-    for length in (0..bytes.len()).step_by(37).chain(bytes.len() - 60..bytes.len()) {
-        fs::write(&torn, &bytes[..length]).unwrap();
+    for length in (0..bytes.len()).step_by(97).chain(bytes.len() - 60..bytes.len()) {
+        put(&torn, &bytes[..length]);
         match RecordingSource::open(&torn) {
             Ok(mut source) => {
                 let (steps, missed, end) = read_all(&mut source);

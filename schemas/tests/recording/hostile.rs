@@ -1,8 +1,8 @@
 //! Files that are not what they should be: every one is an error or a valid prefix, none a panic.
 
-use crate::run::{doubles, manifest, options, read_all, temp_dir, write_recording};
+use crate::run::{doubles, manifest, options, put, read_all, temp_dir, write_recording};
 use mcap::records::{MessageHeader, Metadata, Record, op};
-use schemas::frame::EndReason;
+use schemas::frame::{EndReason, FrameSource, Received};
 use schemas::manifest::RunManifest;
 use schemas::recording::{
     Compression, ContactsReader, ReadError, RecordingInfo, RecordingSource, WriteOptions,
@@ -196,7 +196,7 @@ fn frames_that_should_be_there_are_reported_missing_and_others_not() {
 
 /// Whatever the bytes are: no panic, and only frames that were recorded, in order.
 fn survive(path: &Path, bytes: &[u8]) -> Option<EndReason> {
-    fs::write(path, bytes).unwrap();
+    put(path, bytes);
     let _ = RecordingInfo::read(path);
     if let Ok(mut reader) = ContactsReader::open(path) {
         while let Ok(Some(_)) = reader.next_row() {}
@@ -239,7 +239,12 @@ fn no_length_makes_a_reader_panic_or_allocate_what_is_not_there() {
     write_recording(&path, &manifest(9, 1, 1), &uncompressed);
     let bytes = fs::read(&path).unwrap();
     let other = path.with_extension("other");
+    let mut seen = Vec::new();
     for (opcode, at, length) in records(&bytes) {
+        if seen.contains(&opcode) {
+            continue;
+        }
+        seen.push(opcode);
         let lengths = [0, 1, 3, length as u64 - 1, length as u64 + 1, 1 << 31, 1 << 62, u64::MAX];
         // the record's own length, and every number within its first bytes
         for place in std::iter::once(at + 1).chain(at + 9..(at + 60).min(bytes.len() - 8)) {
@@ -270,11 +275,10 @@ fn records_within_a_chunk_are_not_believed_either() {
         random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
         let mut changed = bytes.clone();
         changed[at] = (random >> 40) as u8;
-        fs::write(&other, &changed).unwrap();
+        put(&other, &changed);
         let _ = RecordingInfo::read(&other);
         let Ok(mut source) = RecordingSource::open(&other) else { continue };
-        // a wrong double is a double: only order and shape are looked at here
-        use schemas::frame::{FrameSource, Received};
+        // a wrong double is a double: only the shape is looked at here
         while let Ok(Received::Frame(frame)) = source.receive() {
             assert_eq!((frame.u_m.len(), frame.v_m_s.len()), (40, 40));
         }

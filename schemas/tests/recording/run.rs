@@ -5,6 +5,8 @@ use schemas::frame::{EndReason, Frame, FrameSink, FrameSource, Received};
 use schemas::manifest::{Origin, RunManifest};
 use schemas::presets::PRESETS;
 use schemas::recording::{Finished, ReadError, RecordingSource, RecordingWriter, WriteOptions};
+use std::fs::OpenOptions;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -66,10 +68,11 @@ pub(crate) fn temp_dir() -> (TempDir, PathBuf) {
     (directory, path)
 }
 
-/// Steps of the frames, missed frames, and the end of a source whose frames must be those written.
-pub(crate) fn read_all(
-    source: &mut RecordingSource,
-) -> (Vec<u64>, Vec<(u64, u64)>, Result<EndReason, ReadError>) {
+/// Steps of the frames, missed frames, and the end.
+type ReadAll = (Vec<u64>, Vec<(u64, u64)>, Result<EndReason, ReadError>);
+
+/// Reads a source to its end, whose frames must be those written.
+pub(crate) fn read_all(source: &mut RecordingSource) -> ReadAll {
     let manifest = source.manifest().clone();
     let (mut steps, mut missed) = (Vec::new(), Vec::new());
     loop {
@@ -87,4 +90,11 @@ pub(crate) fn read_all(
             Err(error) => return (steps, missed, Err(error)),
         }
     }
+}
+
+/// Replaces the contents of a file. Not by truncating it: some file systems then wait for the disk.
+pub(crate) fn put(path: &Path, bytes: &[u8]) {
+    let mut file = OpenOptions::new().write(true).create(true).truncate(false).open(path).unwrap();
+    file.write_all(bytes).unwrap();
+    file.set_len(bytes.len() as u64).unwrap();
 }
