@@ -236,3 +236,12 @@ fn what_cannot_fit_is_refused_with_what_to_do() {
     let text = error.to_string();
     assert!(text.contains("at the least") && text.contains("record_every_steps"), "{text}");
 }
+
+#[test]
+fn recorders_and_sources_can_go_to_other_threads() {
+    fn is_send<T: Send>() {}
+    is_send::<RecordingWriter>();
+    is_send::<RecordingSource>();
+    is_send::<ContactsWriter>();
+    is_send::<ContactsReader>();
+}
