@@ -104,16 +104,31 @@ impl ChannelWriter {
             flushed: now,
             synced: now,
         };
-        this.write_with(|writer| {
+        match this.write_head(manifest, run_toml) {
+            Ok(()) => Ok(this),
+            Err(error) => {
+                this.discard();
+                Err(error)
+            }
+        }
+    }
+
+    fn write_head(&mut self, manifest: &RunManifest, run_toml: Option<&str>) -> Result<(), WriteError> {
+        self.write_with(|writer| {
             writer.write_metadata(&head::run_metadata(manifest))?;
             match run_toml {
                 Some(text) => writer.attach(&attachment(manifest, text)),
                 None => Ok(()),
             }
         })?;
-        this.file.file().sync_data().map_err(WriteError::io(this.file.partial()))?;
-        this.file.sync_name()?;
-        Ok(this)
+        self.file.file().sync_data().map_err(WriteError::io(self.file.partial()))?;
+        self.file.sync_name()
+    }
+
+    /// Removes the file.
+    pub(super) fn discard(self) {
+        // at best: what is left is an unfinished recording
+        let _ = std::fs::remove_file(self.file.partial());
     }
 
     /// Adds the channel of `topic`.

@@ -139,3 +139,11 @@ fn errors_of_the_operating_system_come_with_the_path() {
     let error = RecordingSource::open(&path).err().unwrap();
     assert!(matches!(error, ReadError::Io { .. }) && error.to_string().contains("no/such.mcap"), "{error}");
 }
+
+#[test]
+fn a_run_that_never_began_leaves_nothing() {
+    let (directory, path) = temp_dir();
+    let writer = RecordingWriter::create(&path, &manifest(3, 1, 1), RUN_TOML, &options()).unwrap();
+    writer.discard();
+    assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0);
+}
