@@ -16,6 +16,7 @@
 mod channel_writer;
 mod chunk;
 mod contacts;
+mod contents;
 mod decode;
 mod encode;
 mod error;
