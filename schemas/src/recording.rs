@@ -16,6 +16,7 @@
 mod channel_writer;
 mod chunk;
 mod contacts;
+mod contents;
 mod decode;
 mod encode;
 mod error;
@@ -27,6 +28,7 @@ mod proto;
 mod records;
 mod source;
 mod space;
+mod sync;
 mod writer;
 
 pub use channel_writer::{Compression, Finished, WriteOptions};

@@ -6,6 +6,7 @@ use super::head;
 use super::log_time_ns;
 use super::partial_file::{PartialFile, Sink};
 use super::proto::Topic;
+use super::sync::BackgroundSync;
 use crate::manifest::RunManifest;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, McapError, McapResult};
@@ -75,6 +76,7 @@ pub(super) struct ChannelId(u16);
 /// After an error the file ends with the last whole record, and nothing more is taken.
 pub(super) struct ChannelWriter {
     writer: OpenWriter,
+    sync: BackgroundSync,
     file: PartialFile,
     flush_period: Duration,
     sync_period: Duration,
@@ -93,25 +95,40 @@ impl ChannelWriter {
         let (file, sink) = PartialFile::create(path, options.force)?;
         let writer = mcap_options(options).create(sink).map_err(|error| mcap_error(&file, error))?;
         let now = Instant::now();
-        let WriteOptions { flush_period, sync_period, .. } = *options;
         let mut this = Self {
             writer: OpenWriter(Some(writer)),
+            sync: BackgroundSync::default(),
             file,
-            flush_period,
-            sync_period,
+            flush_period: options.flush_period,
+            sync_period: options.sync_period,
             flushed: now,
             synced: now,
         };
-        this.write_with(|writer| {
+        match this.write_head(manifest, run_toml) {
+            Ok(()) => Ok(this),
+            Err(error) => {
+                this.discard();
+                Err(error)
+            }
+        }
+    }
+
+    fn write_head(&mut self, manifest: &RunManifest, run_toml: Option<&str>) -> Result<(), WriteError> {
+        self.write_with(|writer| {
             writer.write_metadata(&head::run_metadata(manifest))?;
             match run_toml {
                 Some(text) => writer.attach(&attachment(manifest, text)),
                 None => Ok(()),
             }
         })?;
-        this.sync()?;
-        this.file.sync_name()?;
-        Ok(this)
+        self.file.file().sync_data().map_err(WriteError::io(self.file.partial()))?;
+        self.file.sync_name()
+    }
+
+    /// Removes the file.
+    pub(super) fn discard(self) {
+        // at best: what is left is an unfinished recording
+        let _ = std::fs::remove_file(self.file.partial());
     }
 
     /// Adds the channel of `topic`.
@@ -137,14 +154,16 @@ impl ChannelWriter {
         self.write_with(|writer| writer.write_to_known_channel(&header, message))
     }
 
-    /// Closes the open chunk if the flush period is over, and syncs if the sync period is.
+    /// Closes the open chunk if the flush period is over, and has it synced if the sync period is.
     pub(super) fn flush_if_due(&mut self) -> Result<(), WriteError> {
         let now = Instant::now();
-        if now.duration_since(self.flushed) >= self.flush_period {
+        let sync_is_due = now.duration_since(self.synced) >= self.sync_period;
+        if sync_is_due || now.duration_since(self.flushed) >= self.flush_period {
             self.flush()?;
         }
-        if now.duration_since(self.synced) >= self.sync_period {
-            self.sync()?;
+        if sync_is_due {
+            self.sync.request(self.file.file()).map_err(WriteError::io(self.file.partial()))?;
+            self.synced = now;
         }
         Ok(())
     }
@@ -153,12 +172,6 @@ impl ChannelWriter {
     pub(super) fn flush(&mut self) -> Result<(), WriteError> {
         self.write_with(mcap::Writer::flush)?;
         self.flushed = Instant::now();
-        Ok(())
-    }
-
-    fn sync(&mut self) -> Result<(), WriteError> {
-        self.file.file().sync_data().map_err(WriteError::io(self.file.partial()))?;
-        self.synced = Instant::now();
         Ok(())
     }
 
@@ -180,8 +193,9 @@ impl ChannelWriter {
         })?;
         let bytes = self.bytes_written();
         let uncompressed_bytes = summary.chunk_indexes.iter().map(|index| index.uncompressed_size).sum();
-        let Self { mut writer, file, .. } = self;
+        let Self { mut writer, mut sync, file, .. } = self;
         drop(writer.0.take());
+        sync.finish().map_err(WriteError::io(file.partial()))?;
         let path = file.publish()?;
         Ok(Finished { path, bytes, uncompressed_bytes, frames })
     }

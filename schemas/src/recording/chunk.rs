@@ -1,8 +1,8 @@
 //! One chunk: decompressed, checked, and taken apart.
 
 use super::error::ReadError;
-use super::records::{MAX_RECORD_BYTES, check_crc};
-use mcap::records::Record;
+use super::records::{MAX_RECORD_BYTES, RecordReader, check_crc, chunk_header_bytes};
+use mcap::records::{Record, op};
 use std::ops::Range;
 use std::path::Path;
 
@@ -13,12 +13,16 @@ pub(super) struct Chunk {
     offset: u64,
     /// Number of the chunk in the file, from 0.
     number: u64,
-    records: Vec<u8>,
+    /// The whole chunk record if it is not compressed, so that nothing is copied.
+    buffer: Vec<u8>,
+    /// Where in the buffer the next record starts.
     next: usize,
+    /// Where in the buffer the records end.
+    end: usize,
     zstd: zstd::bulk::Decompressor<'static>,
 }
 
-/// A record in a chunk, by its place in the chunk.
+/// A record in a chunk, by its place in the buffer.
 #[derive(Debug, Clone)]
 pub(super) struct Inner {
     pub(super) opcode: u8,
@@ -26,26 +30,24 @@ pub(super) struct Inner {
 }
 
 impl Chunk {
-    /// Replaces the contents by those of the chunk record `body` at `offset`.
-    pub(super) fn load(&mut self, path: &Path, offset: u64, body: &[u8]) -> Result<(), ReadError> {
+    /// Replaces the contents by those of the chunk record that `records` has just read at `offset`.
+    pub(super) fn load(&mut self, offset: u64, records: &mut RecordReader) -> Result<(), ReadError> {
+        let path = records.path();
         let damaged = |what: String| ReadError::damaged(path, offset, what);
-        let Ok(Record::Chunk { header, data }) = mcap::parse_record(mcap::records::op::CHUNK, body) else {
+        let Ok(Record::Chunk { header, data }) = mcap::parse_record(op::CHUNK, records.body()) else {
             return Err(damaged("a chunk record without a chunk header".into()));
         };
-        self.offset = offset;
-        self.records.clear();
-        self.next = 0;
-        let size = header.uncompressed_size;
-        let room = usize::try_from(size).ok().filter(|_| size <= MAX_RECORD_BYTES);
-        let room = room.filter(|room| self.records.try_reserve(*room).is_ok()).ok_or_else(|| {
-            damaged(format!("a chunk of {size} bytes, more than {MAX_RECORD_BYTES} or than there is memory"))
-        })?;
-        match header.compression.as_str() {
-            "" => self.records.extend_from_slice(&data),
+        let computed = match header.compression.as_str() {
+            "" => {
+                self.next = chunk_header_bytes(records.body());
+                self.end = self.next + data.len();
+                // later versions of MCAP may add fields after the records
+                let only_records = self.end == records.body().len();
+                if only_records { records.chunk_crc() } else { crc32fast::hash(&data) }
+            }
             "zstd" => {
-                self.zstd
-                    .decompress_to_buffer(&data, &mut self.records)
-                    .map_err(|error| damaged(format!("a chunk that zstd cannot decompress: {error}")))?;
+                self.decompress(&data, header.uncompressed_size).map_err(damaged)?;
+                crc32fast::hash(&self.buffer)
             }
             other => {
                 return Err(ReadError::NotBeadline {
@@ -53,13 +55,33 @@ impl Chunk {
                     what: format!("its chunks are compressed with `{other}` instead of zstd"),
                 });
             }
-        }
-        if self.records.len() != room {
-            return Err(damaged(format!("a chunk of {} bytes instead of {size}", self.records.len())));
+        };
+        if self.bytes() != header.uncompressed_size {
+            let (found, expected) = (self.bytes(), header.uncompressed_size);
+            return Err(damaged(format!("a chunk of {found} bytes instead of {expected}")));
         }
         let part = format!("chunk {} at byte {offset}", self.number);
-        self.number += 1;
-        check_crc(path, &part, header.uncompressed_crc, crc32fast::hash(&self.records))
+        check_crc(path, &part, header.uncompressed_crc, computed)?;
+        (self.offset, self.number) = (offset, self.number + 1);
+        if header.compression.is_empty() {
+            records.swap_body(&mut self.buffer);
+        }
+        Ok(())
+    }
+
+    fn decompress(&mut self, data: &[u8], size: u64) -> Result<(), String> {
+        self.buffer.clear();
+        let room = usize::try_from(size).ok().filter(|_| size <= MAX_RECORD_BYTES);
+        if room.is_none_or(|room| self.buffer.try_reserve(room).is_err()) {
+            return Err(format!(
+                "a chunk of {size} bytes, more than {MAX_RECORD_BYTES} or than there is memory"
+            ));
+        }
+        self.zstd
+            .decompress_to_buffer(data, &mut self.buffer)
+            .map_err(|error| format!("a chunk that zstd cannot decompress: {error}"))?;
+        (self.next, self.end) = (0, self.buffer.len());
+        Ok(())
     }
 
     /// Offset of the chunk in the file.
@@ -67,33 +89,29 @@ impl Chunk {
         self.offset
     }
 
-    /// Size before compression in bytes.
+    /// Size of what is left of the records in bytes: of all of them, before the first is taken.
     pub(super) fn bytes(&self) -> u64 {
-        self.records.len() as u64
+        self.end.saturating_sub(self.next) as u64
     }
 
     /// The next record.
     pub(super) fn next(&mut self, path: &Path) -> Result<Option<Inner>, ReadError> {
-        let rest = self.records.get(self.next..).unwrap_or_default();
+        let rest = self.buffer.get(self.next..self.end).unwrap_or_default();
         if rest.is_empty() {
             return Ok(None);
         }
         let record = take_record(rest).ok_or_else(|| {
-            ReadError::damaged(path, self.offset, format!("a record that leaves its chunk at {}", self.next))
+            let what = format!("a record that leaves its chunk, {} bytes before the end", rest.len());
+            ReadError::damaged(path, self.offset, what)
         })?;
         let body = self.next + record.body.start..self.next + record.body.end;
         self.next = body.end;
         Ok(Some(Inner { opcode: record.opcode, body }))
     }
 
-    /// All records, that places refer to.
-    pub(super) fn records(&self) -> &[u8] {
-        &self.records
-    }
-
-    /// The bytes of a record.
-    pub(super) fn body(&self, record: &Inner) -> &[u8] {
-        self.records.get(record.body.clone()).unwrap_or_default()
+    /// What the places of records refer to.
+    pub(super) fn buffer(&self) -> &[u8] {
+        &self.buffer
     }
 }
 
@@ -102,5 +120,5 @@ fn take_record(bytes: &[u8]) -> Option<Inner> {
     let (head, rest) = bytes.split_first_chunk::<9>()?;
     let [opcode, length @ ..] = *head;
     let length = usize::try_from(u64::from_le_bytes(length)).ok()?;
-    (length <= rest.len()).then_some(Inner { opcode, body: 9..9 + length })
+    (length <= rest.len()).then(|| Inner { opcode, body: 9..9 + length })
 }

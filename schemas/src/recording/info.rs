@@ -1,9 +1,10 @@
 //! What is in a recording, without reading all of it where that can be helped.
 
+use super::contents::{Channel, Contents, parse_metadata};
 use super::decode;
 use super::error::ReadError;
 use super::head::{self, EndRecord};
-use super::messages::{Contents, MessageReader, parse_metadata};
+use super::messages::MessageReader;
 use super::proto;
 use super::records::{RawRecord, RecordReader};
 use crate::frame::EndReason;
@@ -142,7 +143,7 @@ fn scan(mut messages: MessageReader) -> Result<RecordingInfo, ReadError> {
 }
 
 fn channels(contents: &Contents, counts: &BTreeMap<u16, u64>) -> Vec<ChannelInfo> {
-    let info = |(id, channel): (&u16, &super::messages::Channel)| ChannelInfo {
+    let info = |(id, channel): (&u16, &Channel)| ChannelInfo {
         topic: channel.topic.clone(),
         schema: channel.schema.clone(),
         encoding: channel.message_encoding.clone(),

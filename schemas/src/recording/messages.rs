@@ -2,13 +2,12 @@
 
 use super::PROFILE;
 use super::chunk::{Chunk, Inner};
+use super::contents::{Channel, Contents, parse_metadata};
 use super::error::ReadError;
-use super::head::{self, EndRecord};
-use super::records::{RawRecord, RecordReader, check_crc};
+use super::head;
+use super::records::{RawRecord, RecordReader};
 use crate::manifest::RunManifest;
-use mcap::records::{Metadata, Record, op};
-use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
+use mcap::records::{Record, op};
 use std::ops::Range;
 use std::path::Path;
 
@@ -19,38 +18,6 @@ pub(super) struct MessageReader {
     in_chunk: bool,
     contents: Contents,
     manifest: RunManifest,
-}
-
-/// What a file holds beside its messages, as far as it has been read.
-#[derive(Debug, Default)]
-pub(super) struct Contents {
-    schemas: BTreeMap<u16, SchemaDef>,
-    /// By the number that messages give.
-    pub(super) channels: BTreeMap<u16, Channel>,
-    /// The configuration as the user gave it.
-    pub(super) run_toml: Option<String>,
-    /// How the recording ended.
-    pub(super) end: Option<EndRecord>,
-    /// The data section is closed.
-    data_end: bool,
-    /// Size of the chunks before compression.
-    pub(super) uncompressed_bytes: u64,
-}
-
-/// A schema in the file.
-#[derive(Debug, Clone, PartialEq, Eq)]
-struct SchemaDef {
-    name: String,
-    encoding: String,
-}
-
-/// A channel in the file.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Channel {
-    pub(super) topic: String,
-    pub(super) message_encoding: String,
-    pub(super) schema: String,
-    pub(super) schema_encoding: String,
 }
 
 /// A message, lent until the next call.
@@ -149,14 +116,14 @@ impl MessageReader {
             self.in_chunk = false;
             return Ok(Step::Other);
         };
-        let (body, offset) = (self.chunk.body(&inner), self.chunk.offset());
-        match inner.opcode {
-            op::MESSAGE => {
-                let Inner { body: range, .. } = &inner;
-                message(path, offset, body).map(|place| Step::Message(place.within(range.start)))
-            }
+        let Inner { opcode, body: place } = inner;
+        let start = place.start;
+        let body = self.chunk.buffer().get(place).unwrap_or_default();
+        let offset = self.chunk.offset();
+        match opcode {
+            op::MESSAGE => message(path, offset, body).map(|place| Step::Message(place.within(start))),
             op::SCHEMA | op::CHANNEL => {
-                self.contents.define(path, offset, inner.opcode, body)?;
+                self.contents.define(path, offset, opcode, body)?;
                 Ok(Step::Other)
             }
             _ => Ok(Step::Other),
@@ -173,7 +140,7 @@ impl MessageReader {
             // the summary, which repeats what was read
             _ if self.contents.data_end => {}
             op::CHUNK => {
-                self.chunk.load(&path, offset, body)?;
+                self.chunk.load(offset, &mut self.records)?;
                 self.contents.uncompressed_bytes += self.chunk.bytes();
                 self.in_chunk = true;
             }
@@ -186,7 +153,7 @@ impl MessageReader {
 
     fn lend(&self, place: Place) -> Result<RawMessage<'_>, ReadError> {
         let Place { channel_id, data, offset } = place;
-        let body = if self.in_chunk { self.chunk.records() } else { self.records.body() };
+        let body = if self.in_chunk { self.chunk.buffer() } else { self.records.body() };
         let data = body.get(data).unwrap_or_default();
         let channel = self.contents.channels.get(&channel_id).ok_or_else(|| {
             ReadError::damaged(self.path(), offset, format!("a message of the unknown channel {channel_id}"))
@@ -209,78 +176,6 @@ impl Place {
     }
 }
 
-impl Contents {
-    /// Takes in a record that is neither chunk nor message.
-    fn define(&mut self, path: &Path, offset: u64, opcode: u8, body: &[u8]) -> Result<(), ReadError> {
-        match opcode {
-            op::SCHEMA | op::CHANNEL => {
-                let record = mcap::parse_record(opcode, body).map_err(|error| {
-                    ReadError::damaged(path, offset, format!("a record that is none: {error}"))
-                })?;
-                self.add(record).map_err(|what| ReadError::damaged(path, offset, what))
-            }
-            op::METADATA => {
-                let metadata = parse_metadata(path, offset, body)?;
-                if metadata.name == head::END {
-                    let end = EndRecord::from_metadata(&metadata);
-                    self.end = Some(end.map_err(|what| ReadError::damaged(path, offset, what))?);
-                }
-                Ok(())
-            }
-            op::ATTACHMENT => {
-                let (name, data) = parse_attachment(path, offset, body)?;
-                if name == head::RUN_TOML.as_bytes() {
-                    self.run_toml = Some(String::from_utf8_lossy(data).into_owned());
-                }
-                Ok(())
-            }
-            _ => Ok(()),
-        }
-    }
-
-    /// Adds a schema or a channel; the same number twice must be the same thing.
-    pub(super) fn add(&mut self, record: Record<'_>) -> Result<(), String> {
-        match record {
-            Record::Schema { header, .. } => {
-                let schema = SchemaDef { name: header.name, encoding: header.encoding };
-                insert(&mut self.schemas, header.id, schema, "schema")
-            }
-            Record::Channel(channel) => {
-                let schema = self.schemas.get(&channel.schema_id);
-                let schema =
-                    schema.cloned().unwrap_or(SchemaDef { name: String::new(), encoding: String::new() });
-                let definition = Channel {
-                    topic: channel.topic,
-                    message_encoding: channel.message_encoding,
-                    schema: schema.name,
-                    schema_encoding: schema.encoding,
-                };
-                insert(&mut self.channels, channel.id, definition, "channel")
-            }
-            _ => Ok(()),
-        }
-    }
-
-    /// The topics, for messages.
-    pub(super) fn topics(&self) -> String {
-        let topics: Vec<_> = self.channels.values().map(|channel| format!("`{}`", channel.topic)).collect();
-        if topics.is_empty() { "nothing".into() } else { topics.join(", ") }
-    }
-}
-
-fn insert<T: PartialEq>(map: &mut BTreeMap<u16, T>, id: u16, value: T, what: &str) -> Result<(), String> {
-    match map.entry(id) {
-        Entry::Occupied(known) if *known.get() != value => {
-            Err(format!("two different {what}s numbered {id}"))
-        }
-        Entry::Occupied(_) => Ok(()),
-        Entry::Vacant(place) => {
-            place.insert(value);
-            Ok(())
-        }
-    }
-}
-
 fn check_profile(path: &Path, first: Option<RawRecord<'_>>) -> Result<(), ReadError> {
     let not_ours = |what: String| ReadError::NotBeadline { path: path.to_owned(), what };
     let header = first.filter(|record| record.opcode == op::HEADER);
@@ -293,13 +188,6 @@ fn check_profile(path: &Path, first: Option<RawRecord<'_>>) -> Result<(), ReadEr
     }
 }
 
-pub(super) fn parse_metadata(path: &Path, offset: u64, body: &[u8]) -> Result<Metadata, ReadError> {
-    match mcap::parse_record(op::METADATA, body) {
-        Ok(Record::Metadata(metadata)) => Ok(metadata),
-        _ => Err(ReadError::damaged(path, offset, "metadata that is none")),
-    }
-}
-
 /// Where the contents of the message record `body` are.
 fn message(path: &Path, offset: u64, body: &[u8]) -> Result<Place, ReadError> {
     match body.first_chunk::<MESSAGE_HEAD_BYTES>() {
@@ -309,26 +197,4 @@ fn message(path: &Path, offset: u64, body: &[u8]) -> Result<Place, ReadError> {
         }
         None => Err(ReadError::damaged(path, offset, "a message without its header")),
     }
-}
-
-/// Name and contents of an attachment, after its CRC. By hand: mcap panics on short ones.
-fn parse_attachment<'a>(path: &Path, offset: u64, body: &'a [u8]) -> Result<(&'a [u8], &'a [u8]), ReadError> {
-    let parse = || {
-        let (content, crc) = body.split_last_chunk::<4>()?;
-        let (_times, rest) = content.split_first_chunk::<16>()?;
-        let (name, rest) = take_string(rest)?;
-        let (_media_type, rest) = take_string(rest)?;
-        let (length, data) = rest.split_first_chunk::<8>()?;
-        let whole = usize::try_from(u64::from_le_bytes(*length)).ok()? == data.len();
-        whole.then_some((name, data, content, u32::from_le_bytes(*crc)))
-    };
-    let (name, data, content, crc) =
-        parse().ok_or_else(|| ReadError::damaged(path, offset, "an attachment that is none"))?;
-    check_crc(path, &format!("the attachment at byte {offset}"), crc, crc32fast::hash(content))?;
-    Ok((name, data))
-}
-
-fn take_string(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
-    let (length, rest) = bytes.split_first_chunk::<4>()?;
-    rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)
 }

@@ -27,6 +27,8 @@ pub(super) struct RecordReader {
     /// Of the section so far.
     crc: crc32fast::Hasher,
     section: Section,
+    /// Of what follows the header of the chunk read last.
+    chunk_crc: u32,
     body: Vec<u8>,
 }
 
@@ -79,6 +81,7 @@ impl RecordReader {
             closed: end > magic_bytes && last == mcap::MAGIC,
             crc,
             section: Section::Data,
+            chunk_crc: 0,
             body: Vec::new(),
         })
     }
@@ -90,6 +93,16 @@ impl RecordReader {
     /// The record read last.
     pub(super) fn body(&self) -> &[u8] {
         &self.body
+    }
+
+    /// Exchanges the record read last for the buffer `other`.
+    pub(super) fn swap_body(&mut self, other: &mut Vec<u8>) {
+        std::mem::swap(&mut self.body, other);
+    }
+
+    /// If the record read last is a chunk, the CRC of its contents as they are in the file.
+    pub(super) fn chunk_crc(&self) -> u32 {
+        self.chunk_crc
     }
 
     /// Whether the file ends as a closed MCAP file does.
@@ -186,6 +199,17 @@ impl RecordReader {
                 let computed = std::mem::take(&mut self.crc).finalize();
                 check_crc(&self.path, "the summary section", u32::from_le_bytes(*stored), computed)
             }
+            (op::CHUNK, _) => {
+                // in two parts: the second is the CRC of an uncompressed chunk, which costs no second pass
+                let (header, contents) = self.body.split_at(chunk_header_bytes(&self.body));
+                self.crc.update(head);
+                self.crc.update(header);
+                let mut chunk_crc = crc32fast::Hasher::new();
+                chunk_crc.update(contents);
+                self.crc.combine(&chunk_crc);
+                self.chunk_crc = chunk_crc.finalize();
+                Ok(())
+            }
             _ => {
                 self.crc.update(head);
                 self.crc.update(&self.body);
@@ -204,6 +228,14 @@ impl RecordReader {
         }
         Ok(())
     }
+}
+
+/// Length of the header of the chunk record `body`: two times, size, CRC, compression, compressed size.
+pub(super) fn chunk_header_bytes(body: &[u8]) -> usize {
+    const COMPRESSION: usize = 8 + 8 + 8 + 4;
+    let name = body.get(COMPRESSION..).and_then(|rest| rest.first_chunk::<4>());
+    let name_bytes = name.and_then(|length| usize::try_from(u32::from_le_bytes(*length)).ok());
+    (COMPRESSION + 4 + 8).saturating_add(name_bytes.unwrap_or(0)).min(body.len())
 }
 
 /// Compares a CRC with the one in the file, where 0 stands for none.

@@ -98,6 +98,11 @@ impl RecordingWriter {
         Err(WriteError::Frame { path, frame: frame.frame, step: frame.step, what })
     }
 
+    /// Gives the recording up and removes its `.partial`: for a run that never began.
+    pub fn discard(self) {
+        self.file.discard();
+    }
+
     /// SHA-256 of the state encoded last.
     fn last_state_hash(&self) -> Option<String> {
         let step = self.last_step?;
@@ -153,5 +158,53 @@ impl FrameSink for RecordingWriter {
     /// Records `frame` if it is its turn by the manifest: every K-th, the first and the last.
     fn accept(&mut self, frame: &Frame<'_>) -> Result<(), WriteError> {
         if self.manifest.is_recorded(frame.step) { self.record(frame) } else { Ok(()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::manifest::Origin;
+    use crate::presets::PRESETS;
+    use crate::recording::messages::MessageReader;
+
+    #[test]
+    fn chain_and_summaries_are_those_of_the_run() {
+        let origin = Origin { program: "test".into(), host: "here".into(), started_unix_ns: 0 };
+        let manifest = RunManifest::new(&PRESETS[0].config(), "test", origin).expect("preset");
+        let directory = tempfile::tempdir().expect("directory");
+        let path = directory.path().join("test.mcap");
+        let (mut u_m, v_m_s) = manifest.physics.initial_state();
+        u_m[500] = 1e-5;
+        let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[] };
+        let mut writer =
+            RecordingWriter::create(&path, &manifest, "", &WriteOptions::default()).expect("new");
+        writer.accept(&frame).expect("accepted");
+        writer.finish(EndReason::Interrupted).expect("finished");
+
+        let mut reader = MessageReader::open(&path).expect("ours");
+        let mut next = |topic: &str| {
+            let message = reader.next().expect("readable").expect("message");
+            assert_eq!(
+                (message.channel.topic.as_str(), message.channel.message_encoding.as_str()),
+                (topic, "protobuf")
+            );
+            message.data.to_vec()
+        };
+        let chain = proto::Chain::decode(next("/chain").as_slice()).expect("chain");
+        let expected = manifest.physics.chain();
+        assert_eq!(
+            (chain.mass_kg, chain.stiffness, chain.rest_overlap_m, chain.alpha),
+            (expected.mass_kg, expected.stiffness, expected.rest_overlap_m, 1.5)
+        );
+        next("/state");
+        let summary = proto::Summary::decode(next("/summary").as_slice()).expect("summary");
+        let expected = Summarizer::new(&manifest.physics).summarize(&frame);
+        assert_eq!(
+            (summary.kinetic_j, summary.total_j),
+            (expected.energy.kinetic_j, expected.energy.total_j())
+        );
+        assert_eq!(summary.relative_drift, expected.relative_drift);
+        assert_eq!((summary.impurity[0].bead, summary.impurity[0].displacement_m), (500, 1e-5));
     }
 }

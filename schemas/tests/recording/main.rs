@@ -1,96 +1,17 @@
 //! What recordings promise: the same bits back, nothing overwritten, nothing believed unchecked.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "tests")]
+#![allow(clippy::unwrap_used, clippy::panic, clippy::cast_possible_truncation, reason = "tests")]
 
-use schemas::config::StreamConfig;
-use schemas::frame::{EndReason, Frame, FrameSink, FrameSource, Received};
-use schemas::manifest::{Origin, RunManifest};
-use schemas::presets::PRESETS;
+mod crash;
+mod hostile;
+mod run;
+
+use run::{RUN_TOML, for_each_frame, manifest, options, read_all, temp_dir, write_recording};
+use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
 use schemas::recording::{
-    Compression, ContactsReader, ContactsRow, ContactsWriter, Finished, ReadError, RecordingInfo,
-    RecordingSource, RecordingWriter, WriteError, WriteOptions,
+    Compression, ContactsReader, ContactsRow, ContactsWriter, ReadError, RecordingInfo, RecordingSource,
+    RecordingWriter, SpaceNeeded, WriteError, WriteOptions, estimate_bytes,
 };
 use std::fs;
-use std::path::{Path, PathBuf};
-use tempfile::TempDir;
-
-const RUN_TOML: &str = "name = \"test\" # as the user wrote it: ü\n";
-
-/// A run of `steps` steps of 40 beads.
-fn manifest(steps: u64, publish: u64, record: u64) -> RunManifest {
-    let mut config = PRESETS[0].config();
-    config.chain.beads = 40;
-    config.chain.impurities[0].bead = 20;
-    config.stream = StreamConfig { publish_every_steps: publish, record_every_steps: record };
-    let origin = Origin { program: "test 1.0".into(), host: "here".into(), started_unix_ns: 7 };
-    let dt_s = RunManifest::new(&config, "test", origin.clone()).unwrap().physics.dt_s;
-    config.time.duration_s = dt_s * steps as f64;
-    let manifest = RunManifest::new(&config, "test", origin).unwrap();
-    assert_eq!(manifest.physics.step_count, steps);
-    manifest
-}
-
-/// Doubles of every kind, different for each step: recordings keep bits, not numbers.
-fn doubles(step: u64, which: u64) -> Vec<f64> {
-    let special = [0.0, -0.0, 5e-324, f64::INFINITY, f64::from_bits(0x7ff8_dead_beef_0001), -1.5];
-    (0..40)
-        .map(|bead| {
-            let hash = (step * 1000 + bead * 2 + which).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-            match hash >> 61 {
-                0 => special[(hash % 6) as usize],
-                1 => f64::from_bits(hash.rotate_left(17)),
-                _ => (hash >> 11) as f64 * 1e-12,
-            }
-        })
-        .collect()
-}
-
-/// Calls `take` with every published frame of the run.
-fn for_each_frame(manifest: &RunManifest, mut take: impl FnMut(&Frame<'_>)) {
-    for frame in 0..manifest.frame_count() {
-        let step = manifest.step_of_frame(frame);
-        let (u_m, v_m_s) = (doubles(step, 0), doubles(step, 1));
-        let time_s = manifest.physics.time_s(step);
-        take(&Frame { frame, step, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &[] });
-    }
-}
-
-/// Small chunks, so that a few frames make several.
-fn options() -> WriteOptions {
-    WriteOptions { chunk_bytes: 4000, ..WriteOptions::default() }
-}
-
-fn write_recording(path: &Path, manifest: &RunManifest, options: &WriteOptions) -> Finished {
-    let mut writer = RecordingWriter::create(path, manifest, RUN_TOML, options).unwrap();
-    for_each_frame(manifest, |frame| writer.accept(frame).unwrap());
-    writer.finish(EndReason::Complete).unwrap()
-}
-
-fn temp_dir() -> (TempDir, PathBuf) {
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("test.mcap");
-    (directory, path)
-}
-
-/// Steps of the frames, missed frames, and the end of a source whose frames must be those written.
-fn read_all(source: &mut RecordingSource) -> (Vec<u64>, Vec<(u64, u64)>, Result<EndReason, ReadError>) {
-    let manifest = source.manifest().clone();
-    let (mut steps, mut missed) = (Vec::new(), Vec::new());
-    loop {
-        match source.receive() {
-            Ok(Received::Frame(frame)) => {
-                let bits = |values: &[f64]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
-                assert_eq!(bits(frame.u_m), bits(&doubles(frame.step, 0)));
-                assert_eq!(bits(frame.v_m_s), bits(&doubles(frame.step, 1)));
-                assert!(frame.extra.is_empty());
-                assert_eq!(manifest.step_of_frame(frame.frame), frame.step);
-                steps.push(frame.step);
-            }
-            Ok(Received::Missed { from, to }) => missed.push((from, to)),
-            Ok(Received::End(reason)) => return (steps, missed, Ok(reason)),
-            Err(error) => return (steps, missed, Err(error)),
-        }
-    }
-}
 
 #[test]
 fn frames_come_back_bit_for_bit() {
@@ -246,4 +167,81 @@ fn a_contacts_map_comes_back() {
     let error = RecordingSource::open(&path).err().unwrap();
     assert!(matches!(error, ReadError::NoChannel { .. }), "{error}");
     assert!(error.to_string().ends_with("holds no `/state` channel, only `/contacts`"), "{error}");
+}
+
+#[test]
+fn other_programs_find_every_message_by_our_indexes() {
+    use mcap::sans_io::{IndexedReadEvent, IndexedReader, SummaryReadEvent, SummaryReader};
+    use std::io::{Read, Seek, SeekFrom};
+    let (_directory, path) = temp_dir();
+    write_recording(&path, &manifest(57, 1, 1), &options());
+    let mut file = fs::File::open(&path).unwrap();
+    let mut summary = SummaryReader::new();
+    while let Some(event) = summary.next_event() {
+        match event.unwrap() {
+            SummaryReadEvent::ReadRequest(need) => {
+                let read = file.read(summary.insert(need)).unwrap();
+                summary.notify_read(read);
+            }
+            SummaryReadEvent::SeekRequest(to) => summary.notify_seeked(file.seek(to).unwrap()),
+        }
+    }
+    let summary = summary.finish().unwrap();
+    assert!(summary.chunk_indexes.len() > 5);
+    let mut reader = IndexedReader::new(&summary).unwrap();
+    let mut messages = 0;
+    while let Some(event) = reader.next_event() {
+        match event.unwrap() {
+            IndexedReadEvent::ReadChunkRequest { offset, length } => {
+                let mut chunk = vec![0; length];
+                file.seek(SeekFrom::Start(offset)).unwrap();
+                file.read_exact(&mut chunk).unwrap();
+                reader.insert_chunk_record_data(offset, &chunk).unwrap();
+            }
+            IndexedReadEvent::Message { header, .. } => {
+                assert_eq!(header.log_time, header.publish_time);
+                messages += 1;
+            }
+        }
+    }
+    assert_eq!(messages, 1 + 2 * 58);
+}
+
+#[test]
+fn the_estimate_is_an_upper_bound_and_close() {
+    for (publish, record) in [(1, 1), (1, 10)] {
+        let (_directory, path) = temp_dir();
+        let manifest = manifest(2000, publish, record);
+        let uncompressed = WriteOptions { compression: Compression::None, ..WriteOptions::default() };
+        let bytes = write_recording(&path, &manifest, &uncompressed).bytes;
+        let needed = SpaceNeeded::new(&manifest, Compression::None);
+        assert_eq!(needed.at_most_bytes, estimate_bytes(&manifest));
+        assert!((needed.at_least_bytes..=needed.at_most_bytes).contains(&bytes), "{needed:?} {bytes}");
+        assert!(needed.at_most_bytes < bytes + bytes / 5 + 40_000, "{needed:?} {bytes}");
+        let compressed = SpaceNeeded::new(&manifest, Compression::Zstd { level: 1 });
+        assert!(compressed.at_least_bytes < needed.at_least_bytes / 8);
+    }
+}
+
+#[test]
+fn what_cannot_fit_is_refused_with_what_to_do() {
+    let (_directory, path) = temp_dir();
+    let mut manifest = manifest(57, 1, 1);
+    let needed = SpaceNeeded::new(&manifest, Compression::None);
+    assert!(needed.check(&path).unwrap() > needed.at_most_bytes);
+    // 640 MB a step for 2^50 steps
+    manifest.physics.step_count = 1 << 50;
+    let error = SpaceNeeded::new(&manifest, Compression::None).check(&path).err().unwrap();
+    assert!(matches!(error, WriteError::NoSpace { .. }));
+    let text = error.to_string();
+    assert!(text.contains("at the least") && text.contains("record_every_steps"), "{text}");
+}
+
+#[test]
+fn recorders_and_sources_can_go_to_other_threads() {
+    fn is_send<T: Send>() {}
+    is_send::<RecordingWriter>();
+    is_send::<RecordingSource>();
+    is_send::<ContactsWriter>();
+    is_send::<ContactsReader>();
 }

@@ -1,0 +1,148 @@
+//! What stands in a recording around its messages.
+
+use super::error::ReadError;
+use super::head::{self, EndRecord};
+use super::records::check_crc;
+use mcap::records::{Metadata, Record, op};
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::path::Path;
+
+/// What a file holds beside its messages, as far as it has been read.
+#[derive(Debug, Default)]
+pub(super) struct Contents {
+    schemas: BTreeMap<u16, SchemaDef>,
+    /// By the number that messages give.
+    pub(super) channels: BTreeMap<u16, Channel>,
+    /// The configuration as the user gave it.
+    pub(super) run_toml: Option<String>,
+    /// How the recording ended.
+    pub(super) end: Option<EndRecord>,
+    /// The data section is closed.
+    pub(super) data_end: bool,
+    /// Size of the chunks before compression.
+    pub(super) uncompressed_bytes: u64,
+}
+
+/// A schema in the file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct SchemaDef {
+    name: String,
+    encoding: String,
+}
+
+/// A channel in the file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Channel {
+    pub(super) topic: String,
+    pub(super) message_encoding: String,
+    pub(super) schema: String,
+    pub(super) schema_encoding: String,
+}
+
+impl Contents {
+    /// Takes in a record that is neither chunk nor message.
+    pub(super) fn define(
+        &mut self,
+        path: &Path,
+        offset: u64,
+        opcode: u8,
+        body: &[u8],
+    ) -> Result<(), ReadError> {
+        match opcode {
+            op::SCHEMA | op::CHANNEL => {
+                let record = mcap::parse_record(opcode, body).map_err(|error| {
+                    ReadError::damaged(path, offset, format!("a record that is none: {error}"))
+                })?;
+                self.add(record).map_err(|what| ReadError::damaged(path, offset, what))
+            }
+            op::METADATA => {
+                let metadata = parse_metadata(path, offset, body)?;
+                if metadata.name == head::END {
+                    let end = EndRecord::from_metadata(&metadata);
+                    self.end = Some(end.map_err(|what| ReadError::damaged(path, offset, what))?);
+                }
+                Ok(())
+            }
+            op::ATTACHMENT => {
+                let (name, data) = parse_attachment(path, offset, body)?;
+                if name == head::RUN_TOML.as_bytes() {
+                    self.run_toml = Some(String::from_utf8_lossy(data).into_owned());
+                }
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Adds a schema or a channel; the same number twice must be the same thing.
+    pub(super) fn add(&mut self, record: Record<'_>) -> Result<(), String> {
+        match record {
+            Record::Schema { header, .. } => {
+                let schema = SchemaDef { name: header.name, encoding: header.encoding };
+                insert(&mut self.schemas, header.id, schema, "schema")
+            }
+            Record::Channel(channel) => {
+                let schema = self.schemas.get(&channel.schema_id);
+                let schema =
+                    schema.cloned().unwrap_or(SchemaDef { name: String::new(), encoding: String::new() });
+                let definition = Channel {
+                    topic: channel.topic,
+                    message_encoding: channel.message_encoding,
+                    schema: schema.name,
+                    schema_encoding: schema.encoding,
+                };
+                insert(&mut self.channels, channel.id, definition, "channel")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The topics, for messages.
+    pub(super) fn topics(&self) -> String {
+        let topics: Vec<_> = self.channels.values().map(|channel| format!("`{}`", channel.topic)).collect();
+        if topics.is_empty() { "nothing".into() } else { topics.join(", ") }
+    }
+}
+
+fn insert<T: PartialEq>(map: &mut BTreeMap<u16, T>, id: u16, value: T, what: &str) -> Result<(), String> {
+    match map.entry(id) {
+        Entry::Occupied(known) if *known.get() != value => {
+            Err(format!("two different {what}s numbered {id}"))
+        }
+        Entry::Occupied(_) => Ok(()),
+        Entry::Vacant(place) => {
+            place.insert(value);
+            Ok(())
+        }
+    }
+}
+
+pub(super) fn parse_metadata(path: &Path, offset: u64, body: &[u8]) -> Result<Metadata, ReadError> {
+    match mcap::parse_record(op::METADATA, body) {
+        Ok(Record::Metadata(metadata)) => Ok(metadata),
+        _ => Err(ReadError::damaged(path, offset, "metadata that is none")),
+    }
+}
+
+/// Name and contents of an attachment, after its CRC. By hand: mcap panics on short ones.
+fn parse_attachment<'a>(path: &Path, offset: u64, body: &'a [u8]) -> Result<(&'a [u8], &'a [u8]), ReadError> {
+    let parse = || {
+        let (content, crc) = body.split_last_chunk::<4>()?;
+        let (_times, rest) = content.split_first_chunk::<16>()?;
+        let (name, rest) = take_string(rest)?;
+        let (_media_type, rest) = take_string(rest)?;
+        let (length, data) = rest.split_first_chunk::<8>()?;
+        let whole = usize::try_from(u64::from_le_bytes(*length)).ok()? == data.len();
+        whole.then_some((name, data, content, u32::from_le_bytes(*crc)))
+    };
+    let (name, data, content, crc) =
+        parse().ok_or_else(|| ReadError::damaged(path, offset, "an attachment that is none"))?;
+    check_crc(path, &format!("the attachment at byte {offset}"), crc, crc32fast::hash(content))?;
+    Ok((name, data))
+}
+
+fn take_string(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let (length, rest) = bytes.split_first_chunk::<4>()?;
+    rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)
+}

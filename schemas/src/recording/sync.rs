@@ -1,0 +1,64 @@
+//! Syncing to the disk without keeping the run waiting.
+
+use std::fs::File;
+use std::io;
+use std::sync::Arc;
+use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
+use std::thread::{self, JoinHandle};
+
+/// Syncs a file in a thread of its own: after a few hundred MB that takes tenths of a second. The thread
+/// starts with the first request.
+#[derive(Debug, Default)]
+pub(super) struct BackgroundSync {
+    worker: Option<Worker>,
+}
+
+#[derive(Debug)]
+struct Worker {
+    requests: SyncSender<()>,
+    thread: JoinHandle<io::Result<()>>,
+}
+
+impl BackgroundSync {
+    /// Asks for what is in `file` now to be synced. Fails if an earlier request failed.
+    pub(super) fn request(&mut self, file: &Arc<File>) -> io::Result<()> {
+        let worker = match self.worker.take() {
+            Some(worker) => worker,
+            None => Worker::start(Arc::clone(file))?,
+        };
+        match worker.requests.try_send(()) {
+            Err(TrySendError::Disconnected(())) => worker.join(),
+            // one that waits covers this one, too
+            Ok(()) | Err(TrySendError::Full(())) => {
+                self.worker = Some(worker);
+                Ok(())
+            }
+        }
+    }
+
+    /// Waits for what was asked for.
+    pub(super) fn finish(&mut self) -> io::Result<()> {
+        self.worker.take().map_or(Ok(()), Worker::join)
+    }
+}
+
+impl Worker {
+    fn start(file: Arc<File>) -> io::Result<Self> {
+        let (requests, received) = sync_channel(1);
+        let work = move || received.iter().try_for_each(|()| file.sync_data());
+        let thread = thread::Builder::new().name("beadline-sync".into()).spawn(work)?;
+        Ok(Self { requests, thread })
+    }
+
+    fn join(self) -> io::Result<()> {
+        drop(self.requests);
+        self.thread.join().unwrap_or_else(|_| Err(io::Error::other("syncing panicked")))
+    }
+}
+
+impl Drop for BackgroundSync {
+    fn drop(&mut self) {
+        // whoever wants to know calls `finish`
+        let _ = self.finish();
+    }
+}

@@ -1,0 +1,149 @@
+//! What is left when writing stops: by a kill, by an error, in the middle of anything.
+
+use crate::run::{RUN_TOML, for_each_frame, manifest, options, put, read_all, temp_dir, write_recording};
+use schemas::frame::{EndReason, FrameSink};
+use schemas::recording::{
+    Compression, ReadError, RecordingInfo, RecordingSource, RecordingWriter, WriteError, WriteOptions,
+};
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+use std::time::Duration;
+
+#[test]
+fn a_kill_costs_only_what_was_not_flushed() {
+    let (_directory, path) = temp_dir();
+    let manifest = manifest(57, 1, 1);
+    let mut writer = RecordingWriter::create(&path, &manifest, RUN_TOML, &WriteOptions::default()).unwrap();
+    let killed = path.with_extension("killed");
+    for_each_frame(&manifest, |frame| {
+        writer.accept(frame).unwrap();
+        if frame.step == 30 {
+            writer.flush().unwrap();
+            assert_eq!(writer.bytes_written(), fs::metadata(writer.partial_path()).unwrap().len());
+        }
+        if frame.step == 40 {
+            // what another process would find if this one were killed now
+            fs::copy(writer.partial_path(), &killed).unwrap();
+        }
+    });
+    let (steps, missed, end) = read_all(&mut RecordingSource::open(&killed).unwrap());
+    assert_eq!(steps, (0..=30).collect::<Vec<_>>());
+    assert!(missed.is_empty());
+    assert_eq!(end.unwrap(), EndReason::Unfinished);
+    let info = RecordingInfo::read(&killed).unwrap();
+    assert_eq!((info.frames(), info.first_step, info.last_step), (31, Some(0), Some(30)));
+    assert_eq!(info.run_toml.as_deref(), Some(RUN_TOML));
+    assert!(!info.finished && !info.is_complete() && info.damage.is_none());
+
+    // dropped, nothing is lost, but it is not finished either
+    let partial = writer.partial_path().to_owned();
+    drop(writer);
+    assert!(!path.exists());
+    let (steps, _, end) = read_all(&mut RecordingSource::open(&partial).unwrap());
+    assert_eq!((steps.len(), end.unwrap()), (58, EndReason::Unfinished));
+}
+
+#[test]
+fn frames_do_not_wait_longer_than_the_flush_period() {
+    let (_directory, path) = temp_dir();
+    let manifest = manifest(9, 1, 1);
+    let at_once = WriteOptions { flush_period: Duration::ZERO, sync_period: Duration::ZERO, ..options() };
+    let mut writer = RecordingWriter::create(&path, &manifest, RUN_TOML, &at_once).unwrap();
+    for_each_frame(&manifest, |frame| {
+        writer.accept(frame).unwrap();
+        let info = RecordingInfo::read(writer.partial_path()).unwrap();
+        assert_eq!((info.last_step, info.frames()), (Some(frame.step), frame.frame + 1));
+    });
+}
+
+#[test]
+fn a_file_torn_anywhere_gives_what_was_whole() {
+    let (_directory, path) = temp_dir();
+    let whole = manifest(30, 1, 1);
+    write_recording(&path, &whole, &WriteOptions { compression: Compression::None, ..options() });
+    let bytes = fs::read(&path).unwrap();
+    let torn = path.with_extension("torn");
+    let mut frames_before = 0;
+    for length in (0..bytes.len()).step_by(97).chain(bytes.len() - 60..bytes.len()) {
+        put(&torn, &bytes[..length]);
+        match RecordingSource::open(&torn) {
+            Ok(mut source) => {
+                let (steps, missed, end) = read_all(&mut source);
+                assert_eq!(steps, (0..steps.len() as u64).collect::<Vec<_>>());
+                assert!(missed.is_empty());
+                assert_eq!(end.unwrap(), EndReason::Unfinished, "{length} bytes");
+                assert!(steps.len() >= frames_before);
+                frames_before = steps.len();
+                assert_eq!(RecordingInfo::read(&torn).unwrap().frames(), steps.len() as u64);
+            }
+            // torn before the manifest ends
+            Err(ReadError::NotMcap { .. } | ReadError::NotBeadline { .. }) => assert!(length < 1000),
+            Err(error) => panic!("{length} bytes: {error}"),
+        }
+    }
+    assert_eq!(frames_before, 31);
+}
+
+/// Set for the process that records with little space.
+const LITTLE_SPACE: &str = "BEADLINE_TEST_LITTLE_SPACE";
+
+#[test]
+fn a_full_disk_is_an_error_and_what_was_recorded_stays() {
+    if let Some(directory) = std::env::var_os(LITTLE_SPACE) {
+        return record_with_little_space(Path::new(&directory));
+    }
+    let (directory, _) = temp_dir();
+    // a limit on the size of files fails like a full disk, in the middle of a write
+    let limited = "trap '' XFSZ; ulimit -f 60; exec \"$0\" \"$@\"";
+    let test = "crash::a_full_disk_is_an_error_and_what_was_recorded_stays";
+    let output = Command::new("sh")
+        .args(["-c", limited])
+        .arg(std::env::current_exe().unwrap())
+        .args(["--exact", test])
+        .env(LITTLE_SPACE, directory.path())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
+    assert!(directory.path().join("failed-as-it-should").exists());
+}
+
+fn record_with_little_space(directory: &Path) {
+    let path = directory.join("test.mcap");
+    let manifest = manifest(300, 1, 1);
+    let mut writer = RecordingWriter::create(&path, &manifest, RUN_TOML, &options()).unwrap();
+    let (mut accepted, mut errors) = (0, Vec::new());
+    for_each_frame(&manifest, |frame| match writer.accept(frame) {
+        Ok(()) => accepted += 1,
+        Err(error) => errors.push(error),
+    });
+    assert!(matches!(errors[0], WriteError::Io { .. }), "{}", errors[0]);
+    assert!(errors[0].to_string().contains("test.mcap.partial"), "{}", errors[0]);
+    assert!(errors[1..].iter().all(|error| matches!(error, WriteError::GivenUp { .. })));
+    assert!(matches!(writer.finish(EndReason::Failed), Err(WriteError::GivenUp { .. })));
+    assert!(!path.exists());
+    let partial = path.with_extension("mcap.partial");
+    let (steps, _, end) = read_all(&mut RecordingSource::open(&partial).unwrap());
+    assert_eq!(end.unwrap(), EndReason::Unfinished);
+    // only the chunk that did not fit is lost
+    assert!(steps.len() + 8 >= accepted && steps.len() > 20, "{} of {accepted}", steps.len());
+    fs::write(directory.join("failed-as-it-should"), "").unwrap();
+}
+
+#[test]
+fn errors_of_the_operating_system_come_with_the_path() {
+    let (directory, _) = temp_dir();
+    let path = directory.path().join("no").join("such.mcap");
+    let error = RecordingWriter::create(&path, &manifest(3, 1, 1), RUN_TOML, &options()).err().unwrap();
+    assert!(error.to_string().contains("no/such.mcap.partial"), "{error}");
+    let error = RecordingSource::open(&path).err().unwrap();
+    assert!(matches!(error, ReadError::Io { .. }) && error.to_string().contains("no/such.mcap"), "{error}");
+}
+
+#[test]
+fn a_run_that_never_began_leaves_nothing() {
+    let (directory, path) = temp_dir();
+    let writer = RecordingWriter::create(&path, &manifest(3, 1, 1), RUN_TOML, &options()).unwrap();
+    writer.discard();
+    assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0);
+}

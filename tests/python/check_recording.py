@@ -1,0 +1,181 @@
+"""Reads a Beadline recording with packages that others wrote, and compares it with our CSV.
+
+    pip install -r requirements.txt
+    python check_recording.py RUN.mcap [IMPURITY.csv]
+
+Checks every CRC, the profile, the metadata and its checksum, the schemas, that the frames the manifest
+promises are there in order, that log times are simulated times, and that /summary agrees with /state.
+With a CSV, every double in its columns time_s, u_<bead>_m and v_<bead>_m_s must be that of the state of the
+same frame, bit for bit. Exit code 0 if all is well, 1 with the differences if not.
+"""
+
+import csv
+import hashlib
+import json
+import re
+import struct
+import sys
+from decimal import ROUND_HALF_UP, Decimal
+
+from mcap.reader import make_reader
+from mcap.records import Header, Metadata
+from mcap.stream_reader import StreamReader
+from mcap_protobuf.decoder import DecoderFactory
+
+SCHEMAS = {
+    "/chain": "beadline.v1.Chain",
+    "/state": "beadline.v1.ChainState",
+    "/summary": "beadline.v1.Summary",
+}
+
+
+class Checks:
+    """Collects what is wrong, and stops when it is a lot."""
+
+    def __init__(self):
+        self.failures = 0
+
+    def expect(self, ok, what):
+        if ok:
+            return
+        self.failures += 1
+        print(f"WRONG: {what}", file=sys.stderr)
+        if self.failures >= 20:
+            sys.exit("and so on")
+
+
+def bits(value):
+    return struct.pack("<d", value)
+
+
+def read_raw(path, checks):
+    """All records in the order of the file, with every CRC of the data section checked."""
+    with open(path, "rb") as stream:
+        records = StreamReader(stream, validate_crcs=True).records
+        header, run = next(records), next(records)
+        checks.expect(isinstance(header, Header) and header.profile == "beadline", f"header {header}")
+        checks.expect(header.library.startswith("beadline "), f"library {header.library}")
+        checks.expect(isinstance(run, Metadata) and run.name == "beadline.run", "the first record is no manifest")
+        end = None
+        for record in records:
+            if isinstance(record, Metadata) and record.name == "beadline.end":
+                end = record.metadata
+    checks.expect(end is not None, "no metadata beadline.end")
+    return run.metadata, end or {}
+
+
+def check_manifest(run, checks):
+    parts = ["beadline.run", run["schema_version"], run["physics"], run["provenance"]]
+    checksum = hashlib.sha256("".join(part + "\n" for part in parts).encode()).hexdigest()
+    checks.expect(checksum == run["checksum"], f"checksum {checksum} instead of {run['checksum']}")
+    return json.loads(run["physics"]), json.loads(run["provenance"])
+
+
+def expected_steps(physics, provenance, end):
+    """The steps that the schedule says are recorded, up to where the recording ended."""
+    last = physics["step_count"] if end["reason"] == "complete" else int(end["last_step"])
+    steps = list(range(0, last + 1, provenance["record_every_steps"]))
+    return steps if steps[-1] == last else [*steps, last]
+
+
+def check_message(channel, message, decoded, checks):
+    checks.expect(message.log_time == message.publish_time, f"{channel.topic}: two times")
+    if channel.topic == "/chain":
+        return
+    log_time = Decimal(decoded.time_s * 1e9).to_integral_value(ROUND_HALF_UP)
+    what = f"{channel.topic} {decoded.step}: log time {message.log_time} for {decoded.time_s} s"
+    checks.expect(message.log_time == log_time, what)
+
+
+def check_state(state, physics, provenance, checks):
+    where = f"/state of step {state.step}"
+    checks.expect(state.HasField("frame"), f"{where}: no frame")
+    every, beads = provenance["publish_every_steps"], physics["beads"]
+    step = min(state.frame * every, physics["step_count"])
+    checks.expect(state.step == step, f"{where}: frame {state.frame}")
+    checks.expect(bits(state.time_s) == bits(state.step * physics["dt_s"]), f"{where}: time {state.time_s}")
+    lengths = (len(state.displacement_m), len(state.velocity_m_s))
+    checks.expect(lengths == (beads, beads), f"{where}: {lengths} values, {beads} beads")
+
+
+def check_summary(summary, state, physics, checks):
+    where = f"/summary of step {summary.step}"
+    checks.expect((summary.frame, summary.step) == (state.frame, state.step), f"{where} after {state.step}")
+    beads = [impurity["bead"] for impurity in physics["impurities"]]
+    checks.expect([impurity.bead for impurity in summary.impurity] == beads, f"{where}: other impurities")
+    for impurity in summary.impurity:
+        # the generated encoder leaves out -0 in single numbers, so these are compared as numbers
+        same = impurity.displacement_m == state.displacement_m[impurity.bead]
+        same &= impurity.velocity_m_s == state.velocity_m_s[impurity.bead]
+        checks.expect(same, f"{where}: bead {impurity.bead} differs from /state")
+    checks.expect(summary.total_j == summary.kinetic_j + summary.potential_j, f"{where}: total energy")
+
+
+class Table:
+    """The columns of our CSV that /state has, too."""
+
+    def __init__(self, path):
+        with open(path, newline="") as lines:
+            rows = list(csv.reader(line for line in lines if not line.startswith("#")))
+        self.header = rows[0]
+        self.rows = {int(row[self.header.index("frame")]): row for row in rows[1:]}
+        columns = [(i, re.fullmatch(r"([uv])_(\d+)_(?:m|m_s)", name)) for i, name in enumerate(self.header)]
+        self.columns = [(i, match[1], int(match[2])) for i, match in columns if match]
+
+    def compare(self, state, checks):
+        row = self.rows.pop(state.frame, None)
+        if row is None:
+            checks.expect(False, f"the table has no frame {state.frame}")
+            return 0
+        values = {"u": state.displacement_m, "v": state.velocity_m_s}
+        pairs = [(self.header.index("time_s"), state.time_s)]
+        pairs += [(i, values[which][bead]) for i, which, bead in self.columns]
+        for i, value in pairs:
+            what = f"frame {state.frame}: {self.header[i]} is {row[i]} in the table, {value!r} in the recording"
+            checks.expect(bits(float(row[i])) == bits(value), what)
+        step = row[self.header.index("step")]
+        checks.expect(int(step) == state.step, f"frame {state.frame}: step {step} in the table")
+        return len(pairs)
+
+
+def main(path, table_path=None):
+    checks = Checks()
+    run, end = read_raw(path, checks)
+    physics, provenance = check_manifest(run, checks)
+    table = Table(table_path) if table_path else None
+    if table:
+        checks.expect(table.columns, f"{table_path} has no column u_<bead>_m or v_<bead>_m_s")
+    steps, compared, state, topics = [], 0, None, {}
+    with open(path, "rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        for schema, channel, message, decoded in reader.iter_decoded_messages(log_time_order=False):
+            topics[channel.topic] = topics.get(channel.topic, 0) + 1
+            checks.expect(SCHEMAS.get(channel.topic) == schema.name, f"{channel.topic}: {schema.name}")
+            check_message(channel, message, decoded, checks)
+            if channel.topic == "/chain":
+                lengths = [len(decoded.mass_kg), len(decoded.stiffness), len(decoded.rest_overlap_m)]
+                beads = physics["beads"]
+                checks.expect(lengths == [beads, beads - 1, beads - 1], f"/chain: {lengths} values")
+            elif channel.topic == "/state":
+                state = decoded
+                steps.append(state.step)
+                check_state(state, physics, provenance, checks)
+                compared += table.compare(state, checks) if table else 0
+            elif channel.topic == "/summary":
+                check_summary(decoded, state, physics, checks)
+        statistics = reader.get_summary().statistics
+    checks.expect(statistics.message_count == sum(topics.values()), "the statistics count other messages")
+    checks.expect(topics.get("/chain") == 1, "/chain is not there once")
+    checks.expect(topics.get("/summary") == len(steps), "/summary and /state differ in number")
+    checks.expect(steps == expected_steps(physics, provenance, end), "steps are missing or too many")
+    if table:
+        checks.expect(not table.rows, f"frames {list(table.rows)[:5]} are in the table only")
+        checks.expect(compared, "nothing was compared")
+    print(f"{path}: {len(steps)} states, {compared} doubles compared, {checks.failures} failures")
+    return 1 if checks.failures else 0
+
+
+if __name__ == "__main__":
+    if len(sys.argv) not in (2, 3):
+        sys.exit(__doc__)
+    sys.exit(main(*sys.argv[1:]))
