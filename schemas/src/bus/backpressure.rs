@@ -6,7 +6,7 @@ use iceoryx2::node::{Node, NodeState};
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::{BackpressureAction, BackpressureInfo};
 use iceoryx2::prelude::{CallbackProgression, Config, PortFactory as _, ZeroCopySend};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fmt::Debug;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -112,7 +112,8 @@ pub(super) struct Backpressure<T: Debug + ZeroCopySend + 'static> {
 #[derive(Default)]
 struct Memory {
     consumers: HashMap<u128, (Delivery, String)>,
-    evicted: Vec<u128>,
+    /// Lossless consumers that nobody waits for (any more).
+    ignored: HashSet<u128>,
     events: Vec<ConsumerEvent>,
     cleaned_at: Option<Instant>,
     stopped_at: Option<Instant>,
@@ -145,25 +146,29 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
     pub(super) fn decide(&self, info: &BackpressureInfo) -> BackpressureAction {
         let mut memory = self.memory();
         let id = info.receiver_port_id;
-        let Some((delivery, name)) = self.consumer(&mut memory, id) else {
-            return BackpressureAction::DiscardData; // it has just left
-        };
-        if delivery == Delivery::Latest {
-            let wait = self.ending.load(Ordering::Relaxed) && info.elapsed_time < STOP_GRACE;
-            return if wait { self.retry(info) } else { BackpressureAction::DiscardData };
+        if !memory.consumers.contains_key(&id) {
+            memory.consumers = self.consumers();
         }
-        if memory.evicted.contains(&id) {
-            return BackpressureAction::DiscardData;
+        match memory.consumers.get(&id).map(|(delivery, _)| *delivery) {
+            None => return BackpressureAction::DiscardData, // it has just left
+            Some(Delivery::Latest) => {
+                drop(memory);
+                let wait = self.ending.load(Ordering::Relaxed) && info.elapsed_time < STOP_GRACE;
+                return if wait { self.retry(info) } else { BackpressureAction::DiscardData };
+            }
+            Some(Delivery::Lossless) if memory.ignored.contains(&id) => {
+                return BackpressureAction::DiscardData;
+            }
+            Some(Delivery::Lossless) => {}
         }
         self.blocked.store(true, Ordering::Relaxed);
         if info.elapsed_time >= self.stuck_after {
-            memory.evicted.push(id);
-            memory.events.push(ConsumerEvent::Evicted { name, held: info.elapsed_time });
-            self.evicted_count.fetch_add(1, Ordering::Relaxed);
+            self.evict(&mut memory, id, info.elapsed_time);
             return BackpressureAction::DiscardData;
         }
         if self.stop.load(Ordering::Relaxed) {
-            if memory.stopped_at.get_or_insert_with(Instant::now).elapsed() >= STOP_GRACE {
+            let stopped_at = *memory.stopped_at.get_or_insert_with(Instant::now);
+            if stopped_at.elapsed() >= STOP_GRACE {
                 return BackpressureAction::DiscardDataAndFail;
             }
         }
@@ -172,6 +177,27 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
         }
         drop(memory);
         self.retry(info)
+    }
+
+    fn evict(&self, memory: &mut Memory, id: u128, held: Duration) {
+        let name = memory.consumers.get(&id).map(|(_, name)| name.clone()).unwrap_or_default();
+        memory.ignored.insert(id);
+        memory.events.push(ConsumerEvent::Evicted { name, held });
+        self.evicted_count.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Whoever is attached already belongs to an earlier producer of this name, and holds back this one
+    /// only after it has joined it.
+    pub(super) fn ignore_present(&self) {
+        let present = self.consumers().into_keys();
+        self.memory().ignored.extend(present);
+    }
+
+    /// A consumer has joined; from now on it is waited for.
+    pub(super) fn joined(&self, id: u128, name: String) {
+        let mut memory = self.memory();
+        memory.ignored.remove(&id);
+        memory.events.push(ConsumerEvent::Joined { name });
     }
 
     /// Wakes whoever has to make room, and lets it run.
@@ -184,13 +210,6 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
             std::thread::sleep(Duration::from_micros(if info.retries > 500 { 1000 } else { 50 }));
         }
         BackpressureAction::Retry
-    }
-
-    fn consumer(&self, memory: &mut Memory, id: u128) -> Option<(Delivery, String)> {
-        if !memory.consumers.contains_key(&id) {
-            memory.consumers = self.consumers();
-        }
-        memory.consumers.get(&id).cloned()
     }
 
     fn clean(&self, memory: &mut Memory) {
@@ -221,8 +240,8 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
         consumers
     }
 
-    pub(super) fn is_evicted(&self, id: u128) -> bool {
-        self.memory().evicted.contains(&id)
+    pub(super) fn is_ignored(&self, id: u128) -> bool {
+        self.memory().ignored.contains(&id)
     }
 
     pub(super) fn evicted_count(&self) -> u64 {
@@ -236,10 +255,6 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
     /// Whether a lossless consumer held the publisher back since the last call.
     pub(super) fn was_blocked(&self) -> bool {
         self.blocked.load(Ordering::Relaxed) && self.blocked.swap(false, Ordering::Relaxed)
-    }
-
-    pub(super) fn note(&self, event: ConsumerEvent) {
-        self.memory().events.push(event);
     }
 
     pub(super) fn take_events(&self) -> Vec<ConsumerEvent> {

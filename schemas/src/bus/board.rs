@@ -26,7 +26,7 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// locked for as long as any consumer keeps the blackboard open, and the next producer could not take it over.
 pub(super) struct BoardWriter {
     writer: Writer<Ipc, u64>,
-    _service: BoardService,
+    service: BoardService,
     text: String,
     held: Option<EntryHandleMut<Ipc, u64, RunStatus>>,
 }
@@ -68,7 +68,7 @@ impl BoardWriter {
                 }
             }
         };
-        let board = Self { writer, _service: service, text, held: None };
+        let board = Self { writer, service, text, held: None };
         if !new {
             board.take_over(&entry, status)?;
         }
@@ -76,7 +76,7 @@ impl BoardWriter {
     }
 
     fn take_over(&self, manifest: &ManifestText, status: RunStatus) -> Result<(), BusError> {
-        let readable = self._service.reader_builder().create();
+        let readable = self.service.reader_builder().create();
         let reader = readable.map_err(|e| BusError::service(&self.text, "read", &e))?;
         if let Ok(old) = reader.entry::<RunStatus>(&KEY_STATUS) {
             self.put(KEY_PREVIOUS, *old.get())?;
@@ -127,6 +127,7 @@ fn unix_ns() -> u64 {
     u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
 }
 
+#[expect(clippy::large_stack_arrays, reason = "once a run; 64 KiB fit any stack")]
 fn manifest_text(manifest: &[u8], stream: StreamId) -> Box<ManifestText> {
     let mut json = [0; MANIFEST_BYTES];
     json[..manifest.len()].copy_from_slice(manifest);

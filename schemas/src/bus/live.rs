@@ -2,12 +2,13 @@
 
 use super::backpressure::Delivery;
 use super::board::BoardReader;
+use super::runs::{RunInfo, list_runs, run_names};
 use super::services::{self, Topic, check_schema, text_of};
 use super::wire::{
     JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, RunStatus, STATE_DONE, STATE_FAILED,
     STATE_INTERRUPTED, STATE_RUNNING, StateHeader, StreamId,
 };
-use super::{Bus, BusError, Ipc, list_runs};
+use super::{Bus, BusError, Ipc};
 use crate::chain::Chain;
 use crate::contact::ContactLaw;
 use crate::frame::{EndReason, Frame, FrameSource, Received};
@@ -15,7 +16,7 @@ use crate::manifest::{ManifestError, RunId, RunManifest};
 use crate::run_name::RunName;
 use iceoryx2::node::Node;
 use iceoryx2::port::listener::Listener;
-use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
 use iceoryx2::port::update_connections::UpdateConnections as _;
 use iceoryx2::prelude::PortName;
 use iceoryx2::sample::Sample;
@@ -59,12 +60,12 @@ pub struct AttachOptions {
     /// When set, waiting ends, and the source ends with [`EndReason::Stopped`].
     pub stop: Arc<AtomicBool>,
     /// Is told what we wait for.
-    pub notice: fn(&AttachNotice),
+    pub notice: Arc<dyn Fn(&AttachNotice) + Send + Sync>,
 }
 
 impl Default for AttachOptions {
     fn default() -> Self {
-        Self { label: "consumer".into(), timeout: None, stop: Arc::default(), notice: |_| {} }
+        Self { label: "consumer".into(), timeout: None, stop: Arc::default(), notice: Arc::new(|_| {}) }
     }
 }
 
@@ -195,10 +196,10 @@ impl LiveSource {
         let mut told = false;
         loop {
             search.check()?;
-            if let Some(name) = search.find(run)? {
-                if let Attempt::Attached(source) = search.attach(&name)? {
-                    return Ok(*source);
-                }
+            if let Some(name) = search.find(run)?
+                && let Attempt::Attached(source) = search.attach(&name)?
+            {
+                return Ok(*source);
             }
             if !told {
                 (options.notice)(&AttachNotice::WaitingForRun { name: run.cloned() });
@@ -252,23 +253,25 @@ impl LiveSource {
 
     /// The next sample of our stream that we do not have yet, if one is there.
     fn next_sample(&mut self) -> Result<Option<StateSample>, LiveError> {
-        if let Some(sample) = self.stashed.take() {
-            return Ok(Some(sample));
-        }
         let Some(ports) = &self.ports else { return Ok(None) };
         loop {
-            match ports.subscriber.receive() {
-                Err(e) => return Err(LiveError::Receive { name: self.name(), cause: format!("{e:?}") }),
-                Ok(None) => return Ok(None),
-                Ok(Some(sample)) => {
-                    let header = sample.user_header();
-                    if header.stream_id != self.stream.stream_id || header.run_id != self.stream.run_id.0 {
-                        // a new producer has this name: ours is over, and its own frames come first
-                        self.closing.get_or_insert(EndReason::ProducerLost);
-                    } else if header.frame >= self.expected {
-                        return Ok(Some(sample));
-                    }
-                }
+            let sample = match self.stashed.take() {
+                Some(sample) => sample,
+                None => match ports.subscriber.receive() {
+                    Err(e) => return Err(LiveError::Receive { name: self.name(), cause: format!("{e:?}") }),
+                    Ok(None) => return Ok(None),
+                    Ok(Some(sample)) => sample,
+                },
+            };
+            let header = sample.user_header();
+            if header.stream_id != self.stream.stream_id || header.run_id != self.stream.run_id.0 {
+                // a new producer has this name, and ours is over
+                self.closing.get_or_insert_with(|| {
+                    let status = ports.board.status_of(self.stream);
+                    status.and_then(|status| end_of(&status)).unwrap_or(EndReason::ProducerLost)
+                });
+            } else if header.frame >= self.expected {
+                return Ok(Some(sample));
             }
         }
     }
@@ -301,13 +304,9 @@ impl LiveSource {
     /// after the queue was emptied once more.
     fn look_for_the_end(&mut self) -> Option<EndReason> {
         let ports = self.ports.as_ref()?;
-        let status = ports.board.status_of(self.stream);
-        match status.map(|status| status.state) {
-            Some(STATE_DONE) => return Some(EndReason::Complete),
-            Some(STATE_INTERRUPTED) => return Some(EndReason::Interrupted),
-            Some(STATE_FAILED) => return Some(EndReason::Failed),
-            Some(_) => {}
-            None => return Some(EndReason::ProducerLost),
+        let Some(status) = ports.board.status_of(self.stream) else { return Some(EndReason::ProducerLost) };
+        if let Some(end) = end_of(&status) {
+            return Some(end);
         }
         if self.checked_at.elapsed() >= LIVENESS_PERIOD {
             self.checked_at = Instant::now();
@@ -336,6 +335,16 @@ impl LiveSource {
             // a signal ends the wait early; the loop looks at the flag
             let _ = ports.listener.timed_wait(|_| {}, WAIT);
         }
+    }
+}
+
+/// How a stream of this status ended, if its producer said so.
+fn end_of(status: &RunStatus) -> Option<EndReason> {
+    match status.state {
+        STATE_DONE => Some(EndReason::Complete),
+        STATE_INTERRUPTED => Some(EndReason::Interrupted),
+        STATE_FAILED => Some(EndReason::Failed),
+        _ => None,
     }
 }
 
@@ -384,7 +393,11 @@ impl Search<'_> {
 
     /// The name of the run to attach to, if it is being published.
     fn find(&self, run: Option<&RunName>) -> Result<Option<RunName>, AttachError> {
-        let live = list_runs(self.bus)?.into_iter().filter(super::RunInfo::is_live);
+        for name in run_names(self.bus)?.iter().filter(|name| run.is_none_or(|run| run == *name)) {
+            check_schema(self.bus, name, Topic::Manifest)?;
+            check_schema(self.bus, name, Topic::State)?;
+        }
+        let live = list_runs(self.bus)?.into_iter().filter(RunInfo::is_live);
         let mut names: Vec<RunName> = live.map(|info| info.name).collect();
         match run {
             Some(run) => Ok(names.contains(run).then(|| run.clone())),
@@ -395,8 +408,6 @@ impl Search<'_> {
 
     /// Tries to attach to `run`; it may be over before we are done.
     fn attach(&self, run: &RunName) -> Result<Attempt, AttachError> {
-        check_schema(self.bus, run, Topic::Manifest)?;
-        check_schema(self.bus, run, Topic::State)?;
         let node = self.bus.node()?;
         let Some(board) = BoardReader::find(&node, run)? else { return Ok(Attempt::NotYet) };
         let status = board.status();
@@ -447,9 +458,10 @@ impl Search<'_> {
         if self.delivery == Delivery::Latest {
             builder = builder.buffer_size(LATEST_BUFFER.min(services::limits_of(&state).buffer));
         }
-        use iceoryx2::port::subscriber::SubscriberCreateError as E;
         let subscriber = match builder.create() {
-            Err(E::ExceedsMaxSupportedSubscribers) => return Err(AttachError::Full { name: run.clone() }),
+            Err(SubscriberCreateError::ExceedsMaxSupportedSubscribers) => {
+                return Err(AttachError::Full { name: run.clone() });
+            }
             other => other.map_err(|e| failed(&e))?,
         };
         let events = services::events(node, run, Topic::State)?;

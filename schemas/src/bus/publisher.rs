@@ -23,7 +23,7 @@ use iceoryx2::prelude::PortFactory as _;
 use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 /// Frames between two wake-ups of consumers, when frames come fast.
 const WAKE_EVERY_FRAMES: u32 = 16;
@@ -80,8 +80,8 @@ pub enum PublishError {
         run_id: RunId,
         /// The other producer's process.
         pid: u64,
-        /// When it last published (or said that it waits), ns since 1970-01-01 UTC.
-        seen_unix_ns: u64,
+        /// When the other run started.
+        started: SystemTime,
     },
     /// The manifest does not fit the blackboard.
     #[error(
@@ -224,6 +224,7 @@ impl StatePublisher {
             options.stuck_after,
             options.remedies,
         );
+        backpressure.ignore_present();
         let publisher = exclusive_publisher(bus, &node, run, &state, doubles, &backpressure)?;
 
         let mut status = RunStatus {
@@ -284,6 +285,8 @@ impl StatePublisher {
     ) -> Result<WaitOutcome, PublishError> {
         let start = Instant::now();
         loop {
+            // a consumer that died while it waited must not count
+            self.node.try_cleanup_dead_nodes();
             self.serve()?;
             let ready = self.ready_count();
             if ready >= count {
@@ -295,7 +298,6 @@ impl StatePublisher {
             if timeout.is_some_and(|timeout| start.elapsed() >= timeout) {
                 return Ok(WaitOutcome::TimedOut { ready });
             }
-            self.node.try_cleanup_dead_nodes();
             // a signal ends the wait early; the loop looks at the flag
             let _ = self.joiners.timed_wait(|_| {}, IDLE_WAIT);
         }
@@ -346,7 +348,7 @@ impl StatePublisher {
                 answer.first_frame = self.next_frame;
                 if let Some((_, name)) = self.backpressure.consumers().remove(&id) {
                     self.ready.insert(id);
-                    self.backpressure.note(ConsumerEvent::Joined { name });
+                    self.backpressure.joined(id, name);
                 }
             }
             _ => {}
@@ -360,7 +362,7 @@ impl StatePublisher {
     fn ready_count(&self) -> usize {
         let attached = self.backpressure.consumers();
         let counts = |(id, (delivery, _)): &(&u128, &(Delivery, String))| {
-            *delivery == Delivery::Lossless && self.ready.contains(id) && !self.backpressure.is_evicted(**id)
+            *delivery == Delivery::Lossless && self.ready.contains(id) && !self.backpressure.is_ignored(**id)
         };
         attached.iter().filter(counts).count()
     }
@@ -398,7 +400,6 @@ impl StatePublisher {
                 Ok(_) => return Ok(()),
                 // a signal ended a wait in the middle: whoever has the frame already ignores the second one
                 Err(SendError::InternalError) if self.remedies.resend => self.counts.resent += 1,
-                Err(SendError::InternalError) => return Ok(()),
                 Err(SendError::UnableToDeliver) => return Err(PublishError::Stopped { frame: frame.frame }),
                 Err(e) => return Err(self.send_error(&e)),
             }
@@ -515,17 +516,25 @@ fn exclusive_publisher(
                     std::thread::sleep(Duration::from_millis(2));
                     continue;
                 }
-                let status = BoardReader::find(node, run)?.map(|board| board.status()).unwrap_or_default();
-                return Err(PublishError::NameTaken {
-                    name: run.clone(),
-                    run_id: RunId(status.run_id),
-                    pid: status.pid,
-                    seen_unix_ns: status.written_unix_ns,
-                });
+                return Err(name_taken(node, run)?);
             }
             Err(e) => return Err(BusError::service(&text_of(run, Topic::State), "publish", &e).into()),
         }
     }
+}
+
+fn name_taken(node: &Node<Ipc>, run: &RunName) -> Result<PublishError, BusError> {
+    let board = BoardReader::find(node, run)?;
+    let status = board.as_ref().map(BoardReader::status).unwrap_or_default();
+    let manifest = board.and_then(|board| board.manifest(status.stream()));
+    let manifest = manifest.and_then(|json| RunManifest::from_json(&json).ok());
+    let started_unix_ns = manifest.map_or(status.written_unix_ns, |found| found.provenance.started_unix_ns);
+    Ok(PublishError::NameTaken {
+        name: run.clone(),
+        run_id: RunId(status.run_id),
+        pid: status.pid,
+        started: SystemTime::UNIX_EPOCH + Duration::from_nanos(started_unix_ns),
+    })
 }
 
 fn join_server(

@@ -112,7 +112,8 @@ impl<T: ResultElement> ResultPublisher<T> {
         let node = bus.node()?;
         check_schema(bus, run, topic)?;
         let mut names = columns.names.clone();
-        names.truncate(names.floor_char_boundary(256));
+        let ends = names.char_indices().map(|(at, c)| at + c.len_utf8());
+        names.truncate(ends.take_while(|end| *end <= 256).last().unwrap_or(0));
         let more = [(COLUMNS_KEY, names), (WIDTH_KEY, columns.width.to_string())];
         let limits = Limits { subscribers: MAX_SUBSCRIBERS, buffer: BUFFER };
         let service = services::slices::<T>(&node, run, topic, limits, &more)?;

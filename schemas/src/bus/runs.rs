@@ -105,12 +105,8 @@ impl RunInfo {
     }
 }
 
-/// Every run on the bus, by name: also those that are over while consumers are still reading, and those
-/// whose producer was killed. Neither disturbs runs nor cleans anything up.
-///
-/// # Errors
-/// When the bus cannot be used.
-pub fn list_runs(bus: &Bus) -> Result<Vec<RunInfo>, BusError> {
+/// The names of the runs on the bus, in order.
+pub(super) fn run_names(bus: &Bus) -> Result<Vec<RunName>, BusError> {
     let mut names = Vec::new();
     let listed = Ipc::list(bus.config(), |details| {
         let name = details.static_details.name().as_str();
@@ -119,11 +115,21 @@ pub fn list_runs(bus: &Bus) -> Result<Vec<RunInfo>, BusError> {
         CallbackProgression::Continue
     });
     listed.map_err(|e| BusError::service("beadline/*", "list", &e))?;
+    names.sort();
+    names.dedup();
+    Ok(names)
+}
+
+/// Every run on the bus, by name: also those that are over while consumers are still reading, and those
+/// whose producer was killed. Neither disturbs runs nor cleans anything up.
+///
+/// # Errors
+/// When the bus cannot be used.
+pub fn list_runs(bus: &Bus) -> Result<Vec<RunInfo>, BusError> {
+    let names = run_names(bus)?;
     if names.is_empty() {
         return Ok(Vec::new());
     }
-    names.sort();
-    names.dedup();
     let node = bus.observer()?;
     let mut runs = Vec::new();
     for name in names {

@@ -186,7 +186,9 @@ pub(super) fn fill<T: Copy + Debug + ZeroCopySend>(
     let mut rest = slot.payload_mut();
     for part in parts {
         let (head, tail) = rest.split_at_mut(part.len());
-        head.write_copy_of_slice(part);
+        for (slot, value) in head.iter_mut().zip(*part) {
+            slot.write(*value);
+        }
         rest = tail;
     }
     assert!(rest.is_empty(), "a slot is filled to its end");

@@ -3,10 +3,14 @@
     clippy::unwrap_used,
     clippy::panic,
     clippy::print_stdout,
-    reason = "a test fails by panicking; a child reports on stdout"
+    reason = "a test fails by panicking; a child process reports on stdout"
 )]
 
-mod bench;
+mod attaching;
 mod child;
 mod delivery;
+mod faults;
+mod foreign;
+mod results;
 mod support;
+mod traps;

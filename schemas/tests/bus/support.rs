@@ -39,14 +39,14 @@ impl Drop for Watchdog {
 /// A bus of its own for one test.
 pub(crate) struct TestBus {
     pub(crate) bus: Bus,
-    pub(crate) dir: tempfile::TempDir,
+    _dir: tempfile::TempDir,
     _watchdog: Watchdog,
 }
 
 impl TestBus {
     pub(crate) fn new() -> Self {
         let dir = tempfile::Builder::new().prefix("bl-").tempdir_in("/tmp").unwrap();
-        Self { bus: Bus::at(&dir.path().join("r")).unwrap(), dir, _watchdog: Watchdog::new() }
+        Self { bus: Bus::at(&dir.path().join("r")).unwrap(), _dir: dir, _watchdog: Watchdog::new() }
     }
 }
 

@@ -1,0 +1,116 @@
+//! Results of analyses, row by row.
+
+use crate::child::Child;
+use crate::support::{TestBus, run_name, wait_until};
+use schemas::bus::{
+    Delivery, ResultColumns, ResultElement, ResultPublisher, ResultReceived, ResultSubscriber, ResultsError,
+    StreamId, Topic,
+};
+use schemas::frame::EndReason;
+use schemas::manifest::RunId;
+use std::sync::Arc;
+
+fn columns(width: usize, names: &str) -> ResultColumns {
+    ResultColumns { width, names: names.into() }
+}
+
+fn create<T: ResultElement>(test: &TestBus, topic: Topic, columns: &ResultColumns) -> ResultPublisher<T> {
+    let stream = StreamId::new(RunId([1; 16]));
+    ResultPublisher::create(&test.bus, &run_name("run"), topic, stream, columns, Arc::default()).unwrap()
+}
+
+fn attach<T: ResultElement>(test: &TestBus, topic: Topic, delivery: Delivery) -> Option<ResultSubscriber<T>> {
+    ResultSubscriber::attach(&test.bus, &run_name("run"), topic, delivery, Arc::default()).unwrap()
+}
+
+/// Frames of the rows, frames missed, and the end.
+fn read<T: ResultElement>(rows: &mut ResultSubscriber<T>) -> (Vec<u64>, u64, EndReason) {
+    let (mut frames, mut missed) = (Vec::new(), 0);
+    loop {
+        match rows.receive().unwrap() {
+            ResultReceived::Row(row) => frames.push(row.frame),
+            ResultReceived::Missed { from, to } => missed += to - from + 1,
+            ResultReceived::End(end) => return (frames, missed, end),
+        }
+    }
+}
+
+#[test]
+fn rows_reach_lossless_subscribers_with_their_columns() {
+    let test = TestBus::new();
+    assert!(attach::<f64>(&test, Topic::Energies, Delivery::Lossless).is_none());
+    let mut energies = create::<f64>(&test, Topic::Energies, &columns(3, "kinetic_J,potential_J,total_J"));
+    energies.publish(0, 0, 0.0, &[1.0, 2.0, 3.0]).unwrap();
+    let mut rows = attach::<f64>(&test, Topic::Energies, Delivery::Lossless).unwrap();
+    assert_eq!(*rows.columns(), columns(3, "kinetic_J,potential_J,total_J"));
+    std::thread::scope(|scope| {
+        let reading = scope.spawn(|| read(&mut rows));
+        for frame in 1..1001 {
+            energies.publish(frame, frame * 10, frame as f64, &[0.5; 3]).unwrap();
+        }
+        energies.finish().unwrap();
+        let (frames, missed, end) = reading.join().unwrap();
+        assert_eq!((frames, missed, end), ((1..1001).collect(), 0, EndReason::Complete));
+    });
+}
+
+#[test]
+fn packed_classes_are_bytes() {
+    let test = TestBus::new();
+    let mut contacts = create::<u8>(&test, Topic::Contacts, &columns(25, "2 bits a contact"));
+    let mut rows = attach::<u8>(&test, Topic::Contacts, Delivery::Lossless).unwrap();
+    contacts.publish(7, 70, 0.7, &[0b10_01_00_01; 25]).unwrap();
+    let ResultReceived::Row(row) = rows.receive().unwrap() else { panic!("no row") };
+    assert_eq!((row.frame, row.step, row.time_s, row.values), (7, 70, 0.7, &[0b10_01_00_01; 25][..]));
+    assert!(matches!(contacts.publish(8, 80, 0.8, &[0; 24]), Err(ResultsError::Width { .. })));
+}
+
+#[test]
+fn a_stalled_latest_subscriber_counts_what_it_missed() {
+    let test = TestBus::new();
+    let mut impurity = create::<f64>(&test, Topic::Impurity, &columns(1, "u_m"));
+    let mut stalled = attach::<f64>(&test, Topic::Impurity, Delivery::Latest).unwrap();
+    for frame in 0..100 {
+        impurity.publish(frame, frame, 0.0, &[0.0]).unwrap();
+    }
+    std::thread::scope(|scope| {
+        let ending = scope.spawn(|| impurity.finish().unwrap());
+        assert_eq!(read(&mut stalled), (vec![0, 1], 98, EndReason::Complete));
+        ending.join().unwrap();
+    });
+}
+
+#[test]
+fn a_second_publisher_is_told_so_that_it_can_go_on_without() {
+    let test = TestBus::new();
+    let first = create::<f64>(&test, Topic::Energies, &columns(1, "total_J"));
+    let again = || {
+        ResultPublisher::<f64>::create(
+            &test.bus,
+            &run_name("run"),
+            Topic::Energies,
+            StreamId::new(RunId([2; 16])),
+            &columns(1, "total_J"),
+            Arc::default(),
+        )
+    };
+    assert!(matches!(again(), Err(ResultsError::AlreadyPublished { topic: Topic::Energies, .. })));
+    drop(first);
+    assert!(again().is_ok());
+}
+
+#[test]
+fn subscribers_notice_that_the_publisher_was_killed() {
+    let test = TestBus::new();
+    let mut child = Child::start(&test.bus, "results", "run", &[]);
+    child.expect("created");
+    let mut rows = attach::<f64>(&test, Topic::Energies, Delivery::Lossless).unwrap();
+    assert!(matches!(rows.receive().unwrap(), ResultReceived::Row(_)));
+    child.kill();
+    let (frames, missed, end) = read(&mut rows);
+    assert_eq!((missed, end), (0, EndReason::ProducerLost));
+    assert!(frames.windows(2).all(|pair| pair[1] == pair[0] + 1));
+    // and the next one can take its place
+    wait_until(|| attach::<f64>(&test, Topic::Energies, Delivery::Lossless).is_none());
+    create::<f64>(&test, Topic::Energies, &columns(2, "a_J,b_J"));
+}
