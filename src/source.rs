@@ -91,7 +91,7 @@ pub(crate) fn attach(
         label: label.to_owned(),
         timeout: args.timeout.map(Duration::from_secs_f64),
         stop: Arc::clone(stop),
-        notice: |notice| match notice {
+        notice: Arc::new(|notice| match notice {
             AttachNotice::WaitingForRun { name: Some(name) } => {
                 display::notice(format_args!("waiting for the run {name}"));
             }
@@ -101,7 +101,7 @@ pub(crate) fn attach(
             AttachNotice::WaitingForAnswer { name } => {
                 display::notice(format_args!("the run {name} does not answer yet: a consumer holds it back"));
             }
-        },
+        }),
     };
     let delivery = if args.latest { Delivery::Latest } else { Delivery::Lossless };
     match LiveSource::attach(bus, name, delivery, &options) {

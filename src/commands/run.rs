@@ -45,7 +45,14 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         Some(path) => Some(RecordingWriter::create(path, manifest, &configured.toml, &options)?),
         None => None,
     };
-    wait_for_consumers(args, &mut publisher, &stop)?;
+    if !wait_for_consumers(args, &mut publisher, &stop)? {
+        publisher.finish(EndReason::Interrupted)?;
+        if let Some(recorder) = recorder {
+            recorder.discard();
+        }
+        display::notice("stopped before the run began; nothing was recorded");
+        return Ok(Done::Whole);
+    }
 
     let mut watch = Watch::new(&configured, args.pace, stop);
     let result = producer::run::run(manifest, &mut publisher, recorder.as_mut(), &mut watch);
@@ -91,18 +98,17 @@ fn announce(manifest: &RunManifest, out: Option<&PathBuf>, options: &WriteOption
     Ok(())
 }
 
+/// Whether the run may begin: the consumers are ready, and no signal came meanwhile.
 fn wait_for_consumers(
     args: &RunArgs,
     publisher: &mut StatePublisher,
     stop: &AtomicBool,
-) -> Result<(), Failure> {
+) -> Result<bool, Failure> {
     if args.wait_for == 0 {
-        return Ok(());
+        return Ok(true);
     }
     display::notice(format_args!("waiting for {} lossless consumer(s)", args.wait_for));
-    // the outcome that a signal ends the wait shows at the first frame, which is then the last
-    let _: WaitOutcome = publisher.wait_for(args.wait_for, stop, None)?;
-    Ok(())
+    Ok(publisher.wait_for(args.wait_for, stop, None)? == WaitOutcome::Ready)
 }
 
 /// Progress, pacing and the request to stop.

@@ -209,6 +209,31 @@ fn a_run_waits_for_the_consumers_it_was_told_to_wait_for() {
     assert_eq!(counted, frames.as_u64().unwrap());
 }
 
+/// Stopped while it waits, a run leaves nothing behind, and its consumers end in order.
+#[test]
+fn a_run_that_is_stopped_before_it_begins_leaves_nothing() {
+    let place = Place::new();
+    let run = place.start("run --preset homogeneous --wait-for 2");
+    let consumer = place.start("energies --json");
+    place.wait_for_run("homogeneous", |run| run.lossless == 1);
+    run.signal("INT");
+    run.wait().exits(0).says(&["before the run began"]);
+    assert_eq!(consumer.wait().exits(0).json()["frames_received"], 0);
+    assert!(!place.path("homogeneous.mcap").exists() && !place.path("homogeneous.mcap.partial").exists());
+}
+
+/// Sparse recordings of interrupted runs end with the last frame that anybody saw, too.
+#[test]
+fn an_interrupted_sparse_recording_ends_with_the_last_published_frame() {
+    let place = Place::new();
+    let run = place.start("run --preset homogeneous --record-every-steps 1000 --pace 1e-3 --json");
+    place.wait_for_run("homogeneous", |run| run.step > 10);
+    run.signal("INT");
+    let run = run.wait().exits(0).json();
+    let info = place.run("info homogeneous.mcap --json").exits(0).json();
+    assert_eq!(info["last_step"], run["steps"]);
+}
+
 #[test]
 fn every_preset_can_be_printed_edited_and_run() {
     let place = Place::new();

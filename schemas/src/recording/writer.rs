@@ -60,28 +60,6 @@ impl RecordingWriter {
         })
     }
 
-    /// Records `frame` whether or not it is its turn: the last frame of a run that is interrupted. A frame
-    /// that has just been recorded is not recorded twice.
-    ///
-    /// # Errors
-    /// When the frame is not one of this run or not after the frame before, or when writing fails; the
-    /// file then ends with the last whole chunk.
-    pub fn record(&mut self, frame: &Frame<'_>) -> Result<(), WriteError> {
-        if self.last_step == Some(frame.step) {
-            return Ok(());
-        }
-        self.check(frame)?;
-        self.file.write(self.state, frame.frame, frame.time_s, self.encoder.encode(frame))?;
-        let summary = self.summarizer.summarize(frame);
-        self.message.clear();
-        encode::summary(frame, &summary).encode_raw(&mut self.message);
-        self.file.write(self.summary, frame.frame, frame.time_s, &self.message)?;
-        self.frames += 1;
-        self.first_step.get_or_insert(frame.step);
-        self.last_step = Some(frame.step);
-        self.file.flush_if_due()
-    }
-
     fn check(&self, frame: &Frame<'_>) -> Result<(), WriteError> {
         let physics = &self.manifest.physics;
         let beads = self.manifest.frame_doubles() - frame.extra.len();
@@ -155,9 +133,23 @@ impl RecordingWriter {
 impl FrameSink for RecordingWriter {
     type Error = WriteError;
 
-    /// Records `frame` if it is its turn by the manifest: every K-th, the first and the last.
+    /// Records `frame`. Which frames are due is the caller's to know ([`RunManifest::is_recorded`], and the last
+    /// frame of a run that is interrupted).
+    ///
+    /// # Errors
+    /// When the frame is not one of this run or not after the frame before, or when writing fails; the
+    /// file then ends with the last whole chunk.
     fn accept(&mut self, frame: &Frame<'_>) -> Result<(), WriteError> {
-        if self.manifest.is_recorded(frame.step) { self.record(frame) } else { Ok(()) }
+        self.check(frame)?;
+        self.file.write(self.state, frame.frame, frame.time_s, self.encoder.encode(frame))?;
+        let summary = self.summarizer.summarize(frame);
+        self.message.clear();
+        encode::summary(frame, &summary).encode_raw(&mut self.message);
+        self.file.write(self.summary, frame.frame, frame.time_s, &self.message)?;
+        self.frames += 1;
+        self.first_step.get_or_insert(frame.step);
+        self.last_step = Some(frame.step);
+        self.file.flush_if_due()
     }
 }
 

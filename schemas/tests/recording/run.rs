@@ -58,7 +58,11 @@ pub(crate) fn options() -> WriteOptions {
 
 pub(crate) fn write_recording(path: &Path, manifest: &RunManifest, options: &WriteOptions) -> Finished {
     let mut writer = RecordingWriter::create(path, manifest, RUN_TOML, options).unwrap();
-    for_each_frame(manifest, |frame| writer.accept(frame).unwrap());
+    for_each_frame(manifest, |frame| {
+        if manifest.is_recorded(frame.step) {
+            writer.accept(frame).unwrap();
+        }
+    });
     writer.finish(EndReason::Complete).unwrap()
 }
 
