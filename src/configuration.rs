@@ -18,18 +18,14 @@ pub(crate) struct Configured {
 
 /// Reads the configuration that `args` name and applies the overrides.
 pub(crate) fn configure(args: &RunArgs) -> Result<Configured, Failure> {
-    let (text, mut config) = match &args.config {
-        Some(path) => {
-            let text = fs::read_to_string(path)
-                .with_context(|| format!("{} cannot be read", path.display()))
-                .bad_input()?;
-            let config = RunConfig::from_toml(&text).map_err(|e| e.located(&text, Some(path))).bad_input()?;
-            (text, config)
-        }
-        None => {
-            let config = preset(&args.preset)?.config();
-            (config.to_toml(), config)
-        }
+    let (text, mut config) = if let Some(path) = &args.config {
+        let unreadable = || format!("{} cannot be read", path.display());
+        let text = fs::read_to_string(path).with_context(unreadable).bad_input()?;
+        let config = RunConfig::from_toml(&text).map_err(|e| e.located(&text, Some(path))).bad_input()?;
+        (text, config)
+    } else {
+        let config = preset(&args.preset)?.config();
+        (config.to_toml(), config)
     };
     let written = config.clone();
     apply(&args.overrides, args.name.as_ref(), &mut config);

@@ -3,8 +3,8 @@
 use crate::failure::Failure;
 use indicatif::{DecimalBytes, HumanCount, ProgressBar, ProgressStyle};
 use serde::Serialize;
-use std::fmt::Display;
-use std::io::{self, Write};
+use std::fmt::{Display, Write as _};
+use std::io::{self, Write as _};
 use std::time::Duration;
 
 /// Prints a notice or a warning on stderr.
@@ -74,7 +74,8 @@ pub(crate) fn rows(title: &str, rows: &[(&str, String)]) -> String {
     let width = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
     let mut text = format!("{title}\n");
     for (name, value) in rows {
-        text.push_str(&format!("  {name:width$}  {value}\n"));
+        // writing to a String cannot fail
+        let _ = writeln!(text, "  {name:width$}  {value}");
     }
     text
 }

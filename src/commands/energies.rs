@@ -28,9 +28,9 @@ impl Analysis for Outputs {
         self.curves.push(frame.time_s, values);
         if let Some(table) = &mut self.table {
             begin_row(table, frame);
-            values.iter().for_each(|value| {
-                table.double(*value);
-            });
+            for value in values {
+                table.double(value);
+            }
             table.end_row()?;
         }
         publish(self.publisher.as_mut(), frame, &values)

@@ -1,5 +1,5 @@
 //! Tests through the built command, as a user meets it. Each test has a directory and a bus of its own.
-#![allow(clippy::unwrap_used, missing_docs, reason = "a test that cannot go on says where")]
+#![allow(clippy::unwrap_used, clippy::panic, missing_docs, reason = "a test that cannot go on says where")]
 
 mod configuration;
 mod faults;

@@ -90,7 +90,7 @@ fn results_are_published_on_the_bus() {
         match rows.receive().unwrap() {
             ResultReceived::Row(row) => published.push((row.frame, row.values.to_vec())),
             ResultReceived::End(_) => break,
-            other => panic!("{other:?}"),
+            missed @ ResultReceived::Missed { .. } => panic!("{missed:?}"),
         }
     }
     run.wait().exits(0);

@@ -79,8 +79,8 @@ fn a_light_impurity_rattles_and_emits_pulses_as_in_the_reference() {
     let energies = place.run("energies light-impurity.mcap --json").exits(0).json();
     let results = &energies["results"];
     // the reference is good to 3e-5
-    assert!((results["reflected_over_total"].as_f64().unwrap() - 0.023102).abs() < 3e-5);
-    assert!((results["reflected_over_transmitted"].as_f64().unwrap() - 0.023648).abs() < 3e-5);
+    assert!((results["reflected_over_total"].as_f64().unwrap() - 0.023_102).abs() < 3e-5);
+    assert!((results["reflected_over_transmitted"].as_f64().unwrap() - 0.023_648).abs() < 3e-5);
     assert!(results["max_abs_relative_drift"].as_f64().unwrap() < 1e-7);
 
     // `shared/reference`: gaps above 1 nm at 80 ms, 78 left and 48 right; its run ends up to a step later
