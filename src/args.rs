@@ -88,7 +88,7 @@ pub(crate) struct RunArgs {
     /// Name of the run on the bus: a-z, 0-9 and -
     #[arg(long, value_name = "RUN")]
     pub(crate) name: Option<String>,
-    /// Recording to write [default: <RUN>.mcap]
+    /// Recording to write [default: RUN.mcap]
     #[arg(long, value_name = "FILE.mcap", conflicts_with = "no_record")]
     pub(crate) out: Option<PathBuf>,
     /// Publish only, write no recording
