@@ -393,10 +393,15 @@ impl StatePublisher {
             flags: if frame.step == self.last_step { FLAG_LAST } else { 0 },
             reserved: 0,
         };
+        let mut interrupt = self.remedies.interrupt;
         loop {
             let slot = self.publisher.loan_slice_uninit(self.doubles);
             let slot = slot.map_err(|e| self.send_error(&e))?;
-            match fill(slot, header, &[frame.u_m, frame.v_m_s, frame.extra]).send() {
+            let mut sent = fill(slot, header, &[frame.u_m, frame.v_m_s, frame.extra]).send();
+            if std::mem::take(&mut interrupt) {
+                sent = Err(SendError::InternalError);
+            }
+            match sent {
                 Ok(_) => return Ok(()),
                 // a signal ended a wait in the middle: whoever has the frame already ignores the second one
                 Err(SendError::InternalError) if self.remedies.resend => self.counts.resent += 1,
@@ -434,12 +439,13 @@ impl StatePublisher {
     /// # Errors
     /// When the end could not be written; consumers then find that the producer is gone.
     pub fn finish(mut self, reason: EndReason) -> Result<PublishCounts, PublishError> {
+        let counts = self.counts(); // before consumers leave
         self.end(match reason {
             EndReason::Complete => STATE_DONE,
             EndReason::Interrupted | EndReason::Stopped => STATE_INTERRUPTED,
             _ => STATE_FAILED,
         })?;
-        Ok(self.counts())
+        Ok(counts)
     }
 
     fn end(&mut self, state: u64) -> Result<(), PublishError> {
@@ -474,13 +480,16 @@ impl FrameSink for StatePublisher {
         }
         self.serve_joins()?;
         let start = Instant::now();
-        let sent = self.send(frame);
         let mut now = start;
-        if self.backpressure.was_blocked() {
-            now = Instant::now();
-            self.counts.held_back += now.duration_since(start);
+        // a frame that nobody takes need not be written
+        if self.backpressure.subscriber_count() > 0 {
+            let sent = self.send(frame);
+            if self.backpressure.was_blocked() {
+                now = Instant::now();
+                self.counts.held_back += now.duration_since(start);
+            }
+            sent?;
         }
-        sent?;
         self.next_frame += 1;
         self.counts.frames += 1;
         self.since_wake += 1;
