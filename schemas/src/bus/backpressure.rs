@@ -64,27 +64,27 @@ pub enum ConsumerEvent {
 pub struct Remedies {
     /// Clean up dead processes while blocked.
     pub clean_while_blocked: bool,
-    /// Wake consumers when their queue is full.
-    pub wake_when_blocked: bool,
     /// Send a frame again when the send was interrupted by a signal.
     pub resend: bool,
     /// Hold no entry of the blackboard for longer than an update.
     pub release_board: bool,
     /// Update connections in the handshake.
     pub connect_on_join: bool,
-    /// Pause between two looks at a full queue.
+    /// Pause between two looks at a full queue, so that no core is kept busy.
     pub pause: bool,
+    /// Not a remedy: take every send for interrupted once, after it was delivered.
+    pub interrupt: bool,
 }
 
 impl Default for Remedies {
     fn default() -> Self {
         Self {
             clean_while_blocked: true,
-            wake_when_blocked: true,
             resend: true,
             release_board: true,
             connect_on_join: true,
             pause: true,
+            interrupt: false,
         }
     }
 }
@@ -202,7 +202,7 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
 
     /// Wakes whoever has to make room, and lets it run.
     fn retry(&self, info: &BackpressureInfo) -> BackpressureAction {
-        if info.retries == 0 && self.remedies.wake_when_blocked {
+        if info.retries == 0 {
             self.wake();
         }
         if info.retries > 50 && self.remedies.pause {

@@ -1,29 +1,29 @@
 //! The producer's side of a run on the bus.
 
+mod opening;
+
+pub use opening::PublishError;
+
 use super::backpressure::{Backpressure, ConsumerEvent, Delivery, Remedies};
-use super::board::{BoardReader, BoardWriter};
-use super::services::{self, Topic, check_schema, text_of};
+use super::board::BoardWriter;
 use super::wire::{
-    FLAG_LAST, JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, MANIFEST_BYTES, RunStatus, STATE_DONE,
-    STATE_FAILED, STATE_INTERRUPTED, STATE_RUNNING, STATE_WAITING, StateHeader, StreamId, fill,
+    FLAG_LAST, JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, RunStatus, STATE_DONE, STATE_FAILED,
+    STATE_INTERRUPTED, STATE_RUNNING, StateHeader, StreamId, fill,
 };
-use super::{Bus, BusError, Ipc, RoomError, node_bytes, room};
-use crate::chain::Chain;
+use super::{Ipc, services};
 use crate::frame::{EndReason, Frame, FrameSink};
-use crate::manifest::{RunId, RunManifest};
-use crate::run_name::RunName;
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::node::Node;
 use iceoryx2::port::SendError;
 use iceoryx2::port::listener::Listener;
-use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
+use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::server::Server;
 use iceoryx2::port::update_connections::UpdateConnections as _;
 use iceoryx2::prelude::PortFactory as _;
 use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 /// Frames between two wake-ups of consumers, when frames come fast.
 const WAKE_EVERY_FRAMES: u32 = 16;
@@ -33,8 +33,6 @@ const WAKE_PERIOD: Duration = Duration::from_millis(1);
 const COUNT_PERIOD: Duration = Duration::from_millis(100);
 /// How often an idle producer looks around.
 const IDLE_WAIT: Duration = Duration::from_millis(50);
-/// How long a producer of the same name may take to vanish.
-const TAKE_OVER_PATIENCE: Duration = Duration::from_secs(1);
 
 /// How a run is published.
 #[derive(Debug, Clone)]
@@ -58,71 +56,6 @@ impl Default for PublishOptions {
             remedies: Remedies::default(),
         }
     }
-}
-
-/// Why a run cannot be published.
-#[derive(Debug, thiserror::Error)]
-pub enum PublishError {
-    /// The bus.
-    #[error(transparent)]
-    Bus(#[from] BusError),
-    /// Shared memory.
-    #[error(transparent)]
-    Room(#[from] RoomError),
-    /// Another producer has this name.
-    #[error(
-        "run {name} is being published already: run id {run_id}, process {pid}; use another name, or end it"
-    )]
-    NameTaken {
-        /// The name.
-        name: RunName,
-        /// The other run.
-        run_id: RunId,
-        /// The other producer's process.
-        pid: u64,
-        /// When the other run started.
-        started: SystemTime,
-    },
-    /// The manifest does not fit the blackboard.
-    #[error(
-        "the manifest has {bytes} bytes, at most {MANIFEST_BYTES} can be published; use fewer impurities"
-    )]
-    ManifestTooLong {
-        /// Its length.
-        bytes: usize,
-    },
-    /// A frame that is not one of this run.
-    #[error("frame {frame} has {found} values, the run's frames have {expected}")]
-    Shape {
-        /// Number of the frame.
-        frame: u64,
-        /// Values expected.
-        expected: usize,
-        /// Values found.
-        found: usize,
-    },
-    /// Frames must follow each other without a gap: consumers take a gap for a loss.
-    #[error("frame {found} was published where frame {expected} was expected")]
-    Order {
-        /// Expected.
-        expected: u64,
-        /// Found.
-        found: u64,
-    },
-    /// We were asked to stop while a consumer held the run back; not every consumer got the frame.
-    #[error("stopped while a consumer held the run back at frame {frame}")]
-    Stopped {
-        /// Number of the frame.
-        frame: u64,
-    },
-    /// The frame could not be sent.
-    #[error("frame {frame} could not be sent: {cause}")]
-    Send {
-        /// Number of the frame.
-        frame: u64,
-        /// What iceoryx2 says.
-        cause: String,
-    },
 }
 
 /// How waiting for consumers ended.
@@ -186,88 +119,6 @@ pub struct StatePublisher {
 }
 
 impl StatePublisher {
-    /// Registers the run under its name; consumers can attach from now on.
-    ///
-    /// # Errors
-    /// When the name is taken, shared memory is short, or the bus cannot be used.
-    pub fn create(
-        bus: &Bus,
-        manifest: &RunManifest,
-        chain: &Chain,
-        options: &PublishOptions,
-    ) -> Result<Self, PublishError> {
-        let (run, json) = (&manifest.provenance.name, manifest.to_json());
-        if json.len() > MANIFEST_BYTES {
-            return Err(PublishError::ManifestTooLong { bytes: json.len() });
-        }
-        let stream = StreamId::new(manifest.provenance.run_id);
-        let doubles = manifest.frame_doubles();
-        let slot_bytes = (doubles * size_of::<f64>()) as u64;
-        let free_bytes = room::free_bytes()?;
-        let limits = room::plan(slot_bytes, free_bytes);
-
-        let node = bus.node()?;
-        check_schema(bus, run, Topic::Manifest)?;
-        check_schema(bus, run, Topic::State)?;
-        let state = services::slices::<f64>(&node, run, Topic::State, limits, &[])?;
-        // a service that consumers of an earlier run still hold keeps the limits it has
-        let limits = services::limits_of(&state);
-        room::check(slot_bytes, limits, free_bytes)?;
-        let events = services::events(&node, run, Topic::State)?;
-        let notifier = events.notifier_builder().create();
-        let notifier = notifier.map_err(|e| BusError::service(&text_of(run, Topic::State), "notify", &e))?;
-        let backpressure = Backpressure::new(
-            services::slices::<f64>(&node, run, Topic::State, limits, &[])?,
-            bus.config().clone(),
-            notifier,
-            Arc::clone(&options.stop),
-            options.stuck_after,
-            options.remedies,
-        );
-        backpressure.ignore_present();
-        let publisher = exclusive_publisher(bus, &node, run, &state, doubles, &backpressure)?;
-
-        let mut status = RunStatus {
-            run_id: stream.run_id.0,
-            stream_id: stream.stream_id,
-            state: STATE_WAITING,
-            first_frame: options.first_frame,
-            pid: u64::from(std::process::id()),
-            node_id: node_bytes(&node),
-            ..RunStatus::default()
-        };
-        let (server, join, joiners) = join_server(&node, run)?;
-        let chain = publish_chain(&node, run, chain, stream)?;
-        let mut board = BoardWriter::create(&node, run, json.as_bytes(), status)?;
-        if !options.remedies.release_board {
-            board.hold()?;
-        }
-        board.write(&mut status)?;
-        let now = Instant::now();
-        Ok(Self {
-            publisher,
-            chain,
-            server,
-            join,
-            joiners,
-            backpressure,
-            board,
-            status,
-            stream,
-            doubles,
-            last_step: manifest.physics.step_count,
-            ready: HashSet::new(),
-            counts: PublishCounts::default(),
-            next_frame: options.first_frame,
-            since_wake: 0,
-            woke_at: now,
-            counted_at: now,
-            finished: false,
-            remedies: options.remedies,
-            node,
-        })
-    }
-
     /// Which publishing of which run this is: results carry it too.
     pub fn stream(&self) -> StreamId {
         self.stream
@@ -393,10 +244,15 @@ impl StatePublisher {
             flags: if frame.step == self.last_step { FLAG_LAST } else { 0 },
             reserved: 0,
         };
+        let mut interrupt = self.remedies.interrupt;
         loop {
             let slot = self.publisher.loan_slice_uninit(self.doubles);
             let slot = slot.map_err(|e| self.send_error(&e))?;
-            match fill(slot, header, &[frame.u_m, frame.v_m_s, frame.extra]).send() {
+            let mut sent = fill(slot, header, &[frame.u_m, frame.v_m_s, frame.extra]).send();
+            if std::mem::take(&mut interrupt) {
+                sent = Err(SendError::InternalError);
+            }
+            match sent {
                 Ok(_) => return Ok(()),
                 // a signal ended a wait in the middle: whoever has the frame already ignores the second one
                 Err(SendError::InternalError) if self.remedies.resend => self.counts.resent += 1,
@@ -434,12 +290,13 @@ impl StatePublisher {
     /// # Errors
     /// When the end could not be written; consumers then find that the producer is gone.
     pub fn finish(mut self, reason: EndReason) -> Result<PublishCounts, PublishError> {
+        let counts = self.counts(); // before consumers leave
         self.end(match reason {
             EndReason::Complete => STATE_DONE,
             EndReason::Interrupted | EndReason::Stopped => STATE_INTERRUPTED,
             _ => STATE_FAILED,
         })?;
-        Ok(self.counts())
+        Ok(counts)
     }
 
     fn end(&mut self, state: u64) -> Result<(), PublishError> {
@@ -474,13 +331,16 @@ impl FrameSink for StatePublisher {
         }
         self.serve_joins()?;
         let start = Instant::now();
-        let sent = self.send(frame);
         let mut now = start;
-        if self.backpressure.was_blocked() {
-            now = Instant::now();
-            self.counts.held_back += now.duration_since(start);
+        // a frame that nobody takes need not be written
+        if self.backpressure.subscriber_count() > 0 {
+            let sent = self.send(frame);
+            if self.backpressure.was_blocked() {
+                now = Instant::now();
+                self.counts.held_back += now.duration_since(start);
+            }
+            sent?;
         }
-        sent?;
         self.next_frame += 1;
         self.counts.frames += 1;
         self.since_wake += 1;
@@ -493,79 +353,4 @@ impl FrameSink for StatePublisher {
         }
         Ok(())
     }
-}
-
-/// The publisher of `/state`: the one place where two producers of one name are told apart.
-fn exclusive_publisher(
-    bus: &Bus,
-    node: &Node<Ipc>,
-    run: &RunName,
-    state: &services::StateService,
-    doubles: usize,
-    backpressure: &Arc<Backpressure<f64>>,
-) -> Result<Publisher<Ipc, [f64], StateHeader>, PublishError> {
-    let start = Instant::now();
-    loop {
-        let handler = Arc::clone(backpressure);
-        let builder = state.publisher_builder().initial_max_slice_len(doubles).max_loaned_samples(1);
-        match builder.set_backpressure_handler(move |info| handler.decide(info)).create() {
-            Ok(publisher) => return Ok(publisher),
-            Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => {
-                node.try_cleanup_dead_nodes();
-                if start.elapsed() < TAKE_OVER_PATIENCE && !bus.has_live_publisher(state) {
-                    std::thread::sleep(Duration::from_millis(2));
-                    continue;
-                }
-                return Err(name_taken(node, run)?);
-            }
-            Err(e) => return Err(BusError::service(&text_of(run, Topic::State), "publish", &e).into()),
-        }
-    }
-}
-
-fn name_taken(node: &Node<Ipc>, run: &RunName) -> Result<PublishError, BusError> {
-    let board = BoardReader::find(node, run)?;
-    let status = board.as_ref().map(BoardReader::status).unwrap_or_default();
-    let manifest = board.and_then(|board| board.manifest(status.stream()));
-    let manifest = manifest.and_then(|json| RunManifest::from_json(&json).ok());
-    let started_unix_ns = manifest.map_or(status.written_unix_ns, |found| found.provenance.started_unix_ns);
-    Ok(PublishError::NameTaken {
-        name: run.clone(),
-        run_id: RunId(status.run_id),
-        pid: status.pid,
-        started: SystemTime::UNIX_EPOCH + Duration::from_nanos(started_unix_ns),
-    })
-}
-
-fn join_server(
-    node: &Node<Ipc>,
-    run: &RunName,
-) -> Result<(JoinServer, services::JoinService, Listener<Ipc>), BusError> {
-    let text = text_of(run, Topic::Join);
-    let join = services::join(node, run)?;
-    let server = join.server_builder().create().map_err(|e| BusError::service(&text, "serve", &e))?;
-    let events = services::events(node, run, Topic::Join)?;
-    let joiners = events.listener_builder().create().map_err(|e| BusError::service(&text, "listen", &e))?;
-    Ok((server, join, joiners))
-}
-
-/// Publishes `[mass | stiffness | rest overlap]` once; the history keeps it for whoever comes later.
-fn publish_chain(
-    node: &Node<Ipc>,
-    run: &RunName,
-    chain: &Chain,
-    stream: StreamId,
-) -> Result<Publisher<Ipc, [f64], StateHeader>, BusError> {
-    let text = text_of(run, Topic::Chain);
-    let failed = |e: &dyn std::fmt::Debug| BusError::service(&text, "publish", &format!("{e:?}"));
-    let parts = [&chain.mass_kg[..], &chain.stiffness, &chain.rest_overlap_m];
-    let length = parts.iter().map(|part| part.len()).sum();
-    let header =
-        StateHeader { run_id: stream.run_id.0, stream_id: stream.stream_id, ..StateHeader::default() };
-    let service = services::chain(node, run)?;
-    let builder = service.publisher_builder().initial_max_slice_len(length).max_loaned_samples(1);
-    let publisher = builder.create().map_err(|e| failed(&e))?;
-    let slot = publisher.loan_slice_uninit(length).map_err(|e| failed(&e))?;
-    fill(slot, header, &parts).send().map_err(|e| failed(&e))?;
-    Ok(publisher)
 }

@@ -1,9 +1,9 @@
 //! Results of analyses on the bus: one row per frame.
 
 use super::backpressure::{Backpressure, Delivery, Remedies};
-use super::services::{self, Limits, MAX_SUBSCRIBERS, SliceService, Topic, attribute, check_schema, text_of};
+use super::services::{self, SliceService, Topic, attribute, check_schema, text_of};
 use super::wire::{FLAG_LAST, StateHeader, StreamId, fill};
-use super::{Bus, BusError, Ipc};
+use super::{Bus, BusError, Ipc, RoomError, room};
 use crate::frame::EndReason;
 use crate::manifest::RunId;
 use crate::run_name::RunName;
@@ -19,7 +19,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-const BUFFER: usize = 64;
 const LATEST_BUFFER: usize = 2;
 const WAIT: Duration = Duration::from_millis(50);
 const LIVENESS_PERIOD: Duration = Duration::from_millis(500);
@@ -56,6 +55,24 @@ pub enum ResultsError {
         name: RunName,
         /// Which results.
         topic: Topic,
+    },
+    /// Shared memory.
+    #[error(transparent)]
+    Room(#[from] RoomError),
+    /// Subscribers of earlier results, whose rows were other ones, keep the service as it was.
+    #[error(
+        "{topic} of run {name} had {found} columns before, now {expected}, and subscribers to those are still \
+         there; end them"
+    )]
+    OtherColumns {
+        /// The run.
+        name: RunName,
+        /// Which results.
+        topic: Topic,
+        /// Elements in a row now.
+        expected: usize,
+        /// Elements in a row before.
+        found: usize,
     },
     /// A row of another width.
     #[error("frame {frame}: a row of {found} elements, expected {expected}")]
@@ -115,8 +132,20 @@ impl<T: ResultElement> ResultPublisher<T> {
         let ends = names.char_indices().map(|(at, c)| at + c.len_utf8());
         names.truncate(ends.take_while(|end| *end <= 256).last().unwrap_or(0));
         let more = [(COLUMNS_KEY, names), (WIDTH_KEY, columns.width.to_string())];
-        let limits = Limits { subscribers: MAX_SUBSCRIBERS, buffer: BUFFER };
+        let row_bytes = (columns.width * size_of::<T>()) as u64;
+        let free_bytes = room::free_bytes()?;
+        let limits = room::plan(row_bytes, free_bytes);
         let service = services::slices::<T>(&node, run, topic, limits, &more)?;
+        room::check(row_bytes, services::limits_of(&service), free_bytes)?;
+        let found = columns_of(&service).width;
+        if found != columns.width && service.dynamic_config().number_of_publishers() == 0 {
+            return Err(ResultsError::OtherColumns {
+                name: run.clone(),
+                topic,
+                expected: columns.width,
+                found,
+            });
+        }
         let notifier = services::events(&node, run, topic)?.notifier_builder().create();
         let notifier = notifier.map_err(|e| BusError::service(&text, "notify", &e))?;
         let watched = services::slices::<T>(&node, run, topic, limits, &more)?;
@@ -198,6 +227,13 @@ impl<T: ResultElement> ResultPublisher<T> {
     }
 }
 
+fn columns_of<T: ResultElement>(service: &SliceService<T>) -> ResultColumns {
+    ResultColumns {
+        width: attribute(service.attributes(), WIDTH_KEY).and_then(|w| w.parse().ok()).unwrap_or(0),
+        names: attribute(service.attributes(), COLUMNS_KEY).unwrap_or_default(),
+    }
+}
+
 /// One row of results, lent until the next call.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row<'a, T> {
@@ -266,10 +302,7 @@ impl<T: ResultElement> ResultSubscriber<T> {
         if service.dynamic_config().number_of_publishers() == 0 {
             return Ok(None);
         }
-        let columns = ResultColumns {
-            width: attribute(service.attributes(), WIDTH_KEY).and_then(|w| w.parse().ok()).unwrap_or(0),
-            names: attribute(service.attributes(), COLUMNS_KEY).unwrap_or_default(),
-        };
+        let columns = columns_of(&service);
         let name = format!("{}.results.{}", delivery.as_str(), std::process::id());
         let name = PortName::new(&name).map_err(|e| failed(&e))?;
         let mut builder = service.subscriber_builder().name(&name);

@@ -6,7 +6,7 @@ use crate::support::{
 };
 use iceoryx2::prelude::AttributeSpecifier;
 use schemas::bus::{
-    AttachError, AttachNotice, AttachOptions, Delivery, LiveSource, PublishError, PublishOptions,
+    AttachError, AttachNotice, AttachOptions, Bus, Delivery, LiveSource, PublishError, PublishOptions,
     StatePublisher,
 };
 use schemas::config::Impurity;
@@ -119,10 +119,9 @@ fn joining_while_another_consumer_holds_the_run_back_only_takes_longer() {
             run.wait_for(2, &AtomicBool::new(false), None).unwrap();
             run.finish(EndReason::Complete).unwrap();
         });
-        let name = run_name("held");
+        let (bus, name) = (&test.bus, run_name("held"));
         let joining = scope.spawn(move || {
-            let mut source =
-                LiveSource::attach(&test.bus, Some(&name), Delivery::Lossless, &options).unwrap();
+            let mut source = LiveSource::attach(bus, Some(&name), Delivery::Lossless, &options).unwrap();
             drain(&mut source).end
         });
         wait_until(|| waiting.load(Ordering::Relaxed));
@@ -188,4 +187,18 @@ fn what_cannot_be_published_is_refused() {
     let mut orphan = attach_to(&test.bus, &mut run, "shape", Delivery::Lossless);
     drop(run); // without finish
     assert_eq!(drain(&mut orphan).end, EndReason::Failed);
+}
+
+/// Sockets lie in the root, and the kernel limits their paths.
+#[test]
+fn a_root_as_long_as_is_allowed_works() {
+    let dir = tempfile::Builder::new().prefix("bl-").tempdir_in("/tmp").unwrap();
+    let pad = "x".repeat(50 - dir.path().as_os_str().len() - 1);
+    let test = TestBus::at(dir, &pad);
+    let mut run = publisher(&test.bus, &"n".repeat(64), 10, &PublishOptions::default());
+    let mut source = attach_to(&test.bus, &mut run, &"n".repeat(64), Delivery::Lossless);
+    publish(&mut run, 10, 0..3);
+    run.finish(EndReason::Complete).unwrap();
+    assert_eq!(drain(&mut source).frames, 3);
+    assert!(Bus::at(&test.bus.root().with_file_name("x".repeat(40))).is_err());
 }

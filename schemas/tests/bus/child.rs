@@ -52,10 +52,6 @@ impl Child {
         self.lines.try_iter().any(|line| line.starts_with(word))
     }
 
-    pub(crate) fn id(&self) -> u32 {
-        self.process.id()
-    }
-
     pub(crate) fn kill(&mut self) {
         self.process.kill().unwrap();
         self.process.wait().unwrap();
@@ -99,7 +95,6 @@ fn produce(bus: &Bus, name: &str) {
     let remedies = Remedies {
         release_board: setting("BL_HOLD_BOARD", 0) == 0,
         pause: setting("BL_PAUSE", 1) == 1,
-        resend: setting("BL_RESEND", 1) == 1,
         ..Remedies::default()
     };
     take_signals();

@@ -114,3 +114,19 @@ fn subscribers_notice_that_the_publisher_was_killed() {
     wait_until(|| attach::<f64>(&test, Topic::Energies, Delivery::Lossless).is_none());
     create::<f64>(&test, Topic::Energies, &columns(2, "a_J,b_J"));
 }
+
+#[test]
+fn rows_of_another_width_do_not_reach_subscribers_of_the_old_ones() {
+    let test = TestBus::new();
+    let first = create::<f64>(&test, Topic::Impurity, &columns(4, "u_m,v_m_s,left_m,right_m"));
+    let rows = attach::<f64>(&test, Topic::Impurity, Delivery::Lossless).unwrap();
+    drop(first);
+    let (run, stream) = (run_name("run"), StreamId::new(RunId([1; 16])));
+    let wider = || {
+        let columns = columns(8, "two beads");
+        ResultPublisher::<f64>::create(&test.bus, &run, Topic::Impurity, stream, &columns, Arc::default())
+    };
+    assert!(matches!(wider(), Err(ResultsError::OtherColumns { expected: 8, found: 4, .. })));
+    drop(rows);
+    assert!(wider().is_ok());
+}

@@ -45,22 +45,28 @@ pub(crate) struct TestBus {
 
 impl TestBus {
     pub(crate) fn new() -> Self {
-        let dir = tempfile::Builder::new().prefix("bl-").tempdir_in("/tmp").unwrap();
-        Self { bus: Bus::at(&dir.path().join("r")).unwrap(), _dir: dir, _watchdog: Watchdog::new() }
+        Self::at(tempfile::Builder::new().prefix("bl-").tempdir_in("/tmp").unwrap(), "r")
+    }
+
+    pub(crate) fn at(dir: tempfile::TempDir, name: &str) -> Self {
+        Self { bus: Bus::at(&dir.path().join(name)).unwrap(), _dir: dir, _watchdog: Watchdog::new() }
     }
 }
 
 impl Drop for TestBus {
+    /// Everything is gone when everybody is: except the one small segment that iceoryx2 keeps for each bus.
     fn drop(&mut self) {
-        if std::thread::panicking() {
-            return;
-        }
+        // registering cleans up after processes that were killed
+        drop(crate::foreign::node(&self.bus));
         let prefix = self.bus.prefix();
-        let left: Vec<_> = std::fs::read_dir("/dev/shm").unwrap().flatten().map(|e| e.file_name()).collect();
-        let ours: Vec<_> = left.iter().filter(|f| f.to_string_lossy().starts_with(&prefix)).collect();
-        for file in &ours {
-            let _ = std::fs::remove_file(std::path::Path::new("/dev/shm").join(file));
+        let names = std::fs::read_dir("/dev/shm").unwrap().flatten().map(|entry| entry.file_name());
+        let names = names.map(|name| name.into_string().unwrap_or_default());
+        let mut left: Vec<String> = names.filter(|name| name.starts_with(&prefix)).collect();
+        for name in &left {
+            let _ = std::fs::remove_file(std::path::Path::new("/dev/shm").join(name));
         }
+        left.retain(|name| !name.ends_with(".global_mgmt"));
+        assert!(left.is_empty() || std::thread::panicking(), "left behind: {left:?}");
     }
 }
 

@@ -179,7 +179,12 @@ pub(crate) fn wait_with_default_signals(bus: &Bus) {
 #[test]
 fn waiting_takes_over_signals_by_default_and_ours_does_not() {
     let test = TestBus::new();
-    let same = |role| Child::start(&test.bus, role, "signals", &[]).expect("same");
+    let same = |role| {
+        let mut child = Child::start(&test.bus, role, "signals", &[]);
+        let said = child.expect("same");
+        child.wait();
+        said
+    };
     assert_eq!(same("signals-default"), "false");
     assert_eq!(same("signals-bus"), "true");
 }
