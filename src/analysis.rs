@@ -72,7 +72,7 @@ impl<'a> Session<'a> {
         let run = &self.manifest().provenance.name;
         match ResultPublisher::create(bus, run, topic, *stream, columns, Arc::clone(&self.stop)) {
             Ok(publisher) => Ok(Some(publisher)),
-            Err(error @ ResultsError::AlreadyPublished { .. }) => {
+            Err(error @ (ResultsError::AlreadyPublished { .. } | ResultsError::OtherColumns { .. })) => {
                 display::notice(format_args!("{error}: these results are not published"));
                 Ok(None)
             }
