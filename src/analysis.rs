@@ -5,7 +5,7 @@ use crate::display::{self, count};
 use crate::failure::{Done, Failure};
 use crate::signals;
 use crate::source::{Named, Source, SourceFailure};
-use anyhow::{Context, anyhow};
+use anyhow::{Context, Error, anyhow};
 use consumers::figure::{Figure, Options};
 use consumers::follow::{Analysis, FollowError, Tally, follow};
 use consumers::table::TableError;
@@ -89,7 +89,8 @@ impl<'a> Session<'a> {
         let bar = display::progress_bar(manifest.physics.step_count, manifest.provenance.name.as_str());
         let publish_every = manifest.provenance.publish_every_steps;
         let (mut seen, mut refreshed) = (0_u64, Instant::now());
-        let followed = follow(&mut self.source, analysis, |tally| {
+        let mut tally = Tally::default();
+        let followed = follow(&mut self.source, analysis, &mut tally, |tally| {
             seen += 1;
             if seen.is_multiple_of(64) && refreshed.elapsed() >= Duration::from_millis(100) {
                 refreshed = Instant::now();
@@ -103,7 +104,12 @@ impl<'a> Session<'a> {
         });
         bar.finish_and_clear();
         match followed {
-            Ok(tally) => Ok(tally),
+            Ok(()) => Ok(tally),
+            // what came before the damage stays a result, as in a file that was cut short
+            Err(FollowError::Source(error @ SourceFailure::File(_))) if tally.frame_count > 0 => {
+                display::notice(format_args!("{:#}", Error::new(error)));
+                Ok(tally)
+            }
             Err(FollowError::Source(error @ SourceFailure::File(_))) => Err(Failure::BadInput(error.into())),
             Err(FollowError::Source(error)) => Err(error.into()),
             Err(FollowError::Analysis(error)) => Err(error.into()),
@@ -127,7 +133,8 @@ impl<'a> Session<'a> {
             display::print(display::rows(&format!("{title} of {} ({})", provenance.name, tally.end), &all))?;
         }
         self.warn(tally);
-        let ended_well = tally.end.is_orderly() || tally.end == EndReason::Stopped;
+        // who stops a live analysis has what there was; who stops the reading of a file has a part of it
+        let ended_well = tally.end.is_orderly() || (tally.end == EndReason::Stopped && self.live.is_some());
         Ok(Done::whole_if(ended_well && tally.missed_count == 0))
     }
 
@@ -160,7 +167,10 @@ impl<'a> Session<'a> {
             ),
             EndReason::Failed => display::notice("the run failed; results end at its last frame"),
             EndReason::Unfinished => {
-                display::notice("the recording was not finished; results end where it does");
+                display::notice("the recording was not finished, or is damaged; results end where it does");
+            }
+            EndReason::Stopped if self.live.is_none() => {
+                display::notice("stopped: results end before the recording does");
             }
             EndReason::Complete | EndReason::Interrupted | EndReason::Stopped => {}
         }
@@ -196,25 +206,51 @@ pub(crate) fn draw(
 
 /// Refuses outputs that could not be written in the end, before any work is done.
 pub(crate) fn check_outputs(args: &AnalysisArgs, outputs: &[&PathBuf]) -> Result<(), Failure> {
-    let extension =
-        |path: &Path| path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    for figure in &args.figure {
-        if !matches!(extension(figure).as_str(), "svg" | "png") {
-            let message = format!("--figure {}: a figure is written as .svg or .png", figure.display());
-            return Err(Failure::BadInput(anyhow!(message)));
-        }
+    for path in &args.figure {
+        check_extension(path, &["svg", "png"], "a figure is written as .svg or .png")?;
     }
-    for path in outputs.iter().copied().chain(&args.figure) {
-        if path.exists() && !args.force {
-            let message = format!("{} exists already; choose another name or pass --force", path.display());
-            return Err(Failure::Failed(anyhow!(message)));
+    let outputs: Vec<&PathBuf> = outputs.iter().copied().chain(&args.figure).collect();
+    for (i, path) in outputs.iter().enumerate() {
+        if outputs[..i].contains(path) {
+            return Err(Failure::BadInput(anyhow!("{} is named for two outputs", path.display())));
         }
-        let directory =
-            path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        std::fs::metadata(directory)
-            .with_context(|| format!("{}: its directory cannot be used", path.display()))
-            .map_err(Failure::Failed)?;
+        check_place(path, args)?;
     }
+    Ok(())
+}
+
+/// The extension of a path, in lower case.
+fn extension(path: &Path) -> String {
+    path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase()
+}
+
+/// Refuses tables that are not written as CSV.
+pub(crate) fn check_tables(tables: &[&PathBuf]) -> Result<(), Failure> {
+    tables.iter().try_for_each(|path| check_extension(path, &["csv"], "a table is written as .csv"))
+}
+
+/// Refuses a path with another extension than those `allowed`.
+fn check_extension(path: &Path, allowed: &[&str], rule: &str) -> Result<(), Failure> {
+    if allowed.contains(&extension(path).as_str()) {
+        return Ok(());
+    }
+    Err(Failure::BadInput(anyhow!("{}: {rule}", path.display())))
+}
+
+/// Refuses a path that is taken, that is the source itself, or that has no directory.
+fn check_place(path: &Path, args: &AnalysisArgs) -> Result<(), Failure> {
+    let resolved = |path: &Path| path.canonicalize().ok();
+    if resolved(path).is_some_and(|path| Some(path) == resolved(Path::new(&args.source))) {
+        return Err(Failure::BadInput(anyhow!("{} is the source itself", path.display())));
+    }
+    if path.exists() && (!args.force || !path.is_file()) {
+        let message = format!("{} exists already; choose another name or pass --force", path.display());
+        return Err(Failure::Failed(anyhow!(message)));
+    }
+    let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    std::fs::metadata(directory)
+        .with_context(|| format!("{}: its directory cannot be used", path.display()))
+        .map_err(Failure::Failed)?;
     Ok(())
 }
 

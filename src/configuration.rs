@@ -3,7 +3,7 @@
 use crate::args::{Overrides, RunArgs};
 use crate::failure::{BadInput, Failure};
 use anyhow::{Context, anyhow};
-use schemas::config::{Impurity, RunConfig};
+use schemas::config::{Impurity, RunConfig, StrikerConfig};
 use schemas::manifest::{Origin, RunManifest};
 use schemas::presets::{PRESETS, Preset};
 use std::fmt::Write;
@@ -28,11 +28,12 @@ pub(crate) fn configure(args: &RunArgs) -> Result<Configured, Failure> {
         (config.to_toml(), config)
     };
     let written = config.clone();
-    apply(&args.overrides, args.name.as_ref(), &mut config);
+    let replaced = apply(&args.overrides, args.name.as_ref(), &mut config);
     let fallback = args.config.as_ref().and_then(|path| path.file_stem()).and_then(|stem| stem.to_str());
     let manifest = RunManifest::new(&config, fallback.unwrap_or("run"), origin()).map_err(|error| {
-        // a value that an override set has no line in the file
-        if config == written { error.located(&text, args.config.as_deref()) } else { error }
+        // a value that a flag set does not stand in the file
+        let from_flag = replaced.iter().any(|key| error.key.starts_with(key));
+        if from_flag { error } else { error.located(&text, args.config.as_deref()) }
     });
     let toml = if config == written { text } else { overridden(args, &config) };
     Ok(Configured { manifest: manifest.bad_input()?, toml })
@@ -46,36 +47,43 @@ pub(crate) fn preset(name: &str) -> Result<Preset, Failure> {
         .bad_input()
 }
 
-fn apply(overrides: &Overrides, name: Option<&String>, config: &mut RunConfig) {
-    fn set<T: Copy>(value: &mut T, with: Option<T>) {
-        *value = with.unwrap_or(*value);
+/// Applies what the flags say, and names the keys that they replaced.
+fn apply(overrides: &Overrides, name: Option<&String>, config: &mut RunConfig) -> Vec<&'static str> {
+    let mut replaced = Vec::new();
+    fn set<T: Clone>(replaced: &mut Vec<&'static str>, key: &'static str, value: &mut T, with: Option<T>) {
+        if let Some(with) = with {
+            *value = with;
+            replaced.push(key);
+        }
     }
-    if let Some(name) = name {
-        config.name = Some(name.clone());
-    }
-    set(&mut config.chain.beads, overrides.beads);
-    set(&mut config.chain.alpha, overrides.alpha);
-    set(&mut config.chain.stiffness, overrides.stiffness);
-    set(&mut config.chain.bead_mass_kg, overrides.bead_mass);
-    if !overrides.impurity.is_empty() {
-        let listed = overrides.impurity.iter().flatten();
-        config.chain.impurities =
-            listed.map(|(bead, mass_kg)| Impurity { bead: *bead, mass_kg: *mass_kg }).collect();
-    }
-    if let Some((bead, velocity_m_s)) = overrides.striker {
-        config.striker.bead = bead;
-        config.striker.velocity_m_s = velocity_m_s;
-    }
-    set(&mut config.time.duration_s, overrides.duration);
-    config.time.dt_s = overrides.dt.or(config.time.dt_s);
-    set(&mut config.integrator.method, overrides.method);
-    set(&mut config.stream.publish_every_steps, overrides.publish_every_steps);
-    set(&mut config.stream.record_every_steps, overrides.record_every_steps);
+    let r = &mut replaced;
+    let impurity = |(bead, mass_kg): &(u64, f64)| Impurity { bead: *bead, mass_kg: *mass_kg };
+    let impurities = overrides.impurity.iter().flatten().map(impurity).collect();
+    let impurities = (!overrides.impurity.is_empty()).then_some(impurities);
+    let striker = overrides.striker.map(|(bead, velocity_m_s)| StrikerConfig { bead, velocity_m_s });
+    set(r, "name", &mut config.name, name.map(|name| Some(name.clone())));
+    set(r, "chain.beads", &mut config.chain.beads, overrides.beads);
+    set(r, "chain.alpha", &mut config.chain.alpha, overrides.alpha);
+    set(r, "chain.stiffness", &mut config.chain.stiffness, overrides.stiffness);
+    set(r, "chain.bead_mass_kg", &mut config.chain.bead_mass_kg, overrides.bead_mass);
+    set(r, "chain.impurities", &mut config.chain.impurities, impurities);
+    set(r, "striker", &mut config.striker, striker);
+    set(r, "time.duration_s", &mut config.time.duration_s, overrides.duration);
+    set(r, "time.dt_s", &mut config.time.dt_s, overrides.dt.map(Some));
+    set(r, "integrator.method", &mut config.integrator.method, overrides.method);
+    let stream = &mut config.stream;
+    set(r, "stream.publish_every_steps", &mut stream.publish_every_steps, overrides.publish_every_steps);
     // asking for fewer published frames asks for fewer recorded ones, unless both are given
-    if overrides.publish_every_steps.is_some() && overrides.record_every_steps.is_none() {
-        let published = config.stream.publish_every_steps.max(1);
-        config.stream.record_every_steps = config.stream.record_every_steps.next_multiple_of(published);
-    }
+    let published = stream.publish_every_steps.max(1);
+    let follows =
+        overrides.publish_every_steps.map(|_| stream.record_every_steps.next_multiple_of(published));
+    set(
+        r,
+        "stream.record_every_steps",
+        &mut stream.record_every_steps,
+        overrides.record_every_steps.or(follows),
+    );
+    replaced
 }
 
 /// The effective configuration, with a line that says what it was made from.

@@ -1,5 +1,6 @@
 //! The one place that maps outcomes to exit codes.
 
+use crate::display;
 use anyhow::Error;
 use std::process::ExitCode;
 
@@ -47,18 +48,17 @@ impl<T, E: Into<Error>> BadInput<T> for Result<T, E> {
 }
 
 /// Prints a failure and gives the exit code.
-#[expect(clippy::print_stderr, reason = "the command's edge: errors are printed here and nowhere else")]
 pub(crate) fn exit(result: Result<Done, Failure>) -> ExitCode {
     match result {
         Ok(Done::Whole) => ExitCode::SUCCESS,
         Ok(Done::Lossy) => ExitCode::from(3),
         Err(Failure::Failed(error)) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(Failure::Failed(error)) => {
-            eprintln!("beadline: {error:#}");
+            display::notice(format_args!("{error:#}"));
             ExitCode::from(1)
         }
         Err(Failure::BadInput(error)) => {
-            eprintln!("beadline: {error:#}");
+            display::notice(format_args!("{error:#}"));
             ExitCode::from(2)
         }
     }

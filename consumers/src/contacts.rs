@@ -44,6 +44,11 @@ impl Contacts {
         self.tolerance_m
     }
 
+    /// The class of each contact of the frame observed last, N − 1 values; all touching before that.
+    pub fn classes(&self) -> &[u8] {
+        &self.classes
+    }
+
     /// The class of each contact of `frame`, N − 1 values.
     pub fn observe(&mut self, frame: &Frame<'_>) -> &[u8] {
         let contacts = self.classes.len();
@@ -93,8 +98,9 @@ impl ContactCounts {
 /// frame fell into are touching.
 #[derive(Debug, Clone)]
 pub struct ContactRaster {
-    contact_count: usize,
     step_count: u64,
+    /// The column of each contact.
+    column_of: Vec<usize>,
     columns: usize,
     rows: usize,
     cells: Vec<u8>,
@@ -109,7 +115,8 @@ impl ContactRaster {
         let columns = contact_count.clamp(1, Self::MAX_SIDE);
         let frames = usize::try_from(step_count.saturating_add(1)).unwrap_or(usize::MAX);
         let rows = frames.clamp(1, Self::MAX_SIDE);
-        Self { contact_count, step_count, columns, rows, cells: vec![TOUCHING; columns * rows] }
+        let column_of = (0..contact_count).map(|contact| contact * columns / contact_count).collect();
+        Self { step_count, column_of, columns, rows, cells: vec![TOUCHING; columns * rows] }
     }
 
     /// Enters the classes at `step`.
@@ -120,8 +127,8 @@ impl ContactRaster {
         // rows ≤ 1000
         let start = usize::try_from(row).unwrap_or(0) * self.columns;
         let cells = &mut self.cells[start..start + self.columns];
-        for (contact, class) in classes.iter().enumerate() {
-            let cell = &mut cells[contact * self.columns / self.contact_count];
+        for (class, column) in classes.iter().zip(&self.column_of) {
+            let cell = &mut cells[*column];
             if rank(*class) > rank(*cell) {
                 *cell = *class;
             }

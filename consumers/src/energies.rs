@@ -111,8 +111,9 @@ impl Energies {
         let potential_left = contacts(0..s.saturating_sub(1));
         let potential_right = contacts((s + 1).min(contact_j.len())..contact_j.len());
 
-        let kinetic_j = kinetic_left + kinetic_split + kinetic_right;
-        let potential_j = potential_left + left_contact + right_contact + potential_right;
+        // the totals do not depend on where the chain is divided
+        let kinetic_j = kinetic(0..chain.bead_count());
+        let potential_j = contacts(0..contact_j.len());
         let total_j = kinetic_j + potential_j;
         let relative_drift = (total_j - self.initial_j) / self.initial_j;
         let row = EnergyRow {

@@ -32,17 +32,23 @@ pub struct Tally {
     pub end: EndReason,
 }
 
-impl Tally {
-    /// Whether every frame from frame 0 to the end of the run was received.
-    pub fn is_whole(&self) -> bool {
-        self.missed_count == 0 && self.first_frame == Some(0) && self.end.is_orderly()
+impl Default for Tally {
+    /// Nothing received, nothing ended.
+    fn default() -> Self {
+        Self {
+            frame_count: 0,
+            missed_count: 0,
+            first_frame: None,
+            last_frame: None,
+            end: EndReason::Unfinished,
+        }
     }
 }
 
 /// Why a source could not be followed to its end.
 #[derive(Debug, thiserror::Error)]
 pub enum FollowError<S: std::error::Error + 'static, A: std::error::Error + 'static> {
-    /// The source failed.
+    /// The source failed; what was analysed before stays valid.
     #[error(transparent)]
     Source(S),
     /// The analysis failed.
@@ -50,23 +56,17 @@ pub enum FollowError<S: std::error::Error + 'static, A: std::error::Error + 'sta
     Analysis(A),
 }
 
-/// Feeds `source` to `analysis` until the source ends. `watch` sees the tally after each frame, for
-/// a progress display.
+/// Feeds `source` to `analysis` until the source ends, counting in `tally`. `watch` sees the tally after
+/// each frame, for a progress display.
 ///
 /// # Errors
-/// When the source or the analysis fails.
+/// When the source or the analysis fails; `tally` then says how far it came.
 pub fn follow<S: FrameSource, A: Analysis>(
     source: &mut S,
     analysis: &mut A,
+    tally: &mut Tally,
     mut watch: impl FnMut(&Tally),
-) -> Result<Tally, FollowError<S::Error, A::Error>> {
-    let mut tally = Tally {
-        frame_count: 0,
-        missed_count: 0,
-        first_frame: None,
-        last_frame: None,
-        end: EndReason::Stopped,
-    };
+) -> Result<(), FollowError<S::Error, A::Error>> {
     loop {
         match source.receive().map_err(FollowError::Source)? {
             Received::Frame(frame) => {
@@ -74,7 +74,7 @@ pub fn follow<S: FrameSource, A: Analysis>(
                 tally.frame_count += 1;
                 tally.first_frame.get_or_insert(frame.frame);
                 tally.last_frame = Some(frame.frame);
-                watch(&tally);
+                watch(tally);
             }
             Received::Missed { from, to } => {
                 tally.missed_count += to.saturating_sub(from) + 1;
@@ -82,23 +82,8 @@ pub fn follow<S: FrameSource, A: Analysis>(
             }
             Received::End(end) => {
                 tally.end = end;
-                return Ok(tally);
+                return Ok(());
             }
         }
-    }
-}
-
-/// Two analyses that look at the same frames.
-impl<A: Analysis, B: Analysis<Error = A::Error>> Analysis for (A, B) {
-    type Error = A::Error;
-
-    fn observe(&mut self, frame: &Frame<'_>) -> Result<(), Self::Error> {
-        self.0.observe(frame)?;
-        self.1.observe(frame)
-    }
-
-    fn gap(&mut self) {
-        self.0.gap();
-        self.1.gap();
     }
 }

@@ -77,7 +77,9 @@ pub struct Followed {
     beads: Vec<usize>,
     tolerance_m: f64,
     rest_m_s: f64,
-    before: Option<Vec<Sample>>,
+    /// One sample a bead; empty before the first frame and after a gap.
+    before: Vec<Sample>,
+    now: Vec<Sample>,
     motions: Vec<Motion>,
     events: Vec<Event>,
 }
@@ -92,6 +94,8 @@ struct Sample {
     contacts: [Option<(f64, f64)>; 2],
     /// Whether the bead has moved faster than `rest_m_s` since it last turned.
     has_moved: bool,
+    /// Whether it last moved to the right; absent if it never moved.
+    heads_right: Option<bool>,
 }
 
 impl Followed {
@@ -105,7 +109,8 @@ impl Followed {
             beads: beads.iter().map(index).collect(),
             tolerance_m: default_tolerance_m(manifest),
             rest_m_s: 1e-6 * manifest.physics.striker.velocity_m_s.abs(),
-            before: None,
+            before: Vec::with_capacity(beads.len()),
+            now: Vec::with_capacity(beads.len()),
             motions: Vec::with_capacity(beads.len()),
             events: Vec::new(),
             chain,
@@ -117,13 +122,13 @@ impl Followed {
     pub fn observe(&mut self, frame: &Frame<'_>) -> (&[Motion], &[Event]) {
         self.motions.clear();
         self.events.clear();
-        let before = self.before.take();
-        let mut now = Vec::with_capacity(self.beads.len());
+        self.now.clear();
         for (i, bead) in self.beads.iter().enumerate() {
             let mut sample = self.sample(frame, *bead);
             self.motions.push(motion(&sample));
-            if let Some(old) = before.as_ref().map(|samples| samples[i]) {
+            if let Some(old) = self.before.get(i).copied() {
                 sample.has_moved |= old.has_moved;
+                sample.heads_right = sample.heads_right.or(old.heads_right);
                 let step = Step { bead: *bead as u64, from: old, to: sample };
                 step.contact_events(self.tolerance_m, &mut self.events);
                 if let Some(turn) = step.turn() {
@@ -131,16 +136,16 @@ impl Followed {
                     sample.has_moved = sample.v_m_s.abs() > self.rest_m_s;
                 }
             }
-            now.push(sample);
+            self.now.push(sample);
         }
-        self.before = Some(now);
+        std::mem::swap(&mut self.before, &mut self.now);
         self.events.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         (&self.motions, &self.events)
     }
 
     /// Forgets the frame before: nothing is interpolated across a gap.
     pub fn gap(&mut self) {
-        self.before = None;
+        self.before.clear();
     }
 
     fn sample(&self, frame: &Frame<'_>, bead: usize) -> Sample {
@@ -154,6 +159,7 @@ impl Followed {
                 (bead < self.chain.contact_count()).then(|| contact(bead)),
             ],
             has_moved: frame.v_m_s[bead].abs() > self.rest_m_s,
+            heads_right: (frame.v_m_s[bead] != 0.0).then_some(frame.v_m_s[bead] > 0.0),
         }
     }
 }
@@ -195,11 +201,14 @@ impl Step {
     }
 
     fn turn(&self) -> Option<Event> {
-        if self.from.v_m_s * self.to.v_m_s >= 0.0 || !self.to.has_moved {
+        let turned = self.from.heads_right.zip(self.to.heads_right).is_some_and(|(from, to)| from != to);
+        if !turned || !self.to.has_moved {
             return None;
         }
         let displacement = self.displacement();
-        let fraction = crossing(|s| displacement.slope(s) > 0.0);
+        // a bead that stood still in the frame before turned there
+        let stood = self.from.v_m_s == 0.0;
+        let fraction = if stood { 0.0 } else { crossing(|s| displacement.slope(s) > 0.0) };
         Some(self.event(EventKind::Turns, fraction))
     }
 }
@@ -287,6 +296,19 @@ mod tests {
         let [turn] = turns[..] else { panic!("{events:?}") };
         assert_eq!(turn.bead, 1);
         assert!((turn.time_s - 0.5).abs() < 1e-15 && (turn.u_m - 0.25).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_bead_that_stands_still_in_a_frame_turns_there() {
+        let mut followed = followed(&[1]);
+        let frames = [(0.0, 0.0, 1.0), (1.0, 0.5, 0.0), (2.0, 0.0, -1.0)];
+        let mut turns = Vec::new();
+        for (step, (t, u, v)) in (0..).zip(frames) {
+            let (u_m, v_m_s) = ([0.0, u, 0.0], [0.0, v, 0.0]);
+            let (_, events) = followed.observe(&frame(step, t, &u_m, &v_m_s));
+            turns.extend(events.iter().filter(|event| event.kind == EventKind::Turns).copied());
+        }
+        assert_eq!(turns, [Event { bead: 1, kind: EventKind::Turns, time_s: 1.0, u_m: 0.5 }]);
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! closed by nothing, and a kick or a drift adds exactly zero.
 
 use pulp::Arch;
-use schemas::chain::Chain;
+use schemas::chain::{Chain, ordered_sum};
 use schemas::contact::{ContactLaw, PowerUser};
 use std::ops::Range;
 
@@ -24,11 +24,6 @@ impl Activity {
         let end = pairs().rposition(active).map_or(first, |last| last + 1);
         Self { beads: first..end }
     }
-
-    /// A window over all `bead_count` beads, which skips nothing.
-    pub fn everything(bead_count: usize) -> Self {
-        Self { beads: 0..bead_count }
-    }
 }
 
 /// The arrays of a chain in the form in which the kernel uses them.
@@ -45,12 +40,20 @@ pub struct Kernel {
 
 impl Kernel {
     /// A kernel for `chain` that uses the widest SIMD instructions of this machine.
+    ///
+    /// # Panics
+    /// As [`Kernel::with_arch`].
     pub fn new(chain: &Chain) -> Self {
         Self::with_arch(chain, Arch::new())
     }
 
     /// A kernel with a given instruction set; every one gives the same bits.
+    ///
+    /// # Panics
+    /// When a contact has a rest overlap: no configuration makes one yet, and a loaded chain at rest would
+    /// break the rule of the [`Activity`] window.
     pub fn with_arch(chain: &Chain, arch: Arch) -> Self {
+        assert!(chain.rest_overlap_m.iter().all(|rest| *rest == 0.0), "loaded chains are not supported");
         Self {
             arch,
             law: chain.law,
@@ -75,7 +78,7 @@ impl Kernel {
             return;
         }
         // contacts that touch an active bead: contact c joins beads c and c + 1
-        let contacts = beads.start.saturating_sub(1)..beads.end.min(self.stiffness.len());
+        let contacts = beads.start.saturating_sub(1)..beads.end.min(self.stiffness.len()); // integers
         let (first, end) = (contacts.start, contacts.end);
         let law = self.law;
         let forces = Forces {
@@ -133,6 +136,22 @@ impl Kernel {
                 }
             },
         );
+    }
+
+    /// The first active bead whose displacement or velocity is not finite.
+    pub fn first_non_finite(&self, u_m: &[f64], v_m_s: &[f64]) -> Option<usize> {
+        let beads = self.activity.beads.clone();
+        let (u, v) = (&u_m[beads.clone()], &v_m_s[beads.clone()]);
+        // x·0 is NaN exactly where x is not finite, and a sum keeps a NaN
+        let sum = self.arch.dispatch(
+            #[inline(always)]
+            || ordered_sum(u.len(), |i| u[i] * 0.0 + v[i] * 0.0),
+        );
+        if sum == 0.0 {
+            return None;
+        }
+        let found = u.iter().zip(v).position(|(u, v)| !(u.is_finite() && v.is_finite()));
+        found.map(|i| beads.start + i)
     }
 
     /// Forces (N) of the contacts on the left and on the right of each of `beads`.

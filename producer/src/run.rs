@@ -58,8 +58,8 @@ pub enum RunError<P: std::error::Error + 'static, R: std::error::Error + 'static
     },
 }
 
-/// What a run does between frames: progress, pacing, a request to stop.
-pub trait Conductor<P, R> {
+/// What a run does between frames and steps: progress, pacing, a request to stop.
+pub trait Conductor<P: FrameSink, R> {
     /// Called after each frame has been published (and recorded, if it was due); may take its time.
     /// `Break` ends the run early, with this frame as its last.
     fn after_frame(
@@ -68,70 +68,119 @@ pub trait Conductor<P, R> {
         publisher: &mut P,
         recorder: Option<&mut R>,
     ) -> ControlFlow<()>;
+
+    /// Called after each step that is not published. `Break` ends the run early, with the frame before
+    /// as its last.
+    fn between_steps(&mut self, _publisher: &mut P) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
+    /// Whether the publisher refused a frame because the run is to end, which is no error.
+    fn is_stop(&self, _error: &P::Error) -> bool {
+        false
+    }
 }
 
 /// Simulates `manifest`'s run, publishing each frame and recording those that are due.
 ///
 /// When the run ends early its last frame is recorded too, so that a recording always ends with the
-/// last state that anybody saw. Neither sink is closed.
+/// last state that anybody may have seen. Neither sink is closed.
 ///
 /// # Errors
 /// When a sink refuses a frame or a state is not finite.
 pub fn run<P: FrameSink, R: FrameSink>(
     manifest: &RunManifest,
     publisher: &mut P,
-    mut recorder: Option<&mut R>,
+    recorder: Option<&mut R>,
     conductor: &mut impl Conductor<P, R>,
 ) -> Result<RunOutcome, RunError<P::Error, R::Error>> {
     let mut integrator = Integrator::new(&manifest.physics);
     let mut state = ChainState::initial(&manifest.physics);
-    let mut recorded_count = 0;
-    let mut record = |recorder: &mut R, frame: &Frame<'_>| {
-        recorded_count += 1;
-        recorder.accept(frame).map_err(|source| RunError::Record { frame: frame.frame, source })
-    };
+    let mut recording = Recording { recorder, count: 0, last_frame: None };
+    // between frames the state of the last one is gone; without steps between them it is still there
+    let mut last_published = (manifest.provenance.publish_every_steps > 1).then(|| state.clone());
     let mut number = 0;
-    let reason = loop {
+    let (reason, published_count) = loop {
         let frame = state.as_frame(manifest, number);
-        publisher.accept(&frame).map_err(|source| RunError::Publish { frame: number, source })?;
-        let due = manifest.is_recorded(frame.step);
-        if let (true, Some(recorder)) = (due, recorder.as_deref_mut()) {
-            record(recorder, &frame)?;
+        match publisher.accept(&frame) {
+            Ok(()) => {}
+            Err(error) if conductor.is_stop(&error) => {
+                // some consumers may have got it
+                recording.take(&frame)?;
+                break (EndReason::Interrupted, number);
+            }
+            Err(source) => return Err(RunError::Publish { frame: number, source }),
         }
-        let go_on = conductor.after_frame(&frame, publisher, recorder.as_deref_mut());
+        if manifest.is_recorded(frame.step) {
+            recording.take(&frame)?;
+        }
+        let go_on = conductor.after_frame(&frame, publisher, recording.recorder.as_deref_mut());
         if state.step == manifest.physics.step_count {
-            break EndReason::Complete;
+            break (EndReason::Complete, number + 1);
         }
         if go_on.is_break() {
-            if let (false, Some(recorder)) = (due, recorder.as_deref_mut()) {
-                record(recorder, &frame)?;
-            }
-            break EndReason::Interrupted;
+            recording.take(&frame)?;
+            break (EndReason::Interrupted, number + 1);
+        }
+        if let Some(last) = &mut last_published {
+            last.clone_from(&state);
+        }
+        let next = manifest.step_of_frame(number + 1);
+        let advanced = advance(&mut integrator, &mut state, next, || conductor.between_steps(publisher));
+        if advanced?.is_break() {
+            // there are steps between frames, so there is a copy
+            state = last_published.unwrap_or(state);
+            recording.take(&state.as_frame(manifest, number))?;
+            break (EndReason::Interrupted, number + 1);
         }
         number += 1;
-        advance(&mut integrator, &mut state, manifest.step_of_frame(number))?;
     };
     let frame = state.as_frame(manifest, number);
     Ok(RunOutcome {
         reason,
-        published_count: number + 1,
-        recorded_count,
+        published_count,
+        recorded_count: recording.count,
         last_step: state.step,
         relative_drift: Summarizer::new(&manifest.physics).summarize(&frame).relative_drift,
     })
 }
 
-/// Advances `state` to `step`.
+/// The recorder, if there is one, and what it has.
+struct Recording<'a, R> {
+    recorder: Option<&'a mut R>,
+    count: u64,
+    last_frame: Option<u64>,
+}
+
+impl<R: FrameSink> Recording<'_, R> {
+    /// Records `frame` unless it was the last one recorded.
+    fn take<P: std::error::Error>(&mut self, frame: &Frame<'_>) -> Result<(), RunError<P, R::Error>> {
+        let Some(recorder) = self.recorder.as_deref_mut() else { return Ok(()) };
+        if self.last_frame == Some(frame.frame) {
+            return Ok(());
+        }
+        recorder.accept(frame).map_err(|source| RunError::Record { frame: frame.frame, source })?;
+        self.count += 1;
+        self.last_frame = Some(frame.frame);
+        Ok(())
+    }
+}
+
+/// Advances `state` to `step`, asking `between` after each step before it whether to go on.
 fn advance<P: std::error::Error, R: std::error::Error>(
     integrator: &mut Integrator,
     state: &mut ChainState,
     step: u64,
-) -> Result<(), RunError<P, R>> {
+    mut between: impl FnMut() -> ControlFlow<()>,
+) -> Result<ControlFlow<()>, RunError<P, R>> {
     while state.step < step {
         integrator.step(state);
+        if state.step < step && between().is_break() {
+            return Ok(ControlFlow::Break(()));
+        }
     }
-    match state.first_non_finite() {
-        None => Ok(()),
+    match integrator.first_non_finite(state) {
+        None => Ok(ControlFlow::Continue(())),
         Some(bead) => {
             let (u_m, v_m_s) = (state.u_m[bead], state.v_m_s[bead]);
             Err(RunError::NonFinite { step: state.step, bead, u_m, v_m_s })
@@ -162,25 +211,31 @@ mod tests {
     /// Ends the run after the frame of a given number.
     struct StopAfter(u64);
 
-    impl<P, R> Conductor<P, R> for StopAfter {
+    impl<P: FrameSink, R> Conductor<P, R> for StopAfter {
         fn after_frame(&mut self, frame: &Frame<'_>, _: &mut P, _: Option<&mut R>) -> ControlFlow<()> {
             if frame.frame >= self.0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         }
     }
 
-    fn steps(stop_after: u64) -> (Vec<u64>, Vec<u64>, RunOutcome) {
+    fn manifest() -> RunManifest {
         let mut config = PRESETS[2].config();
         config.stream = StreamConfig { publish_every_steps: 2, record_every_steps: 6 };
         config.time.dt_s = Some(1e-6);
         config.time.duration_s = 15e-6;
         let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
-        let manifest = RunManifest::new(&config, "run", origin).expect("valid");
+        RunManifest::new(&config, "run", origin).expect("valid")
+    }
+
+    fn conduct(conductor: &mut impl Conductor<Steps, Steps>) -> (Vec<u64>, Vec<u64>, RunOutcome) {
         let (mut publisher, mut recorder) = (Steps::default(), Steps::default());
-        let outcome =
-            run(&manifest, &mut publisher, Some(&mut recorder), &mut StopAfter(stop_after)).expect("runs");
+        let outcome = run(&manifest(), &mut publisher, Some(&mut recorder), conductor).expect("runs");
         assert_eq!(outcome.published_count, publisher.0.len() as u64);
         assert_eq!(outcome.recorded_count, recorder.0.len() as u64);
         (publisher.0, recorder.0, outcome)
+    }
+
+    fn steps(stop_after: u64) -> (Vec<u64>, Vec<u64>, RunOutcome) {
+        conduct(&mut StopAfter(stop_after))
     }
 
     #[test]
@@ -197,6 +252,59 @@ mod tests {
         assert_eq!(published, [0, 2, 4]);
         assert_eq!(recorded, [0, 4]);
         assert_eq!((outcome.reason, outcome.last_step), (EndReason::Interrupted, 4));
+    }
+
+    /// Ends the run after so many steps that are not published.
+    struct StopBetween(u64);
+
+    impl<P: FrameSink, R> Conductor<P, R> for StopBetween {
+        fn after_frame(&mut self, _: &Frame<'_>, _: &mut P, _: Option<&mut R>) -> ControlFlow<()> {
+            ControlFlow::Continue(())
+        }
+
+        fn between_steps(&mut self, _: &mut P) -> ControlFlow<()> {
+            self.0 -= 1;
+            if self.0 == 0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        }
+    }
+
+    /// A frame that takes long to compute does not hold up the end of a run, and the frame before it is
+    /// the last one recorded, with the bits that were published.
+    #[test]
+    fn a_stop_between_frames_ends_with_the_frame_before() {
+        let (published, recorded, outcome) = conduct(&mut StopBetween(3));
+        assert_eq!(published, [0, 2, 4]);
+        assert_eq!(recorded, [0, 4]);
+        assert_eq!((outcome.reason, outcome.last_step), (EndReason::Interrupted, 4));
+    }
+
+    /// A publisher that is told to stop while a consumer holds it back has perhaps delivered the frame to
+    /// others: it is recorded.
+    #[test]
+    fn a_stop_while_publishing_records_the_frame_in_hand() {
+        struct Full;
+        #[derive(Debug, thiserror::Error)]
+        #[error("stopped")]
+        struct Stopped;
+        impl FrameSink for Full {
+            type Error = Stopped;
+            fn accept(&mut self, frame: &Frame<'_>) -> Result<(), Stopped> {
+                if frame.frame == 2 { Err(Stopped) } else { Ok(()) }
+            }
+        }
+        struct Obeys;
+        impl<R> Conductor<Full, R> for Obeys {
+            fn after_frame(&mut self, _: &Frame<'_>, _: &mut Full, _: Option<&mut R>) -> ControlFlow<()> {
+                ControlFlow::Continue(())
+            }
+            fn is_stop(&self, _: &Stopped) -> bool {
+                true
+            }
+        }
+        let mut recorder = Steps::default();
+        let outcome = run(&manifest(), &mut Full, Some(&mut recorder), &mut Obeys).expect("no error");
+        assert_eq!((outcome.reason, outcome.published_count), (EndReason::Interrupted, 2));
+        assert_eq!(recorder.0, [0, 4]);
     }
 
     /// A stop that comes with the last frame changes nothing: the run is complete.

@@ -7,7 +7,6 @@
 
 use crate::kernel::{Activity, Kernel};
 use crate::state::ChainState;
-use schemas::chain::Chain;
 use schemas::manifest::Physics;
 use schemas::method::Method;
 
@@ -60,11 +59,6 @@ impl Integrator {
         Self::with_kernel(physics.method, physics.dt_s, Kernel::new(&chain))
     }
 
-    /// The method `method` with the time step `dt_s` (s) on `chain`.
-    pub fn for_chain(method: Method, dt_s: f64, chain: &Chain) -> Self {
-        Self::with_kernel(method, dt_s, Kernel::new(chain))
-    }
-
     fn with_kernel(method: Method, dt_s: f64, kernel: Kernel) -> Self {
         let stages = match method {
             Method::VelocityVerlet => VELOCITY_VERLET,
@@ -80,8 +74,7 @@ impl Integrator {
 
     /// Advances `state` by one step.
     ///
-    /// The states passed in successive calls must be those that the calls left behind, or
-    /// [`Integrator::restart`] must come between.
+    /// The states passed in successive calls must be those that the calls left behind.
     pub fn step(&mut self, state: &mut ChainState) {
         if self.forces_of_step != Some(state.step) {
             self.kernel.restart(Activity::of(&state.u_m, &state.v_m_s));
@@ -96,9 +89,9 @@ impl Integrator {
         self.forces_of_step = Some(state.step);
     }
 
-    /// Forgets the state of before: the next step may begin at any state.
-    pub fn restart(&mut self) {
-        self.forces_of_step = None;
+    /// The first bead of the `state` just stepped to whose displacement or velocity is not finite.
+    pub fn first_non_finite(&self, state: &ChainState) -> Option<usize> {
+        self.kernel.first_non_finite(&state.u_m, &state.v_m_s)
     }
 }
 

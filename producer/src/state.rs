@@ -23,16 +23,6 @@ impl ChainState {
         Self { u_m, v_m_s, extra: Vec::new(), step: 0 }
     }
 
-    /// The state that a frame shows.
-    pub fn of_frame(frame: &Frame<'_>) -> Self {
-        Self {
-            u_m: frame.u_m.to_vec(),
-            v_m_s: frame.v_m_s.to_vec(),
-            extra: frame.extra.to_vec(),
-            step: frame.step,
-        }
-    }
-
     /// This state as frame number `frame` of `manifest`'s run.
     pub fn as_frame(&self, manifest: &RunManifest, frame: u64) -> Frame<'_> {
         Frame {
@@ -43,15 +33,5 @@ impl ChainState {
             v_m_s: &self.v_m_s,
             extra: &self.extra,
         }
-    }
-
-    /// The first bead whose displacement or velocity is not finite.
-    pub fn first_non_finite(&self) -> Option<usize> {
-        // x·0 is NaN exactly where x is not finite, and a sum keeps a NaN
-        let sum = |values: &[f64]| values.iter().fold(0.0, |sum, x| sum + x * 0.0);
-        if sum(&self.u_m) == 0.0 && sum(&self.v_m_s) == 0.0 {
-            return None;
-        }
-        self.u_m.iter().zip(&self.v_m_s).position(|(u, v)| !(u.is_finite() && v.is_finite()))
     }
 }

@@ -176,11 +176,18 @@ impl Physics {
         Ok(physics)
     }
 
-    /// `fraction · min(T, 4·T_light)`: the fraction of [`Method::default_step_fraction`], T for a bead of
-    /// `bead_mass_kg`, `T_light` for the lightest bead, which decides only below about 1/30 of the mass.
+    /// `fraction · min(T, 4·T_light) · min(1, 5/α)`: the fraction of [`Method::default_step_fraction`], T for a
+    /// bead of `bead_mass_kg`, `T_light` for the lightest bead, which decides only below about 1/30 of the
+    /// mass. The larger α, the shorter the part of T in which a contact is stiff.
     fn default_dt_s(&self) -> f64 {
         let (usual, light) = (self.scales().time_s, 4.0 * self.light_scales().time_s);
-        self.method.default_step_fraction() * if light < usual { light } else { usual }
+        let time_s = if light < usual { light } else { usual };
+        self.method.default_step_fraction() * time_s * self.stiff_fraction()
+    }
+
+    /// `min(1, 5/α)`.
+    fn stiff_fraction(&self) -> f64 {
+        if self.alpha > 5.0 { 5.0 / self.alpha } else { 1.0 }
     }
 
     /// Scales L and T of a bead of `bead_mass_kg` at the striker's speed.
@@ -218,10 +225,20 @@ impl Physics {
             let allowed = "a velocity of 1e-100 to 1e100 m/s, in either direction";
             ConfigError::value("striker.velocity_m_s", self.striker.velocity_m_s, allowed)
         })?;
-        let scales = self.light_scales();
-        if !(scales.time_s > 0.0 && scales.time_s < 1e30 && scales.length_m > 0.0) {
-            let allowed = "masses, stiffness and velocity of a collision that takes a finite time";
-            return Err(ConfigError::value("chain", format!("T = {} s", scales.time_s), allowed));
+        self.check_scales()
+    }
+
+    /// L and T come from `m·v0²/k`, which must be far from where forces are flushed to zero.
+    fn check_scales(&self) -> Result<(), ConfigError> {
+        let speed_m_s = self.striker.velocity_m_s.abs();
+        let masses = self.impurities.iter().map(|impurity| impurity.mass_kg).chain([self.bead_mass_kg]);
+        for mass_kg in masses {
+            let ratio = mass_kg * (speed_m_s * speed_m_s) / self.stiffness;
+            if !(1e-200..=1e200).contains(&ratio) {
+                let allowed = "stiffness, masses and velocity with m·v0²/k from 1e-200 to 1e200 m^(α+1)";
+                let found = format!("{:e} with m·v0²/k = {ratio:e}", self.stiffness);
+                return Err(ConfigError::value("chain.stiffness", found, allowed));
+            }
         }
         Ok(())
     }
@@ -235,13 +252,13 @@ impl Physics {
     }
 
     fn check_dt(&self) -> Result<(), ConfigError> {
-        let longest = 0.25 * self.light_scales().time_s;
+        let longest = 0.25 * self.light_scales().time_s * self.stiff_fraction();
         if self.dt_s > 0.0 && self.dt_s <= longest {
             return Ok(());
         }
         let allowed = format!(
             "a step of more than 0 and at most {longest:.3e} s, a quarter of the collision time of the \
-             lightest bead; {:.3e} s is the default",
+             lightest bead (less for α > 5); {:.3e} s is the default",
             self.default_dt_s()
         );
         Err(ConfigError::value("time.dt_s", self.dt_s, &allowed))
@@ -390,6 +407,11 @@ impl RunManifest {
         self.physics.step_count.div_ceil(self.provenance.record_every_steps) + 1
     }
 
+    /// Number of contacts, N − 1.
+    pub fn contact_count(&self) -> usize {
+        usize_of(self.physics.beads) - 1
+    }
+
     /// Doubles in a frame on the bus: `(2 + E)·N`.
     pub fn frame_doubles(&self) -> usize {
         (2 + self.physics.method.extra_per_bead()) * usize_of(self.physics.beads)
@@ -493,6 +515,7 @@ mod tests {
         };
         refuse(|c| c.chain.alpha = 0.99, "chain.alpha");
         refuse(|c| c.chain.alpha = f64::NAN, "chain.alpha");
+        refuse(|c| (c.chain.stiffness, c.striker.velocity_m_s) = (1e90, 1e-60), "chain.stiffness");
         refuse(|c| c.chain.beads = 1, "chain.beads");
         refuse(|c| c.chain.bead_mass_kg = 0.0, "chain.bead_mass_kg");
         refuse(|c| c.chain.stiffness = -1.0, "chain.stiffness");

@@ -20,8 +20,7 @@ use std::path::{Path, PathBuf};
 /// The analysis with everything that its results go to.
 struct Outputs {
     contacts: Contacts,
-    last: ContactCounts,
-    raster: ContactRaster,
+    raster: Option<ContactRaster>,
     table: Option<Table>,
     map: Option<ContactsWriter>,
     publisher: Option<ResultPublisher<u8>>,
@@ -33,12 +32,14 @@ impl Analysis for Outputs {
     fn observe(&mut self, frame: &Frame<'_>) -> Result<(), AnalysisError> {
         let tolerance_m = self.contacts.tolerance_m();
         let classes = self.contacts.observe(frame);
-        self.raster.push(frame.step, classes);
-        self.last = ContactCounts::of(classes);
+        if let Some(raster) = &mut self.raster {
+            raster.push(frame.step, classes);
+        }
         if let Some(table) = &mut self.table {
+            let counts = ContactCounts::of(classes);
             begin_row(table, frame);
-            table.integer(self.last.compressed).integer(self.last.touching).integer(self.last.open);
-            match self.last.compressed_range {
+            table.integer(counts.compressed).integer(counts.touching).integer(counts.open);
+            match counts.compressed_range {
                 Some((first, last)) => table.integer(first).integer(last),
                 None => table.empty().empty(),
             };
@@ -62,15 +63,15 @@ pub(crate) fn contacts(args: &ContactsArgs) -> Result<Done, Failure> {
     let mut session = Session::open(&args.common, "contacts", &args.out.iter().collect::<Vec<_>>())?;
     let manifest = session.manifest().clone();
     let tolerance_m = tolerance_m(args, &manifest)?;
-    let contact_count = manifest.physics.chain().contact_count();
+    let contact_count = manifest.contact_count();
+    let drawn = !args.common.figure.is_empty();
     let columns: Vec<_> =
         ROW_HEAD.iter().chain(&ContactCounts::COLUMNS).map(|name| (*name).to_owned()).collect();
     let force = args.common.force;
     let names = "one class a contact: 0 touching, 1 compressed, 2 open".to_owned();
     let mut outputs = Outputs {
         contacts: Contacts::new(&manifest, tolerance_m),
-        last: ContactCounts::default(),
-        raster: ContactRaster::new(contact_count, manifest.physics.step_count),
+        raster: drawn.then(|| ContactRaster::new(contact_count, manifest.physics.step_count)),
         table: table.map(|path| Table::create(path, &columns, force)).transpose()?,
         map: map
             .map(|path| {
@@ -81,11 +82,14 @@ pub(crate) fn contacts(args: &ContactsArgs) -> Result<Done, Failure> {
     };
     let tally = session.follow(&mut outputs)?;
 
-    let Outputs { last, raster, table, map, publisher, .. } = outputs;
+    let Outputs { contacts, raster, table, map, publisher } = outputs;
+    let last = ContactCounts::of(contacts.classes());
     finish(publisher)?;
     table.map(Table::finish).transpose()?;
     map.map(|map| map.finish(tally.end)).transpose()?;
-    draw(&args.common, || Ok(plots::contact_map(&manifest, tolerance_m, &raster)?))?;
+    if let Some(raster) = raster {
+        draw(&args.common, || Ok(plots::contact_map(&manifest, tolerance_m, &raster)?))?;
+    }
     session.report(&tally, "contacts", summary(tolerance_m, &last), results(tolerance_m, &last))
 }
 
@@ -103,8 +107,7 @@ fn redraw(args: &ContactsArgs, mut map: ContactsReader) -> Result<Done, Failure>
     }
     check_outputs(&args.common, &[])?;
     let manifest = map.manifest().clone();
-    let mut raster =
-        ContactRaster::new(manifest.physics.chain().contact_count(), manifest.physics.step_count);
+    let mut raster = ContactRaster::new(manifest.contact_count(), manifest.physics.step_count);
     let (mut rows, mut last, mut tolerance_m) = (0, ContactCounts::default(), default_tolerance_m(&manifest));
     while let Some(row) = map.next_row().bad_input()? {
         raster.push(row.step, row.classes);

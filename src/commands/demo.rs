@@ -6,7 +6,7 @@ use crate::display::{self, bytes, count, seconds};
 use crate::failure::{Done, Failure};
 use anyhow::{Context, anyhow};
 use consumers::figure::Options;
-use consumers::follow::{Analysis, follow};
+use consumers::follow::{Analysis, Tally, follow};
 use consumers::plots;
 use consumers::pulses::{Passage, Probes};
 use schemas::bus::{Bus, list_runs};
@@ -259,7 +259,7 @@ fn look_at_recording(dir: &Path) -> Result<Vec<Passage>, Failure> {
     let manifest = source.manifest().clone();
     let mut look =
         Look { probes: Probes::new(&manifest, &[BACKWARD_PROBE, FORWARD_PROBE]), last: LastFrame::default() };
-    follow(&mut source, &mut look, |_| {})?;
+    follow(&mut source, &mut look, &mut Tally::default(), |_| {})?;
     look.last.draw(&manifest, dir)?;
     Ok(look.probes.passages())
 }

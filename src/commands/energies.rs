@@ -1,6 +1,8 @@
 //! `beadline energies`.
 
-use crate::analysis::{AnalysisError, ROW_HEAD, Session, begin_row, check_bead, draw, finish, publish};
+use crate::analysis::{
+    AnalysisError, ROW_HEAD, Session, begin_row, check_bead, check_tables, draw, finish, publish,
+};
 use crate::args::EnergiesArgs;
 use crate::failure::{Done, Failure};
 use consumers::energies::{Energies, EnergyOutcome, EnergyRow, default_split_bead};
@@ -15,7 +17,8 @@ use serde_json::{Value, json};
 /// The analysis with everything that its results go to.
 struct Outputs {
     energies: Energies,
-    curves: Series<{ EnergyRow::COLUMNS.len() }>,
+    /// Kept only for a figure.
+    curves: Option<Series<{ EnergyRow::COLUMNS.len() }>>,
     table: Option<Table>,
     publisher: Option<ResultPublisher<f64>>,
 }
@@ -25,7 +28,9 @@ impl Analysis for Outputs {
 
     fn observe(&mut self, frame: &Frame<'_>) -> Result<(), AnalysisError> {
         let values = self.energies.observe(frame).values();
-        self.curves.push(frame.time_s, values);
+        if let Some(curves) = &mut self.curves {
+            curves.push(frame.time_s, values);
+        }
         if let Some(table) = &mut self.table {
             begin_row(table, frame);
             for value in values {
@@ -38,7 +43,9 @@ impl Analysis for Outputs {
 }
 
 pub(crate) fn energies(args: &EnergiesArgs) -> Result<Done, Failure> {
-    let mut session = Session::open(&args.common, "energies", &args.out.iter().collect::<Vec<_>>())?;
+    let tables: Vec<_> = args.out.iter().collect();
+    check_tables(&tables)?;
+    let mut session = Session::open(&args.common, "energies", &tables)?;
     let manifest = session.manifest().clone();
     let split_bead = match args.split {
         Some(bead) => check_bead(&manifest, "--split", bead)?,
@@ -49,7 +56,7 @@ pub(crate) fn energies(args: &EnergiesArgs) -> Result<Done, Failure> {
     let published = ResultColumns { width: names.len(), names: names.join(",") };
     let mut outputs = Outputs {
         energies: Energies::new(&manifest, split_bead),
-        curves: Series::default(),
+        curves: (!args.common.figure.is_empty()).then(Series::default),
         table: args.out.as_ref().map(|path| Table::create(path, &columns, args.common.force)).transpose()?,
         publisher: session.results(Topic::Energies, &published)?,
     };
@@ -58,7 +65,9 @@ pub(crate) fn energies(args: &EnergiesArgs) -> Result<Done, Failure> {
     let Outputs { energies, curves, table, publisher } = outputs;
     finish(publisher)?;
     table.map(Table::finish).transpose()?;
-    draw(&args.common, || Ok(plots::energies(&manifest, split_bead, &curves)))?;
+    if let Some(curves) = curves {
+        draw(&args.common, || Ok(plots::energies(&manifest, split_bead, &curves)))?;
+    }
     let outcome = energies.outcome();
     session.report(&tally, "energies", rows(outcome.as_ref()), json(outcome.as_ref()))
 }

@@ -1,6 +1,8 @@
 //! `beadline impurity`.
 
-use crate::analysis::{AnalysisError, ROW_HEAD, Session, begin_row, check_bead, draw, finish, publish};
+use crate::analysis::{
+    AnalysisError, ROW_HEAD, Session, begin_row, check_bead, check_tables, draw, finish, publish,
+};
 use crate::args::ImpurityArgs;
 use crate::failure::{Done, Failure};
 use consumers::energies::default_split_bead;
@@ -22,6 +24,7 @@ const WIDTH: usize = Motion::QUANTITIES.len();
 /// The analysis with everything that its results go to.
 struct Outputs {
     followed: Followed,
+    /// One a bead, kept only for a figure.
     curves: Vec<Series<WIDTH>>,
     events: Vec<Event>,
     event_count: u64,
@@ -39,8 +42,8 @@ impl Analysis for Outputs {
         self.row.clear();
         for (motion, curve) in motions.iter().zip(&mut self.curves) {
             curve.push(frame.time_s, motion.values());
-            self.row.extend(motion.values());
         }
+        self.row.extend(motions.iter().flat_map(Motion::values));
         for event in events {
             self.event_count += 1;
             if self.events.len() < MAX_EVENTS {
@@ -73,6 +76,7 @@ impl Analysis for Outputs {
 
 pub(crate) fn impurity(args: &ImpurityArgs) -> Result<Done, Failure> {
     let tables: Vec<_> = args.out.iter().chain(&args.events).collect();
+    check_tables(&tables)?;
     let mut session = Session::open(&args.common, "impurity", &tables)?;
     let manifest = session.manifest().clone();
     let beads = beads(args, &manifest)?;
@@ -86,7 +90,7 @@ pub(crate) fn impurity(args: &ImpurityArgs) -> Result<Done, Failure> {
     let published = ResultColumns { width: names.len(), names: names.join(",") };
     let mut outputs = Outputs {
         followed: Followed::new(&manifest, &beads),
-        curves: vec![Series::default(); beads.len()],
+        curves: vec![Series::default(); if args.common.figure.is_empty() { 0 } else { beads.len() }],
         events: Vec::new(),
         event_count: 0,
         table: args.out.as_ref().map(|path| create(path, &columns)).transpose()?,

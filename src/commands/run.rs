@@ -6,7 +6,7 @@ use crate::display::{self, bytes, count, duration, seconds};
 use crate::failure::{Done, Failure};
 use crate::signals;
 use indicatif::ProgressBar;
-use producer::run::{Conductor, RunError, RunOutcome};
+use producer::run::{Conductor, RunOutcome};
 use schemas::bus::{
     Bus, ConsumerEvent, PublishCounts, PublishError, PublishOptions, StatePublisher, WaitOutcome,
 };
@@ -57,15 +57,15 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     let mut watch = Watch::new(&configured, args.pace, stop);
     let result = producer::run::run(manifest, &mut publisher, recorder.as_mut(), &mut watch);
     watch.bar.finish_and_clear();
-    let reason = match &result {
-        Ok(outcome) => outcome.reason,
-        Err(RunError::Publish { source: PublishError::Stopped { .. }, .. }) => EndReason::Interrupted,
-        Err(_) => EndReason::Failed,
-    };
-    let counts = publisher.finish(reason)?;
+    watch.tell_events(&mut publisher);
+    let reason = result.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
+    // in this order, so that whoever hears of the end finds the recording; neither is left out when the
+    // other fails
     let recording = recorder.map(|recorder| recorder.finish(reason)).transpose();
-    let summary =
-        Summary { manifest, outcome: result?, counts, recording: recording?, wall: watch.start.elapsed() };
+    let counts = publisher.finish(reason);
+    let (outcome, recording, counts) = (result?, recording?, counts?);
+    let Watch { start, dropped, .. } = watch;
+    let summary = Summary { manifest, outcome, counts, dropped, recording, wall: start.elapsed() };
     display::print(if args.json { summary.json()? } else { summary.text() })?;
     Ok(Done::whole_if(counts.evicted == 0))
 }
@@ -118,8 +118,12 @@ struct Watch {
     stop: Arc<AtomicBool>,
     start: Instant,
     refreshed: Instant,
-    /// Frames between two looks at the clock: about a tenth of a millisecond of work.
+    /// Steps between two looks at the clock: about a tenth of a millisecond of work.
     clock_every: u64,
+    /// Steps since the last look at the clock.
+    unclocked: u64,
+    /// Consumers that were dropped.
+    dropped: Vec<String>,
 }
 
 impl Watch {
@@ -133,6 +137,8 @@ impl Watch {
             start: now,
             refreshed: now,
             clock_every: (100_000 / physics.beads).max(1),
+            unclocked: 0,
+            dropped: Vec::new(),
         }
     }
 
@@ -142,15 +148,7 @@ impl Watch {
         publisher: &mut StatePublisher,
         recorder: Option<&mut RecordingWriter>,
     ) {
-        self.refreshed = Instant::now();
-        for event in publisher.take_events() {
-            if let ConsumerEvent::Evicted { name, held } = event {
-                let held = duration(held);
-                self.bar.suspend(|| {
-                    display::notice(format_args!("consumer {name} took nothing for {held} and was dropped"));
-                });
-            }
-        }
+        self.tell_events(publisher);
         let counts = publisher.counts();
         let rate = frame.step as f64 / self.start.elapsed().as_secs_f64();
         let recorded = recorder.map_or(String::new(), |r| format!(" · {}", bytes(r.bytes_written())));
@@ -163,6 +161,37 @@ impl Watch {
             counts.lossless,
             counts.latest,
         ));
+    }
+
+    /// Says which consumers were dropped.
+    fn tell_events(&mut self, publisher: &mut StatePublisher) {
+        for event in publisher.take_events() {
+            if let ConsumerEvent::Evicted { name, held } = event {
+                let held = duration(held);
+                self.bar.suspend(|| {
+                    display::notice(format_args!("consumer {name} took nothing for {held} and was dropped"));
+                });
+                self.dropped.push(name);
+            }
+        }
+    }
+
+    /// Whether it is time to show progress.
+    fn is_due(&mut self) -> bool {
+        self.unclocked += 1;
+        if self.unclocked < self.clock_every {
+            return false;
+        }
+        self.unclocked = 0;
+        let due = self.refreshed.elapsed() >= REFRESH;
+        if due {
+            self.refreshed = Instant::now();
+        }
+        due
+    }
+
+    fn go_on(&self) -> ControlFlow<()> {
+        if self.stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
     /// Waits until the wall clock has caught up with the simulated time.
@@ -189,10 +218,22 @@ impl Conductor<StatePublisher, RecordingWriter> for Watch {
         if let Pace::PerSecond(per_second) = self.pace {
             self.keep_pace(per_second, frame, publisher);
         }
-        if frame.frame.is_multiple_of(self.clock_every) && self.refreshed.elapsed() >= REFRESH {
+        if self.is_due() {
             self.refresh(frame, publisher, recorder);
         }
-        if self.stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        self.go_on()
+    }
+
+    fn between_steps(&mut self, publisher: &mut StatePublisher) -> ControlFlow<()> {
+        if self.is_due() {
+            // a consumer that cannot be answered now is answered at the next frame
+            let _ = publisher.serve();
+        }
+        self.go_on()
+    }
+
+    fn is_stop(&self, error: &PublishError) -> bool {
+        matches!(error, PublishError::Stopped { .. })
     }
 }
 
@@ -201,6 +242,7 @@ struct Summary<'a> {
     manifest: &'a RunManifest,
     outcome: RunOutcome,
     counts: PublishCounts,
+    dropped: Vec<String>,
     recording: Option<Finished>,
     wall: Duration,
 }
@@ -250,7 +292,7 @@ impl Summary<'_> {
             "relative_drift": outcome.relative_drift,
             "wall_s": self.wall.as_secs_f64(),
             "held_back_s": self.counts.held_back.as_secs_f64(),
-            "consumers_dropped": self.counts.evicted,
+            "consumers_dropped": self.dropped,
             "recording": recording,
         });
         Ok(format!("{}\n", serde_json::to_string_pretty(&summary)?))

@@ -1,6 +1,7 @@
 //! Bad configurations are refused with the key, the value, what is allowed, and the line.
 
 use crate::harness::Place;
+use std::process::Stdio;
 
 const TOML: &str = "name = \"mine\"\n\
     [chain]\n\
@@ -74,6 +75,28 @@ fn bad_flags() {
     place.run("impurity homogeneous.mcap --bead 999").exits(2).says(&["--bead 999", "0 to 199"]);
     place.run("contacts homogeneous.mcap --out map.txt").exits(2).says(&["map.txt", ".mcap"]);
     place.run("energies homogeneous.mcap --figure e.gif").exits(2).says(&["e.gif", ".svg"]);
+}
+
+/// A mistake in the file is shown where it stands, also when flags replace other values of it.
+#[test]
+fn mistakes_are_located_unless_a_flag_made_them() {
+    let place = Place::new();
+    place.write("bad.toml", &TOML.replace("alpha = 1.5", "alpha = 0.5"));
+    place.run("run bad.toml --name x --duration 2e-4").exits(2).says(&["bad.toml:5", "chain.alpha"]);
+    place.write("good.toml", TOML);
+    let flag = place.run("run good.toml --alpha 0.7").exits(2).says(&["chain.alpha", "0.7"]);
+    assert!(!flag.stderr().contains("good.toml"), "{}", flag.stderr());
+}
+
+/// A program that nobody listens to does its work all the same.
+#[test]
+fn a_closed_stderr_is_no_failure() {
+    let place = Place::new();
+    let mut command = place.command(["run", "--preset", "homogeneous", "--duration", "1e-4"]);
+    let mut run = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    drop(run.stderr.take());
+    assert_eq!(run.wait().unwrap().code(), Some(0));
+    place.run("info homogeneous.mcap").exits(0);
 }
 
 /// Flags replace what the file says, and the recording keeps the effective configuration.

@@ -70,7 +70,7 @@ impl Place {
     }
 
     /// Waits until a run of that name shows `condition`.
-    pub(crate) fn wait_for_run(&self, name: &str, condition: impl Fn(&RunInfo) -> bool) -> RunInfo {
+    pub(crate) fn wait_for_run(&self, name: &str, mut condition: impl FnMut(&RunInfo) -> bool) -> RunInfo {
         let bus = self.bus();
         wait_until(&format!("run {name}"), || {
             let runs = list_runs(&bus).unwrap();

@@ -111,6 +111,33 @@ fn nothing_is_overwritten_without_force() {
 }
 
 #[test]
+fn outputs_that_make_no_sense_are_refused() {
+    let place = Place::new();
+    let recording = recorded(&place);
+    place.run("energies run.mcap --out e.parquet").exits(2).says(&["e.parquet", ".csv"]);
+    place.run("impurity run.mcap --out a.csv --events a.csv").exits(2).says(&["a.csv", "two outputs"]);
+    place.run("contacts run.mcap --out run.mcap --force").exits(2).says(&["run.mcap", "source itself"]);
+    fs::create_dir(place.path("dir.svg")).unwrap();
+    place.run("energies run.mcap --figure dir.svg --force").exits(1).says(&["dir.svg", "exists"]);
+    assert!(fs::read(place.path("run.mcap")).unwrap() == recording);
+}
+
+/// Damage in the middle: the rows before it are kept, under the table's own name, and the exit code says
+/// that something is missing.
+#[test]
+fn a_damaged_recording_gives_what_stands_before_the_damage() {
+    let place = Place::new();
+    let mut recording = recorded(&place);
+    let middle = recording.len() / 2;
+    recording[middle] ^= 1;
+    fs::write(place.path("damaged.mcap"), recording).unwrap();
+    place.run("energies damaged.mcap --out damaged.csv").exits(3).says(&["damaged.mcap", "CRC"]);
+    place.run("energies run.mcap --out whole.csv").exits(0);
+    let (damaged, whole) = (place.read("damaged.csv"), place.read("whole.csv"));
+    assert!(whole.starts_with(&damaged) && damaged.lines().count() > 100, "{} rows", damaged.lines().count());
+}
+
+#[test]
 fn outputs_that_cannot_be_written_are_refused_before_any_work() {
     let place = Place::new();
     recorded(&place);

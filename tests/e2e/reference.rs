@@ -1,7 +1,7 @@
 //! What the recordings of the paper's two runs hold, against numbers that Beadline did not compute.
 
 use crate::harness::Place;
-use consumers::follow::{Analysis, follow};
+use consumers::follow::{Analysis, Tally, follow};
 use consumers::pulses::{Passage, Probes};
 use schemas::frame::{Frame, FrameSource};
 use schemas::recording::RecordingSource;
@@ -32,7 +32,7 @@ fn rows(file: &str) -> Vec<Vec<String>> {
 fn check_pulses(place: &Place, recording: &str, file: &str, expected_count: usize) {
     let mut source = RecordingSource::open(&place.path(recording)).unwrap();
     let mut look = Look(Probes::new(source.manifest(), &[300, 700]));
-    follow(&mut source, &mut look, |_| {}).unwrap();
+    follow(&mut source, &mut look, &mut Tally::default(), |_| {}).unwrap();
     let passages = look.0.passages();
     let mut checked = 0;
     for row in rows(file) {
