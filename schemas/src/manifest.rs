@@ -133,7 +133,7 @@ impl<'de> Deserialize<'de> for RunId {
 #[derive(Debug, thiserror::Error)]
 pub enum ManifestError {
     /// Not JSON of the right shape.
-    #[error("the manifest cannot be read: {0}")]
+    #[error("the manifest cannot be read")]
     Json(#[from] serde_json::Error),
     /// Written by a later, incompatible version.
     #[error(
@@ -145,7 +145,7 @@ pub enum ManifestError {
         found: SchemaVersion,
     },
     /// A value that no run can have.
-    #[error("the manifest is not a possible run: {0}")]
+    #[error("the manifest is not a possible run")]
     Value(#[from] ConfigError),
 }
 

@@ -28,7 +28,7 @@ const TAKE_OVER_PATIENCE: Duration = Duration::from_millis(500);
 const COLUMNS_KEY: &str = "beadline.columns";
 const WIDTH_KEY: &str = "beadline.width";
 
-/// What a row consists of: `f64` for numbers, `u8` for packed classes.
+/// What a row consists of: `f64` for numbers, `u8` for classes, one byte a contact.
 pub trait ResultElement: Copy + Debug + ZeroCopySend + Send + Sync + 'static {}
 impl ResultElement for f64 {}
 impl ResultElement for u8 {}

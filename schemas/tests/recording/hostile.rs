@@ -1,6 +1,6 @@
 //! Files that are not what they should be: every one is an error or a valid prefix, none a panic.
 
-use crate::run::{doubles, manifest, options, put, read_all, temp_dir, write_recording};
+use crate::run::{doubles, manifest, options, put, read_all, temp_dir, with_causes, write_recording};
 use mcap::records::{MessageHeader, Metadata, Record, op};
 use schemas::frame::{EndReason, FrameSource, Received};
 use schemas::manifest::RunManifest;
@@ -107,7 +107,8 @@ fn another_major_version_is_refused_with_both_named() {
     forge(&path, "beadline", &[metadata], &[]);
     let error = RecordingSource::open(&path).err().unwrap();
     assert!(matches!(error, ReadError::Manifest { .. }));
-    assert!(error.to_string().contains("2.3") && error.to_string().contains("1.0"), "{error}");
+    let text = with_causes(&error);
+    assert!(text.contains("2.3") && text.contains("1.0"), "{text}");
 }
 
 #[test]

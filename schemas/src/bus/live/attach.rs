@@ -85,7 +85,7 @@ pub enum AttachError {
     #[error("stopped while waiting for a run")]
     Stopped,
     /// The manifest that the producer published.
-    #[error("run {name}: {source}")]
+    #[error("run {name} cannot be read")]
     Manifest {
         /// The run.
         name: RunName,
