@@ -202,15 +202,11 @@ impl<T: ResultElement> ResultPublisher<T> {
 
     fn send(&self, header: StateHeader, row: &[T]) -> Result<(), ResultsError> {
         let topic = self.topic;
-        let failed = |e: &dyn Debug| ResultsError::Port { topic, cause: format!("{e:?}") };
-        loop {
-            let slot = self.publisher.loan_slice_uninit(row.len()).map_err(|e| failed(&e))?;
-            match fill(slot, header, &[row]).send() {
-                Ok(_) => return Ok(()),
-                Err(SendError::InternalError) => {} // interrupted by a signal: the row is sent again
-                Err(SendError::UnableToDeliver) => return Err(ResultsError::Stopped { topic }),
-                Err(e) => return Err(failed(&e)),
-            }
+        let send = || fill(self.publisher.loan_slice_uninit(row.len())?, header, &[row]).send();
+        match self.backpressure.repeat(&mut 0, send) {
+            Ok(_) => Ok(()),
+            Err(SendError::UnableToDeliver) => Err(ResultsError::Stopped { topic }),
+            Err(e) => Err(ResultsError::Port { topic, cause: format!("{e:?}") }),
         }
     }
 
