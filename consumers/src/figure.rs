@@ -106,7 +106,7 @@ pub enum FigureError {
         path: PathBuf,
     },
     /// The file could not be written.
-    #[error("{path}: the figure could not be written: {source}")]
+    #[error("{path}: the figure could not be written")]
     Write {
         /// The path asked for.
         path: PathBuf,

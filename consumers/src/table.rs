@@ -1,60 +1,37 @@
 //! Results as CSV: a header with units, then rows of numbers that read back to their bits.
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufWriter, Write};
+use schemas::whole_file::WholeFile;
+use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-/// A CSV file that is being written. It appears under its name only when it is finished; until
-/// then, and if it is never finished, it is `<name>.partial`.
+pub use schemas::whole_file::WholeFileError as TableError;
+
+/// A CSV file that is being written. It appears under its name only when it is finished; until then it
+/// is `<name>.partial`. If it is never finished that is what it stays, unless it has no rows: then it is
+/// removed.
 #[derive(Debug)]
 pub struct Table {
-    path: PathBuf,
-    partial: PathBuf,
-    replace: bool,
-    out: BufWriter<File>,
+    // before the file: what is buffered is written first
+    out: BufWriter<Arc<File>>,
+    file: WholeFile,
     line: Vec<u8>,
     in_row: bool,
 }
 
-/// Why a table could not be written.
-#[derive(Debug, thiserror::Error)]
-pub enum TableError {
-    /// A file of that name exists.
-    #[error("{path} exists already; choose another name or pass --force", path = path.display())]
-    Exists {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The file system refused.
-    #[error("{path} cannot be written: {source}", path = path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
-}
-
 impl Table {
-    /// Creates the table `path` with `columns`, such as `time_s`. An existing file is replaced only
-    /// with `replace`.
+    /// Creates the table `path` with `columns`, such as `time_s`. Existing files, also what another table
+    /// left unfinished, are replaced only with `replace`; what a living process writes never is.
     ///
     /// # Errors
-    /// When the file exists or cannot be created.
+    /// When something is in the way, or the file cannot be created.
     pub fn create(path: &Path, columns: &[String], replace: bool) -> Result<Self, TableError> {
-        if path.exists() && !replace {
-            return Err(TableError::Exists { path: path.to_owned() });
-        }
-        let mut partial = path.as_os_str().to_owned();
-        partial.push(".partial");
-        let partial = PathBuf::from(partial);
-        let file = OpenOptions::new().write(true).create(true).truncate(true).open(&partial);
-        let file = file.map_err(|source| TableError::Io { path: partial.clone(), source })?;
-        let out = BufWriter::with_capacity(1 << 16, file);
-        let path = path.to_owned();
-        let mut table = Self { path, partial, replace, out, line: Vec::new(), in_row: false };
+        let file = WholeFile::create(path, replace)?;
+        let out = BufWriter::with_capacity(1 << 16, Arc::clone(file.file()));
+        let mut table = Self { out, file, line: Vec::new(), in_row: false };
         table.line.extend(columns.join(",").bytes());
-        table.end_row()?;
+        table.write_line()?;
         Ok(table)
     }
 
@@ -93,34 +70,34 @@ impl Table {
     /// # Errors
     /// When the disk does not take it.
     pub fn end_row(&mut self) -> Result<(), TableError> {
+        self.write_line()?;
+        self.file.keep();
+        Ok(())
+    }
+
+    fn write_line(&mut self) -> Result<(), TableError> {
         self.line.push(b'\n');
         let written = self.out.write_all(&self.line);
         self.line.clear();
         self.in_row = false;
-        written.map_err(|source| TableError::Io { path: self.partial.clone(), source })
+        written.map_err(TableError::io(self.file.partial()))
     }
 
-    /// Completes the file and gives it its name.
+    /// Completes the file and gives it its name, both on the disk.
     ///
     /// # Errors
     /// When the disk does not take it, or a file of that name has appeared meanwhile.
-    pub fn finish(mut self) -> Result<PathBuf, TableError> {
-        let error = |source| TableError::Io { path: self.path.clone(), source };
-        self.out.flush().map_err(error)?;
-        if self.replace {
-            fs::rename(&self.partial, &self.path).map_err(error)?;
-        } else {
-            // a hard link, unlike a rename, never replaces a file that appeared meanwhile
-            fs::hard_link(&self.partial, &self.path).map_err(error)?;
-            fs::remove_file(&self.partial).map_err(error)?;
-        }
-        Ok(self.path)
+    pub fn finish(self) -> Result<PathBuf, TableError> {
+        let Self { mut out, file, .. } = self;
+        out.flush().map_err(TableError::io(file.partial()))?;
+        file.publish()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     fn columns() -> Vec<String> {
         vec!["step".into(), "time_s".into()]
@@ -160,7 +137,45 @@ mod tests {
         let path = dir.path().join("a.csv");
         let table = Table::create(&path, &columns(), false).expect("new file");
         fs::write(&path, "mine").expect("disk");
-        assert!(table.finish().is_err());
+        assert!(matches!(table.finish(), Err(TableError::Appeared { .. })));
         assert_eq!(fs::read_to_string(&path).expect("kept"), "mine");
+    }
+
+    #[test]
+    fn two_tables_of_one_name_do_not_lose_each_other() {
+        let dir = tempfile::tempdir().expect("tempdir");
+        let path = dir.path().join("a.csv");
+        let mut first = Table::create(&path, &columns(), false).expect("new file");
+        for replace in [false, true] {
+            let second = Table::create(&path, &columns(), replace);
+            assert!(matches!(second, Err(TableError::Busy { .. })), "{second:?}");
+        }
+        first.integer(1).double(1.0).end_row().expect("disk");
+        first.finish().expect("disk");
+        assert_eq!(fs::read_to_string(&path).expect("whole"), "step,time_s\n1,1e0\n");
+    }
+
+    #[test]
+    fn rows_are_kept_when_a_table_is_given_up() {
+        let dir = tempfile::tempdir().expect("tempdir");
+        let path = dir.path().join("a.csv");
+        drop(Table::create(&path, &columns(), false).expect("new file"));
+        assert_eq!(fs::read_dir(dir.path()).expect("listed").count(), 0, "nothing but a head");
+        let mut table = Table::create(&path, &columns(), false).expect("nothing is in the way");
+        table.integer(1).double(1.0).end_row().expect("disk");
+        drop(table);
+        let partial = path.with_extension("csv.partial");
+        assert_eq!(fs::read_to_string(&partial).expect("kept"), "step,time_s\n1,1e0\n");
+        let next = Table::create(&path, &columns(), false);
+        assert!(matches!(next, Err(TableError::PartialExists { .. })), "{next:?}");
+    }
+
+    #[test]
+    fn a_directory_is_refused_before_any_row_is_computed() {
+        let dir = tempfile::tempdir().expect("tempdir");
+        for replace in [false, true] {
+            let refused = Table::create(dir.path(), &columns(), replace);
+            assert!(matches!(refused, Err(TableError::NotAFile { .. })), "{refused:?}");
+        }
     }
 }

@@ -1,7 +1,13 @@
-//! Frames per second over the bus, for `docs/PERFORMANCE.md`, and a small program to try a bus with.
+//! Frames per second over the bus between processes, and a small program to try a bus with.
 //!
-//! `bus_rate publish BEADS FRAMES CONSUMERS` waits for so many lossless consumers, and publishes;
-//! `bus_rate read` attaches, sums every value, and says how many frames it got; `bus_rate ls` lists runs.
+//! In two terminals (with the same `BEADLINE_ROOT`, if any):
+//!
+//!     cargo run --release -p beadline-schemas --example bus_rate -- publish 1000 200000 1
+//!     cargo run --release -p beadline-schemas --example bus_rate -- read
+//!
+//! `publish BEADS FRAMES CONSUMERS` waits for so many lossless consumers, publishes frames that no physics
+//! made, and prints µs a frame; `read` attaches to the only run, sums every value, and says how many frames
+//! it got; `ls` lists the runs.
 #![allow(clippy::print_stdout, reason = "a program of its own")]
 
 use schemas::bus::{AttachOptions, Bus, Delivery, LiveSource, PublishOptions, StatePublisher, list_runs};

@@ -17,3 +17,4 @@ pub mod recording;
 pub mod run_name;
 pub mod scales;
 pub mod summary;
+pub mod whole_file;

@@ -10,6 +10,7 @@ use crate::method::Method;
 use crate::run_name::RunName;
 use crate::scales::Scales;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use sha2::{Digest, Sha256};
 use std::fmt;
 
@@ -67,8 +68,9 @@ pub struct Physics {
 }
 
 /// Where a run comes from, and what of it is published; decides no bit of a state.
+///
+/// [`RunManifest::from_json`] decides about unknown keys: a later minor version may have some.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Provenance {
     /// Name of the run on the bus.
     pub name: RunName,
@@ -88,7 +90,6 @@ pub struct Provenance {
 
 /// What a run is: the one thing that all other parts of the program know it by.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct RunManifest {
     /// Version of the schemas it was written with.
     pub schema_version: SchemaVersion,
@@ -133,8 +134,25 @@ impl<'de> Deserialize<'de> for RunId {
 #[derive(Debug, thiserror::Error)]
 pub enum ManifestError {
     /// Not JSON of the right shape.
-    #[error("the manifest cannot be read: {0}")]
+    #[error("the manifest cannot be read")]
     Json(#[from] serde_json::Error),
+    /// Of our version, but with something that no manifest of this version has.
+    #[error("the manifest has the unknown key `{key}`; it was changed, or is none of ours")]
+    UnknownKey {
+        /// The key, such as `provenance.colour`.
+        key: String,
+    },
+    /// Written by a later minor version, with contents that may not be left out.
+    #[error(
+        "the manifest has schema version {found}, this program reads {SCHEMA_VERSION}, and what it says of the \
+         run goes beyond that; use a Beadline that reads {found}"
+    )]
+    Newer {
+        /// The version found.
+        found: SchemaVersion,
+        /// What this program does not know.
+        source: serde_json::Error,
+    },
     /// Written by a later, incompatible version.
     #[error(
         "the manifest has schema version {found}, this program reads {SCHEMA_VERSION}; \
@@ -145,7 +163,7 @@ pub enum ManifestError {
         found: SchemaVersion,
     },
     /// A value that no run can have.
-    #[error("the manifest is not a possible run: {0}")]
+    #[error("the manifest is not a possible run")]
     Value(#[from] ConfigError),
 }
 
@@ -365,8 +383,13 @@ impl RunManifest {
 
     /// Reads and validates a manifest from JSON.
     ///
+    /// Of a later minor version, keys that decide no bit (those outside of `physics`) are left out, and
+    /// [`is_newer_minor`](Self::is_newer_minor) says so; an unknown key of `physics` is refused, because it
+    /// may decide bits. Otherwise every unknown key is refused.
+    ///
     /// # Errors
-    /// When it is not a manifest, of another major schema version, or not a possible run.
+    /// When it is not a manifest, has keys that are not known, is of another major schema version, or is not a
+    /// possible run.
     pub fn from_json(json: &[u8]) -> Result<Self, ManifestError> {
         #[derive(Deserialize)]
         struct Versioned {
@@ -376,10 +399,37 @@ impl RunManifest {
         if found.major != SCHEMA_VERSION.major {
             return Err(ManifestError::Version { found });
         }
-        let manifest: Self = serde_json::from_slice(json)?;
+        let is_newer = found.minor > SCHEMA_VERSION.minor;
+        let manifest: Self = serde_json::from_slice(json).map_err(|source| {
+            if is_newer { ManifestError::Newer { found, source } } else { ManifestError::Json(source) }
+        })?;
+        if !is_newer {
+            manifest.refuse_unknown_keys(json)?;
+        }
         manifest.physics.check()?;
         manifest.check_stream()?;
         Ok(manifest)
+    }
+
+    /// Whether it was written by a later minor version, and may have said more than is known here.
+    pub fn is_newer_minor(&self) -> bool {
+        self.schema_version.major == SCHEMA_VERSION.major && self.schema_version.minor > SCHEMA_VERSION.minor
+    }
+
+    /// Compares the keys of `json`, which this was read from, with those that it has itself. Deriving does
+    /// that for the physics.
+    fn refuse_unknown_keys(&self, json: &[u8]) -> Result<(), ManifestError> {
+        let found: Value = serde_json::from_slice(json)?;
+        let known: Value = serde_json::to_value(self)?;
+        for (prefix, found, known) in
+            [("", &found, &known), ("provenance.", &found["provenance"], &known["provenance"])]
+        {
+            let keys = found.as_object().into_iter().flat_map(|object| object.keys());
+            if let Some(key) = keys.into_iter().find(|key| known.get(key).is_none()) {
+                return Err(ManifestError::UnknownKey { key: format!("{prefix}{key}") });
+            }
+        }
+        Ok(())
     }
 
     /// The manifest as JSON.
@@ -494,6 +544,58 @@ mod tests {
         let json = manifest().to_json().replace("\"major\":1", "\"major\":2");
         let error = RunManifest::from_json(json.as_bytes()).expect_err("newer");
         assert!(error.to_string().contains("2.0") && error.to_string().contains("1.0"), "{error}");
+    }
+
+    /// The manifest with `provenance` and `physics` beginning with more keys, of version `1.minor`.
+    fn with_keys(minor: u32, provenance: &str, physics: &str) -> Result<RunManifest, ManifestError> {
+        let json = manifest().to_json().replace("\"minor\":0", &format!("\"minor\":{minor}"));
+        let json = json.replace("\"provenance\":{", &format!("\"provenance\":{{{provenance}"));
+        let json = json.replace("\"physics\":{", &format!("\"physics\":{{{physics}"));
+        RunManifest::from_json(json.as_bytes())
+    }
+
+    #[test]
+    fn a_newer_minor_version_may_say_more_of_where_a_run_comes_from() {
+        let newer = with_keys(1, "\"colour\":\"red\",", "").expect("readable");
+        assert!(newer.is_newer_minor() && !manifest().is_newer_minor());
+        assert_eq!(newer.physics, manifest().physics);
+        assert_eq!(newer.schema_version.to_string(), "1.1");
+        let json = newer.to_json().replacen('{', "{\"signature\":[1],", 1);
+        assert!(RunManifest::from_json(json.as_bytes()).is_ok(), "also beside the two parts");
+    }
+
+    #[test]
+    fn a_newer_minor_version_may_not_say_more_of_the_physics() {
+        let json = manifest().to_json().replace("\"minor\":0", "\"minor\":1");
+        let method = json.replace("\"method\":\"rkn4\"", "\"method\":\"gear5\"");
+        let impurity = json.replace("{\"bead\":500,", "{\"bead\":500,\"radius_m\":1,");
+        assert!(method != json && impurity != json);
+        for (read, key) in [
+            (with_keys(1, "", "\"walls\":2,"), "`walls`"),
+            (RunManifest::from_json(method.as_bytes()), "`gear5`"),
+            (RunManifest::from_json(impurity.as_bytes()), "`radius_m`"),
+        ] {
+            let error = read.expect_err(key);
+            let cause = std::error::Error::source(&error).map(ToString::to_string).unwrap_or_default();
+            let text = error.to_string();
+            assert!(matches!(error, ManifestError::Newer { .. }), "{text}");
+            assert!(text.contains("1.1") && text.contains("1.0") && cause.contains(key), "{text}: {cause}");
+        }
+    }
+
+    #[test]
+    fn unknown_keys_of_our_version_are_refused() {
+        for (read, key) in [
+            (with_keys(0, "\"colour\":1,", ""), "provenance.colour"),
+            (
+                RunManifest::from_json(manifest().to_json().replacen('{', "{\"more\":1,", 1).as_bytes()),
+                "more",
+            ),
+        ] {
+            let error = read.expect_err(key);
+            assert!(matches!(&error, ManifestError::UnknownKey { key: found } if found == key), "{error}");
+        }
+        assert!(matches!(with_keys(0, "", "\"walls\":2,"), Err(ManifestError::Json(_))));
     }
 
     #[test]

@@ -23,9 +23,9 @@ mod error;
 mod head;
 mod info;
 mod messages;
-mod partial_file;
 mod proto;
 mod records;
+mod sink;
 mod source;
 mod space;
 mod sync;
@@ -38,7 +38,7 @@ pub use head::EndRecord;
 pub use info::{ChannelInfo, RecordingInfo};
 pub use records::MAX_RECORD_BYTES;
 pub use source::RecordingSource;
-pub use space::{SpaceNeeded, estimate_bytes};
+pub use space::SpaceNeeded;
 pub use writer::RecordingWriter;
 
 /// Profile of our files in the MCAP header.

@@ -4,7 +4,7 @@ use super::Ipc;
 use super::services::SliceService;
 use iceoryx2::node::{Node, NodeState};
 use iceoryx2::port::notifier::Notifier;
-use iceoryx2::port::{BackpressureAction, BackpressureInfo};
+use iceoryx2::port::{BackpressureAction, BackpressureInfo, SendError};
 use iceoryx2::prelude::{CallbackProgression, Config, PortFactory as _, ZeroCopySend};
 use std::collections::{HashMap, HashSet};
 use std::fmt::Debug;
@@ -72,8 +72,8 @@ pub struct Remedies {
     pub connect_on_join: bool,
     /// Pause between two looks at a full queue, so that no core is kept busy.
     pub pause: bool,
-    /// Not a remedy: take every send for interrupted once, after it was delivered.
-    pub interrupt: bool,
+    /// Not a remedy: take every send for interrupted so many times, after it was delivered.
+    pub interruptions: u32,
 }
 
 impl Default for Remedies {
@@ -84,7 +84,7 @@ impl Default for Remedies {
             release_board: true,
             connect_on_join: true,
             pause: true,
-            interrupt: false,
+            interruptions: 0,
         }
     }
 }
@@ -93,6 +93,8 @@ const CLEAN_AFTER: Duration = Duration::from_millis(50);
 const CLEAN_PERIOD: Duration = Duration::from_millis(100);
 /// What a healthy consumer needs to make room, once we were asked to stop.
 const STOP_GRACE: Duration = Duration::from_millis(250);
+/// How often in a row a send may fail in iceoryx2 although it did not wait for anybody.
+const MAX_FAILURES: u32 = 100;
 
 /// State shared by a publisher and its handler.
 pub(super) struct Backpressure<T: Debug + ZeroCopySend + 'static> {
@@ -103,6 +105,10 @@ pub(super) struct Backpressure<T: Debug + ZeroCopySend + 'static> {
     stuck_after: Duration,
     remedies: Remedies,
     blocked: AtomicBool,
+    /// Whether the send that is going on has waited for anybody.
+    waited: AtomicBool,
+    /// Whether it repeats one that failed.
+    resending: AtomicBool,
     evicted_count: AtomicU64,
     /// `latest` consumers are waited for as well, briefly: the end of a stream is on its way.
     pub(super) ending: AtomicBool,
@@ -115,6 +121,8 @@ struct Memory {
     /// Lossless consumers that nobody waits for (any more).
     ignored: HashSet<u128>,
     events: Vec<ConsumerEvent>,
+    /// Since when consumers hold back what is being sent, over all its repetitions.
+    held_since: HashMap<u128, Instant>,
     cleaned_at: Option<Instant>,
     stopped_at: Option<Instant>,
 }
@@ -136,6 +144,8 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
             stuck_after,
             remedies,
             blocked: AtomicBool::new(false),
+            waited: AtomicBool::new(false),
+            resending: AtomicBool::new(false),
             evicted_count: AtomicU64::new(0),
             ending: AtomicBool::new(false),
             memory: Mutex::default(),
@@ -149,11 +159,15 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
         if !memory.consumers.contains_key(&id) {
             memory.consumers = self.consumers();
         }
+        if info.retries == 0 && !self.resending.load(Ordering::Relaxed) {
+            memory.held_since.clear();
+        }
+        let held = memory.held_since.entry(id).or_insert_with(Instant::now).elapsed();
         match memory.consumers.get(&id).map(|(delivery, _)| *delivery) {
             None => return BackpressureAction::DiscardData, // it has just left
             Some(Delivery::Latest) => {
                 drop(memory);
-                let wait = self.ending.load(Ordering::Relaxed) && info.elapsed_time < STOP_GRACE;
+                let wait = self.ending.load(Ordering::Relaxed) && held < STOP_GRACE;
                 return if wait { self.retry(info) } else { BackpressureAction::DiscardData };
             }
             Some(Delivery::Lossless) if memory.ignored.contains(&id) => {
@@ -162,8 +176,8 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
             Some(Delivery::Lossless) => {}
         }
         self.blocked.store(true, Ordering::Relaxed);
-        if info.elapsed_time >= self.stuck_after {
-            self.evict(&mut memory, id, info.elapsed_time);
+        if held >= self.stuck_after {
+            self.evict(&mut memory, id, held);
             return BackpressureAction::DiscardData;
         }
         if self.stop.load(Ordering::Relaxed) {
@@ -172,7 +186,7 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
                 return BackpressureAction::DiscardDataAndFail;
             }
         }
-        if info.elapsed_time >= CLEAN_AFTER && self.remedies.clean_while_blocked {
+        if held >= CLEAN_AFTER && self.remedies.clean_while_blocked {
             self.clean(&mut memory);
         }
         drop(memory);
@@ -202,6 +216,7 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
 
     /// Wakes whoever has to make room, and lets it run.
     fn retry(&self, info: &BackpressureInfo) -> BackpressureAction {
+        self.waited.store(true, Ordering::Relaxed);
         if info.retries == 0 {
             self.wake();
         }
@@ -210,6 +225,33 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
             std::thread::sleep(Duration::from_micros(if info.retries > 500 { 1000 } else { 50 }));
         }
         BackpressureAction::Retry
+    }
+
+    /// Sends by `send` until it does not fail inside iceoryx2; `repeated` counts.
+    ///
+    /// A signal that ends a wait for a consumer fails the send. Such a one is repeated for as long as the
+    /// consumer may hold us back: [`decide`](Self::decide) bounds that over all repetitions. Any other
+    /// failure is repeated [`MAX_FAILURES`] times in a row, and not at all once we were asked to stop.
+    pub(super) fn repeat<R>(
+        &self,
+        repeated: &mut u64,
+        mut send: impl FnMut() -> Result<R, SendError>,
+    ) -> Result<R, SendError> {
+        let mut failures = 0;
+        self.resending.store(false, Ordering::Relaxed);
+        loop {
+            self.waited.store(false, Ordering::Relaxed);
+            let sent = send();
+            if !matches!(sent, Err(SendError::InternalError)) {
+                return sent;
+            }
+            failures = if self.waited.load(Ordering::Relaxed) { 0 } else { failures + 1 };
+            if failures > MAX_FAILURES || (failures > 0 && self.stop.load(Ordering::Relaxed)) {
+                return sent;
+            }
+            self.resending.store(true, Ordering::Relaxed);
+            *repeated += 1;
+        }
     }
 
     fn clean(&self, memory: &mut Memory) {

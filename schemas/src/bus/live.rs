@@ -118,6 +118,15 @@ impl LiveSource {
         Received::Missed { from, to }
     }
 
+    /// The producer has dropped us. What it has published without us is missed as far as that is known, at
+    /// least up to `last`; then comes the end.
+    fn dropped(&mut self, last: u64) -> Received<'static> {
+        let status = self.ports.as_ref().and_then(|ports| ports.board.status_of(self.stream));
+        let known = status.as_ref().and_then(RunStatus::last_frame);
+        let _ = self.end(EndReason::Dropped);
+        self.miss(self.expected, known.map_or(last, |known| known.max(last)))
+    }
+
     fn name(&self) -> RunName {
         self.manifest.provenance.name.clone()
     }
@@ -153,7 +162,8 @@ impl LiveSource {
         if frame > self.expected {
             if self.delivery == Delivery::Lossless {
                 // the producer skips frames only for a consumer that it has dropped
-                return Ok(self.end(EndReason::Dropped));
+                drop(sample);
+                return Ok(self.dropped(frame));
             }
             self.stashed = Some(sample);
             return Ok(self.miss(self.expected, frame - 1));
@@ -194,7 +204,7 @@ impl LiveSource {
         let last = status.as_ref().and_then(RunStatus::last_frame);
         if let Some(last) = last.filter(|last| *last >= self.expected) {
             if self.delivery == Delivery::Lossless && reason != EndReason::ProducerLost {
-                return self.end(EndReason::Dropped);
+                return self.dropped(last);
             }
             return self.miss(self.expected, last);
         }

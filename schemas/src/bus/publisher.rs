@@ -105,6 +105,7 @@ pub struct StatePublisher {
     status: RunStatus,
     stream: StreamId,
     doubles: usize,
+    max_consumers: usize,
     last_step: u64,
     ready: HashSet<u128>,
     counts: PublishCounts,
@@ -124,16 +125,24 @@ impl StatePublisher {
         self.stream
     }
 
+    /// How many consumers can be attached at a time: fewer when frames are large and shared memory is short.
+    pub fn max_consumers(&self) -> usize {
+        self.max_consumers
+    }
+
     /// Waits until `count` lossless consumers are ready, `stop` is set, or `timeout` is over.
     ///
     /// # Errors
-    /// When the bus cannot be used.
+    /// When so many can never be attached, or when the bus cannot be used.
     pub fn wait_for(
         &mut self,
         count: usize,
         stop: &AtomicBool,
         timeout: Option<Duration>,
     ) -> Result<WaitOutcome, PublishError> {
+        if count > self.max_consumers {
+            return Err(PublishError::TooManyConsumers { asked: count, most: self.max_consumers });
+        }
         let start = Instant::now();
         loop {
             // a consumer that died while it waited must not count
@@ -244,21 +253,26 @@ impl StatePublisher {
             flags: if frame.step == self.last_step { FLAG_LAST } else { 0 },
             reserved: 0,
         };
-        let mut interrupt = self.remedies.interrupt;
-        loop {
-            let slot = self.publisher.loan_slice_uninit(self.doubles);
-            let slot = slot.map_err(|e| self.send_error(&e))?;
-            let mut sent = fill(slot, header, &[frame.u_m, frame.v_m_s, frame.extra]).send();
-            if std::mem::take(&mut interrupt) {
-                sent = Err(SendError::InternalError);
+        let (publisher, doubles, remedies) = (&self.publisher, self.doubles, self.remedies);
+        let mut interruptions = remedies.interruptions;
+        let mut send = || {
+            let slot = publisher.loan_slice_uninit(doubles)?;
+            // repeated: whoever has the frame already ignores the second one
+            let sent = fill(slot, header, &[frame.u_m, frame.v_m_s, frame.extra]).send()?;
+            match interruptions.checked_sub(1) {
+                Some(left) => {
+                    interruptions = left;
+                    Err(SendError::InternalError)
+                }
+                None => Ok(sent),
             }
-            match sent {
-                Ok(_) => return Ok(()),
-                // a signal ended a wait in the middle: whoever has the frame already ignores the second one
-                Err(SendError::InternalError) if self.remedies.resend => self.counts.resent += 1,
-                Err(SendError::UnableToDeliver) => return Err(PublishError::Stopped { frame: frame.frame }),
-                Err(e) => return Err(self.send_error(&e)),
-            }
+        };
+        let sent =
+            if remedies.resend { self.backpressure.repeat(&mut self.counts.resent, send) } else { send() };
+        match sent {
+            Ok(_) => Ok(()),
+            Err(SendError::UnableToDeliver) => Err(PublishError::Stopped { frame: frame.frame }),
+            Err(e) => Err(self.send_error(&e)),
         }
     }
 

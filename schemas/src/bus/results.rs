@@ -28,7 +28,7 @@ const TAKE_OVER_PATIENCE: Duration = Duration::from_millis(500);
 const COLUMNS_KEY: &str = "beadline.columns";
 const WIDTH_KEY: &str = "beadline.width";
 
-/// What a row consists of: `f64` for numbers, `u8` for packed classes.
+/// What a row consists of: `f64` for numbers, `u8` for classes, one byte a contact.
 pub trait ResultElement: Copy + Debug + ZeroCopySend + Send + Sync + 'static {}
 impl ResultElement for f64 {}
 impl ResultElement for u8 {}
@@ -202,15 +202,11 @@ impl<T: ResultElement> ResultPublisher<T> {
 
     fn send(&self, header: StateHeader, row: &[T]) -> Result<(), ResultsError> {
         let topic = self.topic;
-        let failed = |e: &dyn Debug| ResultsError::Port { topic, cause: format!("{e:?}") };
-        loop {
-            let slot = self.publisher.loan_slice_uninit(row.len()).map_err(|e| failed(&e))?;
-            match fill(slot, header, &[row]).send() {
-                Ok(_) => return Ok(()),
-                Err(SendError::InternalError) => {} // interrupted by a signal: the row is sent again
-                Err(SendError::UnableToDeliver) => return Err(ResultsError::Stopped { topic }),
-                Err(e) => return Err(failed(&e)),
-            }
+        let send = || fill(self.publisher.loan_slice_uninit(row.len())?, header, &[row]).send();
+        match self.backpressure.repeat(&mut 0, send) {
+            Ok(_) => Ok(()),
+            Err(SendError::UnableToDeliver) => Err(ResultsError::Stopped { topic }),
+            Err(e) => Err(ResultsError::Port { topic, cause: format!("{e:?}") }),
         }
     }
 

@@ -29,7 +29,7 @@ pub enum RoomError {
         free_bytes: u64,
     },
     /// The file system could not be asked.
-    #[error("cannot find out how much shared memory is free in {path}: {source}")]
+    #[error("cannot find out how much shared memory is free in {path}")]
     Io {
         /// Where.
         path: PathBuf,

@@ -60,7 +60,7 @@ pub enum RootError {
         path: PathBuf,
     },
     /// It could not be created or read.
-    #[error("the bus directory {path} cannot be used: {source}")]
+    #[error("the bus directory {path} cannot be used")]
     Io {
         /// The directory.
         path: PathBuf,

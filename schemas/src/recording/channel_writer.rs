@@ -4,15 +4,17 @@ use super::PROFILE;
 use super::error::WriteError;
 use super::head;
 use super::log_time_ns;
-use super::partial_file::{PartialFile, Sink};
 use super::proto::Topic;
+use super::sink::{Position, Sink};
 use super::sync::BackgroundSync;
 use crate::manifest::RunManifest;
+use crate::whole_file::WholeFile;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, McapError, McapResult};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// How a recording is written.
@@ -77,7 +79,8 @@ pub(super) struct ChannelId(u16);
 pub(super) struct ChannelWriter {
     writer: OpenWriter,
     sync: BackgroundSync,
-    file: PartialFile,
+    file: WholeFile,
+    position: Position,
     flush_period: Duration,
     sync_period: Duration,
     flushed: Instant,
@@ -92,25 +95,22 @@ impl ChannelWriter {
         run_toml: Option<&str>,
         options: &WriteOptions,
     ) -> Result<Self, WriteError> {
-        let (file, sink) = PartialFile::create(path, options.force)?;
+        let file = WholeFile::create(path, options.force)?;
+        let (sink, position) = Sink::new(Arc::clone(file.file()));
         let writer = mcap_options(options).create(sink).map_err(|error| mcap_error(&file, error))?;
         let now = Instant::now();
         let mut this = Self {
             writer: OpenWriter(Some(writer)),
             sync: BackgroundSync::default(),
             file,
+            position,
             flush_period: options.flush_period,
             sync_period: options.sync_period,
             flushed: now,
             synced: now,
         };
-        match this.write_head(manifest, run_toml) {
-            Ok(()) => Ok(this),
-            Err(error) => {
-                this.discard();
-                Err(error)
-            }
-        }
+        this.write_head(manifest, run_toml)?;
+        Ok(this)
     }
 
     fn write_head(&mut self, manifest: &RunManifest, run_toml: Option<&str>) -> Result<(), WriteError> {
@@ -122,13 +122,17 @@ impl ChannelWriter {
             }
         })?;
         self.file.file().sync_data().map_err(WriteError::io(self.file.partial()))?;
-        self.file.sync_name()
+        Ok(self.file.sync_name()?)
+    }
+
+    /// Something was recorded: without [`finish`](Self::finish) the file stays as it is, else it goes.
+    pub(super) fn keep(&mut self) {
+        self.file.keep();
     }
 
     /// Removes the file.
     pub(super) fn discard(self) {
-        // at best: what is left is an unfinished recording
-        let _ = std::fs::remove_file(self.file.partial());
+        self.file.discard();
     }
 
     /// Adds the channel of `topic`.
@@ -177,7 +181,7 @@ impl ChannelWriter {
 
     /// Bytes on the disk so far.
     pub(super) fn bytes_written(&self) -> u64 {
-        self.file.bytes_written()
+        self.position.get()
     }
 
     /// Where the bytes are.
@@ -205,14 +209,15 @@ impl ChannelWriter {
         &mut self,
         work: impl FnOnce(&mut mcap::Writer<Sink>) -> McapResult<T>,
     ) -> Result<T, WriteError> {
+        let whole_bytes = self.bytes_written();
         let Some(writer) = &mut self.writer.0 else {
             return Err(WriteError::GivenUp { path: self.file.partial().to_owned() });
         };
-        let whole_bytes = self.file.bytes_written();
         work(writer).map_err(|error| {
             // without the end that dropping it would write
             drop(self.writer.0.take().map(mcap::Writer::into_inner));
-            self.file.truncate(whole_bytes);
+            // at best: the write error is what the user has to know
+            let _ = self.file.file().set_len(whole_bytes);
             mcap_error(&self.file, error)
         })
     }
@@ -258,7 +263,7 @@ fn attachment<'a>(manifest: &RunManifest, run_toml: &'a str) -> Attachment<'a> {
     }
 }
 
-fn mcap_error(file: &PartialFile, error: McapError) -> WriteError {
+fn mcap_error(file: &WholeFile, error: McapError) -> WriteError {
     let source = match error {
         McapError::Io(source) => source,
         other => std::io::Error::other(other),

@@ -32,7 +32,8 @@ pub struct ContactsRow<'a> {
     pub classes: &'a [u8],
 }
 
-/// Writes a map to a file of its own, `.partial` until it is finished like a recording.
+/// Writes a map to a file of its own, `.partial` until it is finished like a recording. Dropped without that
+/// it stays as it is, unless it has no row.
 pub struct ContactsWriter {
     file: ChannelWriter,
     channel: ChannelId,
@@ -49,7 +50,7 @@ impl ContactsWriter {
     ///
     /// # Errors
     /// When there is such a file or its `.partial` and `options.force` is not set, when another process
-    /// writes it, or when the operating system refuses.
+    /// writes it, when something else than a file has its name, or when the operating system refuses.
     pub fn create(path: &Path, manifest: &RunManifest, options: &WriteOptions) -> Result<Self, WriteError> {
         let mut file = ChannelWriter::create(path, manifest, None, options)?;
         let channel = file.add_channel(proto::CONTACTS)?;
@@ -74,6 +75,7 @@ impl ContactsWriter {
         self.file.write(self.channel, frame, time_s, &self.message)?;
         self.first_step.get_or_insert(step);
         self.rows += 1;
+        self.file.keep();
         self.file.flush_if_due()
     }
 

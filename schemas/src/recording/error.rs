@@ -1,43 +1,25 @@
 //! What goes wrong with recordings.
 
 use crate::manifest::ManifestError;
+use crate::whole_file::WholeFileError;
 use std::io;
 use std::path::{Path, PathBuf};
 
 /// Why a recording cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
-    /// There is a file of this name.
-    #[error("{} exists; choose another name, or overwrite it with --force", path.display())]
-    Exists {
-        /// The file in the way.
-        path: PathBuf,
-    },
+    /// The file cannot be created, or not be given its name.
+    #[error(transparent)]
+    File(WholeFileError),
     /// There is an unfinished recording of this name.
     #[error(
-        "{} exists, an unfinished recording; keep it with `beadline recover`, or overwrite it with --force",
-        path.display()
+        "{path} exists, an unfinished recording; read it as it is (`beadline info {path}`), move it away, or \
+         replace it with --force",
+        path = path.display()
     )]
     PartialExists {
         /// The file in the way.
         path: PathBuf,
-    },
-    /// Another process is recording to this name.
-    #[error("{} is being written by another process; choose another name", path.display())]
-    Busy {
-        /// The file it writes.
-        path: PathBuf,
-    },
-    /// A file of the final name appeared while this one was being written.
-    #[error(
-        "{} appeared while it was being recorded and is left alone; the finished recording is {}: rename it",
-        path.display(), partial.display()
-    )]
-    Appeared {
-        /// The file in the way.
-        path: PathBuf,
-        /// The finished recording.
-        partial: PathBuf,
     },
     /// The disk cannot hold what a run will write.
     #[error(
@@ -54,7 +36,7 @@ pub enum WriteError {
         free_bytes: u64,
     },
     /// The operating system refused.
-    #[error("cannot write {}: {source}", path.display())]
+    #[error("cannot write {}", path.display())]
     Io {
         /// What was written.
         path: PathBuf,
@@ -81,6 +63,15 @@ pub enum WriteError {
     },
 }
 
+impl From<WholeFileError> for WriteError {
+    fn from(error: WholeFileError) -> Self {
+        match error {
+            WholeFileError::PartialExists { path } => Self::PartialExists { path },
+            other => Self::File(other),
+        }
+    }
+}
+
 impl WriteError {
     /// For `map_err`: an error of the operating system about `path`.
     pub(super) fn io(path: &Path) -> impl Fn(io::Error) -> Self + '_ {
@@ -92,7 +83,7 @@ impl WriteError {
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// The operating system refused.
-    #[error("cannot read {}: {source}", path.display())]
+    #[error("cannot read {}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
@@ -124,7 +115,7 @@ pub enum ReadError {
         found: String,
     },
     /// The manifest is not one that we can use; names both versions if it is too new.
-    #[error("{}: {source}", path.display())]
+    #[error("cannot read {}", path.display())]
     Manifest {
         /// The file.
         path: PathBuf,
@@ -145,8 +136,8 @@ pub enum ReadError {
     },
     /// A checksum is wrong.
     #[error(
-        "{} is damaged: the CRC of {part} is {computed:08x} instead of {found:08x}; `beadline verify` says \
-         what is affected", path.display()
+        "{} is damaged: the CRC of {part} is {computed:08x} instead of {found:08x}; copy it again \
+         from where it came, or use what comes before", path.display()
     )]
     Crc {
         /// The file.

@@ -37,7 +37,9 @@ pub struct EndRecord {
 
 /// `manifest` as a metadata record.
 pub(super) fn run_metadata(manifest: &RunManifest) -> Metadata {
-    let version = manifest.schema_version.to_string();
+    // of a newer run we write only what we know, which is not its version any more
+    let version = if manifest.is_newer_minor() { SCHEMA_VERSION } else { manifest.schema_version };
+    let version = version.to_string();
     let physics = manifest.physics.to_json();
     // a plain struct of numbers and strings always serialises
     let provenance = serde_json::to_string(&manifest.provenance).unwrap_or_default();

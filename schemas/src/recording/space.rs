@@ -3,8 +3,8 @@
 use super::channel_writer::Compression;
 use super::encode::STATE_HEAD_BYTES;
 use super::error::WriteError;
-use super::partial_file::directory_of;
 use crate::manifest::RunManifest;
+use crate::whole_file::directory_of;
 use std::path::Path;
 
 /// Opcode and length, channel, sequence and two times: what a message takes beyond its contents.
@@ -35,11 +35,6 @@ pub struct SpaceNeeded {
     /// the part of the chain that the shock has reached by then counts, at a speed below that of any shock
     /// in a uniform chain, and shrinks by 8, where 3 to 4 were measured.
     pub at_least_bytes: u64,
-}
-
-/// Upper bound of the size of a recording of the whole run `manifest`, in bytes, without compression.
-pub fn estimate_bytes(manifest: &RunManifest) -> u64 {
-    SpaceNeeded::new(manifest, Compression::None).at_most_bytes
 }
 
 impl SpaceNeeded {

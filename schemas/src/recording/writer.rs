@@ -15,7 +15,7 @@ use std::path::Path;
 /// Records the frames of one run.
 ///
 /// The file is `<path>.partial` until [`finish`](Self::finish) gives it its name. Dropped without that it
-/// stays as it is, a valid prefix with every frame accepted.
+/// stays as it is, a valid prefix with every frame accepted; without any frame it is removed.
 pub struct RecordingWriter {
     file: ChannelWriter,
     manifest: RunManifest,
@@ -34,7 +34,7 @@ impl RecordingWriter {
     ///
     /// # Errors
     /// When there is such a file or its `.partial` and `options.force` is not set, when another process
-    /// writes it, or when the operating system refuses.
+    /// writes it, when something else than a file has its name, or when the operating system refuses.
     pub fn create(
         path: &Path,
         manifest: &RunManifest,
@@ -147,6 +147,7 @@ impl FrameSink for RecordingWriter {
         encode::summary(frame, &summary).encode_raw(&mut self.message);
         self.file.write(self.summary, frame.frame, frame.time_s, &self.message)?;
         self.frames += 1;
+        self.file.keep();
         self.first_step.get_or_insert(frame.step);
         self.last_step = Some(frame.step);
         self.file.flush_if_due()

@@ -98,7 +98,9 @@ fn produce(bus: &Bus, name: &str) {
         ..Remedies::default()
     };
     take_signals();
-    let mut run = publisher(bus, name, beads, &PublishOptions { remedies, ..PublishOptions::default() });
+    let stuck_after = std::time::Duration::from_millis(setting("BL_STUCK_MS", 30_000));
+    let options = PublishOptions { remedies, stuck_after, ..PublishOptions::default() };
+    let mut run = publisher(bus, name, beads, &options);
     println!("@created");
     println!("@thread {}", std::fs::read_link("/proc/thread-self").unwrap().display());
     let wait = usize::try_from(setting("BL_WAIT", 0)).unwrap();

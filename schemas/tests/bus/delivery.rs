@@ -1,7 +1,10 @@
 //! Frames reach those who asked for them.
 
-use crate::support::{Got, TestBus, attach, attach_to, drain, publish, publisher, wait_until};
-use schemas::bus::{ConsumerEvent, Delivery, PublishOptions, RunState, WaitOutcome, list_runs};
+use crate::support::{Got, TestBus, attach, attach_to, drain, publish, publisher, run_name, wait_until};
+use schemas::bus::{
+    AttachError, AttachOptions, ConsumerEvent, Delivery, LiveSource, PublishError, PublishOptions, RunState,
+    WaitOutcome, list_runs,
+};
 use schemas::frame::{EndReason, FrameSource as _, Received};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -113,6 +116,25 @@ fn a_producer_waits_for_as_many_lossless_consumers_as_it_is_told() {
     drop(first);
     assert_eq!(run.wait_for(2, &go, soon).unwrap(), WaitOutcome::TimedOut { ready: 1 });
     assert_eq!(run.wait_for(2, &AtomicBool::new(true), None).unwrap(), WaitOutcome::Stopped);
+}
+
+#[test]
+fn waiting_for_more_consumers_than_can_attach_is_refused() {
+    let test = TestBus::new();
+    let mut run = publisher(&test.bus, "crowd", BEADS, &PublishOptions::default());
+    let (most, go) = (run.max_consumers(), AtomicBool::new(false));
+    let error = run.wait_for(most + 1, &go, None).unwrap_err();
+    assert!(
+        matches!(error, PublishError::TooManyConsumers { asked, most: 16 } if asked == most + 1),
+        "{error}"
+    );
+    let consumers: Vec<_> =
+        (0..most).map(|_| attach_to(&test.bus, &mut run, "crowd", Delivery::Lossless)).collect();
+    assert_eq!(run.wait_for(most, &go, None).unwrap(), WaitOutcome::Ready, "so many can");
+    let name = run_name("crowd");
+    let another = LiveSource::attach(&test.bus, Some(&name), Delivery::Lossless, &AttachOptions::default());
+    assert!(matches!(another, Err(AttachError::Full { .. })));
+    drop(consumers);
 }
 
 #[test]

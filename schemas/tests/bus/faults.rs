@@ -59,10 +59,44 @@ fn a_stuck_lossless_consumer_is_dropped_loudly_on_both_sides() {
     assert_eq!((counts.evicted, counts.lossless), (1, 0));
     assert!(counts.held_back >= SHORT);
     run.finish(EndReason::Complete).unwrap();
-    // it gets what was in its queue, and then hears why there is no more
+    // it gets what was in its queue, hears what went by without it, and then why there is no more
     let got = drain(&mut stuck);
-    assert_eq!((got.first, got.missed, got.end), (Some(0), 0, EndReason::Dropped));
+    assert_eq!((got.first, got.frames + got.missed, got.end), (Some(0), FRAMES, EndReason::Dropped));
     assert!(got.frames >= 2 && got.frames < FRAMES);
+    assert_eq!(stuck.missed_count(), got.missed);
+    assert_eq!(stuck.receive().unwrap(), Received::End(EndReason::Dropped), "the end is only repeated");
+}
+
+/// It finds a gap when there is room in its queue again; what it missed is known from the status.
+#[test]
+fn a_dropped_consumer_counts_what_it_missed_while_the_run_goes_on() {
+    let test = TestBus::new();
+    let options = PublishOptions { stuck_after: SHORT, ..PublishOptions::default() };
+    let mut run = publisher(&test.bus, "gap", BEADS, &options);
+    let mut stuck = attach_to(&test.bus, &mut run, "gap", Delivery::Lossless);
+    publish(&mut run, BEADS, 0..FRAMES);
+    let queued = (0..2).filter(|_| matches!(stuck.receive().unwrap(), Received::Frame(_))).count();
+    publish(&mut run, BEADS, FRAMES..FRAMES + 100);
+    run.serve().unwrap();
+    let got = drain(&mut stuck);
+    assert_eq!(got.end, EndReason::Dropped);
+    assert_eq!(queued as u64 + got.frames + got.missed, FRAMES + 100);
+}
+
+#[test]
+fn an_eviction_at_the_very_last_frame_is_told_before_the_end() {
+    let test = TestBus::new();
+    let options = PublishOptions { stuck_after: SHORT, ..PublishOptions::default() };
+    let mut run = publisher(&test.bus, "late", BEADS, &options);
+    let _stuck = attach_to(&test.bus, &mut run, "late", Delivery::Lossless);
+    let mut frame = 0;
+    while run.counts().evicted == 0 {
+        publish(&mut run, BEADS, frame..frame + 1);
+        frame += 1;
+    }
+    let events = run.take_events();
+    assert!(matches!(events.last(), Some(ConsumerEvent::Evicted { .. })), "{events:?}");
+    assert_eq!(run.finish(EndReason::Complete).unwrap().evicted, 1);
 }
 
 /// Without a time-out the run would stand still for as long as the consumer does: a flag ends that.
@@ -193,7 +227,7 @@ fn an_orderly_end_is_remembered_over_a_restart() {
 #[test]
 fn a_send_that_is_interrupted_is_repeated_and_seen_once() {
     let test = TestBus::new();
-    let remedies = Remedies { interrupt: true, ..Remedies::default() };
+    let remedies = Remedies { interruptions: 1, ..Remedies::default() };
     let mut run = publisher(&test.bus, "again", BEADS, &PublishOptions { remedies, ..Default::default() });
     let mut source = attach_to(&test.bus, &mut run, "again", Delivery::Lossless);
     std::thread::scope(|scope| {
@@ -209,6 +243,23 @@ fn a_send_that_is_interrupted_is_repeated_and_seen_once() {
     let _source = attach_to(&test.bus, &mut run, "once", Delivery::Lossless);
     let lost = publish_one(&mut run, BEADS, 0);
     assert!(matches!(lost, Err(PublishError::Send { frame: 0, .. })), "{lost:?}");
+}
+
+/// A failure that is none of a wait is not repeated for ever.
+#[test]
+fn a_send_that_always_fails_is_an_error() {
+    let test = TestBus::new();
+    let always = Remedies { interruptions: u32::MAX, ..Remedies::default() };
+    let options = PublishOptions { remedies: always, ..PublishOptions::default() };
+    let mut run = publisher(&test.bus, "never", BEADS, &options);
+    let _latest = attach_to(&test.bus, &mut run, "never", Delivery::Latest);
+    let failed = publish_one(&mut run, BEADS, 0);
+    assert!(matches!(failed, Err(PublishError::Send { frame: 0, .. })), "{failed:?}");
+    assert_eq!(run.counts().resent, 100);
+    // and not at all once it was asked to stop
+    options.stop.store(true, Ordering::Relaxed);
+    assert!(publish_one(&mut run, BEADS, 0).is_err());
+    assert_eq!(run.counts().resent, 100);
 }
 
 /// Sends SIGUSR1 to the thread `pid/task/tid`.
@@ -237,6 +288,29 @@ fn signals_in_the_middle_of_a_publish_lose_no_frame() {
         assert_eq!(got, Got { first: Some(0), frames: 200, missed: 0, end: EndReason::Complete });
         child.wait();
     }
+}
+
+/// Each signal ends a wait and starts another: the time-out counts over all of them.
+#[test]
+fn signals_do_not_keep_a_stuck_consumer_from_being_dropped() {
+    let test = TestBus::new();
+    let settings = [
+        ("BL_WAIT", "1"),
+        ("BL_FRAMES", "200"),
+        ("BL_PAUSE", "0"),
+        ("BL_STUCK_MS", "300"),
+        ("BL_END", "hang"),
+    ];
+    let mut child = Child::start(&test.bus, "produce", "storm", &settings);
+    let mut stuck = attach(&test.bus, "storm", Delivery::Lossless);
+    let thread = child.expect("thread");
+    wait_until(|| {
+        signal(&thread);
+        std::thread::sleep(Duration::from_millis(1)); // one after the other, not all at once
+        child.said("published")
+    });
+    child.kill();
+    assert!(drain(&mut stuck).frames < 200);
 }
 
 /// The chain is history, which arrives only when its publisher updates its connections.

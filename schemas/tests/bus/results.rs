@@ -55,13 +55,13 @@ fn rows_reach_lossless_subscribers_with_their_columns() {
 }
 
 #[test]
-fn packed_classes_are_bytes() {
+fn classes_are_bytes() {
     let test = TestBus::new();
-    let mut contacts = create::<u8>(&test, Topic::Contacts, &columns(25, "2 bits a contact"));
+    let mut contacts = create::<u8>(&test, Topic::Contacts, &columns(25, "class"));
     let mut rows = attach::<u8>(&test, Topic::Contacts, Delivery::Lossless).unwrap();
-    contacts.publish(7, 70, 0.7, &[0b10_01_00_01; 25]).unwrap();
+    contacts.publish(7, 70, 0.7, &[2; 25]).unwrap();
     let ResultReceived::Row(row) = rows.receive().unwrap() else { panic!("no row") };
-    assert_eq!((row.frame, row.step, row.time_s, row.values), (7, 70, 0.7, &[0b10_01_00_01; 25][..]));
+    assert_eq!((row.frame, row.step, row.time_s, row.values), (7, 70, 0.7, &[2; 25][..]));
     assert!(matches!(contacts.publish(8, 80, 0.8, &[0; 24]), Err(ResultsError::Width { .. })));
 }
 

@@ -1,12 +1,13 @@
 //! Files that are not what they should be: every one is an error or a valid prefix, none a panic.
 
-use crate::run::{doubles, manifest, options, put, read_all, temp_dir, write_recording};
+use crate::run::{doubles, manifest, options, put, read_all, temp_dir, with_causes, write_recording};
 use mcap::records::{MessageHeader, Metadata, Record, op};
 use schemas::frame::{EndReason, FrameSource, Received};
 use schemas::manifest::RunManifest;
 use schemas::recording::{
     Compression, ContactsReader, ReadError, RecordingInfo, RecordingSource, WriteOptions,
 };
+use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::Cursor;
@@ -107,7 +108,46 @@ fn another_major_version_is_refused_with_both_named() {
     forge(&path, "beadline", &[metadata], &[]);
     let error = RecordingSource::open(&path).err().unwrap();
     assert!(matches!(error, ReadError::Manifest { .. }));
-    assert!(error.to_string().contains("2.3") && error.to_string().contains("1.0"), "{error}");
+    let text = with_causes(&error);
+    assert!(text.contains("2.3") && text.contains("1.0"), "{text}");
+}
+
+/// The metadata of a run of a later version, with its checksum: `part` says one thing more.
+fn newer_metadata(part: &str) -> Metadata {
+    let mut record = run_metadata(&manifest(3, 1, 1));
+    let entries = &mut record.metadata;
+    entries.insert("schema_version".into(), "1.1".into());
+    let said = entries[part].replacen('{', "{\"walls\":2,", 1);
+    entries.insert(part.to_owned(), said);
+    let parts = ["schema_version", "physics", "provenance"].map(|key| format!("{}\n", entries[key]));
+    let hash = Sha256::digest(format!("beadline.run\n{}", parts.concat()));
+    let checksum = hash.iter().fold(String::new(), |hex, byte| hex + &format!("{byte:02x}"));
+    entries.insert("checksum".into(), checksum);
+    record
+}
+
+#[test]
+fn a_newer_minor_version_is_read_unless_it_knows_more_of_the_physics() {
+    let (_directory, path) = temp_dir();
+    let ours = manifest(3, 1, 1);
+    let states: Vec<_> = (0..=3).map(|n| state(Some(n), n, ours.physics.time_s(n), 40)).collect();
+    forge(&path, "beadline", &[newer_metadata("provenance"), end_metadata("complete", "3")], &states);
+    let mut source = RecordingSource::open(&path).unwrap();
+    assert!(source.manifest().is_newer_minor());
+    let (steps, missed, end) = read_all(&mut source);
+    assert_eq!((steps.len(), missed.len(), end.unwrap()), (4, 0, EndReason::Complete));
+    let info = RecordingInfo::read(&path).unwrap();
+    assert!(info.is_complete() && info.manifest.schema_version.to_string() == "1.1");
+    // what we make of it is of our version
+    let copy = path.with_extension("copy.mcap");
+    write_recording(&copy, source.manifest(), &options());
+    assert!(!RecordingSource::open(&copy).unwrap().manifest().is_newer_minor());
+
+    forge(&path, "beadline", &[newer_metadata("physics")], &states);
+    let error = RecordingSource::open(&path).err().unwrap();
+    let text = with_causes(&error);
+    assert!(error.is_wrong_file(), "{text}");
+    assert!(["1.1", "1.0", "`walls`"].iter().all(|word| text.contains(word)), "{text}");
 }
 
 #[test]

@@ -5,12 +5,15 @@ mod crash;
 mod hostile;
 mod run;
 
-use run::{RUN_TOML, for_each_frame, manifest, options, read_all, temp_dir, write_recording};
+use run::{RUN_TOML, for_each_frame, manifest, options, read_all, temp_dir, with_causes, write_recording};
+use schemas::bus::{AttachError, RoomError, RootError};
 use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
+use schemas::manifest::{ManifestError, RunManifest};
 use schemas::recording::{
     Compression, ContactsReader, ContactsRow, ContactsWriter, ReadError, RecordingInfo, RecordingSource,
-    RecordingWriter, SpaceNeeded, WriteError, WriteOptions, estimate_bytes,
+    RecordingWriter, SpaceNeeded, WriteError, WriteOptions,
 };
+use schemas::whole_file::WholeFileError;
 use std::fs;
 
 #[test]
@@ -106,19 +109,20 @@ fn nothing_is_overwritten_without_force() {
         |force| RecordingWriter::create(&path, &manifest, RUN_TOML, &WriteOptions { force, ..options() });
     fs::write(&path, "precious").unwrap();
     let error = create(false).err().unwrap();
-    assert!(matches!(error, WriteError::Exists { .. }));
+    assert!(matches!(error, WriteError::File(WholeFileError::Exists { .. })));
     assert!(error.to_string().contains("--force"), "{error}");
 
     fs::rename(&path, &partial).unwrap();
     let error = create(false).err().unwrap();
     assert!(matches!(error, WriteError::PartialExists { .. }), "{error}");
+    assert!(error.to_string().contains("`beadline info "), "only what there is today: {error}");
     assert_eq!(fs::read(&partial).unwrap(), b"precious");
 
     fs::write(&path, "precious").unwrap();
     let writer = create(true).unwrap();
     assert_eq!(fs::read(&path).unwrap(), b"precious", "it stays until there is a better one");
     // not even by force from under another recorder
-    assert!(matches!(create(true).err().unwrap(), WriteError::Busy { .. }));
+    assert!(matches!(create(true).err().unwrap(), WriteError::File(WholeFileError::Busy { .. })));
     writer.finish(EndReason::Interrupted).unwrap();
     assert!(!partial.exists());
     assert_eq!(RecordingInfo::read(&path).unwrap().frames(), 0);
@@ -133,9 +137,27 @@ fn a_file_that_appears_meanwhile_is_left_alone() {
     assert!(!path.exists() && partial.exists());
     fs::write(&path, "precious").unwrap();
     let error = writer.finish(EndReason::Interrupted).err().unwrap();
-    assert!(matches!(error, WriteError::Appeared { .. }), "{error}");
+    assert!(matches!(error, WriteError::File(WholeFileError::Appeared { .. })), "{error}");
     assert_eq!(fs::read(&path).unwrap(), b"precious");
     assert!(RecordingInfo::read(&partial).unwrap().finished);
+}
+
+/// A start that failed must not stand in the way of the next one.
+#[test]
+fn a_recording_without_frames_leaves_nothing_unless_it_is_finished() {
+    let (directory, path) = temp_dir();
+    let manifest = manifest(9, 1, 1);
+    drop(RecordingWriter::create(&path, &manifest, RUN_TOML, &options()).unwrap());
+    drop(ContactsWriter::create(&path, &manifest, &options()).unwrap());
+    assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0);
+
+    let mut map = ContactsWriter::create(&path, &manifest, &options()).unwrap();
+    let classes = [0; 39];
+    map.write(&ContactsRow { frame: 0, step: 0, time_s: 0.0, tolerance_m: 1e-12, classes: &classes })
+        .unwrap();
+    drop(map);
+    let mut kept = ContactsReader::open(&path.with_extension("mcap.partial")).unwrap();
+    assert_eq!(kept.next_row().unwrap().unwrap().classes, classes);
 }
 
 #[test]
@@ -212,7 +234,6 @@ fn the_estimate_is_an_upper_bound_and_close() {
         let uncompressed = WriteOptions { compression: Compression::None, ..WriteOptions::default() };
         let bytes = write_recording(&path, &manifest, &uncompressed).bytes;
         let needed = SpaceNeeded::new(&manifest, Compression::None);
-        assert_eq!(needed.at_most_bytes, estimate_bytes(&manifest));
         assert!((needed.at_least_bytes..=needed.at_most_bytes).contains(&bytes), "{needed:?} {bytes}");
         assert!(needed.at_most_bytes < bytes + bytes / 5 + 40_000, "{needed:?} {bytes}");
         let compressed = SpaceNeeded::new(&manifest, Compression::Zstd { level: 1 });
@@ -232,6 +253,35 @@ fn what_cannot_fit_is_refused_with_what_to_do() {
     assert!(matches!(error, WriteError::NoSpace { .. }));
     let text = error.to_string();
     assert!(text.contains("at the least") && text.contains("record_every_steps"), "{text}");
+}
+
+/// The command prints an error with its causes, so a text that repeats its cause says it twice.
+#[test]
+fn a_cause_is_said_once_and_is_not_lost() {
+    let (_directory, path) = temp_dir();
+    let io = || std::io::Error::other("the cause");
+    let json = || RunManifest::from_json(b"the cause").unwrap_err();
+    let value = || {
+        let json = manifest(3, 1, 1).to_json().replace("\"alpha\":1.5", "\"alpha\":0.5");
+        RunManifest::from_json(json.as_bytes()).unwrap_err()
+    };
+    assert!(matches!(json(), ManifestError::Json(_)) && matches!(value(), ManifestError::Value(_)));
+    let name = || "run".parse().unwrap();
+    let errors: [(Box<dyn std::error::Error>, &str); 9] = [
+        (Box::new(WriteError::Io { path: path.clone(), source: io() }), "the cause"),
+        (Box::new(WriteError::File(WholeFileError::io(&path)(io()))), "the cause"),
+        (Box::new(WholeFileError::io(&path)(io())), "the cause"),
+        (Box::new(ReadError::Io { path: path.clone(), source: io() }), "the cause"),
+        (Box::new(ReadError::Manifest { path: path.clone(), source: json() }), "line 1"),
+        (Box::new(ReadError::Manifest { path: path.clone(), source: value() }), "chain.alpha"),
+        (Box::new(AttachError::Manifest { name: name(), source: value() }), "chain.alpha"),
+        (Box::new(RootError::Io { path: path.clone(), source: io() }), "the cause"),
+        (Box::new(RoomError::Io { path: path.clone(), source: io() }), "the cause"),
+    ];
+    for (error, cause) in errors {
+        let text = with_causes(error.as_ref());
+        assert_eq!(text.matches(cause).count(), 1, "{text}");
+    }
 }
 
 #[test]

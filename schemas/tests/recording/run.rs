@@ -66,6 +66,12 @@ pub(crate) fn write_recording(path: &Path, manifest: &RunManifest, options: &Wri
     writer.finish(EndReason::Complete).unwrap()
 }
 
+/// An error with its causes, as the command prints it.
+pub(crate) fn with_causes(error: &dyn std::error::Error) -> String {
+    std::iter::successors(error.source(), |cause| cause.source())
+        .fold(error.to_string(), |text, cause| format!("{text}: {cause}"))
+}
+
 pub(crate) fn temp_dir() -> (TempDir, PathBuf) {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("test.mcap");

@@ -49,7 +49,7 @@ pub struct AttachOptions {
     pub label: String,
     /// How long to wait for a run. Default: for ever.
     pub timeout: Option<Duration>,
-    /// When set, waiting ends, and the source ends with `EndReason::Stopped`.
+    /// When set, waiting ends, and the source ends with [`EndReason::Stopped`](crate::frame::EndReason::Stopped).
     pub stop: Arc<AtomicBool>,
     /// Is told what we wait for.
     pub notice: Arc<dyn Fn(&AttachNotice) + Send + Sync>,
@@ -85,7 +85,7 @@ pub enum AttachError {
     #[error("stopped while waiting for a run")]
     Stopped,
     /// The manifest that the producer published.
-    #[error("run {name}: {source}")]
+    #[error("run {name} cannot be read")]
     Manifest {
         /// The run.
         name: RunName,

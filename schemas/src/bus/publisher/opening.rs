@@ -68,6 +68,17 @@ pub enum PublishError {
         /// Found.
         found: u64,
     },
+    /// More consumers are waited for than can be attached.
+    #[error(
+        "{asked} lossless consumers are waited for, but at most {most} can attach to this run (fewer when frames \
+         are large and shared memory is short); wait for {most} or fewer"
+    )]
+    TooManyConsumers {
+        /// How many are waited for.
+        asked: usize,
+        /// How many can be attached at a time.
+        most: usize,
+    },
     /// We were asked to stop while a consumer held the run back; not every consumer got the frame.
     #[error("stopped while a consumer held the run back at frame {frame}")]
     Stopped {
@@ -154,6 +165,7 @@ impl StatePublisher {
             status,
             stream,
             doubles,
+            max_consumers: limits.subscribers,
             last_step: manifest.physics.step_count,
             ready: HashSet::new(),
             counts: PublishCounts::default(),

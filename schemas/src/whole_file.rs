@@ -1,0 +1,280 @@
+//! Files that have their name only once they are whole.
+//!
+//! What is being written is `<name>.partial`; [`WholeFile::publish`] syncs it and gives it its name, by one
+//! rename. Recordings, contacts maps and tables are written in this way.
+//!
+//! Architecture invariants: a file of either name that was there before is replaced only if that was asked
+//! for, one that appears meanwhile never; a `.partial` that a living process writes is never taken from it.
+//! The writer holds an advisory lock (`flock`) on its `.partial`; on file systems without locks a living writer
+//! cannot be told from a dead one, and only the rule about existing files is left.
+
+mod naming;
+
+pub(crate) use naming::directory_of;
+
+use rustix::fs::OFlags;
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// A file on its way to its name.
+///
+/// Dropped before [`publish`](Self::publish) it is removed, unless [`keep`](Self::keep) said that it is worth
+/// something: a start that failed must not stand in the way of the next one.
+#[derive(Debug)]
+pub struct WholeFile {
+    path: PathBuf,
+    partial: PathBuf,
+    replace: bool,
+    keep: bool,
+    file: Arc<File>,
+}
+
+/// Why a file could not be created, or not be given its name.
+#[derive(Debug, thiserror::Error)]
+pub enum WholeFileError {
+    /// There is a file of this name.
+    #[error("{} exists already; choose another name, or replace it with --force", path.display())]
+    Exists {
+        /// The file in the way.
+        path: PathBuf,
+    },
+    /// There is an unfinished file of this name.
+    #[error(
+        "{} exists, the part of a file that an earlier command wrote; move it away, or replace it with --force",
+        path.display()
+    )]
+    PartialExists {
+        /// The file in the way.
+        path: PathBuf,
+    },
+    /// A living process writes to this name.
+    #[error("{} is being written by another process; choose another name", path.display())]
+    Busy {
+        /// The file it writes.
+        path: PathBuf,
+    },
+    /// Something of this name is no file that could be replaced.
+    #[error("{} is {found} and cannot be replaced by a file; choose another name", path.display())]
+    NotAFile {
+        /// What is in the way.
+        path: PathBuf,
+        /// What it is.
+        found: &'static str,
+    },
+    /// A file of the final name appeared while this one was being written.
+    #[error(
+        "{} appeared while it was being written and is left alone; the finished file is {}: rename it",
+        path.display(), partial.display()
+    )]
+    Appeared {
+        /// The file in the way.
+        path: PathBuf,
+        /// The finished file.
+        partial: PathBuf,
+    },
+    /// The file was moved or deleted while it was being written.
+    #[error("{} was moved or deleted while it was being written", partial.display())]
+    Gone {
+        /// Where it was.
+        partial: PathBuf,
+    },
+    /// The operating system refused.
+    #[error("cannot write {}", path.display())]
+    Io {
+        /// What was written.
+        path: PathBuf,
+        /// What the operating system says.
+        source: io::Error,
+    },
+}
+
+impl WholeFileError {
+    /// For `map_err`: an error of the operating system about `path`.
+    pub fn io(path: &Path) -> impl Fn(io::Error) -> Self + '_ {
+        move |source| Self::Io { path: path.to_owned(), source }
+    }
+}
+
+/// How long the lock of a new file may be held by somebody who only looks at it.
+const LOCK_PATIENCE: Duration = Duration::from_secs(1);
+
+/// How often a `.partial` may come or go while we try to create it.
+const MAX_ATTEMPTS: u32 = 10;
+
+impl WholeFile {
+    /// Creates `<path>.partial`. Existing regular files of both names are in the way unless `replace`; anything
+    /// else (a directory, a link, a device) always is, and so is the `.partial` of a living process.
+    ///
+    /// # Errors
+    /// Any but [`WholeFileError::Appeared`] and [`WholeFileError::Gone`].
+    pub fn create(path: &Path, replace: bool) -> Result<Self, WholeFileError> {
+        if regular_file_at(path)? && !replace {
+            return Err(WholeFileError::Exists { path: path.to_owned() });
+        }
+        let mut name = OsString::from(path);
+        name.push(".partial");
+        let partial = PathBuf::from(name);
+        for _ in 0..MAX_ATTEMPTS {
+            if let Some(file) = create_locked(&partial, replace)? {
+                return Ok(Self {
+                    path: path.to_owned(),
+                    partial,
+                    replace,
+                    keep: false,
+                    file: Arc::new(file),
+                });
+            }
+        }
+        Err(WholeFileError::Busy { path: partial })
+    }
+
+    /// The name that it will have.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Where the bytes are until then: `<path>.partial`.
+    pub fn partial(&self) -> &Path {
+        &self.partial
+    }
+
+    /// The file, to write to it and to sync it.
+    pub fn file(&self) -> &Arc<File> {
+        &self.file
+    }
+
+    /// What was written is worth something: the `.partial` stays even if it is never finished.
+    pub fn keep(&mut self) {
+        self.keep = true;
+    }
+
+    /// Removes the file, whatever is in it.
+    pub fn discard(mut self) {
+        self.keep = false;
+    }
+
+    /// Makes the name of the `.partial` durable.
+    ///
+    /// # Errors
+    /// When the operating system refuses.
+    pub fn sync_name(&self) -> Result<(), WholeFileError> {
+        naming::sync_directory(&self.path)
+    }
+
+    /// Syncs the file and gives it its name, durably. After an error the `.partial` stays.
+    ///
+    /// # Errors
+    /// [`WholeFileError::Appeared`], [`WholeFileError::Gone`], or when the operating system refuses.
+    pub fn publish(mut self) -> Result<PathBuf, WholeFileError> {
+        self.keep = true;
+        let Self { path, partial, .. } = &self;
+        self.file.sync_all().map_err(WholeFileError::io(partial))?;
+        if !is_at(&self.file, partial) {
+            return Err(WholeFileError::Gone { partial: partial.clone() });
+        }
+        let named = if self.replace { fs::rename(partial, path) } else { naming::rename_new(partial, path) };
+        match named {
+            Ok(()) => {}
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+                return Err(WholeFileError::Appeared { path: path.clone(), partial: partial.clone() });
+            }
+            Err(error) => return Err(WholeFileError::io(path)(error)),
+        }
+        naming::sync_directory(path)?;
+        Ok(path.clone())
+    }
+}
+
+impl Drop for WholeFile {
+    fn drop(&mut self) {
+        if !self.keep && is_at(&self.file, &self.partial) {
+            // at best: what is left is an unfinished file
+            let _ = fs::remove_file(&self.partial);
+        }
+    }
+}
+
+/// Whether there is a regular file at `path`; anything else there is an error.
+fn regular_file_at(path: &Path) -> Result<bool, WholeFileError> {
+    let refuse = |found| Err(WholeFileError::NotAFile { path: path.to_owned(), found });
+    if path.file_name().is_none() {
+        return refuse("not the name of a file");
+    }
+    match path.symlink_metadata().map(|found| found.file_type()) {
+        // what is out of reach is refused by the operating system when it is created
+        Err(_) => Ok(false),
+        Ok(found) if found.is_file() => Ok(true),
+        Ok(found) if found.is_dir() => refuse("a directory"),
+        Ok(found) if found.is_symlink() => refuse("a link"),
+        Ok(_) => refuse("a device, pipe or socket"),
+    }
+}
+
+/// Creates and locks `partial`; none if another process came in between, so that it is worth another look.
+fn create_locked(partial: &Path, replace: bool) -> Result<Option<File>, WholeFileError> {
+    match OpenOptions::new().write(true).create_new(true).open(partial) {
+        Ok(file) => lock_new(&file, partial).map(|ours| ours.then_some(file)),
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+            make_room(partial, replace).map(|()| None)
+        }
+        Err(error) => Err(WholeFileError::io(partial)(error)),
+    }
+}
+
+/// Locks the file just created at `partial`, and says whether it is still there.
+fn lock_new(file: &File, partial: &Path) -> Result<bool, WholeFileError> {
+    let start = Instant::now();
+    // another starter may be looking whether its writer lives, or be removing it
+    while let Err(TryLockError::WouldBlock) = file.try_lock() {
+        if start.elapsed() >= LOCK_PATIENCE {
+            return Err(WholeFileError::Busy { path: partial.to_owned() });
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    Ok(is_at(file, partial))
+}
+
+/// Removes what is at `partial`, if that was asked for and nobody writes it.
+fn make_room(partial: &Path, replace: bool) -> Result<(), WholeFileError> {
+    if !regular_file_at(partial)? {
+        return Ok(()); // gone by now
+    }
+    // locks need a file open for writing on some file systems; what took its place meanwhile must not block
+    let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits();
+    #[expect(clippy::cast_possible_wrap, reason = "the same bits, as the standard library wants them")]
+    let opened = OpenOptions::new().write(true).custom_flags(flags as i32).open(partial);
+    let found = match opened {
+        Ok(found) => found,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        Err(_) if !replace => return Err(WholeFileError::PartialExists { path: partial.to_owned() }),
+        Err(error) => return Err(WholeFileError::io(partial)(error)),
+    };
+    // held until it is removed, so that nobody begins to write it
+    if let Err(TryLockError::WouldBlock) = found.try_lock() {
+        return Err(WholeFileError::Busy { path: partial.to_owned() });
+    }
+    if !is_at(&found, partial) {
+        return Ok(()); // its writer has finished it
+    }
+    if !replace {
+        return Err(WholeFileError::PartialExists { path: partial.to_owned() });
+    }
+    fs::remove_file(partial).map_err(WholeFileError::io(partial))
+}
+
+/// Whether `file` is what stands at `path`.
+fn is_at(file: &File, path: &Path) -> bool {
+    let identity = |found: fs::Metadata| (found.dev(), found.ino());
+    match (file.metadata().map(identity), path.symlink_metadata().map(identity)) {
+        (Ok(ours), Ok(there)) => ours == there,
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests;

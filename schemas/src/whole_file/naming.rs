@@ -1,0 +1,108 @@
+//! Giving a file its name so that nothing of that name is replaced, and making names durable.
+
+use super::WholeFileError;
+use rustix::fs::{CWD, RenameFlags};
+use rustix::io::Errno;
+use std::fs::{self, File, OpenOptions};
+use std::io;
+use std::path::Path;
+
+/// A way to rename that fails if the new name is taken.
+type Rename = fn(&Path, &Path) -> io::Result<()>;
+
+/// Renames, but never onto an existing file.
+pub(super) fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
+    first_possible(&[by_flag, by_link, by_reservation], from, to)
+}
+
+/// The first of `ways` that the file system can do.
+fn first_possible(ways: &[Rename], from: &Path, to: &Path) -> io::Result<()> {
+    let mut outcome = Err(io::ErrorKind::Unsupported.into());
+    for way in ways {
+        outcome = way(from, to);
+        match &outcome {
+            Err(error) if is_unsupported(error) => {}
+            _ => break,
+        }
+    }
+    outcome
+}
+
+/// What file systems say that cannot do it; FAT and several network ones say "not permitted".
+fn is_unsupported(error: &io::Error) -> bool {
+    matches!(Errno::from_io_error(error), Some(Errno::INVAL | Errno::NOSYS | Errno::NOTSUP | Errno::PERM))
+}
+
+fn by_flag(from: &Path, to: &Path) -> io::Result<()> {
+    Ok(rustix::fs::renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE)?)
+}
+
+/// A second name cannot be given if it is taken.
+fn by_link(from: &Path, to: &Path) -> io::Result<()> {
+    fs::hard_link(from, to)?;
+    fs::remove_file(from)
+}
+
+/// Without either: an empty file of our own takes the name, and only that is replaced.
+fn by_reservation(from: &Path, to: &Path) -> io::Result<()> {
+    OpenOptions::new().write(true).create_new(true).open(to)?;
+    fs::rename(from, to).inspect_err(|_| {
+        // at best: the error of the rename is what the user has to know
+        let _ = fs::remove_file(to);
+    })
+}
+
+/// Makes the names in the directory of `path` durable.
+pub(super) fn sync_directory(path: &Path) -> Result<(), WholeFileError> {
+    let directory = directory_of(path);
+    match File::open(directory).and_then(|directory| directory.sync_all()) {
+        // file systems that cannot sync directories do without
+        Err(error) if error.kind() == io::ErrorKind::InvalidInput => Ok(()),
+        synced => synced.map_err(WholeFileError::io(directory)),
+    }
+}
+
+/// The directory that `path` is in.
+pub(crate) fn directory_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cannot(_: &Path, _: &Path) -> io::Result<()> {
+        Err(Errno::PERM.into())
+    }
+
+    /// Without hard links, and without the flag, too.
+    #[test]
+    fn no_way_of_naming_replaces_a_file() {
+        let ways: [&[Rename]; 4] =
+            [&[by_flag], &[by_link], &[by_reservation], &[cannot, cannot, by_reservation]];
+        for ways in ways {
+            let directory = tempfile::tempdir().expect("directory");
+            let (from, to) = (directory.path().join("from"), directory.path().join("to"));
+            fs::write(&from, "new").expect("written");
+            fs::write(&to, "old").expect("written");
+            let refused = first_possible(ways, &from, &to).expect_err("taken");
+            assert_eq!(refused.kind(), io::ErrorKind::AlreadyExists);
+            assert_eq!(fs::read_to_string(&to).expect("kept"), "old");
+            fs::remove_file(&to).expect("removed");
+            first_possible(ways, &from, &to).expect("free");
+            assert_eq!(fs::read_to_string(&to).expect("named"), "new");
+            assert!(!from.exists());
+        }
+    }
+
+    #[test]
+    fn a_name_that_was_reserved_in_vain_is_free_again() {
+        let directory = tempfile::tempdir().expect("directory");
+        let (from, to) = (directory.path().join("from"), directory.path().join("to"));
+        assert!(by_reservation(&from, &to).is_err(), "there is nothing to rename");
+        assert!(!to.exists());
+    }
+}
