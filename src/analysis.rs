@@ -53,6 +53,7 @@ impl<'a> Session<'a> {
             }
             Named::File(path) => (Source::open(&path, &stop)?, None),
         };
+        display::notice_of_version(source.manifest());
         Ok(Self { args, source, live, stop })
     }
 

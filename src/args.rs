@@ -10,9 +10,10 @@ use std::path::PathBuf;
     name = "beadline",
     version,
     max_term_width = 100,
+    allow_negative_numbers = true,
     subcommand_required = true,
     arg_required_else_help = true,
-    after_help = "Exit codes: 0 done, 1 failed, 2 bad usage or bad input file, 3 finished, but something was lost.\n\
+    after_help = "Exit codes: 0 done (also when a signal ended it in order), 1 failed, 2 bad usage or bad input file, 3 finished, but something was lost.\n\
                   Units are SI. Runs of one user meet under $BEADLINE_ROOT (/tmp/beadline-<uid>).\n\n\
                   Examples:\n  \
                   beadline demo                         the whole pipeline once, with figures\n  \
@@ -61,7 +62,10 @@ pub(crate) enum Command {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  beadline demo --out shock   leaves everything in the directory `shock`")]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Example:\n  beadline demo --out shock   leaves everything in the directory `shock`"
+)]
 pub(crate) struct DemoArgs {
     /// Directory for the recording, the tables and the figures
     #[arg(long, value_name = "DIR", default_value = "beadline-demo")]
@@ -72,12 +76,15 @@ pub(crate) struct DemoArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  \
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
     beadline run                                      the light-impurity run of the paper\n  \
     beadline run --preset homogeneous --alpha 1.2     a preset, one value changed\n  \
     beadline run chain.toml --out chain.mcap          a configuration of your own\n  \
     beadline run --no-record --wait-for 2             starts when two analyses are ready\n  \
-    beadline run --impurity 400=2e-3 --impurity 600=0.5e-3 --duration 0.1")]
+    beadline run --impurity 400=2e-3 --impurity 600=0.5e-3 --duration 0.1"
+)]
 pub(crate) struct RunArgs {
     /// Configuration file; see `beadline preset light-impurity` for one to start from
     #[arg(value_name = "CONFIG.toml", conflicts_with = "preset")]
@@ -180,10 +187,13 @@ pub(crate) struct AnalysisArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  \
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
     beadline energies                                    attach to the only live run\n  \
     beadline energies run.mcap --out e.csv --figure e.svg\n  \
-    beadline energies run.mcap --split 300               left and right of bead 300")]
+    beadline energies run.mcap --split 300               left and right of bead 300"
+)]
 pub(crate) struct EnergiesArgs {
     #[command(flatten)]
     pub(crate) common: AnalysisArgs,
@@ -196,12 +206,15 @@ pub(crate) struct EnergiesArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  \
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
     beadline impurity --figure trajectory.png            attach to the only live run\n  \
     beadline impurity run.mcap --out i.csv --events events.csv\n  \
     beadline impurity run.mcap --bead 499 --bead 501     other beads\n\n\
     A contact counts as closed while its overlap is above 1e-6 of the collision length L. Events are\n\
-    interpolated between frames.")]
+    interpolated between frames."
+)]
 pub(crate) struct ImpurityArgs {
     #[command(flatten)]
     pub(crate) common: AnalysisArgs,
@@ -217,10 +230,13 @@ pub(crate) struct ImpurityArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  \
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
     beadline contacts --figure map.png                   attach to the only live run\n  \
     beadline contacts run.mcap --out counts.csv --out map.mcap\n  \
-    beadline contacts map.mcap --figure map.svg          draw a map that was kept")]
+    beadline contacts map.mcap --figure map.svg          draw a map that was kept"
+)]
 pub(crate) struct ContactsArgs {
     #[command(flatten)]
     pub(crate) common: AnalysisArgs,

@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use indicatif::{DecimalBytes, HumanCount, ProgressBar, ProgressStyle};
+use schemas::manifest::{RunManifest, SCHEMA_VERSION};
 use serde::Serialize;
 use std::fmt::{Display, Write as _};
 use std::io::{self, Write as _};
@@ -11,6 +12,16 @@ use std::time::Duration;
 pub(crate) fn notice(text: impl Display) {
     // nobody may be listening, and that is no reason to fail
     let _ = writeln!(io::stderr(), "beadline: {text}");
+}
+
+/// Says so if a manifest was written by a later version than this program's.
+pub(crate) fn notice_of_version(manifest: &RunManifest) {
+    if manifest.is_newer_minor() {
+        let found = manifest.schema_version;
+        notice(format_args!(
+            "schema version {found} is newer than {SCHEMA_VERSION}: what was added is not shown"
+        ));
+    }
 }
 
 /// Prints results on stdout.
@@ -29,7 +40,7 @@ pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
 /// A progress bar over `length` units, on a terminal only.
 pub(crate) fn progress_bar(length: u64, label: &str) -> ProgressBar {
     let bar = ProgressBar::new(length);
-    let style = ProgressStyle::with_template("{prefix} {bar:28} {percent:>3} %  {msg}");
+    let style = ProgressStyle::with_template("{prefix} {bar:20} {percent:>3} % {wide_msg}");
     bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("━╸ "));
     bar.set_prefix(label.to_owned());
     bar
@@ -52,7 +63,8 @@ pub(crate) fn seconds(value: f64) -> String {
         v if v >= 1.0 => (value, "s"),
         v if v >= 1e-3 => (value * 1e3, "ms"),
         v if v >= 1e-6 => (value * 1e6, "µs"),
-        _ => (value * 1e9, "ns"),
+        v if v >= 1e-9 => (value * 1e9, "ns"),
+        _ => return format!("{value:.2e} s"),
     };
     let decimals = if scaled.abs() >= 100.0 {
         0

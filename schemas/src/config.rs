@@ -132,6 +132,16 @@ impl ConfigError {
         }
     }
 
+    /// An impossible number, written with an exponent where it is very small or very large.
+    pub(crate) fn number(key: &str, found: f64, allowed: &str) -> Self {
+        let plain = found == 0.0 || (1e-4..1e6).contains(&found.abs());
+        if plain {
+            Self::value(key, found, allowed)
+        } else {
+            Self::value(key, format_args!("{found:e}"), allowed)
+        }
+    }
+
     /// The same error with the line of `toml` at which its key stands, and the file's `path`.
     #[must_use]
     pub fn located(mut self, toml: &str, path: Option<&Path>) -> Self {

@@ -7,6 +7,7 @@ use crate::chain::{Chain, Energy};
 use crate::config::{ConfigError, Impurity, RunConfig, StrikerConfig};
 use crate::contact::ContactLaw;
 use crate::method::Method;
+use crate::power::power;
 use crate::run_name::RunName;
 use crate::scales::Scales;
 use serde::{Deserialize, Serialize};
@@ -194,13 +195,29 @@ impl Physics {
         Ok(physics)
     }
 
-    /// `fraction · min(T, 4·T_light) · min(1, 5/α)`: the fraction of [`Method::default_step_fraction`], T for a
-    /// bead of `bead_mass_kg`, `T_light` for the lightest bead, which decides only below about 1/30 of the
-    /// mass. The larger α, the shorter the part of T in which a contact is stiff.
+    /// `fraction · min(T, 4·T_fast) · min(1, 5/α)`: the fraction of [`Method::default_step_fraction`], T of a bead of
+    /// `bead_mass_kg`, and [`Physics::fastest_s`], which decides only where a bead is lighter than about 1/16 of
+    /// the others or the striker much heavier. The larger α, the shorter the part of T in which a contact
+    /// is stiff.
     fn default_dt_s(&self) -> f64 {
-        let (usual, light) = (self.scales().time_s, 4.0 * self.light_scales().time_s);
-        let time_s = if light < usual { light } else { usual };
+        let (usual, fast) = (self.scales().time_s, 4.0 * self.fastest_s());
+        let time_s = if fast < usual { fast } else { usual };
         self.method.default_step_fraction() * time_s * self.stiff_fraction()
+    }
+
+    /// `T_fast = √(m_light/(k·L_s^(α−1)))` (s), with the overlap scale `L_s = (m_s·v0²/k)^(1/(α+1))` of the striker:
+    /// how fast the lightest bead moves between neighbours that the shock presses together. It is T in a
+    /// chain of equal beads.
+    fn fastest_s(&self) -> f64 {
+        let lightest = self.impurities.iter().fold(self.bead_mass_kg, |lightest, impurity| {
+            if impurity.mass_kg < lightest { impurity.mass_kg } else { lightest }
+        });
+        let striker = self.impurities.iter().find(|impurity| impurity.bead == self.striker.bead);
+        let striker_kg = striker.map_or(self.bead_mass_kg, |impurity| impurity.mass_kg);
+        let speed_m_s = self.striker.velocity_m_s.abs();
+        let ratio = striker_kg * (speed_m_s * speed_m_s) / self.stiffness;
+        let pressed = power(ratio, (self.alpha - 1.0) / (self.alpha + 1.0));
+        (lightest / (self.stiffness * pressed)).sqrt()
     }
 
     /// `min(1, 5/α)`.
@@ -213,13 +230,6 @@ impl Physics {
         Scales::new(self.bead_mass_kg, self.striker.velocity_m_s.abs(), self.stiffness, self.alpha)
     }
 
-    fn light_scales(&self) -> Scales {
-        let lightest = self.impurities.iter().fold(self.bead_mass_kg, |lightest, impurity| {
-            if impurity.mass_kg < lightest { impurity.mass_kg } else { lightest }
-        });
-        Scales::new(lightest, self.striker.velocity_m_s.abs(), self.stiffness, self.alpha)
-    }
-
     /// Checks everything but the time; `written` are the impurities in the user's order.
     fn check_chain(&self, written: &[Impurity]) -> Result<(), ConfigError> {
         if !(2..=MAX_BEADS).contains(&self.beads) {
@@ -227,7 +237,7 @@ impl Physics {
         }
         check_positive("chain.bead_mass_kg", self.bead_mass_kg, "kg")?;
         if !(1.0..=1000.0).contains(&self.alpha) {
-            return Err(ConfigError::value("chain.alpha", self.alpha, "an exponent from 1 to 1000"));
+            return Err(ConfigError::number("chain.alpha", self.alpha, "an exponent from 1 to 1000"));
         }
         check_positive("chain.stiffness", self.stiffness, "N/m^alpha")?;
         for (i, impurity) in written.iter().enumerate() {
@@ -241,7 +251,7 @@ impl Physics {
         self.check_bead("striker.bead", self.striker.bead)?;
         check_positive("striker.velocity_m_s", self.striker.velocity_m_s.abs(), "m/s").map_err(|_| {
             let allowed = "a velocity of 1e-100 to 1e100 m/s, in either direction";
-            ConfigError::value("striker.velocity_m_s", self.striker.velocity_m_s, allowed)
+            ConfigError::number("striker.velocity_m_s", self.striker.velocity_m_s, allowed)
         })?;
         self.check_scales()
     }
@@ -270,7 +280,7 @@ impl Physics {
     }
 
     fn check_dt(&self) -> Result<(), ConfigError> {
-        let longest = 0.25 * self.light_scales().time_s * self.stiff_fraction();
+        let longest = 0.25 * self.fastest_s() * self.stiff_fraction();
         if self.dt_s > 0.0 && self.dt_s <= longest {
             return Ok(());
         }
@@ -279,7 +289,7 @@ impl Physics {
              lightest bead (less for α > 5); {:.3e} s is the default",
             self.default_dt_s()
         );
-        Err(ConfigError::value("time.dt_s", self.dt_s, &allowed))
+        Err(ConfigError::number("time.dt_s", self.dt_s, &allowed))
     }
 
     /// Checks a manifest that came from elsewhere as strictly as a configuration.
@@ -497,7 +507,7 @@ fn step_count(duration_s: f64, dt_s: f64) -> Result<u64, ConfigError> {
         return Ok(steps as u64);
     }
     let allowed = format!("a time of at least one step of {dt_s:.6e} s and at most 2^52 steps");
-    Err(ConfigError::value("time.duration_s", duration_s, &allowed))
+    Err(ConfigError::number("time.duration_s", duration_s, &allowed))
 }
 
 /// Positive, and far enough from the ends of the range that no product of scales leaves it.
@@ -505,7 +515,7 @@ fn check_positive(key: &str, value: f64, unit: &str) -> Result<(), ConfigError> 
     if (1e-100..=1e100).contains(&value) {
         return Ok(());
     }
-    Err(ConfigError::value(key, value, &format!("a positive number of {unit}, 1e-100 to 1e100")))
+    Err(ConfigError::number(key, value, &format!("a positive number of {unit}, 1e-100 to 1e100")))
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use std::path::Path;
 
 pub(crate) fn info(path: &Path, as_json: bool) -> Result<Done, Failure> {
     let info = RecordingInfo::read(path).bad_input()?;
+    display::notice_of_version(&info.manifest);
     if as_json {
         display::print_json(&to_json(&info))?;
     } else {
@@ -35,7 +36,11 @@ fn text(info: &RecordingInfo) -> String {
     let impurities: Vec<_> =
         physics.impurities.iter().map(|i| format!("bead {} of {} kg", i.bead, i.mass_kg)).collect();
     let time = info.time_range_s().map_or("none".to_owned(), |(first, last)| {
-        format!("{} to {}, every {} steps", seconds(first), seconds(last), provenance.record_every_steps)
+        let every = match provenance.record_every_steps {
+            1 => "every step".to_owned(),
+            steps => format!("every {} steps", count(steps)),
+        };
+        format!("{} to {}, {every}", seconds(first), seconds(last))
     });
     let mut rows = vec![
         ("state", state(info)),

@@ -5,6 +5,7 @@ use crate::configuration::{Configured, configure};
 use crate::display::{self, bytes, count, duration, seconds};
 use crate::failure::{Done, Failure};
 use crate::signals;
+use anyhow::anyhow;
 use indicatif::ProgressBar;
 use producer::run::{Conductor, RunOutcome};
 use schemas::bus::{
@@ -24,6 +25,9 @@ use std::time::{Duration, Instant};
 /// How often a person needs to see progress.
 const REFRESH: Duration = Duration::from_millis(100);
 
+/// A relative drift of the energy that a user should hear of.
+const LARGE_DRIFT: f64 = 1e-4;
+
 pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     let configured = configure(args)?;
     let manifest = &configured.manifest;
@@ -31,6 +35,10 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.mcap", manifest.provenance.name)))
     });
     let options = WriteOptions { force: args.force, ..WriteOptions::default() };
+    if let Some(path) = out.as_ref().filter(|path| path.extension().is_none_or(|end| end != "mcap")) {
+        let message = format!("--out {}: a recording is written as .mcap", path.display());
+        return Err(Failure::BadInput(anyhow!(message)));
+    }
     announce(manifest, out.as_ref(), &options)?;
 
     let stop = signals::stop_flag()?;
@@ -41,6 +49,11 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     };
     let mut publisher =
         StatePublisher::create(&Bus::from_env()?, manifest, &manifest.physics.chain(), &publish)?;
+    let most = publisher.max_consumers();
+    if args.wait_for > most {
+        let message = format!("--wait-for {}: this run can have at most {most} consumers", args.wait_for);
+        return Err(Failure::BadInput(anyhow!(message)));
+    }
     let mut recorder = match &out {
         Some(path) => Some(RecordingWriter::create(path, manifest, &configured.toml, &options)?),
         None => None,
@@ -67,6 +80,12 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     let Watch { start, dropped, .. } = watch;
     let summary = Summary { manifest, outcome, counts, dropped, recording, wall: start.elapsed() };
     display::print(if args.json { summary.json()? } else { summary.text() })?;
+    if outcome.relative_drift.abs() > LARGE_DRIFT {
+        display::notice(format_args!(
+            "the energy drifted by {:.1e}: dt = {:e} s is too long for this chain; pass a shorter --dt",
+            outcome.relative_drift, manifest.physics.dt_s
+        ));
+    }
     Ok(Done::whole_if(counts.evicted == 0))
 }
 
