@@ -2,7 +2,7 @@
 //!
 //! An analysis takes frames one by one and cannot tell a live run, a replay, a file or a
 //! re-simulation apart: [`follow::follow`] is the one loop that reads a source. Each analysis is a
-//! module: [`energies`], [`impurity`], [`contacts`], [`pulses`].
+//! module: [`energies`], [`impurity`], [`contacts`], [`pulses`]. What theory expects is in [`theory`].
 
 pub mod contacts;
 pub mod energies;
@@ -13,3 +13,4 @@ pub mod plots;
 pub mod pulses;
 pub mod series;
 pub mod table;
+pub mod theory;
