@@ -4,11 +4,13 @@ use crate::args::DemoArgs;
 use crate::configuration::preset;
 use crate::display::{self, bytes, count, seconds};
 use crate::failure::{Done, Failure};
+use crate::signals;
 use anyhow::{Context, anyhow};
 use consumers::figure::Options;
 use consumers::follow::{Analysis, Tally, follow};
 use consumers::plots;
 use consumers::pulses::{Passage, Probes};
+use rustix::process::{Pid, Signal, kill_process};
 use schemas::bus::{Bus, list_runs};
 use schemas::frame::{Frame, FrameSource};
 use schemas::manifest::{Physics, RunManifest};
@@ -18,9 +20,12 @@ use serde_json::Value;
 use std::convert::Infallible;
 use std::fmt::Write;
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
-use std::thread;
+use std::process::{Command, Output, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 /// The run that the demo shows.
@@ -65,8 +70,9 @@ pub(crate) fn demo(args: &DemoArgs) -> Result<Done, Failure> {
     check_free(dir, args.force)?;
     let name = free_name()?;
 
-    let mut processes = Processes::start(dir, &name, args.force)?;
-    processes.watch(&name, step_count()?)?;
+    let stop = signals::stop_flag()?;
+    let processes = Processes::start(dir, &name, args.force)?;
+    processes.watch(&name, step_count()?, &stop)?;
     let [run, consumers @ ..] = processes.finish()?;
     let passages = look_at_recording(dir)?;
 
@@ -99,7 +105,8 @@ fn recording_path(dir: &Path) -> PathBuf {
 /// Refuses to start when results of before are in the way.
 fn check_free(dir: &Path, force: bool) -> Result<(), Failure> {
     let outputs = CONSUMERS.iter().flat_map(|(_, outputs)| outputs.iter().map(|(_, file)| dir.join(file)));
-    let taken = outputs.chain([recording_path(dir)]).find(|path| path.exists());
+    let partial = recording_path(dir).with_extension("mcap.partial");
+    let taken = outputs.chain([recording_path(dir), partial]).find(|path| path.exists());
     match taken {
         Some(path) if !force => {
             let message = format!("{} exists already; choose another --out or pass --force", path.display());
@@ -109,88 +116,112 @@ fn check_free(dir: &Path, force: bool) -> Result<(), Failure> {
     }
 }
 
-/// The producer and its consumers; whatever still runs when this is dropped is ended.
+/// The producer and its consumers; whatever still runs when this is dropped is told to end, and does so in
+/// order.
 struct Processes {
-    children: Vec<(&'static str, Child)>,
+    running: Vec<Process>,
+}
+
+/// A process and the thread that collects what it says.
+struct Process {
+    role: &'static str,
+    pid: Pid,
+    failed: Arc<AtomicBool>,
+    collector: JoinHandle<io::Result<Output>>,
+}
+
+impl Process {
+    fn start(role: &'static str, command: &mut Command) -> Result<Self, Failure> {
+        let command = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let child = command.spawn().with_context(|| format!("{role} cannot be started"))?;
+        let pid = Pid::from_child(&child);
+        let failed = Arc::new(AtomicBool::new(false));
+        let failure = Arc::clone(&failed);
+        let collector = thread::spawn(move || {
+            let output = child.wait_with_output();
+            let succeeded = output.as_ref().is_ok_and(|output| output.status.success());
+            failure.store(!succeeded, Ordering::Relaxed);
+            output
+        });
+        Ok(Self { role, pid, failed, collector })
+    }
+
+    /// Asks a process that still runs to end.
+    fn stop(&self) {
+        if !self.collector.is_finished() {
+            // it may have ended meanwhile
+            let _ = kill_process(self.pid, Signal::TERM);
+        }
+    }
+
+    fn output(self) -> Result<Output, Failure> {
+        let output = self.collector.join().map_err(|_| anyhow!("{} was not waited for", self.role))?;
+        Ok(output?)
+    }
 }
 
 impl Processes {
     fn start(dir: &Path, name: &RunName, force: bool) -> Result<Self, Failure> {
         let program = std::env::current_exe().context("the program cannot find itself")?;
-        let mut processes = Self { children: Vec::new() };
-        let mut spawn = |role: &'static str, arguments: &mut Command| -> Result<(), Failure> {
-            let arguments =
-                arguments.arg("--json").stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut processes = Self { running: Vec::new() };
+        let mut start = |role: &'static str, command: &mut Command| -> Result<(), Failure> {
+            command.arg("--json");
             if force {
-                arguments.arg("--force");
+                command.arg("--force");
             }
-            let child = arguments.spawn().with_context(|| format!("{role} cannot be started"))?;
-            processes.children.push((role, child));
+            processes.running.push(Process::start(role, command)?);
             Ok(())
         };
         let mut run = Command::new(&program);
         run.args(["run", "--preset", PRESET, "--name", name.as_str(), "--wait-for", "3", "--out"]);
-        spawn("run", run.arg(recording_path(dir)))?;
+        start("run", run.arg(recording_path(dir)))?;
         for (role, outputs) in CONSUMERS {
             let mut consumer = Command::new(&program);
             consumer.args([role, &format!("live:{name}"), "--timeout", "60"]);
             for (flag, file) in outputs {
                 consumer.arg(flag).arg(dir.join(file));
             }
-            spawn(role, &mut consumer)?;
+            start(role, &mut consumer)?;
         }
         Ok(processes)
     }
 
-    /// Shows how far the run is until every process has ended, or one of them failed.
-    fn watch(&mut self, name: &RunName, step_count: u64) -> Result<(), Failure> {
+    /// Shows how far the run is until every process has ended, or one has failed.
+    fn watch(&self, name: &RunName, step_count: u64, stop: &AtomicBool) -> Result<(), Failure> {
         let bus = Bus::from_env()?;
         let bar = display::progress_bar(step_count, PRESET);
-        loop {
-            let mut running = 0;
-            for (role, child) in &mut self.children {
-                match child.try_wait()? {
-                    None => running += 1,
-                    Some(status) if status.success() => {}
-                    Some(_) => {
-                        let role = *role;
-                        return Err(Failure::Failed(anyhow!("{role} failed: {}", self.complaint_of(role))));
-                    }
-                }
-            }
-            if running == 0 {
+        let failed = || self.running.iter().any(|process| process.failed.load(Ordering::Relaxed));
+        while self.running.iter().any(|process| !process.collector.is_finished()) && !failed() {
+            if stop.load(Ordering::Relaxed) {
                 bar.finish_and_clear();
-                return Ok(());
+                return Err(Failure::Failed(anyhow!(
+                    "stopped; the processes end in order and keep what they have"
+                )));
             }
-            let runs = list_runs(&bus)?;
-            if let Some(run) = runs.iter().find(|run| run.name == *name) {
+            if let Some(run) = list_runs(&bus)?.iter().find(|run| run.name == *name) {
+                let (state, time) = (run.state, seconds(run.time_s));
                 bar.set_position(run.step);
-                bar.set_message(format!(
-                    "{} · t = {} · {} consumers",
-                    run.state,
-                    seconds(run.time_s),
-                    run.lossless
-                ));
+                bar.set_message(format!("{state} · t = {time} · {} consumers", run.lossless));
             }
             thread::sleep(Duration::from_millis(50));
         }
-    }
-
-    /// What a process that failed said.
-    fn complaint_of(&mut self, role: &str) -> String {
-        let position = self.children.iter().position(|(other, _)| *other == role);
-        let output = position.map(|position| self.children.remove(position).1.wait_with_output());
-        match output {
-            Some(Ok(output)) => String::from_utf8_lossy(&output.stderr).trim().to_owned(),
-            _ => "it said nothing".to_owned(),
-        }
+        bar.finish_and_clear();
+        Ok(())
     }
 
     /// The summaries of all processes, the producer's first.
     fn finish(mut self) -> Result<[Value; 4], Failure> {
         let mut summaries = Vec::new();
-        for (role, child) in self.children.drain(..) {
-            let Output { stdout, .. } = child.wait_with_output()?;
+        // a process that failed first: the others may still be waiting for it
+        self.running.sort_by_key(|process| !process.failed.load(Ordering::Relaxed));
+        while !self.running.is_empty() {
+            let process = self.running.remove(0);
+            let role = process.role;
+            let Output { status, stdout, stderr } = process.output()?;
+            if !status.success() {
+                let said = String::from_utf8_lossy(&stderr).trim().to_owned();
+                return Err(Failure::Failed(anyhow!("{role} failed ({status}): {said}")));
+            }
             summaries
                 .push(serde_json::from_slice(&stdout).with_context(|| format!("{role} gave no summary"))?);
         }
@@ -200,10 +231,10 @@ impl Processes {
 
 impl Drop for Processes {
     fn drop(&mut self) {
-        for (_, child) in &mut self.children {
-            // a process that has ended meanwhile needs no end
-            let _ = child.kill();
-            let _ = child.wait();
+        self.running.iter().for_each(Process::stop);
+        for process in self.running.drain(..) {
+            // what they said no longer matters
+            let _ = process.output();
         }
     }
 }

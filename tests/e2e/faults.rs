@@ -71,6 +71,13 @@ fn a_name_is_free_again_while_old_consumers_are_still_there() {
 }
 
 #[test]
+fn a_run_does_not_wait_for_more_consumers_than_can_attach() {
+    let place = Place::new();
+    place.run("run --wait-for 100").exits(2).says(&["--wait-for 100", "at most"]);
+    assert!(!place.path("light-impurity.mcap.partial").exists());
+}
+
+#[test]
 fn a_second_producer_of_the_same_name_is_refused() {
     let place = Place::new();
     let run = place.start(&format!("{PACED} --no-record"));

@@ -72,6 +72,18 @@ fn the_demo_leaves_a_recording_tables_and_figures() {
     place.run("demo --out shock").exits(1).says(&["exists", "--force"]);
 }
 
+/// A demo that is told to end takes its processes with it.
+#[test]
+fn a_stopped_demo_leaves_no_process_behind() {
+    let place = Place::new();
+    let demo = place.start("demo --out shock");
+    place.wait_for_run("light-impurity", |run| run.step > 0);
+    demo.signal("TERM");
+    demo.wait().exits(1).says(&["stopped"]);
+    let runs = schemas::bus::list_runs(&place.bus()).unwrap();
+    assert!(runs.iter().all(|run| !run.is_live()), "{runs:?}");
+}
+
 /// A consumer in another process gets the energies of each frame, as they stand in the table.
 #[test]
 fn results_are_published_on_the_bus() {
