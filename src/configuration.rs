@@ -49,13 +49,13 @@ pub(crate) fn preset(name: &str) -> Result<Preset, Failure> {
 
 /// Applies what the flags say, and names the keys that they replaced.
 fn apply(overrides: &Overrides, name: Option<&String>, config: &mut RunConfig) -> Vec<&'static str> {
-    let mut replaced = Vec::new();
-    fn set<T: Clone>(replaced: &mut Vec<&'static str>, key: &'static str, value: &mut T, with: Option<T>) {
+    fn set<T>(replaced: &mut Vec<&'static str>, key: &'static str, value: &mut T, with: Option<T>) {
         if let Some(with) = with {
             *value = with;
             replaced.push(key);
         }
     }
+    let mut replaced = Vec::new();
     let r = &mut replaced;
     let impurity = |(bead, mass_kg): &(u64, f64)| Impurity { bead: *bead, mass_kg: *mass_kg };
     let impurities = overrides.impurity.iter().flatten().map(impurity).collect();
