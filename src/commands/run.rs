@@ -7,7 +7,7 @@ use crate::failure::{Done, Failure};
 use crate::signals;
 use anyhow::anyhow;
 use indicatif::ProgressBar;
-use producer::run::{Conductor, RunOutcome};
+use producer::run::{Conductor, RunError, RunOutcome};
 use schemas::bus::{
     Bus, ConsumerEvent, PublishCounts, PublishError, PublishOptions, StatePublisher, WaitOutcome,
 };
@@ -76,6 +76,12 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     // other fails
     let recording = recorder.map(|recorder| recorder.finish(reason)).transpose();
     let counts = publisher.finish(reason);
+    if let (Err(RunError::Record { .. }), Some(path)) = (&result, &out) {
+        let path = path.display();
+        display::notice(format_args!(
+            "what was recorded before stays in {path}.partial, which every analysis reads"
+        ));
+    }
     let (outcome, recording, counts) = (result?, recording?, counts?);
     let Watch { start, dropped, .. } = watch;
     let summary = Summary { manifest, outcome, counts, dropped, recording, wall: start.elapsed() };

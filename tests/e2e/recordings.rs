@@ -170,7 +170,7 @@ fn a_full_disk_leaves_a_readable_part() {
          code=$?; cp small/run.mcap.partial part.mcap; exit $code; }}"
     );
     let Some(ended) = in_a_namespace(&place, &script) else { return };
-    ended.exits(1).says(&["run.mcap", "No space left"]);
+    ended.exits(1).says(&["run.mcap.partial", "No space left", "stays in"]);
     place.run("energies part.mcap --out part.csv").exits(3);
     assert!(place.read("part.csv").lines().count() > 1000);
 }
