@@ -11,6 +11,7 @@
 
 mod backpressure;
 mod board;
+mod creating;
 mod live;
 mod publisher;
 mod results;
