@@ -21,6 +21,8 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// How old what is half-made must be, and how long it must have been seen: programs that are not ours do not
 /// take the lock, but need only milliseconds.
 const STALE_AFTER: Duration = Duration::from_secs(1);
+const SEGMENT_STALE_AFTER: Duration = Duration::from_secs(2);
+const SEGMENTS: &str = "/dev/shm";
 const PAUSE: Duration = Duration::from_millis(2);
 
 /// Held while something is created on the bus.
@@ -60,6 +62,33 @@ pub(super) fn is_stale(path: &Path, age: Duration) -> bool {
     let untouched = found.modified().ok().and_then(|at| at.elapsed().ok());
     let ours = found.uid() == rustix::process::getuid().as_raw();
     found.is_file() && ours && untouched.is_some_and(|untouched| untouched >= age)
+}
+
+/// The segment that all processes of a bus share, if its creator has not finished it: it was killed meanwhile,
+/// or memory was full.
+pub(super) fn half_made_segment(prefix: &str) -> Option<PathBuf> {
+    let entries = std::fs::read_dir(SEGMENTS).ok()?.flatten();
+    let mut shared = entries.filter(|entry| {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        name.starts_with(prefix) && name.ends_with(".global_mgmt")
+    });
+    let unreadable =
+        |path: &PathBuf| std::fs::symlink_metadata(path).is_ok_and(|found| found.mode() & 0o400 == 0);
+    shared.find_map(|entry| Some(entry.path()).filter(unreadable))
+}
+
+/// Removes what [`half_made_segment`] found, if nobody works on it any more.
+pub(super) fn remove_segment(root: &Path, path: &Path) -> Result<(), BusError> {
+    if is_stale(path, SEGMENT_STALE_AFTER) {
+        let _lock = CreationLock::take(root)?;
+        // another process may have been faster, and this may be a new one
+        if is_stale(path, SEGMENT_STALE_AFTER) {
+            // what remains is reported by the caller
+            let _ = std::fs::remove_file(path);
+        }
+    }
+    Ok(())
 }
 
 /// A service that is to be there.

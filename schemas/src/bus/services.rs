@@ -222,6 +222,17 @@ pub enum BusError {
         /// What iceoryx2 says.
         cause: String,
     },
+    /// What all processes share could not be finished by the one that began with it.
+    #[error("cannot register on the bus in {root}: {segment} is half-made; delete it when nothing runs")]
+    HalfMade {
+        /// Root of the bus.
+        root: String,
+        /// The segment.
+        segment: std::path::PathBuf,
+    },
+    /// Shared memory is short.
+    #[error(transparent)]
+    Room(#[from] super::RoomError),
     /// Nothing can be created on the bus.
     #[error("cannot lock {path}: {cause}; see who holds it with `fuser {path}`")]
     Locked {

@@ -67,4 +67,26 @@ fn a_producer_killed_at_any_moment_of_its_start_does_not_stop_the_next() {
         run_through(&test, "start");
         assert!(start.elapsed() < Duration::from_secs(10), "killed after {at_us} us");
     }
+    // a port that was being made leaves a small segment that nothing refers to
+    for entry in std::fs::read_dir("/dev/shm").unwrap().flatten() {
+        if entry.file_name().to_string_lossy().starts_with(&test.bus.prefix()) {
+            std::fs::remove_file(entry.path()).unwrap();
+        }
+    }
+}
+
+/// Killed between creating the segment that all share and filling it, by a full memory for instance.
+#[test]
+fn a_segment_that_was_never_filled_does_not_stop_the_next_process() {
+    let test = TestBus::new();
+    drop(publisher(&test.bus, "segment", BEADS, &PublishOptions::default()));
+    let prefix = test.bus.prefix();
+    let mut paths = std::fs::read_dir("/dev/shm").unwrap().map(|entry| entry.unwrap().path());
+    let ours = |path: &PathBuf| path.file_name().unwrap().to_string_lossy().starts_with(&prefix);
+    let path = paths.find(ours).unwrap();
+    assert!(path.to_string_lossy().ends_with(".global_mgmt"));
+    std::fs::set_permissions(&path, Permissions::from_mode(0o200)).unwrap();
+    let start = Instant::now();
+    run_through(&test, "segment");
+    assert!(start.elapsed() > Duration::from_secs(1), "it was in the way, and not removed while it was new");
 }
