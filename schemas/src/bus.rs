@@ -11,6 +11,7 @@
 
 mod backpressure;
 mod board;
+mod creating;
 mod live;
 mod publisher;
 mod results;
@@ -105,18 +106,29 @@ impl Bus {
     }
 
     fn node_with(&self, config: &Config) -> Result<Node<Ipc>, BusError> {
+        room::check_least(room::free_bytes()?)?;
         let start = Instant::now();
         loop {
             let builder =
                 NodeBuilder::new().config(config).signal_handling_mode(SignalHandlingMode::Disabled);
-            match builder.create::<Ipc>() {
+            let error = match builder.create::<Ipc>() {
                 Ok(node) => return Ok(node),
-                Err(e) if start.elapsed() > Duration::from_secs(1) => {
-                    let root = self.root.display().to_string();
-                    return Err(BusError::Node { root, cause: format!("{e:?}") });
-                }
-                Err(_) => std::thread::sleep(Duration::from_millis(2)),
+                Err(e) => e,
+            };
+            let half_made = creating::half_made_segment(&self.prefix());
+            if let Some(path) = &half_made {
+                creating::remove_segment(&self.root, path)?;
             }
+            // one that is half-made is removed only when it has become old enough
+            let patience = Duration::from_secs(if half_made.is_some() { 5 } else { 1 });
+            if start.elapsed() > patience {
+                let root = self.root.display().to_string();
+                return Err(match half_made {
+                    Some(segment) => BusError::HalfMade { root, segment },
+                    None => BusError::Node { root, cause: format!("{error:?}") },
+                });
+            }
+            std::thread::sleep(Duration::from_millis(2));
         }
     }
 

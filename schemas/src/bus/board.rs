@@ -1,15 +1,14 @@
 //! The blackboard of a run: its manifest and how far it is.
 
-use super::services::{
-    BoardService, Class, Classify, MAX_SUBSCRIBERS, Topic, attributes, open, service_name, text_of,
-};
+use super::creating::Wanted;
+use super::services::{BoardService, MAX_SUBSCRIBERS, Topic, attributes, open, service_name, text_of};
 use super::wire::{MANIFEST_BYTES, ManifestText, RunStatus, StreamId};
 use super::{BusError, Ipc};
 use crate::run_name::RunName;
 use iceoryx2::node::Node;
 use iceoryx2::port::reader::{EntryHandle, Reader};
 use iceoryx2::port::writer::{EntryHandleMut, Writer};
-use iceoryx2::prelude::ZeroCopySend;
+use iceoryx2::prelude::{MessagingPattern, ZeroCopySend};
 use std::time::{Duration, Instant, SystemTime};
 
 const KEY_MANIFEST: u64 = 0;
@@ -42,22 +41,17 @@ impl BoardWriter {
         let (text, name, attributes) =
             (text_of(run, Topic::Manifest), service_name(run, Topic::Manifest)?, attributes(&[])?);
         let entry = manifest_text(manifest, status.stream());
-        let start = Instant::now();
-        let (service, new) = loop {
-            let opener = || node.service_builder(&name).blackboard_opener::<u64>().open();
-            if let Some(service) = open(&text, opener)? {
-                break (service, false);
-            }
+        let create = || {
             let creator = node.service_builder(&name).blackboard_creator::<u64>();
             let creator = creator.max_readers(MAX_READERS).max_nodes(MAX_READERS);
             let creator = creator.add(KEY_MANIFEST, *entry).add(KEY_STATUS, status);
             let creator = creator.add(KEY_PREVIOUS, RunStatus::default());
-            match creator.create_with_attributes(&attributes) {
-                Ok(service) => break (service, true),
-                Err(e) if e.class() != Class::Refused && start.elapsed() < PATIENCE => pause(),
-                Err(e) => return Err(BusError::service(&text, "create", &e)),
-            }
+            creator.create_with_attributes(&attributes)
         };
+        let wanted = Wanted { node, text: &text, name: &name, pattern: MessagingPattern::Blackboard };
+        let opener = || node.service_builder(&name).blackboard_opener::<u64>().open();
+        let (service, new) = wanted.open_or_create(opener, create)?;
+        let start = Instant::now();
         let writer = loop {
             match service.writer_builder().create() {
                 Ok(writer) => break writer,

@@ -12,6 +12,9 @@ const OVERHEAD_BYTES: u64 = 512;
 /// What the small services of a run need: blackboard, queues, tags.
 const FIXED_BYTES: u64 = 2 << 20;
 
+/// What a process needs that registers itself, and attaches to a run as it is.
+const LEAST_BYTES: u64 = 1 << 20;
+
 /// Why a run does not fit into shared memory.
 #[derive(Debug, thiserror::Error)]
 pub enum RoomError {
@@ -25,6 +28,17 @@ pub enum RoomError {
         path: PathBuf,
         /// What may be touched at worst.
         needed_bytes: u64,
+        /// What is there.
+        free_bytes: u64,
+    },
+    /// Next to nothing is free.
+    #[error(
+        "using the bus needs {LEAST_BYTES} bytes of shared memory, {free_bytes} are free in {path}; \
+         free some, or enlarge it (docker: --shm-size)"
+    )]
+    Least {
+        /// Where.
+        path: PathBuf,
         /// What is there.
         free_bytes: u64,
     },
@@ -73,9 +87,24 @@ pub(super) fn check(slot_bytes: u64, limits: Limits, free_bytes: u64) -> Result<
     Err(RoomError::Full { path: PathBuf::from("/dev/shm"), needed_bytes: needed, free_bytes })
 }
 
+/// Refuses to touch shared memory when it is full: that kills the process.
+pub(super) fn check_least(free_bytes: u64) -> Result<(), RoomError> {
+    if free_bytes >= LEAST_BYTES {
+        return Ok(());
+    }
+    Err(RoomError::Least { path: PathBuf::from("/dev/shm"), free_bytes })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_full_memory_is_refused_before_it_is_touched() {
+        assert!(check_least(1 << 20).is_ok());
+        let error = check_least((1 << 20) - 1).expect_err("full");
+        assert!(error.to_string().contains("1048575 are free in /dev/shm"), "{error}");
+    }
 
     #[test]
     fn queues_shrink_with_the_frame_and_with_the_memory() {

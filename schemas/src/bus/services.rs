@@ -1,5 +1,6 @@
 //! The services of a run: their names, their limits, and opening them while others come and go.
 
+use super::creating::Wanted;
 use super::wire::{JoinAnswer, JoinRequest, StateHeader};
 use super::{Bus, Ipc};
 use crate::manifest::{SCHEMA_VERSION, SchemaVersion};
@@ -74,8 +75,8 @@ pub(super) const MAX_SUBSCRIBERS: usize = 16;
 pub(super) const BORROWED: usize = 2;
 /// Most processes that have a service open.
 const MAX_NODES: usize = 64;
-/// How long a service may be in the middle of being created or removed.
-const PATIENCE: Duration = Duration::from_secs(2);
+/// How long who only opens waits for a service that is being created or removed. iceoryx2 has waited already.
+const PATIENCE: Duration = Duration::from_millis(200);
 const SCHEMA_KEY: &str = "beadline.schema";
 
 pub(super) fn text_of(run: &RunName, topic: Topic) -> String {
@@ -92,7 +93,10 @@ pub(super) fn service_name(run: &RunName, topic: Topic) -> Result<ServiceName, B
 pub(super) enum Class {
     Missing,
     Exists,
-    Transient,
+    /// By a signal.
+    Interrupted,
+    /// In the middle of being created or removed, or left so.
+    Broken,
     Refused,
 }
 
@@ -106,8 +110,9 @@ macro_rules! classify {
             fn class(&self) -> Class {
                 match self {
                     Self::DoesNotExist => Class::Missing,
-                    Self::Interrupt | Self::ServiceInCorruptedState | Self::HangsInCreation
-                    | Self::IsMarkedForDestruction => Class::Transient,
+                    Self::Interrupt => Class::Interrupted,
+                    Self::ServiceInCorruptedState | Self::HangsInCreation
+                    | Self::IsMarkedForDestruction => Class::Broken,
                     _ => Class::Refused,
                 }
             }
@@ -116,8 +121,9 @@ macro_rules! classify {
             fn class(&self) -> Class {
                 match self {
                     Self::AlreadyExists => Class::Exists,
-                    Self::Interrupt | Self::ServiceInCorruptedState $(| Self::$hangs)?
-                    | Self::IsBeingCreatedByAnotherInstance => Class::Transient,
+                    Self::Interrupt => Class::Interrupted,
+                    Self::ServiceInCorruptedState $(| Self::$hangs)?
+                    | Self::IsBeingCreatedByAnotherInstance => Class::Broken,
                     _ => Class::Refused,
                 }
             }
@@ -132,42 +138,26 @@ classify! {
     RequestResponseOpenError, RequestResponseCreateError, HangsInCreation;
 }
 
-/// Opens, while others may be creating or removing the same service. `None`: there is none.
+/// Opens what is there, while others may be creating or removing it. `None`: there is none that is whole.
 pub(super) fn open<T, E: Classify>(
     text: &str,
     open: impl Fn() -> Result<T, E>,
 ) -> Result<Option<T>, BusError> {
     let start = Instant::now();
     loop {
+        let waited = start.elapsed();
         match open() {
             Ok(service) => return Ok(Some(service)),
-            Err(e) if e.class() == Class::Missing => return Ok(None),
-            Err(e) if e.class() == Class::Transient && start.elapsed() < PATIENCE => {
-                std::thread::sleep(Duration::from_millis(2));
-            }
-            Err(e) => return Err(BusError::service(text, "open", &e)),
+            Err(e) => match e.class() {
+                Class::Missing => return Ok(None),
+                // its creator may have been killed; the next one takes it away
+                Class::Broken if waited >= PATIENCE => return Ok(None),
+                Class::Broken => {}
+                Class::Interrupted if waited < 10 * PATIENCE => {}
+                _ => return Err(BusError::service(text, "open", &e)),
+            },
         }
-    }
-}
-
-/// Opens what is there, or creates it. An existing service keeps the limits it was created with.
-pub(super) fn open_or_create<T, O: Classify, C: Classify>(
-    text: &str,
-    try_open: impl Fn() -> Result<T, O>,
-    try_create: impl Fn() -> Result<T, C>,
-) -> Result<(T, bool), BusError> {
-    let start = Instant::now();
-    loop {
-        if let Some(service) = open(text, &try_open)? {
-            return Ok((service, false));
-        }
-        match try_create() {
-            Ok(service) => return Ok((service, true)),
-            Err(e) if e.class() != Class::Refused && start.elapsed() < PATIENCE => {
-                std::thread::sleep(Duration::from_millis(2));
-            }
-            Err(e) => return Err(BusError::service(text, "create", &e)),
-        }
+        std::thread::sleep(Duration::from_millis(2));
     }
 }
 
@@ -232,6 +222,25 @@ pub enum BusError {
         /// What iceoryx2 says.
         cause: String,
     },
+    /// What all processes share could not be finished by the one that began with it.
+    #[error("cannot register on the bus in {root}: {segment} is half-made; delete it when nothing runs")]
+    HalfMade {
+        /// Root of the bus.
+        root: String,
+        /// The segment.
+        segment: std::path::PathBuf,
+    },
+    /// Shared memory is short.
+    #[error(transparent)]
+    Room(#[from] super::RoomError),
+    /// Nothing can be created on the bus.
+    #[error("cannot lock {path}: {cause}; see who holds it with `fuser {path}`")]
+    Locked {
+        /// The lock file.
+        path: std::path::PathBuf,
+        /// What is wrong.
+        cause: String,
+    },
     /// A service could not be used.
     #[error("cannot {doing} {service}: {cause}")]
     Service {
@@ -284,7 +293,8 @@ pub(super) fn slices<T: Debug + ZeroCopySend>(
             .max_nodes(MAX_NODES)
             .create_with_attributes(&attributes)
     };
-    Ok(open_or_create(&text, || builder().enable_safe_overflow(false).open(), create)?.0)
+    let wanted = Wanted { node, text: &text, name: &name, pattern: MessagingPattern::PublishSubscribe };
+    Ok(wanted.open_or_create(|| builder().enable_safe_overflow(false).open(), create)?.0)
 }
 
 /// Opens a topic of slices, if it is there.
@@ -314,7 +324,8 @@ pub(super) fn chain(node: &Node<Ipc>, run: &RunName) -> Result<StateService, Bus
             .max_nodes(MAX_NODES)
             .create_with_attributes(&attributes)
     };
-    Ok(open_or_create(&text, || builder().open(), create)?.0)
+    let wanted = Wanted { node, text: &text, name: &name, pattern: MessagingPattern::PublishSubscribe };
+    Ok(wanted.open_or_create(|| builder().open(), create)?.0)
 }
 
 /// The event service that goes with `topic`.
@@ -328,7 +339,8 @@ pub(super) fn events(node: &Node<Ipc>, run: &RunName, topic: Topic) -> Result<Ev
             .max_nodes(MAX_NODES)
             .create_with_attributes(&attributes)
     };
-    Ok(open_or_create(&text, || node.service_builder(&name).event().open(), create)?.0)
+    let wanted = Wanted { node, text: &text, name: &name, pattern: MessagingPattern::Event };
+    Ok(wanted.open_or_create(|| node.service_builder(&name).event().open(), create)?.0)
 }
 
 /// `/join`.
@@ -344,7 +356,8 @@ pub(super) fn join(node: &Node<Ipc>, run: &RunName) -> Result<JoinService, BusEr
             .max_nodes(MAX_NODES)
             .create_with_attributes(&attributes)
     };
-    Ok(open_or_create(&text, || builder().open(), create)?.0)
+    let wanted = Wanted { node, text: &text, name: &name, pattern: MessagingPattern::RequestResponse };
+    Ok(wanted.open_or_create(|| builder().open(), create)?.0)
 }
 
 /// `/join`, if it is there.

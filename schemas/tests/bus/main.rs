@@ -11,6 +11,7 @@ mod child;
 mod delivery;
 mod faults;
 mod foreign;
+mod leftovers;
 mod results;
 mod support;
 mod traps;
