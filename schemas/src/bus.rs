@@ -87,6 +87,11 @@ impl Bus {
         root::prefix(&self.root)
     }
 
+    /// The directory in which every service is described.
+    fn services(&self) -> PathBuf {
+        PathBuf::from(self.config.global.service_dir().to_string())
+    }
+
     fn config(&self) -> &Config {
         &self.config
     }

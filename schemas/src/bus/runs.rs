@@ -126,7 +126,11 @@ pub(super) fn run_names(bus: &Bus) -> Result<Vec<RunName>, BusError> {
 /// # Errors
 /// When the bus cannot be used.
 pub fn list_runs(bus: &Bus) -> Result<Vec<RunInfo>, BusError> {
-    let names = run_names(bus)?;
+    look_at(bus, run_names(bus)?)
+}
+
+/// Those of `names` that are on the bus.
+pub(super) fn look_at(bus: &Bus, names: Vec<RunName>) -> Result<Vec<RunInfo>, BusError> {
     if names.is_empty() {
         return Ok(Vec::new());
     }

@@ -73,6 +73,29 @@ fn waiting_ends_with_the_time_or_the_flag() {
     assert!(matches!(stopped, Err(AttachError::Stopped)));
 }
 
+/// Time that this thread has had a processor.
+fn busy() -> Duration {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap();
+    Duration::from_nanos(text.split(' ').next().unwrap().parse().unwrap())
+}
+
+#[test]
+fn waiting_beside_another_run_costs_next_to_nothing() {
+    let test = TestBus::new();
+    let _other = publisher(&test.bus, "other", 10, &PublishOptions::default());
+    let waited = Duration::from_secs(4);
+    let options = AttachOptions { timeout: Some(waited), ..AttachOptions::default() };
+    // right after the other run came we look often
+    std::thread::sleep(Duration::from_millis(1200));
+    let before = busy();
+    let result = LiveSource::attach(&test.bus, Some(&run_name("mine")), Delivery::Latest, &options);
+    let busy = busy().saturating_sub(before);
+    println!("busy for {busy:?} of {waited:?}");
+    let Err(error) = result else { panic!() };
+    assert!(error.to_string().contains("no run mine was published within 4.0 s"), "{error}");
+    assert!(busy < waited / 100, "{busy:?} of {waited:?}");
+}
+
 #[test]
 fn a_flag_ends_an_attached_consumer() {
     let test = TestBus::new();

@@ -3,7 +3,7 @@
 use super::{LIVENESS_PERIOD, LiveSource, Ports, StateSample, StateSubscriber};
 use crate::bus::backpressure::Delivery;
 use crate::bus::board::BoardReader;
-use crate::bus::runs::{RunInfo, list_runs, run_names};
+use crate::bus::runs::{RunInfo, look_at, run_names};
 use crate::bus::services::{self, Topic, check_schema, text_of};
 use crate::bus::wire::{JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, STATE_RUNNING, StreamId};
 use crate::bus::{Bus, BusError, Ipc};
@@ -16,14 +16,21 @@ use iceoryx2::port::listener::Listener;
 use iceoryx2::port::subscriber::SubscriberCreateError;
 use iceoryx2::port::update_connections::UpdateConnections as _;
 use iceoryx2::prelude::PortName;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 /// Queue of a consumer that takes what there is: with a longer one it would see older frames.
 const LATEST_BUFFER: usize = 2;
-/// How often we look for a run that is not there yet.
+/// How often we look whether something has changed while the run is not there yet.
 const SEARCH_PERIOD: Duration = Duration::from_millis(50);
+/// The same right after the start.
+const EAGER_SEARCH_PERIOD: Duration = Duration::from_millis(20);
+/// How often we look at what is in the middle of being made.
+const UNSETTLED_PERIOD: Duration = Duration::from_millis(50);
+/// How long we are eager.
+const EAGER: Duration = Duration::from_secs(1);
 /// How often a consumer in the handshake looks for the answer.
 const ANSWER_WAIT: Duration = Duration::from_millis(10);
 
@@ -68,7 +75,7 @@ pub enum AttachError {
     #[error(transparent)]
     Bus(#[from] BusError),
     /// Nothing came.
-    #[error("no run{} was published within {waited:?}; start one with `beadline run`", named(.name.as_ref()))]
+    #[error("no run{} was published within {:.1} s; start one with `beadline run`", named(.name.as_ref()), waited.as_secs_f64())]
     Timeout {
         /// The run asked for.
         name: Option<RunName>,
@@ -122,13 +129,17 @@ impl LiveSource {
         options: &AttachOptions,
     ) -> Result<Self, AttachError> {
         let search = Search { bus, delivery, options, start: Instant::now() };
-        let mut told = false;
+        let (mut told, mut watch) = (false, Watch::new(bus));
         loop {
             search.check()?;
-            if let Some(name) = search.find(run)?
-                && let Attempt::Attached(source) = search.attach(&name)?
-            {
-                return Ok(*source);
+            if watch.is_worth_a_look() {
+                let found = search.find(run)?;
+                if let Some(name) = &found.live
+                    && let Attempt::Attached(source) = search.attach(name)?
+                {
+                    return Ok(*source);
+                }
+                watch.looked(&found);
             }
             if !told {
                 (options.notice)(&AttachNotice::WaitingForRun { name: run.cloned() });
@@ -137,9 +148,55 @@ impl LiveSource {
             if options.timeout.is_some_and(|timeout| search.start.elapsed() >= timeout) {
                 return Err(AttachError::Timeout { name: run.cloned(), waited: search.start.elapsed() });
             }
-            std::thread::sleep(SEARCH_PERIOD);
+            let eager = search.start.elapsed() < EAGER;
+            std::thread::sleep(if eager { EAGER_SEARCH_PERIOD } else { SEARCH_PERIOD });
         }
     }
+}
+
+/// Whether to look for runs again: a look takes milliseconds, and changes are rare.
+struct Watch {
+    services: PathBuf,
+    changed: Option<SystemTime>,
+    looked_at: Option<Instant>,
+    /// How long the last look is good when no service has come or gone since.
+    good_for: Duration,
+}
+
+impl Watch {
+    /// How long a new service may take until it is whole. Finishing it does not touch the directory.
+    const SETTLING: Duration = Duration::from_secs(1);
+
+    fn new(bus: &Bus) -> Self {
+        Self { services: bus.services(), changed: None, looked_at: None, good_for: Duration::ZERO }
+    }
+
+    fn is_worth_a_look(&mut self) -> bool {
+        // no directory: nobody was ever here
+        let changed = std::fs::metadata(&self.services).and_then(|found| found.modified()).ok();
+        let same = std::mem::replace(&mut self.changed, changed) == changed;
+        let settled = changed.is_none_or(|at| at.elapsed().is_ok_and(|age| age >= Self::SETTLING));
+        let good_for = if settled { self.good_for } else { self.good_for.min(UNSETTLED_PERIOD) };
+        !same || self.looked_at.is_none_or(|at| at.elapsed() >= good_for)
+    }
+
+    /// A run that is over, and that consumers still read, can come to life again without a new service.
+    fn looked(&mut self, found: &Found) {
+        self.looked_at = Some(Instant::now());
+        self.good_for = match found {
+            Found { live: Some(_), .. } => UNSETTLED_PERIOD,
+            Found { any: true, .. } => Duration::from_millis(500),
+            Found { .. } => Duration::from_secs(2),
+        };
+    }
+}
+
+/// What a look at the bus found.
+struct Found {
+    /// The run that was asked for, if it is being published.
+    live: Option<RunName>,
+    /// Whether there is such a run at all.
+    any: bool,
 }
 
 /// What a try to attach found.
@@ -161,19 +218,23 @@ impl Search<'_> {
         if self.options.stop.load(Ordering::Relaxed) { Err(AttachError::Stopped) } else { Ok(()) }
     }
 
-    /// The name of the run to attach to, if it is being published.
-    fn find(&self, run: Option<&RunName>) -> Result<Option<RunName>, AttachError> {
-        for name in run_names(self.bus)?.iter().filter(|name| run.is_none_or(|run| run == *name)) {
+    /// The run to attach to.
+    fn find(&self, run: Option<&RunName>) -> Result<Found, AttachError> {
+        let mut names = run_names(self.bus)?;
+        names.retain(|name| run.is_none_or(|run| run == name));
+        if names.is_empty() {
+            return Ok(Found { live: None, any: false });
+        }
+        for name in &names {
             check_schema(self.bus, name, Topic::Manifest)?;
             check_schema(self.bus, name, Topic::State)?;
         }
-        let live = list_runs(self.bus)?.into_iter().filter(RunInfo::is_live);
+        let live = look_at(self.bus, names)?.into_iter().filter(RunInfo::is_live);
         let mut names: Vec<RunName> = live.map(|info| info.name).collect();
-        match run {
-            Some(run) => Ok(names.contains(run).then(|| run.clone())),
-            None if names.len() > 1 => Err(AttachError::SeveralRuns { names }),
-            None => Ok(names.pop()),
+        if names.len() > 1 {
+            return Err(AttachError::SeveralRuns { names });
         }
+        Ok(Found { live: names.pop(), any: true })
     }
 
     /// Tries to attach to `run`; it may be over before we are done.
