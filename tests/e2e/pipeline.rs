@@ -102,7 +102,8 @@ fn results_are_published_on_the_bus() {
         match rows.receive().unwrap() {
             ResultReceived::Row(row) => published.push((row.frame, row.values.to_vec())),
             ResultReceived::End(_) => break,
-            missed @ ResultReceived::Missed { .. } => panic!("{missed:?}"),
+            // rows sent while the two sides connect may be missed: there is no handshake for results
+            ResultReceived::Missed { .. } => published.clear(),
         }
     }
     run.wait().exits(0);
@@ -117,7 +118,6 @@ fn results_are_published_on_the_bus() {
             (fields[0].parse().unwrap(), fields[3..].iter().map(|field| field.parse().unwrap()).collect())
         })
         .collect();
-    // what was published before the two sides were connected is not promised
     assert!(published.len() > written.len() / 2, "{} of {} rows", published.len(), written.len());
     assert!(written.ends_with(&published), "the rows published are not those written");
 }

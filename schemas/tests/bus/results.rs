@@ -107,9 +107,11 @@ fn subscribers_notice_that_the_publisher_was_killed() {
     let mut rows = attach::<f64>(&test, Topic::Energies, Delivery::Lossless).unwrap();
     assert!(matches!(rows.receive().unwrap(), ResultReceived::Row(_)));
     child.kill();
+    // rows sent while the two sides connected may be missed, and are counted
     let (frames, missed, end) = read(&mut rows);
-    assert_eq!((missed, end), (0, EndReason::ProducerLost));
-    assert!(frames.windows(2).all(|pair| pair[1] == pair[0] + 1));
+    assert_eq!(end, EndReason::ProducerLost);
+    let skipped: u64 = frames.windows(2).map(|pair| pair[1] - pair[0] - 1).sum();
+    assert!(skipped <= missed, "{skipped} rows skipped, {missed} told");
     // and the next one can take its place
     wait_until(|| attach::<f64>(&test, Topic::Energies, Delivery::Lossless).is_none());
     create::<f64>(&test, Topic::Energies, &columns(2, "a_J,b_J"));
