@@ -45,6 +45,8 @@ pub(crate) enum Command {
     Impurity(ImpurityArgs),
     /// The space-time map of compressed, touching and open contacts
     Contacts(ContactsArgs),
+    /// The paper, figure by figure, claim by claim: simulated, drawn and judged
+    Reproduce(ReproduceArgs),
     /// List the live runs of this user
     Ls {
         /// Print JSON
@@ -248,6 +250,35 @@ pub(crate) struct ContactsArgs {
     pub(crate) tolerance: Option<f64>,
 }
 
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline reproduce                        everything, into the directory `paper`\n  \
+    beadline reproduce --list                 the names of the figures\n  \
+    beadline reproduce width vmax --out fits  two figures and their claims\n\n\
+    DIR gets REPORT.md and report.json (each claim with our numbers and a verdict), GALLERY.md, the figures in\n\
+    img/paper, and recordings, from which whatever was simulated before is taken again.\n\
+    Exit code 3: a number contradicts its independently computed reference.")]
+pub(crate) struct ReproduceArgs {
+    /// Figures to reproduce, see --list [default: all]
+    #[arg(value_name = "FIGURE")]
+    pub(crate) figures: Vec<String>,
+    /// Directory for the report, the figures and the recordings
+    #[arg(long, value_name = "DIR", default_value = "paper")]
+    pub(crate) out: PathBuf,
+    /// Runs simulated at a time [default: one for each processor]
+    #[arg(long, value_name = "N", value_parser = parse_jobs)]
+    pub(crate) jobs: Option<usize>,
+    /// Replace a report that exists
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// List the figures and do nothing else
+    #[arg(long)]
+    pub(crate) list: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
 /// How fast a run goes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Pace {
@@ -255,6 +286,11 @@ pub(crate) enum Pace {
     Max,
     /// Simulated seconds per second of wall time.
     PerSecond(f64),
+}
+
+fn parse_jobs(text: &str) -> Result<usize, String> {
+    let jobs = text.parse().ok().filter(|jobs| (1..=1024).contains(jobs));
+    jobs.ok_or_else(|| "expected a number of workers from 1 to 1024".to_owned())
 }
 
 fn parse_pace(text: &str) -> Result<Pace, String> {

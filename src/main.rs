@@ -6,6 +6,7 @@ mod commands;
 mod configuration;
 mod display;
 mod failure;
+mod reproduce;
 mod signals;
 mod source;
 
@@ -27,6 +28,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Energies(args) => commands::energies::energies(&args),
         Command::Impurity(args) => commands::impurity::impurity(&args),
         Command::Contacts(args) => commands::contacts::contacts(&args),
+        Command::Reproduce(args) => commands::reproduce::reproduce(&args),
         Command::Ls { json } => commands::ls::ls(json),
         Command::Info { file, json } => commands::info::info(&file, json),
     }

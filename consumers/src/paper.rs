@@ -1,0 +1,21 @@
+//! The paper, figure by figure and claim by claim.
+//!
+//! A [`Study`] is one figure with the claims that go with it. It says which [`Run`]s it needs; whoever
+//! simulates them feeds their frames to an [`Observer`]; from what was [`Observed`] the study draws its figure and
+//! judges its claims. A [`Verdict`] is always computed: from our numbers, and from a criterion or an
+//! independent reference. Nothing here knows of files or buses.
+//!
+//! # Source
+//! E. Hascoët and H. J. Herrmann, *Shocks in non-loaded bead chains with impurities*.
+
+mod claim;
+mod light;
+mod observe;
+mod reference;
+mod runs;
+mod study;
+
+pub use claim::{Claim, Judgement, Number, Reference, StudyError, Uncertainty, Verdict};
+pub use observe::{Observations, Observed, Observer, Snapshot};
+pub use runs::{Run, Watch};
+pub use study::{STUDIES, Study};

@@ -1,0 +1,206 @@
+//! What the paper says, what we find, and whether these agree.
+
+use super::observe::Observations;
+use std::fmt;
+
+/// A statement of the paper, and how to judge it.
+#[derive(Debug, Clone, Copy)]
+pub struct Claim {
+    /// A short name that stays the same: `light-almost-same-amplitudes`.
+    pub id: &'static str,
+    /// Where in the paper it stands.
+    pub place: &'static str,
+    /// The paper's words, with its formulas in plain text.
+    pub quote: &'static str,
+    /// Compares the statement with what was observed.
+    pub judge: fn(&Observations) -> Result<Judgement, StudyError>,
+}
+
+/// How a statement fared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// It is so.
+    Reproduced,
+    /// It is so in kind, but a number or a condition has to be put right.
+    Corrected,
+    /// It is not so.
+    NotSo,
+}
+
+impl Verdict {
+    /// [`Reproduced`](Self::Reproduced) or [`NotSo`](Self::NotSo).
+    pub(super) fn of(holds: bool) -> Self {
+        if holds { Self::Reproduced } else { Self::NotSo }
+    }
+
+    /// [`Reproduced`](Self::Reproduced) if the statement holds to the letter, [`Corrected`](Self::Corrected) if
+    /// only what is at the heart of it does.
+    pub(super) fn graded(heart: bool, letter: bool) -> Self {
+        match (heart, letter) {
+            (true, true) => Self::Reproduced,
+            (true, false) => Self::Corrected,
+            (false, _) => Self::NotSo,
+        }
+    }
+
+    /// The words of the report.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Reproduced => "reproduced",
+            Self::Corrected => "reproduced with a correction",
+            Self::NotSo => "not so",
+        }
+    }
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+/// The outcome of judging a claim.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Judgement {
+    /// Whether it is so.
+    pub verdict: Verdict,
+    /// Why, in one sentence.
+    pub why: String,
+    /// The numbers behind the verdict.
+    pub numbers: Vec<Number>,
+}
+
+/// A number of ours.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Number {
+    /// What it is.
+    pub what: String,
+    /// The value.
+    pub value: f64,
+    /// Its unit, empty for a ratio or a count.
+    pub unit: &'static str,
+    /// How far it may be off; absent for counts.
+    pub uncertainty: Option<Uncertainty>,
+    /// What others computed.
+    pub reference: Option<Reference>,
+}
+
+/// How far a number may be off, and how we know.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Uncertainty {
+    /// Half the width of the interval, in the unit of the number.
+    pub plus_minus: f64,
+    /// Where it comes from.
+    pub from: &'static str,
+}
+
+/// A number that Beadline did not compute.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reference {
+    /// The value.
+    pub value: f64,
+    /// How good it is, in the unit of the number.
+    pub good_to: f64,
+}
+
+impl Number {
+    /// A number without uncertainty, such as a count.
+    pub(super) fn new(what: impl Into<String>, value: f64, unit: &'static str) -> Self {
+        Self { what: what.into(), value, unit, uncertainty: None, reference: None }
+    }
+
+    /// Adds an uncertainty.
+    pub(super) fn give_or_take(mut self, plus_minus: f64, from: &'static str) -> Self {
+        self.uncertainty = Some(Uncertainty { plus_minus: plus_minus.abs(), from });
+        self
+    }
+
+    /// Adds a reference that is good to the part `relative` of itself.
+    pub(super) fn against(mut self, value: f64, relative: f64) -> Self {
+        self.reference = Some(Reference { value, good_to: (relative * value).abs() });
+        self
+    }
+
+    /// Adds a reference that is good to `good_to`, in the unit of the number.
+    pub(super) fn against_within(mut self, value: f64, good_to: f64) -> Self {
+        self.reference = Some(Reference { value, good_to });
+        self
+    }
+
+    /// Whether it differs from its reference by more than three times what both may be off.
+    pub fn contradicts_reference(&self) -> bool {
+        let ours = self.uncertainty.map_or(0.0, |uncertainty| uncertainty.plus_minus);
+        self.reference.is_some_and(|reference| {
+            let both = ours.hypot(reference.good_to);
+            // not a number contradicts everything
+            !((self.value - reference.value).abs() <= 3.0 * both)
+        })
+    }
+}
+
+/// Why a study cannot be made from what was observed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum StudyError {
+    /// A run of the study was not observed.
+    #[error("the run `{run}` was not observed")]
+    NotObserved {
+        /// The run.
+        run: String,
+    },
+    /// What the study measures does not occur in the run.
+    #[error("{run}: there is no {what} to be measured")]
+    Absent {
+        /// The run.
+        run: String,
+        /// What is missing.
+        what: String,
+    },
+    /// A theory has no answer.
+    #[error(transparent)]
+    Wave(#[from] crate::theory::WaveError),
+    /// A wave cannot be scaled.
+    #[error(transparent)]
+    Scale(#[from] crate::theory::ScaleError),
+    /// A reference file of ours is broken.
+    #[error("the reference {file} has no row {row}")]
+    NoReference {
+        /// The file.
+        file: &'static str,
+        /// What was looked for.
+        row: String,
+    },
+    /// A figure's raster is broken.
+    #[error("the figure cannot be drawn: {reason}")]
+    Figure {
+        /// What the drawing said.
+        reason: String,
+    },
+}
+
+impl From<crate::figure::FigureError> for StudyError {
+    fn from(error: crate::figure::FigureError) -> Self {
+        Self::Figure { reason: error.to_string() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_contradicts_a_reference_that_is_too_far_for_both() {
+        let number =
+            |value: f64| Number::new("v", value, "m/s").give_or_take(3e-3, "test").against(2.0, 2e-3);
+        // √(3² + 4²) = 5 thousandths, three times
+        assert!(!number(2.0149).contradicts_reference() && !number(1.9851).contradicts_reference());
+        assert!(number(2.0151).contradicts_reference() && number(f64::NAN).contradicts_reference());
+        assert!(!Number::new("n", 7.0, "").contradicts_reference());
+    }
+
+    #[test]
+    fn verdicts_are_graded() {
+        assert_eq!(Verdict::graded(true, true), Verdict::Reproduced);
+        assert_eq!(Verdict::graded(true, false), Verdict::Corrected);
+        assert_eq!(Verdict::graded(false, true), Verdict::NotSo);
+    }
+}

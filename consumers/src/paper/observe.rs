@@ -1,0 +1,171 @@
+//! What is seen of a run.
+
+use super::claim::StudyError;
+use super::runs::{Run, Watch};
+use crate::contacts::{ContactCounts, ContactRaster, Contacts, default_tolerance_m};
+use crate::follow::Analysis;
+use crate::impurity::{Event, Followed, Motion};
+use crate::pulses::{Passage, Probes};
+use crate::series::Series;
+use schemas::frame::Frame;
+use schemas::manifest::RunManifest;
+use std::collections::BTreeMap;
+use std::convert::Infallible;
+
+/// The whole state at one time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Snapshot {
+    /// When (s).
+    pub time_s: f64,
+    /// Displacement (m) of each bead.
+    pub u_m: Vec<f64>,
+    /// Velocity (m/s) of each bead.
+    pub v_m_s: Vec<f64>,
+    /// How many contacts are in which class.
+    pub counts: ContactCounts,
+    /// The class of each contact.
+    pub classes: Vec<u8>,
+}
+
+/// What was seen of a run.
+#[derive(Debug, Clone)]
+pub struct Observed {
+    /// The run.
+    pub manifest: RunManifest,
+    /// The states asked for.
+    pub snapshots: Vec<Snapshot>,
+    /// The pulses that passed the probes, in the order of arrival.
+    pub passages: Vec<Passage>,
+    /// The motion of the first bead followed.
+    pub motion: Series<{ Motion::QUANTITIES.len() }>,
+    /// What happened to the beads followed.
+    pub events: Vec<Event>,
+    /// The classes of the contacts over space and time.
+    pub map: Option<ContactRaster>,
+    /// The largest overlap or gap (m) that counts as touching.
+    pub tolerance_m: f64,
+}
+
+/// Looks at the frames of one run.
+#[derive(Debug)]
+pub struct Observer {
+    watch: Watch,
+    probes: Probes,
+    followed: Followed,
+    contacts: Contacts,
+    /// The step at which the map ends.
+    map_until: u64,
+    seen: Observed,
+}
+
+impl Observer {
+    /// For the frames of `run`, whose manifest is `manifest`.
+    pub fn new(run: &Run, manifest: &RunManifest) -> Self {
+        let tolerance_m = default_tolerance_m(manifest);
+        let physics = &manifest.physics;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        let map_until = run.watch.map_until_s.map_or(0, |until_s| (until_s / physics.dt_s).round() as u64);
+        let map_until = map_until.min(physics.step_count);
+        let map = run.watch.map_until_s.map(|_| ContactRaster::new(manifest.contact_count(), map_until));
+        Self {
+            probes: Probes::new(manifest, &run.watch.probes),
+            followed: Followed::new(manifest, &run.watch.followed),
+            contacts: Contacts::new(manifest, tolerance_m),
+            map_until,
+            watch: run.watch.clone(),
+            seen: Observed {
+                manifest: manifest.clone(),
+                snapshots: Vec::new(),
+                passages: Vec::new(),
+                motion: Series::default(),
+                events: Vec::new(),
+                map,
+                tolerance_m,
+            },
+        }
+    }
+
+    /// What was seen.
+    pub fn finish(mut self) -> Observed {
+        self.seen.passages = self.probes.passages();
+        self.seen
+    }
+
+    fn keep_snapshots(&mut self, frame: &Frame<'_>) {
+        let due = self.watch.snapshots_s.get(self.seen.snapshots.len());
+        // a time that was asked for and the time of a frame may differ by a rounding
+        if due.is_none_or(|due_s| frame.time_s < due_s * (1.0 - 1e-12)) {
+            return;
+        }
+        let classes = self.contacts.observe(frame).to_vec();
+        self.seen.snapshots.push(Snapshot {
+            time_s: frame.time_s,
+            u_m: frame.u_m.to_vec(),
+            v_m_s: frame.v_m_s.to_vec(),
+            counts: ContactCounts::of(&classes),
+            classes,
+        });
+    }
+}
+
+impl Analysis for Observer {
+    type Error = Infallible;
+
+    fn observe(&mut self, frame: &Frame<'_>) -> Result<(), Infallible> {
+        self.probes.observe(frame);
+        if !self.watch.followed.is_empty() {
+            let (motions, events) = self.followed.observe(frame);
+            self.seen.motion.push(frame.time_s, motions[0].values());
+            self.seen.events.extend_from_slice(events);
+        }
+        if let Some(map) = self.seen.map.as_mut().filter(|_| frame.step <= self.map_until) {
+            map.push(frame.step, self.contacts.observe(frame));
+        }
+        self.keep_snapshots(frame);
+        Ok(())
+    }
+
+    fn gap(&mut self) {
+        self.probes.gap();
+        self.followed.gap();
+    }
+}
+
+/// What was seen of all runs.
+#[derive(Debug, Default)]
+pub struct Observations {
+    runs: BTreeMap<String, Observed>,
+}
+
+impl Observations {
+    /// Adds what was seen of a run.
+    pub fn insert(&mut self, run: &Run, observed: Observed) {
+        self.runs.insert(run.name().to_owned(), observed);
+    }
+
+    /// What was seen of `run`.
+    ///
+    /// # Errors
+    /// When it was not observed.
+    pub fn of(&self, run: &Run) -> Result<&Observed, StudyError> {
+        self.runs.get(run.name()).ok_or_else(|| StudyError::NotObserved { run: run.name().to_owned() })
+    }
+}
+
+impl Observed {
+    /// The snapshot number `index`.
+    pub(super) fn snapshot(&self, index: usize) -> Result<&Snapshot, StudyError> {
+        self.snapshots.get(index).ok_or_else(|| self.absent(format!("snapshot {index}")))
+    }
+
+    /// Says that something is not there.
+    pub(super) fn absent(&self, what: impl Into<String>) -> StudyError {
+        StudyError::Absent { run: self.manifest.provenance.name.to_string(), what: what.into() }
+    }
+
+    /// The pulses that passed `bead` in one direction, in the order of arrival.
+    pub(super) fn pulses_past(&self, bead: u64, forward: bool) -> Vec<Passage> {
+        let same = |passage: &&Passage| passage.bead == bead && (passage.v_peak_m_s > 0.0) == forward;
+        self.passages.iter().filter(same).copied().collect()
+    }
+}

@@ -1,0 +1,50 @@
+//! Numbers that Beadline did not compute; `tests/reference/README.md` says where they come from.
+
+use super::claim::StudyError;
+
+/// A table of numbers and words, with a header.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ReferenceTable {
+    file: &'static str,
+    text: &'static str,
+}
+
+/// Pulses that pass bead 700 (forward) and bead 300 (backward) of the light-impurity run; good to 1e-5.
+pub(super) const LIGHT_PULSES: ReferenceTable = ReferenceTable {
+    file: "light-impurity-pulses.csv",
+    text: include_str!("../../../tests/reference/light-impurity-pulses.csv"),
+};
+
+/// Where the light impurity turns; good to 0.1 µs and 0.01 µm.
+pub(super) const LIGHT_TURNS: ReferenceTable = ReferenceTable {
+    file: "light-impurity-turning-points.csv",
+    text: include_str!("../../../tests/reference/light-impurity-turning-points.csv"),
+};
+
+impl ReferenceTable {
+    /// The rows below the header, as words.
+    pub(super) fn rows(self) -> impl Iterator<Item = Vec<&'static str>> {
+        self.text.lines().skip(1).map(|line| line.split(',').collect())
+    }
+
+    /// The values after the words or numbers `key` that the row begins with.
+    pub(super) fn values(self, key: &[&str]) -> Result<Vec<f64>, StudyError> {
+        let row = self.rows().find(|row| row.starts_with(key));
+        let missing = || StudyError::NoReference { file: self.file, row: key.join(",") };
+        let row = row.ok_or_else(missing)?;
+        row[key.len()..].iter().map(|word| word.parse().map_err(|_| missing())).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_found_by_their_first_words() {
+        assert_eq!(LIGHT_PULSES.values(&["backward", "2"]).unwrap(), [-0.150_378_6, 6212.545]);
+        assert_eq!(LIGHT_TURNS.rows().count(), 8);
+        let missing = LIGHT_PULSES.values(&["sideways", "2"]).unwrap_err();
+        assert_eq!(missing.to_string(), "the reference light-impurity-pulses.csv has no row sideways,2");
+    }
+}

@@ -1,0 +1,172 @@
+//! `beadline reproduce`: the paper, figure by figure, claim by claim.
+
+use crate::args::ReproduceArgs;
+use crate::configuration::origin;
+use crate::display;
+use crate::failure::{BadInput, Done, Failure};
+use crate::reproduce::cache::{self, Cached};
+use crate::reproduce::report::{Report, Studied, figure_path};
+use crate::reproduce::{markdown, workers};
+use crate::signals;
+use anyhow::{Context, anyhow};
+use consumers::figure::{Figure, Options};
+use consumers::paper::{Observations, Run, STUDIES, Study, Verdict};
+use schemas::manifest::RunManifest;
+use schemas::whole_file::WholeFile;
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::Path;
+use std::time::Instant;
+
+pub(crate) fn reproduce(args: &ReproduceArgs) -> Result<Done, Failure> {
+    if args.list {
+        return list();
+    }
+    let studies = chosen(&args.figures).bad_input()?;
+    refuse_to_overwrite(args, &studies)?;
+    let start = Instant::now();
+    let recordings = args.out.join("recordings");
+    cache::create(&recordings)?;
+    let runs = runs_of(&studies).into_values().map(|run| Cached::look(run, &recordings));
+    let runs = runs.collect::<Result<Vec<_>, _>>()?;
+    let manifests: Vec<RunManifest> = runs.iter().map(|cached| cached.manifest.clone()).collect();
+    let stop = signals::stop_flag()?;
+    let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, Into::into));
+    announce(&studies, &runs, jobs);
+    let Some(done) = workers::observe_all(runs, jobs, &stop)? else {
+        display::notice("stopped; the runs that were finished stay in the cache and are not done again");
+        return Ok(Done::Whole);
+    };
+
+    let studied = studies.iter().map(|study| conclude(study, &done.observations, &args.out));
+    let studies = studied.collect::<Result<Vec<_>, _>>()?;
+    let report = Report { studies, runs: manifests, program: origin().program };
+    write_text(&args.out.join("REPORT.md"), &markdown::report(&report))?;
+    write_text(&args.out.join("GALLERY.md"), &markdown::gallery(&report))?;
+    let json = serde_json::to_string_pretty(&report.json())?;
+    write_text(&args.out.join("report.json"), &format!("{json}\n"))?;
+    let outcome = Outcome { report: &report, done: &done, args, start };
+    outcome.print()?;
+    for (claim, number) in report.contradictions() {
+        let (value, reference) = (number.value, number.reference.map_or(f64::NAN, |found| found.value));
+        display::notice(format_args!(
+            "{}: {}: {value} {} contradicts the reference {reference}",
+            claim.id, number.what, number.unit
+        ));
+    }
+    Ok(Done::whole_if(report.contradictions().is_empty()))
+}
+
+fn list() -> Result<Done, Failure> {
+    for study in STUDIES {
+        display::print(format_args!("{:22} {} ({})\n", study.slug, study.title, study.place))?;
+    }
+    Ok(Done::Whole)
+}
+
+/// The studies of these names, or all, in the order of the paper.
+fn chosen(names: &[String]) -> Result<Vec<&'static Study>, anyhow::Error> {
+    if let Some(unknown) = names.iter().find(|name| Study::find(name).is_none()) {
+        let known: Vec<&str> = STUDIES.iter().map(|study| study.slug).collect();
+        return Err(anyhow!("there is no figure `{unknown}`; there are: {}", known.join(", ")));
+    }
+    let wanted = |study: &&Study| names.is_empty() || names.iter().any(|name| name == study.slug);
+    Ok(STUDIES.iter().filter(wanted).collect())
+}
+
+/// Each run that the studies need, once.
+fn runs_of(studies: &[&'static Study]) -> BTreeMap<String, Run> {
+    studies.iter().flat_map(|study| (study.runs)()).map(|run| (run.name().to_owned(), run)).collect()
+}
+
+/// Before anything is computed: what would be written must not be there, unless it may be replaced.
+fn refuse_to_overwrite(args: &ReproduceArgs, studies: &[&'static Study]) -> Result<(), Failure> {
+    let figures = studies.iter().flat_map(|study| ["svg", "png"].map(|end| figure_path(study, end)));
+    let pages = ["REPORT.md", "GALLERY.md", "report.json"].map(str::to_owned);
+    for name in pages.into_iter().chain(figures) {
+        let path = args.out.join(name);
+        if !args.force && path.symlink_metadata().is_ok() {
+            let path = path.display();
+            let message = format!(
+                "{path} exists already; choose another --out, or replace the report with --force (recordings are \
+                 kept and used again either way)"
+            );
+            return Err(Failure::BadInput(anyhow!(message)));
+        }
+    }
+    Ok(())
+}
+
+fn announce(studies: &[&'static Study], runs: &[Cached], jobs: usize) {
+    let recorded = runs.iter().filter(|cached| cached.recorded).count();
+    display::notice(format_args!(
+        "{} figures from {} runs, {recorded} of them recorded before; {jobs} at a time",
+        studies.len(),
+        runs.len(),
+    ));
+}
+
+/// Draws the figure of a study and judges its claims.
+fn conclude(study: &'static Study, seen: &Observations, out: &Path) -> Result<Studied, Failure> {
+    let of_study = || study.slug.to_owned();
+    let figure = (study.draw)(seen).with_context(of_study)?;
+    write_figure(&figure, study, out)?;
+    let judged = study.claims.iter().map(|claim| Ok((claim, (claim.judge)(seen)?)));
+    let claims = judged.collect::<Result<Vec<_>, anyhow::Error>>().with_context(of_study)?;
+    Ok(Studied { study, claims })
+}
+
+fn write_figure(figure: &Figure, study: &Study, out: &Path) -> Result<(), Failure> {
+    for extension in ["svg", "png"] {
+        let path = out.join(figure_path(study, extension));
+        if let Some(directory) = path.parent() {
+            cache::create(directory)?;
+        }
+        figure.write(&path, Options::default())?;
+    }
+    Ok(())
+}
+
+/// Writes a page; [`refuse_to_overwrite`] has asked whether it may be replaced.
+fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
+    let file = WholeFile::create(path, true)?;
+    let written = (&**file.file()).write_all(text.as_bytes());
+    written.with_context(|| format!("{} cannot be written", path.display()))?;
+    file.publish()?;
+    Ok(())
+}
+
+/// What the command leaves behind, in numbers.
+struct Outcome<'a> {
+    report: &'a Report,
+    done: &'a workers::Done,
+    args: &'a ReproduceArgs,
+    start: Instant,
+}
+
+impl Outcome<'_> {
+    fn print(&self) -> Result<(), Failure> {
+        if self.args.json {
+            let mut summary = self.report.summary();
+            summary["simulated"] = self.done.simulated.clone().into();
+            summary["reused"] = self.done.reused.clone().into();
+            summary["wall_s"] = self.start.elapsed().as_secs_f64().into();
+            return display::print_json(&summary);
+        }
+        let (report, out) = (self.report, self.args.out.display());
+        let count = |verdict| report.count(verdict).to_string();
+        let (simulated, reused) = (self.done.simulated.len(), self.done.reused.len());
+        let (references, against) = (report.reference_count(), report.contradictions().len());
+        let rows = [
+            ("figures", format!("{} in {out}/img/paper", report.studies.len())),
+            ("report", format!("{out}/REPORT.md, {out}/report.json")),
+            ("runs", format!("{simulated} simulated, {reused} from the cache")),
+            (Verdict::Reproduced.as_str(), count(Verdict::Reproduced)),
+            (Verdict::Corrected.as_str(), count(Verdict::Corrected)),
+            (Verdict::NotSo.as_str(), count(Verdict::NotSo)),
+            ("against references", format!("{references} numbers, {against} contradicted")),
+            ("wall time", display::duration(self.start.elapsed())),
+        ];
+        display::print(display::rows("the paper", &rows))
+    }
+}

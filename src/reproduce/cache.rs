@@ -1,0 +1,128 @@
+//! Recordings of the paper's runs, made once.
+
+use crate::configuration::origin;
+use crate::failure::Failure;
+use anyhow::{Context, anyhow};
+use consumers::follow::{Tally, follow};
+use consumers::paper::{Observed, Observer, Run};
+use producer::run::{Conductor, RunError};
+use schemas::frame::{EndReason, Frame, FrameSink};
+use schemas::manifest::RunManifest;
+use schemas::recording::{RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};
+use std::convert::Infallible;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// A run with its place in the cache.
+#[derive(Debug)]
+pub(crate) struct Cached {
+    pub(crate) run: Run,
+    pub(crate) manifest: RunManifest,
+    path: PathBuf,
+    /// A whole recording of it is there.
+    pub(crate) recorded: bool,
+}
+
+impl Cached {
+    /// Looks for the recording of `run` in `directory`. It is used only if it is finished, complete and has
+    /// the same physics and the same frames.
+    pub(crate) fn look(run: Run, directory: &Path) -> Result<Self, Failure> {
+        let manifest = RunManifest::new(&run.config, "paper", origin())?;
+        let hash = manifest.physics.hash();
+        let prefix: String = hash[..6].iter().map(|byte| format!("{byte:02x}")).collect();
+        let path = directory.join(format!("{}-{prefix}.mcap", run.name()));
+        let recorded = RecordingInfo::read(&path).is_ok_and(|info| {
+            let frames = |manifest: &RunManifest| {
+                (manifest.provenance.publish_every_steps, manifest.provenance.record_every_steps)
+            };
+            info.is_complete()
+                && info.damage.is_none()
+                && info.manifest.physics.hash() == hash
+                && frames(&info.manifest) == frames(&manifest)
+        });
+        Ok(Self { run, manifest, path, recorded })
+    }
+
+    /// Simulates and records the run, telling `progress` each step that it has reached. `false` if `stop`
+    /// ended it early; nothing is kept then.
+    pub(crate) fn simulate(&self, stop: &AtomicBool, progress: impl Fn(u64)) -> Result<bool, Failure> {
+        // what stands there is of no use, see `look`
+        let options = WriteOptions { force: true, ..WriteOptions::default() };
+        let mut recorder =
+            RecordingWriter::create(&self.path, &self.manifest, &self.run.config.to_toml(), &options)?;
+        let mut watch = Watch { stop, progress };
+        let outcome = producer::run::run(&self.manifest, &mut Unpublished, Some(&mut recorder), &mut watch);
+        let outcome = match outcome {
+            Ok(outcome) => outcome,
+            Err(RunError::Publish { source, .. }) => match source {},
+            Err(error) => return Err(anyhow!(error).context(self.run.name().to_owned()).into()),
+        };
+        if outcome.reason != EndReason::Complete {
+            recorder.discard();
+            return Ok(false);
+        }
+        recorder.finish(outcome.reason)?;
+        Ok(true)
+    }
+
+    /// Looks at every frame of the recording; nothing if it is damaged.
+    pub(crate) fn observe(&self) -> Result<Option<Observed>, Failure> {
+        let Ok(mut source) = RecordingSource::open(&self.path) else { return Ok(None) };
+        let mut observer = Observer::new(&self.run, &self.manifest);
+        let mut tally = Tally::default();
+        let followed = follow(&mut source, &mut observer, &mut tally, |_| {});
+        let whole = followed.is_ok() && tally.missed_count == 0 && tally.end == EndReason::Complete;
+        Ok(whole.then(|| observer.finish()))
+    }
+
+    /// For messages: the recording.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+/// Creates the directory of the cache.
+pub(crate) fn create(directory: &Path) -> Result<(), Failure> {
+    let failed = || format!("{} cannot be created", directory.display());
+    std::fs::create_dir_all(directory).with_context(failed)?;
+    Ok(())
+}
+
+/// Nobody listens to these runs.
+struct Unpublished;
+
+impl FrameSink for Unpublished {
+    type Error = Infallible;
+
+    fn accept(&mut self, _: &Frame<'_>) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+struct Watch<'a, P> {
+    stop: &'a AtomicBool,
+    progress: P,
+}
+
+impl<P: Fn(u64)> Watch<'_, P> {
+    fn go_on(&self) -> ControlFlow<()> {
+        if self.stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+impl<P: Fn(u64)> Conductor<Unpublished, RecordingWriter> for Watch<'_, P> {
+    fn after_frame(
+        &mut self,
+        frame: &Frame<'_>,
+        _: &mut Unpublished,
+        _: Option<&mut RecordingWriter>,
+    ) -> ControlFlow<()> {
+        (self.progress)(frame.step);
+        self.go_on()
+    }
+
+    fn between_steps(&mut self, _: &mut Unpublished) -> ControlFlow<()> {
+        self.go_on()
+    }
+}

@@ -1,0 +1,215 @@
+//! The report as pages to read.
+
+use super::report::{PAPER, Report, Studied, figure_path};
+use consumers::paper::{Claim, Judgement, Number, Verdict};
+use schemas::manifest::RunManifest;
+use std::fmt::{self, Write};
+
+/// `REPORT.md`: a table of all claims, then figure by figure.
+pub(crate) fn report(report: &Report) -> String {
+    let mut page = String::new();
+    // writing to a String cannot fail
+    let _ = write_report(&mut page, report);
+    page
+}
+
+/// `GALLERY.md`: the figures alone.
+pub(crate) fn gallery(report: &Report) -> String {
+    let mut page = String::new();
+    // writing to a String cannot fail
+    let _ = write_gallery(&mut page, report);
+    page
+}
+
+fn write_report(page: &mut String, report: &Report) -> fmt::Result {
+    writeln!(page, "# The paper, by command\n")?;
+    writeln!(page, "{PAPER}: every figure and every claim, by `beadline reproduce` ({}).\n", report.program)?;
+    let count = |verdict| report.count(verdict);
+    writeln!(
+        page,
+        "{} claims are reproduced, {} reproduced with a correction, {} not so. {} of our numbers have an independently \
+         computed reference; {} contradict it.\n",
+        count(Verdict::Reproduced),
+        count(Verdict::Corrected),
+        count(Verdict::NotSo),
+        report.reference_count(),
+        match report.contradictions().len() {
+            0 => "none of them".to_owned(),
+            some => some.to_string(),
+        },
+    )?;
+    writeln!(page, "## Claims\n\n| claim | in the paper | verdict | why |\n|---|---|---|---|")?;
+    for studied in &report.studies {
+        for (claim, judgement) in &studied.claims {
+            let link = format!("[{}](#{})", claim.id, anchor(studied));
+            let (place, verdict) = (claim.place, mark(judgement.verdict));
+            writeln!(page, "| {link} | {place} | {verdict} | {} |", cell(&judgement.why))?;
+        }
+    }
+    writeln!(page, "\n## Figure by figure\n")?;
+    writeln!(
+        page,
+        "± is half the width of an interval; what it comes from stands below each table. References were computed \
+         independently, with other programs. Beads and contacts are counted from 0.\n"
+    )?;
+    for studied in &report.studies {
+        write_study(page, studied)?;
+    }
+    write_runs(page, &report.runs)
+}
+
+fn write_study(page: &mut String, studied: &Studied) -> fmt::Result {
+    let study = studied.study;
+    writeln!(page, "### {}\n", study.slug)?;
+    writeln!(page, "{} ({}).\n", study.title, study.place)?;
+    writeln!(page, "![{}]({})\n", study.title, figure_path(study, "png"))?;
+    for (claim, judgement) in &studied.claims {
+        write_claim(page, claim, judgement)?;
+    }
+    Ok(())
+}
+
+fn write_claim(page: &mut String, claim: &Claim, judgement: &Judgement) -> fmt::Result {
+    writeln!(page, "> {} — {}\n", claim.quote, claim.place)?;
+    writeln!(page, "{} (`{}`): {}\n", mark(judgement.verdict), claim.id, judgement.why)?;
+    if judgement.numbers.is_empty() {
+        return Ok(());
+    }
+    writeln!(page, "| quantity | ours | ± | reference | unit |\n|---|---:|---:|---:|---|")?;
+    let mut origins: Vec<&str> = Vec::new();
+    for number in &judgement.numbers {
+        let Figures { value, plus_minus, reference } = figures(number);
+        let against = if number.contradicts_reference() { " **contradicted**" } else { "" };
+        writeln!(
+            page,
+            "| {} | {value} | {plus_minus} | {reference}{against} | {} |",
+            cell(&number.what),
+            number.unit
+        )?;
+        if let Some(uncertainty) = number.uncertainty.filter(|found| !origins.contains(&found.from)) {
+            origins.push(uncertainty.from);
+        }
+    }
+    if origins.is_empty() { writeln!(page) } else { writeln!(page, "\n± from {}.\n", origins.join("; ")) }
+}
+
+fn write_runs(page: &mut String, runs: &[RunManifest]) -> fmt::Result {
+    writeln!(
+        page,
+        "## Runs\n\n| run | beads | α | impurities | method | dt (s) | steps |\n|---|---:|---:|---|---|---:|---:|"
+    )?;
+    for manifest in runs {
+        let physics = &manifest.physics;
+        let impurities = physics.impurities.iter();
+        let impurities: Vec<String> =
+            impurities.map(|found| format!("bead {}: {} g", found.bead, found.mass_kg * 1e3)).collect();
+        writeln!(
+            page,
+            "| {} | {} | {} | {} | {} | {:.3e} | {} |",
+            manifest.provenance.name,
+            physics.beads,
+            physics.alpha,
+            impurities.join(", "),
+            physics.method,
+            physics.dt_s,
+            physics.step_count
+        )?;
+    }
+    Ok(())
+}
+
+fn write_gallery(page: &mut String, report: &Report) -> fmt::Result {
+    writeln!(page, "# Gallery\n")?;
+    writeln!(page, "The figures of {PAPER}, by `beadline reproduce` ({}).\n", report.program)?;
+    for studied in &report.studies {
+        let study = studied.study;
+        writeln!(page, "## {}\n", study.slug)?;
+        writeln!(page, "{} ({}).\n", study.title, study.place)?;
+        writeln!(page, "![{}]({})\n", study.title, figure_path(study, "png"))?;
+    }
+    Ok(())
+}
+
+/// The heading of a study as Markdown links name it.
+fn anchor(studied: &Studied) -> String {
+    studied.study.slug.replace('.', "")
+}
+
+fn mark(verdict: Verdict) -> String {
+    match verdict {
+        Verdict::Reproduced => "✓ reproduced".to_owned(),
+        Verdict::Corrected => "≈ reproduced with a correction".to_owned(),
+        Verdict::NotSo => "✗ **not so**".to_owned(),
+    }
+}
+
+/// Text in a cell of a table.
+fn cell(text: &str) -> String {
+    text.replace('|', "\\|")
+}
+
+/// A number as it stands in a table.
+struct Figures {
+    value: String,
+    plus_minus: String,
+    reference: String,
+}
+
+/// As many digits as the uncertainty allows, two of its own.
+fn figures(number: &Number) -> Figures {
+    let uncertainty = number.uncertainty.map(|found| found.plus_minus);
+    let good_to = uncertainty.or(number.reference.map(|reference| reference.good_to));
+    let is_count = uncertainty.is_none() && number.value.fract() == 0.0;
+    let decimals = match good_to.filter(|good_to| *good_to > 0.0) {
+        _ if is_count => 0,
+        Some(good_to) => decimals(good_to),
+        None => decimals(1e-4 * number.value.abs()),
+    };
+    let write = |value: f64| format!("{value:.decimals$}").replace('-', "−");
+    Figures {
+        value: write(number.value),
+        plus_minus: uncertainty.map_or(String::new(), write),
+        reference: number.reference.map_or(String::new(), |reference| write(reference.value)),
+    }
+}
+
+/// Decimals that show two digits of `size`.
+fn decimals(size: f64) -> usize {
+    if size <= 0.0 || !size.is_finite() {
+        return 6;
+    }
+    // at most 16: beyond that nothing is left of a double of ordinary size
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 16")]
+    let decimals = (1.0 - size.log10().floor()).clamp(0.0, 16.0) as usize;
+    decimals
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use consumers::paper::{Reference, Uncertainty};
+
+    fn number(value: f64, plus_minus: Option<f64>) -> Number {
+        let uncertainty = plus_minus.map(|plus_minus| Uncertainty { plus_minus, from: "test" });
+        Number { what: "v".into(), value, unit: "m/s", uncertainty, reference: None }
+    }
+
+    #[test]
+    fn a_number_has_the_digits_that_its_uncertainty_allows() {
+        let shown = |value, plus_minus| {
+            let Figures { value, plus_minus, .. } = figures(&number(value, plus_minus));
+            (value, plus_minus)
+        };
+        assert_eq!(shown(3.334_107_2, Some(2.04e-5)), ("3.334107".into(), "0.000020".into()));
+        assert_eq!(shown(-11_545.912, Some(0.31)), ("−11545.91".into(), "0.31".into()));
+        assert_eq!(shown(5.0, None), ("5".into(), String::new()));
+        assert_eq!(shown(0.123_456_789, None).0, "0.123457");
+    }
+
+    #[test]
+    fn a_reference_has_the_digits_of_the_value() {
+        let mut number = number(2.000_04, Some(1e-4));
+        number.reference = Some(Reference { value: 2.0, good_to: 1e-5 });
+        assert_eq!(figures(&number).reference, "2.00000");
+    }
+}

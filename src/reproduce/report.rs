@@ -1,0 +1,122 @@
+//! What was found, as one value, and as JSON.
+
+use consumers::paper::{Claim, Judgement, Number, Study, Verdict};
+use schemas::manifest::RunManifest;
+use serde_json::{Value, json};
+
+/// The paper by figures, with what we find.
+pub(crate) struct Report {
+    pub(crate) studies: Vec<Studied>,
+    /// The runs behind it, in the order of their names.
+    pub(crate) runs: Vec<RunManifest>,
+    pub(crate) program: String,
+}
+
+/// One study with its verdicts.
+pub(crate) struct Studied {
+    pub(crate) study: &'static Study,
+    pub(crate) claims: Vec<(&'static Claim, Judgement)>,
+}
+
+impl Report {
+    /// How many claims got `verdict`.
+    pub(crate) fn count(&self, verdict: Verdict) -> usize {
+        self.claims().filter(|(_, judgement)| judgement.verdict == verdict).count()
+    }
+
+    /// The numbers that contradict their references, with their claims.
+    pub(crate) fn contradictions(&self) -> Vec<(&'static Claim, &Number)> {
+        let numbers = self
+            .claims()
+            .flat_map(|(claim, judgement)| judgement.numbers.iter().map(move |number| (*claim, number)));
+        numbers.filter(|(_, number)| number.contradicts_reference()).collect()
+    }
+
+    /// How many numbers have a reference.
+    pub(crate) fn reference_count(&self) -> usize {
+        let numbers = self.claims().flat_map(|(_, judgement)| &judgement.numbers);
+        numbers.filter(|number| number.reference.is_some()).count()
+    }
+
+    fn claims(&self) -> impl Iterator<Item = &(&'static Claim, Judgement)> {
+        self.studies.iter().flat_map(|studied| &studied.claims)
+    }
+
+    /// All of it for programs.
+    pub(crate) fn json(&self) -> Value {
+        let runs = self
+            .runs
+            .iter()
+            .map(|manifest| json!({ "name": manifest.provenance.name, "physics": manifest.physics }));
+        json!({
+            "program": self.program,
+            "paper": PAPER,
+            "summary": self.summary(),
+            "figures": self.studies.iter().map(Studied::json).collect::<Vec<_>>(),
+            "runs": runs.collect::<Vec<_>>(),
+        })
+    }
+
+    /// How many claims have which verdict.
+    pub(crate) fn summary(&self) -> Value {
+        json!({
+            "figures": self.studies.len(),
+            "claims": self.claims().count(),
+            "reproduced": self.count(Verdict::Reproduced),
+            "reproduced_with_a_correction": self.count(Verdict::Corrected),
+            "not_so": self.count(Verdict::NotSo),
+            "numbers_with_a_reference": self.reference_count(),
+            "numbers_that_contradict_it": self.contradictions().len(),
+        })
+    }
+}
+
+/// The paper.
+pub(crate) const PAPER: &str =
+    "E. Hascoët and H. J. Herrmann, Shocks in non-loaded bead chains with impurities";
+
+/// Where the figure of a study is, below the directory of the report.
+pub(crate) fn figure_path(study: &Study, extension: &str) -> String {
+    format!("img/paper/{}.{extension}", study.slug)
+}
+
+impl Studied {
+    fn json(&self) -> Value {
+        let claims = self.claims.iter().map(|(claim, judgement)| {
+            json!({
+                "id": claim.id,
+                "place": claim.place,
+                "quote": claim.quote,
+                "verdict": judgement.verdict.as_str(),
+                "why": judgement.why,
+                "numbers": judgement.numbers.iter().map(number_json).collect::<Vec<_>>(),
+            })
+        });
+        json!({
+            "figure": self.study.slug,
+            "title": self.study.title,
+            "place": self.study.place,
+            "files": [figure_path(self.study, "svg"), figure_path(self.study, "png")],
+            "claims": claims.collect::<Vec<_>>(),
+        })
+    }
+}
+
+fn number_json(number: &Number) -> Value {
+    let uncertainty =
+        number.uncertainty.map(|found| json!({ "plus_minus": found.plus_minus, "from": found.from }));
+    let reference = number.reference.map(|found| {
+        json!({
+            "value": found.value,
+            "good_to": found.good_to,
+            "contradicted": number.contradicts_reference(),
+        })
+    });
+    json!({
+        "what": number.what,
+        "value": number.value,
+        "unit": number.unit,
+        "uncertainty": uncertainty,
+        "reference": reference,
+    })
+}
