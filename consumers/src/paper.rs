@@ -9,10 +9,15 @@
 //! E. Hascoët and H. J. Herrmann, *Shocks in non-loaded bead chains with impurities*.
 
 mod claim;
+mod heavy;
 mod light;
+mod maps;
 mod observe;
+mod passing;
+mod rattle;
 mod reference;
 mod runs;
+mod strikers;
 mod study;
 
 pub use claim::{Claim, Judgement, Number, Reference, StudyError, Uncertainty, Verdict};

@@ -174,6 +174,20 @@ pub fn contact_map(
     tolerance_m: f64,
     raster: &ContactRaster,
 ) -> Result<Figure, FigureError> {
+    let end_s = manifest.physics.time_s(manifest.physics.step_count);
+    contact_map_until(manifest, tolerance_m, raster, end_s)
+}
+
+/// The same for a raster that ends at `end_s` (s).
+///
+/// # Errors
+/// When the cells hold something else than classes of contacts.
+pub fn contact_map_until(
+    manifest: &RunManifest,
+    tolerance_m: f64,
+    raster: &ContactRaster,
+    end_s: f64,
+) -> Result<Figure, FigureError> {
     let mut classes = [("", Colour::White); 3];
     classes[usize::from(TOUCHING)] = ("touching", Colour::White);
     classes[usize::from(COMPRESSED)] = ("compressed", Colour::Black);
@@ -181,10 +195,9 @@ pub fn contact_map(
     // both sides of a contact raster are at most 1000
     let side = |cells: usize| u32::try_from(cells).unwrap_or(u32::MAX);
     let contacts = manifest.physics.beads as f64 - 1.0;
-    let end_ms = manifest.physics.time_s(manifest.physics.step_count) * 1e3;
     let map =
         Raster::classes(side(raster.columns()), side(raster.rows()), raster.cells().to_vec(), &classes)?
-            .over((-0.5, contacts - 0.5), (0.0, end_ms));
+            .over((-0.5, contacts - 0.5), (0.0, end_s * 1e3));
     let panel =
         Panel::new().x_axis("contact").y_axis(Axis::new("time (ms)").reversed()).raster(map).height(1.6);
     let text = format!("{}; touching: |δ| ≤ {} m", caption(manifest), scientific(tolerance_m));

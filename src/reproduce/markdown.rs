@@ -1,7 +1,7 @@
 //! The report as pages to read.
 
 use super::report::{PAPER, Report, Studied, figure_path};
-use consumers::paper::{Claim, Judgement, Number, Verdict};
+use consumers::paper::{Claim, Judgement, Number, Reference, Verdict};
 use schemas::manifest::RunManifest;
 use std::fmt::{self, Write};
 
@@ -162,19 +162,21 @@ fn figures(number: &Number) -> Figures {
     let is_count = uncertainty.is_none() && number.value.fract() == 0.0;
     let decimals = match good_to.filter(|good_to| *good_to > 0.0) {
         _ if is_count => 0,
-        Some(good_to) => decimals(good_to),
-        None => decimals(1e-4 * number.value.abs()),
+        Some(good_to) => decimals_of(good_to),
+        None => decimals_of(1e-4 * number.value.abs()),
     };
-    let write = |value: f64| format!("{value:.decimals$}").replace('-', "−");
+    let write = |value: f64, decimals: usize| format!("{value:.decimals$}").replace('-', "−");
+    let reference =
+        |reference: Reference| write(reference.value, decimals_of(reference.good_to).min(decimals));
     Figures {
-        value: write(number.value),
-        plus_minus: uncertainty.map_or(String::new(), write),
-        reference: number.reference.map_or(String::new(), |reference| write(reference.value)),
+        value: write(number.value, decimals),
+        plus_minus: uncertainty.map_or(String::new(), |found| write(found, decimals)),
+        reference: number.reference.map_or(String::new(), reference),
     }
 }
 
 /// Decimals that show two digits of `size`.
-fn decimals(size: f64) -> usize {
+fn decimals_of(size: f64) -> usize {
     if size <= 0.0 || !size.is_finite() {
         return 6;
     }
@@ -187,7 +189,7 @@ fn decimals(size: f64) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use consumers::paper::{Reference, Uncertainty};
+    use consumers::paper::Uncertainty;
 
     fn number(value: f64, plus_minus: Option<f64>) -> Number {
         let uncertainty = plus_minus.map(|plus_minus| Uncertainty { plus_minus, from: "test" });
@@ -207,9 +209,9 @@ mod tests {
     }
 
     #[test]
-    fn a_reference_has_the_digits_of_the_value() {
-        let mut number = number(2.000_04, Some(1e-4));
+    fn a_reference_has_the_digits_that_it_is_good_to() {
+        let mut number = number(2.000_04, Some(1e-7));
         number.reference = Some(Reference { value: 2.0, good_to: 1e-5 });
-        assert_eq!(figures(&number).reference, "2.00000");
+        assert_eq!(figures(&number).reference, "2.000000");
     }
 }

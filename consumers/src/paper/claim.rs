@@ -109,6 +109,13 @@ impl Number {
         Self { what: what.into(), value, unit, uncertainty: None, reference: None }
     }
 
+    /// A number from a run and from the same run with twice the step and frames half as often; what differs
+    /// is taken for the uncertainty, which it overestimates: both errors fall faster than the step.
+    pub(super) fn stepped(what: impl Into<String>, fine: f64, coarse: f64, unit: &'static str) -> Self {
+        Self::new(what, fine, unit)
+            .give_or_take(fine - coarse, "a run with twice the step, recorded half as often")
+    }
+
     /// Adds an uncertainty.
     pub(super) fn give_or_take(mut self, plus_minus: f64, from: &'static str) -> Self {
         self.uncertainty = Some(Uncertainty { plus_minus: plus_minus.abs(), from });
@@ -135,6 +142,19 @@ impl Number {
             // not a number contradicts everything
             !((self.value - reference.value).abs() <= 3.0 * both)
         })
+    }
+}
+
+/// Gives each of several numbers of one kind the largest relative uncertainty of them: two runs may agree in one
+/// number by chance.
+pub(super) fn pool_uncertainty(numbers: &mut [Number]) {
+    let relative =
+        |number: &Number| number.uncertainty.map_or(0.0, |found| found.plus_minus / number.value.abs());
+    let largest = numbers.iter().map(relative).fold(0.0, f64::max);
+    for number in numbers {
+        if let Some(found) = &mut number.uncertainty {
+            found.plus_minus = largest * number.value.abs();
+        }
     }
 }
 

@@ -1,27 +1,29 @@
-//! A light impurity: it rattles between its neighbours and emits pulses both ways.
+//! A light impurity emits pulses both ways: velocities and displacements.
 
-use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
-use super::observe::{Observations, Observed};
-use super::reference::{LIGHT_PULSES, LIGHT_TURNS};
+use super::claim::{Claim, Judgement, Number, StudyError, Verdict, pool_uncertainty};
+use super::observe::Observations;
+use super::passing::{
+    BACKWARD_BEAD, FORWARD_BEAD, Passed, against_table, both_steps, falls, heights, pulses, pulses_of_table,
+};
+use super::reference::LIGHT_PULSES;
 use super::runs::{Run, light};
 use super::study::Study;
 use crate::figure::{Axis, Colour, Curve, Figure, Panel};
-use crate::impurity::{Event, EventKind};
 use crate::plots;
 use crate::pulses::Passage;
+use std::ops::Range;
 
 const SECTION: &str = "section 3";
-/// Where the uncertainties of this module come from.
-const FROM_STEP: &str = "a run with twice the step, recorded half as often";
-/// Forward and backward pulses are measured at these beads, as in the reference.
-const FORWARD_BEAD: u64 = 700;
-const BACKWARD_BEAD: u64 = 300;
+/// What the reference of the pulses is good to.
+const GOOD_TO: f64 = 1e-5;
+/// Which snapshot is that of the figures.
+const AT_80_MS: usize = 3;
 
 pub(super) const VELOCITY: Study = Study {
     slug: "velocity-light",
     title: "Velocities after the collision with a light impurity",
     place: "figure vlight",
-    runs: both_steps,
+    runs,
     draw: draw_velocity,
     claims: &[
         Claim {
@@ -54,141 +56,87 @@ pub(super) const VELOCITY: Study = Study {
     ],
 };
 
-pub(super) const IMPURITY: Study = Study {
-    slug: "impurity-light",
-    title: "Displacement of the light impurity",
-    place: "figure uimp",
-    runs: both_steps,
-    draw: draw_impurity,
-    claims: &[
-        Claim {
-            id: "impurity-oscillates",
-            place: SECTION,
-            quote: "Fig. (uimp) clearly shows that the impurity oscillates around an equilibrium position.",
-            judge: judge_oscillation,
-        },
-        Claim {
-            id: "impurity-zig-zag",
-            place: SECTION,
-            quote: "These oscillations are zig-zag shaped showing that the impurity moves with a constant velocity \
-                    between two shocks with its left and right neighbors.",
-            judge: judge_free_flight,
-        },
-        Claim {
-            id: "impurity-slows",
-            place: SECTION,
-            quote: "This velocity decreases in time (lower slopes of the oscillations) since the impurity transfers \
-                    energy to its neighbors at each shock creating new pulses.",
-            judge: judge_slowing,
-        },
-    ],
+pub(super) const DISPLACEMENT: Study = Study {
+    slug: "displacement-light",
+    title: "Displacements after the collision with a light impurity",
+    place: "figure ulight",
+    runs,
+    draw: draw_displacement,
+    claims: &[Claim {
+        id: "light-square-fronts",
+        place: SECTION,
+        quote: "The corresponding displacement profile is displayed on Fig. (ulight) where the pulses are now replaced \
+                by the squared front waves characteristics of shock waves.",
+        judge: judge_steps,
+    }],
 };
 
-/// The run, and the same with a longer step.
-fn both_steps() -> Vec<Run> {
-    vec![light(), coarse()]
+fn runs() -> Vec<Run> {
+    both_steps(light())
 }
 
-fn coarse() -> Run {
-    light().with_step_times(2)
+fn forward(seen: &Observations) -> Result<Vec<Passed>, StudyError> {
+    pulses_of_table(seen, &light(), LIGHT_PULSES, true)
 }
 
-/// The pulses that pass `bead` in one direction, as many as the reference has, in both runs.
-fn pulses(seen: &Observations, forward: bool) -> Result<Vec<(Passage, Passage)>, StudyError> {
-    let bead = if forward { FORWARD_BEAD } else { BACKWARD_BEAD };
-    let (fine, coarse) = (seen.of(&light())?, seen.of(&coarse())?);
-    let direction = direction(forward);
-    let count = LIGHT_PULSES.rows().filter(|row| row[0] == direction).count();
-    let pairs = fine.pulses_past(bead, forward).into_iter().zip(coarse.pulses_past(bead, forward));
-    let pairs: Vec<_> = pairs.take(count).collect();
-    if pairs.len() < count {
-        return Err(fine.absent(format!("{direction} pulse {} at bead {bead}", pairs.len() + 1)));
-    }
-    Ok(pairs)
-}
-
-fn direction(forward: bool) -> &'static str {
-    if forward { "forward" } else { "backward" }
-}
-
-/// Amplitude and speed of each pulse against the reference.
-fn pulse_numbers(seen: &Observations, forward: bool) -> Result<Vec<Number>, StudyError> {
-    let direction = direction(forward);
-    let mut numbers = Vec::new();
-    for (index, (fine, coarse)) in pulses(seen, forward)?.into_iter().enumerate() {
-        let order = (index + 1).to_string();
-        let reference = LIGHT_PULSES.values(&[direction, &order])?;
-        let amplitude =
-            Number::new(format!("{direction} pulse {order}: peak velocity"), fine.v_peak_m_s, "m/s")
-                .give_or_take(fine.v_peak_m_s - coarse.v_peak_m_s, FROM_STEP)
-                .against(reference[0], 1e-5);
-        let (ours, theirs) = (fine.speed_beads_per_s, coarse.speed_beads_per_s);
-        let speed = Number::new(format!("{direction} pulse {order}: speed"), ours, "beads/s")
-            .give_or_take(ours - theirs, FROM_STEP)
-            .against(reference[1], 1e-5);
-        numbers.extend([amplitude, speed]);
-    }
-    Ok(numbers)
-}
-
-/// Whether the heights of the pulses fall from each to the next.
-fn falls(heights: &[f64]) -> bool {
-    heights.windows(2).all(|pair| pair[1].abs() < pair[0].abs())
-}
-
-fn heights(pulses: &[(Passage, Passage)]) -> Vec<f64> {
-    pulses.iter().map(|(fine, _)| fine.v_peak_m_s).collect()
+fn backward(seen: &Observations) -> Result<Vec<Passed>, StudyError> {
+    pulses_of_table(seen, &light(), LIGHT_PULSES, false)
 }
 
 fn judge_secondary_waves(seen: &Observations) -> Result<Judgement, StudyError> {
-    let forward = pulses(seen, true)?;
-    let passed_by = |time_s: f64| forward.iter().filter(|(fine, _)| fine.time_s <= time_s).count();
+    let pulses = forward(seen)?;
+    let passed_by = |time_s: f64| pulses.iter().filter(|pulse| pulse.fine.time_s <= time_s).count();
     let counts = [0.07, 0.08, 0.1].map(passed_by);
     let grows = counts.windows(2).all(|pair| pair[0] < pair[1]);
-    let mut numbers = pulse_numbers(seen, true)?;
+    let mut numbers = against_table(&pulses, LIGHT_PULSES, true, GOOD_TO)?;
     for (time_ms, count) in [70, 80, 100].into_iter().zip(counts) {
         let what = format!("pulses that have passed bead {FORWARD_BEAD} at {time_ms} ms");
         numbers.push(Number::new(what, count as f64, ""));
     }
+    let falls = falls(&heights(&pulses));
     Ok(Judgement {
-        verdict: Verdict::graded(grows, falls(&heights(&forward))),
+        verdict: Verdict::graded(grows, falls),
         why: format!(
-            "The shock and {} secondary pulses pass bead {FORWARD_BEAD}, each weaker than the one before, and their \
-             number still grows.",
-            forward.len() - 1
+            "The shock and {} secondary pulses pass bead {FORWARD_BEAD}, {}, and their number {}.",
+            pulses.len() - 1,
+            if falls { "each weaker than the one before" } else { "not always weaker than the one before" },
+            if grows { "grows with time" } else { "does not grow with time" },
         ),
         numbers,
     })
 }
 
 fn judge_backward_waves(seen: &Observations) -> Result<Judgement, StudyError> {
-    let backward = heights(&pulses(seen, false)?);
-    let negative = backward.iter().all(|v| *v < 0.0);
+    let pulses = backward(seen)?;
+    let amplitudes = heights(&pulses);
+    let (negative, falls) = (amplitudes.iter().all(|v| *v < 0.0), falls(&amplitudes));
     Ok(Judgement {
-        verdict: Verdict::of(negative && falls(&backward)),
+        verdict: Verdict::of(negative && falls),
         why: format!(
-            "{} pulses of negative velocity pass bead {BACKWARD_BEAD} on their way back, each weaker than the one \
-             before.",
-            backward.len()
+            "{} pulses of {} velocity pass bead {BACKWARD_BEAD} on their way back, {} weaker than the one before.",
+            pulses.len(),
+            if negative { "negative" } else { "either" },
+            if falls { "each" } else { "not all" },
         ),
-        numbers: pulse_numbers(seen, false)?,
+        numbers: against_table(&pulses, LIGHT_PULSES, false, GOOD_TO)?,
     })
 }
 
 fn judge_amplitudes(seen: &Observations) -> Result<Judgement, StudyError> {
     /// "Almost the same" is taken to be within a tenth.
     const ALMOST: f64 = 0.1;
-    let (forward, backward) = (pulses(seen, true)?, pulses(seen, false)?);
+    let (ahead, behind) = (forward(seen)?, backward(seen)?);
     let mut numbers = Vec::new();
     let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
-    for (order, (ahead, behind)) in forward.iter().skip(1).zip(&backward).enumerate() {
-        let ratio = |ahead: Passage, behind: Passage| -behind.v_peak_m_s / ahead.v_peak_m_s;
-        let (fine, coarse) = (ratio(ahead.0, behind.0), ratio(ahead.1, behind.1));
+    for (order, (ahead, behind)) in ahead.iter().skip(1).zip(&behind).enumerate() {
+        let fine = -behind.fine.v_peak_m_s / ahead.fine.v_peak_m_s;
+        let coarse = -behind.coarse.v_peak_m_s / ahead.coarse.v_peak_m_s;
         let what = format!("secondary pulse {}: backward over forward amplitude", order + 1);
-        numbers.push(Number::new(what, fine, "").give_or_take(fine - coarse, FROM_STEP));
+        numbers.push(Number::stepped(what, fine, coarse, ""));
         let off = (fine - 1.0).abs();
         (least, most) = (least.min(off), most.max(off));
     }
+    pool_uncertainty(&mut numbers);
     Ok(Judgement {
         verdict: Verdict::of(most <= ALMOST),
         why: format!(
@@ -201,52 +149,85 @@ fn judge_amplitudes(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn judge_incident(seen: &Observations) -> Result<Judgement, StudyError> {
-    let before = |seen: &Observed| {
-        let passage = seen.pulses_past(BACKWARD_BEAD, true).into_iter().next();
-        passage.ok_or_else(|| seen.absent("incident pulse"))
-    };
-    let (incident, coarse) = (before(seen.of(&light())?)?, before(seen.of(&coarse())?)?);
-    let (transmitted, coarse_transmitted) = pulses(seen, true)?[0];
+    let incident = pulses(seen, &light(), BACKWARD_BEAD, true, 1)?[0];
+    let transmitted = forward(seen)?[0];
     let ratio = |of: fn(&Passage) -> f64| {
-        let (fine, coarse) = (of(&transmitted) / of(&incident), of(&coarse_transmitted) / of(&coarse));
-        (fine, fine - coarse)
+        (of(&transmitted.fine) / of(&incident.fine), of(&transmitted.coarse) / of(&incident.coarse))
     };
-    let (weaker, weaker_error) = ratio(|pulse| pulse.v_peak_m_s);
-    let (slower, slower_error) = ratio(|pulse| pulse.speed_beads_per_s);
+    let weaker = ratio(|pulse| pulse.v_peak_m_s);
+    let slower = ratio(|pulse| pulse.speed_beads_per_s);
     // eq. (vf): V ∝ v_max^((α−1)/(α+1)), 1/5 for Hertz contacts
-    let expected = weaker.powf(0.2);
+    let expected = (weaker.0.powf(0.2), weaker.1.powf(0.2));
     Ok(Judgement {
-        verdict: Verdict::of(weaker < 1.0 && slower < 1.0),
+        verdict: Verdict::of(weaker.0 < 1.0 && slower.0 < 1.0),
         why: format!(
-            "Behind the impurity the shock has {:.2} % less amplitude and is {:.2} % slower, as V ∝ v_max^(1/5) demands.",
-            100.0 * (1.0 - weaker),
-            100.0 * (1.0 - slower)
+            "Behind the impurity the amplitude is {:.2} % of what it was and the speed {:.2} %; eq. (vf) expects {:.2} %.",
+            100.0 * weaker.0,
+            100.0 * slower.0,
+            100.0 * expected.0
         ),
         numbers: vec![
-            Number::new("transmitted over incident amplitude", weaker, "")
-                .give_or_take(weaker_error, FROM_STEP),
-            Number::new("transmitted over incident speed", slower, "").give_or_take(slower_error, FROM_STEP),
-            Number::new("the ratio of speeds that eq. (vf) expects", expected, "")
-                .give_or_take(0.2 * expected * weaker_error / weaker, FROM_STEP),
+            incident.amplitude("incident pulse at bead 300: peak velocity"),
+            incident.speed("incident pulse at bead 300: speed"),
+            Number::stepped("transmitted over incident amplitude", weaker.0, weaker.1, ""),
+            Number::stepped("transmitted over incident speed", slower.0, slower.1, ""),
+            Number::stepped("the ratio of speeds that eq. (vf) expects", expected.0, expected.1, ""),
         ],
     })
 }
 
+fn judge_steps(seen: &Observations) -> Result<Judgement, StudyError> {
+    /// A front is square if it is this much narrower than the distance to the next.
+    const SQUARE: f64 = 0.1;
+    let seen = seen.of(&light())?;
+    let snapshot = seen.snapshot(AT_80_MS)?;
+    let front = crest(&snapshot.v_m_s, 501..1000).ok_or_else(|| seen.absent("leading pulse"))?;
+    let next = crest(&snapshot.v_m_s, 501..front - 20).ok_or_else(|| seen.absent("second pulse"))?;
+    let plateau_m = snapshot.u_m[(front + next) / 2];
+    let reach = |part: f64| falls_below(&snapshot.u_m, (front + next) / 2, part * plateau_m);
+    let rise_beads = reach(0.1) - reach(0.9);
+    let apart_beads = (front - next) as f64;
+    Ok(Judgement {
+        verdict: Verdict::of(rise_beads < SQUARE * apart_beads),
+        why: format!(
+            "The displacement rises from 10 to 90 % of {:.3} mm within {rise_beads:.1} beads, and stays there for the \
+             {apart_beads:.0} beads to the next pulse.",
+            plateau_m * 1e3
+        ),
+        numbers: vec![
+            Number::new("leading step: height", plateau_m * 1e3, "mm"),
+            Number::new("leading step: from 10 to 90 %", rise_beads, "beads")
+                .give_or_take(0.1, "the place of the pulse between two beads"),
+        ],
+    })
+}
+
+/// The bead of the largest |v| among `beads`.
+fn crest(v_m_s: &[f64], beads: Range<usize>) -> Option<usize> {
+    beads.max_by(|a, b| v_m_s[*a].abs().total_cmp(&v_m_s[*b].abs()))
+}
+
+/// Where, to the right of the bead `from`, the displacement first falls below `level_m`; in beads, interpolated.
+fn falls_below(u_m: &[f64], from: usize, level_m: f64) -> f64 {
+    let below = (from..u_m.len()).find(|bead| u_m[*bead] < level_m).unwrap_or(u_m.len() - 1);
+    let (inside, outside) = (u_m[below - 1], u_m[below]);
+    below as f64 - (level_m - outside) / (inside - outside)
+}
+
 fn draw_velocity(seen: &Observations) -> Result<Figure, StudyError> {
     let seen = seen.of(&light())?;
-    let snapshot = seen.snapshot(3)?;
-    let points =
-        |factor: f64| snapshot.v_m_s.iter().enumerate().map(move |(bead, v)| (bead as f64, v * factor));
-    let x = || Axis::new("bead").limits(0.0, 999.0);
+    let snapshot = seen.snapshot(AT_80_MS)?;
+    let points = || snapshot.v_m_s.iter().enumerate().map(|(bead, v)| (bead as f64, *v));
+    let x = || Axis::new("bead").limits(0.0, 1000.0);
     let whole = Panel::new()
         .x_axis(x())
         .y_axis("velocity (m/s)")
-        .curve(Curve::line("", points(1.0)).colour(Colour::Blue))
+        .curve(Curve::line("", points()).colour(Colour::Blue))
         .vertical("impurity", 500.0);
     let small = Panel::new()
         .x_axis(x())
         .y_axis(Axis::new("velocity (m/s)").limits(-0.2, 0.2))
-        .curve(Curve::line("", points(1.0)).colour(Colour::Blue))
+        .curve(Curve::line("", points()).colour(Colour::Blue))
         .vertical("", 500.0)
         .note("the same, enlarged")
         .height(0.8);
@@ -254,148 +235,34 @@ fn draw_velocity(seen: &Observations) -> Result<Figure, StudyError> {
     Ok(Figure::new().shared_x().caption(caption).panel(whole).panel(small))
 }
 
-/// The turning points of the impurity, as many as the reference has, in both runs.
-fn turns(seen: &Observations) -> Result<Vec<(Event, Event)>, StudyError> {
-    let of = |seen: &Observed| -> Vec<Event> {
-        seen.events.iter().filter(|event| event.kind == EventKind::Turns).copied().collect()
-    };
-    let (fine, coarse) = (seen.of(&light())?, seen.of(&coarse())?);
-    let count = LIGHT_TURNS.rows().count();
-    let pairs: Vec<_> = of(fine).into_iter().zip(of(coarse)).take(count).collect();
-    if pairs.len() < count {
-        return Err(fine.absent(format!("turning point {}", pairs.len() + 1)));
-    }
-    Ok(pairs)
-}
-
-fn judge_oscillation(seen: &Observations) -> Result<Judgement, StudyError> {
-    let turns = turns(seen)?;
-    let mut numbers = Vec::new();
-    for (index, ((fine, coarse), row)) in turns.iter().zip(LIGHT_TURNS.rows()).enumerate() {
-        let reference = LIGHT_TURNS.values(&[row[0]])?;
-        let missing =
-            || StudyError::NoReference { file: "light-impurity-turning-points.csv", row: row[0].into() };
-        let time_ms: f64 = row[0].parse().map_err(|_| missing())?;
-        let order = index + 1;
-        numbers.push(
-            Number::new(format!("turning point {order}: time"), fine.time_s * 1e3, "ms")
-                .give_or_take((fine.time_s - coarse.time_s) * 1e3, FROM_STEP)
-                .against_within(time_ms, 1e-4),
-        );
-        numbers.push(
-            Number::new(format!("turning point {order}: displacement"), fine.u_m * 1e3, "mm")
-                .give_or_take((fine.u_m - coarse.u_m) * 1e3, FROM_STEP)
-                .against_within(reference[0], 1e-5),
-        );
-    }
-    let u: Vec<f64> = turns.iter().map(|(fine, _)| fine.u_m).collect();
-    // turns to the right and to the left alternate about one place, ever closer to it
-    let swings: Vec<f64> = u.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let alternates = swings.windows(2).all(|pair| pair[0] * pair[1] < 0.0);
-    let settled = 0.5 * (u[u.len() - 1] + u[u.len() - 2]);
-    let first = 0.5 * (u[0] + u[1]);
-    Ok(Judgement {
-        verdict: Verdict::of(alternates),
-        why: format!(
-            "It turns {} times by the end of the table; the middle of its swings moves only from {:.3} to {:.3} mm.",
-            turns.len(),
-            first * 1e3,
-            settled * 1e3
-        ),
-        numbers,
-    })
-}
-
-/// The flights of the impurity between its neighbours: from when one contact opens, the other being open,
-/// until one closes; start, duration and mean velocity.
-fn flights(seen: &Observed) -> Vec<Flight> {
-    let (mut left_open, mut right_open) = (false, false);
-    let mut start: Option<Event> = None;
-    let mut flights = Vec::new();
-    for event in &seen.events {
-        match event.kind {
-            EventKind::LeftOpens => left_open = true,
-            EventKind::RightOpens => right_open = true,
-            EventKind::LeftCloses => left_open = false,
-            EventKind::RightCloses => right_open = false,
-            EventKind::Turns => continue,
-        }
-        if left_open && right_open {
-            start.get_or_insert(*event);
-        } else if let Some(from) = start.take() {
-            let duration_s = event.time_s - from.time_s;
-            let v_m_s = (event.u_m - from.u_m) / duration_s;
-            flights.push(Flight { start_s: from.time_s, duration_s, v_m_s });
-        }
-    }
-    flights
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Flight {
-    start_s: f64,
-    duration_s: f64,
-    v_m_s: f64,
-}
-
-/// The flights that end before the tables of the reference do.
-fn first_flights(seen: &Observations) -> Result<Vec<(Flight, Flight)>, StudyError> {
-    let (fine, coarse) = (seen.of(&light())?, seen.of(&coarse())?);
-    let pairs: Vec<_> = flights(fine).into_iter().zip(flights(coarse)).take(8).collect();
-    if pairs.len() < 4 {
-        return Err(fine.absent("flight between the neighbours"));
-    }
-    Ok(pairs)
-}
-
-fn judge_free_flight(seen: &Observations) -> Result<Judgement, StudyError> {
-    let flights = first_flights(seen)?;
-    let (first, last) = (flights[0].0, flights[flights.len() - 1].0);
-    let flying_s: f64 = flights.iter().map(|(flight, _)| flight.duration_s).sum();
-    let share = flying_s / (last.start_s + last.duration_s - first.start_s);
-    Ok(Judgement {
-        // without a contact there is no force: a flight is straight to the last bit, so what counts is
-        // whether flights make up the motion
-        verdict: Verdict::of(share > 0.5),
-        why: format!(
-            "Between the first and the last of {} flights it touches neither neighbour for {:.0} % of the time, and \
-             without a contact its velocity is constant.",
-            flights.len(),
-            100.0 * share
-        ),
-        numbers: vec![Number::new("part of the time in free flight", share, "")],
-    })
-}
-
-fn judge_slowing(seen: &Observations) -> Result<Judgement, StudyError> {
-    let flights = first_flights(seen)?;
-    let speeds: Vec<f64> = flights.iter().map(|(flight, _)| flight.v_m_s).collect();
-    let numbers = flights.iter().enumerate().map(|(index, (fine, coarse))| {
-        Number::new(format!("flight {}: velocity", index + 1), fine.v_m_s, "m/s")
-            .give_or_take(fine.v_m_s - coarse.v_m_s, FROM_STEP)
-    });
-    Ok(Judgement {
-        verdict: Verdict::of(falls(&speeds)),
-        why: format!(
-            "From flight to flight it is slower: {:.3} m/s in the first, {:.3} m/s in number {}.",
-            speeds[0].abs(),
-            speeds[speeds.len() - 1].abs(),
-            speeds.len()
-        ),
-        numbers: numbers.collect(),
-    })
-}
-
-fn draw_impurity(seen: &Observations) -> Result<Figure, StudyError> {
-    let pairs = turns(seen)?;
+fn draw_displacement(seen: &Observations) -> Result<Figure, StudyError> {
     let seen = seen.of(&light())?;
-    let times_s = seen.motion.times_s();
-    let path = times_s.into_iter().zip(seen.motion.column(0)).map(|(t, u)| (t * 1e3, u * 1e3));
-    let marks = pairs.iter().map(|(fine, _)| (fine.time_s * 1e3, fine.u_m * 1e3));
+    let snapshot = seen.snapshot(AT_80_MS)?;
+    let points = snapshot.u_m.iter().enumerate().map(|(bead, u)| (bead as f64, u * 1e3));
+    // the first beads fly off backwards, as far as −28 mm: the rest would be a flat line beside them
     let panel = Panel::new()
-        .x_axis(Axis::new("time (ms)").limits(42.5, 80.0))
-        .y_axis("displacement (mm)")
-        .curve(Curve::line("impurity", path).colour(Colour::Blue))
-        .curve(Curve::points("turning points", marks).colour(Colour::Vermillion));
-    Ok(Figure::new().caption(plots::caption(&seen.manifest)).panel(panel))
+        .x_axis(Axis::new("bead").limits(0.0, 1000.0))
+        .y_axis(Axis::new("displacement (mm)").limits(-0.1, 0.65))
+        .curve(Curve::line("", points).colour(Colour::Blue))
+        .vertical("impurity", 500.0);
+    let farthest = snapshot.u_m[0] * 1e3;
+    let caption = format!(
+        "{}; t = {:.2} ms; the first beads have flown off, bead 0 as far as {farthest:.1} mm",
+        plots::caption(&seen.manifest),
+        snapshot.time_s * 1e3
+    );
+    Ok(Figure::new().caption(caption).panel(panel))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_is_measured_between_beads() {
+        let u_m = [1.0, 1.0, 1.0, 0.8, 0.2, 0.0, 0.0];
+        assert!((falls_below(&u_m, 1, 0.9) - 2.5).abs() < 1e-12);
+        assert!((falls_below(&u_m, 1, 0.1) - 4.5).abs() < 1e-12);
+        assert_eq!(crest(&[0.0, 1.0, -3.0, 2.0], 0..4), Some(2));
+    }
 }

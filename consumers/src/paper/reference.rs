@@ -15,6 +15,12 @@ pub(super) const LIGHT_PULSES: ReferenceTable = ReferenceTable {
     text: include_str!("../../../tests/reference/light-impurity-pulses.csv"),
 };
 
+/// The same pulses of the heavy-impurity run; good to 1e-6.
+pub(super) const HEAVY_PULSES: ReferenceTable = ReferenceTable {
+    file: "heavy-impurity-pulses.csv",
+    text: include_str!("../../../tests/reference/heavy-impurity-pulses.csv"),
+};
+
 /// Where the light impurity turns; good to 0.1 µs and 0.01 µm.
 pub(super) const LIGHT_TURNS: ReferenceTable = ReferenceTable {
     file: "light-impurity-turning-points.csv",

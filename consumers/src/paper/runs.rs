@@ -59,6 +59,14 @@ impl Run {
         self
     }
 
+    /// For this many collision times T.
+    fn lasting_collision_times(mut self, times: f64) -> Self {
+        if let Ok(physics) = Physics::resolve(&self.config) {
+            self.config.time.duration_s = times * physics.scales().time_s;
+        }
+        self
+    }
+
     /// Looks at this.
     pub(super) fn watch(mut self, watch: Watch) -> Self {
         self.watch = watch;
@@ -86,7 +94,7 @@ impl Run {
 pub(super) fn light() -> Run {
     let watch = Watch {
         snapshots_s: vec![0.05, 0.06, 0.07, 0.08],
-        probes: vec![300, 700],
+        probes: vec![300, 520, 600, 700, 850],
         followed: vec![500],
         map_until_s: Some(0.08),
     };
@@ -104,8 +112,32 @@ pub(super) fn heavy() -> Run {
     Run::new("heavy-impurity", 1.5, 1000, 0.12, 5).impurity(500, 10e-3).watch(watch)
 }
 
-/// 100 beads, the first of `mass_kg`.
-pub(super) fn striker(name: &str, mass_kg: f64) -> Run {
+/// 300 beads, bead 150 of `mass_g` grams, for another mass or exponent than the paper's figures have. It lasts
+/// until the transmitted pulse is about to reach the end.
+pub(super) fn short(mass_g: f64, alpha: f64) -> Run {
+    let watch = Watch { probes: vec![75, 225], followed: vec![150], ..Watch::default() };
+    // 300 beads in T each are a little more than the shock needs
+    let name = format!("impurity-{}g-alpha-{}", word(mass_g), word(alpha));
+    let run = Run::new(&name, alpha, 300, 1.0, 5).impurity(150, mass_g * 1e-3).watch(watch);
+    run.lasting_collision_times(550.0)
+}
+
+/// The chain of 100 beads of the paper's figures, the first of `mass_g` grams.
+pub(super) fn striker(mass_g: f64) -> Run {
     let watch = Watch { snapshots_s: vec![0.007], ..Watch::default() };
-    Run::new(name, 1.5, 100, 0.007, 5).impurity(0, mass_kg).watch(watch)
+    Run::new(&format!("striker-{}g", word(mass_g)), 1.5, 100, 0.0071, 5)
+        .impurity(0, mass_g * 1e-3)
+        .watch(watch)
+}
+
+/// A longer chain with that striker, for its pulses to part.
+pub(super) fn striker_long(mass_g: f64) -> Run {
+    let watch = Watch { probes: vec![450], ..Watch::default() };
+    let run = Run::new(&format!("striker-{}g-long", word(mass_g)), 1.5, 500, 0.12, 5);
+    run.impurity(0, mass_g * 1e-3).watch(watch)
+}
+
+/// A number as part of a name: `1.5` is `1p5`.
+fn word(value: f64) -> String {
+    value.to_string().replace('.', "p")
 }

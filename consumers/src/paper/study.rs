@@ -1,9 +1,9 @@
 //! The figures of the paper, and which claims go with each.
 
 use super::claim::{Claim, StudyError};
-use super::light;
 use super::observe::Observations;
 use super::runs::Run;
+use super::{heavy, light, maps, rattle, strikers};
 use crate::figure::Figure;
 
 /// One figure with its claims.
@@ -24,7 +24,17 @@ pub struct Study {
 }
 
 /// Every study, in the order of the paper.
-pub const STUDIES: &[Study] = &[light::VELOCITY, light::IMPURITY];
+pub const STUDIES: &[Study] = &[
+    light::VELOCITY,
+    light::DISPLACEMENT,
+    maps::LIGHT,
+    rattle::IMPURITY,
+    heavy::VELOCITY,
+    maps::HEAVY,
+    heavy::SECOND_HIT,
+    strikers::THREE_GRAMS,
+    strikers::TEN_GRAMS,
+];
 
 impl Study {
     /// The study of that name.

@@ -1,0 +1,234 @@
+//! A heavy impurity: it moves on, the transmitted wave breaks up, one pulse comes back.
+
+use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
+use super::observe::Observations;
+use super::passing::{Passed, against_table, both_steps, falls, heights, pulses_of_table};
+use super::reference::HEAVY_PULSES;
+use super::runs::{Run, heavy};
+use super::study::Study;
+use crate::figure::{Axis, Colour, Curve, Figure, Panel};
+use crate::impurity::{Event, EventKind};
+use crate::plots;
+
+const SECTION: &str = "section 3";
+/// What the reference of the pulses is good to.
+const GOOD_TO: f64 = 1e-6;
+/// Which snapshot is that of the figures.
+const AT_80_MS: usize = 1;
+
+pub(super) const VELOCITY: Study = Study {
+    slug: "velocity-heavy",
+    title: "Velocities after the collision with a heavy impurity",
+    place: "figure vheavy",
+    runs,
+    draw: draw_velocity,
+    claims: &[
+        Claim {
+            id: "heavy-train",
+            place: SECTION,
+            quote: "The collision generates many pulses of decreasing amplitudes behind the impurity, these pulses \
+                    being very close to each other.",
+            judge: judge_train,
+        },
+        Claim {
+            id: "heavy-one-reflected",
+            place: SECTION,
+            quote: "Moving in the opposite direction one can see one pulse of large amplitude.",
+            judge: judge_reflected,
+        },
+        Claim {
+            id: "heavy-low-pulses",
+            place: SECTION,
+            quote: "These new compression pulses are not visible on the velocity profile since their amplitude is too low.",
+            judge: judge_low_pulses,
+        },
+    ],
+};
+
+pub(super) const SECOND_HIT: Study = Study {
+    slug: "second-hit",
+    title: "The heavy impurity and its left neighbour",
+    place: "text of section 3, and what it leaves out",
+    runs,
+    draw: draw_second_hit,
+    claims: &[
+        Claim {
+            id: "heavy-shifted",
+            place: SECTION,
+            quote: "The impurity has actually been given a shift to the right when it collided with the shock wave.",
+            judge: judge_shift,
+        },
+        Claim {
+            id: "heavy-sticks",
+            place: SECTION,
+            quote: "Instead of bouncing back the impurity sticks and there is the formation of a compression chain.",
+            judge: judge_sticking,
+        },
+    ],
+};
+
+fn runs() -> Vec<Run> {
+    both_steps(heavy())
+}
+
+fn forward(seen: &Observations) -> Result<Vec<Passed>, StudyError> {
+    pulses_of_table(seen, &heavy(), HEAVY_PULSES, true)
+}
+
+fn backward(seen: &Observations) -> Result<Vec<Passed>, StudyError> {
+    pulses_of_table(seen, &heavy(), HEAVY_PULSES, false)
+}
+
+fn judge_train(seen: &Observations) -> Result<Judgement, StudyError> {
+    let pulses = forward(seen)?;
+    let falls = falls(&heights(&pulses));
+    let gaps = pulses.windows(2).map(|pair| {
+        (pair[1].fine.time_s - pair[0].fine.time_s)
+            * 0.5
+            * (pair[0].fine.speed_beads_per_s + pair[1].fine.speed_beads_per_s)
+    });
+    let widest = gaps.fold(0.0, f64::max);
+    let mut numbers = against_table(&pulses, HEAVY_PULSES, true, GOOD_TO)?;
+    numbers.push(Number::new("largest distance between two of them, as they pass bead 700", widest, "beads"));
+    Ok(Judgement {
+        verdict: Verdict::of(falls && widest < 50.0),
+        why: format!(
+            "The first {} forward pulses pass bead 700, {} weaker than the one before, at most {widest:.0} beads apart.",
+            pulses.len(),
+            if falls { "each" } else { "not all" },
+        ),
+        numbers,
+    })
+}
+
+fn judge_reflected(seen: &Observations) -> Result<Judgement, StudyError> {
+    let pulses = backward(seen)?;
+    let ratio = pulses[1].fine.v_peak_m_s / pulses[0].fine.v_peak_m_s;
+    Ok(Judgement {
+        verdict: Verdict::of(ratio < 0.1),
+        why: format!(
+            "The reflected pulse has {:.2} m/s; the next one back is {:.0} times weaker.",
+            pulses[0].fine.v_peak_m_s,
+            1.0 / ratio
+        ),
+        numbers: against_table(&pulses, HEAVY_PULSES, false, GOOD_TO)?,
+    })
+}
+
+fn judge_low_pulses(seen: &Observations) -> Result<Judgement, StudyError> {
+    /// What can be seen in a plot that shows the whole range: about half the width of a line.
+    const VISIBLE: f64 = 0.005;
+    let (ahead, behind) = (forward(seen)?, backward(seen)?);
+    let range = ahead[0].fine.v_peak_m_s - behind[0].fine.v_peak_m_s;
+    let part = behind[1].fine.v_peak_m_s.abs() / range;
+    Ok(Judgement {
+        verdict: Verdict::graded(part < 0.02, part < VISIBLE),
+        why: format!("The strongest of them takes {:.2} % of the height of the plot.", 100.0 * part),
+        numbers: vec![
+            behind[1].amplitude("strongest pulse of the second front: peak velocity"),
+            Number::new("the same over the range of all velocities", part, ""),
+        ],
+    })
+}
+
+/// When the left neighbour hits the impurity, in both runs.
+fn hits(seen: &Observations) -> Result<Vec<(Event, Event)>, StudyError> {
+    let of = |run: &Run| -> Result<Vec<Event>, StudyError> {
+        let events = seen.of(run)?.events.iter();
+        Ok(events.filter(|event| event.kind == EventKind::LeftCloses).copied().collect())
+    };
+    Ok(of(&heavy())?.into_iter().zip(of(&heavy().with_step_times(2))?).collect())
+}
+
+fn judge_shift(seen: &Observations) -> Result<Judgement, StudyError> {
+    let heavy = seen.of(&heavy())?;
+    let (u, v) = (heavy.motion.column(0), heavy.motion.column(1));
+    let backwards = v.iter().copied().fold(0.0, f64::min);
+    let shift_m = heavy.snapshot(AT_80_MS)?.u_m[500];
+    let monotonic = u.windows(2).all(|pair| pair[1] >= pair[0] - 1e-9);
+    Ok(Judgement {
+        verdict: Verdict::graded(shift_m > 0.0, monotonic),
+        why: format!(
+            "At 80 ms it is {:.2} mm to the right of where it was, and {}.",
+            shift_m * 1e3,
+            if monotonic { "it never moves back" } else { "it moves back a little on the way" }
+        ),
+        numbers: vec![
+            Number::new("displacement at 80 ms", shift_m * 1e3, "mm"),
+            Number::new("largest velocity backwards", backwards.abs(), "m/s"),
+        ],
+    })
+}
+
+fn judge_sticking(seen: &Observations) -> Result<Judgement, StudyError> {
+    let hits = hits(seen)?;
+    let heavy = seen.of(&heavy())?;
+    let bounced = heavy.motion.column(1).iter().any(|v| *v < -1e-3);
+    let mut numbers = Vec::new();
+    for (index, (fine, coarse)) in hits.iter().enumerate() {
+        let what = format!("hit {} of bead 499 on the impurity", index + 1);
+        let number = Number::stepped(what, fine.time_s * 1e3, coarse.time_s * 1e3, "ms");
+        // the reference gives the second in hundredths of a millisecond
+        numbers.push(if index == 1 { number.against_within(60.94, 0.005) } else { number });
+    }
+    let again = hits.get(1).map(|(fine, _)| fine.time_s);
+    Ok(Judgement {
+        verdict: Verdict::graded(!bounced, again.is_none()),
+        why: match again {
+            Some(time_s) if !bounced => format!(
+                "It does not bounce back, but more happens than the paper shows: at {:.2} ms bead 499 hits it again and \
+                 starts a second train.",
+                time_s * 1e3
+            ),
+            Some(_) => "It bounces back, and is hit again.".to_owned(),
+            None => "It stays beside its right neighbour and is not hit again.".to_owned(),
+        },
+        numbers,
+    })
+}
+
+fn draw_velocity(seen: &Observations) -> Result<Figure, StudyError> {
+    let seen = seen.of(&heavy())?;
+    let snapshot = seen.snapshot(AT_80_MS)?;
+    let points = || snapshot.v_m_s.iter().enumerate().map(|(bead, v)| (bead as f64, *v));
+    let x = || Axis::new("bead").limits(0.0, 1000.0);
+    let whole = Panel::new()
+        .x_axis(x())
+        .y_axis("velocity (m/s)")
+        .curve(Curve::line("", points()).colour(Colour::Blue))
+        .vertical("impurity", 500.0);
+    let small = Panel::new()
+        .x_axis(x())
+        .y_axis(Axis::new("velocity (m/s)").limits(-0.05, 0.15))
+        .curve(Curve::line("", points()).colour(Colour::Blue))
+        .vertical("", 500.0)
+        .note("the same, enlarged")
+        .height(0.8);
+    let caption = format!("{}; t = {:.2} ms", plots::caption(&seen.manifest), snapshot.time_s * 1e3);
+    Ok(Figure::new().shared_x().caption(caption).panel(whole).panel(small))
+}
+
+fn draw_second_hit(seen: &Observations) -> Result<Figure, StudyError> {
+    let hits = hits(seen)?;
+    let seen = seen.of(&heavy())?;
+    let times_s = seen.motion.times_s();
+    let curve = |column: usize, factor: f64| -> Vec<(f64, f64)> {
+        times_s.iter().zip(seen.motion.column(column)).map(|(t, value)| (t * 1e3, value * factor)).collect()
+    };
+    let x = || Axis::new("time (ms)").limits(42.0, 80.0);
+    let mut velocity = Panel::new()
+        .x_axis(x())
+        .y_axis("velocity of the impurity (m/s)")
+        .curve(Curve::line("", curve(1, 1.0)).colour(Colour::Blue));
+    let mut gap = Panel::new()
+        .x_axis(x())
+        .y_axis(Axis::new("gap to bead 499 (mm)").limits(-0.1, 0.8))
+        .curve(Curve::line("", curve(2, -1e3)).colour(Colour::Vermillion))
+        .horizontal("", 0.0);
+    for (index, (hit, _)) in hits.iter().enumerate() {
+        velocity =
+            velocity.vertical(if index == 0 { "bead 499 hits the impurity" } else { "" }, hit.time_s * 1e3);
+        gap = gap.vertical("", hit.time_s * 1e3);
+    }
+    Ok(Figure::new().shared_x().caption(plots::caption(&seen.manifest)).panel(velocity).panel(gap))
+}

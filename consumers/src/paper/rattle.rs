@@ -1,0 +1,245 @@
+//! The motion of a light impurity between its neighbours.
+
+use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
+use super::observe::{Observations, Observed};
+use super::passing::{BACKWARD_BEAD, FORWARD_BEAD, both_steps, falls};
+use super::reference::LIGHT_TURNS;
+use super::runs::{Run, light};
+use super::study::Study;
+use crate::figure::{Axis, Colour, Curve, Figure, Panel};
+use crate::impurity::{Event, EventKind};
+use crate::plots;
+
+const SECTION: &str = "section 3";
+/// Where the uncertainties of this module come from.
+const FROM_STEP: &str = "a run with twice the step, recorded half as often";
+
+pub(super) const IMPURITY: Study = Study {
+    slug: "impurity-light",
+    title: "Displacement of the light impurity",
+    place: "figure uimp",
+    runs,
+    draw: draw_impurity,
+    claims: &[
+        Claim {
+            id: "impurity-oscillates",
+            place: SECTION,
+            quote: "Fig. (uimp) clearly shows that the impurity oscillates around an equilibrium position.",
+            judge: judge_oscillation,
+        },
+        Claim {
+            id: "impurity-zig-zag",
+            place: SECTION,
+            quote: "These oscillations are zig-zag shaped showing that the impurity moves with a constant velocity \
+                    between two shocks with its left and right neighbors.",
+            judge: judge_free_flight,
+        },
+        Claim {
+            id: "impurity-slows",
+            place: SECTION,
+            quote: "This velocity decreases in time (lower slopes of the oscillations) since the impurity transfers \
+                    energy to its neighbors at each shock creating new pulses.",
+            judge: judge_slowing,
+        },
+        Claim {
+            id: "impurity-pulse-each-cycle",
+            place: "section 1",
+            quote: "These oscillations are damped since the impurity collides its nearest neighbors producing a \
+                    backward and a forward moving pulse in each cycle.",
+            judge: judge_cycles,
+        },
+    ],
+};
+
+fn runs() -> Vec<Run> {
+    both_steps(light())
+}
+
+fn coarse() -> Run {
+    light().with_step_times(2)
+}
+
+/// The turning points of the impurity, as many as the reference has, in both runs.
+fn turns(seen: &Observations) -> Result<Vec<(Event, Event)>, StudyError> {
+    let of = |seen: &Observed| -> Vec<Event> {
+        seen.events.iter().filter(|event| event.kind == EventKind::Turns).copied().collect()
+    };
+    let (fine, coarse) = (seen.of(&light())?, seen.of(&coarse())?);
+    let count = LIGHT_TURNS.rows().count();
+    let pairs: Vec<_> = of(fine).into_iter().zip(of(coarse)).take(count).collect();
+    if pairs.len() < count {
+        return Err(fine.absent(format!("turning point {}", pairs.len() + 1)));
+    }
+    Ok(pairs)
+}
+
+fn judge_oscillation(seen: &Observations) -> Result<Judgement, StudyError> {
+    let turns = turns(seen)?;
+    let worst = |of: fn(&Event) -> f64| {
+        turns.iter().map(|(fine, coarse)| (of(fine) - of(coarse)).abs()).fold(0.0, f64::max)
+    };
+    let (worst_s, worst_m) = (worst(|turn| turn.time_s), worst(|turn| turn.u_m));
+    let mut numbers = Vec::new();
+    for (index, ((fine, _), row)) in turns.iter().zip(LIGHT_TURNS.rows()).enumerate() {
+        let reference = LIGHT_TURNS.values(&[row[0]])?;
+        let missing =
+            || StudyError::NoReference { file: "light-impurity-turning-points.csv", row: row[0].into() };
+        let time_ms: f64 = row[0].parse().map_err(|_| missing())?;
+        let order = index + 1;
+        numbers.push(
+            Number::new(format!("turning point {order}: time"), fine.time_s * 1e3, "ms")
+                .give_or_take(worst_s * 1e3, FROM_STEP)
+                .against_within(time_ms, 1e-4),
+        );
+        numbers.push(
+            Number::new(format!("turning point {order}: displacement"), fine.u_m * 1e3, "mm")
+                .give_or_take(worst_m * 1e3, FROM_STEP)
+                .against_within(reference[0], 1e-5),
+        );
+    }
+    let u: Vec<f64> = turns.iter().map(|(fine, _)| fine.u_m).collect();
+    // turns to the right and to the left alternate about one place, ever closer to it
+    let swings: Vec<f64> = u.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let alternates = swings.windows(2).all(|pair| pair[0] * pair[1] < 0.0);
+    let settled = 0.5 * (u[u.len() - 1] + u[u.len() - 2]);
+    let first = 0.5 * (u[0] + u[1]);
+    Ok(Judgement {
+        verdict: Verdict::of(alternates),
+        why: format!(
+            "It turns {} times by the end of the table; the middle of its swings moves only from {:.3} to {:.3} mm.",
+            turns.len(),
+            first * 1e3,
+            settled * 1e3
+        ),
+        numbers,
+    })
+}
+
+/// The flights of the impurity between its neighbours: from when one contact opens, the other being open,
+/// until one closes; start, duration and mean velocity.
+fn flights(seen: &Observed) -> Vec<Flight> {
+    let (mut left_open, mut right_open) = (false, false);
+    let mut start: Option<Event> = None;
+    let mut flights = Vec::new();
+    for event in &seen.events {
+        match event.kind {
+            EventKind::LeftOpens => left_open = true,
+            EventKind::RightOpens => right_open = true,
+            EventKind::LeftCloses => left_open = false,
+            EventKind::RightCloses => right_open = false,
+            EventKind::Turns => continue,
+        }
+        if left_open && right_open {
+            start.get_or_insert(*event);
+        } else if let Some(from) = start.take() {
+            let duration_s = event.time_s - from.time_s;
+            let v_m_s = (event.u_m - from.u_m) / duration_s;
+            flights.push(Flight { start_s: from.time_s, duration_s, v_m_s });
+        }
+    }
+    flights
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Flight {
+    start_s: f64,
+    duration_s: f64,
+    v_m_s: f64,
+}
+
+/// The flights that end before the tables of the reference do.
+fn first_flights(seen: &Observations) -> Result<Vec<(Flight, Flight)>, StudyError> {
+    let (fine, coarse) = (seen.of(&light())?, seen.of(&coarse())?);
+    let pairs: Vec<_> = flights(fine).into_iter().zip(flights(coarse)).take(8).collect();
+    if pairs.len() < 4 {
+        return Err(fine.absent("flight between the neighbours"));
+    }
+    Ok(pairs)
+}
+
+fn judge_free_flight(seen: &Observations) -> Result<Judgement, StudyError> {
+    let flights = first_flights(seen)?;
+    let (first, last) = (flights[0].0, flights[flights.len() - 1].0);
+    let flying_s: f64 = flights.iter().map(|(flight, _)| flight.duration_s).sum();
+    let share = flying_s / (last.start_s + last.duration_s - first.start_s);
+    Ok(Judgement {
+        // without a contact there is no force: a flight is straight to the last bit, so what counts is
+        // whether flights make up the motion
+        verdict: Verdict::of(share > 0.5),
+        why: format!(
+            "Between the first and the last of {} flights it touches neither neighbour for {:.0} % of the time, and \
+             without a contact its velocity is constant.",
+            flights.len(),
+            100.0 * share
+        ),
+        numbers: vec![Number::new("part of the time in free flight", share, "")],
+    })
+}
+
+fn judge_slowing(seen: &Observations) -> Result<Judgement, StudyError> {
+    let flights = first_flights(seen)?;
+    let speeds: Vec<f64> = flights.iter().map(|(flight, _)| flight.v_m_s).collect();
+    let worst = flights.iter().map(|(fine, coarse)| (fine.v_m_s - coarse.v_m_s).abs()).fold(0.0, f64::max);
+    let numbers = flights.iter().enumerate().map(|(index, (fine, _))| {
+        Number::new(format!("flight {}: velocity", index + 1), fine.v_m_s, "m/s")
+            .give_or_take(worst, FROM_STEP)
+    });
+    Ok(Judgement {
+        verdict: Verdict::of(falls(&speeds)),
+        why: format!(
+            "From flight to flight it is slower: {:.3} m/s in the first, {:.3} m/s in number {}.",
+            speeds[0].abs(),
+            speeds[speeds.len() - 1].abs(),
+            speeds.len()
+        ),
+        numbers: numbers.collect(),
+    })
+}
+
+fn judge_cycles(seen: &Observations) -> Result<Judgement, StudyError> {
+    let light = seen.of(&light())?;
+    let hits = |kind: EventKind, until_s: f64| {
+        light.events.iter().filter(|event| event.kind == kind && event.time_s < until_s).count() as f64
+    };
+    let passed = |forward: bool| {
+        let pulses = light.pulses_past(if forward { FORWARD_BEAD } else { BACKWARD_BEAD }, forward);
+        let last_s = pulses.last().map_or(0.0, |pulse| pulse.time_s);
+        // the time that the weakest pulse takes over the 200 beads from the impurity
+        let travel_s = pulses.last().map_or(0.0, |pulse| 200.0 / pulse.speed_beads_per_s);
+        (pulses.len() as f64, last_s - travel_s)
+    };
+    let ((forward, forward_s), (backward, backward_s)) = (passed(true), passed(false));
+    // the shock itself comes through the left contact, and is the first of the forward pulses
+    let right = hits(EventKind::RightCloses, forward_s + 1e-4);
+    let left = hits(EventKind::LeftCloses, backward_s + 1e-4) - 1.0;
+    Ok(Judgement {
+        verdict: Verdict::graded(
+            forward > 1.0 && backward > 1.0,
+            (forward - right).abs() + (backward - left).abs() <= 2.0,
+        ),
+        why: format!(
+            "By then it has hit its right neighbour {right:.0} times for {forward:.0} forward pulses, and its left one \
+             {left:.0} times for {backward:.0} backward pulses."
+        ),
+        numbers: vec![
+            Number::new("forward pulses past bead 700", forward, ""),
+            Number::new("closures of the right contact that can have made them", right, ""),
+            Number::new("backward pulses past bead 300", backward, ""),
+            Number::new("closures of the left contact that can have made them", left, ""),
+        ],
+    })
+}
+
+fn draw_impurity(seen: &Observations) -> Result<Figure, StudyError> {
+    let seen = seen.of(&light())?;
+    let times_s = seen.motion.times_s();
+    let path = times_s.into_iter().zip(seen.motion.column(0)).map(|(t, u)| (t * 1e3, u * 1e3));
+    let number = |word: &str| word.parse().unwrap_or(f64::NAN);
+    let marks = LIGHT_TURNS.rows().map(|row| (number(row[0]), number(row[1])));
+    let panel = Panel::new()
+        .x_axis(Axis::new("time (ms)").limits(42.5, 80.0))
+        .y_axis("displacement (mm)")
+        .curve(Curve::line("impurity", path).colour(Colour::Blue))
+        .curve(Curve::points("independent reference", marks).colour(Colour::Vermillion));
+    Ok(Figure::new().caption(plots::caption(&seen.manifest)).panel(panel))
+}

@@ -1,0 +1,136 @@
+//! A heavy first bead: one shock becomes a train.
+
+use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
+use super::observe::Observations;
+use super::passing::falls;
+use super::runs::{Run, striker, striker_long};
+use super::study::Study;
+use crate::figure::{Axis, Colour, Curve, Figure, Panel};
+use crate::plots;
+
+const SECTION: &str = "section 3";
+/// The masses (g) of the first bead over which pulses are counted.
+const MASSES_G: [f64; 5] = [1.0, 2.0, 3.0, 5.0, 10.0];
+/// Where they are counted.
+const BEAD: u64 = 450;
+
+pub(super) const THREE_GRAMS: Study = Study {
+    slug: "striker-3g",
+    title: "Velocities behind a first bead of 3 g",
+    place: "figure exp1",
+    runs: runs_3g,
+    draw: draw_3g,
+    claims: &[
+        Claim {
+            id: "striker-3g-train",
+            place: "figure exp1",
+            quote: "Instead of having a single soliton as it is the case for a homogeneous chain many pulses of decreasing \
+                    amplitudes are propagating.",
+            judge: judge_train,
+        },
+        Claim {
+            id: "striker-1g-single",
+            place: SECTION,
+            quote: "In the case of a bead having the same mass we know that the perturbation of the first bead by giving it a \
+                    finite velocity at zero time will produce a single pulse.",
+            judge: judge_single,
+        },
+    ],
+};
+
+pub(super) const TEN_GRAMS: Study = Study {
+    slug: "striker-10g",
+    title: "Velocities behind a first bead of 10 g",
+    place: "figure exp2",
+    runs: runs_10g,
+    draw: draw_10g,
+    claims: &[Claim {
+        id: "striker-number-grows",
+        place: "section 3 and figure exp2",
+        quote: "As the mass of the first bead is increased the number of emitted pulses grows.",
+        judge: judge_numbers,
+    }],
+};
+
+fn runs_3g() -> Vec<Run> {
+    vec![striker(3.0), striker_long(1.0), striker_long(3.0)]
+}
+
+fn runs_10g() -> Vec<Run> {
+    [striker(10.0)].into_iter().chain(MASSES_G.map(striker_long)).collect()
+}
+
+/// Amplitudes (m/s) of the pulses that pass bead 450 behind a first bead of `mass_g`.
+fn train(seen: &Observations, mass_g: f64) -> Result<Vec<f64>, StudyError> {
+    let pulses = seen.of(&striker_long(mass_g))?.pulses_past(BEAD, true);
+    Ok(pulses.iter().map(|pulse| pulse.v_peak_m_s).collect())
+}
+
+fn judge_train(seen: &Observations) -> Result<Judgement, StudyError> {
+    let amplitudes = train(seen, 3.0)?;
+    let falls = falls(&amplitudes);
+    let numbers = amplitudes.iter().enumerate().take(6);
+    Ok(Judgement {
+        verdict: Verdict::of(amplitudes.len() > 1 && falls),
+        why: format!(
+            "{} pulses pass bead {BEAD} of a longer chain within 120 ms, {} weaker than the one before.",
+            amplitudes.len(),
+            if falls { "each" } else { "not all" }
+        ),
+        numbers: numbers
+            .map(|(index, v)| Number::new(format!("pulse {}: peak velocity", index + 1), *v, "m/s"))
+            .collect(),
+    })
+}
+
+fn judge_single(seen: &Observations) -> Result<Judgement, StudyError> {
+    let amplitudes = train(seen, 1.0)?;
+    Ok(Judgement {
+        verdict: Verdict::of(amplitudes.len() == 1),
+        why: format!("{} pulse above 5 mm/s passes bead {BEAD} within 120 ms.", amplitudes.len()),
+        numbers: vec![Number::new("pulses", amplitudes.len() as f64, "")],
+    })
+}
+
+fn judge_numbers(seen: &Observations) -> Result<Judgement, StudyError> {
+    let mut counts = Vec::new();
+    for mass_g in MASSES_G {
+        counts.push(train(seen, mass_g)?.len());
+    }
+    let numbers = MASSES_G.iter().zip(&counts).map(|(mass_g, count)| {
+        Number::new(
+            format!("pulses above 5 mm/s past bead {BEAD}, first bead of {mass_g} g"),
+            *count as f64,
+            "",
+        )
+    });
+    Ok(Judgement {
+        verdict: Verdict::of(counts.windows(2).all(|pair| pair[0] < pair[1])),
+        why: format!(
+            "Within 120 ms {} pulses pass bead {BEAD} for first beads of {} g.",
+            counts.iter().map(usize::to_string).collect::<Vec<_>>().join(", "),
+            MASSES_G.map(|mass_g| mass_g.to_string()).join(", ")
+        ),
+        numbers: numbers.collect(),
+    })
+}
+
+fn draw_3g(seen: &Observations) -> Result<Figure, StudyError> {
+    draw(seen, 3.0)
+}
+
+fn draw_10g(seen: &Observations) -> Result<Figure, StudyError> {
+    draw(seen, 10.0)
+}
+
+fn draw(seen: &Observations, mass_g: f64) -> Result<Figure, StudyError> {
+    let seen = seen.of(&striker(mass_g))?;
+    let snapshot = seen.snapshot(0)?;
+    let points = snapshot.v_m_s.iter().enumerate().map(|(bead, v)| (bead as f64, *v));
+    let panel = Panel::new()
+        .x_axis(Axis::new("bead").limits(0.0, 100.0))
+        .y_axis("velocity (m/s)")
+        .curve(Curve::line("", points).colour(Colour::Blue));
+    let caption = format!("{}; t = {:.2} ms", plots::caption(&seen.manifest), snapshot.time_s * 1e3);
+    Ok(Figure::new().caption(caption).panel(panel))
+}
