@@ -9,6 +9,8 @@
 //! E. Hascoët and H. J. Herrmann, *Shocks in non-loaded bead chains with impurities*.
 
 mod claim;
+mod fit;
+mod front;
 mod heavy;
 mod light;
 mod maps;
@@ -17,10 +19,13 @@ mod passing;
 mod rattle;
 mod reference;
 mod runs;
+mod scaling;
 mod strikers;
+mod transient;
 mod study;
 
 pub use claim::{Claim, Judgement, Number, Reference, StudyError, Uncertainty, Verdict};
+pub use front::Front;
 pub use observe::{Observations, Observed, Observer, Snapshot};
 pub use runs::{Run, Watch};
 pub use study::{STUDIES, Study};

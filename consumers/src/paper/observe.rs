@@ -1,6 +1,7 @@
 //! What is seen of a run.
 
 use super::claim::StudyError;
+use super::front::{Front, front};
 use super::runs::{Run, Watch};
 use crate::contacts::{ContactCounts, ContactRaster, Contacts, default_tolerance_m};
 use crate::follow::Analysis;
@@ -9,6 +10,7 @@ use crate::pulses::{Passage, Probes};
 use crate::series::Series;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
+use schemas::summary::Summarizer;
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 
@@ -44,6 +46,10 @@ pub struct Observed {
     pub map: Option<ContactRaster>,
     /// The largest overlap or gap (m) that counts as touching.
     pub tolerance_m: f64,
+    /// The leading pulse in each frame.
+    pub fronts: Vec<Front>,
+    /// `(E − E0)/E0` of the last frame.
+    pub relative_drift: f64,
 }
 
 /// Looks at the frames of one run.
@@ -81,6 +87,8 @@ impl Observer {
                 events: Vec::new(),
                 map,
                 tolerance_m,
+                fronts: Vec::new(),
+                relative_drift: 0.0,
             },
         }
     }
@@ -120,6 +128,12 @@ impl Analysis for Observer {
         }
         if let Some(map) = self.seen.map.as_mut().filter(|_| frame.step <= self.map_until) {
             map.push(frame.step, self.contacts.observe(frame));
+        }
+        if self.watch.front {
+            self.seen.fronts.extend(front(frame));
+        }
+        if frame.step == self.seen.manifest.physics.step_count {
+            self.seen.relative_drift = Summarizer::new(&self.seen.manifest.physics).summarize(frame).relative_drift;
         }
         self.keep_snapshots(frame);
         Ok(())
