@@ -8,6 +8,7 @@ mod display;
 mod failure;
 mod signals;
 mod source;
+mod sweep;
 
 use args::{Cli, Command};
 use clap::Parser;
@@ -27,6 +28,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Energies(args) => commands::energies::energies(&args),
         Command::Impurity(args) => commands::impurity::impurity(&args),
         Command::Contacts(args) => commands::contacts::contacts(&args),
+        Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Ls { json } => commands::ls::ls(json),
         Command::Info { file, json } => commands::info::info(&file, json),
     }
