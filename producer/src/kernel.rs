@@ -5,6 +5,9 @@
 //! force at rest, which is subtracted in the form in which it was computed, and a kick or a drift adds
 //! exactly zero.
 
+mod damped;
+
+use damped::Damped;
 use pulp::Arch;
 use schemas::chain::{Chain, Walls, ordered_sum};
 use schemas::contact::{ContactLaw, PowerUser};
@@ -44,6 +47,7 @@ pub struct Kernel {
     /// What presses the contacts together at rest, if anything does.
     rest: Option<Rest>,
     walls: Walls,
+    damped: Option<Damped>,
     /// Force (N) of contact `c` beyond that at rest at index `c + 1`; those of the walls at both ends.
     force: Vec<f64>,
     activity: Activity,
@@ -65,6 +69,7 @@ impl Kernel {
             stiffness: chain.stiffness.clone(),
             rest: chain.is_loaded().then(rest),
             walls: chain.walls,
+            damped: Damped::of(chain),
             force: vec![0.0; chain.bead_count() + 1],
             activity: Activity { beads: 0..0 },
         }
@@ -83,8 +88,7 @@ impl Kernel {
         if beads.is_empty() {
             return;
         }
-        // contacts that touch an active bead: contact c joins beads c and c + 1
-        let contacts = beads.start.saturating_sub(1)..beads.end.min(self.stiffness.len()); // integers
+        let contacts = self.contacts_of(&beads);
         let (first, end) = (contacts.start, contacts.end);
         let law = self.law;
         let forces = Forces {
@@ -108,6 +112,16 @@ impl Kernel {
         }
         self.push_by_walls(&beads, u_m);
         self.widen(first, end);
+    }
+
+    /// The beads that may not be at rest.
+    pub(crate) fn active_beads(&self) -> Range<usize> {
+        self.activity.beads.clone()
+    }
+
+    /// The contacts that touch one of `beads`: contact c joins beads c and c + 1.
+    fn contacts_of(&self, beads: &Range<usize>) -> Range<usize> {
+        beads.start.saturating_sub(1)..beads.end.min(self.stiffness.len()) // integers
     }
 
     /// The forces of the walls on the end beads that are active.
