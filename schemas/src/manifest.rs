@@ -267,7 +267,7 @@ impl RunManifest {
 
     /// Doubles in a frame on the bus: `(2 + E)·N`.
     pub fn frame_doubles(&self) -> usize {
-        (2 + self.physics.method.extra_per_bead()) * usize_of(self.physics.beads)
+        (2 + self.physics.extra_per_bead()) * usize_of(self.physics.beads)
     }
 }
 
@@ -295,6 +295,7 @@ fn usize_of(beads: u64) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::{DampingConfig, MassRule, OddContact, StiffnessRule};
     use crate::presets::PRESETS;
 
     fn origin() -> Origin {
@@ -410,6 +411,21 @@ mod tests {
         refuse(|c| c.chain.impurities.push(c.chain.impurities[0]), "chain.impurities[1].bead");
         refuse(|c| c.striker.bead = 5000, "striker.bead");
         refuse(|c| c.striker.velocity_m_s = 0.0, "striker.velocity_m_s");
+        refuse(|c| c.chain.masses = MassRule::PatternKg(Vec::new()), "chain.masses.pattern_kg");
+        refuse(|c| c.chain.masses = MassRule::ListKg(vec![1e-3; 999]), "chain.masses.list_kg");
+        refuse(|c| c.chain.masses = MassRule::Taper(0.5), "chain.masses");
+        refuse(|c| c.chain.masses = MassRule::Taper(0.0), "chain.masses.taper");
+        refuse(|c| c.chain.stiffnesses = StiffnessRule::List(vec![1.0; 1000]), "chain.stiffnesses.list");
+        refuse(|c| (c.chain.alpha, c.chain.stiffnesses) = (2.0, StiffnessRule::Radii), "chain.stiffnesses");
+        refuse(
+            |c| c.chain.contacts = vec![OddContact { contact: 999, stiffness: 1.0 }],
+            "chain.contacts[0].contact",
+        );
+        refuse(|c| c.ends.left_stiffness = Some(-1.0), "ends.left_stiffness");
+        refuse(|c| c.load.gravity_m_s2 = 9.81, "load.gravity_m_s2");
+        refuse(|c| c.load.precompression_n = -1.0, "load.precompression_n");
+        refuse(|c| c.damping = Some(DampingConfig::Restitution(1.5)), "damping.restitution");
+        refuse(|c| c.damping = Some(DampingConfig::Restitution(0.5)), "integrator.method");
         refuse(|c| c.time.dt_s = Some(1e-3), "time.dt_s");
         refuse(|c| c.time.duration_s = -1.0, "time.duration_s");
         refuse(|c| c.stream.publish_every_steps = 0, "stream.publish_every_steps");

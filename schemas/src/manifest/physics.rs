@@ -1,11 +1,17 @@
 //! What decides the bits of a run.
 
-use super::{KERNEL_VERSION, MAX_BEADS, MAX_STEPS, to_json, usize_of};
-use crate::chain::{Chain, Energy};
-use crate::config::{ConfigError, Impurity, RunConfig, StrikerConfig};
-use crate::contact::ContactLaw;
+mod arrays;
+mod check;
+mod time_step;
+
+use super::{KERNEL_VERSION, to_json, usize_of};
+use crate::chain::Energy;
+use crate::config::{
+    ConfigError, EndsConfig, Impurity, LoadConfig, MassRule, OddContact, RunConfig, StiffnessRule,
+    StrikerConfig,
+};
+use crate::damping::Damping;
 use crate::method::Method;
-use crate::power::power;
 use crate::scales::Scales;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -24,8 +30,26 @@ pub struct Physics {
     pub alpha: f64,
     /// Stiffness k of every contact (N·m^−α).
     pub stiffness: f64,
+    /// The masses of the beads that are no impurities.
+    #[serde(default, skip_serializing_if = "MassRule::is_uniform")]
+    pub masses: MassRule,
+    /// The stiffnesses of the contacts that are not odd.
+    #[serde(default, skip_serializing_if = "StiffnessRule::is_uniform")]
+    pub stiffnesses: StiffnessRule,
     /// Beads of another mass, in the order of the beads.
     pub impurities: Vec<Impurity>,
+    /// Contacts of another stiffness, in the order of the contacts.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub contacts: Vec<OddContact>,
+    /// What the ends of the chain touch.
+    #[serde(default, skip_serializing_if = "EndsConfig::is_free")]
+    pub ends: EndsConfig,
+    /// What loads the chain.
+    #[serde(default, skip_serializing_if = "LoadConfig::is_none")]
+    pub load: LoadConfig,
+    /// What contacts dissipate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub damping: Option<Damping>,
     /// The bead that moves at the beginning.
     pub striker: StrikerConfig,
     /// The integration method.
@@ -49,139 +73,35 @@ impl Physics {
             bead_mass_kg: chain.bead_mass_kg,
             alpha: chain.alpha,
             stiffness: chain.stiffness,
+            masses: chain.masses.clone(),
+            stiffnesses: chain.stiffnesses.clone(),
             impurities: chain.impurities.clone(),
+            contacts: chain.contacts.clone(),
+            ends: config.ends,
+            load: config.load,
+            damping: config.damping.map(Damping::resolve).transpose()?,
             striker: config.striker,
             method: config.integrator.method,
             dt_s: 0.0,
             step_count: 0,
         };
         physics.impurities.sort_by_key(|impurity| impurity.bead);
-        physics.check_chain(&chain.impurities)?;
+        physics.contacts.sort_by_key(|odd| odd.contact);
+        physics.check_chain(&chain.impurities, &chain.contacts)?;
         physics.dt_s = config.time.dt_s.unwrap_or_else(|| physics.default_dt_s());
         physics.check_dt()?;
-        physics.step_count = step_count(config.time.duration_s, physics.dt_s)?;
+        physics.step_count = time_step::step_count(config.time.duration_s, physics.dt_s)?;
         Ok(physics)
     }
 
-    /// `fraction · min(T, 4·T_fast) · min(1, 5/α)`: the fraction of [`Method::default_step_fraction`], T of a bead of
-    /// `bead_mass_kg`, and [`Physics::fastest_s`], which decides only where a bead is lighter than about 1/16 of
-    /// the others or the striker much heavier. The larger α, the shorter the part of T in which a contact
-    /// is stiff.
-    fn default_dt_s(&self) -> f64 {
-        let (usual, fast) = (self.scales().time_s, 4.0 * self.fastest_s());
-        let time_s = if fast < usual { fast } else { usual };
-        self.method.default_step_fraction() * time_s * self.stiff_fraction()
-    }
-
-    /// `T_fast = √(m_light/(k·L_s^(α−1)))` (s), with the overlap scale `L_s = (m_s·v0²/k)^(1/(α+1))` of the striker:
-    /// how fast the lightest bead moves between neighbours that the shock presses together. It is T in a
-    /// chain of equal beads.
-    fn fastest_s(&self) -> f64 {
-        let lightest = self.impurities.iter().fold(self.bead_mass_kg, |lightest, impurity| {
-            if impurity.mass_kg < lightest { impurity.mass_kg } else { lightest }
-        });
-        let striker = self.impurities.iter().find(|impurity| impurity.bead == self.striker.bead);
-        let striker_kg = striker.map_or(self.bead_mass_kg, |impurity| impurity.mass_kg);
-        let speed_m_s = self.striker.velocity_m_s.abs();
-        let ratio = striker_kg * (speed_m_s * speed_m_s) / self.stiffness;
-        let pressed = power(ratio, (self.alpha - 1.0) / (self.alpha + 1.0));
-        (lightest / (self.stiffness * pressed)).sqrt()
-    }
-
-    /// `min(1, 5/α)`.
-    fn stiff_fraction(&self) -> f64 {
-        if self.alpha > 5.0 { 5.0 / self.alpha } else { 1.0 }
-    }
-
-    /// Scales L and T of a bead of `bead_mass_kg` at the striker's speed.
+    /// Scales L and T of a bead of `bead_mass_kg` at the striker's speed; if nothing strikes, those of a loaded
+    /// contact, [`Scales::of_load`] at the largest rest overlap.
     pub fn scales(&self) -> Scales {
-        Scales::new(self.bead_mass_kg, self.striker.velocity_m_s.abs(), self.stiffness, self.alpha)
-    }
-
-    /// Checks everything but the time; `written` are the impurities in the user's order.
-    fn check_chain(&self, written: &[Impurity]) -> Result<(), ConfigError> {
-        if !(2..=MAX_BEADS).contains(&self.beads) {
-            return Err(ConfigError::value("chain.beads", self.beads, "2 to 20000000 beads"));
-        }
-        check_positive("chain.bead_mass_kg", self.bead_mass_kg, "kg")?;
-        if !(1.0..=1000.0).contains(&self.alpha) {
-            return Err(ConfigError::number("chain.alpha", self.alpha, "an exponent from 1 to 1000"));
-        }
-        check_positive("chain.stiffness", self.stiffness, "N/m^alpha")?;
-        for (i, impurity) in written.iter().enumerate() {
-            self.check_bead(&format!("chain.impurities[{i}].bead"), impurity.bead)?;
-            check_positive(&format!("chain.impurities[{i}].mass_kg"), impurity.mass_kg, "kg")?;
-            if written[..i].iter().any(|other| other.bead == impurity.bead) {
-                let key = format!("chain.impurities[{i}].bead");
-                return Err(ConfigError::value(&key, impurity.bead, "each bead once"));
-            }
-        }
-        self.check_bead("striker.bead", self.striker.bead)?;
-        check_positive("striker.velocity_m_s", self.striker.velocity_m_s.abs(), "m/s").map_err(|_| {
-            let allowed = "a velocity of 1e-100 to 1e100 m/s, in either direction";
-            ConfigError::number("striker.velocity_m_s", self.striker.velocity_m_s, allowed)
-        })?;
-        self.check_scales()
-    }
-
-    /// L and T come from `m·v0²/k`, which must be far from where forces are flushed to zero.
-    fn check_scales(&self) -> Result<(), ConfigError> {
         let speed_m_s = self.striker.velocity_m_s.abs();
-        let masses = self.impurities.iter().map(|impurity| impurity.mass_kg).chain([self.bead_mass_kg]);
-        for mass_kg in masses {
-            let ratio = mass_kg * (speed_m_s * speed_m_s) / self.stiffness;
-            if !(1e-200..=1e200).contains(&ratio) {
-                let allowed = "stiffness, masses and velocity with m·v0²/k from 1e-200 to 1e200 m^(α+1)";
-                let found = format!("{:e} with m·v0²/k = {ratio:e}", self.stiffness);
-                return Err(ConfigError::value("chain.stiffness", found, allowed));
-            }
-        }
-        Ok(())
-    }
-
-    fn check_bead(&self, key: &str, bead: u64) -> Result<(), ConfigError> {
-        if bead < self.beads {
-            return Ok(());
-        }
-        let allowed = format!("beads 0 to {} of this chain", self.beads - 1);
-        Err(ConfigError::value(key, bead, &allowed))
-    }
-
-    fn check_dt(&self) -> Result<(), ConfigError> {
-        let longest = 0.25 * self.fastest_s() * self.stiff_fraction();
-        if self.dt_s > 0.0 && self.dt_s <= longest {
-            return Ok(());
-        }
-        let allowed = format!(
-            "a step of more than 0 and at most {longest:.3e} s, a quarter of the collision time of the \
-             lightest bead (less for α > 5); {:.3e} s is the default",
-            self.default_dt_s()
-        );
-        Err(ConfigError::number("time.dt_s", self.dt_s, &allowed))
-    }
-
-    /// Checks a manifest that came from elsewhere as strictly as a configuration.
-    pub(super) fn check(&self) -> Result<(), ConfigError> {
-        self.check_chain(&self.impurities)?;
-        self.check_dt()?;
-        if !(1..=MAX_STEPS).contains(&self.step_count) {
-            return Err(ConfigError::value("step_count", self.step_count, "1 to 2^52 steps"));
-        }
-        Ok(())
-    }
-
-    /// The resolved masses, stiffnesses and rest overlaps.
-    pub fn chain(&self) -> Chain {
-        let beads = usize_of(self.beads);
-        let mut mass_kg = vec![self.bead_mass_kg; beads];
-        for impurity in &self.impurities {
-            mass_kg[usize_of(impurity.bead)] = impurity.mass_kg;
-        }
-        Chain {
-            mass_kg,
-            stiffness: vec![self.stiffness; beads - 1],
-            rest_overlap_m: vec![0.0; beads - 1],
-            law: ContactLaw::new(self.alpha),
+        if speed_m_s > 0.0 {
+            Scales::new(self.bead_mass_kg, speed_m_s, self.stiffness, self.alpha)
+        } else {
+            Scales::of_load(self.bead_mass_kg, self.largest_rest_overlap_m(), self.stiffness, self.alpha)
         }
     }
 
@@ -199,6 +119,19 @@ impl Physics {
         self.chain().energy(&u_m, &v_m_s, &mut vec![0.0; u_m.len() - 1])
     }
 
+    /// Doubles for each bead beyond displacement and velocity that a frame carries: those of the method, and with
+    /// damping one more, the work that the bead's contact has dissipated.
+    pub fn extra_per_bead(&self) -> usize {
+        self.method.extra_per_bead() + usize::from(self.damping.is_some())
+    }
+
+    /// The work (J) that contacts have dissipated so far, from the `extra` of a state: its last N values, of
+    /// which number `c` belongs to contact `c` and the last one to both walls.
+    pub fn dissipated_j<'a>(&self, extra: &'a [f64]) -> &'a [f64] {
+        let values = if self.damping.is_some() { usize_of(self.beads) } else { 0 };
+        &extra[extra.len().saturating_sub(values)..]
+    }
+
     /// The time `step·dt` (s).
     pub fn time_s(&self, step: u64) -> f64 {
         step as f64 * self.dt_s
@@ -213,23 +146,4 @@ impl Physics {
     pub fn to_json(&self) -> String {
         to_json(self)
     }
-}
-
-/// `round(duration/dt)`, at least 1.
-fn step_count(duration_s: f64, dt_s: f64) -> Result<u64, ConfigError> {
-    let steps = (duration_s / dt_s).round();
-    if duration_s > 0.0 && (1.0..=MAX_STEPS as f64).contains(&steps) {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
-        return Ok(steps as u64);
-    }
-    let allowed = format!("a time of at least one step of {dt_s:.6e} s and at most 2^52 steps");
-    Err(ConfigError::number("time.duration_s", duration_s, &allowed))
-}
-
-/// Positive, and far enough from the ends of the range that no product of scales leaves it.
-fn check_positive(key: &str, value: f64, unit: &str) -> Result<(), ConfigError> {
-    if (1e-100..=1e100).contains(&value) {
-        return Ok(());
-    }
-    Err(ConfigError::number(key, value, &format!("a positive number of {unit}, 1e-100 to 1e100")))
 }
