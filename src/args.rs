@@ -1,7 +1,9 @@
 //! The command line as it is written. Every mode turns its part once into validated values.
 
+use crate::sweep::directory::Shard;
 use clap::{Args, Parser, Subcommand};
 use schemas::method::Method;
+use std::num::NonZero;
 use std::path::PathBuf;
 
 /// Shocks in granular chains: simulated, streamed, recorded and analysed while they run.
@@ -47,6 +49,8 @@ pub(crate) enum Command {
     Contacts(ContactsArgs),
     /// The paper, figure by figure, claim by claim: simulated, drawn and judged
     Reproduce(ReproduceArgs),
+    /// Simulate a grid of runs and make a table of their results
+    Sweep(SweepArgs),
     /// List the live runs of this user
     Ls {
         /// Print JSON
@@ -265,9 +269,9 @@ pub(crate) struct ReproduceArgs {
     /// Directory for the report, the figures and the recordings
     #[arg(long, value_name = "DIR", default_value = "paper")]
     pub(crate) out: PathBuf,
-    /// Runs simulated at a time [default: one for each processor]
-    #[arg(long, value_name = "N", value_parser = parse_jobs)]
-    pub(crate) jobs: Option<usize>,
+    /// Runs simulated at the same time [default: the cores of this machine]
+    #[arg(long, value_name = "N")]
+    pub(crate) jobs: Option<NonZero<usize>>,
     /// Replace a report that exists
     #[arg(long)]
     pub(crate) force: bool,
@@ -279,6 +283,49 @@ pub(crate) struct ReproduceArgs {
     pub(crate) json: bool,
 }
 
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline sweep --example > reflection.toml           a sweep file to begin with\n  \
+    beadline sweep reflection.toml --out reflection      all points, on all cores; again: goes on\n  \
+    beadline sweep reflection.toml --out shared --shard 3/16   one job of an array, in a shared directory\n  \
+    beadline sweep reflection.toml --out shared --merge  the rows that are there, as tables\n\n\
+    DIR then has results.csv, results.parquet (the same bits whatever the order, jobs, shards and \n\
+    interruptions), timings.csv, the rows of each shard, and recordings/ if asked for. A run that fails \n\
+    has a row that says why, and makes the exit code 3, as a signal does while points are missing."
+)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
+pub(crate) struct SweepArgs {
+    /// What to sweep: a base, a grid, cases
+    #[arg(value_name = "SWEEP.toml", required_unless_present = "example")]
+    pub(crate) file: Option<PathBuf>,
+    /// Directory for the results; finished points in it are not computed again
+    #[arg(long, value_name = "DIR", required_unless_present = "example")]
+    pub(crate) out: Option<PathBuf>,
+    /// Points computed at the same time [default: the cores of this machine]
+    #[arg(long, value_name = "N")]
+    pub(crate) jobs: Option<NonZero<usize>>,
+    /// Compute only the points whose index leaves the remainder I by N
+    #[arg(long, value_name = "I/N", value_parser = parse_shard)]
+    pub(crate) shard: Option<Shard>,
+    /// Compute nothing; make tables of the rows that are there
+    #[arg(long, conflicts_with_all = ["shard", "jobs", "force", "record"])]
+    pub(crate) merge: bool,
+    /// Record each point, also if the sweep file does not ask for it
+    #[arg(long)]
+    pub(crate) record: bool,
+    /// Remove what another sweep has left in DIR
+    #[arg(long, conflicts_with = "shard")]
+    pub(crate) force: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Print a sweep file to begin with
+    #[arg(long, exclusive = true)]
+    pub(crate) example: bool,
+}
+
 /// How fast a run goes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Pace {
@@ -286,11 +333,6 @@ pub(crate) enum Pace {
     Max,
     /// Simulated seconds per second of wall time.
     PerSecond(f64),
-}
-
-fn parse_jobs(text: &str) -> Result<usize, String> {
-    let jobs = text.parse().ok().filter(|jobs| (1..=1024).contains(jobs));
-    jobs.ok_or_else(|| "expected a number of workers from 1 to 1024".to_owned())
 }
 
 fn parse_pace(text: &str) -> Result<Pace, String> {
@@ -316,4 +358,12 @@ fn parse_pair(text: &str) -> Result<(u64, f64), String> {
 
 fn parse_impurity(text: &str) -> Result<Option<(u64, f64)>, String> {
     if text == "none" { Ok(None) } else { parse_pair(text).map(Some) }
+}
+
+fn parse_shard(text: &str) -> Result<Shard, String> {
+    let parsed = text
+        .split_once('/')
+        .and_then(|(number, count)| Some(Shard { number: number.parse().ok()?, count: count.parse().ok()? }));
+    let expected = "expected I/N with I from 0 to N - 1, such as 0/2".to_owned();
+    parsed.filter(|shard| shard.number < shard.count).ok_or(expected)
 }

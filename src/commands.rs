@@ -9,3 +9,4 @@ pub(crate) mod ls;
 pub(crate) mod presets;
 pub(crate) mod reproduce;
 pub(crate) mod run;
+pub(crate) mod sweep;

@@ -97,7 +97,7 @@ fn overridden(args: &RunArgs, config: &RunConfig) -> String {
     text
 }
 
-/// Where a run of this program comes from.
+/// Where and when a run is made.
 pub(crate) fn origin() -> Origin {
     let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     Origin {

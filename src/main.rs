@@ -9,6 +9,7 @@ mod failure;
 mod reproduce;
 mod signals;
 mod source;
+mod sweep;
 
 use args::{Cli, Command};
 use clap::Parser;
@@ -29,6 +30,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Impurity(args) => commands::impurity::impurity(&args),
         Command::Contacts(args) => commands::contacts::contacts(&args),
         Command::Reproduce(args) => commands::reproduce::reproduce(&args),
+        Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Ls { json } => commands::ls::ls(json),
         Command::Info { file, json } => commands::info::info(&file, json),
     }

@@ -7,3 +7,4 @@ pub mod kernel;
 pub mod run;
 pub mod splitting;
 pub mod state;
+pub mod sweep;

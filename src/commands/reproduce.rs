@@ -15,6 +15,7 @@ use schemas::manifest::RunManifest;
 use schemas::whole_file::WholeFile;
 use std::collections::BTreeMap;
 use std::io::Write;
+use std::num::NonZero;
 use std::path::Path;
 use std::time::Instant;
 
@@ -31,7 +32,8 @@ pub(crate) fn reproduce(args: &ReproduceArgs) -> Result<Done, Failure> {
     let runs = runs.collect::<Result<Vec<_>, _>>()?;
     let manifests: Vec<RunManifest> = runs.iter().map(|cached| cached.manifest.clone()).collect();
     let stop = signals::stop_flag()?;
-    let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, Into::into));
+    let cores = || std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
+    let jobs = args.jobs.unwrap_or_else(cores).get();
     announce(&studies, &runs, jobs);
     let Some(done) = workers::observe_all(runs, jobs, &stop)? else {
         display::notice("stopped; the runs that were finished stay in the cache and are not done again");
