@@ -7,4 +7,5 @@ pub(crate) mod impurity;
 pub(crate) mod info;
 pub(crate) mod ls;
 pub(crate) mod presets;
+pub(crate) mod pulses;
 pub(crate) mod run;
