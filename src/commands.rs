@@ -7,7 +7,7 @@ pub(crate) mod impurity;
 pub(crate) mod info;
 pub(crate) mod ls;
 pub(crate) mod presets;
-pub(crate) mod reproduce;
 pub(crate) mod pulses;
+pub(crate) mod reproduce;
 pub(crate) mod run;
 pub(crate) mod sweep;

@@ -21,11 +21,11 @@ mod reference;
 mod runs;
 mod scaling;
 mod strikers;
-mod transient;
 mod study;
+mod transient;
 
 pub use claim::{Claim, Judgement, Number, Reference, StudyError, Uncertainty, Verdict};
 pub use front::Front;
 pub use observe::{Observations, Observed, Observer, Snapshot};
-pub use runs::{Run, Watch};
+pub use runs::{FrontBy, Run, Watch};
 pub use study::{STUDIES, Study};

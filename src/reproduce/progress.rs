@@ -1,5 +1,6 @@
 //! How much work there is, how much is done, and how long the rest may take.
 
+use crate::display;
 use schemas::manifest::RunManifest;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -57,16 +58,19 @@ impl Progress {
         if self.total > 0.0 { (self.state().done / self.total).clamp(0.0, 1.0) } else { 1.0 }
     }
 
-    /// `12 of 31 runs, about 2 min 10 s left`.
+    /// `12 of 31 runs · 2 min 10 s left`.
     pub(crate) fn text(&self) -> String {
-        let left = time_left(self.start.elapsed(), self.part()).map_or(String::new(), |left| {
-            let seconds = left.as_secs();
-            match seconds / 60 {
-                0 => format!(", about {seconds} s left"),
-                minutes => format!(", about {minutes} min {} s left", seconds % 60),
-            }
-        });
+        let left = time_left(self.start.elapsed(), self.part());
+        let left =
+            left.map_or(String::new(), |left| format!(" · {} left", display::left(left.as_secs_f64())));
         format!("{} of {} runs{left}", self.state().jobs_done, self.jobs)
+    }
+
+    /// Tenths of the work done.
+    pub(crate) fn tenths(&self) -> u32 {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 10")]
+        let tenths = (10.0 * self.part()) as u32;
+        tenths
     }
 
     fn state(&self) -> State {
@@ -116,6 +120,6 @@ mod tests {
         progress.add(50.0);
         progress.job_done();
         assert_eq!(progress.part(), 0.25);
-        assert!(progress.text().starts_with("1 of 3 runs, about "), "{}", progress.text());
+        assert!(progress.text().starts_with("1 of 3 runs · "), "{}", progress.text());
     }
 }

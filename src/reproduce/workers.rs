@@ -138,6 +138,7 @@ impl Shift {
     fn show(&self, stop: &AtomicBool, finished: impl Fn() -> bool) {
         const PARTS: f64 = 1000.0;
         let bar: ProgressBar = display::progress_bar(1000, "reproduce");
+        let mut tenths = 0;
         while !finished() {
             if stop.load(Ordering::Relaxed) {
                 self.halt.store(true, Ordering::Relaxed);
@@ -145,6 +146,10 @@ impl Shift {
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 1000")]
             bar.set_position((PARTS * self.progress.part()) as u64);
             bar.set_message(self.progress.text());
+            if bar.is_hidden() && self.progress.tenths() > tenths {
+                tenths = self.progress.tenths();
+                display::notice(format_args!("reproduce: {}", self.progress.text()));
+            }
             thread::park_timeout(REFRESH);
         }
         bar.finish_and_clear();

@@ -1,9 +1,10 @@
-//! The leading pulse of one frame: its crest and its width in space.
+//! The leading pulse: its crest and its width.
 //!
 //! [`crate::pulses`] looks at each bead over time, and needs frames as dense as the pulse is short. Over the 15000
 //! beads that a pulse takes to become stationary near α = 1 that would be gigabytes; but there the pulse is
-//! many beads long, and one frame shows its shape.
+//! many beads long, and one frame shows its shape in space.
 
+use crate::pulses::Happening;
 use schemas::frame::Frame;
 
 /// The leading pulse in one frame.
@@ -25,22 +26,38 @@ pub struct Front {
 /// crest is `0.025·σ^(−10)` of it, 5e-7 at α = 1.02 and 4e-5 at α = 1.05.
 const NODES: usize = 9;
 
-/// The pulse of the largest velocity in `frame`; none if it has not left the struck end, or is as wide as the chain.
-pub(super) fn front(frame: &Frame<'_>) -> Option<Front> {
-    let v = frame.v_m_s;
-    let top = (0..v.len()).max_by(|a, b| v[*a].total_cmp(&v[*b]))?;
-    if top < 2 * NODES || v[top] <= 0.0 {
-        return None;
+impl Front {
+    /// The pulse of the largest velocity in `frame`; none if it has not left the struck end, or is as wide as the
+    /// chain.
+    pub(super) fn in_space(frame: &Frame<'_>) -> Option<Self> {
+        let v = frame.v_m_s;
+        let top = (0..v.len()).max_by(|a, b| v[*a].total_cmp(&v[*b]))?;
+        if top < 2 * NODES || v[top] <= 0.0 {
+            return None;
+        }
+        let (bead, v_max_m_s) = crest(v, top)?;
+        let half = 0.5 * v_max_m_s;
+        let behind = (0..top).rev().find(|bead| v[*bead] < half)?;
+        let before = (top..v.len()).find(|bead| v[*bead] < half)?;
+        let from = crossing(v, behind, half)?;
+        let to = crossing(v, before - 1, half)?;
+        let fwhm_beads = to - from;
+        let asymmetry = ((bead - from) - (to - bead)) / fwhm_beads;
+        Some(Self { time_s: frame.time_s, bead, v_max_m_s, fwhm_beads, asymmetry })
     }
-    let (bead, v_max_m_s) = crest(v, top)?;
-    let half = 0.5 * v_max_m_s;
-    let behind = (0..top).rev().find(|bead| v[*bead] < half)?;
-    let before = (top..v.len()).find(|bead| v[*bead] < half)?;
-    let from = crossing(v, behind, half)?;
-    let to = crossing(v, before - 1, half)?;
-    let fwhm_beads = to - from;
-    let asymmetry = ((bead - from) - (to - bead)) / fwhm_beads;
-    Some(Front { time_s: frame.time_s, bead, v_max_m_s, fwhm_beads, asymmetry })
+
+    /// The first pulse of a run as it passes a bead, if that is what happened.
+    pub(super) fn in_time(happening: &Happening) -> Option<Self> {
+        let Happening::Passed(point) = happening else { return None };
+        let shape = point.shape.filter(|_| point.pulse == 1)?;
+        Some(Self {
+            time_s: point.time_s,
+            bead: point.bead as f64,
+            v_max_m_s: point.v_peak_m_s,
+            fwhm_beads: shape.fwhm_beads,
+            asymmetry: shape.asymmetry,
+        })
+    }
 }
 
 /// Place and height of the maximum within a bead of `top`, by golden sections.
@@ -113,7 +130,7 @@ mod tests {
         let v_m_s: Vec<f64> = (0..100).map(v).collect();
         let u_m = vec![0.0; 100];
         let frame = Frame { frame: 0, step: 0, time_s: 0.5, u_m: &u_m, v_m_s: &v_m_s, extra: &[] };
-        front(&frame).unwrap()
+        Front::in_space(&frame).unwrap()
     }
 
     #[test]
@@ -138,6 +155,6 @@ mod tests {
     #[test]
     fn a_pulse_at_the_struck_end_is_none_yet() {
         let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m: &[0.0; 50], v_m_s: &[5.0; 50], extra: &[] };
-        assert_eq!(front(&frame), None);
+        assert_eq!(Front::in_space(&frame), None);
     }
 }

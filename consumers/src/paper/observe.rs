@@ -1,18 +1,21 @@
 //! What is seen of a run.
 
 use super::claim::StudyError;
-use super::front::{Front, front};
-use super::runs::{Run, Watch};
+use super::front::Front;
+use super::runs::{FrontBy, Run, Watch};
 use crate::contacts::{ContactCounts, ContactRaster, Contacts, default_tolerance_m};
 use crate::follow::Analysis;
 use crate::impurity::{Event, Followed, Motion};
-use crate::pulses::{Passage, Probes};
+use crate::pulses::{Passage, Probes, Pulses};
 use crate::series::Series;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use schemas::summary::Summarizer;
 use std::collections::BTreeMap;
 use std::convert::Infallible;
+
+/// A leading pulse is stronger than this part of the striker's speed.
+const LEADING: f64 = 0.05;
 
 /// The whole state at one time.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,6 +60,7 @@ pub struct Observed {
 pub struct Observer {
     watch: Watch,
     probes: Probes,
+    pulses: Pulses,
     followed: Followed,
     contacts: Contacts,
     /// The step at which the map ends.
@@ -75,6 +79,7 @@ impl Observer {
         let map = run.watch.map_until_s.map(|_| ContactRaster::new(manifest.contact_count(), map_until));
         Self {
             probes: Probes::new(manifest, &run.watch.probes),
+            pulses: Pulses::new(manifest, LEADING * Pulses::velocity_scale_m_s(manifest)),
             followed: Followed::new(manifest, &run.watch.followed),
             contacts: Contacts::new(manifest, tolerance_m),
             map_until,
@@ -129,11 +134,17 @@ impl Analysis for Observer {
         if let Some(map) = self.seen.map.as_mut().filter(|_| frame.step <= self.map_until) {
             map.push(frame.step, self.contacts.observe(frame));
         }
-        if self.watch.front {
-            self.seen.fronts.extend(front(frame));
+        match self.watch.front {
+            FrontBy::Nothing => {}
+            FrontBy::Space => self.seen.fronts.extend(Front::in_space(frame)),
+            FrontBy::Time => {
+                let happenings = self.pulses.observe(frame);
+                self.seen.fronts.extend(happenings.iter().filter_map(Front::in_time));
+            }
         }
         if frame.step == self.seen.manifest.physics.step_count {
-            self.seen.relative_drift = Summarizer::new(&self.seen.manifest.physics).summarize(frame).relative_drift;
+            self.seen.relative_drift =
+                Summarizer::new(&self.seen.manifest.physics).summarize(frame).relative_drift;
         }
         self.keep_snapshots(frame);
         Ok(())
@@ -141,6 +152,7 @@ impl Analysis for Observer {
 
     fn gap(&mut self) {
         self.probes.gap();
+        self.pulses.gap();
         self.followed.gap();
     }
 }

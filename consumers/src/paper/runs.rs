@@ -1,9 +1,8 @@
 //! The runs that the figures need.
 
-use schemas::config::{
-    ChainConfig, Impurity, IntegratorConfig, RunConfig, StreamConfig, StrikerConfig, TimeConfig,
-};
+use schemas::config::{Impurity, RunConfig, StreamConfig};
 use schemas::manifest::Physics;
+use schemas::presets::PRESETS;
 
 /// A run, and what to look at in it.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,33 +24,34 @@ pub struct Watch {
     pub followed: Vec<u64>,
     /// Until when (s) to map the contacts, if at all.
     pub map_until_s: Option<f64>,
-    /// Whether to measure the leading pulse in each frame.
-    pub front: bool,
+    /// Whether and how to measure the leading pulse.
+    pub front: FrontBy,
 }
 
-/// The paper's parameters.
-const BEAD_MASS_KG: f64 = 1e-3;
-const STIFFNESS: f64 = 1e7;
-const VELOCITY_M_S: f64 = 5.0;
+/// How the leading pulse is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum FrontBy {
+    /// Not at all.
+    #[default]
+    Nothing,
+    /// Over the beads of one frame: for a pulse many beads long, in frames however sparse.
+    Space,
+    /// Over the frames at each bead: for a short pulse, in dense frames.
+    Time,
+}
 
 impl Run {
     /// A chain of the paper: beads of 1 g, k = 1e7 N·m^−α, bead 0 at 5 m/s; the default step, recorded every
     /// `record_every` steps.
     pub(super) fn new(name: &str, alpha: f64, beads: u64, duration_s: f64, record_every: u64) -> Self {
-        let config = RunConfig {
-            name: Some(name.to_owned()),
-            chain: ChainConfig {
-                beads,
-                bead_mass_kg: BEAD_MASS_KG,
-                alpha,
-                stiffness: STIFFNESS,
-                impurities: Vec::new(),
-            },
-            striker: StrikerConfig { bead: 0, velocity_m_s: VELOCITY_M_S },
-            time: TimeConfig { duration_s, dt_s: None },
-            integrator: IntegratorConfig::default(),
-            stream: StreamConfig { publish_every_steps: record_every, record_every_steps: record_every },
-        };
+        // every preset is a chain of the paper
+        let mut config = PRESETS[0].config();
+        config.name = Some(name.to_owned());
+        config.chain.alpha = alpha;
+        config.chain.beads = beads;
+        config.chain.impurities.clear();
+        config.time.duration_s = duration_s;
+        config.stream = StreamConfig { publish_every_steps: record_every, record_every_steps: record_every };
         Self { config, watch: Watch::default() }
     }
 
@@ -65,9 +65,11 @@ impl Run {
     /// α = 1 the speed hardly depends on that.
     fn until_bead(mut self, bead: u64) -> Self {
         let alpha = self.config.chain.alpha;
+        let (chain, striker) = (&self.config.chain, self.config.striker);
         let coefficient = (2.0 / (alpha + 1.0)).powf(1.0 / (alpha + 1.0));
-        let stiffness = (STIFFNESS / BEAD_MASS_KG).powf(1.0 / (alpha + 1.0));
-        let speed = coefficient * stiffness * (0.5 * VELOCITY_M_S).powf((alpha - 1.0) / (alpha + 1.0));
+        let stiffness = (chain.stiffness / chain.bead_mass_kg).powf(1.0 / (alpha + 1.0));
+        let speed =
+            coefficient * stiffness * (0.5 * striker.velocity_m_s).powf((alpha - 1.0) / (alpha + 1.0));
         self.config.time.duration_s = bead as f64 / speed;
         self
     }
@@ -113,7 +115,7 @@ pub(super) fn light() -> Run {
         probes: vec![300, 520, 600, 700, 850],
         followed: vec![500],
         map_until_s: Some(0.08),
-        front: false,
+        front: FrontBy::Nothing,
     };
     Run::new("light-impurity", 1.5, 1000, 0.12, 5).impurity(500, 0.6e-3).watch(watch)
 }
@@ -125,7 +127,7 @@ pub(super) fn heavy() -> Run {
         probes: vec![300, 700],
         followed: vec![500],
         map_until_s: Some(0.08),
-        front: false,
+        front: FrontBy::Nothing,
     };
     Run::new("heavy-impurity", 1.5, 1000, 0.12, 5).impurity(500, 10e-3).watch(watch)
 }
@@ -138,15 +140,21 @@ pub(super) fn short(mass_g: f64, alpha: f64) -> Run {
     Run::new(&name, alpha, 300, 1.0, 5).impurity(150, mass_g * 1e-3).until_bead(290).watch(watch)
 }
 
-/// A chain of equal beads, long enough for the pulse of an exponent near 1 to become stationary. The step is 0.04 T,
-/// for which the energy drifts by less than 1e-5; at most 400 frames are recorded.
+/// A chain of equal beads, long enough for the pulse of an exponent near 1 to become stationary.
+///
+/// Up to α = 1.03 its length is measured in the beads of at most 400 frames; the step is 0.04 T, for which the energy
+/// drifts by less than 1e-5. Above, it is measured over time.
 pub(super) fn long(alpha: f64) -> Run {
     let beads = long_chain_beads(alpha);
-    let watch = Watch { front: true, snapshots_s: vec![0.0], ..Watch::default() };
-    let mut run = Run::new(&format!("front-alpha-{}", word(alpha)), alpha, beads, 1.0, 1);
-    run = run.until_bead(beads - beads / 50).steps(0.04, (beads as f64 / 400.0).max(2.0).floor());
+    let name = format!("front-alpha-{}", word(alpha));
+    let run = Run::new(&name, alpha, beads, 1.0, 1).until_bead(beads - beads / 50);
+    let (front, run) = if alpha <= 1.03 {
+        (FrontBy::Space, run.steps(0.04, (beads as f64 / 400.0).max(2.0).floor()))
+    } else {
+        (FrontBy::Time, run.steps(0.02, 0.1))
+    };
     let last_s = 0.99 * run.config.time.duration_s;
-    run.watch(Watch { snapshots_s: vec![last_s], ..watch })
+    run.watch(Watch { front, snapshots_s: vec![last_s], ..Watch::default() })
 }
 
 /// Beads over which a pulse becomes stationary to about 1e-6 (1e-5 at α = 1.004): 5000·(0.01/(α−1))^1.4, as

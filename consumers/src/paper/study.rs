@@ -3,7 +3,7 @@
 use super::claim::{Claim, StudyError};
 use super::observe::Observations;
 use super::runs::Run;
-use super::{heavy, light, maps, rattle, strikers};
+use super::{heavy, light, maps, rattle, scaling, strikers, transient};
 use crate::figure::Figure;
 
 /// One figure with its claims.
@@ -25,6 +25,11 @@ pub struct Study {
 
 /// Every study, in the order of the paper.
 pub const STUDIES: &[Study] = &[
+    transient::SELF_SIMILAR,
+    transient::TRANSIENT,
+    transient::GAUSSIAN_LIMIT,
+    scaling::WIDTH,
+    scaling::VMAX,
     light::VELOCITY,
     light::DISPLACEMENT,
     maps::LIGHT,
