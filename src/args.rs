@@ -206,7 +206,7 @@ pub(crate) struct EnergiesArgs {
     #[command(flatten)]
     pub(crate) common: AnalysisArgs,
     /// Table of the energies of each frame
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(long, value_name = "FILE.csv|.parquet")]
     pub(crate) out: Option<PathBuf>,
     /// The bead that divides left from right [default: the first impurity, or the middle]
     #[arg(long, value_name = "BEAD")]
@@ -227,10 +227,10 @@ pub(crate) struct ImpurityArgs {
     #[command(flatten)]
     pub(crate) common: AnalysisArgs,
     /// Table of the motion in each frame
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(long, value_name = "FILE.csv|.parquet")]
     pub(crate) out: Option<PathBuf>,
     /// Table of what happened: contacts that close or open, turning points
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(long, value_name = "FILE.csv|.parquet")]
     pub(crate) events: Option<PathBuf>,
     /// A bead to follow, repeatable [default: every impurity, or the middle bead]
     #[arg(long, value_name = "BEAD")]
@@ -248,8 +248,8 @@ pub(crate) struct ImpurityArgs {
 pub(crate) struct ContactsArgs {
     #[command(flatten)]
     pub(crate) common: AnalysisArgs,
-    /// FILE.csv: table of the counts in each frame; FILE.mcap: the class of every contact (repeatable)
-    #[arg(long, value_name = "FILE.csv|.mcap")]
+    /// FILE.csv or .parquet: table of the counts in each frame; FILE.mcap: the class of every contact (repeatable)
+    #[arg(long, value_name = "FILE.csv|.parquet|.mcap")]
     pub(crate) out: Vec<PathBuf>,
     /// Largest overlap or gap (m) that counts as touching [default: 1e-6 of the collision length L]
     #[arg(long, value_name = "M")]

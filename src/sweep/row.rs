@@ -2,10 +2,10 @@
 
 use crate::configuration::origin;
 use anyhow::Error;
-use consumers::energies::{Energies, EnergyOutcome, default_split_bead};
+use consumers::energies::{Energies, EnergyOutcome, Reflection, default_split_bead};
 use consumers::table::{Cell, Column, Kind};
 use producer::run::{Conductor, RunError, RunOutcome};
-use producer::sweep::{ParameterKind, ParameterValue, Point, Sweep};
+use producer::sweep::{ParameterKind, ParameterValue, Point, Sweep, Until};
 use schemas::frame::{EndReason, Frame, FrameSink};
 use schemas::manifest::RunManifest;
 use schemas::recording::{RecordingWriter, WriteError, WriteOptions, state_hash};
@@ -15,28 +15,45 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// The columns of the results after `index` and the parameters, without those of the outcome.
-const RESULTS: [(&str, Kind); 19] = [
+/// The columns of the results, with units.
+const RESULTS: [(&str, Kind); 27] = [
     ("end", Kind::Word),
     ("steps", Kind::Integer),
     ("time_s", Kind::Double),
     ("dt_s", Kind::Double),
     ("split_bead", Kind::Integer),
+    // of the last frame
     ("kinetic_j", Kind::Double),
     ("potential_j", Kind::Double),
     ("total_j", Kind::Double),
     ("left_j", Kind::Double),
     ("split_j", Kind::Double),
     ("right_j", Kind::Double),
+    // of the last frame before a front met an end, as `beadline energies` has them
+    ("reflected_at_s", Kind::Double),
     ("reflected_over_total", Kind::Double),
     ("reflected_over_transmitted", Kind::Double),
+    ("reflected_uncertainty_j", Kind::Double),
+    ("stationary_since_s", Kind::Double),
+    ("recoil_j", Kind::Double),
+    ("recoil_uncertainty_j", Kind::Double),
+    ("corrected_over_total", Kind::Double),
+    ("corrected_over_transmitted", Kind::Double),
+    ("corrected_over_incident", Kind::Double),
     ("relative_drift", Kind::Double),
     ("max_abs_relative_drift", Kind::Double),
     ("front_bead", Kind::Integer),
     ("physics_sha256", Kind::Word),
     ("state_sha256", Kind::Word),
-    ("error", Kind::Word),
+    (ERROR_COLUMN, Kind::Word),
 ];
+
+/// The column of why a point has no results.
+pub(crate) const ERROR_COLUMN: &str = "error";
+
+/// How long, in collision times T, the reflected energy must have been stationary for a point to end that ends
+/// when it is: the window in which the uncertainty of the reflected energy is measured.
+const STATIONARY_FOR: f64 = 100.0;
 
 /// The columns of a sweep's rows: its parameters, then the results.
 pub(crate) fn columns(sweep: &Sweep) -> Vec<Column> {
@@ -48,9 +65,6 @@ pub(crate) fn columns(sweep: &Sweep) -> Vec<Column> {
     let parameters = sweep.parameters().iter().map(|p| Column::new(p.key.clone(), kind(p.kind)));
     parameters.chain(RESULTS.map(|(name, kind)| Column::new(name, kind))).collect()
 }
-
-/// The column of why a point has no results; the last.
-pub(crate) const ERROR_COLUMN: &str = "error";
 
 /// What a worker tells and is told while it computes a point.
 pub(crate) struct Signals<'a> {
@@ -76,10 +90,10 @@ pub(crate) fn compute(
     let manifest = RunManifest::new(&point.config, &format!("point-{index:06}"), origin())?;
     let mut analyses = Analyses::new(&manifest, sweep.split_bead());
     let mut recorder = recording.map(|path| record(path, &manifest, sweep, &point)).transpose()?;
-    let mut conduct = Conduct { signals };
+    let mut conduct = Conduct::new(sweep, &manifest, signals);
     let result = producer::run::run(&manifest, &mut analyses, recorder.as_mut(), &mut conduct);
     let outcome = match result {
-        Ok(outcome) if outcome.reason == EndReason::Interrupted && signals.stop.load(Ordering::Relaxed) => {
+        Ok(outcome) if outcome.reason == EndReason::Interrupted && !conduct.is_stationary => {
             recorder.map(RecordingWriter::discard);
             return Ok(None);
         }
@@ -111,54 +125,89 @@ fn row(
     outcome: Result<RunOutcome, String>,
 ) -> Vec<Cell> {
     let physics = &manifest.physics;
-    let mut cells: Vec<Cell> = point.parameters.iter().map(|value| parameter(value.as_ref())).collect();
-    let word = |word: String| Cell::Word(word);
-    match (outcome, analyses.energies.outcome()) {
-        (Ok(outcome), Some(energies)) => {
-            cells.extend([
-                word(outcome.reason.as_str().to_owned()),
-                Cell::Integer(outcome.last_step),
-                Cell::Double(physics.time_s(outcome.last_step)),
-                Cell::Double(physics.dt_s),
-            ]);
-            cells.extend(energy_cells(&energies));
-            cells.extend([
-                Cell::Double(outcome.relative_drift),
-                Cell::Double(energies.max_abs_drift),
-                Cell::Integer(analyses.front_bead(manifest)),
-                word(hex(&physics.hash())),
-                word(state_hash(analyses.step, &analyses.state)),
-                Cell::Empty,
-            ]);
+    let mut results = Results(vec![Cell::Empty; RESULTS.len()]);
+    results.double("dt_s", physics.dt_s).word("physics_sha256", hex(&physics.hash()));
+    match outcome {
+        Ok(outcome) => {
+            let reflection = analyses.energies.outcome().and_then(|energies| energies.reflection.ok());
+            let end = match (outcome.reason, reflection) {
+                (EndReason::Interrupted, Some(Reflection { stationary_since: Some(_), .. })) => "stationary",
+                (EndReason::Interrupted, _) => "met end",
+                (reason, _) => reason.as_str(),
+            };
+            results.word("end", end).integer("steps", outcome.last_step);
+            results.double("time_s", physics.time_s(outcome.last_step));
+            results.double("relative_drift", outcome.relative_drift);
+            results.integer("front_bead", analyses.front_bead(manifest));
+            results.word("state_sha256", state_hash(analyses.step, &analyses.state));
+            if let Some(energies) = analyses.energies.outcome() {
+                results.energies(&energies);
+            }
         }
-        (outcome, _) => {
-            let error = outcome.err().unwrap_or_else(|| "the run had no frame".to_owned());
-            let results = RESULTS.map(|(name, _)| match name {
-                "end" => word(EndReason::Failed.as_str().to_owned()),
-                "dt_s" => Cell::Double(physics.dt_s),
-                "physics_sha256" => word(hex(&physics.hash())),
-                ERROR_COLUMN => word(error.clone()),
-                _ => Cell::Empty,
-            });
-            cells.extend(results);
+        Err(error) => {
+            results.word("end", EndReason::Failed.as_str()).word(ERROR_COLUMN, error);
         }
     }
-    cells
+    point.parameters.iter().map(|value| parameter(value.as_ref())).chain(results.0).collect()
 }
 
-fn energy_cells(energies: &EnergyOutcome) -> [Cell; 9] {
-    let last = &energies.last;
-    [
-        Cell::Integer(energies.split_bead),
-        Cell::Double(last.kinetic_j),
-        Cell::Double(last.potential_j),
-        Cell::Double(last.total_j),
-        Cell::Double(last.left_j),
-        Cell::Double(last.split_j),
-        Cell::Double(last.right_j),
-        Cell::Double(energies.reflected_over_total),
-        Cell::Double(energies.reflected_over_transmitted),
-    ]
+/// The values of [`RESULTS`].
+struct Results(Vec<Cell>);
+
+impl Results {
+    fn set(&mut self, name: &str, cell: Cell) -> &mut Self {
+        let column = RESULTS.iter().position(|(column, _)| *column == name);
+        debug_assert!(column.is_some(), "there is no column `{name}`");
+        if let Some(place) = column.and_then(|column| self.0.get_mut(column)) {
+            *place = cell;
+        }
+        self
+    }
+
+    /// A double; a value that does not exist is NaN.
+    fn double(&mut self, name: &str, value: f64) -> &mut Self {
+        self.set(name, if value.is_nan() { Cell::Empty } else { Cell::Double(value) })
+    }
+
+    fn integer(&mut self, name: &str, value: u64) -> &mut Self {
+        self.set(name, Cell::Integer(value))
+    }
+
+    fn word(&mut self, name: &str, word: impl Into<String>) -> &mut Self {
+        self.set(name, Cell::Word(word.into()))
+    }
+
+    fn energies(&mut self, outcome: &EnergyOutcome) {
+        let last = &outcome.last;
+        self.integer("split_bead", outcome.split_bead);
+        self.double("kinetic_j", last.kinetic_j).double("potential_j", last.potential_j);
+        self.double("total_j", last.total_j);
+        self.double("left_j", last.left_j).double("split_j", last.split_j).double("right_j", last.right_j);
+        self.double("max_abs_relative_drift", outcome.max_abs_drift);
+        if let Ok(reflection) = &outcome.reflection {
+            self.reflection(reflection);
+        }
+    }
+
+    fn reflection(&mut self, reflection: &Reflection) {
+        if let Some(energies) = &reflection.energies {
+            self.double("reflected_at_s", energies.at.time_s);
+            self.double("reflected_over_total", energies.over_total());
+            self.double("reflected_over_transmitted", energies.over_transmitted());
+            self.double("reflected_uncertainty_j", energies.uncertainty_j);
+        }
+        if let Some(since) = reflection.stationary_since {
+            self.double("stationary_since_s", since.time_s);
+        }
+        if let Some(recoil) = &reflection.recoil {
+            self.double("recoil_j", recoil.energy_j).double("recoil_uncertainty_j", recoil.uncertainty_j);
+        }
+        if let Some(corrected) = reflection.corrected() {
+            self.double("corrected_over_total", corrected.over_total);
+            self.double("corrected_over_transmitted", corrected.over_transmitted);
+            self.double("corrected_over_incident", corrected.over_incident);
+        }
+    }
 }
 
 fn parameter(value: Option<&ParameterValue>) -> Cell {
@@ -191,7 +240,7 @@ impl Analyses {
 
     /// The front of the last state.
     fn front_bead(&self, manifest: &RunManifest) -> u64 {
-        let (u_m, rest) = self.state.split_at(manifest.contact_count() + 1);
+        let (u_m, rest) = self.state.split_at(manifest.physics.chain().bead_count());
         let (v_m_s, extra) = rest.split_at(u_m.len());
         let time_s = manifest.physics.time_s(self.step);
         let frame = Frame { frame: 0, step: self.step, time_s, u_m, v_m_s, extra };
@@ -213,24 +262,50 @@ impl FrameSink for Analyses {
     }
 }
 
-/// Tells how far a point is, and ends it when asked.
+/// Tells how far a point is, and ends it when asked, or when there is nothing left to find out.
 struct Conduct<'a> {
     signals: &'a Signals<'a>,
+    /// How long (s) the reflected energy must have been stationary to end the point, if that ends it.
+    stationary_for_s: Option<f64>,
+    /// Whether that ended it.
+    is_stationary: bool,
 }
 
-impl Conduct<'_> {
+impl<'a> Conduct<'a> {
+    fn new(sweep: &Sweep, manifest: &RunManifest, signals: &'a Signals<'a>) -> Self {
+        let ends = sweep.until() == Until::Stationary;
+        let stationary_for_s = ends.then(|| STATIONARY_FOR * manifest.physics.scales().time_s);
+        Self { signals, stationary_for_s, is_stationary: false }
+    }
+
     fn go_on(&self) -> ControlFlow<()> {
-        if self.signals.stop.load(Ordering::Relaxed) {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
+        if self.signals.stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    /// Whether nothing more can be learnt of the reflected energy: it has been stationary for long enough, or a
+    /// front has met an end of the chain, after which it is not looked at.
+    fn is_settled(&self, energies: &Energies, time_s: f64) -> bool {
+        let Some(wanted_s) = self.stationary_for_s else { return false };
+        let reflection = energies.outcome().and_then(|outcome| outcome.reflection.ok());
+        reflection.is_some_and(|reflection| {
+            let since = reflection.stationary_since;
+            reflection.met_end.is_some() || since.is_some_and(|since| time_s - since.time_s >= wanted_s)
+        })
     }
 }
 
 impl<R> Conductor<Analyses, R> for Conduct<'_> {
-    fn after_frame(&mut self, frame: &Frame<'_>, _: &mut Analyses, _: Option<&mut R>) -> ControlFlow<()> {
+    fn after_frame(
+        &mut self,
+        frame: &Frame<'_>,
+        analyses: &mut Analyses,
+        _: Option<&mut R>,
+    ) -> ControlFlow<()> {
         self.signals.step.store(frame.step, Ordering::Relaxed);
+        if self.is_settled(&analyses.energies, frame.time_s) {
+            self.is_stationary = true;
+            return ControlFlow::Break(());
+        }
         self.go_on()
     }
 

@@ -8,3 +8,4 @@ mod other_tools;
 mod pipeline;
 mod recordings;
 mod reference;
+mod sweep;
