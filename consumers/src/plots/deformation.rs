@@ -1,7 +1,7 @@
 //! The deformation of contacts beside theory.
 
 use super::{caption, short};
-use crate::deformation::{Comparison, Deformation, Shape};
+use crate::deformation::{Comparison, Deformation, Sample, Shape};
 use crate::figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};
 use schemas::manifest::RunManifest;
 
@@ -22,6 +22,9 @@ pub fn deformations(manifest: &RunManifest, found: &[Deformation]) -> Figure {
         figure = figure.panel(overlaps(deformation, shape, first)).panel(errors(deformation, shape));
         first = false;
     }
+    if found.len() == 1 {
+        figure = figure.shared_x();
+    }
     if first {
         figure = figure.panel(Panel::new().y_axis("overlap (µm)").note("no pulse has passed"));
     }
@@ -39,10 +42,22 @@ fn times_s(shape: &Shape, count: u32) -> impl Iterator<Item = f64> {
     (0..count).map(move |i| peak_s + shown_s * (2.0 * f64::from(i) / f64::from(count - 1) - 1.0))
 }
 
+/// The samples of a pulse, and nothing in the times before and after it.
+fn samples(deformation: &Deformation, shape: &Shape) -> impl Iterator<Item = Sample> {
+    let (first_s, last_s) = match &deformation.samples[..] {
+        [first, .., last] => (first.time_s, last.time_s),
+        _ => (shape.peak_s, shape.peak_s),
+    };
+    let nothing = |time_s: f64| Sample { time_s, overlap_m: 0.0, rate_m_s: 0.0 };
+    let early = times_s(shape, STEPS).filter(move |time_s| *time_s < first_s).map(nothing);
+    let late = times_s(shape, STEPS).filter(move |time_s| *time_s > last_s).map(nothing);
+    early.chain(deformation.samples.iter().copied()).chain(late)
+}
+
 fn overlaps(deformation: &Deformation, shape: &Shape, labelled: bool) -> Panel {
     let label = |text: &'static str| if labelled { text } else { "" };
     let place = |time_s: f64, overlap_m: f64| ((time_s - shape.peak_s) * 1e6, overlap_m * 1e6);
-    let measured = deformation.samples.iter().map(|sample| place(sample.time_s, sample.overlap_m));
+    let measured = samples(deformation, shape).map(|sample| place(sample.time_s, sample.compression_m()));
     let along = |theory: &Comparison, count| -> Vec<(f64, f64)> {
         times_s(shape, count).map(|time_s| place(time_s, theory.overlap_m(time_s))).collect()
     };
@@ -65,15 +80,14 @@ fn overlaps(deformation: &Deformation, shape: &Shape, labelled: bool) -> Panel {
 fn errors(deformation: &Deformation, shape: &Shape) -> Panel {
     let off = |theory: &Comparison| -> Vec<(f64, f64)> {
         let part = |overlap_m: f64, time_s: f64| (overlap_m - theory.overlap_m(time_s)) / shape.overlap_m;
-        let samples = deformation.samples.iter();
-        samples
+        samples(deformation, shape)
             .map(|sample| {
-                let percent = 100.0 * part(sample.overlap_m.max(0.0), sample.time_s);
+                let percent = 100.0 * part(sample.compression_m(), sample.time_s);
                 ((sample.time_s - shape.peak_s) * 1e6, percent)
             })
             .collect()
     };
-    let mut panel = Panel::new().x_axis(time_axis(shape)).y_axis("difference (% of peak)").height(0.6);
+    let mut panel = Panel::new().x_axis(time_axis(shape)).y_axis("off (% of peak)").height(0.6);
     if let Ok(exact) = &deformation.exact {
         panel = panel.curve(Curve::line("", off(exact)).colour(Colour::Orange).stroke(Stroke::Dashed));
     }
