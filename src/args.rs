@@ -53,6 +53,8 @@ pub(crate) enum Command {
     Sweep(SweepArgs),
     /// The pulses: where and when they pass, how strong, fast and wide, where from and where to
     Pulses(PulsesArgs),
+    /// How the first pulse deforms a contact, beside what theory expects
+    Deformation(DeformationArgs),
     /// List the live runs of this user
     Ls {
         /// Print JSON
@@ -353,6 +355,26 @@ pub(crate) struct PulsesArgs {
     /// Smallest peak velocity of a pulse, relative to the run's velocity scale (v0)
     #[arg(long, value_name = "X", default_value_t = consumers::pulses::Pulses::DEFAULT_THRESHOLD)]
     pub(crate) threshold: f64,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline deformation run.mcap --contact 100 --figure d.png\n  \
+    beadline deformation run.mcap --contact 100 --contact 150 --out d.csv\n\n\
+    Contact C joins beads C and C+1. Theories are scaled to the largest overlap; their width, speed,\n\
+    impulse and shape are predictions."
+)]
+pub(crate) struct DeformationArgs {
+    #[command(flatten)]
+    pub(crate) common: AnalysisArgs,
+    /// A contact to follow, repeatable
+    #[arg(long, value_name = "C", required = true)]
+    pub(crate) contact: Vec<u64>,
+    /// Table of the pulse: overlap, exact wave and continuum in each frame
+    #[arg(long, value_name = "FILE.csv")]
+    pub(crate) out: Option<PathBuf>,
 }
 
 /// How fast a run goes.

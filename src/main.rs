@@ -32,6 +32,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Reproduce(args) => commands::reproduce::reproduce(&args),
         Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Pulses(args) => commands::pulses::pulses(&args),
+        Command::Deformation(args) => commands::deformation::deformation(&args),
         Command::Ls { json } => commands::ls::ls(json),
         Command::Info { file, json } => commands::info::info(&file, json),
     }

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs, reason = "a test that cannot go on says where")]
 
 mod configuration;
+mod deformation;
 mod faults;
 mod harness;
 mod other_tools;
@@ -9,3 +10,4 @@ mod pipeline;
 mod recordings;
 mod reference;
 mod sweep;
+mod reflection;
