@@ -59,6 +59,13 @@ impl Method {
         }
     }
 
+    /// Whether it keeps its order where forces depend on velocities, as those of damped contacts do.
+    pub fn takes_forces_of_velocity(self) -> bool {
+        match self {
+            Self::VelocityVerlet | Self::Rkn4 => false,
+        }
+    }
+
     /// The default time step as a fraction of the collision time T: both keep the relative energy
     /// error of a Hertz chain (α = 1.5) below 1e-6.
     pub fn default_step_fraction(self) -> f64 {
