@@ -2,7 +2,7 @@
 //! step and corrected by the force at its end.
 //!
 //! Each bead has the six terms `q_k = dt^k/k!·d^k u/dt^k` (m) of its Taylor series over one time step: `q0` is the
-//! displacement, `q1 = v·dt`, and `q2` to `q5` are the frame's `extra`. A step is
+//! displacement, `q1 = v·dt`, and `q2` to `q5` begin the frame's `extra`. A step is
 //!
 //! ```text
 //! predict   p_k = Σ_{j ≥ k} binomial(j, k)·q_j            the series, one step later
@@ -13,19 +13,21 @@
 //! `c_0` is 3/20, the value for forces that depend on displacements; with forces that depend on velocities the
 //! usual value is 3/16, but 3/20 has the same order and a smaller error there too (`docs/NUMERICS.md`).
 //!
-//! Architecture invariant: a step is a pure function of (u, v, extra). The polynomials are part of the state;
-//! what an integrator keeps from step to step is only which beads are at rest.
+//! A step is a pure function of (u, v, extra): the polynomials are part of the state, and what an integrator
+//! keeps from step to step is only which beads are at rest.
 //!
 //! # Source
 //! C. W. Gear, *Numerical Initial Value Problems in Ordinary Differential Equations* (Prentice-Hall, 1971),
 //! section 9.2; M. P. Allen and D. J. Tildesley, *Computer Simulation of Liquids* (Oxford, 1987), section
 //! 3.2 and appendix E, with 3/20 and 3/16 for `c_0`.
 
+mod dissipation;
 mod start;
 
 use crate::kernel::{Activity, Kernel, Pushed};
 use crate::state::ChainState;
-use schemas::chain::ordered_sum;
+use dissipation::Dissipation;
+use schemas::chain::{Chain, ordered_sum};
 pub(crate) use start::taylor_terms;
 use std::ops::Range;
 
@@ -35,6 +37,9 @@ const C1: f64 = 251.0 / 360.0;
 const C3: f64 = 11.0 / 18.0;
 const C4: f64 = 1.0 / 6.0;
 const C5: f64 = 1.0 / 60.0;
+
+/// `q2` to `q5`.
+const TERMS_IN_EXTRA: usize = 4;
 
 /// Terms (m) up to this size are exactly zero: `2^-900`.
 ///
@@ -49,27 +54,28 @@ pub(crate) struct Gear {
     dt_s: f64,
     /// The step that the window of the kernel belongs to.
     window_of_step: Option<u64>,
+    /// What contacts dissipate, if they do.
+    dissipation: Option<Dissipation>,
 }
 
 impl Gear {
-    /// Steps of `dt_s` with the forces of `kernel`.
-    pub(crate) fn new(dt_s: f64, kernel: Kernel) -> Self {
-        Self { kernel, dt_s, window_of_step: None }
+    /// Steps of `dt_s` with the forces of `kernel`, which is one of `chain`.
+    pub(crate) fn new(dt_s: f64, chain: &Chain, kernel: Kernel) -> Self {
+        let dissipation = chain.damping.as_ref().map(|_| Dissipation::new(chain.bead_count()));
+        Self { kernel, dt_s, window_of_step: None, dissipation }
     }
 
     /// Advances `state` by one step.
     pub(crate) fn step(&mut self, state: &mut ChainState) {
         if self.window_of_step != Some(state.step) {
-            let of_motion = Activity::of(&state.u_m, &state.v_m_s);
-            let terms = state.extra.chunks_exact(state.u_m.len());
-            self.kernel.restart(terms.fold(of_motion, Activity::including));
+            self.restart(state);
         }
         let beads = self.kernel.active_beads();
         self.kernel.arch().dispatch(
             #[inline(always)]
             || predict(self.dt_s, Terms::of(state, &beads)),
         );
-        self.kernel.evaluate_forces(&state.u_m);
+        self.kernel.evaluate_forces_of_motion(&state.u_m, &state.v_m_s);
         // a bead that a contact pushes for the first time is at rest, and so is its prediction
         let pushed = self.kernel.pushed();
         let terms = Terms::of(state, &pushed.beads);
@@ -77,8 +83,21 @@ impl Gear {
             #[inline(always)]
             || correct(self.dt_s, &pushed, terms),
         );
+        if let Some(dissipation) = &mut self.dissipation {
+            dissipation.add_work_of_step(self.dt_s, &self.kernel, state);
+        }
         state.step += 1;
         self.window_of_step = Some(state.step);
+    }
+
+    /// Finds the beads of `state` that are not at rest.
+    fn restart(&mut self, state: &ChainState) {
+        let of_motion = Activity::of(&state.u_m, &state.v_m_s);
+        let terms = state.extra.chunks_exact(state.u_m.len()).take(TERMS_IN_EXTRA);
+        self.kernel.restart(terms.fold(of_motion, Activity::including));
+        if let Some(dissipation) = &mut self.dissipation {
+            dissipation.restart();
+        }
     }
 
     /// The first bead of `state` whose displacement, velocity or a higher derivative is not finite.
@@ -111,9 +130,9 @@ impl<'a> Terms<'a> {
         let chain = state.u_m.len();
         let (q2, rest) = state.extra.split_at_mut(chain);
         let (q3, rest) = rest.split_at_mut(chain);
-        let (q4, q5) = rest.split_at_mut(chain);
+        let (q4, rest) = rest.split_at_mut(chain);
+        let [q2, q3, q4, q5] = [q2, q3, q4, rest].map(|q| &mut q[beads.clone()]);
         let (u_m, v_m_s) = (&mut state.u_m[beads.clone()], &mut state.v_m_s[beads.clone()]);
-        let [q2, q3, q4, q5] = [q2, q3, q4, q5].map(|q| &mut q[beads.clone()]);
         Self { u_m, v_m_s, q2, q3, q4, q5 }
     }
 }

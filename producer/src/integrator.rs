@@ -4,6 +4,7 @@ use crate::gear::Gear;
 use crate::kernel::Kernel;
 use crate::splitting::{RKN4, Splitting, VELOCITY_VERLET};
 use crate::state::ChainState;
+use pulp::Arch;
 use schemas::manifest::Physics;
 use schemas::method::Method;
 
@@ -25,14 +26,17 @@ enum ByMethod {
 impl Integrator {
     /// The integrator of a run.
     pub fn new(physics: &Physics) -> Self {
-        Self::with_kernel(physics.method, physics.dt_s, Kernel::new(&physics.chain()))
+        Self::with_arch(physics, Arch::new())
     }
 
-    fn with_kernel(method: Method, dt_s: f64, kernel: Kernel) -> Self {
-        let by_method = match method {
+    /// The same with a given instruction set; every one gives the same bits.
+    fn with_arch(physics: &Physics, arch: Arch) -> Self {
+        let (chain, dt_s) = (physics.chain(), physics.dt_s);
+        let kernel = Kernel::with_arch(&chain, arch);
+        let by_method = match physics.method {
             Method::VelocityVerlet => ByMethod::Splitting(Splitting::new(VELOCITY_VERLET, dt_s, kernel)),
             Method::Rkn4 => ByMethod::Splitting(Splitting::new(RKN4, dt_s, kernel)),
-            Method::Gear5 => ByMethod::Gear(Gear::new(dt_s, kernel)),
+            Method::Gear5 => ByMethod::Gear(Gear::new(dt_s, &chain, kernel)),
         };
         Self { by_method }
     }

@@ -46,9 +46,9 @@ impl Activity {
 pub(crate) struct Pushed<'a> {
     /// The window of active beads.
     pub(crate) beads: Range<usize>,
-    /// Force (N) of the contact on the left of each, which pushes it to the right.
+    /// Force (N) beyond that at rest of the contact on the left of each, which pushes it to the right.
     pub(crate) left: &'a [f64],
-    /// Force (N) of the contact on the right of each, which pushes it to the left.
+    /// The same of the contact on the right of each, which pushes it to the left.
     pub(crate) right: &'a [f64],
     /// `1/m` (1/kg) of each.
     pub(crate) inverse_mass: &'a [f64],
@@ -206,11 +206,6 @@ impl Kernel {
     /// The instruction set to compile loops for.
     pub(crate) fn arch(&self) -> Arch {
         self.arch
-    }
-
-    /// The beads that may not be at rest.
-    pub(crate) fn active_beads(&self) -> Range<usize> {
-        self.activity.beads.clone()
     }
 
     /// The active beads, with the forces evaluated last.

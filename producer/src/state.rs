@@ -12,7 +12,8 @@ pub struct ChainState {
     pub u_m: Vec<f64>,
     /// Velocities (m/s), N values.
     pub v_m_s: Vec<f64>,
-    /// What else the method carries from step to step, `E·N` values: see [`Method::extra_per_bead`].
+    /// What else the method carries from step to step, `E·N` values: see [`Method::extra_per_bead`] and
+    /// [`Physics::extra_per_bead`].
     pub extra: Vec<f64>,
     /// Number of the step.
     pub step: u64,
@@ -30,10 +31,12 @@ impl ChainState {
     /// The higher derivatives that `gear5` carries are those of the exact motion, so that it has its order
     /// from the first step.
     pub fn starting_at(physics: &Physics, u_m: Vec<f64>, v_m_s: Vec<f64>) -> Self {
-        let extra = match physics.method {
+        let mut extra = match physics.method {
             Method::VelocityVerlet | Method::Rkn4 => Vec::new(),
             Method::Gear5 => taylor_terms(&physics.chain(), &u_m, &v_m_s, physics.dt_s),
         };
+        // no contact has dissipated anything yet
+        extra.resize(physics.extra_per_bead() * u_m.len(), 0.0);
         Self { u_m, v_m_s, extra, step: 0 }
     }
 

@@ -34,7 +34,8 @@ impl Method {
     ///
     /// For `gear5` these are the second to the fifth derivative of the displacement, each as a term of its
     /// Taylor series over one time step: `extra = [q2 | q3 | q4 | q5]` with `q_k = dt^k/k!·d^k u/dt^k` (m),
-    /// N values each. So the acceleration of bead `i` is `2·q2[i]/dt²`.
+    /// N values each. So the acceleration of bead `i` is `2·q2[i]/dt²`. With damping the work that contacts have
+    /// dissipated follows ([`Physics::extra_per_bead`](crate::manifest::Physics::extra_per_bead)).
     pub fn extra_per_bead(self) -> usize {
         match self {
             Self::VelocityVerlet | Self::Rkn4 => 0,
@@ -63,6 +64,7 @@ impl Method {
     pub fn takes_forces_of_velocity(self) -> bool {
         match self {
             Self::VelocityVerlet | Self::Rkn4 => false,
+            Self::Gear5 => true,
         }
     }
 
