@@ -246,19 +246,33 @@ struct Forces<'a> {
     force: &'a mut [f64],
 }
 
+/// Contacts that are looked at together: where none of them is closed, no power is computed.
+const BLOCK: usize = 64;
+
 impl PowerUser for Forces<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self, zero_below_m: f64, power: impl Fn(f64) -> f64 + Copy) {
-        let contacts = self.force.len();
-        let (left, right) = (&self.left[..contacts], &self.right[..contacts]);
-        let (stiffness, force) = (&self.stiffness[..contacts], &mut self.force[..contacts]);
-        for c in 0..contacts {
-            let overlap = left[c] - right[c];
-            let closed = overlap > zero_below_m;
-            let f = stiffness[c] * power(if closed { overlap } else { 1.0 });
-            force[c] = if closed { f } else { 0.0 };
+        let left = self.left.chunks(BLOCK);
+        let blocks = left.zip(self.right.chunks(BLOCK)).zip(self.stiffness.chunks(BLOCK));
+        for (((left, right), stiffness), force) in blocks.zip(self.force.chunks_mut(BLOCK)) {
+            let contacts = force.len();
+            let (left, right, stiffness) = (&left[..contacts], &right[..contacts], &stiffness[..contacts]);
+            let mut any_closed = false;
+            for c in 0..contacts {
+                any_closed |= left[c] - right[c] > zero_below_m;
+            }
+            if !any_closed {
+                force.fill(0.0);
+                continue;
+            }
+            for c in 0..contacts {
+                let overlap = left[c] - right[c];
+                let closed = overlap > zero_below_m;
+                let f = stiffness[c] * power(if closed { overlap } else { 1.0 });
+                force[c] = if closed { f } else { 0.0 };
+            }
         }
     }
 }
