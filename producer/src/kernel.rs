@@ -30,7 +30,7 @@ impl Activity {
     }
 
     /// This window, widened over the beads that have one of `values` (N of them) other than zero.
-    pub fn including(mut self, values: &[f64]) -> Self {
+    pub(crate) fn including(mut self, values: &[f64]) -> Self {
         let active = |x: &f64| x.to_bits() != 0;
         if let (Some(first), Some(last)) = (values.iter().position(active), values.iter().rposition(active)) {
             let beads = &self.beads;

@@ -40,6 +40,16 @@ impl ChainState {
         Self { u_m, v_m_s, extra, step: 0 }
     }
 
+    /// The state that `frame` shows: a run goes on from it with the bits that it had.
+    pub fn of_frame(frame: &Frame<'_>) -> Self {
+        Self {
+            u_m: frame.u_m.to_vec(),
+            v_m_s: frame.v_m_s.to_vec(),
+            extra: frame.extra.to_vec(),
+            step: frame.step,
+        }
+    }
+
     /// This state as frame number `frame` of `manifest`'s run.
     pub fn as_frame(&self, manifest: &RunManifest, frame: u64) -> Frame<'_> {
         Frame {

@@ -1,8 +1,7 @@
+mod naive;
+
 use super::*;
-use crate::splitting::Stages;
-use pulp::Arch;
-use schemas::chain::Chain;
-use schemas::config::RunConfig;
+use schemas::config::{DampingConfig, End, MassRule, RunConfig, StiffnessRule};
 use schemas::presets::PRESETS;
 
 fn physics(change: impl FnOnce(&mut RunConfig)) -> Physics {
@@ -18,75 +17,35 @@ fn bits(state: &ChainState) -> Vec<u64> {
     state.u_m.iter().chain(&state.v_m_s).chain(&state.extra).map(|x| x.to_bits()).collect()
 }
 
-/// Net force (N) on each bead, contact by contact: no window, no vectors, nothing kept.
-fn net_forces(chain: &Chain, u: &[f64]) -> Vec<f64> {
-    let force = |c: usize| chain.law.force(chain.stiffness[c], u[c] - u[c + 1]);
-    let net = |i: usize| {
-        let left = if i > 0 { force(i - 1) } else { 0.0 };
-        let right = if i < chain.contact_count() { force(i) } else { 0.0 };
-        left - right
-    };
-    (0..u.len()).map(net).collect()
-}
+/// What makes a chain, and how to configure it.
+type Variant = (&'static str, fn(&mut RunConfig));
 
-/// The definition of a step.
-fn naive_step(physics: &Physics, state: &mut ChainState) {
-    match physics.method {
-        Method::VelocityVerlet => naive_splitting_step(physics, VELOCITY_VERLET, state),
-        Method::Rkn4 => naive_splitting_step(physics, RKN4, state),
-        Method::Gear5 => naive_gear_step(physics, state),
+/// Chains with everything that a configuration can ask for, each tried with the methods that take it.
+fn variants(method: Method) -> Vec<Variant> {
+    let mut variants: Vec<Variant> = vec![
+        ("an impurity", |_| {}),
+        ("walls and a dimer chain", |c| {
+            (c.ends.left, c.ends.right) = (End::Fixed, End::Fixed);
+            c.chain.masses = MassRule::PatternKg(vec![1e-3, 3e-3]);
+            c.chain.stiffnesses = StiffnessRule::Pattern(vec![1e7, 5e6, 2e7]);
+        }),
+        ("precompression", |c| c.load.precompression_n = 20.0),
+        ("gravity", |c| {
+            (c.ends.right, c.load.gravity_m_s2) = (End::Fixed, 9.81);
+            c.striker.bead = 20;
+        }),
+    ];
+    if method.takes_forces_of_velocity() {
+        variants.push(("dashpots", |c| {
+            c.damping = Some(DampingConfig::ViscousNSPerM(1.0));
+            c.ends.left = End::Fixed;
+        }));
+        variants.push(("restitution", |c| {
+            c.damping = Some(DampingConfig::Restitution(0.8));
+            (c.ends.right, c.load.precompression_n) = (End::Fixed, 5.0);
+        }));
     }
-    state.step += 1;
-}
-
-fn naive_splitting_step(physics: &Physics, stages: Stages, state: &mut ChainState) {
-    let chain = physics.chain();
-    let kick = |h: f64, u: &[f64], v: &mut [f64]| {
-        for (i, force) in net_forces(&chain, u).into_iter().enumerate() {
-            v[i] = (h * (1.0 / chain.mass_kg[i])).mul_add(force, v[i]);
-        }
-    };
-    for (b, a) in stages.kick_drift {
-        kick(b * physics.dt_s, &state.u_m, &mut state.v_m_s);
-        for (u, v) in state.u_m.iter_mut().zip(&state.v_m_s) {
-            *u = (a * physics.dt_s).mul_add(*v, *u);
-        }
-    }
-    kick(stages.last_kick * physics.dt_s, &state.u_m, &mut state.v_m_s);
-}
-
-fn naive_gear_step(physics: &Physics, state: &mut ChainState) {
-    let (chain, dt) = (physics.chain(), physics.dt_s);
-    let n = chain.bead_count();
-    // terms of up to 2^-900 m are zero
-    let kept = |x: f64| if x.abs() > 2.0_f64.powi(-900) { x } else { 0.0 };
-    let predicted: Vec<[f64; 6]> = (0..n)
-        .map(|i| {
-            let [q2, q3, q4, q5] = [0, 1, 2, 3].map(|k| state.extra[k * n + i]);
-            let change = dt.mul_add(state.v_m_s[i], ((q5 + q4) + q3) + q2);
-            let higher = 2.0_f64.mul_add(q2, 3.0_f64.mul_add(q3, 4.0_f64.mul_add(q4, 5.0 * q5)));
-            [
-                state.u_m[i] + change,
-                (1.0 / dt).mul_add(higher, state.v_m_s[i]),
-                3.0_f64.mul_add(q3, 6.0_f64.mul_add(q4, 10.0 * q5)) + q2,
-                4.0_f64.mul_add(q4, 10.0 * q5) + q3,
-                5.0_f64.mul_add(q5, q4),
-                q5,
-            ]
-        })
-        .collect();
-    let positions: Vec<f64> = predicted.iter().map(|p| p[0]).collect();
-    for (i, force) in net_forces(&chain, &positions).into_iter().enumerate() {
-        let p = predicted[i];
-        let q2 = (0.5 * (dt * dt) * (1.0 / chain.mass_kg[i])) * force;
-        let miss = q2 - p[2];
-        state.u_m[i] = (3.0_f64 / 20.0).mul_add(miss, p[0]);
-        state.v_m_s[i] = (251.0_f64 / 360.0 / dt).mul_add(miss, p[1]);
-        state.extra[i] = q2;
-        state.extra[n + i] = kept((11.0_f64 / 18.0).mul_add(miss, p[3]));
-        state.extra[2 * n + i] = kept((1.0_f64 / 6.0).mul_add(miss, p[4]));
-        state.extra[3 * n + i] = kept((1.0_f64 / 60.0).mul_add(miss, p[5]));
-    }
+    variants
 }
 
 #[test]
@@ -96,26 +55,26 @@ fn skipping_and_vectors_change_no_bit() {
     archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
     for method in Method::ALL {
         for alpha in [1.0, 1.01, 1.3, 1.5, 2.0, 2.5, 3.0, 10.0] {
-            let physics = physics(|c| {
-                c.chain.alpha = alpha;
-                c.integrator.method = method;
-                c.time.dt_s = None;
-                c.time.duration_s = 1.0;
-            });
-            let mut naive = ChainState::initial(&physics);
-            let mut ours: Vec<_> = archs
-                .iter()
-                .map(|arch| {
-                    let kernel = Kernel::with_arch(&physics.chain(), *arch);
-                    let integrator = Integrator::with_kernel(method, physics.dt_s, kernel);
-                    (integrator, ChainState::initial(&physics))
-                })
-                .collect();
-            for _ in 0..400 {
-                naive_step(&physics, &mut naive);
-                for (integrator, state) in &mut ours {
-                    integrator.step(state);
-                    assert_eq!(bits(state), bits(&naive), "{method}, α = {alpha}, step {}", naive.step);
+            for (name, variant) in variants(method) {
+                let physics = physics(|c| {
+                    c.chain.alpha = alpha;
+                    c.integrator.method = method;
+                    c.time.duration_s = 1.0;
+                    variant(c);
+                });
+                let start = ChainState::initial(&physics);
+                let mut naive = start.clone();
+                let mut ours: Vec<_> = archs
+                    .iter()
+                    .map(|arch| (Integrator::with_arch(&physics, *arch), start.clone()))
+                    .collect();
+                for _ in 0..400 {
+                    naive::step(&physics, &mut naive);
+                    for (integrator, state) in &mut ours {
+                        integrator.step(state);
+                        let step = naive.step;
+                        assert_eq!(bits(state), bits(&naive), "{method}, α = {alpha}, {name}, step {step}");
+                    }
                 }
             }
         }
@@ -125,14 +84,19 @@ fn skipping_and_vectors_change_no_bit() {
 #[test]
 fn a_fresh_integrator_at_every_step_gives_the_same_bits() {
     for method in Method::ALL {
-        let physics = physics(|c| c.integrator.method = method);
-        let mut one = Integrator::new(&physics);
-        let mut state = ChainState::initial(&physics);
-        for _ in 0..300 {
-            let mut again = state.clone();
-            Integrator::new(&physics).step(&mut again);
-            one.step(&mut state);
-            assert_eq!(bits(&again), bits(&state), "{method}, step {}", state.step);
+        for (name, variant) in variants(method) {
+            let physics = physics(|c| {
+                c.integrator.method = method;
+                variant(c);
+            });
+            let mut one = Integrator::new(&physics);
+            let mut state = ChainState::initial(&physics);
+            for _ in 0..300 {
+                let mut again = state.clone();
+                Integrator::new(&physics).step(&mut again);
+                one.step(&mut state);
+                assert_eq!(bits(&again), bits(&state), "{method}, {name}, step {}", state.step);
+            }
         }
     }
 }
