@@ -1,8 +1,17 @@
-//! Where the energy of a chain is: left of a bead, in it, right of it.
+//! Where the energy of a chain is: left of a bead, in it, right of it; and what that bead reflects.
 
+mod reflection;
+mod window;
+
+pub use reflection::{
+    ARRIVED, Corrected, MOVED, Moment, Recoil, Reflected, Reflection, STATIONARY, Side, Undefined,
+};
+
+use reflection::{Parts, Watch, incident_side};
 use schemas::chain::{Chain, ordered_sum};
 use schemas::frame::Frame;
-use schemas::manifest::RunManifest;
+use schemas::manifest::{Physics, RunManifest};
+use schemas::summary::relative_drift;
 
 /// Energies (J) of one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -13,23 +22,43 @@ pub struct EnergyRow {
     pub potential_j: f64,
     /// Kinetic plus potential energy.
     pub total_j: f64,
-    /// Beads left of the split bead, their contacts, and half the contact with the split bead.
+    /// Beads left of the split bead, their contacts (that with a left wall included), and half the contact with
+    /// the split bead.
     pub left_j: f64,
     /// The split bead and half of each of its contacts.
     pub split_j: f64,
-    /// Beads right of the split bead, their contacts, and half the contact with the split bead.
+    /// Beads right of the split bead, their contacts (that with a right wall included), and half the contact with
+    /// the split bead.
     pub right_j: f64,
-    /// `(total − E0)/E0`, with the energy E0 of the initial state that the manifest implies.
+    /// Work that damped contacts have dissipated so far; 0 without damping.
+    pub dissipated_j: f64,
+    /// `(total + dissipated − E0)/E0`, with the energy E0 of the initial state that the manifest implies.
     pub relative_drift: f64,
+    /// What may still cross the split bead: its energy, and what moves towards it on the incident side. NaN
+    /// where nothing is reflected; see [`Undefined`].
+    pub inbound_j: f64,
+    /// The reflected energy without the recoil. NaN before the pulse has arrived at the split bead, and where
+    /// nothing is reflected.
+    pub corrected_j: f64,
 }
 
 impl EnergyRow {
     /// Names of the columns, with units, in the order of [`EnergyRow::values`].
-    pub const COLUMNS: [&'static str; 7] =
-        ["kinetic_j", "potential_j", "total_j", "left_j", "split_j", "right_j", "relative_drift"];
+    pub const COLUMNS: [&'static str; 10] = [
+        "kinetic_j",
+        "potential_j",
+        "total_j",
+        "left_j",
+        "split_j",
+        "right_j",
+        "dissipated_j",
+        "relative_drift",
+        "inbound_j",
+        "corrected_j",
+    ];
 
     /// The values in the order of [`EnergyRow::COLUMNS`].
-    pub fn values(&self) -> [f64; 7] {
+    pub fn values(&self) -> [f64; 10] {
         [
             self.kinetic_j,
             self.potential_j,
@@ -37,7 +66,10 @@ impl EnergyRow {
             self.left_j,
             self.split_j,
             self.right_j,
+            self.dissipated_j,
             self.relative_drift,
+            self.inbound_j,
+            self.corrected_j,
         ]
     }
 }
@@ -46,9 +78,11 @@ impl EnergyRow {
 #[derive(Debug, Clone)]
 pub struct Energies {
     chain: Chain,
+    physics: Physics,
     initial_j: f64,
     split_bead: usize,
     contact_j: Vec<f64>,
+    watch: Result<Watch, Undefined>,
     max_abs_drift: f64,
     last: Option<EnergyRow>,
 }
@@ -60,10 +94,8 @@ pub struct EnergyOutcome {
     pub split_bead: u64,
     /// Energies of the last frame.
     pub last: EnergyRow,
-    /// Reflected over total energy: left/total.
-    pub reflected_over_total: f64,
-    /// Reflected over transmitted energy: left/right.
-    pub reflected_over_transmitted: f64,
+    /// What the split bead reflects of the pulse, or why it does not.
+    pub reflection: Result<Reflection, Undefined>,
     /// Largest |relative drift| of any frame.
     pub max_abs_drift: f64,
 }
@@ -82,9 +114,11 @@ impl Energies {
     pub fn new(manifest: &RunManifest, split_bead: u64) -> Self {
         let chain = manifest.physics.chain();
         Self {
+            watch: incident_side(manifest, split_bead).map(|side| Watch::new(manifest, side)),
             initial_j: manifest.physics.initial_energy().total_j(),
             split_bead: usize::try_from(split_bead).unwrap_or(usize::MAX).min(chain.bead_count() - 1),
             contact_j: vec![0.0; chain.contact_count()],
+            physics: manifest.physics.clone(),
             max_abs_drift: 0.0,
             last: None,
             chain,
@@ -113,18 +147,30 @@ impl Energies {
 
         // the totals do not depend on where the chain is divided
         let kinetic_j = kinetic(0..chain.bead_count());
-        let potential_j = contacts(0..contact_j.len());
+        let [left_wall, right_wall] = chain.wall_energies_j(frame.u_m);
+        let potential_j = contacts(0..contact_j.len()) + (left_wall + right_wall);
         let total_j = kinetic_j + potential_j;
-        let relative_drift = (total_j - self.initial_j) / self.initial_j;
-        let row = EnergyRow {
+        let dissipated = self.physics.dissipated_j(frame.extra);
+        let dissipated_j = ordered_sum(dissipated.len(), |c| dissipated[c]);
+        let relative_drift = relative_drift(total_j + dissipated_j, self.initial_j);
+        let mut row = EnergyRow {
             kinetic_j,
             potential_j,
             total_j,
-            left_j: kinetic_left + potential_left + 0.5 * left_contact,
+            left_j: kinetic_left + potential_left + 0.5 * left_contact + left_wall,
             split_j: kinetic_split + 0.5 * (left_contact + right_contact),
-            right_j: kinetic_right + potential_right + 0.5 * right_contact,
+            right_j: kinetic_right + potential_right + 0.5 * right_contact + right_wall,
+            dissipated_j,
             relative_drift,
+            inbound_j: f64::NAN,
+            corrected_j: f64::NAN,
         };
+        if let Ok(watch) = &mut self.watch {
+            let parts = parts(chain, frame, s, contact_j, &row, watch.found().incident);
+            watch.push(&parts);
+            row.inbound_j = parts.inbound_j();
+            row.corrected_j = watch.corrected_j(&parts);
+        }
         if relative_drift.abs() > self.max_abs_drift {
             self.max_abs_drift = relative_drift.abs();
         }
@@ -142,10 +188,44 @@ impl Energies {
         self.last.map(|last| EnergyOutcome {
             split_bead: self.split_bead(),
             last,
-            reflected_over_total: last.left_j / last.total_j,
-            reflected_over_transmitted: last.left_j / last.right_j,
+            reflection: self.watch.as_ref().map(Watch::found).map_err(|undefined| *undefined),
             max_abs_drift: self.max_abs_drift,
         })
+    }
+}
+
+/// The energies of `frame` as the reflection sees them, from the `incident` side of bead `s`.
+fn parts(
+    chain: &Chain,
+    frame: &Frame<'_>,
+    s: usize,
+    contact_j: &[f64],
+    row: &EnergyRow,
+    incident: Side,
+) -> Parts {
+    // beads and contacts of the incident side, those with the split bead left out, and what points to it
+    let (beads, contacts, direction, near, beyond_j) = match incident {
+        Side::Left => (0..s, 0..s - 1, 1.0, s - 1, row.right_j),
+        Side::Right => (s + 1..chain.bead_count(), s + 1..contact_j.len(), -1.0, s, row.left_j),
+    };
+    let v = frame.v_m_s;
+    let (mass_kg, velocity) = (&chain.mass_kg[beads.clone()], &v[beads]);
+    let moving_j = ordered_sum(velocity.len(), |i| {
+        let energy_j = 0.5 * mass_kg[i] * (velocity[i] * velocity[i]);
+        if direction * velocity[i] > 0.0 { energy_j } else { 0.0 }
+    });
+    let towards = |contact: usize| direction * (v[contact] + v[contact + 1]) > 0.0;
+    let (first, count) = (contacts.start, contacts.len());
+    let pressed_j = ordered_sum(count, |c| if towards(first + c) { contact_j[first + c] } else { 0.0 });
+    let shared_j = if towards(near) { 0.5 * contact_j[near] } else { 0.0 };
+    Parts {
+        at: Moment { frame: frame.frame, time_s: frame.time_s },
+        incident_j: if incident == Side::Left { row.left_j } else { row.right_j },
+        split_j: row.split_j,
+        beyond_j,
+        total_j: row.total_j,
+        towards_j: moving_j + pressed_j + shared_j,
+        end_velocities_m_s: [v[0], v[v.len() - 1]],
     }
 }
 
@@ -186,7 +266,13 @@ mod tests {
         assert_eq!(row.total_j, row.left_j + row.split_j + row.right_j);
         assert_eq!(row.relative_drift, (18.0625 - 1.0) / 1.0); // E0 = ½·2 kg·(1 m/s)²
         let outcome = energies.outcome().expect("one frame");
-        assert_eq!(outcome.reflected_over_transmitted, 6.5 / 9.0625);
+        let reflection = outcome.reflection.expect("bead 0 strikes towards bead 2");
+        let energies = reflection.energies.expect("bead 2 has energy in the first frame");
+        assert_eq!(energies.over_transmitted(), 6.5 / 9.0625);
+        // beads 0 and 1 and their contact move to the right, and so does contact 1 on average, ½·(2 − 1) m/s
+        assert_eq!(row.inbound_j, row.split_j + 5.0 + 1.0 + 0.5);
+        // the pulse was there in the first frame: nobody knows what it had left behind
+        assert!(row.corrected_j.is_nan() && reflection.recoil.is_none());
     }
 
     #[test]
@@ -199,6 +285,7 @@ mod tests {
             let row = Energies::new(&m, split).observe(&frame);
             assert_eq!(row.left_j + row.split_j + row.right_j, row.total_j);
             assert_eq!(if split == 0 { row.left_j } else { row.right_j }, 0.0);
+            assert!(row.inbound_j.is_nan() && row.corrected_j.is_nan());
         }
     }
 }

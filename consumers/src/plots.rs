@@ -1,7 +1,7 @@
 //! What each analysis shows, drawn with [`crate::figure`].
 
 use crate::contacts::{COMPRESSED, ContactRaster, OPEN, TOUCHING};
-use crate::energies::EnergyRow;
+use crate::energies::{EnergyRow, Reflection, STATIONARY};
 use crate::figure::{Axis, Colour, Curve, Figure, FigureError, Panel, Raster};
 use crate::impurity::{Event, EventKind, Motion};
 use crate::series::Series;
@@ -10,10 +10,13 @@ use schemas::manifest::RunManifest;
 use std::fmt::Write;
 
 /// Columns of an [`EnergyRow`] in a series of them.
+const TOTAL: usize = 2;
 const LEFT: usize = 3;
 const SPLIT: usize = 4;
 const RIGHT: usize = 5;
-const DRIFT: usize = 6;
+const DRIFT: usize = 7;
+const INBOUND: usize = 8;
+const CORRECTED: usize = 9;
 
 /// The parameters of a run as one line of text.
 pub fn caption(manifest: &RunManifest) -> String {
@@ -106,28 +109,58 @@ fn beyond_note(u_m: &[f64], shown_mm: [f64; 2]) -> String {
     )
 }
 
-/// The energies left of, in and right of the split bead, and the drift of their sum.
+/// The energies left of, in and right of the split bead, what of them may still cross it, and the drift of
+/// their sum. Where something is reflected, also when the pulse arrived and since when that is stationary.
 pub fn energies(
     manifest: &RunManifest,
     split_bead: u64,
     rows: &Series<{ EnergyRow::COLUMNS.len() }>,
+    reflection: Option<&Reflection>,
 ) -> Figure {
     let times_s = rows.times_s();
     let curve = |column: usize, factor: f64| -> Vec<(f64, f64)> {
         times_s.iter().zip(rows.column(column)).map(|(t, value)| (t * 1e3, value * factor)).collect()
     };
-    let parts = Panel::new()
-        .x_axis("time (ms)")
+    let panel = || Panel::new().x_axis("time (ms)");
+    let parts = panel()
         .y_axis("energy (mJ)")
         .line(format!("left of bead {split_bead}"), curve(LEFT, 1e3))
         .line(format!("bead {split_bead}"), curve(SPLIT, 1e3))
         .line(format!("right of bead {split_bead}"), curve(RIGHT, 1e3));
-    let drift = Panel::new()
-        .x_axis("time (ms)")
+    let drift = panel()
         .y_axis("(E − E_{0})/E_{0}")
         .curve(Curve::line("", curve(DRIFT, 1.0)).colour(Colour::Black))
         .height(0.6);
-    Figure::new().shared_x().caption(caption(manifest)).panel(parts).panel(drift)
+    let figure = Figure::new().shared_x().caption(caption(manifest)).panel(parts);
+    match reflection {
+        Some(reflection) => figure.panel(scattering(panel(), &times_s, rows, reflection)).panel(drift),
+        None => figure.panel(drift),
+    }
+}
+
+/// What is left on the incident side without the recoil, and what may still cross, both as parts of the
+/// total energy.
+fn scattering(
+    panel: Panel,
+    times_s: &[f64],
+    rows: &Series<{ EnergyRow::COLUMNS.len() }>,
+    reflection: &Reflection,
+) -> Panel {
+    let part = |column: usize| -> Vec<(f64, f64)> {
+        let parts = rows.column(column).into_iter().zip(rows.column(TOTAL));
+        times_s.iter().zip(parts).map(|(t, (value, total))| (t * 1e3, value / total)).collect()
+    };
+    let mut panel = panel
+        .y_axis(Axis::new("part of E").log().limits(1e-7, 2.0))
+        .line("reflected, without recoil", part(CORRECTED))
+        .line("may still cross", part(INBOUND))
+        .horizontal("", STATIONARY);
+    if let Some(since) = reflection.stationary_since {
+        let last_s = times_s.last().copied().unwrap_or(since.time_s);
+        let until_s = reflection.met_end.map_or(last_s, |(_, met)| met.time_s);
+        panel = panel.band_x("stationary", since.time_s * 1e3, until_s * 1e3);
+    }
+    panel
 }
 
 /// Displacement and velocity of the beads that were followed; `motions` holds one series a bead.

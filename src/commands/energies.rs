@@ -4,8 +4,11 @@ use crate::analysis::{
     AnalysisError, ROW_HEAD, Session, begin_row, check_bead, check_tables, draw, finish, publish,
 };
 use crate::args::EnergiesArgs;
+use crate::display::count;
 use crate::failure::{Done, Failure};
-use consumers::energies::{Energies, EnergyOutcome, EnergyRow, default_split_bead};
+use consumers::energies::{
+    Energies, EnergyOutcome, EnergyRow, Moment, Reflected, Reflection, default_split_bead,
+};
 use consumers::follow::Analysis;
 use consumers::plots;
 use consumers::series::Series;
@@ -34,7 +37,12 @@ impl Analysis for Outputs {
         if let Some(table) = &mut self.table {
             begin_row(table, frame);
             for value in values {
-                table.double(value);
+                // there is no inbound or corrected energy where nothing is reflected
+                if value.is_nan() {
+                    table.empty()
+                } else {
+                    table.double(value)
+                };
             }
             table.end_row()?;
         }
@@ -65,17 +73,18 @@ pub(crate) fn energies(args: &EnergiesArgs) -> Result<Done, Failure> {
     let Outputs { energies, curves, table, publisher } = outputs;
     finish(publisher)?;
     table.map(Table::finish).transpose()?;
-    if let Some(curves) = curves {
-        draw(&args.common, || Ok(plots::energies(&manifest, split_bead, &curves)))?;
-    }
     let outcome = energies.outcome();
+    if let Some(curves) = curves {
+        let reflection = outcome.and_then(|outcome| outcome.reflection.ok());
+        draw(&args.common, || Ok(plots::energies(&manifest, split_bead, &curves, reflection.as_ref())))?;
+    }
     session.report(&tally, "energies", rows(outcome.as_ref()), json(outcome.as_ref()))
 }
 
 fn rows(outcome: Option<&EnergyOutcome>) -> Vec<(&'static str, String)> {
     let Some(outcome) = outcome else { return Vec::new() };
     let last = &outcome.last;
-    vec![
+    let mut rows = vec![
         ("split at bead", outcome.split_bead.to_string()),
         (
             "total",
@@ -87,10 +96,63 @@ fn rows(outcome: Option<&EnergyOutcome>) -> Vec<(&'static str, String)> {
         ("left", format!("{:.6e} J", last.left_j)),
         ("split bead", format!("{:.6e} J", last.split_j)),
         ("right", format!("{:.6e} J", last.right_j)),
-        ("reflected/total", format!("{:.6}", outcome.reflected_over_total)),
-        ("reflected/transmitted", format!("{:.6}", outcome.reflected_over_transmitted)),
-        ("largest |ΔE/E|", format!("{:.2e}", outcome.max_abs_drift)),
-    ]
+    ];
+    if last.dissipated_j != 0.0 {
+        rows.push(("dissipated", format!("{:.6e} J", last.dissipated_j)));
+    }
+    match &outcome.reflection {
+        Ok(reflection) => rows.extend(reflection_rows(reflection, outcome.split_bead)),
+        Err(undefined) => rows.push(("reflected", undefined.to_string())),
+    }
+    rows.push(("largest |ΔE/E|", format!("{:.2e}", outcome.max_abs_drift)));
+    rows
+}
+
+fn reflection_rows(reflection: &Reflection, split_bead: u64) -> Vec<(&'static str, String)> {
+    let Some(energies) = &reflection.energies else {
+        return vec![("reflected", format!("nothing yet: the pulse has not arrived at bead {split_bead}"))];
+    };
+    let part = energies.uncertainty_j / energies.total_j;
+    let mut rows = vec![
+        ("stationary", stationary(reflection, energies)),
+        ("reflected/total", format!("{:.6} ± {part:.1e}, {}", energies.over_total(), at(energies.at))),
+        ("reflected/transmitted", format!("{:.6}", energies.over_transmitted())),
+    ];
+    match (&reflection.recoil, reflection.corrected()) {
+        (Some(recoil), Some(corrected)) => rows.extend([
+            ("recoil/total", {
+                let parts = [recoil.energy_j, recoil.uncertainty_j].map(|j| j / energies.total_j);
+                format!("{:.6} ± {:.1e}, before the pulse arrived, {}", parts[0], parts[1], at(recoil.at))
+            }),
+            ("without the recoil", {
+                let ratios = [corrected.over_total, corrected.over_transmitted, corrected.over_incident];
+                format!(
+                    "reflected/total {:.6}, reflected/transmitted {:.6}, reflected/incident {:.6}",
+                    ratios[0], ratios[1], ratios[2]
+                )
+            }),
+        ]),
+        _ => rows.push(("recoil", "unknown: the pulse had arrived in the first frame".to_owned())),
+    }
+    rows
+}
+
+/// Whether and since when the reflected energy is stationary.
+fn stationary(reflection: &Reflection, energies: &Reflected) -> String {
+    let met = reflection.met_end.map(|(bead, moment)| format!("a front met bead {bead}, {}", at(moment)));
+    match (reflection.stationary_since, met) {
+        (Some(since), None) => format!("since {}", at(since)),
+        (Some(since), Some(met)) => format!("since {}, until {met}", at(since)),
+        (None, met) => {
+            let open = energies.inbound_j / energies.total_j;
+            let when = met.unwrap_or_else(|| "the frames ended".to_owned());
+            format!("no: {open:.1e} of the energy might still have crossed the split bead when {when}")
+        }
+    }
+}
+
+fn at(moment: Moment) -> String {
+    format!("frame {} ({:.5} ms)", count(moment.frame), moment.time_s * 1e3)
 }
 
 fn json(outcome: Option<&EnergyOutcome>) -> Value {
@@ -100,11 +162,48 @@ fn json(outcome: Option<&EnergyOutcome>) -> Value {
         .zip(outcome.last.values())
         .map(|(name, value)| ((*name).to_owned(), json!(value)))
         .collect();
+    let energies = outcome.reflection.as_ref().ok().and_then(|reflection| reflection.energies);
     json!({
         "split_bead": outcome.split_bead,
         "last": last,
-        "reflected_over_total": outcome.reflected_over_total,
-        "reflected_over_transmitted": outcome.reflected_over_transmitted,
+        "reflected_over_total": energies.map(|energies| energies.over_total()),
+        "reflected_over_transmitted": energies.map(|energies| energies.over_transmitted()),
+        "reflection": match &outcome.reflection {
+            Ok(reflection) => reflection_json(reflection),
+            Err(undefined) => json!({ "undefined": undefined.to_string() }),
+        },
         "max_abs_relative_drift": outcome.max_abs_drift,
+    })
+}
+
+fn reflection_json(reflection: &Reflection) -> Value {
+    let moment = |moment: Moment| json!({ "frame": moment.frame, "time_s": moment.time_s });
+    json!({
+        "incident_side": reflection.incident.as_str(),
+        "pulse_arrived": reflection.arrival.map(moment),
+        "stationary": reflection.stationary_since.is_some(),
+        "stationary_since": reflection.stationary_since.map(moment),
+        "front_met_end": reflection.met_end.map(|(bead, at)| json!({ "bead": bead, "at": moment(at) })),
+        "energies": reflection.energies.map(|energies| json!({
+            "at": moment(energies.at),
+            "reflected_j": energies.reflected_j,
+            "transmitted_j": energies.transmitted_j,
+            "total_j": energies.total_j,
+            "uncertainty_j": energies.uncertainty_j,
+            "inbound_j": energies.inbound_j,
+        })),
+        "recoil": reflection.recoil.map(|recoil| json!({
+            "energy_j": recoil.energy_j,
+            "uncertainty_j": recoil.uncertainty_j,
+            "at": moment(recoil.at),
+        })),
+        "corrected": reflection.corrected().map(|corrected| json!({
+            "reflected_j": corrected.reflected_j,
+            "uncertainty_j": corrected.uncertainty_j,
+            "incident_j": corrected.incident_j,
+            "reflected_over_total": corrected.over_total,
+            "reflected_over_incident": corrected.over_incident,
+            "reflected_over_transmitted": corrected.over_transmitted,
+        })),
     })
 }
