@@ -352,12 +352,12 @@ mod tests {
     #[test]
     fn a_newer_minor_version_may_not_say_more_of_the_physics() {
         let json = manifest().to_json().replace("\"minor\":0", "\"minor\":1");
-        let method = json.replace("\"method\":\"rkn4\"", "\"method\":\"gear5\"");
+        let method = json.replace("\"method\":\"rkn4\"", "\"method\":\"gear7\"");
         let impurity = json.replace("{\"bead\":500,", "{\"bead\":500,\"radius_m\":1,");
         assert!(method != json && impurity != json);
         for (read, key) in [
             (with_keys(1, "", "\"walls\":2,"), "`walls`"),
-            (RunManifest::from_json(method.as_bytes()), "`gear5`"),
+            (RunManifest::from_json(method.as_bytes()), "`gear7`"),
             (RunManifest::from_json(impurity.as_bytes()), "`radius_m`"),
         ] {
             let error = read.expect_err(key);
