@@ -6,6 +6,7 @@
 mod gear;
 pub mod integrator;
 pub mod kernel;
+pub mod resimulation;
 pub mod run;
 mod splitting;
 pub mod state;
