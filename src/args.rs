@@ -158,7 +158,7 @@ pub(crate) struct Overrides {
     /// Time step (s) [default: a fraction of the collision time T]
     #[arg(long, value_name = "S")]
     pub(crate) dt: Option<f64>,
-    /// Integration method: velocity-verlet or rkn4
+    /// Integration method: velocity-verlet, rkn4 or gear5
     #[arg(long)]
     pub(crate) method: Option<Method>,
     /// Publish every K-th step
