@@ -9,6 +9,7 @@
 //! E. Hascoët and H. J. Herrmann, *Shocks in non-loaded bead chains with impurities*.
 
 mod claim;
+mod deform;
 mod fit;
 mod front;
 mod heavy;
@@ -20,6 +21,7 @@ mod rattle;
 mod reference;
 mod runs;
 mod scaling;
+mod speed;
 mod strikers;
 mod study;
 mod transient;

@@ -279,7 +279,11 @@ impl<'a> Conduct<'a> {
     }
 
     fn go_on(&self) -> ControlFlow<()> {
-        if self.signals.stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if self.signals.stop.load(Ordering::Relaxed) {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
     }
 
     /// Whether nothing more can be learnt of the reflected energy: it has been stationary for long enough, or a

@@ -9,5 +9,5 @@ mod other_tools;
 mod pipeline;
 mod recordings;
 mod reference;
-mod sweep;
 mod reflection;
+mod sweep;

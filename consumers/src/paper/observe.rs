@@ -4,6 +4,7 @@ use super::claim::StudyError;
 use super::front::Front;
 use super::runs::{FrontBy, Run, Watch};
 use crate::contacts::{ContactCounts, ContactRaster, Contacts, default_tolerance_m};
+use crate::deformation::{Deformation, Deformations};
 use crate::follow::Analysis;
 use crate::impurity::{Event, Followed, Motion};
 use crate::pulses::{Passage, Probes, Pulses};
@@ -41,6 +42,8 @@ pub struct Observed {
     pub snapshots: Vec<Snapshot>,
     /// The pulses that passed the probes, in the order of arrival.
     pub passages: Vec<Passage>,
+    /// The contacts that were compared with theory.
+    pub deformations: Vec<Deformation>,
     /// The motion of the first bead followed.
     pub motion: Series<{ Motion::QUANTITIES.len() }>,
     /// What happened to the beads followed.
@@ -61,6 +64,7 @@ pub struct Observer {
     watch: Watch,
     probes: Probes,
     pulses: Pulses,
+    deformations: Deformations,
     followed: Followed,
     contacts: Contacts,
     /// The step at which the map ends.
@@ -80,6 +84,7 @@ impl Observer {
         Self {
             probes: Probes::new(manifest, &run.watch.probes),
             pulses: Pulses::new(manifest, LEADING * Pulses::velocity_scale_m_s(manifest)),
+            deformations: Deformations::new(manifest, &run.watch.deformed),
             followed: Followed::new(manifest, &run.watch.followed),
             contacts: Contacts::new(manifest, tolerance_m),
             map_until,
@@ -88,6 +93,7 @@ impl Observer {
                 manifest: manifest.clone(),
                 snapshots: Vec::new(),
                 passages: Vec::new(),
+                deformations: Vec::new(),
                 motion: Series::default(),
                 events: Vec::new(),
                 map,
@@ -101,6 +107,7 @@ impl Observer {
     /// What was seen.
     pub fn finish(mut self) -> Observed {
         self.seen.passages = self.probes.passages();
+        self.seen.deformations = self.deformations.results();
         self.seen
     }
 
@@ -126,6 +133,7 @@ impl Analysis for Observer {
 
     fn observe(&mut self, frame: &Frame<'_>) -> Result<(), Infallible> {
         self.probes.observe(frame);
+        self.deformations.observe(frame);
         if !self.watch.followed.is_empty() {
             let (motions, events) = self.followed.observe(frame);
             self.seen.motion.push(frame.time_s, motions[0].values());
@@ -153,6 +161,7 @@ impl Analysis for Observer {
     fn gap(&mut self) {
         self.probes.gap();
         self.pulses.gap();
+        self.deformations.gap();
         self.followed.gap();
     }
 }

@@ -9,6 +9,24 @@ pub(super) struct ReferenceTable {
     text: &'static str,
 }
 
+/// The pulse at contact 100 of 200 equal beads; good to 1e-6, for α = 1.01 to 1e-5.
+pub(super) const CONTACT_100: ReferenceTable = ReferenceTable {
+    file: "homogeneous-contact-100.csv",
+    text: include_str!("../../../tests/reference/homogeneous-contact-100.csv"),
+};
+
+/// Speeds and widths of waves; good to 1e-9.
+pub(super) const SOLITARY_WAVE: ReferenceTable = ReferenceTable {
+    file: "solitary-wave.csv",
+    text: include_str!("../../../tests/reference/solitary-wave.csv"),
+};
+
+/// Reflected energies; good to 3e-5.
+pub(super) const REFLECTED: ReferenceTable = ReferenceTable {
+    file: "reflected-energy.csv",
+    text: include_str!("../../../tests/reference/reflected-energy.csv"),
+};
+
 /// Pulses that pass bead 700 (forward) and bead 300 (backward) of the light-impurity run; good to 1e-5.
 pub(super) const LIGHT_PULSES: ReferenceTable = ReferenceTable {
     file: "light-impurity-pulses.csv",
@@ -33,6 +51,16 @@ impl ReferenceTable {
         self.text.lines().skip(1).map(|line| line.split(',').collect())
     }
 
+    /// The rows whose first values are the numbers `key`, however these are written.
+    pub(super) fn numbers(self, key: &[f64]) -> Result<Vec<f64>, StudyError> {
+        let same = |row: &Vec<&str>| {
+            key.len() <= row.len() && row.iter().zip(key).all(|(word, value)| word.parse() == Ok(*value))
+        };
+        let missing = || StudyError::NoReference { file: self.file, row: format!("{key:?}") };
+        let row = self.rows().find(same).ok_or_else(missing)?;
+        row[key.len()..].iter().map(|word| word.parse().map_err(|_| missing())).collect()
+    }
+
     /// The values after the words or numbers `key` that the row begins with.
     pub(super) fn values(self, key: &[&str]) -> Result<Vec<f64>, StudyError> {
         let row = self.rows().find(|row| row.starts_with(key));
@@ -50,6 +78,8 @@ mod tests {
     fn rows_are_found_by_their_first_words() {
         assert_eq!(LIGHT_PULSES.values(&["backward", "2"]).unwrap(), [-0.150_378_6, 6212.545]);
         assert_eq!(LIGHT_TURNS.rows().count(), 8);
+        assert_eq!(REFLECTED.numbers(&[1.5, 1.0]).unwrap(), [0.006_339, 0.006_379]);
+        assert_eq!(CONTACT_100.numbers(&[10.0]).unwrap()[0], 4.100_157_75);
         let missing = LIGHT_PULSES.values(&["sideways", "2"]).unwrap_err();
         assert_eq!(missing.to_string(), "the reference light-impurity-pulses.csv has no row sideways,2");
     }

@@ -20,6 +20,8 @@ pub struct Watch {
     pub snapshots_s: Vec<f64>,
     /// Beads at which to measure the pulses that pass.
     pub probes: Vec<u64>,
+    /// Contacts whose deformation to compare with theory.
+    pub deformed: Vec<u64>,
     /// Beads to follow.
     pub followed: Vec<u64>,
     /// Until when (s) to map the contacts, if at all.
@@ -115,7 +117,7 @@ pub(super) fn light() -> Run {
         probes: vec![300, 520, 600, 700, 850],
         followed: vec![500],
         map_until_s: Some(0.08),
-        front: FrontBy::Nothing,
+        ..Watch::default()
     };
     Run::new("light-impurity", 1.5, 1000, 0.12, 5).impurity(500, 0.6e-3).watch(watch)
 }
@@ -127,9 +129,24 @@ pub(super) fn heavy() -> Run {
         probes: vec![300, 700],
         followed: vec![500],
         map_until_s: Some(0.08),
-        front: FrontBy::Nothing,
+        ..Watch::default()
     };
     Run::new("heavy-impurity", 1.5, 1000, 0.12, 5).impurity(500, 10e-3).watch(watch)
+}
+
+/// 200 equal beads, until the pulse has passed contact 100 (α > 1).
+pub(super) fn homogeneous(alpha: f64) -> Run {
+    let run = Run::new(&format!("homogeneous-alpha-{}", word(alpha)), alpha, 200, 1.0, 4).until_bead(150);
+    let last_s = 0.999 * run.config.time.duration_s;
+    let watch =
+        Watch { deformed: vec![100], probes: vec![100], snapshots_s: vec![last_s], ..Watch::default() };
+    run.watch(watch)
+}
+
+/// The paper's chain of 3000 beads at α = 1.01, with a step of 0.04 T, until the pulse has passed contact 2000.
+pub(super) fn homogeneous_long() -> Run {
+    let run = Run::new("homogeneous-alpha-1p01-3000", 1.01, 3000, 1.0, 1).until_bead(2100).steps(0.04, 0.8);
+    run.watch(Watch { deformed: vec![2000], ..Watch::default() })
 }
 
 /// 300 beads, bead 150 of `mass_g` grams, for another mass or exponent than the paper's figures have. It lasts

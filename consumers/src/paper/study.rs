@@ -3,7 +3,7 @@
 use super::claim::{Claim, StudyError};
 use super::observe::Observations;
 use super::runs::Run;
-use super::{heavy, light, maps, rattle, scaling, strikers, transient};
+use super::{deform, heavy, light, maps, rattle, scaling, speed, strikers, transient};
 use crate::figure::Figure;
 
 /// One figure with its claims.
@@ -26,6 +26,13 @@ pub struct Study {
 /// Every study, in the order of the paper.
 pub const STUDIES: &[Study] = &[
     transient::SELF_SIMILAR,
+    deform::AT_1_2,
+    deform::AT_1_5,
+    deform::AT_1_7,
+    deform::AT_10,
+    deform::AT_1_01,
+    deform::AT_1_01_LONG,
+    speed::SPEED,
     transient::TRANSIENT,
     transient::GAUSSIAN_LIMIT,
     scaling::WIDTH,

@@ -1,0 +1,528 @@
+//! The deformation of a contact while the pulse passes, beside the theory of the continuum.
+
+use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
+use super::observe::{Observations, Observed};
+use super::reference::CONTACT_100;
+use super::runs::{Run, homogeneous, homogeneous_long};
+use super::study::Study;
+use crate::deformation::{Comparison, Deformation, Shape};
+use crate::figure::Figure;
+use crate::plots;
+use crate::theory::ContinuumWave;
+use std::f64::consts::FRAC_PI_2;
+
+const SECTION: &str = "section 2";
+const CONCLUSION: &str = "section 4";
+/// Two curves superimpose if they differ by no more than this part of the peak.
+const SUPERIMPOSE: f64 = 0.05;
+/// A tail is where the overlap is this part of the peak.
+const TAIL: f64 = 1e-3;
+
+/// A study of the deformation at one exponent.
+macro_rules! study {
+    ($name:ident, $alpha:literal, $slug:literal, $title:literal, $place:literal, $claims:expr) => {
+        pub(super) const $name: Study = Study {
+            slug: $slug,
+            title: $title,
+            place: $place,
+            runs: || both($alpha),
+            draw: |seen| draw(seen, &homogeneous($alpha)),
+            claims: $claims,
+        };
+    };
+}
+
+study!(
+    AT_1_2,
+    1.2,
+    "deformation-1.2",
+    "Deformation of contact 100 of 200 beads, α = 1.2",
+    "figure cos1.2",
+    &[
+        Claim {
+            id: "deformation-1.2-superimposes",
+            place: "figure cos1.2",
+            quote: "There is very good agreement between numerical and theoretical results. The crossed curve from the analytical \
+                    result eq. (cos) superimposes the plain line curve from the numerical simulation.",
+            judge: judge_1_2,
+        },
+        Claim {
+            id: "one-lobe",
+            place: SECTION,
+            quote: "This periodic wave solution is singular since it violates the condition −u_x>0 in eq. (cond). We actually get \
+                    the shock wave solution by imposing the argument of the cosines to vary in the interval [−π/2(2k+1), \
+                    π/2(2k+1)], k ∈ Z.",
+            judge: judge_lobe,
+        },
+    ]
+);
+
+study!(
+    AT_1_5,
+    1.5,
+    "deformation-1.5",
+    "Deformation of contact 100 of 200 beads, α = 1.5",
+    "figure cos1.5",
+    &[
+        Claim {
+            id: "deformation-1.5-tails",
+            place: "figure cos1.5",
+            quote: "Discrepancies between numerical and theoretical results appear at the curves tails. The crossed tails of the \
+                    analytical result remain below the real tails of the numerical simulation.",
+            judge: judge_1_5,
+        },
+        Claim {
+            id: "tails-much-longer",
+            place: SECTION,
+            quote: "Actually, the tails of the deformations curves are much longer than the ones given by equation (cos).",
+            judge: judge_tails,
+        },
+        Claim {
+            id: "stiffness-unit",
+            place: SECTION,
+            quote: "We choose beads of mass m=1g and stiffness k=10^7 N.m^−1.",
+            judge: judge_unit,
+        },
+    ]
+);
+
+study!(
+    AT_1_7,
+    1.7,
+    "deformation-1.7",
+    "Deformation of contact 100 of 200 beads, α = 1.7",
+    "figure cos1.7",
+    &[
+        Claim {
+            id: "deformation-1.7-deviates-more",
+            place: "figure cos1.7",
+            quote: "The increase in α increases the deviation of the curves at the tails.",
+            judge: judge_1_7,
+        },
+        Claim {
+            id: "good-for-low-alpha",
+            place: SECTION,
+            quote: "One easily sees on these curves that the analytical results are rather good for low values of α (α>1) showing \
+                    discrepancies when α is increased.",
+            judge: judge_low_alpha,
+        },
+        Claim {
+            id: "unreliable-at-1.7",
+            place: CONCLUSION,
+            quote: "When α reaches the value of 1.7 the analytical result given for the deformation curve is already not reliable.",
+            judge: judge_unreliable,
+        },
+    ]
+);
+
+study!(
+    AT_10,
+    10.0,
+    "deformation-10",
+    "Deformation of contact 100 of 200 beads, α = 10",
+    "figure cos10",
+    &[
+        Claim {
+            id: "deformation-10-triangle",
+            place: "figure cos10",
+            quote: "There is no agreement between analytical and numerical results. The true deformation has a triangular shape …",
+            judge: judge_triangle,
+        },
+        Claim {
+            id: "deformation-10-parabola",
+            place: "figure cos10",
+            quote: "… while the analytical curve display a periodic parabola shape.",
+            judge: judge_parabola,
+        },
+    ]
+);
+
+study!(
+    AT_1_01,
+    1.01,
+    "deformation-1.01",
+    "Deformation of contact 100 of 200 beads, α = 1.01",
+    "figure cos1.01",
+    &[Claim {
+        id: "deformation-1.01-asymmetric",
+        place: "figure cos1.01",
+        quote: "The pulse is not symmetric. We are in the non-linearity dominated regime.",
+        judge: judge_asymmetric,
+    }]
+);
+
+pub(super) const AT_1_01_LONG: Study = Study {
+    slug: "deformation-1.01-2000",
+    title: "Deformation of contact 2000 of 3000 beads, α = 1.01",
+    place: "figure cos1.01.b",
+    runs: || vec![homogeneous_long()],
+    draw: |seen| draw(seen, &homogeneous_long()),
+    claims: &[Claim {
+        id: "deformation-1.01-stationary",
+        place: "figure cos1.01.b",
+        quote: "The pulse reached its stationary soliton shape given by eq. (cos) and the numerical and analytical curves superimpose.",
+        judge: judge_stationary,
+    }],
+};
+
+/// The exponents at contact 100 of the paper's figures, in their order.
+pub(super) const ALPHAS: [f64; 5] = [1.2, 1.5, 1.7, 10.0, 1.01];
+
+fn both(alpha: f64) -> Vec<Run> {
+    let compared: &[f64] = if alpha == 1.7 { &[1.2, 1.5, 1.7] } else { &[alpha] };
+    let runs = compared.iter().map(|alpha| homogeneous(*alpha));
+    runs.flat_map(|run| [run.clone().with_step_times(2), run]).collect()
+}
+
+/// The deformation that a run was made for.
+fn deformation<'a>(seen: &'a Observations, run: &Run) -> Result<&'a Deformation, StudyError> {
+    let seen = seen.of(run)?;
+    seen.deformations.first().ok_or_else(|| seen.absent("deformation"))
+}
+
+fn shape(seen: &Observations, run: &Run) -> Result<Shape, StudyError> {
+    let untold = |why: crate::deformation::Untold| StudyError::Absent {
+        run: run.name().to_owned(),
+        what: why.to_string(),
+    };
+    deformation(seen, run)?.measured.map_err(untold)
+}
+
+fn continuum<'a>(seen: &'a Observations, run: &Run) -> Result<&'a Comparison, StudyError> {
+    let none = |why: &String| StudyError::Absent { run: run.name().to_owned(), what: why.clone() };
+    deformation(seen, run)?.continuum.as_ref().map_err(none)
+}
+
+/// Time, height, width and speed of the pulse at contact 100, and the largest velocity of bead 100, against the
+/// reference.
+pub(super) fn against_reference(seen: &Observations, alpha: f64) -> Result<Vec<Number>, StudyError> {
+    let good_to = if alpha == 1.01 { 1e-5 } else { 1e-6 };
+    let (run, partner) = (homogeneous(alpha), homogeneous(alpha).with_step_times(2));
+    let values = |run: &Run| -> Result<[f64; 5], StudyError> {
+        let (shape, found) = (shape(seen, run)?, seen.of(run)?);
+        let speed = deformation(seen, run)?.speed_beads_per_s.ok_or_else(|| found.absent("speed"))?;
+        let passage = found
+            .pulses_past(100, true)
+            .into_iter()
+            .next()
+            .ok_or_else(|| found.absent("pulse at bead 100"))?;
+        Ok([shape.peak_s * 1e3, shape.overlap_m * 1e6, shape.width_s * 1e6, speed, passage.v_peak_m_s])
+    };
+    let (fine, coarse) = (values(&run)?, values(&partner)?);
+    let reference = CONTACT_100.numbers(&[alpha])?;
+    let units = [1e3, 1e6, 1e6, 1.0, 1.0];
+    let names = [
+        ("time of the peak", "ms"),
+        ("largest overlap", "µm"),
+        ("full width at half maximum", "µs"),
+        ("speed", "beads/s"),
+        ("largest velocity of bead 100", "m/s"),
+    ];
+    let numbers = names.into_iter().enumerate().map(|(i, (what, unit))| {
+        Number::stepped(format!("{what}, α = {alpha}"), fine[i], coarse[i], unit)
+            .against(units[i] * reference[i], good_to)
+    });
+    Ok(numbers.collect())
+}
+
+/// How far the theory is off, as shares of the peak.
+fn norms(seen: &Observations, alpha: f64) -> Result<Vec<Number>, StudyError> {
+    let (run, partner) = (homogeneous(alpha), homogeneous(alpha).with_step_times(2));
+    let (fine, coarse) = (continuum(seen, &run)?, continuum(seen, &partner)?);
+    let number = |what: &str, of: fn(&Comparison) -> f64| {
+        Number::stepped(format!("{what} of eq. (cos), α = {alpha}"), of(fine), of(coarse), "")
+    };
+    Ok(vec![
+        number("largest error", |theory| theory.l_infinity),
+        number("root-mean-square error over the width", |theory| theory.l2),
+    ])
+}
+
+fn judge_1_2(seen: &Observations) -> Result<Judgement, StudyError> {
+    let largest = continuum(seen, &homogeneous(1.2))?.l_infinity;
+    let mut numbers = norms(seen, 1.2)?;
+    numbers.extend(against_reference(seen, 1.2)?);
+    Ok(Judgement {
+        verdict: Verdict::of(largest < SUPERIMPOSE),
+        why: format!("The curves differ by at most {:.1} % of the peak.", 100.0 * largest),
+        numbers,
+    })
+}
+
+fn judge_lobe(seen: &Observations) -> Result<Judgement, StudyError> {
+    let (theory, shape) = (continuum(seen, &homogeneous(1.2))?, shape(seen, &homogeneous(1.2))?);
+    // eq. (cos) without its condition on the argument: each lobe has the same impulse
+    let lobes = |k: f64| (2.0 * k + 1.0) * theory.impulse_n_s / shape.impulse_n_s;
+    let least = (0..=1000).map(|i| (FRAC_PI_2 * 0.006 * f64::from(i)).cos().abs().powf(2.0 / 0.2));
+    let least = least.fold(f64::INFINITY, f64::min);
+    let near = |ratio: f64| (ratio - 1.0).abs() < SUPERIMPOSE;
+    Ok(Judgement {
+        verdict: Verdict::graded(near(lobes(0.0)), near(lobes(1.0))),
+        why: format!(
+            "The argument must stay within one lobe, k = 0: its impulse is {:.3} of the measured one, that of k = 1 {:.2}; and −u_x does not \
+             change sign at the nodes, it touches 0.",
+            lobes(0.0),
+            lobes(1.0)
+        ),
+        numbers: vec![
+            Number::new("impulse of eq. (cos) for k = 0 over the measured one", lobes(0.0), ""),
+            Number::new("impulse of eq. (cos) for k = 1 over the measured one", lobes(1.0), ""),
+            Number::new("least value of the shape over three lobes", least, ""),
+        ],
+    })
+}
+
+/// Where, before and after the peak, the measured overlap and the theory's are [`TAIL`] of the peak: half the time between
+/// (s) of each.
+fn tails(seen: &Observations, alpha: f64) -> Result<(f64, f64), StudyError> {
+    let run = homogeneous(alpha);
+    let (found, theory, shape) = (deformation(seen, &run)?, continuum(seen, &run)?, shape(seen, &run)?);
+    let level_m = TAIL * shape.overlap_m;
+    let above: Vec<f64> = found
+        .samples
+        .iter()
+        .filter(|sample| sample.overlap_m > level_m)
+        .map(|sample| sample.time_s)
+        .collect();
+    let (Some(first), Some(last)) = (above.first(), above.last()) else {
+        return Err(StudyError::Absent { run: run.name().to_owned(), what: "overlap".to_owned() });
+    };
+    // cos^(2/(α−1)) = TAIL
+    let wave = ContinuumWave::new(alpha)?;
+    let part = TAIL.powf(0.5 * (alpha - 1.0)).acos() / FRAC_PI_2;
+    let half_s = part * wave.half_length_beads() / theory.scale.speed_beads_per_s;
+    Ok((0.5 * (last - first), half_s))
+}
+
+fn judge_1_5(seen: &Observations) -> Result<Judgement, StudyError> {
+    let run = homogeneous(1.5);
+    let (found, theory, shape) = (deformation(seen, &run)?, continuum(seen, &run)?, shape(seen, &run)?);
+    // a tail begins where the theory falls below the simulation for good
+    let outside =
+        |sample: &&crate::deformation::Sample| theory.overlap_m(sample.time_s) < 0.02 * shape.overlap_m;
+    let tail: Vec<_> = found
+        .samples
+        .iter()
+        .filter(outside)
+        .filter(|sample| sample.overlap_m > TAIL * shape.overlap_m)
+        .collect();
+    let below = tail.iter().all(|sample| theory.overlap_m(sample.time_s) < sample.overlap_m);
+    let (ours, theirs) = tails(seen, 1.5)?;
+    let mut numbers = vec![
+        Number::new("half-length of the pulse at a thousandth of the peak", ours * 1e6, "µs"),
+        Number::new("the same of eq. (cos)", theirs * 1e6, "µs"),
+    ];
+    numbers.extend(norms(seen, 1.5)?);
+    numbers.extend(against_reference(seen, 1.5)?);
+    Ok(Judgement {
+        verdict: Verdict::of(below && !tail.is_empty()),
+        why: format!(
+            "In the tails, where eq. (cos) is below 2 % of the peak, it is {} the simulation; at a thousandth of the peak the pulse is {:.0} % \
+             longer.",
+            if below { "everywhere below" } else { "not everywhere below" },
+            100.0 * (ours / theirs - 1.0)
+        ),
+        numbers,
+    })
+}
+
+fn judge_tails(seen: &Observations) -> Result<Judgement, StudyError> {
+    /// "Much longer" is taken to be half as long again.
+    const MUCH: f64 = 1.5;
+    let (ours, theirs) = tails(seen, 1.5)?;
+    let ratio = ours / theirs;
+    Ok(Judgement {
+        verdict: Verdict::graded(ratio > 1.0, ratio > MUCH),
+        why: format!(
+            "They are longer, but not much: at a thousandth of the peak, by {:.0} % at α = 1.5; the exact wave fades doubly exponentially.",
+            100.0 * (ratio - 1.0)
+        ),
+        numbers: vec![Number::new(
+            "length at a thousandth of the peak over that of eq. (cos), α = 1.5",
+            ratio,
+            "",
+        )],
+    })
+}
+
+fn judge_unit(seen: &Observations) -> Result<Judgement, StudyError> {
+    let run = homogeneous(1.5);
+    let (found, shape, observed) = (deformation(seen, &run)?, shape(seen, &run)?, seen.of(&run)?);
+    let physics = &observed.manifest.physics;
+    let snapshot = observed.snapshot(0)?;
+    // the contact hands on the momentum of all beads behind it
+    let passed: f64 = snapshot.v_m_s[101..].iter().map(|v| v * physics.bead_mass_kg).sum();
+    // newtons, if k is what is written in the paper: a force proportional to the overlap
+    let areas = found.samples.windows(2).map(|pair| {
+        0.5 * (pair[0].compression_m() + pair[1].compression_m()) * (pair[1].time_s - pair[0].time_s)
+    });
+    let linear = physics.stiffness * areas.sum::<f64>() / passed;
+    let power = shape.impulse_n_s / passed;
+    let near = |ratio: f64| (ratio - 1.0).abs() < 1e-3;
+    Ok(Judgement {
+        verdict: Verdict::graded(near(power), near(linear)),
+        why: format!(
+            "k is in N·m^−α: ∫k·δ^α dt is {power:.5} of the momentum handed on; a stiffness of 10^7 N·m^−1 would have handed on {linear:.0} times as \
+             much.",
+        ),
+        numbers: vec![
+            Number::new("∫k·δ^1.5 dt over the momentum behind contact 100", power, ""),
+            Number::new("∫k·δ dt over the same", linear, ""),
+        ],
+    })
+}
+
+fn judge_1_7(seen: &Observations) -> Result<Judgement, StudyError> {
+    let ratio = |alpha: f64| tails(seen, alpha).map(|(ours, theirs)| ours / theirs);
+    let ratios = [ratio(1.2)?, ratio(1.5)?, ratio(1.7)?];
+    let mut numbers: Vec<Number> = [1.2, 1.5, 1.7]
+        .iter()
+        .zip(ratios)
+        .map(|(alpha, ratio)| {
+            Number::new(
+                format!("length at a thousandth of the peak over that of eq. (cos), α = {alpha}"),
+                ratio,
+                "",
+            )
+        })
+        .collect();
+    numbers.extend(against_reference(seen, 1.7)?);
+    Ok(Judgement {
+        verdict: Verdict::of(ratios.windows(2).all(|pair| pair[0] < pair[1])),
+        why: format!(
+            "At a thousandth of the peak the pulse is {:.0}, {:.0} and {:.0} % longer than eq. (cos) for α = 1.2, 1.5 and 1.7.",
+            100.0 * (ratios[0] - 1.0),
+            100.0 * (ratios[1] - 1.0),
+            100.0 * (ratios[2] - 1.0)
+        ),
+        numbers,
+    })
+}
+
+fn judge_low_alpha(seen: &Observations) -> Result<Judgement, StudyError> {
+    let mut numbers = Vec::new();
+    let mut largest = Vec::new();
+    for alpha in [1.2, 1.5, 1.7] {
+        numbers.extend(norms(seen, alpha)?);
+        largest.push(continuum(seen, &homogeneous(alpha))?.l_infinity);
+    }
+    let grows = largest.windows(2).all(|pair| pair[0] < pair[1]);
+    Ok(Judgement {
+        verdict: Verdict::graded(grows, largest[0] < SUPERIMPOSE),
+        why: format!(
+            "The largest error of eq. (cos) is {:.1}, {:.1} and {:.1} % of the peak for α = 1.2, 1.5 and 1.7.",
+            100.0 * largest[0],
+            100.0 * largest[1],
+            100.0 * largest[2]
+        ),
+        numbers,
+    })
+}
+
+fn judge_unreliable(seen: &Observations) -> Result<Judgement, StudyError> {
+    let run = homogeneous(1.7);
+    let (theory, shape) = (continuum(seen, &run)?, shape(seen, &run)?);
+    let width = theory.width_s / shape.width_s - 1.0;
+    Ok(Judgement {
+        verdict: Verdict::graded(theory.l_infinity > 0.02, theory.l_infinity > SUPERIMPOSE),
+        why: format!(
+            "At α = 1.7 eq. (cos) is off by {:.1} % of the peak, and its width by {:.1} %.",
+            100.0 * theory.l_infinity,
+            100.0 * width
+        ),
+        numbers: vec![
+            Number::new("largest error of eq. (cos), α = 1.7", theory.l_infinity, ""),
+            Number::new("width of eq. (cos) over the measured one", width + 1.0, ""),
+        ],
+    })
+}
+
+fn judge_triangle(seen: &Observations) -> Result<Judgement, StudyError> {
+    let run = homogeneous(10.0);
+    let (found, theory, shape) = (deformation(seen, &run)?, continuum(seen, &run)?, shape(seen, &run)?);
+    // for α → ∞ one bead moves at a time: the overlap grows while it crosses, and falls while the next does
+    let triangle = |time_s: f64| (1.0 - 0.5 * (time_s - shape.peak_s).abs() / (0.5 * shape.width_s)).max(0.0);
+    let differences = found.samples.iter();
+    let differences =
+        differences.map(|sample| (sample.compression_m() / shape.overlap_m - triangle(sample.time_s)).abs());
+    let from_triangle = differences.fold(0.0, f64::max);
+    let mut numbers = vec![
+        Number::new("largest distance from a triangle of the same height and width", from_triangle, ""),
+        Number::new("largest error of eq. (cos)", theory.l_infinity, ""),
+    ];
+    numbers.extend(against_reference(seen, 10.0)?);
+    Ok(Judgement {
+        verdict: Verdict::of(from_triangle < SUPERIMPOSE && theory.l_infinity > 4.0 * SUPERIMPOSE),
+        why: format!(
+            "The pulse differs from a triangle by at most {:.1} % of its peak, from eq. (cos) by {:.0} %.",
+            100.0 * from_triangle,
+            100.0 * theory.l_infinity
+        ),
+        numbers,
+    })
+}
+
+fn judge_parabola(_: &Observations) -> Result<Judgement, StudyError> {
+    let wave = ContinuumWave::new(10.0)?;
+    let half = wave.half_length_beads();
+    let distance = |i: u32| {
+        let part = f64::from(i) / 1000.0;
+        (wave.overlap(part * half) - (1.0 - part * part)).abs()
+    };
+    let largest = (0..=1000).map(distance).fold(0.0, f64::max);
+    Ok(Judgement {
+        verdict: Verdict::graded(wave.overlap(0.5 * half) > 0.75, largest < SUPERIMPOSE),
+        why: format!(
+            "|cos|^(2/9) has round arches, but blunter ones than parabolas: it differs from the parabola of the same height and base by up to \
+             {:.0} % of the height.",
+            100.0 * largest
+        ),
+        numbers: vec![Number::new("largest distance between |cos|^(2/9) and a parabola", largest, "")],
+    })
+}
+
+fn judge_asymmetric(seen: &Observations) -> Result<Judgement, StudyError> {
+    let (run, partner) = (homogeneous(1.01), homogeneous(1.01).with_step_times(2));
+    let (fine, coarse) = (shape(seen, &run)?.asymmetry, shape(seen, &partner)?.asymmetry);
+    let mut numbers = vec![Number::stepped("asymmetry of the half-widths, bead 100", fine, coarse, "")];
+    numbers.extend(norms(seen, 1.01)?);
+    numbers.extend(against_reference(seen, 1.01)?);
+    Ok(Judgement {
+        verdict: Verdict::of(fine.abs() > 0.02),
+        why: format!(
+            "The half-widths after and before the peak differ by {:.1} % of their sum.",
+            100.0 * fine.abs()
+        ),
+        numbers,
+    })
+}
+
+fn judge_stationary(seen: &Observations) -> Result<Judgement, StudyError> {
+    let run = homogeneous_long();
+    let (shape, theory) = (shape(seen, &run)?, continuum(seen, &run)?);
+    let symmetric = shape.asymmetry.abs() < 0.005;
+    Ok(Judgement {
+        verdict: Verdict::of(symmetric && theory.l_infinity < SUPERIMPOSE),
+        why: format!(
+            "At contact 2000 the half-widths differ by {:.2} % of their sum, and eq. (cos) is off by at most {:.2} % of the peak.",
+            100.0 * shape.asymmetry.abs(),
+            100.0 * theory.l_infinity
+        ),
+        numbers: vec![
+            Number::new("asymmetry of the half-widths, contact 2000", shape.asymmetry, ""),
+            Number::new("largest error of eq. (cos)", theory.l_infinity, ""),
+            Number::new("root-mean-square error of eq. (cos) over the width", theory.l2, ""),
+            Number::new(
+                "full width at half maximum over that of eq. (cos)",
+                shape.width_s / theory.width_s,
+                "",
+            ),
+        ],
+    })
+}
+
+fn draw(seen: &Observations, run: &Run) -> Result<Figure, StudyError> {
+    let found = deformation(seen, run)?;
+    let observed: &Observed = seen.of(run)?;
+    Ok(plots::deformations(&observed.manifest, std::slice::from_ref(found)))
+}
