@@ -159,8 +159,10 @@ fn outputs(args: &ContactsArgs) -> Result<(Option<&PathBuf>, Option<&PathBuf>), 
             Some("csv" | "parquet") => &mut table,
             Some("mcap") => &mut map,
             _ => {
-                let message =
-                    format!("--out {}: expected .csv or .parquet for counts, .mcap for the map", path.display());
+                let message = format!(
+                    "--out {}: expected .csv or .parquet for counts, .mcap for the map",
+                    path.display()
+                );
                 return Err(anyhow!(message)).bad_input();
             }
         };

@@ -5,7 +5,8 @@
 //! - `results.csv`, `results.parquet` the merged rows; `timings.csv` how long each took
 //! - `recordings/point-000123.mcap` where recordings are asked for
 
-use super::row::{self, hex};
+use super::columns::columns;
+use super::hex;
 use crate::failure::{BadInput, Failure};
 use anyhow::{Context, anyhow};
 use consumers::journal::{Contents, Journal, JournalError, JournalHead};
@@ -59,7 +60,7 @@ impl Directory {
     /// Makes `path` the directory of `sweep`, or finds that it is; what belongs to another sweep is refused, or
     /// removed with `force`.
     pub(crate) fn open(path: &Path, sweep: &Sweep, force: bool) -> Result<Self, Failure> {
-        let columns = row::columns(sweep);
+        let columns = columns(sweep);
         let sign = Sign {
             identity: hex(&sweep.identity()),
             program: concat!("beadline ", env!("CARGO_PKG_VERSION")).to_owned(),

@@ -1,7 +1,7 @@
 //! The results of a sweep, the same bytes whoever computed its rows in whatever order.
 
+use super::columns::ERROR_COLUMN;
 use super::directory::Directory;
-use super::row::ERROR_COLUMN;
 use crate::display;
 use crate::failure::Failure;
 use anyhow::anyhow;
