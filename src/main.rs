@@ -28,6 +28,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Energies(args) => commands::energies::energies(&args),
         Command::Impurity(args) => commands::impurity::impurity(&args),
         Command::Contacts(args) => commands::contacts::contacts(&args),
+        Command::Deformation(args) => commands::deformation::deformation(&args),
         Command::Pulses(args) => commands::pulses::pulses(&args),
         Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Ls { json } => commands::ls::ls(json),

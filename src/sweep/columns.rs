@@ -56,10 +56,10 @@ const RESULTS: [(&str, Kind); 42] = [
 ];
 
 /// The column of why a point has no results.
-pub(crate) const ERROR_COLUMN: &str = "error";
+pub(super) const ERROR_COLUMN: &str = "error";
 
 /// The columns of a sweep's rows: its parameters, then the results.
-pub(crate) fn columns(sweep: &Sweep) -> Vec<Column> {
+pub(super) fn columns(sweep: &Sweep) -> Vec<Column> {
     let kind = |kind| match kind {
         ParameterKind::Integer => Kind::Integer,
         ParameterKind::Double => Kind::Double,

@@ -21,11 +21,11 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 const STATIONARY_FOR: f64 = 100.0;
 
 /// What a worker tells and is told while it computes a point.
-pub(crate) struct Signals<'a> {
+pub(super) struct Signals<'a> {
     /// Set when the point is to be given up.
-    pub(crate) stop: &'a AtomicBool,
+    pub(super) stop: &'a AtomicBool,
     /// The step that was reached.
-    pub(crate) step: &'a AtomicU64,
+    pub(super) step: &'a AtomicU64,
 }
 
 /// Computes point `index` of `sweep`, and records it if there is a path for that. None if it was stopped.
@@ -34,7 +34,7 @@ pub(crate) struct Signals<'a> {
 ///
 /// # Errors
 /// When the recording cannot be written.
-pub(crate) fn compute(
+pub(super) fn compute(
     sweep: &Sweep,
     index: u64,
     recording: Option<&Path>,

@@ -183,6 +183,8 @@ fn an_interrupted_sweep_keeps_what_it_has() {
 #[test]
 fn a_directory_is_of_one_sweep() {
     let place = place(SWEEP);
+    place.run("sweep s.toml --out dir --merge").exits(2).says(&["dir holds no sweep"]);
+    assert!(!place.path("dir").exists());
     place.run("sweep s.toml --out dir").exits(0);
     place.write("other.toml", &SWEEP.replace("5e-3", "4e-3"));
     place.run("sweep other.toml --out dir").exits(2).says(&["dir", "another sweep", "--force"]);
