@@ -47,14 +47,14 @@ pub(crate) enum Command {
     Impurity(ImpurityArgs),
     /// The space-time map of compressed, touching and open contacts
     Contacts(ContactsArgs),
-    /// The paper, figure by figure, claim by claim: simulated, drawn and judged
-    Reproduce(ReproduceArgs),
-    /// Simulate a grid of runs and make a table of their results
-    Sweep(SweepArgs),
-    /// The pulses: where and when they pass, how strong, fast and wide, where from and where to
-    Pulses(PulsesArgs),
     /// How the first pulse deforms a contact, beside what theory expects
     Deformation(DeformationArgs),
+    /// The pulses: where and when they pass, how strong, fast and wide, where from and where to
+    Pulses(PulsesArgs),
+    /// Simulate a grid of runs and make a table of their results
+    Sweep(SweepArgs),
+    /// The paper, figure by figure, claim by claim: simulated, drawn and judged
+    Reproduce(ReproduceArgs),
     /// List the live runs of this user
     Ls {
         /// Print JSON
@@ -259,32 +259,50 @@ pub(crate) struct ContactsArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  \
-    beadline reproduce                        everything, into the directory `paper`\n  \
-    beadline reproduce --list                 the names of the figures\n  \
-    beadline reproduce width vmax --out fits  two figures and their claims\n\n\
-    DIR gets REPORT.md and report.json (each claim with our numbers and a verdict), GALLERY.md, the figures in\n\
-    img/paper, and recordings, from which whatever was simulated before is taken again.\n\
-    Exit code 3: a number contradicts its independently computed reference.")]
-pub(crate) struct ReproduceArgs {
-    /// Figures to reproduce, see --list [default: all]
-    #[arg(value_name = "FIGURE")]
-    pub(crate) figures: Vec<String>,
-    /// Directory for the report, the figures and the recordings
-    #[arg(long, value_name = "DIR", default_value = "paper")]
-    pub(crate) out: PathBuf,
-    /// Runs simulated at the same time [default: the cores of this machine]
-    #[arg(long, value_name = "N")]
-    pub(crate) jobs: Option<NonZero<usize>>,
-    /// Replace a report that exists
-    #[arg(long)]
-    pub(crate) force: bool,
-    /// List the figures and do nothing else
-    #[arg(long)]
-    pub(crate) list: bool,
-    /// Print the summary as JSON
-    #[arg(long)]
-    pub(crate) json: bool,
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline deformation run.mcap --contact 100 --figure d.png\n  \
+    beadline deformation run.mcap --contact 100 --contact 150 --out d.csv\n\n\
+    Contact C joins beads C and C+1. Theories are scaled to the largest overlap; their width, speed,\n\
+    impulse and shape are predictions."
+)]
+pub(crate) struct DeformationArgs {
+    #[command(flatten)]
+    pub(crate) common: AnalysisArgs,
+    /// A contact to follow, repeatable
+    #[arg(long, value_name = "C", required = true)]
+    pub(crate) contact: Vec<u64>,
+    /// Table of the pulse: overlap, exact wave and continuum in each frame
+    #[arg(long, value_name = "FILE.csv|.parquet")]
+    pub(crate) out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline pulses --figure tracks.png                  attach to the only live run\n  \
+    beadline pulses run.mcap --out pulses.csv --positions tracks.csv\n  \
+    beadline pulses run.mcap --threshold 0.01            only those above a hundredth of v0\n\n\
+    A pulse passes a bead when |v| of the bead has a maximum in time while both of its contacts are\n\
+    pressed; it counts once it has passed 5 beads, and ends where it meets an impurity or an end. Peaks\n\
+    are good to 1e-4 if 8 frames fall into the time that a pulse takes to pass; a warning says when\n\
+    frames are too far apart. `V/V_sw` is the speed over that of the exact solitary wave of the same peak\n\
+    velocity: 1 for a pulse that no longer changes."
+)]
+pub(crate) struct PulsesArgs {
+    #[command(flatten)]
+    pub(crate) common: AnalysisArgs,
+    /// Table of the pulses, a row for each, in the order in which they end
+    #[arg(long, value_name = "FILE.csv|.parquet")]
+    pub(crate) out: Option<PathBuf>,
+    /// Table of their tracks: a row for each bead that a pulse passes
+    #[arg(long, value_name = "FILE.csv|.parquet")]
+    pub(crate) positions: Option<PathBuf>,
+    /// Smallest peak velocity of a pulse, relative to the run's velocity scale (v0)
+    #[arg(long, value_name = "X", default_value_t = consumers::pulses::Pulses::DEFAULT_THRESHOLD)]
+    pub(crate) threshold: f64,
 }
 
 #[derive(Debug, Args)]
@@ -293,10 +311,10 @@ pub(crate) struct ReproduceArgs {
     after_help = "Examples:\n  \
     beadline sweep --example > reflection.toml           a sweep file to begin with\n  \
     beadline sweep reflection.toml --out reflection      all points, on all cores; again: goes on\n  \
-    beadline sweep reflection.toml --out shared --shard 3/16   one job of an array, in a shared directory\n  \
-    beadline sweep reflection.toml --out shared --merge  the rows that are there, as tables\n\n\
-    DIR then has results.csv, results.parquet (the same bits whatever the order, jobs, shards and \n\
-    interruptions), timings.csv, the rows of each shard, and recordings/ if asked for. A run that fails \n\
+    beadline sweep reflection.toml --out all --shard 3/16   one job of an array of 16\n  \
+    beadline sweep reflection.toml --out all --merge     the rows that are there, as tables\n\n\
+    DIR then has results.csv and results.parquet (the same bytes whatever the order, jobs, shards and\n\
+    interruptions), timings.csv, the rows of each shard, and recordings/ if asked for. A run that fails\n\
     has a row that says why, and makes the exit code 3, as a signal does while points are missing."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
@@ -331,50 +349,32 @@ pub(crate) struct SweepArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(
-    allow_negative_numbers = true,
-    after_help = "Examples:\n  \
-    beadline pulses --figure tracks.png                  attach to the only live run\n  \
-    beadline pulses run.mcap --out pulses.csv --positions tracks.csv\n  \
-    beadline pulses run.mcap --threshold 0.01            only those above a hundredth of v0\n\n\
-    A pulse passes a bead when |v| of the bead has a maximum in time while both of its contacts are\n\
-    pressed; it counts once it has passed 5 beads, and ends where it meets an impurity or an end. Peaks\n\
-    are good to 1e-4 if 8 frames fall into the time that a pulse takes to pass; a warning says when\n\
-    frames are too far apart. `V/V_sw` is the speed over that of the exact solitary wave of the same peak\n\
-    velocity: 1 for a pulse that no longer changes."
-)]
-pub(crate) struct PulsesArgs {
-    #[command(flatten)]
-    pub(crate) common: AnalysisArgs,
-    /// Table of the pulses, a row for each, in the order in which they end
-    #[arg(long, value_name = "FILE.csv")]
-    pub(crate) out: Option<PathBuf>,
-    /// Table of their tracks: a row for each bead that a pulse passes
-    #[arg(long, value_name = "FILE.csv")]
-    pub(crate) positions: Option<PathBuf>,
-    /// Smallest peak velocity of a pulse, relative to the run's velocity scale (v0)
-    #[arg(long, value_name = "X", default_value_t = consumers::pulses::Pulses::DEFAULT_THRESHOLD)]
-    pub(crate) threshold: f64,
-}
-
-#[derive(Debug, Args)]
-#[command(
-    allow_negative_numbers = true,
-    after_help = "Examples:\n  \
-    beadline deformation run.mcap --contact 100 --figure d.png\n  \
-    beadline deformation run.mcap --contact 100 --contact 150 --out d.csv\n\n\
-    Contact C joins beads C and C+1. Theories are scaled to the largest overlap; their width, speed,\n\
-    impulse and shape are predictions."
-)]
-pub(crate) struct DeformationArgs {
-    #[command(flatten)]
-    pub(crate) common: AnalysisArgs,
-    /// A contact to follow, repeatable
-    #[arg(long, value_name = "C", required = true)]
-    pub(crate) contact: Vec<u64>,
-    /// Table of the pulse: overlap, exact wave and continuum in each frame
-    #[arg(long, value_name = "FILE.csv")]
-    pub(crate) out: Option<PathBuf>,
+#[command(after_help = "Examples:\n  \
+    beadline reproduce                        everything, into the directory `paper`\n  \
+    beadline reproduce --list                 the names of the figures\n  \
+    beadline reproduce width vmax --out fits  two figures and their claims\n\n\
+    DIR gets REPORT.md and report.json (each claim with our numbers and a verdict), GALLERY.md, the figures in\n\
+    img/paper, and recordings, from which whatever was simulated before is taken again.\n\
+    Exit code 3: a number contradicts its independently computed reference.")]
+pub(crate) struct ReproduceArgs {
+    /// Figures to reproduce, see --list [default: all]
+    #[arg(value_name = "FIGURE")]
+    pub(crate) figures: Vec<String>,
+    /// Directory for the report, the figures and the recordings
+    #[arg(long, value_name = "DIR", default_value = "paper")]
+    pub(crate) out: PathBuf,
+    /// Runs simulated at the same time [default: the cores of this machine]
+    #[arg(long, value_name = "N")]
+    pub(crate) jobs: Option<NonZero<usize>>,
+    /// Replace a report that exists
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// List the figures and do nothing else
+    #[arg(long)]
+    pub(crate) list: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// How fast a run goes.

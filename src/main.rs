@@ -29,10 +29,10 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Energies(args) => commands::energies::energies(&args),
         Command::Impurity(args) => commands::impurity::impurity(&args),
         Command::Contacts(args) => commands::contacts::contacts(&args),
-        Command::Reproduce(args) => commands::reproduce::reproduce(&args),
-        Command::Sweep(args) => commands::sweep::sweep(&args),
-        Command::Pulses(args) => commands::pulses::pulses(&args),
         Command::Deformation(args) => commands::deformation::deformation(&args),
+        Command::Pulses(args) => commands::pulses::pulses(&args),
+        Command::Sweep(args) => commands::sweep::sweep(&args),
+        Command::Reproduce(args) => commands::reproduce::reproduce(&args),
         Command::Ls { json } => commands::ls::ls(json),
         Command::Info { file, json } => commands::info::info(&file, json),
     }

@@ -118,6 +118,10 @@ impl Journal {
         if contents.whole_bytes == 0 {
             let line = HeadLine { identity: head.identity.clone(), columns: names(head) };
             journal.write(&line)?;
+            // the name must outlive a crash as well as the rows
+            let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+            let synced = File::open(directory.unwrap_or(Path::new("."))).and_then(|file| file.sync_all());
+            synced.map_err(io)?;
         }
         Ok((journal, contents))
     }

@@ -4,17 +4,12 @@ use crate::args::SweepArgs;
 use crate::display::{self, count, duration};
 use crate::failure::{BadInput, Done, Failure};
 use crate::signals;
-use crate::sweep::directory::{Directory, Shard};
-use crate::sweep::merge;
-use crate::sweep::work::{Job, Tally, work};
+use crate::sweep::{self, Options, Outcome};
 use anyhow::anyhow;
-use consumers::journal::Entry;
 use producer::sweep::Sweep;
-use schemas::manifest::Physics;
 use serde_json::json;
-use std::collections::BTreeMap;
 use std::num::NonZero;
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -32,81 +27,30 @@ pub(crate) fn sweep(args: &SweepArgs) -> Result<Done, Failure> {
     let start = Instant::now();
     let stop = signals::stop_flag()?;
     let sweep = Sweep::read(file).bad_input()?;
-    let directory = Directory::open(out, &sweep, args.force)?;
-    let shard = args.shard.unwrap_or(Shard::WHOLE);
-    let (tally, left) = if args.merge {
-        (Tally::default(), 0)
+    let outcome = if args.merge {
+        sweep::merge(&sweep, out)?
     } else {
-        let record = args.record || sweep.record();
-        let (journal, _) = directory.journal(shard)?;
-        let jobs = pending(&sweep, &directory, shard, record)?;
-        announce(&sweep, &jobs, args);
-        if record {
-            directory.make_recordings()?;
-        }
-        let threads = args.jobs.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZero::get);
-        let tally = work((&sweep, &directory), &jobs, threads, record, journal, &stop)?;
-        let left = jobs.len() as u64 - tally.computed;
-        (tally, left)
+        let default = Options::default();
+        let options = Options {
+            threads: args.jobs.map_or(default.threads, NonZero::get),
+            shard: args.shard.unwrap_or(default.shard),
+            record: args.record || sweep.record(),
+            force: args.force,
+        };
+        sweep::compute(&sweep, out, &options, &stop)?
     };
-    let rows = merge::rows(&directory)?;
-    let missing = sweep.point_count() - rows.len() as u64;
-    let files = if missing == 0 || args.merge { merge::write(&directory, &rows)? } else { None };
-    let summary = Summary {
-        sweep: &sweep,
-        out,
-        failed: merge::failed(&rows, &directory.head().columns),
-        rows: &rows,
-        tally,
-        left,
-        missing,
-        files,
-        stopped: stop.load(Ordering::Relaxed),
-        wall: start.elapsed(),
-    };
+    let stopped = stop.load(Ordering::Relaxed);
+    let summary = Summary { sweep: &sweep, out, outcome, stopped, wall: start.elapsed() };
     display::print(if args.json { summary.json()? } else { summary.text() })?;
     summary.warn(args);
     summary.done(args)
 }
 
-/// The points of `shard` that have no row yet, or no recording where there is to be one.
-fn pending(sweep: &Sweep, directory: &Directory, shard: Shard, record: bool) -> Result<Vec<Job>, Failure> {
-    let rows = merge::rows(directory)?;
-    let is_done =
-        |index: &u64| rows.contains_key(index) && !(record && !directory.recording(*index).exists());
-    let indices = (0..sweep.point_count()).filter(|index| shard.has(*index) && !is_done(index));
-    let job = |index| -> Result<Job, Failure> {
-        let physics = Physics::resolve(&sweep.point(index)?.config)?;
-        Ok(Job { index, steps: physics.step_count, beads: physics.beads })
-    };
-    indices.map(job).collect()
-}
-
-fn announce(sweep: &Sweep, jobs: &[Job], args: &SweepArgs) {
-    let shard =
-        args.shard.map_or(String::new(), |shard| format!(" in shard {}/{}", shard.number, shard.count));
-    let parameters: Vec<_> = sweep.parameters().iter().map(|parameter| parameter.key.as_str()).collect();
-    display::notice(format_args!(
-        "{} points over {}; {} to compute{shard}",
-        count(sweep.point_count()),
-        if parameters.is_empty() { "nothing".to_owned() } else { parameters.join(", ") },
-        count(jobs.len() as u64),
-    ));
-}
-
 /// What a sweep leaves behind, in numbers.
 struct Summary<'a> {
     sweep: &'a Sweep,
-    out: &'a PathBuf,
-    rows: &'a BTreeMap<u64, Entry>,
-    /// Points whose runs failed.
-    failed: Vec<u64>,
-    tally: Tally,
-    /// Points that were to be computed here and have no row.
-    left: u64,
-    /// Points that have no row.
-    missing: u64,
-    files: Option<Vec<PathBuf>>,
+    out: &'a Path,
+    outcome: Outcome,
     stopped: bool,
     wall: Duration,
 }
@@ -115,12 +59,12 @@ impl Summary<'_> {
     fn text(&self) -> String {
         let points = self.sweep.point_count();
         let mut rows = vec![
-            ("computed now", count(self.tally.computed).to_string()),
-            ("rows", format!("{} of {}", count(self.rows.len() as u64), count(points))),
-            ("failed runs", count(self.failed.len() as u64).to_string()),
+            ("computed now", count(self.outcome.tally.computed).to_string()),
+            ("rows", format!("{} of {}", count(self.outcome.rows.len() as u64), count(points))),
+            ("failed runs", count(self.outcome.failed.len() as u64).to_string()),
             ("wall time", duration(self.wall)),
         ];
-        let files = self.files.iter().flatten();
+        let files = self.outcome.files.iter().flatten();
         rows.extend(files.map(|file| ("results", file.display().to_string())));
         display::rows(&format!("sweep {} in {}", self.sweep.path().display(), self.out.display()), &rows)
     }
@@ -130,47 +74,49 @@ impl Summary<'_> {
             "sweep": self.sweep.path(),
             "out": self.out,
             "points": self.sweep.point_count(),
-            "rows": self.rows.len(),
-            "computed": self.tally.computed,
-            "failed": self.failed,
-            "broken": self.tally.broken,
-            "missing": self.missing,
+            "rows": self.outcome.rows.len(),
+            "computed": self.outcome.tally.computed,
+            "failed": self.outcome.failed,
+            "broken": self.outcome.tally.broken,
+            "missing": self.outcome.missing,
             "stopped": self.stopped,
-            "results": self.files,
+            "results": self.outcome.files,
             "wall_s": self.wall.as_secs_f64(),
         });
         Ok(format!("{}\n", serde_json::to_string_pretty(&summary)?))
     }
 
     fn warn(&self, args: &SweepArgs) {
-        for index in &self.tally.broken {
+        for index in &self.outcome.tally.broken {
             display::notice(format_args!("point {index}: this program went wrong, see above; it has no row"));
         }
-        if !self.failed.is_empty() {
-            let failed = count(self.failed.len() as u64);
+        if !self.outcome.failed.is_empty() {
+            let failed = count(self.outcome.failed.len() as u64);
             display::notice(format_args!("{failed} run(s) failed; the column `error` says why"));
         }
-        if self.stopped && self.left > 0 {
+        if self.stopped && self.outcome.left > 0 {
             display::notice("stopped: finished points are kept, the same command goes on with the others");
-        } else if self.missing > 0 {
-            let missing = count(self.missing);
+        } else if self.outcome.missing > 0 {
+            let missing = count(self.outcome.missing);
             display::notice(match args.merge {
                 true => format!("{missing} point(s) are missing in the results"),
                 false => format!(
                     "{missing} point(s) are not there yet; whoever computes the last merges the results, or --merge"
                 ),
             });
-        } else if self.files.is_none() {
+        } else if self.outcome.files.is_none() {
             display::notice("another process is merging the results");
         }
     }
 
     fn done(&self, args: &SweepArgs) -> Result<Done, Failure> {
-        if !self.tally.broken.is_empty() {
-            let message = format!("{} point(s) could not be computed", self.tally.broken.len());
+        if !self.outcome.tally.broken.is_empty() {
+            let message = format!("{} point(s) could not be computed", self.outcome.tally.broken.len());
             return Err(Failure::Failed(anyhow!(message)));
         }
-        let whole = self.failed.is_empty() && self.left == 0 && !(args.merge && self.missing > 0);
+        let whole = self.outcome.failed.is_empty()
+            && self.outcome.left == 0
+            && !(args.merge && self.outcome.missing > 0);
         Ok(Done::whole_if(whole))
     }
 }

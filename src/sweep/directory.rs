@@ -5,13 +5,15 @@
 //! - `results.csv`, `results.parquet` the merged rows; `timings.csv` how long each took
 //! - `recordings/point-000123.mcap` where recordings are asked for
 
-use super::row::{self, hex};
+use super::columns::columns;
+use super::hex;
 use crate::failure::{BadInput, Failure};
 use anyhow::{Context, anyhow};
-use consumers::journal::{Contents, Journal, JournalError, JournalHead};
+use consumers::journal::{Journal, JournalError, JournalHead};
 use producer::sweep::Sweep;
 use schemas::whole_file::{WholeFile, WholeFileError};
 use serde::{Deserialize, Serialize};
+use std::fmt;
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -38,9 +40,15 @@ impl Shard {
     }
 }
 
+impl fmt::Display for Shard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.number, self.count)
+    }
+}
+
 /// The directory of one sweep.
 #[derive(Debug)]
-pub(crate) struct Directory {
+pub(super) struct Directory {
     path: PathBuf,
     head: JournalHead,
 }
@@ -58,16 +66,8 @@ struct Sign {
 impl Directory {
     /// Makes `path` the directory of `sweep`, or finds that it is; what belongs to another sweep is refused, or
     /// removed with `force`.
-    pub(crate) fn open(path: &Path, sweep: &Sweep, force: bool) -> Result<Self, Failure> {
-        let columns = row::columns(sweep);
-        let sign = Sign {
-            identity: hex(&sweep.identity()),
-            program: concat!("beadline ", env!("CARGO_PKG_VERSION")).to_owned(),
-            points: sweep.point_count(),
-            columns: columns.iter().map(|column| column.name.clone()).collect(),
-        };
-        let head = JournalHead { identity: format!("{} {}", sign.identity, sign.program), columns };
-        let directory = Self { path: path.to_owned(), head };
+    pub(super) fn open(path: &Path, sweep: &Sweep, force: bool) -> Result<Self, Failure> {
+        let (directory, sign) = Self::of(path, sweep);
         fs::create_dir_all(path.join(ROWS)).with_context(|| format!("cannot make {}", path.display()))?;
         if force {
             directory.clear()?;
@@ -77,6 +77,28 @@ impl Directory {
         directory.write(SWEEP_TOML, sweep.text().as_bytes())?;
         directory.write(SWEEP_JSON, &serde_json::to_vec_pretty(&sign)?)?;
         Ok(directory)
+    }
+
+    /// The directory `path` in which `sweep` was computed.
+    pub(super) fn existing(path: &Path, sweep: &Sweep) -> Result<Self, Failure> {
+        let (directory, sign) = Self::of(path, sweep);
+        if !path.join(SWEEP_JSON).exists() {
+            return Err(Failure::BadInput(anyhow!("{} holds no sweep", path.display())));
+        }
+        directory.check(&sign)?;
+        Ok(directory)
+    }
+
+    fn of(path: &Path, sweep: &Sweep) -> (Self, Sign) {
+        let columns = columns(sweep);
+        let sign = Sign {
+            identity: hex(&sweep.identity()),
+            program: concat!("beadline ", env!("CARGO_PKG_VERSION")).to_owned(),
+            points: sweep.point_count(),
+            columns: columns.iter().map(|column| column.name.clone()).collect(),
+        };
+        let head = JournalHead { identity: format!("{} {}", sign.identity, sign.program), columns };
+        (Self { path: path.to_owned(), head }, sign)
     }
 
     /// Refuses a directory of another sweep.
@@ -164,19 +186,20 @@ impl Directory {
     }
 
     /// A file of the sweep.
-    pub(crate) fn file(&self, name: &str) -> PathBuf {
+    pub(super) fn file(&self, name: &str) -> PathBuf {
         self.path.join(name)
     }
 
     /// What all journals of the sweep have in common.
-    pub(crate) fn head(&self) -> &JournalHead {
+    pub(super) fn head(&self) -> &JournalHead {
         &self.head
     }
 
     /// Opens the journal of `shard`, which one process at a time may do.
-    pub(crate) fn journal(&self, shard: Shard) -> Result<(Journal, Contents), Failure> {
+    pub(super) fn journal(&self, shard: Shard) -> Result<Journal, Failure> {
         let name = format!("{}-of-{}.rows", shard.number, shard.count);
-        Journal::open(&self.path.join(ROWS).join(name), &self.head).map_err(|error| match error {
+        let opened = Journal::open(&self.path.join(ROWS).join(name), &self.head);
+        opened.map(|(journal, _)| journal).map_err(|error| match error {
             JournalError::Busy { .. } => Failure::Failed(anyhow!(
                 "{} is being swept by another process; give each a part of it with --shard I/N",
                 self.path.display()
@@ -186,17 +209,17 @@ impl Directory {
     }
 
     /// Every journal there is, in the order of their names.
-    pub(crate) fn journals(&self) -> Result<Vec<PathBuf>, Failure> {
+    pub(super) fn journals(&self) -> Result<Vec<PathBuf>, Failure> {
         files(&self.path.join(ROWS), |name| name.ends_with(".rows"))
     }
 
     /// Where the recording of a point goes.
-    pub(crate) fn recording(&self, index: u64) -> PathBuf {
+    pub(super) fn recording(&self, index: u64) -> PathBuf {
         self.path.join(RECORDINGS).join(format!("point-{index:06}.mcap"))
     }
 
     /// Makes the directory of the recordings.
-    pub(crate) fn make_recordings(&self) -> Result<(), Failure> {
+    pub(super) fn make_recordings(&self) -> Result<(), Failure> {
         Ok(fs::create_dir_all(self.path.join(RECORDINGS))?)
     }
 }

@@ -1,7 +1,7 @@
 //! The results of a sweep, the same bytes whoever computed its rows in whatever order.
 
+use super::columns::ERROR_COLUMN;
 use super::directory::Directory;
-use super::row::ERROR_COLUMN;
 use crate::display;
 use crate::failure::Failure;
 use anyhow::anyhow;
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 ///
 /// # Errors
 /// When a journal cannot be read, or when a row was computed twice with different results.
-pub(crate) fn rows(directory: &Directory) -> Result<BTreeMap<u64, Entry>, Failure> {
+pub(super) fn rows(directory: &Directory) -> Result<BTreeMap<u64, Entry>, Failure> {
     let mut rows: BTreeMap<u64, Entry> = BTreeMap::new();
     for path in directory.journals()? {
         let contents = journal::read(&path, directory.head())?;
@@ -53,7 +53,7 @@ fn is_same(a: &[Cell], b: &[Cell]) -> bool {
 }
 
 /// Indices of the rows that say why a point has no results.
-pub(crate) fn failed(rows: &BTreeMap<u64, Entry>, columns: &[Column]) -> Vec<u64> {
+pub(super) fn failed(rows: &BTreeMap<u64, Entry>, columns: &[Column]) -> Vec<u64> {
     let error = columns.iter().position(|column| column.name == ERROR_COLUMN);
     let has_error =
         |entry: &&Entry| error.and_then(|i| entry.cells.get(i)).is_some_and(|c| *c != Cell::Empty);
@@ -61,7 +61,7 @@ pub(crate) fn failed(rows: &BTreeMap<u64, Entry>, columns: &[Column]) -> Vec<u64
 }
 
 /// Writes the results and the timings of `rows`; none if another process is just doing that.
-pub(crate) fn write(
+pub(super) fn write(
     directory: &Directory,
     rows: &BTreeMap<u64, Entry>,
 ) -> Result<Option<Vec<PathBuf>>, Failure> {

@@ -1,77 +1,31 @@
 //! The row of a point.
 
+use super::analyses::Analyses;
+use super::columns::{ERROR_COLUMN, Results};
+use super::hex;
 use crate::configuration::origin;
 use anyhow::Error;
-use consumers::energies::{Energies, EnergyOutcome, Reflection, default_split_bead};
-use consumers::table::{Cell, Column, Kind};
+use consumers::energies::{Energies, Reflection};
+use consumers::table::Cell;
 use producer::run::{Conductor, RunError, RunOutcome};
-use producer::sweep::{ParameterKind, ParameterValue, Point, Sweep, Until};
-use schemas::frame::{EndReason, Frame, FrameSink};
+use producer::sweep::{Point, Sweep, Until};
+use schemas::frame::{EndReason, Frame};
 use schemas::manifest::RunManifest;
 use schemas::recording::{RecordingWriter, WriteError, WriteOptions, state_hash};
-use schemas::summary::Summarizer;
-use std::convert::Infallible;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-
-/// The columns of the results, with units.
-const RESULTS: [(&str, Kind); 27] = [
-    ("end", Kind::Word),
-    ("steps", Kind::Integer),
-    ("time_s", Kind::Double),
-    ("dt_s", Kind::Double),
-    ("split_bead", Kind::Integer),
-    // of the last frame
-    ("kinetic_j", Kind::Double),
-    ("potential_j", Kind::Double),
-    ("total_j", Kind::Double),
-    ("left_j", Kind::Double),
-    ("split_j", Kind::Double),
-    ("right_j", Kind::Double),
-    // of the last frame before a front met an end, as `beadline energies` has them
-    ("reflected_at_s", Kind::Double),
-    ("reflected_over_total", Kind::Double),
-    ("reflected_over_transmitted", Kind::Double),
-    ("reflected_uncertainty_j", Kind::Double),
-    ("stationary_since_s", Kind::Double),
-    ("recoil_j", Kind::Double),
-    ("recoil_uncertainty_j", Kind::Double),
-    ("corrected_over_total", Kind::Double),
-    ("corrected_over_transmitted", Kind::Double),
-    ("corrected_over_incident", Kind::Double),
-    ("relative_drift", Kind::Double),
-    ("max_abs_relative_drift", Kind::Double),
-    ("front_bead", Kind::Integer),
-    ("physics_sha256", Kind::Word),
-    ("state_sha256", Kind::Word),
-    (ERROR_COLUMN, Kind::Word),
-];
-
-/// The column of why a point has no results.
-pub(crate) const ERROR_COLUMN: &str = "error";
 
 /// How long, in collision times T, the reflected energy must have been stationary for a point to end that ends
 /// when it is: the window in which the uncertainty of the reflected energy is measured.
 const STATIONARY_FOR: f64 = 100.0;
 
-/// The columns of a sweep's rows: its parameters, then the results.
-pub(crate) fn columns(sweep: &Sweep) -> Vec<Column> {
-    let kind = |kind| match kind {
-        ParameterKind::Integer => Kind::Integer,
-        ParameterKind::Double => Kind::Double,
-        ParameterKind::Word => Kind::Word,
-    };
-    let parameters = sweep.parameters().iter().map(|p| Column::new(p.key.clone(), kind(p.kind)));
-    parameters.chain(RESULTS.map(|(name, kind)| Column::new(name, kind))).collect()
-}
-
 /// What a worker tells and is told while it computes a point.
-pub(crate) struct Signals<'a> {
+pub(super) struct Signals<'a> {
     /// Set when the point is to be given up.
-    pub(crate) stop: &'a AtomicBool,
+    pub(super) stop: &'a AtomicBool,
     /// The step that was reached.
-    pub(crate) step: &'a AtomicU64,
+    pub(super) step: &'a AtomicU64,
 }
 
 /// Computes point `index` of `sweep`, and records it if there is a path for that. None if it was stopped.
@@ -80,7 +34,7 @@ pub(crate) struct Signals<'a> {
 ///
 /// # Errors
 /// When the recording cannot be written.
-pub(crate) fn compute(
+pub(super) fn compute(
     sweep: &Sweep,
     index: u64,
     recording: Option<&Path>,
@@ -101,6 +55,7 @@ pub(crate) fn compute(
         Err(error @ RunError::NonFinite { .. }) => Err(error.to_string()),
         Err(error) => return Err(error.into()),
     };
+    analyses.finish();
     let reason = outcome.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
     recorder.map(|recorder| recorder.finish(reason)).transpose()?;
     Ok(Some(row(&manifest, &point, &analyses, outcome)))
@@ -125,7 +80,7 @@ fn row(
     outcome: Result<RunOutcome, String>,
 ) -> Vec<Cell> {
     let physics = &manifest.physics;
-    let mut results = Results(vec![Cell::Empty; RESULTS.len()]);
+    let mut results = Results::default();
     results.double("dt_s", physics.dt_s).word("physics_sha256", hex(&physics.hash()));
     match outcome {
         Ok(outcome) => {
@@ -143,123 +98,13 @@ fn row(
             if let Some(energies) = analyses.energies.outcome() {
                 results.energies(&energies);
             }
+            results.pulses(&analyses.pulses.counts(), &analyses.leading);
         }
         Err(error) => {
             results.word("end", EndReason::Failed.as_str()).word(ERROR_COLUMN, error);
         }
     }
-    point.parameters.iter().map(|value| parameter(value.as_ref())).chain(results.0).collect()
-}
-
-/// The values of [`RESULTS`].
-struct Results(Vec<Cell>);
-
-impl Results {
-    fn set(&mut self, name: &str, cell: Cell) -> &mut Self {
-        let column = RESULTS.iter().position(|(column, _)| *column == name);
-        debug_assert!(column.is_some(), "there is no column `{name}`");
-        if let Some(place) = column.and_then(|column| self.0.get_mut(column)) {
-            *place = cell;
-        }
-        self
-    }
-
-    /// A double; a value that does not exist is NaN.
-    fn double(&mut self, name: &str, value: f64) -> &mut Self {
-        self.set(name, if value.is_nan() { Cell::Empty } else { Cell::Double(value) })
-    }
-
-    fn integer(&mut self, name: &str, value: u64) -> &mut Self {
-        self.set(name, Cell::Integer(value))
-    }
-
-    fn word(&mut self, name: &str, word: impl Into<String>) -> &mut Self {
-        self.set(name, Cell::Word(word.into()))
-    }
-
-    fn energies(&mut self, outcome: &EnergyOutcome) {
-        let last = &outcome.last;
-        self.integer("split_bead", outcome.split_bead);
-        self.double("kinetic_j", last.kinetic_j).double("potential_j", last.potential_j);
-        self.double("total_j", last.total_j);
-        self.double("left_j", last.left_j).double("split_j", last.split_j).double("right_j", last.right_j);
-        self.double("max_abs_relative_drift", outcome.max_abs_drift);
-        if let Ok(reflection) = &outcome.reflection {
-            self.reflection(reflection);
-        }
-    }
-
-    fn reflection(&mut self, reflection: &Reflection) {
-        if let Some(energies) = &reflection.energies {
-            self.double("reflected_at_s", energies.at.time_s);
-            self.double("reflected_over_total", energies.over_total());
-            self.double("reflected_over_transmitted", energies.over_transmitted());
-            self.double("reflected_uncertainty_j", energies.uncertainty_j);
-        }
-        if let Some(since) = reflection.stationary_since {
-            self.double("stationary_since_s", since.time_s);
-        }
-        if let Some(recoil) = &reflection.recoil {
-            self.double("recoil_j", recoil.energy_j).double("recoil_uncertainty_j", recoil.uncertainty_j);
-        }
-        if let Some(corrected) = reflection.corrected() {
-            self.double("corrected_over_total", corrected.over_total);
-            self.double("corrected_over_transmitted", corrected.over_transmitted);
-            self.double("corrected_over_incident", corrected.over_incident);
-        }
-    }
-}
-
-fn parameter(value: Option<&ParameterValue>) -> Cell {
-    match value {
-        None => Cell::Empty,
-        Some(ParameterValue::Integer(value)) => Cell::Integer(*value),
-        Some(ParameterValue::Double(value)) => Cell::Double(*value),
-        Some(ParameterValue::Word(word)) => Cell::Word(word.clone()),
-    }
-}
-
-/// Bytes in hexadecimal.
-pub(crate) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
-/// Everything that looks at the frames of a point.
-struct Analyses {
-    energies: Energies,
-    /// The last state, `[u | v | extra]`, and its step.
-    state: Vec<f64>,
-    step: u64,
-}
-
-impl Analyses {
-    fn new(manifest: &RunManifest, split_bead: Option<u64>) -> Self {
-        let split_bead = split_bead.unwrap_or_else(|| default_split_bead(manifest));
-        Self { energies: Energies::new(manifest, split_bead), state: Vec::new(), step: 0 }
-    }
-
-    /// The front of the last state.
-    fn front_bead(&self, manifest: &RunManifest) -> u64 {
-        let (u_m, rest) = self.state.split_at(manifest.physics.chain().bead_count());
-        let (v_m_s, extra) = rest.split_at(u_m.len());
-        let time_s = manifest.physics.time_s(self.step);
-        let frame = Frame { frame: 0, step: self.step, time_s, u_m, v_m_s, extra };
-        Summarizer::new(&manifest.physics).summarize(&frame).front_bead
-    }
-}
-
-impl FrameSink for Analyses {
-    type Error = Infallible;
-
-    fn accept(&mut self, frame: &Frame<'_>) -> Result<(), Infallible> {
-        self.energies.observe(frame);
-        self.step = frame.step;
-        self.state.clear();
-        for part in [frame.u_m, frame.v_m_s, frame.extra] {
-            self.state.extend_from_slice(part);
-        }
-        Ok(())
-    }
+    results.cells(point)
 }
 
 /// Tells how far a point is, and ends it when asked, or when there is nothing left to find out.
@@ -315,5 +160,35 @@ impl<R> Conductor<Analyses, R> for Conduct<'_> {
 
     fn between_steps(&mut self, _: &mut Analyses) -> ControlFlow<()> {
         self.go_on()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::columns::columns;
+    use super::*;
+
+    /// A run that leaves the range of doubles has no results, but a row like all others that says why.
+    #[test]
+    fn the_row_of_a_failed_run_says_why() {
+        let text = "[base]\npreset = \"homogeneous\"\n[grid]\nchain.alpha = [1.5]\n";
+        let sweep = Sweep::from_toml(text, Path::new("s.toml"), |_| Err(std::io::ErrorKind::NotFound.into()));
+        let sweep = sweep.expect("valid");
+        let point = sweep.point(0).expect("point");
+        let manifest = RunManifest::new(&point.config, "point", origin()).expect("valid");
+        let analyses = Analyses::new(&manifest, None);
+        let cells = row(&manifest, &point, &analyses, Err("bead 3 is not finite".to_owned()));
+        let columns = columns(&sweep);
+        assert_eq!(cells.len(), columns.len());
+        let value = |name: &str| {
+            columns.iter().zip(&cells).find(|(column, _)| column.name == name).map(|(_, cell)| cell)
+        };
+        assert_eq!(value("chain.alpha"), Some(&Cell::Double(1.5)));
+        assert_eq!(value("end"), Some(&Cell::Word("failed".to_owned())));
+        assert_eq!(value("error"), Some(&Cell::Word("bead 3 is not finite".to_owned())));
+        assert_eq!(
+            (value("dt_s"), value("total_j")),
+            (Some(&Cell::Double(manifest.physics.dt_s)), Some(&Cell::Empty))
+        );
     }
 }

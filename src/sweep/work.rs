@@ -1,6 +1,7 @@
 //! The workers of one process.
 
-use super::directory::Directory;
+use super::Options;
+use super::directory::{Directory, Shard};
 use super::row::{self, Signals};
 use crate::display::{self, count};
 use crate::failure::Failure;
@@ -20,11 +21,11 @@ const REFRESH: Duration = Duration::from_millis(100);
 
 /// A point to be computed, and what it costs.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Job {
-    pub(crate) index: u64,
+pub(super) struct Job {
+    pub(super) index: u64,
     /// Steps of the run, unless it ends early.
-    pub(crate) steps: u64,
-    pub(crate) beads: u64,
+    pub(super) steps: u64,
+    pub(super) beads: u64,
 }
 
 impl Job {
@@ -66,24 +67,34 @@ enum Told {
     Failed(Error),
 }
 
-/// Computes `jobs` with so many threads, writing each row to `journal` when it is there, until all are done
-/// or `stop` is set.
+/// Says what is about to be computed.
+pub(super) fn announce(sweep: &Sweep, jobs: &[Job], shard: Shard) {
+    let part = if shard == Shard::WHOLE { String::new() } else { format!(" in shard {shard}") };
+    let keys: Vec<_> = sweep.parameters().iter().map(|parameter| parameter.key.as_str()).collect();
+    display::notice(format_args!(
+        "{} points over {}; {} to compute{part}",
+        count(sweep.point_count()),
+        if keys.is_empty() { "nothing".to_owned() } else { keys.join(", ") },
+        count(jobs.len() as u64),
+    ));
+}
+
+/// Computes `jobs`, writing each row to `journal` when it is there, until all are done or `stop` is set.
 ///
 /// # Errors
 /// When a row or a recording cannot be written.
-pub(crate) fn work(
+pub(super) fn work(
     (sweep, directory): (&Sweep, &Directory),
     jobs: &[Job],
-    threads: usize,
-    record: bool,
+    options: &Options,
     journal: Journal,
     stop: &AtomicBool,
 ) -> Result<Tally, Failure> {
-    let threads = threads.min(jobs.len()).max(1);
+    let threads = options.threads.min(jobs.len()).max(1);
     let shared = Shared {
         sweep,
         directory,
-        record,
+        record: options.record,
         jobs,
         next: AtomicUsize::new(0),
         journal: Mutex::new(journal),
