@@ -14,6 +14,7 @@ mod work;
 
 use crate::configuration::origin;
 use crate::failure::Failure;
+pub(crate) use columns::columns;
 use consumers::journal::Entry;
 use directory::{Directory, Shard};
 use producer::sweep::{Sweep, Until};
@@ -23,7 +24,6 @@ use std::collections::BTreeMap;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
-pub(crate) use columns::columns;
 use work::{Job, Tally, work};
 
 /// How a sweep is to be computed.

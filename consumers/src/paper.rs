@@ -10,15 +10,18 @@
 
 mod claim;
 mod deform;
+mod energies;
 mod fit;
 mod front;
 mod heavy;
 mod light;
 mod maps;
 mod observe;
+mod others;
 mod passing;
 mod rattle;
 mod reference;
+mod reflection;
 mod runs;
 mod scaling;
 mod speed;
@@ -29,5 +32,6 @@ mod transient;
 pub use claim::{Claim, Judgement, Number, Reference, StudyError, Uncertainty, Verdict};
 pub use front::Front;
 pub use observe::{Observations, Observed, Observer, Snapshot};
+pub use reflection::{Reflected, reflection_sweep};
 pub use runs::{FrontBy, Run, Watch};
 pub use study::{STUDIES, Study};

@@ -6,7 +6,7 @@ use crate::display;
 use crate::failure::{BadInput, Done, Failure};
 use crate::reproduce::cache::{self, Cached};
 use crate::reproduce::report::{Report, Studied, figure_path};
-use crate::reproduce::{markdown, workers};
+use crate::reproduce::{markdown, reflection, workers};
 use crate::signals;
 use anyhow::{Context, anyhow};
 use consumers::figure::{Figure, Options};
@@ -17,6 +17,7 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::num::NonZero;
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 pub(crate) fn reproduce(args: &ReproduceArgs) -> Result<Done, Failure> {
@@ -35,8 +36,8 @@ pub(crate) fn reproduce(args: &ReproduceArgs) -> Result<Done, Failure> {
     let cores = || std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
     let jobs = args.jobs.unwrap_or_else(cores).get();
     announce(&studies, &runs, jobs);
-    let Some(done) = workers::observe_all(runs, jobs, &stop)? else {
-        display::notice("stopped; the runs that were finished stay in the cache and are not done again");
+    let Some(done) = observe(args, &studies, runs, jobs, &stop)? else {
+        display::notice("stopped; what was finished stays in the cache and is not done again");
         return Ok(Done::Whole);
     };
 
@@ -97,6 +98,22 @@ fn refuse_to_overwrite(args: &ReproduceArgs, studies: &[&'static Study]) -> Resu
         }
     }
     Ok(())
+}
+
+/// Simulates and looks at all that the studies need; nothing if `stop` was set.
+fn observe(
+    args: &ReproduceArgs,
+    studies: &[&'static Study],
+    runs: Vec<Cached>,
+    jobs: usize,
+    stop: &AtomicBool,
+) -> Result<Option<workers::Done>, Failure> {
+    let Some(mut done) = workers::observe_all(runs, jobs, stop)? else { return Ok(None) };
+    if studies.iter().any(|study| study.sweep) {
+        let Some(points) = reflection::points(&args.out, jobs, stop)? else { return Ok(None) };
+        done.observations.insert_reflected(points);
+    }
+    Ok(Some(done))
 }
 
 fn announce(studies: &[&'static Study], runs: &[Cached], jobs: usize) {

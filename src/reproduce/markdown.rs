@@ -71,7 +71,7 @@ fn write_study(page: &mut String, studied: &Studied) -> fmt::Result {
 
 fn write_claim(page: &mut String, claim: &Claim, judgement: &Judgement) -> fmt::Result {
     writeln!(page, "> {} — {}\n", claim.quote, claim.place)?;
-    writeln!(page, "{} (`{}`): {}\n", mark(judgement.verdict), claim.id, judgement.why)?;
+    writeln!(page, "{} (`{}`): {}\n", mark(judgement.verdict), claim.id, minus_signs(&judgement.why))?;
     if judgement.numbers.is_empty() {
         return Ok(());
     }
@@ -145,7 +145,21 @@ fn mark(verdict: Verdict) -> String {
 
 /// Text in a cell of a table.
 fn cell(text: &str) -> String {
-    text.replace('|', "\\|")
+    minus_signs(text).replace('|', "\\|")
+}
+
+/// True minus signs before numbers.
+fn minus_signs(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    let mut before = ' ';
+    let mut letters = text.chars().peekable();
+    while let Some(letter) = letters.next() {
+        let is_sign =
+            letter == '-' && !before.is_alphanumeric() && letters.peek().is_some_and(char::is_ascii_digit);
+        out.push(if is_sign { '−' } else { letter });
+        before = letter;
+    }
+    out
 }
 
 /// A number as it stands in a table.
@@ -159,7 +173,8 @@ struct Figures {
 fn figures(number: &Number) -> Figures {
     let uncertainty = number.uncertainty.map(|found| found.plus_minus);
     let good_to = uncertainty.or(number.reference.map(|reference| reference.good_to));
-    let is_count = uncertainty.is_none() && number.value.fract() == 0.0;
+    // what is left of a zero after rounding is one
+    let is_count = uncertainty.is_none() && (number.value.fract() == 0.0 || number.value.abs() < 1e-12);
     let decimals = match good_to.filter(|good_to| *good_to > 0.0) {
         _ if is_count => 0,
         Some(good_to) => decimals_of(good_to),
@@ -206,6 +221,11 @@ mod tests {
         assert_eq!(shown(-11_545.912, Some(0.31)), ("−11545.91".into(), "0.31".into()));
         assert_eq!(shown(5.0, None), ("5".into(), String::new()));
         assert_eq!(shown(0.123_456_789, None).0, "0.123457");
+    }
+
+    #[test]
+    fn numbers_have_true_minus_signs() {
+        assert_eq!(minus_signs("-2.63 m/s, (-1), e-5, 3-4"), "−2.63 m/s, (−1), e-5, 3-4");
     }
 
     #[test]

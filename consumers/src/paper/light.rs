@@ -24,6 +24,7 @@ pub(super) const VELOCITY: Study = Study {
     title: "Velocities after the collision with a light impurity",
     place: "figure vlight",
     runs,
+    sweep: false,
     draw: draw_velocity,
     claims: &[
         Claim {
@@ -61,6 +62,7 @@ pub(super) const DISPLACEMENT: Study = Study {
     title: "Displacements after the collision with a light impurity",
     place: "figure ulight",
     runs,
+    sweep: false,
     draw: draw_displacement,
     claims: &[Claim {
         id: "light-square-fronts",

@@ -18,6 +18,7 @@ pub(super) const LIGHT: Study = Study {
     title: "Contacts after the collision with a light impurity",
     place: "figure spatio1",
     runs: light_runs,
+    sweep: false,
     draw: draw_light,
     claims: &[
         Claim {
@@ -50,6 +51,7 @@ pub(super) const HEAVY: Study = Study {
     title: "Contacts after the collision with a heavy impurity",
     place: "figure spatio2",
     runs: heavy_runs,
+    sweep: false,
     draw: draw_heavy,
     claims: &[
         Claim {

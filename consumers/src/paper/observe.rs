@@ -2,6 +2,7 @@
 
 use super::claim::StudyError;
 use super::front::Front;
+use super::reflection::Reflected;
 use super::runs::{FrontBy, Run, Watch};
 use crate::contacts::{ContactCounts, ContactRaster, Contacts, default_tolerance_m};
 use crate::deformation::{Deformation, Deformations};
@@ -170,12 +171,23 @@ impl Analysis for Observer {
 #[derive(Debug, Default)]
 pub struct Observations {
     runs: BTreeMap<String, Observed>,
+    reflected: Vec<Reflected>,
 }
 
 impl Observations {
     /// Adds what was seen of a run.
     pub fn insert(&mut self, run: &Run, observed: Observed) {
         self.runs.insert(run.name().to_owned(), observed);
+    }
+
+    /// Adds the points of the sweep of [`super::reflection_sweep`].
+    pub fn insert_reflected(&mut self, points: Vec<Reflected>) {
+        self.reflected = points;
+    }
+
+    /// The points of that sweep.
+    pub fn reflected(&self) -> &[Reflected] {
+        &self.reflected
     }
 
     /// What was seen of `run`.

@@ -19,6 +19,7 @@ pub(super) const IMPURITY: Study = Study {
     title: "Displacement of the light impurity",
     place: "figure uimp",
     runs,
+    sweep: false,
     draw: draw_impurity,
     claims: &[
         Claim {
@@ -117,7 +118,7 @@ fn judge_oscillation(seen: &Observations) -> Result<Judgement, StudyError> {
 
 /// The flights of the impurity between its neighbours: from when one contact opens, the other being open,
 /// until one closes; start, duration and mean velocity.
-fn flights(seen: &Observed) -> Vec<Flight> {
+pub(super) fn flights(seen: &Observed) -> Vec<Flight> {
     let (mut left_open, mut right_open) = (false, false);
     let mut start: Option<Event> = None;
     let mut flights = Vec::new();
@@ -140,11 +141,15 @@ fn flights(seen: &Observed) -> Vec<Flight> {
     flights
 }
 
+/// A flight of the impurity between its neighbours.
 #[derive(Debug, Clone, Copy)]
-struct Flight {
-    start_s: f64,
-    duration_s: f64,
-    v_m_s: f64,
+pub(super) struct Flight {
+    /// When it begins (s).
+    pub(super) start_s: f64,
+    /// How long it lasts (s).
+    pub(super) duration_s: f64,
+    /// The velocity (m/s), constant.
+    pub(super) v_m_s: f64,
 }
 
 /// The flights that end before the tables of the reference do.

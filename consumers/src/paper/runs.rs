@@ -174,6 +174,11 @@ pub(super) fn long(alpha: f64) -> Run {
     run.watch(Watch { front, snapshots_s: vec![last_s], ..Watch::default() })
 }
 
+/// The time (s) after which the shock of a chain of 1000 beads has reached its end.
+pub(super) fn until_end(alpha: f64) -> f64 {
+    Run::new("end", alpha, 1000, 1.0, 1).until_bead(1000).config.time.duration_s
+}
+
 /// Beads over which a pulse becomes stationary to about 1e-6 (1e-5 at α = 1.004): 5000·(0.01/(α−1))^1.4, as
 /// measured. For α = 1 there is no such number; then a chain in which its laws show.
 fn long_chain_beads(alpha: f64) -> u64 {

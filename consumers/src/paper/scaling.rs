@@ -28,6 +28,7 @@ pub(super) const VMAX: Study = Study {
     title: "Final amplitude of the velocity pulse against α − 1",
     place: "figure vmax",
     runs,
+    sweep: false,
     draw: draw_vmax,
     claims: &[
         Claim {
@@ -64,6 +65,7 @@ pub(super) const WIDTH: Study = Study {
     title: "Width of the pulse against α − 1",
     place: "figure width",
     runs,
+    sweep: false,
     draw: draw_width,
     claims: &[
         Claim {

@@ -22,6 +22,7 @@ pub(super) const SPEED: Study = Study {
     title: "Speed of the pulse against the theories",
     place: "eq. (vf)",
     runs,
+    sweep: false,
     draw,
     claims: &[
         Claim {

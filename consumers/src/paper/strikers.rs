@@ -19,6 +19,7 @@ pub(super) const THREE_GRAMS: Study = Study {
     title: "Velocities behind a first bead of 3 g",
     place: "figure exp1",
     runs: runs_3g,
+    sweep: false,
     draw: draw_3g,
     claims: &[
         Claim {
@@ -43,6 +44,7 @@ pub(super) const TEN_GRAMS: Study = Study {
     title: "Velocities behind a first bead of 10 g",
     place: "figure exp2",
     runs: runs_10g,
+    sweep: false,
     draw: draw_10g,
     claims: &[Claim {
         id: "striker-number-grows",

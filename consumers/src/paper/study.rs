@@ -3,7 +3,7 @@
 use super::claim::{Claim, StudyError};
 use super::observe::Observations;
 use super::runs::Run;
-use super::{deform, heavy, light, maps, rattle, scaling, speed, strikers, transient};
+use super::{deform, energies, heavy, light, maps, others, rattle, scaling, speed, strikers, transient};
 use crate::figure::Figure;
 
 /// One figure with its claims.
@@ -17,6 +17,8 @@ pub struct Study {
     pub place: &'static str,
     /// The runs that it needs.
     pub runs: fn() -> Vec<Run>,
+    /// Whether it needs the sweep of [`super::reflection_sweep`].
+    pub sweep: bool,
     /// Draws the figure.
     pub draw: fn(&Observations) -> Result<Figure, StudyError>,
     /// What the paper says about it.
@@ -44,8 +46,13 @@ pub const STUDIES: &[Study] = &[
     heavy::VELOCITY,
     maps::HEAVY,
     heavy::SECOND_HIT,
+    others::OTHERS,
     strikers::THREE_GRAMS,
     strikers::TEN_GRAMS,
+    energies::TOTAL,
+    energies::TRANSMITTED,
+    energies::CORRECTED,
+    energies::PULSE,
 ];
 
 impl Study {

@@ -22,6 +22,7 @@ pub(super) const TRANSIENT: Study = Study {
     title: "The leading pulse on its way to the stationary one",
     place: "text of section 2",
     runs: transient_runs,
+    sweep: false,
     draw: draw_transient,
     claims: &[
         Claim {
@@ -59,6 +60,7 @@ pub(super) const SELF_SIMILAR: Study = Study {
     title: "The leading pulse for α = 1",
     place: "text of section 1",
     runs: linear_runs,
+    sweep: false,
     draw: draw_linear,
     claims: &[Claim {
         id: "linear-laws",
@@ -74,6 +76,7 @@ pub(super) const GAUSSIAN_LIMIT: Study = Study {
     title: "The stationary pulse and the Gaussian of the limit α → 1",
     place: "text of section 2",
     runs: gaussian_runs,
+    sweep: false,
     draw: draw_gaussian,
     claims: &[Claim {
         id: "gaussian-limit",
