@@ -49,21 +49,24 @@ const BEAD: u64 = 225;
 
 fn judge_light(seen: &Observations) -> Result<Judgement, StudyError> {
     let mut numbers = Vec::new();
-    let mut same = 0;
+    let (mut damped, mut steadily) = (0, 0);
     for (mass_g, alpha) in LIGHT {
         let flights = flights(seen.of(&short(mass_g, alpha))?);
         let speeds: Vec<f64> = flights.iter().map(|flight| flight.v_m_s).collect();
-        same += u32::from(
-            speeds.len() > 2 && falls(&speeds) && speeds.windows(2).all(|pair| pair[0] * pair[1] < 0.0),
-        );
-        let what = format!("flights to and fro by the end of the run, {mass_g} g, α = {alpha}");
-        numbers.push(Number::new(what, speeds.len() as f64, ""));
+        let (Some(first), Some(last)) = (speeds.first(), speeds.last()) else { continue };
+        let to_and_fro = speeds.len() > 2 && speeds.windows(2).all(|pair| pair[0] * pair[1] < 0.0);
+        damped += usize::from(to_and_fro && last.abs() < 0.5 * first.abs());
+        steadily += usize::from(to_and_fro && falls(&speeds));
+        let what = |quantity: &str| format!("{quantity}, {mass_g} g, α = {alpha}");
+        numbers.push(Number::new(what("flights to and fro by the end of the run"), speeds.len() as f64, ""));
+        numbers.push(Number::new(what("speed in the last over that in the first"), (last / first).abs(), ""));
     }
     let all = LIGHT.len();
     Ok(Judgement {
-        verdict: Verdict::graded(same > 1, same as usize == all),
+        verdict: Verdict::graded(damped == all, steadily == all),
         why: format!(
-            "It flies to and fro, ever slower, in {same} of {all} cases from 0.3 to 0.8 g and α from 1.2 to 3."
+            "From 0.3 to 0.8 g and α from 1.2 to 3 it flies to and fro and loses more than half of its speed in {damped} of {all} cases; that \
+             every flight is slower than the one before is so in {steadily}."
         ),
         numbers,
     })
