@@ -9,3 +9,4 @@ pub(crate) mod info;
 pub(crate) mod ls;
 pub(crate) mod presets;
 pub(crate) mod run;
+pub(crate) mod verify;

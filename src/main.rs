@@ -29,6 +29,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Contacts(args) => commands::contacts::contacts(&args),
         Command::Deformation(args) => commands::deformation::deformation(&args),
         Command::Ls { json } => commands::ls::ls(json),
+        Command::Verify(args) => commands::verify::verify(&args),
         Command::Info { file, json } => commands::info::info(&file, json),
     }
 }

@@ -10,3 +10,4 @@ pub mod resimulation;
 pub mod run;
 mod splitting;
 pub mod state;
+pub mod verification;
