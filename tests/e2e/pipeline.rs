@@ -102,7 +102,7 @@ fn results_are_published_on_the_bus() {
     loop {
         match rows.receive().unwrap() {
             ResultReceived::Row(row) => {
-                published.push((row.frame, row.values.iter().map(|value| value.to_bits()).collect()))
+                published.push((row.frame, row.values.iter().map(|value| value.to_bits()).collect()));
             }
             ResultReceived::End(_) => break,
             // rows sent while the two sides connect may be missed: there is no handshake for results
