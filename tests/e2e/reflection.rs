@@ -133,6 +133,6 @@ fn what_is_not_defined_or_not_yet_known_is_said() {
     }
     let text = place.run("energies r.mcap --split 50").exits(0).stdout();
     assert!(text.contains("the pulse has not arrived at bead 50"), "{text}");
-    let text = place.run("energies r.mcap --split 24").exits(0).stdout();
+    let text = place.run("energies r.mcap --split 31").exits(0).stdout();
     assert!(text.contains("of the energy might still have crossed"), "{text}");
 }
