@@ -11,4 +11,5 @@ mod recomputing;
 mod recordings;
 mod reference;
 mod reflection;
+mod sweep;
 mod verifying;
