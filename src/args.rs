@@ -61,6 +61,8 @@ pub(crate) enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Prove a recording: recompute every state from the one before and compare the bits
+    Verify(VerifyArgs),
     /// Show what is in a recording
     Info {
         /// The recording
@@ -169,6 +171,22 @@ pub(crate) struct Overrides {
     pub(crate) record_every_steps: Option<u64>,
 }
 
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline verify run.mcap           prints `proven`, or what differs: frame, bead and quantity\n  \
+    beadline verify run.mcap --json    the same for a program\n\n\
+    Exit code 3 if a state does not follow from the one before, frames are missing, or the file is damaged.")]
+pub(crate) struct VerifyArgs {
+    /// The recording
+    pub(crate) file: PathBuf,
+    /// Threads that recompute [default: one for each core]
+    #[arg(long, value_name = "N")]
+    pub(crate) jobs: Option<NonZero<usize>>,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
 /// What every analysis takes.
 #[derive(Debug, Args)]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
@@ -182,6 +200,15 @@ pub(crate) struct AnalysisArgs {
     /// Attach without ever holding the run back: frames may be missed, and are counted
     #[arg(long)]
     pub(crate) latest: bool,
+    /// Recompute the frames before the first one that arrives, from step 0 on
+    #[arg(long)]
+    pub(crate) from_start: bool,
+    /// Recompute frames that were missed
+    #[arg(long)]
+    pub(crate) fill_gaps: bool,
+    /// Recompute the steps between frames (these results are not published on the bus)
+    #[arg(long)]
+    pub(crate) every_step: bool,
     /// Give up when no run appears within this time (s) [default: wait]
     #[arg(long, value_name = "S", value_parser = parse_seconds)]
     pub(crate) timeout: Option<f64>,

@@ -12,3 +12,4 @@ pub(crate) mod pulses;
 pub(crate) mod reproduce;
 pub(crate) mod run;
 pub(crate) mod sweep;
+pub(crate) mod verify;

@@ -34,6 +34,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Reproduce(args) => commands::reproduce::reproduce(&args),
         Command::Ls { json } => commands::ls::ls(json),
+        Command::Verify(args) => commands::verify::verify(&args),
         Command::Info { file, json } => commands::info::info(&file, json),
     }
 }

@@ -21,6 +21,7 @@ use producer::sweep::{Sweep, Until};
 use schemas::manifest::{Physics, RunManifest};
 use schemas::recording::{SpaceNeeded, WriteOptions};
 use std::collections::BTreeMap;
+use std::fmt::Write;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -115,8 +116,8 @@ fn outcome(
 /// The points of the shard that have no row yet, or no recording where there is to be one.
 fn pending(sweep: &Sweep, directory: &Directory, options: &Options) -> Result<Vec<Job>, Failure> {
     let rows = merge::rows(directory)?;
-    let is_done =
-        |index: &u64| rows.contains_key(index) && !(options.record && !directory.recording(*index).exists());
+    let has_recording = |index: u64| !options.record || directory.recording(index).exists();
+    let is_done = |index: &u64| rows.contains_key(index) && has_recording(*index);
     let indices = (0..sweep.point_count()).filter(|index| options.shard.has(*index) && !is_done(index));
     let job = |index| -> Result<Job, Failure> {
         let physics = Physics::resolve(&sweep.point(index)?.config)?;
@@ -143,5 +144,9 @@ fn check_space(sweep: &Sweep, directory: &Directory, jobs: &[Job]) -> Result<(),
 
 /// Bytes in hexadecimal.
 fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+    bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
+        // writing to a String cannot fail
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
 }

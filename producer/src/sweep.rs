@@ -8,6 +8,7 @@
 //! Keys are applied to the TOML document of the base, which is then read as a configuration: whatever
 //! [`RunConfig`] knows can be swept.
 
+mod blame;
 mod definition;
 mod document;
 mod values;
@@ -207,7 +208,7 @@ impl Sweep {
         }
         // a table is always TOML
         let text = toml::to_string(&document).unwrap_or_default();
-        let blame = |error| self.blame(error, &settings, &text, index);
+        let blame = |error| blame::blame(self, error, &settings, &text, index);
         let config = RunConfig::from_toml(&text).map_err(blame)?;
         let config = with_intervals(config, &document).map_err(blame)?;
         RunManifest::new(
@@ -254,40 +255,6 @@ impl Sweep {
         }
         let case = &self.definition.cases[index_of(rest)];
         Ok(case.iter().chain(of_grid.into_iter().rev()).collect())
-    }
-
-    /// Where the value that `error` is about stands: in the case or the grid, or else in the base.
-    fn blame(
-        &self,
-        mut error: ConfigError,
-        settings: &[&Setting],
-        document: &str,
-        index: u64,
-    ) -> ConfigError {
-        if error.key.is_empty() {
-            error.key = error.line.and_then(|line| key_at(document, line)).unwrap_or_default();
-        }
-        error.line = None;
-        if self.point_count() > 1 {
-            error.message.push_str(&format!(" (point {index})"));
-        }
-        let key = document::KeyPath::parse(&error.key).ok();
-        let set =
-            settings.iter().rev().find(|setting| key.as_ref().is_some_and(|key| setting.key.overlaps(key)));
-        if let Some(setting) = set {
-            error.path = Some(self.path.clone());
-            error.line = Some(setting.line);
-            return error;
-        }
-        let located = |prefix: &str, text: &str, path: &Path| {
-            let asked = ConfigError { key: format!("{prefix}{}", error.key), ..error.clone() };
-            let line = asked.located(text, Some(path)).line;
-            line.map(|line| ConfigError { path: Some(path.to_owned()), line: Some(line), ..error.clone() })
-        };
-        let own = located("base.", &self.text, &self.path).or_else(|| located("", &self.text, &self.path));
-        let base_file = self.definition.base_file.as_ref();
-        own.or_else(|| base_file.and_then(|file| located("", &file.text, &file.path)))
-            .unwrap_or_else(|| ConfigError { path: Some(self.path.clone()), ..error.clone() })
     }
 
     /// Makes every point once, and gives the identity of the sweep.
@@ -364,36 +331,6 @@ fn with_intervals(mut config: RunConfig, document: &Table) -> Result<RunConfig, 
         config.stream.record_every_steps = RECORD_EVERY_STEPS.next_multiple_of(published);
     }
     Ok(config)
-}
-
-/// The innermost key whose value stands at `line` of a TOML document.
-fn key_at(document: &str, line: usize) -> Option<String> {
-    let table: Table = document.parse().ok()?;
-    let mut keys = Vec::new();
-    collect_keys("", &Value::Table(table), &mut keys);
-    let stands = |key: &String| {
-        let asked = ConfigError { path: None, line: None, key: key.clone(), message: String::new() };
-        asked.located(document, None).line == Some(line)
-    };
-    keys.into_iter().rev().find(stands)
-}
-
-fn collect_keys(prefix: &str, value: &Value, keys: &mut Vec<String>) {
-    match value {
-        Value::Table(table) => {
-            for (name, inner) in table {
-                let key = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
-                keys.push(key.clone());
-                collect_keys(&key, inner, keys);
-            }
-        }
-        Value::Array(list) => {
-            for (i, inner) in list.iter().enumerate() {
-                collect_keys(&format!("{prefix}[{i}]"), inner, keys);
-            }
-        }
-        _ => {}
-    }
 }
 
 /// An index of something that is in memory.

@@ -98,11 +98,12 @@ impl Summary<'_> {
             display::notice("stopped: finished points are kept, the same command goes on with the others");
         } else if self.outcome.missing > 0 {
             let missing = count(self.outcome.missing);
-            display::notice(match args.merge {
-                true => format!("{missing} point(s) are missing in the results"),
-                false => format!(
+            display::notice(if args.merge {
+                format!("{missing} point(s) are missing in the results")
+            } else {
+                format!(
                     "{missing} point(s) are not there yet; whoever computes the last merges the results, or --merge"
-                ),
+                )
             });
         } else if self.outcome.files.is_none() {
             display::notice("another process is merging the results");

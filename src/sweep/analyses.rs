@@ -49,7 +49,9 @@ impl Analyses {
 fn take_pulses(leading: &mut [Leading; 2], happenings: &[Happening], split_bead: u64) {
     for happening in happenings {
         if let Happening::Ended(pulse) = happening {
-            leading.iter_mut().for_each(|leading| leading.take(pulse, split_bead));
+            for way in leading.iter_mut() {
+                way.take(pulse, split_bead);
+            }
         }
     }
 }

@@ -7,7 +7,7 @@ use consumers::table::{Cell, Column, Kind};
 use producer::sweep::{ParameterKind, ParameterValue, Point, Sweep};
 
 /// The columns of the results, with units.
-const RESULTS: [(&str, Kind); 42] = [
+const RESULTS: [(&str, Kind); 43] = [
     ("end", Kind::Word),
     ("steps", Kind::Integer),
     ("time_s", Kind::Double),
@@ -20,6 +20,7 @@ const RESULTS: [(&str, Kind); 42] = [
     ("left_j", Kind::Double),
     ("split_j", Kind::Double),
     ("right_j", Kind::Double),
+    ("dissipated_j", Kind::Double),
     // of the last frame before a front met an end, as `beadline energies` has them
     ("reflected_at_s", Kind::Double),
     ("reflected_over_total", Kind::Double),
@@ -112,6 +113,7 @@ impl Results {
         self.double("kinetic_j", last.kinetic_j).double("potential_j", last.potential_j);
         self.double("total_j", last.total_j);
         self.double("left_j", last.left_j).double("split_j", last.split_j).double("right_j", last.right_j);
+        self.double("dissipated_j", last.dissipated_j);
         self.double("max_abs_relative_drift", outcome.max_abs_drift);
         if let Ok(reflection) = &outcome.reflection {
             self.reflection(reflection);

@@ -147,10 +147,9 @@ impl Directory {
         }
         let journals = self.journals()?;
         for path in &journals {
-            match Journal::open(path, &self.head) {
-                Err(error @ JournalError::Busy { .. }) => return Err(Failure::Failed(error.into())),
-                // whatever else is wrong with it ends here
-                Ok(_) | Err(_) => {}
+            // whatever else is wrong with it ends here
+            if let Err(error @ JournalError::Busy { .. }) = Journal::open(path, &self.head) {
+                return Err(Failure::Failed(error.into()));
             }
         }
         let recordings = files(&self.path.join(RECORDINGS), |name| name.starts_with("point-"))?;
@@ -210,7 +209,7 @@ impl Directory {
 
     /// Every journal there is, in the order of their names.
     pub(super) fn journals(&self) -> Result<Vec<PathBuf>, Failure> {
-        files(&self.path.join(ROWS), |name| name.ends_with(".rows"))
+        files(&self.path.join(ROWS), |name| Path::new(name).extension().is_some_and(|end| end == "rows"))
     }
 
     /// Where the recording of a point goes.

@@ -48,7 +48,9 @@ pub(super) fn compute(
     let result = producer::run::run(&manifest, &mut analyses, recorder.as_mut(), &mut conduct);
     let outcome = match result {
         Ok(outcome) if outcome.reason == EndReason::Interrupted && !conduct.is_stationary => {
-            recorder.map(RecordingWriter::discard);
+            if let Some(recorder) = recorder {
+                recorder.discard();
+            }
             return Ok(None);
         }
         Ok(outcome) => Ok(outcome),

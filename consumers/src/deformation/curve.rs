@@ -146,9 +146,9 @@ fn crossing(pair: &[Sample], level_m: f64) -> f64 {
     for _ in 0..60 {
         let above_m = first.towards(second, s) - level_m;
         if (above_m > 0.0) == rises {
-            high = s
+            high = s;
         } else {
-            low = s
+            low = s;
         }
         // Newton's step while it stays inside
         let next = s - above_m / first.rise_towards(second, s);

@@ -75,7 +75,7 @@ impl Definition {
         read: impl Fn(&Path) -> std::io::Result<String>,
     ) -> Result<Self, SweepError> {
         let reader = Reader { text, path };
-        let document = DeTable::parse(text).map_err(|error| reader.syntax(text, path, &error))?;
+        let document = DeTable::parse(text).map_err(|error| syntax(text, path, &error))?;
         let document = document.get_ref();
         let unknown = document.iter().find(|(key, _)| !KNOWN.contains(&key.get_ref().as_ref()));
         if let Some((key, _)) = unknown {
@@ -108,15 +108,6 @@ impl Reader<'_> {
             line,
             key: key.to_owned(),
             message,
-        })
-    }
-
-    fn syntax(&self, text: &str, path: &Path, error: &toml::de::Error) -> SweepError {
-        SweepError::Config(ConfigError {
-            path: Some(path.to_owned()),
-            line: error.span().map(|span| line_at(text, span.start)),
-            key: String::new(),
-            message: error.message().to_owned(),
         })
     }
 
@@ -180,7 +171,7 @@ impl Reader<'_> {
                 let path = self.path.parent().unwrap_or(Path::new("")).join(name);
                 let text =
                     read(&path).map_err(|source| SweepError::Unreadable { path: path.clone(), source })?;
-                let table = text.parse().map_err(|error| self.syntax(&text, &path, &error))?;
+                let table = text.parse().map_err(|error| syntax(&text, &path, &error))?;
                 (table, Some(BaseFile { path, text }))
             }
         };
@@ -290,6 +281,16 @@ impl Reader<'_> {
         }
         Ok(())
     }
+}
+
+/// `text`, the contents of `path`, is no TOML.
+fn syntax(text: &str, path: &Path, error: &toml::de::Error) -> SweepError {
+    SweepError::Config(ConfigError {
+        path: Some(path.to_owned()),
+        line: error.span().map(|span| line_at(text, span.start)),
+        key: String::new(),
+        message: error.message().to_owned(),
+    })
 }
 
 /// The value without its place.

@@ -88,7 +88,7 @@ fn display(parts: &[Part]) -> String {
         match part {
             Part::Key(key) if text.is_empty() => text.push_str(key),
             Part::Key(key) => text.extend([".", key]),
-            Part::Index(index) => text.push_str(&format!("[{index}]")),
+            Part::Index(index) => text.extend(["[", &index.to_string(), "]"]),
         }
     }
     text
