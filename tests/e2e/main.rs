@@ -6,5 +6,6 @@ mod faults;
 mod harness;
 mod other_tools;
 mod pipeline;
+mod pulses;
 mod recordings;
 mod reference;

@@ -44,7 +44,8 @@ pub struct Measured {
     /// Kinetic and potential energy (J) of the hump, in a loaded chain beyond that at rest: `φ(δ) − φ(δ₀) −
     /// φ′(δ₀)·(δ − δ₀)` of each contact.
     pub energy_j: f64,
-    /// Whether both the [`REACH`] beads around it were all seen and nothing in the chain was near.
+    /// Whether the pulse was seen at each of the 5 beads before and behind, and neither an obstacle, nor an end,
+    /// nor a gap between beads was near.
     pub undisturbed: bool,
 }
 
@@ -57,6 +58,8 @@ pub(super) struct Passed {
     pub(super) shape: Option<Shape>,
     pub(super) momentum_kg_m_s: f64,
     pub(super) energy_j: f64,
+    /// Nothing is near that would disturb the pulse.
+    pub(super) free: bool,
 }
 
 /// A crest that is followed; a pulse once it has a number.
@@ -156,10 +159,8 @@ impl Track {
         (beads <= most && near).then_some((moved - expected).abs())
     }
 
-    /// The next point whose surroundings are complete, and what was measured there; with `all` also those
-    /// that will never be. `room` is how many beads ahead of a bead the chain goes on undisturbed, and how many
-    /// the pulse needs.
-    pub(super) fn next_point(&mut self, all: bool, room: impl Fn(i64) -> bool) -> Option<Point> {
+    /// The next point whose surroundings are complete; with `all` also those whose never will be.
+    pub(super) fn next_point(&mut self, all: bool) -> Option<Point> {
         if self.pending == 0 || (!all && self.pending <= REACH) {
             return None;
         }
@@ -181,7 +182,7 @@ impl Track {
             point,
             momentum_kg_m_s: passed.momentum_kg_m_s,
             energy_j: passed.energy_j,
-            undisturbed: seen && room(behind.bead),
+            undisturbed: seen && behind.free,
         };
         // the later the better: pulses settle and come apart as they go
         let worth =
