@@ -266,9 +266,8 @@ fn velocity_raster(threshold_m_s: f64, map: &VelocityMap) -> Result<Raster, Figu
             let level = i32::from(class) - i32::from(steps);
             let exponent = lowest + f64::from(level.abs()) - 1.0;
             let decade = level != 0 && exponent.rem_euclid(2.0) == 0.0;
-            let sign = if level < 0 { "−" } else { "" };
-            let name =
-                if decade { format!("{sign}{}", short(10_f64.powf(0.5 * exponent))) } else { String::new() };
+            let value_m_s = f64::from(level.signum()) * 10_f64.powf(0.5 * exponent);
+            let name = if decade { format!("{} m/s", short(value_m_s)) } else { String::new() };
             (name, diverging(f64::from(level) / f64::from(steps)))
         })
         .collect();

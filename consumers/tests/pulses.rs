@@ -96,7 +96,10 @@ fn a_bump_is_measured_at_every_bead() {
         assert!(shape.asymmetry.abs() < 1e-5, "{shape:?}");
         // a row for each bead, none twice
         let beads: Vec<u64> = found.points.iter().map(|point| point.bead).collect();
-        assert!(beads.windows(2).all(|pair| pair[0].abs_diff(pair[1]) == 1) && beads.len() > 150, "{beads:?}");
+        assert!(
+            beads.windows(2).all(|pair| pair[0].abs_diff(pair[1]) == 1) && beads.len() > 150,
+            "{beads:?}"
+        );
     }
 }
 
@@ -105,8 +108,9 @@ fn a_bump_that_trails_off_behind_has_a_positive_asymmetry() {
     let bump = Bump { ahead_sigma: 1.0, behind_sigma: 3.0, ..Bump::new(1.0, 20.0, 4000.0) };
     let found = look(&[bump], steps(0..3000), false);
     let shape = found.pulses[0].measured.point.shape.unwrap();
-    // half widths in the ratio of the σ
-    assert!((shape.asymmetry - 0.5).abs() < 1e-4, "{shape:?}");
+    // half widths in the ratio of the σ; the kink of the curvature at the crest shifts the interpolated peak by
+    // at most a frame, 0.04 of 4.7 beads
+    assert!((shape.asymmetry - 0.5).abs() < 0.01, "{shape:?}");
 }
 
 #[test]
@@ -125,8 +129,7 @@ fn pulses_that_meet_head_on_are_followed_through_each_other() {
 #[test]
 fn a_train_that_comes_apart_has_as_many_pulses_as_crests() {
     // 4 beads apart at first: the valley between them is above half of the second peak
-    let bumps =
-        [Bump::new(2.0, 24.0, 4400.0), Bump::new(1.5, 20.0, 4200.0), Bump::new(1.0, 16.0, 4000.0)];
+    let bumps = [Bump::new(2.0, 24.0, 4400.0), Bump::new(1.5, 20.0, 4200.0), Bump::new(1.0, 16.0, 4000.0)];
     let found = look(&bumps, steps(0..3500), false);
     assert_eq!(found.pulses.len(), 3, "{:?}", found.pulses);
     for (pulse, bump) in found.pulses.iter().zip(&bumps) {

@@ -128,7 +128,16 @@ impl Track {
 
     /// Speed (beads/s) over the last beads.
     pub(super) fn speed_beads_per_s(&self) -> Option<f64> {
-        let first = self.recent.len().checked_sub(REACH + 1).unwrap_or_default();
+        self.speed_over(REACH)
+    }
+
+    /// Speed (beads/s) over as many of the last beads as there are.
+    fn steady_speed_beads_per_s(&self) -> Option<f64> {
+        self.speed_over(2 * REACH)
+    }
+
+    fn speed_over(&self, beads: usize) -> Option<f64> {
+        let first = self.recent.len().checked_sub(beads + 1).unwrap_or_default();
         speed(&self.recent[first], self.head())
     }
 
@@ -148,14 +157,17 @@ impl Track {
         if passed_s <= 0.0 || (self.ahead != 0 && beads * self.ahead <= 0) {
             return None;
         }
-        let Some(speed) = self.speed_beads_per_s() else {
-            return (beads.abs() == 1 && passed_s < longest_s).then_some(passed_s / longest_s);
+        let beads = beads.abs();
+        let speed = if beads == 1 { self.speed_beads_per_s() } else { self.steady_speed_beads_per_s() };
+        let Some(speed) = speed else {
+            return (beads == 1 && passed_s < longest_s).then_some(passed_s / longest_s);
         };
-        let (beads, moved) = (beads.abs(), speed * passed_s);
+        let moved = speed * passed_s;
         let most = if self.number == 0 { 1 } else { coast };
         let expected = beads as f64;
-        // young pulses change their speed from bead to bead, and pulses that meet shift each other
-        let near = moved > 0.3 * expected && moved < 1.5 * expected + 1.0;
+        // young pulses change their speed from bead to bead; two that meet shift the crests of each other
+        // before they are out of sight
+        let near = moved > 0.3 * expected && moved < 1.5 * expected + if beads == 1 { 1.0 } else { 2.0 };
         (beads <= most && near).then_some((moved - expected).abs())
     }
 

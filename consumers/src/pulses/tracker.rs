@@ -179,11 +179,12 @@ impl Pulses {
     /// There are no more frames: what is still under way ends here.
     pub fn finish(&mut self) -> &[Happening] {
         self.happenings.clear();
+        self.tracks.sort_by_key(|track| track.number);
         self.close(true);
         &self.happenings
     }
 
-    /// The pulses under way at `time_s`, the time of the last frame, in the order of their numbers.
+    /// The pulses under way at `time_s`, the time of the last frame, in no order.
     pub fn under_way(&self, time_s: f64) -> impl Iterator<Item = UnderWay> {
         self.tracks.iter().filter(|track| track.number > 0).map(move |track| UnderWay {
             number: track.number,
