@@ -8,6 +8,7 @@ mod harness;
 mod other_tools;
 mod pipeline;
 mod recomputing;
+mod pulses;
 mod recordings;
 mod reference;
 mod reflection;
