@@ -450,7 +450,7 @@ const COLOURS: [Colour; 7] = [
 
 /// The curves of all exponents, the largest first in the legend, as they lie at the right.
 fn panel(seen: &Observations, label: &str, of: fn(&Reflected) -> f64) -> Result<Panel, StudyError> {
-    let mut panel = Panel::new().x_axis(mass_axis()).y_axis(label);
+    let mut panel = Panel::new().x_axis(mass_axis()).y_axis(label).vertical("", BEAD_G);
     for (alpha, colour) in ALPHAS.iter().zip(COLOURS).rev() {
         panel = panel.curve(Curve::line(format!("α = {alpha}"), curve(seen, *alpha, of)?).colour(colour));
     }
@@ -460,8 +460,8 @@ fn panel(seen: &Observations, label: &str, of: fn(&Reflected) -> f64) -> Result<
 /// The same where they cross.
 fn enlarged(seen: &Observations, label: &str, of: fn(&Reflected) -> f64) -> Result<Panel, StudyError> {
     let mut panel = Panel::new()
-        .x_axis(Axis::new("mass of the impurity (g)").limits(0.6, 2.0))
-        .y_axis(Axis::new(label).limits(0.0, 0.08));
+        .x_axis(Axis::new("mass of the impurity (g)").limits(0.55, 2.05))
+        .y_axis(Axis::new(label).limits(-0.003, 0.08));
     for (alpha, colour) in ALPHAS.iter().zip(COLOURS).rev() {
         panel = panel.curve(Curve::line("", curve(seen, *alpha, of)?).colour(colour).mark(Mark::Circle));
     }
@@ -469,7 +469,7 @@ fn enlarged(seen: &Observations, label: &str, of: fn(&Reflected) -> f64) -> Resu
 }
 
 fn mass_axis() -> Axis {
-    Axis::new("mass of the impurity (g)").limits(0.6, 5.0)
+    Axis::new("mass of the impurity (g)").limits(0.4, 5.2)
 }
 
 /// The reference's points of one of its quantities.
@@ -516,7 +516,12 @@ fn draw_pulse(seen: &Observations) -> Result<Figure, StudyError> {
     let amplitude =
         amplitudes(seen, |point| point.backward_m_s)?.into_iter().map(|(mass_g, v)| (mass_g, v.abs()));
     let speed = amplitudes(seen, |point| point.backward_beads_per_s)?;
-    let marked = |points: Vec<(f64, f64)>| Curve::line("", points).colour(Colour::Blue).mark(Mark::Circle);
+    // without an impurity there is no such pulse: the line is broken there
+    let marked = |mut points: Vec<(f64, f64)>| {
+        let heavy = points.partition_point(|(mass_g, _)| *mass_g < BEAD_G);
+        points.insert(heavy, (BEAD_G, f64::NAN));
+        Curve::line("", points).colour(Colour::Blue).mark(Mark::Circle)
+    };
     Ok(Figure::new()
         .shared_x()
         .caption(format!("{CAPTION} α = 1.5; the strongest pulse that leaves the impurity backwards."))

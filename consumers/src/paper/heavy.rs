@@ -224,7 +224,7 @@ fn draw_second_hit(seen: &Observations) -> Result<Figure, StudyError> {
         .curve(Curve::line("", curve(1, 1.0)).colour(Colour::Blue));
     let mut gap = Panel::new()
         .x_axis(x())
-        .y_axis(Axis::new("gap to bead 499 (mm)").limits(-0.1, 0.8))
+        .y_axis(Axis::new("gap to bead 499 (mm)").limits(-0.15, 1.1))
         .curve(Curve::line("", curve(2, -1e3)).colour(Colour::Vermillion))
         .horizontal("", 0.0);
     for (index, (hit, _)) in hits.iter().enumerate() {

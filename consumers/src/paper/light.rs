@@ -244,12 +244,12 @@ fn draw_displacement(seen: &Observations) -> Result<Figure, StudyError> {
     // the first beads fly off backwards, as far as −28 mm: the rest would be a flat line beside them
     let panel = Panel::new()
         .x_axis(Axis::new("bead").limits(0.0, 1000.0))
-        .y_axis(Axis::new("displacement (mm)").limits(-0.1, 0.65))
+        .y_axis(Axis::new("displacement (mm)").limits(-0.1, 0.75))
         .curve(Curve::line("", points).colour(Colour::Blue))
         .vertical("impurity", 500.0);
-    let farthest = snapshot.u_m[0] * 1e3;
+    let farthest = -snapshot.u_m[0] * 1e3;
     let caption = format!(
-        "{}; t = {:.2} ms; the first beads have flown off, bead 0 as far as {farthest:.1} mm",
+        "{}; t = {:.2} ms; the first beads have flown off to the left, bead 0 by {farthest:.1} mm",
         plots::caption(&seen.manifest),
         snapshot.time_s * 1e3
     );

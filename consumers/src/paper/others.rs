@@ -6,7 +6,7 @@ use super::passing::falls;
 use super::rattle::flights;
 use super::runs::short;
 use super::study::Study;
-use crate::figure::{Colour, Curve, Figure, Panel};
+use crate::figure::{Axis, Figure, Panel};
 
 const SECTION: &str = "section 3";
 /// Masses (g) and exponents of light and of heavy impurities.
@@ -118,7 +118,7 @@ fn judge_number(seen: &Observations) -> Result<Judgement, StudyError> {
 
 fn draw(seen: &Observations) -> Result<Figure, StudyError> {
     let panel = |cases: &[(f64, f64)], column: usize, label: &str| -> Result<Panel, StudyError> {
-        let mut panel = Panel::new().x_axis("t/T").y_axis(label);
+        let mut panel = Panel::new().x_axis(Axis::new("t/T").limits(150.0, 400.0)).y_axis(label);
         for (mass_g, alpha) in cases {
             let run = seen.of(&short(*mass_g, *alpha))?;
             let scales = run.manifest.physics.scales();
@@ -131,8 +131,9 @@ fn draw(seen: &Observations) -> Result<Figure, StudyError> {
     };
     let caption =
         "An impurity at bead 150 of 300 beads of 1 g; L and T are the scales of a collision of two of them.";
-    Ok(Figure::new()
-        .caption(caption)
-        .panel(panel(&LIGHT, 0, "displacement/L")?.curve(Curve::line("", []).colour(Colour::Black)))
-        .panel(panel(&HEAVY, 1, "velocity/v_{0}")?))
+    Ok(Figure::new().caption(caption).panel(panel(&LIGHT, 0, "displacement/L")?).panel(panel(
+        &HEAVY,
+        1,
+        "velocity/v_{0}",
+    )?))
 }

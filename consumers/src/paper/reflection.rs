@@ -9,8 +9,8 @@ use std::fmt::Write;
 pub(super) const ALPHAS: [f64; 7] = [1.01, 1.1, 1.2, 1.5, 2.0, 3.0, 5.0];
 
 /// Masses of the impurity (g), from 0.6 to 5 g, those of the reference among them.
-pub(super) const MASSES_G: [f64; 18] =
-    [0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.5, 1.6, 1.75, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0];
+pub(super) const MASSES_G: [f64; 19] =
+    [0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.75, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0];
 
 /// The mass of the other beads (g).
 pub(super) const BEAD_G: f64 = 1.0;

@@ -347,36 +347,71 @@ fn judge_width(seen: &Observations) -> Result<Judgement, StudyError> {
 fn draw_vmax(seen: &Observations) -> Result<Figure, StudyError> {
     let pulses = all(seen)?;
     let law = amplitude_law(&pulses)?;
-    let points = pulses.iter().map(|pulse| (pulse.alpha - 1.0, pulse.amplitude.0));
+    let points: Vec<_> = pulses.iter().map(|pulse| (pulse.alpha - 1.0, pulse.amplitude.0)).collect();
+    let paper = through(&law, 0.243);
     let reference = REFERENCE.map(|(alpha, value)| (alpha - 1.0, value));
-    let panel = Panel::new()
-        .x_axis(Axis::new("α − 1").log())
-        .y_axis(Axis::new("v_{max}/v_{0}").log())
-        .curve(Curve::points("simulation", points).colour(Colour::Blue))
-        .curve(line(format!("∝ (α − 1)^{{{:.4}}}", law.exponent), &law).colour(Colour::Black))
-        .curve(
-            line("the paper's exponent 0.243", &through(&law, 0.243))
-                .colour(Colour::Vermillion)
-                .stroke(Stroke::Dashed),
-        )
-        .curve(Curve::points("reference", reference).mark(Mark::Diamond).colour(Colour::Orange));
-    Ok(Figure::new().caption(CAPTION).panel(panel))
+    let label = format!("fit, exponent {:.4}", law.exponent);
+    let panel = laws("v_{max}/v_{0}", &points, (&label, &law))
+        .curve(line("exponent 0.243 of the paper", &paper).colour(Colour::Vermillion).stroke(Stroke::Dashed))
+        .curve(Curve::points("independent reference", reference).mark(Mark::Diamond).colour(Colour::Orange));
+    let residuals = deviations(&points, &law)
+        .curve(deviation_curve(&paper, &law).colour(Colour::Vermillion).stroke(Stroke::Dashed))
+        .curve(Curve::points("", reference.map(deviation(&law))).mark(Mark::Diamond).colour(Colour::Orange));
+    Ok(Figure::new().shared_x().caption(CAPTION).panel(panel).panel(residuals))
 }
 
 fn draw_width(seen: &Observations) -> Result<Figure, StudyError> {
     let pulses = all(seen)?;
     let law = width_law(&pulses)?;
-    let points = pulses.iter().map(|pulse| (pulse.alpha - 1.0, pulse.fwhm_beads.0));
+    let points: Vec<_> = pulses.iter().map(|pulse| (pulse.alpha - 1.0, pulse.fwhm_beads.0)).collect();
     let gaussian = ALPHAS.into_iter().map(|alpha| Ok((alpha - 1.0, GaussianLimit::new(alpha)?.fwhm_beads())));
     let gaussian = gaussian.collect::<Result<Vec<_>, StudyError>>()?;
-    let exponent = format!("{:.4}", law.exponent).replace('-', "−");
-    let panel = Panel::new()
+    let label = format!("fit, exponent {:.4}", law.exponent).replace('-', "−");
+    let limit = |points: Vec<(f64, f64)>, label: &str| {
+        Curve::line(label, points).colour(Colour::Vermillion).stroke(Stroke::Dashed)
+    };
+    let residuals = gaussian.iter().copied().map(deviation(&law)).collect();
+    Ok(Figure::new()
+        .shared_x()
+        .caption(CAPTION)
+        .panel(
+            laws("full width at half maximum (beads)", &points, (&label, &law))
+                .curve(limit(gaussian, "Gaussian limit")),
+        )
+        .panel(deviations(&points, &law).curve(limit(residuals, ""))))
+}
+
+/// Points with the law through them, on logarithmic axes.
+fn laws(label: &str, points: &[(f64, f64)], (fit, law): (&str, &PowerLaw)) -> Panel {
+    Panel::new()
         .x_axis(Axis::new("α − 1").log())
-        .y_axis(Axis::new("full width at half maximum (beads)").log())
-        .curve(Curve::points("simulation", points).colour(Colour::Blue))
-        .curve(line(format!("∝ (α − 1)^{{{exponent}}}"), &law).colour(Colour::Black))
-        .curve(Curve::line("Gaussian limit", gaussian).colour(Colour::Vermillion).stroke(Stroke::Dashed));
-    Ok(Figure::new().caption(CAPTION).panel(panel))
+        .y_axis(Axis::new(label).log())
+        .curve(line(fit, law).colour(Colour::Black))
+        .curve(Curve::points("simulation", points.to_vec()).colour(Colour::Blue))
+        .height(1.4)
+}
+
+/// How far points are off the law.
+fn deviations(points: &[(f64, f64)], law: &PowerLaw) -> Panel {
+    let points: Vec<_> = points.iter().copied().map(deviation(law)).collect();
+    Panel::new()
+        .x_axis(Axis::new("α − 1").log())
+        .y_axis("off the fit (%)")
+        .horizontal("", 0.0)
+        .curve(Curve::points("", points).colour(Colour::Blue))
+        .height(0.8)
+}
+
+/// A point's distance from the law, in percent.
+fn deviation(law: &PowerLaw) -> impl Fn((f64, f64)) -> (f64, f64) {
+    |(x, y)| (x, 100.0 * (y / law.at(x) - 1.0))
+}
+
+/// Another law's distance from this one.
+fn deviation_curve(other: &PowerLaw, law: &PowerLaw) -> Curve {
+    let ends = [ALPHAS[0] - 1.0, ALPHAS[ALPHAS.len() - 1] - 1.0];
+    let part = |i: u32| ends[0] * (ends[1] / ends[0]).powf(f64::from(i) / 50.0);
+    Curve::line("", (0..=50).map(part).map(|x| deviation(law)((x, other.at(x)))).collect::<Vec<_>>())
 }
 
 const CAPTION: &str = "Stationary pulses in chains of equal beads: m = 1 g, k = 10^{7} N m^{−α}, v_{0} = 5 m/s; the line is fitted for \

@@ -272,7 +272,7 @@ fn profile(seen: &Observed, snapshot: &Snapshot) -> Result<Vec<(f64, f64)>, Stud
     let front = Front::in_space(&frame).ok_or_else(|| seen.absent("leading pulse"))?;
     let points = snapshot.v_m_s.iter().enumerate();
     let points = points.map(|(bead, v)| (bead as f64 - front.bead, v / front.v_max_m_s));
-    Ok(points.filter(|(xi, _)| xi.abs() < 5.0 * front.fwhm_beads).collect())
+    Ok(points.filter(|(xi, _)| xi.abs() < 1.5 * front.fwhm_beads).collect())
 }
 
 fn judge_gaussian(seen: &Observations) -> Result<Judgement, StudyError> {
@@ -338,7 +338,11 @@ fn draw_linear(seen: &Observations) -> Result<Figure, StudyError> {
             .x_axis(Axis::new("time (ms)").log())
             .y_axis(Axis::new(label).log())
             .curve(Curve::line("α = 1", points).colour(Colour::Blue))
-            .curve(Curve::line(format!("∝ t^{{{power}}}"), line).colour(Colour::Black).stroke(Stroke::Dashed))
+            .curve(
+                Curve::line(format!("fit, exponent {power}"), line)
+                    .colour(Colour::Black)
+                    .stroke(Stroke::Dashed),
+            )
     };
     let power = |law: &PowerLaw| format!("{:.3}", law.exponent).replace('-', "−");
     Ok(Figure::new()
