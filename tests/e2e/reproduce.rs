@@ -63,7 +63,9 @@ fn a_broken_recording_is_made_again_and_no_other() {
         let entries = fs::read_dir(place.path("paper/recordings")).unwrap();
         entries.map(|entry| entry.unwrap().path()).collect()
     };
-    let is_short = |path: &std::path::PathBuf| path.to_string_lossy().contains("/striker-3g-") && !path.to_string_lossy().contains("long");
+    let is_short = |path: &std::path::PathBuf| {
+        path.to_string_lossy().contains("/striker-3g-") && !path.to_string_lossy().contains("long")
+    };
     let victim = recordings().into_iter().find(is_short).unwrap();
     // the end looks whole, the middle is not
     let mut bytes = fs::read(&victim).unwrap();

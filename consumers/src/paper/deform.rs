@@ -2,6 +2,7 @@
 
 use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
 use super::observe::{Observations, Observed};
+use super::passing::both_steps;
 use super::reference::CONTACT_100;
 use super::runs::{Run, homogeneous, homogeneous_long};
 use super::study::Study;
@@ -101,6 +102,12 @@ study!(
             judge: judge_1_7,
         },
         Claim {
+            id: "tails-separate",
+            place: CONCLUSION,
+            quote: "As α increases beyond 1.2 tails in the deformation curves separate.",
+            judge: judge_1_7,
+        },
+        Claim {
             id: "good-for-low-alpha",
             place: SECTION,
             quote: "One easily sees on these curves that the analytical results are rather good for low values of α (α>1) showing \
@@ -156,7 +163,7 @@ pub(super) const AT_1_01_LONG: Study = Study {
     slug: "deformation-1.01-2000",
     title: "Deformation of contact 2000 of 3000 beads, α = 1.01",
     place: "figure cos1.01.b",
-    runs: || vec![homogeneous_long()],
+    runs: || both_steps(homogeneous_long()),
     sweep: false,
     draw: |seen| draw(seen, &homogeneous_long()),
     claims: &[Claim {
@@ -252,33 +259,33 @@ fn judge_1_2(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn judge_lobe(seen: &Observations) -> Result<Judgement, StudyError> {
-    let (theory, shape) = (continuum(seen, &homogeneous(1.2))?, shape(seen, &homogeneous(1.2))?);
     // eq. (cos) without its condition on the argument: each lobe has the same impulse
-    let lobes = |k: f64| (2.0 * k + 1.0) * theory.impulse_n_s / shape.impulse_n_s;
+    let lobes = |k: f64| {
+        let what = format!("impulse of eq. (cos) for k = {k} over the measured one");
+        stepped(1.2, what, "", |run| {
+            Ok((2.0 * k + 1.0) * continuum(seen, run)?.impulse_n_s / shape(seen, run)?.impulse_n_s)
+        })
+    };
     let least = (0..=1000).map(|i| (FRAC_PI_2 * 0.006 * f64::from(i)).cos().abs().powf(2.0 / 0.2));
     let least = least.fold(f64::INFINITY, f64::min);
-    let near = |ratio: f64| (ratio - 1.0).abs() < SUPERIMPOSE;
+    let (one, three) = (lobes(0.0)?, lobes(1.0)?);
+    let near = |ratio: &Number| (ratio.value - 1.0).abs() < SUPERIMPOSE;
     Ok(Judgement {
-        verdict: Verdict::graded(near(lobes(0.0)), near(lobes(1.0))),
+        verdict: Verdict::graded(near(&one), near(&three) && least < 0.0),
         why: format!(
             "The argument must stay within one lobe, k = 0: its impulse is {:.3} of the measured one, that of k = 1 {:.2}; and −u_x does not \
              change sign at the nodes, it touches 0.",
-            lobes(0.0),
-            lobes(1.0)
+            one.value, three.value
         ),
-        numbers: vec![
-            Number::new("impulse of eq. (cos) for k = 0 over the measured one", lobes(0.0), ""),
-            Number::new("impulse of eq. (cos) for k = 1 over the measured one", lobes(1.0), ""),
-            Number::new("least value of the shape over three lobes", least, ""),
-        ],
+        numbers: vec![one, three, Number::new("least value of the shape over three lobes", least, "")],
     })
 }
 
 /// Where, before and after the peak, the measured overlap and the theory's are [`TAIL`] of the peak: half the time between
 /// (s) of each.
-fn tails(seen: &Observations, alpha: f64) -> Result<(f64, f64), StudyError> {
-    let run = homogeneous(alpha);
-    let (found, theory, shape) = (deformation(seen, &run)?, continuum(seen, &run)?, shape(seen, &run)?);
+fn tails(seen: &Observations, run: &Run) -> Result<(f64, f64), StudyError> {
+    let (found, theory, shape) = (deformation(seen, run)?, continuum(seen, run)?, shape(seen, run)?);
+    let alpha = run.config.chain.alpha;
     let level_m = TAIL * shape.overlap_m;
     let above: Vec<f64> = found
         .samples
@@ -296,6 +303,23 @@ fn tails(seen: &Observations, alpha: f64) -> Result<(f64, f64), StudyError> {
     Ok((0.5 * (last - first), half_s))
 }
 
+/// A quantity of the run of an exponent, and of its partner.
+fn stepped(
+    alpha: f64,
+    what: impl Into<String>,
+    unit: &'static str,
+    of: impl Fn(&Run) -> Result<f64, StudyError>,
+) -> Result<Number, StudyError> {
+    let run = homogeneous(alpha);
+    Ok(Number::stepped(what, of(&run)?, of(&run.with_step_times(2))?, unit))
+}
+
+/// The length of the pulse at [`TAIL`] of the peak over that of the theory.
+fn longer(seen: &Observations, alpha: f64) -> Result<Number, StudyError> {
+    let what = format!("length at a thousandth of the peak over that of eq. (cos), α = {alpha}");
+    stepped(alpha, what, "", |run| tails(seen, run).map(|(ours, theirs)| ours / theirs))
+}
+
 fn judge_1_5(seen: &Observations) -> Result<Judgement, StudyError> {
     let run = homogeneous(1.5);
     let (found, theory, shape) = (deformation(seen, &run)?, continuum(seen, &run)?, shape(seen, &run)?);
@@ -309,11 +333,9 @@ fn judge_1_5(seen: &Observations) -> Result<Judgement, StudyError> {
         .filter(|sample| sample.overlap_m > TAIL * shape.overlap_m)
         .collect();
     let below = tail.iter().all(|sample| theory.overlap_m(sample.time_s) < sample.overlap_m);
-    let (ours, theirs) = tails(seen, 1.5)?;
-    let mut numbers = vec![
-        Number::new("half-length of the pulse at a thousandth of the peak", ours * 1e6, "µs"),
-        Number::new("the same of eq. (cos)", theirs * 1e6, "µs"),
-    ];
+    let longer = longer(seen, 1.5)?;
+    let by = 100.0 * (longer.value - 1.0);
+    let mut numbers = vec![longer];
     numbers.extend(norms(seen, 1.5)?);
     numbers.extend(against_reference(seen, 1.5)?);
     Ok(Judgement {
@@ -322,7 +344,7 @@ fn judge_1_5(seen: &Observations) -> Result<Judgement, StudyError> {
             "In the tails, where eq. (cos) is below 2 % of the peak, it is {} the simulation; at a thousandth of the peak the pulse is {:.0} % \
              longer.",
             if below { "everywhere below" } else { "not everywhere below" },
-            100.0 * (ours / theirs - 1.0)
+            by
         ),
         numbers,
     })
@@ -331,63 +353,56 @@ fn judge_1_5(seen: &Observations) -> Result<Judgement, StudyError> {
 fn judge_tails(seen: &Observations) -> Result<Judgement, StudyError> {
     /// "Much longer" is taken to be half as long again.
     const MUCH: f64 = 1.5;
-    let (ours, theirs) = tails(seen, 1.5)?;
-    let ratio = ours / theirs;
+    let longer = longer(seen, 1.5)?;
+    let ratio = longer.value;
     Ok(Judgement {
         verdict: Verdict::graded(ratio > 1.0, ratio > MUCH),
         why: format!(
-            "They are longer, but not much: at a thousandth of the peak, by {:.0} % at α = 1.5; the exact wave fades doubly exponentially.",
+            "They are {}: at a thousandth of the peak, by {:.0} % at α = 1.5; the exact wave fades doubly exponentially.",
+            match ratio {
+                much if much > MUCH => "much longer",
+                some if some > 1.0 => "longer, but not much",
+                _ => "not longer",
+            },
             100.0 * (ratio - 1.0)
         ),
-        numbers: vec![Number::new(
-            "length at a thousandth of the peak over that of eq. (cos), α = 1.5",
-            ratio,
-            "",
-        )],
+        numbers: vec![longer],
     })
 }
 
-fn judge_unit(seen: &Observations) -> Result<Judgement, StudyError> {
-    let run = homogeneous(1.5);
-    let (found, shape, observed) = (deformation(seen, &run)?, shape(seen, &run)?, seen.of(&run)?);
+/// `∫k·δ^α dt` and `∫k·δ dt` over the momentum (kg·m/s) that contact 100 has handed on: that of all beads behind it.
+fn handed_on(seen: &Observations, run: &Run) -> Result<(f64, f64), StudyError> {
+    let (found, shape, observed) = (deformation(seen, run)?, shape(seen, run)?, seen.of(run)?);
     let physics = &observed.manifest.physics;
-    let snapshot = observed.snapshot(0)?;
-    // the contact hands on the momentum of all beads behind it
-    let passed: f64 = snapshot.v_m_s[101..].iter().map(|v| v * physics.bead_mass_kg).sum();
-    // newtons, if k is what is written in the paper: a force proportional to the overlap
-    let areas = found.samples.windows(2).map(|pair| {
+    let passed: f64 = observed.snapshot(0)?.v_m_s[101..].iter().map(|v| v * physics.bead_mass_kg).sum();
+    let area = |pair: &[crate::deformation::Sample]| {
         0.5 * (pair[0].compression_m() + pair[1].compression_m()) * (pair[1].time_s - pair[0].time_s)
-    });
-    let linear = physics.stiffness * areas.sum::<f64>() / passed;
-    let power = shape.impulse_n_s / passed;
-    let near = |ratio: f64| (ratio - 1.0).abs() < 1e-3;
+    };
+    let linear: f64 = found.samples.windows(2).map(area).sum();
+    Ok((shape.impulse_n_s / passed, physics.stiffness * linear / passed))
+}
+
+fn judge_unit(seen: &Observations) -> Result<Judgement, StudyError> {
+    let power = stepped(1.5, "∫k·δ^1.5 dt over the momentum behind contact 100", "", |run| {
+        Ok(handed_on(seen, run)?.0)
+    })?;
+    // newtons, if k is what is written in the paper: a force proportional to the overlap
+    let linear = stepped(1.5, "∫k·δ dt over the same", "", |run| Ok(handed_on(seen, run)?.1))?;
+    let near = |ratio: &Number| (ratio.value - 1.0).abs() < 1e-3;
     Ok(Judgement {
-        verdict: Verdict::graded(near(power), near(linear)),
+        verdict: Verdict::graded(near(&power), near(&linear)),
         why: format!(
-            "k is in N·m^−α: ∫k·δ^α dt is {power:.5} of the momentum handed on; a stiffness of 10^7 N·m^−1 would have handed on {linear:.0} times as \
+            "k is in N·m^−α: ∫k·δ^α dt is {:.5} of the momentum handed on; a stiffness of 10^7 N·m^−1 would have handed on {:.0} times as \
              much.",
+            power.value, linear.value
         ),
-        numbers: vec![
-            Number::new("∫k·δ^1.5 dt over the momentum behind contact 100", power, ""),
-            Number::new("∫k·δ dt over the same", linear, ""),
-        ],
+        numbers: vec![power, linear],
     })
 }
 
 fn judge_1_7(seen: &Observations) -> Result<Judgement, StudyError> {
-    let ratio = |alpha: f64| tails(seen, alpha).map(|(ours, theirs)| ours / theirs);
-    let ratios = [ratio(1.2)?, ratio(1.5)?, ratio(1.7)?];
-    let mut numbers: Vec<Number> = [1.2, 1.5, 1.7]
-        .iter()
-        .zip(ratios)
-        .map(|(alpha, ratio)| {
-            Number::new(
-                format!("length at a thousandth of the peak over that of eq. (cos), α = {alpha}"),
-                ratio,
-                "",
-            )
-        })
-        .collect();
+    let mut numbers = vec![longer(seen, 1.2)?, longer(seen, 1.5)?, longer(seen, 1.7)?];
+    let ratios: Vec<f64> = numbers.iter().map(|number| number.value).collect();
     numbers.extend(against_reference(seen, 1.7)?);
     Ok(Judgement {
         verdict: Verdict::of(ratios.windows(2).all(|pair| pair[0] < pair[1])),
@@ -422,44 +437,48 @@ fn judge_low_alpha(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn judge_unreliable(seen: &Observations) -> Result<Judgement, StudyError> {
-    let run = homogeneous(1.7);
-    let (theory, shape) = (continuum(seen, &run)?, shape(seen, &run)?);
-    let width = theory.width_s / shape.width_s - 1.0;
+    let width = stepped(1.7, "width of eq. (cos) over the measured one, α = 1.7", "", |run| {
+        Ok(continuum(seen, run)?.width_s / shape(seen, run)?.width_s)
+    })?;
+    let error =
+        stepped(1.7, "largest error of eq. (cos), α = 1.7", "", |run| Ok(continuum(seen, run)?.l_infinity))?;
     Ok(Judgement {
-        verdict: Verdict::graded(theory.l_infinity > 0.02, theory.l_infinity > SUPERIMPOSE),
+        verdict: Verdict::graded(error.value > 0.02, error.value > SUPERIMPOSE),
         why: format!(
             "At α = 1.7 eq. (cos) is off by {:.1} % of the peak, and its width by {:.1} %.",
-            100.0 * theory.l_infinity,
-            100.0 * width
+            100.0 * error.value,
+            100.0 * (width.value - 1.0)
         ),
-        numbers: vec![
-            Number::new("largest error of eq. (cos), α = 1.7", theory.l_infinity, ""),
-            Number::new("width of eq. (cos) over the measured one", width + 1.0, ""),
-        ],
+        numbers: vec![error, width],
     })
 }
 
-fn judge_triangle(seen: &Observations) -> Result<Judgement, StudyError> {
-    let run = homogeneous(10.0);
-    let (found, theory, shape) = (deformation(seen, &run)?, continuum(seen, &run)?, shape(seen, &run)?);
+/// The largest distance of a pulse from a triangle of its height and width, over its height.
+fn from_triangle(seen: &Observations, run: &Run) -> Result<f64, StudyError> {
+    let (found, shape) = (deformation(seen, run)?, shape(seen, run)?);
     // for α → ∞ one bead moves at a time: the overlap grows while it crosses, and falls while the next does
     let triangle = |time_s: f64| (1.0 - 0.5 * (time_s - shape.peak_s).abs() / (0.5 * shape.width_s)).max(0.0);
     let differences = found.samples.iter();
     let differences =
         differences.map(|sample| (sample.compression_m() / shape.overlap_m - triangle(sample.time_s)).abs());
-    let from_triangle = differences.fold(0.0, f64::max);
-    let mut numbers = vec![
-        Number::new("largest distance from a triangle of the same height and width", from_triangle, ""),
-        Number::new("largest error of eq. (cos)", theory.l_infinity, ""),
-    ];
+    Ok(differences.fold(0.0, f64::max))
+}
+
+fn judge_triangle(seen: &Observations) -> Result<Judgement, StudyError> {
+    let what = "largest distance from a triangle of the same height and width";
+    let triangle = stepped(10.0, what, "", |run| from_triangle(seen, run))?;
+    let error =
+        stepped(10.0, "largest error of eq. (cos), α = 10", "", |run| Ok(continuum(seen, run)?.l_infinity))?;
+    let (from_triangle, from_theory) = (triangle.value, error.value);
+    let mut numbers = vec![triangle, error];
     numbers.extend(against_reference(seen, 10.0)?);
     Ok(Judgement {
         // at a finite exponent the corners are rounded
-        verdict: Verdict::graded(from_triangle < 0.5 * theory.l_infinity, from_triangle < 0.1),
+        verdict: Verdict::graded(from_triangle < 0.5 * from_theory, from_triangle < 0.1),
         why: format!(
             "The pulse differs from a triangle by at most {:.1} % of its peak, from eq. (cos) by {:.0} %.",
             100.0 * from_triangle,
-            100.0 * theory.l_infinity
+            100.0 * from_theory
         ),
         numbers,
     })
@@ -501,25 +520,29 @@ fn judge_asymmetric(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn judge_stationary(seen: &Observations) -> Result<Judgement, StudyError> {
-    let run = homogeneous_long();
-    let (shape, theory) = (shape(seen, &run)?, continuum(seen, &run)?);
-    let symmetric = shape.asymmetry.abs() < 0.005;
+    let number = |what: &str, of: fn(&Shape, &Comparison) -> f64| -> Result<Number, StudyError> {
+        let value =
+            |run: &Run| -> Result<f64, StudyError> { Ok(of(&shape(seen, run)?, continuum(seen, run)?)) };
+        let run = homogeneous_long();
+        Ok(Number::stepped(what, value(&run)?, value(&run.with_step_times(2))?, ""))
+    };
+    let asymmetry = number("asymmetry of the half-widths, contact 2000", |shape, _| shape.asymmetry)?;
+    let error = number("largest error of eq. (cos)", |_, theory| theory.l_infinity)?;
+    let why = format!(
+        "At contact 2000 the half-widths differ by {:.2} % of their sum, and eq. (cos) is off by at most {:.2} % of the peak.",
+        100.0 * asymmetry.value.abs(),
+        100.0 * error.value
+    );
     Ok(Judgement {
-        verdict: Verdict::of(symmetric && theory.l_infinity < SUPERIMPOSE),
-        why: format!(
-            "At contact 2000 the half-widths differ by {:.2} % of their sum, and eq. (cos) is off by at most {:.2} % of the peak.",
-            100.0 * shape.asymmetry.abs(),
-            100.0 * theory.l_infinity
-        ),
+        verdict: Verdict::of(asymmetry.value.abs() < 0.005 && error.value < SUPERIMPOSE),
+        why,
         numbers: vec![
-            Number::new("asymmetry of the half-widths, contact 2000", shape.asymmetry, ""),
-            Number::new("largest error of eq. (cos)", theory.l_infinity, ""),
-            Number::new("root-mean-square error of eq. (cos) over the width", theory.l2, ""),
-            Number::new(
-                "full width at half maximum over that of eq. (cos)",
-                shape.width_s / theory.width_s,
-                "",
-            ),
+            asymmetry,
+            error,
+            number("root-mean-square error of eq. (cos) over the width", |_, theory| theory.l2)?,
+            number("full width at half maximum over that of eq. (cos)", |shape, theory| {
+                shape.width_s / theory.width_s
+            })?,
         ],
     })
 }

@@ -2,13 +2,17 @@
 
 use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
 use super::observe::Observations;
-use super::passing::{Passed, against_table, both_steps, falls, heights, pulses_of_table};
+use super::passing::{
+    BACKWARD_BEAD, FORWARD_BEAD, Passed, against_table, both_steps, falls, heights, pulses_of_table,
+};
 use super::reference::HEAVY_PULSES;
 use super::runs::{Run, heavy};
 use super::study::Study;
 use crate::figure::{Axis, Colour, Curve, Figure, Panel};
 use crate::impurity::{Event, EventKind};
 use crate::plots;
+use crate::pulses::Passage;
+use crate::theory::{SolitaryWave, Strength};
 
 const SECTION: &str = "section 3";
 /// What the reference of the pulses is good to.
@@ -36,6 +40,26 @@ pub(super) const VELOCITY: Study = Study {
             place: SECTION,
             quote: "Moving in the opposite direction one can see one pulse of large amplitude.",
             judge: judge_reflected,
+        },
+        Claim {
+            id: "heavy-not-symmetric",
+            place: SECTION,
+            quote: "This pattern is not symmetric as in the case of a light bead and a different physical process seems to be \
+                    involved.",
+            judge: judge_asymmetry,
+        },
+        Claim {
+            id: "heavy-fragments",
+            place: SECTION,
+            quote: "This spatio-temporal pattern allows us to say that the collision of a shock wave with an heavy impurity make it \
+                    fragment into solitary waves of decreasing amplitudes.",
+            judge: judge_fragments,
+        },
+        Claim {
+            id: "heavy-no-solitons",
+            place: "section 4",
+            quote: "The chain corresponding to the transmitted wave supports no more solitonic propagation …",
+            judge: judge_solitons,
         },
         Claim {
             id: "heavy-low-pulses",
@@ -114,6 +138,78 @@ fn judge_reflected(seen: &Observations) -> Result<Judgement, StudyError> {
             1.0 / ratio
         ),
         numbers: against_table(&pulses, HEAVY_PULSES, false, GOOD_TO)?,
+    })
+}
+
+fn judge_asymmetry(seen: &Observations) -> Result<Judgement, StudyError> {
+    /// Pulses above a fiftieth of the striker's speed are the pattern that a plot shows.
+    const SHOWN_M_S: f64 = 0.1;
+    let run = seen.of(&heavy())?;
+    let count = |bead, forward| {
+        let pulses = run.pulses_past(bead, forward);
+        pulses.iter().filter(|pulse| pulse.v_peak_m_s.abs() > SHOWN_M_S).count()
+    };
+    // the incident pulse passes bead 300 forwards, and is not counted
+    let (forward, backward) = (count(FORWARD_BEAD, true), count(BACKWARD_BEAD, false));
+    Ok(Judgement {
+        verdict: Verdict::of(forward > 3 * backward),
+        why: format!("{forward} pulses above 0.1 m/s go forward, and {backward} back."),
+        numbers: vec![
+            Number::new("pulses above 0.1 m/s past bead 700", forward as f64, ""),
+            Number::new("pulses above 0.1 m/s past bead 300 on their way back", backward as f64, ""),
+        ],
+    })
+}
+
+/// Speeds of the forward pulses over those of exact solitary waves of their amplitudes, and the largest distance from 1.
+fn solitary(seen: &Observations) -> Result<(Vec<Number>, f64), StudyError> {
+    let physics = &seen.of(&heavy())?.manifest.physics;
+    let wave = SolitaryWave::new(physics.alpha)?.coefficients();
+    let ratio = |passage: &Passage| -> Result<f64, StudyError> {
+        let strength = Strength::PeakVelocity { m_s: passage.v_peak_m_s };
+        let scale = wave.scaled(physics.bead_mass_kg, physics.stiffness, strength)?;
+        Ok(passage.speed_beads_per_s / scale.speed_beads_per_s)
+    };
+    let mut numbers = Vec::new();
+    for (index, pulse) in forward(seen)?.iter().enumerate() {
+        let what =
+            format!("forward pulse {}: speed over that of a solitary wave of its amplitude", index + 1);
+        numbers.push(Number::stepped(what, ratio(&pulse.fine)?, ratio(&pulse.coarse)?, ""));
+    }
+    let worst = numbers.iter().map(|number| (number.value - 1.0).abs()).fold(0.0, f64::max);
+    Ok((numbers, worst))
+}
+
+/// A pulse is a solitary wave if its speed is that of one, to this part.
+const SOLITARY: f64 = 1e-3;
+
+fn judge_fragments(seen: &Observations) -> Result<Judgement, StudyError> {
+    let (numbers, worst) = solitary(seen)?;
+    let falls = falls(&heights(&forward(seen)?));
+    Ok(Judgement {
+        verdict: Verdict::graded(falls, worst < SOLITARY),
+        why: format!(
+            "The amplitudes of the {} first fragments {}, and each has the speed of the exact solitary wave of its amplitude to {worst:.0e}.",
+            numbers.len(),
+            if falls { "fall" } else { "do not fall" },
+        ),
+        numbers,
+    })
+}
+
+fn judge_solitons(seen: &Observations) -> Result<Judgement, StudyError> {
+    let (numbers, worst) = solitary(seen)?;
+    Ok(Judgement {
+        // it is so if the fragments are no solitary waves
+        verdict: Verdict::of(worst >= SOLITARY),
+        why: if worst < SOLITARY {
+            format!(
+                "The wave breaks up, but what it breaks up into are solitary waves: their speeds are those of such waves to {worst:.0e}."
+            )
+        } else {
+            format!("The fragments' speeds differ from those of solitary waves by up to {worst:.0e}.")
+        },
+        numbers,
     })
 }
 

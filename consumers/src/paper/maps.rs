@@ -37,6 +37,12 @@ pub(super) const LIGHT: Study = Study {
             judge: judge_speeds,
         },
         Claim {
+            id: "light-wave-source",
+            place: SECTION,
+            quote: "From these observations we can conclude that the light impurity acts as a wave source.",
+            judge: judge_source,
+        },
+        Claim {
             id: "light-white-touching",
             place: "section 3 and figure spatio1",
             quote: "… one can see black straight lines defining compression waves whereas white zones mean beads are at \
@@ -66,6 +72,12 @@ pub(super) const HEAVY: Study = Study {
             place: SECTION,
             quote: "Between these pulses the beads remain at rest just touching their nearest neighbor.",
             judge: judge_heavy_gaps,
+        },
+        Claim {
+            id: "heavy-larger-slope",
+            place: SECTION,
+            quote: "Other compression areas appear on the left side. The straight line of larger slope is the main reflected wave.",
+            judge: judge_slope,
         },
         Claim {
             id: "heavy-second-front",
@@ -191,6 +203,41 @@ fn judge_heavy_gaps(seen: &Observations) -> Result<Judgement, StudyError> {
              {left} have."
         ),
         numbers: gap_numbers((left, right), 31.0, 0.0),
+    })
+}
+
+fn judge_slope(seen: &Observations) -> Result<Judgement, StudyError> {
+    let back = pulses(seen, &heavy(), 300, false, 2)?;
+    let ratio = back[0].fine.speed_beads_per_s / back[1].fine.speed_beads_per_s;
+    Ok(Judgement {
+        verdict: Verdict::of(ratio > 1.0),
+        why: format!("The reflected pulse is {ratio:.2} times as fast as the first of the second front."),
+        numbers: vec![
+            back[0].speed("reflected pulse: speed"),
+            back[1].speed("first pulse of the second front: speed"),
+        ],
+    })
+}
+
+fn judge_source(seen: &Observations) -> Result<Judgement, StudyError> {
+    let run = seen.of(&light())?;
+    let ahead = run.pulses_past(520, true);
+    let behind = run.pulses_past(300, false);
+    let (from_s, to_s) =
+        (ahead.first().map_or(0.0, |pulse| pulse.time_s), ahead.last().map_or(0.0, |pulse| pulse.time_s));
+    Ok(Judgement {
+        verdict: Verdict::of(ahead.len() > 3 && behind.len() > 3),
+        why: format!(
+            "From {:.0} to {:.0} ms {} pulses above 5 mm/s pass bead 520; by the end of the run {} have passed bead 300 on their way back.",
+            from_s * 1e3,
+            to_s * 1e3,
+            ahead.len(),
+            behind.len()
+        ),
+        numbers: vec![
+            Number::new("pulses past bead 520", ahead.len() as f64, ""),
+            Number::new("pulses past bead 300 on their way back", behind.len() as f64, ""),
+        ],
     })
 }
 

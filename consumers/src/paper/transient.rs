@@ -247,6 +247,8 @@ fn linear_laws(seen: &Observations) -> Result<(PowerLaw, PowerLaw), StudyError> 
 
 fn judge_linear(seen: &Observations) -> Result<Judgement, StudyError> {
     let (amplitude, width) = linear_laws(seen)?;
+    let run = seen.of(&long(1.0))?;
+    let (half, last) = (at(run, 2900.0)?, at(run, 5800.0)?);
     let near = |found: f64, said: f64| (found - said).abs() < 0.01;
     let number = |what: &str, law: &PowerLaw| {
         Number::new(format!("exponent of the {what} over time, from bead 600 to 5800"), law.exponent, "")
@@ -254,8 +256,18 @@ fn judge_linear(seen: &Observations) -> Result<Judgement, StudyError> {
     };
     Ok(Judgement {
         verdict: Verdict::of(near(amplitude.exponent, -0.17) && near(width.exponent, 1.0 / 3.0)),
-        why: format!("The fitted exponents are {:.3} and {:.3}.", amplitude.exponent, width.exponent),
-        numbers: vec![number("amplitude", &amplitude), number("width", &width)],
+        why: format!(
+            "The fitted exponents are {:.3} and {:.3}; the half-widths still differ by {:.0} % of their sum at bead 5800.",
+            amplitude.exponent,
+            width.exponent,
+            100.0 * last.asymmetry.abs()
+        ),
+        numbers: vec![
+            number("amplitude", &amplitude),
+            number("width", &width),
+            Number::new("asymmetry of the half-widths at bead 5800", last.asymmetry, "")
+                .give_or_take(last.asymmetry - half.asymmetry, "the change since half way"),
+        ],
     })
 }
 
