@@ -143,7 +143,7 @@ fn check_space(sweep: &Sweep, directory: &Directory, jobs: &[Job]) -> Result<(),
 }
 
 /// Bytes in hexadecimal.
-fn hex(bytes: &[u8]) -> String {
+pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
         // writing to a String cannot fail
         let _ = write!(text, "{byte:02x}");

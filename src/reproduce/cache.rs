@@ -2,6 +2,7 @@
 
 use crate::configuration::origin;
 use crate::failure::Failure;
+use crate::sweep::hex;
 use anyhow::{Context, anyhow};
 use consumers::follow::{Tally, follow};
 use consumers::paper::{Observed, Observer, Run};
@@ -30,7 +31,7 @@ impl Cached {
     pub(crate) fn look(run: Run, directory: &Path) -> Result<Self, Failure> {
         let manifest = RunManifest::new(&run.config, "paper", origin())?;
         let hash = manifest.physics.hash();
-        let prefix: String = hash[..6].iter().map(|byte| format!("{byte:02x}")).collect();
+        let prefix = hex(&hash[..6]);
         let path = directory.join(format!("{}-{prefix}.mcap", run.name()));
         let recorded = RecordingInfo::read(&path).is_ok_and(|info| {
             let frames = |manifest: &RunManifest| {
@@ -67,13 +68,13 @@ impl Cached {
     }
 
     /// Looks at every frame of the recording; nothing if it is damaged.
-    pub(crate) fn observe(&self) -> Result<Option<Observed>, Failure> {
-        let Ok(mut source) = RecordingSource::open(&self.path) else { return Ok(None) };
+    pub(crate) fn observe(&self) -> Option<Observed> {
+        let mut source = RecordingSource::open(&self.path).ok()?;
         let mut observer = Observer::new(&self.run, &self.manifest);
         let mut tally = Tally::default();
         let followed = follow(&mut source, &mut observer, &mut tally, |_| {});
         let whole = followed.is_ok() && tally.missed_count == 0 && tally.end == EndReason::Complete;
-        Ok(whole.then(|| observer.finish()))
+        whole.then(|| observer.finish())
     }
 
     /// For messages: the recording.

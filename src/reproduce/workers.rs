@@ -107,14 +107,14 @@ impl Shift {
                 return Ok(None);
             }
         }
-        let mut observed = cached.observe()?;
+        let mut observed = cached.observe();
         if observed.is_none() && !simulated {
             // its end looked whole, its middle is not
             simulated = true;
             if !self.simulate(&cached)? {
                 return Ok(None);
             }
-            observed = cached.observe()?;
+            observed = cached.observe();
         }
         let path = cached.path().display();
         let observed = observed

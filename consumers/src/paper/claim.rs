@@ -139,8 +139,8 @@ impl Number {
         let ours = self.uncertainty.map_or(0.0, |uncertainty| uncertainty.plus_minus);
         self.reference.is_some_and(|reference| {
             let both = ours.hypot(reference.good_to);
-            // not a number contradicts everything
-            !((self.value - reference.value).abs() <= 3.0 * both)
+            let difference = (self.value - reference.value).abs();
+            difference > 3.0 * both || difference.is_nan()
         })
     }
 }

@@ -168,6 +168,9 @@ fn judge_mass(seen: &Observations) -> Result<Judgement, StudyError> {
     let curves = all(seen, |point| point.over_total)?;
     let growing: Vec<bool> = curves.iter().map(|curve| grows_with_difference(curve)).collect();
     let count = growing.iter().filter(|grows| **grows).count();
+    let mut numbers = against_reference(seen, false)?;
+    let drift = seen.reflected().iter().map(|point| point.drift).fold(0.0, f64::max);
+    numbers.push(Number::new("largest relative error of the energy in any of these runs", drift, ""));
     Ok(Judgement {
         verdict: Verdict::graded(count * 2 > curves.len(), count == curves.len()),
         why: format!(
@@ -175,7 +178,7 @@ fn judge_mass(seen: &Observations) -> Result<Judgement, StudyError> {
             curves.len(),
             MASSES_G.len()
         ),
-        numbers: against_reference(seen, false)?,
+        numbers,
     })
 }
 
@@ -300,11 +303,14 @@ fn judge_wait(seen: &Observations) -> Result<Judgement, StudyError> {
 fn judge_unity(seen: &Observations) -> Result<Judgement, StudyError> {
     let points = all(seen, |point| point.over_transmitted)?;
     let largest = points.iter().flatten().map(|(_, ratio)| *ratio).fold(0.0, f64::max);
-    let mut numbers = vec![Number::new("largest ratio of all", largest, "")];
+    let hardest = point(seen, 5.0, 5.0)?;
+    let uncertainty = hardest.uncertainty * largest / hardest.over_total * (1.0 + largest);
+    let mut numbers =
+        vec![Number::new("largest ratio of all", largest, "").give_or_take(uncertainty, FROM_WINDOW)];
     numbers.extend(against_reference(seen, true)?);
     Ok(Judgement {
         verdict: Verdict::of(largest < 1.0),
-        why: format!("The largest ratio is {largest:.3}, for 5 g and α = 5."),
+        why: format!("The largest of all {} ratios is {largest:.3}.", points.iter().flatten().count()),
         numbers,
     })
 }
@@ -417,7 +423,8 @@ fn judge_amplitude(seen: &Observations) -> Result<Judgement, StudyError> {
     Ok(Judgement {
         verdict: Verdict::of(grows(&points)),
         why: format!(
-            "At α = 1.5 it grows with the difference on either side of 1 g, though not alike: {light:.2} m/s for 0.6 g, {heavy:.2} m/s for 1.5 g."
+            "At α = 1.5 it {} with the difference on either side of 1 g, and not alike on both: {light:.2} m/s for 0.6 g, {heavy:.2} m/s for 1.5 g.",
+            if grows(&points) { "grows" } else { "does not always grow" }
         ),
         numbers: numbers.collect(),
     })
@@ -425,14 +432,18 @@ fn judge_amplitude(seen: &Observations) -> Result<Judgement, StudyError> {
 
 fn judge_speed(seen: &Observations) -> Result<Judgement, StudyError> {
     let points = amplitudes(seen, |point| point.backward_beads_per_s)?;
+    let speeds = || points.iter().map(|(_, speed)| *speed);
+    let (least, most) = (speeds().fold(f64::INFINITY, f64::min), speeds().fold(0.0, f64::max));
     let numbers = points.iter().map(|(mass_g, speed)| {
         Number::new(format!("speed of the reflected pulse, {mass_g} g"), *speed, "beads/s")
             .give_or_take(1e-4 * speed, "the interpolation between frames")
     });
     Ok(Judgement {
         verdict: Verdict::of(grows(&points)),
-        why: "At α = 1.5 the speed grows with the difference on either side of 1 g, as the amplitude does."
-            .to_owned(),
+        why: format!(
+            "At α = 1.5 the speed {} with the difference on either side of 1 g, from {least:.0} to {most:.0} beads/s.",
+            if grows(&points) { "grows" } else { "does not always grow" }
+        ),
         numbers: numbers.collect(),
     })
 }

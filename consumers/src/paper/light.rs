@@ -185,8 +185,9 @@ fn judge_steps(seen: &Observations) -> Result<Judgement, StudyError> {
     let snapshot = seen.snapshot(AT_80_MS)?;
     let front = crest(&snapshot.v_m_s, 501..1000).ok_or_else(|| seen.absent("leading pulse"))?;
     let next = crest(&snapshot.v_m_s, 501..front - 20).ok_or_else(|| seen.absent("second pulse"))?;
-    let plateau_m = snapshot.u_m[(front + next) / 2];
-    let reach = |part: f64| falls_below(&snapshot.u_m, (front + next) / 2, part * plateau_m);
+    let between = usize::midpoint(front, next);
+    let plateau_m = snapshot.u_m[between];
+    let reach = |part: f64| falls_below(&snapshot.u_m, between, part * plateau_m);
     let rise_beads = reach(0.1) - reach(0.9);
     let apart_beads = (front - next) as f64;
     Ok(Judgement {

@@ -118,8 +118,7 @@ fn judge_constant_speed(seen: &Observations) -> Result<Judgement, StudyError> {
     Ok(Judgement {
         verdict: Verdict::graded(latest_change < 1e-3, early_change > latest_change),
         why: format!(
-            "From bead 700 to 850 the speeds change by {:.1e}; at bead 520 they are still {:.1e} away from that.",
-            latest_change, early_change
+            "From bead 700 to 850 the speeds change by {latest_change:.1e}; at bead 520 they are still {early_change:.1e} away from that."
         ),
         numbers,
     })

@@ -133,9 +133,8 @@ pub(super) fn flights(seen: &Observed) -> Vec<Flight> {
         if left_open && right_open {
             start.get_or_insert(*event);
         } else if let Some(from) = start.take() {
-            let duration_s = event.time_s - from.time_s;
-            let v_m_s = (event.u_m - from.u_m) / duration_s;
-            flights.push(Flight { start_s: from.time_s, duration_s, v_m_s });
+            let v_m_s = (event.u_m - from.u_m) / (event.time_s - from.time_s);
+            flights.push(Flight { times_s: (from.time_s, event.time_s), v_m_s });
         }
     }
     flights
@@ -144,10 +143,8 @@ pub(super) fn flights(seen: &Observed) -> Vec<Flight> {
 /// A flight of the impurity between its neighbours.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Flight {
-    /// When it begins (s).
-    pub(super) start_s: f64,
-    /// How long it lasts (s).
-    pub(super) duration_s: f64,
+    /// When it begins and ends (s).
+    pub(super) times_s: (f64, f64),
     /// The velocity (m/s), constant.
     pub(super) v_m_s: f64,
 }
@@ -163,21 +160,24 @@ fn first_flights(seen: &Observations) -> Result<Vec<(Flight, Flight)>, StudyErro
 }
 
 fn judge_free_flight(seen: &Observations) -> Result<Judgement, StudyError> {
-    let flights = first_flights(seen)?;
-    let (first, last) = (flights[0].0, flights[flights.len() - 1].0);
-    let flying_s: f64 = flights.iter().map(|(flight, _)| flight.duration_s).sum();
-    let share = flying_s / (last.start_s + last.duration_s - first.start_s);
+    let pairs = first_flights(seen)?;
+    let share = |flights: &[Flight]| {
+        let (first_s, last_s) = (flights[0].times_s.0, flights[flights.len() - 1].times_s.1);
+        flights.iter().map(|flight| flight.times_s.1 - flight.times_s.0).sum::<f64>() / (last_s - first_s)
+    };
+    let (fine, coarse): (Vec<Flight>, Vec<Flight>) = pairs.into_iter().unzip();
+    let part = Number::stepped("part of the time in free flight", share(&fine), share(&coarse), "");
     Ok(Judgement {
         // without a contact there is no force: a flight is straight to the last bit, so what counts is
         // whether flights make up the motion
-        verdict: Verdict::of(share > 0.5),
+        verdict: Verdict::of(part.value > 0.5),
         why: format!(
-            "Between the first and the last of {} flights it touches neither neighbour for {:.0} % of the time, and \
-             without a contact its velocity is constant.",
-            flights.len(),
-            100.0 * share
+            "Between the first and the last of {} flights it touches neither neighbour for {:.0} % of the time, and without a contact \
+             its velocity is constant.",
+            fine.len(),
+            100.0 * part.value
         ),
-        numbers: vec![Number::new("part of the time in free flight", share, "")],
+        numbers: vec![part],
     })
 }
 

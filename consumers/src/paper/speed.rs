@@ -45,7 +45,7 @@ fn runs() -> Vec<Run> {
     stationary().map(homogeneous).chain([light()]).flat_map(both_steps).collect()
 }
 
-/// C_V as measured: `V/((k/m)^(1/(α+1))·v_max^((α−1)/(α+1)))`.
+/// `C_V` as measured: `V/((k/m)^(1/(α+1))·v_max^((α−1)/(α+1)))`.
 fn measured(seen: &Observations, run: &Run) -> Result<f64, StudyError> {
     let seen = seen.of(run)?;
     let physics = &seen.manifest.physics;

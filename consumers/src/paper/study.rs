@@ -89,7 +89,8 @@ mod tests {
         let origin = || Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
         let mut runs: BTreeMap<String, Run> = BTreeMap::new();
         for run in STUDIES.iter().flat_map(|study| (study.runs)()) {
-            RunManifest::new(&run.config, "run", origin()).expect(run.name());
+            let manifest = RunManifest::new(&run.config, "run", origin());
+            assert!(manifest.is_ok(), "{}: {manifest:?}", run.name());
             if let Some(other) = runs.insert(run.name().to_owned(), run.clone()) {
                 assert_eq!(other, run);
             }

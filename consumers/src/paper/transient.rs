@@ -5,13 +5,15 @@ use super::fit::PowerLaw;
 use super::front::Front;
 use super::observe::{Observations, Observed, Snapshot};
 use super::runs::{Run, long};
-use super::scaling::stationary;
+use super::scaling::{FROM_PATH, stationary};
 use super::study::Study;
 use crate::figure::{Axis, Colour, Curve, Figure, Panel, Stroke};
 use crate::theory::GaussianLimit;
 use schemas::frame::Frame;
 
 const SECTION: &str = "section 2";
+/// Where the uncertainty of places comes from.
+const FROM_FRAMES: &str = "the distance between two frames";
 /// Exponents whose transients are shown.
 const SHOWN: [f64; 4] = [1.004, 1.01, 1.02, 1.05];
 /// Exponents whose shapes are compared with a Gaussian.
@@ -123,8 +125,14 @@ fn judge_stationarity(seen: &Observations) -> Result<Judgement, StudyError> {
         let settled = relative(end.amplitude).max(relative(end.fwhm_beads)) < 1e-3;
         holds &= falls && settled;
         let what = |quantity: &str| format!("{quantity} at bead 50 over the stationary one, α = {alpha}");
-        numbers.push(Number::new(what("amplitude"), early.v_max_m_s / v0 / end.amplitude.0, ""));
-        numbers.push(Number::new(what("width"), early.fwhm_beads / end.fwhm_beads.0, ""));
+        numbers.push(
+            Number::new(what("amplitude"), early.v_max_m_s / v0 / end.amplitude.0, "")
+                .give_or_take(relative(end.amplitude), FROM_PATH),
+        );
+        numbers.push(
+            Number::new(what("width"), early.fwhm_beads / end.fwhm_beads.0, "")
+                .give_or_take(relative(end.fwhm_beads), FROM_PATH),
+        );
         let what =
             format!("relative change of amplitude or width over the last fifth of the path, α = {alpha}");
         numbers.push(Number::new(what, relative(end.amplitude).max(relative(end.fwhm_beads)), ""));
@@ -151,8 +159,10 @@ fn judge_symmetry(seen: &Observations) -> Result<Judgement, StudyError> {
         // rising by no more than what the interpolation between beads is good to
         let monotonic = asymmetry.windows(2).skip(5).all(|pair| pair[1] < pair[0] + 1e-4);
         holds &= monotonic && last.asymmetry.abs() < 0.01 * first.asymmetry.abs();
-        for (front, place) in [(first, "100"), (last, "at nine tenths of the chain")] {
-            numbers.push(Number::new(format!("asymmetry at bead {place}, α = {alpha}"), front.asymmetry, ""));
+        for (front, place) in [(first, "bead 100"), (last, "nine tenths of the chain")] {
+            let what = format!("asymmetry at {place}, α = {alpha}");
+            let number = Number::new(what, front.asymmetry, "");
+            numbers.push(number.give_or_take(1e-4, "the interpolation between beads"));
         }
     }
     Ok(Judgement {
@@ -187,10 +197,14 @@ fn judge_2000(seen: &Observations) -> Result<Judgement, StudyError> {
             place(1e-3)
         ),
         numbers: vec![
-            Number::new("amplitude at bead 2000 over the stationary one", amplitude + 1.0, ""),
-            Number::new("width at bead 2000 over the stationary one", width + 1.0, ""),
-            Number::new("bead from which the amplitude is within 1 %", place(1e-2), ""),
-            Number::new("bead from which the amplitude is within 0.1 %", place(1e-3), ""),
+            Number::new("amplitude at bead 2000 over the stationary one", amplitude + 1.0, "")
+                .give_or_take(end.amplitude.1 / end.amplitude.0, FROM_PATH),
+            Number::new("width at bead 2000 over the stationary one", width + 1.0, "")
+                .give_or_take(end.fwhm_beads.1 / end.fwhm_beads.0, FROM_PATH),
+            Number::new("bead from which the amplitude is within 1 %", place(1e-2), "")
+                .give_or_take(beads_between_frames(run), FROM_FRAMES),
+            Number::new("bead from which the amplitude is within 0.1 %", place(1e-3), "")
+                .give_or_take(beads_between_frames(run), FROM_FRAMES),
         ],
     })
 }
@@ -206,22 +220,29 @@ fn judge_15000(seen: &Observations) -> Result<Judgement, StudyError> {
             let place =
                 place.ok_or_else(|| run.absent(format!("pulse within {within} of its last amplitude")))?;
             let what = format!("bead from which the amplitude is within {} %, α = {alpha}", 100.0 * within);
-            numbers.push(
-                Number::new(what, place, "")
-                    .give_or_take(beads_between_frames(run), "the distance between two frames"),
-            );
+            numbers.push(Number::new(what, place, "").give_or_take(beads_between_frames(run), FROM_FRAMES));
             places.push(place);
         }
     }
     let thousandth: Vec<f64> = places.iter().skip(1).step_by(2).copied().collect();
+    let run = seen.of(&long(SHOWN[0]))?;
+    let last = stationary(seen, SHOWN[0])?.amplitude.0 * run.manifest.physics.striker.velocity_m_s;
+    let above = at(run, 15_000.0)?.v_max_m_s / last - 1.0;
+    numbers.push(Number::new(
+        "relative distance of the amplitude at bead 15000 from the last, α = 1.004",
+        above,
+        "",
+    ));
     let longer = thousandth.windows(2).all(|pair| pair[0] > pair[1]);
     Ok(Judgement {
         verdict: Verdict::graded(longer, (0.5..=1.0).contains(&(thousandth[0] / 15_000.0))),
         why: format!(
-            "A thousandth of the stationary amplitude is reached at beads {} for α = {}; after 15000 beads the pulse of 1.004 is \
-             stationary to five digits.",
+            "A thousandth of the stationary amplitude is reached at beads {} for α = {}; at bead 15000 the amplitude of 1.004 is \
+             {:.0e} above that of the last {:.0} beads.",
             thousandth.iter().map(|place| format!("{place:.0}")).collect::<Vec<_>>().join(", "),
-            SHOWN.map(|alpha| alpha.to_string()).join(", ")
+            SHOWN.map(|alpha| alpha.to_string()).join(", "),
+            above,
+            0.08 * run.manifest.physics.beads as f64
         ),
         numbers,
     })
@@ -271,7 +292,7 @@ fn judge_linear(seen: &Observations) -> Result<Judgement, StudyError> {
     })
 }
 
-/// The pulse in a snapshot, relative to its crest: (beads from it, v/v_max).
+/// The pulse in a snapshot, relative to its crest: (beads from it, `v/v_max`).
 fn profile(seen: &Observed, snapshot: &Snapshot) -> Result<Vec<(f64, f64)>, StudyError> {
     let frame = Frame {
         frame: 0,
