@@ -11,6 +11,7 @@
 
 mod backpressure;
 mod board;
+mod chain_values;
 mod creating;
 mod live;
 mod publisher;

@@ -1,9 +1,14 @@
 //! The resolved chain: one number for each bead and each contact, and sums over them.
 
 use crate::contact::{ContactLaw, PowerUser};
+use crate::damping::ContactDamping;
 use std::ops::Range;
 
 /// Masses, stiffnesses and rest overlaps after all rules of a configuration have been applied.
+///
+/// Where a constant load presses the chain together, displacements are measured from its static
+/// equilibrium. There every constant force is balanced by the forces of the contacts at rest, so that the
+/// motion is that of the contacts' *excess* over their [`Chain::rest_force_n`], and nothing else acts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chain {
     /// Mass of each bead (kg), N values.
@@ -12,8 +17,67 @@ pub struct Chain {
     pub stiffness: Vec<f64>,
     /// Overlap of each contact (m) when both displacements are 0, N − 1 values.
     pub rest_overlap_m: Vec<f64>,
+    /// Force of each contact (N) at its rest overlap, N − 1 values, computed as every force is: the force at
+    /// rest cancels it to the last bit.
+    pub rest_force_n: Vec<f64>,
+    /// Potential energy of each contact (J) at its rest overlap, N − 1 values.
+    pub rest_energy_j: Vec<f64>,
+    /// What the end beads touch.
+    pub walls: Walls,
+    /// What contacts dissipate.
+    pub damping: Option<ContactDamping>,
     /// The contact law of every contact.
     pub law: ContactLaw,
+}
+
+/// The contacts of the end beads with the walls beside them.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Walls {
+    /// Left of bead 0.
+    pub left: Wall,
+    /// Right of the last bead.
+    pub right: Wall,
+}
+
+/// The contact of an end bead with a wall; all zeros at a free end.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Wall {
+    /// Stiffness of the contact (N·m^−α), 0 at a free end.
+    pub stiffness: f64,
+    /// Overlap of the contact (m) when the end bead's displacement is 0.
+    pub rest_overlap_m: f64,
+    /// Force (N) at the rest overlap.
+    pub rest_force_n: f64,
+    /// Potential energy (J) at the rest overlap.
+    pub rest_energy_j: f64,
+}
+
+impl Wall {
+    /// A wall whose contact has the stiffness `stiffness` and overlaps by `rest_overlap_m` at rest.
+    pub fn new(law: ContactLaw, stiffness: f64, rest_overlap_m: f64) -> Self {
+        Self {
+            stiffness,
+            rest_overlap_m,
+            rest_force_n: law.force(stiffness, rest_overlap_m),
+            rest_energy_j: law.energy(stiffness, rest_overlap_m),
+        }
+    }
+
+    /// Overlap (m) when the end bead has come `approach_m` nearer than at rest.
+    pub fn overlap_m(&self, approach_m: f64) -> f64 {
+        approach_m + self.rest_overlap_m
+    }
+
+    /// Force (N) beyond that at rest when the end bead has come `approach_m` nearer.
+    pub fn excess_force_n(&self, law: ContactLaw, approach_m: f64) -> f64 {
+        law.force(self.stiffness, self.overlap_m(approach_m)) - self.rest_force_n
+    }
+
+    /// Energy (J) beyond that at rest, less the work of the constant force that the contact balances.
+    fn excess_energy_j(&self, law: ContactLaw, approach_m: f64) -> f64 {
+        let energy = law.energy(self.stiffness, self.overlap_m(approach_m));
+        (energy - self.rest_energy_j) - self.rest_force_n * approach_m
+    }
 }
 
 /// Kinetic and potential energy (J) of a part of a chain.
@@ -33,6 +97,26 @@ impl Energy {
 }
 
 impl Chain {
+    /// A chain without damping of beads of `mass_kg` (N values), contacts of `stiffness` and `rest_overlap_m` (N − 1 values each).
+    pub fn new(
+        mass_kg: Vec<f64>,
+        stiffness: Vec<f64>,
+        rest_overlap_m: Vec<f64>,
+        walls: Walls,
+        law: ContactLaw,
+    ) -> Self {
+        let at_rest = |value: fn(&ContactLaw, f64, f64) -> f64| {
+            stiffness.iter().zip(&rest_overlap_m).map(|(k, rest)| value(&law, *k, *rest)).collect()
+        };
+        let (rest_force_n, rest_energy_j) = (at_rest(ContactLaw::force), at_rest(ContactLaw::energy));
+        Self { mass_kg, stiffness, rest_overlap_m, rest_force_n, rest_energy_j, walls, damping: None, law }
+    }
+
+    /// Whether a contact between two beads has an overlap at rest.
+    pub fn is_loaded(&self) -> bool {
+        self.rest_overlap_m.iter().any(|rest| *rest != 0.0)
+    }
+
     /// Number of beads N.
     pub fn bead_count(&self) -> usize {
         self.mass_kg.len()
@@ -56,20 +140,43 @@ impl Chain {
     }
 
     /// Writes the potential energy (J) of every contact into `energy_j` (N − 1 values).
+    ///
+    /// In a loaded chain it is the excess over the static equilibrium,
+    /// `U(δ) − U(δ_rest) − F_rest·(δ − δ_rest)`, which is never negative: the last term is the work of the
+    /// constant forces, so that kinetic energy and excess together are conserved.
     pub fn contact_energies_j(&self, u_m: &[f64], energy_j: &mut [f64]) {
-        let chain = self;
+        let (chain, is_loaded) = (self, self.is_loaded());
         pulp::Arch::new().dispatch(
             #[inline(always)]
-            || chain.law.with_power(ContactEnergies { chain, u_m, energy_j }),
+            || {
+                if is_loaded {
+                    chain.law.with_power(ContactEnergies::<true> { chain, u_m, energy_j });
+                } else {
+                    chain.law.with_power(ContactEnergies::<false> { chain, u_m, energy_j });
+                }
+            },
         );
+    }
+
+    /// The same energy (J) of the contacts with the left and with the right wall, 0 at free ends.
+    pub fn wall_energies_j(&self, u_m: &[f64]) -> [f64; 2] {
+        let Walls { left, right } = self.walls;
+        let [left_m, right_m] = self.wall_approaches_m(u_m);
+        [left.excess_energy_j(self.law, left_m), right.excess_energy_j(self.law, right_m)]
+    }
+
+    /// How much nearer (m) than at rest the end beads are to the left and to the right wall.
+    pub fn wall_approaches_m(&self, u_m: &[f64]) -> [f64; 2] {
+        [-u_m[0], u_m[u_m.len() - 1]]
     }
 
     /// Kinetic and potential energy of the whole chain. `scratch` holds N − 1 values.
     pub fn energy(&self, u_m: &[f64], v_m_s: &[f64], scratch: &mut [f64]) -> Energy {
         self.contact_energies_j(u_m, scratch);
+        let [left, right] = self.wall_energies_j(u_m);
         Energy {
             kinetic_j: self.kinetic_j(v_m_s, 0..self.bead_count()),
-            potential_j: ordered_sum(scratch.len(), |c| scratch[c]),
+            potential_j: ordered_sum(scratch.len(), |c| scratch[c]) + (left + right),
         }
     }
 }
@@ -97,13 +204,13 @@ pub fn ordered_sum(count: usize, term: impl Fn(usize) -> f64) -> f64 {
 }
 
 /// The loop behind [`Chain::contact_energies_j`], one copy for each form of the power.
-struct ContactEnergies<'a> {
+struct ContactEnergies<'a, const LOADED: bool> {
     chain: &'a Chain,
     u_m: &'a [f64],
     energy_j: &'a mut [f64],
 }
 
-impl PowerUser for ContactEnergies<'_> {
+impl<const LOADED: bool> PowerUser for ContactEnergies<'_, LOADED> {
     type Output = ();
 
     #[inline(always)]
@@ -111,14 +218,18 @@ impl PowerUser for ContactEnergies<'_> {
         let contacts = self.chain.contact_count();
         let (left, right) = (&self.u_m[..contacts], &self.u_m[1..=contacts]);
         let (stiffness, rest) = (&self.chain.stiffness[..contacts], &self.chain.rest_overlap_m[..contacts]);
+        let rest_force = &self.chain.rest_force_n[..contacts];
+        let rest_energy = &self.chain.rest_energy_j[..contacts];
         let energy_j = &mut self.energy_j[..contacts];
         let exponent = self.chain.law.alpha() + 1.0;
         for c in 0..contacts {
-            let overlap = left[c] - right[c] + rest[c];
+            let approach = left[c] - right[c];
+            let overlap = if LOADED { approach + rest[c] } else { approach };
             let closed = overlap > zero_below_m;
             let d = if closed { overlap } else { 1.0 };
             let energy = stiffness[c] * power(d) * d / exponent;
-            energy_j[c] = if closed { energy } else { 0.0 };
+            let energy = if closed { energy } else { 0.0 };
+            energy_j[c] = if LOADED { (energy - rest_energy[c]) - rest_force[c] * approach } else { energy };
         }
     }
 }
@@ -128,12 +239,8 @@ mod tests {
     use super::*;
 
     fn chain(alpha: f64) -> Chain {
-        Chain {
-            mass_kg: vec![1.0, 2.0, 4.0],
-            stiffness: vec![10.0, 10.0],
-            rest_overlap_m: vec![0.0, 0.0],
-            law: ContactLaw::new(alpha),
-        }
+        let law = ContactLaw::new(alpha);
+        Chain::new(vec![1.0, 2.0, 4.0], vec![10.0, 10.0], vec![0.0, 0.0], Walls::default(), law)
     }
 
     #[test]
@@ -150,17 +257,31 @@ mod tests {
         for alpha in [1.0, 1.3, 1.5, 2.0, 3.0, 5.0, 10.0] {
             let law = ContactLaw::new(alpha);
             let u_m: Vec<f64> = (0..40_u32).map(|i| f64::from((i * 37) % 17) * 1e-5).collect();
-            let chain = Chain {
-                mass_kg: vec![1.0; 40],
-                stiffness: vec![1e7; 39],
-                rest_overlap_m: vec![0.0; 39],
-                law,
-            };
+            let (mass_kg, stiffness) = (vec![1.0; 40], vec![1e7; 39]);
+            let chain = Chain::new(mass_kg, stiffness, vec![0.0; 39], Walls::default(), law);
             let mut energy_j = vec![0.0; 39];
             chain.contact_energies_j(&u_m, &mut energy_j);
             for (c, energy) in energy_j.iter().enumerate() {
                 assert_eq!(*energy, law.energy(1e7, chain.overlap_m(&u_m, c)), "α = {alpha}");
             }
         }
+    }
+
+    /// k = 4, α = 3, rest overlaps ½: U = δ⁴, F = 4·δ³, at rest 1/16 and ½. Beads displaced by ½
+    /// and 0 between walls: overlaps 0 (left wall, open), 1 (contact), ½ (right wall).
+    #[test]
+    fn the_energy_of_a_loaded_chain_is_its_excess_over_rest() {
+        let law = ContactLaw::new(3.0);
+        let wall = Wall::new(law, 4.0, 0.5);
+        let walls = Walls { left: wall, right: wall };
+        let chain = Chain::new(vec![1.0; 2], vec![4.0], vec![0.5], walls, law);
+        assert_eq!(chain.energy(&[0.0; 2], &[0.0; 2], &mut [0.0]).total_j(), 0.0);
+        let mut contact_j = [0.0];
+        chain.contact_energies_j(&[0.5, 0.0], &mut contact_j);
+        assert_eq!(contact_j, [1.0 - 1.0 / 16.0 - 0.5 * 0.5]);
+        // the left wall gives back what it stored, and its constant force is worked against
+        assert_eq!(chain.wall_energies_j(&[0.5, 0.0]), [-1.0 / 16.0 + 0.5 * 0.5, 0.0]);
+        assert_eq!(wall.excess_force_n(law, 0.5), 4.0 - 0.5);
+        assert_eq!(wall.excess_force_n(law, -1.0), -0.5);
     }
 }

@@ -17,6 +17,15 @@ pub struct RunConfig {
     pub name: Option<String>,
     /// The beads and their contacts.
     pub chain: ChainConfig,
+    /// What the ends of the chain touch.
+    #[serde(default, skip_serializing_if = "EndsConfig::is_free")]
+    pub ends: EndsConfig,
+    /// What loads the chain before the shock.
+    #[serde(default, skip_serializing_if = "LoadConfig::is_none")]
+    pub load: LoadConfig,
+    /// What contacts dissipate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub damping: Option<DampingConfig>,
     /// The bead that moves at the beginning.
     pub striker: StrikerConfig,
     /// How long to simulate, and with which step.
@@ -35,15 +44,149 @@ pub struct RunConfig {
 pub struct ChainConfig {
     /// Number of beads N.
     pub beads: u64,
-    /// Mass of a bead (kg).
+    /// Mass of a bead (kg), unless `masses` says otherwise.
     pub bead_mass_kg: f64,
     /// Exponent α of the contact law.
     pub alpha: f64,
-    /// Stiffness k of every contact (N·m^−α).
+    /// Stiffness k of a contact (N·m^−α), unless `stiffnesses` says otherwise.
     pub stiffness: f64,
-    /// Beads of another mass.
+    /// A rule for the masses of all beads.
+    #[serde(default, skip_serializing_if = "MassRule::is_uniform")]
+    pub masses: MassRule,
+    /// A rule for the stiffnesses of all contacts.
+    #[serde(default, skip_serializing_if = "StiffnessRule::is_uniform")]
+    pub stiffnesses: StiffnessRule,
+    /// Beads of another mass than the rule gives them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub impurities: Vec<Impurity>,
+    /// Contacts of another stiffness than the rule gives them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub contacts: Vec<OddContact>,
+}
+
+/// The masses of the beads of a chain, before its impurities.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MassRule {
+    /// Every bead has `bead_mass_kg`.
+    #[default]
+    Uniform,
+    /// Masses (kg) that repeat along the chain: two for a dimer chain.
+    PatternKg(Vec<f64>),
+    /// Each bead has this many times the mass of the bead before; bead 0 has `bead_mass_kg`.
+    Taper(f64),
+    /// The mass of each bead (kg), N values.
+    ListKg(Vec<f64>),
+}
+
+/// The stiffnesses of the contacts of a chain, before its odd contacts.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StiffnessRule {
+    /// Every contact has `stiffness`.
+    #[default]
+    Uniform,
+    /// Spheres of one material (α = 1.5): `k·√(2·r_i·r_j/(r_i + r_j))` with radii `r = (m/bead_mass_kg)^(1/3)`, so
+    /// that two beads of `bead_mass_kg` have `stiffness`; `k·√(2r)` against a wall.
+    Radii,
+    /// Stiffnesses (N·m^−α) that repeat along the chain.
+    Pattern(Vec<f64>),
+    /// The stiffness of each contact (N·m^−α), N − 1 values.
+    List(Vec<f64>),
+}
+
+impl MassRule {
+    /// Whether it is the usual one.
+    pub fn is_uniform(&self) -> bool {
+        *self == Self::Uniform
+    }
+}
+
+impl StiffnessRule {
+    /// Whether it is the usual one.
+    pub fn is_uniform(&self) -> bool {
+        *self == Self::Uniform
+    }
+}
+
+/// A contact of another stiffness.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OddContact {
+    /// Which contact, from 0; it joins the beads `contact` and `contact + 1`.
+    pub contact: u64,
+    /// Its stiffness (N·m^−α).
+    pub stiffness: f64,
+}
+
+/// The `[ends]` table.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct EndsConfig {
+    /// What is left of bead 0.
+    pub left: End,
+    /// What is right of the last bead.
+    pub right: End,
+    /// Stiffness (N·m^−α) of the contact with the left wall [default: that of the chain].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub left_stiffness: Option<f64>,
+    /// Stiffness (N·m^−α) of the contact with the right wall [default: that of the chain].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub right_stiffness: Option<f64>,
+}
+
+/// What is beyond an end of the chain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum End {
+    /// Nothing.
+    #[default]
+    Free,
+    /// A wall that the end bead touches.
+    Fixed,
+}
+
+impl EndsConfig {
+    /// Whether nothing is beyond either end.
+    pub fn is_free(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+/// The `[load]` table.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LoadConfig {
+    /// Constant acceleration of every bead (m/s²), positive towards higher bead numbers; a wall must carry
+    /// the weight.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub gravity_m_s2: f64,
+    /// Force (N) with which the chain is pressed together from both ends: by walls where there are, by a
+    /// constant force on the end bead where not.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub precompression_n: f64,
+}
+
+impl LoadConfig {
+    /// Whether nothing loads the chain.
+    pub fn is_none(&self) -> bool {
+        self.gravity_m_s2 == 0.0 && self.precompression_n == 0.0
+    }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
+/// The `[damping]` table: one of its keys.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DampingConfig {
+    /// A dashpot in every closed contact: the force `γ·dδ/dt`, γ in N·s/m.
+    ViscousNSPerM(f64),
+    /// Coefficient of restitution e of two beads, the same at any speed: the force `η·δ^((α−1)/2)·dδ/dt`.
+    Restitution(f64),
 }
 
 /// A bead of another mass.
@@ -176,12 +319,28 @@ impl RunConfig {
     /// When the text is not TOML, a key is unknown or missing, or a value has the wrong type; the
     /// error carries the line.
     pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
-        toml::from_str(text).map_err(|error| ConfigError {
+        #[derive(Deserialize)]
+        struct Named {
+            integrator: Option<serde::de::IgnoredAny>,
+        }
+        let unreadable = |error: toml::de::Error| ConfigError {
             path: None,
             line: error.span().map(|span| line_at(text, span.start)),
             key: String::new(),
             message: error.message().to_owned(),
-        })
+        };
+        let mut config: Self = toml::from_str(text).map_err(unreadable)?;
+        let Named { integrator } = toml::from_str(text).map_err(unreadable)?;
+        if integrator.is_none() {
+            config.integrator.method = config.default_method();
+        }
+        Ok(config)
+    }
+
+    /// The method where a configuration names none: [`Method::Rkn4`], with damping [`Method::Gear5`], which takes
+    /// forces that depend on velocities.
+    fn default_method(&self) -> Method {
+        if self.damping.is_some() { Method::Gear5 } else { IntegratorConfig::default().method }
     }
 
     /// The configuration as TOML text that reads back to an equal configuration.
@@ -233,6 +392,43 @@ mod tests {
     fn round_trips_through_toml() {
         let config = RunConfig::from_toml(TEXT).expect("valid");
         assert_eq!(RunConfig::from_toml(&config.to_toml()), Ok(config));
+    }
+
+    /// What a configuration may say beyond equal beads between free ends.
+    #[test]
+    fn every_rule_can_be_written() {
+        let text = "[chain]\nbeads = 3\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n\
+            masses = { pattern_kg = [1e-3, 2e-3] }\nstiffnesses = \"radii\"\n\
+            contacts = [{ contact = 1, stiffness = 2e7 }]\n[ends]\nleft = \"free\"\nright = \"fixed\"\n\
+            right_stiffness = 1e8\n[load]\ngravity_m_s2 = 9.81\nprecompression_n = 1.0\n[damping]\n\
+            restitution = 0.9\n[striker]\nbead = 0\nvelocity_m_s = 5.0\n[time]\nduration_s = 0.01\n\
+            [integrator]\nmethod = \"rkn4\"\n";
+        let config = RunConfig::from_toml(text).expect("valid");
+        assert_eq!(config.chain.masses, MassRule::PatternKg(vec![1e-3, 2e-3]));
+        assert_eq!(config.chain.stiffnesses, StiffnessRule::Radii);
+        assert_eq!((config.ends.right, config.ends.right_stiffness), (End::Fixed, Some(1e8)));
+        assert_eq!(config.damping, Some(DampingConfig::Restitution(0.9)));
+        assert_eq!(RunConfig::from_toml(&config.to_toml()), Ok(config));
+        for (from, to) in [("restitution", "bounce"), ("pattern_kg", "pattern"), ("\"fixed\"", "\"stuck\"")] {
+            let error = RunConfig::from_toml(&text.replace(from, to)).expect_err("unknown");
+            assert!(error.line.is_some() && error.message.contains("expected"), "{error}");
+        }
+    }
+
+    /// Every configuration that the documentation shows is a possible run.
+    #[test]
+    fn the_documented_configurations_are_valid() {
+        let page = include_str!("../../docs/CONFIGURATION.md");
+        let blocks: Vec<&str> =
+            page.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
+        assert_eq!(blocks.len(), 5);
+        for block in &blocks {
+            let config = RunConfig::from_toml(block).unwrap_or_else(|error| panic!("{error} in\n{block}"));
+            let physics = crate::manifest::Physics::resolve(&config);
+            let physics = physics.unwrap_or_else(|error| panic!("{error} in\n{block}"));
+            let expected = if config.damping.is_some() { Method::Gear5 } else { Method::Rkn4 };
+            assert_eq!(physics.method, expected);
+        }
     }
 
     #[test]

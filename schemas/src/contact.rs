@@ -81,13 +81,38 @@ impl ContactLaw {
     #[inline(always)]
     pub fn with_power<U: PowerUser>(&self, user: U) -> U::Output {
         let (alpha, bound) = (self.alpha, self.zero_below_m);
+        // a closure that is not inlined would be compiled without the caller's instruction set
         match self.form {
-            Form::Linear => user.run(bound, |d| d),
-            Form::Hertz => user.run(bound, |d: f64| d * d.sqrt()),
-            Form::Square => user.run(bound, |d| d * d),
-            Form::Cube => user.run(bound, |d| d * d * d),
-            Form::Fifth => user.run(bound, |d| (d * d) * (d * d) * d),
-            Form::General => user.run(bound, move |d| power(d, alpha)),
+            Form::Linear => user.run(
+                bound,
+                #[inline(always)]
+                |d| d,
+            ),
+            Form::Hertz => user.run(
+                bound,
+                #[inline(always)]
+                |d: f64| d * d.sqrt(),
+            ),
+            Form::Square => user.run(
+                bound,
+                #[inline(always)]
+                |d| d * d,
+            ),
+            Form::Cube => user.run(
+                bound,
+                #[inline(always)]
+                |d| d * d * d,
+            ),
+            Form::Fifth => user.run(
+                bound,
+                #[inline(always)]
+                |d| (d * d) * (d * d) * d,
+            ),
+            Form::General => user.run(
+                bound,
+                #[inline(always)]
+                move |d| power(d, alpha),
+            ),
         }
     }
 

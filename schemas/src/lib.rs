@@ -8,6 +8,7 @@ pub mod bus;
 pub mod chain;
 pub mod config;
 pub mod contact;
+pub mod damping;
 pub mod frame;
 pub mod manifest;
 pub mod method;

@@ -1,7 +1,8 @@
 //! Ready-made configurations: the runs of the paper.
 
 use crate::config::{
-    ChainConfig, Impurity, IntegratorConfig, RunConfig, StreamConfig, StrikerConfig, TimeConfig,
+    ChainConfig, EndsConfig, Impurity, IntegratorConfig, LoadConfig, MassRule, RunConfig, StiffnessRule,
+    StreamConfig, StrikerConfig, TimeConfig,
 };
 
 /// A configuration with a name and a sentence about it.
@@ -70,8 +71,14 @@ impl Preset {
                 bead_mass_kg: 1e-3,
                 alpha: 1.5,
                 stiffness: 1e7,
+                masses: MassRule::Uniform,
+                stiffnesses: StiffnessRule::Uniform,
                 impurities: self.impurity.into_iter().collect(),
+                contacts: Vec::new(),
             },
+            ends: EndsConfig::default(),
+            load: LoadConfig::default(),
+            damping: None,
             striker: StrikerConfig { bead: 0, velocity_m_s: 5.0 },
             time: TimeConfig { duration_s: self.duration_s, dt_s: None },
             integrator: IntegratorConfig::default(),

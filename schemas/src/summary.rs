@@ -1,6 +1,6 @@
 //! A few numbers about a frame, so that any plotting tool shows something useful at once.
 
-use crate::chain::{Chain, Energy};
+use crate::chain::{Chain, Energy, ordered_sum};
 use crate::frame::Frame;
 use crate::manifest::Physics;
 
@@ -9,7 +9,9 @@ use crate::manifest::Physics;
 pub struct Summary {
     /// Kinetic and potential energy of the whole chain.
     pub energy: Energy,
-    /// `(E − E0)/E0` against the energy of the initial state.
+    /// Work (J) that damped contacts have dissipated so far.
+    pub dissipated_j: f64,
+    /// [`relative_drift`] against the energy of the initial state.
     pub relative_drift: f64,
     /// The bead farthest along the direction of the shock that moves faster than a thousandth of
     /// the striker's initial speed.
@@ -35,8 +37,9 @@ pub struct Summarizer {
     chain: Chain,
     initial_j: f64,
     impurities: Vec<u64>,
-    striker_bead: u64,
-    striker_m_s: f64,
+    physics: Physics,
+    /// Beads that move faster belong to the shock (m/s).
+    front_threshold_m_s: f64,
     contact_energy_j: Vec<f64>,
 }
 
@@ -47,8 +50,8 @@ impl Summarizer {
         Self {
             initial_j: physics.initial_energy().total_j(),
             impurities: physics.impurities.iter().map(|impurity| impurity.bead).collect(),
-            striker_bead: physics.striker.bead,
-            striker_m_s: physics.striker.velocity_m_s,
+            front_threshold_m_s: 1e-3 * physics.scales().speed_m_s(),
+            physics: physics.clone(),
             contact_energy_j: vec![0.0; chain.contact_count()],
             chain,
         }
@@ -57,21 +60,30 @@ impl Summarizer {
     /// The summary of `frame`.
     pub fn summarize(&mut self, frame: &Frame<'_>) -> Summary {
         let energy = self.chain.energy(frame.u_m, frame.v_m_s, &mut self.contact_energy_j);
+        let dissipated = self.physics.dissipated_j(frame.extra);
+        let dissipated_j = ordered_sum(dissipated.len(), |c| dissipated[c]);
         Summary {
             energy,
-            relative_drift: (energy.total_j() - self.initial_j) / self.initial_j,
+            dissipated_j,
+            relative_drift: relative_drift(energy.total_j() + dissipated_j, self.initial_j),
             front_bead: self.front_bead(frame.v_m_s),
             impurities: self.impurities.iter().map(|bead| bead_state(frame, *bead)).collect(),
         }
     }
 
     fn front_bead(&self, v_m_s: &[f64]) -> u64 {
-        let threshold = 1e-3 * self.striker_m_s.abs();
-        let moves = |v: &f64| v.abs() > threshold;
-        let front =
-            if self.striker_m_s > 0.0 { v_m_s.iter().rposition(moves) } else { v_m_s.iter().position(moves) };
-        front.map_or(self.striker_bead, |bead| bead as u64)
+        let moves = |v: &f64| v.abs() > self.front_threshold_m_s;
+        let striker = &self.physics.striker;
+        let is_leftward = striker.velocity_m_s < 0.0;
+        let front = if is_leftward { v_m_s.iter().position(moves) } else { v_m_s.iter().rposition(moves) };
+        front.map_or(striker.bead, |bead| bead as u64)
     }
+}
+
+/// `(E − E0)/E0` of an energy (J), the dissipated work included, against the initial one; 0 where both are 0,
+/// in a chain that stays at rest.
+pub fn relative_drift(energy_j: f64, initial_j: f64) -> f64 {
+    if energy_j == initial_j { 0.0 } else { (energy_j - initial_j) / initial_j }
 }
 
 fn bead_state(frame: &Frame<'_>, bead: u64) -> BeadState {

@@ -153,9 +153,10 @@ def main(path, table_path=None):
             checks.expect(SCHEMAS.get(channel.topic) == schema.name, f"{channel.topic}: {schema.name}")
             check_message(channel, message, decoded, checks)
             if channel.topic == "/chain":
-                lengths = [len(decoded.mass_kg), len(decoded.stiffness), len(decoded.rest_overlap_m)]
+                arrays = [decoded.mass_kg, decoded.stiffness, decoded.rest_overlap_m, decoded.rest_force_n]
                 beads = physics["beads"]
-                checks.expect(lengths == [beads, beads - 1, beads - 1], f"/chain: {lengths} values")
+                lengths = [len(array) for array in arrays]
+                checks.expect(lengths == [beads] + 3 * [beads - 1], f"/chain: {lengths} values")
             elif channel.topic == "/state":
                 state = decoded
                 steps.append(state.step)

@@ -1,6 +1,6 @@
 //! The runs that these tests make.
 
-use producer::splitting::Integrator;
+use producer::integrator::Integrator;
 use producer::state::ChainState;
 use schemas::config::{Impurity, RunConfig};
 use schemas::manifest::Physics;
@@ -35,7 +35,12 @@ pub(crate) fn impurity(bead: u64, ratio: f64) -> Impurity {
 
 /// The state at the last step.
 pub(crate) fn final_state(physics: &Physics) -> ChainState {
-    let mut state = ChainState::initial(physics);
+    state_after(physics, ChainState::initial(physics))
+}
+
+/// The state at the last step of a run that begins with `start`.
+pub(crate) fn state_after(physics: &Physics, start: ChainState) -> ChainState {
+    let mut state = start;
     let mut integrator = Integrator::new(physics);
     while state.step < physics.step_count {
         integrator.step(&mut state);

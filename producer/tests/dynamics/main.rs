@@ -8,5 +8,6 @@ mod chains;
 mod final_states;
 mod orders;
 mod reference;
+mod resuming;
 mod symmetries;
 mod table;

@@ -1,7 +1,7 @@
 //! From frames and summaries to protobuf messages.
 
 use super::proto;
-use crate::chain::Chain;
+use crate::chain::{Chain, Wall};
 use crate::frame::Frame;
 use crate::summary::Summary;
 
@@ -91,6 +91,7 @@ pub(super) fn summary(frame: &Frame<'_>, summary: &Summary) -> proto::Summary {
         total_j: summary.energy.total_j(),
         relative_drift: summary.relative_drift,
         front_bead: summary.front_bead,
+        dissipated_j: summary.dissipated_j,
         impurity: summary
             .impurities
             .iter()
@@ -105,12 +106,27 @@ pub(super) fn summary(frame: &Frame<'_>, summary: &Summary) -> proto::Summary {
 
 /// The `Chain` message of a resolved chain.
 pub(super) fn chain(chain: &Chain) -> proto::Chain {
+    let damping = chain.damping.as_ref().map_or([0.0; 2], |damping| damping.wall_coefficient);
     proto::Chain {
         mass_kg: chain.mass_kg.clone(),
         stiffness: chain.stiffness.clone(),
         rest_overlap_m: chain.rest_overlap_m.clone(),
         alpha: chain.law.alpha(),
+        rest_force_n: chain.rest_force_n.clone(),
+        left_wall: wall(chain.walls.left, damping[0]),
+        right_wall: wall(chain.walls.right, damping[1]),
+        damping: chain.damping.as_ref().map(|damping| damping.coefficient.clone()).unwrap_or_default(),
+        damping_exponent: chain
+            .damping
+            .as_ref()
+            .map_or(0.0, |damping| damping.kind.exponent(chain.law.alpha())),
     }
+}
+
+/// The wall, if there is one.
+fn wall(wall: Wall, damping: f64) -> Option<proto::chain::Wall> {
+    let Wall { stiffness, rest_overlap_m, rest_force_n, .. } = wall;
+    (stiffness > 0.0).then_some(proto::chain::Wall { stiffness, rest_overlap_m, rest_force_n, damping })
 }
 
 #[cfg(test)]

@@ -6,9 +6,8 @@ use crate::bus::board::BoardReader;
 use crate::bus::runs::{RunInfo, look_at, run_names};
 use crate::bus::services::{self, Topic, check_schema, text_of};
 use crate::bus::wire::{JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, STATE_RUNNING, StreamId};
-use crate::bus::{Bus, BusError, Ipc};
+use crate::bus::{Bus, BusError, Ipc, chain_values};
 use crate::chain::Chain;
-use crate::contact::ContactLaw;
 use crate::manifest::{ManifestError, RunId, RunManifest};
 use crate::run_name::RunName;
 use iceoryx2::node::Node;
@@ -401,20 +400,12 @@ impl Handshake<'_> {
         chains: &StateSubscriber,
         manifest: &RunManifest,
     ) -> Result<Option<Chain>, iceoryx2::port::ReceiveError> {
-        let beads = usize::try_from(manifest.physics.beads).unwrap_or(usize::MAX);
         while let Some(sample) = chains.receive()? {
-            let (header, values) = (sample.user_header(), sample.payload());
-            if header.stream_id != self.stream.stream_id || values.len() != 3 * beads - 2 {
-                continue;
+            let is_ours = sample.user_header().stream_id == self.stream.stream_id;
+            let chain = is_ours.then(|| chain_values::from_values(&manifest.physics, sample.payload()));
+            if let Some(chain) = chain.flatten() {
+                return Ok(Some(chain));
             }
-            let (mass_kg, rest) = values.split_at(beads);
-            let (stiffness, rest_overlap_m) = rest.split_at(beads - 1);
-            return Ok(Some(Chain {
-                mass_kg: mass_kg.to_vec(),
-                stiffness: stiffness.to_vec(),
-                rest_overlap_m: rest_overlap_m.to_vec(),
-                law: ContactLaw::new(manifest.physics.alpha),
-            }));
         }
         Ok(None)
     }

@@ -5,7 +5,7 @@ use crate::bus::backpressure::Backpressure;
 use crate::bus::board::{BoardReader, BoardWriter};
 use crate::bus::services::{self, Topic, check_schema, text_of};
 use crate::bus::wire::{MANIFEST_BYTES, RunStatus, STATE_WAITING, StateHeader, StreamId, fill};
-use crate::bus::{Bus, BusError, Ipc, RoomError, node_bytes, room};
+use crate::bus::{Bus, BusError, Ipc, RoomError, chain_values, node_bytes, room};
 use crate::chain::Chain;
 use crate::manifest::{RunId, RunManifest};
 use crate::run_name::RunName;
@@ -234,7 +234,7 @@ fn join_server(
     Ok((server, join, joiners))
 }
 
-/// Publishes `[mass | stiffness | rest overlap]` once; the history keeps it for whoever comes later.
+/// Publishes the chain once; the history keeps it for whoever comes later.
 fn publish_chain(
     node: &Node<Ipc>,
     run: &RunName,
@@ -243,14 +243,13 @@ fn publish_chain(
 ) -> Result<Publisher<Ipc, [f64], StateHeader>, BusError> {
     let text = text_of(run, Topic::Chain);
     let failed = |e: &dyn std::fmt::Debug| BusError::service(&text, "publish", &format!("{e:?}"));
-    let parts = [&chain.mass_kg[..], &chain.stiffness, &chain.rest_overlap_m];
-    let length = parts.iter().map(|part| part.len()).sum();
+    let values = chain_values::to_values(chain);
     let header =
         StateHeader { run_id: stream.run_id.0, stream_id: stream.stream_id, ..StateHeader::default() };
     let service = services::chain(node, run)?;
-    let builder = service.publisher_builder().initial_max_slice_len(length).max_loaned_samples(1);
+    let builder = service.publisher_builder().initial_max_slice_len(values.len()).max_loaned_samples(1);
     let publisher = builder.create().map_err(|e| failed(&e))?;
-    let slot = publisher.loan_slice_uninit(length).map_err(|e| failed(&e))?;
-    fill(slot, header, &parts).send().map_err(|e| failed(&e))?;
+    let slot = publisher.loan_slice_uninit(values.len()).map_err(|e| failed(&e))?;
+    fill(slot, header, &[&values]).send().map_err(|e| failed(&e))?;
     Ok(publisher)
 }

@@ -1,0 +1,209 @@
+//! What closed contacts dissipate.
+//!
+//! A damped contact pushes with `F = k·δ^α + η·δ^p·dδ/dt` while it is closed, but never pulls: `F = 0` where that is
+//! negative. A dashpot has `p = 0`. With `p = (α−1)/2` the substitution `s = δ^((α+1)/2)` turns a collision
+//! of two beads into that of a linear damped oscillator, whatever α is, so that its coefficient of
+//! restitution does not depend on the speed.
+//!
+//! # Source
+//! Y. Tsuji, T. Tanaka and T. Ishida, Powder Technol. 71 (1992) 239, doi:10.1016/0032-5910(92)88030-L (α = 3/2);
+//! T. Schwager and T. Pöschel, Granul. Matter 9 (2007) 465, doi:10.1007/s10035-007-0065-z (the end of a
+//! contact that never pulls).
+
+use crate::config::{ConfigError, DampingConfig};
+use serde::{Deserialize, Serialize};
+
+/// The damping of every contact of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Damping {
+    /// A dashpot: `η = γ` (N·s/m), `p = 0`.
+    ViscousNSPerM(f64),
+    /// A collision of two beads that does not depend on their speed: `p = (α−1)/2`.
+    #[serde(rename = "restitution")]
+    Restitution(Restitution),
+}
+
+/// A coefficient of restitution and what it means for a contact.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Restitution {
+    /// Relative speed after over that before a collision.
+    pub coefficient: f64,
+    /// The damping ratio ζ of the oscillator that has it; `η = ζ·√(2·(α+1)·k·m*)` with the reduced mass m*.
+    /// Stored because it is found with functions that are not the same on every machine.
+    pub damping_ratio: f64,
+}
+
+impl Restitution {
+    /// Finds the damping ratio of `coefficient`, which is between 0 and 1.
+    fn new(coefficient: f64) -> Self {
+        // e falls from 1 at ζ = 0 to 1/(4ζ²) far beyond ζ = 1
+        let (mut low, mut high) = (0.0, 2.0 / coefficient.sqrt());
+        for _ in 0..200 {
+            let middle = 0.5 * (low + high);
+            if Self::coefficient_of(middle) > coefficient {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        Self { coefficient, damping_ratio: 0.5 * (low + high) }
+    }
+
+    /// The coefficient of restitution of the damping ratio ζ.
+    ///
+    /// ```
+    /// use schemas::damping::Restitution;
+    /// assert_eq!(Restitution::coefficient_of(0.0), 1.0);
+    /// // at critical damping the force ends when β·t = 2
+    /// assert!((Restitution::coefficient_of(1.0 - 1e-12) - (-2.0_f64).exp()).abs() < 1e-5);
+    /// ```
+    pub fn coefficient_of(damping_ratio: f64) -> f64 {
+        let squared = damping_ratio * damping_ratio;
+        if squared < 1.0 {
+            let frequency = (1.0 - squared).sqrt();
+            let phase = (2.0 * damping_ratio * frequency).atan2(squared - frequency * frequency);
+            (-damping_ratio / frequency * phase).exp()
+        } else if squared > 1.0 {
+            let rate = (squared - 1.0).sqrt();
+            // ζ − rate = 1/(ζ + rate), without cancellation
+            (-damping_ratio / rate * 2.0 * (damping_ratio + rate).ln()).exp()
+        } else {
+            (-2.0_f64).exp()
+        }
+    }
+}
+
+impl Damping {
+    /// The damping that a configuration asks for.
+    ///
+    /// # Errors
+    /// When a value is impossible.
+    pub fn resolve(config: DampingConfig) -> Result<Self, ConfigError> {
+        let damping = match config {
+            DampingConfig::ViscousNSPerM(coefficient) => Self::ViscousNSPerM(coefficient),
+            DampingConfig::Restitution(e) if e > 0.0 && e < 1.0 => Self::Restitution(Restitution::new(e)),
+            DampingConfig::Restitution(coefficient) => {
+                Self::Restitution(Restitution { coefficient, damping_ratio: 0.0 })
+            }
+        };
+        damping.check()?;
+        Ok(damping)
+    }
+
+    /// Refuses what no run can have.
+    pub(crate) fn check(&self) -> Result<(), ConfigError> {
+        match *self {
+            Self::ViscousNSPerM(value) if (1e-100..=1e100).contains(&value) => Ok(()),
+            Self::ViscousNSPerM(value) => {
+                let allowed = "a positive number of N·s/m, 1e-100 to 1e100; leave [damping] out for none";
+                Err(ConfigError::number("damping.viscous_n_s_per_m", value, allowed))
+            }
+            Self::Restitution(Restitution { coefficient, damping_ratio }) => {
+                let key = "damping.restitution";
+                if !(1e-3..=1.0 - 1e-9).contains(&coefficient) {
+                    let allowed = "a coefficient from 0.001 to below 1; leave [damping] out for 1";
+                    return Err(ConfigError::number(key, coefficient, allowed));
+                }
+                let found = Self::coefficient_error(coefficient, damping_ratio);
+                if found <= 1e-9 {
+                    return Ok(());
+                }
+                let allowed = format!("the damping ratio of the coefficient {coefficient}");
+                Err(ConfigError::number(key, damping_ratio, &allowed))
+            }
+        }
+    }
+
+    fn coefficient_error(coefficient: f64, damping_ratio: f64) -> f64 {
+        let error = (Restitution::coefficient_of(damping_ratio) - coefficient).abs();
+        if error.is_nan() { f64::INFINITY } else { error }
+    }
+
+    /// The coefficient η of a contact of stiffness `stiffness` (N·m^−α) and reduced mass `reduced_kg`
+    /// (N·s·m^(−1−p)).
+    pub(crate) fn coefficient(&self, alpha: f64, stiffness: f64, reduced_kg: f64) -> f64 {
+        match self {
+            Self::ViscousNSPerM(coefficient) => *coefficient,
+            Self::Restitution(restitution) => {
+                restitution.damping_ratio * (2.0 * (alpha + 1.0) * stiffness * reduced_kg).sqrt()
+            }
+        }
+    }
+
+    /// The exponent p of the overlap.
+    pub fn exponent(&self, alpha: f64) -> f64 {
+        match self {
+            Self::ViscousNSPerM(_) => 0.0,
+            Self::Restitution(_) => 0.5 * (alpha - 1.0),
+        }
+    }
+}
+
+/// The damping of the contacts of a chain.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ContactDamping {
+    /// What kind it is.
+    pub kind: Damping,
+    /// η of each contact (N·s·m^(−1−p)), N − 1 values.
+    pub coefficient: Vec<f64>,
+    /// η of the contacts with the left and the right wall; 0 at a free end.
+    pub wall_coefficient: [f64; 2],
+}
+
+/// Force (N) of a closed contact: its elastic force `elastic_n` (N) and damping `coefficient·δ^p·rate`, if that
+/// does not pull. `rate_m_s` is dδ/dt. `OVERLAP` tells `p = (α−1)/2` from `p = 0`.
+#[inline(always)]
+pub fn damped_force<const OVERLAP: bool>(
+    elastic_n: f64,
+    power: f64,
+    overlap_m: f64,
+    coefficient: f64,
+    rate_m_s: f64,
+) -> f64 {
+    // δ^((α−1)/2) = √(δ^α/δ): no second power
+    let factor = if OVERLAP { (power / overlap_m).sqrt() } else { 1.0 };
+    let force = (coefficient * factor).mul_add(rate_m_s, elastic_n);
+    if force > 0.0 { force } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_damping_ratio_has_the_coefficient_that_was_asked_for() {
+        for coefficient in [0.001, 0.05, 0.135, 0.5, 0.9, 0.999_999] {
+            let Restitution { damping_ratio, .. } = Restitution::new(coefficient);
+            let back = Restitution::coefficient_of(damping_ratio);
+            // near ζ = 1 both branches lose half of the digits of 1 − ζ²
+            assert!((back - coefficient).abs() < 1e-9, "{coefficient}: {back} at ζ = {damping_ratio}");
+        }
+    }
+
+    #[test]
+    fn impossible_dampings_are_refused() {
+        for config in [
+            DampingConfig::ViscousNSPerM(0.0),
+            DampingConfig::ViscousNSPerM(f64::NAN),
+            DampingConfig::Restitution(0.0),
+            DampingConfig::Restitution(1.0),
+            DampingConfig::Restitution(-0.5),
+        ] {
+            let error = Damping::resolve(config).expect_err("impossible");
+            assert!(error.key.starts_with("damping.") && error.message.contains("allowed"), "{error}");
+        }
+        let wrong = Damping::Restitution(Restitution { coefficient: 0.5, damping_ratio: 0.1 });
+        assert!(wrong.check().is_err());
+    }
+
+    /// k = 1, α = 3, δ = ¼, η = 2: elastic 1/64, damping 2·(1/4)·rate with p = 1.
+    #[test]
+    fn a_damped_contact_never_pulls() {
+        let force = |rate| damped_force::<true>(1.0 / 64.0, 1.0 / 64.0, 0.25, 2.0, rate);
+        assert_eq!(force(1.0), 1.0 / 64.0 + 0.5);
+        assert_eq!(force(-1.0), 0.0);
+        assert_eq!(damped_force::<false>(1.0 / 64.0, 1.0 / 64.0, 0.25, 2.0, 1.0), 1.0 / 64.0 + 2.0);
+    }
+}

@@ -1,0 +1,294 @@
+//! From the rules of a configuration to one number for each bead and each contact.
+//!
+//! What is computed here decides bits, with the arithmetic of the dynamics: every machine resolves a manifest
+//! to the same arrays.
+
+use super::{Physics, usize_of};
+use crate::chain::{Chain, Wall, Walls};
+use crate::config::{End, MassRule, StiffnessRule};
+use crate::contact::ContactLaw;
+use crate::damping::{ContactDamping, Damping};
+use crate::power::power;
+
+impl Physics {
+    /// The resolved masses, stiffnesses and rest overlaps.
+    pub fn chain(&self) -> Chain {
+        let mass_kg = self.masses_kg();
+        let stiffness = self.contact_stiffnesses(&mass_kg);
+        let loads = self.loads(&mass_kg);
+        let rest_overlap_m = stiffness
+            .iter()
+            .zip(&loads.contacts)
+            .map(|(k, load_n)| self.overlap_under(*load_n, *k))
+            .collect();
+        let law = ContactLaw::new(self.alpha);
+        let wall = |end: End, stiffness: f64, load_n: f64| match end {
+            End::Free => Wall::default(),
+            End::Fixed => Wall::new(law, stiffness, self.overlap_under(load_n, stiffness)),
+        };
+        let [left, right] = self.wall_stiffnesses(&mass_kg);
+        let walls = Walls {
+            left: wall(self.ends.left, left, loads.left_wall),
+            right: wall(self.ends.right, right, loads.right_wall),
+        };
+        let damping = self.damping.map(|kind| self.contact_damping(kind, &mass_kg, &stiffness, &walls));
+        Chain { damping, ..Chain::new(mass_kg, stiffness, rest_overlap_m, walls, law) }
+    }
+
+    fn contact_damping(
+        &self,
+        kind: Damping,
+        mass_kg: &[f64],
+        stiffness: &[f64],
+        walls: &Walls,
+    ) -> ContactDamping {
+        let at = |stiffness: f64, reduced_kg: f64| kind.coefficient(self.alpha, stiffness, reduced_kg);
+        let reduced_kg = |pair: &[f64]| pair[0] * pair[1] / (pair[0] + pair[1]);
+        let coefficient =
+            mass_kg.windows(2).zip(stiffness).map(|(pair, k)| at(*k, reduced_kg(pair))).collect();
+        let wall = |wall: &Wall, mass_kg: f64| {
+            if wall.stiffness > 0.0 { at(wall.stiffness, mass_kg) } else { 0.0 }
+        };
+        let ends = [wall(&walls.left, mass_kg[0]), wall(&walls.right, mass_kg[mass_kg.len() - 1])];
+        ContactDamping { kind, coefficient, wall_coefficient: ends }
+    }
+
+    /// The mass of each bead (kg), N values.
+    fn masses_kg(&self) -> Vec<f64> {
+        let beads = usize_of(self.beads);
+        let mut mass_kg: Vec<f64> = match &self.masses {
+            MassRule::Uniform => vec![self.bead_mass_kg; beads],
+            MassRule::PatternKg(pattern) => pattern.iter().copied().cycle().take(beads).collect(),
+            MassRule::Taper(ratio) => (0..beads).map(|bead| self.tapered_kg(*ratio, bead as f64)).collect(),
+            MassRule::ListKg(list) => list.clone(),
+        };
+        for impurity in &self.impurities {
+            mass_kg[usize_of(impurity.bead)] = impurity.mass_kg;
+        }
+        mass_kg
+    }
+
+    /// The mass of the striker (kg).
+    pub(super) fn striker_kg(&self) -> f64 {
+        let bead = self.striker.bead;
+        if let Some(impurity) = self.impurities.iter().find(|impurity| impurity.bead == bead) {
+            return impurity.mass_kg;
+        }
+        match &self.masses {
+            MassRule::Uniform => self.bead_mass_kg,
+            MassRule::PatternKg(pattern) => pattern[usize_of(bead) % pattern.len()],
+            MassRule::Taper(ratio) => self.tapered_kg(*ratio, bead as f64),
+            MassRule::ListKg(list) => list[usize_of(bead)],
+        }
+    }
+
+    /// `bead_mass_kg · ratio^bead` (kg).
+    pub(super) fn tapered_kg(&self, ratio: f64, bead: f64) -> f64 {
+        self.bead_mass_kg * power(ratio, bead)
+    }
+
+    /// The stiffness of each contact (N·m^−α), N − 1 values.
+    fn contact_stiffnesses(&self, mass_kg: &[f64]) -> Vec<f64> {
+        let contacts = mass_kg.len() - 1;
+        let mut stiffness: Vec<f64> = match &self.stiffnesses {
+            StiffnessRule::Uniform => vec![self.stiffness; contacts],
+            StiffnessRule::Radii => {
+                mass_kg.windows(2).map(|pair| self.stiffness_of_spheres(pair[0], pair[1])).collect()
+            }
+            StiffnessRule::Pattern(pattern) => pattern.iter().copied().cycle().take(contacts).collect(),
+            StiffnessRule::List(list) => list.clone(),
+        };
+        for odd in &self.contacts {
+            stiffness[usize_of(odd.contact)] = odd.stiffness;
+        }
+        stiffness
+    }
+
+    /// The stiffnesses (N·m^−α) that the contacts with the left and with the right wall have where there is one.
+    fn wall_stiffnesses(&self, mass_kg: &[f64]) -> [f64; 2] {
+        let usual = |end_bead_kg: f64| match self.stiffnesses {
+            StiffnessRule::Radii => self.stiffness_at_wall(end_bead_kg),
+            _ => self.stiffness,
+        };
+        let [first_kg, last_kg] = [mass_kg[0], mass_kg[mass_kg.len() - 1]];
+        [
+            self.ends.left_stiffness.unwrap_or_else(|| usual(first_kg)),
+            self.ends.right_stiffness.unwrap_or_else(|| usual(last_kg)),
+        ]
+    }
+
+    /// `k·√(2·r_i·r_j/(r_i + r_j))` (N·m^−3/2): Hertz's law for spheres of one material.
+    pub(super) fn stiffness_of_spheres(&self, first_kg: f64, second_kg: f64) -> f64 {
+        let (first, second) = (self.relative_radius(first_kg), self.relative_radius(second_kg));
+        self.stiffness * (2.0 * (first * second) / (first + second)).sqrt()
+    }
+
+    /// `k·√(2·r)` (N·m^−3/2): a sphere against a plane of its material.
+    pub(super) fn stiffness_at_wall(&self, mass_kg: f64) -> f64 {
+        self.stiffness * (2.0 * self.relative_radius(mass_kg)).sqrt()
+    }
+
+    /// Radius over that of a bead of `bead_mass_kg` and of the same density.
+    fn relative_radius(&self, mass_kg: f64) -> f64 {
+        power(mass_kg / self.bead_mass_kg, 1.0 / 3.0)
+    }
+
+    /// What each contact carries in static equilibrium.
+    fn loads(&self, mass_kg: &[f64]) -> Loads {
+        let (gravity, pressed_n) = (self.load.gravity_m_s2, self.load.precompression_n);
+        let contacts = mass_kg.len() - 1;
+        let mut contacts_n = vec![pressed_n; contacts];
+        let (mut left_n, mut right_n) = (pressed_n, pressed_n);
+        if gravity > 0.0 {
+            for (load_n, mass_kg) in contacts_n.iter_mut().zip(mass_kg) {
+                right_n += gravity * mass_kg;
+                *load_n = right_n;
+            }
+            right_n += gravity * mass_kg[contacts];
+        } else if gravity < 0.0 {
+            for (load_n, mass_kg) in contacts_n.iter_mut().zip(&mass_kg[1..]).rev() {
+                left_n -= gravity * mass_kg;
+                *load_n = left_n;
+            }
+            left_n -= gravity * mass_kg[0];
+        }
+        Loads { contacts: contacts_n, left_wall: left_n, right_wall: right_n }
+    }
+
+    /// The overlap (m) at which a contact of stiffness `stiffness` carries `load_n`: `(load/k)^(1/α)`.
+    fn overlap_under(&self, load_n: f64, stiffness: f64) -> f64 {
+        if load_n > 0.0 { power(load_n / stiffness, 1.0 / self.alpha) } else { 0.0 }
+    }
+
+    /// The largest rest overlap (m) of any contact, 0 in a chain that nothing loads.
+    pub(super) fn largest_rest_overlap_m(&self) -> f64 {
+        if self.load.is_none() {
+            return 0.0;
+        }
+        let chain = self.chain();
+        let walls = [chain.walls.left.rest_overlap_m, chain.walls.right.rest_overlap_m];
+        chain.rest_overlap_m.iter().copied().chain(walls).fold(0.0, larger)
+    }
+}
+
+/// The larger of two numbers, none of them NaN.
+pub(super) fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+/// The smaller of two numbers, none of them NaN.
+pub(super) fn smaller(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+/// Forces (N) of the contacts in static equilibrium, compressive ones positive.
+struct Loads {
+    /// N − 1 values.
+    contacts: Vec<f64>,
+    left_wall: f64,
+    right_wall: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{Impurity, OddContact, RunConfig};
+    use crate::presets::Preset;
+
+    /// Four beads of 1 kg, k = 2 N·m^−2, struck at 1 m/s, changed by `change`.
+    fn chain(change: impl FnOnce(&mut RunConfig)) -> Chain {
+        let mut config = Preset::find("homogeneous").expect("preset").config();
+        config.chain.beads = 4;
+        (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) = (1.0, 2.0, 2.0);
+        config.striker.velocity_m_s = 1.0;
+        config.time.duration_s = 10.0;
+        change(&mut config);
+        Physics::resolve(&config).expect("valid").chain()
+    }
+
+    #[test]
+    fn masses_follow_their_rule_but_for_impurities() {
+        let masses = |rule: MassRule| {
+            chain(|c| {
+                c.chain.masses = rule;
+                c.chain.impurities = vec![Impurity { bead: 2, mass_kg: 9.0 }];
+            })
+            .mass_kg
+        };
+        assert_eq!(masses(MassRule::Uniform), [1.0, 1.0, 9.0, 1.0]);
+        assert_eq!(masses(MassRule::PatternKg(vec![1.0, 3.0])), [1.0, 3.0, 9.0, 3.0]);
+        assert_eq!(masses(MassRule::Taper(0.5)), [1.0, 0.5, 9.0, 0.125]);
+        assert_eq!(masses(MassRule::ListKg(vec![4.0, 3.0, 2.0, 1.0])), [4.0, 3.0, 9.0, 1.0]);
+    }
+
+    #[test]
+    fn stiffnesses_follow_their_rule_but_for_odd_contacts() {
+        let stiffnesses = |rule: StiffnessRule| {
+            chain(|c| {
+                c.chain.stiffnesses = rule;
+                c.chain.contacts = vec![OddContact { contact: 1, stiffness: 7.0 }];
+            })
+            .stiffness
+        };
+        assert_eq!(stiffnesses(StiffnessRule::Uniform), [2.0, 7.0, 2.0]);
+        assert_eq!(stiffnesses(StiffnessRule::Pattern(vec![1.0, 2.0])), [1.0, 7.0, 1.0]);
+        assert_eq!(stiffnesses(StiffnessRule::List(vec![1.0, 2.0, 3.0])), [1.0, 7.0, 3.0]);
+    }
+
+    /// Radii 1 and 2 (masses 1 and 8): √(2·1·2/3) = 2/√3, √(2·2·2/4) = √2; against walls √2 and √4.
+    #[test]
+    fn spheres_are_as_stiff_as_their_radii_say() {
+        let chain = chain(|c| {
+            c.chain.alpha = 1.5;
+            c.chain.masses = MassRule::ListKg(vec![1.0, 1.0, 8.0, 8.0]);
+            c.chain.stiffnesses = StiffnessRule::Radii;
+            (c.ends.left, c.ends.right) = (End::Fixed, End::Fixed);
+        });
+        let expected = [2.0, 2.0 * (4.0_f64 / 3.0).sqrt(), 2.0 * 2.0_f64.sqrt()];
+        for (found, expected) in chain.stiffness.iter().zip(expected) {
+            assert!((found / expected - 1.0).abs() < 1e-15, "{found} {expected}");
+        }
+        let walls = [chain.walls.left.stiffness, chain.walls.right.stiffness];
+        assert!((walls[0] / 8.0_f64.sqrt() - 1.0).abs() < 1e-15 && (walls[1] / 4.0 - 1.0).abs() < 1e-15);
+    }
+
+    /// F = 2·δ², g = 2 m/s², 6 N from both ends: contacts carry 8, 10 and 12 N, the wall below 14 N.
+    #[test]
+    fn a_loaded_chain_carries_its_weight() {
+        let overlap = |load: f64| (load / 2.0).sqrt();
+        let down = chain(|c| {
+            (c.load.gravity_m_s2, c.load.precompression_n) = (2.0, 6.0);
+            c.ends.right = End::Fixed;
+        });
+        let up = chain(|c| {
+            (c.load.gravity_m_s2, c.load.precompression_n) = (-2.0, 6.0);
+            (c.ends.left, c.ends.right) = (End::Fixed, End::Fixed);
+        });
+        let close = |found: f64, load: f64| (found / overlap(load) - 1.0).abs() < 1e-15;
+        for (contact, load) in [8.0, 10.0, 12.0].into_iter().enumerate() {
+            assert!(close(down.rest_overlap_m[contact], load));
+            assert!(close(up.rest_overlap_m[2 - contact], load));
+            assert!((down.rest_force_n[contact] / load - 1.0).abs() < 1e-15);
+        }
+        assert!(close(down.walls.right.rest_overlap_m, 14.0) && close(up.walls.left.rest_overlap_m, 14.0));
+        assert!(close(up.walls.right.rest_overlap_m, 6.0));
+        assert_eq!(down.walls.left, Wall::default());
+    }
+
+    /// η = ζ·√(2·(α+1)·k·m*) with m* = ½ between equal beads and 1 at a wall.
+    #[test]
+    fn damping_depends_on_the_masses_that_meet() {
+        let mut config = Preset::find("homogeneous").expect("preset").config();
+        config.chain.beads = 2;
+        (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) = (1.0, 2.0, 2.0);
+        config.ends.right = End::Fixed;
+        config.time.duration_s = 10.0;
+        let physics = Physics::resolve(&config).expect("valid");
+        let kind = Damping::resolve(crate::config::DampingConfig::Restitution(0.5)).expect("possible");
+        let Damping::Restitution(restitution) = kind else { panic!("{kind:?}") };
+        let chain = physics.chain();
+        let damping = physics.contact_damping(kind, &chain.mass_kg, &chain.stiffness, &chain.walls);
+        assert_eq!(damping.coefficient, [restitution.damping_ratio * 6.0_f64.sqrt()]);
+        assert_eq!(damping.wall_coefficient, [0.0, restitution.damping_ratio * 12.0_f64.sqrt()]);
+    }
+}

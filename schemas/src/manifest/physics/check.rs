@@ -1,0 +1,258 @@
+//! What a run may be.
+
+use super::Physics;
+use super::arrays::{larger, smaller};
+use crate::config::{ConfigError, End, Impurity, MassRule, OddContact, StiffnessRule};
+use crate::contact::ContactLaw;
+use crate::manifest::{MAX_BEADS, MAX_STEPS};
+
+impl Physics {
+    /// Checks a manifest that came from elsewhere as strictly as a configuration.
+    pub(in crate::manifest) fn check(&self) -> Result<(), ConfigError> {
+        self.check_chain(&self.impurities, &self.contacts)?;
+        self.check_dt()?;
+        if !(1..=MAX_STEPS).contains(&self.step_count) {
+            return Err(ConfigError::value("step_count", self.step_count, "1 to 2^52 steps"));
+        }
+        Ok(())
+    }
+
+    /// Checks everything but the time; `impurities` and `contacts` are in the user's order.
+    pub(super) fn check_chain(
+        &self,
+        impurities: &[Impurity],
+        contacts: &[OddContact],
+    ) -> Result<(), ConfigError> {
+        if !(2..=MAX_BEADS).contains(&self.beads) {
+            return Err(ConfigError::value("chain.beads", self.beads, "2 to 20000000 beads"));
+        }
+        check_positive("chain.bead_mass_kg", self.bead_mass_kg, "kg")?;
+        if !(1.0..=1000.0).contains(&self.alpha) {
+            return Err(ConfigError::number("chain.alpha", self.alpha, "an exponent from 1 to 1000"));
+        }
+        check_positive("chain.stiffness", self.stiffness, STIFFNESS_UNIT)?;
+        self.check_masses()?;
+        self.check_stiffnesses()?;
+        for (i, impurity) in impurities.iter().enumerate() {
+            let key = format!("chain.impurities[{i}].bead");
+            self.check_bead(&key, impurity.bead)?;
+            check_positive(&format!("chain.impurities[{i}].mass_kg"), impurity.mass_kg, "kg")?;
+            if impurities[..i].iter().any(|other| other.bead == impurity.bead) {
+                return Err(ConfigError::value(&key, impurity.bead, "each bead once"));
+            }
+        }
+        self.check_contacts(contacts)?;
+        self.check_bead("striker.bead", self.striker.bead)?;
+        self.check_load()?;
+        self.check_damping()?;
+        self.check_velocity()?;
+        self.check_scales()
+    }
+
+    fn check_masses(&self) -> Result<(), ConfigError> {
+        let key = "chain.masses";
+        match &self.masses {
+            MassRule::Uniform => Ok(()),
+            MassRule::PatternKg(pattern) => self.check_pattern("chain.masses.pattern_kg", pattern, "kg"),
+            MassRule::ListKg(list) => check_list("chain.masses.list_kg", list, self.beads, "bead", "kg"),
+            MassRule::Taper(ratio) => {
+                check_positive("chain.masses.taper", *ratio, "(mass ratio of neighbours)")?;
+                let last_kg = self.tapered_kg(*ratio, (self.beads - 1) as f64);
+                check_positive(key, last_kg, "kg, here of the last bead of a tapered chain")
+            }
+        }
+    }
+
+    fn check_stiffnesses(&self) -> Result<(), ConfigError> {
+        match &self.stiffnesses {
+            StiffnessRule::Uniform => Ok(()),
+            StiffnessRule::Pattern(pattern) => {
+                self.check_pattern("chain.stiffnesses.pattern", pattern, STIFFNESS_UNIT)
+            }
+            StiffnessRule::List(list) => {
+                check_list("chain.stiffnesses.list", list, self.beads - 1, "contact", STIFFNESS_UNIT)
+            }
+            StiffnessRule::Radii if self.alpha == 1.5 => Ok(()),
+            StiffnessRule::Radii => {
+                let allowed = "alpha = 1.5: the stiffness of spheres by their radii is Hertz's law";
+                Err(ConfigError::value(
+                    "chain.stiffnesses",
+                    format!("radii with alpha = {}", self.alpha),
+                    allowed,
+                ))
+            }
+        }?;
+        for (key, stiffness) in [
+            ("ends.left_stiffness", self.ends.left_stiffness),
+            ("ends.right_stiffness", self.ends.right_stiffness),
+        ] {
+            stiffness.map_or(Ok(()), |stiffness| check_positive(key, stiffness, STIFFNESS_UNIT))?;
+        }
+        Ok(())
+    }
+
+    fn check_contacts(&self, contacts: &[OddContact]) -> Result<(), ConfigError> {
+        for (i, odd) in contacts.iter().enumerate() {
+            let key = format!("chain.contacts[{i}].contact");
+            if odd.contact + 1 >= self.beads {
+                let allowed = format!("contacts 0 to {} of this chain", self.beads - 2);
+                return Err(ConfigError::value(&key, odd.contact, &allowed));
+            }
+            check_positive(&format!("chain.contacts[{i}].stiffness"), odd.stiffness, STIFFNESS_UNIT)?;
+            if contacts[..i].iter().any(|other| other.contact == odd.contact) {
+                return Err(ConfigError::value(&key, odd.contact, "each contact once"));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_pattern(&self, key: &str, pattern: &[f64], unit: &str) -> Result<(), ConfigError> {
+        if pattern.is_empty() || pattern.len() as u64 > self.beads {
+            let found = format!("{} values", pattern.len());
+            return Err(ConfigError::value(key, found, "1 value to one for each bead"));
+        }
+        pattern.iter().try_for_each(|value| check_positive(key, *value, unit))
+    }
+
+    fn check_load(&self) -> Result<(), ConfigError> {
+        let load = &self.load;
+        if !(0.0..=1e100).contains(&load.precompression_n) {
+            let allowed = "a force of 0 to 1e100 N; a chain cannot be pulled";
+            return Err(ConfigError::number("load.precompression_n", load.precompression_n, allowed));
+        }
+        let (gravity, key) = (load.gravity_m_s2, "load.gravity_m_s2");
+        if gravity.is_nan() || gravity.abs() > 1e100 {
+            return Err(ConfigError::number(key, gravity, "an acceleration of at most 1e100 m/s²"));
+        }
+        let (carrier, end) =
+            if gravity > 0.0 { ("right", self.ends.right) } else { ("left", self.ends.left) };
+        if gravity != 0.0 && end == End::Free {
+            let allowed = format!(
+                "with `{carrier} = \"fixed\"` in [ends]: something must carry the weight (a positive \
+                 acceleration points to the right, towards higher bead numbers)"
+            );
+            return Err(ConfigError::number(key, gravity, &allowed));
+        }
+        Ok(())
+    }
+
+    fn check_damping(&self) -> Result<(), ConfigError> {
+        let Some(damping) = &self.damping else { return Ok(()) };
+        damping.check()?;
+        if self.method.takes_forces_of_velocity() {
+            return Ok(());
+        }
+        let allowed = "a method for forces that depend on velocities (gear5) with [damping]: the kicks of this one                        hold the velocity fixed, and it would lose its order";
+        Err(ConfigError::value("integrator.method", self.method, allowed))
+    }
+
+    fn check_velocity(&self) -> Result<(), ConfigError> {
+        let velocity_m_s = self.striker.velocity_m_s;
+        if velocity_m_s == 0.0 && self.load.is_none() {
+            let allowed = "a velocity other than 0: nothing else would set this chain in motion";
+            return Err(ConfigError::number("striker.velocity_m_s", velocity_m_s, allowed));
+        }
+        if velocity_m_s == 0.0 || (1e-100..=1e100).contains(&velocity_m_s.abs()) {
+            return Ok(());
+        }
+        let allowed = "a velocity of 1e-100 to 1e100 m/s, in either direction";
+        Err(ConfigError::number("striker.velocity_m_s", velocity_m_s, allowed))
+    }
+
+    /// Overlaps come from `m·v0²/k` and from `load/k`, which must be far from where forces are flushed to zero.
+    fn check_scales(&self) -> Result<(), ConfigError> {
+        let extremes = self.extremes();
+        let squared = self.striker.velocity_m_s * self.striker.velocity_m_s;
+        let ratios = [
+            extremes.lightest_kg * squared / extremes.stiffest,
+            extremes.heaviest_kg * squared / extremes.softest,
+        ];
+        for ratio in ratios {
+            if squared != 0.0 && !(1e-200..=1e200).contains(&ratio) {
+                let allowed = "stiffness, masses and velocity with m·v0²/k from 1e-200 to 1e200 m^(α+1)";
+                let found = format!("{:e} with m·v0²/k = {ratio:e}", self.stiffness);
+                return Err(ConfigError::value("chain.stiffness", found, allowed));
+            }
+        }
+        if self.load.is_none() {
+            return Ok(());
+        }
+        let chain = self.chain();
+        let walls = [chain.walls.left.rest_overlap_m, chain.walls.right.rest_overlap_m];
+        let smallest_m = 1e3 * ContactLaw::new(self.alpha).zero_below_m();
+        let mut rests = chain.rest_overlap_m.iter().chain(&walls);
+        let found = rests.find(|rest_m| **rest_m != 0.0 && !(smallest_m..=1e100).contains(*rest_m));
+        found.map_or(Ok(()), |rest_m| {
+            let allowed =
+                format!("loads and stiffnesses with static overlaps from {smallest_m:e} to 1e100 m");
+            Err(ConfigError::value("load", format!("a static overlap of {rest_m:e} m"), &allowed))
+        })
+    }
+
+    /// The ends of the ranges of masses and stiffnesses.
+    pub(super) fn extremes(&self) -> Extremes {
+        let mut masses: Vec<f64> = match &self.masses {
+            MassRule::Uniform => vec![self.bead_mass_kg],
+            MassRule::PatternKg(values) | MassRule::ListKg(values) => values.clone(),
+            MassRule::Taper(ratio) => {
+                vec![self.bead_mass_kg, self.tapered_kg(*ratio, (self.beads - 1) as f64)]
+            }
+        };
+        masses.extend(self.impurities.iter().map(|impurity| impurity.mass_kg));
+        let (lightest_kg, heaviest_kg) = range(&masses);
+        let mut stiffnesses: Vec<f64> = match &self.stiffnesses {
+            StiffnessRule::Uniform => vec![self.stiffness],
+            // the larger both spheres, the stiffer; against a wall stiffer still
+            StiffnessRule::Radii => {
+                vec![self.stiffness_of_spheres(lightest_kg, lightest_kg), self.stiffness_at_wall(heaviest_kg)]
+            }
+            StiffnessRule::Pattern(values) | StiffnessRule::List(values) => values.clone(),
+        };
+        stiffnesses.extend(self.contacts.iter().map(|odd| odd.stiffness));
+        stiffnesses.extend(self.ends.left_stiffness.into_iter().chain(self.ends.right_stiffness));
+        let (softest, stiffest) = range(&stiffnesses);
+        Extremes { lightest_kg, heaviest_kg, softest, stiffest }
+    }
+
+    fn check_bead(&self, key: &str, bead: u64) -> Result<(), ConfigError> {
+        if bead < self.beads {
+            return Ok(());
+        }
+        let allowed = format!("beads 0 to {} of this chain", self.beads - 1);
+        Err(ConfigError::value(key, bead, &allowed))
+    }
+}
+
+const STIFFNESS_UNIT: &str = "N/m^alpha";
+
+/// The ends of the ranges of masses (kg) and stiffnesses (N·m^−α) in a chain.
+pub(super) struct Extremes {
+    pub(super) lightest_kg: f64,
+    pub(super) heaviest_kg: f64,
+    pub(super) softest: f64,
+    pub(super) stiffest: f64,
+}
+
+/// The smallest and the largest of some numbers, none of them NaN.
+fn range(values: &[f64]) -> (f64, f64) {
+    values
+        .iter()
+        .fold((f64::INFINITY, 0.0), |(low, high), value| (smaller(low, *value), larger(high, *value)))
+}
+
+/// One positive value for each of `count` beads or contacts.
+fn check_list(key: &str, list: &[f64], count: u64, what: &str, unit: &str) -> Result<(), ConfigError> {
+    if list.len() as u64 != count {
+        let allowed = format!("{count} values, one for each {what}");
+        return Err(ConfigError::value(key, format!("{} values", list.len()), &allowed));
+    }
+    list.iter().try_for_each(|value| check_positive(key, *value, unit))
+}
+
+/// Positive, and far enough from the ends of the range that no product of scales leaves it.
+fn check_positive(key: &str, value: f64, unit: &str) -> Result<(), ConfigError> {
+    if (1e-100..=1e100).contains(&value) {
+        return Ok(());
+    }
+    Err(ConfigError::number(key, value, &format!("a positive number of {unit}, 1e-100 to 1e100")))
+}
