@@ -17,6 +17,7 @@ mod edges;
 mod obstacles;
 mod probes;
 mod strongest;
+mod surroundings;
 mod track;
 mod tracker;
 mod velocity_map;
