@@ -1,14 +1,14 @@
 //! Pulses: found, followed from bead to bead and measured while a run goes.
 //!
 //! A pulse passes a bead when the bead's |v| has a maximum in time while both of its contacts are pressed: the
-//! *crest* ([`crest`]). A loose bead that flies off, however fast, has none. Crests that follow each other from bead to
-//! bead in one direction are a track ([`track`]), and a track of [`Pulses::SHORTEST_TRACK`] beads is a pulse. What comes
+//! *crest*. A loose bead that flies off, however fast, has none. Crests that follow each other from bead to
+//! bead in one direction are a track, and a track of [`Pulses::SHORTEST_TRACK`] beads is a pulse. What comes
 //! out: a [`Point`] for each bead that a pulse passes, and a [`Pulse`] when it has ended.
 //!
 //! One pass, and memory that does not grow with the run: five frames of velocities, and for each pulse under way the
 //! last [`Pulses::REACH`] beads on either side of the point that is measured.
 //!
-//! A pulse is cut where it meets an [`obstacle`](Obstacles), such as an impurity: what leaves it are other pulses.
+//! A pulse ends where it meets one of the [`Obstacles`], such as an impurity: what leaves it are other pulses.
 //!
 //! [`Probes`] look at chosen beads only.
 
@@ -17,6 +17,7 @@ mod edges;
 mod obstacles;
 mod probes;
 mod strongest;
+mod surroundings;
 mod track;
 mod tracker;
 mod velocity_map;
@@ -62,8 +63,8 @@ pub enum Birth {
     UnderWay,
     /// The striker.
     Striker,
-    /// An obstacle, such as an impurity.
-    Obstacle,
+    /// An impurity, or where two kinds of beads meet.
+    Impurity,
     /// An end of the chain.
     End,
     /// Two pulses that met.
@@ -80,7 +81,7 @@ impl Birth {
         match self {
             Self::UnderWay => "under-way",
             Self::Striker => "striker",
-            Self::Obstacle => "obstacle",
+            Self::Impurity => "impurity",
             Self::End => "end",
             Self::Collision => "collision",
             Self::Split => "split",
@@ -94,8 +95,8 @@ impl Birth {
 pub enum Fate {
     /// It was there when the frames ended.
     UnderWay,
-    /// It met an obstacle.
-    Obstacle,
+    /// It met an impurity, or another kind of beads.
+    Impurity,
     /// It reached an end of the chain.
     End,
     /// It became part of another pulse.
@@ -111,7 +112,7 @@ impl Fate {
     pub fn as_str(self) -> &'static str {
         match self {
             Self::UnderWay => "under-way",
-            Self::Obstacle => "obstacle",
+            Self::Impurity => "impurity",
             Self::End => "end",
             Self::Merged => "merged",
             Self::Faded => "faded",
