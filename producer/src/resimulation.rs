@@ -22,7 +22,8 @@ pub enum Lend {
 /// A source that lends what its own source does not hold.
 ///
 /// Gaps are bridged from the state before them; with [`Resimulation::from_start`] also the frames before the
-/// first. Each state that the source delivers is compared bit for bit with the one computed up to there.
+/// first. Each state that the source delivers is compared bit for bit with the one computed up to there. What is
+/// missing before the first state, without [`Resimulation::from_start`], stays missing.
 #[derive(Debug)]
 pub struct Resimulation<S> {
     source: S,
@@ -35,12 +36,22 @@ pub struct Resimulation<S> {
     /// The state that the source has delivered and that is not lent yet.
     target: ChainState,
     next: Next,
+    /// The step of the last frame that was missed.
+    missed_until: u64,
 }
 
 #[derive(Debug, Clone, Copy)]
 enum Next {
     Unknown,
+    /// Missing, with nothing to compute them from.
+    Missed {
+        from: u64,
+        to: u64,
+    },
+    /// Steps up to the state that was delivered.
     Target,
+    /// Steps up to the last frame that was missed, then the end.
+    Tail(EndReason),
     End(EndReason),
 }
 
@@ -141,7 +152,16 @@ impl<S: FrameSource> Resimulation<S> {
         check_kernel(source.manifest())?;
         let physics = &source.manifest().physics;
         let (integrator, target) = (Integrator::new(physics), ChainState::initial(physics));
-        Ok(Self { source, lend, integrator, state: None, proven: None, target, next: Next::Unknown })
+        Ok(Self {
+            source,
+            lend,
+            integrator,
+            state: None,
+            proven: None,
+            target,
+            next: Next::Unknown,
+            missed_until: 0,
+        })
     }
 
     /// Lends everything from step 0, whenever the source begins.
@@ -175,10 +195,13 @@ impl<S: FrameSource> Resimulation<S> {
                     let found = difference(state, &frame, None);
                     self.prove(found)?;
                 }
-                // it is bridged
-                Received::Missed { .. } => {}
+                Received::Missed { from, to } if self.state.is_none() => {
+                    self.next = Next::Missed { from, to };
+                    return Ok(());
+                }
+                Received::Missed { to, .. } => self.missed_until = self.source.manifest().step_of_frame(to),
                 Received::End(reason) => {
-                    self.next = Next::End(reason);
+                    self.next = Next::Tail(reason);
                     return Ok(());
                 }
             }
@@ -191,6 +214,12 @@ impl<S: FrameSource> Resimulation<S> {
         // what comes after a state that is wrong is not trusted
         self.next = if found.is_some() { Next::End(EndReason::Unfinished) } else { Next::Unknown };
         found.map_or(Ok(()), |difference| Err(ResimulationError::Differs(difference)))
+    }
+
+    /// Whether the state that was reached is to be lent.
+    fn is_lent(&self) -> bool {
+        let step = self.state.as_ref().map_or(0, |state| state.step);
+        self.lend == Lend::Steps || self.source.manifest().is_frame(step)
     }
 
     /// Advances by one step towards the target, and proves the target when it is reached.
@@ -221,11 +250,23 @@ impl<S: FrameSource> FrameSource for Resimulation<S> {
         loop {
             match self.next {
                 Next::Unknown => self.look_ahead()?,
+                Next::Missed { from, to } => {
+                    self.next = Next::Unknown;
+                    return Ok(Received::Missed { from, to });
+                }
                 Next::End(reason) => return Ok(Received::End(reason)),
+                Next::Tail(reason) => match &mut self.state {
+                    Some(state) if state.step < self.missed_until => {
+                        self.integrator.step(state);
+                        if self.is_lent() {
+                            break;
+                        }
+                    }
+                    _ => self.next = Next::End(reason),
+                },
                 Next::Target => {
                     self.step()?;
-                    let step = self.state.as_ref().map_or(0, |state| state.step);
-                    if self.lend == Lend::Steps || self.source.manifest().is_frame(step) {
+                    if self.is_lent() {
                         break;
                     }
                 }

@@ -68,12 +68,14 @@ fn index(bead: usize) -> i64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use schemas::chain::Walls;
     use schemas::contact::ContactLaw;
 
     fn obstacles(mass_kg: Vec<f64>) -> Obstacles {
         let contacts = mass_kg.len() - 1;
         let (stiffness, rest_overlap_m) = (vec![1.0; contacts], vec![0.0; contacts]);
-        Obstacles::of(&Chain { mass_kg, stiffness, rest_overlap_m, law: ContactLaw::new(1.5) })
+        let law = ContactLaw::new(1.5);
+        Obstacles::of(&Chain::new(mass_kg, stiffness, rest_overlap_m, Walls::default(), law))
     }
 
     #[test]

@@ -119,6 +119,27 @@ fn what_was_missed_is_recomputed() {
 }
 
 #[test]
+fn what_was_missed_at_the_end_is_recomputed_too() {
+    let m = manifest(20);
+    let mut source = script(&m, &[0, 20]);
+    source.items.insert(2, Item::Missed(2, 5));
+    let all = lent(Resimulation::new(source, Lend::Frames).expect("same kernel")).expect("nothing differs");
+    assert_eq!(steps(&all), [(0, 0), (1, 20), (2, 40), (3, 60), (4, 80), (5, 100)]);
+    assert_eq!(all.last().map(|(_, state)| state), states(&m).last());
+}
+
+#[test]
+fn what_is_missing_before_the_first_state_stays_missing() {
+    let m = manifest(20);
+    let mut source = script(&m, &[60]);
+    source.items.insert(0, Item::Missed(0, 2));
+    let mut source = Resimulation::new(source, Lend::Frames).expect("same kernel");
+    assert!(matches!(source.receive(), Ok(Received::Missed { from: 0, to: 2 })));
+    assert!(matches!(source.receive(), Ok(Received::Frame(frame)) if frame.step == 60));
+    assert!(matches!(source.receive(), Ok(Received::End(EndReason::Complete))));
+}
+
+#[test]
 fn who_comes_late_gets_what_was_before() {
     let m = manifest(20);
     for first in [0, 60] {

@@ -1,3 +1,4 @@
+use super::ParameterKind::{Double, Word};
 use super::*;
 
 const SWEEP: &str = "\
@@ -49,7 +50,6 @@ fn cases_times_grid_with_the_last_key_fastest() {
     let sweep = read(SWEEP).expect("valid");
     assert_eq!(sweep.point_count(), 2 * 3 * 2);
     let parameters: Vec<_> = sweep.parameters().iter().map(|p| (p.key.as_str(), p.kind)).collect();
-    use ParameterKind::{Double, Word};
     assert_eq!(
         parameters,
         [
