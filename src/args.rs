@@ -59,6 +59,8 @@ pub(crate) enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Prove a recording: recompute every state from the one before and compare the bits
+    Verify(VerifyArgs),
     /// Show what is in a recording
     Info {
         /// The recording
@@ -165,6 +167,22 @@ pub(crate) struct Overrides {
     /// Record every K-th step, the first and the last [default: every published one]
     #[arg(long, value_name = "K")]
     pub(crate) record_every_steps: Option<u64>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline verify run.mcap           prints `proven`, or what differs: frame, bead and quantity\n  \
+    beadline verify run.mcap --json    the same for a program\n\n\
+    Exit code 3 if a state does not follow from the one before, frames are missing, or the file is damaged.")]
+pub(crate) struct VerifyArgs {
+    /// The recording
+    pub(crate) file: PathBuf,
+    /// Threads that recompute [default: one for each core]
+    #[arg(long, value_name = "N")]
+    pub(crate) jobs: Option<NonZero<usize>>,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// What every analysis takes.

@@ -11,3 +11,4 @@ pub(crate) mod presets;
 pub(crate) mod pulses;
 pub(crate) mod run;
 pub(crate) mod sweep;
+pub(crate) mod verify;

@@ -32,6 +32,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Pulses(args) => commands::pulses::pulses(&args),
         Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Ls { json } => commands::ls::ls(json),
+        Command::Verify(args) => commands::verify::verify(&args),
         Command::Info { file, json } => commands::info::info(&file, json),
     }
 }

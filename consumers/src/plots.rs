@@ -156,7 +156,7 @@ fn scattering(
         times_s.iter().zip(parts).map(|(t, (value, total))| (t * 1e3, value / total)).collect()
     };
     let mut panel = panel
-        .y_axis(Axis::new("part of E").log().limits(1e-7, 2.0))
+        .y_axis(Axis::new("energy/total").log().limits(1e-7, 2.0))
         .line("reflected, without recoil", part(CORRECTED))
         .line("may still cross", part(INBOUND))
         .horizontal("", STATIONARY);

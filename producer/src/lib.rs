@@ -11,3 +11,4 @@ pub mod run;
 mod splitting;
 pub mod state;
 pub mod sweep;
+pub mod verification;

@@ -12,3 +12,4 @@ mod recordings;
 mod reference;
 mod reflection;
 mod sweep;
+mod verifying;

@@ -74,8 +74,7 @@ mod tests {
     fn obstacles(mass_kg: Vec<f64>) -> Obstacles {
         let contacts = mass_kg.len() - 1;
         let (stiffness, rest_overlap_m) = (vec![1.0; contacts], vec![0.0; contacts]);
-        let law = ContactLaw::new(1.5);
-        Obstacles::of(&Chain::new(mass_kg, stiffness, rest_overlap_m, Walls::default(), law))
+        Obstacles::of(&Chain::new(mass_kg, stiffness, rest_overlap_m, Walls::default(), ContactLaw::new(1.5)))
     }
 
     #[test]
