@@ -252,19 +252,22 @@ pub fn pulses(
     let mut peaks = Panel::new().x_axis(x()).y_axis(Axis::new("peak |v| (m/s)").log()).height(0.7);
     let colours = [Colour::Black, Colour::Green, Colour::Purple, Colour::Orange, Colour::Sky];
     let drawn = strongest.pulses().to_vec();
-    // the strongest last, on top of the others
-    for (rank, pulse) in drawn.iter().enumerate().rev() {
+    let (named, others) = drawn.split_at(drawn.len().min(NAMED));
+    let named = named.iter().zip(colours).map(|(pulse, colour)| {
+        let v_m_s = rounded(pulse.measured.point.v_peak_m_s);
+        (pulse, colour, format!("{}: {} m/s", pulse.number, short(v_m_s)))
+    });
+    let others = others.iter().map(|pulse| (pulse, Colour::Grey, String::new()));
+    for (pulse, colour, label) in others.chain(named) {
         let Some(path) = strongest.path(pulse.number) else { continue };
-        let colour = if rank < NAMED { colours[rank] } else { Colour::Grey };
-        let label = match rank {
-            0..NAMED => format!("{}: {} m/s", pulse.number, short(rounded(pulse.measured.point.v_peak_m_s))),
-            NAMED => "others".to_owned(),
-            _ => String::new(),
-        };
         let track = path.points().map(|point| (point.bead as f64, point.time_s * 1e3));
         let peak = path.points().map(|point| (point.bead as f64, point.v_peak_m_s.abs()));
-        tracks = tracks.curve(Curve::line(label, track).colour(colour));
-        peaks = peaks.curve(Curve::line("", peak).colour(colour));
+        tracks = tracks.curve(Curve::line(label, track).colour(colour).thin());
+        peaks = peaks.curve(Curve::line("", peak).colour(colour).thin());
+    }
+    if drawn.len() > NAMED {
+        let name = format!("{} others", drawn.len() - NAMED);
+        tracks = tracks.curve(Curve::line(name, []).colour(Colour::Grey).thin());
     }
     Ok(Figure::new().shared_x().caption(caption(manifest)).panel(tracks).panel(peaks))
 }
@@ -300,9 +303,8 @@ fn velocity_raster(threshold_m_s: f64, map: &VelocityMap) -> Result<Raster, Figu
             let level = i32::from(class) - i32::from(steps);
             let exponent = lowest + f64::from(level.abs()) - 1.0;
             let decade = level != 0 && exponent.rem_euclid(2.0) == 0.0;
-            let sign = if level < 0 { "−" } else { "" };
-            let name =
-                if decade { format!("{sign}{}", short(10_f64.powf(0.5 * exponent))) } else { String::new() };
+            let value_m_s = f64::from(level.signum()) * 10_f64.powf(0.5 * exponent);
+            let name = if decade { format!("{} m/s", short(value_m_s)) } else { String::new() };
             (name, diverging(f64::from(level) / f64::from(steps)))
         })
         .collect();

@@ -8,7 +8,7 @@
 //! One pass, and memory that does not grow with the run: five frames of velocities, and for each pulse under way the
 //! last [`Pulses::REACH`] beads on either side of the point that is measured.
 //!
-//! A pulse is cut where it meets an [`obstacle`](Obstacles), such as an impurity: what leaves it are other pulses.
+//! A pulse ends where it meets one of the [`Obstacles`], such as an impurity: what leaves it are other pulses.
 //!
 //! [`Probes`] look at chosen beads only.
 
@@ -62,8 +62,8 @@ pub enum Birth {
     UnderWay,
     /// The striker.
     Striker,
-    /// An obstacle, such as an impurity.
-    Obstacle,
+    /// An impurity, or where two kinds of beads meet.
+    Impurity,
     /// An end of the chain.
     End,
     /// Two pulses that met.
@@ -80,7 +80,7 @@ impl Birth {
         match self {
             Self::UnderWay => "under-way",
             Self::Striker => "striker",
-            Self::Obstacle => "obstacle",
+            Self::Impurity => "impurity",
             Self::End => "end",
             Self::Collision => "collision",
             Self::Split => "split",
@@ -94,8 +94,8 @@ impl Birth {
 pub enum Fate {
     /// It was there when the frames ended.
     UnderWay,
-    /// It met an obstacle.
-    Obstacle,
+    /// It met an impurity, or another kind of beads.
+    Impurity,
     /// It reached an end of the chain.
     End,
     /// It became part of another pulse.
@@ -111,7 +111,7 @@ impl Fate {
     pub fn as_str(self) -> &'static str {
         match self {
             Self::UnderWay => "under-way",
-            Self::Obstacle => "obstacle",
+            Self::Impurity => "impurity",
             Self::End => "end",
             Self::Merged => "merged",
             Self::Faded => "faded",

@@ -192,8 +192,8 @@ fn published_row(row: &mut Vec<f64>, under_way: impl Iterator<Item = UnderWay>) 
     if pulses.len() > PUBLISHED {
         pulses.sort_by(|a, b| b.v_peak_m_s.abs().total_cmp(&a.v_peak_m_s.abs()));
         pulses.truncate(PUBLISHED);
-        pulses.sort_by_key(|pulse| pulse.number);
     }
+    pulses.sort_by_key(|pulse| pulse.number);
     row.clear();
     for pulse in &pulses {
         let fwhm_beads = pulse.fwhm_beads.unwrap_or(f64::NAN);

@@ -42,8 +42,9 @@ impl Edges {
         edges
     }
 
-    /// The level is half of `v_peak_m_s` from now on; edges that are no longer ones are looked for anew.
-    pub(super) fn renew(&mut self, history: &History, head: i64, v_peak_m_s: f64) {
+    /// The level is half of `v_peak_m_s` from now on; edges that are no longer ones, or those of `several`
+    /// crests, are looked for anew.
+    pub(super) fn renew(&mut self, history: &History, head: i64, v_peak_m_s: f64, several: bool) {
         /// Levels change a little from bead to bead, which moves an edge by a small part of a bead.
         const SLACK: f64 = 0.1;
         self.level_m_s = 0.5 * v_peak_m_s.abs();
@@ -52,7 +53,7 @@ impl Edges {
         let front = self.height(history, self.front.bead).is_some_and(|height| height < low);
         let rear = self.height(history, self.rear.bead).is_some_and(|height| height > high);
         let behind = (head - self.front.bead) * self.ahead > 0 || (self.rear.bead - head) * self.ahead > 0;
-        if front || rear || behind {
+        if several || front || rear || behind {
             *self = Self::around(history, head, (self.sign, self.ahead), self.level_m_s);
         }
     }

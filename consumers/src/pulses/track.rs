@@ -44,7 +44,8 @@ pub struct Measured {
     /// Kinetic and potential energy (J) of the hump, in a loaded chain beyond that at rest: `φ(δ) − φ(δ₀) −
     /// φ′(δ₀)·(δ − δ₀)` of each contact.
     pub energy_j: f64,
-    /// Whether both the [`REACH`] beads around it were all seen and nothing in the chain was near.
+    /// Whether the pulse was seen at each of the 5 beads before and behind, and neither an obstacle, nor an end,
+    /// nor a gap between beads was near.
     pub undisturbed: bool,
 }
 
@@ -57,6 +58,8 @@ pub(super) struct Passed {
     pub(super) shape: Option<Shape>,
     pub(super) momentum_kg_m_s: f64,
     pub(super) energy_j: f64,
+    /// Nothing is near that would disturb the pulse.
+    pub(super) free: bool,
 }
 
 /// A crest that is followed; a pulse once it has a number.
@@ -125,7 +128,16 @@ impl Track {
 
     /// Speed (beads/s) over the last beads.
     pub(super) fn speed_beads_per_s(&self) -> Option<f64> {
-        let first = self.recent.len().checked_sub(REACH + 1).unwrap_or_default();
+        self.speed_over(REACH)
+    }
+
+    /// Speed (beads/s) over as many of the last beads as there are.
+    fn steady_speed_beads_per_s(&self) -> Option<f64> {
+        self.speed_over(2 * REACH)
+    }
+
+    fn speed_over(&self, beads: usize) -> Option<f64> {
+        let first = self.recent.len().checked_sub(beads + 1).unwrap_or_default();
         speed(&self.recent[first], self.head())
     }
 
@@ -145,21 +157,22 @@ impl Track {
         if passed_s <= 0.0 || (self.ahead != 0 && beads * self.ahead <= 0) {
             return None;
         }
-        let Some(speed) = self.speed_beads_per_s() else {
-            return (beads.abs() == 1 && passed_s < longest_s).then_some(passed_s / longest_s);
+        let beads = beads.abs();
+        let speed = if beads == 1 { self.speed_beads_per_s() } else { self.steady_speed_beads_per_s() };
+        let Some(speed) = speed else {
+            return (beads == 1 && passed_s < longest_s).then_some(passed_s / longest_s);
         };
-        let (beads, moved) = (beads.abs(), speed * passed_s);
+        let moved = speed * passed_s;
         let most = if self.number == 0 { 1 } else { coast };
         let expected = beads as f64;
-        // young pulses change their speed from bead to bead, and pulses that meet shift each other
-        let near = moved > 0.3 * expected && moved < 1.5 * expected + 1.0;
+        // young pulses change their speed from bead to bead; two that meet shift the crests of each other
+        // before they are out of sight
+        let near = moved > 0.3 * expected && moved < 1.5 * expected + if beads == 1 { 1.0 } else { 2.0 };
         (beads <= most && near).then_some((moved - expected).abs())
     }
 
-    /// The next point whose surroundings are complete, and what was measured there; with `all` also those
-    /// that will never be. `room` is how many beads ahead of a bead the chain goes on undisturbed, and how many
-    /// the pulse needs.
-    pub(super) fn next_point(&mut self, all: bool, room: impl Fn(i64) -> bool) -> Option<Point> {
+    /// The next point whose surroundings are complete; with `all` also those whose never will be.
+    pub(super) fn next_point(&mut self, all: bool) -> Option<Point> {
         if self.pending == 0 || (!all && self.pending <= REACH) {
             return None;
         }
@@ -181,7 +194,7 @@ impl Track {
             point,
             momentum_kg_m_s: passed.momentum_kg_m_s,
             energy_j: passed.energy_j,
-            undisturbed: seen && room(behind.bead),
+            undisturbed: seen && behind.free,
         };
         // the later the better: pulses settle and come apart as they go
         let worth =

@@ -35,8 +35,10 @@ pub struct Pulses {
 /// How far (beads) things around a pulse matter to it.
 #[derive(Debug, Clone, Copy)]
 struct Reach {
-    /// A pulse that begins or ends so near to something has to do with it.
+    /// A pulse that ends so near to something has to do with it.
     near: i64,
+    /// A pulse that begins so near to something comes from it: weak ones get their crest only at a distance.
+    origin: i64,
     /// A pulse so far from what is ahead of it is undisturbed.
     free: i64,
     /// A pulse may be out of sight for so long, as when two meet.
@@ -177,11 +179,12 @@ impl Pulses {
     /// There are no more frames: what is still under way ends here.
     pub fn finish(&mut self) -> &[Happening] {
         self.happenings.clear();
+        self.tracks.sort_by_key(|track| track.number);
         self.close(true);
         &self.happenings
     }
 
-    /// The pulses under way at `time_s`, the time of the last frame, in the order of their numbers.
+    /// The pulses under way at `time_s`, the time of the last frame, in no order.
     pub fn under_way(&self, time_s: f64) -> impl Iterator<Item = UnderWay> {
         self.tracks.iter().filter(|track| track.number > 0).map(move |track| UnderWay {
             number: track.number,
@@ -238,13 +241,16 @@ impl Pulses {
         let best = fits.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(i, _)| i);
         let (momentum_kg_m_s, energy_j) = self.hump(frame, bead, crest.v_m_s.signum());
         let (time_s, v_peak_m_s) = (crest.time_s, crest.v_m_s);
-        let mut passed = Passed { bead, time_s, v_peak_m_s, shape: None, momentum_kg_m_s, energy_j };
+        let mut passed =
+            Passed { bead, time_s, v_peak_m_s, shape: None, momentum_kg_m_s, energy_j, free: false };
         let Some(i) = best else {
             let birth = self.birth(bead, crest);
             self.tracks.push(Track::new(passed, ahead, birth));
             return;
         };
-        passed.shape = self.shape(i, bead, time_s);
+        let several = self.encloses_another(i, time_s);
+        passed.shape = if several { None } else { self.shape(i, bead, time_s) };
+        passed.free = self.is_free(i, frame, bead, v_peak_m_s);
         let track = &mut self.tracks[i];
         track.pass(passed);
         if track.number == 0 && track.bead_count >= Self::SHORTEST_TRACK {
@@ -254,27 +260,45 @@ impl Pulses {
         if track.number > 0 {
             let way = (track.sign, track.ahead);
             match &mut track.edges {
-                Some(edges) => edges.renew(&self.history, bead, v_peak_m_s),
+                Some(edges) => edges.renew(&self.history, bead, v_peak_m_s, several),
                 none => *none = Some(Edges::around(&self.history, bead, way, 0.5 * v_peak_m_s.abs())),
             }
-            let (obstacles, free, ahead) = (&self.obstacles, self.reach.free, track.ahead);
-            let room = |bead| obstacles.ahead(bead, ahead).0 >= free;
-            while let Some(point) = track.next_point(false, room) {
+            while let Some(point) = track.next_point(false) {
                 self.happenings.push(Happening::Passed(point));
             }
         }
     }
 
-    /// The shape of a track whose crest passes `bead`; none where another crest lies between its edges.
+    /// The shape of a track whose crest passes `bead`.
     fn shape(&self, track: usize, bead: i64, time_s: f64) -> Option<Shape> {
-        let edges = self.tracks[track].edges?;
-        let speed = self.tracks[track].speed_beads_per_s()?;
-        let [front, rear] = edges.half_widths_beads(bead, time_s, speed)?;
-        let mut others = self.tracks.iter().enumerate().filter(|(i, other)| *i != track && other.number > 0);
-        if others.any(|(_, other)| edges.enclose(nearest(other.position_beads(time_s)))) {
-            return None;
-        }
+        let track = &self.tracks[track];
+        let speed = track.speed_beads_per_s()?;
+        let [front, rear] = track.edges?.half_widths_beads(bead, time_s, speed)?;
         Some(Shape { fwhm_beads: front + rear, asymmetry: (rear - front) / (rear + front) })
+    }
+
+    /// Whether the crest of another pulse lies between the edges of a track.
+    fn encloses_another(&self, track: usize, time_s: f64) -> bool {
+        let Some(edges) = self.tracks[track].edges else { return false };
+        let mut others = self.tracks.iter().enumerate().filter(|(i, other)| *i != track && other.number > 0);
+        others.any(|(_, other)| edges.enclose(nearest(other.position_beads(time_s))))
+    }
+
+    /// Whether a pulse at `bead` has a free way: no obstacle, no end and no gap between beads near.
+    fn is_free(&self, track: usize, frame: &Frame<'_>, bead: i64, v_m_s: f64) -> bool {
+        /// A gap g takes the time g/v to close. One that takes this part of the time for a bead changes the
+        /// speed by as much at most.
+        const DELAY: f64 = 1e-5;
+        let ahead = self.tracks[track].ahead;
+        let Some(speed) = self.tracks[track].speed_beads_per_s() else { return false };
+        if self.obstacles.ahead(bead, ahead).0 < self.reach.free {
+            return false;
+        }
+        let widest_m = DELAY * v_m_s.abs() / speed;
+        let far = bead + ahead * self.reach.free;
+        let contacts = if ahead > 0 { bead..far } else { far..bead };
+        let closed = |contact| self.chain.overlap_m(frame.u_m, contact) >= -widest_m;
+        contacts.map(|contact| usize::try_from(contact).unwrap_or_default()).all(closed)
     }
 
     /// Three times as long (s) as a solitary wave of this peak velocity takes for a bead; a pulse on a load is
@@ -325,7 +349,7 @@ impl Pulses {
     }
 
     fn birth(&self, bead: i64, crest: &Crest) -> Birth {
-        let near = self.reach.near;
+        let near = self.reach.origin;
         let to_obstacle = |sign| self.obstacles.ahead(bead, sign);
         let (left, right) = (to_obstacle(-1), to_obstacle(1));
         let close = |track: &&Track| {
@@ -339,7 +363,7 @@ impl Pulses {
         match (left, right) {
             _ if resumed => Birth::UnderWay,
             _ if (bead - self.striker).abs() <= near => Birth::Striker,
-            ((distance, true), _) | (_, (distance, true)) if distance <= near => Birth::Obstacle,
+            ((distance, true), _) | (_, (distance, true)) if distance <= near => Birth::Impurity,
             ((distance, false), _) | (_, (distance, false)) if distance <= near => Birth::End,
             _ => neighbour
                 .map_or(Birth::Chain, |opposite| if opposite { Birth::Collision } else { Birth::Split }),
@@ -374,8 +398,7 @@ impl Pulses {
 
     fn end(&mut self, mut track: Track, now_s: f64, at_last: bool) {
         let fate = self.fate(&track, now_s, at_last);
-        let (obstacles, free, ahead) = (&self.obstacles, self.reach.free, track.ahead);
-        while let Some(point) = track.next_point(true, |bead| obstacles.ahead(bead, ahead).0 >= free) {
+        while let Some(point) = track.next_point(true) {
             self.happenings.push(Happening::Passed(point));
         }
         let Some(measured) = track.measured else { return };
@@ -408,7 +431,7 @@ impl Pulses {
         let out_of_sight = (track.position_beads(now_s) - track.head().bead as f64).abs() > 2.0;
         match (distance <= near, is_obstacle) {
             _ if at_last && !(out_of_sight && distance <= near) => Fate::UnderWay,
-            (true, true) => Fate::Obstacle,
+            (true, true) => Fate::Impurity,
             (true, false) => Fate::End,
             _ if track.gap => Fate::Gap,
             _ if self.tracks.iter().any(merged) => Fate::Merged,
@@ -439,7 +462,12 @@ impl Reach {
         // near α = 1 solitary waves are hundreds of beads wide, but no pulse in a chain that long has become one
         const WIDEST: f64 = 20.0;
         let width = wave.map_or(WIDEST, |wave| wave.velocity_fwhm_beads).min(WIDEST);
-        Self { near: 3 + nearest(width), free: 2 + nearest(2.0 * width), coast: 4 + nearest(3.0 * width) }
+        Self {
+            near: 3 + nearest(width),
+            origin: 8 + nearest(2.0 * width),
+            free: 2 + nearest(2.0 * width),
+            coast: 4 + nearest(3.0 * width),
+        }
     }
 }
 
