@@ -1,5 +1,9 @@
 //! What each analysis shows, drawn with [`crate::figure`].
 
+mod deformation;
+
+pub use deformation::deformations;
+
 use crate::contacts::{COMPRESSED, ContactRaster, OPEN, TOUCHING};
 use crate::energies::{EnergyRow, Reflection, STATIONARY};
 use crate::figure::{Axis, Colour, Curve, Figure, FigureError, Panel, Raster};
