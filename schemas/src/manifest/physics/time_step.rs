@@ -16,7 +16,7 @@ impl Physics {
         let usual = self.scales().time_s;
         let struck = self.fastest_s().map_or(usual, |fast_s| smaller(usual, 4.0 * fast_s));
         let time_s = self.fastest_loaded_s().map_or(struck, |loaded_s| smaller(struck, loaded_s));
-        self.method.default_step_fraction() * time_s * self.stiff_fraction()
+        self.method.default_step_fraction(self.alpha) * time_s * self.stiff_fraction()
     }
 
     /// `T_fast = √(m_light/(k·L_s^(α−1)))` (s), with the overlap scale `L_s = (m_s·v0²/k)^(1/(α+1))` of the striker and
