@@ -174,6 +174,15 @@ pub(crate) struct AnalysisArgs {
     /// Attach without ever holding the run back: frames may be missed, and are counted
     #[arg(long)]
     pub(crate) latest: bool,
+    /// Recompute the frames before the first one that arrives, from step 0 on
+    #[arg(long)]
+    pub(crate) from_start: bool,
+    /// Recompute frames that were missed
+    #[arg(long)]
+    pub(crate) fill_gaps: bool,
+    /// Recompute the steps between frames (these results are not published on the bus)
+    #[arg(long)]
+    pub(crate) every_step: bool,
     /// Give up when no run appears within this time (s) [default: wait]
     #[arg(long, value_name = "S", value_parser = parse_seconds)]
     pub(crate) timeout: Option<f64>,

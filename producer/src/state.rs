@@ -50,6 +50,14 @@ impl ChainState {
         }
     }
 
+    /// Makes this the state that `frame`, one of the same run, shows.
+    pub(crate) fn copy_from(&mut self, frame: &Frame<'_>) {
+        self.u_m.copy_from_slice(frame.u_m);
+        self.v_m_s.copy_from_slice(frame.v_m_s);
+        self.extra.copy_from_slice(frame.extra);
+        self.step = frame.step;
+    }
+
     /// This state as frame number `frame` of `manifest`'s run.
     pub fn as_frame(&self, manifest: &RunManifest, frame: u64) -> Frame<'_> {
         Frame {

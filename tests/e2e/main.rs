@@ -7,6 +7,7 @@ mod faults;
 mod harness;
 mod other_tools;
 mod pipeline;
+mod recomputing;
 mod recordings;
 mod reference;
 mod reflection;
