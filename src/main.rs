@@ -8,6 +8,7 @@ mod display;
 mod failure;
 mod signals;
 mod source;
+mod time_step;
 
 use args::{Cli, Command};
 use clap::Parser;

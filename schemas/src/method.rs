@@ -52,6 +52,15 @@ impl Method {
         }
     }
 
+    /// Whether the energy error stays bounded, as that of maps that conserve phase space does, instead of
+    /// growing with time.
+    pub fn is_symplectic(self) -> bool {
+        match self {
+            Self::VelocityVerlet | Self::Rkn4 => true,
+            Self::Gear5 => false,
+        }
+    }
+
     /// Evaluations of all contact forces in a step, which are what a step costs.
     pub fn force_evaluations_per_step(self) -> u32 {
         match self {
@@ -70,15 +79,15 @@ impl Method {
 
     /// The default time step as a fraction of the collision time T, for the exponent `alpha`.
     ///
-    /// `rkn4` and `gear5` keep `|ΔE/E|` below 1e-7 for α from 1.1 to 3. Up to α = 1.3 this takes a fifth of the step
-    /// that is enough from α = 1.5 on, with a straight line between: where a contact opens, `δ^α` has α
-    /// derivatives, and the error there falls like `dt^(α+1)`. `velocity-verlet` keeps it below 3e-6
-    /// (`docs/NUMERICS.md`).
+    /// `rkn4` and `gear5` keep `|ΔE/E|` below 1e-7 for α from 1.1 to 3 in the runs of the paper. Where a contact
+    /// opens, `δ^α` has α derivatives, and the error made there falls like `dt^(α+1)` at best: up to α = 1.3
+    /// this takes an eighth of the step that is enough from α = 1.5 on, with a straight line between.
+    /// `velocity-verlet` keeps it below 3e-6 (`docs/NUMERICS.md`).
     pub fn default_step_fraction(self, alpha: f64) -> f64 {
         let smooth = if alpha < 1.3 {
-            0.2
+            0.125
         } else if alpha < 1.5 {
-            0.2 + 4.0 * (alpha - 1.3)
+            0.125 + 4.375 * (alpha - 1.3)
         } else {
             1.0
         };

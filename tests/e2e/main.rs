@@ -11,3 +11,4 @@ mod recomputing;
 mod recordings;
 mod reference;
 mod reflection;
+mod time_step;
