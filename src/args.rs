@@ -1,6 +1,7 @@
 //! The command line as it is written. Every mode turns its part once into validated values.
 
 use crate::sweep::directory::Shard;
+use crate::time_step::TimeStep;
 use clap::{Args, Parser, Subcommand};
 use schemas::method::Method;
 use std::num::NonZero;
@@ -155,9 +156,9 @@ pub(crate) struct Overrides {
     /// Simulated time (s)
     #[arg(long, value_name = "S")]
     pub(crate) duration: Option<f64>,
-    /// Time step (s) [default: a fraction of the collision time T]
-    #[arg(long, value_name = "S")]
-    pub(crate) dt: Option<f64>,
+    /// Time step (s), or `auto:TOL` to find one with max|ΔE/E| ≤ TOL [default: a fraction of the collision time T]
+    #[arg(long, value_name = "S|auto:TOL", value_parser = TimeStep::parse)]
+    pub(crate) dt: Option<TimeStep>,
     /// Integration method: velocity-verlet, rkn4 or gear5
     #[arg(long)]
     pub(crate) method: Option<Method>,

@@ -9,6 +9,7 @@ mod failure;
 mod signals;
 mod source;
 mod sweep;
+mod time_step;
 
 use args::{Cli, Command};
 use clap::Parser;

@@ -13,4 +13,5 @@ mod recordings;
 mod reference;
 mod reflection;
 mod sweep;
+mod time_step;
 mod verifying;

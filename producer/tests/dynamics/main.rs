@@ -5,6 +5,7 @@
 
 mod bits;
 mod chains;
+mod default_steps;
 mod final_states;
 mod orders;
 mod reference;

@@ -16,7 +16,7 @@ impl Physics {
         let usual = self.scales().time_s;
         let struck = self.fastest_s().map_or(usual, |fast_s| smaller(usual, 4.0 * fast_s));
         let time_s = self.fastest_loaded_s().map_or(struck, |loaded_s| smaller(struck, loaded_s));
-        self.method.default_step_fraction() * time_s * self.stiff_fraction()
+        self.method.default_step_fraction(self.alpha) * time_s * self.stiff_fraction()
     }
 
     /// `T_fast = √(m_light/(k·L_s^(α−1)))` (s), with the overlap scale `L_s = (m_s·v0²/k)^(1/(α+1))` of the striker and
@@ -55,14 +55,20 @@ impl Physics {
         if self.alpha > 5.0 { 5.0 / self.alpha } else { 1.0 }
     }
 
-    pub(super) fn check_dt(&self) -> Result<(), ConfigError> {
+    /// The longest step (s) that a run may have: a quarter of the collision time of its lightest bead, by 5/α less
+    /// above α = 5.
+    pub fn longest_dt_s(&self) -> f64 {
         let fastest_s = match (self.fastest_s(), self.fastest_loaded_s()) {
             (Some(struck_s), Some(loaded_s)) => smaller(struck_s, loaded_s),
             (Some(alone_s), None) | (None, Some(alone_s)) => alone_s,
             // a chain in which nothing can move was refused before
             (None, None) => self.scales().time_s,
         };
-        let longest = 0.25 * fastest_s * self.stiff_fraction();
+        0.25 * fastest_s * self.stiff_fraction()
+    }
+
+    pub(super) fn check_dt(&self) -> Result<(), ConfigError> {
+        let longest = self.longest_dt_s();
         if self.dt_s > 0.0 && self.dt_s <= longest {
             return Ok(());
         }
