@@ -1,32 +1,57 @@
 //! Which time steps resolve a run, and which one it has by default.
 
 use super::Physics;
-use super::arrays::smaller;
-use crate::config::ConfigError;
+use super::arrays::{larger, smaller};
+use crate::config::{ConfigError, End};
 use crate::manifest::MAX_STEPS;
 use crate::power::power;
 
 impl Physics {
-    /// `fraction · min(T, 4·T_fast, T_load) · min(1, 5/α)`: the fraction of
-    /// [`Method::default_step_fraction`](crate::method::Method::default_step_fraction), T of a bead of
-    /// `bead_mass_kg`, [`Physics::fastest_s`], which decides only where a bead is lighter than about 1/16 of
-    /// the others or the striker much heavier, and [`Physics::fastest_loaded_s`] of a loaded chain. The larger
-    /// α, the shorter the part of T in which a contact is stiff.
+    /// The step (s) with which the energy of the usual chains is conserved to 1e-7 for α from 1.1 to 3: the fraction
+    /// of [`Method::default_step_fraction`](crate::method::Method::default_step_fraction) of
+    /// `min(T_struck·blunt, T_load)·min(1, 5/α)`.
+    ///
+    /// `T_struck` is the shortest of T (of a bead of `bead_mass_kg`), of the striker's own collision time with the
+    /// stiffest contact, and of `√2·T_fast` ([`Physics::fastest_s`]), which counts where a bead is less than about half
+    /// as heavy as the others. `blunt` is [`Physics::blunt_fraction`], and `T_load` is
+    /// [`Physics::fastest_loaded_s`]: where a load keeps contacts closed, the force is smooth and only the
+    /// frequency of the stiffest contact counts. The larger α, the shorter the part of T in which a contact is stiff.
     pub(super) fn default_dt_s(&self) -> f64 {
-        let usual = self.scales().time_s;
-        let struck = self.fastest_s().map_or(usual, |fast_s| smaller(usual, 4.0 * fast_s));
-        let time_s = self.fastest_loaded_s().map_or(struck, |loaded_s| smaller(struck, loaded_s));
+        let usual_s = self.scales().time_s;
+        let struck_s = match (self.fastest_s(), self.collision_s(self.striker_kg())) {
+            (Some(fast_s), Some(striker_s)) => {
+                self.blunt_fraction() * smaller(usual_s, smaller(2.0_f64.sqrt() * fast_s, striker_s))
+            }
+            _ => usual_s,
+        };
+        let time_s = self.fastest_loaded_s().map_or(struck_s, |loaded_s| smaller(struck_s, loaded_s));
         self.method.default_step_fraction() * time_s * self.stiff_fraction()
+    }
+
+    /// `min(1, α − 1)`, but not below 0.1, and half of it between two walls.
+    ///
+    /// Where a contact opens or closes, only α derivatives of its force exist, and the step that meets that moment
+    /// makes an error of the order `dt^(α+1)`: the smaller α, the shorter a step must be for the same error.
+    /// Between two walls beads do so again and again.
+    fn blunt_fraction(&self) -> f64 {
+        let derivatives = smaller(1.0, larger(0.1, self.alpha - 1.0));
+        let is_walled = self.ends.left == End::Fixed && self.ends.right == End::Fixed;
+        if is_walled { 0.5 * derivatives } else { derivatives }
     }
 
     /// `T_fast = √(m_light/(k·L_s^(α−1)))` (s), with the overlap scale `L_s = (m_s·v0²/k)^(1/(α+1))` of the striker and
     /// the largest k: how fast the lightest bead moves between neighbours that the shock presses together.
     /// It is T in a chain of equal beads; nothing when nothing strikes.
     fn fastest_s(&self) -> Option<f64> {
-        let extremes = self.extremes();
-        let ratio = self.striker_ratio(extremes.stiffest)?;
+        self.collision_s(self.extremes().lightest_kg)
+    }
+
+    /// The same for a bead of `mass_kg`.
+    fn collision_s(&self, mass_kg: f64) -> Option<f64> {
+        let stiffest = self.extremes().stiffest;
+        let ratio = self.striker_ratio(stiffest)?;
         let pressed = power(ratio, (self.alpha - 1.0) / (self.alpha + 1.0));
-        Some((extremes.lightest_kg / (extremes.stiffest * pressed)).sqrt())
+        Some((mass_kg / (stiffest * pressed)).sqrt())
     }
 
     /// `T_load`: as [`Physics::fastest_s`], for the overlap `L_s + δ_rest` with the largest rest overlap; nothing in
