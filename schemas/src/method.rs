@@ -42,7 +42,7 @@ impl Method {
     /// error of a Hertz chain (α = 1.5) below 1e-6.
     pub fn default_step_fraction(self) -> f64 {
         match self {
-            Self::VelocityVerlet => 0.0025,
+            Self::VelocityVerlet => 0.0003,
             Self::Rkn4 => 0.02,
         }
     }

@@ -15,9 +15,7 @@ pub(crate) fn physics(
     steps: u64,
     change: impl FnOnce(&mut RunConfig),
 ) -> Physics {
-    let mut config = Preset::find("homogeneous").unwrap().config();
-    config.chain.beads = beads;
-    config.chain.alpha = alpha;
+    let mut config = config(beads, alpha);
     change(&mut config);
     let scales = Physics::resolve(&config).unwrap().scales();
     let dt_s = fraction * scales.time_s;
@@ -28,6 +26,13 @@ pub(crate) fn physics(
     physics
 }
 
+/// The configuration of that chain, without a time step.
+pub(crate) fn config(beads: u64, alpha: f64) -> RunConfig {
+    let mut config = Preset::find("homogeneous").unwrap().config();
+    (config.chain.beads, config.chain.alpha) = (beads, alpha);
+    config
+}
+
 /// An impurity of `ratio` times the 1 g of the other beads.
 pub(crate) fn impurity(bead: u64, ratio: f64) -> Impurity {
     Impurity { bead, mass_kg: ratio * 1e-3 }
@@ -35,7 +40,12 @@ pub(crate) fn impurity(bead: u64, ratio: f64) -> Impurity {
 
 /// The state at the last step.
 pub(crate) fn final_state(physics: &Physics) -> ChainState {
-    let mut state = ChainState::initial(physics);
+    state_after(physics, ChainState::initial(physics))
+}
+
+/// The state at the last step of a run that begins with `start`.
+pub(crate) fn state_after(physics: &Physics, start: ChainState) -> ChainState {
+    let mut state = start;
     let mut integrator = Integrator::new(physics);
     while state.step < physics.step_count {
         integrator.step(&mut state);

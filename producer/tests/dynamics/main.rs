@@ -5,8 +5,14 @@
 
 mod bits;
 mod chains;
+mod collisions;
+mod default_step;
 mod final_states;
+mod gravity;
+mod loaded;
 mod orders;
 mod reference;
+mod sound;
 mod symmetries;
 mod table;
+mod unequal;

@@ -4,11 +4,12 @@ use super::Physics;
 use super::arrays::{larger, smaller};
 use crate::config::{ConfigError, End};
 use crate::manifest::MAX_STEPS;
+use crate::method::Method;
 use crate::power::power;
 
 impl Physics {
     /// The step (s) with which the energy of the usual chains is conserved to 1e-7 for α from 1.1 to 3: the fraction
-    /// of [`Method::default_step_fraction`](crate::method::Method::default_step_fraction) of
+    /// of [`Method::default_step_fraction`] of
     /// `min(T_struck·blunt, T_load)·min(1, 5/α)`.
     ///
     /// `T_struck` is the shortest of T (of a bead of `bead_mass_kg`), of the striker's own collision time with the
@@ -32,8 +33,12 @@ impl Physics {
     ///
     /// Where a contact opens or closes, only α derivatives of its force exist, and the step that meets that moment
     /// makes an error of the order `dt^(α+1)`: the smaller α, the shorter a step must be for the same error.
-    /// Between two walls beads do so again and again.
+    /// Between two walls beads do so again and again. Velocity Verlet needs steps so short for its own second order
+    /// that this does not matter.
     fn blunt_fraction(&self) -> f64 {
+        if self.method == Method::VelocityVerlet {
+            return 1.0;
+        }
         let derivatives = smaller(1.0, larger(0.1, self.alpha - 1.0));
         let is_walled = self.ends.left == End::Fixed && self.ends.right == End::Fixed;
         if is_walled { 0.5 * derivatives } else { derivatives }
