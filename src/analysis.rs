@@ -4,7 +4,7 @@ use crate::args::AnalysisArgs;
 use crate::display::{self, count};
 use crate::failure::{Done, Failure};
 use crate::signals;
-use crate::source::{Named, Source, SourceFailure};
+use crate::source::{Frames, Named, Source, SourceFailure};
 use anyhow::{Context, Error, anyhow};
 use consumers::figure::{Figure, Options};
 use consumers::follow::{Analysis, FollowError, Tally, follow};
@@ -22,7 +22,7 @@ use std::time::{Duration, Instant};
 /// An open source and what goes with it.
 pub(crate) struct Session<'a> {
     args: &'a AnalysisArgs,
-    source: Source,
+    source: Frames,
     /// The bus and the stream, if the source is live.
     live: Option<(Bus, StreamId)>,
     stop: Arc<AtomicBool>,
@@ -54,7 +54,7 @@ impl<'a> Session<'a> {
             Named::File(path) => (Source::open(&path, &stop)?, None),
         };
         display::notice_of_version(source.manifest());
-        Ok(Self { args, source, live, stop })
+        Ok(Self { args, source: Frames::of(source, args)?, live, stop })
     }
 
     pub(crate) fn manifest(&self) -> &RunManifest {
@@ -67,7 +67,9 @@ impl<'a> Session<'a> {
         topic: Topic,
         columns: &ResultColumns,
     ) -> Result<Option<ResultPublisher<T>>, Failure> {
-        let Some((bus, stream)) = self.live.as_ref().filter(|_| !self.args.no_publish) else {
+        // a row of results belongs to a frame
+        let published = !self.args.no_publish && !self.args.every_step;
+        let Some((bus, stream)) = self.live.as_ref().filter(|_| published) else {
             return Ok(None);
         };
         let run = &self.manifest().provenance.name;
@@ -107,7 +109,9 @@ impl<'a> Session<'a> {
         match followed {
             Ok(()) => Ok(tally),
             // what came before the damage stays a result, as in a file that was cut short
-            Err(FollowError::Source(error @ SourceFailure::File(_))) if tally.frame_count > 0 => {
+            Err(FollowError::Source(error @ (SourceFailure::File(_) | SourceFailure::Differs(_))))
+                if tally.frame_count > 0 =>
+            {
                 display::notice(format_args!("{:#}", Error::new(error)));
                 Ok(tally)
             }

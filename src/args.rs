@@ -45,6 +45,8 @@ pub(crate) enum Command {
     Impurity(ImpurityArgs),
     /// The space-time map of compressed, touching and open contacts
     Contacts(ContactsArgs),
+    /// How the first pulse deforms a contact, beside what theory expects
+    Deformation(DeformationArgs),
     /// List the live runs of this user
     Ls {
         /// Print JSON
@@ -148,7 +150,7 @@ pub(crate) struct Overrides {
     /// Time step (s) [default: a fraction of the collision time T]
     #[arg(long, value_name = "S")]
     pub(crate) dt: Option<f64>,
-    /// Integration method: velocity-verlet or rkn4
+    /// Integration method: velocity-verlet, rkn4 or gear5
     #[arg(long)]
     pub(crate) method: Option<Method>,
     /// Publish every K-th step
@@ -172,6 +174,15 @@ pub(crate) struct AnalysisArgs {
     /// Attach without ever holding the run back: frames may be missed, and are counted
     #[arg(long)]
     pub(crate) latest: bool,
+    /// Recompute the frames before the first one that arrives, from step 0 on
+    #[arg(long)]
+    pub(crate) from_start: bool,
+    /// Recompute frames that were missed
+    #[arg(long)]
+    pub(crate) fill_gaps: bool,
+    /// Recompute the steps between frames (these results are not published on the bus)
+    #[arg(long)]
+    pub(crate) every_step: bool,
     /// Give up when no run appears within this time (s) [default: wait]
     #[arg(long, value_name = "S", value_parser = parse_seconds)]
     pub(crate) timeout: Option<f64>,
@@ -246,6 +257,26 @@ pub(crate) struct ContactsArgs {
     /// Largest overlap or gap (m) that counts as touching [default: 1e-6 of the collision length L]
     #[arg(long, value_name = "M")]
     pub(crate) tolerance: Option<f64>,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline deformation run.mcap --contact 100 --figure d.png\n  \
+    beadline deformation run.mcap --contact 100 --contact 150 --out d.csv\n\n\
+    Contact C joins beads C and C+1. Theories are scaled to the largest overlap; their width, speed,\n\
+    impulse and shape are predictions."
+)]
+pub(crate) struct DeformationArgs {
+    #[command(flatten)]
+    pub(crate) common: AnalysisArgs,
+    /// A contact to follow, repeatable
+    #[arg(long, value_name = "C", required = true)]
+    pub(crate) contact: Vec<u64>,
+    /// Table of the pulse: overlap, exact wave and continuum in each frame
+    #[arg(long, value_name = "FILE.csv")]
+    pub(crate) out: Option<PathBuf>,
 }
 
 /// How fast a run goes.

@@ -27,6 +27,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Energies(args) => commands::energies::energies(&args),
         Command::Impurity(args) => commands::impurity::impurity(&args),
         Command::Contacts(args) => commands::contacts::contacts(&args),
+        Command::Deformation(args) => commands::deformation::deformation(&args),
         Command::Ls { json } => commands::ls::ls(json),
         Command::Info { file, json } => commands::info::info(&file, json),
     }

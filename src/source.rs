@@ -4,6 +4,7 @@ use crate::args::AnalysisArgs;
 use crate::display;
 use crate::failure::{BadInput, Failure};
 use anyhow::anyhow;
+use producer::resimulation::{Difference, Lend, Resimulation, ResimulationError};
 use schemas::bus::{AttachError, AttachNotice, AttachOptions, Bus, Delivery, LiveError, LiveSource};
 use schemas::frame::{EndReason, FrameSource, Received};
 use schemas::manifest::RunManifest;
@@ -43,13 +44,56 @@ pub(crate) enum Source {
     File(Box<RecordingSource>, Arc<AtomicBool>),
 }
 
-/// What goes wrong in either kind of source.
+/// A source as it is, or with what it does not hold recomputed.
+pub(crate) enum Frames {
+    AsTheyCome(Source),
+    Recomputed(Box<Resimulation<Source>>),
+}
+
+/// What goes wrong in any kind of source.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum SourceFailure {
     #[error(transparent)]
     Live(LiveError),
     #[error(transparent)]
     File(ReadError),
+    #[error(transparent)]
+    Differs(Difference),
+}
+
+impl Frames {
+    /// What of `source` the flags ask for.
+    pub(crate) fn of(source: Source, args: &AnalysisArgs) -> Result<Self, Failure> {
+        let lend = if args.every_step { Lend::Steps } else { Lend::Frames };
+        if args.from_start {
+            Ok(Self::Recomputed(Box::new(Resimulation::from_start(source, lend).bad_input()?)))
+        } else if args.every_step || args.fill_gaps {
+            Ok(Self::Recomputed(Box::new(Resimulation::new(source, lend).bad_input()?)))
+        } else {
+            Ok(Self::AsTheyCome(source))
+        }
+    }
+}
+
+impl FrameSource for Frames {
+    type Error = SourceFailure;
+
+    fn manifest(&self) -> &RunManifest {
+        match self {
+            Self::AsTheyCome(source) => source.manifest(),
+            Self::Recomputed(resimulation) => resimulation.manifest(),
+        }
+    }
+
+    fn receive(&mut self) -> Result<Received<'_>, SourceFailure> {
+        match self {
+            Self::AsTheyCome(source) => source.receive(),
+            Self::Recomputed(resimulation) => resimulation.receive().map_err(|error| match error {
+                ResimulationError::Source(failure) => failure,
+                ResimulationError::Differs(difference) => SourceFailure::Differs(difference),
+            }),
+        }
+    }
 }
 
 impl Source {

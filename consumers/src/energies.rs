@@ -10,7 +10,8 @@ pub use reflection::{
 use reflection::{Parts, Watch, incident_side};
 use schemas::chain::{Chain, ordered_sum};
 use schemas::frame::Frame;
-use schemas::manifest::RunManifest;
+use schemas::manifest::{Physics, RunManifest};
+use schemas::summary::relative_drift;
 
 /// Energies (J) of one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,13 +22,17 @@ pub struct EnergyRow {
     pub potential_j: f64,
     /// Kinetic plus potential energy.
     pub total_j: f64,
-    /// Beads left of the split bead, their contacts, and half the contact with the split bead.
+    /// Beads left of the split bead, their contacts (that with a left wall included), and half the contact with
+    /// the split bead.
     pub left_j: f64,
     /// The split bead and half of each of its contacts.
     pub split_j: f64,
-    /// Beads right of the split bead, their contacts, and half the contact with the split bead.
+    /// Beads right of the split bead, their contacts (that with a right wall included), and half the contact with
+    /// the split bead.
     pub right_j: f64,
-    /// `(total − E0)/E0`, with the energy E0 of the initial state that the manifest implies.
+    /// Work that damped contacts have dissipated so far; 0 without damping.
+    pub dissipated_j: f64,
+    /// `(total + dissipated − E0)/E0`, with the energy E0 of the initial state that the manifest implies.
     pub relative_drift: f64,
     /// What may still cross the split bead: its energy, and what moves towards it on the incident side. NaN
     /// where nothing is reflected; see [`Undefined`].
@@ -39,20 +44,21 @@ pub struct EnergyRow {
 
 impl EnergyRow {
     /// Names of the columns, with units, in the order of [`EnergyRow::values`].
-    pub const COLUMNS: [&'static str; 9] = [
+    pub const COLUMNS: [&'static str; 10] = [
         "kinetic_j",
         "potential_j",
         "total_j",
         "left_j",
         "split_j",
         "right_j",
+        "dissipated_j",
         "relative_drift",
         "inbound_j",
         "corrected_j",
     ];
 
     /// The values in the order of [`EnergyRow::COLUMNS`].
-    pub fn values(&self) -> [f64; 9] {
+    pub fn values(&self) -> [f64; 10] {
         [
             self.kinetic_j,
             self.potential_j,
@@ -60,6 +66,7 @@ impl EnergyRow {
             self.left_j,
             self.split_j,
             self.right_j,
+            self.dissipated_j,
             self.relative_drift,
             self.inbound_j,
             self.corrected_j,
@@ -71,6 +78,7 @@ impl EnergyRow {
 #[derive(Debug, Clone)]
 pub struct Energies {
     chain: Chain,
+    physics: Physics,
     initial_j: f64,
     split_bead: usize,
     contact_j: Vec<f64>,
@@ -110,6 +118,7 @@ impl Energies {
             initial_j: manifest.physics.initial_energy().total_j(),
             split_bead: usize::try_from(split_bead).unwrap_or(usize::MAX).min(chain.bead_count() - 1),
             contact_j: vec![0.0; chain.contact_count()],
+            physics: manifest.physics.clone(),
             max_abs_drift: 0.0,
             last: None,
             chain,
@@ -138,16 +147,20 @@ impl Energies {
 
         // the totals do not depend on where the chain is divided
         let kinetic_j = kinetic(0..chain.bead_count());
-        let potential_j = contacts(0..contact_j.len());
+        let [left_wall, right_wall] = chain.wall_energies_j(frame.u_m);
+        let potential_j = contacts(0..contact_j.len()) + (left_wall + right_wall);
         let total_j = kinetic_j + potential_j;
-        let relative_drift = (total_j - self.initial_j) / self.initial_j;
+        let dissipated = self.physics.dissipated_j(frame.extra);
+        let dissipated_j = ordered_sum(dissipated.len(), |c| dissipated[c]);
+        let relative_drift = relative_drift(total_j + dissipated_j, self.initial_j);
         let mut row = EnergyRow {
             kinetic_j,
             potential_j,
             total_j,
-            left_j: kinetic_left + potential_left + 0.5 * left_contact,
+            left_j: kinetic_left + potential_left + 0.5 * left_contact + left_wall,
             split_j: kinetic_split + 0.5 * (left_contact + right_contact),
-            right_j: kinetic_right + potential_right + 0.5 * right_contact,
+            right_j: kinetic_right + potential_right + 0.5 * right_contact + right_wall,
+            dissipated_j,
             relative_drift,
             inbound_j: f64::NAN,
             corrected_j: f64::NAN,

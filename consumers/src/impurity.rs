@@ -1,7 +1,7 @@
 //! The motion of single beads: impurities, or any other.
 
 use crate::contacts::default_tolerance_m;
-use schemas::chain::Chain;
+use schemas::chain::{Chain, Wall, Walls};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 
@@ -90,7 +90,7 @@ struct Sample {
     time_s: f64,
     u_m: f64,
     v_m_s: f64,
-    /// Overlap (m) and its rate (m/s), left and right; none beyond the ends of the chain.
+    /// Overlap (m) and its rate (m/s), left and right; none beyond a free end.
     contacts: [Option<(f64, f64)>; 2],
     /// Whether the bead has moved faster than `rest_m_s` since it last turned.
     has_moved: bool,
@@ -101,14 +101,14 @@ struct Sample {
 impl Followed {
     /// Follows `beads` of `manifest`'s run. A contact counts as closed while its overlap is above the
     /// default tolerance of [`crate::contacts`]. A change of sign of the velocity counts as a turn if the
-    /// bead moved faster than 1e-6 of the striker's speed since the last.
+    /// bead moved faster than 1e-6 of the striker's speed ([`schemas::scales::Scales::speed_m_s`]) since the last.
     pub fn new(manifest: &RunManifest, beads: &[u64]) -> Self {
         let chain = manifest.physics.chain();
         let index = |bead: &u64| usize::try_from(*bead).unwrap_or(usize::MAX).min(chain.bead_count() - 1);
         Self {
             beads: beads.iter().map(index).collect(),
             tolerance_m: default_tolerance_m(manifest),
-            rest_m_s: 1e-6 * manifest.physics.striker.velocity_m_s.abs(),
+            rest_m_s: 1e-6 * manifest.physics.scales().speed_m_s(),
             before: Vec::with_capacity(beads.len()),
             now: Vec::with_capacity(beads.len()),
             motions: Vec::with_capacity(beads.len()),
@@ -150,16 +150,26 @@ impl Followed {
 
     fn sample(&self, frame: &Frame<'_>, bead: usize) -> Sample {
         let contact = |c: usize| (self.chain.overlap_m(frame.u_m, c), frame.v_m_s[c] - frame.v_m_s[c + 1]);
+        let [left_m, right_m] = self.chain.wall_approaches_m(frame.u_m);
+        let v_m_s = frame.v_m_s[bead];
+        let with_wall = |wall: &Wall, approach_m: f64, rate_m_s: f64| {
+            (wall.stiffness > 0.0).then(|| (wall.overlap_m(approach_m), rate_m_s))
+        };
+        let Walls { left, right } = &self.chain.walls;
         Sample {
             time_s: frame.time_s,
             u_m: frame.u_m[bead],
-            v_m_s: frame.v_m_s[bead],
+            v_m_s,
             contacts: [
-                bead.checked_sub(1).map(contact),
-                (bead < self.chain.contact_count()).then(|| contact(bead)),
+                bead.checked_sub(1).map_or_else(|| with_wall(left, left_m, -v_m_s), |c| Some(contact(c))),
+                if bead < self.chain.contact_count() {
+                    Some(contact(bead))
+                } else {
+                    with_wall(right, right_m, v_m_s)
+                },
             ],
-            has_moved: frame.v_m_s[bead].abs() > self.rest_m_s,
-            heads_right: (frame.v_m_s[bead] != 0.0).then_some(frame.v_m_s[bead] > 0.0),
+            has_moved: v_m_s.abs() > self.rest_m_s,
+            heads_right: (v_m_s != 0.0).then_some(v_m_s > 0.0),
         }
     }
 }
@@ -326,5 +336,21 @@ mod tests {
         let (motions, _) = followed.observe(&frame(0, 0.0, &[3.0, 2.0, 0.0], &[0.0; 3]));
         assert!(motions[0].overlap_left_m.is_nan() && motions[1].overlap_right_m.is_nan());
         assert_eq!((motions[0].overlap_right_m, motions[1].overlap_left_m), (1.0, 2.0));
+    }
+
+    #[test]
+    fn a_wall_is_the_neighbour_of_an_end_bead() {
+        let mut config = PRESETS[2].config();
+        config.chain.beads = 3;
+        config.ends.right = schemas::config::End::Fixed;
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        let mut followed = Followed::new(&RunManifest::new(&config, "run", origin).expect("valid"), &[0, 2]);
+        // bead 2 comes at 2 m/s from a gap of 1 m to the wall, which closes after 0.5 s
+        followed.observe(&frame(0, 0.0, &[0.0, 0.0, -1.0], &[0.0, 0.0, 2.0]));
+        let (motions, events) = followed.observe(&frame(1, 0.8, &[0.0, 0.0, 0.6], &[0.0, 0.0, 2.0]));
+        assert!(motions[0].overlap_left_m.is_nan());
+        assert_eq!(motions[1].overlap_right_m, 0.6);
+        let closing: Vec<_> = events.iter().filter(|event| event.kind == EventKind::RightCloses).collect();
+        assert!(matches!(closing[..], [event] if (event.time_s - 0.5).abs() < 1e-9), "{events:?}");
     }
 }

@@ -2,9 +2,10 @@
 //!
 //! An analysis takes frames one by one and cannot tell a live run, a replay, a file or a
 //! re-simulation apart: [`follow::follow`] is the one loop that reads a source. Each analysis is a
-//! module: [`energies`], [`impurity`], [`contacts`], [`pulses`]. What theory expects is in [`theory`].
+//! module: [`deformation`], [`energies`], [`impurity`], [`contacts`], [`pulses`]. What theory expects is in [`theory`].
 
 pub mod contacts;
+pub mod deformation;
 pub mod energies;
 pub mod figure;
 pub mod follow;

@@ -1,5 +1,9 @@
 //! What each analysis shows, drawn with [`crate::figure`].
 
+mod deformation;
+
+pub use deformation::deformations;
+
 use crate::contacts::{COMPRESSED, ContactRaster, OPEN, TOUCHING};
 use crate::energies::{EnergyRow, Reflection, STATIONARY};
 use crate::figure::{Axis, Colour, Curve, Figure, FigureError, Panel, Raster};
@@ -14,9 +18,9 @@ const TOTAL: usize = 2;
 const LEFT: usize = 3;
 const SPLIT: usize = 4;
 const RIGHT: usize = 5;
-const DRIFT: usize = 6;
-const INBOUND: usize = 7;
-const CORRECTED: usize = 8;
+const DRIFT: usize = 7;
+const INBOUND: usize = 8;
+const CORRECTED: usize = 9;
 
 /// The parameters of a run as one line of text.
 pub fn caption(manifest: &RunManifest) -> String {

@@ -28,6 +28,30 @@ impl Activity {
         let end = pairs().rposition(active).map_or(first, |last| last + 1);
         Self { beads: first..end }
     }
+
+    /// This window, widened over the beads that have one of `values` (N of them) other than zero.
+    pub(crate) fn including(mut self, values: &[f64]) -> Self {
+        let active = |x: &f64| x.to_bits() != 0;
+        if let (Some(first), Some(last)) = (values.iter().position(active), values.iter().rposition(active)) {
+            let beads = &self.beads;
+            let (start, end) = if beads.is_empty() { (first, last + 1) } else { (beads.start, beads.end) };
+            self.beads = if first < start { first } else { start }..if last < end { end } else { last + 1 };
+        }
+        self
+    }
+}
+
+/// The active beads and what pushes them, with slices over just these beads.
+#[derive(Debug, Clone)]
+pub(crate) struct Pushed<'a> {
+    /// The window of active beads.
+    pub(crate) beads: Range<usize>,
+    /// Force (N) beyond that at rest of the contact on the left of each, which pushes it to the right.
+    pub(crate) left: &'a [f64],
+    /// The same of the contact on the right of each, which pushes it to the left.
+    pub(crate) right: &'a [f64],
+    /// `1/m` (1/kg) of each.
+    pub(crate) inverse_mass: &'a [f64],
 }
 
 /// The static equilibrium of a loaded chain, N − 1 values each.
@@ -177,6 +201,19 @@ impl Kernel {
                 }
             },
         );
+    }
+
+    /// The instruction set to compile loops for.
+    pub(crate) fn arch(&self) -> Arch {
+        self.arch
+    }
+
+    /// The active beads, with the forces evaluated last.
+    pub(crate) fn pushed(&self) -> Pushed<'_> {
+        let beads = self.active_beads();
+        let (left, right) = self.forces_beside(&beads);
+        let inverse_mass = &self.inverse_mass[beads.clone()];
+        Pushed { beads, left, right, inverse_mass }
     }
 
     /// The first active bead whose displacement or velocity is not finite.

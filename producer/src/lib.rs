@@ -1,9 +1,12 @@
 //! From a manifest to frames: the dynamics, and the loop that publishes and records them.
 //!
 //! Start with [`run::run`], the one path of a frame: advance → publish → record. The dynamics is
-//! [`splitting::Integrator`], which works on a [`state::ChainState`] with the forces of [`kernel`].
+//! [`integrator::Integrator`], which works on a [`state::ChainState`] with the forces of [`kernel`].
 
+mod gear;
+pub mod integrator;
 pub mod kernel;
+pub mod resimulation;
 pub mod run;
-pub mod splitting;
+mod splitting;
 pub mod state;

@@ -1,6 +1,6 @@
 //! The one path of a frame: advance → publish → record.
 
-use crate::splitting::Integrator;
+use crate::integrator::Integrator;
 use crate::state::ChainState;
 use schemas::frame::{EndReason, Frame, FrameSink};
 use schemas::manifest::RunManifest;

@@ -1,7 +1,9 @@
 //! The state of a chain at a step.
 
+use crate::gear::taylor_terms;
 use schemas::frame::Frame;
 use schemas::manifest::{Physics, RunManifest};
+use schemas::method::Method;
 
 /// Everything that the next step depends on.
 #[derive(Debug, Clone, PartialEq)]
@@ -10,7 +12,8 @@ pub struct ChainState {
     pub u_m: Vec<f64>,
     /// Velocities (m/s), N values.
     pub v_m_s: Vec<f64>,
-    /// What else the method carries from step to step, `E·N` values.
+    /// What else the method carries from step to step, `E·N` values: see [`Method::extra_per_bead`] and
+    /// [`Physics::extra_per_bead`].
     pub extra: Vec<f64>,
     /// Number of the step.
     pub step: u64,
@@ -20,7 +23,39 @@ impl ChainState {
     /// The state at step 0.
     pub fn initial(physics: &Physics) -> Self {
         let (u_m, v_m_s) = physics.initial_state();
-        Self { u_m, v_m_s, extra: Vec::new(), step: 0 }
+        Self::starting_at(physics, u_m, v_m_s)
+    }
+
+    /// A state at step 0 with displacements (m) and velocities (m/s) of one's own, N values each.
+    ///
+    /// The higher derivatives that `gear5` carries are those of the exact motion, so that it has its order
+    /// from the first step.
+    pub fn starting_at(physics: &Physics, u_m: Vec<f64>, v_m_s: Vec<f64>) -> Self {
+        let mut extra = match physics.method {
+            Method::VelocityVerlet | Method::Rkn4 => Vec::new(),
+            Method::Gear5 => taylor_terms(&physics.chain(), &u_m, &v_m_s, physics.dt_s),
+        };
+        // no contact has dissipated anything yet
+        extra.resize(physics.extra_per_bead() * u_m.len(), 0.0);
+        Self { u_m, v_m_s, extra, step: 0 }
+    }
+
+    /// The state that `frame` shows: a run goes on from it with the bits that it had.
+    pub fn of_frame(frame: &Frame<'_>) -> Self {
+        Self {
+            u_m: frame.u_m.to_vec(),
+            v_m_s: frame.v_m_s.to_vec(),
+            extra: frame.extra.to_vec(),
+            step: frame.step,
+        }
+    }
+
+    /// Makes this the state that `frame`, one of the same run, shows.
+    pub(crate) fn copy_from(&mut self, frame: &Frame<'_>) {
+        self.u_m.copy_from_slice(frame.u_m);
+        self.v_m_s.copy_from_slice(frame.v_m_s);
+        self.extra.copy_from_slice(frame.extra);
+        self.step = frame.step;
     }
 
     /// This state as frame number `frame` of `manifest`'s run.

@@ -319,12 +319,28 @@ impl RunConfig {
     /// When the text is not TOML, a key is unknown or missing, or a value has the wrong type; the
     /// error carries the line.
     pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
-        toml::from_str(text).map_err(|error| ConfigError {
+        #[derive(Deserialize)]
+        struct Named {
+            integrator: Option<serde::de::IgnoredAny>,
+        }
+        let unreadable = |error: toml::de::Error| ConfigError {
             path: None,
             line: error.span().map(|span| line_at(text, span.start)),
             key: String::new(),
             message: error.message().to_owned(),
-        })
+        };
+        let mut config: Self = toml::from_str(text).map_err(unreadable)?;
+        let Named { integrator } = toml::from_str(text).map_err(unreadable)?;
+        if integrator.is_none() {
+            config.integrator.method = config.default_method();
+        }
+        Ok(config)
+    }
+
+    /// The method where a configuration names none: [`Method::Rkn4`], with damping [`Method::Gear5`], which takes
+    /// forces that depend on velocities.
+    fn default_method(&self) -> Method {
+        if self.damping.is_some() { Method::Gear5 } else { IntegratorConfig::default().method }
     }
 
     /// The configuration as TOML text that reads back to an equal configuration.
@@ -396,6 +412,22 @@ mod tests {
         for (from, to) in [("restitution", "bounce"), ("pattern_kg", "pattern"), ("\"fixed\"", "\"stuck\"")] {
             let error = RunConfig::from_toml(&text.replace(from, to)).expect_err("unknown");
             assert!(error.line.is_some() && error.message.contains("expected"), "{error}");
+        }
+    }
+
+    /// Every configuration that the documentation shows is a possible run.
+    #[test]
+    fn the_documented_configurations_are_valid() {
+        let page = include_str!("../../docs/CONFIGURATION.md");
+        let blocks: Vec<&str> =
+            page.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
+        assert_eq!(blocks.len(), 5);
+        for block in &blocks {
+            let config = RunConfig::from_toml(block).unwrap_or_else(|error| panic!("{error} in\n{block}"));
+            let physics = crate::manifest::Physics::resolve(&config);
+            let physics = physics.unwrap_or_else(|error| panic!("{error} in\n{block}"));
+            let expected = if config.damping.is_some() { Method::Gear5 } else { Method::Rkn4 };
+            assert_eq!(physics.method, expected);
         }
     }
 

@@ -6,9 +6,9 @@ use std::fmt;
 /// One published state, lent by its source until the next call.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Frame<'a> {
-    /// Number of the frame, from 0.
+    /// Number of the frame, from 0; of a step that was recomputed between two frames, the frame before.
     pub frame: u64,
-    /// Number of the time step, `min(frame·publish_every_steps, step_count)`.
+    /// Number of the time step, `min(frame·publish_every_steps, step_count)` of a frame.
     pub step: u64,
     /// Simulated time `step·dt` (s).
     pub time_s: f64,

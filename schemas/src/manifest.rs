@@ -245,6 +245,20 @@ impl RunManifest {
         frame.saturating_mul(self.provenance.publish_every_steps).min(self.physics.step_count)
     }
 
+    /// The frame at `step`; between two frames, the one before.
+    pub fn frame_at(&self, step: u64) -> u64 {
+        if step >= self.physics.step_count {
+            self.frame_count() - 1
+        } else {
+            step / self.provenance.publish_every_steps
+        }
+    }
+
+    /// Whether there is a frame at `step`: every K-th, the first and the last.
+    pub fn is_frame(&self, step: u64) -> bool {
+        step.is_multiple_of(self.provenance.publish_every_steps) || step == self.physics.step_count
+    }
+
     /// Number of frames of the whole run, the first and the last included.
     pub fn frame_count(&self) -> u64 {
         self.physics.step_count.div_ceil(self.provenance.publish_every_steps) + 1
@@ -352,12 +366,12 @@ mod tests {
     #[test]
     fn a_newer_minor_version_may_not_say_more_of_the_physics() {
         let json = manifest().to_json().replace("\"minor\":0", "\"minor\":1");
-        let method = json.replace("\"method\":\"rkn4\"", "\"method\":\"gear5\"");
+        let method = json.replace("\"method\":\"rkn4\"", "\"method\":\"gear7\"");
         let impurity = json.replace("{\"bead\":500,", "{\"bead\":500,\"radius_m\":1,");
         assert!(method != json && impurity != json);
         for (read, key) in [
             (with_keys(1, "", "\"walls\":2,"), "`walls`"),
-            (RunManifest::from_json(method.as_bytes()), "`gear5`"),
+            (RunManifest::from_json(method.as_bytes()), "`gear7`"),
             (RunManifest::from_json(impurity.as_bytes()), "`radius_m`"),
         ] {
             let error = read.expect_err(key);
@@ -443,5 +457,7 @@ mod tests {
         let recorded = (0..=last).filter(|f| m.is_recorded(m.step_of_frame(*f))).count();
         assert_eq!(recorded as u64, m.recorded_count());
         assert!(m.is_recorded(0) && m.is_recorded(m.physics.step_count));
+        assert!((0..=last).all(|f| m.is_frame(m.step_of_frame(f)) && m.frame_at(m.step_of_frame(f)) == f));
+        assert!(!m.is_frame(19) && m.frame_at(19) == 1);
     }
 }

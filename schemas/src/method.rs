@@ -12,29 +12,59 @@ pub enum Method {
     VelocityVerlet,
     /// Runge–Kutta–Nyström splitting of Blanes and Moan: fourth order, six force evaluations.
     Rkn4,
+    /// Gear's predictor-corrector on six values: fifth order, one force evaluation. It is not symplectic, and
+    /// takes forces that depend on velocities.
+    Gear5,
 }
 
 impl Method {
     /// Every method, in the order of the documentation.
-    pub const ALL: [Self; 2] = [Self::VelocityVerlet, Self::Rkn4];
+    pub const ALL: [Self; 3] = [Self::VelocityVerlet, Self::Rkn4, Self::Gear5];
 
     /// The name used in configurations and manifests.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::VelocityVerlet => "velocity-verlet",
             Self::Rkn4 => "rkn4",
+            Self::Gear5 => "gear5",
         }
     }
 
     /// Doubles for each bead beyond displacement and velocity that a frame of this method carries.
+    ///
+    /// For `gear5` these are the second to the fifth derivative of the displacement, each as a term of its
+    /// Taylor series over one time step: `extra = [q2 | q3 | q4 | q5]` with `q_k = dt^k/k!·d^k u/dt^k` (m),
+    /// N values each. So the acceleration of bead `i` is `2·q2[i]/dt²`. With damping the work that contacts have
+    /// dissipated follows ([`Physics::extra_per_bead`](crate::manifest::Physics::extra_per_bead)).
     pub fn extra_per_bead(self) -> usize {
-        0
+        match self {
+            Self::VelocityVerlet | Self::Rkn4 => 0,
+            Self::Gear5 => 4,
+        }
+    }
+
+    /// Order of the method where the force is smooth: the error after a given time falls like `dt^order`.
+    pub fn order(self) -> u32 {
+        match self {
+            Self::VelocityVerlet => 2,
+            Self::Rkn4 => 4,
+            Self::Gear5 => 5,
+        }
+    }
+
+    /// Evaluations of all contact forces in a step, which are what a step costs.
+    pub fn force_evaluations_per_step(self) -> u32 {
+        match self {
+            Self::VelocityVerlet | Self::Gear5 => 1,
+            Self::Rkn4 => 6,
+        }
     }
 
     /// Whether it keeps its order where forces depend on velocities, as those of damped contacts do.
     pub fn takes_forces_of_velocity(self) -> bool {
         match self {
             Self::VelocityVerlet | Self::Rkn4 => false,
+            Self::Gear5 => true,
         }
     }
 
@@ -44,6 +74,7 @@ impl Method {
         match self {
             Self::VelocityVerlet => 0.0003,
             Self::Rkn4 => 0.02,
+            Self::Gear5 => 0.005,
         }
     }
 }

@@ -97,6 +97,9 @@ fn rows(outcome: Option<&EnergyOutcome>) -> Vec<(&'static str, String)> {
         ("split bead", format!("{:.6e} J", last.split_j)),
         ("right", format!("{:.6e} J", last.right_j)),
     ];
+    if last.dissipated_j != 0.0 {
+        rows.push(("dissipated", format!("{:.6e} J", last.dissipated_j)));
+    }
     match &outcome.reflection {
         Ok(reflection) => rows.extend(reflection_rows(reflection, outcome.split_bead)),
         Err(undefined) => rows.push(("reflected", undefined.to_string())),

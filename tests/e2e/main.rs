@@ -2,9 +2,12 @@
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs, reason = "a test that cannot go on says where")]
 
 mod configuration;
+mod deformation;
 mod faults;
 mod harness;
 mod other_tools;
 mod pipeline;
+mod recomputing;
 mod recordings;
 mod reference;
+mod reflection;

@@ -94,7 +94,7 @@ fn results_are_published_on_the_bus() {
     let attach =
         || ResultSubscriber::<f64>::attach(&bus, &name, Topic::Energies, Delivery::Lossless, Arc::default());
     let mut rows = wait_until("energies on the bus", || attach().unwrap());
-    let names = "kinetic_j,potential_j,total_j,left_j,split_j,right_j,relative_drift,inbound_j,corrected_j";
+    let names = "kinetic_j,potential_j,total_j,left_j,split_j,right_j,dissipated_j,relative_drift,inbound_j,corrected_j";
     assert_eq!(rows.columns().names, names);
     // the second consumer that the run waits for: it starts when we listen to the results of the first
     let second = place.start("contacts --out contacts.csv");
@@ -102,7 +102,7 @@ fn results_are_published_on_the_bus() {
     loop {
         match rows.receive().unwrap() {
             ResultReceived::Row(row) => {
-                published.push((row.frame, row.values.iter().map(|value| value.to_bits()).collect()))
+                published.push((row.frame, row.values.iter().map(|value| value.to_bits()).collect()));
             }
             ResultReceived::End(_) => break,
             // rows sent while the two sides connect may be missed: there is no handshake for results

@@ -22,7 +22,7 @@ impl Analysis for Look {
 }
 
 /// The rows of a reference file, without the header.
-fn rows(file: &str) -> Vec<Vec<String>> {
+pub(crate) fn rows(file: &str) -> Vec<Vec<String>> {
     let path = format!("{}/tests/reference/{file}", env!("CARGO_MANIFEST_DIR"));
     let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
     text.lines().skip(1).map(|line| line.split(',').map(str::to_owned).collect()).collect()

@@ -239,7 +239,7 @@ pub(super) fn incident_side(manifest: &RunManifest, split_bead: u64) -> Result<S
     if velocity_m_s == 0.0 {
         return Err(Undefined::StrikerRests);
     }
-    if physics.chain().rest_overlap_m.iter().any(|overlap_m| *overlap_m != 0.0) {
+    if physics.chain().is_loaded() {
         return Err(Undefined::Loaded);
     }
     match (striker < split_bead, velocity_m_s > 0.0) {

@@ -1,6 +1,6 @@
 //! The bits of whole runs. They change only together with `KERNEL_VERSION`.
 
-use producer::splitting::Integrator;
+use producer::integrator::Integrator;
 use producer::state::ChainState;
 use schemas::manifest::Physics;
 use schemas::method::Method;
@@ -13,7 +13,7 @@ fn hash_of_run(physics: &Physics) -> u64 {
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     for _ in 0..physics.step_count {
         integrator.step(&mut state);
-        for x in state.u_m.iter().chain(&state.v_m_s) {
+        for x in state.u_m.iter().chain(&state.v_m_s).chain(&state.extra) {
             hash = (hash ^ x.to_bits()).wrapping_mul(0x0100_0000_01b3);
         }
     }
@@ -44,7 +44,7 @@ fn whole_runs_have_the_bits_they_always_had() {
     }
 }
 
-const GOLDEN: [(Method, f64, u64); 16] = [
+const GOLDEN: [(Method, f64, u64); 24] = [
     (Method::VelocityVerlet, 1.0, 0xe92e_0923_ae4c_bfe5),
     (Method::VelocityVerlet, 1.01, 0xcdae_ac46_c206_442d),
     (Method::VelocityVerlet, 1.3, 0xc755_0683_2dcd_7fd0),
@@ -61,4 +61,12 @@ const GOLDEN: [(Method, f64, u64); 16] = [
     (Method::Rkn4, 2.5, 0xac90_d2d9_93b0_fd3b),
     (Method::Rkn4, 3.0, 0xbe3d_8ac2_417e_de54),
     (Method::Rkn4, 10.0, 0x4903_95e2_6095_531f),
+    (Method::Gear5, 1.0, 0xce79_bdce_bfee_a8dd),
+    (Method::Gear5, 1.01, 0x0f75_f133_cfb0_629c),
+    (Method::Gear5, 1.3, 0x6ea2_3d2f_4e30_4a13),
+    (Method::Gear5, 1.5, 0x3762_d5f6_3b9b_5822),
+    (Method::Gear5, 2.0, 0xe9bb_4406_5f11_14fb),
+    (Method::Gear5, 2.5, 0x1b5e_0039_ca20_6a4d),
+    (Method::Gear5, 3.0, 0x833a_1754_dc28_3377),
+    (Method::Gear5, 10.0, 0x7d35_da55_8ac3_6cd6),
 ];

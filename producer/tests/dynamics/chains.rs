@@ -1,6 +1,6 @@
 //! The runs that these tests make.
 
-use producer::splitting::Integrator;
+use producer::integrator::Integrator;
 use producer::state::ChainState;
 use schemas::config::{Impurity, RunConfig};
 use schemas::manifest::Physics;

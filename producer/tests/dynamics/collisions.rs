@@ -5,7 +5,7 @@
 //! H. Hertz, J. reine angew. Math. 92 (1882) 156, doi:10.1515/crll.1882.92.156, for α = 3/2: `2.9433·δ_max/v`.
 
 use crate::chains::config;
-use producer::splitting::Integrator;
+use producer::integrator::Integrator;
 use producer::state::ChainState;
 use schemas::config::{End, MassRule, OddContact, RunConfig, StiffnessRule, StrikerConfig};
 use schemas::manifest::Physics;

@@ -1,7 +1,7 @@
 //! The default time step conserves energy: `|ΔE/E| ≤ 1e-7` for α from 1.1 to 3, whatever the chain is made of.
 
 use crate::chains::config;
-use producer::splitting::Integrator;
+use producer::integrator::Integrator;
 use producer::state::ChainState;
 use schemas::config::{End, Impurity, MassRule, OddContact, RunConfig};
 use schemas::manifest::Physics;

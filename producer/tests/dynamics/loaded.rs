@@ -1,7 +1,7 @@
 //! Loaded and walled chains, exact where arithmetic is: rest, windows, mirror images, powers of two, momentum.
 
 use crate::chains::{final_state, physics};
-use producer::splitting::Integrator;
+use producer::integrator::Integrator;
 use producer::state::ChainState;
 use schemas::chain::Chain;
 use schemas::config::{End, MassRule, OddContact, RunConfig, StrikerConfig};
@@ -22,6 +22,7 @@ fn splitting(method: Method) -> Option<Vec<f64>> {
             let (a3, b4) = (0.5 - (a1 + a2), 1.0 - 2.0 * (b1 + b2 + b3));
             Some(vec![b1, a1, b2, a2, b3, a3, b4, a3, b3, a2, b2, a1, b1])
         }
+        Method::Gear5 => None,
     }
 }
 

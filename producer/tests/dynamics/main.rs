@@ -12,6 +12,7 @@ mod gravity;
 mod loaded;
 mod orders;
 mod reference;
+mod resuming;
 mod sound;
 mod symmetries;
 mod table;

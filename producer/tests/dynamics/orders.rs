@@ -1,48 +1,58 @@
 //! How fast the error falls with the time step, where the exact result can be worked out by hand.
 
-use crate::chains::{final_state, impurity, physics};
+use crate::chains::{final_state, impurity, physics, state_after};
+use producer::state::ChainState;
 use schemas::method::Method;
 
 /// Order of `method` where the force is smooth.
 pub(crate) fn order_of(method: Method) -> f64 {
-    match method {
-        Method::VelocityVerlet => 2.0,
-        Method::Rkn4 => 4.0,
-    }
+    f64::from(method.order())
 }
 
-/// Two beads on a linear contact: while it is closed, for π/√2·T = 2.22 T, the overlap is
-/// `v0/ω·sin ωt` with `ω² = 2k/m`, and the centre of mass moves at v0/2.
+/// Two beads on a linear contact that stays closed: the overlap is `v0/ω·sin ωt` with `ω² = 2k/m`, followed from
+/// `ωt = ½` for 1.5 T to `ωt = 2.62`, and the centre of mass moves at v0/2.
 #[test]
 fn methods_have_their_order_while_a_linear_contact_is_closed() {
     for method in Method::ALL {
         let error = |steps: u64| {
-            let physics = physics(2, 1.0, 2.0 / steps as f64, steps, |c| c.integrator.method = method);
-            let state = final_state(&physics);
-            let (u, v, v0) = (state.u_m, state.v_m_s, physics.striker.velocity_m_s);
-            let (omega, time_s) =
-                ((2.0 * physics.stiffness / physics.bead_mass_kg).sqrt(), 2.0 * physics.scales().time_s);
+            let physics = physics(2, 1.0, 1.5 / steps as f64, steps, |c| c.integrator.method = method);
+            let v0 = physics.striker.velocity_m_s;
+            let omega = (2.0 * physics.stiffness / physics.bead_mass_kg).sqrt();
+            let time_s = 1.5 * physics.scales().time_s;
+            let overlap = 0.5 * v0 / omega * 0.5_f64.sin();
+            let speed = 0.5 * v0 * 0.5_f64.cos();
+            let start = ChainState::starting_at(
+                &physics,
+                vec![overlap, -overlap],
+                vec![0.5 * v0 + speed, 0.5 * v0 - speed],
+            );
+            let state = state_after(&physics, start);
+            let (u, v) = (state.u_m, state.v_m_s);
             // linear in the state, so exact up to a few hundred roundings
             assert!(((u[0] + u[1]) / (v0 * time_s) - 1.0).abs() < 1e-13);
-            let overlap_error = (u[0] - u[1]) * omega / v0 - (omega * time_s).sin();
-            let speed_error = (v[0] - v[1]) / v0 - (omega * time_s).cos();
+            let phase = 0.5 + omega * time_s;
+            let overlap_error = (u[0] - u[1]) * omega / v0 - phase.sin();
+            let speed_error = (v[0] - v[1]) / v0 - phase.cos();
             overlap_error.hypot(speed_error)
         };
-        for steps in [20, 40] {
+        // the next term of the error is (ωdt)² ≤ 0.02 of the leading one; that of gear5 is about 6·ωdt of it,
+        // because its leading term is small where forces depend on displacements alone
+        let (fewest, allowed) = if method == Method::Gear5 { (40, 0.4) } else { (20, 0.02) };
+        for (steps, allowed) in [(fewest, allowed), (2 * fewest, 0.5 * allowed)] {
             let order = (error(steps) / error(2 * steps)).log2();
-            // the next term of the error is (ωdt)² ≤ 0.02 of the leading one
-            assert!((order - order_of(method)).abs() < 0.03, "{method}: order {order}, {steps} steps");
+            assert!((order - order_of(method)).abs() < allowed, "{method}: order {order}, {steps} steps");
         }
     }
 }
 
 /// Beads of m and 3 m part at −v0/2 and +v0/2, whatever α is.
 ///
-/// Before and after the collision the energy that a symplectic method conserves is the true one, so its
-/// error is all due to the two moments at which δ^α begins and ends, where only α derivatives exist: for
-/// the relative velocity the step that meets one makes an error of the order `dt^(α+1)`, with a factor
-/// that depends on where in the step it falls. Hence α + 1 for every such method, also where that is more
-/// than its own order.
+/// Where the contact is closed the methods have their own order, and a symplectic method conserves an energy
+/// that is the true one before and after the collision. The error that is left comes from the two moments at
+/// which δ^α begins and ends, where only α derivatives exist: for the relative velocity the step that
+/// meets one makes an error of the order `dt^(α+1)`, with a factor that depends on where in the step it
+/// falls. Hence α + 1 for velocity Verlet too, where that is more than its own order, and never more than
+/// α + 1 for the others.
 #[test]
 fn a_whole_collision_is_elastic_to_the_order_alpha_plus_one() {
     for method in Method::ALL {

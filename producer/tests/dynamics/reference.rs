@@ -2,7 +2,7 @@
 
 use crate::chains::{final_state, physics};
 use crate::table::Table;
-use producer::splitting::Integrator;
+use producer::integrator::Integrator;
 use producer::state::ChainState;
 use schemas::config::Impurity;
 use schemas::manifest::Physics;

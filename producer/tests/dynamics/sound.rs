@@ -2,7 +2,7 @@
 //! motion is known exactly.
 
 use crate::chains::{config, state_after};
-use producer::splitting::Integrator;
+use producer::integrator::Integrator;
 use producer::state::ChainState;
 use schemas::config::{End, RunConfig};
 use schemas::manifest::Physics;

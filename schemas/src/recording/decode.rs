@@ -16,7 +16,7 @@ pub(super) struct StateLengths {
 impl StateLengths {
     /// Of the states of the run `manifest`.
     pub(super) fn of(manifest: &RunManifest) -> Self {
-        let per_bead = 2 + manifest.physics.method.extra_per_bead();
+        let per_bead = 2 + manifest.physics.extra_per_bead();
         let beads = manifest.frame_doubles() / per_bead;
         Self { beads, extra: manifest.frame_doubles() - 2 * beads }
     }

@@ -1,0 +1,336 @@
+//! The deformation of a contact while the first pulse passes it, against what theory expects.
+//!
+//! The first pulse at a contact begins with the first frame in which its overlap is above [`CLOSED`] L. It ends
+//! when the overlap is back below that, or, in a train whose pulses overlap, where it is smallest between
+//! two of them. Later pulses are counted, not compared.
+//!
+//! Both theories have one free parameter, the strength of the wave. It is set so that their largest
+//! overlap is the measured one, and their centre is put where the measured overlap is largest: width, tails,
+//! speed and impulse are then predictions. The overlap is taken rather than the velocity of a bead because
+//! it is what is compared, at the place where it is measured.
+//!
+//! ```text
+//!     θ(t) = δ_peak·wave.overlap(V·(t − t_peak)),    v_max = √(k/m)·(δ_peak/C_δ)^((α+1)/2)
+//!     L1 = ∫|δ − θ| dt / (δ_peak·w),   L2 = √(∫(δ − θ)² dt / w) / δ_peak,   L∞ = max|δ − θ| / δ_peak
+//! ```
+//!
+//! with w the measured full width at half maximum, integrals over the pulse. Between frames δ is Hermite's
+//! cubic through overlaps and their rates, which the velocities give.
+
+mod curve;
+mod first_pulse;
+
+pub use curve::{Sample, Shape};
+pub use first_pulse::{CLOSED, FirstPulse};
+
+use crate::theory::{Coefficients, ContinuumWave, SolitaryWave, Strength, WaveScale};
+use schemas::chain::Chain;
+use schemas::frame::Frame;
+use schemas::manifest::RunManifest;
+
+/// Speeds are measured between the contacts this far before and behind.
+pub const BASELINE: u64 = 5;
+
+/// Beads and contacts this far on either side of a contact must be equal for a theory of equal beads.
+const ALIKE: usize = 3;
+
+/// Follows the overlap of some contacts of one run.
+#[derive(Debug, Clone)]
+pub struct Deformations {
+    chain: Chain,
+    contacts: Vec<Followed>,
+}
+
+#[derive(Debug, Clone)]
+struct Followed {
+    contact: u64,
+    pulse: FirstPulse,
+    /// The contacts [`BASELINE`] before and behind, if the chain has them.
+    gauges: Option<[(u64, FirstPulse); 2]>,
+}
+
+/// The first pulse at a contact.
+#[derive(Debug, Clone)]
+pub struct Deformation {
+    /// The contact.
+    pub contact: u64,
+    /// Its shape as measured, or why it cannot be told.
+    pub measured: Result<Shape, Untold>,
+    /// Overlaps with their rates over time, at most [`FirstPulse::CAPACITY`].
+    pub samples: Vec<Sample>,
+    /// Pulses that began after the first.
+    pub later_pulse_count: u64,
+    /// Speed of the pulse (beads/s) over [`BASELINE`] contacts on either side, if it passed both ends of them.
+    pub speed_beads_per_s: Option<f64>,
+    /// The exact solitary wave, or why there is none.
+    pub exact: Result<Comparison, String>,
+    /// The wave of the continuum, the paper's eq. (cos), or why there is none.
+    pub continuum: Result<Comparison, String>,
+}
+
+/// Why the shape of a pulse is not known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Untold {
+    /// No pulse came.
+    #[error("no pulse has passed")]
+    NoPulse,
+    /// The frames end while the pulse passes.
+    #[error("the frames end before the pulse has passed")]
+    Unfinished,
+    /// Frames are missing, or begin, while it passes.
+    #[error("frames of the pulse are missing")]
+    Gap,
+    /// Fewer than three frames hold it.
+    #[error("too few frames hold the pulse")]
+    Sparse,
+}
+
+/// A theory beside a measured pulse.
+#[derive(Debug, Clone)]
+pub struct Comparison {
+    wave: Wave,
+    /// The wave in units.
+    pub scale: WaveScale,
+    /// Full width at half maximum (s).
+    pub width_s: f64,
+    /// Impulse that passes the contact (N·s): the momentum of the wave.
+    pub impulse_n_s: f64,
+    /// Mean absolute error over the pulse, relative to its peak.
+    pub l1: f64,
+    /// Root mean square error, relative to the peak.
+    pub l2: f64,
+    /// Largest error, relative to the peak.
+    pub l_infinity: f64,
+    peak_s: f64,
+}
+
+#[derive(Debug, Clone)]
+enum Wave {
+    Exact(Box<SolitaryWave>),
+    Continuum(ContinuumWave),
+}
+
+impl Wave {
+    fn overlap(&self, xi_beads: f64) -> f64 {
+        match self {
+            Self::Exact(wave) => wave.overlap(xi_beads),
+            Self::Continuum(wave) => wave.overlap(xi_beads),
+        }
+    }
+
+    fn coefficients(&self) -> Coefficients {
+        match self {
+            Self::Exact(wave) => wave.coefficients(),
+            Self::Continuum(wave) => wave.coefficients(),
+        }
+    }
+}
+
+impl Comparison {
+    /// The overlap (m) that the theory expects at `time_s` (s).
+    pub fn overlap_m(&self, time_s: f64) -> f64 {
+        self.scale.overlap_m * self.wave.overlap(self.scale.speed_beads_per_s * (time_s - self.peak_s))
+    }
+}
+
+impl Deformations {
+    /// Follows `contacts` of `manifest`'s run, each a contact of the chain.
+    pub fn new(manifest: &RunManifest, contacts: &[u64]) -> Self {
+        let chain = manifest.physics.chain();
+        let last = chain.contact_count() as u64 - 1;
+        let closed_m = CLOSED * manifest.physics.scales().length_m;
+        let gauges = |contact: u64| {
+            let before = contact.checked_sub(BASELINE)?;
+            let behind = contact.checked_add(BASELINE).filter(|behind| *behind <= last)?;
+            Some([before, behind].map(|contact| (contact, FirstPulse::new(closed_m))))
+        };
+        let follow = |contact: &u64| {
+            let contact = (*contact).min(last);
+            Followed { contact, pulse: FirstPulse::new(closed_m), gauges: gauges(contact) }
+        };
+        Self { contacts: contacts.iter().map(follow).collect(), chain }
+    }
+
+    /// Looks at the next frame.
+    pub fn observe(&mut self, frame: &Frame<'_>) {
+        let chain = &self.chain;
+        let sample = |contact: u64| {
+            // contacts are below N − 1, which is an index
+            let c = usize::try_from(contact).unwrap_or(usize::MAX);
+            Sample {
+                time_s: frame.time_s,
+                overlap_m: chain.overlap_m(frame.u_m, c),
+                rate_m_s: frame.v_m_s[c] - frame.v_m_s[c + 1],
+            }
+        };
+        for followed in &mut self.contacts {
+            followed.pulse.push(sample(followed.contact));
+            for (contact, pulse) in followed.gauges.iter_mut().flatten() {
+                pulse.push(sample(*contact));
+            }
+        }
+    }
+
+    /// Frames are missing before the next one.
+    pub fn gap(&mut self) {
+        for followed in &mut self.contacts {
+            followed.pulse.gap();
+            followed.gauges.iter_mut().flatten().for_each(|(_, pulse)| pulse.gap());
+        }
+    }
+
+    /// What was found at each contact, in the order in which they were given.
+    pub fn results(&self) -> Vec<Deformation> {
+        self.contacts.iter().map(|followed| self.result(followed)).collect()
+    }
+
+    fn result(&self, followed: &Followed) -> Deformation {
+        let c = usize::try_from(followed.contact).unwrap_or(usize::MAX);
+        let (samples, law) = (followed.pulse.samples(), &self.chain.law);
+        let measured = followed.pulse.shape(|overlap_m| law.force(self.chain.stiffness[c], overlap_m));
+        let compare = |wave: Result<Wave, String>| {
+            let shape = measured.map_err(|untold| untold.to_string())?;
+            self.check_alike(c)?;
+            self.compare(c, &shape, samples, wave?)
+        };
+        let alpha = law.alpha();
+        let exact = SolitaryWave::new(alpha).map(|wave| Wave::Exact(Box::new(wave)));
+        let continuum = ContinuumWave::new(alpha).map(Wave::Continuum);
+        Deformation {
+            contact: followed.contact,
+            exact: compare(exact.map_err(|error| error.to_string())),
+            continuum: compare(continuum.map_err(|error| error.to_string())),
+            speed_beads_per_s: speed(followed),
+            later_pulse_count: followed.pulse.later_count(),
+            samples: samples.to_vec(),
+            measured,
+        }
+    }
+
+    /// Whether the beads and contacts around contact `c` are equal and rest unloaded.
+    fn check_alike(&self, c: usize) -> Result<(), String> {
+        let contacts = c.saturating_sub(ALIKE)..(c + ALIKE + 1).min(self.chain.contact_count());
+        let (mass_kg, stiffness) = (self.chain.mass_kg[c], self.chain.stiffness[c]);
+        let alike = contacts.clone().all(|i| {
+            self.chain.stiffness[i] == stiffness
+                && self.chain.mass_kg[i] == mass_kg
+                && self.chain.mass_kg[i + 1] == mass_kg
+        });
+        if !alike {
+            return Err(format!("no theory: beads or contacts within {ALIKE} of contact {c} differ"));
+        }
+        if contacts.into_iter().any(|i| self.chain.rest_overlap_m[i] != 0.0) {
+            return Err("no theory: the chain is loaded".to_owned());
+        }
+        Ok(())
+    }
+
+    fn compare(&self, c: usize, shape: &Shape, samples: &[Sample], wave: Wave) -> Result<Comparison, String> {
+        let coefficients = wave.coefficients();
+        let (mass_kg, stiffness) = (self.chain.mass_kg[c], self.chain.stiffness[c]);
+        // δ_peak = C_δ·(m·v_max²/k)^(1/(α+1))
+        let power = (shape.overlap_m / coefficients.overlap).powf(0.5 * (coefficients.alpha + 1.0));
+        let strength = Strength::PeakVelocity { m_s: (stiffness / mass_kg).sqrt() * power };
+        let scale = coefficients.scaled(mass_kg, stiffness, strength).map_err(|error| error.to_string())?;
+        let mut comparison = Comparison {
+            wave,
+            scale,
+            width_s: coefficients.overlap_fwhm_beads / scale.speed_beads_per_s,
+            impulse_n_s: scale.momentum_kg_m_s,
+            l1: 0.0,
+            l2: 0.0,
+            l_infinity: 0.0,
+            peak_s: shape.peak_s,
+        };
+        let errors = curve::errors(samples, |time_s| comparison.overlap_m(time_s));
+        comparison.l1 = errors.integral / (shape.overlap_m * shape.width_s);
+        comparison.l2 = (errors.square_integral / shape.width_s).sqrt() / shape.overlap_m;
+        comparison.l_infinity = errors.largest / shape.overlap_m;
+        Ok(comparison)
+    }
+}
+
+fn speed(followed: &Followed) -> Option<f64> {
+    let [(first, before), (last, behind)] = followed.gauges.as_ref()?;
+    let peak_s = |pulse: &FirstPulse| pulse.shape(|_| 0.0).ok().map(|shape| shape.peak_s);
+    let duration_s = (peak_s(behind)? - peak_s(before)?).abs();
+    (duration_s > 0.0).then(|| (last - first) as f64 / duration_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use schemas::manifest::Origin;
+    use schemas::presets::Preset;
+
+    fn manifest(change: impl FnOnce(&mut schemas::config::RunConfig)) -> RunManifest {
+        let mut config = Preset::find("homogeneous").expect("preset").config();
+        change(&mut config);
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        RunManifest::new(&config, "run", origin).expect("valid")
+    }
+
+    /// Lets an exact wave of 2 m/s, in the direction of `sign`, pass all contacts; none of it is simulated.
+    fn passed(manifest: &RunManifest, contacts: &[u64], sign: f64) -> Vec<Deformation> {
+        let wave = SolitaryWave::new(manifest.physics.alpha).expect("wave");
+        let scale =
+            wave.coefficients().scaled(1e-3, 1e7, Strength::PeakVelocity { m_s: 2.0 }).expect("units");
+        let mut deformations = Deformations::new(manifest, contacts);
+        for step in 0..4000_u32 {
+            let time_s = f64::from(step) * 1e-6;
+            let centre = if sign > 0.0 { 10.0 } else { 50.0 } + sign * scale.speed_beads_per_s * time_s;
+            let contact_xi = |i: usize| i as f64 + 0.5 - centre;
+            // overlaps from the last bead backwards, so that their differences are the wave's
+            let (mut u_m, mut v_m_s) = (vec![0.0; 60], vec![0.0; 60]);
+            for i in (0..59).rev() {
+                u_m[i] = u_m[i + 1] + scale.overlap_m * wave.overlap(contact_xi(i));
+                v_m_s[i] = sign * scale.velocity_m_s * wave.velocity(contact_xi(i) - 0.5);
+            }
+            let step = u64::from(step);
+            deformations.observe(&Frame { frame: step, step, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &[] });
+        }
+        deformations.results()
+    }
+
+    /// An exact wave is found to be one, in either direction, and the continuum's wave is not.
+    #[test]
+    fn a_wave_is_compared_with_itself() {
+        let m = manifest(|config| config.chain.beads = 60);
+        for sign in [1.0, -1.0] {
+            let results = passed(&m, &[35], sign);
+            let deformation = &results[0];
+            let (shape, exact) =
+                (deformation.measured.expect("passed"), deformation.exact.as_ref().expect("α"));
+            // frames of 1 µs, h = 0.014 standard deviations: the parabola through rates misses the peak by
+            // 3/16·h³ of one, 5e-7; all else is better
+            assert!((exact.scale.velocity_m_s - 2.0).abs() < 1e-6, "{exact:?}");
+            assert!(exact.l_infinity < 1e-6 && exact.l2 < 1e-6 && exact.l1 < 1e-6, "{exact:?}");
+            assert!((shape.width_s / exact.width_s - 1.0).abs() < 1e-6);
+            assert!((shape.impulse_n_s / exact.impulse_n_s - 1.0).abs() < 1e-6);
+            assert!(shape.asymmetry.abs() < 1e-6);
+            let speed = deformation.speed_beads_per_s.expect("both gauges");
+            assert!((speed / exact.scale.speed_beads_per_s - 1.0).abs() < 1e-6);
+            let continuum = deformation.continuum.as_ref().expect("α");
+            assert!(continuum.l_infinity > 0.01, "{continuum:?}");
+            assert_eq!(deformation.later_pulse_count, 0);
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_compared_is_said() {
+        let impurity = schemas::config::Impurity { bead: 37, mass_kg: 2e-3 };
+        let m = manifest(|config| {
+            config.chain.beads = 60;
+            config.chain.impurities = vec![impurity];
+        });
+        let results = passed(&m, &[35, 44], 1.0);
+        assert!(
+            results[0].measured.is_ok() && results[0].exact.as_ref().is_err_and(|why| why.contains("35"))
+        );
+        assert!(results[1].measured.is_ok() && results[1].exact.is_ok());
+
+        let linear = manifest(|config| config.chain.alpha = 1.0);
+        let results = Deformations::new(&linear, &[100]).results();
+        assert_eq!(results[0].measured, Err(Untold::NoPulse));
+    }
+}

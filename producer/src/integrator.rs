@@ -1,0 +1,64 @@
+//! One integrator for all methods.
+
+use crate::gear::Gear;
+use crate::kernel::Kernel;
+use crate::splitting::{RKN4, Splitting, VELOCITY_VERLET};
+use crate::state::ChainState;
+use pulp::Arch;
+use schemas::manifest::Physics;
+use schemas::method::Method;
+
+/// Advances the states of one chain by the method of its run.
+///
+/// Architecture invariant: a step is a pure function of the state. What an integrator keeps from step to step
+/// saves work and decides no bit, so that a fresh one started at any state goes on with the same bits.
+#[derive(Debug, Clone)]
+pub struct Integrator {
+    by_method: ByMethod,
+}
+
+#[derive(Debug, Clone)]
+enum ByMethod {
+    Splitting(Splitting),
+    Gear(Gear),
+}
+
+impl Integrator {
+    /// The integrator of a run.
+    pub fn new(physics: &Physics) -> Self {
+        Self::with_arch(physics, Arch::new())
+    }
+
+    /// The same with a given instruction set; every one gives the same bits.
+    fn with_arch(physics: &Physics, arch: Arch) -> Self {
+        let (chain, dt_s) = (physics.chain(), physics.dt_s);
+        let kernel = Kernel::with_arch(&chain, arch);
+        let by_method = match physics.method {
+            Method::VelocityVerlet => ByMethod::Splitting(Splitting::new(VELOCITY_VERLET, dt_s, kernel)),
+            Method::Rkn4 => ByMethod::Splitting(Splitting::new(RKN4, dt_s, kernel)),
+            Method::Gear5 => ByMethod::Gear(Gear::new(dt_s, &chain, kernel)),
+        };
+        Self { by_method }
+    }
+
+    /// Advances `state` by one step.
+    ///
+    /// The states passed in successive calls must be those that the calls left behind.
+    pub fn step(&mut self, state: &mut ChainState) {
+        match &mut self.by_method {
+            ByMethod::Splitting(splitting) => splitting.step(state),
+            ByMethod::Gear(gear) => gear.step(state),
+        }
+    }
+
+    /// The first bead of the `state` just stepped to that has a value which is not finite.
+    pub fn first_non_finite(&self, state: &ChainState) -> Option<usize> {
+        match &self.by_method {
+            ByMethod::Splitting(splitting) => splitting.first_non_finite(state),
+            ByMethod::Gear(gear) => gear.first_non_finite(state),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,147 @@
+mod naive;
+
+use super::*;
+use schemas::config::{DampingConfig, End, MassRule, RunConfig, StiffnessRule};
+use schemas::presets::PRESETS;
+
+fn physics(change: impl FnOnce(&mut RunConfig)) -> Physics {
+    let mut config = PRESETS[0].config();
+    config.chain.beads = 60;
+    config.chain.impurities[0].bead = 30;
+    config.time.duration_s = 5e-3;
+    change(&mut config);
+    Physics::resolve(&config).expect("valid")
+}
+
+fn bits(state: &ChainState) -> Vec<u64> {
+    state.u_m.iter().chain(&state.v_m_s).chain(&state.extra).map(|x| x.to_bits()).collect()
+}
+
+/// What makes a chain, and how to configure it.
+type Variant = (&'static str, fn(&mut RunConfig));
+
+/// Chains with everything that a configuration can ask for, each tried with the methods that take it.
+fn variants(method: Method) -> Vec<Variant> {
+    let mut variants: Vec<Variant> = vec![
+        ("an impurity", |_| {}),
+        ("walls and a dimer chain", |c| {
+            (c.ends.left, c.ends.right) = (End::Fixed, End::Fixed);
+            c.chain.masses = MassRule::PatternKg(vec![1e-3, 3e-3]);
+            c.chain.stiffnesses = StiffnessRule::Pattern(vec![1e7, 5e6, 2e7]);
+        }),
+        ("precompression", |c| c.load.precompression_n = 20.0),
+        ("gravity", |c| {
+            (c.ends.right, c.load.gravity_m_s2) = (End::Fixed, 9.81);
+            c.striker.bead = 20;
+        }),
+    ];
+    if method.takes_forces_of_velocity() {
+        variants.push(("dashpots", |c| {
+            c.damping = Some(DampingConfig::ViscousNSPerM(1.0));
+            c.ends.left = End::Fixed;
+        }));
+        variants.push(("restitution", |c| {
+            c.damping = Some(DampingConfig::Restitution(0.8));
+            (c.ends.right, c.load.precompression_n) = (End::Fixed, 5.0);
+        }));
+    }
+    variants
+}
+
+#[test]
+fn skipping_and_vectors_change_no_bit() {
+    let mut archs = vec![Arch::Scalar, Arch::new()];
+    #[cfg(target_arch = "x86_64")]
+    archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
+    for method in Method::ALL {
+        for alpha in [1.0, 1.01, 1.3, 1.5, 2.0, 2.5, 3.0, 10.0] {
+            for (name, variant) in variants(method) {
+                let physics = physics(|c| {
+                    c.chain.alpha = alpha;
+                    c.integrator.method = method;
+                    c.time.duration_s = 1.0;
+                    variant(c);
+                });
+                let start = ChainState::initial(&physics);
+                let mut naive = start.clone();
+                let mut ours: Vec<_> = archs
+                    .iter()
+                    .map(|arch| (Integrator::with_arch(&physics, *arch), start.clone()))
+                    .collect();
+                for _ in 0..400 {
+                    naive::step(&physics, &mut naive);
+                    for (integrator, state) in &mut ours {
+                        integrator.step(state);
+                        let step = naive.step;
+                        assert_eq!(bits(state), bits(&naive), "{method}, α = {alpha}, {name}, step {step}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_fresh_integrator_at_every_step_gives_the_same_bits() {
+    for method in Method::ALL {
+        for (name, variant) in variants(method) {
+            let physics = physics(|c| {
+                c.integrator.method = method;
+                variant(c);
+            });
+            let mut one = Integrator::new(&physics);
+            let mut state = ChainState::initial(&physics);
+            for _ in 0..300 {
+                let mut again = state.clone();
+                Integrator::new(&physics).step(&mut again);
+                one.step(&mut state);
+                assert_eq!(bits(&again), bits(&state), "{method}, {name}, step {}", state.step);
+            }
+        }
+    }
+}
+
+/// Momentum is conserved to rounding: every force acts on two beads with opposite signs.
+#[test]
+fn momentum_is_conserved() {
+    for method in Method::ALL {
+        let physics = physics(|c| c.integrator.method = method);
+        let chain = physics.chain();
+        let momentum = |s: &ChainState| s.v_m_s.iter().zip(&chain.mass_kg).map(|(v, m)| v * m).sum::<f64>();
+        let mut integrator = Integrator::new(&physics);
+        let mut state = ChainState::initial(&physics);
+        let before = momentum(&state);
+        for _ in 0..physics.step_count {
+            integrator.step(&mut state);
+        }
+        // one rounding of ε/2·v for each bead and kick, adding up like a random walk
+        assert!((momentum(&state) / before - 1.0).abs() < 1e-12, "{method}");
+    }
+}
+
+/// Energy against the initial one, with the coefficients that `shared/reference` gives for
+/// velocity Verlet (0.12·(dt/T)², α = 1.5), and 1e-6 for rkn4 at its default step.
+#[test]
+fn energy_drift_is_what_the_reference_says() {
+    for (method, bound) in
+        [(Method::VelocityVerlet, 0.13 * 0.0025 * 0.0025), (Method::Rkn4, 1e-7), (Method::Gear5, 2e-7)]
+    {
+        let physics = physics(|c| {
+            c.chain.impurities.clear();
+            c.integrator.method = method;
+        });
+        let chain = physics.chain();
+        let initial = physics.initial_energy().total_j();
+        let mut scratch = vec![0.0; chain.contact_count()];
+        let mut integrator = Integrator::new(&physics);
+        let mut state = ChainState::initial(&physics);
+        let mut worst: f64 = 0.0;
+        for _ in 0..physics.step_count {
+            integrator.step(&mut state);
+            let energy = chain.energy(&state.u_m, &state.v_m_s, &mut scratch).total_j();
+            worst = worst.max((energy / initial - 1.0).abs());
+        }
+        assert!(worst < bound, "{method}: |ΔE/E| = {worst:e}");
+        assert!(worst > bound / 1e3, "{method}: |ΔE/E| = {worst:e} is too good to be true");
+    }
+}

@@ -1,0 +1,143 @@
+//! The definition of a step: every bead, every contact, one after the other, nothing kept and nothing skipped.
+
+use super::*;
+use crate::splitting::Stages;
+use schemas::chain::{Chain, Wall};
+use schemas::damping::{Damping, damped_force};
+
+pub(super) fn step(physics: &Physics, state: &mut ChainState) {
+    match physics.method {
+        Method::VelocityVerlet => splitting_step(physics, VELOCITY_VERLET, state),
+        Method::Rkn4 => splitting_step(physics, RKN4, state),
+        Method::Gear5 => gear_step(physics, state),
+    }
+    state.step += 1;
+}
+
+/// A contact: overlap (m) at rest, force (N) at rest, stiffness, damping coefficient.
+type Contact = (f64, f64, f64, f64);
+
+/// All contacts from left to right, those with the walls first and last.
+fn contacts(chain: &Chain) -> Vec<Contact> {
+    let coefficient = |c: usize| chain.damping.as_ref().map_or(0.0, |damping| damping.coefficient[c]);
+    let wall = |wall: &Wall, side: usize| {
+        let coefficient = chain.damping.as_ref().map_or(0.0, |damping| damping.wall_coefficient[side]);
+        (wall.rest_overlap_m, wall.rest_force_n, wall.stiffness, coefficient)
+    };
+    let mut contacts = vec![wall(&chain.walls.left, 0)];
+    contacts.extend(
+        (0..chain.contact_count())
+            .map(|c| (chain.rest_overlap_m[c], chain.rest_force_n[c], chain.stiffness[c], coefficient(c))),
+    );
+    contacts.push(wall(&chain.walls.right, 1));
+    contacts
+}
+
+/// Force (N) beyond that at rest and dissipated power (W) of each contact, those with the walls first and last.
+fn evaluate(chain: &Chain, u: &[f64], v: &[f64]) -> Vec<(f64, f64)> {
+    let at = |values: &[f64], c: usize| {
+        let left = if c > 0 { values[c - 1] } else { 0.0 };
+        let right = if c < values.len() { values[c] } else { 0.0 };
+        left - right
+    };
+    let one = |(c, (rest_m, rest_n, stiffness, coefficient)): (usize, Contact)| {
+        let (overlap, rate) = (at(u, c) + rest_m, at(v, c));
+        if stiffness == 0.0 {
+            return (0.0, 0.0);
+        }
+        if overlap <= chain.law.zero_below_m() {
+            return (0.0 - rest_n, 0.0);
+        }
+        let (elastic, raised) = (chain.law.force(stiffness, overlap), chain.law.force(1.0, overlap));
+        let force = match chain.damping.as_ref().map(|damping| damping.kind) {
+            None => elastic,
+            Some(Damping::ViscousNSPerM(_)) => {
+                damped_force::<false>(elastic, raised, overlap, coefficient, rate)
+            }
+            Some(Damping::Restitution(_)) => {
+                damped_force::<true>(elastic, raised, overlap, coefficient, rate)
+            }
+        };
+        (force - rest_n, (force - elastic) * rate)
+    };
+    contacts(chain).into_iter().enumerate().map(one).collect()
+}
+
+/// Net force (N) on each bead.
+fn net_forces(chain: &Chain, u: &[f64], v: &[f64]) -> Vec<f64> {
+    evaluate(chain, u, v).windows(2).map(|pair| pair[0].0 - pair[1].0).collect()
+}
+
+fn splitting_step(physics: &Physics, stages: Stages, state: &mut ChainState) {
+    let chain = physics.chain();
+    let kick = |h: f64, u: &[f64], v: &mut [f64]| {
+        for (i, force) in net_forces(&chain, u, v).into_iter().enumerate() {
+            v[i] = (h * (1.0 / chain.mass_kg[i])).mul_add(force, v[i]);
+        }
+    };
+    for (b, a) in stages.kick_drift {
+        kick(b * physics.dt_s, &state.u_m, &mut state.v_m_s);
+        for (u, v) in state.u_m.iter_mut().zip(&state.v_m_s) {
+            *u = (a * physics.dt_s).mul_add(*v, *u);
+        }
+    }
+    kick(stages.last_kick * physics.dt_s, &state.u_m, &mut state.v_m_s);
+}
+
+fn gear_step(physics: &Physics, state: &mut ChainState) {
+    let (chain, dt) = (physics.chain(), physics.dt_s);
+    let n = chain.bead_count();
+    // terms of up to 2^-900 m are zero
+    let kept = |x: f64| if x.abs() > 2.0_f64.powi(-900) { x } else { 0.0 };
+    let predicted: Vec<[f64; 6]> = (0..n)
+        .map(|i| {
+            let [q2, q3, q4, q5] = [0, 1, 2, 3].map(|k| state.extra[k * n + i]);
+            let change = dt.mul_add(state.v_m_s[i], ((q5 + q4) + q3) + q2);
+            let higher = 2.0_f64.mul_add(q2, 3.0_f64.mul_add(q3, 4.0_f64.mul_add(q4, 5.0 * q5)));
+            [
+                state.u_m[i] + change,
+                (1.0 / dt).mul_add(higher, state.v_m_s[i]),
+                3.0_f64.mul_add(q3, 6.0_f64.mul_add(q4, 10.0 * q5)) + q2,
+                4.0_f64.mul_add(q4, 10.0 * q5) + q3,
+                5.0_f64.mul_add(q5, q4),
+                q5,
+            ]
+        })
+        .collect();
+    let column = |k: usize| predicted.iter().map(|p| p[k]).collect::<Vec<f64>>();
+    for (i, force) in net_forces(&chain, &column(0), &column(1)).into_iter().enumerate() {
+        let p = predicted[i];
+        let q2 = (0.5 * (dt * dt) * (1.0 / chain.mass_kg[i])) * force;
+        let miss = q2 - p[2];
+        state.u_m[i] = (3.0_f64 / 20.0).mul_add(miss, p[0]);
+        state.v_m_s[i] = (251.0_f64 / 360.0 / dt).mul_add(miss, p[1]);
+        state.extra[i] = q2;
+        state.extra[n + i] = kept((11.0_f64 / 18.0).mul_add(miss, p[3]));
+        state.extra[2 * n + i] = kept((1.0_f64 / 6.0).mul_add(miss, p[4]));
+        state.extra[3 * n + i] = kept((1.0_f64 / 60.0).mul_add(miss, p[5]));
+    }
+    if chain.damping.is_some() {
+        dissipate(&chain, dt, state);
+    }
+}
+
+/// Adds the work of two nodes of Gauss's quadrature, on the polynomials at the end of the step.
+fn dissipate(chain: &Chain, dt: f64, state: &mut ChainState) {
+    let n = chain.bead_count();
+    for s in [-0.788_675_134_594_812_9_f64, -0.211_324_865_405_187_1] {
+        let motion = |i: usize| {
+            let [q2, q3, q4, q5] = [0, 1, 2, 3].map(|k| state.extra[k * n + i]);
+            let higher = s.mul_add(s.mul_add(s.mul_add(q5, q4), q3), q2);
+            let u = (s * s).mul_add(higher, (s * dt).mul_add(state.v_m_s[i], state.u_m[i]));
+            let slope = s.mul_add(s.mul_add(5.0 * q5, 4.0 * q4), 3.0 * q3);
+            (u, (s / dt).mul_add(s.mul_add(slope, 2.0 * q2), state.v_m_s[i]))
+        };
+        let (u, v): (Vec<f64>, Vec<f64>) = (0..n).map(motion).unzip();
+        let found = evaluate(chain, &u, &v);
+        let [left, right] = [found[0].1, found[n].1];
+        let powers = found[1..n].iter().map(|contact| contact.1).chain([left + right]);
+        for (work, power) in state.extra[4 * n..].iter_mut().zip(powers) {
+            *work = (0.5 * dt).mul_add(power, *work);
+        }
+    }
+}

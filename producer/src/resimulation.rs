@@ -1,0 +1,312 @@
+//! Recomputing what a source does not hold: the steps between recorded states, the frames before one
+//! attached, the frames that were missed.
+//!
+//! A step is a pure function of the state before, so every state that a source does deliver is the
+//! beginning of all that follow, and the proof of all that were computed since the one before.
+
+use crate::integrator::Integrator;
+use crate::state::ChainState;
+use schemas::frame::{EndReason, Frame, FrameSource, Received};
+use schemas::manifest::{KERNEL_VERSION, RunManifest};
+use std::fmt;
+
+/// Which states a [`Resimulation`] lends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Lend {
+    /// Every frame of the run.
+    Frames,
+    /// Every step of the run, also between frames.
+    Steps,
+}
+
+/// A source that lends what its own source does not hold.
+///
+/// Gaps are bridged from the state before them; with [`Resimulation::from_start`] also the frames before the
+/// first. Each state that the source delivers is compared bit for bit with the one computed up to there. What is
+/// missing before the first state, without [`Resimulation::from_start`], stays missing.
+#[derive(Debug)]
+pub struct Resimulation<S> {
+    source: S,
+    lend: Lend,
+    integrator: Integrator,
+    /// The state lent last, none before the first.
+    state: Option<ChainState>,
+    /// The step of the last state that the source delivered.
+    proven: Option<u64>,
+    /// The state that the source has delivered and that is not lent yet.
+    target: ChainState,
+    next: Next,
+    /// The step of the last frame that was missed.
+    missed_until: u64,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Next {
+    Unknown,
+    /// Missing, with nothing to compute them from.
+    Missed {
+        from: u64,
+        to: u64,
+    },
+    /// Steps up to the state that was delivered.
+    Target,
+    /// Steps up to the last frame that was missed, then the end.
+    Tail(EndReason),
+    End(EndReason),
+}
+
+/// What of a bead a double in a state is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// Displacement (m).
+    Displacement,
+    /// Velocity (m/s).
+    Velocity,
+    /// A value that the method carries, by its number.
+    Extra(usize),
+}
+
+impl fmt::Display for Quantity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Displacement => f.write_str("displacement"),
+            Self::Velocity => f.write_str("velocity"),
+            Self::Extra(number) => write!(f, "extra value {number}"),
+        }
+    }
+}
+
+/// A state that is not what the state before it leads to.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error(
+    "the {quantity} of bead {bead} at step {step} (frame {frame}) is {found:e}, but {from} leads to {computed:e} there: \
+     the state was changed, or was not computed by this dynamics",
+    from = Origin(*from_step)
+)]
+pub struct Difference {
+    /// The step of the state.
+    pub step: u64,
+    /// Its frame, or the frame before it.
+    pub frame: u64,
+    /// The step that it was computed from; none for the initial condition.
+    pub from_step: Option<u64>,
+    /// The first bead that differs.
+    pub bead: usize,
+    /// What of it.
+    pub quantity: Quantity,
+    /// The value in the state.
+    pub found: f64,
+    /// The value computed.
+    pub computed: f64,
+}
+
+/// Where a computation began, for messages.
+struct Origin(Option<u64>);
+
+impl fmt::Display for Origin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Some(step) => write!(f, "the state of step {step}"),
+            None => f.write_str("the manifest's initial condition"),
+        }
+    }
+}
+
+/// Why states cannot be recomputed.
+#[derive(Debug, thiserror::Error)]
+pub enum ResimulationError<E: std::error::Error + 'static> {
+    /// The source failed.
+    #[error(transparent)]
+    Source(E),
+    /// The source delivered a state that does not follow from the one before.
+    #[error(transparent)]
+    Differs(Difference),
+}
+
+/// A run that this program's dynamics does not reproduce.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the run was computed by kernel version {found}, this program has version {KERNEL_VERSION}: nothing is wrong with it, but \
+     its steps can only be recomputed by a Beadline with version {found}"
+)]
+pub struct OtherKernel {
+    /// The kernel version of the run.
+    pub found: u32,
+}
+
+/// Refuses a run that was computed by another dynamics.
+///
+/// # Errors
+/// When it has another kernel version.
+pub fn check_kernel(manifest: &RunManifest) -> Result<(), OtherKernel> {
+    let found = manifest.physics.kernel_version;
+    if found == KERNEL_VERSION { Ok(()) } else { Err(OtherKernel { found }) }
+}
+
+impl<S: FrameSource> Resimulation<S> {
+    /// Lends everything from the first state that `source` delivers.
+    ///
+    /// # Errors
+    /// When the run was computed by another dynamics.
+    pub fn new(source: S, lend: Lend) -> Result<Self, OtherKernel> {
+        check_kernel(source.manifest())?;
+        let physics = &source.manifest().physics;
+        let (integrator, target) = (Integrator::new(physics), ChainState::initial(physics));
+        Ok(Self {
+            source,
+            lend,
+            integrator,
+            state: None,
+            proven: None,
+            target,
+            next: Next::Unknown,
+            missed_until: 0,
+        })
+    }
+
+    /// Lends everything from step 0, whenever the source begins.
+    ///
+    /// # Errors
+    /// As [`Resimulation::new`].
+    pub fn from_start(source: S, lend: Lend) -> Result<Self, OtherKernel> {
+        let mut all = Self::new(source, lend)?;
+        // the initial state is lent like a state that the source delivers, and what comes is compared with it
+        all.next = Next::Target;
+        Ok(all)
+    }
+
+    /// The source.
+    pub fn source(&self) -> &S {
+        &self.source
+    }
+
+    /// Waits for the next state that the source delivers.
+    fn look_ahead(&mut self) -> Result<(), ResimulationError<S::Error>> {
+        loop {
+            match self.source.receive().map_err(ResimulationError::Source)? {
+                Received::Frame(frame) => {
+                    self.target.copy_from(&frame);
+                    // the initial state was lent before
+                    let Some(state) = self.state.as_ref().filter(|state| state.step == self.target.step)
+                    else {
+                        self.next = Next::Target;
+                        return Ok(());
+                    };
+                    let found = difference(state, &frame, None);
+                    self.prove(found)?;
+                }
+                Received::Missed { from, to } if self.state.is_none() => {
+                    self.next = Next::Missed { from, to };
+                    return Ok(());
+                }
+                Received::Missed { to, .. } => self.missed_until = self.source.manifest().step_of_frame(to),
+                Received::End(reason) => {
+                    self.next = Next::Tail(reason);
+                    return Ok(());
+                }
+            }
+        }
+    }
+
+    /// Takes the state that the source delivered as proven, unless something was found.
+    fn prove(&mut self, found: Option<Difference>) -> Result<(), ResimulationError<S::Error>> {
+        self.proven = Some(self.target.step);
+        // what comes after a state that is wrong is not trusted
+        self.next = if found.is_some() { Next::End(EndReason::Unfinished) } else { Next::Unknown };
+        found.map_or(Ok(()), |difference| Err(ResimulationError::Differs(difference)))
+    }
+
+    /// Whether the state that was reached is to be lent.
+    fn is_lent(&self) -> bool {
+        let step = self.state.as_ref().map_or(0, |state| state.step);
+        self.lend == Lend::Steps || self.source.manifest().is_frame(step)
+    }
+
+    /// Advances by one step towards the target, and proves the target when it is reached.
+    fn step(&mut self) -> Result<(), ResimulationError<S::Error>> {
+        let Some(state) = &mut self.state else {
+            self.state = Some(self.target.clone());
+            return self.prove(None);
+        };
+        self.integrator.step(state);
+        if state.step < self.target.step {
+            return Ok(());
+        }
+        let manifest = self.source.manifest();
+        let frame = self.target.as_frame(manifest, manifest.frame_at(self.target.step));
+        let found = difference(state, &frame, self.proven);
+        self.prove(found)
+    }
+}
+
+impl<S: FrameSource> FrameSource for Resimulation<S> {
+    type Error = ResimulationError<S::Error>;
+
+    fn manifest(&self) -> &RunManifest {
+        self.source.manifest()
+    }
+
+    fn receive(&mut self) -> Result<Received<'_>, Self::Error> {
+        loop {
+            match self.next {
+                Next::Unknown => self.look_ahead()?,
+                Next::Missed { from, to } => {
+                    self.next = Next::Unknown;
+                    return Ok(Received::Missed { from, to });
+                }
+                Next::End(reason) => return Ok(Received::End(reason)),
+                Next::Tail(reason) => match &mut self.state {
+                    Some(state) if state.step < self.missed_until => {
+                        self.integrator.step(state);
+                        if self.is_lent() {
+                            break;
+                        }
+                    }
+                    _ => self.next = Next::End(reason),
+                },
+                Next::Target => {
+                    self.step()?;
+                    if self.is_lent() {
+                        break;
+                    }
+                }
+            }
+        }
+        let manifest = self.source.manifest();
+        let state = self.state.as_ref().unwrap_or(&self.target);
+        Ok(Received::Frame(state.as_frame(manifest, manifest.frame_at(state.step))))
+    }
+}
+
+/// The first double in which `found` is not the state `computed` from that of `from_step`.
+pub(crate) fn difference(
+    computed: &ChainState,
+    found: &Frame<'_>,
+    from_step: Option<u64>,
+) -> Option<Difference> {
+    let beads = computed.u_m.len();
+    let arrays = [(&computed.u_m, found.u_m), (&computed.v_m_s, found.v_m_s), (&computed.extra, found.extra)];
+    for (array, (computed, values)) in arrays.into_iter().enumerate() {
+        let differs = |(a, b): (&f64, &f64)| a.to_bits() != b.to_bits();
+        if let Some(i) = computed.iter().zip(values).position(differs) {
+            let quantity = match array {
+                0 => Quantity::Displacement,
+                1 => Quantity::Velocity,
+                _ => Quantity::Extra(i / beads),
+            };
+            return Some(Difference {
+                step: found.step,
+                frame: found.frame,
+                from_step,
+                bead: i % beads,
+                quantity,
+                found: values[i],
+                computed: computed[i],
+            });
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests;
