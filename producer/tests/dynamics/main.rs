@@ -6,6 +6,7 @@
 mod bits;
 mod chains;
 mod collisions;
+mod damped;
 mod default_step;
 mod final_states;
 mod gravity;

@@ -3,6 +3,7 @@
 use super::Physics;
 use super::arrays::{larger, smaller};
 use crate::config::{ConfigError, End};
+use crate::damping::Damping;
 use crate::manifest::MAX_STEPS;
 use crate::method::Method;
 use crate::power::power;
@@ -10,13 +11,14 @@ use crate::power::power;
 impl Physics {
     /// The step (s) with which the energy of the usual chains is conserved to 1e-7 for α from 1.1 to 3: the fraction
     /// of [`Method::default_step_fraction`] of
-    /// `min(T_struck·blunt, T_load)·min(1, 5/α)`.
+    /// `min(T_struck·blunt, T_load, 4·T_settle)·min(1, 5/α)`.
     ///
     /// `T_struck` is the shortest of T (of a bead of `bead_mass_kg`), of the striker's own collision time with the
     /// stiffest contact, and of `√2·T_fast` ([`Physics::fastest_s`]), which counts where a bead is less than about half
     /// as heavy as the others. `blunt` is [`Physics::blunt_fraction`], and `T_load` is
     /// [`Physics::fastest_loaded_s`]: where a load keeps contacts closed, the force is smooth and only the
-    /// frequency of the stiffest contact counts. The larger α, the shorter the part of T in which a contact is stiff.
+    /// frequency of the stiffest contact counts. `T_settle` is [`Physics::settling_s`] of damped contacts. The larger α,
+    /// the shorter the part of T in which a contact is stiff.
     pub(super) fn default_dt_s(&self) -> f64 {
         let usual_s = self.scales().time_s;
         let struck_s = match (self.fastest_s(), self.collision_s(self.striker_kg())) {
@@ -26,6 +28,7 @@ impl Physics {
             _ => usual_s,
         };
         let time_s = self.fastest_loaded_s().map_or(struck_s, |loaded_s| smaller(struck_s, loaded_s));
+        let time_s = self.settling_s().map_or(time_s, |settling_s| smaller(time_s, 4.0 * settling_s));
         self.method.default_step_fraction() * time_s * self.stiff_fraction()
     }
 
@@ -73,6 +76,29 @@ impl Physics {
         Some((extremes.lightest_kg / (extremes.stiffest * pressed)).sqrt())
     }
 
+    /// The shorter of the times of [`Physics::fastest_s`] and [`Physics::fastest_loaded_s`].
+    fn fastest_contact_s(&self) -> f64 {
+        match (self.fastest_s(), self.fastest_loaded_s()) {
+            (Some(struck_s), Some(loaded_s)) => smaller(struck_s, loaded_s),
+            (Some(alone_s), None) | (None, Some(alone_s)) => alone_s,
+            // a chain in which nothing can move was refused before
+            (None, None) => self.scales().time_s,
+        }
+    }
+
+    /// `T_settle` (s): in it damping between two neighbours at rest slows the lightest bead down by a factor e. For
+    /// dashpots that is `m_light/(2γ)`; for a coefficient of restitution `η·δ^p` is less than
+    /// `ζ·√(2·(α+1))·m_light/T`, with the T of [`Physics::fastest_contact_s`].
+    fn settling_s(&self) -> Option<f64> {
+        self.damping.map(|damping| match damping {
+            Damping::ViscousNSPerM(coefficient) => self.extremes().lightest_kg / (2.0 * coefficient),
+            Damping::Restitution(restitution) => {
+                let rates = 2.0 * restitution.damping_ratio * (2.0 * (self.alpha + 1.0)).sqrt();
+                self.fastest_contact_s() / rates
+            }
+        })
+    }
+
     /// `m_s·v0²/k` (m^(α+1)) of the striker, if it moves.
     fn striker_ratio(&self, stiffness: f64) -> Option<f64> {
         let speed_m_s = self.striker.velocity_m_s.abs();
@@ -86,19 +112,15 @@ impl Physics {
     }
 
     pub(super) fn check_dt(&self) -> Result<(), ConfigError> {
-        let fastest_s = match (self.fastest_s(), self.fastest_loaded_s()) {
-            (Some(struck_s), Some(loaded_s)) => smaller(struck_s, loaded_s),
-            (Some(alone_s), None) | (None, Some(alone_s)) => alone_s,
-            // a chain in which nothing can move was refused before
-            (None, None) => self.scales().time_s,
-        };
+        let contact_s = self.fastest_contact_s();
+        let fastest_s = self.settling_s().map_or(contact_s, |settling_s| smaller(contact_s, settling_s));
         let longest = 0.25 * fastest_s * self.stiff_fraction();
         if self.dt_s > 0.0 && self.dt_s <= longest {
             return Ok(());
         }
         let allowed = format!(
             "a step of more than 0 and at most {longest:.3e} s, a quarter of the collision time of the \
-             lightest bead (less for α > 5); {:.3e} s is the default",
+             lightest bead (less for α > 5, and for strong damping); {:.3e} s is the default",
             self.default_dt_s()
         );
         Err(ConfigError::number("time.dt_s", self.dt_s, &allowed))
