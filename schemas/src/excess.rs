@@ -98,7 +98,7 @@ mod tests {
         }
     }
 
-    /// α = 3, δ_rest = ¼, a = 1/64: (1/4)·((17/16)⁴ − 1) − 1/16, in units of F_rest·δ_rest.
+    /// `(1/4)·((17/16)⁴ − 1) − 1/16` for α = 3 and `a = δ_rest/16`, in units of `F_rest·δ_rest`.
     #[test]
     fn an_excess_worked_out_by_hand() {
         let expected = ((17.0_f64 / 16.0).powi(4) - 1.0) / 4.0 - 1.0 / 16.0;

@@ -156,7 +156,8 @@ fn energy_and_dissipated_work_add_up() {
         for (damping, p, allowed) in [
             (DampingConfig::Restitution(0.5), p, 3e-4),
             (DampingConfig::Restitution(0.95), p, 2e-5),
-            (dashpot, 0.0, 6e-4),
+            // the force begins with a jump that is worth 0.1·v0·dt/T of velocity
+            (dashpot, 0.0, 1e-3),
         ] {
             for (name, change) in CHAINS {
                 let name = format!("{name}, α = {alpha}, {damping:?}");

@@ -207,7 +207,9 @@ fn powers_of_two_scale_loaded_chains_exactly() {
             let forces = if heavier { 1.0 } else { 4.0 };
             scaled.bead_mass_kg *= masses;
             if let MassRule::PatternKg(pattern) = &mut scaled.masses {
-                pattern.iter_mut().for_each(|mass_kg| *mass_kg *= masses);
+                for mass_kg in pattern {
+                    *mass_kg *= masses;
+                }
             }
             scaled.stiffness *= forces;
             scaled.contacts.iter_mut().for_each(|odd| odd.stiffness *= forces);
