@@ -41,6 +41,9 @@ pub fn caption(manifest: &RunManifest) -> String {
     if physics.impurities.len() > 4 {
         let _ = write!(text, ", … ({} impurities)", physics.impurities.len());
     }
+    for phrase in physics.particulars() {
+        let _ = write!(text, ", {}", phrase.replace('-', "−"));
+    }
     let striker = physics.striker;
     let dt = scientific(physics.dt_s);
     let _ = write!(
@@ -346,7 +349,7 @@ mod tests {
         assert_eq!(
             caption(&m),
             "light-impurity: N = 1000, m = 1 g, α = 1.5, k = 10^{7} N m^{−α}, bead 500: 0.6 g, \
-             v_{0} = 5 m/s on bead 0; rkn4, dt = 1.45×10^{−6} s"
+             v_{0} = 5 m/s on bead 0; rkn4, dt = 7.25×10^{−7} s"
         );
     }
 }
