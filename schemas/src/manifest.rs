@@ -325,8 +325,8 @@ mod tests {
     fn light_impurity_has_the_documented_step() {
         let m = manifest();
         assert!((m.physics.dt_s - 0.02 * 72.477_966e-6).abs() < 1e-13);
-        assert_eq!(m.physics.step_count, 110_378);
-        assert_eq!(m.frame_count(), 110_379);
+        assert_eq!(m.physics.step_count, 55_189);
+        assert_eq!(m.frame_count(), 55_190);
     }
 
     #[test]

@@ -52,7 +52,7 @@ fn the_demo_leaves_a_recording_tables_and_figures() {
     let place = Place::new();
     let demo = place.run("demo --out shock").exits(0);
     let text = demo.stdout();
-    assert_eq!(text.matches("110,379, 0 missed").count(), 3, "{text}");
+    assert_eq!(text.matches("55,190, 0 missed").count(), 3, "{text}");
     for file in [
         "light-impurity.mcap",
         "energies.csv",
