@@ -229,9 +229,10 @@ fn extension(path: &Path) -> String {
     path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase()
 }
 
-/// Refuses tables that are not written as CSV.
+/// Refuses tables that are written neither as CSV nor as Parquet.
 pub(crate) fn check_tables(tables: &[&PathBuf]) -> Result<(), Failure> {
-    tables.iter().try_for_each(|path| check_extension(path, &["csv"], "a table is written as .csv"))
+    let rule = "a table is written as .csv or .parquet";
+    tables.iter().try_for_each(|path| check_extension(path, &["csv", "parquet"], rule))
 }
 
 /// Refuses a path with another extension than those `allowed`.

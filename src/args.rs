@@ -1,8 +1,10 @@
 //! The command line as it is written. Every mode turns its part once into validated values.
 
+use crate::sweep::directory::Shard;
 use crate::time_step::TimeStep;
 use clap::{Args, Parser, Subcommand};
 use schemas::method::Method;
+use std::num::NonZero;
 use std::path::PathBuf;
 
 /// Shocks in granular chains: simulated, streamed, recorded and analysed while they run.
@@ -48,12 +50,18 @@ pub(crate) enum Command {
     Contacts(ContactsArgs),
     /// How the first pulse deforms a contact, beside what theory expects
     Deformation(DeformationArgs),
+    /// The pulses: where and when they pass, how strong, fast and wide, where from and where to
+    Pulses(PulsesArgs),
+    /// Simulate a grid of runs and make a table of their results
+    Sweep(SweepArgs),
     /// List the live runs of this user
     Ls {
         /// Print JSON
         #[arg(long)]
         json: bool,
     },
+    /// Prove a recording: recompute every state from the one before and compare the bits
+    Verify(VerifyArgs),
     /// Show what is in a recording
     Info {
         /// The recording
@@ -162,6 +170,22 @@ pub(crate) struct Overrides {
     pub(crate) record_every_steps: Option<u64>,
 }
 
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline verify run.mcap           prints `proven`, or what differs: frame, bead and quantity\n  \
+    beadline verify run.mcap --json    the same for a program\n\n\
+    Exit code 3 if a state does not follow from the one before, frames are missing, or the file is damaged.")]
+pub(crate) struct VerifyArgs {
+    /// The recording
+    pub(crate) file: PathBuf,
+    /// Threads that recompute [default: one for each core]
+    #[arg(long, value_name = "N")]
+    pub(crate) jobs: Option<NonZero<usize>>,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
 /// What every analysis takes.
 #[derive(Debug, Args)]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
@@ -210,7 +234,7 @@ pub(crate) struct EnergiesArgs {
     #[command(flatten)]
     pub(crate) common: AnalysisArgs,
     /// Table of the energies of each frame
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(long, value_name = "FILE.csv|.parquet")]
     pub(crate) out: Option<PathBuf>,
     /// The bead that divides left from right [default: the first impurity, or the middle]
     #[arg(long, value_name = "BEAD")]
@@ -231,10 +255,10 @@ pub(crate) struct ImpurityArgs {
     #[command(flatten)]
     pub(crate) common: AnalysisArgs,
     /// Table of the motion in each frame
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(long, value_name = "FILE.csv|.parquet")]
     pub(crate) out: Option<PathBuf>,
     /// Table of what happened: contacts that close or open, turning points
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(long, value_name = "FILE.csv|.parquet")]
     pub(crate) events: Option<PathBuf>,
     /// A bead to follow, repeatable [default: every impurity, or the middle bead]
     #[arg(long, value_name = "BEAD")]
@@ -252,8 +276,8 @@ pub(crate) struct ImpurityArgs {
 pub(crate) struct ContactsArgs {
     #[command(flatten)]
     pub(crate) common: AnalysisArgs,
-    /// FILE.csv: table of the counts in each frame; FILE.mcap: the class of every contact (repeatable)
-    #[arg(long, value_name = "FILE.csv|.mcap")]
+    /// FILE.csv or .parquet: table of the counts in each frame; FILE.mcap: the class of every contact (repeatable)
+    #[arg(long, value_name = "FILE.csv|.parquet|.mcap")]
     pub(crate) out: Vec<PathBuf>,
     /// Largest overlap or gap (m) that counts as touching [default: 1e-6 of the collision length L]
     #[arg(long, value_name = "M")]
@@ -276,8 +300,79 @@ pub(crate) struct DeformationArgs {
     #[arg(long, value_name = "C", required = true)]
     pub(crate) contact: Vec<u64>,
     /// Table of the pulse: overlap, exact wave and continuum in each frame
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(long, value_name = "FILE.csv|.parquet")]
     pub(crate) out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline pulses --figure tracks.png                  attach to the only live run\n  \
+    beadline pulses run.mcap --out pulses.csv --positions tracks.csv\n  \
+    beadline pulses run.mcap --threshold 0.01            only those above a hundredth of v0\n\n\
+    A pulse passes a bead when |v| of the bead has a maximum in time while both of its contacts are\n\
+    pressed; it counts once it has passed 5 beads, and ends where it meets an impurity or an end. Peaks\n\
+    are good to 1e-4 if 8 frames fall into the time that a pulse takes to pass; a warning says when\n\
+    frames are too far apart. V/V_sw is the speed over that of the exact solitary wave of the same\n\
+    peak velocity: 1 for a pulse that no longer changes. asymmetry = (rear − front)/(rear + front) of\n\
+    the half widths. `--json` and the tables have more: momentum, energy, width over that of the wave."
+)]
+pub(crate) struct PulsesArgs {
+    #[command(flatten)]
+    pub(crate) common: AnalysisArgs,
+    /// Table of the pulses, a row for each, in the order in which they end
+    #[arg(long, value_name = "FILE.csv|.parquet")]
+    pub(crate) out: Option<PathBuf>,
+    /// Table of their tracks: a row for each bead that a pulse passes
+    #[arg(long, value_name = "FILE.csv|.parquet")]
+    pub(crate) positions: Option<PathBuf>,
+    /// Smallest peak velocity of a pulse, relative to the run's velocity scale (v0)
+    #[arg(long, value_name = "X", default_value_t = consumers::pulses::Pulses::DEFAULT_THRESHOLD)]
+    pub(crate) threshold: f64,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline sweep --example > reflection.toml           a sweep file to begin with\n  \
+    beadline sweep reflection.toml --out reflection      all points, on all cores; again: goes on\n  \
+    beadline sweep reflection.toml --out all --shard 3/16   one job of an array of 16\n  \
+    beadline sweep reflection.toml --out all --merge     the rows that are there, as tables\n\n\
+    DIR then has results.csv and results.parquet (the same bytes whatever the order, jobs, shards and\n\
+    interruptions), timings.csv, the rows of each shard, and recordings/ if asked for. A run that fails\n\
+    has a row that says why, and makes the exit code 3, as a signal does while points are missing."
+)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
+pub(crate) struct SweepArgs {
+    /// What to sweep: a base, a grid, cases
+    #[arg(value_name = "SWEEP.toml", required_unless_present = "example")]
+    pub(crate) file: Option<PathBuf>,
+    /// Directory for the results; finished points in it are not computed again
+    #[arg(long, value_name = "DIR", required_unless_present = "example")]
+    pub(crate) out: Option<PathBuf>,
+    /// Points computed at the same time [default: the cores of this machine]
+    #[arg(long, value_name = "N")]
+    pub(crate) jobs: Option<NonZero<usize>>,
+    /// Compute only the points whose index leaves the remainder I by N
+    #[arg(long, value_name = "I/N", value_parser = parse_shard)]
+    pub(crate) shard: Option<Shard>,
+    /// Compute nothing; make tables of the rows that are there
+    #[arg(long, conflicts_with_all = ["shard", "jobs", "force", "record"])]
+    pub(crate) merge: bool,
+    /// Record each point, also if the sweep file does not ask for it
+    #[arg(long)]
+    pub(crate) record: bool,
+    /// Remove what another sweep has left in DIR
+    #[arg(long, conflicts_with = "shard")]
+    pub(crate) force: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Print a sweep file to begin with
+    #[arg(long, exclusive = true)]
+    pub(crate) example: bool,
 }
 
 /// How fast a run goes.
@@ -312,4 +407,12 @@ fn parse_pair(text: &str) -> Result<(u64, f64), String> {
 
 fn parse_impurity(text: &str) -> Result<Option<(u64, f64)>, String> {
     if text == "none" { Ok(None) } else { parse_pair(text).map(Some) }
+}
+
+fn parse_shard(text: &str) -> Result<Shard, String> {
+    let parsed = text
+        .split_once('/')
+        .and_then(|(number, count)| Some(Shard { number: number.parse().ok()?, count: count.parse().ok()? }));
+    let expected = "expected I/N with I from 0 to N - 1, such as 0/2".to_owned();
+    parsed.filter(|shard| shard.number < shard.count).ok_or(expected)
 }

@@ -8,4 +8,7 @@ pub(crate) mod impurity;
 pub(crate) mod info;
 pub(crate) mod ls;
 pub(crate) mod presets;
+pub(crate) mod pulses;
 pub(crate) mod run;
+pub(crate) mod sweep;
+pub(crate) mod verify;

@@ -115,7 +115,8 @@ fn overridden(args: &RunArgs, config: &RunConfig, chosen: Option<&str>) -> Strin
     text
 }
 
-fn origin() -> Origin {
+/// Where and when a run is made.
+pub(crate) fn origin() -> Origin {
     let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     Origin {
         program: format!("beadline {}", env!("CARGO_PKG_VERSION")),

@@ -81,6 +81,17 @@ pub(crate) fn duration(value: Duration) -> String {
     seconds(value.as_secs_f64())
 }
 
+/// A rough time: `40 s`, `3 min 20 s`, `2 h 5 min`.
+pub(crate) fn left(seconds: f64) -> String {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+    let seconds = seconds.ceil() as u64;
+    match seconds {
+        0..60 => format!("{seconds} s"),
+        60..3600 => format!("{} min {} s", seconds / 60, seconds % 60),
+        _ => format!("{} h {} min", seconds / 3600, seconds % 3600 / 60),
+    }
+}
+
 /// Rows of a name and a value, aligned.
 pub(crate) fn rows(title: &str, rows: &[(&str, String)]) -> String {
     let width = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);

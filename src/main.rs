@@ -8,6 +8,7 @@ mod display;
 mod failure;
 mod signals;
 mod source;
+mod sweep;
 mod time_step;
 
 use args::{Cli, Command};
@@ -29,7 +30,10 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Impurity(args) => commands::impurity::impurity(&args),
         Command::Contacts(args) => commands::contacts::contacts(&args),
         Command::Deformation(args) => commands::deformation::deformation(&args),
+        Command::Pulses(args) => commands::pulses::pulses(&args),
+        Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Ls { json } => commands::ls::ls(json),
+        Command::Verify(args) => commands::verify::verify(&args),
         Command::Info { file, json } => commands::info::info(&file, json),
     }
 }

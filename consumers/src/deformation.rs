@@ -2,7 +2,7 @@
 //!
 //! The first pulse at a contact begins with the first frame in which its overlap is above [`CLOSED`] L. It ends
 //! when the overlap is back below that, or, in a train whose pulses overlap, where it is smallest between
-//! two of them. Later pulses are counted, not compared.
+//! two of them. What stays below [`COUNTED`] L is no pulse; later pulses are counted, not compared.
 //!
 //! Both theories have one free parameter, the strength of the wave. It is set so that their largest
 //! overlap is the measured one, and their centre is put where the measured overlap is largest: width, tails,
@@ -14,14 +14,15 @@
 //!     L1 = ∫|δ − θ| dt / (δ_peak·w),   L2 = √(∫(δ − θ)² dt / w) / δ_peak,   L∞ = max|δ − θ| / δ_peak
 //! ```
 //!
-//! with w the measured full width at half maximum, integrals over the pulse. Between frames δ is Hermite's
+//! with w the measured full width at half maximum, and integrals over all times: outside of the pulse δ counts as
+//! 0, and so does a gap. Between frames δ is Hermite's
 //! cubic through overlaps and their rates, which the velocities give.
 
 mod curve;
 mod first_pulse;
 
 pub use curve::{Sample, Shape};
-pub use first_pulse::{CLOSED, FirstPulse};
+pub use first_pulse::{CLOSED, COUNTED, FirstPulse};
 
 use crate::theory::{Coefficients, ContinuumWave, SolitaryWave, Strength, WaveScale};
 use schemas::chain::Chain;
@@ -83,6 +84,9 @@ pub enum Untold {
     /// Fewer than three frames hold it.
     #[error("too few frames hold the pulse")]
     Sparse,
+    /// A load presses the chain together.
+    #[error("not defined: the chain is loaded, its contacts are deformed at rest")]
+    Loaded,
 }
 
 /// A theory beside a measured pulse.
@@ -95,9 +99,9 @@ pub struct Comparison {
     pub width_s: f64,
     /// Impulse that passes the contact (N·s): the momentum of the wave.
     pub impulse_n_s: f64,
-    /// Mean absolute error over the pulse, relative to its peak.
+    /// Integral of the absolute error, relative to the peak times the width.
     pub l1: f64,
-    /// Root mean square error, relative to the peak.
+    /// Root of the integral of the squared error over the width, relative to the peak.
     pub l2: f64,
     /// Largest error, relative to the peak.
     pub l_infinity: f64,
@@ -115,6 +119,14 @@ impl Wave {
         match self {
             Self::Exact(wave) => wave.overlap(xi_beads),
             Self::Continuum(wave) => wave.overlap(xi_beads),
+        }
+    }
+
+    /// Half the length (beads) of what is not zero.
+    fn half_length_beads(&self) -> f64 {
+        match self {
+            Self::Exact(wave) => wave.half_length_beads(),
+            Self::Continuum(wave) => wave.half_length_beads(),
         }
     }
 
@@ -138,15 +150,15 @@ impl Deformations {
     pub fn new(manifest: &RunManifest, contacts: &[u64]) -> Self {
         let chain = manifest.physics.chain();
         let last = chain.contact_count() as u64 - 1;
-        let closed_m = CLOSED * manifest.physics.scales().length_m;
+        let length_m = manifest.physics.scales().length_m;
         let gauges = |contact: u64| {
             let before = contact.checked_sub(BASELINE)?;
             let behind = contact.checked_add(BASELINE).filter(|behind| *behind <= last)?;
-            Some([before, behind].map(|contact| (contact, FirstPulse::new(closed_m))))
+            Some([before, behind].map(|contact| (contact, FirstPulse::new(length_m))))
         };
         let follow = |contact: &u64| {
             let contact = (*contact).min(last);
-            Followed { contact, pulse: FirstPulse::new(closed_m), gauges: gauges(contact) }
+            Followed { contact, pulse: FirstPulse::new(length_m), gauges: gauges(contact) }
         };
         Self { contacts: contacts.iter().map(follow).collect(), chain }
     }
@@ -187,7 +199,8 @@ impl Deformations {
     fn result(&self, followed: &Followed) -> Deformation {
         let c = usize::try_from(followed.contact).unwrap_or(usize::MAX);
         let (samples, law) = (followed.pulse.samples(), &self.chain.law);
-        let measured = followed.pulse.shape(|overlap_m| law.force(self.chain.stiffness[c], overlap_m));
+        let force = |overlap_m| law.force(self.chain.stiffness[c], overlap_m);
+        let measured = if self.chain.is_loaded() { Err(Untold::Loaded) } else { followed.pulse.shape(force) };
         let compare = |wave: Result<Wave, String>| {
             let shape = measured.map_err(|untold| untold.to_string())?;
             self.check_alike(c)?;
@@ -207,11 +220,11 @@ impl Deformations {
         }
     }
 
-    /// Whether the beads and contacts around contact `c` are equal and rest unloaded.
+    /// Whether the beads and contacts around contact `c` are equal and dissipate nothing.
     fn check_alike(&self, c: usize) -> Result<(), String> {
         let contacts = c.saturating_sub(ALIKE)..(c + ALIKE + 1).min(self.chain.contact_count());
         let (mass_kg, stiffness) = (self.chain.mass_kg[c], self.chain.stiffness[c]);
-        let alike = contacts.clone().all(|i| {
+        let alike = contacts.into_iter().all(|i| {
             self.chain.stiffness[i] == stiffness
                 && self.chain.mass_kg[i] == mass_kg
                 && self.chain.mass_kg[i + 1] == mass_kg
@@ -219,8 +232,8 @@ impl Deformations {
         if !alike {
             return Err(format!("no theory: beads or contacts within {ALIKE} of contact {c} differ"));
         }
-        if contacts.into_iter().any(|i| self.chain.rest_overlap_m[i] != 0.0) {
-            return Err("no theory: the chain is loaded".to_owned());
+        if self.chain.damping.is_some() {
+            return Err("no theory: contacts dissipate".to_owned());
         }
         Ok(())
     }
@@ -242,7 +255,9 @@ impl Deformations {
             l_infinity: 0.0,
             peak_s: shape.peak_s,
         };
-        let errors = curve::errors(samples, |time_s| comparison.overlap_m(time_s));
+        let half_s = comparison.wave.half_length_beads() / scale.speed_beads_per_s;
+        let extent_s = (shape.peak_s - half_s, shape.peak_s + half_s);
+        let errors = curve::errors(samples, extent_s, |time_s| comparison.overlap_m(time_s));
         comparison.l1 = errors.integral / (shape.overlap_m * shape.width_s);
         comparison.l2 = (errors.square_integral / shape.width_s).sqrt() / shape.overlap_m;
         comparison.l_infinity = errors.largest / shape.overlap_m;

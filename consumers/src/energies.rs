@@ -1,6 +1,6 @@
 //! Where the energy of a chain is: left of a bead, in it, right of it; and what that bead reflects.
 
-mod reflection;
+pub mod reflection;
 mod window;
 
 pub use reflection::{

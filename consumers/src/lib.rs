@@ -10,6 +10,7 @@ pub mod energies;
 pub mod figure;
 pub mod follow;
 pub mod impurity;
+pub mod journal;
 pub mod plots;
 pub mod pulses;
 pub mod series;

@@ -8,6 +8,7 @@ use crate::contacts::{COMPRESSED, ContactRaster, OPEN, TOUCHING};
 use crate::energies::{EnergyRow, Reflection, STATIONARY};
 use crate::figure::{Axis, Colour, Curve, Figure, FigureError, Panel, Raster};
 use crate::impurity::{Event, EventKind, Motion};
+use crate::pulses::{Strongest, VelocityMap};
 use crate::series::Series;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
@@ -155,7 +156,7 @@ fn scattering(
         times_s.iter().zip(parts).map(|(t, (value, total))| (t * 1e3, value / total)).collect()
     };
     let mut panel = panel
-        .y_axis(Axis::new("part of E").log().limits(1e-7, 2.0))
+        .y_axis(Axis::new("energy/total").log().limits(1e-7, 2.0))
         .line("reflected, without recoil", part(CORRECTED))
         .line("may still cross", part(INBOUND))
         .horizontal("", STATIONARY);
@@ -226,6 +227,110 @@ pub fn contact_map(
         Panel::new().x_axis("contact").y_axis(Axis::new("time (ms)").reversed()).raster(map).height(1.6);
     let text = format!("{}; touching: |δ| ≤ {} m", caption(manifest), scientific(tolerance_m));
     Ok(Figure::new().caption(text).panel(panel))
+}
+
+/// Pulses that have a colour and a name of their own in a figure.
+const NAMED: usize = 5;
+
+/// The tracks of the pulses over the space-time map of the velocities, time running down, and below it how
+/// the peak of each changes from bead to bead. Velocities below `threshold_m_s` are white.
+///
+/// # Errors
+/// When the map cannot be drawn, which is a mistake of ours.
+pub fn pulses(
+    manifest: &RunManifest,
+    threshold_m_s: f64,
+    map: &VelocityMap,
+    strongest: &mut Strongest,
+) -> Result<Figure, FigureError> {
+    let last_bead = manifest.physics.beads as f64 - 1.0;
+    let end_ms = manifest.physics.time_s(manifest.physics.step_count) * 1e3;
+    let raster = velocity_raster(threshold_m_s, map)?.over((-0.5, last_bead + 0.5), (0.0, end_ms));
+    let x = || Axis::new("bead").limits(-0.5, last_bead + 0.5);
+    let mut tracks =
+        Panel::new().x_axis(x()).y_axis(Axis::new("time (ms)").reversed()).raster(raster).height(1.6);
+    let mut peaks = Panel::new().x_axis(x()).y_axis(Axis::new("peak |v| (m/s)").log()).height(0.7);
+    // dark enough to be seen on the map, and none of its two colours
+    let navy = Colour::Rgb(0x00, 0x2B, 0x80);
+    let colours = [Colour::Black, Colour::Green, Colour::Purple, Colour::Sky, navy];
+    let drawn = strongest.pulses().to_vec();
+    let (named, others) = drawn.split_at(drawn.len().min(NAMED));
+    let named = named.iter().zip(colours).map(|(pulse, colour)| {
+        let v_m_s = short(rounded(pulse.measured.point.v_peak_m_s));
+        (pulse, colour, format!("{}: {v_m_s} m/s", pulse.number))
+    });
+    let others = others.iter().map(|pulse| (pulse, Colour::Grey, String::new()));
+    for (pulse, colour, label) in others.chain(named) {
+        let Some(path) = strongest.path(pulse.number) else { continue };
+        let track = path.points().map(|point| (point.bead as f64, point.time_s * 1e3));
+        let peak = path.points().map(|point| (point.bead as f64, point.v_peak_m_s.abs()));
+        tracks = tracks.curve(Curve::line(label, track).colour(colour).thin());
+        peaks = peaks.curve(Curve::line("", peak).colour(colour).thin());
+    }
+    if drawn.len() > NAMED {
+        let name = format!("{} others", drawn.len() - NAMED);
+        tracks = tracks.curve(Curve::line(name, []).colour(Colour::Grey).thin());
+    }
+    let text = format!(
+        "{}; lines: crests of pulses, by number and peak; colours: velocity, from {} m/s on",
+        caption(manifest),
+        scientific(threshold_m_s)
+    );
+    Ok(Figure::new().shared_x().caption(text).panel(tracks).panel(peaks))
+}
+
+/// Three digits.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
+}
+
+/// Velocities as classes: two for each factor of ten from `threshold_m_s` up, either way.
+fn velocity_raster(threshold_m_s: f64, map: &VelocityMap) -> Result<Raster, FigureError> {
+    let largest_m_s = map.cells().iter().fold(0.0_f64, |largest, v| {
+        let v = f64::from(v.abs());
+        if v > largest { v } else { largest }
+    });
+    // half decades; the outermost class has the largest velocity in it
+    let level_of = |v_m_s: f64| (2.0 * v_m_s.log10()).floor();
+    let lowest = level_of(threshold_m_s);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 40")]
+    let steps = (level_of(largest_m_s) - lowest + 1.0).clamp(1.0, 40.0) as u8;
+    let class = |v_m_s: &f32| {
+        let v_m_s = f64::from(*v_m_s);
+        if v_m_s.abs() < threshold_m_s {
+            return steps;
+        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 40")]
+        let level = (level_of(v_m_s.abs()) - lowest + 1.0).clamp(1.0, f64::from(steps)) as u8;
+        if v_m_s > 0.0 { steps + level } else { steps - level }
+    };
+    let cells = map.cells().iter().map(class).collect();
+    let mut classes: Vec<(String, Colour)> = (0..=2 * steps)
+        .map(|class| {
+            let level = i32::from(class) - i32::from(steps);
+            let exponent = lowest + f64::from(level.abs()) - 1.0;
+            let value_m_s = f64::from(level.signum()) * 10_f64.powf(0.5 * exponent);
+            let decade = level != 0 && exponent.rem_euclid(2.0) == 0.0;
+            let name = if decade { short(value_m_s) } else { String::new() };
+            (name, diverging(f64::from(level) / f64::from(steps)))
+        })
+        .collect();
+    // the unit once: there is one line for all of them
+    if let Some((name, _)) = classes.iter_mut().rfind(|(name, _)| !name.is_empty()) {
+        name.push_str(" m/s");
+    }
+    let classes: Vec<_> = classes.iter().map(|(name, colour)| (name.as_str(), *colour)).collect();
+    // both sides of a velocity map are at most 1000
+    let side = |cells: usize| u32::try_from(cells).unwrap_or(u32::MAX);
+    Raster::classes(side(map.columns()), side(map.rows()), cells, &classes)
+}
+
+/// Blue for −1, white for 0, vermillion for 1: told apart by every kind of colour vision.
+fn diverging(value: f64) -> Colour {
+    let [red, green, blue] = if value < 0.0 { [0x00, 0x72, 0xB2] } else { [0xD5, 0x5E, 0x00] };
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+    let mix = |full: u8| (255.0 + (f64::from(full) - 255.0) * value.abs()).round() as u8;
+    Colour::Rgb(mix(red), mix(green), mix(blue))
 }
 
 #[cfg(test)]

@@ -1,67 +1,121 @@
-//! Results as CSV: a header with units, then rows of numbers that read back to their bits.
+//! Results as tables: CSV or Parquet, of numbers that read back to their bits.
 
+mod csv;
+mod parquet;
+
+use csv::Csv;
+use parquet::Parquet;
 use schemas::whole_file::WholeFile;
-use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 pub use schemas::whole_file::WholeFileError as TableError;
 
-/// A CSV file that is being written. It appears under its name only when it is finished; until then it
-/// is `<name>.partial`. If it is never finished that is what it stays, unless it has no rows: then it is
-/// removed.
+/// A value in a table.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Cell {
+    /// A whole number.
+    Integer(u64),
+    /// A double.
+    Double(f64),
+    /// A word.
+    Word(String),
+    /// A value that does not exist.
+    Empty,
+}
+
+/// What the values of a column are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Whole numbers.
+    Integer,
+    /// Doubles.
+    Double,
+    /// Words.
+    Word,
+}
+
+/// A column: its name, with the unit, such as `time_s`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Column {
+    /// The name.
+    pub name: String,
+    /// What its values are; if it is not said, what the first of them is.
+    pub kind: Option<Kind>,
+}
+
+impl Column {
+    /// A column of that kind.
+    pub fn new(name: impl Into<String>, kind: Kind) -> Self {
+        Self { name: name.into(), kind: Some(kind) }
+    }
+}
+
+impl From<String> for Column {
+    fn from(name: String) -> Self {
+        Self { name, kind: None }
+    }
+}
+
+/// A file that is being written: Parquet if it is named `.parquet`, CSV otherwise. It appears under its name
+/// only when it is finished; until then it is `<name>.partial`. If it is never finished a CSV with rows stays
+/// that; anything else, which nobody could read, is removed.
 #[derive(Debug)]
 pub struct Table {
-    // before the file: what is buffered is written first
-    out: BufWriter<Arc<File>>,
-    file: WholeFile,
-    line: Vec<u8>,
-    in_row: bool,
+    form: Form,
+    row: Vec<Cell>,
+}
+
+#[derive(Debug)]
+enum Form {
+    Csv(Csv),
+    Parquet(Box<Parquet>),
 }
 
 impl Table {
-    /// Creates the table `path` with `columns`, such as `time_s`. Existing files, also what another table
-    /// left unfinished, are replaced only with `replace`; what a living process writes never is.
+    /// Creates the table `path` with `columns`. Existing files, also what another table left unfinished, are
+    /// replaced only with `replace`; what a living process writes never is.
     ///
     /// # Errors
     /// When something is in the way, or the file cannot be created.
-    pub fn create(path: &Path, columns: &[String], replace: bool) -> Result<Self, TableError> {
+    pub fn create<C: Clone + Into<Column>>(
+        path: &Path,
+        columns: &[C],
+        replace: bool,
+    ) -> Result<Self, TableError> {
+        let columns: Vec<Column> = columns.iter().cloned().map(Into::into).collect();
         let file = WholeFile::create(path, replace)?;
-        let out = BufWriter::with_capacity(1 << 16, Arc::clone(file.file()));
-        let mut table = Self { out, file, line: Vec::new(), in_row: false };
-        table.line.extend(columns.join(",").bytes());
-        table.write_line()?;
-        Ok(table)
+        let is_parquet = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("parquet"));
+        let form = if is_parquet {
+            Form::Parquet(Box::new(Parquet::new(file, columns)))
+        } else {
+            Form::Csv(Csv::new(file, &columns)?)
+        };
+        Ok(Self { form, row: Vec::new() })
     }
 
     /// Adds a whole number to the current row.
     pub fn integer(&mut self, value: u64) -> &mut Self {
-        self.field(format_args!("{value}"))
+        self.cell(Cell::Integer(value))
     }
 
-    /// Adds a double in the shortest form that reads back to its bits.
+    /// Adds a double to the current row, in CSV in the shortest form that reads back to its bits.
     pub fn double(&mut self, value: f64) -> &mut Self {
-        self.field(format_args!("{value:e}"))
+        self.cell(Cell::Double(value))
     }
 
-    /// Adds a word, which must contain neither commas nor quotes nor line ends.
+    /// Adds a word to the current row.
     pub fn word(&mut self, word: &str) -> &mut Self {
-        self.field(format_args!("{word}"))
+        self.cell(Cell::Word(word.to_owned()))
     }
 
     /// Adds an empty field: a value that does not exist.
     pub fn empty(&mut self) -> &mut Self {
-        self.field(format_args!(""))
+        self.cell(Cell::Empty)
     }
 
-    fn field(&mut self, value: std::fmt::Arguments<'_>) -> &mut Self {
-        if self.in_row {
-            self.line.push(b',');
-        }
-        self.in_row = true;
-        // writing to a Vec cannot fail
-        let _ = self.line.write_fmt(value);
+    /// Adds a value to the current row.
+    pub fn cell(&mut self, cell: Cell) -> &mut Self {
+        self.row.push(cell);
         self
     }
 
@@ -69,18 +123,16 @@ impl Table {
     ///
     /// # Errors
     /// When the disk does not take it.
+    ///
+    /// # Panics
+    /// When the row has not a value of its kind for each column: a bug of the caller.
     pub fn end_row(&mut self) -> Result<(), TableError> {
-        self.write_line()?;
-        self.file.keep();
-        Ok(())
-    }
-
-    fn write_line(&mut self) -> Result<(), TableError> {
-        self.line.push(b'\n');
-        let written = self.out.write_all(&self.line);
-        self.line.clear();
-        self.in_row = false;
-        written.map_err(TableError::io(self.file.partial()))
+        let written = match &mut self.form {
+            Form::Csv(csv) => csv.write(&self.row),
+            Form::Parquet(parquet) => parquet.write(&mut self.row),
+        };
+        self.row.clear();
+        written
     }
 
     /// Completes the file and gives it its name, both on the disk.
@@ -88,9 +140,10 @@ impl Table {
     /// # Errors
     /// When the disk does not take it, or a file of that name has appeared meanwhile.
     pub fn finish(self) -> Result<PathBuf, TableError> {
-        let Self { mut out, file, .. } = self;
-        out.flush().map_err(TableError::io(file.partial()))?;
-        file.publish()
+        match self.form {
+            Form::Csv(csv) => csv.finish(),
+            Form::Parquet(parquet) => parquet.finish(),
+        }
     }
 }
 

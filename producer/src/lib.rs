@@ -11,3 +11,5 @@ pub mod resimulation;
 pub mod run;
 mod splitting;
 pub mod state;
+pub mod sweep;
+pub mod verification;

@@ -156,11 +156,13 @@ fn outputs(args: &ContactsArgs) -> Result<(Option<&PathBuf>, Option<&PathBuf>), 
     let (mut table, mut map) = (None, None);
     for path in &args.out {
         let place = match path.extension().and_then(|extension| extension.to_str()) {
-            Some("csv") => &mut table,
+            Some("csv" | "parquet") => &mut table,
             Some("mcap") => &mut map,
             _ => {
-                let message =
-                    format!("--out {}: expected .csv for counts or .mcap for the map", path.display());
+                let message = format!(
+                    "--out {}: expected .csv or .parquet for counts, .mcap for the map",
+                    path.display()
+                );
                 return Err(anyhow!(message)).bad_input();
             }
         };

@@ -132,7 +132,7 @@ fn reflection_rows(reflection: &Reflection, split_bead: u64) -> Vec<(&'static st
                 )
             }),
         ]),
-        _ => rows.push(("recoil", "unknown: the pulse had arrived in the first frame".to_owned())),
+        _ => rows.push(("recoil", "unknown: no frame in the 10 T before the pulse arrived".to_owned())),
     }
     rows
 }

@@ -9,7 +9,9 @@ fn python() -> Option<PathBuf> {
         .map(PathBuf::from)
         .and_then(|path| path.canonicalize().ok());
     if found.is_none() {
-        skip("set BEADLINE_CHECK_PYTHON to the Python that `tests/setup` makes to check with Python's mcap");
+        skip(
+            "set BEADLINE_CHECK_PYTHON to the Python that `tests/setup` makes to check with Python's readers",
+        );
     }
     // the link itself names the environment, its target does not
     found.and(
@@ -29,4 +31,27 @@ fn python_reads_the_same_doubles() {
     let script = format!("{}/tests/python/check_recording.py", env!("CARGO_MANIFEST_DIR"));
     let check = place.foreign(&python, [script.as_str(), "run.mcap", "motion.csv"]);
     Running::start("check_recording.py", check).wait().exits(0);
+}
+
+/// `pyarrow` reads our Parquet tables, with the values of our CSV: also words with commas and values that do
+/// not exist.
+#[test]
+fn pyarrow_reads_the_same_tables() {
+    let Some(python) = python() else { return };
+    let place = Place::new();
+    place.write(
+        "s.toml",
+        "[base]\npreset = \"homogeneous\"\nchain.beads = 40\ntime.duration_s = 1e-3\n\
+         [grid]\n\"chain.impurities\" = [[], [{ bead = 3, mass_kg = 2e-3 }]]\n\"chain.alpha\" = [1.5, 2]\n",
+    );
+    place.run("sweep s.toml --out s").exits(0);
+    place.run("run --preset homogeneous --name run --duration 1e-3").exits(0);
+    place.run("impurity run.mcap --bead 0 --out i.csv --events events.csv").exits(0);
+    place.run("impurity run.mcap --bead 0 --out i.parquet --events events.parquet").exits(0);
+    let script = format!("{}/tests/python/check_table.py", env!("CARGO_MANIFEST_DIR"));
+    for table in ["s/results", "i", "events"] {
+        let [parquet, csv] = ["parquet", "csv"].map(|form| format!("{table}.{form}"));
+        let check = place.foreign(&python, [script.as_str(), &parquet, &csv]);
+        Running::start("check_table.py", check).wait().exits(0);
+    }
 }

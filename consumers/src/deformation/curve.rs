@@ -38,8 +38,8 @@ pub(super) struct Errors {
 }
 
 impl Sample {
-    /// What is compressed; a gap is no deformation.
-    pub(super) fn compression_m(&self) -> f64 {
+    /// What is compressed (m); a gap is no deformation.
+    pub fn compression_m(&self) -> f64 {
         if self.overlap_m > 0.0 { self.overlap_m } else { 0.0 }
     }
 
@@ -84,11 +84,23 @@ pub(super) fn shape(samples: &[Sample], force: impl Fn(f64) -> f64) -> Result<Sh
     })
 }
 
-/// The differences of `samples` to `theory` (m, of a time in s), by the trapezoidal rule.
-pub(super) fn errors(samples: &[Sample], theory: impl Fn(f64) -> f64) -> Errors {
+/// Steps in which what a theory has outside of the samples is integrated, on either side.
+const OUTSIDE: u32 = 512;
+
+/// The differences of `samples`, and of nothing outside of them, to `theory` (m, of a time in s), which is 0
+/// outside of `extent_s`. By the trapezoidal rule.
+pub(super) fn errors(samples: &[Sample], extent_s: (f64, f64), theory: impl Fn(f64) -> f64) -> Errors {
     let mut errors = Errors::default();
+    let (Some(first), Some(last)) = (samples.first(), samples.last()) else { return errors };
+    let between = |from_s: f64, to_s: f64| {
+        let steps = if to_s > from_s { OUTSIDE } else { 0 };
+        (0..steps).map(move |i| from_s + (to_s - from_s) * f64::from(i) / f64::from(OUTSIDE))
+    };
+    let nothing = |time_s: f64| Sample { time_s, overlap_m: 0.0, rate_m_s: 0.0 };
+    let early = between(extent_s.0, first.time_s).map(nothing);
+    let late = between(last.time_s, extent_s.1).skip(1).map(nothing);
     let mut before: Option<(f64, f64)> = None;
-    for sample in samples {
+    for sample in early.chain(samples.iter().copied()).chain(late) {
         let error_m = (sample.compression_m() - theory(sample.time_s)).abs();
         if let Some((time_s, error_before_m)) = before {
             let half_s = 0.5 * (sample.time_s - time_s);
@@ -120,10 +132,9 @@ fn zero_of_parabola([before, middle, after]: [&Sample; 3]) -> f64 {
     let right = (after.rate_m_s - middle.rate_m_s) / right_s;
     let curvature = (right - left) / (left_s + right_s);
     let slope = left + curvature * left_s;
-    let mut offset_s = 0.0;
-    for _ in 0..8 {
-        offset_s = -middle.rate_m_s / (slope + curvature * offset_s);
-    }
+    // of the two zeros the one near the middle, without cancellation
+    let root = (slope * slope - 4.0 * curvature * middle.rate_m_s).sqrt();
+    let offset_s = -2.0 * middle.rate_m_s / (slope + root.copysign(slope));
     if offset_s.is_finite() { middle.time_s + offset_s } else { middle.time_s }
 }
 
@@ -135,9 +146,9 @@ fn crossing(pair: &[Sample], level_m: f64) -> f64 {
     for _ in 0..60 {
         let above_m = first.towards(second, s) - level_m;
         if (above_m > 0.0) == rises {
-            high = s
+            high = s;
         } else {
-            low = s
+            low = s;
         }
         // Newton's step while it stays inside
         let next = s - above_m / first.rise_towards(second, s);
@@ -171,7 +182,12 @@ mod tests {
     fn errors_are_integrals_over_time() {
         let samples = [sample(0.0, 1.0, 0.0), sample(2.0, -3.0, 0.0), sample(3.0, 2.0, 0.0)];
         // differences to 1: 0, 1 (a gap is no deformation), 1
-        let errors = errors(&samples, |_| 1.0);
-        assert_eq!(errors, Errors { integral: 2.0, square_integral: 2.0, largest: 1.0 });
+        let inside = errors(&samples, (0.0, 3.0), |_| 1.0);
+        assert_eq!(inside, Errors { integral: 2.0, square_integral: 2.0, largest: 1.0 });
+        // a theory of ½ that goes on for 4 s on either side, over samples that it equals
+        let same = [0.0, 1.0].map(|time_s| sample(time_s, 0.5, 0.0));
+        let beyond = errors(&same, (-4.0, 5.0), |_| 0.5);
+        // between the last of what it equals and the first of nothing the trapezoid has half a step
+        assert!((beyond.integral - 4.0).abs() < 0.01 && (beyond.square_integral - 2.0).abs() < 0.01);
     }
 }

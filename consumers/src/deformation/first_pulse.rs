@@ -3,8 +3,12 @@
 use super::Untold;
 use super::curve::{self, Sample, Shape};
 
-/// A contact counts as closed while its overlap is above this part of the collision length L.
-pub const CLOSED: f64 = 1e-6;
+/// A pulse begins and ends where the overlap passes this part of the collision length L: far above
+/// rounding, which is 1e-14 of it, and far below what a comparison shows.
+pub const CLOSED: f64 = 1e-9;
+
+/// A pulse that stays below this part of L is none.
+pub const COUNTED: f64 = 1e-6;
 
 /// Between two pulses of a train the overlap falls below this part of the first peak …
 const BETWEEN: f64 = 0.5;
@@ -16,6 +20,7 @@ const RISE: f64 = 0.01;
 #[derive(Debug, Clone)]
 pub struct FirstPulse {
     closed_m: f64,
+    counted_m: f64,
     phase: Phase,
     /// The sample before the pulse, then those of the pulse.
     samples: Vec<Sample>,
@@ -36,8 +41,8 @@ enum Phase {
     Before,
     /// The pulse passes.
     During,
-    /// It has passed; whether the contact is closed again.
-    After { closed: bool },
+    /// It has passed; whether another one passes.
+    After { another: bool },
     /// Frames of the pulse are missing.
     Broken,
 }
@@ -46,10 +51,11 @@ impl FirstPulse {
     /// The largest number of samples kept: beyond it every second one is dropped.
     pub const CAPACITY: usize = 1 << 15;
 
-    /// Waits for an overlap above `closed_m` (m).
-    pub fn new(closed_m: f64) -> Self {
+    /// Waits for a pulse, with the collision length `length_m` (m).
+    pub fn new(length_m: f64) -> Self {
         Self {
-            closed_m,
+            closed_m: CLOSED * length_m,
+            counted_m: COUNTED * length_m,
             phase: Phase::Blind,
             samples: Vec::new(),
             stride: 1,
@@ -76,9 +82,10 @@ impl FirstPulse {
                 self.keep(sample);
             }
             Phase::During => self.pass(sample, closed),
-            Phase::After { closed: before } => {
-                self.later_count += u64::from(closed && !before);
-                self.phase = Phase::After { closed };
+            Phase::After { another } => {
+                let begins = !another && sample.overlap_m > self.counted_m;
+                self.later_count += u64::from(begins);
+                self.phase = Phase::After { another: closed && (another || begins) };
             }
             Phase::Broken => {}
         }
@@ -122,7 +129,7 @@ impl FirstPulse {
     fn pass(&mut self, sample: Sample, closed: bool) {
         self.keep(sample);
         if !closed {
-            self.phase = Phase::After { closed };
+            self.end(sample);
             return;
         }
         if sample.overlap_m > self.peak_m {
@@ -138,8 +145,18 @@ impl FirstPulse {
             // the next pulse has begun where the overlap was smallest
             self.samples.truncate(length);
             self.later_count = 1;
-            self.phase = Phase::After { closed };
+            self.phase = Phase::After { another: true };
         }
+    }
+
+    /// Ends the pulse with an open contact; what never became a pulse is forgotten.
+    fn end(&mut self, sample: Sample) {
+        if self.peak_m > self.counted_m {
+            self.phase = Phase::After { another: false };
+            return;
+        }
+        let length_m = self.closed_m / CLOSED;
+        *self = Self { phase: Phase::Before, samples: vec![sample], ..Self::new(length_m) };
     }
 
     fn keep(&mut self, sample: Sample) {
@@ -174,7 +191,7 @@ mod tests {
 
     #[test]
     fn a_train_is_cut_where_the_overlap_is_smallest() {
-        let mut pulse = FirstPulse::new(0.1);
+        let mut pulse = FirstPulse::new(1.0);
         push_all(&mut pulse, [0.0, 0.5, 2.0, 1.5, 0.6, 0.5, 0.505, 0.6, 1.0, 0.0, 0.0, 0.3, 0.0]);
         let overlaps: Vec<_> = pulse.samples().iter().map(|sample| sample.overlap_m).collect();
         assert_eq!(overlaps, [0.0, 0.5, 2.0, 1.5, 0.6, 0.5]);
@@ -182,9 +199,17 @@ mod tests {
     }
 
     #[test]
+    fn what_hardly_closes_a_contact_is_no_pulse() {
+        let mut pulse = FirstPulse::new(1.0);
+        push_all(&mut pulse, [0.0, 2e-9, 5e-8, 0.0, 1e-10, 0.3, 0.0, 3e-8, 0.0]);
+        let overlaps: Vec<_> = pulse.samples().iter().map(|sample| sample.overlap_m).collect();
+        assert_eq!((overlaps, pulse.later_count()), (vec![1e-10, 0.3, 0.0], 0));
+    }
+
+    #[test]
     fn what_was_not_seen_whole_is_not_told() {
         let told = |pulse: &FirstPulse| pulse.shape(|_| 0.0).map(|_| ());
-        let mut pulse = FirstPulse::new(0.1);
+        let mut pulse = FirstPulse::new(1.0);
         assert_eq!(told(&pulse), Err(Untold::NoPulse));
         push_all(&mut pulse, [0.0, 1.0]);
         assert_eq!(told(&pulse), Err(Untold::Unfinished));
@@ -192,14 +217,14 @@ mod tests {
         push_all(&mut pulse, [0.5, 0.0]);
         assert_eq!(told(&pulse), Err(Untold::Gap));
         // attached while it passes
-        let mut pulse = FirstPulse::new(0.1);
+        let mut pulse = FirstPulse::new(1.0);
         push_all(&mut pulse, [1.0, 0.0, 0.0]);
         assert_eq!(told(&pulse), Err(Untold::Gap));
     }
 
     #[test]
     fn memory_is_bounded() {
-        let mut pulse = FirstPulse::new(0.1);
+        let mut pulse = FirstPulse::new(1.0);
         push_all(&mut pulse, [0.0]);
         push_all(&mut pulse, (0..200_000_u32).map(|i| 1.0 + f64::from(i)));
         assert!(pulse.samples().len() <= FirstPulse::CAPACITY);

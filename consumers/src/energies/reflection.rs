@@ -80,6 +80,8 @@ pub enum Undefined {
     StrikerMovesAway,
     /// Contacts are compressed before anything moves: energy is everywhere.
     Loaded,
+    /// Contacts dissipate: the energy of a side falls wherever anything moves.
+    Damped,
 }
 
 impl fmt::Display for Undefined {
@@ -90,6 +92,7 @@ impl fmt::Display for Undefined {
             Self::StrikerRests => "not defined: the striker does not move",
             Self::StrikerMovesAway => "not defined: the striker moves away from the split bead",
             Self::Loaded => "not defined: the chain is loaded, there is energy everywhere",
+            Self::Damped => "not defined: contacts dissipate, the energy of a side never rests",
         })
     }
 }
@@ -168,7 +171,7 @@ pub struct Reflection {
     pub incident: Side,
     /// When the pulse arrived; the first frame, if it was there already.
     pub arrival: Option<Moment>,
-    /// What the pulse had left behind; none if no frame was seen before it arrived.
+    /// What the pulse had left behind; none if no frame was seen in the 10 T before it arrived.
     pub recoil: Option<Recoil>,
     /// Since when the reflected energy is stationary, if it became so and stayed so.
     pub stationary_since: Option<Moment>,
@@ -221,6 +224,7 @@ pub(super) struct Watch {
     moved_m_s: f64,
     end_beads: [u64; 2],
     end_velocities_m_s: [f64; 2],
+    recoil_within_s: f64,
     recoil_window: Window,
     window: Window,
     found: Reflection,
@@ -239,8 +243,12 @@ pub(super) fn incident_side(manifest: &RunManifest, split_bead: u64) -> Result<S
     if velocity_m_s == 0.0 {
         return Err(Undefined::StrikerRests);
     }
-    if physics.chain().is_loaded() {
+    let chain = physics.chain();
+    if chain.is_loaded() {
         return Err(Undefined::Loaded);
+    }
+    if chain.damping.is_some() {
+        return Err(Undefined::Damped);
     }
     match (striker < split_bead, velocity_m_s > 0.0) {
         (true, true) => Ok(Side::Left),
@@ -257,6 +265,7 @@ impl Watch {
             moved_m_s: MOVED * physics.striker.velocity_m_s.abs(),
             end_beads: [0, physics.beads - 1],
             end_velocities_m_s: [0.0; 2],
+            recoil_within_s: RECOIL_WINDOW * collision_s,
             recoil_window: Window::new(RECOIL_WINDOW * collision_s),
             window: Window::new(WINDOW * collision_s),
             found: Reflection {
@@ -277,6 +286,11 @@ impl Watch {
                 return self.approach(parts);
             }
             self.found.arrival = Some(parts.at);
+            // the first kick, and what a pulse leaves behind on a long way that nobody saw
+            let seen = |recoil: &Recoil| {
+                recoil.at.time_s > 0.0 && parts.at.time_s - recoil.at.time_s <= self.recoil_within_s
+            };
+            self.found.recoil = self.found.recoil.filter(seen);
             self.end_velocities_m_s = parts.end_velocities_m_s;
         }
         if self.found.met_end.is_none() {
@@ -317,10 +331,10 @@ impl Watch {
         if inbound_j > STATIONARY * parts.total_j {
             self.found.stationary_since = None;
             self.window.clear();
-        } else if self.found.stationary_since.is_none() {
-            self.found.stationary_since = Some(parts.at);
+        } else {
+            self.found.stationary_since.get_or_insert(parts.at);
+            self.window.push(parts.at.time_s, parts.incident_j);
         }
-        self.window.push(parts.at.time_s, parts.incident_j);
         self.found.energies = Some(Reflected {
             at: parts.at,
             reflected_j: parts.incident_j,
@@ -329,5 +343,104 @@ impl Watch {
             uncertainty_j: inbound_j + self.window.range(),
             inbound_j,
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use schemas::manifest::Origin;
+    use schemas::presets::Preset;
+
+    fn manifest(change: impl FnOnce(&mut schemas::config::RunConfig)) -> RunManifest {
+        let mut config = Preset::find("homogeneous").expect("preset").config();
+        change(&mut config);
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        RunManifest::new(&config, "run", origin).expect("valid")
+    }
+
+    /// A frame `collisions` T after the start, of 1 J in all, with these parts on the incident side, in the
+    /// split bead, and of the first what moves towards the second.
+    fn frame(watch: &Watch, collisions: u64, [incident_j, split_j, towards_j]: [f64; 3]) -> Parts {
+        Parts {
+            at: Moment {
+                frame: collisions,
+                time_s: collisions as f64 * watch.recoil_within_s / RECOIL_WINDOW,
+            },
+            incident_j,
+            split_j,
+            beyond_j: 1.0 - incident_j - split_j,
+            total_j: 1.0,
+            towards_j,
+            end_velocities_m_s: [-0.35, 0.0],
+        }
+    }
+
+    fn watched(frames: &[(u64, [f64; 3])]) -> Watch {
+        let mut watch = Watch::new(&manifest(|_| {}), Side::Left);
+        for (collisions, parts) in frames {
+            watch.push(&frame(&watch, *collisions, *parts));
+        }
+        watch
+    }
+
+    /// 1/16 is left behind, 1/4 comes back; 1/64 of that returns and crosses 40 T later.
+    #[test]
+    fn a_rest_is_not_stationary_while_something_returns() {
+        let mut frames = vec![(5, [1.0, 0.0, 0.9375]), (9, [1.0, 0.0, 0.9375]), (12, [0.75, 0.25, 0.25])];
+        frames.extend((13..53).map(|at| (at, [0.25, 0.0, 0.015_625])));
+        let resting = watched(&frames).found();
+        let energies = resting.energies.expect("arrived");
+        assert_eq!(resting.arrival.map(|arrival| arrival.frame), Some(12));
+        assert_eq!((energies.reflected_j, energies.inbound_j), (0.25, 0.015_625));
+        assert_eq!(resting.stationary_since, None);
+        let corrected = resting.corrected().expect("seen at 9 T");
+        assert_eq!((corrected.reflected_j, corrected.incident_j), (0.1875, 0.9375));
+        assert_eq!(corrected.over_incident, 0.2);
+
+        frames.extend((53..60).map(|at| (at, [0.234_375, 0.0, 0.0])));
+        let done = watched(&frames).found();
+        assert_eq!(done.stationary_since.map(|since| since.frame), Some(53));
+        let energies = done.energies.expect("arrived");
+        assert_eq!((energies.at.frame, energies.reflected_j, energies.uncertainty_j), (59, 0.234_375, 0.0));
+    }
+
+    #[test]
+    fn nothing_counts_after_a_front_has_met_an_end() {
+        let mut watch = watched(&[(9, [1.0, 0.0, 0.9]), (12, [0.5, 0.5, 0.0]), (13, [0.5, 0.0, 0.0])]);
+        let mut late = frame(&watch, 14, [0.4, 0.0, 0.0]);
+        late.end_velocities_m_s = [-0.35, 0.006];
+        watch.push(&late);
+        let found = watch.found();
+        assert_eq!(found.met_end.map(|(bead, at)| (bead, at.frame)), Some((199, 14)));
+        assert_eq!(found.stationary_since.map(|since| since.frame), Some(13));
+        assert_eq!(found.energies.map(|energies| energies.reflected_j), Some(0.5));
+    }
+
+    /// The first frame, in which nothing is left behind yet, tells nothing, nor does one of long ago.
+    #[test]
+    fn a_recoil_that_was_not_seen_is_unknown() {
+        let arrived = (20, [0.5, 0.5, 0.5]);
+        assert!(watched(&[arrived]).found().recoil.is_none());
+        assert!(watched(&[(0, [1.0, 0.0, 1.0]), (4, [0.5, 0.5, 0.5])]).found().recoil.is_none());
+        assert!(watched(&[(9, [1.0, 0.0, 0.9]), arrived]).found().recoil.is_none());
+        assert!(watched(&[(11, [1.0, 0.0, 0.9]), arrived]).found().recoil.is_some());
+    }
+
+    #[test]
+    fn a_side_is_incident_only_if_the_striker_comes_from_it() {
+        let of = |split: u64, bead: u64, velocity_m_s: f64| {
+            let m = manifest(|config| {
+                config.striker.bead = bead;
+                config.striker.velocity_m_s = velocity_m_s;
+            });
+            incident_side(&m, split)
+        };
+        assert_eq!(of(100, 0, 5.0), Ok(Side::Left));
+        assert_eq!(of(100, 199, -5.0), Ok(Side::Right));
+        assert_eq!(of(100, 0, -5.0), Err(Undefined::StrikerMovesAway));
+        assert_eq!(of(100, 150, 5.0), Err(Undefined::StrikerMovesAway));
+        assert_eq!(of(100, 100, 5.0), Err(Undefined::SplitIsStriker));
+        assert_eq!(of(199, 0, 5.0), Err(Undefined::SplitIsEnd));
     }
 }

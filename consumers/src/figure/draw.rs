@@ -167,7 +167,7 @@ impl Drawing<'_> {
                 path.push_str(&line_path(&piece));
                 drawn.push(piece);
             }
-            let pen = self.look.curve_pen(ink.colour, stroke);
+            let pen = self.look.curve_pen(ink, stroke);
             if !path.is_empty() {
                 self.svg.path(&path, pen);
             }

@@ -3,7 +3,7 @@
 use super::legend::{self, Row};
 use super::panel::{Axis, Panel};
 use super::scale::{Room, Scale};
-use super::style::{Colour, Stroke};
+use super::style::{Colour, Ink, Stroke};
 use super::svg::{Pen, Rect};
 use super::text::{CAP_HEIGHT, width, wrap};
 use super::ticks::{Ticks, label_with_factor};
@@ -92,8 +92,9 @@ impl Look {
         0.32 * self.number
     }
 
-    pub(super) fn curve_pen(&self, colour: Colour, stroke: Stroke) -> Pen {
-        Pen { colour, width: self.line, stroke }
+    pub(super) fn curve_pen(&self, ink: Ink, stroke: Stroke) -> Pen {
+        let width = if ink.thin { 0.5 * self.line } else { self.line };
+        Pen { colour: ink.colour, width, stroke }
     }
 
     /// Reference lines are thin, dashed and grey.

@@ -116,7 +116,7 @@ fn draw_swatch(svg: &mut Svg, swatch: Swatch, (x, middle): (f64, f64), look: &Lo
         }
         Swatch::Curve(ink) => {
             if let Some(stroke) = ink.stroke {
-                svg.line(ends.0, ends.1, look.curve_pen(ink.colour, stroke));
+                svg.line(ends.0, ends.1, look.curve_pen(ink, stroke));
             }
             if let Some(mark) = ink.mark {
                 let path = mark.path((x + 0.5 * length, middle), look.mark);

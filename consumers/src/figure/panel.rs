@@ -60,6 +60,7 @@ pub struct Curve {
     pub(super) stroke: Option<Stroke>,
     pub(super) line: bool,
     pub(super) mark: Option<Mark>,
+    pub(super) thin: bool,
 }
 
 impl Curve {
@@ -72,6 +73,7 @@ impl Curve {
             stroke: None,
             line: true,
             mark: None,
+            thin: false,
         }
     }
 
@@ -90,6 +92,12 @@ impl Curve {
     pub fn stroke(mut self, stroke: Stroke) -> Self {
         self.line = true;
         self.stroke = Some(stroke);
+        self
+    }
+
+    /// Draws the line half as wide: for many lines side by side.
+    pub fn thin(mut self) -> Self {
+        self.thin = true;
         self
     }
 
@@ -237,7 +245,12 @@ impl Panel {
             let colour = curve.colour.unwrap_or(Colour::CYCLE[turn % colours]);
             let stroke = Stroke::CYCLE[turn / colours % Stroke::CYCLE.len()];
             turn += usize::from(curve.colour.is_none());
-            Ink { colour, stroke: curve.line.then(|| curve.stroke.unwrap_or(stroke)), mark: curve.mark }
+            Ink {
+                colour,
+                stroke: curve.line.then(|| curve.stroke.unwrap_or(stroke)),
+                mark: curve.mark,
+                thin: curve.thin,
+            }
         })
     }
 

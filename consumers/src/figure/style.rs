@@ -119,4 +119,5 @@ pub(super) struct Ink {
     pub(super) colour: Colour,
     pub(super) stroke: Option<Stroke>,
     pub(super) mark: Option<Mark>,
+    pub(super) thin: bool,
 }

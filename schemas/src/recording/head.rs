@@ -77,7 +77,7 @@ pub(super) fn hex(bytes: &[u8]) -> String {
 }
 
 /// SHA-256 in hex of a state: its step, then `[u | v | extra]`, eight little-endian bytes each.
-pub(super) fn state_hash(step: u64, doubles: &[f64]) -> String {
+pub fn state_hash(step: u64, doubles: &[f64]) -> String {
     let mut hash = Sha256::new();
     hash.update(step.to_le_bytes());
     for value in doubles {

@@ -69,6 +69,10 @@ impl MessageReader {
         self.records.path()
     }
 
+    pub(super) fn file_bytes(&self) -> u64 {
+        self.records.file_bytes()
+    }
+
     pub(super) fn manifest(&self) -> &RunManifest {
         &self.manifest
     }

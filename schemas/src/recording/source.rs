@@ -2,6 +2,7 @@
 
 use super::decode::{self, StateHead, StateLengths};
 use super::error::ReadError;
+use super::head;
 use super::messages::{MessageReader, RawMessage};
 use super::proto;
 use crate::frame::{EndReason, Frame, FrameSource, Received};
@@ -26,6 +27,8 @@ pub struct RecordingSource {
     next: Next,
     /// Step up to which everything recorded has been lent or reported.
     accounted: Option<u64>,
+    /// Step of the state in `doubles`.
+    read: Option<u64>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -53,7 +56,7 @@ impl RecordingSource {
         let messages = MessageReader::open(path)?;
         let lengths = StateLengths::of(messages.manifest());
         let mut source =
-            Self { messages, lengths, doubles: Vec::new(), next: Next::Unknown, accounted: None };
+            Self { messages, lengths, doubles: Vec::new(), next: Next::Unknown, accounted: None, read: None };
         source.advance()?;
         Ok(source)
     }
@@ -78,6 +81,7 @@ impl RecordingSource {
             let state = decode::state(data, self.lengths, &mut self.doubles);
             let damaged = |what| ReadError::damaged(self.messages.path(), offset, what);
             let state = state.map_err(damaged)?;
+            self.read = Some(state.step);
             if let Some(frame) = self.check(&state).map_err(damaged)? {
                 return Ok(Next::Frame { frame, step: state.step, time_s: state.time_s });
             }
@@ -119,6 +123,14 @@ impl RecordingSource {
         let Some(end) = contents.end.as_ref().filter(|_| self.messages.is_finished()) else {
             return Ok(Next::End { reason: EndReason::Unfinished, last_step: None });
         };
+        if let (Some(expected), Some(step)) = (&end.last_state_hash, self.read) {
+            let found = head::state_hash(step, &self.doubles);
+            if found != *expected {
+                let what =
+                    format!("the hash of the last state, of step {step}, is {found} instead of {expected}");
+                return Err(ReadError::damaged(path, self.messages.file_bytes(), what));
+            }
+        }
         let last_step = match end.reason {
             EndReason::Complete => Some(manifest.physics.step_count),
             _ => end.last_step.filter(|step| *step <= manifest.physics.step_count),

@@ -1,0 +1,334 @@
+//! Rows of a table that are computed in any order, by several processes, and outlive each of them.
+//!
+//! Every process has a journal of its own: a text file with a line a row, each with its checksum, on the disk
+//! before the next row is begun. A row that a kill has torn is found, removed and computed again. When all
+//! journals of a table are read, their rows make the table in the order of their numbers.
+
+use crate::table::{Cell, Column, Kind};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+/// Longest line that is read.
+const MAX_LINE_BYTES: u64 = 1 << 20;
+
+/// What table a journal belongs to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct JournalHead {
+    /// Identity of what the rows are computed from; two tables of one identity have the same rows.
+    pub identity: String,
+    /// The columns, each of a kind.
+    pub columns: Vec<Column>,
+}
+
+/// A row with its number.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Entry {
+    /// Number of the row in the table.
+    pub index: u64,
+    /// How long it took (s): no part of the table.
+    pub wall_s: f64,
+    /// A value for each column.
+    pub cells: Vec<Cell>,
+}
+
+/// What is in a journal.
+#[derive(Debug, Default)]
+pub struct Contents {
+    /// The rows, in the order in which they were written.
+    pub entries: Vec<Entry>,
+    /// Lines that are damaged, the torn last one not counted.
+    pub damaged_count: u64,
+    /// Where the last whole line ends.
+    whole_bytes: u64,
+}
+
+/// Why a journal cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum JournalError {
+    /// It belongs to another table.
+    #[error("{} belongs to another table, of identity {found}", path.display())]
+    Foreign {
+        /// The journal.
+        path: PathBuf,
+        /// The identity in it.
+        found: String,
+    },
+    /// Another process writes it.
+    #[error("{} is being written by another process", path.display())]
+    Busy {
+        /// The journal.
+        path: PathBuf,
+    },
+    /// The operating system refused.
+    #[error("{} cannot be read or written", path.display())]
+    Io {
+        /// The journal.
+        path: PathBuf,
+        /// What the operating system says.
+        source: io::Error,
+    },
+}
+
+impl JournalError {
+    fn io(path: &Path) -> impl Fn(io::Error) -> Self + '_ {
+        move |source| Self::Io { path: path.to_owned(), source }
+    }
+}
+
+/// A journal that this process writes; locked until it is dropped.
+#[derive(Debug)]
+pub struct Journal {
+    path: PathBuf,
+    file: File,
+}
+
+#[derive(Serialize, Deserialize)]
+struct HeadLine {
+    identity: String,
+    columns: Vec<String>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct EntryLine {
+    index: u64,
+    wall_s: f64,
+    cells: Vec<Value>,
+}
+
+impl Journal {
+    /// Opens the journal `path` of the table `head` to go on with it, or begins it. A torn last line is
+    /// removed.
+    ///
+    /// # Errors
+    /// When it belongs to another table, when another process writes it, or when the operating system refuses.
+    pub fn open(path: &Path, head: &JournalHead) -> Result<(Self, Contents), JournalError> {
+        let io = JournalError::io(path);
+        let options = OpenOptions::new().read(true).write(true).create(true).truncate(false).clone();
+        let mut file = options.open(path).map_err(&io)?;
+        if let Err(TryLockError::WouldBlock) = file.try_lock() {
+            return Err(JournalError::Busy { path: path.to_owned() });
+        }
+        let contents = contents(&mut BufReader::new(&file), path, head)?;
+        file.set_len(contents.whole_bytes).map_err(&io)?;
+        file.seek(SeekFrom::End(0)).map_err(&io)?;
+        let mut journal = Self { path: path.to_owned(), file };
+        if contents.whole_bytes == 0 {
+            let line = HeadLine { identity: head.identity.clone(), columns: names(head) };
+            journal.write(&line)?;
+            // the name must outlive a crash as well as the rows
+            let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+            let synced = File::open(directory.unwrap_or(Path::new("."))).and_then(|file| file.sync_all());
+            synced.map_err(io)?;
+        }
+        Ok((journal, contents))
+    }
+
+    /// Adds a row; on return it is on the disk.
+    ///
+    /// # Errors
+    /// When the disk does not take it.
+    pub fn append(&mut self, entry: &Entry) -> Result<(), JournalError> {
+        let cells = entry.cells.iter().map(to_json).collect();
+        self.write(&EntryLine { index: entry.index, wall_s: entry.wall_s, cells })
+    }
+
+    fn write(&mut self, line: &impl Serialize) -> Result<(), JournalError> {
+        // plain structs of numbers and words always serialise
+        let json = serde_json::to_string(line).unwrap_or_default();
+        let line = format!("{:08x} {json}\n", crc32fast::hash(json.as_bytes()));
+        let written = self.file.write_all(line.as_bytes()).and_then(|()| self.file.sync_data());
+        written.map_err(JournalError::io(&self.path))
+    }
+}
+
+/// Reads the journal `path` of the table `head`, which another process may be writing.
+///
+/// # Errors
+/// When it belongs to another table, or cannot be read.
+pub fn read(path: &Path, head: &JournalHead) -> Result<Contents, JournalError> {
+    let file = File::open(path).map_err(JournalError::io(path))?;
+    contents(&mut BufReader::new(file), path, head)
+}
+
+fn names(head: &JournalHead) -> Vec<String> {
+    head.columns.iter().map(|column| column.name.clone()).collect()
+}
+
+fn contents(reader: &mut impl BufRead, path: &Path, head: &JournalHead) -> Result<Contents, JournalError> {
+    let mut contents = Contents::default();
+    let (mut line, mut position) = (Vec::new(), 0);
+    loop {
+        line.clear();
+        let read = reader.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', &mut line);
+        position += read.map_err(JournalError::io(path))? as u64;
+        // without its end it is torn, or endless
+        let Some(line) = line.strip_suffix(b"\n") else { return Ok(contents) };
+        let is_head = contents.whole_bytes == 0;
+        match checked(line) {
+            Some(json) if is_head => match serde_json::from_slice::<HeadLine>(json) {
+                Ok(found) if found.identity == head.identity && found.columns == names(head) => {}
+                Ok(found) => {
+                    return Err(JournalError::Foreign { path: path.to_owned(), found: found.identity });
+                }
+                Err(_) => return Ok(contents),
+            },
+            // rows of nobody knows what
+            None if is_head => return Ok(contents),
+            json => match json.and_then(|json| entry(json, &head.columns)) {
+                Some(entry) => contents.entries.push(entry),
+                None => contents.damaged_count += 1,
+            },
+        }
+        contents.whole_bytes = position;
+    }
+}
+
+/// The JSON of a line whose checksum is right.
+fn checked(line: &[u8]) -> Option<&[u8]> {
+    let (checksum, json) = line.split_at_checked(9)?;
+    let checksum = std::str::from_utf8(checksum.strip_suffix(b" ")?).ok()?;
+    (u32::from_str_radix(checksum, 16).ok()? == crc32fast::hash(json)).then_some(json)
+}
+
+fn entry(json: &[u8], columns: &[Column]) -> Option<Entry> {
+    let line: EntryLine = serde_json::from_slice(json).ok()?;
+    if line.cells.len() != columns.len() {
+        return None;
+    }
+    let cells = line.cells.into_iter().zip(columns).map(|(value, column)| from_json(value, column.kind));
+    Some(Entry { index: line.index, wall_s: line.wall_s, cells: cells.collect::<Option<_>>()? })
+}
+
+fn to_json(cell: &Cell) -> Value {
+    match cell {
+        Cell::Integer(value) => Value::from(*value),
+        Cell::Double(value) if value.is_finite() => Value::from(*value),
+        // JSON has no word for these
+        Cell::Double(value) => Value::from(value.to_string()),
+        Cell::Word(word) => Value::from(word.as_str()),
+        Cell::Empty => Value::Null,
+    }
+}
+
+fn from_json(value: Value, kind: Option<Kind>) -> Option<Cell> {
+    match (kind?, value) {
+        (_, Value::Null) => Some(Cell::Empty),
+        (Kind::Integer, value) => value.as_u64().map(Cell::Integer),
+        (Kind::Double, Value::String(word)) => word.parse().ok().map(Cell::Double),
+        (Kind::Double, value) => value.as_f64().map(Cell::Double),
+        (Kind::Word, Value::String(word)) => Some(Cell::Word(word)),
+        (Kind::Word, _) => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    fn head() -> JournalHead {
+        let columns = [("steps", Kind::Integer), ("total_j", Kind::Double), ("error", Kind::Word)];
+        let columns = columns.map(|(name, kind)| Column::new(name, kind)).to_vec();
+        JournalHead { identity: "abc".into(), columns }
+    }
+
+    fn entry(index: u64) -> Entry {
+        let value = 0.1 + 1e-17 * index as f64;
+        let cells =
+            vec![Cell::Integer(u64::MAX), Cell::Double(value), Cell::Word(format!("\"é\", {index}\n"))];
+        Entry { index, wall_s: 0.25, cells }
+    }
+
+    /// A journal with the rows 0 to `count − 1`.
+    fn written(path: &Path, count: u64) -> Vec<u8> {
+        let (mut journal, _) = Journal::open(path, &head()).expect("opens");
+        (0..count).for_each(|index| journal.append(&entry(index)).expect("disk"));
+        fs::read(path).expect("written")
+    }
+
+    #[test]
+    fn rows_read_back_as_they_were() {
+        let dir = tempfile::tempdir().expect("tempdir");
+        let path = dir.path().join("rows");
+        written(&path, 3);
+        assert_eq!(read(&path, &head()).expect("ours").entries, [0, 1, 2].map(entry));
+        for value in [-0.0, f64::INFINITY, f64::NEG_INFINITY, 5e-324, f64::MAX] {
+            let cell = from_json(to_json(&Cell::Double(value)), Some(Kind::Double));
+            let Some(Cell::Double(back)) = cell else { panic!("{cell:?}") };
+            assert_eq!(back.to_bits(), value.to_bits());
+        }
+    }
+
+    /// A kill may tear the last line at any byte: the rows before it stay, and it is written again.
+    #[test]
+    fn a_torn_row_is_removed_wherever_it_is_torn() {
+        let dir = tempfile::tempdir().expect("tempdir");
+        let path = dir.path().join("rows");
+        let (two, three) = (written(&dir.path().join("two"), 2), written(&path, 3));
+        assert!(three.starts_with(&two));
+        for length in two.len()..three.len() {
+            fs::write(&path, &three[..length]).expect("disk");
+            assert_eq!(read(&path, &head()).expect("ours").entries.len(), 2, "while it is being written");
+            let (mut journal, contents) = Journal::open(&path, &head()).expect("repaired");
+            assert_eq!((contents.entries.len(), contents.damaged_count), (2, 0), "torn at byte {length}");
+            journal.append(&entry(2)).expect("disk");
+            assert_eq!(fs::read(&path).expect("whole"), three);
+        }
+    }
+
+    /// A torn head is a journal that was never begun.
+    #[test]
+    fn a_torn_head_is_written_again() {
+        let dir = tempfile::tempdir().expect("tempdir");
+        let path = dir.path().join("rows");
+        let whole = written(&path, 0);
+        for length in 0..whole.len() {
+            fs::write(&path, &whole[..length]).expect("disk");
+            drop(Journal::open(&path, &head()).expect("repaired"));
+            assert_eq!(fs::read(&path).expect("whole"), whole);
+        }
+    }
+
+    #[test]
+    fn a_damaged_row_is_left_out_and_counted() {
+        let dir = tempfile::tempdir().expect("tempdir");
+        let path = dir.path().join("rows");
+        let two = written(&dir.path().join("two"), 2).len();
+        let one = written(&dir.path().join("one"), 1).len();
+        let whole = written(&path, 3);
+        for byte in one..two - 1 {
+            let mut damaged = whole.clone();
+            damaged[byte] ^= 1;
+            if damaged[byte] == b'\n' {
+                continue; // two lines then
+            }
+            fs::write(&path, &damaged).expect("disk");
+            let contents = read(&path, &head()).expect("ours");
+            assert_eq!(contents.entries, [entry(0), entry(2)], "byte {byte}");
+            assert_eq!(contents.damaged_count, 1);
+        }
+    }
+
+    #[test]
+    fn a_journal_of_another_table_is_refused() {
+        let dir = tempfile::tempdir().expect("tempdir");
+        let path = dir.path().join("rows");
+        written(&path, 1);
+        let other = JournalHead { identity: "other".into(), ..head() };
+        assert!(matches!(read(&path, &other), Err(JournalError::Foreign { .. })));
+        let mut columns = head();
+        columns.columns.truncate(2);
+        assert!(matches!(Journal::open(&path, &columns), Err(JournalError::Foreign { .. })));
+    }
+
+    #[test]
+    fn one_process_writes_at_a_time() {
+        let dir = tempfile::tempdir().expect("tempdir");
+        let path = dir.path().join("rows");
+        let _first = Journal::open(&path, &head()).expect("opens");
+        assert!(matches!(Journal::open(&path, &head()), Err(JournalError::Busy { .. })));
+    }
+}

@@ -1,0 +1,100 @@
+//! What breaks a pulse up: beads of another mass than the chain around them, and the ends.
+
+use schemas::chain::Chain;
+
+/// Masses that differ by less than this, relative to each other, let a pulse pass as it is: one per cent reflects
+/// 1e-5 of its energy.
+const SAME: f64 = 0.01;
+
+/// Beads where a pulse ends and others begin.
+///
+/// An obstacle is a bead whose mass differs from that of a neighbour behind which the chain goes on evenly: an
+/// impurity, or either side of a step. Where more than a tenth of the beads would be one, as in a chain
+/// of dimers, that is how the chain is made, and pulses travel through it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Obstacles {
+    bead_count: i64,
+    /// In the order of the beads.
+    beads: Vec<i64>,
+}
+
+impl Obstacles {
+    /// The obstacles of a chain.
+    pub fn of(chain: &Chain) -> Self {
+        let m = &chain.mass_kg;
+        let same = |a: usize, b: usize| (m[a] - m[b]).abs() <= SAME * m[a];
+        let is_obstacle = |bead: usize| {
+            let left = bead >= 2 && !same(bead - 1, bead) && same(bead - 2, bead - 1);
+            let right = bead + 2 < m.len() && !same(bead + 1, bead) && same(bead + 2, bead + 1);
+            left || right
+        };
+        let mut beads: Vec<i64> = (0..m.len()).filter(|bead| is_obstacle(*bead)).map(index).collect();
+        if beads.len() * 10 > m.len() {
+            beads.clear();
+        }
+        Self { bead_count: index(m.len()), beads }
+    }
+
+    /// Whether a bead is one.
+    pub(super) fn contains(&self, bead: i64) -> bool {
+        self.beads.binary_search(&bead).is_ok()
+    }
+
+    /// Whether one lies between two beads.
+    pub(super) fn between(&self, a: i64, b: i64) -> bool {
+        let (low, high) = if a < b { (a, b) } else { (b, a) };
+        let next = self.beads.partition_point(|bead| *bead < low);
+        self.beads.get(next).is_some_and(|bead| *bead <= high)
+    }
+
+    /// Beads from `bead` to the next obstacle or end in the direction `sign`, and whether it is an obstacle.
+    pub(super) fn ahead(&self, bead: i64, sign: i64) -> (i64, bool) {
+        let next = if sign > 0 {
+            self.beads.get(self.beads.partition_point(|obstacle| *obstacle <= bead)).map(|next| next - bead)
+        } else {
+            let below = self.beads.partition_point(|obstacle| *obstacle < bead);
+            below.checked_sub(1).map(|last| bead - self.beads[last])
+        };
+        let end = if sign > 0 { self.bead_count - 1 - bead } else { bead };
+        next.map_or((end, false), |distance| (distance, true))
+    }
+}
+
+/// Bead numbers are at most 2e7.
+fn index(bead: usize) -> i64 {
+    i64::try_from(bead).unwrap_or(i64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use schemas::chain::Walls;
+    use schemas::contact::ContactLaw;
+
+    fn obstacles(mass_kg: Vec<f64>) -> Obstacles {
+        let contacts = mass_kg.len() - 1;
+        let (stiffness, rest_overlap_m) = (vec![1.0; contacts], vec![0.0; contacts]);
+        Obstacles::of(&Chain::new(mass_kg, stiffness, rest_overlap_m, Walls::default(), ContactLaw::new(1.5)))
+    }
+
+    #[test]
+    fn impurities_and_steps_are_obstacles_and_textures_are_not() {
+        let mut masses = vec![1.0; 100];
+        masses[50] = 0.6;
+        let impurity = obstacles(masses.clone());
+        assert_eq!(impurity.beads, [50]);
+        assert!(impurity.between(50, 52) && impurity.between(51, 40) && !impurity.between(51, 99));
+        assert_eq!((impurity.ahead(40, 1), impurity.ahead(50, 1)), ((10, true), (49, false)));
+        assert_eq!((impurity.ahead(60, -1), impurity.ahead(50, -1)), ((10, true), (50, false)));
+        masses[51] = 0.6;
+        assert_eq!(obstacles(masses).beads, [49, 50, 51, 52], "two steps");
+        let step = (0..100).map(|bead| if bead < 30 { 1.0 } else { 2.0 });
+        assert_eq!(obstacles(step.collect()).beads, [29, 30]);
+        let striker = (0..100).map(|bead| if bead == 0 { 10.0 } else { 1.0 });
+        assert_eq!(obstacles(striker.collect()).beads, [0]);
+        let dimers = (0..100).map(|bead| if bead % 2 == 0 { 1.0 } else { 2.0 });
+        assert_eq!(obstacles(dimers.collect()).beads, [0; 0]);
+        let tapered = (0..100).map(|bead| 0.95_f64.powi(bead));
+        assert_eq!(obstacles(tapered.collect()).beads, [0; 0]);
+    }
+}

@@ -1,0 +1,212 @@
+//! The track of one pulse: which beads its crest has passed, and when.
+
+use super::edges::Edges;
+use super::{Birth, Direction};
+use std::collections::VecDeque;
+
+/// Beads before and behind a point between which the speed there is measured.
+pub(super) const REACH: usize = 5;
+
+/// The shape of a pulse, from the times at which its edges pass the beads.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shape {
+    /// Full width (beads) where the velocity is half of its peak.
+    pub fwhm_beads: f64,
+    /// `(rear − front)/(rear + front)` of the half widths behind and ahead of the crest: 0 for a symmetric
+    /// pulse, positive where it trails off behind.
+    pub asymmetry: f64,
+}
+
+/// A pulse at one bead that its crest passes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    /// Number of the pulse, [`super::Pulse::number`].
+    pub pulse: u64,
+    /// The bead.
+    pub bead: u64,
+    /// When it moves fastest (s), interpolated.
+    pub time_s: f64,
+    /// Its velocity then (m/s), interpolated.
+    pub v_peak_m_s: f64,
+    /// Speed of the pulse (beads/s) between the beads up to 5 before and behind; none at the ends of a track.
+    pub speed_beads_per_s: Option<f64>,
+    /// Its shape; none where an edge was not seen, or where pulses that overlap have one edge for all.
+    pub shape: Option<Shape>,
+}
+
+/// What a pulse is like at one bead.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measured {
+    /// Where, when, how fast, how wide.
+    pub point: Point,
+    /// Momentum (kg·m/s) of the hump from one minimum of |v| to the next.
+    pub momentum_kg_m_s: f64,
+    /// Kinetic and potential energy (J) of the hump, in a loaded chain beyond that at rest: `φ(δ) − φ(δ₀) −
+    /// φ′(δ₀)·(δ − δ₀)` of each contact.
+    pub energy_j: f64,
+    /// Whether the pulse was seen at each of the 5 beads before and behind, and neither an obstacle, nor an end,
+    /// nor a gap between beads was near.
+    pub undisturbed: bool,
+}
+
+/// A bead passed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Passed {
+    pub(super) bead: i64,
+    pub(super) time_s: f64,
+    pub(super) v_peak_m_s: f64,
+    pub(super) shape: Option<Shape>,
+    pub(super) momentum_kg_m_s: f64,
+    pub(super) energy_j: f64,
+    /// Nothing is near that would disturb the pulse.
+    pub(super) free: bool,
+}
+
+/// A crest that is followed; a pulse once it has a number.
+#[derive(Debug, Clone)]
+pub(super) struct Track {
+    /// 0 until it is long enough.
+    pub(super) number: u64,
+    /// Sign of the velocity.
+    pub(super) sign: f64,
+    /// +1 or −1; 0 until it is known.
+    pub(super) ahead: i64,
+    pub(super) birth: Birth,
+    pub(super) first: Passed,
+    pub(super) bead_count: u64,
+    pub(super) edges: Option<Edges>,
+    pub(super) measured: Option<Measured>,
+    /// Frames were missing since the last bead.
+    pub(super) gap: bool,
+    /// The last beads passed.
+    recent: VecDeque<Passed>,
+    /// How many of those have not been given out as points.
+    pending: usize,
+}
+
+impl Track {
+    pub(super) fn new(first: Passed, ahead: i64, birth: Birth) -> Self {
+        let mut track = Self {
+            number: 0,
+            sign: first.v_peak_m_s.signum(),
+            ahead,
+            birth,
+            first,
+            bead_count: 0,
+            edges: None,
+            measured: None,
+            gap: false,
+            recent: VecDeque::with_capacity(2 * REACH + 2),
+            pending: 0,
+        };
+        track.pass(first);
+        track
+    }
+
+    /// The bead passed last.
+    pub(super) fn head(&self) -> &Passed {
+        self.recent.back().unwrap_or(&self.first)
+    }
+
+    pub(super) fn direction(&self) -> Direction {
+        if self.ahead < 0 { Direction::Backward } else { Direction::Forward }
+    }
+
+    /// Adds the next bead.
+    pub(super) fn pass(&mut self, passed: Passed) {
+        if self.bead_count > 0 {
+            self.ahead = (passed.bead - self.head().bead).signum();
+        }
+        self.recent.push_back(passed);
+        self.bead_count += 1;
+        self.pending += 1;
+        self.gap = false;
+        if self.recent.len() > 2 * REACH + 1 {
+            self.recent.pop_front();
+        }
+    }
+
+    /// Speed (beads/s) over the last beads.
+    pub(super) fn speed_beads_per_s(&self) -> Option<f64> {
+        self.speed_over(REACH)
+    }
+
+    /// Speed (beads/s) over as many of the last beads as there are.
+    fn steady_speed_beads_per_s(&self) -> Option<f64> {
+        self.speed_over(2 * REACH)
+    }
+
+    fn speed_over(&self, beads: usize) -> Option<f64> {
+        let first = self.recent.len().saturating_sub(beads + 1);
+        speed(&self.recent[first], self.head())
+    }
+
+    /// Where its crest is at `time_s` (beads), if it moves on as it did.
+    pub(super) fn position_beads(&self, time_s: f64) -> f64 {
+        let head = self.head();
+        let moved = self.speed_beads_per_s().unwrap_or_default() * (time_s - head.time_s);
+        head.bead as f64 + moved * self.ahead as f64
+    }
+
+    /// How well a crest at `bead` at `time_s` goes on with this track: the difference (beads) from where it
+    /// would be, or none if it is none of its. Up to `coast` beads may have been skipped; the first step
+    /// takes less than `longest_s` a bead.
+    pub(super) fn fit_beads(&self, (bead, time_s): (i64, f64), coast: i64, longest_s: f64) -> Option<f64> {
+        let head = self.head();
+        let (beads, passed_s) = (bead - head.bead, time_s - head.time_s);
+        if passed_s <= 0.0 || (self.ahead != 0 && beads * self.ahead <= 0) {
+            return None;
+        }
+        let beads = beads.abs();
+        let speed = if beads == 1 { self.speed_beads_per_s() } else { self.steady_speed_beads_per_s() };
+        let Some(speed) = speed else {
+            return (beads == 1 && passed_s < longest_s).then_some(passed_s / longest_s);
+        };
+        let moved = speed * passed_s;
+        let most = if self.number == 0 { 1 } else { coast };
+        let expected = beads as f64;
+        // young pulses change their speed from bead to bead; two that meet shift the crests of each other
+        // before they are out of sight
+        let near = moved > 0.3 * expected && moved < 1.5 * expected + if beads == 1 { 1.0 } else { 2.0 };
+        (beads <= most && near).then_some((moved - expected).abs())
+    }
+
+    /// The next point whose surroundings are complete; with `all` also those whose never will be.
+    pub(super) fn next_point(&mut self, all: bool) -> Option<Point> {
+        if self.pending == 0 || (!all && self.pending <= REACH) {
+            return None;
+        }
+        let at = self.recent.len() - self.pending;
+        self.pending -= 1;
+        let reach = REACH.min(at).min(self.pending);
+        let passed = self.recent[at];
+        let (before, behind) = (&self.recent[at - reach], &self.recent[at + reach]);
+        let seen = (behind.bead - before.bead).unsigned_abs() == 2 * REACH as u64;
+        let point = Point {
+            pulse: self.number,
+            bead: passed.bead.unsigned_abs(),
+            time_s: passed.time_s,
+            v_peak_m_s: passed.v_peak_m_s,
+            speed_beads_per_s: if reach == 0 { None } else { speed(before, behind) },
+            shape: passed.shape,
+        };
+        let measured = Measured {
+            point,
+            momentum_kg_m_s: passed.momentum_kg_m_s,
+            energy_j: passed.energy_j,
+            undisturbed: seen && behind.free,
+        };
+        // the later the better: pulses settle and come apart as they go
+        let worth =
+            |m: &Measured| (m.undisturbed, m.point.speed_beads_per_s.is_some(), m.point.shape.is_some());
+        if self.measured.is_none_or(|best| worth(&measured) >= worth(&best)) {
+            self.measured = Some(measured);
+        }
+        Some(point)
+    }
+}
+
+fn speed(from: &Passed, to: &Passed) -> Option<f64> {
+    let beads = (to.bead - from.bead).abs();
+    (beads > 0).then(|| beads as f64 / (to.time_s - from.time_s))
+}

@@ -1,0 +1,353 @@
+//! Crests become tracks, tracks become pulses.
+
+use super::crest::{Crest, ENOUGH_FRAMES, FEWEST_FRAMES, History};
+use super::edges::Edges;
+use super::surroundings::{Surroundings, nearest};
+use super::track::{Passed, Point, REACH, Shape, Track};
+use super::{Birth, Fate, Pulse};
+use crate::theory::{SolitaryWave, Strength};
+use schemas::frame::Frame;
+use schemas::manifest::RunManifest;
+
+/// Finds the pulses in the frames of one run, and follows them.
+#[derive(Debug, Clone)]
+pub struct Pulses {
+    around: Surroundings,
+    threshold_m_s: f64,
+    striker: i64,
+    history: History,
+    candidates: Vec<usize>,
+    crests: Vec<(i64, Crest)>,
+    tracks: Vec<Track>,
+    happenings: Vec<Happening>,
+    counts: Counts,
+    last_step: Option<u64>,
+    /// When the frames began, or began again (s), and whether the chain had moved before.
+    resumed: Option<(f64, bool)>,
+}
+
+/// What a frame brought.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Happening {
+    /// A pulse passed a bead, a few beads ago.
+    Passed(Point),
+    /// A pulse has ended.
+    Ended(Pulse),
+}
+
+/// A pulse as it is in the last frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UnderWay {
+    /// Its number.
+    pub number: u64,
+    /// Where its crest is (beads).
+    pub position_beads: f64,
+    /// Velocity of the bead that its crest passed last (m/s).
+    pub v_peak_m_s: f64,
+    /// Its speed (beads/s), negative if it travels backward; 0 if it is not known.
+    pub velocity_beads_per_s: f64,
+    /// Its full width at half maximum (beads), if it is known.
+    pub fwhm_beads: Option<f64>,
+}
+
+/// What was seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counts {
+    /// Pulses found.
+    pub pulses: u64,
+    /// Crests seen in so few frames that their peaks are off by more than 1e-4.
+    pub coarse_crests: u64,
+    /// Crests seen in too few frames to be told from anything else; they were left out.
+    pub unresolved_crests: u64,
+    /// The most steps from one frame to the next.
+    pub longest_interval_steps: u64,
+}
+
+impl Pulses {
+    /// Beads that a crest has to pass, one after the other, to count as a pulse.
+    pub const SHORTEST_TRACK: u64 = 5;
+    /// The speed at a bead is measured between those this far before and behind it.
+    pub const REACH: u64 = REACH as u64;
+    /// The threshold unless another is asked for, relative to [`Pulses::velocity_scale_m_s`].
+    pub const DEFAULT_THRESHOLD: f64 = 1e-3;
+
+    /// Looks for pulses in `manifest`'s run whose beads move faster than `threshold_m_s` (m/s).
+    pub fn new(manifest: &RunManifest, threshold_m_s: f64) -> Self {
+        let around = Surroundings::of(manifest);
+        Self {
+            threshold_m_s,
+            striker: signed(manifest.physics.striker.bead),
+            history: History::new(around.chain.bead_count()),
+            around,
+            candidates: Vec::new(),
+            crests: Vec::new(),
+            tracks: Vec::new(),
+            happenings: Vec::new(),
+            counts: Counts::default(),
+            last_step: None,
+            resumed: None,
+        }
+    }
+
+    /// What velocities of a run are measured by (m/s): L/T, the speed of a striker.
+    pub fn velocity_scale_m_s(manifest: &RunManifest) -> f64 {
+        let scales = manifest.physics.scales();
+        scales.length_m / scales.time_s
+    }
+
+    /// How many steps apart frames may be to show a pulse of [`Pulses::velocity_scale_m_s`] to 1e-4: eight in
+    /// the time that it takes to pass, by its full width at half maximum. None where there is no solitary wave.
+    pub fn longest_fine_interval_steps(manifest: &RunManifest) -> Option<u64> {
+        let physics = &manifest.physics;
+        let wave = SolitaryWave::new(physics.alpha).ok()?.coefficients();
+        let strength = Strength::PeakVelocity { m_s: Self::velocity_scale_m_s(manifest) };
+        let scale = wave.scaled(physics.bead_mass_kg, physics.stiffness, strength).ok()?;
+        let passing_s = wave.velocity_fwhm_beads / scale.speed_beads_per_s;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        let steps = (passing_s / (ENOUGH_FRAMES * physics.dt_s)) as u64;
+        Some(if steps == 0 { 1 } else { steps })
+    }
+
+    /// Looks at the next frame.
+    pub fn observe(&mut self, frame: &Frame<'_>) -> &[Happening] {
+        self.happenings.clear();
+        if let Some(last) = self.last_step.replace(frame.step) {
+            let interval = frame.step.saturating_sub(last);
+            let longest = &mut self.counts.longest_interval_steps;
+            *longest = interval.max(*longest);
+        }
+        self.resumed.get_or_insert((frame.time_s, frame.step > 0));
+        self.history.push(frame.time_s, frame.v_m_s);
+        if self.history.is_full() {
+            self.find_crests(frame);
+            for track in &mut self.tracks {
+                let head = track.head().bead;
+                if let Some(edges) = &mut track.edges {
+                    edges.advance(&self.history, head);
+                }
+            }
+            for i in 0..self.crests.len() {
+                let (bead, crest) = self.crests[i];
+                self.follow(frame, bead, &crest);
+            }
+            self.close(false);
+        }
+        &self.happenings
+    }
+
+    /// Frames are missing: no crest is interpolated across the gap. Pulses are taken up again where they would
+    /// be, if it was short.
+    pub fn gap(&mut self) {
+        self.history.clear();
+        self.last_step = None;
+        self.resumed = None;
+        for track in &mut self.tracks {
+            track.gap = true;
+            track.edges = None;
+        }
+    }
+
+    /// There are no more frames: what is still under way ends here.
+    pub fn finish(&mut self) -> &[Happening] {
+        self.happenings.clear();
+        self.tracks.sort_by_key(|track| track.number);
+        self.close(true);
+        &self.happenings
+    }
+
+    /// The pulses under way at `time_s`, the time of the last frame, in no order.
+    pub fn under_way(&self, time_s: f64) -> impl Iterator<Item = UnderWay> {
+        self.tracks.iter().filter(|track| track.number > 0).map(move |track| UnderWay {
+            number: track.number,
+            position_beads: track.position_beads(time_s),
+            v_peak_m_s: track.head().v_peak_m_s,
+            velocity_beads_per_s: track.speed_beads_per_s().unwrap_or_default() * track.ahead as f64,
+            fwhm_beads: track.head().shape.map(|shape| shape.fwhm_beads),
+        })
+    }
+
+    /// What was seen so far.
+    pub fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    /// The crests in the middle frame of the history, in the order of their times.
+    fn find_crests(&mut self, frame: &Frame<'_>) {
+        self.history.candidates(self.threshold_m_s, &mut self.candidates);
+        self.crests.clear();
+        for bead in &self.candidates {
+            let number = signed(*bead as u64);
+            // a bead at its fastest is pushed from both sides alike; one that nothing touches is no pulse
+            let pressed = |contact| self.around.chain.overlap_m(frame.u_m, contact) > 0.0;
+            if self.around.obstacles.contains(number) || !pressed(*bead - 1) || !pressed(*bead) {
+                continue;
+            }
+            let crest = self.history.crest(*bead);
+            self.counts.coarse_crests += u64::from(crest.frames < ENOUGH_FRAMES);
+            if crest.frames < FEWEST_FRAMES {
+                self.counts.unresolved_crests += 1;
+                continue;
+            }
+            self.crests.push((number, crest));
+        }
+        self.crests.sort_by(|(_, a), (_, b)| a.time_s.total_cmp(&b.time_s));
+    }
+
+    /// Adds a crest to the track that it fits best, or begins one.
+    fn follow(&mut self, frame: &Frame<'_>, bead: i64, crest: &Crest) {
+        let longest_s = self.around.longest_step_s(bead, crest.v_m_s);
+        let ahead = if self.around.loaded {
+            0
+        } else if crest.v_m_s > 0.0 {
+            1
+        } else {
+            -1
+        };
+        let fits = self.tracks.iter().enumerate().filter_map(|(i, track)| {
+            let same = track.sign == crest.v_m_s.signum();
+            let free = same && !self.around.obstacles.between(track.head().bead, bead);
+            let fit = || track.fit_beads((bead, crest.time_s), self.around.reach.coast, longest_s);
+            free.then(fit).flatten().map(|fit| (i, fit))
+        });
+        let best = fits.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(i, _)| i);
+        let (momentum_kg_m_s, energy_j) = self.around.hump(frame, bead, crest.v_m_s.signum());
+        let (time_s, v_peak_m_s) = (crest.time_s, crest.v_m_s);
+        let mut passed =
+            Passed { bead, time_s, v_peak_m_s, shape: None, momentum_kg_m_s, energy_j, free: false };
+        let Some(i) = best else {
+            let birth = self.birth(bead, crest);
+            self.tracks.push(Track::new(passed, ahead, birth));
+            return;
+        };
+        let several = self.encloses_another(i, time_s);
+        passed.shape = if several { None } else { self.shape(i, bead, time_s) };
+        passed.free = self.around.is_free(frame, &self.tracks[i], bead, v_peak_m_s);
+        let track = &mut self.tracks[i];
+        track.pass(passed);
+        if track.number == 0 && track.bead_count >= Self::SHORTEST_TRACK {
+            self.counts.pulses += 1;
+            track.number = self.counts.pulses;
+        }
+        if track.number > 0 {
+            let way = (track.sign, track.ahead);
+            match &mut track.edges {
+                Some(edges) => edges.renew(&self.history, bead, v_peak_m_s, several),
+                none => *none = Some(Edges::around(&self.history, bead, way, 0.5 * v_peak_m_s.abs())),
+            }
+            while let Some(point) = track.next_point(false) {
+                self.happenings.push(Happening::Passed(point));
+            }
+        }
+    }
+
+    /// The shape of a track whose crest passes `bead`.
+    fn shape(&self, track: usize, bead: i64, time_s: f64) -> Option<Shape> {
+        let track = &self.tracks[track];
+        let speed = track.speed_beads_per_s()?;
+        let [front, rear] = track.edges?.half_widths_beads(bead, time_s, speed)?;
+        Some(Shape { fwhm_beads: front + rear, asymmetry: (rear - front) / (rear + front) })
+    }
+
+    /// Whether the crest of another pulse lies between the edges of a track.
+    fn encloses_another(&self, track: usize, time_s: f64) -> bool {
+        let Some(edges) = self.tracks[track].edges else { return false };
+        let mut others = self.tracks.iter().enumerate().filter(|(i, other)| *i != track && other.number > 0);
+        others.any(|(_, other)| edges.enclose(nearest(other.position_beads(time_s))))
+    }
+
+    fn birth(&self, bead: i64, crest: &Crest) -> Birth {
+        let near = self.around.reach.origin;
+        let to_obstacle = |sign| self.around.obstacles.ahead(bead, sign);
+        let (left, right) = (to_obstacle(-1), to_obstacle(1));
+        let close = |track: &&Track| {
+            track.number > 0 && (track.position_beads(crest.time_s) - bead as f64).abs() <= near as f64
+        };
+        let opposite = |track: &Track| track.sign != crest.v_m_s.signum();
+        let neighbour = self.tracks.iter().filter(close).map(opposite).max();
+        let resumed = self.resumed.is_some_and(|(since_s, moving)| {
+            moving && crest.time_s - since_s < self.around.longest_step_s(bead, crest.v_m_s)
+        });
+        match (left, right) {
+            _ if resumed => Birth::UnderWay,
+            _ if (bead - self.striker).abs() <= near => Birth::Striker,
+            ((distance, true), _) | (_, (distance, true)) if distance <= near => Birth::Impurity,
+            ((distance, false), _) | (_, (distance, false)) if distance <= near => Birth::End,
+            _ => neighbour
+                .map_or(Birth::Chain, |opposite| if opposite { Birth::Collision } else { Birth::Split }),
+        }
+    }
+
+    /// Ends the tracks that have not gone on for too long; with `all` every one.
+    fn close(&mut self, all: bool) {
+        let now_s = self.history.time_s(2);
+        let mut i = 0;
+        while i < self.tracks.len() {
+            if all || self.is_lost(&self.tracks[i], now_s) {
+                let track = self.tracks.remove(i);
+                if track.number > 0 {
+                    self.end(track, now_s, all);
+                }
+            } else {
+                i += 1;
+            }
+        }
+    }
+
+    fn is_lost(&self, track: &Track, now_s: f64) -> bool {
+        let head = track.head();
+        let since_s = now_s - head.time_s;
+        match track.speed_beads_per_s() {
+            None => since_s > self.around.longest_step_s(head.bead, head.v_peak_m_s),
+            Some(speed) if track.number == 0 => since_s * speed > 3.0,
+            Some(speed) => since_s * speed > 1.5 * self.around.reach.coast as f64 + 1.0,
+        }
+    }
+
+    fn end(&mut self, mut track: Track, now_s: f64, at_last: bool) {
+        let fate = self.fate(&track, now_s, at_last);
+        while let Some(point) = track.next_point(true) {
+            self.happenings.push(Happening::Passed(point));
+        }
+        let Some(measured) = track.measured else { return };
+        let (speed_over_solitary, fwhm_over_solitary) = self.around.beside_theory(&measured);
+        self.happenings.push(Happening::Ended(Pulse {
+            number: track.number,
+            direction: track.direction(),
+            birth_time_s: track.first.time_s,
+            birth_bead: track.first.bead.unsigned_abs(),
+            birth: track.birth,
+            end_time_s: track.head().time_s,
+            end_bead: track.head().bead.unsigned_abs(),
+            fate,
+            bead_count: track.bead_count,
+            measured,
+            speed_over_solitary,
+            fwhm_over_solitary,
+        }));
+    }
+
+    fn fate(&self, track: &Track, now_s: f64, at_last: bool) -> Fate {
+        let wide = track.head().shape.map_or(0, |shape| nearest(shape.fwhm_beads));
+        let near = self.around.reach.near + wide;
+        let (distance, is_obstacle) = self.around.obstacles.ahead(track.head().bead, track.ahead);
+        let merged = |other: &Track| {
+            let apart = (other.position_beads(now_s) - track.position_beads(now_s)).abs();
+            other.number > 0 && other.ahead == track.ahead && apart <= (2 * near) as f64
+        };
+        // what is merely out of sight for a moment when the frames end is under way
+        let out_of_sight = (track.position_beads(now_s) - track.head().bead as f64).abs() > 2.0;
+        match (distance <= near, is_obstacle) {
+            _ if at_last && !(out_of_sight && distance <= near) => Fate::UnderWay,
+            (true, true) => Fate::Impurity,
+            (true, false) => Fate::End,
+            _ if track.gap => Fate::Gap,
+            _ if self.tracks.iter().any(merged) => Fate::Merged,
+            _ => Fate::Faded,
+        }
+    }
+}
+
+/// Bead numbers are at most 2e7.
+fn signed(bead: u64) -> i64 {
+    i64::try_from(bead).unwrap_or(i64::MAX)
+}

@@ -1,0 +1,342 @@
+//! Sweeps: a grid of runs over any keys of a configuration.
+//!
+//! A sweep file has a `[base]` configuration, a `[grid]` of lists and ranges, every combination of which is a
+//! point, and `[[case]]` tables of keys that are set together; every case is combined with the whole grid.
+//! [`Sweep::point`] is a pure function of the file and an index, so that points can be computed in any
+//! order, anywhere.
+//!
+//! Keys are applied to the TOML document of the base, which is then read as a configuration: whatever
+//! [`RunConfig`] knows can be swept.
+
+mod blame;
+mod definition;
+mod document;
+mod values;
+
+pub use definition::Until;
+
+use definition::{Definition, Setting};
+use schemas::config::{ConfigError, RunConfig};
+use schemas::manifest::{Origin, RunManifest};
+use sha2::{Digest, Sha256};
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use toml::{Table, Value};
+
+/// Most points of one sweep.
+pub const MAX_POINTS: u64 = 100_000;
+
+/// Time between two analysed frames as a fraction of the collision time T, unless the base says
+/// otherwise: a solitary wave of α = 1.5 passes a bead in about 2 T.
+pub const FRAME_INTERVAL: f64 = 0.1;
+
+/// Steps between two recorded frames, unless the base says otherwise.
+const RECORD_EVERY_STEPS: u64 = 100;
+
+/// A sweep file of which every point is a possible run.
+#[derive(Debug)]
+pub struct Sweep {
+    text: String,
+    path: PathBuf,
+    definition: Definition,
+    parameters: Vec<Parameter>,
+    identity: [u8; 32],
+}
+
+/// A key that differs from point to point.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Parameter {
+    /// The key, such as `chain.alpha`.
+    pub key: String,
+    /// What its values are.
+    pub kind: ParameterKind,
+}
+
+/// What all values of a parameter are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ParameterKind {
+    /// Whole numbers from 0.
+    Integer,
+    /// Numbers.
+    Double,
+    /// Anything else, as TOML.
+    Word,
+}
+
+/// The value of a parameter at a point.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ParameterValue {
+    /// A whole number.
+    Integer(u64),
+    /// A number.
+    Double(f64),
+    /// Anything else, as TOML.
+    Word(String),
+}
+
+/// One run of a sweep.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Point {
+    /// Which point, from 0.
+    pub index: u64,
+    /// The values in the order of [`Sweep::parameters`]; none where the point does not set the key.
+    pub parameters: Vec<Option<ParameterValue>>,
+    /// Its configuration, with the intervals of frames filled in.
+    pub config: RunConfig,
+}
+
+/// Why a sweep file cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum SweepError {
+    /// Something in the file is impossible.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A file cannot be read.
+    #[error("{} cannot be read", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system says.
+        source: io::Error,
+    },
+    /// More points than [`MAX_POINTS`].
+    #[error("{} has {found} points; at most {MAX_POINTS} are allowed", path.display())]
+    TooMany {
+        /// The sweep file.
+        path: PathBuf,
+        /// Points.
+        found: u64,
+    },
+}
+
+impl Sweep {
+    /// Reads a sweep file, and the configuration that it begins with, and checks every point.
+    ///
+    /// # Errors
+    /// When a file cannot be read, when something in it is impossible (with the file, the line and the key),
+    /// or when there are too many points.
+    pub fn read(path: &Path) -> Result<Self, SweepError> {
+        let unreadable = |source| SweepError::Unreadable { path: path.to_owned(), source };
+        let text = fs::read_to_string(path).map_err(unreadable)?;
+        Self::from_toml(&text, path, |path| fs::read_to_string(path))
+    }
+
+    /// Like [`Sweep::read`] for the contents `text` of the file `path`; `read` gives the contents of the file
+    /// that the base names.
+    ///
+    /// # Errors
+    /// As [`Sweep::read`].
+    pub fn from_toml(
+        text: &str,
+        path: &Path,
+        read: impl Fn(&Path) -> io::Result<String>,
+    ) -> Result<Self, SweepError> {
+        let definition = Definition::read(text, path, read)?;
+        let mut sweep = Self {
+            text: text.to_owned(),
+            path: path.to_owned(),
+            parameters: parameters(&definition),
+            definition,
+            identity: [0; 32],
+        };
+        let found = sweep.point_count();
+        if found > MAX_POINTS {
+            return Err(SweepError::TooMany { path: path.to_owned(), found });
+        }
+        sweep.identity = sweep.check()?;
+        Ok(sweep)
+    }
+
+    /// The sweep file as it is written.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// Where it was read.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// SHA-256 over what decides the results: the physics of every point, its parameters, its analysed frames and
+    /// when it ends. Comments, layout and `record` are not in it.
+    pub fn identity(&self) -> [u8; 32] {
+        self.identity
+    }
+
+    /// The keys that differ from point to point: those of the cases, then those of the grid.
+    pub fn parameters(&self) -> &[Parameter] {
+        &self.parameters
+    }
+
+    /// When points end.
+    pub fn until(&self) -> Until {
+        self.definition.until
+    }
+
+    /// Whether points are to be recorded.
+    pub fn record(&self) -> bool {
+        self.definition.record
+    }
+
+    /// The bead that divides left from right, if the file names one.
+    pub fn split_bead(&self) -> Option<u64> {
+        self.definition.split_bead
+    }
+
+    /// Number of points.
+    pub fn point_count(&self) -> u64 {
+        let axes = self.definition.axes.iter().map(Vec::len);
+        let all = axes.chain([self.definition.cases.len()]);
+        all.fold(1_u64, |count, values| count.saturating_mul(values as u64))
+    }
+
+    /// Point `index`. The last key of the grid varies fastest, the cases slowest.
+    ///
+    /// # Errors
+    /// When there is no such point, or its values are impossible: the latter only while a sweep is read.
+    pub fn point(&self, index: u64) -> Result<Point, ConfigError> {
+        let settings = self.settings(index)?;
+        let mut document = self.definition.base.clone();
+        for setting in &settings {
+            setting.key.set(&mut document, setting.value.clone()).map_err(|message| ConfigError {
+                path: Some(self.path.clone()),
+                line: Some(setting.line),
+                key: setting.key.to_string(),
+                message,
+            })?;
+        }
+        // a table is always TOML
+        let text = toml::to_string(&document).unwrap_or_default();
+        let blame = |error| blame::blame(self, error, &settings, &text, index);
+        let config = RunConfig::from_toml(&text).map_err(blame)?;
+        let config = with_intervals(config, &document).map_err(blame)?;
+        RunManifest::new(
+            &config,
+            "sweep",
+            Origin { program: String::new(), host: String::new(), started_unix_ns: 0 },
+        )
+        .and_then(|manifest| self.check_split(&manifest))
+        .map_err(blame)?;
+        let parameters = self.parameters.iter().map(|parameter| parameter.of(&settings)).collect();
+        Ok(Point { index, parameters, config })
+    }
+
+    fn check_split(&self, manifest: &RunManifest) -> Result<(), ConfigError> {
+        let (Some(bead), beads) = (self.split_bead(), manifest.physics.beads) else { return Ok(()) };
+        if bead < beads {
+            return Ok(());
+        }
+        Err(ConfigError {
+            path: None,
+            line: None,
+            key: "split_bead".to_owned(),
+            message: format!("found {bead}; allowed: beads 0 to {} of this chain", beads - 1),
+        })
+    }
+
+    /// The settings of point `index`, in the order in which they are applied.
+    fn settings(&self, index: u64) -> Result<Vec<&Setting>, ConfigError> {
+        if index >= self.point_count() {
+            let message = format!("there is no point {index}; there are {}", self.point_count());
+            return Err(ConfigError {
+                path: Some(self.path.clone()),
+                line: None,
+                key: String::new(),
+                message,
+            });
+        }
+        let mut rest = index;
+        let mut of_grid = Vec::new();
+        for axis in self.definition.axes.iter().rev() {
+            let count = axis.len() as u64;
+            of_grid.push(&axis[index_of(rest % count)]);
+            rest /= count;
+        }
+        let case = &self.definition.cases[index_of(rest)];
+        Ok(case.iter().chain(of_grid.into_iter().rev()).collect())
+    }
+
+    /// Makes every point once, and gives the identity of the sweep.
+    fn check(&self) -> Result<[u8; 32], ConfigError> {
+        let mut hash = Sha256::new();
+        hash.update(format!("{:?} {:?} {:?}\n", self.parameters, self.until(), self.split_bead()));
+        for index in 0..self.point_count() {
+            let point = self.point(index)?;
+            let stream = point.config.stream;
+            let physics = schemas::manifest::Physics::resolve(&point.config)?;
+            hash.update(format!("{:?} {}\n", point.parameters, stream.publish_every_steps));
+            hash.update(physics.hash());
+        }
+        Ok(hash.finalize().into())
+    }
+}
+
+impl Parameter {
+    fn of(&self, settings: &[&Setting]) -> Option<ParameterValue> {
+        let setting = settings.iter().find(|setting| setting.key.to_string() == self.key)?;
+        Some(match (self.kind, &setting.value) {
+            (ParameterKind::Integer, Value::Integer(value)) => {
+                ParameterValue::Integer(u64::try_from(*value).unwrap_or_default())
+            }
+            (ParameterKind::Double, Value::Integer(value)) => ParameterValue::Double(*value as f64),
+            (ParameterKind::Double, Value::Float(value)) => ParameterValue::Double(*value),
+            (_, Value::String(word)) => ParameterValue::Word(word.clone()),
+            (_, value) => ParameterValue::Word(value.to_string()),
+        })
+    }
+}
+
+/// The keys of all settings, each once, with what its values are.
+fn parameters(definition: &Definition) -> Vec<Parameter> {
+    let settings = || definition.cases.iter().chain(&definition.axes).flatten();
+    let mut parameters: Vec<Parameter> = Vec::new();
+    for setting in settings() {
+        let (key, kind) = (setting.key.to_string(), kind(&setting.value));
+        match parameters.iter_mut().find(|parameter| parameter.key == key) {
+            Some(parameter) if parameter.kind == kind => {}
+            Some(parameter) if parameter.kind == ParameterKind::Word || kind == ParameterKind::Word => {
+                parameter.kind = ParameterKind::Word;
+            }
+            Some(parameter) => parameter.kind = ParameterKind::Double,
+            None => parameters.push(Parameter { key, kind }),
+        }
+    }
+    parameters
+}
+
+fn kind(value: &Value) -> ParameterKind {
+    match value {
+        Value::Integer(0..) => ParameterKind::Integer,
+        Value::Integer(_) | Value::Float(_) => ParameterKind::Double,
+        _ => ParameterKind::Word,
+    }
+}
+
+/// `config` with the intervals of frames that `document`, which it was read from, leaves open.
+fn with_intervals(mut config: RunConfig, document: &Table) -> Result<RunConfig, ConfigError> {
+    let is_written = |key| document.get("stream").and_then(|stream| stream.get(key)).is_some();
+    let record_written = is_written("record_every_steps");
+    if !is_written("publish_every_steps") {
+        let physics = schemas::manifest::Physics::resolve(&config)?;
+        let steps = (FRAME_INTERVAL * physics.scales().time_s / physics.dt_s).round();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 1 to 10000")]
+        let steps = if (1.0..=1e4).contains(&steps) { steps as u64 } else { 1 };
+        let recorded = config.stream.record_every_steps;
+        let divides = |every: &u64| !record_written || recorded.is_multiple_of(*every);
+        config.stream.publish_every_steps = (1..=steps).rev().find(divides).unwrap_or(1);
+    }
+    if !record_written {
+        let published = config.stream.publish_every_steps.max(1);
+        config.stream.record_every_steps = RECORD_EVERY_STEPS.next_multiple_of(published);
+    }
+    Ok(config)
+}
+
+/// An index of something that is in memory.
+fn index_of(index: u64) -> usize {
+    usize::try_from(index).unwrap_or(usize::MAX)
+}
+
+#[cfg(test)]
+mod tests;

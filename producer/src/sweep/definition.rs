@@ -1,0 +1,305 @@
+//! A sweep file as it is written: what stands where.
+
+use super::SweepError;
+use super::document::{KeyPath, merge};
+use super::values;
+use schemas::config::ConfigError;
+use schemas::presets::{PRESETS, Preset};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+use toml::de::{DeTable, DeValue, ValueDeserializer};
+use toml::{Spanned, Table, Value};
+
+/// A value set at some points, and the line on which it stands.
+#[derive(Debug, Clone)]
+pub(super) struct Setting {
+    pub(super) key: KeyPath,
+    pub(super) value: Value,
+    pub(super) line: usize,
+}
+
+/// When a point ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Until {
+    /// At the duration of its configuration.
+    #[default]
+    End,
+    /// When the reflected energy is stationary, or at the duration if it never is.
+    Stationary,
+}
+
+impl Until {
+    /// The word used in sweep files.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::End => "end",
+            Self::Stationary => "stationary",
+        }
+    }
+}
+
+/// A configuration file that the base of a sweep begins with.
+#[derive(Debug, Clone)]
+pub(super) struct BaseFile {
+    pub(super) path: PathBuf,
+    pub(super) text: String,
+}
+
+/// Everything in a sweep file.
+#[derive(Debug)]
+pub(super) struct Definition {
+    pub(super) base: Table,
+    pub(super) base_file: Option<BaseFile>,
+    /// Values set together; at least one case, which may set nothing.
+    pub(super) cases: Vec<Vec<Setting>>,
+    /// Values of one key each, in the order of the file.
+    pub(super) axes: Vec<Vec<Setting>>,
+    pub(super) until: Until,
+    pub(super) record: bool,
+    pub(super) split_bead: Option<u64>,
+}
+
+/// A sweep file being read.
+struct Reader<'a> {
+    text: &'a str,
+    path: &'a Path,
+}
+
+const KNOWN: [&str; 6] = ["base", "grid", "case", "until", "record", "split_bead"];
+
+impl Definition {
+    /// Reads the sweep file `path` with the contents `text`; `read` gives the contents of another file.
+    pub(super) fn read(
+        text: &str,
+        path: &Path,
+        read: impl Fn(&Path) -> std::io::Result<String>,
+    ) -> Result<Self, SweepError> {
+        let reader = Reader { text, path };
+        let document = DeTable::parse(text).map_err(|error| syntax(text, path, &error))?;
+        let document = document.get_ref();
+        let unknown = document.iter().find(|(key, _)| !KNOWN.contains(&key.get_ref().as_ref()));
+        if let Some((key, _)) = unknown {
+            let allowed = format!("found an unknown key; allowed: {}", KNOWN.join(", "));
+            return Err(reader.refuse(key.span().start, key.get_ref(), allowed));
+        }
+        let (base, base_file) = reader.base(document.get("base"), read)?;
+        let axes = document.get("grid").map_or(Ok(Vec::new()), |grid| reader.grid(grid))?;
+        let cases = document.get("case").map_or(Ok(vec![Vec::new()]), |cases| reader.cases(cases))?;
+        reader.check_keys(&cases, &axes)?;
+        Ok(Self {
+            base,
+            base_file,
+            cases,
+            axes,
+            until: reader.until(document.get("until"))?,
+            record: reader.option(document.get("record"), "record", "true or false")?.unwrap_or(false),
+            split_bead: reader.option(document.get("split_bead"), "split_bead", "the number of a bead")?,
+        })
+    }
+}
+
+type Located<'i> = Spanned<DeValue<'i>>;
+
+impl Reader<'_> {
+    fn refuse(&self, offset: usize, key: &str, message: String) -> SweepError {
+        let line = Some(line_at(self.text, offset));
+        SweepError::Config(ConfigError {
+            path: Some(self.path.to_owned()),
+            line,
+            key: key.to_owned(),
+            message,
+        })
+    }
+
+    fn table<'a, 'i>(&self, value: &'a Located<'i>, key: &str) -> Result<&'a DeTable<'i>, SweepError> {
+        match value.get_ref() {
+            DeValue::Table(table) => Ok(table),
+            _ => Err(self.refuse(value.span().start, key, "expected a table".to_owned())),
+        }
+    }
+
+    fn option<T: for<'de> Deserialize<'de>>(
+        &self,
+        value: Option<&Located<'_>>,
+        key: &str,
+        allowed: &str,
+    ) -> Result<Option<T>, SweepError> {
+        let Some(value) = value else { return Ok(None) };
+        let read = T::deserialize(ValueDeserializer::from(value.clone()));
+        read.map(Some).map_err(|_| {
+            let found = format!("found {}; allowed: {allowed}", plain(value));
+            self.refuse(value.span().start, key, found)
+        })
+    }
+
+    fn until(&self, value: Option<&Located<'_>>) -> Result<Until, SweepError> {
+        let Some(found) = value else { return Ok(Until::End) };
+        let word: Option<String> = self.option(value, "until", "\"end\" or \"stationary\"")?;
+        let known = [Until::End, Until::Stationary];
+        known.into_iter().find(|until| Some(until.as_str()) == word.as_deref()).ok_or_else(|| {
+            let message = format!("found {}; allowed: \"end\" or \"stationary\"", plain(found));
+            self.refuse(found.span().start, "until", message)
+        })
+    }
+
+    /// The `[base]` table over the preset or the file that it names.
+    fn base(
+        &self,
+        value: Option<&Located<'_>>,
+        read: impl Fn(&Path) -> std::io::Result<String>,
+    ) -> Result<(Table, Option<BaseFile>), SweepError> {
+        let missing =
+            "a sweep needs a [base]: a configuration, or `preset = \"NAME\"`, or `file = \"FILE.toml\"`";
+        let value = value.ok_or_else(|| self.refuse(0, "base", missing.to_owned()))?;
+        let written = self.table(value, "base")?;
+        let mut over = match plain(value) {
+            Value::Table(table) => table,
+            _ => Table::new(),
+        };
+        over.remove("preset");
+        over.remove("file");
+        let preset: Option<String> = self.option(written.get("preset"), "base.preset", "a name")?;
+        let file: Option<String> = self.option(written.get("file"), "base.file", "a path")?;
+        let (mut base, base_file) = match (preset, file) {
+            (None, None) => (Table::new(), None),
+            (Some(_), Some(_)) => {
+                let message = "found both `preset` and `file`; allowed: one of them".to_owned();
+                return Err(self.refuse(value.span().start, "base", message));
+            }
+            (Some(name), None) => (self.preset(&name, written)?, None),
+            (None, Some(name)) => {
+                let path = self.path.parent().unwrap_or(Path::new("")).join(name);
+                let text =
+                    read(&path).map_err(|source| SweepError::Unreadable { path: path.clone(), source })?;
+                let table = text.parse().map_err(|error| syntax(&text, &path, &error))?;
+                (table, Some(BaseFile { path, text }))
+            }
+        };
+        merge(&mut base, over);
+        Ok((base, base_file))
+    }
+
+    fn preset(&self, name: &str, base: &DeTable<'_>) -> Result<Table, SweepError> {
+        let config = Preset::find(name).map(|preset| preset.config()).ok_or_else(|| {
+            let message =
+                format!("found `{name}`; allowed: {}", PRESETS.map(|preset| preset.name).join(", "));
+            self.refuse(base.get("preset").map_or(0, |value| value.span().start), "base.preset", message)
+        })?;
+        // what is written out of a configuration is always a table
+        let mut table: Table = config.to_toml().parse().unwrap_or_default();
+        // a preset has no wish about frames of its own
+        table.remove("stream");
+        Ok(table)
+    }
+
+    fn grid(&self, value: &Located<'_>) -> Result<Vec<Vec<Setting>>, SweepError> {
+        let mut entries = Vec::new();
+        self.entries("", self.table(value, "grid")?, &mut entries)?;
+        entries.into_iter().map(|(key, value)| self.axis(&key, value)).collect()
+    }
+
+    /// Keys and values of `table` in the order of the file; keys may be written quoted, or dotted as in TOML.
+    fn entries<'a, 'i>(
+        &self,
+        prefix: &str,
+        table: &'a DeTable<'i>,
+        found: &mut Vec<(KeyPath, &'a Located<'i>)>,
+    ) -> Result<(), SweepError> {
+        let mut entries: Vec<_> = table.iter().collect();
+        entries.sort_by_key(|(key, _)| key.span().start);
+        for (key, value) in entries {
+            let name = format!("{prefix}{}", key.get_ref());
+            match value.get_ref() {
+                DeValue::Table(inner) if !inner.contains_key("from") && !inner.contains_key("to") => {
+                    self.entries(&format!("{name}."), inner, found)?;
+                }
+                _ => {
+                    let path = KeyPath::parse(&name)
+                        .map_err(|message| self.refuse(key.span().start, &name, message))?;
+                    found.push((path, value));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn axis(&self, key: &KeyPath, value: &Located<'_>) -> Result<Vec<Setting>, SweepError> {
+        let refuse = |message| self.refuse(value.span().start, &key.to_string(), message);
+        let setting = |value, offset| Setting { key: key.clone(), value, line: line_at(self.text, offset) };
+        match value.get_ref() {
+            DeValue::Array(list) if !list.is_empty() => {
+                Ok(list.iter().map(|entry| setting(plain(entry), entry.span().start)).collect())
+            }
+            DeValue::Table(_) => {
+                let Value::Table(range) = plain(value) else { return Ok(Vec::new()) };
+                let values = values::range(&range).map_err(refuse)?;
+                Ok(values.into_iter().map(|entry| setting(entry, value.span().start)).collect())
+            }
+            _ => Err(refuse(format!(
+                "found {}; allowed: a list of values, or a range {{ from = …, to = …, count = … }}",
+                plain(value)
+            ))),
+        }
+    }
+
+    fn cases(&self, value: &Located<'_>) -> Result<Vec<Vec<Setting>>, SweepError> {
+        let DeValue::Array(list) = value.get_ref() else {
+            let message = "expected [[case]]: tables of keys that are set together".to_owned();
+            return Err(self.refuse(value.span().start, "case", message));
+        };
+        list.iter().map(|case| self.case(case)).collect()
+    }
+
+    fn case(&self, value: &Located<'_>) -> Result<Vec<Setting>, SweepError> {
+        let mut entries = Vec::new();
+        self.entries("", self.table(value, "case")?, &mut entries)?;
+        let line = |value: &Located<'_>| line_at(self.text, value.span().start);
+        Ok(entries
+            .into_iter()
+            .map(|(key, value)| Setting { key, value: plain(value), line: line(value) })
+            .collect())
+    }
+
+    /// Refuses what would set a key twice, or a name, which is no physics.
+    fn check_keys(&self, cases: &[Vec<Setting>], axes: &[Vec<Setting>]) -> Result<(), SweepError> {
+        let firsts = || axes.iter().filter_map(|axis| axis.first());
+        for case in cases {
+            let all: Vec<_> = case.iter().chain(firsts()).collect();
+            for (i, setting) in all.iter().enumerate() {
+                let key = setting.key.to_string();
+                let again = all[..i].iter().any(|other| other.key.to_string() == key);
+                if again || key == "name" {
+                    let message = if again { "is set twice at a point" } else { "is not for a sweep to set" };
+                    return Err(SweepError::Config(ConfigError {
+                        path: Some(self.path.to_owned()),
+                        line: Some(setting.line),
+                        key,
+                        message: message.to_owned(),
+                    }));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// `text`, the contents of `path`, is no TOML.
+fn syntax(text: &str, path: &Path, error: &toml::de::Error) -> SweepError {
+    SweepError::Config(ConfigError {
+        path: Some(path.to_owned()),
+        line: error.span().map(|span| line_at(text, span.start)),
+        key: String::new(),
+        message: error.message().to_owned(),
+    })
+}
+
+/// The value without its place.
+fn plain(value: &Located<'_>) -> Value {
+    // whatever was parsed as a value is one
+    Value::deserialize(ValueDeserializer::from(value.clone())).unwrap_or(Value::Boolean(false))
+}
+
+/// The line, from 1, of byte `offset` of `text`.
+fn line_at(text: &str, offset: usize) -> usize {
+    text.as_bytes()[..offset.min(text.len())].split(|byte| *byte == b'\n').count()
+}

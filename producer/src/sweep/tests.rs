@@ -1,0 +1,171 @@
+use super::*;
+
+const SWEEP: &str = "\
+[base]
+preset = \"homogeneous\"
+chain.beads = 40
+chain.impurities = [{ bead = 20, mass_kg = 1e-3 }]
+time.duration_s = 1e-3
+
+[grid]
+\"chain.impurities[0].mass_kg\" = { from = 1e-3, to = 2e-3, count = 3 }
+chain.alpha = [1.5, 2]
+
+[[case]]
+\"integrator.method\" = \"rkn4\"
+[[case]]
+\"integrator.method\" = \"velocity-verlet\"
+\"time.dt_s\" = 1e-7
+";
+
+const CHAIN: &str = "\
+[chain]
+beads = 40
+bead_mass_kg = 1e-3
+alpha = 0.5
+stiffness = 1e7
+[striker]
+bead = 0
+velocity_m_s = 5.0
+[time]
+duration_s = 1e-3
+[stream]
+publish_every_steps = 2
+";
+
+fn read(text: &str) -> Result<Sweep, SweepError> {
+    Sweep::from_toml(text, Path::new("dir/s.toml"), |path| {
+        assert_eq!(path, Path::new("dir/chain.toml"));
+        Ok(CHAIN.to_owned())
+    })
+}
+
+fn config(sweep: &Sweep, index: u64) -> RunConfig {
+    sweep.point(index).expect("a point").config
+}
+
+#[test]
+fn cases_times_grid_with_the_last_key_fastest() {
+    let sweep = read(SWEEP).expect("valid");
+    assert_eq!(sweep.point_count(), 2 * 3 * 2);
+    let parameters: Vec<_> = sweep.parameters().iter().map(|p| (p.key.as_str(), p.kind)).collect();
+    use ParameterKind::{Double, Word};
+    assert_eq!(
+        parameters,
+        [
+            ("integrator.method", Word),
+            ("time.dt_s", Double),
+            ("chain.impurities[0].mass_kg", Double),
+            ("chain.alpha", Double)
+        ]
+    );
+    for (index, (mass_kg, alpha)) in [(1e-3, 1.5), (1e-3, 2.0), (1.5e-3, 1.5)].into_iter().enumerate() {
+        let chain = config(&sweep, index as u64).chain;
+        assert_eq!((chain.impurities[0].mass_kg, chain.alpha), (mass_kg, alpha));
+        assert_eq!((chain.impurities[0].bead, chain.beads), (20, 40));
+    }
+    let (first, last) = (sweep.point(0).expect("first"), sweep.point(11).expect("last"));
+    assert_eq!((first.config.time.dt_s, last.config.time.dt_s), (None, Some(1e-7)));
+    assert_eq!(first.parameters[1], None);
+    let word = ParameterValue::Word("velocity-verlet".to_owned());
+    let doubles = [1e-7, 2e-3, 2.0].map(|value| Some(ParameterValue::Double(value)));
+    assert_eq!(last.parameters, [[Some(word)].as_slice(), &doubles].concat());
+    assert!(sweep.point(12).is_err());
+}
+
+/// The unit of work: a point depends on nothing but the file and the index.
+#[test]
+fn a_point_is_a_pure_function_of_file_and_index() {
+    let (a, b) = (read(SWEEP).expect("valid"), read(SWEEP).expect("valid"));
+    for index in (0..12).rev() {
+        assert_eq!(a.point(index).expect("point"), b.point(index).expect("point"));
+    }
+    assert_eq!(a.identity(), b.identity());
+    let commented = read(&format!("# a comment\n{SWEEP}")).expect("valid");
+    assert_eq!(a.identity(), commented.identity());
+    let other = read(&SWEEP.replace("to = 2e-3", "to = 2.5e-3")).expect("valid");
+    assert_ne!(a.identity(), other.identity());
+}
+
+#[test]
+fn any_key_of_the_configuration_can_be_swept() {
+    let sweep = read(
+        "[base]\npreset = \"homogeneous\"\n[grid]\n\"chain.beads\" = { from = 40, to = 60, count = 3 }\n\
+         \"chain.impurities\" = [[], [{ bead = 3, mass_kg = 2e-3 }]]\n\"stream.publish_every_steps\" = [1, 7]\n",
+    )
+    .expect("valid");
+    assert_eq!(sweep.point_count(), 12);
+    let last = sweep.point(11).expect("last");
+    assert_eq!((last.config.chain.beads, last.config.chain.impurities.len()), (60, 1));
+    assert_eq!(last.config.stream.publish_every_steps, 7);
+    assert_eq!(last.parameters[0], Some(ParameterValue::Integer(60)));
+    let list = Some(ParameterValue::Word("[{ bead = 3, mass_kg = 0.002 }]".to_owned()));
+    assert_eq!(last.parameters[1], list);
+}
+
+/// Analysed frames are 0.1 T apart unless the base says otherwise, and what is recorded is among them.
+#[test]
+fn intervals_of_frames_are_filled_in() {
+    let stream = |base: &str| {
+        let sweep = read(&format!("[base]\npreset = \"homogeneous\"\n{base}\n[grid]\nchain.alpha = [1.5]"));
+        let stream = config(&sweep.expect(base), 0).stream;
+        (stream.publish_every_steps, stream.record_every_steps)
+    };
+    assert_eq!(stream(""), (5, 100)); // the default step is 0.02 T
+    assert_eq!(stream("time.dt_s = 1e-6"), (7, 105)); // T = 72.5 µs
+    assert_eq!(stream("stream.publish_every_steps = 3"), (3, 102));
+    assert_eq!(stream("stream.record_every_steps = 8"), (4, 8));
+}
+
+#[track_caller]
+fn refuses(text: &str, line: usize, says: &[&str]) {
+    let error = read(text).expect_err("refused").to_string();
+    for says in [format!("s.toml:{line}: ").as_str()].iter().chain(says) {
+        assert!(error.contains(says), "`{says}` is not in: {error}");
+    }
+}
+
+#[test]
+fn mistakes_have_file_line_and_key() {
+    let base = "[base]\npreset = \"homogeneous\"\n";
+    let grid = |axis: &str| format!("{base}[grid]\n{axis}\n");
+    refuses(&grid("chain.alpha = [1.5,\n 0.5]"), 5, &["chain.alpha", "0.5", "point 1"]);
+    refuses(&grid("\"chain.alpa\" = [1.5]"), 4, &["chain.alpa", "alpha"]);
+    refuses(&grid("chain.alpha = [1.5, \"x\"]"), 4, &["chain.alpha", "point 1"]);
+    refuses(&grid("chain.alpha = []"), 4, &["chain.alpha", "list"]);
+    refuses(&grid("chain.alpha = { from = 1.0, to = 2.0 }"), 4, &["chain.alpha", "count"]);
+    refuses(&grid("\"chain.impurities[0].mass_kg\" = [1e-3]"), 4, &["has 0 entries"]);
+    refuses(&grid("chain.alpha = [1.5]\n\"chain.alpha\" = [2]"), 5, &["chain.alpha", "twice"]);
+    refuses(&grid("name = [\"a\"]"), 4, &["name"]);
+    refuses(&format!("{base}[gird]\n"), 3, &["gird", "grid"]);
+    refuses(&format!("until = \"noon\"\n{base}"), 1, &["noon", "stationary"]);
+    refuses(&format!("split_bead = 200\n{base}"), 1, &["split_bead", "0 to 199"]);
+    refuses(&format!("record = 3\n{base}"), 1, &["record", "true or false"]);
+    refuses("[base]\npreset = \"nothing\"\n", 2, &["nothing", "homogeneous"]);
+    refuses("[grid]\nchain.alpha = [1.5]\n", 1, &["[base]"]);
+    refuses(&format!("{base}chain.alpha = 0.5\n"), 3, &["chain.alpha", "0.5"]);
+    refuses(&format!("{base}[grid\n"), 3, &[]);
+    refuses(&format!("{base}[[case]]\n\"time.dt_s\" = 1.0\n"), 4, &["time.dt_s", "collision time"]);
+}
+
+#[test]
+fn mistakes_in_the_file_of_the_base_are_located_there() {
+    let text = "[base]\nfile = \"chain.toml\"\n[grid]\n\"time.duration_s\" = [1e-3, 2e-3]\n";
+    let error = read(text).expect_err("α = 0.5").to_string();
+    assert!(error.starts_with("dir/chain.toml:4: chain.alpha: found 0.5"), "{error}");
+    // and are no mistakes where the sweep sets the value
+    let sweep = read(&text.replace("\"time.duration_s\" = [1e-3, 2e-3]", "chain.alpha = [2, 3]"));
+    let point = sweep.expect("valid").point(1).expect("point");
+    assert_eq!((point.config.chain.alpha, point.config.stream.publish_every_steps), (3.0, 2));
+}
+
+#[test]
+fn the_number_of_points_is_limited() {
+    let axis = |key: &str| format!("\"{key}\" = {{ from = 1e-3, to = 2e-3, count = 1000 }}\n");
+    let text = format!(
+        "[base]\npreset = \"homogeneous\"\n[grid]\n{}{}",
+        axis("chain.bead_mass_kg"),
+        axis("time.duration_s")
+    );
+    assert!(matches!(read(&text), Err(SweepError::TooMany { found: 1_000_000, .. })));
+}

@@ -1,0 +1,152 @@
+//! The values of one axis: a list or a range.
+//!
+//! Architecture invariant: values of a range decide the bits of runs, and are computed with reproducible
+//! arithmetic only.
+
+use schemas::power::power;
+use toml::{Table, Value};
+
+/// Most values of one range.
+const MAX_COUNT: i64 = 100_000;
+
+/// The values of the range `from … to` that `range` describes, both ends included.
+///
+/// Linear: `vᵢ = (from·(n − 1 − i) + to·i)/(n − 1)`; logarithmic: `vᵢ = from·(to/from)^(i/(n − 1))`, with the
+/// power function of the dynamics. The ends are exactly `from` and `to`. A range between whole numbers has whole
+/// numbers, and is refused if they do not fall so.
+pub(super) fn range(range: &Table) -> Result<Vec<Value>, String> {
+    let known = ["from", "to", "count", "spacing"];
+    if let Some(key) = range.keys().find(|key| !known.contains(&key.as_str())) {
+        return Err(format!("found the unknown key `{key}` in a range; allowed: {}", known.join(", ")));
+    }
+    let count = match range.get("count") {
+        Some(Value::Integer(count)) if (2..=MAX_COUNT).contains(count) => *count,
+        found => return Err(wrong("count", found, "a whole number from 2 to 100000")),
+    };
+    let (from, to) = (number(range, "from")?, number(range, "to")?);
+    let logarithmic = match range.get("spacing").map(Value::as_str) {
+        None | Some(Some("linear")) => false,
+        Some(Some("log")) => true,
+        Some(_) => return Err(wrong("spacing", range.get("spacing"), "\"linear\" (the default) or \"log\"")),
+    };
+    match (from, to, logarithmic) {
+        (Value::Integer(from), Value::Integer(to), false) => whole(*from, *to, count),
+        (from, to, false) => Ok(linear(double(from), double(to), count)),
+        (from, to, true) => log(double(from), double(to), count),
+    }
+}
+
+fn wrong(key: &str, found: Option<&Value>, allowed: &str) -> String {
+    let found = found.map_or("nothing".to_owned(), Value::to_string);
+    format!("found {found} for `{key}` of a range; allowed: {allowed}")
+}
+
+fn number<'a>(range: &'a Table, key: &str) -> Result<&'a Value, String> {
+    match range.get(key) {
+        Some(value @ Value::Integer(_)) => Ok(value),
+        Some(value @ Value::Float(number)) if number.is_finite() => Ok(value),
+        found => Err(wrong(key, found, "a finite number")),
+    }
+}
+
+fn double(value: &Value) -> f64 {
+    match value {
+        Value::Integer(whole) => *whole as f64,
+        other => other.as_float().unwrap_or(f64::NAN),
+    }
+}
+
+fn whole(from: i64, to: i64, count: i64) -> Result<Vec<Value>, String> {
+    let width = i128::from(to) - i128::from(from);
+    let gaps = i128::from(count) - 1;
+    if width % gaps != 0 {
+        return Err(format!(
+            "{count} values from {from} to {to} are no whole numbers; change the count, or write {from}.0"
+        ));
+    }
+    let value = |i: i64| i64::try_from(i128::from(from) + width / gaps * i128::from(i)).unwrap_or(to);
+    Ok((0..count).map(|i| Value::Integer(value(i))).collect())
+}
+
+fn linear(from: f64, to: f64, count: i64) -> Vec<Value> {
+    let gaps = (count - 1) as f64;
+    let inner = |i: i64| (from * (gaps - i as f64) + to * i as f64) / gaps;
+    with_exact_ends(from, to, count, inner)
+}
+
+fn log(from: f64, to: f64, count: i64) -> Result<Vec<Value>, String> {
+    if !(from > 0.0 && to > 0.0) {
+        return Err(format!(
+            "a range from {from} to {to} has no logarithmic spacing; allowed: positive ends"
+        ));
+    }
+    let gaps = (count - 1) as f64;
+    Ok(with_exact_ends(from, to, count, |i| from * power(to / from, i as f64 / gaps)))
+}
+
+fn with_exact_ends(from: f64, to: f64, count: i64, inner: impl Fn(i64) -> f64) -> Vec<Value> {
+    let value = |i: i64| match i {
+        0 => from,
+        last if last == count - 1 => to,
+        i => inner(i),
+    };
+    (0..count).map(|i| Value::Float(value(i))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn values(text: &str) -> Result<Vec<Value>, String> {
+        range(&text.parse().expect("TOML"))
+    }
+
+    fn doubles(text: &str) -> Vec<f64> {
+        values(text).expect(text).iter().map(|value| value.as_float().expect("float")).collect()
+    }
+
+    #[test]
+    fn linear_ranges_have_both_ends() {
+        assert_eq!(doubles("from = 1.0\nto = 2.0\ncount = 5"), [1.0, 1.25, 1.5, 1.75, 2.0]);
+        let masses = doubles("from = 0.6e-3\nto = 5e-3\ncount = 23");
+        assert_eq!((masses.len(), masses[0], masses[22]), (23, 0.6e-3, 5e-3));
+        assert!(masses.windows(2).all(|pair| (pair[1] - pair[0] - 0.2e-3).abs() < 1e-17));
+    }
+
+    #[test]
+    fn logarithmic_ranges_have_equal_ratios() {
+        let values = doubles("from = 1\nto = 16.0\ncount = 5\nspacing = \"log\"");
+        for (value, expected) in values.iter().zip([1.0, 2.0, 4.0, 8.0, 16.0]) {
+            // the power function is good to a few ulp
+            assert!((value / expected - 1.0).abs() < 1e-15, "{value}");
+        }
+        // the middle is the power function's, to the bit: √10 · 10⁻³ from its own 10^0.5
+        let decade = doubles("from = 1e-3\nto = 1e-2\ncount = 3\nspacing = \"log\"");
+        assert_eq!(decade[1].to_bits(), (1e-3 * power(1e-2 / 1e-3, 0.5)).to_bits());
+    }
+
+    #[test]
+    fn whole_numbers_stay_whole() {
+        let whole = values("from = 100\nto = 400\ncount = 4").expect("whole");
+        assert_eq!(whole, [100, 200, 300, 400].map(Value::Integer));
+        let down = values("from = 5\nto = -5\ncount = 3").expect("whole");
+        assert_eq!(down, [5, 0, -5].map(Value::Integer));
+        assert!(values("from = 1\nto = 2\ncount = 4").expect_err("fractions").contains("1.0"));
+    }
+
+    #[test]
+    fn impossible_ranges_are_refused() {
+        for (text, says) in [
+            ("from = 1.0\nto = 2.0", "`count`"),
+            ("from = 1.0\nto = 2.0\ncount = 1", "found 1"),
+            ("from = 1.0\nto = nan\ncount = 3", "`to`"),
+            ("to = 2.0\ncount = 3", "`from`"),
+            ("from = -1.0\nto = 2.0\ncount = 3\nspacing = \"log\"", "positive"),
+            ("from = 1.0\nto = 2.0\ncount = 3\nspacing = \"cubic\"", "cubic"),
+            ("from = 1.0\nto = 2.0\ncount = 3\nstep = 1", "`step`"),
+        ] {
+            let error = values(text).expect_err(text);
+            assert!(error.contains(says), "{text}: {error}");
+        }
+    }
+}

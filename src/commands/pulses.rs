@@ -1,0 +1,276 @@
+//! `beadline pulses`.
+
+use crate::analysis::{AnalysisError, Session, check_tables, draw, finish, publish};
+use crate::args::PulsesArgs;
+use crate::display::{self, count};
+use crate::failure::{BadInput, Done, Failure};
+use anyhow::anyhow;
+use consumers::follow::Analysis;
+use consumers::plots;
+use consumers::pulses::{Counts, Happening, Point, Pulse, Pulses, Strongest, UnderWay, VelocityMap};
+use consumers::table::Table;
+use schemas::bus::{ResultColumns, ResultPublisher, Topic};
+use schemas::frame::Frame;
+use schemas::manifest::RunManifest;
+use serde_json::{Value, json};
+
+/// Pulses shown in the summary.
+const SHOWN: usize = 12;
+
+/// Pulses in a published row, and numbers for each.
+const PUBLISHED: usize = 16;
+const PUBLISHED_COLUMNS: [&str; 5] = ["pulse", "bead", "v_peak_m_s", "velocity_beads_per_s", "fwhm_beads"];
+
+const PULSE_COLUMNS: [&str; 19] = [
+    "pulse",
+    "direction",
+    "birth_time_s",
+    "birth_bead",
+    "birth",
+    "end_time_s",
+    "end_bead",
+    "end",
+    "bead_count",
+    "bead",
+    "time_s",
+    "v_peak_m_s",
+    "speed_beads_per_s",
+    "fwhm_beads",
+    "asymmetry",
+    "speed_over_solitary",
+    "fwhm_over_solitary",
+    "momentum_kg_m_s",
+    "energy_j",
+];
+
+const POINT_COLUMNS: [&str; 7] =
+    ["pulse", "bead", "time_s", "v_peak_m_s", "speed_beads_per_s", "fwhm_beads", "asymmetry"];
+
+/// The analysis with everything that its results go to.
+struct Outputs {
+    pulses: Pulses,
+    strongest: Strongest,
+    /// Kept only for a figure.
+    map: Option<VelocityMap>,
+    tables: Tables,
+    publisher: Option<ResultPublisher<f64>>,
+    row: Vec<f64>,
+}
+
+struct Tables {
+    pulses: Option<Table>,
+    points: Option<Table>,
+}
+
+impl Analysis for Outputs {
+    type Error = AnalysisError;
+
+    fn observe(&mut self, frame: &Frame<'_>) -> Result<(), AnalysisError> {
+        if let Some(map) = &mut self.map {
+            map.push(frame);
+        }
+        for happening in self.pulses.observe(frame) {
+            self.strongest.take(happening);
+            self.tables.write(happening)?;
+        }
+        if self.publisher.is_some() {
+            published_row(&mut self.row, self.pulses.under_way(frame.time_s));
+        }
+        publish(self.publisher.as_mut(), frame, &self.row)
+    }
+
+    fn gap(&mut self) {
+        self.pulses.gap();
+    }
+}
+
+pub(crate) fn pulses(args: &PulsesArgs) -> Result<Done, Failure> {
+    let tables: Vec<_> = args.out.iter().chain(&args.positions).collect();
+    check_tables(&tables)?;
+    if !(args.threshold > 0.0 && args.threshold.is_finite()) {
+        return Err(anyhow!("--threshold {}: expected a number above 0", args.threshold)).bad_input();
+    }
+    let mut session = Session::open(&args.common, "pulses", &tables)?;
+    let manifest = session.manifest().clone();
+    let threshold_m_s = args.threshold * Pulses::velocity_scale_m_s(&manifest);
+    let drawn = !args.common.figure.is_empty();
+    let names =
+        format!("for each of {PUBLISHED} pulses: {}; nan where there is none", PUBLISHED_COLUMNS.join(","));
+    let published = ResultColumns { width: PUBLISHED * PUBLISHED_COLUMNS.len(), names };
+    let bead_count = manifest.contact_count() + 1;
+    let mut outputs = Outputs {
+        pulses: Pulses::new(&manifest, threshold_m_s),
+        strongest: Strongest::new(drawn),
+        map: drawn.then(|| VelocityMap::new(bead_count, manifest.physics.step_count)),
+        tables: Tables::create(args)?,
+        publisher: session.results(Topic::Pulses, &published)?,
+        row: Vec::with_capacity(published.width),
+    };
+    let tally = session.follow(&mut outputs)?;
+
+    let Outputs { mut pulses, mut strongest, map, mut tables, publisher, .. } = outputs;
+    for happening in pulses.finish() {
+        strongest.take(happening);
+        tables.write(happening)?;
+    }
+    finish(publisher)?;
+    tables.finish()?;
+    if let Some(map) = map {
+        draw(&args.common, || Ok(plots::pulses(&manifest, threshold_m_s, &map, &mut strongest)?))?;
+    }
+    let counts = pulses.counts();
+    warn_of_coarse_frames(&manifest, &counts);
+    let (listed, results) = (lines(strongest.pulses()), json(threshold_m_s, &counts, strongest.pulses()));
+    let mut rows = vec![
+        ("pulses", format!("{} with peaks above {threshold_m_s:.3e} m/s", count(counts.pulses))),
+        ("", HEADING.to_owned()),
+    ];
+    rows.extend(listed.iter().map(|(name, line)| (name.as_str(), line.clone())));
+    session.report(&tally, "pulses", rows, results)
+}
+
+impl Tables {
+    fn create(args: &PulsesArgs) -> Result<Self, Failure> {
+        let create = |path, names: &[&str]| {
+            let columns: Vec<_> = names.iter().map(|name| (*name).to_owned()).collect();
+            Table::create(path, &columns, args.common.force)
+        };
+        Ok(Self {
+            pulses: args.out.as_ref().map(|path| create(path, &PULSE_COLUMNS)).transpose()?,
+            points: args.positions.as_ref().map(|path| create(path, &POINT_COLUMNS)).transpose()?,
+        })
+    }
+
+    fn write(&mut self, happening: &Happening) -> Result<(), AnalysisError> {
+        match (happening, &mut self.pulses, &mut self.points) {
+            (Happening::Passed(point), _, Some(table)) => {
+                table.integer(point.pulse);
+                write_point(table, point);
+                Ok(table.end_row()?)
+            }
+            (Happening::Ended(pulse), Some(table), _) => write_pulse(table, pulse),
+            _ => Ok(()),
+        }
+    }
+
+    fn finish(self) -> Result<(), Failure> {
+        self.pulses.map(Table::finish).transpose()?;
+        self.points.map(Table::finish).transpose()?;
+        Ok(())
+    }
+}
+
+fn write_pulse(table: &mut Table, pulse: &Pulse) -> Result<(), AnalysisError> {
+    table.integer(pulse.number).word(pulse.direction.as_str());
+    table.double(pulse.birth_time_s).integer(pulse.birth_bead).word(pulse.birth.as_str());
+    table.double(pulse.end_time_s).integer(pulse.end_bead).word(pulse.fate.as_str());
+    table.integer(pulse.bead_count);
+    write_point(table, &pulse.measured.point);
+    optional(table, pulse.speed_over_solitary);
+    optional(table, pulse.fwhm_over_solitary);
+    table.double(pulse.measured.momentum_kg_m_s).double(pulse.measured.energy_j);
+    Ok(table.end_row()?)
+}
+
+fn write_point(table: &mut Table, point: &Point) {
+    table.integer(point.bead).double(point.time_s).double(point.v_peak_m_s);
+    optional(table, point.speed_beads_per_s);
+    optional(table, point.shape.map(|shape| shape.fwhm_beads));
+    optional(table, point.shape.map(|shape| shape.asymmetry));
+}
+
+fn optional(table: &mut Table, value: Option<f64>) {
+    match value {
+        Some(value) => table.double(value),
+        None => table.empty(),
+    };
+}
+
+/// The strongest pulses under way, in the order of their numbers.
+fn published_row(row: &mut Vec<f64>, under_way: impl Iterator<Item = UnderWay>) {
+    let mut pulses: Vec<_> = under_way.collect();
+    if pulses.len() > PUBLISHED {
+        pulses.sort_by(|a, b| b.v_peak_m_s.abs().total_cmp(&a.v_peak_m_s.abs()));
+        pulses.truncate(PUBLISHED);
+    }
+    pulses.sort_by_key(|pulse| pulse.number);
+    row.clear();
+    for pulse in &pulses {
+        let fwhm_beads = pulse.fwhm_beads.unwrap_or(f64::NAN);
+        let (position, velocity) = (pulse.position_beads, pulse.velocity_beads_per_s);
+        row.extend([pulse.number as f64, position, pulse.v_peak_m_s, velocity, fwhm_beads]);
+    }
+    row.resize(PUBLISHED * PUBLISHED_COLUMNS.len(), f64::NAN);
+}
+
+fn warn_of_coarse_frames(manifest: &RunManifest, counts: &Counts) {
+    let needed = Pulses::longest_fine_interval_steps(manifest);
+    let coarse = needed.is_some_and(|needed| counts.longest_interval_steps > needed);
+    if coarse {
+        display::notice(format_args!(
+            "frames are {} steps apart: peaks of fast pulses are off by more than 1e-4, and pulses may be missed; \
+             every {} steps are enough",
+            counts.longest_interval_steps,
+            needed.unwrap_or(1),
+        ));
+    }
+    if counts.unresolved_crests > 0 {
+        let unresolved = count(counts.unresolved_crests);
+        display::notice(format_args!("{unresolved} crest(s) fell between frames and were left out"));
+    }
+}
+
+const HEADING: &str =
+    "      v_peak       speed    width   V/V_sw  asymm.  at bead  from                     to";
+
+fn lines(pulses: &[Pulse]) -> Vec<(String, String)> {
+    let number = |value: Option<f64>, decimals: usize| {
+        value.map_or("–".into(), |value| format!("{value:.decimals$}"))
+    };
+    let line = |pulse: &Pulse| {
+        let point = &pulse.measured.point;
+        format!(
+            "{:>9.6} m/s {:>8}/s {:>7} {:>8} {:>7} {:>8}  {:<24} {}",
+            point.v_peak_m_s,
+            number(point.speed_beads_per_s, 1),
+            number(point.shape.map(|shape| shape.fwhm_beads), 3),
+            number(pulse.speed_over_solitary, 5),
+            number(point.shape.map(|shape| shape.asymmetry), 3),
+            point.bead,
+            format!("{} {} at {:.3} ms", pulse.birth.as_str(), pulse.birth_bead, pulse.birth_time_s * 1e3),
+            format_args!("{} {} at {:.3} ms", pulse.fate.as_str(), pulse.end_bead, pulse.end_time_s * 1e3),
+        )
+    };
+    pulses.iter().take(SHOWN).map(|pulse| (format!("pulse {}", pulse.number), line(pulse))).collect()
+}
+
+fn json(threshold_m_s: f64, counts: &Counts, pulses: &[Pulse]) -> Value {
+    let pulse = |pulse: &Pulse| {
+        let (measured, point) = (&pulse.measured, &pulse.measured.point);
+        json!({
+            "pulse": pulse.number,
+            "direction": pulse.direction.as_str(),
+            "birth": { "time_s": pulse.birth_time_s, "bead": pulse.birth_bead, "from": pulse.birth.as_str() },
+            "end": { "time_s": pulse.end_time_s, "bead": pulse.end_bead, "by": pulse.fate.as_str() },
+            "bead_count": pulse.bead_count,
+            "bead": point.bead,
+            "time_s": point.time_s,
+            "undisturbed": measured.undisturbed,
+            "v_peak_m_s": point.v_peak_m_s,
+            "speed_beads_per_s": point.speed_beads_per_s,
+            "fwhm_beads": point.shape.map(|shape| shape.fwhm_beads),
+            "asymmetry": point.shape.map(|shape| shape.asymmetry),
+            "speed_over_solitary": pulse.speed_over_solitary,
+            "fwhm_over_solitary": pulse.fwhm_over_solitary,
+            "momentum_kg_m_s": measured.momentum_kg_m_s,
+            "energy_j": measured.energy_j,
+        })
+    };
+    json!({
+        "threshold_m_s": threshold_m_s,
+        "pulse_count": counts.pulses,
+        "coarse_crest_count": counts.coarse_crests,
+        "unresolved_crest_count": counts.unresolved_crests,
+        "pulses": pulses.iter().map(pulse).collect::<Vec<_>>(),
+    })
+}

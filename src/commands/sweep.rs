@@ -1,0 +1,123 @@
+//! `beadline sweep`: a grid of runs, a row each.
+
+use crate::args::SweepArgs;
+use crate::display::{self, count, duration};
+use crate::failure::{BadInput, Done, Failure};
+use crate::signals;
+use crate::sweep::{self, Options, Outcome};
+use anyhow::anyhow;
+use producer::sweep::Sweep;
+use serde_json::json;
+use std::num::NonZero;
+use std::path::Path;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+/// A sweep file to begin with.
+const EXAMPLE: &str = include_str!("sweep/example.toml");
+
+pub(crate) fn sweep(args: &SweepArgs) -> Result<Done, Failure> {
+    if args.example {
+        display::print(EXAMPLE)?;
+        return Ok(Done::Whole);
+    }
+    let (Some(file), Some(out)) = (&args.file, &args.out) else {
+        return Err(Failure::BadInput(anyhow!("a sweep needs SWEEP.toml and --out DIR; see --help")));
+    };
+    let start = Instant::now();
+    let stop = signals::stop_flag()?;
+    let sweep = Sweep::read(file).bad_input()?;
+    let outcome = if args.merge {
+        sweep::merge(&sweep, out)?
+    } else {
+        let default = Options::default();
+        let options = Options {
+            threads: args.jobs.map_or(default.threads, NonZero::get),
+            shard: args.shard.unwrap_or(default.shard),
+            record: args.record || sweep.record(),
+            force: args.force,
+        };
+        sweep::compute(&sweep, out, &options, &stop)?
+    };
+    let stopped = stop.load(Ordering::Relaxed);
+    let summary = Summary { sweep: &sweep, out, outcome, stopped, wall: start.elapsed() };
+    display::print(if args.json { summary.json()? } else { summary.text() })?;
+    summary.warn(args);
+    summary.done(args)
+}
+
+/// What a sweep leaves behind, in numbers.
+struct Summary<'a> {
+    sweep: &'a Sweep,
+    out: &'a Path,
+    outcome: Outcome,
+    stopped: bool,
+    wall: Duration,
+}
+
+impl Summary<'_> {
+    fn text(&self) -> String {
+        let points = self.sweep.point_count();
+        let mut rows = vec![
+            ("computed now", count(self.outcome.tally.computed).to_string()),
+            ("rows", format!("{} of {}", count(self.outcome.rows.len() as u64), count(points))),
+            ("failed runs", count(self.outcome.failed.len() as u64).to_string()),
+            ("wall time", duration(self.wall)),
+        ];
+        let files = self.outcome.files.iter().flatten();
+        rows.extend(files.map(|file| ("results", file.display().to_string())));
+        display::rows(&format!("sweep {} in {}", self.sweep.path().display(), self.out.display()), &rows)
+    }
+
+    fn json(&self) -> Result<String, serde_json::Error> {
+        let summary = json!({
+            "sweep": self.sweep.path(),
+            "out": self.out,
+            "points": self.sweep.point_count(),
+            "rows": self.outcome.rows.len(),
+            "computed": self.outcome.tally.computed,
+            "failed": self.outcome.failed,
+            "broken": self.outcome.tally.broken,
+            "missing": self.outcome.missing,
+            "stopped": self.stopped,
+            "results": self.outcome.files,
+            "wall_s": self.wall.as_secs_f64(),
+        });
+        Ok(format!("{}\n", serde_json::to_string_pretty(&summary)?))
+    }
+
+    fn warn(&self, args: &SweepArgs) {
+        for index in &self.outcome.tally.broken {
+            display::notice(format_args!("point {index}: this program went wrong, see above; it has no row"));
+        }
+        if !self.outcome.failed.is_empty() {
+            let failed = count(self.outcome.failed.len() as u64);
+            display::notice(format_args!("{failed} run(s) failed; the column `error` says why"));
+        }
+        if self.stopped && self.outcome.left > 0 {
+            display::notice("stopped: finished points are kept, the same command goes on with the others");
+        } else if self.outcome.missing > 0 {
+            let missing = count(self.outcome.missing);
+            display::notice(if args.merge {
+                format!("{missing} point(s) are missing in the results")
+            } else {
+                format!(
+                    "{missing} point(s) are not there yet; whoever computes the last merges the results, or --merge"
+                )
+            });
+        } else if self.outcome.files.is_none() {
+            display::notice("another process is merging the results");
+        }
+    }
+
+    fn done(&self, args: &SweepArgs) -> Result<Done, Failure> {
+        if !self.outcome.tally.broken.is_empty() {
+            let message = format!("{} point(s) could not be computed", self.outcome.tally.broken.len());
+            return Err(Failure::Failed(anyhow!(message)));
+        }
+        let whole = self.outcome.failed.is_empty()
+            && self.outcome.left == 0
+            && !(args.merge && self.outcome.missing > 0);
+        Ok(Done::whole_if(whole))
+    }
+}

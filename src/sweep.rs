@@ -1,0 +1,151 @@
+//! A sweep in a directory: rows computed by any number of threads, processes and machines, and merged.
+//!
+//! - [`row`]: one point, a pure function of the sweep file and an index, from its [`analyses`] to its [`columns`]
+//! - [`directory`]: what is where
+//! - [`work`]: the workers of one process
+//! - [`merge`]: the results, the same bytes whoever computed them in whatever order
+
+mod analyses;
+mod columns;
+pub(crate) mod directory;
+mod merge;
+mod row;
+mod work;
+
+use crate::configuration::origin;
+use crate::failure::Failure;
+use consumers::journal::Entry;
+use directory::{Directory, Shard};
+use producer::sweep::{Sweep, Until};
+use schemas::manifest::{Physics, RunManifest};
+use schemas::recording::{SpaceNeeded, WriteOptions};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::num::NonZero;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+use work::{Job, Tally, work};
+
+/// How a sweep is to be computed.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Options {
+    /// Points computed at the same time.
+    pub(crate) threads: usize,
+    /// The points to compute.
+    pub(crate) shard: Shard,
+    /// Whether each point is recorded.
+    pub(crate) record: bool,
+    /// Whether what another sweep has left in the directory is removed.
+    pub(crate) force: bool,
+}
+
+impl Default for Options {
+    /// Every point, on all cores, not recorded.
+    fn default() -> Self {
+        let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
+        Self { threads, shard: Shard::WHOLE, record: false, force: false }
+    }
+}
+
+/// What there is of a sweep.
+#[derive(Debug)]
+pub(crate) struct Outcome {
+    /// The rows, by index.
+    pub(crate) rows: BTreeMap<u64, Entry>,
+    /// Points whose runs failed: their rows say why.
+    pub(crate) failed: Vec<u64>,
+    /// Points that have no row.
+    pub(crate) missing: u64,
+    /// Points that were to be computed now and have no row.
+    pub(crate) left: u64,
+    /// What was computed now.
+    pub(crate) tally: Tally,
+    /// The merged tables; none while rows are missing, or if another process is just writing them.
+    pub(crate) files: Option<Vec<PathBuf>>,
+}
+
+/// Computes the points of `sweep` that have no row in the directory `out`, and merges the results when all
+/// have one.
+///
+/// # Errors
+/// When the directory belongs to something else or to another process, or when rows or recordings cannot be
+/// written.
+pub(crate) fn compute(
+    sweep: &Sweep,
+    out: &Path,
+    options: &Options,
+    stop: &AtomicBool,
+) -> Result<Outcome, Failure> {
+    let directory = Directory::open(out, sweep, options.force)?;
+    let journal = directory.journal(options.shard)?;
+    let jobs = pending(sweep, &directory, options)?;
+    work::announce(sweep, &jobs, options.shard);
+    if options.record {
+        directory.make_recordings()?;
+        check_space(sweep, &directory, &jobs)?;
+    }
+    let tally = work((sweep, &directory), &jobs, options, journal, stop)?;
+    let left = jobs.len() as u64 - tally.computed;
+    outcome(sweep, &directory, tally, left, false)
+}
+
+/// Merges the rows that there are in the directory `out` of `sweep`, whether or not that is all.
+///
+/// # Errors
+/// When the directory is not one of this sweep, or the results cannot be written.
+pub(crate) fn merge(sweep: &Sweep, out: &Path) -> Result<Outcome, Failure> {
+    let directory = Directory::existing(out, sweep)?;
+    outcome(sweep, &directory, Tally::default(), 0, true)
+}
+
+fn outcome(
+    sweep: &Sweep,
+    directory: &Directory,
+    tally: Tally,
+    left: u64,
+    merge_part: bool,
+) -> Result<Outcome, Failure> {
+    let rows = merge::rows(directory)?;
+    let missing = sweep.point_count() - rows.len() as u64;
+    let files = if missing == 0 || merge_part { merge::write(directory, &rows)? } else { None };
+    let failed = merge::failed(&rows, &directory.head().columns);
+    Ok(Outcome { rows, failed, missing, left, tally, files })
+}
+
+/// The points of the shard that have no row yet, or no recording where there is to be one.
+fn pending(sweep: &Sweep, directory: &Directory, options: &Options) -> Result<Vec<Job>, Failure> {
+    let rows = merge::rows(directory)?;
+    let has_recording = |index: u64| !options.record || directory.recording(index).exists();
+    let is_done = |index: &u64| rows.contains_key(index) && has_recording(*index);
+    let indices = (0..sweep.point_count()).filter(|index| options.shard.has(*index) && !is_done(index));
+    let job = |index| -> Result<Job, Failure> {
+        let physics = Physics::resolve(&sweep.point(index)?.config)?;
+        Ok(Job { index, steps: physics.step_count, beads: physics.beads })
+    };
+    indices.map(job).collect()
+}
+
+/// Refuses recordings that cannot all fit on their disk. Of points that end early nobody knows.
+fn check_space(sweep: &Sweep, directory: &Directory, jobs: &[Job]) -> Result<(), Failure> {
+    if sweep.until() == Until::Stationary {
+        return Ok(());
+    }
+    let mut needed = SpaceNeeded { at_most_bytes: 0, at_least_bytes: 0 };
+    for job in jobs {
+        let manifest = RunManifest::new(&sweep.point(job.index)?.config, "point", origin())?;
+        let point = SpaceNeeded::new(&manifest, WriteOptions::default().compression);
+        needed.at_most_bytes = needed.at_most_bytes.saturating_add(point.at_most_bytes);
+        needed.at_least_bytes = needed.at_least_bytes.saturating_add(point.at_least_bytes);
+    }
+    needed.check(&directory.recording(0))?;
+    Ok(())
+}
+
+/// Bytes in hexadecimal.
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
+        // writing to a String cannot fail
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
+}

@@ -1,0 +1,167 @@
+//! The columns of a sweep's rows.
+
+use super::analyses::Leading;
+use consumers::energies::{EnergyOutcome, Reflection};
+use consumers::pulses::{Counts, Measured};
+use consumers::table::{Cell, Column, Kind};
+use producer::sweep::{ParameterKind, ParameterValue, Point, Sweep};
+
+/// The columns of the results, with units.
+const RESULTS: [(&str, Kind); 43] = [
+    ("end", Kind::Word),
+    ("steps", Kind::Integer),
+    ("time_s", Kind::Double),
+    ("dt_s", Kind::Double),
+    ("split_bead", Kind::Integer),
+    // of the last frame
+    ("kinetic_j", Kind::Double),
+    ("potential_j", Kind::Double),
+    ("total_j", Kind::Double),
+    ("left_j", Kind::Double),
+    ("split_j", Kind::Double),
+    ("right_j", Kind::Double),
+    ("dissipated_j", Kind::Double),
+    // of the last frame before a front met an end, as `beadline energies` has them
+    ("reflected_at_s", Kind::Double),
+    ("reflected_over_total", Kind::Double),
+    ("reflected_over_transmitted", Kind::Double),
+    ("reflected_uncertainty_j", Kind::Double),
+    ("stationary_since_s", Kind::Double),
+    ("recoil_j", Kind::Double),
+    ("recoil_uncertainty_j", Kind::Double),
+    ("corrected_over_total", Kind::Double),
+    ("corrected_over_transmitted", Kind::Double),
+    ("corrected_over_incident", Kind::Double),
+    ("pulses", Kind::Integer),
+    // what leaves the split bead towards higher and towards lower bead numbers
+    ("forward_pulses", Kind::Integer),
+    ("forward_bead", Kind::Integer),
+    ("forward_v_peak_m_s", Kind::Double),
+    ("forward_speed_beads_per_s", Kind::Double),
+    ("forward_fwhm_beads", Kind::Double),
+    ("forward_energy_j", Kind::Double),
+    ("backward_pulses", Kind::Integer),
+    ("backward_bead", Kind::Integer),
+    ("backward_v_peak_m_s", Kind::Double),
+    ("backward_speed_beads_per_s", Kind::Double),
+    ("backward_fwhm_beads", Kind::Double),
+    ("backward_energy_j", Kind::Double),
+    ("coarse_crests", Kind::Integer),
+    ("unresolved_crests", Kind::Integer),
+    ("relative_drift", Kind::Double),
+    ("max_abs_relative_drift", Kind::Double),
+    ("front_bead", Kind::Integer),
+    ("physics_sha256", Kind::Word),
+    ("state_sha256", Kind::Word),
+    (ERROR_COLUMN, Kind::Word),
+];
+
+/// The column of why a point has no results.
+pub(super) const ERROR_COLUMN: &str = "error";
+
+/// The columns of a sweep's rows: its parameters, then the results.
+pub(super) fn columns(sweep: &Sweep) -> Vec<Column> {
+    let kind = |kind| match kind {
+        ParameterKind::Integer => Kind::Integer,
+        ParameterKind::Double => Kind::Double,
+        ParameterKind::Word => Kind::Word,
+    };
+    let parameters = sweep.parameters().iter().map(|p| Column::new(p.key.clone(), kind(p.kind)));
+    parameters.chain(RESULTS.map(|(name, kind)| Column::new(name, kind))).collect()
+}
+
+/// The values of [`RESULTS`]; those that are not set do not exist.
+pub(super) struct Results(Vec<Cell>);
+
+impl Default for Results {
+    fn default() -> Self {
+        Self(vec![Cell::Empty; RESULTS.len()])
+    }
+}
+
+impl Results {
+    /// The row of `point`.
+    pub(super) fn cells(self, point: &Point) -> Vec<Cell> {
+        point.parameters.iter().map(|value| parameter(value.as_ref())).chain(self.0).collect()
+    }
+
+    fn set(&mut self, name: &str, cell: Cell) -> &mut Self {
+        let column = RESULTS.iter().position(|(column, _)| *column == name);
+        debug_assert!(column.is_some(), "there is no column `{name}`");
+        if let Some(place) = column.and_then(|column| self.0.get_mut(column)) {
+            *place = cell;
+        }
+        self
+    }
+
+    /// A double; a value that does not exist is NaN.
+    pub(super) fn double(&mut self, name: &str, value: f64) -> &mut Self {
+        self.set(name, if value.is_nan() { Cell::Empty } else { Cell::Double(value) })
+    }
+
+    pub(super) fn integer(&mut self, name: &str, value: u64) -> &mut Self {
+        self.set(name, Cell::Integer(value))
+    }
+
+    pub(super) fn word(&mut self, name: &str, word: impl Into<String>) -> &mut Self {
+        self.set(name, Cell::Word(word.into()))
+    }
+
+    pub(super) fn energies(&mut self, outcome: &EnergyOutcome) {
+        let last = &outcome.last;
+        self.integer("split_bead", outcome.split_bead);
+        self.double("kinetic_j", last.kinetic_j).double("potential_j", last.potential_j);
+        self.double("total_j", last.total_j);
+        self.double("left_j", last.left_j).double("split_j", last.split_j).double("right_j", last.right_j);
+        self.double("dissipated_j", last.dissipated_j);
+        self.double("max_abs_relative_drift", outcome.max_abs_drift);
+        if let Ok(reflection) = &outcome.reflection {
+            self.reflection(reflection);
+        }
+    }
+
+    fn reflection(&mut self, reflection: &Reflection) {
+        if let Some(energies) = &reflection.energies {
+            self.double("reflected_at_s", energies.at.time_s);
+            self.double("reflected_over_total", energies.over_total());
+            self.double("reflected_over_transmitted", energies.over_transmitted());
+            self.double("reflected_uncertainty_j", energies.uncertainty_j);
+        }
+        if let Some(since) = reflection.stationary_since {
+            self.double("stationary_since_s", since.time_s);
+        }
+        if let Some(recoil) = &reflection.recoil {
+            self.double("recoil_j", recoil.energy_j).double("recoil_uncertainty_j", recoil.uncertainty_j);
+        }
+        if let Some(corrected) = reflection.corrected() {
+            self.double("corrected_over_total", corrected.over_total);
+            self.double("corrected_over_transmitted", corrected.over_transmitted);
+            self.double("corrected_over_incident", corrected.over_incident);
+        }
+    }
+
+    pub(super) fn pulses(&mut self, counts: &Counts, leading: &[Leading; 2]) {
+        self.integer("pulses", counts.pulses);
+        self.integer("coarse_crests", counts.coarse_crests);
+        self.integer("unresolved_crests", counts.unresolved_crests);
+        for Leading { direction, count, strongest } in leading {
+            let way = direction.as_str();
+            self.integer(&format!("{way}_pulses"), *count);
+            let Some(Measured { point, energy_j, .. }) = strongest else { continue };
+            self.integer(&format!("{way}_bead"), point.bead);
+            self.double(&format!("{way}_v_peak_m_s"), point.v_peak_m_s);
+            self.double(&format!("{way}_speed_beads_per_s"), point.speed_beads_per_s.unwrap_or(f64::NAN));
+            self.double(&format!("{way}_fwhm_beads"), point.shape.map_or(f64::NAN, |shape| shape.fwhm_beads));
+            self.double(&format!("{way}_energy_j"), *energy_j);
+        }
+    }
+}
+
+fn parameter(value: Option<&ParameterValue>) -> Cell {
+    match value {
+        None => Cell::Empty,
+        Some(ParameterValue::Integer(value)) => Cell::Integer(*value),
+        Some(ParameterValue::Double(value)) => Cell::Double(*value),
+        Some(ParameterValue::Word(word)) => Cell::Word(word.clone()),
+    }
+}

@@ -1,0 +1,242 @@
+//! The directory of a sweep.
+//!
+//! - `sweep.toml` the sweep file as it was given, `sweep.json` what it is
+//! - `rows/I-of-N.rows` the journal of each shard
+//! - `results.csv`, `results.parquet` the merged rows; `timings.csv` how long each took
+//! - `recordings/point-000123.mcap` where recordings are asked for
+
+use super::columns::columns;
+use super::hex;
+use crate::failure::{BadInput, Failure};
+use anyhow::{Context, anyhow};
+use consumers::journal::{Journal, JournalError, JournalHead};
+use producer::sweep::Sweep;
+use schemas::whole_file::{WholeFile, WholeFileError};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+const SWEEP_JSON: &str = "sweep.json";
+const SWEEP_TOML: &str = "sweep.toml";
+const ROWS: &str = "rows";
+const RECORDINGS: &str = "recordings";
+
+/// A part of the points: those whose index leaves the remainder `number` by `count`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Shard {
+    pub(crate) number: u64,
+    pub(crate) count: u64,
+}
+
+impl Shard {
+    /// Every point.
+    pub(crate) const WHOLE: Self = Self { number: 0, count: 1 };
+
+    /// Whether point `index` is in it.
+    pub(crate) fn has(self, index: u64) -> bool {
+        index % self.count == self.number
+    }
+}
+
+impl fmt::Display for Shard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.number, self.count)
+    }
+}
+
+/// The directory of one sweep.
+#[derive(Debug)]
+pub(super) struct Directory {
+    path: PathBuf,
+    head: JournalHead,
+}
+
+/// What `sweep.json` says.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+struct Sign {
+    /// SHA-256 of what decides the rows.
+    identity: String,
+    program: String,
+    points: u64,
+    columns: Vec<String>,
+}
+
+impl Directory {
+    /// Makes `path` the directory of `sweep`, or finds that it is; what belongs to another sweep is refused, or
+    /// removed with `force`.
+    pub(super) fn open(path: &Path, sweep: &Sweep, force: bool) -> Result<Self, Failure> {
+        let (directory, sign) = Self::of(path, sweep);
+        fs::create_dir_all(path.join(ROWS)).with_context(|| format!("cannot make {}", path.display()))?;
+        if force {
+            directory.clear()?;
+        }
+        directory.check(&sign)?;
+        // the sweep may be the same and be written otherwise
+        directory.write(SWEEP_TOML, sweep.text().as_bytes())?;
+        directory.write(SWEEP_JSON, &serde_json::to_vec_pretty(&sign)?)?;
+        Ok(directory)
+    }
+
+    /// The directory `path` in which `sweep` was computed.
+    pub(super) fn existing(path: &Path, sweep: &Sweep) -> Result<Self, Failure> {
+        let (directory, sign) = Self::of(path, sweep);
+        if !path.join(SWEEP_JSON).exists() {
+            return Err(Failure::BadInput(anyhow!("{} holds no sweep", path.display())));
+        }
+        directory.check(&sign)?;
+        Ok(directory)
+    }
+
+    fn of(path: &Path, sweep: &Sweep) -> (Self, Sign) {
+        let columns = columns(sweep);
+        let sign = Sign {
+            identity: hex(&sweep.identity()),
+            program: concat!("beadline ", env!("CARGO_PKG_VERSION")).to_owned(),
+            points: sweep.point_count(),
+            columns: columns.iter().map(|column| column.name.clone()).collect(),
+        };
+        let head = JournalHead { identity: format!("{} {}", sign.identity, sign.program), columns };
+        (Self { path: path.to_owned(), head }, sign)
+    }
+
+    /// Refuses a directory of another sweep.
+    fn check(&self, sign: &Sign) -> Result<(), Failure> {
+        let path = self.path.join(SWEEP_JSON);
+        let found = match fs::read(&path) {
+            Ok(bytes) => serde_json::from_slice::<Sign>(&bytes)
+                .with_context(|| format!("{} cannot be read", path.display()))
+                .bad_input()?,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return self.check_empty(),
+            Err(error) => return Err(Failure::Failed(anyhow!(error).context(path.display().to_string()))),
+        };
+        if found == *sign {
+            return Ok(());
+        }
+        let why = if found.program == sign.program {
+            format!("another sweep, of {} points", found.points)
+        } else {
+            format!("a sweep of {}, this is {}", found.program, sign.program)
+        };
+        Err(Failure::BadInput(anyhow!(
+            "{} holds {why}; choose another directory, or remove its rows, results and recordings with --force",
+            self.path.display()
+        )))
+    }
+
+    /// Refuses a directory that somebody uses for something else.
+    fn check_empty(&self) -> Result<(), Failure> {
+        for entry in fs::read_dir(&self.path)? {
+            let name = entry?.file_name();
+            let ours = [ROWS, SWEEP_TOML].map(std::ffi::OsStr::new).contains(&name.as_os_str());
+            if !ours && !name.to_string_lossy().ends_with(".partial") {
+                let (path, name) = (self.path.display(), name.display());
+                let message =
+                    format!("{path} holds no sweep, but has `{name}` in it; choose another directory");
+                return Err(Failure::BadInput(anyhow!(message)));
+            }
+        }
+        Ok(())
+    }
+
+    /// Removes what a sweep has left here, unless somebody computes it.
+    fn clear(&self) -> Result<(), Failure> {
+        if !self.path.join(SWEEP_JSON).exists() {
+            return Ok(());
+        }
+        let journals = self.journals()?;
+        for path in &journals {
+            // whatever else is wrong with it ends here
+            if let Err(error @ JournalError::Busy { .. }) = Journal::open(path, &self.head) {
+                return Err(Failure::Failed(error.into()));
+            }
+        }
+        let recordings = files(&self.path.join(RECORDINGS), |name| name.starts_with("point-"))?;
+        let others = ["results.csv", "results.parquet", "timings.csv", SWEEP_TOML, SWEEP_JSON];
+        let others = others.iter().map(|name| self.path.join(name));
+        for path in journals.into_iter().chain(recordings).chain(others) {
+            match fs::remove_file(&path) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                    return Err(Failure::Failed(anyhow!(error).context(path.display().to_string())));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes a small file that every process of the sweep would write the same.
+    fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Failure> {
+        let path = self.path.join(name);
+        if fs::read(&path).is_ok_and(|found| found == bytes) {
+            return Ok(());
+        }
+        let file = match WholeFile::create(&path, true) {
+            Ok(file) => file,
+            // another process of the sweep is writing it
+            Err(WholeFileError::Busy { .. }) => return Ok(()),
+            Err(error) => return Err(error.into()),
+        };
+        let mut out: &fs::File = file.file();
+        out.write_all(bytes).with_context(|| path.display().to_string())?;
+        file.publish()?;
+        Ok(())
+    }
+
+    /// A file of the sweep.
+    pub(super) fn file(&self, name: &str) -> PathBuf {
+        self.path.join(name)
+    }
+
+    /// What all journals of the sweep have in common.
+    pub(super) fn head(&self) -> &JournalHead {
+        &self.head
+    }
+
+    /// Opens the journal of `shard`, which one process at a time may do.
+    pub(super) fn journal(&self, shard: Shard) -> Result<Journal, Failure> {
+        let name = format!("{}-of-{}.rows", shard.number, shard.count);
+        let opened = Journal::open(&self.path.join(ROWS).join(name), &self.head);
+        opened.map(|(journal, _)| journal).map_err(|error| match error {
+            JournalError::Busy { .. } => Failure::Failed(anyhow!(
+                "{} is being swept by another process; give each a part of it with --shard I/N",
+                self.path.display()
+            )),
+            error => Failure::Failed(error.into()),
+        })
+    }
+
+    /// Every journal there is, in the order of their names.
+    pub(super) fn journals(&self) -> Result<Vec<PathBuf>, Failure> {
+        files(&self.path.join(ROWS), |name| Path::new(name).extension().is_some_and(|end| end == "rows"))
+    }
+
+    /// Where the recording of a point goes.
+    pub(super) fn recording(&self, index: u64) -> PathBuf {
+        self.path.join(RECORDINGS).join(format!("point-{index:06}.mcap"))
+    }
+
+    /// Makes the directory of the recordings.
+    pub(super) fn make_recordings(&self) -> Result<(), Failure> {
+        Ok(fs::create_dir_all(self.path.join(RECORDINGS))?)
+    }
+}
+
+/// The files in `directory` with names that `wanted` picks, in the order of their names.
+fn files(directory: &Path, wanted: impl Fn(&str) -> bool) -> Result<Vec<PathBuf>, Failure> {
+    let entries = match fs::read_dir(directory) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(error) => return Err(Failure::Failed(anyhow!(error).context(directory.display().to_string()))),
+    };
+    let mut found = Vec::new();
+    for entry in entries {
+        let entry = entry?;
+        if wanted(&entry.file_name().to_string_lossy()) {
+            found.push(entry.path());
+        }
+    }
+    found.sort();
+    Ok(found)
+}

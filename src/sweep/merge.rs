@@ -1,0 +1,105 @@
+//! The results of a sweep, the same bytes whoever computed its rows in whatever order.
+
+use super::columns::ERROR_COLUMN;
+use super::directory::Directory;
+use crate::display;
+use crate::failure::Failure;
+use anyhow::anyhow;
+use consumers::journal::{self, Entry};
+use consumers::table::{Cell, Column, Kind, Table, TableError};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// The rows that there are, by index, from every journal of the sweep.
+///
+/// # Errors
+/// When a journal cannot be read, or when a row was computed twice with different results.
+pub(super) fn rows(directory: &Directory) -> Result<BTreeMap<u64, Entry>, Failure> {
+    let mut rows: BTreeMap<u64, Entry> = BTreeMap::new();
+    for path in directory.journals()? {
+        let contents = journal::read(&path, directory.head())?;
+        if contents.damaged_count > 0 {
+            let (count, path) = (contents.damaged_count, path.display());
+            display::notice(format_args!("{path}: {count} damaged row(s) do not count"));
+        }
+        for entry in contents.entries {
+            match rows.get(&entry.index) {
+                None => {
+                    rows.insert(entry.index, entry);
+                }
+                Some(found) if is_same(&found.cells, &entry.cells) => {}
+                Some(_) => return Err(disagreement(&path, entry.index)),
+            }
+        }
+    }
+    Ok(rows)
+}
+
+fn disagreement(path: &Path, index: u64) -> Failure {
+    Failure::Failed(anyhow!(
+        "point {index} was computed twice with different results, once in {}: two programs differ, or a machine \
+         computes wrongly",
+        path.display()
+    ))
+}
+
+/// Whether two rows have the same bits.
+fn is_same(a: &[Cell], b: &[Cell]) -> bool {
+    let same = |(a, b): (&Cell, &Cell)| match (a, b) {
+        (Cell::Double(a), Cell::Double(b)) => a.to_bits() == b.to_bits(),
+        (a, b) => a == b,
+    };
+    a.len() == b.len() && a.iter().zip(b).all(same)
+}
+
+/// Indices of the rows that say why a point has no results.
+pub(super) fn failed(rows: &BTreeMap<u64, Entry>, columns: &[Column]) -> Vec<u64> {
+    let error = columns.iter().position(|column| column.name == ERROR_COLUMN);
+    let has_error =
+        |entry: &&Entry| error.and_then(|i| entry.cells.get(i)).is_some_and(|c| *c != Cell::Empty);
+    rows.values().filter(has_error).map(|entry| entry.index).collect()
+}
+
+/// Writes the results and the timings of `rows`; none if another process is just doing that.
+pub(super) fn write(
+    directory: &Directory,
+    rows: &BTreeMap<u64, Entry>,
+) -> Result<Option<Vec<PathBuf>>, Failure> {
+    let index = Column::new("index", Kind::Integer);
+    let columns: Vec<_> =
+        [index.clone()].into_iter().chain(directory.head().columns.iter().cloned()).collect();
+    let timing = [index, Column::new("wall_s", Kind::Double)];
+    let written = || -> Result<Vec<PathBuf>, TableError> {
+        let mut paths = Vec::new();
+        for name in ["results.csv", "results.parquet"] {
+            let cells = |entry: &Entry| entry.cells.clone();
+            paths.push(table(&directory.file(name), &columns, rows, cells)?);
+        }
+        let wall = |entry: &Entry| vec![Cell::Double(entry.wall_s)];
+        paths.push(table(&directory.file("timings.csv"), &timing, rows, wall)?);
+        Ok(paths)
+    };
+    match written() {
+        Ok(paths) => Ok(Some(paths)),
+        Err(TableError::Busy { .. }) => Ok(None),
+        Err(error) => Err(error.into()),
+    }
+}
+
+fn table(
+    path: &Path,
+    columns: &[Column],
+    rows: &BTreeMap<u64, Entry>,
+    cells: impl Fn(&Entry) -> Vec<Cell>,
+) -> Result<PathBuf, TableError> {
+    // what is there was merged from the same sweep
+    let mut table = Table::create(path, columns, true)?;
+    for entry in rows.values() {
+        table.integer(entry.index);
+        for cell in cells(entry) {
+            table.cell(cell);
+        }
+        table.end_row()?;
+    }
+    table.finish()
+}

@@ -1,0 +1,228 @@
+//! The workers of one process.
+
+use super::Options;
+use super::directory::{Directory, Shard};
+use super::row::{self, Signals};
+use crate::display::{self, count};
+use crate::failure::Failure;
+use anyhow::Error;
+use consumers::journal::{Entry, Journal};
+use indicatif::ProgressBar;
+use producer::sweep::Sweep;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// How often a person needs to see progress.
+const REFRESH: Duration = Duration::from_millis(100);
+
+/// A point to be computed, and what it costs.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Job {
+    pub(super) index: u64,
+    /// Steps of the run, unless it ends early.
+    pub(super) steps: u64,
+    pub(super) beads: u64,
+}
+
+impl Job {
+    /// In steps of beads.
+    fn cost(self) -> u64 {
+        self.steps.saturating_mul(self.beads)
+    }
+}
+
+/// How the work went.
+#[derive(Debug, Default)]
+pub(crate) struct Tally {
+    /// Points that have a row now.
+    pub(crate) computed: u64,
+    /// Points at which this program went wrong; they have no row.
+    pub(crate) broken: Vec<u64>,
+}
+
+/// What all workers share.
+struct Shared<'a> {
+    sweep: &'a Sweep,
+    directory: &'a Directory,
+    record: bool,
+    jobs: &'a [Job],
+    next: AtomicUsize,
+    journal: Mutex<Journal>,
+    stop: &'a AtomicBool,
+    /// The step that each worker has reached, and how many beads it steps.
+    at: Vec<(AtomicU64, AtomicU64)>,
+}
+
+/// What a worker tells.
+enum Told {
+    /// A point has its row.
+    Done(Job),
+    /// Computing a point ended in a panic.
+    Broken(Job),
+    /// The disk does not take rows or recordings: no use to go on.
+    Failed(Error),
+}
+
+/// Says what is about to be computed.
+pub(super) fn announce(sweep: &Sweep, jobs: &[Job], shard: Shard) {
+    let part = if shard == Shard::WHOLE { String::new() } else { format!(" in shard {shard}") };
+    let keys: Vec<_> = sweep.parameters().iter().map(|parameter| parameter.key.as_str()).collect();
+    display::notice(format_args!(
+        "{} points over {}; {} to compute{part}",
+        count(sweep.point_count()),
+        if keys.is_empty() { "nothing".to_owned() } else { keys.join(", ") },
+        count(jobs.len() as u64),
+    ));
+}
+
+/// Computes `jobs`, writing each row to `journal` when it is there, until all are done or `stop` is set.
+///
+/// # Errors
+/// When a row or a recording cannot be written.
+pub(super) fn work(
+    (sweep, directory): (&Sweep, &Directory),
+    jobs: &[Job],
+    options: &Options,
+    journal: Journal,
+    stop: &AtomicBool,
+) -> Result<Tally, Failure> {
+    let threads = options.threads.min(jobs.len()).max(1);
+    let shared = Shared {
+        sweep,
+        directory,
+        record: options.record,
+        jobs,
+        next: AtomicUsize::new(0),
+        journal: Mutex::new(journal),
+        stop,
+        at: (0..threads).map(|_| Default::default()).collect(),
+    };
+    let (tell, told) = mpsc::channel();
+    thread::scope(|scope| {
+        for worker in 0..threads {
+            let (shared, tell) = (&shared, tell.clone());
+            scope.spawn(move || shared.work(worker, &tell));
+        }
+        drop(tell);
+        watch(&shared, &told)
+    })
+}
+
+impl Shared<'_> {
+    /// One worker: takes the next job until there is none.
+    fn work(&self, worker: usize, tell: &Sender<Told>) {
+        while !self.stop.load(Ordering::Relaxed) {
+            let Some(job) = self.jobs.get(self.next.fetch_add(1, Ordering::Relaxed)) else { return };
+            // a bug at one point is no reason to lose the others
+            let told = match catch_unwind(AssertUnwindSafe(|| self.compute(worker, *job))) {
+                Ok(Ok(true)) => Told::Done(*job),
+                Ok(Ok(false)) => return,
+                Ok(Err(error)) => Told::Failed(error),
+                Err(_) => Told::Broken(*job),
+            };
+            if tell.send(told).is_err() {
+                return;
+            }
+        }
+    }
+
+    /// Computes a point and writes its row; false if it was stopped.
+    fn compute(&self, worker: usize, job: Job) -> Result<bool, Error> {
+        let (step, beads) = &self.at[worker];
+        beads.store(job.beads, Ordering::Relaxed);
+        let start = Instant::now();
+        let recording = self.record.then(|| self.directory.recording(job.index));
+        let row =
+            row::compute(self.sweep, job.index, recording.as_deref(), &Signals { stop: self.stop, step })?;
+        step.store(0, Ordering::Relaxed);
+        let Some(cells) = row else { return Ok(false) };
+        let entry = Entry { index: job.index, wall_s: start.elapsed().as_secs_f64(), cells };
+        // whoever panicked while holding it has not written half a row that the next would not notice
+        let mut journal = self.journal.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        journal.append(&entry)?;
+        Ok(true)
+    }
+}
+
+/// Counts what the workers tell, and shows it, until they are done.
+fn watch(shared: &Shared<'_>, told: &Receiver<Told>) -> Result<Tally, Failure> {
+    let mut progress = Progress::new(shared);
+    let mut tally = Tally::default();
+    let mut failure = None;
+    loop {
+        match told.recv_timeout(REFRESH) {
+            Ok(Told::Done(job)) => {
+                tally.computed += 1;
+                progress.finished(job, tally.computed);
+            }
+            Ok(Told::Broken(job)) => {
+                tally.broken.push(job.index);
+                progress.finished(job, tally.computed);
+            }
+            Ok(Told::Failed(error)) => {
+                shared.stop.store(true, Ordering::Relaxed);
+                failure.get_or_insert(error);
+            }
+            Err(RecvTimeoutError::Timeout) => progress.refresh(tally.computed),
+            Err(RecvTimeoutError::Disconnected) => break,
+        }
+    }
+    progress.bar.finish_and_clear();
+    failure.map_or(Ok(tally), |error| Err(Failure::Failed(error)))
+}
+
+/// How far all workers are: a bar on a terminal, a line for each tenth elsewhere.
+struct Progress<'a> {
+    shared: &'a Shared<'a>,
+    bar: ProgressBar,
+    start: Instant,
+    total: u64,
+    finished: u64,
+    tenths: u64,
+}
+
+impl<'a> Progress<'a> {
+    fn new(shared: &'a Shared<'a>) -> Self {
+        let total = shared.jobs.iter().fold(0_u64, |sum, job| sum.saturating_add(job.cost()));
+        let bar = display::progress_bar(total, "sweep");
+        Self { shared, bar, start: Instant::now(), total, finished: 0, tenths: 0 }
+    }
+
+    fn finished(&mut self, job: Job, computed: u64) {
+        self.finished = self.finished.saturating_add(job.cost());
+        self.refresh(computed);
+        let tenths = 10 * computed / self.shared.jobs.len().max(1) as u64;
+        if self.bar.is_hidden() && tenths > self.tenths {
+            self.tenths = tenths;
+            display::notice(format_args!("sweep: {}", self.text(computed)));
+        }
+    }
+
+    fn refresh(&self, computed: u64) {
+        self.bar.set_position(self.done());
+        self.bar.set_message(self.text(computed));
+    }
+
+    /// Steps of beads done.
+    fn done(&self) -> u64 {
+        let under_way =
+            self.shared.at.iter().map(|(step, beads)| {
+                step.load(Ordering::Relaxed).saturating_mul(beads.load(Ordering::Relaxed))
+            });
+        under_way.fold(self.finished, u64::saturating_add).min(self.total)
+    }
+
+    fn text(&self, computed: u64) -> String {
+        let points = format!("{} of {} points", count(computed), count(self.shared.jobs.len() as u64));
+        let (done, elapsed) = (self.done(), self.start.elapsed().as_secs_f64());
+        if done == 0 || done == self.total {
+            return points;
+        }
+        let left = elapsed * (self.total - done) as f64 / done as f64;
+        format!("{points} · {} left", display::left(left))
+    }
+}

@@ -1,0 +1,145 @@
+//! `beadline pulses`, against numbers that Beadline did not compute and against the exact solitary wave.
+
+use crate::harness::{Place, wait_until};
+use consumers::theory::{SolitaryWave, Strength};
+use schemas::bus::{Delivery, ResultReceived, ResultSubscriber, Topic};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// A row of a table, by column.
+type Row = BTreeMap<String, String>;
+
+fn rows(text: &str) -> Vec<Row> {
+    let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned));
+    let names: Vec<_> = lines.next().unwrap().collect();
+    lines.map(|fields| names.iter().cloned().zip(fields).collect()).collect()
+}
+
+fn number(row: &Row, column: &str) -> f64 {
+    row[column].parse().unwrap_or_else(|_| panic!("{column}: {row:?}"))
+}
+
+/// Asserts the first pulses that pass bead 700 forward and bead 300 backward, in the order of arrival.
+fn check(place: &Place, arguments: &str, reference: &str, tolerance: f64) {
+    let run = place.start(&format!("run {arguments} --no-record --wait-for 1"));
+    place.run("pulses --positions tracks.csv").exits(0);
+    run.wait().exits(0);
+    let points = rows(&place.read("tracks.csv"));
+    let path = format!("{}/tests/reference/{reference}", env!("CARGO_MANIFEST_DIR"));
+    for expected in rows(&std::fs::read_to_string(path).unwrap()) {
+        let (bead, sign) = if expected["direction"] == "forward" { (700.0, 1.0) } else { (300.0, -1.0) };
+        let passes = |row: &&Row| number(row, "bead") == bead && number(row, "v_peak_m_s") * sign > 0.0;
+        let mut passing: Vec<_> = points.iter().filter(passes).collect();
+        passing.sort_by(|a, b| number(a, "time_s").total_cmp(&number(b, "time_s")));
+        let found = passing[expected["order"].parse::<usize>().unwrap() - 1];
+        for column in ["v_peak_m_s", "speed_beads_per_s"] {
+            let difference = number(found, column) / number(&expected, column) - 1.0;
+            assert!(difference.abs() < tolerance, "{expected:?}: {found:?}, {difference:e}");
+        }
+    }
+}
+
+/// Ten pulses; the weakest pass after 0.12 s. The reference is good to 1e-5.
+#[test]
+fn the_pulses_of_a_light_impurity_are_those_of_the_reference() {
+    check(&Place::new(), "--preset light-impurity --duration 0.125", "light-impurity-pulses.csv", 1e-5);
+}
+
+/// Eight pulses; the weakest passes after 91 ms. The reference is good to 1e-6.
+#[test]
+fn the_pulses_of_a_heavy_impurity_are_those_of_the_reference() {
+    check(&Place::new(), "--preset heavy-impurity --duration 0.1", "heavy-impurity-pulses.csv", 2e-6);
+}
+
+#[test]
+fn a_homogeneous_chain_carries_one_pulse_the_solitary_wave() {
+    let place = Place::new();
+    place.run("run --preset homogeneous").exits(0);
+    place.run("pulses homogeneous.mcap --out pulses.csv --figure f.svg --figure f.png").exits(0);
+    let pulses = rows(&place.read("pulses.csv"));
+    let [pulse] = &pulses[..] else { panic!("{pulses:?}") };
+    assert_eq!((pulse["direction"].as_str(), pulse["birth"].as_str()), ("forward", "striker"));
+    assert_eq!(pulse["end"], "under-way");
+    // 180 beads from the striker the pulse is stationary, so that all is exact but for the interpolation: of the
+    // crest by a quartic (the peak to 1e-9, its time to less), of the edges by a cubic (1e-7 of the width), of
+    // the sums by frames two steps after the crest (the tails beyond 1e-6 of the peak are left out)
+    assert!((number(pulse, "speed_over_solitary") - 1.0).abs() < 1e-9, "{pulse:?}");
+    assert!((number(pulse, "fwhm_over_solitary") - 1.0).abs() < 1e-7, "{pulse:?}");
+    assert!(number(pulse, "asymmetry").abs() < 1e-7, "{pulse:?}");
+    let wave = SolitaryWave::new(1.5).unwrap().coefficients();
+    let strength = Strength::PeakVelocity { m_s: number(pulse, "v_peak_m_s") };
+    let exact = wave.scaled(1e-3, 1e7, strength).unwrap();
+    assert!((number(pulse, "momentum_kg_m_s") / exact.momentum_kg_m_s - 1.0).abs() < 1e-6, "{pulse:?}");
+    assert!((number(pulse, "energy_j") / exact.energy_j - 1.0).abs() < 1e-6, "{pulse:?}");
+}
+
+/// Nearly hard beads: the pulse is one bead wide, so that at most two beads move at a time.
+#[test]
+fn a_pulse_of_one_bead_is_measured_as_well() {
+    let place = Place::new();
+    place.run("run --preset homogeneous --beads 100 --alpha 10 --duration 3 --name hard").exits(0);
+    place.run("pulses hard.mcap --out pulses.csv").exits(0);
+    let pulses = rows(&place.read("pulses.csv"));
+    let [pulse] = &pulses[..] else { panic!("{pulses:?}") };
+    // as above; a pulse of one bead takes as many frames for it
+    assert!((number(pulse, "speed_over_solitary") - 1.0).abs() < 1e-9, "{pulse:?}");
+    assert!((number(pulse, "fwhm_over_solitary") - 1.0).abs() < 1e-7, "{pulse:?}");
+}
+
+/// A pulse that comes back from a heavy bead meets one on its way there at bead 17, after 18.5 ms.
+#[test]
+fn pulses_are_followed_through_each_other() {
+    let place = Place::new();
+    let beads = "--impurity 0=1 --impurity 199=1 --striker 100=5";
+    place.run(&format!("run --preset homogeneous {beads} --duration 0.02 --name box")).exits(0);
+    place.run("pulses box.mcap --threshold 0.01 --out pulses.csv").exits(0);
+    let pulses = rows(&place.read("pulses.csv"));
+    let went = |direction, from: std::ops::Range<f64>, to: std::ops::Range<f64>| {
+        let whole = |row: &&Row| {
+            let (birth, end) = (number(row, "birth_bead"), number(row, "end_bead"));
+            row["direction"] == direction && from.contains(&birth) && to.contains(&end)
+        };
+        pulses.iter().filter(whole).count()
+    };
+    assert_eq!(went("backward", 95.0..100.0, 5.0..12.0), 1, "{pulses:?}");
+    assert_eq!(went("forward", 1.0..3.0, 25.0..30.0), 1, "{pulses:?}");
+}
+
+#[test]
+fn coarse_frames_are_told_and_nonsense_is_refused() {
+    let place = Place::new();
+    place.run("run --preset homogeneous --publish-every-steps 200").exits(0);
+    let told = place.run("pulses homogeneous.mcap --json").exits(0).says(&["200 steps apart", "are enough"]);
+    assert_eq!(told.json()["results"]["pulses"].as_array().unwrap().len(), 0);
+    place.run("pulses homogeneous.mcap --threshold 0").exits(2).says(&["--threshold 0", "above 0"]);
+    place.run("pulses homogeneous.mcap --out a.txt").exits(2);
+}
+
+/// What a viewer gets: the pulses under way, in every frame.
+#[test]
+fn pulses_under_way_are_published() {
+    let place = Place::new();
+    let run = place.start("run --preset homogeneous --no-record --wait-for 2 --name live");
+    let pulses = place.start("pulses");
+    let (bus, name) = (place.bus(), "live".parse().unwrap());
+    let attach =
+        || ResultSubscriber::<f64>::attach(&bus, &name, Topic::Pulses, Delivery::Lossless, Arc::default());
+    let mut rows = wait_until("pulses on the bus", || attach().unwrap());
+    let second = place.start("contacts");
+    let mut last = Vec::new();
+    loop {
+        match rows.receive().unwrap() {
+            ResultReceived::Row(row) => last = row.values.to_vec(),
+            ResultReceived::End(_) => break,
+            ResultReceived::Missed { .. } => {}
+        }
+    }
+    for process in [run, pulses, second] {
+        process.wait().exits(0);
+    }
+    let [number, bead, v_peak_m_s, velocity, fwhm_beads] = last[..5] else { panic!("{last:?}") };
+    // crossed 184 beads when the run of 16 ms ends
+    assert!(number == 1.0 && (184.0..186.0).contains(&bead), "{last:?}");
+    assert!((v_peak_m_s - 3.408_158).abs() < 1e-5 && (velocity - 11_596.7).abs() < 0.1, "{last:?}");
+    assert!((fwhm_beads - 1.579).abs() < 1e-3 && last[5..].iter().all(|value| value.is_nan()), "{last:?}");
+}
