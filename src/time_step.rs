@@ -15,10 +15,11 @@ use schemas::power::power;
 const MOST_PILOTS: u32 = 10;
 
 /// Work of one pilot run at most, in force evaluations of one bead: some seconds.
-const MOST_WORK: f64 = 1e9;
+const MOST_WORK: f64 = 2e9;
 
-/// A pilot run that is cut short must still be this many collision times long, or it says nothing.
-const SHORTEST_PILOT_T: f64 = 30.0;
+/// A pilot run that is cut short must still be this many collision times long, or it says nothing: the first
+/// collisions make the largest errors.
+const SHORTEST_PILOT_T: f64 = 10.0;
 
 /// An accepted error below the tolerance by this factor is worth a try of a longer step.
 const WASTEFUL: f64 = 10.0;
