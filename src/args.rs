@@ -1,6 +1,7 @@
 //! The command line as it is written. Every mode turns its part once into validated values.
 
 use crate::sweep::directory::Shard;
+use crate::time_step::TimeStep;
 use clap::{Args, Parser, Subcommand};
 use schemas::method::Method;
 use std::num::NonZero;
@@ -157,9 +158,9 @@ pub(crate) struct Overrides {
     /// Simulated time (s)
     #[arg(long, value_name = "S")]
     pub(crate) duration: Option<f64>,
-    /// Time step (s) [default: a fraction of the collision time T]
-    #[arg(long, value_name = "S")]
-    pub(crate) dt: Option<f64>,
+    /// Time step (s), or `auto:TOL` to find one with max|ΔE/E| ≤ TOL [default: a fraction of the collision time T]
+    #[arg(long, value_name = "S|auto:TOL", value_parser = TimeStep::parse)]
+    pub(crate) dt: Option<TimeStep>,
     /// Integration method: velocity-verlet, rkn4 or gear5
     #[arg(long)]
     pub(crate) method: Option<Method>,
@@ -315,8 +316,9 @@ pub(crate) struct DeformationArgs {
     A pulse passes a bead when |v| of the bead has a maximum in time while both of its contacts are\n\
     pressed; it counts once it has passed 5 beads, and ends where it meets an impurity or an end. Peaks\n\
     are good to 1e-4 if 8 frames fall into the time that a pulse takes to pass; a warning says when\n\
-    frames are too far apart. `V/V_sw` is the speed over that of the exact solitary wave of the same peak\n\
-    velocity: 1 for a pulse that no longer changes."
+    frames are too far apart. V/V_sw is the speed over that of the exact solitary wave of the same\n\
+    peak velocity: 1 for a pulse that no longer changes. asymmetry = (rear − front)/(rear + front) of\n\
+    the half widths. `--json` and the tables have more: momentum, energy, width over that of the wave."
 )]
 pub(crate) struct PulsesArgs {
     #[command(flatten)]

@@ -2,6 +2,7 @@
 
 use crate::args::{Overrides, RunArgs};
 use crate::failure::{BadInput, Failure};
+use crate::time_step::{self, TimeStep};
 use anyhow::{Context, anyhow};
 use schemas::config::{Impurity, RunConfig, StrikerConfig};
 use schemas::manifest::{Origin, RunManifest};
@@ -30,13 +31,24 @@ pub(crate) fn configure(args: &RunArgs) -> Result<Configured, Failure> {
     let written = config.clone();
     let replaced = apply(&args.overrides, args.name.as_ref(), &mut config);
     let fallback = args.config.as_ref().and_then(|path| path.file_stem()).and_then(|stem| stem.to_str());
-    let manifest = RunManifest::new(&config, fallback.unwrap_or("run"), origin()).map_err(|error| {
-        // a value that a flag set does not stand in the file
-        let from_flag = replaced.iter().any(|key| error.key.starts_with(key));
-        if from_flag { error } else { error.located(&text, args.config.as_deref()) }
-    });
-    let toml = if config == written { text } else { overridden(args, &config) };
-    Ok(Configured { manifest: manifest.bad_input()?, toml })
+    let manifest_of = |config: &RunConfig| {
+        let manifest = RunManifest::new(config, fallback.unwrap_or("run"), origin()).map_err(|error| {
+            // a value that a flag set does not stand in the file
+            let from_flag = replaced.iter().any(|key| error.key.starts_with(key));
+            if from_flag { error } else { error.located(&text, args.config.as_deref()) }
+        });
+        manifest.bad_input()
+    };
+    let mut manifest = manifest_of(&config)?;
+    let mut chosen = None;
+    if let Some(TimeStep::Auto(tolerance)) = args.overrides.dt {
+        let found = time_step::choose(&config, tolerance)?;
+        config.time.dt_s = Some(found.dt_s);
+        manifest = manifest_of(&config)?;
+        chosen = Some(found.measured);
+    }
+    let toml = if config == written { text } else { overridden(args, &config, chosen.as_deref()) };
+    Ok(Configured { manifest, toml })
 }
 
 /// The preset of that name.
@@ -69,7 +81,11 @@ fn apply(overrides: &Overrides, name: Option<&String>, config: &mut RunConfig) -
     set(r, "chain.impurities", &mut config.chain.impurities, impurities);
     set(r, "striker", &mut config.striker, striker);
     set(r, "time.duration_s", &mut config.time.duration_s, overrides.duration);
-    set(r, "time.dt_s", &mut config.time.dt_s, overrides.dt.map(Some));
+    let dt_s = overrides.dt.map(|dt| match dt {
+        TimeStep::Seconds(dt_s) => Some(dt_s),
+        TimeStep::Auto(_) => None,
+    });
+    set(r, "time.dt_s", &mut config.time.dt_s, dt_s);
     set(r, "integrator.method", &mut config.integrator.method, overrides.method);
     let stream = &mut config.stream;
     set(r, "stream.publish_every_steps", &mut stream.publish_every_steps, overrides.publish_every_steps);
@@ -86,13 +102,15 @@ fn apply(overrides: &Overrides, name: Option<&String>, config: &mut RunConfig) -
     replaced
 }
 
-/// The effective configuration, with a line that says what it was made from.
-fn overridden(args: &RunArgs, config: &RunConfig) -> String {
+/// The effective configuration, with a line that says what it was made from, and one about how a time step
+/// was `chosen`.
+fn overridden(args: &RunArgs, config: &RunConfig, chosen: Option<&str>) -> String {
     let mut text = match &args.config {
         Some(path) => format!("# {}, with values replaced on the command line\n", path.display()),
         None => format!("# preset {}, with values replaced on the command line\n", args.preset),
     };
     // writing to a String cannot fail
+    let _ = chosen.map_or(Ok(()), |chosen| writeln!(text, "# {chosen}"));
     let _ = write!(text, "{}", config.to_toml());
     text
 }

@@ -10,6 +10,7 @@ mod reproduce;
 mod signals;
 mod source;
 mod sweep;
+mod time_step;
 
 use args::{Cli, Command};
 use clap::Parser;

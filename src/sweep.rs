@@ -2,8 +2,8 @@
 //!
 //! - [`row`]: one point, a pure function of the sweep file and an index, from its [`analyses`] to its [`columns`]
 //! - [`directory`]: what is where
-//! - [`work`]: the workers of one process
-//! - [`merge`]: the results, the same bytes whoever computed them in whatever order
+//! - [`mod@work`]: the workers of one process
+//! - [`mod@merge`]: the results, the same bytes whoever computed them in whatever order
 
 mod analyses;
 mod columns;

@@ -41,6 +41,9 @@ pub fn caption(manifest: &RunManifest) -> String {
     if physics.impurities.len() > 4 {
         let _ = write!(text, ", … ({} impurities)", physics.impurities.len());
     }
+    for phrase in physics.particulars() {
+        let _ = write!(text, ", {}", phrase.replace('-', "−"));
+    }
     let striker = physics.striker;
     let dt = scientific(physics.dt_s);
     let _ = write!(
@@ -263,12 +266,14 @@ pub fn pulses(
     let mut tracks =
         Panel::new().x_axis(x()).y_axis(Axis::new("time (ms)").reversed()).raster(raster).height(1.6);
     let mut peaks = Panel::new().x_axis(x()).y_axis(Axis::new("peak |v| (m/s)").log()).height(0.7);
-    let colours = [Colour::Black, Colour::Green, Colour::Purple, Colour::Orange, Colour::Sky];
+    // dark enough to be seen on the map, and none of its two colours
+    let navy = Colour::Rgb(0x00, 0x2B, 0x80);
+    let colours = [Colour::Black, Colour::Green, Colour::Purple, Colour::Sky, navy];
     let drawn = strongest.pulses().to_vec();
     let (named, others) = drawn.split_at(drawn.len().min(NAMED));
     let named = named.iter().zip(colours).map(|(pulse, colour)| {
-        let v_m_s = rounded(pulse.measured.point.v_peak_m_s);
-        (pulse, colour, format!("{}: {} m/s", pulse.number, short(v_m_s)))
+        let v_m_s = short(rounded(pulse.measured.point.v_peak_m_s));
+        (pulse, colour, format!("{}: {v_m_s} m/s", pulse.number))
     });
     let others = others.iter().map(|pulse| (pulse, Colour::Grey, String::new()));
     for (pulse, colour, label) in others.chain(named) {
@@ -282,7 +287,12 @@ pub fn pulses(
         let name = format!("{} others", drawn.len() - NAMED);
         tracks = tracks.curve(Curve::line(name, []).colour(Colour::Grey).thin());
     }
-    Ok(Figure::new().shared_x().caption(caption(manifest)).panel(tracks).panel(peaks))
+    let text = format!(
+        "{}; lines: crests of pulses, by number and peak; colours: velocity, from {} m/s on",
+        caption(manifest),
+        scientific(threshold_m_s)
+    );
+    Ok(Figure::new().shared_x().caption(text).panel(tracks).panel(peaks))
 }
 
 /// Three digits.
@@ -311,16 +321,20 @@ fn velocity_raster(threshold_m_s: f64, map: &VelocityMap) -> Result<Raster, Figu
         if v_m_s > 0.0 { steps + level } else { steps - level }
     };
     let cells = map.cells().iter().map(class).collect();
-    let classes: Vec<(String, Colour)> = (0..=2 * steps)
+    let mut classes: Vec<(String, Colour)> = (0..=2 * steps)
         .map(|class| {
             let level = i32::from(class) - i32::from(steps);
             let exponent = lowest + f64::from(level.abs()) - 1.0;
-            let decade = level != 0 && exponent.rem_euclid(2.0) == 0.0;
             let value_m_s = f64::from(level.signum()) * 10_f64.powf(0.5 * exponent);
-            let name = if decade { format!("{} m/s", short(value_m_s)) } else { String::new() };
+            let decade = level != 0 && exponent.rem_euclid(2.0) == 0.0;
+            let name = if decade { short(value_m_s) } else { String::new() };
             (name, diverging(f64::from(level) / f64::from(steps)))
         })
         .collect();
+    // the unit once: there is one line for all of them
+    if let Some((name, _)) = classes.iter_mut().rfind(|(name, _)| !name.is_empty()) {
+        name.push_str(" m/s");
+    }
     let classes: Vec<_> = classes.iter().map(|(name, colour)| (name.as_str(), *colour)).collect();
     // both sides of a velocity map are at most 1000
     let side = |cells: usize| u32::try_from(cells).unwrap_or(u32::MAX);
@@ -348,7 +362,7 @@ mod tests {
         assert_eq!(
             caption(&m),
             "light-impurity: N = 1000, m = 1 g, α = 1.5, k = 10^{7} N m^{−α}, bead 500: 0.6 g, \
-             v_{0} = 5 m/s on bead 0; rkn4, dt = 1.45×10^{−6} s"
+             v_{0} = 5 m/s on bead 0; rkn4, dt = 7.25×10^{−7} s"
         );
     }
 }

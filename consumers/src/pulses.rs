@@ -1,8 +1,8 @@
 //! Pulses: found, followed from bead to bead and measured while a run goes.
 //!
 //! A pulse passes a bead when the bead's |v| has a maximum in time while both of its contacts are pressed: the
-//! *crest* ([`crest`]). A loose bead that flies off, however fast, has none. Crests that follow each other from bead to
-//! bead in one direction are a track ([`track`]), and a track of [`Pulses::SHORTEST_TRACK`] beads is a pulse. What comes
+//! *crest*. A loose bead that flies off, however fast, has none. Crests that follow each other from bead to
+//! bead in one direction are a track, and a track of [`Pulses::SHORTEST_TRACK`] beads is a pulse. What comes
 //! out: a [`Point`] for each bead that a pulse passes, and a [`Pulse`] when it has ended.
 //!
 //! One pass, and memory that does not grow with the run: five frames of velocities, and for each pulse under way the
@@ -17,6 +17,7 @@ mod edges;
 mod obstacles;
 mod probes;
 mod strongest;
+mod surroundings;
 mod track;
 mod tracker;
 mod velocity_map;

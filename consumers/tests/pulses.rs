@@ -10,7 +10,7 @@ const THRESHOLD_M_S: f64 = 5e-3;
 
 fn manifest() -> RunManifest {
     let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
-    RunManifest::new(&PRESETS[2].config(), "run", origin).unwrap()
+    RunManifest::new(&PRESETS[2].config(), "run", origin).expect("a preset is valid")
 }
 
 /// A bump of velocity that travels, `e^(−x²/2σ²)` with another σ ahead of its crest than behind.

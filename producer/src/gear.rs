@@ -70,10 +70,11 @@ impl Gear {
         if self.window_of_step != Some(state.step) {
             self.restart(state);
         }
-        let beads = self.kernel.active_beads();
+        // closures that move what they use are compiled for the instruction set; others may be called
+        let terms = Terms::of(state, &self.kernel.active_beads());
         self.kernel.arch().dispatch(
             #[inline(always)]
-            || predict(self.dt_s, Terms::of(state, &beads)),
+            || predict(self.dt_s, terms),
         );
         self.kernel.evaluate_forces_of_motion(&state.u_m, &state.v_m_s);
         // a bead that a contact pushes for the first time is at rest, and so is its prediction

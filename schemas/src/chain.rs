@@ -2,6 +2,7 @@
 
 use crate::contact::{ContactLaw, PowerUser};
 use crate::damping::ContactDamping;
+use crate::excess::{AtRest, Excess};
 use std::ops::Range;
 
 /// Masses, stiffnesses and rest overlaps after all rules of a configuration have been applied.
@@ -75,8 +76,13 @@ impl Wall {
 
     /// Energy (J) beyond that at rest, less the work of the constant force that the contact balances.
     fn excess_energy_j(&self, law: ContactLaw, approach_m: f64) -> f64 {
-        let energy = law.energy(self.stiffness, self.overlap_m(approach_m));
-        (energy - self.rest_energy_j) - self.rest_force_n * approach_m
+        let rest = AtRest {
+            overlap_m: self.rest_overlap_m,
+            force_n: self.rest_force_n,
+            energy_j: self.rest_energy_j,
+        };
+        let energy_j = law.energy(self.stiffness, self.overlap_m(approach_m));
+        Excess::new(law).energy_j(rest, approach_m, energy_j)
     }
 }
 
@@ -220,6 +226,7 @@ impl<const LOADED: bool> PowerUser for ContactEnergies<'_, LOADED> {
         let (stiffness, rest) = (&self.chain.stiffness[..contacts], &self.chain.rest_overlap_m[..contacts]);
         let rest_force = &self.chain.rest_force_n[..contacts];
         let rest_energy = &self.chain.rest_energy_j[..contacts];
+        let excess = Excess::new(self.chain.law);
         let energy_j = &mut self.energy_j[..contacts];
         let exponent = self.chain.law.alpha() + 1.0;
         for c in 0..contacts {
@@ -229,7 +236,8 @@ impl<const LOADED: bool> PowerUser for ContactEnergies<'_, LOADED> {
             let d = if closed { overlap } else { 1.0 };
             let energy = stiffness[c] * power(d) * d / exponent;
             let energy = if closed { energy } else { 0.0 };
-            energy_j[c] = if LOADED { (energy - rest_energy[c]) - rest_force[c] * approach } else { energy };
+            let at_rest = AtRest { overlap_m: rest[c], force_n: rest_force[c], energy_j: rest_energy[c] };
+            energy_j[c] = if LOADED { excess.energy_j(at_rest, approach, energy) } else { energy };
         }
     }
 }

@@ -9,6 +9,7 @@ pub mod chain;
 pub mod config;
 pub mod contact;
 pub mod damping;
+mod excess;
 pub mod frame;
 pub mod manifest;
 pub mod method;

@@ -1,9 +1,10 @@
-//! Ready-made configurations: the runs of the paper.
+//! Ready-made configurations: the runs of the paper, and an example of each thing beyond it.
 
 use crate::config::{
-    ChainConfig, EndsConfig, Impurity, IntegratorConfig, LoadConfig, MassRule, RunConfig, StiffnessRule,
-    StreamConfig, StrikerConfig, TimeConfig,
+    ChainConfig, DampingConfig, End, EndsConfig, Impurity, IntegratorConfig, LoadConfig, MassRule, RunConfig,
+    StiffnessRule, StreamConfig, StrikerConfig, TimeConfig,
 };
+use crate::method::Method;
 
 /// A configuration with a name and a sentence about it.
 #[derive(Debug, Clone, Copy)]
@@ -13,48 +14,109 @@ pub struct Preset {
     /// What the run shows.
     pub about: &'static str,
     beads: u64,
-    impurity: Option<Impurity>,
     duration_s: f64,
+    /// What else differs from equal beads with free ends.
+    change: fn(&mut RunConfig),
 }
 
 /// Every preset; the first is the default.
-pub const PRESETS: [Preset; 5] = [
+pub const PRESETS: [Preset; 11] = [
     Preset {
         name: "light-impurity",
         about: "1000 beads, bead 500 of 0.6 g: the impurity rattles and emits solitary waves both ways",
         beads: 1000,
-        impurity: Some(Impurity { bead: 500, mass_kg: 0.6e-3 }),
         duration_s: 0.08,
+        change: |config| impurity(config, 500, 0.6e-3),
     },
     Preset {
         name: "heavy-impurity",
         about: "1000 beads, bead 500 of 10 g: the transmitted wave breaks up into a train",
         beads: 1000,
-        impurity: Some(Impurity { bead: 500, mass_kg: 10e-3 }),
         duration_s: 0.08,
+        change: |config| impurity(config, 500, 10e-3),
     },
     Preset {
         name: "homogeneous",
         about: "200 equal beads: one solitary wave",
         beads: 200,
-        impurity: None,
         duration_s: 0.016,
+        change: |_| {},
     },
     Preset {
         name: "striker-3g",
         about: "100 beads struck by a first bead of 3 g: several solitary waves",
         beads: 100,
-        impurity: Some(Impurity { bead: 0, mass_kg: 3e-3 }),
         duration_s: 0.007,
+        change: |config| impurity(config, 0, 3e-3),
     },
     Preset {
         name: "striker-10g",
         about: "100 beads struck by a first bead of 10 g: a longer train",
         beads: 100,
-        impurity: Some(Impurity { bead: 0, mass_kg: 10e-3 }),
         duration_s: 0.007,
+        change: |config| impurity(config, 0, 10e-3),
+    },
+    Preset {
+        name: "dimer",
+        about: "beads of 1 g and 0.3428 g in turn: a solitary wave that leaves nothing behind",
+        beads: 200,
+        duration_s: 0.014,
+        change: |config| config.chain.masses = MassRule::PatternKg(vec![1e-3, 0.3428e-3]),
+    },
+    Preset {
+        name: "tapered",
+        about: "spheres that get smaller, stiffness by their radii: the pulse speeds up",
+        beads: 100,
+        duration_s: 0.006,
+        change: |config| {
+            config.chain.masses = MassRule::Taper(0.97);
+            config.chain.stiffnesses = StiffnessRule::Radii;
+        },
+    },
+    Preset {
+        name: "precompressed",
+        about: "200 beads pressed together by 10 N, weakly struck: sound, with its dispersion",
+        beads: 200,
+        duration_s: 0.015,
+        change: |config| {
+            config.load.precompression_n = 10.0;
+            config.striker.velocity_m_s = 0.01;
+        },
+    },
+    Preset {
+        name: "gravity",
+        about: "a column of 300 beads under its weight, weakly struck from above: sound speeds up with depth",
+        beads: 300,
+        duration_s: 0.035,
+        change: |config| {
+            config.ends.right = End::Fixed;
+            config.load.gravity_m_s2 = 9.81;
+            config.striker.velocity_m_s = 1e-4;
+        },
+    },
+    Preset {
+        name: "walls",
+        about: "50 beads between two walls: the solitary wave runs to and fro, and breaks up",
+        beads: 50,
+        duration_s: 0.02,
+        change: |config| (config.ends.left, config.ends.right) = (End::Fixed, End::Fixed),
+    },
+    Preset {
+        name: "damped",
+        about: "60 beads with a coefficient of restitution of 0.95: the pulse decays",
+        beads: 60,
+        duration_s: 0.006,
+        change: |config| {
+            config.damping = Some(DampingConfig::Restitution(0.95));
+            config.integrator.method = Method::Gear5;
+        },
     },
 ];
+
+/// One bead of another mass.
+fn impurity(config: &mut RunConfig, bead: u64, mass_kg: f64) {
+    config.chain.impurities = vec![Impurity { bead, mass_kg }];
+}
 
 impl Preset {
     /// The preset of that name.
@@ -62,9 +124,9 @@ impl Preset {
         PRESETS.into_iter().find(|preset| preset.name == name)
     }
 
-    /// Its configuration: Hertz contacts, beads of 1 g, k = 1e7 N·m^−3/2, bead 0 at 5 m/s.
+    /// Its configuration: unless it says otherwise Hertz contacts, beads of 1 g, k = 1e7 N·m^−3/2, bead 0 at 5 m/s.
     pub fn config(&self) -> RunConfig {
-        RunConfig {
+        let mut config = RunConfig {
             name: Some(self.name.to_owned()),
             chain: ChainConfig {
                 beads: self.beads,
@@ -73,7 +135,7 @@ impl Preset {
                 stiffness: 1e7,
                 masses: MassRule::Uniform,
                 stiffnesses: StiffnessRule::Uniform,
-                impurities: self.impurity.into_iter().collect(),
+                impurities: Vec::new(),
                 contacts: Vec::new(),
             },
             ends: EndsConfig::default(),
@@ -83,7 +145,9 @@ impl Preset {
             time: TimeConfig { duration_s: self.duration_s, dt_s: None },
             integrator: IntegratorConfig::default(),
             stream: StreamConfig::default(),
-        }
+        };
+        (self.change)(&mut config);
+        config
     }
 }
 
@@ -95,7 +159,9 @@ mod tests {
     #[test]
     fn every_preset_is_a_valid_run() {
         for preset in PRESETS {
-            Physics::resolve(&preset.config()).expect(preset.name);
+            let config = preset.config();
+            assert_eq!(RunConfig::from_toml(&config.to_toml()).as_ref(), Ok(&config), "{}", preset.name);
+            Physics::resolve(&config).expect(preset.name);
         }
     }
 }

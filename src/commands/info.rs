@@ -35,6 +35,7 @@ fn text(info: &RecordingInfo) -> String {
     let (physics, provenance) = (&info.manifest.physics, &info.manifest.provenance);
     let impurities: Vec<_> =
         physics.impurities.iter().map(|i| format!("bead {} of {} kg", i.bead, i.mass_kg)).collect();
+    let particulars = physics.particulars();
     let time = info.time_range_s().map_or("none".to_owned(), |(first, last)| {
         let every = match provenance.record_every_steps {
             1 => "every step".to_owned(),
@@ -77,6 +78,9 @@ fn text(info: &RecordingInfo) -> String {
             ),
         ),
     ];
+    if !particulars.is_empty() {
+        rows.insert(3, ("besides", particulars.join(", ")));
+    }
     for channel in &info.channels {
         rows.push((
             "channel",

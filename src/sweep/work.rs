@@ -8,7 +8,7 @@ use crate::failure::Failure;
 use anyhow::Error;
 use consumers::journal::{Entry, Journal};
 use indicatif::ProgressBar;
-use producer::sweep::Sweep;
+use producer::sweep::{Sweep, Until};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
@@ -59,8 +59,8 @@ struct Shared<'a> {
 
 /// What a worker tells.
 enum Told {
-    /// A point has its row.
-    Done(Job),
+    /// A point has its row; so many steps were made for it.
+    Done(Job, u64),
     /// Computing a point ended in a panic.
     Broken(Job),
     /// The disk does not take rows or recordings: no use to go on.
@@ -119,8 +119,8 @@ impl Shared<'_> {
             let Some(job) = self.jobs.get(self.next.fetch_add(1, Ordering::Relaxed)) else { return };
             // a bug at one point is no reason to lose the others
             let told = match catch_unwind(AssertUnwindSafe(|| self.compute(worker, *job))) {
-                Ok(Ok(true)) => Told::Done(*job),
-                Ok(Ok(false)) => return,
+                Ok(Ok(Some(steps))) => Told::Done(*job, steps),
+                Ok(Ok(None)) => return,
                 Ok(Err(error)) => Told::Failed(error),
                 Err(_) => Told::Broken(*job),
             };
@@ -130,21 +130,21 @@ impl Shared<'_> {
         }
     }
 
-    /// Computes a point and writes its row; false if it was stopped.
-    fn compute(&self, worker: usize, job: Job) -> Result<bool, Error> {
+    /// Computes a point, writes its row, and gives the number of its steps; none if it was stopped.
+    fn compute(&self, worker: usize, job: Job) -> Result<Option<u64>, Error> {
         let (step, beads) = &self.at[worker];
         beads.store(job.beads, Ordering::Relaxed);
         let start = Instant::now();
         let recording = self.record.then(|| self.directory.recording(job.index));
         let row =
             row::compute(self.sweep, job.index, recording.as_deref(), &Signals { stop: self.stop, step })?;
-        step.store(0, Ordering::Relaxed);
-        let Some(cells) = row else { return Ok(false) };
+        let steps = step.swap(0, Ordering::Relaxed);
+        let Some(cells) = row else { return Ok(None) };
         let entry = Entry { index: job.index, wall_s: start.elapsed().as_secs_f64(), cells };
         // whoever panicked while holding it has not written half a row that the next would not notice
         let mut journal = self.journal.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         journal.append(&entry)?;
-        Ok(true)
+        Ok(Some(steps))
     }
 }
 
@@ -155,13 +155,13 @@ fn watch(shared: &Shared<'_>, told: &Receiver<Told>) -> Result<Tally, Failure> {
     let mut failure = None;
     loop {
         match told.recv_timeout(REFRESH) {
-            Ok(Told::Done(job)) => {
+            Ok(Told::Done(job, steps)) => {
                 tally.computed += 1;
-                progress.finished(job, tally.computed);
+                progress.finished(job, steps, tally.computed);
             }
             Ok(Told::Broken(job)) => {
                 tally.broken.push(job.index);
-                progress.finished(job, tally.computed);
+                progress.finished(job, job.steps, tally.computed);
             }
             Ok(Told::Failed(error)) => {
                 shared.stop.store(true, Ordering::Relaxed);
@@ -175,25 +175,32 @@ fn watch(shared: &Shared<'_>, told: &Receiver<Told>) -> Result<Tally, Failure> {
     failure.map_or(Ok(tally), |error| Err(Failure::Failed(error)))
 }
 
-/// How far all workers are: a bar on a terminal, a line for each tenth elsewhere.
+/// How far all workers are: a bar on a terminal, a line for each tenth elsewhere. Work is counted in steps of
+/// beads.
 struct Progress<'a> {
     shared: &'a Shared<'a>,
     bar: ProgressBar,
     start: Instant,
-    total: u64,
+    /// Of the points that are not finished, if they all took their whole time.
+    unfinished: u64,
+    /// Of the finished points, had they all taken their whole time.
+    expected: u64,
+    /// Of the finished points, as it was.
     finished: u64,
     tenths: u64,
 }
 
 impl<'a> Progress<'a> {
     fn new(shared: &'a Shared<'a>) -> Self {
-        let total = shared.jobs.iter().fold(0_u64, |sum, job| sum.saturating_add(job.cost()));
-        let bar = display::progress_bar(total, "sweep");
-        Self { shared, bar, start: Instant::now(), total, finished: 0, tenths: 0 }
+        let unfinished = shared.jobs.iter().fold(0_u64, |sum, job| sum.saturating_add(job.cost()));
+        let bar = display::progress_bar(unfinished, "sweep");
+        Self { shared, bar, start: Instant::now(), unfinished, expected: 0, finished: 0, tenths: 0 }
     }
 
-    fn finished(&mut self, job: Job, computed: u64) {
-        self.finished = self.finished.saturating_add(job.cost());
+    fn finished(&mut self, job: Job, steps: u64, computed: u64) {
+        self.unfinished = self.unfinished.saturating_sub(job.cost());
+        self.expected = self.expected.saturating_add(job.cost());
+        self.finished = self.finished.saturating_add(Job { steps, ..job }.cost());
         self.refresh(computed);
         let tenths = 10 * computed / self.shared.jobs.len().max(1) as u64;
         if self.bar.is_hidden() && tenths > self.tenths {
@@ -203,26 +210,38 @@ impl<'a> Progress<'a> {
     }
 
     fn refresh(&self, computed: u64) {
-        self.bar.set_position(self.done());
+        let (done, total) = self.work();
+        self.bar.set_length(total);
+        self.bar.set_position(done);
         self.bar.set_message(self.text(computed));
     }
 
-    /// Steps of beads done.
-    fn done(&self) -> u64 {
+    /// What is done, and what there is in all: points to come end as early as those before did.
+    fn work(&self) -> (u64, u64) {
         let under_way =
             self.shared.at.iter().map(|(step, beads)| {
                 step.load(Ordering::Relaxed).saturating_mul(beads.load(Ordering::Relaxed))
             });
-        under_way.fold(self.finished, u64::saturating_add).min(self.total)
+        let done = under_way.fold(self.finished, u64::saturating_add);
+        let part = if self.expected == 0 { 1.0 } else { self.finished as f64 / self.expected as f64 };
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "saturates, is an estimate"
+        )]
+        let to_come = (self.unfinished as f64 * part) as u64;
+        (done, done.max(self.finished.saturating_add(to_come)))
     }
 
     fn text(&self, computed: u64) -> String {
         let points = format!("{} of {} points", count(computed), count(self.shared.jobs.len() as u64));
-        let (done, elapsed) = (self.done(), self.start.elapsed().as_secs_f64());
-        if done == 0 || done == self.total {
+        let (done, total) = self.work();
+        // before the first point that ends early nobody knows how early
+        let unknown = self.expected == 0 && self.shared.sweep.until() == Until::Stationary;
+        if done == 0 || done == total || unknown {
             return points;
         }
-        let left = elapsed * (self.total - done) as f64 / done as f64;
+        let left = self.start.elapsed().as_secs_f64() * (total - done) as f64 / done as f64;
         format!("{points} · {} left", display::left(left))
     }
 }

@@ -14,4 +14,5 @@ mod reference;
 mod reflection;
 mod reproduce;
 mod sweep;
+mod time_step;
 mod verifying;

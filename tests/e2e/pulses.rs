@@ -73,6 +73,19 @@ fn a_homogeneous_chain_carries_one_pulse_the_solitary_wave() {
     assert!((number(pulse, "energy_j") / exact.energy_j - 1.0).abs() < 1e-6, "{pulse:?}");
 }
 
+/// Nearly hard beads: the pulse is one bead wide, so that at most two beads move at a time.
+#[test]
+fn a_pulse_of_one_bead_is_measured_as_well() {
+    let place = Place::new();
+    place.run("run --preset homogeneous --beads 100 --alpha 10 --duration 3 --name hard").exits(0);
+    place.run("pulses hard.mcap --out pulses.csv").exits(0);
+    let pulses = rows(&place.read("pulses.csv"));
+    let [pulse] = &pulses[..] else { panic!("{pulses:?}") };
+    // as above; a pulse of one bead takes as many frames for it
+    assert!((number(pulse, "speed_over_solitary") - 1.0).abs() < 1e-9, "{pulse:?}");
+    assert!((number(pulse, "fwhm_over_solitary") - 1.0).abs() < 1e-7, "{pulse:?}");
+}
+
 /// A pulse that comes back from a heavy bead meets one on its way there at bead 17, after 18.5 ms.
 #[test]
 fn pulses_are_followed_through_each_other() {

@@ -114,7 +114,7 @@ fn nothing_is_overwritten_without_force() {
 fn outputs_that_make_no_sense_are_refused() {
     let place = Place::new();
     let recording = recorded(&place);
-    place.run("energies run.mcap --out e.parquet").exits(2).says(&["e.parquet", ".csv"]);
+    place.run("energies run.mcap --out e.xlsx").exits(2).says(&["e.xlsx", ".csv"]);
     place.run("impurity run.mcap --out a.csv --events a.csv").exits(2).says(&["a.csv", "two outputs"]);
     place.run("contacts run.mcap --out run.mcap --force").exits(2).says(&["run.mcap", "source itself"]);
     fs::create_dir(place.path("dir.svg")).unwrap();

@@ -181,6 +181,27 @@ fn an_interrupted_sweep_keeps_what_it_has() {
     assert_eq!(place.read("dir/results.csv").lines().count() as u64, rows + 1);
 }
 
+/// A run that leaves the range of doubles has a row that says so; the others are computed.
+#[test]
+fn a_failed_run_has_a_row() {
+    // a dashpot that no time step can follow
+    let place = place(
+        "[base]\npreset = \"homogeneous\"\nchain.beads = 10\nintegrator.method = \"gear5\"\n\
+         time.duration_s = 1e-3\n[grid]\ndamping.viscous_n_s_per_m = [1e90, 1e-3]\n",
+    );
+    let ended =
+        place.run("sweep s.toml --out dir --json").exits(3).says(&["1 run(s) failed", "`error`"]).json();
+    assert_eq!((ended["rows"].as_u64(), &ended["failed"]), (Some(2), &serde_json::json!([0])));
+    let csv = place.read("dir/results.csv");
+    let mut lines = csv.lines().skip(1);
+    let failed = lines.next().unwrap();
+    assert!(failed.starts_with("0,1e90,failed,,,") && failed.contains("not finite at step"), "{failed}");
+    assert!(lines.next().unwrap().starts_with("1,1e-3,complete,"));
+    // it would fail again
+    let again = place.run("sweep s.toml --out dir --json").exits(3).json();
+    assert_eq!(again["computed"], 0);
+}
+
 #[test]
 fn a_directory_is_of_one_sweep() {
     let place = place(SWEEP);

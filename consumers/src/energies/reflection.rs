@@ -80,6 +80,8 @@ pub enum Undefined {
     StrikerMovesAway,
     /// Contacts are compressed before anything moves: energy is everywhere.
     Loaded,
+    /// Contacts dissipate: the energy of a side falls wherever anything moves.
+    Damped,
 }
 
 impl fmt::Display for Undefined {
@@ -90,6 +92,7 @@ impl fmt::Display for Undefined {
             Self::StrikerRests => "not defined: the striker does not move",
             Self::StrikerMovesAway => "not defined: the striker moves away from the split bead",
             Self::Loaded => "not defined: the chain is loaded, there is energy everywhere",
+            Self::Damped => "not defined: contacts dissipate, the energy of a side never rests",
         })
     }
 }
@@ -240,8 +243,12 @@ pub(super) fn incident_side(manifest: &RunManifest, split_bead: u64) -> Result<S
     if velocity_m_s == 0.0 {
         return Err(Undefined::StrikerRests);
     }
-    if physics.chain().is_loaded() {
+    let chain = physics.chain();
+    if chain.is_loaded() {
         return Err(Undefined::Loaded);
+    }
+    if chain.damping.is_some() {
+        return Err(Undefined::Damped);
     }
     match (striker < split_bead, velocity_m_s > 0.0) {
         (true, true) => Ok(Side::Left),

@@ -17,7 +17,7 @@ const GAUSSIAN_FWHM: f64 = 2.354_820_045_030_949;
 #[derive(Debug, Clone)]
 pub(super) struct History {
     beads: usize,
-    /// A ring of frames.
+    /// A ring of [`DEPTH`] frames.
     v_m_s: Vec<f64>,
     times_s: [f64; DEPTH],
     filled: usize,
@@ -81,13 +81,14 @@ impl History {
         beads.clear();
         let (before, at, after) = (self.v_m_s(3), self.v_m_s(2), self.v_m_s(1));
         let square = threshold_m_s * threshold_m_s;
+        // without a branch in it the loop over a block is vectorised; a block with a crest in it is rare
+        #[expect(clippy::needless_bitwise_bool, reason = "lazy operators are branches")]
+        let is_crest = |((before, at), after): ((&f64, &f64), &f64)| {
+            (at * at > square) & ((at - before) * at > 0.0) & ((at - after) * at >= 0.0)
+        };
         let blocks = before.chunks(BLOCK).zip(at.chunks(BLOCK)).zip(after.chunks(BLOCK));
         for (block, ((before, at), after)) in blocks.enumerate() {
             let crests = before.iter().zip(at).zip(after);
-            let is_crest = |((before, at), after): ((&f64, &f64), &f64)| {
-                (at * at > square) & ((at - before) * at > 0.0) & ((at - after) * at >= 0.0)
-            };
-            // without a branch in it the loop is vectorised; a block with a crest in it is rare
             if crests.clone().fold(false, |any, crest| any | is_crest(crest)) {
                 let hits = crests.enumerate().filter(|(_, crest)| is_crest(*crest));
                 beads.extend(hits.map(|(offset, _)| block * BLOCK + offset));
@@ -179,7 +180,9 @@ mod tests {
     /// Frames of one bead between two at rest, at uneven times.
     fn history(times_s: [f64; DEPTH], v: impl Fn(f64) -> f64) -> History {
         let mut history = History::new(3);
-        times_s.iter().for_each(|t| history.push(*t, &[0.0, v(*t), 0.0]));
+        for t in times_s {
+            history.push(t, &[0.0, v(t), 0.0]);
+        }
         history
     }
 

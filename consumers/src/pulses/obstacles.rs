@@ -87,7 +87,7 @@ mod tests {
         assert_eq!((impurity.ahead(40, 1), impurity.ahead(50, 1)), ((10, true), (49, false)));
         assert_eq!((impurity.ahead(60, -1), impurity.ahead(50, -1)), ((10, true), (50, false)));
         masses[51] = 0.6;
-        assert_eq!(obstacles(masses).beads, [50, 51]);
+        assert_eq!(obstacles(masses).beads, [49, 50, 51, 52], "two steps");
         let step = (0..100).map(|bead| if bead < 30 { 1.0 } else { 2.0 });
         assert_eq!(obstacles(step.collect()).beads, [29, 30]);
         let striker = (0..100).map(|bead| if bead == 0 { 10.0 } else { 1.0 });

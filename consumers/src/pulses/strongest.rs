@@ -93,7 +93,9 @@ impl Strongest {
         self.pulses.sort_by(|a, b| strength(b).total_cmp(&strength(a)).then(a.number.cmp(&b.number)));
         let dropped = self.pulses.split_off(self.pulses.len().min(Self::CAPACITY));
         if let Some(paths) = &mut self.paths {
-            dropped.iter().for_each(|pulse| drop(paths.remove(&pulse.number)));
+            for pulse in dropped {
+                paths.remove(&pulse.number);
+            }
         }
     }
 }

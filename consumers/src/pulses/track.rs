@@ -137,7 +137,7 @@ impl Track {
     }
 
     fn speed_over(&self, beads: usize) -> Option<f64> {
-        let first = self.recent.len().checked_sub(beads + 1).unwrap_or_default();
+        let first = self.recent.len().saturating_sub(beads + 1);
         speed(&self.recent[first], self.head())
     }
 

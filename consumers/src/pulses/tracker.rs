@@ -2,25 +2,19 @@
 
 use super::crest::{Crest, ENOUGH_FRAMES, FEWEST_FRAMES, History};
 use super::edges::Edges;
-use super::track::{Measured, Passed, Point, REACH, Shape, Track};
-use super::{Birth, Direction, Fate, Obstacles, Pulse};
-use crate::theory::{Coefficients, SolitaryWave, Strength};
-use schemas::chain::Chain;
+use super::surroundings::{Surroundings, nearest};
+use super::track::{Passed, Point, REACH, Shape, Track};
+use super::{Birth, Fate, Pulse};
+use crate::theory::{SolitaryWave, Strength};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 
 /// Finds the pulses in the frames of one run, and follows them.
 #[derive(Debug, Clone)]
 pub struct Pulses {
-    chain: Chain,
-    obstacles: Obstacles,
-    /// Of the exact solitary wave, where there is one.
-    wave: Option<Coefficients>,
-    reach: Reach,
+    around: Surroundings,
     threshold_m_s: f64,
     striker: i64,
-    /// Nothing pulls in a chain that is not loaded: its pulses move the way their beads do.
-    loaded: bool,
     history: History,
     candidates: Vec<usize>,
     crests: Vec<(i64, Crest)>,
@@ -30,19 +24,6 @@ pub struct Pulses {
     last_step: Option<u64>,
     /// When the frames began, or began again (s), and whether the chain had moved before.
     resumed: Option<(f64, bool)>,
-}
-
-/// How far (beads) things around a pulse matter to it.
-#[derive(Debug, Clone, Copy)]
-struct Reach {
-    /// A pulse that ends so near to something has to do with it.
-    near: i64,
-    /// A pulse that begins so near to something comes from it: weak ones get their crest only at a distance.
-    origin: i64,
-    /// A pulse so far from what is ahead of it is undisturbed.
-    free: i64,
-    /// A pulse may be out of sight for so long, as when two meet.
-    coast: i64,
 }
 
 /// What a frame brought.
@@ -92,17 +73,12 @@ impl Pulses {
 
     /// Looks for pulses in `manifest`'s run whose beads move faster than `threshold_m_s` (m/s).
     pub fn new(manifest: &RunManifest, threshold_m_s: f64) -> Self {
-        let chain = manifest.physics.chain();
-        let wave = SolitaryWave::new(manifest.physics.alpha).ok().map(|wave| wave.coefficients());
+        let around = Surroundings::of(manifest);
         Self {
-            obstacles: Obstacles::of(&chain),
-            reach: Reach::of(wave.as_ref()),
-            wave,
             threshold_m_s,
             striker: signed(manifest.physics.striker.bead),
-            loaded: chain.rest_overlap_m.iter().any(|overlap_m| *overlap_m != 0.0),
-            history: History::new(chain.bead_count()),
-            chain,
+            history: History::new(around.chain.bead_count()),
+            around,
             candidates: Vec::new(),
             crests: Vec::new(),
             tracks: Vec::new(),
@@ -130,11 +106,6 @@ impl Pulses {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
         let steps = (passing_s / (ENOUGH_FRAMES * physics.dt_s)) as u64;
         Some(if steps == 0 { 1 } else { steps })
-    }
-
-    /// The exact solitary wave of the run's exponent, if there is one.
-    pub fn solitary_wave(&self) -> Option<&Coefficients> {
-        self.wave.as_ref()
     }
 
     /// Looks at the next frame.
@@ -207,8 +178,8 @@ impl Pulses {
         for bead in &self.candidates {
             let number = signed(*bead as u64);
             // a bead at its fastest is pushed from both sides alike; one that nothing touches is no pulse
-            let pressed = |contact| self.chain.overlap_m(frame.u_m, contact) > 0.0;
-            if self.obstacles.contains(number) || !pressed(*bead - 1) || !pressed(*bead) {
+            let pressed = |contact| self.around.chain.overlap_m(frame.u_m, contact) > 0.0;
+            if self.around.obstacles.contains(number) || !pressed(*bead - 1) || !pressed(*bead) {
                 continue;
             }
             let crest = self.history.crest(*bead);
@@ -224,8 +195,8 @@ impl Pulses {
 
     /// Adds a crest to the track that it fits best, or begins one.
     fn follow(&mut self, frame: &Frame<'_>, bead: i64, crest: &Crest) {
-        let longest_s = self.longest_step_s(bead, crest.v_m_s);
-        let ahead = if self.loaded {
+        let longest_s = self.around.longest_step_s(bead, crest.v_m_s);
+        let ahead = if self.around.loaded {
             0
         } else if crest.v_m_s > 0.0 {
             1
@@ -234,12 +205,12 @@ impl Pulses {
         };
         let fits = self.tracks.iter().enumerate().filter_map(|(i, track)| {
             let same = track.sign == crest.v_m_s.signum();
-            let free = same && !self.obstacles.between(track.head().bead, bead);
-            let fit = || track.fit_beads((bead, crest.time_s), self.reach.coast, longest_s);
+            let free = same && !self.around.obstacles.between(track.head().bead, bead);
+            let fit = || track.fit_beads((bead, crest.time_s), self.around.reach.coast, longest_s);
             free.then(fit).flatten().map(|fit| (i, fit))
         });
         let best = fits.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(i, _)| i);
-        let (momentum_kg_m_s, energy_j) = self.hump(frame, bead, crest.v_m_s.signum());
+        let (momentum_kg_m_s, energy_j) = self.around.hump(frame, bead, crest.v_m_s.signum());
         let (time_s, v_peak_m_s) = (crest.time_s, crest.v_m_s);
         let mut passed =
             Passed { bead, time_s, v_peak_m_s, shape: None, momentum_kg_m_s, energy_j, free: false };
@@ -250,7 +221,7 @@ impl Pulses {
         };
         let several = self.encloses_another(i, time_s);
         passed.shape = if several { None } else { self.shape(i, bead, time_s) };
-        passed.free = self.is_free(i, frame, bead, v_peak_m_s);
+        passed.free = self.around.is_free(frame, &self.tracks[i], bead, v_peak_m_s);
         let track = &mut self.tracks[i];
         track.pass(passed);
         if track.number == 0 && track.bead_count >= Self::SHORTEST_TRACK {
@@ -284,73 +255,9 @@ impl Pulses {
         others.any(|(_, other)| edges.enclose(nearest(other.position_beads(time_s))))
     }
 
-    /// Whether a pulse at `bead` has a free way: no obstacle, no end and no gap between beads near.
-    fn is_free(&self, track: usize, frame: &Frame<'_>, bead: i64, v_m_s: f64) -> bool {
-        /// A gap g takes the time g/v to close. One that takes this part of the time for a bead changes the
-        /// speed by as much at most.
-        const DELAY: f64 = 1e-5;
-        let ahead = self.tracks[track].ahead;
-        let Some(speed) = self.tracks[track].speed_beads_per_s() else { return false };
-        if self.obstacles.ahead(bead, ahead).0 < self.reach.free {
-            return false;
-        }
-        let widest_m = DELAY * v_m_s.abs() / speed;
-        let far = bead + ahead * self.reach.free;
-        let contacts = if ahead > 0 { bead..far } else { far..bead };
-        let closed = |contact| self.chain.overlap_m(frame.u_m, contact) >= -widest_m;
-        contacts.map(|contact| usize::try_from(contact).unwrap_or_default()).all(closed)
-    }
-
-    /// Three times as long (s) as a solitary wave of this peak velocity takes for a bead; a pulse on a load is
-    /// faster.
-    fn longest_step_s(&self, bead: i64, v_m_s: f64) -> f64 {
-        let bead = usize::try_from(bead).unwrap_or_default();
-        let (mass_kg, stiffness) = (self.chain.mass_kg[bead], self.chain.stiffness[bead]);
-        // C_V is between 0.78 and 1 for any exponent; α = 1 has no solitary wave, but this speed
-        let power = 1.0 / (self.chain.law.alpha() + 1.0);
-        let grows = v_m_s.abs().powf((self.chain.law.alpha() - 1.0) * power);
-        3.0 / (0.78 * (stiffness / mass_kg).powf(power) * grows)
-    }
-
-    /// Momentum (kg·m/s) and energy (J) of the hump around `bead`, from one minimum of the velocity to the next.
-    fn hump(&self, frame: &Frame<'_>, bead: i64, sign: f64) -> (f64, f64) {
-        /// Where |v| has sunk to this part of the peak the pulse is over.
-        const FADED: f64 = 1e-6;
-        let height = |bead: usize| sign * frame.v_m_s[bead];
-        let last = self.chain.bead_count() - 1;
-        let mut top = usize::try_from(bead).unwrap_or_default();
-        while top < last && height(top + 1) > height(top) {
-            top += 1;
-        }
-        while top > 0 && height(top - 1) > height(top) {
-            top -= 1;
-        }
-        let over = FADED * height(top);
-        let (mut low, mut high) = (top, top);
-        while low > 0 && height(low - 1) < height(low) && height(low) > over {
-            low -= 1;
-        }
-        while high < last && height(high + 1) < height(high) && height(high) > over {
-            high += 1;
-        }
-        let momentum = (low..=high).map(|bead| self.chain.mass_kg[bead] * frame.v_m_s[bead]).sum();
-        let contacts = low.saturating_sub(1)..(high + 1).min(last);
-        let potential: f64 = contacts.map(|contact| self.excess_j(frame, contact)).sum();
-        (momentum, self.chain.kinetic_j(frame.v_m_s, low..high + 1) + potential)
-    }
-
-    /// `φ(δ) − φ(δ₀) − φ′(δ₀)·(δ − δ₀)` (J) of a contact.
-    fn excess_j(&self, frame: &Frame<'_>, contact: usize) -> f64 {
-        let (law, stiffness) = (&self.chain.law, self.chain.stiffness[contact]);
-        let (overlap_m, rest_m) =
-            (self.chain.overlap_m(frame.u_m, contact), self.chain.rest_overlap_m[contact]);
-        let rest_j = law.energy(stiffness, rest_m) + law.force(stiffness, rest_m) * (overlap_m - rest_m);
-        law.energy(stiffness, overlap_m) - rest_j
-    }
-
     fn birth(&self, bead: i64, crest: &Crest) -> Birth {
-        let near = self.reach.origin;
-        let to_obstacle = |sign| self.obstacles.ahead(bead, sign);
+        let near = self.around.reach.origin;
+        let to_obstacle = |sign| self.around.obstacles.ahead(bead, sign);
         let (left, right) = (to_obstacle(-1), to_obstacle(1));
         let close = |track: &&Track| {
             track.number > 0 && (track.position_beads(crest.time_s) - bead as f64).abs() <= near as f64
@@ -358,7 +265,7 @@ impl Pulses {
         let opposite = |track: &Track| track.sign != crest.v_m_s.signum();
         let neighbour = self.tracks.iter().filter(close).map(opposite).max();
         let resumed = self.resumed.is_some_and(|(since_s, moving)| {
-            moving && crest.time_s - since_s < self.longest_step_s(bead, crest.v_m_s)
+            moving && crest.time_s - since_s < self.around.longest_step_s(bead, crest.v_m_s)
         });
         match (left, right) {
             _ if resumed => Birth::UnderWay,
@@ -390,9 +297,9 @@ impl Pulses {
         let head = track.head();
         let since_s = now_s - head.time_s;
         match track.speed_beads_per_s() {
-            None => since_s > self.longest_step_s(head.bead, head.v_peak_m_s),
+            None => since_s > self.around.longest_step_s(head.bead, head.v_peak_m_s),
             Some(speed) if track.number == 0 => since_s * speed > 3.0,
-            Some(speed) => since_s * speed > 1.5 * self.reach.coast as f64 + 1.0,
+            Some(speed) => since_s * speed > 1.5 * self.around.reach.coast as f64 + 1.0,
         }
     }
 
@@ -402,7 +309,7 @@ impl Pulses {
             self.happenings.push(Happening::Passed(point));
         }
         let Some(measured) = track.measured else { return };
-        let (speed_over_solitary, fwhm_over_solitary) = self.beside_theory(&measured);
+        let (speed_over_solitary, fwhm_over_solitary) = self.around.beside_theory(&measured);
         self.happenings.push(Happening::Ended(Pulse {
             number: track.number,
             direction: track.direction(),
@@ -421,8 +328,8 @@ impl Pulses {
 
     fn fate(&self, track: &Track, now_s: f64, at_last: bool) -> Fate {
         let wide = track.head().shape.map_or(0, |shape| nearest(shape.fwhm_beads));
-        let near = self.reach.near + wide;
-        let (distance, is_obstacle) = self.obstacles.ahead(track.head().bead, track.ahead);
+        let near = self.around.reach.near + wide;
+        let (distance, is_obstacle) = self.around.obstacles.ahead(track.head().bead, track.ahead);
         let merged = |other: &Track| {
             let apart = (other.position_beads(now_s) - track.position_beads(now_s)).abs();
             other.number > 0 && other.ahead == track.ahead && apart <= (2 * near) as f64
@@ -438,50 +345,6 @@ impl Pulses {
             _ => Fate::Faded,
         }
     }
-
-    /// Speed and width over those of the exact solitary wave of the same peak velocity, in a chain that is
-    /// even there and not loaded.
-    fn beside_theory(&self, measured: &Measured) -> (Option<f64>, Option<f64>) {
-        let point = &measured.point;
-        let bead = usize::try_from(point.bead).unwrap_or_default();
-        let around = bead.saturating_sub(REACH)..(bead + REACH + 1).min(self.chain.bead_count());
-        let (mass_kg, stiffness) = (self.chain.mass_kg[bead], self.chain.stiffness[bead]);
-        let contacts = around.start..around.end - 1;
-        let even = self.chain.mass_kg[around].iter().all(|m| *m == mass_kg)
-            && self.chain.stiffness[contacts].iter().all(|k| *k == stiffness);
-        let Some(wave) = self.wave.filter(|_| even && !self.loaded) else { return (None, None) };
-        let strength = Strength::PeakVelocity { m_s: point.v_peak_m_s.abs() };
-        let scale = wave.scaled(mass_kg, stiffness, strength).ok();
-        let speed = point.speed_beads_per_s.zip(scale).map(|(speed, scale)| speed / scale.speed_beads_per_s);
-        (speed, point.shape.map(|shape| shape.fwhm_beads / wave.velocity_fwhm_beads))
-    }
-}
-
-impl Reach {
-    fn of(wave: Option<&Coefficients>) -> Self {
-        // near α = 1 solitary waves are hundreds of beads wide, but no pulse in a chain that long has become one
-        const WIDEST: f64 = 20.0;
-        let width = wave.map_or(WIDEST, |wave| wave.velocity_fwhm_beads).min(WIDEST);
-        Self {
-            near: 3 + nearest(width),
-            origin: 8 + nearest(2.0 * width),
-            free: 2 + nearest(2.0 * width),
-            coast: 4 + nearest(3.0 * width),
-        }
-    }
-}
-
-impl Pulse {
-    /// Whether it travels forward.
-    pub fn is_forward(&self) -> bool {
-        self.direction == Direction::Forward
-    }
-}
-
-fn nearest(beads: f64) -> i64 {
-    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-    let nearest = beads.round() as i64;
-    nearest
 }
 
 /// Bead numbers are at most 2e7.

@@ -37,10 +37,10 @@ impl Dissipation {
         let active = kernel.active_beads();
         for node in NODES {
             let terms = Terms::of(state, &active);
-            let (u_m, v_m_s) = (&mut self.u_m[active.clone()], &mut self.v_m_s[active.clone()]);
+            let motion = [&mut self.u_m[active.clone()], &mut self.v_m_s[active.clone()]];
             kernel.arch().dispatch(
                 #[inline(always)]
-                || motion_at(node, dt_s, &terms, u_m, v_m_s),
+                || motion_at(node, dt_s, terms, motion),
             );
             kernel.dissipated_power(&self.u_m, &self.v_m_s, &mut self.power_w);
             let work = state.extra.len() - beads;
@@ -53,7 +53,7 @@ impl Dissipation {
 
 /// Displacements (m) and velocities (m/s) of the polynomials `terms`, `node` steps from their origin.
 #[inline(always)]
-fn motion_at(node: f64, dt_s: f64, terms: &Terms<'_>, u_m: &mut [f64], v_m_s: &mut [f64]) {
+fn motion_at(node: f64, dt_s: f64, terms: Terms<'_>, [u_m, v_m_s]: [&mut [f64]; 2]) {
     let n = u_m.len();
     let Terms { u_m: q0, v_m_s: v, q2, q3, q4, q5 } = terms;
     let (q0, v, v_m_s) = (&q0[..n], &v[..n], &mut v_m_s[..n]);

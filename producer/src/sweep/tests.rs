@@ -1,3 +1,4 @@
+use super::ParameterKind::{Double, Word};
 use super::*;
 
 const SWEEP: &str = "\
@@ -49,7 +50,6 @@ fn cases_times_grid_with_the_last_key_fastest() {
     let sweep = read(SWEEP).expect("valid");
     assert_eq!(sweep.point_count(), 2 * 3 * 2);
     let parameters: Vec<_> = sweep.parameters().iter().map(|p| (p.key.as_str(), p.kind)).collect();
-    use ParameterKind::{Double, Word};
     assert_eq!(
         parameters,
         [
@@ -168,4 +168,15 @@ fn the_number_of_points_is_limited() {
         axis("time.duration_s")
     );
     assert!(matches!(read(&text), Err(SweepError::TooMany { found: 1_000_000, .. })));
+}
+
+/// What the documentation shows is a sweep: 3 × 12 points of one case.
+#[test]
+fn the_documented_sweep_is_one() {
+    let page = include_str!("../../../docs/CONFIGURATION.md");
+    let section = page.split("## Sweeps").nth(1).expect("the section");
+    let toml = section.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).expect("an example");
+    let sweep = read(toml).expect("valid");
+    assert_eq!((sweep.point_count(), sweep.until(), sweep.record()), (36, Until::Stationary, false));
+    assert_eq!(sweep.parameters().len(), 4);
 }

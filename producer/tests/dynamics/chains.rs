@@ -15,9 +15,7 @@ pub(crate) fn physics(
     steps: u64,
     change: impl FnOnce(&mut RunConfig),
 ) -> Physics {
-    let mut config = Preset::find("homogeneous").unwrap().config();
-    config.chain.beads = beads;
-    config.chain.alpha = alpha;
+    let mut config = config(beads, alpha);
     change(&mut config);
     let scales = Physics::resolve(&config).unwrap().scales();
     let dt_s = fraction * scales.time_s;
@@ -26,6 +24,13 @@ pub(crate) fn physics(
     let physics = Physics::resolve(&config).unwrap();
     assert_eq!((physics.dt_s, physics.step_count), (dt_s, steps));
     physics
+}
+
+/// The configuration of that chain, without a time step.
+pub(crate) fn config(beads: u64, alpha: f64) -> RunConfig {
+    let mut config = Preset::find("homogeneous").unwrap().config();
+    (config.chain.beads, config.chain.alpha) = (beads, alpha);
+    config
 }
 
 /// An impurity of `ratio` times the 1 g of the other beads.

@@ -5,9 +5,17 @@
 
 mod bits;
 mod chains;
+mod collisions;
+mod damped;
+mod default_steps;
+mod default_steps_elsewhere;
 mod final_states;
+mod gravity;
+mod loaded;
 mod orders;
 mod reference;
 mod resuming;
+mod sound;
 mod symmetries;
 mod table;
+mod unequal;

@@ -2,6 +2,7 @@
 
 use crate::chains::{final_state, impurity, physics, state_after};
 use producer::state::ChainState;
+use schemas::config::{DampingConfig, RunConfig};
 use schemas::method::Method;
 
 /// Order of `method` where the force is smooth.
@@ -77,4 +78,68 @@ fn a_whole_collision_is_elastic_to_the_order_alpha_plus_one() {
             assert!((order - (alpha + 1.0)).abs() < 0.18, "{method}, α = {alpha}: order {order}");
         }
     }
+}
+
+/// Twelve beads, pressed together so hard that the shock opens none of their contacts: the force is smooth, and the
+/// methods have their order on a whole nonlinear chain, from the first step on.
+#[test]
+fn methods_have_their_order_on_a_precompressed_chain() {
+    for method in Method::ALL {
+        let state = |steps: u64| {
+            let physics = physics(12, 1.5, 6.0 / steps as f64, steps, |config| {
+                config.integrator.method = method;
+                config.load.precompression_n = 1000.0;
+            });
+            let (state, chain) = (final_state(&physics), physics.chain());
+            assert!((0..11).all(|contact| chain.overlap_m(&state.u_m, contact) > 0.0), "a contact is open");
+            state.u_m
+        };
+        let change = |coarse: &[f64], fine: &[f64]| {
+            coarse.iter().zip(fine).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+        };
+        let fewest = if method == Method::Gear5 { 600 } else { 300 };
+        let [coarse, middle, fine] = [1, 2, 4].map(|factor| state(factor * fewest));
+        let order = (change(&coarse, &middle) / change(&middle, &fine)).log2();
+        // with forces that depend on displacements alone, c_0 = 3/20 gives the displacements one order more
+        let expected = if method == Method::Gear5 { 6.0 } else { order_of(method) };
+        assert!((order - expected).abs() < 0.05, "{method}: order {order}");
+    }
+}
+
+/// The linear contact with dashpots, ζ = 0.1: the overlap is `e^(−γt)·sin(ω't + φ)`, up to a factor, with
+/// `γ = η/m` and `ω'² = 2k/m − γ²`. Forces depend on velocities, and gear5 keeps its order; the dissipated work makes
+/// up for the energy to fourth order at least.
+#[test]
+fn gear5_has_its_order_with_damping() {
+    let errors = |steps: u64| {
+        let dashpot = |config: &mut RunConfig| {
+            let omega = (2.0 * config.chain.stiffness / config.chain.bead_mass_kg).sqrt();
+            config.integrator.method = Method::Gear5;
+            config.damping = Some(DampingConfig::ViscousNSPerM(0.1 * omega * config.chain.bead_mass_kg));
+        };
+        let physics = physics(2, 1.0, 1.2 / steps as f64, steps, dashpot);
+        let omega = (2.0 * physics.stiffness / physics.bead_mass_kg).sqrt();
+        let (decay, frequency) = (0.1 * omega, omega * 0.99_f64.sqrt());
+        let amplitude_m = 1e-4;
+        let motion = |time_s: f64| {
+            let (phase, size) = (0.5 + frequency * time_s, amplitude_m * (-decay * time_s).exp());
+            (size * phase.sin(), size * (frequency * phase.cos() - decay * phase.sin()))
+        };
+        let (overlap, rate) = motion(0.0);
+        let halves = |x: f64| vec![0.5 * x, -0.5 * x];
+        let start = ChainState::starting_at(&physics, halves(overlap), halves(rate));
+        let chain = physics.chain();
+        let energy_j = |state: &ChainState| chain.energy(&state.u_m, &state.v_m_s, &mut [0.0]).total_j();
+        let before_j = energy_j(&start);
+        let state = state_after(&physics, start);
+        let (overlap, rate) = motion(1.2 * physics.scales().time_s);
+        let overlap_error = (state.u_m[0] - state.u_m[1] - overlap) / amplitude_m;
+        let rate_error = (state.v_m_s[0] - state.v_m_s[1] - rate) / (amplitude_m * omega);
+        let dissipated_j: f64 = physics.dissipated_j(&state.extra).iter().sum();
+        assert!(dissipated_j > 0.1 * before_j, "much is dissipated");
+        [overlap_error.hypot(rate_error), ((energy_j(&state) + dissipated_j) / before_j - 1.0).abs()]
+    };
+    let (coarse, fine) = (errors(40), errors(80));
+    let orders = [0, 1].map(|i| (coarse[i] / fine[i]).log2());
+    assert!((orders[0] - 5.0).abs() < 0.2 && orders[1] > 3.8, "orders {orders:?} of {coarse:?}");
 }

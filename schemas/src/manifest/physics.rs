@@ -2,6 +2,7 @@
 
 mod arrays;
 mod check;
+mod particulars;
 mod time_step;
 
 use super::{KERNEL_VERSION, to_json, usize_of};

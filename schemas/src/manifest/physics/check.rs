@@ -142,7 +142,8 @@ impl Physics {
         if self.method.takes_forces_of_velocity() {
             return Ok(());
         }
-        let allowed = "a method for forces that depend on velocities (gear5) with [damping]: the kicks of this one                        hold the velocity fixed, and it would lose its order";
+        let allowed = "a method for forces that depend on velocities (gear5) with [damping]: the kicks of this one \
+                       hold the velocity fixed, and it would lose its order";
         Err(ConfigError::value("integrator.method", self.method, allowed))
     }
 

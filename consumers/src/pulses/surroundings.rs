@@ -1,0 +1,149 @@
+//! The chain that pulses travel in, and what it says about them.
+
+use super::Obstacles;
+use super::track::{Measured, REACH, Track};
+use crate::theory::{Coefficients, SolitaryWave, Strength};
+use schemas::chain::Chain;
+use schemas::frame::Frame;
+use schemas::manifest::RunManifest;
+
+/// The chain of a run.
+#[derive(Debug, Clone)]
+pub(super) struct Surroundings {
+    pub(super) chain: Chain,
+    pub(super) obstacles: Obstacles,
+    /// Nothing pulls in a chain that is not loaded: its pulses move the way their beads do.
+    pub(super) loaded: bool,
+    pub(super) reach: Reach,
+    /// The exact solitary wave, where there is one.
+    wave: Option<Coefficients>,
+}
+
+/// How far (beads) things around a pulse matter to it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Reach {
+    /// A pulse that ends so near to something has to do with it.
+    pub(super) near: i64,
+    /// A pulse that begins so near to something comes from it: weak ones get their crest only at a distance.
+    pub(super) origin: i64,
+    /// A pulse so far from what is ahead of it is undisturbed.
+    pub(super) free: i64,
+    /// A pulse may be out of sight for so long, as when two meet.
+    pub(super) coast: i64,
+}
+
+impl Surroundings {
+    pub(super) fn of(manifest: &RunManifest) -> Self {
+        let chain = manifest.physics.chain();
+        let wave = SolitaryWave::new(manifest.physics.alpha).ok().map(|wave| wave.coefficients());
+        Self {
+            obstacles: Obstacles::of(&chain),
+            loaded: chain.rest_overlap_m.iter().any(|overlap_m| *overlap_m != 0.0),
+            reach: Reach::of(wave.as_ref()),
+            wave,
+            chain,
+        }
+    }
+
+    /// Whether a pulse at `bead` has a free way: no obstacle, no end and no gap between beads near.
+    pub(super) fn is_free(&self, frame: &Frame<'_>, track: &Track, bead: i64, v_m_s: f64) -> bool {
+        /// A gap g takes the time g/v to close. One that takes this part of the time for a bead changes the
+        /// speed by as much at most.
+        const DELAY: f64 = 1e-5;
+        let ahead = track.ahead;
+        let Some(speed) = track.speed_beads_per_s() else { return false };
+        if self.obstacles.ahead(bead, ahead).0 < self.reach.free {
+            return false;
+        }
+        let widest_m = DELAY * v_m_s.abs() / speed;
+        let far = bead + ahead * self.reach.free;
+        let contacts = if ahead > 0 { bead..far } else { far..bead };
+        let closed = |contact| self.chain.overlap_m(frame.u_m, contact) >= -widest_m;
+        contacts.map(|contact| usize::try_from(contact).unwrap_or_default()).all(closed)
+    }
+
+    /// Three times as long (s) as a solitary wave of this peak velocity takes for a bead; a pulse on a load is
+    /// faster.
+    pub(super) fn longest_step_s(&self, bead: i64, v_m_s: f64) -> f64 {
+        let bead = usize::try_from(bead).unwrap_or_default();
+        let (mass_kg, stiffness) = (self.chain.mass_kg[bead], self.chain.stiffness[bead]);
+        // C_V is between 0.78 and 1 for any exponent; α = 1 has no solitary wave, but this speed
+        let power = 1.0 / (self.chain.law.alpha() + 1.0);
+        let grows = v_m_s.abs().powf((self.chain.law.alpha() - 1.0) * power);
+        3.0 / (0.78 * (stiffness / mass_kg).powf(power) * grows)
+    }
+
+    /// Momentum (kg·m/s) and energy (J) of the hump around `bead`, from one minimum of the velocity to the next.
+    pub(super) fn hump(&self, frame: &Frame<'_>, bead: i64, sign: f64) -> (f64, f64) {
+        /// Where |v| has sunk to this part of the peak the pulse is over.
+        const FADED: f64 = 1e-6;
+        let height = |bead: usize| sign * frame.v_m_s[bead];
+        let last = self.chain.bead_count() - 1;
+        let mut top = usize::try_from(bead).unwrap_or_default();
+        while top < last && height(top + 1) > height(top) {
+            top += 1;
+        }
+        while top > 0 && height(top - 1) > height(top) {
+            top -= 1;
+        }
+        let over = FADED * height(top);
+        let (mut low, mut high) = (top, top);
+        while low > 0 && height(low - 1) < height(low) && height(low) > over {
+            low -= 1;
+        }
+        while high < last && height(high + 1) < height(high) && height(high) > over {
+            high += 1;
+        }
+        let momentum = (low..=high).map(|bead| self.chain.mass_kg[bead] * frame.v_m_s[bead]).sum();
+        let contacts = low.saturating_sub(1)..(high + 1).min(last);
+        let potential: f64 = contacts.map(|contact| self.excess_j(frame, contact)).sum();
+        (momentum, self.chain.kinetic_j(frame.v_m_s, low..high + 1) + potential)
+    }
+
+    /// `φ(δ) − φ(δ₀) − φ′(δ₀)·(δ − δ₀)` (J) of a contact.
+    fn excess_j(&self, frame: &Frame<'_>, contact: usize) -> f64 {
+        let (law, stiffness) = (&self.chain.law, self.chain.stiffness[contact]);
+        let (overlap_m, rest_m) =
+            (self.chain.overlap_m(frame.u_m, contact), self.chain.rest_overlap_m[contact]);
+        let rest_j = law.energy(stiffness, rest_m) + law.force(stiffness, rest_m) * (overlap_m - rest_m);
+        law.energy(stiffness, overlap_m) - rest_j
+    }
+
+    /// Speed and width over those of the exact solitary wave of the same peak velocity, in a chain that is
+    /// even there and not loaded.
+    pub(super) fn beside_theory(&self, measured: &Measured) -> (Option<f64>, Option<f64>) {
+        let point = &measured.point;
+        let bead = usize::try_from(point.bead).unwrap_or_default();
+        let around = bead.saturating_sub(REACH)..(bead + REACH + 1).min(self.chain.bead_count());
+        let (mass_kg, stiffness) = (self.chain.mass_kg[bead], self.chain.stiffness[bead]);
+        let contacts = around.start..around.end - 1;
+        let even = self.chain.mass_kg[around].iter().all(|m| *m == mass_kg)
+            && self.chain.stiffness[contacts].iter().all(|k| *k == stiffness);
+        let Some(wave) = self.wave.filter(|_| even && !self.loaded) else { return (None, None) };
+        let strength = Strength::PeakVelocity { m_s: point.v_peak_m_s.abs() };
+        let scale = wave.scaled(mass_kg, stiffness, strength).ok();
+        let speed = point.speed_beads_per_s.zip(scale).map(|(speed, scale)| speed / scale.speed_beads_per_s);
+        (speed, point.shape.map(|shape| shape.fwhm_beads / wave.velocity_fwhm_beads))
+    }
+}
+
+impl Reach {
+    fn of(wave: Option<&Coefficients>) -> Self {
+        // near α = 1 solitary waves are hundreds of beads wide, but no pulse in a chain that long has become one
+        const WIDEST: f64 = 20.0;
+        let width = wave.map_or(WIDEST, |wave| wave.velocity_fwhm_beads).min(WIDEST);
+        Self {
+            near: 3 + nearest(width),
+            origin: 8 + nearest(2.0 * width),
+            free: 2 + nearest(2.0 * width),
+            coast: 4 + nearest(3.0 * width),
+        }
+    }
+}
+
+/// Beads, rounded.
+pub(super) fn nearest(beads: f64) -> i64 {
+    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+    let nearest = beads.round() as i64;
+    nearest
+}

@@ -1,0 +1,50 @@
+//! How well a run keeps its energy, found by making it.
+
+use crate::integrator::Integrator;
+use crate::state::ChainState;
+use schemas::chain::ordered_sum;
+use schemas::manifest::Physics;
+use schemas::summary::relative_drift;
+
+/// What [`energy_error`] found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EnergyError {
+    /// The largest `|E − E0|/E0` of the states looked at, dissipated work included in E; infinite where a state
+    /// left the range of doubles.
+    pub largest: f64,
+    /// Steps made.
+    pub steps: u64,
+}
+
+/// Makes the first `steps` steps of a run (at most all of them), looking at the energy after every
+/// `look_every`-th and after the last. `progress` is told the step at each look.
+pub fn energy_error(
+    physics: &Physics,
+    steps: u64,
+    look_every: u64,
+    mut progress: impl FnMut(u64),
+) -> EnergyError {
+    let steps = if steps < physics.step_count { steps } else { physics.step_count };
+    let chain = physics.chain();
+    let initial_j = physics.initial_energy().total_j();
+    let mut contact_energy_j = vec![0.0; chain.contact_count()];
+    let mut integrator = Integrator::new(physics);
+    let mut state = ChainState::initial(physics);
+    let mut largest = 0.0;
+    while state.step < steps {
+        integrator.step(&mut state);
+        if !state.step.is_multiple_of(look_every) && state.step < steps {
+            continue;
+        }
+        progress(state.step);
+        let energy_j = chain.energy(&state.u_m, &state.v_m_s, &mut contact_energy_j).total_j();
+        let dissipated = physics.dissipated_j(&state.extra);
+        let dissipated_j = ordered_sum(dissipated.len(), |c| dissipated[c]);
+        let error = relative_drift(energy_j + dissipated_j, initial_j).abs();
+        if !error.is_finite() {
+            return EnergyError { largest: f64::INFINITY, steps: state.step };
+        }
+        largest = if error > largest { error } else { largest };
+    }
+    EnergyError { largest, steps }
+}

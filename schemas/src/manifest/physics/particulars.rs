@@ -1,0 +1,103 @@
+//! A run in words, for captions and listings.
+
+use super::Physics;
+use crate::config::{End, MassRule, StiffnessRule};
+use crate::damping::Damping;
+
+/// How many values are written out.
+const SHOWN: usize = 4;
+
+impl Physics {
+    /// What differs from equal beads with free ends, a phrase each, in SI units; but for the impurities.
+    ///
+    /// ```
+    /// use schemas::{manifest::Physics, presets::Preset};
+    /// let physics = Physics::resolve(&Preset::find("gravity").ok_or("no preset")?.config())?;
+    /// assert_eq!(physics.particulars(), ["wall on the right", "g = 9.81 m/s²"]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn particulars(&self) -> Vec<String> {
+        let mut phrases = Vec::new();
+        phrases.extend(match &self.masses {
+            MassRule::Uniform => None,
+            MassRule::PatternKg(pattern) => Some(format!("masses of {} kg in turn", first_of(pattern))),
+            MassRule::Taper(ratio) => Some(format!("each bead {ratio} times as heavy as the one before")),
+            MassRule::ListKg(_) => Some("masses from a list".to_owned()),
+        });
+        phrases.extend(match &self.stiffnesses {
+            StiffnessRule::Uniform => None,
+            StiffnessRule::Radii => Some("stiffnesses of spheres by their radii".to_owned()),
+            StiffnessRule::Pattern(pattern) => {
+                Some(format!("stiffnesses of {} N/m^α in turn", first_of(pattern)))
+            }
+            StiffnessRule::List(_) => Some("stiffnesses from a list".to_owned()),
+        });
+        let odd = self.contacts.iter().take(SHOWN);
+        phrases.extend(odd.map(|odd| format!("contact {}: {:e} N/m^α", odd.contact, odd.stiffness)));
+        if self.contacts.len() > SHOWN {
+            phrases.push(format!("… ({} odd contacts)", self.contacts.len()));
+        }
+        phrases.extend(self.walls_in_words().map(str::to_owned));
+        let load = &self.load;
+        phrases.extend((load.gravity_m_s2 != 0.0).then(|| format!("g = {} m/s²", load.gravity_m_s2)));
+        phrases.extend(
+            (load.precompression_n != 0.0).then(|| format!("pressed by {} N", load.precompression_n)),
+        );
+        phrases.extend(self.damping.map(|damping| match damping {
+            Damping::ViscousNSPerM(coefficient) => format!("dashpots of {coefficient} N·s/m"),
+            Damping::Restitution(restitution) => {
+                format!("coefficient of restitution {}", restitution.coefficient)
+            }
+        }));
+        phrases
+    }
+
+    fn walls_in_words(&self) -> Option<&'static str> {
+        match (self.ends.left, self.ends.right) {
+            (End::Free, End::Free) => None,
+            (End::Fixed, End::Free) => Some("wall on the left"),
+            (End::Free, End::Fixed) => Some("wall on the right"),
+            (End::Fixed, End::Fixed) => Some("walls at both ends"),
+        }
+    }
+}
+
+/// The first few values, in words.
+fn first_of(values: &[f64]) -> String {
+    let mut words: Vec<_> = values.iter().take(SHOWN).map(f64::to_string).collect();
+    words.extend((values.len() > SHOWN).then(|| format!("… ({} values)", values.len())));
+    words.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{DampingConfig, OddContact};
+    use crate::method::Method;
+    use crate::presets::PRESETS;
+
+    #[test]
+    fn every_particular_is_named() {
+        let mut config = PRESETS[2].config();
+        assert!(Physics::resolve(&config).expect("valid").particulars().is_empty());
+        config.chain.masses = MassRule::PatternKg(vec![1e-3, 0.0005]);
+        config.chain.stiffnesses = StiffnessRule::Pattern(vec![1.0; 5]);
+        config.chain.contacts = vec![OddContact { contact: 3, stiffness: 2e6 }];
+        (config.ends.left, config.ends.right) = (End::Fixed, End::Fixed);
+        (config.load.gravity_m_s2, config.load.precompression_n) = (-9.81, 0.5);
+        config.damping = Some(DampingConfig::Restitution(0.9));
+        config.integrator.method = Method::Gear5;
+        config.time.duration_s = 10.0;
+        let found = Physics::resolve(&config).expect("valid").particulars();
+        let expected = [
+            "masses of 0.001, 0.0005 kg in turn",
+            "stiffnesses of 1, 1, 1, 1, … (5 values) N/m^α in turn",
+            "contact 3: 2e6 N/m^α",
+            "walls at both ends",
+            "g = -9.81 m/s²",
+            "pressed by 0.5 N",
+            "coefficient of restitution 0.9",
+        ];
+        assert_eq!(found, expected);
+    }
+}
