@@ -23,7 +23,7 @@ pub struct Front {
 }
 
 /// Beads from which one place is interpolated. The error at the crest of a pulse of the standard deviation σ (beads)
-/// falls as σ^(−9): it is 3e-6 of the height at most for σ = 2.95, the pulse of α = 1.02.
+/// falls as σ^(−9): it is 4e-6 of the height at most for σ = 2.95, the pulse of α = 1.02.
 const NODES: usize = 9;
 
 impl Front {
@@ -137,7 +137,7 @@ mod tests {
             let found = measured(centre, |x| (-0.5 * (x / sigma).powi(2)).exp());
             // what `NODES` promises of the height; the error of the slope, as large, puts the crest off by that
             // over the curvature 1/σ²
-            assert!((found.v_max_m_s / 1.7 - 1.0).abs() < 3e-6, "{found:?}");
+            assert!((found.v_max_m_s / 1.7 - 1.0).abs() < 4e-6, "{found:?}");
             let off = (found.bead - centre, found.fwhm_beads / fwhm - 1.0, found.asymmetry);
             assert!(off.0.abs() < 3e-5 && off.1.abs() < 1e-5 && off.2.abs() < 1e-5, "{off:?}");
         }
