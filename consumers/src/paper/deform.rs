@@ -1,23 +1,24 @@
 //! The deformation of a contact while the pulse passes, beside the theory of the continuum.
 
+mod measures;
+
 use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
 use super::observe::{Observations, Observed};
 use super::passing::both_steps;
-use super::reference::CONTACT_100;
 use super::runs::{Run, homogeneous, homogeneous_long};
 use super::study::Study;
-use crate::deformation::{Comparison, Deformation, Shape};
+use crate::deformation::{Comparison, Sample, Shape};
 use crate::figure::Figure;
 use crate::plots;
 use crate::theory::ContinuumWave;
+pub(super) use measures::against_reference;
+use measures::{TAIL, continuum, deformation, from_triangle, handed_on, longer, norms, shape, stepped};
 use std::f64::consts::FRAC_PI_2;
 
 const SECTION: &str = "section 2";
 const CONCLUSION: &str = "section 4";
 /// Two curves superimpose if they differ by no more than this part of the peak.
 const SUPERIMPOSE: f64 = 0.05;
-/// A tail is where the overlap is this part of the peak.
-const TAIL: f64 = 1e-3;
 
 /// A study of the deformation at one exponent.
 macro_rules! study {
@@ -183,70 +184,6 @@ fn both(alpha: f64) -> Vec<Run> {
     runs.flat_map(|run| [run.clone().with_step_times(2), run]).collect()
 }
 
-/// The deformation that a run was made for.
-fn deformation<'a>(seen: &'a Observations, run: &Run) -> Result<&'a Deformation, StudyError> {
-    let seen = seen.of(run)?;
-    seen.deformations.first().ok_or_else(|| seen.absent("deformation"))
-}
-
-fn shape(seen: &Observations, run: &Run) -> Result<Shape, StudyError> {
-    let untold = |why: crate::deformation::Untold| StudyError::Absent {
-        run: run.name().to_owned(),
-        what: why.to_string(),
-    };
-    deformation(seen, run)?.measured.map_err(untold)
-}
-
-fn continuum<'a>(seen: &'a Observations, run: &Run) -> Result<&'a Comparison, StudyError> {
-    let none = |why: &String| StudyError::Absent { run: run.name().to_owned(), what: why.clone() };
-    deformation(seen, run)?.continuum.as_ref().map_err(none)
-}
-
-/// Time, height, width and speed of the pulse at contact 100, and the largest velocity of bead 100, against the
-/// reference.
-pub(super) fn against_reference(seen: &Observations, alpha: f64) -> Result<Vec<Number>, StudyError> {
-    let good_to = if alpha == 1.01 { 1e-5 } else { 1e-6 };
-    let (run, partner) = (homogeneous(alpha), homogeneous(alpha).with_step_times(2));
-    let values = |run: &Run| -> Result<[f64; 5], StudyError> {
-        let (shape, found) = (shape(seen, run)?, seen.of(run)?);
-        let speed = deformation(seen, run)?.speed_beads_per_s.ok_or_else(|| found.absent("speed"))?;
-        let passage = found
-            .pulses_past(100, true)
-            .into_iter()
-            .next()
-            .ok_or_else(|| found.absent("pulse at bead 100"))?;
-        Ok([shape.peak_s * 1e3, shape.overlap_m * 1e6, shape.width_s * 1e6, speed, passage.v_peak_m_s])
-    };
-    let (fine, coarse) = (values(&run)?, values(&partner)?);
-    let reference = CONTACT_100.numbers(&[alpha])?;
-    let units = [1e3, 1e6, 1e6, 1.0, 1.0];
-    let names = [
-        ("time of the peak", "ms"),
-        ("largest overlap", "µm"),
-        ("full width at half maximum", "µs"),
-        ("speed", "beads/s"),
-        ("largest velocity of bead 100", "m/s"),
-    ];
-    let numbers = names.into_iter().enumerate().map(|(i, (what, unit))| {
-        Number::stepped(format!("{what}, α = {alpha}"), fine[i], coarse[i], unit)
-            .against(units[i] * reference[i], good_to)
-    });
-    Ok(numbers.collect())
-}
-
-/// How far the theory is off, as shares of the peak.
-fn norms(seen: &Observations, alpha: f64) -> Result<Vec<Number>, StudyError> {
-    let (run, partner) = (homogeneous(alpha), homogeneous(alpha).with_step_times(2));
-    let (fine, coarse) = (continuum(seen, &run)?, continuum(seen, &partner)?);
-    let number = |what: &str, of: fn(&Comparison) -> f64| {
-        Number::stepped(format!("{what} of eq. (cos), α = {alpha}"), of(fine), of(coarse), "")
-    };
-    Ok(vec![
-        number("largest error", |theory| theory.l_infinity),
-        number("root-mean-square error over the width", |theory| theory.l2),
-    ])
-}
-
 fn judge_1_2(seen: &Observations) -> Result<Judgement, StudyError> {
     let largest = continuum(seen, &homogeneous(1.2))?.l_infinity;
     let mut numbers = norms(seen, 1.2)?;
@@ -281,51 +218,11 @@ fn judge_lobe(seen: &Observations) -> Result<Judgement, StudyError> {
     })
 }
 
-/// Where, before and after the peak, the measured overlap and the theory's are [`TAIL`] of the peak: half the time between
-/// (s) of each.
-fn tails(seen: &Observations, run: &Run) -> Result<(f64, f64), StudyError> {
-    let (found, theory, shape) = (deformation(seen, run)?, continuum(seen, run)?, shape(seen, run)?);
-    let alpha = run.config.chain.alpha;
-    let level_m = TAIL * shape.overlap_m;
-    let above: Vec<f64> = found
-        .samples
-        .iter()
-        .filter(|sample| sample.overlap_m > level_m)
-        .map(|sample| sample.time_s)
-        .collect();
-    let (Some(first), Some(last)) = (above.first(), above.last()) else {
-        return Err(StudyError::Absent { run: run.name().to_owned(), what: "overlap".to_owned() });
-    };
-    // cos^(2/(α−1)) = TAIL
-    let wave = ContinuumWave::new(alpha)?;
-    let part = TAIL.powf(0.5 * (alpha - 1.0)).acos() / FRAC_PI_2;
-    let half_s = part * wave.half_length_beads() / theory.scale.speed_beads_per_s;
-    Ok((0.5 * (last - first), half_s))
-}
-
-/// A quantity of the run of an exponent, and of its partner.
-fn stepped(
-    alpha: f64,
-    what: impl Into<String>,
-    unit: &'static str,
-    of: impl Fn(&Run) -> Result<f64, StudyError>,
-) -> Result<Number, StudyError> {
-    let run = homogeneous(alpha);
-    Ok(Number::stepped(what, of(&run)?, of(&run.with_step_times(2))?, unit))
-}
-
-/// The length of the pulse at [`TAIL`] of the peak over that of the theory.
-fn longer(seen: &Observations, alpha: f64) -> Result<Number, StudyError> {
-    let what = format!("length at a thousandth of the peak over that of eq. (cos), α = {alpha}");
-    stepped(alpha, what, "", |run| tails(seen, run).map(|(ours, theirs)| ours / theirs))
-}
-
 fn judge_1_5(seen: &Observations) -> Result<Judgement, StudyError> {
     let run = homogeneous(1.5);
     let (found, theory, shape) = (deformation(seen, &run)?, continuum(seen, &run)?, shape(seen, &run)?);
     // a tail begins where the theory falls below the simulation for good
-    let outside =
-        |sample: &&crate::deformation::Sample| theory.overlap_m(sample.time_s) < 0.02 * shape.overlap_m;
+    let outside = |sample: &&Sample| theory.overlap_m(sample.time_s) < 0.02 * shape.overlap_m;
     let tail: Vec<_> = found
         .samples
         .iter()
@@ -368,18 +265,6 @@ fn judge_tails(seen: &Observations) -> Result<Judgement, StudyError> {
         ),
         numbers: vec![longer],
     })
-}
-
-/// `∫k·δ^α dt` and `∫k·δ dt` over the momentum (kg·m/s) that contact 100 has handed on: that of all beads behind it.
-fn handed_on(seen: &Observations, run: &Run) -> Result<(f64, f64), StudyError> {
-    let (found, shape, observed) = (deformation(seen, run)?, shape(seen, run)?, seen.of(run)?);
-    let physics = &observed.manifest.physics;
-    let passed: f64 = observed.snapshot(0)?.v_m_s[101..].iter().map(|v| v * physics.bead_mass_kg).sum();
-    let area = |pair: &[crate::deformation::Sample]| {
-        0.5 * (pair[0].compression_m() + pair[1].compression_m()) * (pair[1].time_s - pair[0].time_s)
-    };
-    let linear: f64 = found.samples.windows(2).map(area).sum();
-    Ok((shape.impulse_n_s / passed, physics.stiffness * linear / passed))
 }
 
 fn judge_unit(seen: &Observations) -> Result<Judgement, StudyError> {
@@ -451,17 +336,6 @@ fn judge_unreliable(seen: &Observations) -> Result<Judgement, StudyError> {
         ),
         numbers: vec![error, width],
     })
-}
-
-/// The largest distance of a pulse from a triangle of its height and width, over its height.
-fn from_triangle(seen: &Observations, run: &Run) -> Result<f64, StudyError> {
-    let (found, shape) = (deformation(seen, run)?, shape(seen, run)?);
-    // for α → ∞ one bead moves at a time: the overlap grows while it crosses, and falls while the next does
-    let triangle = |time_s: f64| (1.0 - 0.5 * (time_s - shape.peak_s).abs() / (0.5 * shape.width_s)).max(0.0);
-    let differences = found.samples.iter();
-    let differences =
-        differences.map(|sample| (sample.compression_m() / shape.overlap_m - triangle(sample.time_s)).abs());
-    Ok(differences.fold(0.0, f64::max))
 }
 
 fn judge_triangle(seen: &Observations) -> Result<Judgement, StudyError> {

@@ -1,13 +1,15 @@
 //! The energy figures: how much comes back, how much goes on.
 
+mod figures;
+
 use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
 use super::observe::Observations;
 use super::reference::REFLECTED;
 use super::reflection::{ALPHAS, BEAD_G, MASSES_G, Reflected, crossings, curve, point};
 use super::runs::light;
 use super::study::Study;
-use crate::figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};
 use crate::impurity::EventKind;
+use figures::{draw_corrected, draw_pulse, draw_total, draw_transmitted};
 use std::collections::BTreeSet;
 
 const SECTION: &str = "section 3";
@@ -15,8 +17,6 @@ const SECTION: &str = "section 3";
 const GOOD_TO: f64 = 3e-5;
 const FROM_WINDOW: &str = "what may still cross the impurity, and the change over the last 50 to 100 T";
 const FROM_GRID: &str = "half the distance between the masses computed";
-const CAPTION: &str =
-    "1000 beads of 1 g, impurity at bead 500, k = 10^{7} N m^{−α}, v_{0} = 5 m/s on bead 0.";
 
 pub(super) const TOTAL: Study = Study {
     slug: "reflected-total",
@@ -446,102 +446,4 @@ fn judge_speed(seen: &Observations) -> Result<Judgement, StudyError> {
         ),
         numbers: numbers.collect(),
     })
-}
-
-/// Seven colours from the first exponent to the last.
-const COLOURS: [Colour; 7] = [
-    Colour::Purple,
-    Colour::Blue,
-    Colour::Sky,
-    Colour::Green,
-    Colour::Orange,
-    Colour::Vermillion,
-    Colour::Black,
-];
-
-/// The curves of all exponents, the largest first in the legend, as they lie at the right.
-fn panel(seen: &Observations, label: &str, of: fn(&Reflected) -> f64) -> Result<Panel, StudyError> {
-    let mut panel = Panel::new().x_axis(mass_axis()).y_axis(label).vertical("", BEAD_G);
-    for (alpha, colour) in ALPHAS.iter().zip(COLOURS).rev() {
-        panel = panel.curve(Curve::line(format!("α = {alpha}"), curve(seen, *alpha, of)?).colour(colour));
-    }
-    Ok(panel)
-}
-
-/// The same where they cross.
-fn enlarged(seen: &Observations, label: &str, of: fn(&Reflected) -> f64) -> Result<Panel, StudyError> {
-    let mut panel = Panel::new()
-        .x_axis(Axis::new("mass of the impurity (g)").limits(0.55, 2.05))
-        .y_axis(Axis::new(label).limits(-0.003, 0.08));
-    for (alpha, colour) in ALPHAS.iter().zip(COLOURS).rev() {
-        panel = panel.curve(Curve::line("", curve(seen, *alpha, of)?).colour(colour).mark(Mark::Circle));
-    }
-    Ok(panel)
-}
-
-fn mass_axis() -> Axis {
-    Axis::new("mass of the impurity (g)").limits(0.4, 5.2)
-}
-
-/// The reference's points of one of its quantities.
-fn reference(transmitted: bool) -> Curve {
-    let value = |word: &str| word.parse().unwrap_or(f64::NAN);
-    let points = REFLECTED.rows().map(|row| (value(row[1]), value(row[if transmitted { 3 } else { 2 }])));
-    Curve::points("reference", points.collect::<Vec<_>>()).mark(Mark::Diamond).colour(Colour::Grey)
-}
-
-fn draw_total(seen: &Observations) -> Result<Figure, StudyError> {
-    let label = "reflected/total energy";
-    let whole = panel(seen, label, |point| point.over_total)?.curve(reference(false)).height(1.5);
-    Ok(Figure::new()
-        .caption(CAPTION)
-        .panel(whole)
-        .panel(enlarged(seen, label, |point| point.over_total)?.height(1.2)))
-}
-
-fn draw_transmitted(seen: &Observations) -> Result<Figure, StudyError> {
-    let label = "reflected/transmitted energy";
-    let whole = panel(seen, label, |point| point.over_transmitted)?.curve(reference(true)).height(1.5);
-    Ok(Figure::new()
-        .caption(CAPTION)
-        .panel(whole)
-        .panel(enlarged(seen, label, |point| point.over_transmitted)?.height(1.2)))
-}
-
-fn draw_corrected(seen: &Observations) -> Result<Figure, StudyError> {
-    let label = "reflected/incident energy";
-    let limit = (0..=100).map(|i| 1.0 + 0.04 * f64::from(i)).map(|mass_g| (mass_g, hard_limit(mass_g)));
-    let limit = || Curve::line("", limit.clone()).colour(Colour::Grey).stroke(Stroke::Dashed);
-    let whole = panel(seen, label, |point| point.corrected)?
-        .curve(Curve::line("limit α → ∞", []).colour(Colour::Grey).stroke(Stroke::Dashed))
-        .curve(limit())
-        .height(1.5);
-    let enlarged = enlarged(seen, label, |point| point.corrected)?.curve(limit()).height(1.2);
-    let caption =
-        format!("{CAPTION} Without the energy that stays at the struck end before the shock arrives.");
-    Ok(Figure::new().caption(caption).panel(whole).panel(enlarged))
-}
-
-fn draw_pulse(seen: &Observations) -> Result<Figure, StudyError> {
-    let x = || mass_axis();
-    let amplitude =
-        amplitudes(seen, |point| point.backward_m_s)?.into_iter().map(|(mass_g, v)| (mass_g, v.abs()));
-    let speed = amplitudes(seen, |point| point.backward_beads_per_s)?;
-    // without an impurity there is no such pulse: the line is broken there
-    let marked = |mut points: Vec<(f64, f64)>| {
-        let heavy = points.partition_point(|(mass_g, _)| *mass_g < BEAD_G);
-        points.insert(heavy, (BEAD_G, f64::NAN));
-        Curve::line("", points).colour(Colour::Blue).mark(Mark::Circle)
-    };
-    Ok(Figure::new()
-        .shared_x()
-        .caption(format!("{CAPTION} α = 1.5; the strongest pulse that leaves the impurity backwards."))
-        .panel(
-            Panel::new()
-                .x_axis(x())
-                .y_axis("amplitude (m/s)")
-                .curve(marked(amplitude.collect()))
-                .vertical("mass of the other beads", BEAD_G),
-        )
-        .panel(Panel::new().x_axis(x()).y_axis("speed (beads/s)").curve(marked(speed)).vertical("", BEAD_G)))
 }
