@@ -136,10 +136,14 @@ pub(super) fn heavy() -> Run {
 
 /// 200 equal beads, until the pulse has passed contact 100 (α > 1).
 pub(super) fn homogeneous(alpha: f64) -> Run {
-    let run = Run::new(&format!("homogeneous-alpha-{}", word(alpha)), alpha, 200, 1.0, 4).until_bead(150);
+    let run = Run::new(&format!("homogeneous-alpha-{}", word(alpha)), alpha, 200, 1.0, 2).until_bead(150);
     let last_s = 0.999 * run.config.time.duration_s;
-    let watch =
-        Watch { deformed: vec![100], probes: vec![100], snapshots_s: vec![last_s], ..Watch::default() };
+    let watch = Watch {
+        deformed: vec![100, 94, 105],
+        probes: vec![100],
+        snapshots_s: vec![last_s],
+        ..Watch::default()
+    };
     run.watch(watch)
 }
 

@@ -354,12 +354,10 @@ fn draw_vmax(seen: &Observations) -> Result<Figure, StudyError> {
     let paper = through(&law, 0.243);
     let reference = REFERENCE.map(|(alpha, value)| (alpha - 1.0, value));
     let label = format!("fit, exponent {:.4}", law.exponent);
-    let panel = laws("v_{max}/v_{0}", &points, (&label, &law))
-        .curve(line("exponent 0.243 of the paper", &paper).colour(Colour::Vermillion).stroke(Stroke::Dashed))
-        .curve(Curve::points("independent reference", reference).mark(Mark::Diamond).colour(Colour::Orange));
-    let residuals = deviations(&points, &law)
-        .curve(deviation_curve(&paper, &law).colour(Colour::Vermillion).stroke(Stroke::Dashed))
-        .curve(Curve::points("", reference.map(deviation(&law))).mark(Mark::Diamond).colour(Colour::Orange));
+    let panel = laws("v_{max}/v_{0}", &points, &reference, (&label, &law))
+        .curve(line("exponent 0.243 of the paper", &paper).colour(Colour::Vermillion).stroke(Stroke::Dashed));
+    let residuals = deviations(&points, &reference, &law)
+        .curve(deviation_curve(&paper, &law).colour(Colour::Vermillion).stroke(Stroke::Dashed));
     Ok(Figure::new().shared_x().caption(CAPTION).panel(panel).panel(residuals))
 }
 
@@ -378,30 +376,41 @@ fn draw_width(seen: &Observations) -> Result<Figure, StudyError> {
         .shared_x()
         .caption(CAPTION)
         .panel(
-            laws("full width at half maximum (beads)", &points, (&label, &law))
+            laws("full width at half maximum (beads)", &points, &[], (&label, &law))
                 .curve(limit(gaussian, "Gaussian limit")),
         )
-        .panel(deviations(&points, &law).curve(limit(residuals, ""))))
+        .panel(deviations(&points, &[], &law).curve(limit(residuals, ""))))
 }
 
-/// Points with the law through them, on logarithmic axes.
-fn laws(label: &str, points: &[(f64, f64)], (fit, law): (&str, &PowerLaw)) -> Panel {
+/// Points, over those of a reference, with the law through them, on logarithmic axes.
+fn laws(
+    label: &str,
+    points: &[(f64, f64)],
+    reference: &[(f64, f64)],
+    (fit, law): (&str, &PowerLaw),
+) -> Panel {
     Panel::new()
         .x_axis(Axis::new("α − 1").log())
         .y_axis(Axis::new(label).log())
         .curve(line(fit, law).colour(Colour::Black))
+        .curve(diamonds(if reference.is_empty() { "" } else { "independent reference" }, reference))
         .curve(Curve::points("simulation", points.to_vec()).colour(Colour::Blue))
         .height(1.4)
 }
 
-/// How far points are off the law.
-fn deviations(points: &[(f64, f64)], law: &PowerLaw) -> Panel {
-    let points: Vec<_> = points.iter().copied().map(deviation(law)).collect();
+fn diamonds(label: &str, points: &[(f64, f64)]) -> Curve {
+    Curve::points(label, points.to_vec()).mark(Mark::Diamond).colour(Colour::Orange)
+}
+
+/// How far points, and those of a reference, are off the law.
+fn deviations(points: &[(f64, f64)], reference: &[(f64, f64)], law: &PowerLaw) -> Panel {
+    let off = |points: &[(f64, f64)]| -> Vec<_> { points.iter().copied().map(deviation(law)).collect() };
     Panel::new()
         .x_axis(Axis::new("α − 1").log())
         .y_axis("off the fit (%)")
         .horizontal("", 0.0)
-        .curve(Curve::points("", points).colour(Colour::Blue))
+        .curve(diamonds("", &off(reference)))
+        .curve(Curve::points("", off(points)).colour(Colour::Blue))
         .height(0.8)
 }
 
