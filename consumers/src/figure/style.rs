@@ -91,10 +91,12 @@ pub enum Mark {
     Triangle,
     /// A square on its corner.
     Diamond,
+    /// A thin upright cross, wider than the others: it is seen under one of them.
+    Cross,
 }
 
 impl Mark {
-    /// Its outline around a place, as a piece of an SVG path; shapes have about the same area.
+    /// Its outline around a place, as a piece of an SVG path; shapes have about the same area, but for the cross.
     pub(super) fn path(self, (x, y): (f64, f64), radius: f64) -> String {
         let corners: &[(f64, f64)] = match self {
             Self::Circle => {
@@ -104,6 +106,20 @@ impl Mark {
             Self::Square => &[(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)],
             Self::Triangle => &[(0.0, -1.3), (1.2, 0.8), (-1.2, 0.8)],
             Self::Diamond => &[(0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)],
+            Self::Cross => &[
+                (-0.3, -2.2),
+                (0.3, -2.2),
+                (0.3, -0.3),
+                (2.2, -0.3),
+                (2.2, 0.3),
+                (0.3, 0.3),
+                (0.3, 2.2),
+                (-0.3, 2.2),
+                (-0.3, 0.3),
+                (-2.2, 0.3),
+                (-2.2, -0.3),
+                (-0.3, -0.3),
+            ],
         };
         let place = |(right, down): &(f64, f64)| {
             format!("{} {}", number(x + right * radius), number(y + down * radius))

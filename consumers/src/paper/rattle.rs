@@ -6,7 +6,7 @@ use super::passing::{BACKWARD_BEAD, FORWARD_BEAD, both_steps, falls};
 use super::reference::LIGHT_TURNS;
 use super::runs::{Run, light};
 use super::study::Study;
-use crate::figure::{Axis, Colour, Curve, Figure, Panel};
+use crate::figure::{Axis, Colour, Curve, Figure, Mark, Panel};
 use crate::impurity::{Event, EventKind};
 use crate::plots;
 
@@ -245,6 +245,6 @@ fn draw_impurity(seen: &Observations) -> Result<Figure, StudyError> {
         .x_axis(Axis::new("time (ms)").limits(42.5, 80.0))
         .y_axis("displacement (mm)")
         .curve(Curve::line("impurity", path).colour(Colour::Blue))
-        .curve(Curve::points("independent reference", marks).colour(Colour::Vermillion));
+        .curve(Curve::points("independent reference", marks).mark(Mark::Cross).colour(Colour::Vermillion));
     Ok(Figure::new().caption(plots::caption(&seen.manifest)).panel(panel))
 }

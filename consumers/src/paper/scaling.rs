@@ -393,13 +393,13 @@ fn laws(
         .x_axis(Axis::new("α − 1").log())
         .y_axis(Axis::new(label).log())
         .curve(line(fit, law).colour(Colour::Black))
-        .curve(diamonds(if reference.is_empty() { "" } else { "independent reference" }, reference))
+        .curve(crosses(if reference.is_empty() { "" } else { "independent reference" }, reference))
         .curve(Curve::points("simulation", points.to_vec()).colour(Colour::Blue))
         .height(1.4)
 }
 
-fn diamonds(label: &str, points: &[(f64, f64)]) -> Curve {
-    Curve::points(label, points.to_vec()).mark(Mark::Diamond).colour(Colour::Orange)
+fn crosses(label: &str, points: &[(f64, f64)]) -> Curve {
+    Curve::points(label, points.to_vec()).mark(Mark::Cross).colour(Colour::Orange)
 }
 
 /// How far points, and those of a reference, are off the law.
@@ -409,7 +409,7 @@ fn deviations(points: &[(f64, f64)], reference: &[(f64, f64)], law: &PowerLaw) -
         .x_axis(Axis::new("α − 1").log())
         .y_axis("off the fit (%)")
         .horizontal("", 0.0)
-        .curve(diamonds("", &off(reference)))
+        .curve(crosses("", &off(reference)))
         .curve(Curve::points("", off(points)).colour(Colour::Blue))
         .height(0.8)
 }

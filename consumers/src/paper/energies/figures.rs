@@ -49,7 +49,7 @@ fn mass_axis() -> Axis {
 fn reference(transmitted: bool) -> Curve {
     let value = |word: &str| word.parse().unwrap_or(f64::NAN);
     let points = REFLECTED.rows().map(|row| (value(row[1]), value(row[if transmitted { 3 } else { 2 }])));
-    Curve::points("reference", points.collect::<Vec<_>>()).mark(Mark::Diamond).colour(Colour::Grey)
+    Curve::points("reference", points.collect::<Vec<_>>()).mark(Mark::Cross).colour(Colour::Grey)
 }
 
 pub(super) fn draw_total(seen: &Observations) -> Result<Figure, StudyError> {
