@@ -11,4 +11,5 @@ pub(crate) mod presets;
 pub(crate) mod pulses;
 pub(crate) mod run;
 pub(crate) mod sweep;
+pub(crate) mod thin;
 pub(crate) mod verify;

@@ -13,5 +13,6 @@ mod recordings;
 mod reference;
 mod reflection;
 mod sweep;
+mod thinning;
 mod time_step;
 mod verifying;
