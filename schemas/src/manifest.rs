@@ -320,11 +320,11 @@ mod tests {
         RunManifest::new(&PRESETS[0].config(), "run", origin()).expect("valid preset")
     }
 
-    /// 0.08 s in steps of 0.02·72.477966 µs.
+    /// 0.08 s in steps of 0.01·72.477966 µs.
     #[test]
     fn light_impurity_has_the_documented_step() {
         let m = manifest();
-        assert!((m.physics.dt_s - 0.02 * 72.477_966e-6).abs() < 1e-13);
+        assert!((m.physics.dt_s - 0.01 * 72.477_966e-6).abs() < 1e-13);
         assert_eq!(m.physics.step_count, 110_378);
         assert_eq!(m.frame_count(), 110_379);
     }
