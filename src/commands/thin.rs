@@ -36,6 +36,16 @@ pub(crate) fn thin(args: &ThinArgs) -> Result<Done, Failure> {
     rewrite.run("thinned")
 }
 
+/// Keeps every `every_steps`-th state of the recording `from` in `to`, and says nothing.
+pub(crate) fn thin_quietly(
+    from: &Path,
+    to: &Path,
+    every_steps: u64,
+    force: bool,
+) -> Result<Finished, Failure> {
+    Rewrite { from, to, every_steps, force, json: false }.write(&RecordingInfo::read(from)?)
+}
+
 /// Recomputes the states in between.
 pub(crate) fn expand(args: &ExpandArgs) -> Result<Done, Failure> {
     let published = || {
@@ -54,9 +64,15 @@ pub(crate) fn expand(args: &ExpandArgs) -> Result<Done, Failure> {
 
 impl Rewrite<'_> {
     fn run(&self, done: &str) -> Result<Done, Failure> {
+        let info = RecordingInfo::read(self.from).bad_input()?;
+        let finished = self.write(&info)?;
+        self.report(done, &info, &finished)?;
+        Ok(Done::Whole)
+    }
+
+    fn write(&self, info: &RecordingInfo) -> Result<Finished, Failure> {
         check_place(self.to, self.from, self.force)?;
         let stop = signals::stop_flag()?;
-        let info = RecordingInfo::read(self.from).bad_input()?;
         let manifest = self.manifest(&info.manifest)?;
         let options = WriteOptions { force: self.force, ..WriteOptions::default() };
         SpaceNeeded::new(&manifest, options.compression).check(self.to)?;
@@ -78,9 +94,7 @@ impl Rewrite<'_> {
                 return Err(failure);
             }
         };
-        let finished = writer.finish(reason)?;
-        self.report(done, &info, &finished)?;
-        Ok(Done::Whole)
+        Ok(writer.finish(reason)?)
     }
 
     /// The manifest of the new recording: the same run, recorded at other steps.
