@@ -219,7 +219,7 @@ pub(crate) fn check_outputs(args: &AnalysisArgs, outputs: &[&PathBuf]) -> Result
         if outputs[..i].contains(path) {
             return Err(Failure::BadInput(anyhow!("{} is named for two outputs", path.display())));
         }
-        check_place(path, args)?;
+        check_place(path, Path::new(&args.source), args.force)?;
     }
     Ok(())
 }
@@ -244,12 +244,12 @@ fn check_extension(path: &Path, allowed: &[&str], rule: &str) -> Result<(), Fail
 }
 
 /// Refuses a path that is taken, that is the source itself, or that has no directory.
-fn check_place(path: &Path, args: &AnalysisArgs) -> Result<(), Failure> {
+pub(crate) fn check_place(path: &Path, source: &Path, force: bool) -> Result<(), Failure> {
     let resolved = |path: &Path| path.canonicalize().ok();
-    if resolved(path).is_some_and(|path| Some(path) == resolved(Path::new(&args.source))) {
+    if resolved(path).is_some_and(|path| Some(path) == resolved(source)) {
         return Err(Failure::BadInput(anyhow!("{} is the source itself", path.display())));
     }
-    if path.exists() && (!args.force || !path.is_file()) {
+    if path.exists() && (!force || !path.is_file()) {
         let message = format!("{} exists already; choose another name or pass --force", path.display());
         return Err(Failure::Failed(anyhow!(message)));
     }

@@ -62,6 +62,10 @@ pub(crate) enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Keep every K-th state of a recording; the others can be recomputed bit for bit
+    Thin(ThinArgs),
+    /// Recompute the states between those of a sparse recording
+    Expand(ExpandArgs),
     /// Prove a recording: recompute every state from the one before and compare the bits
     Verify(VerifyArgs),
     /// Show what is in a recording
@@ -170,6 +174,47 @@ pub(crate) struct Overrides {
     /// Record every K-th step, the first and the last [default: every published one]
     #[arg(long, value_name = "K")]
     pub(crate) record_every_steps: Option<u64>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  \
+    beadline thin run.mcap --every-steps 100 --out sparse.mcap\n\n\
+    Every state is proven on the way: recomputed from the one before. `beadline expand` brings the others back.")]
+pub(crate) struct ThinArgs {
+    /// The recording
+    pub(crate) file: PathBuf,
+    /// Keep every K-th step, the first and the last
+    #[arg(long, value_name = "K")]
+    pub(crate) every_steps: u64,
+    /// Recording to write
+    #[arg(long, value_name = "FILE.mcap")]
+    pub(crate) out: PathBuf,
+    /// Replace a file that exists
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  \
+    beadline expand sparse.mcap --out full.mcap        every frame of the run")]
+pub(crate) struct ExpandArgs {
+    /// The recording
+    pub(crate) file: PathBuf,
+    /// Write every K-th step, the first and the last [default: every frame]
+    #[arg(long, value_name = "K")]
+    pub(crate) every_steps: Option<u64>,
+    /// Recording to write
+    #[arg(long, value_name = "FILE.mcap")]
+    pub(crate) out: PathBuf,
+    /// Replace a file that exists
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Debug, Args)]

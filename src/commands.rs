@@ -12,4 +12,5 @@ pub(crate) mod pulses;
 pub(crate) mod reproduce;
 pub(crate) mod run;
 pub(crate) mod sweep;
+pub(crate) mod thin;
 pub(crate) mod verify;

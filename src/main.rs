@@ -35,6 +35,8 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Reproduce(args) => commands::reproduce::reproduce(&args),
         Command::Ls { json } => commands::ls::ls(json),
+        Command::Thin(args) => commands::thin::thin(&args),
+        Command::Expand(args) => commands::thin::expand(&args),
         Command::Verify(args) => commands::verify::verify(&args),
         Command::Info { file, json } => commands::info::info(&file, json),
     }

@@ -64,11 +64,12 @@ mod tests {
 
     const ALPHAS: [f64; 8] = [1.0, 1.1, 1.5, 2.0, 2.5, 3.0, 10.0, 1000.0];
 
+    /// In units of `F_rest·δ_rest`, for `δ_rest` = 1 m.
     fn excess(alpha: f64, x: f64) -> f64 {
         let law = ContactLaw::new(alpha);
-        let rest = AtRest { overlap_m: 0.25, force_n: law.force(8.0, 0.25), energy_j: law.energy(8.0, 0.25) };
-        let energy_j = law.energy(8.0, 0.25 * (1.0 + x));
-        Excess::new(law).energy_j(rest, 0.25 * x, energy_j) / (rest.force_n * 0.25)
+        let rest = AtRest { overlap_m: 1.0, force_n: law.force(8.0, 1.0), energy_j: law.energy(8.0, 1.0) };
+        let energy_j = law.energy(8.0, 1.0 + x);
+        Excess::new(law).energy_j(rest, x, energy_j) / rest.force_n
     }
 
     /// Both forms where they meet: the difference has lost `1/x²` of its digits there.
@@ -98,14 +99,13 @@ mod tests {
         }
     }
 
-    /// `(1/4)·((17/16)⁴ − 1) − 1/16` for α = 3 and `a = δ_rest/16`, in units of `F_rest·δ_rest`.
+    /// `(1/4)·((17/16)⁴ − 1) − 1/16` for α = 3 and `x = 1/16`.
     #[test]
     fn an_excess_worked_out_by_hand() {
         let expected = ((17.0_f64 / 16.0).powi(4) - 1.0) / 4.0 - 1.0 / 16.0;
         assert!((excess(3.0, 1.0 / 16.0) / expected - 1.0).abs() < 1e-13);
-        assert!(
-            (excess(3.0, 1.0 / 64.0) / (1.5 / 4096.0 + 1.0 / 262_144.0 + 0.25 / 16_777_216.0) - 1.0).abs()
-                < 1e-15
-        );
+        // by the series: 3/2·x² + x³ + x⁴/4
+        let expected = 1.5 / 4096.0 + 1.0 / 262_144.0 + 0.25 / 16_777_216.0;
+        assert!((excess(3.0, 1.0 / 64.0) / expected - 1.0).abs() < 1e-15);
     }
 }

@@ -1,6 +1,7 @@
 //! `beadline demo`: the whole pipeline once, each part a process of its own.
 
 use crate::args::DemoArgs;
+use crate::commands::thin::thin_quietly;
 use crate::configuration::preset;
 use crate::display::{self, bytes, count, seconds};
 use crate::failure::{Done, Failure};
@@ -14,7 +15,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use schemas::bus::{Bus, list_runs};
 use schemas::frame::{Frame, FrameSource};
 use schemas::manifest::{Physics, RunManifest};
-use schemas::recording::RecordingSource;
+use schemas::recording::{Finished, RecordingSource};
 use schemas::run_name::RunName;
 use serde_json::Value;
 use std::convert::Infallible;
@@ -60,6 +61,9 @@ const CONSUMERS: [(&str, &[(&str, &str)]); 3] = [
     ),
 ];
 
+/// Steps between two states of the thinned recording.
+const SPARSE_EVERY_STEPS: u64 = 100;
+
 /// Drawn from the recording's last frame.
 const PROFILES: [&str; 2] = ["profiles.svg", "profiles.png"];
 
@@ -75,8 +79,10 @@ pub(crate) fn demo(args: &DemoArgs) -> Result<Done, Failure> {
     processes.watch(&name, step_count()?, &stop)?;
     let [run, consumers @ ..] = processes.finish()?;
     let passages = look_at_recording(dir)?;
+    let sparse = thin_quietly(&recording_path(dir), &sparse_path(dir), SPARSE_EVERY_STEPS, args.force)?;
 
     let mut text = summary(&run, &consumers);
+    text.push_str(&sizes(dir, &sparse)?);
     text.push_str(&pulses_table(&passages));
     text.push_str(&files_table(dir)?);
     let _ = writeln!(text, "\nall of it in {}", display::duration(start.elapsed()));
@@ -102,11 +108,16 @@ fn recording_path(dir: &Path) -> PathBuf {
     dir.join(format!("{PRESET}.mcap"))
 }
 
+/// Every [`SPARSE_EVERY_STEPS`]-th state of the recording, from which the others can be recomputed.
+fn sparse_path(dir: &Path) -> PathBuf {
+    dir.join(format!("{PRESET}-sparse.mcap"))
+}
+
 /// Refuses to start when results of before are in the way.
 fn check_free(dir: &Path, force: bool) -> Result<(), Failure> {
     let outputs = CONSUMERS.iter().flat_map(|(_, outputs)| outputs.iter().map(|(_, file)| dir.join(file)));
     let partial = recording_path(dir).with_extension("mcap.partial");
-    let taken = outputs.chain([recording_path(dir), partial]).find(|path| path.exists());
+    let taken = outputs.chain([recording_path(dir), partial, sparse_path(dir)]).find(|path| path.exists());
     match taken {
         Some(path) if !force => {
             let message = format!("{} exists already; choose another --out or pass --force", path.display());
@@ -322,6 +333,21 @@ fn summary(run: &Value, consumers: &[Value; 3]) -> String {
     display::rows(&format!("{PRESET}: {} steps", number(&run["steps"])), &rows)
 }
 
+/// The recording and the thinned one, which holds the same steps.
+fn sizes(dir: &Path, sparse: &Finished) -> Result<String, Failure> {
+    let path = recording_path(dir);
+    let full = fs::metadata(&path).with_context(|| format!("{} cannot be read", path.display()))?.len();
+    let ratio = full as f64 / sparse.bytes as f64;
+    let rows = [
+        ("every state", bytes(full).to_string()),
+        (
+            "every 100th",
+            format!("{}, {ratio:.0} times smaller: the others are recomputed", bytes(sparse.bytes)),
+        ),
+    ];
+    Ok(display::rows("recordings", &rows))
+}
+
 /// The leading pulses beside independent numbers.
 fn pulses_table(passages: &[Passage]) -> String {
     let mut text =
@@ -348,7 +374,7 @@ fn pulses_table(passages: &[Passage]) -> String {
 
 /// The files that the demo left, with their sizes.
 fn files_table(dir: &Path) -> Result<String, Failure> {
-    let mut files = vec![recording_path(dir)];
+    let mut files = vec![recording_path(dir), sparse_path(dir)];
     files.extend(CONSUMERS.iter().flat_map(|(_, outputs)| outputs.iter().map(|(_, file)| dir.join(file))));
     files.extend(PROFILES.map(|file| dir.join(file)));
     let mut text = String::from("\nfiles\n");

@@ -14,5 +14,6 @@ mod reference;
 mod reflection;
 mod reproduce;
 mod sweep;
+mod thinning;
 mod time_step;
 mod verifying;

@@ -55,6 +55,7 @@ fn the_demo_leaves_a_recording_tables_and_figures() {
     assert_eq!(text.matches("55,190, 0 missed").count(), 3, "{text}");
     for file in [
         "light-impurity.mcap",
+        "light-impurity-sparse.mcap",
         "energies.csv",
         "impurity.csv",
         "impurity-events.csv",

@@ -93,7 +93,9 @@ fn waiting_beside_another_run_costs_next_to_nothing() {
     println!("busy for {busy:?} of {waited:?}");
     let Err(error) = result else { panic!() };
     assert!(error.to_string().contains("no run mine was published within 4.0 s"), "{error}");
-    assert!(busy < waited / 100, "{busy:?} of {waited:?}");
+    // a wait without pauses would be busy for all of it; the 1 % of a quiet machine is for a bench to show,
+    // because the same work takes several times as long on one that is not
+    assert!(busy < waited / 10, "{busy:?} of {waited:?}");
 }
 
 #[test]
