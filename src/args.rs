@@ -179,7 +179,8 @@ pub(crate) struct Overrides {
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
     beadline thin run.mcap --every-steps 100 --out sparse.mcap\n\n\
-    Every state is proven on the way: recomputed from the one before. `beadline expand` brings the others back.")]
+    Every state is proven on the way: recomputed from the one before. `beadline expand` brings the others back.\n\
+    K is a multiple of the steps between two frames of the run.")]
 pub(crate) struct ThinArgs {
     /// The recording
     pub(crate) file: PathBuf,
@@ -221,12 +222,12 @@ pub(crate) struct ExpandArgs {
 #[command(after_help = "Examples:\n  \
     beadline verify run.mcap           prints `proven`, or what differs: frame, bead and quantity\n  \
     beadline verify run.mcap --json    the same for a program\n\n\
-    Exit code 3 if a state does not follow from the one before, frames are missing, or the file is damaged.")]
+    Exit code 3 if a state does not follow from the one before, frames are missing, or the file is damaged or cut off.")]
 pub(crate) struct VerifyArgs {
     /// The recording
     pub(crate) file: PathBuf,
     /// Threads that recompute [default: one for each core]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = parse_jobs)]
     pub(crate) jobs: Option<NonZero<usize>>,
     /// Print JSON
     #[arg(long)]
@@ -400,7 +401,7 @@ pub(crate) struct SweepArgs {
     #[arg(long, value_name = "DIR", required_unless_present = "example")]
     pub(crate) out: Option<PathBuf>,
     /// Points computed at the same time [default: the cores of this machine]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = parse_jobs)]
     pub(crate) jobs: Option<NonZero<usize>>,
     /// Compute only the points whose index leaves the remainder I by N
     #[arg(long, value_name = "I/N", value_parser = parse_shard)]
@@ -438,7 +439,7 @@ pub(crate) struct ReproduceArgs {
     #[arg(long, value_name = "DIR", default_value = "paper")]
     pub(crate) out: PathBuf,
     /// Runs simulated at the same time [default: the cores of this machine]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = parse_jobs)]
     pub(crate) jobs: Option<NonZero<usize>>,
     /// Replace a report that exists
     #[arg(long)]
@@ -458,6 +459,12 @@ pub(crate) enum Pace {
     Max,
     /// Simulated seconds per second of wall time.
     PerSecond(f64),
+}
+
+/// More threads than any machine has cores are a mistake.
+fn parse_jobs(text: &str) -> Result<NonZero<usize>, String> {
+    let jobs = text.parse().ok().filter(|jobs: &NonZero<usize>| jobs.get() <= 1024);
+    jobs.ok_or_else(|| "expected a number of threads from 1 to 1024".to_owned())
 }
 
 fn parse_pace(text: &str) -> Result<Pace, String> {

@@ -67,8 +67,7 @@ pub(crate) fn choose(config: &RunConfig, tolerance: f64) -> Result<Chosen, Failu
     let by_default = with_step(None).bad_input()?;
     let search = Search {
         tolerance,
-        // where contacts open the error falls like dt^(α+1) at best
-        order: f64::from(by_default.method.order()).min(by_default.alpha + 1.0),
+        order: order(&by_default),
         first_s: by_default.dt_s,
         longest_s: by_default.longest_dt_s().min(config.time.duration_s),
     };
@@ -82,6 +81,13 @@ pub(crate) fn choose(config: &RunConfig, tolerance: f64) -> Result<Chosen, Failu
     );
     display::notice(&measured);
     Ok(Chosen { dt_s: chosen.dt_s, measured })
+}
+
+/// How the error falls with the step: where contacts open like dt^(α+1) at best, with damping that goes with δ^p
+/// like dt^(p+1).
+fn order(physics: &Physics) -> f64 {
+    let by_contacts = f64::from(physics.method.order()).min(physics.alpha + 1.0);
+    physics.damping.map_or(by_contacts, |damping| by_contacts.min(damping.exponent(physics.alpha) + 1.0))
 }
 
 /// What a pilot run found.

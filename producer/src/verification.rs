@@ -43,13 +43,17 @@ pub struct Verification<E> {
 }
 
 impl<E> Verification<E> {
-    /// Whether all is as it must be.
+    /// Whether all is as it must be, from the first state to the end of the run.
     pub fn is_proven(&self) -> bool {
+        self.is_proven_so_far() && self.end.is_orderly()
+    }
+
+    /// Whether what there is, is as it must be.
+    pub fn is_proven_so_far(&self) -> bool {
         self.state_count > 0
             && self.difference_count == 0
             && self.missing.is_empty()
             && self.failure.is_none()
-            && self.end != EndReason::Stopped
     }
 }
 

@@ -164,6 +164,20 @@ impl Chain {
         );
     }
 
+    /// The same energy (J) of one contact.
+    pub fn contact_energy_j(&self, u_m: &[f64], contact: usize) -> f64 {
+        let energy_j = self.law.energy(self.stiffness[contact], self.overlap_m(u_m, contact));
+        if self.rest_overlap_m[contact] == 0.0 {
+            return energy_j;
+        }
+        let at_rest = AtRest {
+            overlap_m: self.rest_overlap_m[contact],
+            force_n: self.rest_force_n[contact],
+            energy_j: self.rest_energy_j[contact],
+        };
+        Excess::new(self.law).energy_j(at_rest, u_m[contact] - u_m[contact + 1], energy_j)
+    }
+
     /// The same energy (J) of the contacts with the left and with the right wall, 0 at free ends.
     pub fn wall_energies_j(&self, u_m: &[f64]) -> [f64; 2] {
         let Walls { left, right } = self.walls;

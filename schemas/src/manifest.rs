@@ -167,6 +167,16 @@ impl RunManifest {
         Ok(manifest)
     }
 
+    /// The same run, with a state recorded every `steps` steps.
+    ///
+    /// # Errors
+    /// When that is no multiple of the steps between two frames.
+    pub fn recorded_every(mut self, steps: u64) -> Result<Self, ConfigError> {
+        self.provenance.record_every_steps = steps;
+        self.check_stream()?;
+        Ok(self)
+    }
+
     fn check_stream(&self) -> Result<(), ConfigError> {
         let provenance = &self.provenance;
         if !(1..=MAX_STEPS).contains(&provenance.publish_every_steps) {
@@ -382,6 +392,18 @@ mod tests {
         }
     }
 
+    /// The largest number of a contact, lists out of order and −0 come from no configuration.
+    #[test]
+    fn a_hostile_manifest_is_refused() {
+        let contact = format!("\"contacts\":[{{\"contact\":{},\"stiffness\":1.0}}],", u64::MAX);
+        assert!(matches!(with_keys(0, "", &contact), Err(ManifestError::Value(_))));
+        let twice = "\"contacts\":[{\"contact\":5,\"stiffness\":1e7},{\"contact\":4,\"stiffness\":1e7}],";
+        assert!(matches!(with_keys(0, "", twice), Err(ManifestError::Value(_))));
+        let json = manifest().to_json().replace("\"velocity_m_s\":5.0", "\"velocity_m_s\":-0.0");
+        let json = json.replace("\"striker\"", "\"load\":{\"precompression_n\":1.0},\"striker\"");
+        assert!(matches!(RunManifest::from_json(json.as_bytes()), Err(ManifestError::Value(_))));
+    }
+
     #[test]
     fn unknown_keys_of_our_version_are_refused() {
         for (read, key) in [
@@ -436,6 +458,7 @@ mod tests {
             "chain.contacts[0].contact",
         );
         refuse(|c| c.ends.left_stiffness = Some(-1.0), "ends.left_stiffness");
+        refuse(|c| c.ends.left_stiffness = Some(1e7), "ends.left_stiffness");
         refuse(|c| c.load.gravity_m_s2 = 9.81, "load.gravity_m_s2");
         refuse(|c| c.load.precompression_n = -1.0, "load.precompression_n");
         refuse(|c| c.damping = Some(DampingConfig::Restitution(1.5)), "damping.restitution");

@@ -99,17 +99,13 @@ impl Rewrite<'_> {
 
     /// The manifest of the new recording: the same run, recorded at other steps.
     fn manifest(&self, manifest: &RunManifest) -> Result<RunManifest, Failure> {
-        let mut manifest = manifest.clone();
         let published = manifest.provenance.publish_every_steps;
-        if self.every_steps == 0 || !self.every_steps.is_multiple_of(published) {
-            let message = format!(
+        manifest.clone().recorded_every(self.every_steps).map_err(|_| {
+            Failure::BadInput(anyhow!(
                 "--every-steps {}: expected a multiple of {published}, the steps between two frames of this run",
                 self.every_steps
-            );
-            return Err(Failure::BadInput(anyhow!(message)));
-        }
-        manifest.provenance.record_every_steps = self.every_steps;
-        Ok(manifest)
+            ))
+        })
     }
 
     /// Copies the states that are due, and the last one; every state of the source is proven on the way.
@@ -123,7 +119,7 @@ impl Rewrite<'_> {
         let bar = display::progress_bar(manifest.physics.step_count, manifest.provenance.name.as_str());
         let mut refreshed = Instant::now();
         let reason = loop {
-            match states.receive().map_err(|error| Failure::BadInput(error.into()))? {
+            match states.receive().map_err(|error| Failure::Failed(error.into()))? {
                 Received::Frame(frame) => {
                     // an interrupted run ends with a state that is not due by its step
                     if manifest.is_recorded(frame.step) || Some(frame.step) == last_step {

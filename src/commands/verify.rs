@@ -44,7 +44,13 @@ fn step_count(found: &Verification<SourceFailure>) -> u64 {
 }
 
 fn text(manifest: &RunManifest, found: &Verification<SourceFailure>) -> String {
-    let verdict = if found.is_proven() { "proven" } else { "NOT PROVEN" };
+    let verdict = if found.is_proven() {
+        "proven"
+    } else if found.is_proven_so_far() {
+        "proven as far as it goes, but it is NOT WHOLE"
+    } else {
+        "NOT PROVEN"
+    };
     let mut rows = vec![
         ("states", count(found.state_count).to_string()),
         ("steps recomputed", count(step_count(found)).to_string()),

@@ -84,6 +84,17 @@ fn another_initial_condition_and_missing_states_are_found() {
 }
 
 #[test]
+fn a_recording_that_was_cut_off_is_not_whole() {
+    let place = Place::new();
+    place.run(&format!("{SMALL} --out run.mcap")).exits(0);
+    let bytes = std::fs::read(place.path("run.mcap")).unwrap();
+    std::fs::write(place.path("cut.mcap"), &bytes[..bytes.len() / 2]).unwrap();
+    let found = place.run("verify cut.mcap --json").exits(3).json();
+    assert_eq!((found["proven"].as_bool(), found["end"].as_str()), (Some(false), Some("unfinished")));
+    assert!(place.run("verify cut.mcap").exits(3).stdout().contains("proven as far as it goes"));
+}
+
+#[test]
 fn what_is_no_recording_cannot_be_verified() {
     let place = Place::new();
     place.write("table.mcap", "time,energy\n");

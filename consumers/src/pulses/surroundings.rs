@@ -96,17 +96,8 @@ impl Surroundings {
         }
         let momentum = (low..=high).map(|bead| self.chain.mass_kg[bead] * frame.v_m_s[bead]).sum();
         let contacts = low.saturating_sub(1)..(high + 1).min(last);
-        let potential: f64 = contacts.map(|contact| self.excess_j(frame, contact)).sum();
+        let potential: f64 = contacts.map(|contact| self.chain.contact_energy_j(frame.u_m, contact)).sum();
         (momentum, self.chain.kinetic_j(frame.v_m_s, low..high + 1) + potential)
-    }
-
-    /// `φ(δ) − φ(δ₀) − φ′(δ₀)·(δ − δ₀)` (J) of a contact.
-    fn excess_j(&self, frame: &Frame<'_>, contact: usize) -> f64 {
-        let (law, stiffness) = (&self.chain.law, self.chain.stiffness[contact]);
-        let (overlap_m, rest_m) =
-            (self.chain.overlap_m(frame.u_m, contact), self.chain.rest_overlap_m[contact]);
-        let rest_j = law.energy(stiffness, rest_m) + law.force(stiffness, rest_m) * (overlap_m - rest_m);
-        law.energy(stiffness, overlap_m) - rest_j
     }
 
     /// Speed and width over those of the exact solitary wave of the same peak velocity, in a chain that is

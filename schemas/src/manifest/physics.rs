@@ -25,11 +25,11 @@ pub struct Physics {
     pub kernel_version: u32,
     /// Number of beads N.
     pub beads: u64,
-    /// Mass of a bead that is no impurity (kg).
+    /// Mass of a bead (kg) where no rule says otherwise, and that of the scales L and T.
     pub bead_mass_kg: f64,
     /// Exponent α of the contact law.
     pub alpha: f64,
-    /// Stiffness k of every contact (N·m^−α).
+    /// Stiffness k (N·m^−α) of a contact where no rule says otherwise, and that of L and T.
     pub stiffness: f64,
     /// The masses of the beads that are no impurities.
     #[serde(default, skip_serializing_if = "MassRule::is_uniform")]
@@ -81,7 +81,11 @@ impl Physics {
             ends: config.ends,
             load: config.load,
             damping: config.damping.map(Damping::resolve).transpose()?,
-            striker: config.striker,
+            striker: StrikerConfig {
+                // −0 is 0
+                velocity_m_s: config.striker.velocity_m_s + 0.0,
+                ..config.striker
+            },
             method: config.integrator.method,
             dt_s: 0.0,
             step_count: 0,

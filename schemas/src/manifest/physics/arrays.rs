@@ -160,14 +160,22 @@ impl Physics {
         if load_n > 0.0 { power(load_n / stiffness, 1.0 / self.alpha) } else { 0.0 }
     }
 
-    /// The largest rest overlap (m) of any contact, 0 in a chain that nothing loads.
+    /// The largest rest overlap (m) that a contact may have, 0 in a chain that nothing loads: that of the softest
+    /// contact under the largest load.
     pub(super) fn largest_rest_overlap_m(&self) -> f64 {
         if self.load.is_none() {
             return 0.0;
         }
-        let chain = self.chain();
-        let walls = [chain.walls.left.rest_overlap_m, chain.walls.right.rest_overlap_m];
-        chain.rest_overlap_m.iter().copied().chain(walls).fold(0.0, larger)
+        self.overlap_under(self.extreme_loads_n().1, self.extremes().softest)
+    }
+
+    /// The smallest and the largest load (N) of any contact that carries one, without an array: bounds where
+    /// masses differ.
+    pub(super) fn extreme_loads_n(&self) -> (f64, f64) {
+        let (weight, pressed_n) = (self.load.gravity_m_s2.abs(), self.load.precompression_n);
+        let extremes = self.extremes();
+        let lightest_n = if pressed_n > 0.0 { pressed_n } else { weight * extremes.lightest_kg };
+        (lightest_n, weight.mul_add(self.beads as f64 * extremes.heaviest_kg, pressed_n))
     }
 }
 

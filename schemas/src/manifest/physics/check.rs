@@ -3,13 +3,14 @@
 use super::Physics;
 use super::arrays::{larger, smaller};
 use crate::config::{ConfigError, End, Impurity, MassRule, OddContact, StiffnessRule};
-use crate::contact::ContactLaw;
 use crate::manifest::{MAX_BEADS, MAX_STEPS};
+use std::collections::BTreeSet;
 
 impl Physics {
     /// Checks a manifest that came from elsewhere as strictly as a configuration.
     pub(in crate::manifest) fn check(&self) -> Result<(), ConfigError> {
         self.check_chain(&self.impurities, &self.contacts)?;
+        self.check_order()?;
         self.check_dt()?;
         if !(1..=MAX_STEPS).contains(&self.step_count) {
             return Err(ConfigError::value("step_count", self.step_count, "1 to 2^52 steps"));
@@ -33,11 +34,12 @@ impl Physics {
         check_positive("chain.stiffness", self.stiffness, STIFFNESS_UNIT)?;
         self.check_masses()?;
         self.check_stiffnesses()?;
+        let mut seen = BTreeSet::new();
         for (i, impurity) in impurities.iter().enumerate() {
             let key = format!("chain.impurities[{i}].bead");
             self.check_bead(&key, impurity.bead)?;
             check_positive(&format!("chain.impurities[{i}].mass_kg"), impurity.mass_kg, "kg")?;
-            if impurities[..i].iter().any(|other| other.bead == impurity.bead) {
+            if !seen.insert(impurity.bead) {
                 return Err(ConfigError::value(&key, impurity.bead, "each bead once"));
             }
         }
@@ -47,6 +49,21 @@ impl Physics {
         self.check_damping()?;
         self.check_velocity()?;
         self.check_scales()
+    }
+
+    /// One physics has one form, and one hash: lists in order, no −0.
+    fn check_order(&self) -> Result<(), ConfigError> {
+        if !self.impurities.is_sorted_by_key(|impurity| impurity.bead) {
+            return Err(ConfigError::value("impurities", "a list out of order", "the order of the beads"));
+        }
+        if !self.contacts.is_sorted_by_key(|odd| odd.contact) {
+            return Err(ConfigError::value("contacts", "a list out of order", "the order of the contacts"));
+        }
+        let velocity_m_s = self.striker.velocity_m_s;
+        if velocity_m_s == 0.0 && velocity_m_s.is_sign_negative() {
+            return Err(ConfigError::value("striker.velocity_m_s", "−0", "0"));
+        }
+        Ok(())
     }
 
     fn check_masses(&self) -> Result<(), ConfigError> {
@@ -82,24 +99,34 @@ impl Physics {
                 ))
             }
         }?;
-        for (key, stiffness) in [
-            ("ends.left_stiffness", self.ends.left_stiffness),
-            ("ends.right_stiffness", self.ends.right_stiffness),
+        let ends = &self.ends;
+        for (key, end, stiffness) in [
+            ("ends.left_stiffness", ends.left, ends.left_stiffness),
+            ("ends.right_stiffness", ends.right, ends.right_stiffness),
         ] {
-            stiffness.map_or(Ok(()), |stiffness| check_positive(key, stiffness, STIFFNESS_UNIT))?;
+            let Some(stiffness) = stiffness else { continue };
+            check_positive(key, stiffness, STIFFNESS_UNIT)?;
+            if end == End::Free {
+                return Err(ConfigError::number(
+                    key,
+                    stiffness,
+                    "nothing at a free end: there is no wall to touch",
+                ));
+            }
         }
         Ok(())
     }
 
     fn check_contacts(&self, contacts: &[OddContact]) -> Result<(), ConfigError> {
+        let mut seen = BTreeSet::new();
         for (i, odd) in contacts.iter().enumerate() {
             let key = format!("chain.contacts[{i}].contact");
-            if odd.contact + 1 >= self.beads {
+            if odd.contact >= self.beads - 1 {
                 let allowed = format!("contacts 0 to {} of this chain", self.beads - 2);
                 return Err(ConfigError::value(&key, odd.contact, &allowed));
             }
             check_positive(&format!("chain.contacts[{i}].stiffness"), odd.stiffness, STIFFNESS_UNIT)?;
-            if contacts[..i].iter().any(|other| other.contact == odd.contact) {
+            if !seen.insert(odd.contact) {
                 return Err(ConfigError::value(&key, odd.contact, "each contact once"));
             }
         }
@@ -178,16 +205,14 @@ impl Physics {
         if self.load.is_none() {
             return Ok(());
         }
-        let chain = self.chain();
-        let walls = [chain.walls.left.rest_overlap_m, chain.walls.right.rest_overlap_m];
-        let smallest_m = 1e3 * ContactLaw::new(self.alpha).zero_below_m();
-        let mut rests = chain.rest_overlap_m.iter().chain(&walls);
-        let found = rests.find(|rest_m| **rest_m != 0.0 && !(smallest_m..=1e100).contains(*rest_m));
-        found.map_or(Ok(()), |rest_m| {
-            let allowed =
-                format!("loads and stiffnesses with static overlaps from {smallest_m:e} to 1e100 m");
-            Err(ConfigError::value("load", format!("a static overlap of {rest_m:e} m"), &allowed))
-        })
+        let loads = self.extreme_loads_n();
+        for ratio in [loads.0 / extremes.stiffest, loads.1 / extremes.softest] {
+            if !(1e-200..=1e200).contains(&ratio) {
+                let allowed = "loads and stiffnesses with load/k from 1e-200 to 1e200 m^α";
+                return Err(ConfigError::value("load", format!("load/k = {ratio:e}"), allowed));
+            }
+        }
+        Ok(())
     }
 
     /// The ends of the ranges of masses and stiffnesses.
@@ -210,7 +235,13 @@ impl Physics {
             StiffnessRule::Pattern(values) | StiffnessRule::List(values) => values.clone(),
         };
         stiffnesses.extend(self.contacts.iter().map(|odd| odd.stiffness));
-        stiffnesses.extend(self.ends.left_stiffness.into_iter().chain(self.ends.right_stiffness));
+        for (end, stiffness) in
+            [(self.ends.left, self.ends.left_stiffness), (self.ends.right, self.ends.right_stiffness)]
+        {
+            if end == End::Fixed {
+                stiffnesses.push(stiffness.unwrap_or(self.stiffness));
+            }
+        }
         let (softest, stiffest) = range(&stiffnesses);
         Extremes { lightest_kg, heaviest_kg, softest, stiffest }
     }
