@@ -345,7 +345,7 @@ fn sizes(dir: &Path, sparse: &Finished) -> Result<String, Failure> {
             format!("{}, {ratio:.0} times smaller: the others are recomputed", bytes(sparse.bytes)),
         ),
     ];
-    Ok(display::rows("recordings", &rows))
+    Ok(format!("\n{}", display::rows("recordings", &rows)))
 }
 
 /// The leading pulses beside independent numbers.
