@@ -1,6 +1,6 @@
 //! A sweep in a directory: rows computed by any number of threads, processes and machines, and merged.
 //!
-//! - [`row`]: one point, a pure function of the sweep file and an index, from its [`analyses`] to its [`columns`]
+//! - [`row`]: one point, a pure function of the sweep file and an index, from its [`analyses`] to its [`mod@columns`]
 //! - [`directory`]: what is where
 //! - [`mod@work`]: the workers of one process
 //! - [`mod@merge`]: the results, the same bytes whoever computed them in whatever order
