@@ -284,7 +284,7 @@ pub(crate) struct EnergiesArgs {
     /// Table of the energies of each frame
     #[arg(long, value_name = "FILE.csv|.parquet")]
     pub(crate) out: Option<PathBuf>,
-    /// The bead that divides left from right [default: the first impurity, or the middle]
+    /// The bead that divides left from right [default: the first impurity that is not the striker, else the middle bead]
     #[arg(long, value_name = "BEAD")]
     pub(crate) split: Option<u64>,
 }

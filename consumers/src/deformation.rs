@@ -39,6 +39,7 @@ const ALIKE: usize = 3;
 #[derive(Debug, Clone)]
 pub struct Deformations {
     chain: Chain,
+    striker: usize,
     contacts: Vec<Followed>,
 }
 
@@ -160,7 +161,8 @@ impl Deformations {
             let contact = (*contact).min(last);
             Followed { contact, pulse: FirstPulse::new(length_m), gauges: gauges(contact) }
         };
-        Self { contacts: contacts.iter().map(follow).collect(), chain }
+        let striker = usize::try_from(manifest.physics.striker.bead).unwrap_or(usize::MAX);
+        Self { contacts: contacts.iter().map(follow).collect(), chain, striker }
     }
 
     /// Looks at the next frame.
@@ -220,11 +222,17 @@ impl Deformations {
         }
     }
 
-    /// Whether the beads and contacts around contact `c` are equal and dissipate nothing.
+    /// Whether the beads and contacts around contact `c` are equal and dissipate nothing, and neither an end of the
+    /// chain nor the striker is among them: waves are reflected at the one and begin at the other.
     fn check_alike(&self, c: usize) -> Result<(), String> {
-        let contacts = c.saturating_sub(ALIKE)..(c + ALIKE + 1).min(self.chain.contact_count());
+        if c < ALIKE || c + ALIKE >= self.chain.contact_count() {
+            return Err(format!("no theory: contact {c} is within {ALIKE} of an end of the chain"));
+        }
+        if (c - ALIKE..=c + ALIKE + 1).contains(&self.striker) {
+            return Err(format!("no theory: contact {c} is within {ALIKE} of the striker"));
+        }
         let (mass_kg, stiffness) = (self.chain.mass_kg[c], self.chain.stiffness[c]);
-        let alike = contacts.into_iter().all(|i| {
+        let alike = (c - ALIKE..=c + ALIKE).all(|i| {
             self.chain.stiffness[i] == stiffness
                 && self.chain.mass_kg[i] == mass_kg
                 && self.chain.mass_kg[i + 1] == mass_kg
@@ -343,6 +351,19 @@ mod tests {
             results[0].measured.is_ok() && results[0].exact.as_ref().is_err_and(|why| why.contains("35"))
         );
         assert!(results[1].measured.is_ok() && results[1].exact.is_ok());
+
+        let m = manifest(|config| {
+            config.chain.beads = 60;
+            config.striker.bead = 35;
+        });
+        let deformations = Deformations::new(&m, &[]);
+        for contact in [3, 30, 39, 55] {
+            assert_eq!(deformations.check_alike(contact), Ok(()));
+        }
+        for (contact, reason) in [(2, "end"), (31, "striker"), (38, "striker"), (56, "end")] {
+            let why = deformations.check_alike(contact).expect_err("not far enough");
+            assert!(why.contains(reason), "{contact}: {why}");
+        }
 
         let linear = manifest(|config| config.chain.alpha = 1.0);
         let results = Deformations::new(&linear, &[100]).results();

@@ -31,7 +31,7 @@ mod transient;
 
 pub use claim::{Claim, Judgement, Number, Reference, StudyError, Uncertainty, Verdict};
 pub use front::Front;
-pub use observe::{Observations, Observed, Observer, Snapshot};
+pub use observe::{KeptFrame, Observations, Observed, Observer};
 pub use reflection::{Reflected, reflection_sweep};
 pub use runs::{FrontBy, Run, Watch};
 pub use study::{STUDIES, Study};

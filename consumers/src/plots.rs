@@ -362,7 +362,7 @@ mod tests {
         assert_eq!(
             caption(&m),
             "light-impurity: N = 1000, m = 1 g, α = 1.5, k = 10^{7} N m^{−α}, bead 500: 0.6 g, \
-             v_{0} = 5 m/s on bead 0; rkn4, dt = 7.25×10^{−7} s"
+             v_{0} = 5 m/s on bead 0; rkn4, dt = 1.45×10^{−6} s"
         );
     }
 }

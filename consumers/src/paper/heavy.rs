@@ -17,7 +17,7 @@ use crate::theory::{SolitaryWave, Strength};
 const SECTION: &str = "section 3";
 /// What the reference of the pulses is good to.
 const GOOD_TO: f64 = 1e-6;
-/// Which snapshot is that of the figures.
+/// Which kept frame is that of the figures.
 const AT_80_MS: usize = 1;
 
 pub(super) const VELOCITY: Study = Study {
@@ -242,7 +242,7 @@ fn judge_shift(seen: &Observations) -> Result<Judgement, StudyError> {
     let heavy = seen.of(&heavy())?;
     let (u, v) = (heavy.motion.column(0), heavy.motion.column(1));
     let backwards = v.iter().copied().fold(0.0, f64::min);
-    let shift_m = heavy.snapshot(AT_80_MS)?.u_m[500];
+    let shift_m = heavy.kept_frame(AT_80_MS)?.u_m[500];
     let monotonic = u.windows(2).all(|pair| pair[1] >= pair[0] - 1e-9);
     Ok(Judgement {
         verdict: Verdict::graded(shift_m > 0.0, monotonic),
@@ -287,8 +287,8 @@ fn judge_sticking(seen: &Observations) -> Result<Judgement, StudyError> {
 
 fn draw_velocity(seen: &Observations) -> Result<Figure, StudyError> {
     let seen = seen.of(&heavy())?;
-    let snapshot = seen.snapshot(AT_80_MS)?;
-    let points = || snapshot.v_m_s.iter().enumerate().map(|(bead, v)| (bead as f64, *v));
+    let kept = seen.kept_frame(AT_80_MS)?;
+    let points = || kept.v_m_s.iter().enumerate().map(|(bead, v)| (bead as f64, *v));
     let x = || Axis::new("bead").limits(0.0, 1000.0);
     let whole = Panel::new()
         .x_axis(x())
@@ -302,7 +302,7 @@ fn draw_velocity(seen: &Observations) -> Result<Figure, StudyError> {
         .vertical("", 500.0)
         .note("the same, enlarged")
         .height(0.8);
-    let caption = format!("{}; t = {:.2} ms", plots::caption(&seen.manifest), snapshot.time_s * 1e3);
+    let caption = format!("{}; t = {:.2} ms", plots::caption(&seen.manifest), kept.time_s * 1e3);
     Ok(Figure::new().shared_x().caption(caption).panel(whole).panel(small))
 }
 

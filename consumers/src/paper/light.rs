@@ -16,7 +16,7 @@ use std::ops::Range;
 const SECTION: &str = "section 3";
 /// What the reference of the pulses is good to.
 const GOOD_TO: f64 = 1e-5;
-/// Which snapshot is that of the figures.
+/// Which kept frame is that of the figures.
 const AT_80_MS: usize = 3;
 
 pub(super) const VELOCITY: Study = Study {
@@ -182,12 +182,12 @@ fn judge_steps(seen: &Observations) -> Result<Judgement, StudyError> {
     /// A front is square if it is this much narrower than the distance to the next.
     const SQUARE: f64 = 0.1;
     let seen = seen.of(&light())?;
-    let snapshot = seen.snapshot(AT_80_MS)?;
-    let front = crest(&snapshot.v_m_s, 501..1000).ok_or_else(|| seen.absent("leading pulse"))?;
-    let next = crest(&snapshot.v_m_s, 501..front - 20).ok_or_else(|| seen.absent("second pulse"))?;
+    let kept = seen.kept_frame(AT_80_MS)?;
+    let front = crest(&kept.v_m_s, 501..1000).ok_or_else(|| seen.absent("leading pulse"))?;
+    let next = crest(&kept.v_m_s, 501..front - 20).ok_or_else(|| seen.absent("second pulse"))?;
     let between = usize::midpoint(front, next);
-    let plateau_m = snapshot.u_m[between];
-    let reach = |part: f64| falls_below(&snapshot.u_m, between, part * plateau_m);
+    let plateau_m = kept.u_m[between];
+    let reach = |part: f64| falls_below(&kept.u_m, between, part * plateau_m);
     let rise_beads = reach(0.1) - reach(0.9);
     let apart_beads = (front - next) as f64;
     Ok(Judgement {
@@ -219,8 +219,8 @@ fn falls_below(u_m: &[f64], from: usize, level_m: f64) -> f64 {
 
 fn draw_velocity(seen: &Observations) -> Result<Figure, StudyError> {
     let seen = seen.of(&light())?;
-    let snapshot = seen.snapshot(AT_80_MS)?;
-    let points = || snapshot.v_m_s.iter().enumerate().map(|(bead, v)| (bead as f64, *v));
+    let kept = seen.kept_frame(AT_80_MS)?;
+    let points = || kept.v_m_s.iter().enumerate().map(|(bead, v)| (bead as f64, *v));
     let x = || Axis::new("bead").limits(0.0, 1000.0);
     let whole = Panel::new()
         .x_axis(x())
@@ -234,25 +234,25 @@ fn draw_velocity(seen: &Observations) -> Result<Figure, StudyError> {
         .vertical("", 500.0)
         .note("the same, enlarged")
         .height(0.8);
-    let caption = format!("{}; t = {:.2} ms", plots::caption(&seen.manifest), snapshot.time_s * 1e3);
+    let caption = format!("{}; t = {:.2} ms", plots::caption(&seen.manifest), kept.time_s * 1e3);
     Ok(Figure::new().shared_x().caption(caption).panel(whole).panel(small))
 }
 
 fn draw_displacement(seen: &Observations) -> Result<Figure, StudyError> {
     let seen = seen.of(&light())?;
-    let snapshot = seen.snapshot(AT_80_MS)?;
-    let points = snapshot.u_m.iter().enumerate().map(|(bead, u)| (bead as f64, u * 1e3));
+    let kept = seen.kept_frame(AT_80_MS)?;
+    let points = kept.u_m.iter().enumerate().map(|(bead, u)| (bead as f64, u * 1e3));
     // the first beads fly off backwards, as far as −28 mm: the rest would be a flat line beside them
     let panel = Panel::new()
         .x_axis(Axis::new("bead").limits(0.0, 1000.0))
         .y_axis(Axis::new("displacement (mm)").limits(-0.1, 0.75))
         .curve(Curve::line("", points).colour(Colour::Blue))
         .vertical("impurity", 500.0);
-    let farthest = -snapshot.u_m[0] * 1e3;
+    let farthest = -kept.u_m[0] * 1e3;
     let caption = format!(
         "{}; t = {:.2} ms; the first beads have flown off to the left, bead 0 by {farthest:.1} mm",
         plots::caption(&seen.manifest),
-        snapshot.time_s * 1e3
+        kept.time_s * 1e3
     );
     Ok(Figure::new().caption(caption).panel(panel))
 }

@@ -1,7 +1,7 @@
 //! The contacts over space and time.
 
 use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
-use super::observe::{Observations, Observed, Snapshot};
+use super::observe::{KeptFrame, Observations, Observed};
 use super::passing::{both_steps, falls, pulses};
 use super::runs::{Run, heavy, light};
 use super::study::Study;
@@ -140,9 +140,9 @@ fn judge_speeds(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 /// Gaps left and right of the impurity.
-fn gaps(seen: &Observed, snapshot: &Snapshot) -> (usize, usize) {
+fn gaps(seen: &Observed, kept: &KeptFrame) -> (usize, usize) {
     let chain = seen.manifest.physics.chain();
-    let open = |contact: &usize| chain.overlap_m(&snapshot.u_m, *contact) < -GAP_M;
+    let open = |contact: &usize| chain.overlap_m(&kept.u_m, *contact) < -GAP_M;
     ((0..IMPURITY).filter(open).count(), (IMPURITY..chain.contact_count()).filter(open).count())
 }
 
@@ -157,7 +157,7 @@ fn gap_numbers((left, right): (usize, usize), expected_left: f64, expected_right
 
 fn judge_light_gaps(seen: &Observations) -> Result<Judgement, StudyError> {
     let light = seen.of(&light())?;
-    let (left, right) = gaps(light, light.snapshot(3)?);
+    let (left, right) = gaps(light, light.kept_frame(3)?);
     Ok(Judgement {
         verdict: Verdict::of(left + right == 0),
         why: format!(
@@ -193,8 +193,8 @@ fn judge_halved(seen: &Observations) -> Result<Judgement, StudyError> {
 
 fn judge_heavy_gaps(seen: &Observations) -> Result<Judgement, StudyError> {
     let heavy = seen.of(&heavy())?;
-    let snapshot = heavy.snapshot(1)?;
-    let (left, right) = gaps(heavy, snapshot);
+    let kept = heavy.kept_frame(1)?;
+    let (left, right) = gaps(heavy, kept);
     Ok(Judgement {
         verdict: Verdict::graded(right <= 1, left + right <= 1),
         why: format!(
@@ -244,13 +244,13 @@ fn judge_second_front(seen: &Observations) -> Result<Judgement, StudyError> {
     let back = pulses(seen, &heavy(), 300, false, 2)?;
     let heavy = seen.of(&heavy())?;
     // the compressed contacts of the zone, not those of the pulses that have left it
-    let zone = |snapshot: &Snapshot| {
-        let compressed = |contact: &usize| snapshot.classes[*contact] == crate::contacts::COMPRESSED;
+    let zone = |kept: &KeptFrame| {
+        let compressed = |contact: &usize| kept.classes[*contact] == crate::contacts::COMPRESSED;
         let first_behind =
             (0..IMPURITY - 1).rev().take_while(|contact| compressed(contact) || *contact > IMPURITY - 8);
         first_behind.count()
     };
-    let (early, late) = (zone(heavy.snapshot(0)?), zone(heavy.snapshot(1)?));
+    let (early, late) = (zone(heavy.kept_frame(0)?), zone(heavy.kept_frame(1)?));
     let separate = back[1].fine.time_s > back[0].fine.time_s;
     Ok(Judgement {
         verdict: Verdict::graded(separate, late > early),

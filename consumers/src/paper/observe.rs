@@ -19,9 +19,9 @@ use std::convert::Infallible;
 /// A leading pulse is stronger than this part of the striker's speed.
 const LEADING: f64 = 0.05;
 
-/// The whole state at one time.
+/// A frame that was kept: the whole state at one time.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Snapshot {
+pub struct KeptFrame {
     /// When (s).
     pub time_s: f64,
     /// Displacement (m) of each bead.
@@ -39,8 +39,8 @@ pub struct Snapshot {
 pub struct Observed {
     /// The run.
     pub manifest: RunManifest,
-    /// The states asked for.
-    pub snapshots: Vec<Snapshot>,
+    /// The frames asked for.
+    pub kept_frames: Vec<KeptFrame>,
     /// The pulses that passed the probes, in the order of arrival.
     pub passages: Vec<Passage>,
     /// The contacts that were compared with theory.
@@ -92,7 +92,7 @@ impl Observer {
             watch: run.watch.clone(),
             seen: Observed {
                 manifest: manifest.clone(),
-                snapshots: Vec::new(),
+                kept_frames: Vec::new(),
                 passages: Vec::new(),
                 deformations: Vec::new(),
                 motion: Series::default(),
@@ -112,14 +112,14 @@ impl Observer {
         self.seen
     }
 
-    fn keep_snapshots(&mut self, frame: &Frame<'_>) {
-        let due = self.watch.snapshots_s.get(self.seen.snapshots.len());
+    fn keep_due_frame(&mut self, frame: &Frame<'_>) {
+        let due = self.watch.kept_frames_s.get(self.seen.kept_frames.len());
         // a time that was asked for and the time of a frame may differ by a rounding
         if due.is_none_or(|due_s| frame.time_s < due_s * (1.0 - 1e-12)) {
             return;
         }
         let classes = self.contacts.observe(frame).to_vec();
-        self.seen.snapshots.push(Snapshot {
+        self.seen.kept_frames.push(KeptFrame {
             time_s: frame.time_s,
             u_m: frame.u_m.to_vec(),
             v_m_s: frame.v_m_s.to_vec(),
@@ -155,7 +155,7 @@ impl Analysis for Observer {
             self.seen.relative_drift =
                 Summarizer::new(&self.seen.manifest.physics).summarize(frame).relative_drift;
         }
-        self.keep_snapshots(frame);
+        self.keep_due_frame(frame);
         Ok(())
     }
 
@@ -200,9 +200,9 @@ impl Observations {
 }
 
 impl Observed {
-    /// The snapshot number `index`.
-    pub(super) fn snapshot(&self, index: usize) -> Result<&Snapshot, StudyError> {
-        self.snapshots.get(index).ok_or_else(|| self.absent(format!("snapshot {index}")))
+    /// The kept frame number `index`.
+    pub(super) fn kept_frame(&self, index: usize) -> Result<&KeptFrame, StudyError> {
+        self.kept_frames.get(index).ok_or_else(|| self.absent(format!("kept frame {index}")))
     }
 
     /// Says that something is not there.

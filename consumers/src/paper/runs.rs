@@ -17,7 +17,7 @@ pub struct Run {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Watch {
     /// Times (s) at which to keep the whole state: that of the first frame at or after each.
-    pub snapshots_s: Vec<f64>,
+    pub kept_frames_s: Vec<f64>,
     /// Beads at which to measure the pulses that pass.
     pub probes: Vec<u64>,
     /// Contacts whose deformation to compare with theory.
@@ -113,7 +113,7 @@ impl Run {
 /// 1000 beads, bead 500 of 0.6 g, α = 1.5, until the last of the reference's pulses has passed bead 700.
 pub(super) fn light() -> Run {
     let watch = Watch {
-        snapshots_s: vec![0.05, 0.06, 0.07, 0.08],
+        kept_frames_s: vec![0.05, 0.06, 0.07, 0.08],
         probes: vec![300, 520, 600, 700, 850],
         followed: vec![500],
         map_until_s: Some(0.08),
@@ -125,7 +125,7 @@ pub(super) fn light() -> Run {
 /// The same chain with 10 g at bead 500.
 pub(super) fn heavy() -> Run {
     let watch = Watch {
-        snapshots_s: vec![0.06, 0.08],
+        kept_frames_s: vec![0.06, 0.08],
         probes: vec![300, 700],
         followed: vec![500],
         map_until_s: Some(0.08),
@@ -141,7 +141,7 @@ pub(super) fn homogeneous(alpha: f64) -> Run {
     let watch = Watch {
         deformed: vec![100, 94, 105],
         probes: vec![100],
-        snapshots_s: vec![last_s],
+        kept_frames_s: vec![last_s],
         ..Watch::default()
     };
     run.watch(watch)
@@ -175,7 +175,7 @@ pub(super) fn long(alpha: f64) -> Run {
         (FrontBy::Time, run.steps(0.02, 0.1))
     };
     let last_s = 0.99 * run.config.time.duration_s;
-    run.watch(Watch { front, snapshots_s: vec![last_s], ..Watch::default() })
+    run.watch(Watch { front, kept_frames_s: vec![last_s], ..Watch::default() })
 }
 
 /// The time (s) after which the shock of a chain of 1000 beads has reached its end.
@@ -200,7 +200,7 @@ fn long_chain_beads(alpha: f64) -> u64 {
 
 /// The chain of 100 beads of the paper's figures, the first of `mass_g` grams.
 pub(super) fn striker(mass_g: f64) -> Run {
-    let watch = Watch { snapshots_s: vec![0.007], ..Watch::default() };
+    let watch = Watch { kept_frames_s: vec![0.007], ..Watch::default() };
     Run::new(&format!("striker-{}g", word(mass_g)), 1.5, 100, 0.0071, 5)
         .impurity(0, mass_g * 1e-3)
         .watch(watch)

@@ -127,12 +127,12 @@ fn draw_10g(seen: &Observations) -> Result<Figure, StudyError> {
 
 fn draw(seen: &Observations, mass_g: f64) -> Result<Figure, StudyError> {
     let seen = seen.of(&striker(mass_g))?;
-    let snapshot = seen.snapshot(0)?;
-    let points = snapshot.v_m_s.iter().enumerate().map(|(bead, v)| (bead as f64, *v));
+    let kept = seen.kept_frame(0)?;
+    let points = kept.v_m_s.iter().enumerate().map(|(bead, v)| (bead as f64, *v));
     let panel = Panel::new()
         .x_axis(Axis::new("bead").limits(0.0, 100.0))
         .y_axis("velocity (m/s)")
         .curve(Curve::line("", points).colour(Colour::Blue));
-    let caption = format!("{}; t = {:.2} ms", plots::caption(&seen.manifest), snapshot.time_s * 1e3);
+    let caption = format!("{}; t = {:.2} ms", plots::caption(&seen.manifest), kept.time_s * 1e3);
     Ok(Figure::new().caption(caption).panel(panel))
 }

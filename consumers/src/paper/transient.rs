@@ -3,7 +3,7 @@
 use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
 use super::fit::PowerLaw;
 use super::front::Front;
-use super::observe::{Observations, Observed, Snapshot};
+use super::observe::{KeptFrame, Observations, Observed};
 use super::runs::{Run, long};
 use super::scaling::{FROM_PATH, stationary};
 use super::study::Study;
@@ -292,18 +292,12 @@ fn judge_linear(seen: &Observations) -> Result<Judgement, StudyError> {
     })
 }
 
-/// The pulse in a snapshot, relative to its crest: (beads from it, `v/v_max`).
-fn profile(seen: &Observed, snapshot: &Snapshot) -> Result<Vec<(f64, f64)>, StudyError> {
-    let frame = Frame {
-        frame: 0,
-        step: 0,
-        time_s: snapshot.time_s,
-        u_m: &snapshot.u_m,
-        v_m_s: &snapshot.v_m_s,
-        extra: &[],
-    };
+/// The pulse in a kept frame, relative to its crest: (beads from it, `v/v_max`).
+fn profile(seen: &Observed, kept: &KeptFrame) -> Result<Vec<(f64, f64)>, StudyError> {
+    let frame =
+        Frame { frame: 0, step: 0, time_s: kept.time_s, u_m: &kept.u_m, v_m_s: &kept.v_m_s, extra: &[] };
     let front = Front::in_space(&frame).ok_or_else(|| seen.absent("leading pulse"))?;
-    let points = snapshot.v_m_s.iter().enumerate();
+    let points = kept.v_m_s.iter().enumerate();
     let points = points.map(|(bead, v)| (bead as f64 - front.bead, v / front.v_max_m_s));
     Ok(points.filter(|(xi, _)| xi.abs() < 1.5 * front.fwhm_beads).collect())
 }
@@ -313,7 +307,7 @@ fn judge_gaussian(seen: &Observations) -> Result<Judgement, StudyError> {
     for alpha in GAUSSIAN {
         let run = seen.of(&long(alpha))?;
         let gaussian = GaussianLimit::new(alpha)?;
-        let profile = profile(run, run.snapshot(0)?)?;
+        let profile = profile(run, run.kept_frame(0)?)?;
         let distance = profile.iter().map(|(xi, v)| (v - gaussian.overlap(*xi)).abs());
         distances.push(distance.fold(0.0, f64::max));
     }
@@ -390,7 +384,7 @@ fn draw_gaussian(seen: &Observations) -> Result<Figure, StudyError> {
     let mut limits = Vec::new();
     for alpha in GAUSSIAN {
         let run = seen.of(&long(alpha))?;
-        panel = panel.points(format!("α = {alpha}"), profile(run, run.snapshot(0)?)?);
+        panel = panel.points(format!("α = {alpha}"), profile(run, run.kept_frame(0)?)?);
         let gaussian = GaussianLimit::new(alpha)?;
         let places = (-300..=300).map(|tenth| 0.1 * f64::from(tenth));
         limits.push(places.map(|xi| (xi, gaussian.overlap(xi))).collect::<Vec<_>>());

@@ -129,7 +129,7 @@ pub(super) fn longer(seen: &Observations, alpha: f64) -> Result<Number, StudyErr
 pub(super) fn handed_on(seen: &Observations, run: &Run) -> Result<(f64, f64), StudyError> {
     let (found, shape, observed) = (deformation(seen, run)?, shape(seen, run)?, seen.of(run)?);
     let physics = &observed.manifest.physics;
-    let passed: f64 = observed.snapshot(0)?.v_m_s[101..].iter().map(|v| v * physics.bead_mass_kg).sum();
+    let passed: f64 = observed.kept_frame(0)?.v_m_s[101..].iter().map(|v| v * physics.bead_mass_kg).sum();
     let area = |pair: &[Sample]| {
         0.5 * (pair[0].compression_m() + pair[1].compression_m()) * (pair[1].time_s - pair[0].time_s)
     };
