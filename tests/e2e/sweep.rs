@@ -161,7 +161,7 @@ fn a_killed_sweep_goes_on() {
     assert!(!place.path("killed/results.csv").exists());
     let torn = fs::read(place.path("killed/rows/0-of-1.rows")).unwrap();
     // whole lines, the first of which is no row
-    let kept = torn.iter().filter(|byte| **byte == b'\n').count() as u64 - 1;
+    let kept = String::from_utf8_lossy(&torn).matches('\n').count() as u64 - 1;
     assert!((1..40).contains(&kept), "{kept} rows in {} bytes", torn.len());
     let again = place.run("sweep s.toml --out killed --json").exits(0).json();
     assert_eq!(again["computed"], 40 - kept);

@@ -5,8 +5,8 @@ use super::definition::Setting;
 use schemas::config::ConfigError;
 use std::path::Path;
 
-/// Refuses the sweep file `path` if it sets a name, which is no physics, or if two keys of a point lie in each other: the
-/// later would replace the value of the earlier, which the row would name all the same.
+/// Refuses the sweep file `path` if it sets a name, which is no physics, or if two keys of a point lie in each
+/// other: the later would replace the value of the earlier, which the row would name all the same.
 pub(super) fn check(path: &Path, cases: &[Vec<Setting>], axes: &[Vec<Setting>]) -> Result<(), SweepError> {
     for case in cases {
         let all: Vec<_> = case.iter().chain(axes.iter().filter_map(|axis| axis.first())).collect();
