@@ -106,7 +106,7 @@ fn outcome(
     left: u64,
     merge_part: bool,
 ) -> Result<Outcome, Failure> {
-    let rows = merge::rows(directory)?;
+    let rows = merge::rows(directory, sweep.point_count())?;
     let missing = sweep.point_count() - rows.len() as u64;
     let files = if missing == 0 || merge_part { merge::write(directory, &rows)? } else { None };
     let failed = merge::failed(&rows, &directory.head().columns);
@@ -115,7 +115,7 @@ fn outcome(
 
 /// The points of the shard that have no row yet, or no recording where there is to be one.
 fn pending(sweep: &Sweep, directory: &Directory, options: &Options) -> Result<Vec<Job>, Failure> {
-    let rows = merge::rows(directory)?;
+    let rows = merge::rows(directory, sweep.point_count())?;
     let has_recording = |index: u64| !options.record || directory.recording(index).exists();
     let is_done = |index: &u64| rows.contains_key(index) && has_recording(*index);
     let indices = (0..sweep.point_count()).filter(|index| options.shard.has(*index) && !is_done(index));

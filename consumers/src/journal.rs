@@ -56,6 +56,16 @@ pub enum JournalError {
         /// The identity in it.
         found: String,
     },
+    /// Its first line, which says to which table its rows belong, is not what was written there.
+    #[error(
+        "the first line of {} is damaged, and nobody knows what its rows belong to: put the first line of another \
+         journal of the same table in its place, or move the file away to compute its rows again",
+        path.display()
+    )]
+    Damaged {
+        /// The journal.
+        path: PathBuf,
+    },
     /// Another process writes it.
     #[error("{} is being written by another process", path.display())]
     Busy {
@@ -103,7 +113,8 @@ impl Journal {
     /// removed.
     ///
     /// # Errors
-    /// When it belongs to another table, when another process writes it, or when the operating system refuses.
+    /// When it belongs to another table, when its first line is damaged, when another process writes it, or when the
+    /// operating system refuses. The journal is left as it is then.
     pub fn open(path: &Path, head: &JournalHead) -> Result<(Self, Contents), JournalError> {
         let io = JournalError::io(path);
         let options = OpenOptions::new().read(true).write(true).create(true).truncate(false).clone();
@@ -147,7 +158,7 @@ impl Journal {
 /// Reads the journal `path` of the table `head`, which another process may be writing.
 ///
 /// # Errors
-/// When it belongs to another table, or cannot be read.
+/// When it belongs to another table, when its first line is damaged, or when it cannot be read.
 pub fn read(path: &Path, head: &JournalHead) -> Result<Contents, JournalError> {
     let file = File::open(path).map_err(JournalError::io(path))?;
     contents(&mut BufReader::new(file), path, head)
@@ -166,24 +177,26 @@ fn contents(reader: &mut impl BufRead, path: &Path, head: &JournalHead) -> Resul
         position += read.map_err(JournalError::io(path))? as u64;
         // without its end it is torn, or endless
         let Some(line) = line.strip_suffix(b"\n") else { return Ok(contents) };
-        let is_head = contents.whole_bytes == 0;
-        match checked(line) {
-            Some(json) if is_head => match serde_json::from_slice::<HeadLine>(json) {
-                Ok(found) if found.identity == head.identity && found.columns == names(head) => {}
-                Ok(found) => {
-                    return Err(JournalError::Foreign { path: path.to_owned(), found: found.identity });
-                }
-                Err(_) => return Ok(contents),
-            },
-            // rows of nobody knows what
-            None if is_head => return Ok(contents),
-            json => match json.and_then(|json| entry(json, &head.columns)) {
+        if contents.whole_bytes == 0 {
+            check_head(line, path, head)?;
+        } else {
+            match checked(line).and_then(|json| entry(json, &head.columns)) {
                 Some(entry) => contents.entries.push(entry),
                 None => contents.damaged_count += 1,
-            },
+            }
         }
         contents.whole_bytes = position;
     }
+}
+
+/// Refuses a journal that begins with `line` unless it is one of the table `head`.
+fn check_head(line: &[u8], path: &Path, head: &JournalHead) -> Result<(), JournalError> {
+    let found = checked(line).and_then(|json| serde_json::from_slice::<HeadLine>(json).ok());
+    let found = found.ok_or_else(|| JournalError::Damaged { path: path.to_owned() })?;
+    if found.identity == head.identity && found.columns == names(head) {
+        return Ok(());
+    }
+    Err(JournalError::Foreign { path: path.to_owned(), found: found.identity })
 }
 
 /// The JSON of a line whose checksum is right.
@@ -309,6 +322,27 @@ mod tests {
             let contents = read(&path, &head()).expect("ours");
             assert_eq!(contents.entries, [entry(0), entry(2)], "byte {byte}");
             assert_eq!(contents.damaged_count, 1);
+        }
+    }
+
+    /// Rows that are whole are not lost because nobody can tell any more what they belong to.
+    #[test]
+    fn a_damaged_head_is_refused_and_nothing_is_lost() {
+        let dir = tempfile::tempdir().expect("tempdir");
+        let path = dir.path().join("rows");
+        let head_bytes = written(&dir.path().join("none"), 0).len();
+        let whole = written(&path, 2);
+        let damaged = |byte: usize| {
+            let mut bytes = whole.clone();
+            bytes[byte] ^= 1;
+            bytes
+        };
+        // the head is not there at all in the last
+        for bytes in (0..head_bytes).map(damaged).chain([whole[head_bytes..].to_vec()]) {
+            fs::write(&path, &bytes).expect("disk");
+            assert!(matches!(Journal::open(&path, &head()), Err(JournalError::Damaged { .. })));
+            assert!(matches!(read(&path, &head()), Err(JournalError::Damaged { .. })));
+            assert_eq!(fs::read(&path).expect("left alone"), bytes);
         }
     }
 

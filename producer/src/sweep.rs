@@ -11,6 +11,7 @@
 mod blame;
 mod definition;
 mod document;
+mod keys;
 mod values;
 
 pub use definition::Until;

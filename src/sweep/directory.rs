@@ -108,7 +108,7 @@ impl Directory {
             Ok(bytes) => serde_json::from_slice::<Sign>(&bytes)
                 .with_context(|| format!("{} cannot be read", path.display()))
                 .bad_input()?,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return self.check_empty(),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return self.check_empty(sign),
             Err(error) => return Err(Failure::Failed(anyhow!(error).context(path.display().to_string()))),
         };
         if found == *sign {
@@ -126,11 +126,15 @@ impl Directory {
     }
 
     /// Refuses a directory that somebody uses for something else.
-    fn check_empty(&self) -> Result<(), Failure> {
+    fn check_empty(&self, sign: &Sign) -> Result<(), Failure> {
         for entry in fs::read_dir(&self.path)? {
             let name = entry?.file_name();
             let ours = [ROWS, SWEEP_TOML].map(std::ffi::OsStr::new).contains(&name.as_os_str());
             if !ours && !name.to_string_lossy().ends_with(".partial") {
+                if self.path.join(SWEEP_JSON).exists() {
+                    // another process has just begun
+                    return self.check(sign);
+                }
                 let (path, name) = (self.path.display(), name.display());
                 let message =
                     format!("{path} holds no sweep, but has `{name}` in it; choose another directory");

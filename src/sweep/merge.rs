@@ -10,11 +10,11 @@ use consumers::table::{Cell, Column, Kind, Table, TableError};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// The rows that there are, by index, from every journal of the sweep.
+/// The rows that there are, by index, from every journal of the sweep of `point_count` points.
 ///
 /// # Errors
 /// When a journal cannot be read, or when a row was computed twice with different results.
-pub(super) fn rows(directory: &Directory) -> Result<BTreeMap<u64, Entry>, Failure> {
+pub(super) fn rows(directory: &Directory, point_count: u64) -> Result<BTreeMap<u64, Entry>, Failure> {
     let mut rows: BTreeMap<u64, Entry> = BTreeMap::new();
     for path in directory.journals()? {
         let contents = journal::read(&path, directory.head())?;
@@ -22,7 +22,16 @@ pub(super) fn rows(directory: &Directory) -> Result<BTreeMap<u64, Entry>, Failur
             let (count, path) = (contents.damaged_count, path.display());
             display::notice(format_args!("{path}: {count} damaged row(s) do not count"));
         }
-        for entry in contents.entries {
+        // this program writes none, but somebody may have edited the file
+        let (entries, strangers): (Vec<_>, Vec<_>) =
+            contents.entries.into_iter().partition(|entry| entry.index < point_count);
+        if let Some(stranger) = strangers.first() {
+            let (count, index, path) = (strangers.len(), stranger.index, path.display());
+            display::notice(format_args!(
+                "{path}: {count} row(s) of points that the sweep does not have, such as point {index}, do not count"
+            ));
+        }
+        for entry in entries {
             match rows.get(&entry.index) {
                 None => {
                     rows.insert(entry.index, entry);
@@ -102,4 +111,27 @@ fn table(
         table.end_row()?;
     }
     table.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sweep::directory::Shard;
+    use producer::sweep::Sweep;
+
+    #[test]
+    fn rows_of_points_that_the_sweep_does_not_have_do_not_count() {
+        let text = "[base]\npreset = \"homogeneous\"\n[grid]\nchain.alpha = [1.5, 2.0]\n";
+        let sweep = Sweep::from_toml(text, Path::new("s.toml"), |_| Err(std::io::ErrorKind::NotFound.into()));
+        let sweep = sweep.expect("valid");
+        let place = tempfile::tempdir().expect("tempdir");
+        let directory = Directory::open(place.path(), &sweep, false).expect("empty");
+        let mut journal = directory.journal(Shard::WHOLE).expect("ours");
+        for index in [7, 1, 2, u64::MAX] {
+            let cells = vec![Cell::Empty; directory.head().columns.len()];
+            journal.append(&Entry { index, wall_s: 1.0, cells }).expect("disk");
+        }
+        let rows = rows(&directory, sweep.point_count()).expect("readable");
+        assert_eq!(rows.into_keys().collect::<Vec<_>>(), [1]);
+    }
 }

@@ -5,7 +5,7 @@ use super::columns::{ERROR_COLUMN, Results};
 use super::hex;
 use crate::configuration::origin;
 use anyhow::Error;
-use consumers::energies::{Energies, Reflection};
+use consumers::energies::Energies;
 use consumers::table::Cell;
 use producer::run::{Conductor, RunError, RunOutcome};
 use producer::sweep::{Point, Sweep, Until};
@@ -47,7 +47,7 @@ pub(super) fn compute(
     let mut conduct = Conduct::new(sweep, &manifest, signals);
     let result = producer::run::run(&manifest, &mut analyses, recorder.as_mut(), &mut conduct);
     let outcome = match result {
-        Ok(outcome) if outcome.reason == EndReason::Interrupted && !conduct.is_stationary => {
+        Ok(outcome) if outcome.reason == EndReason::Interrupted && conduct.settled.is_none() => {
             if let Some(recorder) = recorder {
                 recorder.discard();
             }
@@ -60,7 +60,7 @@ pub(super) fn compute(
     analyses.finish();
     let reason = outcome.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
     recorder.map(|recorder| recorder.finish(reason)).transpose()?;
-    Ok(Some(row(&manifest, &point, &analyses, outcome)))
+    Ok(Some(row(&manifest, &point, &analyses, outcome.map(|outcome| (outcome, conduct.settled)))))
 }
 
 fn record(
@@ -79,17 +79,15 @@ fn row(
     manifest: &RunManifest,
     point: &Point,
     analyses: &Analyses,
-    outcome: Result<RunOutcome, String>,
+    outcome: Result<(RunOutcome, Option<Settled>), String>,
 ) -> Vec<Cell> {
     let physics = &manifest.physics;
     let mut results = Results::default();
     results.double("dt_s", physics.dt_s).word("physics_sha256", hex(&physics.hash()));
     match outcome {
-        Ok(outcome) => {
-            let reflection = analyses.energies.outcome().and_then(|energies| energies.reflection.ok());
-            let end = match (outcome.reason, reflection) {
-                (EndReason::Interrupted, Some(Reflection { stationary_since: Some(_), .. })) => "stationary",
-                (EndReason::Interrupted, _) => "met end",
+        Ok((outcome, settled)) => {
+            let end = match (outcome.reason, settled) {
+                (EndReason::Interrupted, Some(settled)) => settled.as_str(),
                 (reason, _) => reason.as_str(),
             };
             results.word("end", end).integer("steps", outcome.last_step);
@@ -109,20 +107,39 @@ fn row(
     results.cells(point)
 }
 
+/// Why nothing more can be learnt of the reflected energy.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Settled {
+    /// It has been stationary for [`STATIONARY_FOR`].
+    Stationary,
+    /// A front has met an end of the chain before that, after which it is not looked at.
+    MetEnd,
+}
+
+impl Settled {
+    /// The word in the column `end`.
+    fn as_str(self) -> &'static str {
+        match self {
+            Self::Stationary => "stationary",
+            Self::MetEnd => "met end",
+        }
+    }
+}
+
 /// Tells how far a point is, and ends it when asked, or when there is nothing left to find out.
 struct Conduct<'a> {
     signals: &'a Signals<'a>,
     /// How long (s) the reflected energy must have been stationary to end the point, if that ends it.
     stationary_for_s: Option<f64>,
-    /// Whether that ended it.
-    is_stationary: bool,
+    /// What ended it, unless it was given up.
+    settled: Option<Settled>,
 }
 
 impl<'a> Conduct<'a> {
     fn new(sweep: &Sweep, manifest: &RunManifest, signals: &'a Signals<'a>) -> Self {
         let ends = sweep.until() == Until::Stationary;
         let stationary_for_s = ends.then(|| STATIONARY_FOR * manifest.physics.scales().time_s);
-        Self { signals, stationary_for_s, is_stationary: false }
+        Self { signals, stationary_for_s, settled: None }
     }
 
     fn go_on(&self) -> ControlFlow<()> {
@@ -133,15 +150,15 @@ impl<'a> Conduct<'a> {
         }
     }
 
-    /// Whether nothing more can be learnt of the reflected energy: it has been stationary for long enough, or a
-    /// front has met an end of the chain, after which it is not looked at.
-    fn is_settled(&self, energies: &Energies, time_s: f64) -> bool {
-        let Some(wanted_s) = self.stationary_for_s else { return false };
-        let reflection = energies.outcome().and_then(|outcome| outcome.reflection.ok());
-        reflection.is_some_and(|reflection| {
-            let since = reflection.stationary_since;
-            reflection.met_end.is_some() || since.is_some_and(|since| time_s - since.time_s >= wanted_s)
-        })
+    /// Why nothing more can be learnt of the reflected energy, if that ends the point.
+    fn settled(&self, energies: &Energies, time_s: f64) -> Option<Settled> {
+        let wanted_s = self.stationary_for_s?;
+        let reflection = energies.outcome()?.reflection.ok()?;
+        if reflection.met_end.is_some() {
+            return Some(Settled::MetEnd);
+        }
+        let since = reflection.stationary_since?;
+        (time_s - since.time_s >= wanted_s).then_some(Settled::Stationary)
     }
 }
 
@@ -153,8 +170,8 @@ impl<R> Conductor<Analyses, R> for Conduct<'_> {
         _: Option<&mut R>,
     ) -> ControlFlow<()> {
         self.signals.step.store(frame.step, Ordering::Relaxed);
-        if self.is_settled(&analyses.energies, frame.time_s) {
-            self.is_stationary = true;
+        self.settled = self.settled(&analyses.energies, frame.time_s);
+        if self.settled.is_some() {
             return ControlFlow::Break(());
         }
         self.go_on()
@@ -170,12 +187,40 @@ mod tests {
     use super::super::columns::columns;
     use super::*;
 
+    fn sweep(text: &str) -> Sweep {
+        Sweep::from_toml(text, Path::new("s.toml"), |_| Err(std::io::ErrorKind::NotFound.into()))
+            .expect("valid")
+    }
+
+    /// In both chains the reflected energy becomes stationary, but in the shorter a front meets an end 4 T later.
+    #[test]
+    fn the_end_of_a_point_is_the_condition_that_ended_it() {
+        let sweep = sweep(
+            "until = \"stationary\"\n[base]\npreset = \"homogeneous\"\ntime.duration_s = 0.1\n\
+             chain.impurities = [{ bead = 80, mass_kg = 2e-3 }]\n[grid]\n\"chain.beads\" = [100, 240]\n",
+        );
+        let columns = columns(&sweep);
+        let signals = Signals { stop: &AtomicBool::new(false), step: &AtomicU64::new(0) };
+        for (index, end, collision_times) in [(0, "met end", 0.0..10.0), (1, "stationary", 100.0..101.0)] {
+            let cells = compute(&sweep, index, None, &signals).expect("no recording").expect("not stopped");
+            let cell = |name| columns.iter().zip(&cells).find(|(c, _)| c.name == name).map(|(_, cell)| cell);
+            let seconds = |name| match cell(name) {
+                Some(Cell::Double(value)) => *value,
+                found => panic!("{name}: {found:?}"),
+            };
+            assert_eq!(cell("end"), Some(&Cell::Word(end.to_owned())));
+            let point = sweep.point(index).expect("point");
+            let scales = RunManifest::new(&point.config, "point", origin()).expect("valid").physics.scales();
+            let stationary_for = (seconds("time_s") - seconds("stationary_since_s")) / scales.time_s;
+            assert!(collision_times.contains(&stationary_for), "{end} after {stationary_for} T");
+        }
+    }
+
     /// A run that leaves the range of doubles has no results, but a row like all others that says why.
     #[test]
     fn the_row_of_a_failed_run_says_why() {
         let text = "[base]\npreset = \"homogeneous\"\n[grid]\nchain.alpha = [1.5]\n";
-        let sweep = Sweep::from_toml(text, Path::new("s.toml"), |_| Err(std::io::ErrorKind::NotFound.into()));
-        let sweep = sweep.expect("valid");
+        let sweep = sweep(text);
         let point = sweep.point(0).expect("point");
         let manifest = RunManifest::new(&point.config, "point", origin()).expect("valid");
         let analyses = Analyses::new(&manifest, None);

@@ -19,6 +19,9 @@ use std::time::{Duration, Instant};
 /// How often a person needs to see progress.
 const REFRESH: Duration = Duration::from_millis(100);
 
+/// Most workers of one process: more than any machine has cores, fewer than the threads that systems grant.
+const MAX_WORKERS: usize = 1024;
+
 /// A point to be computed, and what it costs.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Job {
@@ -82,7 +85,7 @@ pub(super) fn announce(sweep: &Sweep, jobs: &[Job], shard: Shard) {
 /// Computes `jobs`, writing each row to `journal` when it is there, until all are done or `stop` is set.
 ///
 /// # Errors
-/// When a row or a recording cannot be written.
+/// When a row or a recording cannot be written, or when the operating system grants no thread.
 pub(super) fn work(
     (sweep, directory): (&Sweep, &Directory),
     jobs: &[Job],
@@ -90,7 +93,7 @@ pub(super) fn work(
     journal: Journal,
     stop: &AtomicBool,
 ) -> Result<Tally, Failure> {
-    let threads = options.threads.min(jobs.len()).max(1);
+    let threads = options.threads.min(jobs.len()).clamp(1, MAX_WORKERS);
     let shared = Shared {
         sweep,
         directory,
@@ -105,7 +108,15 @@ pub(super) fn work(
     thread::scope(|scope| {
         for worker in 0..threads {
             let (shared, tell) = (&shared, tell.clone());
-            scope.spawn(move || shared.work(worker, &tell));
+            let work = move || shared.work(worker, &tell);
+            if let Err(error) = thread::Builder::new().spawn_scoped(scope, work) {
+                if worker == 0 {
+                    return Err(Failure::Failed(Error::new(error).context("no thread to compute in")));
+                }
+                // those that there are compute everything
+                display::notice(format_args!("{worker} of {threads} workers could be started: {error}"));
+                break;
+            }
         }
         drop(tell);
         watch(&shared, &told)

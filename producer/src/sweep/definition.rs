@@ -2,6 +2,7 @@
 
 use super::SweepError;
 use super::document::{KeyPath, merge};
+use super::keys;
 use super::values;
 use schemas::config::ConfigError;
 use schemas::presets::{PRESETS, Preset};
@@ -85,7 +86,7 @@ impl Definition {
         let (base, base_file) = reader.base(document.get("base"), read)?;
         let axes = document.get("grid").map_or(Ok(Vec::new()), |grid| reader.grid(grid))?;
         let cases = document.get("case").map_or(Ok(vec![Vec::new()]), |cases| reader.cases(cases))?;
-        reader.check_keys(&cases, &axes)?;
+        keys::check(path, &cases, &axes)?;
         Ok(Self {
             base,
             base_file,
@@ -118,6 +119,19 @@ impl Reader<'_> {
         }
     }
 
+    /// The value without its place.
+    fn plain(&self, value: &Located<'_>, key: &str) -> Result<Value, SweepError> {
+        Value::deserialize(ValueDeserializer::from(value.clone())).map_err(|error| {
+            // such as a whole number of more than 64 bits, which is TOML all the same
+            self.refuse(error.span().unwrap_or(value.span()).start, key, error.message().to_owned())
+        })
+    }
+
+    /// The value as it is written.
+    fn written(&self, value: &Located<'_>) -> &str {
+        self.text.get(value.span()).unwrap_or_default()
+    }
+
     fn option<T: for<'de> Deserialize<'de>>(
         &self,
         value: Option<&Located<'_>>,
@@ -127,7 +141,7 @@ impl Reader<'_> {
         let Some(value) = value else { return Ok(None) };
         let read = T::deserialize(ValueDeserializer::from(value.clone()));
         read.map(Some).map_err(|_| {
-            let found = format!("found {}; allowed: {allowed}", plain(value));
+            let found = format!("found {}; allowed: {allowed}", self.written(value));
             self.refuse(value.span().start, key, found)
         })
     }
@@ -137,7 +151,7 @@ impl Reader<'_> {
         let word: Option<String> = self.option(value, "until", "\"end\" or \"stationary\"")?;
         let known = [Until::End, Until::Stationary];
         known.into_iter().find(|until| Some(until.as_str()) == word.as_deref()).ok_or_else(|| {
-            let message = format!("found {}; allowed: \"end\" or \"stationary\"", plain(found));
+            let message = format!("found {}; allowed: \"end\" or \"stationary\"", self.written(found));
             self.refuse(found.span().start, "until", message)
         })
     }
@@ -152,7 +166,7 @@ impl Reader<'_> {
             "a sweep needs a [base]: a configuration, or `preset = \"NAME\"`, or `file = \"FILE.toml\"`";
         let value = value.ok_or_else(|| self.refuse(0, "base", missing.to_owned()))?;
         let written = self.table(value, "base")?;
-        let mut over = match plain(value) {
+        let mut over = match self.plain(value, "base")? {
             Value::Table(table) => table,
             _ => Table::new(),
         };
@@ -187,8 +201,10 @@ impl Reader<'_> {
         })?;
         // what is written out of a configuration is always a table
         let mut table: Table = config.to_toml().parse().unwrap_or_default();
-        // a preset has no wish about frames of its own
-        table.remove("stream");
+        // of frames and of the method a preset has no wish of its own, and its name is that of another run
+        for key in ["stream", "integrator", "name"] {
+            table.remove(key);
+        }
         Ok(table)
     }
 
@@ -228,16 +244,17 @@ impl Reader<'_> {
         let setting = |value, offset| Setting { key: key.clone(), value, line: line_at(self.text, offset) };
         match value.get_ref() {
             DeValue::Array(list) if !list.is_empty() => {
-                Ok(list.iter().map(|entry| setting(plain(entry), entry.span().start)).collect())
+                let value = |entry| self.plain(entry, &key.to_string());
+                list.iter().map(|entry| Ok(setting(value(entry)?, entry.span().start))).collect()
             }
             DeValue::Table(_) => {
-                let Value::Table(range) = plain(value) else { return Ok(Vec::new()) };
-                let values = values::range(&range).map_err(refuse)?;
+                let range = self.plain(value, &key.to_string())?;
+                let values = values::range(range.as_table().unwrap_or(&Table::new())).map_err(refuse)?;
                 Ok(values.into_iter().map(|entry| setting(entry, value.span().start)).collect())
             }
             _ => Err(refuse(format!(
                 "found {}; allowed: a list of values, or a range {{ from = …, to = …, count = … }}",
-                plain(value)
+                self.written(value)
             ))),
         }
     }
@@ -247,6 +264,10 @@ impl Reader<'_> {
             let message = "expected [[case]]: tables of keys that are set together".to_owned();
             return Err(self.refuse(value.span().start, "case", message));
         };
+        if list.is_empty() {
+            let message = "found no case, and so no point; leave `case` out, or write one".to_owned();
+            return Err(self.refuse(value.span().start, "case", message));
+        }
         list.iter().map(|case| self.case(case)).collect()
     }
 
@@ -254,32 +275,10 @@ impl Reader<'_> {
         let mut entries = Vec::new();
         self.entries("", self.table(value, "case")?, &mut entries)?;
         let line = |value: &Located<'_>| line_at(self.text, value.span().start);
-        Ok(entries
-            .into_iter()
-            .map(|(key, value)| Setting { key, value: plain(value), line: line(value) })
-            .collect())
-    }
-
-    /// Refuses what would set a key twice, or a name, which is no physics.
-    fn check_keys(&self, cases: &[Vec<Setting>], axes: &[Vec<Setting>]) -> Result<(), SweepError> {
-        let firsts = || axes.iter().filter_map(|axis| axis.first());
-        for case in cases {
-            let all: Vec<_> = case.iter().chain(firsts()).collect();
-            for (i, setting) in all.iter().enumerate() {
-                let key = setting.key.to_string();
-                let again = all[..i].iter().any(|other| other.key.to_string() == key);
-                if again || key == "name" {
-                    let message = if again { "is set twice at a point" } else { "is not for a sweep to set" };
-                    return Err(SweepError::Config(ConfigError {
-                        path: Some(self.path.to_owned()),
-                        line: Some(setting.line),
-                        key,
-                        message: message.to_owned(),
-                    }));
-                }
-            }
-        }
-        Ok(())
+        let setting = |(key, value): (KeyPath, &Located<'_>)| {
+            Ok(Setting { value: self.plain(value, &key.to_string())?, line: line(value), key })
+        };
+        entries.into_iter().map(setting).collect()
     }
 }
 
@@ -291,12 +290,6 @@ fn syntax(text: &str, path: &Path, error: &toml::de::Error) -> SweepError {
         key: String::new(),
         message: error.message().to_owned(),
     })
-}
-
-/// The value without its place.
-fn plain(value: &Located<'_>) -> Value {
-    // whatever was parsed as a value is one
-    Value::deserialize(ValueDeserializer::from(value.clone())).unwrap_or(Value::Boolean(false))
 }
 
 /// The line, from 1, of byte `offset` of `text`.

@@ -6,7 +6,6 @@ use toml::{Table, Value};
 /// The place of a value in a configuration, such as `chain.impurities[0].mass_kg`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct KeyPath {
-    text: String,
     parts: Vec<Part>,
 }
 
@@ -36,12 +35,17 @@ impl KeyPath {
                 parts.push(Part::Index(index.ok_or_else(wrong)?));
             }
         }
-        Ok(Self { text: text.to_owned(), parts })
+        Ok(Self { parts })
     }
 
     /// Whether one of the two lies in the other, or both are the same.
     pub(super) fn overlaps(&self, other: &Self) -> bool {
         self.parts.iter().zip(&other.parts).all(|(a, b)| a == b)
+    }
+
+    /// Whether it is the name of the run.
+    pub(super) fn is_name(&self) -> bool {
+        self.parts == [Part::Key("name".to_owned())]
     }
 
     /// Sets the value in `document`. Tables on the way are made, entries of lists are not.
@@ -96,7 +100,7 @@ fn display(parts: &[Part]) -> String {
 
 impl fmt::Display for KeyPath {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.text)
+        f.write_str(&display(&self.parts))
     }
 }
 

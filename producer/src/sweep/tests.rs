@@ -1,5 +1,6 @@
 use super::ParameterKind::{Double, Word};
 use super::*;
+use schemas::method::Method;
 
 const SWEEP: &str = "\
 [base]
@@ -136,6 +137,10 @@ fn mistakes_have_file_line_and_key() {
     refuses(&grid("chain.alpha = { from = 1.0, to = 2.0 }"), 4, &["chain.alpha", "count"]);
     refuses(&grid("\"chain.impurities[0].mass_kg\" = [1e-3]"), 4, &["has 0 entries"]);
     refuses(&grid("chain.alpha = [1.5]\n\"chain.alpha\" = [2]"), 5, &["chain.alpha", "twice"]);
+    refuses(&grid("chain.beads = [40, 99999999999999999999]"), 4, &["chain.beads"]);
+    refuses(&grid("chain.alpha = { from = 99999999999999999999, to = 2, count = 3 }"), 4, &["chain.alpha"]);
+    refuses(&format!("{base}chain.beads = 99999999999999999999\n"), 3, &["base"]);
+    refuses(&format!("case = []\n{base}"), 1, &["case", "no point"]);
     refuses(&grid("name = [\"a\"]"), 4, &["name"]);
     refuses(&format!("{base}[gird]\n"), 3, &["gird", "grid"]);
     refuses(&format!("until = \"noon\"\n{base}"), 1, &["noon", "stationary"]);
@@ -146,6 +151,44 @@ fn mistakes_have_file_line_and_key() {
     refuses(&format!("{base}chain.alpha = 0.5\n"), 3, &["chain.alpha", "0.5"]);
     refuses(&format!("{base}[grid\n"), 3, &[]);
     refuses(&format!("{base}[[case]]\n\"time.dt_s\" = 1.0\n"), 4, &["time.dt_s", "collision time"]);
+}
+
+/// Otherwise a row would name a value that was not run.
+#[test]
+fn keys_that_lie_in_each_other_are_refused() {
+    let base = "[base]\npreset = \"light-impurity\"\n";
+    let mass = "\"chain.impurities[0].mass_kg\" = [1e-3]\n";
+    let list = "\"chain.impurities\" = [[{ bead = 3, mass_kg = 2e-3 }]]\n";
+    let grid = |first: &str, second: &str| format!("{base}[grid]\n{first}{second}");
+    refuses(&grid(mass, list), 5, &["chain.impurities: ", "`chain.impurities[0].mass_kg` of line 4"]);
+    refuses(&grid(list, mass), 5, &["chain.impurities[0].mass_kg: ", "`chain.impurities` of line 4"]);
+    refuses(
+        &grid(mass, &mass.replace("[0]", "[00]")),
+        5,
+        &["chain.impurities[0].mass_kg", "twice", "line 4"],
+    );
+    let case = format!("[[case]]\n{}", list.replace("[[", "[").replace("]]", "]"));
+    refuses(
+        &format!("{base}{case}[grid]\n{mass}"),
+        6,
+        &["chain.impurities[0].mass_kg: ", "`chain.impurities` of line 4"],
+    );
+    // of other cases they are none of each other's business, and one key has one name
+    let cases = format!("{base}[[case]]\n{}[[case]]\n{list}", mass.replace("[1e-3]", "1e-3"));
+    let cases = cases.replace("[[{", "[{").replace("}]]", "}]").replace("[0]", "[00]");
+    let sweep = read(&cases).expect("two cases");
+    assert_eq!(sweep.parameters()[0].key, "chain.impurities[0].mass_kg");
+    assert_eq!((sweep.point_count(), sweep.parameters().len()), (2, 2));
+}
+
+/// What a preset says of its own run is nothing that the points of a sweep have in common.
+#[test]
+fn a_preset_lends_its_physics_only() {
+    let sweep = read("[base]\npreset = \"homogeneous\"\n[grid]\n\"damping.restitution\" = [0.9, 0.95]\n");
+    let config = config(&sweep.expect("the method of damping is the default then"), 1);
+    assert_eq!((config.integrator.method, config.name), (Method::Gear5, None));
+    let damped = read("[base]\npreset = \"damped\"\n").expect("valid").point(0).expect("point").config;
+    assert_eq!(damped.integrator.method, Method::Gear5);
 }
 
 #[test]

@@ -1,0 +1,40 @@
+//! Which keys a sweep may set.
+
+use super::SweepError;
+use super::definition::Setting;
+use schemas::config::ConfigError;
+use std::path::Path;
+
+/// Refuses the sweep file `path` if it sets a name, which is no physics, or if two keys of a point lie in each
+/// other: the later would replace the value of the earlier, which the row would name all the same.
+pub(super) fn check(path: &Path, cases: &[Vec<Setting>], axes: &[Vec<Setting>]) -> Result<(), SweepError> {
+    for case in cases {
+        let all: Vec<_> = case.iter().chain(axes.iter().filter_map(|axis| axis.first())).collect();
+        for (i, setting) in all.iter().enumerate() {
+            let earlier = all[..i].iter().find(|other| other.key.overlaps(&setting.key));
+            if let Some(message) = mistake(setting, earlier.copied()) {
+                return Err(SweepError::Config(ConfigError {
+                    path: Some(path.to_owned()),
+                    line: Some(setting.line),
+                    key: setting.key.to_string(),
+                    message,
+                }));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// What is wrong with `setting`, of which `earlier` sets a part, or which is a part of that.
+fn mistake(setting: &Setting, earlier: Option<&Setting>) -> Option<String> {
+    match earlier {
+        Some(Setting { key, line, .. }) if *key == setting.key => {
+            Some(format!("is set twice at a point, before in line {line}"))
+        }
+        Some(Setting { key, line, .. }) => Some(format!(
+            "and `{key}` of line {line} are set at one point, but one of them lies in the other"
+        )),
+        None if setting.key.is_name() => Some("is not for a sweep to set".to_owned()),
+        None => None,
+    }
+}
