@@ -230,8 +230,8 @@ fn lines(pulses: &[Pulse]) -> Vec<(String, String)> {
     let line = |pulse: &Pulse| {
         let point = &pulse.measured.point;
         format!(
-            "{:>9.6} m/s {:>8}/s {:>7} {:>8} {:>7} {:>8}  {:<24} {}",
-            point.v_peak_m_s,
+            "{:>9} m/s {:>8}/s {:>7} {:>8} {:>7} {:>8}  {:<24} {}",
+            peak(point.v_peak_m_s),
             number(point.speed_beads_per_s, 1),
             number(point.shape.map(|shape| shape.fwhm_beads), 3),
             number(pulse.speed_over_solitary, 5),
@@ -242,6 +242,11 @@ fn lines(pulses: &[Pulse]) -> Vec<(String, String)> {
         )
     };
     pulses.iter().take(SHOWN).map(|pulse| (format!("pulse {}", pulse.number), line(pulse))).collect()
+}
+
+/// A velocity (m/s) with its digits, however weak the pulse is.
+fn peak(v_m_s: f64) -> String {
+    if v_m_s.abs() < 1e-2 { format!("{v_m_s:.2e}") } else { format!("{v_m_s:.6}") }
 }
 
 fn json(threshold_m_s: f64, counts: &Counts, pulses: &[Pulse]) -> Value {
