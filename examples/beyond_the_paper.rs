@@ -186,7 +186,7 @@ fn damped() -> anyhow::Result<Figure> {
         integrator.step(&mut state);
         let time_ms = physics.time_s(state.step) * 1e3;
         let energy_j = chain.energy(&state.u_m, &state.v_m_s, &mut contact_j).total_j();
-        let dissipated_j: f64 = physics.dissipated_j(&state.extra).iter().sum();
+        let dissipated_j = physics.dissipated_j(&state.extra);
         left.push((time_ms, energy_j * 1e3));
         lost.push((time_ms, dissipated_j * 1e3));
         balance.push((time_ms, (energy_j + dissipated_j) / initial_j - 1.0));

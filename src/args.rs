@@ -16,7 +16,7 @@ use std::path::PathBuf;
     allow_negative_numbers = true,
     subcommand_required = true,
     arg_required_else_help = true,
-    after_help = "Exit codes: 0 done (also when a signal ended it in order), 1 failed, 2 bad usage or bad input file, 3 finished, but something was lost.\n\
+    after_help = "Exit codes: 0 done (also when a signal ended a run or a live analysis in order), 1 failed, 2 bad usage or bad input file, 3 finished, but something was lost or is missing.\n\
                   Units are SI. Runs of one user meet under $BEADLINE_ROOT (/tmp/beadline-<uid>).\n\n\
                   Examples:\n  \
                   beadline demo                         the whole pipeline once, with figures\n  \
@@ -187,15 +187,8 @@ pub(crate) struct ThinArgs {
     /// Keep every K-th step, the first and the last
     #[arg(long, value_name = "K")]
     pub(crate) every_steps: u64,
-    /// Recording to write
-    #[arg(long, value_name = "FILE.mcap")]
-    pub(crate) out: PathBuf,
-    /// Replace a file that exists
-    #[arg(long)]
-    pub(crate) force: bool,
-    /// Print JSON
-    #[arg(long)]
-    pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) output: RewriteArgs,
 }
 
 #[derive(Debug, Args)]
@@ -207,6 +200,13 @@ pub(crate) struct ExpandArgs {
     /// Write every K-th step, the first and the last [default: every frame]
     #[arg(long, value_name = "K")]
     pub(crate) every_steps: Option<u64>,
+    #[command(flatten)]
+    pub(crate) output: RewriteArgs,
+}
+
+/// Where a recording is written again.
+#[derive(Debug, Args)]
+pub(crate) struct RewriteArgs {
     /// Recording to write
     #[arg(long, value_name = "FILE.mcap")]
     pub(crate) out: PathBuf,

@@ -21,7 +21,6 @@ use producer::sweep::{Sweep, Until};
 use schemas::manifest::{Physics, RunManifest};
 use schemas::recording::{SpaceNeeded, WriteOptions};
 use std::collections::BTreeMap;
-use std::fmt::Write;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -140,13 +139,4 @@ fn check_space(sweep: &Sweep, directory: &Directory, jobs: &[Job]) -> Result<(),
     }
     needed.check(&directory.recording(0))?;
     Ok(())
-}
-
-/// Bytes in hexadecimal.
-pub(crate) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
-        // writing to a String cannot fail
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
 }

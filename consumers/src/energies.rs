@@ -150,8 +150,7 @@ impl Energies {
         let [left_wall, right_wall] = chain.wall_energies_j(frame.u_m);
         let potential_j = contacts(0..contact_j.len()) + (left_wall + right_wall);
         let total_j = kinetic_j + potential_j;
-        let dissipated = self.physics.dissipated_j(frame.extra);
-        let dissipated_j = ordered_sum(dissipated.len(), |c| dissipated[c]);
+        let dissipated_j = self.physics.dissipated_j(frame.extra);
         let relative_drift = relative_drift(total_j + dissipated_j, self.initial_j);
         let mut row = EnergyRow {
             kinetic_j,

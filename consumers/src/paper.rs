@@ -19,6 +19,7 @@ mod maps;
 mod observe;
 mod others;
 mod passing;
+mod profile;
 mod rattle;
 mod reference;
 mod reflection;

@@ -2,7 +2,6 @@
 
 use crate::integrator::Integrator;
 use crate::state::ChainState;
-use schemas::chain::ordered_sum;
 use schemas::manifest::Physics;
 use schemas::summary::relative_drift;
 
@@ -38,8 +37,7 @@ pub fn energy_error(
         }
         progress(state.step);
         let energy_j = chain.energy(&state.u_m, &state.v_m_s, &mut contact_energy_j).total_j();
-        let dissipated = physics.dissipated_j(&state.extra);
-        let dissipated_j = ordered_sum(dissipated.len(), |c| dissipated[c]);
+        let dissipated_j = physics.dissipated_j(&state.extra);
         let error = relative_drift(energy_j + dissipated_j, initial_j).abs();
         if !error.is_finite() {
             return EnergyError { largest: f64::INFINITY, steps: state.step };

@@ -104,10 +104,17 @@ impl Gear {
     /// The first bead of `state` whose displacement, velocity or a higher derivative is not finite.
     pub(crate) fn first_non_finite(&self, state: &ChainState) -> Option<usize> {
         let of_motion = self.kernel.first_non_finite(&state.u_m, &state.v_m_s);
-        // x·0 is NaN exactly where x is not finite, and a sum keeps a NaN
-        let sum = ordered_sum(state.extra.len(), |i| state.extra[i] * 0.0);
-        let of_terms = || state.extra.iter().position(|x| !x.is_finite()).map(|i| i % state.u_m.len());
-        of_motion.or_else(|| if sum == 0.0 { None } else { of_terms() })
+        let active = self.kernel.active_beads();
+        let of_terms = || {
+            let mut arrays = state.extra.chunks_exact(state.u_m.len()).map(|values| &values[active.clone()]);
+            arrays.find_map(|values| {
+                // x·0 is NaN exactly where x is not finite, and a sum keeps a NaN
+                let is_finite = ordered_sum(values.len(), |i| values[i] * 0.0) == 0.0;
+                let found = || values.iter().position(|x| !x.is_finite());
+                if is_finite { None } else { found().map(|i| active.start + i) }
+            })
+        };
+        of_motion.or_else(of_terms)
     }
 }
 

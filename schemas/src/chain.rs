@@ -29,6 +29,8 @@ pub struct Chain {
     pub damping: Option<ContactDamping>,
     /// The contact law of every contact.
     pub law: ContactLaw,
+    /// Looked up for every frame, so decided once.
+    is_loaded: bool,
 }
 
 /// The contacts of the end beads with the walls beside them.
@@ -114,13 +116,30 @@ impl Chain {
         let at_rest = |value: fn(&ContactLaw, f64, f64) -> f64| {
             stiffness.iter().zip(&rest_overlap_m).map(|(k, rest)| value(&law, *k, *rest)).collect()
         };
+        let is_loaded = rest_overlap_m.iter().any(|rest| *rest != 0.0);
         let (rest_force_n, rest_energy_j) = (at_rest(ContactLaw::force), at_rest(ContactLaw::energy));
-        Self { mass_kg, stiffness, rest_overlap_m, rest_force_n, rest_energy_j, walls, damping: None, law }
+        Self {
+            mass_kg,
+            stiffness,
+            rest_overlap_m,
+            rest_force_n,
+            rest_energy_j,
+            walls,
+            damping: None,
+            law,
+            is_loaded,
+        }
     }
 
     /// Whether a contact between two beads has an overlap at rest.
     pub fn is_loaded(&self) -> bool {
-        self.rest_overlap_m.iter().any(|rest| *rest != 0.0)
+        self.is_loaded
+    }
+
+    /// The same chain with damped contacts, if there are any.
+    #[must_use]
+    pub fn with_damping(self, damping: Option<ContactDamping>) -> Self {
+        Self { damping, ..self }
     }
 
     /// Number of beads N.

@@ -351,7 +351,7 @@ impl RunConfig {
 }
 
 /// The line, from 1, of byte `offset` of `text`.
-fn line_at(text: &str, offset: usize) -> usize {
+pub fn line_at(text: &str, offset: usize) -> usize {
     let end = offset.min(text.len());
     text.as_bytes()[..end].split(|byte| *byte == b'\n').count()
 }

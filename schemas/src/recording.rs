@@ -34,7 +34,7 @@ mod writer;
 pub use channel_writer::{Compression, Finished, WriteOptions};
 pub use contacts::{COMPRESSED, ContactsReader, ContactsRow, ContactsWriter, OPEN, TOUCHING};
 pub use error::{ReadError, WriteError};
-pub use head::{EndRecord, state_hash};
+pub use head::{EndRecord, hex, state_hash};
 pub use info::{ChannelInfo, RecordingInfo};
 pub use records::MAX_RECORD_BYTES;
 pub use source::RecordingSource;

@@ -1,6 +1,6 @@
 //! A few numbers about a frame, so that any plotting tool shows something useful at once.
 
-use crate::chain::{Chain, Energy, ordered_sum};
+use crate::chain::{Chain, Energy};
 use crate::frame::Frame;
 use crate::manifest::Physics;
 
@@ -60,8 +60,7 @@ impl Summarizer {
     /// The summary of `frame`.
     pub fn summarize(&mut self, frame: &Frame<'_>) -> Summary {
         let energy = self.chain.energy(frame.u_m, frame.v_m_s, &mut self.contact_energy_j);
-        let dissipated = self.physics.dissipated_j(frame.extra);
-        let dissipated_j = ordered_sum(dissipated.len(), |c| dissipated[c]);
+        let dissipated_j = self.physics.dissipated_j(frame.extra);
         Summary {
             energy,
             dissipated_j,

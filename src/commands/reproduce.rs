@@ -38,7 +38,7 @@ pub(crate) fn reproduce(args: &ReproduceArgs) -> Result<Done, Failure> {
     announce(&studies, &runs, jobs);
     let Some(done) = observe(args, &studies, runs, jobs, &stop)? else {
         display::notice("stopped; what was finished stays in the cache and is not done again");
-        return Ok(Done::Whole);
+        return Ok(Done::Lossy);
     };
 
     let studied = studies.iter().map(|study| conclude(study, &done.observations, &args.out));

@@ -28,10 +28,10 @@ struct Rewrite<'a> {
 pub(crate) fn thin(args: &ThinArgs) -> Result<Done, Failure> {
     let rewrite = Rewrite {
         from: &args.file,
-        to: &args.out,
+        to: &args.output.out,
         every_steps: args.every_steps,
-        force: args.force,
-        json: args.json,
+        force: args.output.force,
+        json: args.output.json,
     };
     rewrite.run("thinned")
 }
@@ -54,10 +54,10 @@ pub(crate) fn expand(args: &ExpandArgs) -> Result<Done, Failure> {
     };
     let rewrite = Rewrite {
         from: &args.file,
-        to: &args.out,
+        to: &args.output.out,
         every_steps: args.every_steps.map_or_else(published, Ok)?,
-        force: args.force,
-        json: args.json,
+        force: args.output.force,
+        json: args.output.json,
     };
     rewrite.run("expanded")
 }

@@ -2,13 +2,13 @@
 
 use crate::configuration::origin;
 use crate::failure::Failure;
-use crate::sweep::hex;
 use anyhow::{Context, anyhow};
 use consumers::follow::{Tally, follow};
 use consumers::paper::{Observed, Observer, Run};
 use producer::run::{Conductor, RunError};
 use schemas::frame::{EndReason, Frame, FrameSink};
 use schemas::manifest::RunManifest;
+use schemas::recording::hex;
 use schemas::recording::{RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};
 use std::convert::Infallible;
 use std::ops::ControlFlow;

@@ -6,11 +6,11 @@
 //! - `recordings/point-000123.mcap` where recordings are asked for
 
 use super::columns::columns;
-use super::hex;
 use crate::failure::{BadInput, Failure};
 use anyhow::{Context, anyhow};
 use consumers::journal::{Journal, JournalError, JournalHead};
 use producer::sweep::Sweep;
+use schemas::recording::hex;
 use schemas::whole_file::{WholeFile, WholeFileError};
 use serde::{Deserialize, Serialize};
 use std::fmt;

@@ -2,7 +2,6 @@
 
 use super::analyses::Analyses;
 use super::columns::{ERROR_COLUMN, Results};
-use super::hex;
 use crate::configuration::origin;
 use anyhow::Error;
 use consumers::energies::Energies;
@@ -11,6 +10,7 @@ use producer::run::{Conductor, RunError, RunOutcome};
 use producer::sweep::{Point, Sweep, Until};
 use schemas::frame::{EndReason, Frame};
 use schemas::manifest::RunManifest;
+use schemas::recording::hex;
 use schemas::recording::{RecordingWriter, WriteError, WriteOptions, state_hash};
 use std::ops::ControlFlow;
 use std::path::Path;

@@ -5,6 +5,7 @@ use super::observe::Observations;
 use super::passing::{
     BACKWARD_BEAD, FORWARD_BEAD, Passed, against_table, both_steps, falls, heights, pulses_of_table,
 };
+use super::profile::velocity_figure;
 use super::reference::HEAVY_PULSES;
 use super::runs::{Run, heavy};
 use super::study::Study;
@@ -287,23 +288,7 @@ fn judge_sticking(seen: &Observations) -> Result<Judgement, StudyError> {
 
 fn draw_velocity(seen: &Observations) -> Result<Figure, StudyError> {
     let seen = seen.of(&heavy())?;
-    let kept = seen.kept_frame(AT_80_MS)?;
-    let points = || kept.v_m_s.iter().enumerate().map(|(bead, v)| (bead as f64, *v));
-    let x = || Axis::new("bead").limits(0.0, 1000.0);
-    let whole = Panel::new()
-        .x_axis(x())
-        .y_axis("velocity (m/s)")
-        .curve(Curve::line("", points()).colour(Colour::Blue))
-        .vertical("impurity", 500.0);
-    let small = Panel::new()
-        .x_axis(x())
-        .y_axis(Axis::new("velocity (m/s)").limits(-0.05, 0.15))
-        .curve(Curve::line("", points()).colour(Colour::Blue))
-        .vertical("", 500.0)
-        .note("the same, enlarged")
-        .height(0.8);
-    let caption = format!("{}; t = {:.2} ms", plots::caption(&seen.manifest), kept.time_s * 1e3);
-    Ok(Figure::new().shared_x().caption(caption).panel(whole).panel(small))
+    Ok(velocity_figure(&seen.manifest, seen.kept_frame(AT_80_MS)?, [-0.05, 0.15]))
 }
 
 fn draw_second_hit(seen: &Observations) -> Result<Figure, StudyError> {

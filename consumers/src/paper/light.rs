@@ -5,6 +5,7 @@ use super::observe::Observations;
 use super::passing::{
     BACKWARD_BEAD, FORWARD_BEAD, Passed, against_table, both_steps, falls, heights, pulses, pulses_of_table,
 };
+use super::profile::velocity_figure;
 use super::reference::LIGHT_PULSES;
 use super::runs::{Run, light};
 use super::study::Study;
@@ -219,23 +220,7 @@ fn falls_below(u_m: &[f64], from: usize, level_m: f64) -> f64 {
 
 fn draw_velocity(seen: &Observations) -> Result<Figure, StudyError> {
     let seen = seen.of(&light())?;
-    let kept = seen.kept_frame(AT_80_MS)?;
-    let points = || kept.v_m_s.iter().enumerate().map(|(bead, v)| (bead as f64, *v));
-    let x = || Axis::new("bead").limits(0.0, 1000.0);
-    let whole = Panel::new()
-        .x_axis(x())
-        .y_axis("velocity (m/s)")
-        .curve(Curve::line("", points()).colour(Colour::Blue))
-        .vertical("impurity", 500.0);
-    let small = Panel::new()
-        .x_axis(x())
-        .y_axis(Axis::new("velocity (m/s)").limits(-0.2, 0.2))
-        .curve(Curve::line("", points()).colour(Colour::Blue))
-        .vertical("", 500.0)
-        .note("the same, enlarged")
-        .height(0.8);
-    let caption = format!("{}; t = {:.2} ms", plots::caption(&seen.manifest), kept.time_s * 1e3);
-    Ok(Figure::new().shared_x().caption(caption).panel(whole).panel(small))
+    Ok(velocity_figure(&seen.manifest, seen.kept_frame(AT_80_MS)?, [-0.2, 0.2]))
 }
 
 fn draw_displacement(seen: &Observations) -> Result<Figure, StudyError> {

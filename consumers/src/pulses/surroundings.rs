@@ -38,7 +38,7 @@ impl Surroundings {
         let wave = SolitaryWave::new(manifest.physics.alpha).ok().map(|wave| wave.coefficients());
         Self {
             obstacles: Obstacles::of(&chain),
-            loaded: chain.rest_overlap_m.iter().any(|overlap_m| *overlap_m != 0.0),
+            loaded: chain.is_loaded(),
             reach: Reach::of(wave.as_ref()),
             wave,
             chain,

@@ -91,8 +91,7 @@ impl Pulses {
 
     /// What velocities of a run are measured by (m/s): L/T, the speed of a striker.
     pub fn velocity_scale_m_s(manifest: &RunManifest) -> f64 {
-        let scales = manifest.physics.scales();
-        scales.length_m / scales.time_s
+        manifest.physics.scales().speed_m_s()
     }
 
     /// How many steps apart frames may be to show a pulse of [`Pulses::velocity_scale_m_s`] to 1e-4: eight in

@@ -202,7 +202,7 @@ mod tests {
             wall_coefficient: [0.0, 2.0],
         };
         let chain = Chain::new(vec![1.0; 2], vec![3.0], vec![0.0], walls, law);
-        let chain = Chain { damping: Some(contacts), ..chain };
+        let chain = chain.with_damping(Some(contacts));
         let found = taylor_terms(&chain, &[0.0, 1.0], &[0.0, 0.5], 1.0);
         assert_terms(&found, 1, [-5.0 / 2.0, 8.0 / 6.0, 4.0 / 24.0, -40.0 / 120.0]);
         assert_terms(&found, 0, [0.0; 4]);
@@ -217,7 +217,7 @@ mod tests {
         let contacts = ContactDamping { kind, coefficient: vec![1.0], wall_coefficient: [0.0; 2] };
         let law = ContactLaw::new(3.0);
         let chain = Chain::new(vec![2.0; 2], vec![1.0], vec![0.0], Walls::default(), law);
-        let chain = Chain { damping: Some(contacts), ..chain };
+        let chain = chain.with_damping(Some(contacts));
         let found = taylor_terms(&chain, &[1.0, 0.0], &[0.5, 0.0], 1.0);
         assert_eq!(found[0], -1.5 / 2.0 / 2.0);
         assert!((found[2] + (1.75 - 1.5) / 2.0 / 6.0).abs() < 1e-15, "{}", found[2]);

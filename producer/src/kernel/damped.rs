@@ -198,7 +198,7 @@ mod tests {
         let walls = Walls { left: wall, right: wall };
         let contacts = ContactDamping { kind, coefficient: vec![2.0], wall_coefficient: [2.0, 2.0] };
         let chain = Chain::new(vec![1.0; 2], vec![4.0], vec![0.5], walls, law);
-        Chain { damping: Some(contacts), ..chain }
+        chain.with_damping(Some(contacts))
     }
 
     fn forces_and_power(kind: Damping, u_m: &[f64], v_m_s: &[f64]) -> (Vec<f64>, Vec<f64>) {

@@ -4,7 +4,7 @@ use super::SweepError;
 use super::document::{KeyPath, merge};
 use super::keys;
 use super::values;
-use schemas::config::ConfigError;
+use schemas::config::{ConfigError, line_at};
 use schemas::presets::{PRESETS, Preset};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -290,9 +290,4 @@ fn syntax(text: &str, path: &Path, error: &toml::de::Error) -> SweepError {
         key: String::new(),
         message: error.message().to_owned(),
     })
-}
-
-/// The line, from 1, of byte `offset` of `text`.
-fn line_at(text: &str, offset: usize) -> usize {
-    text.as_bytes()[..offset.min(text.len())].split(|byte| *byte == b'\n').count()
 }

@@ -139,7 +139,7 @@ fn imbalance(physics: &Physics) -> (f64, f64) {
     for _ in 0..physics.step_count {
         integrator.step(&mut state);
         let energy_j = chain.energy(&state.u_m, &state.v_m_s, &mut contact_j).total_j();
-        dissipated = physics.dissipated_j(&state.extra).iter().sum::<f64>() / initial_j;
+        dissipated = physics.dissipated_j(&state.extra) / initial_j;
         worst = worst.max((energy_j / initial_j + dissipated - 1.0).abs());
     }
     (worst, dissipated)

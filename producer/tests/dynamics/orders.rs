@@ -135,7 +135,7 @@ fn gear5_has_its_order_with_damping() {
         let (overlap, rate) = motion(1.2 * physics.scales().time_s);
         let overlap_error = (state.u_m[0] - state.u_m[1] - overlap) / amplitude_m;
         let rate_error = (state.v_m_s[0] - state.v_m_s[1] - rate) / (amplitude_m * omega);
-        let dissipated_j: f64 = physics.dissipated_j(&state.extra).iter().sum();
+        let dissipated_j = physics.dissipated_j(&state.extra);
         assert!(dissipated_j > 0.1 * before_j, "much is dissipated");
         [overlap_error.hypot(rate_error), ((energy_j(&state) + dissipated_j) / before_j - 1.0).abs()]
     };

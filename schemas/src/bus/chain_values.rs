@@ -51,7 +51,7 @@ pub(super) fn from_values(physics: &Physics, values: &[f64]) -> Option<Chain> {
         coefficient: damping.to_vec(),
         wall_coefficient: [left[WALL - 1], right[WALL - 1]],
     });
-    Some(Chain { damping, ..chain })
+    Some(chain.with_damping(damping))
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ mod particulars;
 mod time_step;
 
 use super::{KERNEL_VERSION, to_json, usize_of};
-use crate::chain::Energy;
+use crate::chain::{Energy, ordered_sum};
 use crate::config::{
     ConfigError, EndsConfig, Impurity, LoadConfig, MassRule, OddContact, RunConfig, StiffnessRule,
     StrikerConfig,
@@ -130,11 +130,12 @@ impl Physics {
         self.method.extra_per_bead() + usize::from(self.damping.is_some())
     }
 
-    /// The work (J) that contacts have dissipated so far, from the `extra` of a state: its last N values, of
-    /// which number `c` belongs to contact `c` and the last one to both walls.
-    pub fn dissipated_j<'a>(&self, extra: &'a [f64]) -> &'a [f64] {
+    /// The work (J) that contacts have dissipated so far, from the `extra` of a state: the [`ordered_sum`] of its last
+    /// N values, of which number `c` belongs to contact `c` and the last one to both walls.
+    pub fn dissipated_j(&self, extra: &[f64]) -> f64 {
         let values = if self.damping.is_some() { usize_of(self.beads) } else { 0 };
-        &extra[extra.len().saturating_sub(values)..]
+        let work_j = &extra[extra.len().saturating_sub(values)..];
+        ordered_sum(work_j.len(), |c| work_j[c])
     }
 
     /// The time `step·dt` (s).

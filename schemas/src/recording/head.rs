@@ -69,7 +69,7 @@ fn checksum(version: &str, physics: &str, provenance: &str) -> String {
 }
 
 /// The bytes as two digits each.
-pub(super) fn hex(bytes: &[u8]) -> String {
+pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().fold(String::new(), |mut text, byte| {
         let _ = write!(text, "{byte:02x}");
         text

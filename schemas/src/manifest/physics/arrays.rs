@@ -32,7 +32,7 @@ impl Physics {
             right: wall(self.ends.right, right, loads.right_wall),
         };
         let damping = self.damping.map(|kind| self.contact_damping(kind, &mass_kg, &stiffness, &walls));
-        Chain { damping, ..Chain::new(mass_kg, stiffness, rest_overlap_m, walls, law) }
+        Chain::new(mass_kg, stiffness, rest_overlap_m, walls, law).with_damping(damping)
     }
 
     fn contact_damping(
