@@ -98,6 +98,16 @@ impl Contents {
         }
     }
 
+    /// Takes over the schemas and channels of `other` that are new here.
+    pub(super) fn learn(&mut self, other: &Self) {
+        for (id, schema) in &other.schemas {
+            self.schemas.entry(*id).or_insert_with(|| schema.clone());
+        }
+        for (id, channel) in &other.channels {
+            self.channels.entry(*id).or_insert_with(|| channel.clone());
+        }
+    }
+
     /// The topics, for messages.
     pub(super) fn topics(&self) -> String {
         let topics: Vec<_> = self.channels.values().map(|channel| format!("`{}`", channel.topic)).collect();
