@@ -3,6 +3,7 @@
 
 mod crash;
 mod hostile;
+mod others;
 mod run;
 mod writing;
 
