@@ -26,7 +26,6 @@ mod messages;
 mod others;
 mod proto;
 mod records;
-mod sink;
 mod source;
 mod space;
 mod sync;
