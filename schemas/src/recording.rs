@@ -28,7 +28,6 @@ mod others;
 mod proto;
 mod records;
 mod results;
-mod sink;
 mod source;
 mod space;
 mod sync;
