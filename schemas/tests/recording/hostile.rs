@@ -14,7 +14,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 /// Opcode, offset and length of the contents of the top-level records of a file.
-fn records(bytes: &[u8]) -> Vec<(u8, usize, usize)> {
+pub(crate) fn records(bytes: &[u8]) -> Vec<(u8, usize, usize)> {
     let (mut at, mut records) = (8, Vec::new());
     while at + 9 <= bytes.len() - 8 {
         let length = u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) as usize;
