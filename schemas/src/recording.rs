@@ -21,6 +21,7 @@ mod decode;
 mod encode;
 mod error;
 mod head;
+mod index;
 mod info;
 mod messages;
 mod others;

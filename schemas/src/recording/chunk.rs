@@ -131,6 +131,16 @@ impl Chunk {
         self.offset
     }
 
+    /// Says which chunk of the file is loaded next.
+    pub(super) fn expect(&mut self, number: u64) {
+        self.number = number;
+    }
+
+    /// Goes back to the first record.
+    pub(super) fn rewind(&mut self) {
+        self.next = self.start;
+    }
+
     /// Size of what is left of the records in bytes: of all of them, before the first is taken.
     pub(super) fn bytes(&self) -> u64 {
         self.end.saturating_sub(self.next) as u64

@@ -109,6 +109,16 @@ impl Contents {
         }
     }
 
+    /// Takes over the schemas and channels of `other` that are new here.
+    pub(super) fn learn(&mut self, other: &Self) {
+        for (id, schema) in &other.schemas {
+            self.schemas.entry(*id).or_insert_with(|| schema.clone());
+        }
+        for (id, channel) in &other.channels {
+            self.channels.entry(*id).or_insert_with(|| channel.clone());
+        }
+    }
+
     /// Counts a new schema or channel, so that a hostile file cannot fill the memory with them.
     fn count(&mut self, bytes: usize) -> Result<(), String> {
         self.definition_bytes = self.definition_bytes.saturating_add(bytes);

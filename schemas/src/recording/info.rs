@@ -168,23 +168,12 @@ struct SummarySection {
 impl SummarySection {
     /// Reads and validates the section; none if there is none that can be relied on.
     fn read(records: &mut RecordReader) -> Option<Self> {
-        if !records.is_closed() {
-            return None;
-        }
-        let footer_offset = records.file_bytes().checked_sub(FOOTER_BYTES)?;
-        records.seek(footer_offset).ok()?;
-        let Record::Footer(Footer { summary_start, .. }) = next(records)? else {
-            return None;
-        };
-        if summary_start == 0 || summary_start > footer_offset {
-            return None;
-        }
-        records.seek_summary(summary_start).ok()?;
+        seek_summary(records)?;
         let mut contents = Contents::default();
         let (mut statistics, mut end_index) = (None, None);
         let (mut uncompressed_bytes, mut chunks) = (0_u64, 0);
         loop {
-            match next(records)? {
+            match next_of_summary(records)? {
                 Record::Footer(_) => break,
                 Record::Statistics(found) => statistics = Some(found),
                 Record::ChunkIndex(index) => {
@@ -223,8 +212,25 @@ impl SummarySection {
     }
 }
 
-/// The next record, if it is one that a summary may hold.
-fn next(records: &mut RecordReader) -> Option<Record<'static>> {
+/// Goes to the summary section of a closed file and returns where it starts, if it has one.
+pub(super) fn seek_summary(records: &mut RecordReader) -> Option<u64> {
+    if !records.is_closed() {
+        return None;
+    }
+    let footer_offset = records.file_bytes().checked_sub(FOOTER_BYTES)?;
+    records.seek(footer_offset).ok()?;
+    let Record::Footer(Footer { summary_start, .. }) = next_of_summary(records)? else {
+        return None;
+    };
+    if summary_start == 0 || summary_start > footer_offset {
+        return None;
+    }
+    records.seek_summary(summary_start).ok()?;
+    Some(summary_start)
+}
+
+/// The next record, if it is one that a summary may hold. At the footer the section's CRC has been checked.
+pub(super) fn next_of_summary(records: &mut RecordReader) -> Option<Record<'static>> {
     let RawRecord { opcode, body, .. } = records.next().ok()??;
     match opcode {
         // mcap panics on short ones, and none belongs here

@@ -7,6 +7,7 @@ use super::chunk::{Chunk, Inner};
 use super::contents::{Channel, Contents, parse_metadata};
 use super::error::ReadError;
 use super::head;
+use super::index::ChunkPlace;
 use super::records::{RawRecord, RecordReader};
 use super::salvage::{Damage, Salvage};
 use crate::manifest::RunManifest;
@@ -19,6 +20,8 @@ pub(super) struct MessageReader {
     records: RecordReader,
     chunk: Chunk,
     in_chunk: bool,
+    /// Not everything before was read.
+    sought: bool,
     contents: Contents,
     manifest: RunManifest,
     /// Where the record read last begins.
@@ -75,6 +78,7 @@ impl MessageReader {
             records,
             chunk: Chunk::default(),
             in_chunk: false,
+            sought: false,
             contents: Contents::default(),
             record_start: 0,
             opcode: 0,
@@ -134,6 +138,21 @@ impl MessageReader {
         self.records.is_closed() && self.contents.data_end && self.contents.end.is_some()
     }
 
+    /// Goes on reading at `place`. `known` has the channels that are defined before it, as far as they are known;
+    /// messages of others are then passed over.
+    pub(super) fn seek(&mut self, place: ChunkPlace, known: &Contents) -> Result<(), ReadError> {
+        self.sought = true;
+        self.contents.learn(known);
+        (self.contents.data_end, self.contents.end) = (false, None);
+        if self.in_chunk && self.chunk.offset() == place.offset {
+            self.chunk.rewind();
+            return Ok(());
+        }
+        self.in_chunk = false;
+        self.chunk.expect(place.number);
+        self.records.seek(place.offset)
+    }
+
     /// The next message of any channel; none at the end or where an unfinished file is torn.
     pub(super) fn next(&mut self) -> Result<Option<RawMessage<'_>>, ReadError> {
         loop {
@@ -155,6 +174,10 @@ impl MessageReader {
             && !self.contents.channels.contains_key(&head.channel_id)
             && !self.learn_channel(head.channel_id, data.clone())
         {
+            if self.sought {
+                // defined in a chunk that was not read
+                return Ok(Step::Other);
+            }
             let what = format!("a message of the unknown channel {}", head.channel_id);
             return Err(ReadError::damaged(self.path(), *offset, what));
         }

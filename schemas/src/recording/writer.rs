@@ -67,8 +67,10 @@ impl RecordingWriter {
             format!("it has {} beads, the run {}", frame.u_m.len(), physics.beads)
         } else if let Some(last) = self.last_step.filter(|last| *last >= frame.step) {
             format!("step {last} was recorded before")
-        } else if self.manifest.step_of_frame(frame.frame) != frame.step {
-            format!("that frame is step {}", self.manifest.step_of_frame(frame.frame))
+        } else if frame.step > physics.step_count {
+            format!("the last step of the run is {}", physics.step_count)
+        } else if self.manifest.frame_at(frame.step) != frame.frame {
+            format!("that step belongs to frame {}", self.manifest.frame_at(frame.step))
         } else {
             return Ok(());
         };
@@ -138,15 +140,16 @@ impl RecordingWriter {
 impl FrameSink for RecordingWriter {
     type Error = WriteError;
 
-    /// Records `frame`. Which frames are due is the caller's to know ([`RunManifest::is_recorded`], and the last
-    /// frame of a run that is interrupted).
+    /// Records `frame`, or a state that was recomputed between two frames. Which are due is the caller's to know
+    /// ([`RunManifest::is_recorded`], and the last frame of a run that is interrupted).
     ///
     /// # Errors
     /// When the frame is not one of this run or not after the frame before, or when writing fails; the
     /// file then ends with the last whole chunk.
     fn accept(&mut self, frame: &Frame<'_>) -> Result<(), WriteError> {
         self.check(frame)?;
-        self.file.write(self.state, frame.frame, frame.time_s, self.encoder.encode(frame))?;
+        let is_frame = self.manifest.is_frame(frame.step);
+        self.file.write(self.state, frame.frame, frame.time_s, self.encoder.encode(frame, is_frame))?;
         let summary = self.summarizer.summarize(frame);
         self.message.clear();
         encode::summary(frame, &summary).encode_raw(&mut self.message);
