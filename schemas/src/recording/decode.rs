@@ -68,6 +68,11 @@ pub(super) fn head(message: &[u8]) -> Result<StateHead, String> {
     Ok(StateHead { frame: state.frame, step: state.step, time_s: state.time_s })
 }
 
+/// Whether `message` is a state of a run with these lengths, as our writer writes it.
+pub(super) fn is_canonical(message: &[u8], lengths: StateLengths) -> bool {
+    canonical(message, lengths).is_some()
+}
+
 type Doubles<'a> = &'a [[u8; 8]];
 
 fn canonical(message: &[u8], lengths: StateLengths) -> Option<(StateHead, [Doubles<'_>; 3])> {

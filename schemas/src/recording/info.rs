@@ -155,6 +155,11 @@ fn channels(contents: &Contents, counts: &BTreeMap<u16, u64>) -> Vec<ChannelInfo
     contents.channels.iter().map(info).collect()
 }
 
+/// The channels that the summary section of a closed file has, if it has a valid one.
+pub(super) fn channels_of_summary(records: &mut RecordReader) -> Option<BTreeMap<u16, Channel>> {
+    SummarySection::read(records).map(|summary| summary.contents.channels)
+}
+
 /// What the summary section of a closed file says.
 struct SummarySection {
     contents: Contents,
