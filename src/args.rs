@@ -456,7 +456,9 @@ pub(crate) struct ReproduceArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  \
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
     beadline replay run.mcap                             waits for an analysis, then as fast as it can take …\n  \
     beadline energies --figure e.svg                     … which you start in another terminal\n  \
     beadline replay run.mcap --rate 0.01 --loop          100 times slower than real time, again and again\n  \
@@ -465,7 +467,8 @@ pub(crate) struct ReproduceArgs {
     Frames that a sparse recording does not hold are recomputed. On a terminal: space pauses and goes on,\n\
     → or . shows one more frame and pauses, + and - double and halve the rate, q quits.\n\
     The recording of a run that was not closed ends as a failed run does. Exit code 3: it was not closed, it is\n\
-    damaged, or a consumer was dropped.")]
+    damaged, or a consumer was dropped."
+)]
 pub(crate) struct ReplayArgs {
     /// The recording
     pub(crate) file: PathBuf,

@@ -97,7 +97,9 @@ pub enum Broken<E: std::error::Error + 'static> {
     #[error(transparent)]
     Source(E),
     /// Frames are not there; consumers would take what comes after them for frames that they have lost.
-    #[error("the frames {from} to {to} are not in the recording")]
+    #[error(
+        "the frames {from} to {to} are not in the recording; `beadline expand` recomputes what is missing"
+    )]
     Missing {
         /// The first.
         from: u64,
@@ -268,3 +270,6 @@ fn offer<P: FrameSink, E: std::error::Error>(
     outcome.last_step = Some(frame.step);
     Ok(ControlFlow::Continue(()))
 }
+
+#[cfg(test)]
+mod tests;

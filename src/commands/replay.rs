@@ -9,7 +9,7 @@ use crate::failure::{BadInput, Done, Failure};
 use crate::keyboard::Keyboard;
 use crate::publishing;
 use crate::source::{Frames, Source, SourceFailure};
-use anyhow::anyhow;
+use anyhow::{Context as _, anyhow};
 use producer::replay::{BeginError, Replay, ReplayOutcome, Window, is_sparse, published_manifest};
 use producer::resimulation::{Lend, Resimulation};
 use schemas::bus::{PublishOptions, StatePublisher};
@@ -29,6 +29,7 @@ pub(crate) fn replay(args: &ReplayArgs) -> Result<Done, Failure> {
         let Some(replay) = begin(args, window, &stop)? else { break };
         if summary.loops == 0 {
             announce(args, &replay);
+            summary.name(replay.manifest());
         }
         let Some(outcome) = publish(args, replay, keyboard.as_ref(), &stop, &mut summary)? else { break };
         let broken = outcome.broken.is_some();
@@ -62,7 +63,11 @@ fn begin(
     let manifest = published_manifest(source.manifest(), args.name.clone(), args.every_step);
     let frames = if is_sparse(source.manifest(), &manifest) {
         // each step, so that there is something to do between frames
-        Frames::Recomputed(Box::new(Resimulation::new(source, Lend::Steps).bad_input()?))
+        let steps = Resimulation::new(source, Lend::Steps).with_context(|| {
+            let file = args.file.display();
+            format!("{file} does not hold every frame to be published, and they cannot be recomputed")
+        });
+        Frames::Recomputed(Box::new(steps.bad_input()?))
     } else {
         Frames::AsTheyCome(source)
     };

@@ -19,6 +19,9 @@ use std::time::{Duration, Instant};
 /// How often a person needs to see progress.
 const REFRESH: Duration = Duration::from_millis(100);
 
+/// What a person may want to know.
+const KEYS: &str = "space pauses and goes on · → one frame · + - faster, slower · q quits";
+
 /// What a replay leaves behind for the next one and for the summary.
 pub(super) struct Left {
     /// The pace that was set last.
@@ -42,10 +45,14 @@ pub(super) struct Stage<'a> {
     /// Since when it is paused.
     paused_since: Option<Instant>,
     paused: Duration,
+    /// Simulated seconds per second before the pause.
+    speed: f64,
     /// Frames to publish in spite of the pause.
     steps: u64,
-    /// Whether any was.
-    stepped: bool,
+    /// Whether the pace counts anew after the pause.
+    anew: bool,
+    /// Frame, step and time (s) published last.
+    last: Option<(u64, u64, f64)>,
     dropped: Dropped,
 }
 
@@ -59,6 +66,9 @@ impl<'a> Stage<'a> {
         let manifest = replay.manifest();
         let now = Instant::now();
         let bar = display::progress_bar(manifest.physics.step_count, manifest.provenance.name.as_str());
+        if keyboard.is_some() {
+            bar.set_style(display::with_second_line(KEYS));
+        }
         Self {
             bar,
             keyboard,
@@ -68,8 +78,10 @@ impl<'a> Stage<'a> {
             refreshed: now,
             paused_since: None,
             paused: Duration::ZERO,
+            speed: 0.0,
             steps: 0,
-            stepped: false,
+            anew: false,
+            last: None,
             dropped: Dropped::default(),
         }
     }
@@ -87,76 +99,89 @@ impl<'a> Stage<'a> {
     }
 
     /// Waits for a key, and does what it asks for; consumers are served meanwhile.
-    fn nap(&mut self, at_most: Duration, frame: &Frame<'_>, publisher: &mut StatePublisher) {
+    fn nap(&mut self, at_most: Duration, next: &Frame<'_>, publisher: &mut StatePublisher) {
         // a consumer that cannot be answered now is answered at the next frame
         let _ = publisher.serve();
         match self.keyboard {
             None => thread::sleep(at_most),
             Some(keyboard) => {
                 if let Some(key) = keyboard.wait(at_most) {
-                    self.obey(key, frame, publisher);
+                    self.obey(key, next);
+                    self.show(publisher);
                 }
             }
         }
+        if self.refreshed.elapsed() >= REFRESH {
+            self.show(publisher);
+        }
     }
 
-    fn obey(&mut self, key: Key, frame: &Frame<'_>, publisher: &mut StatePublisher) {
-        match key {
-            Key::Pause => match self.paused_since.take() {
-                None => self.pause(),
-                Some(since) => {
-                    let pause = since.elapsed();
-                    self.paused += pause;
-                    self.steps = 0;
-                    if std::mem::take(&mut self.stepped) {
-                        self.pacer.change(self.pacer.pace(), frame.time_s);
-                    } else {
-                        self.pacer.leave_out(pause);
-                    }
+    /// Does what a key asks for, before the frame `next` is published.
+    fn obey(&mut self, key: Key, next: &Frame<'_>) {
+        match (key, self.paused_since) {
+            (Key::Pause, None) => self.pause(),
+            (Key::Pause, Some(since)) => self.go_on_after(since, next),
+            (Key::Step, paused) => {
+                if paused.is_none() {
+                    self.pause();
                 }
-            },
-            Key::Step if self.paused_since.is_some() => self.steps += 1,
-            Key::Step => self.pause(),
-            Key::Faster => self.change_pace(2.0, frame.time_s),
-            Key::Slower => self.change_pace(0.5, frame.time_s),
-            Key::Suspended(pause) => self.pacer.leave_out(pause),
-            // the flag is set
-            Key::Quit => {}
+                self.steps += 1;
+            }
+            (Key::Faster, _) => self.change_pace(2.0, next.time_s),
+            (Key::Slower, _) => self.change_pace(0.5, next.time_s),
+            (Key::Suspended(pause), None) => self.pacer.leave_out(pause),
+            // the pause goes on; the flag is set
+            (Key::Suspended(_), Some(_)) | (Key::Quit, _) => {}
         }
-        self.show(frame, publisher);
     }
 
     fn pause(&mut self) {
+        self.speed = self.last.map_or(0.0, |(_, _, time_s)| self.pacer.reached(time_s));
         self.paused_since = Some(Instant::now());
     }
 
-    /// Changes the pace by `factor`; the maximum counts as what is reached at the moment.
-    fn change_pace(&mut self, factor: f64, time_s: f64) {
-        let reached = match self.pacer.pace() {
-            Pace::PerSecond(per_second) => per_second,
-            Pace::Max if factor > 1.0 => return,
-            Pace::Max => self.pacer.reached(time_s),
-        };
-        let wanted = reached * factor;
-        if wanted > 0.0 && wanted.is_finite() {
-            self.pacer.change(Pace::PerSecond(wanted), self.pacer.now_s(time_s));
+    fn go_on_after(&mut self, since: Instant, next: &Frame<'_>) {
+        let pause = since.elapsed();
+        self.paused += pause;
+        self.paused_since = None;
+        self.steps = 0;
+        if std::mem::take(&mut self.anew) {
+            self.pacer.change(self.pacer.pace(), next.time_s);
+        } else {
+            self.pacer.leave_out(pause);
         }
     }
 
-    fn show(&mut self, frame: &Frame<'_>, publisher: &mut StatePublisher) {
+    /// Changes the pace by `factor`; the maximum counts as what is reached at the moment.
+    fn change_pace(&mut self, factor: f64, next_s: f64) {
+        let reached = match (self.pacer.pace(), self.paused_since) {
+            (Pace::PerSecond(per_second), _) => per_second,
+            (Pace::Max, _) if factor > 1.0 => return,
+            (Pace::Max, None) => self.pacer.reached(next_s),
+            (Pace::Max, Some(_)) => self.speed,
+        };
+        let wanted = reached * factor;
+        if wanted.is_normal() {
+            self.pacer.change(Pace::PerSecond(wanted), self.pacer.now_s(next_s));
+            self.anew = self.paused_since.is_some();
+        }
+    }
+
+    fn show(&mut self, publisher: &mut StatePublisher) {
         self.refreshed = Instant::now();
         self.dropped.tell(publisher, &self.bar);
         let counts = publisher.counts();
-        let state = match (self.paused_since, self.pacer.pace()) {
+        let (frame, step, time_s) = self.last.unwrap_or_default();
+        let pace = match (self.paused_since, self.pacer.pace()) {
             (Some(_), _) => "paused".to_owned(),
-            (None, Pace::Max) => "max".to_owned(),
-            (None, Pace::PerSecond(per_second)) => format!("{per_second:.3e} s/s"),
+            (None, Pace::Max) => format!("{}/s", seconds(self.pacer.reached(time_s))),
+            (None, Pace::PerSecond(per_second)) => format!("at {}/s", seconds(per_second)),
         };
-        self.bar.set_position(frame.step);
+        self.bar.set_position(step);
         self.bar.set_message(format!(
-            "frame {} · t = {} · {state} · {} lossless, {} latest",
-            count(frame.frame),
-            seconds(frame.time_s),
+            "t = {} · {pace} · frame {} · {} lossless, {} latest",
+            seconds(time_s),
+            count(frame),
             counts.lossless,
             counts.latest,
         ));
@@ -168,7 +193,7 @@ impl<'a> Stage<'a> {
             if self.paused_since.is_some() {
                 if self.steps > 0 {
                     self.steps -= 1;
-                    self.stepped = true;
+                    self.anew = true;
                     return;
                 }
                 self.nap(LONGEST_NAP, frame, publisher);
@@ -184,11 +209,12 @@ impl<'a> Stage<'a> {
 impl Conductor<StatePublisher> for Stage<'_> {
     fn before_frame(&mut self, frame: &Frame<'_>, publisher: &mut StatePublisher) -> ControlFlow<()> {
         while let Some(key) = self.keyboard.and_then(Keyboard::try_next) {
-            self.obey(key, frame, publisher);
+            self.obey(key, frame);
         }
         self.hold(frame, publisher);
+        self.last = Some((frame.frame, frame.step, frame.time_s));
         if self.refreshed.elapsed() >= REFRESH {
-            self.show(frame, publisher);
+            self.show(publisher);
         }
         self.go_on()
     }

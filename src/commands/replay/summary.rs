@@ -8,6 +8,8 @@ use crate::source::SourceFailure;
 use producer::replay::{Broken, ReplayOutcome};
 use schemas::bus::PublishCounts;
 use schemas::frame::EndReason;
+use schemas::manifest::{RunId, RunManifest};
+use schemas::run_name::RunName;
 use serde_json::json;
 use std::time::Duration;
 
@@ -17,6 +19,7 @@ pub(super) struct Summary {
     pub(super) loops: u64,
     /// The pace for the next loop.
     pub(super) pace: Pace,
+    run: Option<(RunName, RunId)>,
     first_frame: Option<u64>,
     last_step: Option<u64>,
     published_count: u64,
@@ -34,6 +37,7 @@ impl Summary {
         Self {
             loops: 0,
             pace: args.rate,
+            run: None,
             first_frame: None,
             last_step: None,
             published_count: 0,
@@ -45,6 +49,11 @@ impl Summary {
             wall: Duration::ZERO,
             paused: Duration::ZERO,
         }
+    }
+
+    /// Which run it is.
+    pub(super) fn name(&mut self, manifest: &RunManifest) {
+        self.run = Some((manifest.provenance.name.clone(), manifest.provenance.run_id));
     }
 
     pub(super) fn take(&mut self, left: Left) {
@@ -112,6 +121,8 @@ impl Summary {
 
     fn json(&self, args: &ReplayArgs) -> serde_json::Value {
         json!({
+            "run": self.run.as_ref().map(|(name, _)| name),
+            "run_id": self.run.as_ref().map(|(_, id)| id),
             "path": args.file,
             "end": self.reason.as_str(),
             "loops": self.loops,
