@@ -15,6 +15,8 @@ pub(super) struct Chunk {
     number: u64,
     /// The whole chunk record if it is not compressed, so that nothing is copied.
     buffer: Vec<u8>,
+    /// Where in the buffer the records start.
+    start: usize,
     /// Where in the buffer the next record starts.
     next: usize,
     /// Where in the buffer the records end.
@@ -39,8 +41,9 @@ impl Chunk {
         };
         let computed = match header.compression.as_str() {
             "" => {
-                self.next = chunk_header_bytes(records.body());
-                self.end = self.next + data.len();
+                self.start = chunk_header_bytes(records.body());
+                self.end = self.start + data.len();
+                self.next = self.start;
                 // later versions of MCAP may add fields after the records
                 let only_records = self.end == records.body().len();
                 if only_records { records.chunk_crc() } else { crc32fast::hash(&data) }
@@ -80,13 +83,23 @@ impl Chunk {
         self.zstd
             .decompress_to_buffer(data, &mut self.buffer)
             .map_err(|error| format!("a chunk that zstd cannot decompress: {error}"))?;
-        (self.next, self.end) = (0, self.buffer.len());
+        (self.start, self.next, self.end) = (0, 0, self.buffer.len());
         Ok(())
     }
 
     /// Offset of the chunk in the file.
     pub(super) fn offset(&self) -> u64 {
         self.offset
+    }
+
+    /// Says which chunk of the file is loaded next.
+    pub(super) fn expect(&mut self, number: u64) {
+        self.number = number;
+    }
+
+    /// Goes back to the first record.
+    pub(super) fn rewind(&mut self) {
+        self.next = self.start;
     }
 
     /// Size of what is left of the records in bytes: of all of them, before the first is taken.

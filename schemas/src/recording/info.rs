@@ -3,7 +3,7 @@
 use super::contents::{Channel, Contents, parse_metadata};
 use super::decode;
 use super::error::ReadError;
-use super::head::{self, EndRecord};
+use super::head::{self, BeginRecord, EndRecord};
 use super::messages::MessageReader;
 use super::proto;
 use super::records::{RawRecord, RecordReader};
@@ -35,6 +35,8 @@ pub struct RecordingInfo {
     pub file_bytes: u64,
     /// Size of the chunks before compression.
     pub uncompressed_bytes: u64,
+    /// Where it begins, if not with the run.
+    pub begin: BeginRecord,
     /// How it ended, absent if it was not closed.
     pub end: Option<EndRecord>,
     /// It was closed properly.
@@ -134,6 +136,7 @@ fn scan(mut messages: MessageReader) -> Result<RecordingInfo, ReadError> {
         last_step,
         file_bytes: records.file_bytes(),
         uncompressed_bytes: contents.uncompressed_bytes,
+        begin: contents.begin,
         end: contents.end.filter(|_| finished),
         run_toml: contents.run_toml,
         manifest,
@@ -163,23 +166,12 @@ struct SummarySection {
 impl SummarySection {
     /// Reads and validates the section; none if there is none that can be relied on.
     fn read(records: &mut RecordReader) -> Option<Self> {
-        if !records.is_closed() {
-            return None;
-        }
-        let footer_offset = records.file_bytes().checked_sub(FOOTER_BYTES)?;
-        records.seek(footer_offset).ok()?;
-        let Record::Footer(Footer { summary_start, .. }) = next(records)? else {
-            return None;
-        };
-        if summary_start == 0 || summary_start > footer_offset {
-            return None;
-        }
-        records.seek_summary(summary_start).ok()?;
+        seek_summary(records)?;
         let mut contents = Contents::default();
         let (mut statistics, mut end_index) = (None, None);
         let (mut uncompressed_bytes, mut chunks) = (0_u64, 0);
         loop {
-            match next(records)? {
+            match next_of_summary(records)? {
                 Record::Footer(_) => break,
                 Record::Statistics(found) => statistics = Some(found),
                 Record::ChunkIndex(index) => {
@@ -211,6 +203,7 @@ impl SummarySection {
             last_step: self.end.last_step,
             file_bytes: records.file_bytes(),
             uncompressed_bytes: self.uncompressed_bytes,
+            begin: head.begin,
             end: Some(self.end),
             finished: true,
             damage: None,
@@ -218,8 +211,25 @@ impl SummarySection {
     }
 }
 
-/// The next record, if it is one that a summary may hold.
-fn next(records: &mut RecordReader) -> Option<Record<'static>> {
+/// Goes to the summary section of a closed file and returns where it starts, if it has one.
+pub(super) fn seek_summary(records: &mut RecordReader) -> Option<u64> {
+    if !records.is_closed() {
+        return None;
+    }
+    let footer_offset = records.file_bytes().checked_sub(FOOTER_BYTES)?;
+    records.seek(footer_offset).ok()?;
+    let Record::Footer(Footer { summary_start, .. }) = next_of_summary(records)? else {
+        return None;
+    };
+    if summary_start == 0 || summary_start > footer_offset {
+        return None;
+    }
+    records.seek_summary(summary_start).ok()?;
+    Some(summary_start)
+}
+
+/// The next record, if it is one that a summary may hold. At the footer the section's CRC has been checked.
+pub(super) fn next_of_summary(records: &mut RecordReader) -> Option<Record<'static>> {
     let RawRecord { opcode, body, .. } = records.next().ok()??;
     match opcode {
         // mcap panics on short ones, and none belongs here

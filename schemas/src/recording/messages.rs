@@ -5,6 +5,7 @@ use super::chunk::{Chunk, Inner};
 use super::contents::{Channel, Contents, parse_metadata};
 use super::error::ReadError;
 use super::head;
+use super::index::ChunkPlace;
 use super::records::{RawRecord, RecordReader};
 use crate::manifest::RunManifest;
 use mcap::records::{MessageHeader, Record, op};
@@ -16,6 +17,8 @@ pub(super) struct MessageReader {
     records: RecordReader,
     chunk: Chunk,
     in_chunk: bool,
+    /// Not everything before was read.
+    sought: bool,
     contents: Contents,
     manifest: RunManifest,
 }
@@ -62,6 +65,7 @@ impl MessageReader {
             records,
             chunk: Chunk::default(),
             in_chunk: false,
+            sought: false,
             contents: Contents::default(),
         })
     }
@@ -92,11 +96,29 @@ impl MessageReader {
         self.records.is_closed() && self.contents.data_end && self.contents.end.is_some()
     }
 
+    /// Goes on reading at `place`. `known` has the channels that are defined before it, as far as they are known;
+    /// messages of others are then passed over.
+    pub(super) fn seek(&mut self, place: ChunkPlace, known: &Contents) -> Result<(), ReadError> {
+        self.sought = true;
+        self.contents.learn(known);
+        (self.contents.data_end, self.contents.end) = (false, None);
+        if self.in_chunk && self.chunk.offset() == place.offset {
+            self.chunk.rewind();
+            return Ok(());
+        }
+        self.in_chunk = false;
+        self.chunk.expect(place.number);
+        self.records.seek(place.offset)
+    }
+
     /// The next message of any channel; none at the end or where an unfinished file is torn.
     pub(super) fn next(&mut self) -> Result<Option<RawMessage<'_>>, ReadError> {
         loop {
             let place = if self.in_chunk { self.next_in_chunk()? } else { self.next_in_file()? };
             match place {
+                // defined in a chunk that was not read
+                Step::Message(Place { head: MessageHeader { channel_id, .. }, .. })
+                    if self.sought && !self.contents.channels.contains_key(&channel_id) => {}
                 Step::Message(place) => return self.lend(place).map(Some),
                 Step::Other => {}
                 Step::End => return Ok(None),

@@ -115,7 +115,8 @@ impl RecordReader {
         self.size
     }
 
-    /// Goes on reading at `offset`, somewhere within a section: no CRC is checked.
+    /// Goes on reading at `offset`, somewhere within a section: the CRC of what is left of it is not checked,
+    /// that of each chunk and of the next section is.
     pub(super) fn seek(&mut self, offset: u64) -> Result<(), ReadError> {
         self.section = Section::Part;
         self.position = offset;
@@ -183,6 +184,15 @@ impl RecordReader {
     /// Takes a record into the CRC of its section, or compares at the section's end.
     fn check_section(&mut self, opcode: u8, head: &[u8]) -> Result<(), ReadError> {
         match (opcode, self.section) {
+            (op::CHUNK, Section::Part) => {
+                self.chunk_crc =
+                    crc32fast::hash(self.body.get(chunk_header_bytes(&self.body)..).unwrap_or_default());
+                Ok(())
+            }
+            (op::DATA_END, Section::Part) => {
+                (self.section, self.crc) = (Section::Summary, crc32fast::Hasher::new());
+                Ok(())
+            }
             (_, Section::Part) => Ok(()),
             (op::DATA_END, Section::Data) => {
                 let stored = self.body.first_chunk::<4>().map_or(0, |crc| u32::from_le_bytes(*crc));
