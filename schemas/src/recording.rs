@@ -20,6 +20,9 @@ mod contents;
 mod decode;
 mod encode;
 mod error;
+#[cfg(feature = "fuzzing")]
+#[doc(hidden)]
+pub mod fuzzing;
 mod head;
 mod info;
 mod messages;
