@@ -26,6 +26,7 @@ pub mod fuzzing;
 mod head;
 mod info;
 mod messages;
+mod others;
 mod proto;
 mod records;
 mod sink;
@@ -39,6 +40,7 @@ pub use contacts::{COMPRESSED, ContactsReader, ContactsRow, ContactsWriter, OPEN
 pub use error::{ReadError, WriteError};
 pub use head::{EndRecord, hex, state_hash};
 pub use info::{ChannelInfo, RecordingInfo};
+pub use others::{CopyError, OtherChannels};
 pub use records::MAX_RECORD_BYTES;
 pub use source::RecordingSource;
 pub use space::SpaceNeeded;

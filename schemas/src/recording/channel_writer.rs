@@ -1,6 +1,7 @@
 //! Channels of messages into an MCAP file that survives a crash at any moment.
 
 use super::PROFILE;
+use super::contents::Channel;
 use super::error::WriteError;
 use super::head;
 use super::log_time_ns;
@@ -141,6 +142,29 @@ impl ChannelWriter {
             let schema = writer.add_schema(topic.message, "protobuf", topic.descriptor)?;
             writer.add_channel(schema, topic.topic, "protobuf", &BTreeMap::new()).map(ChannelId)
         })
+    }
+
+    /// Adds a channel like `channel` of another file.
+    pub(super) fn copy_channel(&mut self, channel: &Channel) -> Result<ChannelId, WriteError> {
+        let Channel { topic, message_encoding, metadata, schema } = channel;
+        self.write_with(|writer| {
+            let schema_id = match schema.name.as_str() {
+                "" => 0,
+                name => writer.add_schema(name, &schema.encoding, &schema.text)?,
+            };
+            writer.add_channel(schema_id, topic, message_encoding, metadata).map(ChannelId)
+        })
+    }
+
+    /// Writes a message of another file, with the times and the number in its `head`, to a channel of this one.
+    pub(super) fn copy(
+        &mut self,
+        ChannelId(channel_id): ChannelId,
+        head: &MessageHeader,
+        message: &[u8],
+    ) -> Result<(), WriteError> {
+        let header = MessageHeader { channel_id, ..*head };
+        self.write_with(|writer| writer.write_to_known_channel(&header, message))
     }
 
     /// Writes a message about frame `frame` at the simulated time `time_s`.

@@ -7,11 +7,17 @@ use mcap::records::{Metadata, Record, op};
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::path::Path;
+use std::sync::Arc;
+
+/// Most bytes that all schemas and channels of a file may take: ours take 3 kB.
+const MAX_DEFINITION_BYTES: usize = 16 << 20;
 
 /// What a file holds beside its messages, as far as it has been read.
 #[derive(Debug, Default)]
 pub(super) struct Contents {
-    schemas: BTreeMap<u16, SchemaDef>,
+    schemas: BTreeMap<u16, Schema>,
+    /// Of all schemas and channels.
+    definition_bytes: usize,
     /// By the number that messages give.
     pub(super) channels: BTreeMap<u16, Channel>,
     /// The configuration as the user gave it.
@@ -24,11 +30,12 @@ pub(super) struct Contents {
     pub(super) uncompressed_bytes: u64,
 }
 
-/// A schema in the file.
-#[derive(Debug, Clone, PartialEq, Eq)]
-struct SchemaDef {
-    name: String,
-    encoding: String,
+/// A schema in the file; without a name if the channel has none.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(super) struct Schema {
+    pub(super) name: String,
+    pub(super) encoding: String,
+    pub(super) text: Arc<[u8]>,
 }
 
 /// A channel in the file.
@@ -36,8 +43,8 @@ struct SchemaDef {
 pub(super) struct Channel {
     pub(super) topic: String,
     pub(super) message_encoding: String,
-    pub(super) schema: String,
-    pub(super) schema_encoding: String,
+    pub(super) metadata: BTreeMap<String, String>,
+    pub(super) schema: Schema,
 }
 
 impl Contents {
@@ -78,24 +85,37 @@ impl Contents {
     /// Adds a schema or a channel; the same number twice must be the same thing.
     pub(super) fn add(&mut self, record: Record<'_>) -> Result<(), String> {
         match record {
-            Record::Schema { header, .. } => {
-                let schema = SchemaDef { name: header.name, encoding: header.encoding };
+            Record::Schema { header, data } => {
+                if !self.schemas.contains_key(&header.id) {
+                    self.count(header.name.len() + header.encoding.len() + data.len())?;
+                }
+                let schema = Schema { name: header.name, encoding: header.encoding, text: data[..].into() };
                 insert(&mut self.schemas, header.id, schema, "schema")
             }
             Record::Channel(channel) => {
-                let schema = self.schemas.get(&channel.schema_id);
-                let schema =
-                    schema.cloned().unwrap_or(SchemaDef { name: String::new(), encoding: String::new() });
+                if !self.channels.contains_key(&channel.id) {
+                    let metadata = channel.metadata.iter().map(|(key, value)| key.len() + value.len());
+                    self.count(channel.topic.len() + metadata.sum::<usize>())?;
+                }
                 let definition = Channel {
                     topic: channel.topic,
                     message_encoding: channel.message_encoding,
-                    schema: schema.name,
-                    schema_encoding: schema.encoding,
+                    metadata: channel.metadata,
+                    schema: self.schemas.get(&channel.schema_id).cloned().unwrap_or_default(),
                 };
                 insert(&mut self.channels, channel.id, definition, "channel")
             }
             _ => Ok(()),
         }
+    }
+
+    /// Counts a new schema or channel, so that a hostile file cannot fill the memory with them.
+    fn count(&mut self, bytes: usize) -> Result<(), String> {
+        self.definition_bytes = self.definition_bytes.saturating_add(bytes);
+        let bounded = self.definition_bytes <= MAX_DEFINITION_BYTES;
+        bounded
+            .then_some(())
+            .ok_or_else(|| format!("schemas and channels of more than {MAX_DEFINITION_BYTES} bytes"))
     }
 
     /// The topics, for messages.

@@ -109,7 +109,7 @@ fn scan(mut messages: MessageReader) -> Result<RecordingInfo, ReadError> {
     let damage = loop {
         match messages.next() {
             Ok(Some(message)) => {
-                *counts.entry(message.channel_id).or_insert(0) += 1;
+                *counts.entry(message.head.channel_id).or_insert(0) += 1;
                 if message.channel.topic == proto::STATE.topic {
                     match decode::head(message.data) {
                         Ok(state) => {
@@ -145,7 +145,7 @@ fn scan(mut messages: MessageReader) -> Result<RecordingInfo, ReadError> {
 fn channels(contents: &Contents, counts: &BTreeMap<u16, u64>) -> Vec<ChannelInfo> {
     let info = |(id, channel): (&u16, &Channel)| ChannelInfo {
         topic: channel.topic.clone(),
-        schema: channel.schema.clone(),
+        schema: channel.schema.name.clone(),
         encoding: channel.message_encoding.clone(),
         messages: counts.get(id).copied().unwrap_or(0),
     };

@@ -7,7 +7,7 @@ use super::error::ReadError;
 use super::head;
 use super::records::{RawRecord, RecordReader};
 use crate::manifest::RunManifest;
-use mcap::records::{Record, op};
+use mcap::records::{MessageHeader, Record, op};
 use std::ops::Range;
 use std::path::Path;
 
@@ -23,7 +23,8 @@ pub(super) struct MessageReader {
 /// A message, lent until the next call.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RawMessage<'a> {
-    pub(super) channel_id: u16,
+    /// Its channel by number, sequence and times (ns).
+    pub(super) head: MessageHeader,
     pub(super) channel: &'a Channel,
     pub(super) data: &'a [u8],
     /// Of the chunk or record in the file.
@@ -32,7 +33,7 @@ pub(super) struct RawMessage<'a> {
 
 /// Where a message is, before it is lent.
 struct Place {
-    channel_id: u16,
+    head: MessageHeader,
     data: Range<usize>,
     offset: u64,
 }
@@ -156,13 +157,14 @@ impl MessageReader {
     }
 
     fn lend(&self, place: Place) -> Result<RawMessage<'_>, ReadError> {
-        let Place { channel_id, data, offset } = place;
+        let Place { head, data, offset } = place;
+        let channel_id = head.channel_id;
         let body = if self.in_chunk { self.chunk.buffer() } else { self.records.body() };
         let data = body.get(data).unwrap_or_default();
         let channel = self.contents.channels.get(&channel_id).ok_or_else(|| {
             ReadError::damaged(self.path(), offset, format!("a message of the unknown channel {channel_id}"))
         })?;
-        Ok(RawMessage { channel_id, channel, data, offset })
+        Ok(RawMessage { head, channel, data, offset })
     }
 }
 
@@ -194,11 +196,20 @@ fn check_profile(path: &Path, first: Option<RawRecord<'_>>) -> Result<(), ReadEr
 
 /// Where the contents of the message record `body` are.
 fn message(path: &Path, offset: u64, body: &[u8]) -> Result<Place, ReadError> {
-    match body.first_chunk::<MESSAGE_HEAD_BYTES>() {
-        Some([low, high, ..]) => {
-            let channel_id = u16::from_le_bytes([*low, *high]);
-            Ok(Place { channel_id, data: MESSAGE_HEAD_BYTES..body.len(), offset })
-        }
-        None => Err(ReadError::damaged(path, offset, "a message without its header")),
-    }
+    let head =
+        message_head(body).ok_or_else(|| ReadError::damaged(path, offset, "a message without its header"))?;
+    Ok(Place { head, data: MESSAGE_HEAD_BYTES..body.len(), offset })
+}
+
+fn message_head(body: &[u8]) -> Option<MessageHeader> {
+    let (channel_id, rest) = body.split_first_chunk::<2>()?;
+    let (sequence, rest) = rest.split_first_chunk::<4>()?;
+    let (log_time, rest) = rest.split_first_chunk::<8>()?;
+    let (publish_time, _) = rest.split_first_chunk::<8>()?;
+    Some(MessageHeader {
+        channel_id: u16::from_le_bytes(*channel_id),
+        sequence: u32::from_le_bytes(*sequence),
+        log_time: u64::from_le_bytes(*log_time),
+        publish_time: u64::from_le_bytes(*publish_time),
+    })
 }

@@ -33,6 +33,9 @@ pub(super) const SUMMARY: Topic = Topic {
     descriptor: include_bytes!(concat!(env!("OUT_DIR"), "/summary.binpb")),
 };
 
+/// The topics that frames are written to, and which are made anew when frames are.
+pub(super) const OF_FRAMES: [&str; 3] = [CHAIN.topic, STATE.topic, SUMMARY.topic];
+
 pub(super) const CONTACTS: Topic = Topic {
     topic: "/contacts",
     message: "beadline.v1.ContactClasses",

@@ -98,6 +98,11 @@ impl RecordingWriter {
         self.file.flush()
     }
 
+    /// The channels beside those of the frames.
+    pub(super) fn channels(&mut self) -> &mut ChannelWriter {
+        &mut self.file
+    }
+
     /// Bytes on the disk so far.
     pub fn bytes_written(&self) -> u64 {
         self.file.bytes_written()
