@@ -27,6 +27,7 @@ mod head;
 mod info;
 mod messages;
 mod others;
+mod parse;
 mod proto;
 mod records;
 mod sink;

@@ -5,6 +5,7 @@ use super::decode;
 use super::error::ReadError;
 use super::head::{self, EndRecord};
 use super::messages::MessageReader;
+use super::parse::parse_record;
 use super::proto;
 use super::records::{RawRecord, RecordReader};
 use crate::frame::EndReason;
@@ -221,11 +222,8 @@ impl SummarySection {
 /// The next record, if it is one that a summary may hold.
 fn next(records: &mut RecordReader) -> Option<Record<'static>> {
     let RawRecord { opcode, body, .. } = records.next().ok()??;
-    match opcode {
-        // mcap panics on short ones, and none belongs here
-        op::ATTACHMENT | op::CHUNK | op::MESSAGE => None,
-        _ => mcap::parse_record(opcode, body).ok().map(Record::into_owned),
-    }
+    // chunks do not belong here
+    (opcode != op::CHUNK).then(|| parse_record(opcode, body).ok().map(Record::into_owned))?
 }
 
 fn read_end(records: &mut RecordReader, index: &MetadataIndex) -> Option<EndRecord> {

@@ -5,6 +5,7 @@ use super::chunk::{Chunk, Inner};
 use super::contents::{Channel, Contents, parse_metadata};
 use super::error::ReadError;
 use super::head;
+use super::parse::parse_record;
 use super::records::{RawRecord, RecordReader};
 use crate::manifest::RunManifest;
 use mcap::records::{MessageHeader, Record, op};
@@ -185,7 +186,7 @@ impl Place {
 fn check_profile(path: &Path, first: Option<RawRecord<'_>>) -> Result<(), ReadError> {
     let not_ours = |what: String| ReadError::NotBeadline { path: path.to_owned(), what };
     let header = first.filter(|record| record.opcode == op::HEADER);
-    match header.map(|record| mcap::parse_record(record.opcode, record.body)) {
+    match header.map(|record| parse_record(record.opcode, record.body)) {
         Some(Ok(Record::Header(header))) if header.profile == PROFILE => Ok(()),
         Some(Ok(Record::Header(header))) => {
             Err(not_ours(format!("its profile is `{}` instead of `{PROFILE}`", header.profile)))
