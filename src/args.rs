@@ -130,6 +130,12 @@ pub(crate) struct RunArgs {
     /// Drop a lossless consumer that holds the run back for this long (s)
     #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = parse_seconds)]
     pub(crate) stall_timeout: f64,
+    /// Write what was recorded to the file at least this often (s): what a kill costs
+    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = parse_seconds, conflicts_with = "no_record")]
+    pub(crate) flush_period: f64,
+    /// Sync the file to the disk at least this often (s): what a power failure costs
+    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = parse_seconds, conflicts_with = "no_record")]
+    pub(crate) sync_period: f64,
     /// Print the summary as JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -29,7 +29,6 @@ mod parts;
 mod proto;
 mod records;
 mod results;
-mod sink;
 mod source;
 mod space;
 mod sync;

@@ -34,7 +34,12 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     let out = (!args.no_record).then(|| {
         args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.mcap", manifest.provenance.name)))
     });
-    let options = WriteOptions { force: args.force, ..WriteOptions::default() };
+    let options = WriteOptions {
+        force: args.force,
+        flush_period: Duration::from_secs_f64(args.flush_period),
+        sync_period: Duration::from_secs_f64(args.sync_period),
+        ..WriteOptions::default()
+    };
     if let Some(path) = out.as_ref().filter(|path| path.extension().is_none_or(|end| end != "mcap")) {
         let message = format!("--out {}: a recording is written as .mcap", path.display());
         return Err(Failure::BadInput(anyhow!(message)));
@@ -293,6 +298,7 @@ impl Summary<'_> {
         if let Some(recording) = &self.recording {
             let ratio = recording.uncompressed_bytes as f64 / recording.bytes as f64;
             let size = format!("{}, {} ({ratio:.2} : 1)", recording.path.display(), bytes(recording.bytes));
+            rows.push(("held back by the disk", duration(recording.held_back)));
             rows.push(("recording", size));
         }
         display::rows(&format!("{} {}", self.manifest.provenance.name, outcome.reason), &rows)
@@ -305,6 +311,7 @@ impl Summary<'_> {
                 "path": recording.path,
                 "bytes": recording.bytes,
                 "uncompressed_bytes": recording.uncompressed_bytes,
+                "held_back_s": recording.held_back.as_secs_f64(),
             })
         });
         let summary = json!({

@@ -72,11 +72,10 @@ impl ContactsWriter {
         self.row = proto::ContactClasses { frame, step, time_s, contact_count, tolerance_m, classes: packed };
         self.message.clear();
         self.row.encode_raw(&mut self.message);
-        self.file.write(self.channel, frame, time_s, &self.message)?;
+        self.file.write_frame(frame, time_s, [(self.channel, &self.message)])?;
         self.first_step.get_or_insert(step);
         self.rows += 1;
-        self.file.keep();
-        self.file.flush_if_due()
+        Ok(())
     }
 
     fn check(&self, row: &ContactsRow<'_>) -> Result<(), WriteError> {
