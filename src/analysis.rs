@@ -177,7 +177,16 @@ impl<'a> Session<'a> {
             EndReason::Stopped if self.live.is_none() => {
                 display::notice("stopped: results end before the recording does");
             }
+            EndReason::Continued => display::notice("the recording goes on in its next part"),
+            EndReason::Detached => {
+                display::notice("the recorder left the run before its end; results end where it did");
+            }
             EndReason::Complete | EndReason::Interrupted | EndReason::Stopped => {}
+        }
+        if self.live.is_none() && tally.missed_count == 0 && tally.first_frame.is_some_and(|first| first > 0)
+        {
+            let first = count(tally.first_frame.unwrap_or(0));
+            display::notice(format_args!("the recording begins with frame {first}, and so do the results"));
         }
         if self.live.is_some() && tally.first_frame.is_some_and(|first| first > 0) {
             let first = count(tally.first_frame.unwrap_or(0));

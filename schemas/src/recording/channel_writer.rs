@@ -121,25 +121,34 @@ struct Definitions {
 }
 
 impl ChannelWriter {
-    /// Creates `<path>.partial` with its head: manifest and configuration, on the disk.
+    /// Creates `<path>.partial` with its head: manifest, configuration and, if it is not that of the run, the
+    /// beginning, on the disk.
     pub(super) fn create(
         path: &Path,
         manifest: &RunManifest,
         run_toml: Option<&str>,
+        begin: Option<&Metadata>,
         options: &WriteOptions,
     ) -> Result<Self, WriteError> {
         let file = WholeFile::create(path, options.force)?;
         let partial = file.partial().to_owned();
         let io = WriteError::io(&partial);
         let run_toml = run_toml.map(|text| (about_run_toml(manifest), text.as_bytes()));
+        let run = head::run_metadata(manifest);
         let (output, position) =
-            Output::begin(Arc::clone(file.file()), &head::run_metadata(manifest), run_toml).map_err(&io)?;
+            Output::begin(Arc::clone(file.file()), &run, run_toml, begin).map_err(&io)?;
         file.file().sync_data().map_err(&io)?;
         file.sync_name()?;
         let queue = Queue::new(Chunks::new(Rules::of(options)));
         let threads = Some(Threads::start(queue, output, options).map_err(&io)?);
         let (schemas, channels) = Default::default();
         Ok(Self { threads, schemas, channels, position, file })
+    }
+
+    /// Something was recorded: without [`finish`](Self::finish) the file stays as it is, else it goes. Frames
+    /// say so themselves.
+    pub(super) fn keep(&mut self) {
+        self.file.keep();
     }
 
     /// Removes the file.
@@ -220,8 +229,7 @@ impl ChannelWriter {
         self.record(|chunks, now| chunks.open().message(&head, message, now))
     }
 
-    /// Writes the messages that frame `frame` consists of, which stay together. From then on the file stays when it is
-    /// dropped without [`finish`](Self::finish).
+    /// Writes the messages that frame `frame` consists of, which stay together.
     pub(super) fn write_frame<const N: usize>(
         &mut self,
         frame: u64,
@@ -235,7 +243,7 @@ impl ChannelWriter {
             }
             chunks.end_frame();
         })?;
-        self.file.keep();
+        self.keep();
         Ok(())
     }
 

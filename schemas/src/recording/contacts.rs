@@ -52,7 +52,7 @@ impl ContactsWriter {
     /// When there is such a file or its `.partial` and `options.force` is not set, when another process
     /// writes it, when something else than a file has its name, or when the operating system refuses.
     pub fn create(path: &Path, manifest: &RunManifest, options: &WriteOptions) -> Result<Self, WriteError> {
-        let mut file = ChannelWriter::create(path, manifest, None, options)?;
+        let mut file = ChannelWriter::create(path, manifest, None, None, options)?;
         let channel = file.add_channel(proto::CONTACTS)?;
         let contacts = contact_count(manifest);
         let row = proto::ContactClasses::default();
@@ -196,7 +196,7 @@ fn check_row(row: &proto::ContactClasses, contacts: usize, last_step: Option<u64
 }
 
 /// Four classes in a byte, the first in the lowest bits.
-fn pack(classes: &[u8], packed: &mut Vec<u8>) {
+pub(super) fn pack(classes: &[u8], packed: &mut Vec<u8>) {
     packed.clear();
     packed.extend(classes.chunks(4).map(|four| four.iter().rev().fold(0, |byte, class| byte << 2 | class)));
 }

@@ -17,11 +17,13 @@ pub(super) struct StateEncoder {
 }
 
 impl StateEncoder {
-    /// The message of `frame`, until the next call.
-    pub(super) fn encode(&mut self, frame: &Frame<'_>) -> &[u8] {
+    /// The message of `frame`, until the next call; without its number if it is a state between frames.
+    pub(super) fn encode(&mut self, frame: &Frame<'_>, is_frame: bool) -> &[u8] {
         self.length = 0;
-        self.put(&[0x08]);
-        self.put_varint(frame.frame);
+        if is_frame {
+            self.put(&[0x08]);
+            self.put_varint(frame.frame);
+        }
         if frame.step != 0 {
             self.put(&[0x10]);
             self.put_varint(frame.step);
@@ -176,10 +178,12 @@ mod tests {
             // −0 is no time, and prost would drop it, unlike protobuf's own encoders
             let time_s = random.doubles(1)[0] + 0.0;
             let (frame, step) = (random.number(), random.number());
-            let encoded =
-                encoder.encode(&Frame { frame, step, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &extra });
+            let is_frame = !random.next().is_multiple_of(4);
+            let state = Frame { frame, step, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &extra };
+            let encoded = encoder.encode(&state, is_frame);
+            let frame = is_frame.then_some(frame);
             let generated = proto::ChainState {
-                frame: Some(frame),
+                frame,
                 step,
                 time_s,
                 displacement_m: u_m.clone(),
@@ -192,7 +196,7 @@ mod tests {
             let lengths = StateLengths { beads: u_m.len(), extra: extra.len() };
             let mut doubles = Vec::new();
             let head = decode::state(encoded, lengths, &mut doubles).expect("decodes");
-            assert_eq!((head.frame, head.step), (Some(frame), step));
+            assert_eq!((head.frame, head.step), (frame, step));
             assert_eq!(head.time_s.to_bits(), time_s.to_bits());
             let bits = |values: &[f64]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
             assert_eq!(bits(&doubles), bits(&[u_m, v_m_s, extra].concat()));

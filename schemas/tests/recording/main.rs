@@ -5,6 +5,7 @@ mod crash;
 mod hostile;
 mod others;
 mod run;
+mod writing;
 
 use run::{RUN_TOML, for_each_frame, manifest, options, read_all, temp_dir, with_causes, write_recording};
 use schemas::bus::{AttachError, RoomError, RootError};

@@ -88,12 +88,14 @@ impl Encoder {
 }
 
 impl Output {
-    /// Begins the MCAP file in `file`, which is empty, with `metadata` and perhaps an attachment, at once; and says
-    /// where to read its size. The attachment is described by an index without its place and lengths.
+    /// Begins the MCAP file in `file`, which is empty, with metadata, perhaps an attachment and perhaps more metadata,
+    /// all at once; and says where to read its size. The attachment is described by an index without its place and
+    /// lengths.
     pub(super) fn begin(
         file: Arc<File>,
         metadata: &Metadata,
         attachment: Option<(AttachmentIndex, &[u8])>,
+        more: Option<&Metadata>,
     ) -> io::Result<(Self, Arc<AtomicU64>)> {
         let position = Arc::<AtomicU64>::default();
         let mut output = Self {
@@ -112,6 +114,9 @@ impl Output {
         output.metadata(&mut head, metadata);
         if let Some((about, data)) = attachment {
             output.attachment(&mut head, about, data);
+        }
+        if let Some(more) = more {
+            output.metadata(&mut head, more);
         }
         output.append(&head)?;
         Ok((output, position))
