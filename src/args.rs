@@ -4,6 +4,7 @@ use crate::sweep::directory::Shard;
 use crate::time_step::TimeStep;
 use clap::{Args, Parser, Subcommand};
 use schemas::method::Method;
+use schemas::run_name::RunName;
 use std::num::NonZero;
 use std::path::PathBuf;
 
@@ -56,6 +57,8 @@ pub(crate) enum Command {
     Sweep(SweepArgs),
     /// The paper, figure by figure, claim by claim: simulated, drawn and judged
     Reproduce(ReproduceArgs),
+    /// Publish a recording again, so that analyses cannot tell it from the run
+    Replay(ReplayArgs),
     /// List the live runs of this user
     Ls {
         /// Print JSON
@@ -458,6 +461,49 @@ pub(crate) struct ReproduceArgs {
     pub(crate) json: bool,
 }
 
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline replay run.mcap                             waits for an analysis, then as fast as it can take …\n  \
+    beadline energies --figure e.svg                     … which you start in another terminal\n  \
+    beadline replay run.mcap --rate 0.01 --loop          100 times slower than real time, again and again\n  \
+    beadline replay run.mcap --from 0.02 --until 0.03    a part of it\n  \
+    beadline replay sparse.mcap --every-step             every step as a frame, recomputed bit for bit\n\n\
+    Frames that a sparse recording does not hold are recomputed. On a terminal: space pauses and goes on,\n\
+    → or . shows one more frame and pauses, + and - double and halve the rate, q quits.\n\
+    The recording of a run that was not closed ends as a failed run does. Exit code 3: it was not closed, it is\n\
+    damaged, or a consumer was dropped.")]
+pub(crate) struct ReplayArgs {
+    /// The recording
+    pub(crate) file: PathBuf,
+    /// Name on the bus: a-z, 0-9 and - [default: that of the run]
+    #[arg(long, value_name = "RUN")]
+    pub(crate) name: Option<RunName>,
+    /// How fast to go: `max`, or simulated seconds per second
+    #[arg(long, value_name = "max|X", default_value = "max", value_parser = parse_pace)]
+    pub(crate) rate: Pace,
+    /// Begin with the first frame at or after this simulated time (s)
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = parse_time)]
+    pub(crate) from: f64,
+    /// End with the last frame at or before this simulated time (s)
+    #[arg(long, value_name = "S", value_parser = parse_time)]
+    pub(crate) until: Option<f64>,
+    /// Begin again when it is over, as a new stream, until it is stopped
+    #[arg(long = "loop")]
+    pub(crate) again: bool,
+    /// Publish every step as a frame of its own
+    #[arg(long)]
+    pub(crate) every_step: bool,
+    /// Begin (each loop) when this many lossless consumers are ready [default: 1 at the rate max, else 0]
+    #[arg(long, value_name = "N")]
+    pub(crate) wait_for: Option<usize>,
+    /// Drop a lossless consumer that holds the replay back for this long (s)
+    #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = parse_seconds)]
+    pub(crate) stall_timeout: f64,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
 /// How fast a run goes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Pace {
@@ -486,6 +532,11 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
     let allowed = seconds > 0.0 && seconds <= 1e9;
     if allowed { Ok(seconds) } else { Err("expected a positive number, at most 1e9".to_owned()) }
+}
+
+fn parse_time(text: &str) -> Result<f64, String> {
+    let time_s = text.parse().ok().filter(|time_s: &f64| time_s.is_finite() && *time_s >= 0.0);
+    time_s.ok_or_else(|| "expected a simulated time in seconds, 0 or more".to_owned())
 }
 
 fn parse_pair(text: &str) -> Result<(u64, f64), String> {

@@ -6,6 +6,9 @@ mod commands;
 mod configuration;
 mod display;
 mod failure;
+mod keyboard;
+mod pace;
+mod publishing;
 mod reproduce;
 mod signals;
 mod source;
@@ -34,6 +37,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Pulses(args) => commands::pulses::pulses(&args),
         Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Reproduce(args) => commands::reproduce::reproduce(&args),
+        Command::Replay(args) => commands::replay::replay(&args),
         Command::Ls { json } => commands::ls::ls(json),
         Command::Thin(args) => commands::thin::thin(&args),
         Command::Expand(args) => commands::thin::expand(&args),

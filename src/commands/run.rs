@@ -4,13 +4,13 @@ use crate::args::{Pace, RunArgs};
 use crate::configuration::{Configured, configure};
 use crate::display::{self, bytes, count, duration, seconds};
 use crate::failure::{Done, Failure};
+use crate::pace::{LONGEST_NAP, Pacer};
+use crate::publishing::{self, Dropped};
 use crate::signals;
 use anyhow::anyhow;
 use indicatif::ProgressBar;
 use producer::run::{Conductor, RunError, RunOutcome};
-use schemas::bus::{
-    Bus, ConsumerEvent, PublishCounts, PublishError, PublishOptions, StatePublisher, WaitOutcome,
-};
+use schemas::bus::{PublishCounts, PublishError, PublishOptions, StatePublisher};
 use schemas::frame::{EndReason, Frame};
 use schemas::manifest::RunManifest;
 use schemas::recording::{Finished, RecordingWriter, SpaceNeeded, WriteOptions};
@@ -52,18 +52,12 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         stop: Arc::clone(&stop),
         ..PublishOptions::default()
     };
-    let mut publisher =
-        StatePublisher::create(&Bus::from_env()?, manifest, &manifest.physics.chain(), &publish)?;
-    let most = publisher.max_consumers();
-    if args.wait_for > most {
-        let message = format!("--wait-for {}: this run can have at most {most} consumers", args.wait_for);
-        return Err(Failure::BadInput(anyhow!(message)));
-    }
+    let mut publisher = publishing::open(manifest, &publish, args.wait_for)?;
     let mut recorder = match &out {
         Some(path) => Some(RecordingWriter::create(path, manifest, &configured.toml, &options)?),
         None => None,
     };
-    if !wait_for_consumers(args, &mut publisher, &stop)? {
+    if !publishing::wait_for_consumers(args.wait_for, &mut publisher, &stop)? {
         publisher.finish(EndReason::Interrupted)?;
         if let Some(recorder) = recorder {
             recorder.discard();
@@ -75,7 +69,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     let mut watch = Watch::new(&configured, args.pace, stop);
     let result = producer::run::run(manifest, &mut publisher, recorder.as_mut(), &mut watch);
     watch.bar.finish_and_clear();
-    watch.tell_events(&mut publisher);
+    watch.dropped.tell(&mut publisher, &watch.bar);
     let reason = result.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
     // in this order, so that whoever hears of the end finds the recording; neither is left out when the
     // other fails
@@ -128,23 +122,10 @@ fn announce(manifest: &RunManifest, out: Option<&PathBuf>, options: &WriteOption
     Ok(())
 }
 
-/// Whether the run may begin: the consumers are ready, and no signal came meanwhile.
-fn wait_for_consumers(
-    args: &RunArgs,
-    publisher: &mut StatePublisher,
-    stop: &AtomicBool,
-) -> Result<bool, Failure> {
-    if args.wait_for == 0 {
-        return Ok(true);
-    }
-    display::notice(format_args!("waiting for {} lossless consumer(s)", args.wait_for));
-    Ok(publisher.wait_for(args.wait_for, stop, None)? == WaitOutcome::Ready)
-}
-
 /// Progress, pacing and the request to stop.
 struct Watch {
     bar: ProgressBar,
-    pace: Pace,
+    pacer: Pacer,
     stop: Arc<AtomicBool>,
     start: Instant,
     refreshed: Instant,
@@ -152,8 +133,7 @@ struct Watch {
     clock_every: u64,
     /// Steps since the last look at the clock.
     unclocked: u64,
-    /// Consumers that were dropped.
-    dropped: Vec<String>,
+    dropped: Dropped,
 }
 
 impl Watch {
@@ -162,13 +142,13 @@ impl Watch {
         let now = Instant::now();
         Self {
             bar: display::progress_bar(physics.step_count, configured.manifest.provenance.name.as_str()),
-            pace,
+            pacer: Pacer::new(pace, 0.0),
             stop,
             start: now,
             refreshed: now,
             clock_every: (100_000 / physics.beads).max(1),
             unclocked: 0,
-            dropped: Vec::new(),
+            dropped: Dropped::default(),
         }
     }
 
@@ -178,7 +158,7 @@ impl Watch {
         publisher: &mut StatePublisher,
         recorder: Option<&mut RecordingWriter>,
     ) {
-        self.tell_events(publisher);
+        self.dropped.tell(publisher, &self.bar);
         let counts = publisher.counts();
         let rate = frame.step as f64 / self.start.elapsed().as_secs_f64();
         let recorded = recorder.map_or(String::new(), |r| format!(" · {}", bytes(r.bytes_written())));
@@ -191,19 +171,6 @@ impl Watch {
             counts.lossless,
             counts.latest,
         ));
-    }
-
-    /// Says which consumers were dropped.
-    fn tell_events(&mut self, publisher: &mut StatePublisher) {
-        for event in publisher.take_events() {
-            if let ConsumerEvent::Evicted { name, held } = event {
-                let held = duration(held);
-                self.bar.suspend(|| {
-                    display::notice(format_args!("consumer {name} took nothing for {held} and was dropped"));
-                });
-                self.dropped.push(name);
-            }
-        }
     }
 
     /// Whether it is time to show progress.
@@ -225,15 +192,13 @@ impl Watch {
     }
 
     /// Waits until the wall clock has caught up with the simulated time.
-    fn keep_pace(&self, per_second: f64, frame: &Frame<'_>, publisher: &mut StatePublisher) {
-        loop {
-            let ahead = frame.time_s / per_second - self.start.elapsed().as_secs_f64();
-            if ahead <= 0.0 || self.stop.load(Ordering::Relaxed) {
-                return;
-            }
+    fn keep_pace(&self, frame: &Frame<'_>, publisher: &mut StatePublisher) {
+        while let Some(ahead) = self.pacer.ahead(frame.time_s)
+            && !self.stop.load(Ordering::Relaxed)
+        {
             // a consumer that cannot be answered now is answered at the next frame
             let _ = publisher.serve();
-            thread::sleep(Duration::from_secs_f64(ahead.min(0.02)));
+            thread::sleep(ahead.min(LONGEST_NAP));
         }
     }
 }
@@ -245,9 +210,7 @@ impl Conductor<StatePublisher, RecordingWriter> for Watch {
         publisher: &mut StatePublisher,
         recorder: Option<&mut RecordingWriter>,
     ) -> ControlFlow<()> {
-        if let Pace::PerSecond(per_second) = self.pace {
-            self.keep_pace(per_second, frame, publisher);
-        }
+        self.keep_pace(frame, publisher);
         if self.is_due() {
             self.refresh(frame, publisher, recorder);
         }
@@ -272,7 +235,7 @@ struct Summary<'a> {
     manifest: &'a RunManifest,
     outcome: RunOutcome,
     counts: PublishCounts,
-    dropped: Vec<String>,
+    dropped: Dropped,
     recording: Option<Finished>,
     wall: Duration,
 }
@@ -324,7 +287,7 @@ impl Summary<'_> {
             "relative_drift": outcome.relative_drift,
             "wall_s": self.wall.as_secs_f64(),
             "held_back_s": self.counts.held_back.as_secs_f64(),
-            "consumers_dropped": self.dropped,
+            "consumers_dropped": self.dropped.names,
             "recording": recording,
         });
         Ok(format!("{}\n", serde_json::to_string_pretty(&summary)?))
