@@ -22,6 +22,7 @@ mod encode;
 mod error;
 mod head;
 mod info;
+mod interrupted;
 mod messages;
 mod others;
 mod proto;
@@ -37,6 +38,7 @@ pub use contacts::{COMPRESSED, ContactsReader, ContactsRow, ContactsWriter, OPEN
 pub use error::{ReadError, WriteError};
 pub use head::{BeginRecord, EndRecord, hex, state_hash};
 pub use info::{ChannelInfo, RecordingInfo};
+pub use interrupted::{InterruptedRecording, ResumeError};
 pub use others::{CopyError, OtherChannels};
 pub use records::MAX_RECORD_BYTES;
 pub use results::{ResultKind, ResultRow, RowValues};

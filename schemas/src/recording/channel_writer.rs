@@ -269,6 +269,12 @@ impl ChannelWriter {
         self.queue()?.flush().map_err(|refused| self.refused(refused))
     }
 
+    /// Writes what was taken so far, and waits until it is on the disk.
+    pub(super) fn sync(&mut self) -> Result<(), WriteError> {
+        self.flush()?;
+        self.file.file().sync_data().map_err(WriteError::io(self.path()))
+    }
+
     /// Bytes in the file so far.
     pub(super) fn bytes_written(&self) -> u64 {
         self.position.load(Ordering::Relaxed)
