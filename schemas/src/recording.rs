@@ -21,11 +21,15 @@ mod decode;
 mod disk;
 mod encode;
 mod error;
+#[cfg(feature = "fuzzing")]
+#[doc(hidden)]
+pub mod fuzzing;
 mod head;
 mod index;
 mod info;
 mod messages;
 mod others;
+mod parse;
 mod parts;
 mod proto;
 mod records;
