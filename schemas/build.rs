@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use std::{env, fs};
 
 /// Each file is self-contained, so that the descriptor set of a message is its own file alone.
-const PROTO_FILES: [&str; 4] = ["chain_state", "chain", "summary", "contact_classes"];
+const PROTO_FILES: [&str; 7] =
+    ["chain_state", "chain", "summary", "contact_classes", "energies", "impurity_motion", "pulses"];
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=proto");

@@ -185,12 +185,27 @@ impl<'a> Session<'a> {
             EndReason::Stopped if self.live.is_none() => {
                 display::notice("stopped: results end before the recording does");
             }
+            EndReason::Continued => display::notice("the recording goes on in its next part"),
+            EndReason::Detached => {
+                display::notice("the recorder left the run before its end; results end where it did");
+            }
             EndReason::Complete | EndReason::Interrupted | EndReason::Stopped => {}
         }
         let from = self.manifest().physics.step_at_or_after(self.window.from_s);
         let due = from.div_ceil(self.manifest().provenance.publish_every_steps);
-        if self.live.is_some() && tally.first_frame.is_some_and(|first| first > due) {
-            let first = count(tally.first_frame.unwrap_or(0));
+        let first = tally.first_frame.filter(|first| *first > due);
+        if let Some(first) = first
+            && due == 0
+            && self.live.is_none()
+            && tally.missed_count == 0
+        {
+            let first = count(first);
+            display::notice(format_args!("the recording begins with frame {first}, and so do the results"));
+        }
+        if let Some(first) = first
+            && self.live.is_some()
+        {
+            let first = count(first);
             display::notice(format_args!("attached to a run under way: results begin with frame {first}"));
         }
     }

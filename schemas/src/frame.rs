@@ -37,12 +37,16 @@ pub enum EndReason {
     Unfinished,
     /// We were asked to stop (a signal in this process).
     Stopped,
+    /// The recording goes on in its next part.
+    Continued,
+    /// The recorder left the run, which went on: it was asked to stop, or the disk was nearly full.
+    Detached,
 }
 
 impl EndReason {
-    /// Whether the frames up to here are all that the run ever had.
+    /// Whether the frames up to here are all that the run ever had, or all that its recorder wanted to have.
     pub fn is_orderly(self) -> bool {
-        matches!(self, Self::Complete | Self::Interrupted)
+        matches!(self, Self::Complete | Self::Interrupted | Self::Continued | Self::Detached)
     }
 
     /// The word used in files and on the bus.
@@ -55,6 +59,8 @@ impl EndReason {
             Self::Dropped => "dropped",
             Self::Unfinished => "unfinished",
             Self::Stopped => "stopped",
+            Self::Continued => "continued",
+            Self::Detached => "detached",
         }
     }
 }

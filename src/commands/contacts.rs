@@ -69,6 +69,7 @@ pub(crate) fn contacts(args: &ContactsArgs) -> Result<Done, Failure> {
         ROW_HEAD.iter().chain(&ContactCounts::COLUMNS).map(|name| (*name).to_owned()).collect();
     let force = args.common.force;
     let names = "one class a contact: 0 touching, 1 compressed, 2 open".to_owned();
+    let published = ResultColumns { width: contact_count, names, tolerance_m: Some(tolerance_m) };
     let mut outputs = Outputs {
         contacts: Contacts::new(&manifest, tolerance_m),
         raster: drawn.then(|| ContactRaster::new(contact_count, manifest.physics.step_count)),
@@ -78,7 +79,7 @@ pub(crate) fn contacts(args: &ContactsArgs) -> Result<Done, Failure> {
                 ContactsWriter::create(path, &manifest, &WriteOptions { force, ..WriteOptions::default() })
             })
             .transpose()?,
-        publisher: session.results(Topic::Contacts, &ResultColumns { width: contact_count, names })?,
+        publisher: session.results(Topic::Contacts, &published)?,
     };
     let tally = session.follow(&mut outputs)?;
 

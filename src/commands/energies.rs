@@ -61,7 +61,7 @@ pub(crate) fn energies(args: &EnergiesArgs) -> Result<Done, Failure> {
     };
     let names = EnergyRow::COLUMNS;
     let columns: Vec<_> = ROW_HEAD.iter().chain(&names).map(|name| (*name).to_owned()).collect();
-    let published = ResultColumns { width: names.len(), names: names.join(",") };
+    let published = ResultColumns { width: names.len(), names: names.join(","), tolerance_m: None };
     let mut outputs = Outputs {
         energies: Energies::new(&manifest, split_bead),
         curves: (!args.common.figure.is_empty()).then(Series::default),

@@ -87,7 +87,7 @@ pub(crate) fn impurity(args: &ImpurityArgs) -> Result<Done, Failure> {
     let columns: Vec<_> = ROW_HEAD.iter().map(|name| (*name).to_owned()).chain(names.clone()).collect();
     let event_columns = ["time_s", "bead", "event", "u_m"].map(str::to_owned);
     let create = |path, columns: &[String]| Table::create(path, columns, args.common.force);
-    let published = ResultColumns { width: names.len(), names: names.join(",") };
+    let published = ResultColumns { width: names.len(), names: names.join(","), tolerance_m: None };
     let mut outputs = Outputs {
         followed: Followed::new(&manifest, &beads),
         curves: vec![Series::default(); if args.common.figure.is_empty() { 0 } else { beads.len() }],

@@ -96,7 +96,7 @@ pub(crate) fn pulses(args: &PulsesArgs) -> Result<Done, Failure> {
     let drawn = !args.common.figure.is_empty();
     let names =
         format!("for each of {PUBLISHED} pulses: {}; nan where there is none", PUBLISHED_COLUMNS.join(","));
-    let published = ResultColumns { width: PUBLISHED * PUBLISHED_COLUMNS.len(), names };
+    let published = ResultColumns { width: PUBLISHED * PUBLISHED_COLUMNS.len(), names, tolerance_m: None };
     let bead_count = manifest.contact_count() + 1;
     let mut outputs = Outputs {
         pulses: Pulses::new(&manifest, threshold_m_s),

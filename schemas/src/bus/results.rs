@@ -27,6 +27,7 @@ const STUCK_AFTER: Duration = Duration::from_secs(10);
 const TAKE_OVER_PATIENCE: Duration = Duration::from_millis(500);
 const COLUMNS_KEY: &str = "beadline.columns";
 const WIDTH_KEY: &str = "beadline.width";
+const TOLERANCE_KEY: &str = "beadline.tolerance_m";
 
 /// What a row consists of: `f64` for numbers, `u8` for classes, one byte a contact.
 pub trait ResultElement: Copy + Debug + ZeroCopySend + Send + Sync + 'static {}
@@ -34,12 +35,14 @@ impl ResultElement for f64 {}
 impl ResultElement for u8 {}
 
 /// What the elements of a row mean.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct ResultColumns {
     /// Elements in each row.
     pub width: usize,
     /// Names of the columns with their units, separated by commas; at most 256 bytes, as long names are cut.
     pub names: String,
+    /// Of classes of contacts: the largest overlap or gap (m) that counts as touching.
+    pub tolerance_m: Option<f64>,
 }
 
 /// Why results cannot be published or read.
@@ -61,8 +64,8 @@ pub enum ResultsError {
     Room(#[from] RoomError),
     /// Subscribers of earlier results, whose rows were other ones, keep the service as it was.
     #[error(
-        "{topic} of run {name} had {found} columns before, now {expected}, and subscribers to those are still \
-         there; end them"
+        "{topic} of run {name} had other columns before ({found}, now {expected}), and subscribers to those are \
+         still there; end them"
     )]
     OtherColumns {
         /// The run.
@@ -131,19 +134,24 @@ impl<T: ResultElement> ResultPublisher<T> {
         let mut names = columns.names.clone();
         let ends = names.char_indices().map(|(at, c)| at + c.len_utf8());
         names.truncate(ends.take_while(|end| *end <= 256).last().unwrap_or(0));
-        let more = [(COLUMNS_KEY, names), (WIDTH_KEY, columns.width.to_string())];
+        let tolerance = columns.tolerance_m.map(|m| (TOLERANCE_KEY, format!("{m:e}")));
+        let columns = ResultColumns { names, ..columns.clone() };
+        let more: Vec<_> = [(COLUMNS_KEY, columns.names.clone()), (WIDTH_KEY, columns.width.to_string())]
+            .into_iter()
+            .chain(tolerance)
+            .collect();
         let row_bytes = (columns.width * size_of::<T>()) as u64;
         let free_bytes = room::free_bytes()?;
         let limits = room::plan(row_bytes, free_bytes);
         let service = services::slices::<T>(&node, run, topic, limits, &more)?;
         room::check(row_bytes, services::limits_of(&service), free_bytes)?;
-        let found = columns_of(&service).width;
-        if found != columns.width && service.dynamic_config().number_of_publishers() == 0 {
+        let found = columns_of(&service);
+        if found != columns && service.dynamic_config().number_of_publishers() == 0 {
             return Err(ResultsError::OtherColumns {
                 name: run.clone(),
                 topic,
                 expected: columns.width,
-                found,
+                found: found.width,
             });
         }
         let notifier = services::events(&node, run, topic)?.notifier_builder().create();
@@ -227,6 +235,7 @@ fn columns_of<T: ResultElement>(service: &SliceService<T>) -> ResultColumns {
     ResultColumns {
         width: attribute(service.attributes(), WIDTH_KEY).and_then(|w| w.parse().ok()).unwrap_or(0),
         names: attribute(service.attributes(), COLUMNS_KEY).unwrap_or_default(),
+        tolerance_m: attribute(service.attributes(), TOLERANCE_KEY).and_then(|m| m.parse().ok()),
     }
 }
 

@@ -126,6 +126,11 @@ impl ChannelWriter {
         Ok(self.file.sync_name()?)
     }
 
+    /// Writes a metadata record.
+    pub(super) fn write_metadata(&mut self, record: &Metadata) -> Result<(), WriteError> {
+        self.write_with(|writer| writer.write_metadata(record))
+    }
+
     /// Something was recorded: without [`finish`](Self::finish) the file stays as it is, else it goes.
     pub(super) fn keep(&mut self) {
         self.file.keep();

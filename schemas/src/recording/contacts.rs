@@ -197,7 +197,7 @@ fn check_row(row: &proto::ContactClasses, contacts: usize, last_step: Option<u64
 }
 
 /// Four classes in a byte, the first in the lowest bits.
-fn pack(classes: &[u8], packed: &mut Vec<u8>) {
+pub(super) fn pack(classes: &[u8], packed: &mut Vec<u8>) {
     packed.clear();
     packed.extend(classes.chunks(4).map(|four| four.iter().rev().fold(0, |byte, class| byte << 2 | class)));
 }

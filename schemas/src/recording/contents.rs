@@ -1,7 +1,7 @@
 //! What stands in a recording around its messages.
 
 use super::error::ReadError;
-use super::head::{self, EndRecord};
+use super::head::{self, BeginRecord, EndRecord};
 use super::records::check_crc;
 use mcap::records::{Metadata, Record, op};
 use std::collections::BTreeMap;
@@ -22,6 +22,8 @@ pub(super) struct Contents {
     pub(super) channels: BTreeMap<u16, Channel>,
     /// The configuration as the user gave it.
     pub(super) run_toml: Option<String>,
+    /// Where it begins.
+    pub(super) begin: BeginRecord,
     /// How the recording ended.
     pub(super) end: Option<EndRecord>,
     /// The data section is closed.
@@ -65,6 +67,10 @@ impl Contents {
             }
             op::METADATA => {
                 let metadata = parse_metadata(path, offset, body)?;
+                if metadata.name == head::BEGIN {
+                    let begin = BeginRecord::from_metadata(&metadata);
+                    self.begin = begin.map_err(|what| ReadError::damaged(path, offset, what))?;
+                }
                 if metadata.name == head::END {
                     let end = EndRecord::from_metadata(&metadata);
                     self.end = Some(end.map_err(|what| ReadError::damaged(path, offset, what))?);

@@ -1,22 +1,42 @@
-//! The two metadata records: `beadline.run`, the first record of a file, and `beadline.end`, the last.
+//! The metadata records: `beadline.run`, the first record of a file, `beadline.begin`, and `beadline.end`, the last.
 
 use super::error::ReadError;
 use crate::frame::EndReason;
 use crate::manifest::{ManifestError, RunManifest, SCHEMA_VERSION, SchemaVersion};
 use mcap::records::Metadata;
 use sha2::{Digest, Sha256};
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
 /// Name of the metadata record with the manifest.
 pub(super) const RUN: &str = "beadline.run";
 
+/// Name of the metadata record with the beginning, of files that do not begin with the run.
+pub(super) const BEGIN: &str = "beadline.begin";
+
 /// Name of the metadata record with the end.
 pub(super) const END: &str = "beadline.end";
 
 /// Name of the attachment with the configuration as the user gave it.
 pub(super) const RUN_TOML: &str = "run.toml";
+
+/// Where a recording begins, as in its metadata record `beadline.begin`. Without that record it begins with the run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BeginRecord {
+    /// Step from which on states are recorded.
+    pub first_step: u64,
+    /// Number of this part of a split recording, from 1.
+    pub part: u64,
+    /// SHA-256 of the last state of the part before, in hex; absent in the first part.
+    pub previous_state_hash: Option<String>,
+}
+
+impl Default for BeginRecord {
+    /// With the run.
+    fn default() -> Self {
+        Self { first_step: 0, part: 1, previous_state_hash: None }
+    }
+}
 
 /// How a recording ended, as in its metadata record `beadline.end`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -130,6 +150,26 @@ fn parse_version(text: &str) -> Option<SchemaVersion> {
     Some(SchemaVersion { major: major.parse().ok()?, minor: minor.parse().ok()? })
 }
 
+impl BeginRecord {
+    /// The metadata record; none if the recording begins with the run.
+    pub(super) fn metadata(&self) -> Option<Metadata> {
+        let entries = [
+            ("first_step", self.first_step.to_string()),
+            ("part", self.part.to_string()),
+            ("previous_state_hash", self.previous_state_hash.clone().unwrap_or_default()),
+        ];
+        (*self != Self::default()).then(|| metadata(BEGIN, entries))
+    }
+
+    pub(super) fn from_metadata(record: &Metadata) -> Result<Self, String> {
+        Ok(Self {
+            first_step: number("first_step", entry(record, "first_step")?)?,
+            part: number("part", entry(record, "part")?)?,
+            previous_state_hash: optional(record, "previous_state_hash")?.map(str::to_owned),
+        })
+    }
+}
+
 impl EndRecord {
     pub(super) fn metadata(&self) -> Metadata {
         let step = |step: Option<u64>| step.map(|step| step.to_string()).unwrap_or_default();
@@ -145,37 +185,38 @@ impl EndRecord {
     }
 
     pub(super) fn from_metadata(record: &Metadata) -> Result<Self, String> {
-        let entries = &record.metadata;
-        let reason = entry(entries, "reason")?;
+        let reason = entry(record, "reason")?;
+        let step = |key| optional(record, key)?.map(|text| number(key, text)).transpose();
         Ok(Self {
             reason: parse_reason(reason)
                 .ok_or_else(|| format!("an end for the unknown reason `{reason}`"))?,
-            first_step: optional(entries, "first_step")?
-                .map(|text| number("first_step", text))
-                .transpose()?,
-            last_step: optional(entries, "last_step")?.map(|text| number("last_step", text)).transpose()?,
-            part: number("part", entry(entries, "part")?)?,
-            previous_state_hash: optional(entries, "previous_state_hash")?.map(str::to_owned),
-            last_state_hash: optional(entries, "last_state_hash")?.map(str::to_owned),
+            first_step: step("first_step")?,
+            last_step: step("last_step")?,
+            part: number("part", entry(record, "part")?)?,
+            previous_state_hash: optional(record, "previous_state_hash")?.map(str::to_owned),
+            last_state_hash: optional(record, "last_state_hash")?.map(str::to_owned),
         })
     }
 }
 
-fn entry<'a>(entries: &'a BTreeMap<String, String>, key: &str) -> Result<&'a str, String> {
-    entries.get(key).map(String::as_str).ok_or_else(|| format!("metadata `{END}` without `{key}`"))
+fn entry<'a>(record: &'a Metadata, key: &str) -> Result<&'a str, String> {
+    let value = record.metadata.get(key).map(String::as_str);
+    value.ok_or_else(|| format!("metadata `{}` without `{key}`", record.name))
 }
 
-fn optional<'a>(entries: &'a BTreeMap<String, String>, key: &str) -> Result<Option<&'a str>, String> {
-    entry(entries, key).map(|text| if text.is_empty() { None } else { Some(text) })
+fn optional<'a>(record: &'a Metadata, key: &str) -> Result<Option<&'a str>, String> {
+    entry(record, key).map(|text| if text.is_empty() { None } else { Some(text) })
 }
 
 fn number(key: &str, text: &str) -> Result<u64, String> {
-    text.parse().map_err(|_| format!("metadata `{END}` with {key} = `{text}` instead of a number"))
+    text.parse().map_err(|_| format!("metadata with {key} = `{text}` instead of a number"))
 }
 
 fn parse_reason(text: &str) -> Option<EndReason> {
-    use EndReason::{Complete, Dropped, Failed, Interrupted, ProducerLost, Stopped, Unfinished};
-    [Complete, Interrupted, Failed, ProducerLost, Dropped, Unfinished, Stopped]
+    use EndReason::{
+        Complete, Continued, Detached, Dropped, Failed, Interrupted, ProducerLost, Stopped, Unfinished,
+    };
+    [Complete, Interrupted, Failed, ProducerLost, Dropped, Unfinished, Stopped, Continued, Detached]
         .into_iter()
         .find(|reason| reason.as_str() == text)
 }

@@ -3,7 +3,7 @@
 use super::contents::{Channel, Contents, parse_metadata};
 use super::decode;
 use super::error::ReadError;
-use super::head::{self, EndRecord};
+use super::head::{self, BeginRecord, EndRecord};
 use super::messages::MessageReader;
 use super::proto;
 use super::records::{RawRecord, RecordReader};
@@ -35,6 +35,8 @@ pub struct RecordingInfo {
     pub file_bytes: u64,
     /// Size of the chunks before compression.
     pub uncompressed_bytes: u64,
+    /// Where it begins, if not with the run.
+    pub begin: BeginRecord,
     /// How it ended, absent if it was not closed.
     pub end: Option<EndRecord>,
     /// It was closed properly.
@@ -134,6 +136,7 @@ fn scan(mut messages: MessageReader) -> Result<RecordingInfo, ReadError> {
         last_step,
         file_bytes: records.file_bytes(),
         uncompressed_bytes: contents.uncompressed_bytes,
+        begin: contents.begin,
         end: contents.end.filter(|_| finished),
         run_toml: contents.run_toml,
         manifest,
@@ -200,6 +203,7 @@ impl SummarySection {
             last_step: self.end.last_step,
             file_bytes: records.file_bytes(),
             uncompressed_bytes: self.uncompressed_bytes,
+            begin: head.begin,
             end: Some(self.end),
             finished: true,
             damage: None,

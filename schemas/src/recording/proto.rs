@@ -42,6 +42,24 @@ pub(super) const CONTACTS: Topic = Topic {
     descriptor: include_bytes!(concat!(env!("OUT_DIR"), "/contact_classes.binpb")),
 };
 
+pub(super) const ENERGIES: Topic = Topic {
+    topic: "/energies",
+    message: "beadline.v1.Energies",
+    descriptor: include_bytes!(concat!(env!("OUT_DIR"), "/energies.binpb")),
+};
+
+pub(super) const IMPURITY: Topic = Topic {
+    topic: "/impurity",
+    message: "beadline.v1.ImpurityMotion",
+    descriptor: include_bytes!(concat!(env!("OUT_DIR"), "/impurity_motion.binpb")),
+};
+
+pub(super) const PULSES: Topic = Topic {
+    topic: "/pulses",
+    message: "beadline.v1.Pulses",
+    descriptor: include_bytes!(concat!(env!("OUT_DIR"), "/pulses.binpb")),
+};
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -49,7 +67,7 @@ mod tests {
 
     #[test]
     fn each_descriptor_set_holds_its_message_and_needs_no_other_file() {
-        for topic in [STATE, CHAIN, SUMMARY, CONTACTS] {
+        for topic in [STATE, CHAIN, SUMMARY, CONTACTS, ENERGIES, IMPURITY, PULSES] {
             let set = prost_types::FileDescriptorSet::decode(topic.descriptor).expect("descriptor set");
             assert_eq!(set.file.len(), 1, "{}", topic.message);
             let file = &set.file[0];

@@ -14,7 +14,8 @@ use std::path::Path;
 ///
 /// Frames come as they were recorded: one every `record_every_steps`, the first and the last. What lies
 /// between them is not missing and is not reported; [`Received::Missed`] names frames that the manifest's
-/// schedule says are recorded, but that are not in the file. A file that was not closed ends with
+/// schedule says are recorded from the beginning of the file on, but that are not in it. What is before that
+/// beginning, in other parts or in none, is not missing either. A file that was not closed ends with
 /// [`EndReason::Unfinished`] after its last whole chunk. States without a frame number, which were
 /// recomputed between frames, are passed over by [`open`](Self::open), and lent by
 /// [`open_all`](Self::open_all) under the number of the frame before.
@@ -133,7 +134,8 @@ impl RecordingSource {
         for _ in 1..before {
             self.next_head()?;
         }
-        (self.accounted, self.read) = (last.checked_sub(1), None);
+        let begin = self.messages.contents().begin.first_step;
+        (self.accounted, self.read) = (last.checked_sub(1).filter(|before| *before >= begin), None);
         self.advance()
     }
 
@@ -187,6 +189,10 @@ impl RecordingSource {
         let manifest = self.messages.manifest();
         let StateHead { frame, step, time_s } = *state;
         let last_step = manifest.physics.step_count;
+        let first_step = self.messages.contents().begin.first_step;
+        if step < first_step {
+            return Err(format!("a state of step {step}, the recording begins with step {first_step}"));
+        }
         if step > last_step {
             return Err(format!("a state of step {step}, the last of the run is {last_step}"));
         }
@@ -237,7 +243,7 @@ impl RecordingSource {
         let every = manifest.provenance.record_every_steps;
         let last_step = manifest.physics.step_count;
         let due = match self.accounted {
-            None => 0,
+            None => self.messages.contents().begin.first_step,
             Some(step) if step >= last_step => return None,
             Some(step) => (step / every + 1).saturating_mul(every).min(last_step),
         };

@@ -4,8 +4,9 @@ use super::channel_writer::{ChannelId, ChannelWriter, Finished, WriteOptions};
 use super::decode::{self, StateLengths};
 use super::encode::{self, StateEncoder};
 use super::error::WriteError;
-use super::head::{self, EndRecord};
+use super::head::{self, BeginRecord, EndRecord};
 use super::proto;
+use super::results::{ResultKind, ResultRow};
 use crate::frame::{EndReason, Frame, FrameSink};
 use crate::manifest::RunManifest;
 use crate::summary::Summarizer;
@@ -21,12 +22,22 @@ pub struct RecordingWriter {
     manifest: RunManifest,
     state: ChannelId,
     summary: ChannelId,
+    /// One for each kind of results that has come.
+    rows: [Option<RowChannel>; ResultKind::COUNT],
     summarizer: Summarizer,
     encoder: StateEncoder,
     message: Vec<u8>,
+    begin: BeginRecord,
     first_step: Option<u64>,
     last_step: Option<u64>,
     frames: u64,
+}
+
+/// The channel of a kind of results.
+#[derive(Debug, Clone, Copy)]
+struct RowChannel {
+    id: ChannelId,
+    last_step: u64,
 }
 
 impl RecordingWriter {
@@ -41,7 +52,25 @@ impl RecordingWriter {
         run_toml: &str,
         options: &WriteOptions,
     ) -> Result<Self, WriteError> {
-        let mut file = ChannelWriter::create(path, manifest, Some(run_toml), options)?;
+        Self::create_from(path, manifest, Some(run_toml), &BeginRecord::default(), options)
+    }
+
+    /// Like [`create`](Self::create), for a recording that may begin where the run does not, and of which the
+    /// configuration need not be known.
+    ///
+    /// # Errors
+    /// As for [`create`](Self::create).
+    pub fn create_from(
+        path: &Path,
+        manifest: &RunManifest,
+        run_toml: Option<&str>,
+        begin: &BeginRecord,
+        options: &WriteOptions,
+    ) -> Result<Self, WriteError> {
+        let mut file = ChannelWriter::create(path, manifest, run_toml, options)?;
+        if let Some(begin) = begin.metadata() {
+            file.write_metadata(&begin)?;
+        }
         let chain = file.add_channel(proto::CHAIN)?;
         let state = file.add_channel(proto::STATE)?;
         let summary = file.add_channel(proto::SUMMARY)?;
@@ -51,9 +80,11 @@ impl RecordingWriter {
             manifest: manifest.clone(),
             state,
             summary,
+            rows: [None; ResultKind::COUNT],
             summarizer: Summarizer::new(&manifest.physics),
             encoder: StateEncoder::default(),
             message: Vec::new(),
+            begin: begin.clone(),
             first_step: None,
             last_step: None,
             frames: 0,
@@ -67,6 +98,8 @@ impl RecordingWriter {
             format!("it has {} beads, the run {}", frame.u_m.len(), physics.beads)
         } else if let Some(last) = self.last_step.filter(|last| *last >= frame.step) {
             format!("step {last} was recorded before")
+        } else if frame.step < self.begin.first_step {
+            format!("the recording begins with step {}", self.begin.first_step)
         } else if frame.step > physics.step_count {
             format!("the last step of the run is {}", physics.step_count)
         } else if self.manifest.frame_at(frame.step) != frame.frame {
@@ -83,8 +116,38 @@ impl RecordingWriter {
         self.file.discard();
     }
 
-    /// SHA-256 of the state encoded last.
-    fn last_state_hash(&self) -> Option<String> {
+    /// Records a row of results, in the order of frames within each kind. Its channel is added with the first row.
+    ///
+    /// # Errors
+    /// When it is no row of this run or not after the row before, or when writing fails.
+    pub fn write_row(&mut self, kind: &ResultKind, row: &ResultRow<'_>) -> Result<(), WriteError> {
+        let before = self.rows[kind.index()];
+        self.message.clear();
+        let encoded = if self.manifest.step_of_frame(row.frame) != row.step {
+            Err(format!("that frame is step {}", self.manifest.step_of_frame(row.frame)))
+        } else if let Some(last) = before.map(|rows| rows.last_step).filter(|last| *last >= row.step) {
+            Err(format!("the row of step {last} was recorded before"))
+        } else {
+            kind.encode(row, &mut self.message)
+        };
+        encoded.map_err(|what| WriteError::Frame {
+            path: self.file.path().to_owned(),
+            frame: row.frame,
+            step: row.step,
+            what: format!("a row of {}: {what}", kind.topic().topic),
+        })?;
+        let id = match before {
+            Some(rows) => rows.id,
+            None => self.file.add_channel(kind.topic())?,
+        };
+        self.rows[kind.index()] = Some(RowChannel { id, last_step: row.step });
+        self.file.write(id, row.frame, row.time_s, &self.message)?;
+        self.file.keep();
+        self.file.flush_if_due()
+    }
+
+    /// SHA-256 of the state encoded last, in hex; none before the first.
+    pub fn last_state_hash(&self) -> Option<String> {
         let step = self.last_step?;
         let mut doubles = Vec::new();
         decode::state(self.encoder.last(), StateLengths::of(&self.manifest), &mut doubles).ok()?;
@@ -129,8 +192,8 @@ impl RecordingWriter {
             reason,
             first_step: self.first_step,
             last_step: self.last_step,
-            part: 1,
-            previous_state_hash: None,
+            part: self.begin.part,
+            previous_state_hash: self.begin.previous_state_hash.clone(),
             last_state_hash: self.last_state_hash(),
         };
         self.file.finish(&end.metadata(), self.frames)

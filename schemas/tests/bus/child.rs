@@ -144,7 +144,7 @@ fn consume(bus: &Bus, name: &str) {
 fn results(bus: &Bus, name: &str) {
     use schemas::bus::{ResultColumns, ResultPublisher, StreamId, Topic};
     let stream = StreamId::new(schemas::manifest::RunId([7; 16]));
-    let columns = ResultColumns { width: 2, names: "a_J,b_J".into() };
+    let columns = ResultColumns { width: 2, names: "a_J,b_J".into(), tolerance_m: None };
     let stop = std::sync::Arc::default();
     let mut rows =
         ResultPublisher::create(bus, &run_name(name), Topic::Energies, stream, &columns, stop).unwrap();

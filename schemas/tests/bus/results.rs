@@ -11,7 +11,7 @@ use schemas::manifest::RunId;
 use std::sync::Arc;
 
 fn columns(width: usize, names: &str) -> ResultColumns {
-    ResultColumns { width, names: names.into() }
+    ResultColumns { width, names: names.into(), tolerance_m: None }
 }
 
 fn create<T: ResultElement>(test: &TestBus, topic: Topic, columns: &ResultColumns) -> ResultPublisher<T> {
