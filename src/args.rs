@@ -277,6 +277,16 @@ pub(crate) struct AnalysisArgs {
     /// Recompute the steps between frames (these results are not published on the bus)
     #[arg(long)]
     pub(crate) every_step: bool,
+    /// Begin at this simulated time (s); a recording is opened there. What happened before is not known, as to a
+    /// consumer that attaches then
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = parse_time)]
+    pub(crate) from: f64,
+    /// End at this simulated time (s)
+    #[arg(long, value_name = "S", value_parser = parse_time)]
+    pub(crate) until: Option<f64>,
+    /// Threads that recompute the steps of a recording [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = parse_jobs)]
+    pub(crate) jobs: Option<NonZero<usize>>,
     /// Give up when no run appears within this time (s) [default: wait]
     #[arg(long, value_name = "S", value_parser = parse_seconds)]
     pub(crate) timeout: Option<f64>,
@@ -297,7 +307,9 @@ pub(crate) struct AnalysisArgs {
     after_help = "Examples:\n  \
     beadline energies                                    attach to the only live run\n  \
     beadline energies run.mcap --out e.csv --figure e.svg\n  \
-    beadline energies run.mcap --split 300               left and right of bead 300"
+    beadline energies run.mcap --split 300               left and right of bead 300\n  \
+    beadline energies sparse.mcap --every-step --from 0.04 --until 0.041 --out e.csv\n                                                       \
+    every step of a part, also of a sparse recording"
 )]
 pub(crate) struct EnergiesArgs {
     #[command(flatten)]
