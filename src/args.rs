@@ -103,7 +103,12 @@ pub(crate) struct DemoArgs {
     beadline run --preset homogeneous --alpha 1.2     a preset, one value changed\n  \
     beadline run chain.toml --out chain.mcap          a configuration of your own\n  \
     beadline run --no-record --wait-for 2             starts when two analyses are ready\n  \
-    beadline run --impurity 400=2e-3 --impurity 600=0.5e-3 --duration 0.1"
+    beadline run --impurity 400=2e-3 --impurity 600=0.5e-3 --duration 0.1\n  \
+    beadline run --resume chain.mcap.partial          goes on with a run that was interrupted\n\n\
+    A kill costs at most the last --flush-period of a recording, a power failure the last --sync-period. --resume\n\
+    takes everything of the run from its recording, writes that again as .partial and goes on after its last\n\
+    state; the result is what it would have been without the interruption. It takes .mcap.partial, or an .mcap\n\
+    that ends early, and with --out leaves it as it is."
 )]
 pub(crate) struct RunArgs {
     /// Configuration file; see `beadline preset light-impurity` for one to start from
@@ -121,6 +126,13 @@ pub(crate) struct RunArgs {
     /// Publish only, write no recording
     #[arg(long)]
     pub(crate) no_record: bool,
+    /// Go on with an interrupted run, given its recording
+    #[arg(
+        long,
+        value_name = "FILE.mcap.partial",
+        conflicts_with_all = ["config", "preset", "name", "no_record", "Overrides"]
+    )]
+    pub(crate) resume: Option<PathBuf>,
     /// Replace a recording that exists
     #[arg(long)]
     pub(crate) force: bool,
@@ -265,6 +277,16 @@ pub(crate) struct AnalysisArgs {
     /// Recompute the steps between frames (these results are not published on the bus)
     #[arg(long)]
     pub(crate) every_step: bool,
+    /// Begin at this simulated time (s); a recording is opened there. What happened before is not known, as to a
+    /// consumer that attaches then
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = parse_time)]
+    pub(crate) from: f64,
+    /// End at this simulated time (s)
+    #[arg(long, value_name = "S", value_parser = parse_time)]
+    pub(crate) until: Option<f64>,
+    /// Threads that recompute the steps of a recording [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = parse_jobs)]
+    pub(crate) jobs: Option<NonZero<usize>>,
     /// Give up when no run appears within this time (s) [default: wait]
     #[arg(long, value_name = "S", value_parser = parse_seconds)]
     pub(crate) timeout: Option<f64>,
@@ -285,7 +307,9 @@ pub(crate) struct AnalysisArgs {
     after_help = "Examples:\n  \
     beadline energies                                    attach to the only live run\n  \
     beadline energies run.mcap --out e.csv --figure e.svg\n  \
-    beadline energies run.mcap --split 300               left and right of bead 300"
+    beadline energies run.mcap --split 300               left and right of bead 300\n  \
+    beadline energies sparse.mcap --every-step --from 0.04 --until 0.041 --out e.csv\n                                                       \
+    every step of a part, also of a sparse recording"
 )]
 pub(crate) struct EnergiesArgs {
     #[command(flatten)]

@@ -10,6 +10,7 @@ mod keyboard;
 mod pace;
 mod publishing;
 mod reproduce;
+mod resumption;
 mod signals;
 mod source;
 mod sweep;

@@ -179,6 +179,11 @@ impl<S: FrameSource> Replay<S> {
         &self.manifest
     }
 
+    /// Whether the source must recompute frames that the recording does not hold.
+    pub fn is_recomputed(&self) -> bool {
+        is_sparse(self.source.manifest(), &self.manifest)
+    }
+
     /// The first frame that will be published.
     pub fn first_frame(&self) -> u64 {
         self.manifest.frame_at(self.first.step)

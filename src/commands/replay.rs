@@ -5,14 +5,14 @@ mod summary;
 
 use crate::args::{Pace, ReplayArgs};
 use crate::display::{self, count, seconds};
-use crate::failure::{BadInput, Done, Failure};
+use crate::failure::{Done, Failure};
 use crate::keyboard::Keyboard;
 use crate::publishing;
 use crate::source::{Frames, Source, SourceFailure};
-use anyhow::{Context as _, anyhow};
+use anyhow::anyhow;
 use producer::replay::{BeginError, Replay, ReplayOutcome, Window, is_sparse, published_manifest};
-use producer::resimulation::{Lend, Resimulation};
-use schemas::bus::{PublishOptions, StatePublisher};
+use producer::resimulation::Lend;
+use schemas::bus::PublishOptions;
 use schemas::frame::{EndReason, FrameSource};
 use stage::Stage;
 use std::ops::ControlFlow;
@@ -59,17 +59,20 @@ fn begin(
     window: Window,
     stop: &Arc<AtomicBool>,
 ) -> Result<Option<Replay<Frames>>, Failure> {
-    let source = Source::open(&args.file, stop)?;
+    let mut source = Source::open(&args.file, stop)?;
     let manifest = published_manifest(source.manifest(), args.name.clone(), args.every_step);
+    let first_step = manifest.physics.step_at_or_after(window.from_s);
+    source.seek(first_step)?;
     let frames = if is_sparse(source.manifest(), &manifest) {
         // each step, so that there is something to do between frames
-        let steps = Resimulation::new(source, Lend::Steps).with_context(|| {
+        Frames::recomputed(source, Lend::Steps, false, first_step, None).map_err(|failure| {
             let file = args.file.display();
-            format!("{file} does not hold every frame to be published, and they cannot be recomputed")
-        });
-        Frames::Recomputed(Box::new(steps.bad_input()?))
+            failure.context(format!(
+                "{file} does not hold every frame to be published, and they cannot be recomputed"
+            ))
+        })?
     } else {
-        Frames::AsTheyCome(source)
+        Frames::as_they_come(source)
     };
     let go_on =
         || if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
@@ -91,12 +94,10 @@ fn announce(args: &ReplayArgs, replay: &Replay<Frames>) {
         0 => String::new(),
         frame => format!(" from frame {} ({})", count(frame), seconds(replay.first_time_s())),
     };
-    display::notice(format_args!(
-        "{} is published as {}{from}; run id {}",
-        args.file.display(),
-        manifest.provenance.name,
-        manifest.provenance.run_id,
-    ));
+    let recomputed =
+        if replay.is_recomputed() { "; frames that it does not hold are recomputed" } else { "" };
+    let (file, name) = (args.file.display(), &manifest.provenance.name);
+    display::notice(format_args!("{file} is published as {name}{from}{recomputed}"));
 }
 
 /// Publishes it once, as a stream of its own; none if we were stopped before the first frame.
@@ -115,11 +116,17 @@ fn publish(
     };
     let wait_for = args.wait_for.unwrap_or(usize::from(args.rate == Pace::Max));
     let mut publisher = publishing::open(replay.manifest(), &options, wait_for)?;
-    if !wait_for_consumers(args, wait_for, &replay, &mut publisher, stop)? {
+    if wait_for > 0 && args.wait_for.is_none() && summary.loops == 0 {
+        let name = &replay.manifest().provenance.name;
+        display::notice(format_args!(
+            "start an analysis, such as `beadline energies live:{name}`; `--wait-for 0` does not wait for one"
+        ));
+    }
+    if !publishing::wait_for_consumers(wait_for, &mut publisher, stop)? {
         publisher.finish(EndReason::Interrupted)?;
         return Ok(None);
     }
-    let mut stage = Stage::new(&replay, summary.pace, keyboard, Arc::clone(stop));
+    let mut stage = Stage::new(&replay, summary, keyboard, Arc::clone(stop));
     let played = replay.play(&mut publisher, &mut stage);
     let reason = played.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
     summary.take(stage.leave(&mut publisher));
@@ -132,20 +139,4 @@ fn publish(
     let outcome = played?;
     summary.count(&counts?);
     Ok(Some(outcome))
-}
-
-fn wait_for_consumers(
-    args: &ReplayArgs,
-    wait_for: usize,
-    replay: &Replay<Frames>,
-    publisher: &mut StatePublisher,
-    stop: &AtomicBool,
-) -> Result<bool, Failure> {
-    if wait_for > 0 && args.wait_for.is_none() {
-        display::notice(format_args!(
-            "start an analysis, such as `beadline energies live:{}`; `--wait-for 0` does not wait for one",
-            replay.manifest().provenance.name
-        ));
-    }
-    publishing::wait_for_consumers(wait_for, publisher, stop)
 }

@@ -60,7 +60,7 @@ fn script(record: u64, items: &[Item]) -> Script {
     Script {
         state: ChainState::initial(&manifest.physics),
         integrator: Integrator::new(&manifest.physics),
-        items: items.to_vec().into_iter(),
+        items: Vec::from(items).into_iter(),
         manifest,
     }
 }

@@ -221,8 +221,7 @@ impl ChannelWriter {
         self.record(|chunks, now| chunks.open().message(&head, message, now))
     }
 
-    /// Writes the messages that frame `frame` consists of, which stay together. From then on the file stays when it is
-    /// dropped without [`finish`](Self::finish).
+    /// Writes the messages that frame `frame` consists of, which stay together.
     pub(super) fn write_frame<const N: usize>(
         &mut self,
         frame: u64,
@@ -265,6 +264,12 @@ impl ChannelWriter {
     /// Writes what was taken so far, and waits until it is in the file.
     pub(super) fn flush(&mut self) -> Result<(), WriteError> {
         self.queue()?.flush().map_err(|refused| self.refused(refused))
+    }
+
+    /// Writes what was taken so far, and waits until it is on the disk.
+    pub(super) fn sync(&mut self) -> Result<(), WriteError> {
+        self.flush()?;
+        self.file.file().sync_data().map_err(WriteError::io(self.path()))
     }
 
     /// Bytes in the file so far.

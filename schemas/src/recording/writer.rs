@@ -161,6 +161,14 @@ impl RecordingWriter {
         self.file.flush()
     }
 
+    /// Like [`flush`](Self::flush), and waits until a power failure costs none of them, either.
+    ///
+    /// # Errors
+    /// When writing fails.
+    pub fn sync(&mut self) -> Result<(), WriteError> {
+        self.file.sync()
+    }
+
     /// The channels beside those of the frames.
     pub(super) fn channels(&mut self) -> &mut ChannelWriter {
         &mut self.file

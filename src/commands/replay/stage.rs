@@ -1,5 +1,6 @@
 //! What goes on while a recording is replayed: pacing, pauses, keys, the progress line.
 
+use super::summary::Summary;
 use crate::args::Pace;
 use crate::display::{self, count, seconds};
 use crate::keyboard::{Key, Keyboard};
@@ -37,6 +38,8 @@ pub(super) struct Left {
 /// Conducts a replay.
 pub(super) struct Stage<'a> {
     bar: ProgressBar,
+    /// Which loop this is, for the progress line.
+    number: String,
     keyboard: Option<&'a Keyboard>,
     pacer: Pacer,
     stop: Arc<AtomicBool>,
@@ -59,7 +62,7 @@ pub(super) struct Stage<'a> {
 impl<'a> Stage<'a> {
     pub(super) fn new(
         replay: &Replay<Frames>,
-        pace: Pace,
+        summary: &Summary,
         keyboard: Option<&'a Keyboard>,
         stop: Arc<AtomicBool>,
     ) -> Self {
@@ -71,8 +74,9 @@ impl<'a> Stage<'a> {
         }
         Self {
             bar,
+            number: if summary.loops > 0 { format!(" · loop {}", summary.loops + 1) } else { String::new() },
             keyboard,
-            pacer: Pacer::new(pace, replay.first_time_s()),
+            pacer: Pacer::new(summary.pace, replay.first_time_s()),
             stop,
             start: now,
             refreshed: now,
@@ -175,15 +179,19 @@ impl<'a> Stage<'a> {
         let pace = match (self.paused_since, self.pacer.pace()) {
             (Some(_), _) => "paused".to_owned(),
             (None, Pace::Max) => format!("{}/s", seconds(self.pacer.reached(time_s))),
-            (None, Pace::PerSecond(per_second)) => format!("at {}/s", seconds(per_second)),
+            (None, Pace::PerSecond(per_second)) => format!("{}/s", seconds(per_second)),
+        };
+        let consumers = match counts.lossless + counts.latest {
+            1 => "1 consumer".to_owned(),
+            consumers => format!("{consumers} consumers"),
         };
         self.bar.set_position(step);
+        // in this order because a narrow terminal shows only the beginning
         self.bar.set_message(format!(
-            "t = {} · {pace} · frame {} · {} lossless, {} latest",
+            "t = {} · {pace} · {consumers} · frame {}{}",
             seconds(time_s),
             count(frame),
-            counts.lossless,
-            counts.latest,
+            self.number,
         ));
     }
 
