@@ -4,6 +4,7 @@ use crate::sweep::directory::Shard;
 use crate::time_step::TimeStep;
 use clap::{Args, Parser, Subcommand};
 use schemas::method::Method;
+use schemas::run_name::RunName;
 use std::num::NonZero;
 use std::path::PathBuf;
 
@@ -56,6 +57,8 @@ pub(crate) enum Command {
     Sweep(SweepArgs),
     /// The paper, figure by figure, claim by claim: simulated, drawn and judged
     Reproduce(ReproduceArgs),
+    /// Publish a recording again, so that analyses cannot tell it from the run
+    Replay(ReplayArgs),
     /// List the live runs of this user
     Ls {
         /// Print JSON
@@ -100,7 +103,12 @@ pub(crate) struct DemoArgs {
     beadline run --preset homogeneous --alpha 1.2     a preset, one value changed\n  \
     beadline run chain.toml --out chain.mcap          a configuration of your own\n  \
     beadline run --no-record --wait-for 2             starts when two analyses are ready\n  \
-    beadline run --impurity 400=2e-3 --impurity 600=0.5e-3 --duration 0.1"
+    beadline run --impurity 400=2e-3 --impurity 600=0.5e-3 --duration 0.1\n  \
+    beadline run --resume chain.mcap.partial          goes on with a run that was interrupted\n\n\
+    A kill costs at most the last --flush-period of a recording, a power failure the last --sync-period. --resume\n\
+    takes everything of the run from its recording, writes that again as .partial and goes on after its last\n\
+    state; the result is what it would have been without the interruption. It takes .mcap.partial, or an .mcap\n\
+    that ends early, and with --out leaves it as it is."
 )]
 pub(crate) struct RunArgs {
     /// Configuration file; see `beadline preset light-impurity` for one to start from
@@ -118,6 +126,13 @@ pub(crate) struct RunArgs {
     /// Publish only, write no recording
     #[arg(long)]
     pub(crate) no_record: bool,
+    /// Go on with an interrupted run, given its recording
+    #[arg(
+        long,
+        value_name = "FILE.mcap.partial",
+        conflicts_with_all = ["config", "preset", "name", "no_record", "Overrides"]
+    )]
+    pub(crate) resume: Option<PathBuf>,
     /// Replace a recording that exists
     #[arg(long)]
     pub(crate) force: bool,
@@ -130,6 +145,12 @@ pub(crate) struct RunArgs {
     /// Drop a lossless consumer that holds the run back for this long (s)
     #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = parse_seconds)]
     pub(crate) stall_timeout: f64,
+    /// Write what was recorded to the file at least this often (s): what a kill costs
+    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = parse_seconds, conflicts_with = "no_record")]
+    pub(crate) flush_period: f64,
+    /// Sync the file to the disk at least this often (s): what a power failure costs
+    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = parse_seconds, conflicts_with = "no_record")]
+    pub(crate) sync_period: f64,
     /// Print the summary as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -467,6 +488,52 @@ pub(crate) struct ReproduceArgs {
     /// List the figures and do nothing else
     #[arg(long)]
     pub(crate) list: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline replay run.mcap                             waits for an analysis, then as fast as it can take …\n  \
+    beadline energies --figure e.svg                     … which you start in another terminal\n  \
+    beadline replay run.mcap --rate 0.01 --loop          100 times slower than real time, again and again\n  \
+    beadline replay run.mcap --from 0.02 --until 0.03    a part of it\n  \
+    beadline replay sparse.mcap --every-step             every step as a frame, recomputed bit for bit\n\n\
+    Frames that a sparse recording does not hold are recomputed. On a terminal: space pauses and goes on,\n\
+    → or . shows one more frame and pauses, + and - double and halve the rate, q quits.\n\
+    The recording of a run that was not closed ends as a failed run does. Exit code 3: it was not closed, it is\n\
+    damaged, or a consumer was dropped."
+)]
+pub(crate) struct ReplayArgs {
+    /// The recording
+    pub(crate) file: PathBuf,
+    /// Name on the bus: a-z, 0-9 and - [default: that of the run]
+    #[arg(long, value_name = "RUN")]
+    pub(crate) name: Option<RunName>,
+    /// How fast to go: `max`, or simulated seconds per second
+    #[arg(long, value_name = "max|X", default_value = "max", value_parser = parse_pace)]
+    pub(crate) rate: Pace,
+    /// Begin with the first frame at or after this simulated time (s)
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = parse_time)]
+    pub(crate) from: f64,
+    /// End with the last frame at or before this simulated time (s)
+    #[arg(long, value_name = "S", value_parser = parse_time)]
+    pub(crate) until: Option<f64>,
+    /// Begin again when it is over, as a new stream, until it is stopped
+    #[arg(long = "loop")]
+    pub(crate) again: bool,
+    /// Publish every step as a frame of its own
+    #[arg(long)]
+    pub(crate) every_step: bool,
+    /// Begin (each loop) when this many lossless consumers are ready [default: 1 at the rate max, else 0]
+    #[arg(long, value_name = "N")]
+    pub(crate) wait_for: Option<usize>,
+    /// Drop a lossless consumer that holds the replay back for this long (s)
+    #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = parse_seconds)]
+    pub(crate) stall_timeout: f64,
     /// Print the summary as JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -202,6 +202,7 @@ pub(crate) fn attach(
             AttachNotice::WaitingForRun { name: None } => {
                 display::notice("waiting for a run; start one with `beadline run`");
             }
+            AttachNotice::Joining { .. } => {}
             AttachNotice::WaitingForAnswer { name } => {
                 display::notice(format_args!("the run {name} does not answer yet: a consumer holds it back"));
             }

@@ -28,7 +28,8 @@ pub use backpressure::{ConsumerEvent, Delivery};
 pub use live::{AttachError, AttachNotice, AttachOptions, LiveError, LiveSource};
 pub use publisher::{PublishCounts, PublishError, PublishOptions, StatePublisher, WaitOutcome};
 pub use results::{
-    ResultColumns, ResultElement, ResultPublisher, ResultReceived, ResultSubscriber, ResultsError, Row,
+    ResultColumns, ResultElement, ResultPublisher, ResultReceived, ResultSubscriber, ResultWatch,
+    ResultsError, Row,
 };
 pub use room::RoomError;
 pub use root::RootError;

@@ -12,6 +12,7 @@ mod recomputing;
 mod recordings;
 mod reference;
 mod reflection;
+mod replay;
 mod reproduce;
 mod sweep;
 mod thinning;

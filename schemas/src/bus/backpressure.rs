@@ -101,7 +101,7 @@ pub(super) struct Backpressure<T: Debug + ZeroCopySend + 'static> {
     service: SliceService<T>,
     config: Config,
     notifier: Notifier<Ipc>,
-    stop: Arc<AtomicBool>,
+    pub(super) stop: Arc<AtomicBool>,
     stuck_after: Duration,
     remedies: Remedies,
     blocked: AtomicBool,

@@ -25,6 +25,8 @@ const LIVENESS_PERIOD: Duration = Duration::from_millis(500);
 /// How long a lossless subscriber to results may take nothing.
 const STUCK_AFTER: Duration = Duration::from_secs(10);
 const TAKE_OVER_PATIENCE: Duration = Duration::from_millis(500);
+/// How long a new publisher waits for those to subscribe who listen already.
+const WATCHER_PATIENCE: Duration = Duration::from_secs(1);
 const COLUMNS_KEY: &str = "beadline.columns";
 const WIDTH_KEY: &str = "beadline.width";
 const TOLERANCE_KEY: &str = "beadline.tolerance_m";
@@ -154,7 +156,8 @@ impl<T: ResultElement> ResultPublisher<T> {
                 found: found.width,
             });
         }
-        let notifier = services::events(&node, run, topic)?.notifier_builder().create();
+        let events = services::events(&node, run, topic)?;
+        let notifier = events.notifier_builder().create();
         let notifier = notifier.map_err(|e| BusError::service(&text, "notify", &e))?;
         let watched = services::slices::<T>(&node, run, topic, limits, &more)?;
         let config = bus.config().clone();
@@ -177,6 +180,16 @@ impl<T: ResultElement> ResultPublisher<T> {
                 Err(e) => return Err(BusError::service(&text, "publish", &e).into()),
             }
         };
+        let stop = &backpressure.stop;
+        let start = Instant::now();
+        backpressure.wake();
+        // whoever listens subscribes now, and then has every row
+        while backpressure.subscriber_count() < events.dynamic_config().number_of_listeners()
+            && start.elapsed() < WATCHER_PATIENCE
+            && !stop.load(Ordering::Relaxed)
+        {
+            std::thread::sleep(Duration::from_millis(1));
+        }
         let last =
             StateHeader { run_id: stream.run_id.0, stream_id: stream.stream_id, ..StateHeader::default() };
         let width = columns.width;
@@ -268,12 +281,20 @@ pub enum ResultReceived<'a, T> {
     End(EndReason),
 }
 
+/// What a subscriber has next, before it is lent.
+#[derive(Debug, Clone, Copy)]
+enum Next {
+    Row,
+    Missed { from: u64, to: u64 },
+    End(EndReason),
+}
+
 /// Receives one kind of result of one run.
 pub struct ResultSubscriber<T: ResultElement> {
     sample: Option<Sample<Ipc, [T], StateHeader>>,
     stashed: Option<Sample<Ipc, [T], StateHeader>>,
     subscriber: Subscriber<Ipc, [T], StateHeader>,
-    listener: Listener<Ipc>,
+    listener: Arc<Listener<Ipc>>,
     service: SliceService<T>,
     bus: Bus,
     topic: Topic,
@@ -299,9 +320,21 @@ impl<T: ResultElement> ResultSubscriber<T> {
         delivery: Delivery,
         stop: Arc<AtomicBool>,
     ) -> Result<Option<Self>, ResultsError> {
+        let node = bus.node()?;
+        Self::attach_with(bus, node, run, topic, delivery, stop, None)
+    }
+
+    fn attach_with(
+        bus: &Bus,
+        node: Node<Ipc>,
+        run: &RunName,
+        topic: Topic,
+        delivery: Delivery,
+        stop: Arc<AtomicBool>,
+        listener: Option<Arc<Listener<Ipc>>>,
+    ) -> Result<Option<Self>, ResultsError> {
         let text = text_of(run, topic);
         let failed = |e: &dyn Debug| BusError::service(&text, "subscribe to", &format!("{e:?}"));
-        let node = bus.node()?;
         check_schema(bus, run, topic)?;
         let Some(service) = services::find_slices::<T>(&node, run, topic)? else { return Ok(None) };
         if service.dynamic_config().number_of_publishers() == 0 {
@@ -315,8 +348,10 @@ impl<T: ResultElement> ResultSubscriber<T> {
             builder = builder.buffer_size(LATEST_BUFFER);
         }
         let subscriber = builder.create().map_err(|e| failed(&e))?;
-        let events = services::events(&node, run, topic)?;
-        let listener = events.listener_builder().create().map_err(|e| failed(&e))?;
+        let listener = match listener {
+            Some(listener) => listener,
+            None => new_listener(&node, run, topic)?,
+        };
         Ok(Some(Self {
             sample: None,
             stashed: None,
@@ -351,10 +386,29 @@ impl<T: ResultElement> ResultSubscriber<T> {
     /// # Errors
     /// When rows can no longer be received.
     pub fn receive(&mut self) -> Result<ResultReceived<'_, T>, ResultsError> {
+        let next = loop {
+            if let Some(next) = self.advance()? {
+                break next;
+            }
+        };
+        Ok(self.lend(next))
+    }
+
+    /// Like [`receive`](Self::receive), but none if nothing comes for a moment.
+    ///
+    /// # Errors
+    /// When rows can no longer be received.
+    pub fn receive_soon(&mut self) -> Result<Option<ResultReceived<'_, T>>, ResultsError> {
+        let next = self.advance()?;
+        Ok(next.map(|next| self.lend(next)))
+    }
+
+    /// What is next; none after a wait in vain.
+    fn advance(&mut self) -> Result<Option<Next>, ResultsError> {
         self.sample = None;
         loop {
             if let Some(reason) = self.ended {
-                return Ok(ResultReceived::End(reason));
+                return Ok(Some(Next::End(reason)));
             }
             if self.stop.load(Ordering::Relaxed) {
                 self.ended = Some(EndReason::Stopped);
@@ -366,12 +420,15 @@ impl<T: ResultElement> ResultSubscriber<T> {
             };
             match next {
                 Some(sample) => {
-                    if let Some(received) = self.take(sample) {
-                        return Ok(self.lend(received));
+                    if let Some(next) = self.take(sample) {
+                        return Ok(Some(next));
                     }
                 }
                 None if self.closing.is_some() => self.ended = self.closing,
-                None => self.look_or_wait(),
+                None => {
+                    self.look_or_wait();
+                    return Ok(None);
+                }
             }
         }
     }
@@ -380,9 +437,8 @@ impl<T: ResultElement> ResultSubscriber<T> {
         ResultsError::Port { topic: self.topic, cause: format!("{cause:?}") }
     }
 
-    /// Sorts one sample in: `Some(None)` says that it is now the row to lend.
-    #[expect(clippy::option_option, reason = "nothing to report, a row to lend, a gap to report")]
-    fn take(&mut self, sample: Sample<Ipc, [T], StateHeader>) -> Option<Option<(u64, u64)>> {
+    /// Sorts one sample in; none if it says nothing new.
+    fn take(&mut self, sample: Sample<Ipc, [T], StateHeader>) -> Option<Next> {
         let header = *sample.user_header();
         let stream = StreamId { run_id: RunId(header.run_id), stream_id: header.stream_id };
         if *self.stream.get_or_insert(stream) != stream {
@@ -392,7 +448,7 @@ impl<T: ResultElement> ResultSubscriber<T> {
         if header.flags & FLAG_LAST != 0 && sample.payload().is_empty() {
             self.closing = Some(EndReason::Complete);
             let missing = self.expected.filter(|expected| *expected <= header.frame);
-            return missing.map(|from| Some((from, header.frame)));
+            return missing.map(|from| Next::Missed { from, to: header.frame });
         }
         let expected = *self.expected.get_or_insert(header.frame);
         if header.frame < expected {
@@ -401,21 +457,22 @@ impl<T: ResultElement> ResultSubscriber<T> {
         if header.frame > expected {
             self.stashed = Some(sample);
             self.expected = Some(header.frame);
-            return Some(Some((expected, header.frame - 1)));
+            return Some(Next::Missed { from: expected, to: header.frame - 1 });
         }
         self.expected = Some(header.frame + 1);
         self.sample = Some(sample);
-        Some(None)
+        Some(Next::Row)
     }
 
-    fn lend(&self, gap: Option<(u64, u64)>) -> ResultReceived<'_, T> {
-        match (gap, &self.sample) {
-            (None, Some(sample)) => {
+    fn lend(&self, next: Next) -> ResultReceived<'_, T> {
+        match (next, &self.sample) {
+            (Next::Row, Some(sample)) => {
                 let StateHeader { frame, step, time_s, .. } = *sample.user_header();
                 ResultReceived::Row(Row { frame, step, time_s, values: sample.payload() })
             }
-            (Some((from, to)), _) => ResultReceived::Missed { from, to },
-            (None, None) => ResultReceived::End(EndReason::ProducerLost),
+            (Next::Missed { from, to }, _) => ResultReceived::Missed { from, to },
+            (Next::End(reason), _) => ResultReceived::End(reason),
+            (Next::Row, None) => ResultReceived::End(EndReason::ProducerLost),
         }
     }
 
@@ -432,4 +489,61 @@ impl<T: ResultElement> ResultSubscriber<T> {
         // a signal ends the wait early; the loop looks at the flag
         let _ = self.listener.timed_wait(|_| {}, WAIT);
     }
+}
+
+/// Looks out for publishers of one kind of results: a publisher that comes while it is there gives it the time to
+/// subscribe before its first row.
+pub struct ResultWatch {
+    bus: Bus,
+    run: RunName,
+    topic: Topic,
+    listener: Arc<Listener<Ipc>>,
+    node: Node<Ipc>,
+}
+
+impl ResultWatch {
+    /// Looks out for `topic` of `run`.
+    ///
+    /// # Errors
+    /// When the bus cannot be used.
+    pub fn create(bus: &Bus, run: &RunName, topic: Topic) -> Result<Self, ResultsError> {
+        let node = bus.node()?;
+        let listener = new_listener(&node, run, topic)?;
+        Ok(Self { bus: bus.clone(), run: run.clone(), topic, listener, node })
+    }
+
+    /// What it looks out for.
+    pub fn topic(&self) -> Topic {
+        self.topic
+    }
+
+    /// Attaches to the publisher; none if there is none yet.
+    ///
+    /// # Errors
+    /// When the bus cannot be used.
+    pub fn attach<T: ResultElement>(
+        &self,
+        delivery: Delivery,
+        stop: Arc<AtomicBool>,
+    ) -> Result<Option<ResultSubscriber<T>>, ResultsError> {
+        // registering anew costs more than a look
+        let found = services::find_slices::<T>(&self.node, &self.run, self.topic)?;
+        if found.is_none_or(|service| service.dynamic_config().number_of_publishers() == 0) {
+            return Ok(None);
+        }
+        let node = self.bus.node()?;
+        let listener = Some(Arc::clone(&self.listener));
+        ResultSubscriber::attach_with(&self.bus, node, &self.run, self.topic, delivery, stop, listener)
+    }
+
+    /// Waits until a publisher comes, or for `patience`.
+    pub fn wait(&self, patience: Duration) {
+        // a signal ends the wait early; the caller looks again
+        let _ = self.listener.timed_wait(|_| {}, patience);
+    }
+}
+
+fn new_listener(node: &Node<Ipc>, run: &RunName, topic: Topic) -> Result<Arc<Listener<Ipc>>, ResultsError> {
+    let created = services::events(node, run, topic)?.listener_builder().create();
+    Ok(Arc::new(created.map_err(|e| BusError::service(&text_of(run, topic), "listen to", &e))?))
 }

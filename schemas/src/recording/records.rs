@@ -115,6 +115,11 @@ impl RecordReader {
         self.size
     }
 
+    /// Where the next record starts.
+    pub(super) fn position(&self) -> u64 {
+        self.position
+    }
+
     /// Goes on reading at `offset`, somewhere within a section: the CRC of what is left of it is not checked,
     /// that of each chunk and of the next section is.
     pub(super) fn seek(&mut self, offset: u64) -> Result<(), ReadError> {
@@ -154,6 +159,22 @@ impl RecordReader {
             self.finish(offset)?;
         }
         Ok(Some(RawRecord { opcode, offset, body: &self.body }))
+    }
+
+    /// Reads up to `bytes` bytes from `offset` on in place of a record, or as many as there are. Where reading goes on
+    /// is for the caller to say, with [`seek`](Self::seek).
+    pub(super) fn read_part(&mut self, offset: u64, bytes: u64) -> Result<&[u8], ReadError> {
+        self.seek(offset)?;
+        let room = bytes.min(self.size.saturating_sub(offset)).min(MAX_RECORD_BYTES);
+        self.read_body(offset, room)?;
+        Ok(&self.body)
+    }
+
+    /// Reads the `bytes` bytes from `offset` on as the contents of a chunk record.
+    pub(super) fn read_chunk(&mut self, offset: u64, bytes: u64) -> Result<(), ReadError> {
+        self.read_part(offset, bytes)?;
+        self.chunk_crc = crc32fast::hash(self.body.get(chunk_header_bytes(&self.body)..).unwrap_or_default());
+        Ok(())
     }
 
     fn torn<T>(&self, offset: u64, left: u64) -> Result<Option<T>, ReadError> {

@@ -6,6 +6,7 @@ use super::head;
 use super::index::Index;
 use super::messages::{MessageReader, RawMessage};
 use super::proto;
+use super::salvage::Damage;
 use crate::frame::{EndReason, Frame, FrameSource, Received};
 use crate::manifest::RunManifest;
 use std::path::Path;
@@ -62,7 +63,7 @@ impl RecordingSource {
     /// When it cannot be read, is no recording, is of another major schema version, holds no states, or
     /// is damaged up to its first state.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        Self::open_with(path, false)
+        Self::of(MessageReader::open(path)?, false)
     }
 
     /// Opens the recording `path` with all of its states, also those that were recomputed between frames.
@@ -70,11 +71,25 @@ impl RecordingSource {
     /// # Errors
     /// As [`open`](Self::open).
     pub fn open_all(path: &Path) -> Result<Self, ReadError> {
-        Self::open_with(path, true)
+        Self::of(MessageReader::open(path)?, true)
     }
 
-    fn open_with(path: &Path, all: bool) -> Result<Self, ReadError> {
-        let messages = MessageReader::open(path)?;
+    /// Opens the recording `path` to read every state that can be read, whatever is damaged after the manifest: frames
+    /// that are lost are reported as missed, and [`damages`](Self::damages) says why.
+    ///
+    /// # Errors
+    /// When it cannot be read, is no recording, is of another major schema version, or holds no states.
+    pub fn open_salvaging(path: &Path) -> Result<Self, ReadError> {
+        Self::of(MessageReader::salvaging(path)?, false)
+    }
+
+    /// What is damaged, as far as it has been read by a source that salvages; at most
+    /// [`MOST_DAMAGES`](super::MOST_DAMAGES).
+    pub fn damages(&self) -> &[Damage] {
+        self.messages.damages()
+    }
+
+    fn of(messages: MessageReader, all: bool) -> Result<Self, ReadError> {
         let mut source = Self {
             lengths: StateLengths::of(messages.manifest()),
             messages,
@@ -167,15 +182,20 @@ impl RecordingSource {
 
     fn read_next(&mut self) -> Result<Next, ReadError> {
         while let Some(message) = self.messages.next()? {
-            if message.channel.topic != proto::STATE.topic {
+            if message.channel.topic != proto::STATE.topic || !message.is_checked {
                 continue;
             }
             let RawMessage { data, offset, .. } = message;
             let state = decode::state(data, self.lengths, &mut self.doubles);
-            let damaged = |what| ReadError::damaged(self.messages.path(), offset, what);
-            let state = state.map_err(damaged)?;
+            let (state, frame) = match state.and_then(|state| Ok((state, self.check(&state)?))) {
+                Ok(checked) => checked,
+                Err(what) if self.messages.is_salvaging() => {
+                    self.messages.note_message(what);
+                    continue;
+                }
+                Err(what) => return Err(ReadError::damaged(self.messages.path(), offset, what)),
+            };
             self.read = Some(state.step);
-            let frame = self.check(&state).map_err(damaged)?;
             let between = || self.all.then(|| self.messages.manifest().frame_at(state.step));
             if let Some(frame) = frame.or_else(between) {
                 return Ok(Next::Frame { frame, step: state.step, time_s: state.time_s });
@@ -222,7 +242,9 @@ impl RecordingSource {
         let Some(end) = contents.end.as_ref().filter(|_| self.messages.is_finished()) else {
             return Ok(Next::End { reason: EndReason::Unfinished, last_step: None });
         };
-        if let (Some(expected), Some(step)) = (&end.last_state_hash, self.read) {
+        // the last state may be among those that are lost
+        let is_last = |step: &u64| !self.messages.is_salvaging() || end.last_step == Some(*step);
+        if let (Some(expected), Some(step)) = (&end.last_state_hash, self.read.filter(is_last)) {
             let found = head::state_hash(step, &self.doubles);
             if found != *expected {
                 let what =

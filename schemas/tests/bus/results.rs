@@ -3,12 +3,13 @@
 use crate::child::Child;
 use crate::support::{TestBus, run_name, wait_until};
 use schemas::bus::{
-    Delivery, ResultColumns, ResultElement, ResultPublisher, ResultReceived, ResultSubscriber, ResultsError,
-    StreamId, Topic,
+    Delivery, ResultColumns, ResultElement, ResultPublisher, ResultReceived, ResultSubscriber, ResultWatch,
+    ResultsError, StreamId, Topic,
 };
 use schemas::frame::EndReason;
 use schemas::manifest::RunId;
 use std::sync::Arc;
+use std::time::Duration;
 
 fn columns(width: usize, names: &str) -> ResultColumns {
     ResultColumns { width, names: names.into(), tolerance_m: None }
@@ -52,6 +53,32 @@ fn rows_reach_lossless_subscribers_with_their_columns() {
         let (frames, missed, end) = reading.join().unwrap();
         assert_eq!((frames, missed, end), ((1..1001).collect(), 0, EndReason::Complete));
     });
+}
+
+/// A publisher gives those who listen already the time to subscribe.
+#[test]
+fn who_is_there_before_the_publisher_gets_every_row_from_the_first_on() {
+    for _ in 0..5 {
+        let test = TestBus::new();
+        let watch = ResultWatch::create(&test.bus, &run_name("run"), Topic::Energies).unwrap();
+        std::thread::scope(|scope| {
+            let reading = scope.spawn(|| {
+                let mut rows = loop {
+                    match watch.attach::<f64>(Delivery::Lossless, Arc::default()).unwrap() {
+                        Some(rows) => break rows,
+                        None => watch.wait(Duration::from_secs(1)),
+                    }
+                };
+                read(&mut rows)
+            });
+            let mut energies = create::<f64>(&test, Topic::Energies, &columns(3, "a_J,b_J,c_J"));
+            for frame in 0..2000 {
+                energies.publish(frame, frame, 0.0, &[1.0; 3]).unwrap();
+            }
+            energies.finish().unwrap();
+            assert_eq!(reading.join().unwrap(), ((0..2000).collect(), 0, EndReason::Complete));
+        });
+    }
 }
 
 #[test]

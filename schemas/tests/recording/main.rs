@@ -5,6 +5,7 @@ mod crash;
 mod hostile;
 mod others;
 mod run;
+mod salvage;
 mod seeking;
 mod writing;
 

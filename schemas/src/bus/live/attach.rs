@@ -41,6 +41,11 @@ pub enum AttachNotice {
         /// Its name, if one was asked for.
         name: Option<RunName>,
     },
+    /// The run is there, and the handshake with its producer comes next. Told before each try.
+    Joining {
+        /// Its name.
+        name: RunName,
+    },
     /// The run is there, but its producer does not answer yet: another consumer holds it back; told once.
     WaitingForAnswer {
         /// Its name.
@@ -248,6 +253,7 @@ impl Search<'_> {
         let Some(json) = board.manifest(stream) else { return Ok(Attempt::NotYet) };
         let manifest = RunManifest::from_json(&json)
             .map_err(|source| AttachError::Manifest { name: run.clone(), source })?;
+        (self.options.notice)(&AttachNotice::Joining { name: run.clone() });
         let Some((subscriber, listener)) = self.ports(&node, run)? else { return Ok(Attempt::NotYet) };
         let handshake = Handshake { search: self, run, node: &node, board: &board, stream };
         let Some(joined) = handshake.run(&subscriber, &listener, &manifest)? else {
