@@ -73,17 +73,19 @@ impl Frames {
     /// What of `source` the flags ask for, at least from the time `from_s` on.
     pub(crate) fn of(mut source: Source, args: &AnalysisArgs, from_s: f64) -> Result<Self, Failure> {
         let first_step = source.manifest().physics.step_at_or_after(from_s);
-        if let Source::File(file, _) = &mut source
-            && first_step > 0
-            && !args.from_start
-        {
-            file.seek_to_step(first_step).bad_input()?;
+        if !args.from_start {
+            source.seek(first_step)?;
         }
         let lend = if args.every_step { Lend::Steps } else { Lend::Frames };
         if args.from_start || args.every_step || args.fill_gaps {
             return Self::recomputed(source, lend, args.from_start, first_step, args.jobs);
         }
-        Ok(Self { stop: source.stop(), states: States::AsTheyCome(source) })
+        Ok(Self::as_they_come(source))
+    }
+
+    /// What `source` holds.
+    pub(crate) fn as_they_come(source: Source) -> Self {
+        Self { stop: source.stop(), states: States::AsTheyCome(source) }
     }
 
     /// What `source` holds and what lies between, from step `first_step` on, all of it proven. A file is
@@ -153,6 +155,14 @@ impl Source {
     pub(crate) fn open_all(path: &Path, stop: &Arc<AtomicBool>) -> Result<Self, Failure> {
         let recording = RecordingSource::open_all(path).bad_input()?;
         Ok(Self::File(Box::new(recording), Arc::clone(stop)))
+    }
+
+    /// Goes to the last state at or before `step`, if it is a recording.
+    pub(crate) fn seek(&mut self, step: u64) -> Result<(), Failure> {
+        match self {
+            Self::File(file, _) if step > 0 => file.seek_to_step(step).bad_input(),
+            _ => Ok(()),
+        }
     }
 
     /// What ends it early, if it is a recording.

@@ -5,13 +5,13 @@ mod summary;
 
 use crate::args::{Pace, ReplayArgs};
 use crate::display::{self, count, seconds};
-use crate::failure::{BadInput, Done, Failure};
+use crate::failure::{Done, Failure};
 use crate::keyboard::Keyboard;
 use crate::publishing;
 use crate::source::{Frames, Source, SourceFailure};
-use anyhow::{Context as _, anyhow};
+use anyhow::anyhow;
 use producer::replay::{BeginError, Replay, ReplayOutcome, Window, is_sparse, published_manifest};
-use producer::resimulation::{Lend, Resimulation};
+use producer::resimulation::Lend;
 use schemas::bus::PublishOptions;
 use schemas::frame::{EndReason, FrameSource};
 use stage::Stage;
@@ -59,17 +59,20 @@ fn begin(
     window: Window,
     stop: &Arc<AtomicBool>,
 ) -> Result<Option<Replay<Frames>>, Failure> {
-    let source = Source::open(&args.file, stop)?;
+    let mut source = Source::open(&args.file, stop)?;
     let manifest = published_manifest(source.manifest(), args.name.clone(), args.every_step);
+    let first_step = manifest.physics.step_at_or_after(window.from_s);
+    source.seek(first_step)?;
     let frames = if is_sparse(source.manifest(), &manifest) {
         // each step, so that there is something to do between frames
-        let steps = Resimulation::new(source, Lend::Steps).with_context(|| {
+        Frames::recomputed(source, Lend::Steps, false, first_step, None).map_err(|failure| {
             let file = args.file.display();
-            format!("{file} does not hold every frame to be published, and they cannot be recomputed")
-        });
-        Frames::Recomputed(Box::new(steps.bad_input()?))
+            failure.context(format!(
+                "{file} does not hold every frame to be published, and they cannot be recomputed"
+            ))
+        })?
     } else {
-        Frames::AsTheyCome(source)
+        Frames::as_they_come(source)
     };
     let go_on =
         || if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
