@@ -201,6 +201,7 @@ pub(crate) struct Overrides {
 #[command(after_help = "Example:\n  \
     beadline thin run.mcap --every-steps 100 --out sparse.mcap\n\n\
     Every state is proven on the way: recomputed from the one before. `beadline expand` brings the others back.\n\
+    Other channels, results and those of other programs, stay whole.\n\
     K is a multiple of the steps between two frames of the run.")]
 pub(crate) struct ThinArgs {
     /// The recording
@@ -213,8 +214,12 @@ pub(crate) struct ThinArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  \
-    beadline expand sparse.mcap --out full.mcap        every frame of the run")]
+#[command(after_help = "Examples:\n  \
+    beadline expand sparse.mcap --out full.mcap                       every frame of the run\n  \
+    beadline expand sparse.mcap --every-steps 1 --out all.mcap        also the steps between frames\n\n\
+    Every state of the recording is proven on the way, and other channels stay whole. K is a multiple of the\n\
+    steps between two frames of the run, or divides them: states between frames are then recorded without a\n\
+    frame number, and whoever reads frames passes over them.")]
 pub(crate) struct ExpandArgs {
     /// The recording
     pub(crate) file: PathBuf,
@@ -231,6 +236,9 @@ pub(crate) struct RewriteArgs {
     /// Recording to write
     #[arg(long, value_name = "FILE.mcap")]
     pub(crate) out: PathBuf,
+    /// Threads that recompute [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = parse_jobs)]
+    pub(crate) jobs: Option<NonZero<usize>>,
     /// Replace a file that exists
     #[arg(long)]
     pub(crate) force: bool,
