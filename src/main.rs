@@ -6,6 +6,7 @@ mod commands;
 mod configuration;
 mod display;
 mod failure;
+mod recorder;
 mod reproduce;
 mod signals;
 mod source;
@@ -34,6 +35,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Pulses(args) => commands::pulses::pulses(&args),
         Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Reproduce(args) => commands::reproduce::reproduce(&args),
+        Command::Record(args) => commands::record::record(&args),
         Command::Ls { json } => commands::ls::ls(json),
         Command::Thin(args) => commands::thin::thin(&args),
         Command::Expand(args) => commands::thin::expand(&args),
