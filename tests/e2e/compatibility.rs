@@ -10,7 +10,7 @@ use std::path::Path;
 const GOLDEN: &str = "tests/golden/1.0-kernel-1";
 
 /// The commands that read a recording. What they write has a name of its own.
-const COMMANDS: [&str; 9] = [
+const COMMANDS: [&str; 11] = [
     "info later.mcap",
     "verify later.mcap",
     "energies later.mcap",
@@ -18,8 +18,10 @@ const COMMANDS: [&str; 9] = [
     "impurity later.mcap",
     "contacts later.mcap --out contacts.mcap",
     "pulses later.mcap",
-    "replay later.mcap --rate max",
-    "thin later.mcap --every-steps 4 --out thin.mcap",
+    "replay later.mcap --wait-for 0",
+    "thin later.mcap --every-steps 3 --out thin.mcap",
+    "expand later.mcap --out expanded.mcap",
+    "recover later.mcap --out recovered.mcap",
 ];
 
 /// The recording `full.mcap` of 1.0, its metadata as `change` leaves it, under `later.mcap`, with right checksums.
@@ -115,7 +117,12 @@ fn another_kernel_version_is_said_plainly() {
         place.run(command).exits(0);
     }
     for command in ["verify later.mcap", "energies later.mcap --every-step"] {
-        let ended = place.run(command).says(&["kernel version 2", "nothing is wrong with it"]);
-        assert!([1, 2].contains(&ended.code().unwrap()), "{command}");
+        let ended = place.run(command);
+        let said = ended.stdout() + &ended.stderr();
+        assert!(
+            said.contains("kernel version 2") && said.contains("nothing is wrong with it"),
+            "{command}: {said}"
+        );
+        assert!(ended.code().is_some_and(|code| code > 0), "{command}");
     }
 }
