@@ -236,7 +236,7 @@ pub(crate) struct RewriteArgs {
     /// Recording to write
     #[arg(long, value_name = "FILE.mcap")]
     pub(crate) out: PathBuf,
-    /// Threads that recompute [default: one for each core]
+    /// Threads that recompute, if the recording is sparse [default: one for each core]
     #[arg(long, value_name = "N", value_parser = parse_jobs)]
     pub(crate) jobs: Option<NonZero<usize>>,
     /// Replace a file that exists
@@ -292,7 +292,7 @@ pub(crate) struct AnalysisArgs {
     /// End at this simulated time (s)
     #[arg(long, value_name = "S", value_parser = parse_time)]
     pub(crate) until: Option<f64>,
-    /// Threads that recompute the steps of a recording [default: one for each core]
+    /// Threads that recompute the steps of a sparse recording [default: one for each core]
     #[arg(long, value_name = "N", value_parser = parse_jobs)]
     pub(crate) jobs: Option<NonZero<usize>>,
     /// Give up when no run appears within this time (s) [default: wait]
