@@ -74,7 +74,7 @@ impl Resumption {
         let mut recorder = match RecordingWriter::create(self.target(), &manifest, &toml, options) {
             Ok(recorder) => recorder,
             Err(error) => {
-                self.recording.put_back()?;
+                put_back(self.recording);
                 return Err(error.into());
             }
         };
@@ -92,12 +92,12 @@ impl Resumption {
             }
             Ok(Copied::Stopped) => {
                 recorder.discard();
-                self.recording.put_back()?;
+                put_back(self.recording);
                 Ok(None)
             }
             Err(failure) => {
                 recorder.discard();
-                self.recording.put_back()?;
+                put_back(self.recording);
                 Err(failure)
             }
         }
@@ -155,6 +155,14 @@ impl Resumption {
         others.copy_rest(recorder)?;
         bar.finish_and_clear();
         Ok(Copied::All(last))
+    }
+}
+
+/// Makes the old recording what it was, or says where it is.
+fn put_back(recording: InterruptedRecording) {
+    let path = recording.path().to_owned();
+    if let Err(error) = recording.put_back() {
+        display::notice(format_args!("{error}; the recording is still {}", path.display()));
     }
 }
 

@@ -2,7 +2,9 @@
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs, reason = "a test that cannot go on says where")]
 
 mod configuration;
+mod crash;
 mod deformation;
+mod disk;
 mod faults;
 mod harness;
 mod other_tools;
@@ -14,6 +16,7 @@ mod reference;
 mod reflection;
 mod replay;
 mod reproduce;
+mod resume;
 mod sweep;
 mod thinning;
 mod time_step;

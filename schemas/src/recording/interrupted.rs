@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug)]
 pub struct InterruptedRecording {
     file: LockedFile,
-    /// What a former attempt left of a copy, to be replaced.
+    /// Of a former attempt, with nothing that this one has not.
     leftover: Option<LockedFile>,
     names: Names,
     target: PathBuf,
@@ -145,10 +145,7 @@ fn best_of(names: &Names) -> Result<(LockedFile, RecordingInfo, Option<LockedFil
     }
     let new = LockedFile::open(&names.partial)?;
     match RecordingInfo::read(&names.partial) {
-        Ok(found) if is_further(&found, &info) => {
-            old.remove()?;
-            Ok((new, found, None))
-        }
+        Ok(found) if is_further(&found, &info) => Ok((new, found, Some(old))),
         // a copy that was not finished
         _ => Ok((old, info, Some(new))),
     }
