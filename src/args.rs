@@ -4,6 +4,7 @@ use crate::sweep::directory::Shard;
 use crate::time_step::TimeStep;
 use clap::{Args, Parser, Subcommand};
 use schemas::method::Method;
+use schemas::recording::Split;
 use schemas::run_name::RunName;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -57,6 +58,8 @@ pub(crate) enum Command {
     Sweep(SweepArgs),
     /// The paper, figure by figure, claim by claim: simulated, drawn and judged
     Reproduce(ReproduceArgs),
+    /// Record a live run: its states, and the results that analyses publish
+    Record(RecordArgs),
     /// Publish a recording again, so that analyses cannot tell it from the run
     Replay(ReplayArgs),
     /// List the live runs of this user
@@ -198,9 +201,73 @@ pub(crate) struct Overrides {
 }
 
 #[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline record --out run.mcap                            the only live run, from here on\n  \
+    beadline record live:long --out long.mcap --from-start    with what came before, recomputed\n  \
+    beadline record --out run.mcap --split-size 500MB         run-part-0001.mcap, run-part-0002.mcap …\n  \
+    beadline record --out run.mcap --split-duration 0.01      a part for each 10 ms of simulated time\n\n\
+    The run waits for the recorder when it cannot keep up. A part is finished before the next one begins; each\n\
+    is a recording by itself: `beadline info`, `verify` and every analysis read it. Results are those that\n\
+    `beadline energies`, `impurity`, `contacts` and `pulses` publish, from the first row on if the analysis\n\
+    starts after the recorder. SIGINT ends the recording in order, and the run goes on.\n\
+    Exit code 3: frames or rows of results were missed, the run vanished, or the disk is nearly full."
+)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
+pub(crate) struct RecordArgs {
+    /// `live` (the only live run) or `live:RUN`
+    #[arg(value_name = "SOURCE", default_value = "live")]
+    pub(crate) source: String,
+    /// Recording to write; parts of it are NAME-part-0001.mcap and so on
+    #[arg(long, value_name = "FILE.mcap")]
+    pub(crate) out: PathBuf,
+    /// Go on in a new part with the first frame after the file has this size
+    #[arg(long, value_name = "BYTES|500MB", value_parser = parse_split_size)]
+    pub(crate) split_size: Option<u64>,
+    /// Go on in a new part at each multiple of this simulated time (s)
+    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    pub(crate) split_duration: Option<f64>,
+    /// End in order when the disk has less left than this [default: 100 MB, or 1 % of a small disk]
+    #[arg(long, value_name = "BYTES|500MB", value_parser = parse_bytes)]
+    pub(crate) min_free: Option<u64>,
+    /// Record every K-th step, the first and the last [default: as the run does]
+    #[arg(long, value_name = "K")]
+    pub(crate) record_every_steps: Option<u64>,
+    /// Recompute the frames before the first one that arrives, from step 0 on
+    #[arg(long)]
+    pub(crate) from_start: bool,
+    /// Never hold the run back: frames may be missed, and are counted
+    #[arg(long)]
+    pub(crate) latest: bool,
+    /// Recompute frames that were missed
+    #[arg(long)]
+    pub(crate) fill_gaps: bool,
+    /// Record states only
+    #[arg(long)]
+    pub(crate) no_results: bool,
+    /// Write what was recorded to the file at least this often (s): what a kill costs
+    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = parse_seconds)]
+    pub(crate) flush_period: f64,
+    /// Sync the file to the disk at least this often (s): what a power failure costs
+    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = parse_seconds)]
+    pub(crate) sync_period: f64,
+    /// Give up when no run appears within this time (s) [default: wait]
+    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    pub(crate) timeout: Option<f64>,
+    /// Replace files that exist
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
     beadline thin run.mcap --every-steps 100 --out sparse.mcap\n\n\
     Every state is proven on the way: recomputed from the one before. `beadline expand` brings the others back.\n\
+    Other channels, results and those of other programs, stay whole.\n\
     K is a multiple of the steps between two frames of the run.")]
 pub(crate) struct ThinArgs {
     /// The recording
@@ -213,8 +280,12 @@ pub(crate) struct ThinArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  \
-    beadline expand sparse.mcap --out full.mcap        every frame of the run")]
+#[command(after_help = "Examples:\n  \
+    beadline expand sparse.mcap --out full.mcap                       every frame of the run\n  \
+    beadline expand sparse.mcap --every-steps 1 --out all.mcap        also the steps between frames\n\n\
+    Every state of the recording is proven on the way, and other channels stay whole. K is a multiple of the\n\
+    steps between two frames of the run, or divides them: states between frames are then recorded without a\n\
+    frame number, and whoever reads frames passes over them.")]
 pub(crate) struct ExpandArgs {
     /// The recording
     pub(crate) file: PathBuf,
@@ -231,6 +302,9 @@ pub(crate) struct RewriteArgs {
     /// Recording to write
     #[arg(long, value_name = "FILE.mcap")]
     pub(crate) out: PathBuf,
+    /// Threads that recompute [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = parse_jobs)]
+    pub(crate) jobs: Option<NonZero<usize>>,
     /// Replace a file that exists
     #[arg(long)]
     pub(crate) force: bool,
@@ -553,6 +627,34 @@ fn parse_pace(text: &str) -> Result<Pace, String> {
             "expected `max` or a positive number of simulated seconds per second, such as 0.01".to_owned()
         }),
     }
+}
+
+/// `1000000`, `500kB`, `1.5GB`, `64MiB`: at most 2^53 bytes.
+fn parse_bytes(text: &str) -> Result<u64, String> {
+    let expected = || "expected a size such as 500MB, 2GB, 64MiB, or a number of bytes".to_owned();
+    let unit_at = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
+    let (number, unit) = text.split_at(unit_at);
+    let unit_bytes = match unit {
+        "" | "B" => 1.0,
+        "kB" | "KB" => 1e3,
+        "MB" => 1e6,
+        "GB" => 1e9,
+        "TB" => 1e12,
+        "KiB" => 1024.0,
+        "MiB" => 1024.0 * 1024.0,
+        "GiB" => 1024.0 * 1024.0 * 1024.0,
+        _ => return Err(expected()),
+    };
+    let bytes = number.trim_end().parse::<f64>().map_err(|_| expected())? * unit_bytes;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole and in range")]
+    let whole = (bytes >= 0.0 && bytes <= 2.0_f64.powi(53)).then_some(bytes.round() as u64);
+    whole.ok_or_else(expected)
+}
+
+fn parse_split_size(text: &str) -> Result<u64, String> {
+    let least = Split::LEAST_BYTES;
+    let large_enough = |bytes: &u64| *bytes >= least;
+    Some(parse_bytes(text)?).filter(large_enough).ok_or_else(|| format!("expected at least {least} bytes"))
 }
 
 fn parse_seconds(text: &str) -> Result<f64, String> {

@@ -73,17 +73,19 @@ impl Frames {
     /// What of `source` the flags ask for, at least from the time `from_s` on.
     pub(crate) fn of(mut source: Source, args: &AnalysisArgs, from_s: f64) -> Result<Self, Failure> {
         let first_step = source.manifest().physics.step_at_or_after(from_s);
-        if let Source::File(file, _) = &mut source
-            && first_step > 0
-            && !args.from_start
-        {
-            file.seek_to_step(first_step).bad_input()?;
+        if !args.from_start {
+            source.seek(first_step)?;
         }
         let lend = if args.every_step { Lend::Steps } else { Lend::Frames };
         if args.from_start || args.every_step || args.fill_gaps {
             return Self::recomputed(source, lend, args.from_start, first_step, args.jobs);
         }
-        Ok(Self { stop: source.stop(), states: States::AsTheyCome(source) })
+        Ok(Self::as_they_come(source))
+    }
+
+    /// What `source` holds, and nothing else.
+    pub(crate) fn as_they_come(source: Source) -> Self {
+        Self { stop: source.stop(), states: States::AsTheyCome(source) }
     }
 
     /// What `source` holds and what lies between, from step `first_step` on, all of it proven. A file is
@@ -155,6 +157,14 @@ impl Source {
         Ok(Self::File(Box::new(recording), Arc::clone(stop)))
     }
 
+    /// Goes to the last state at or before `step`, if it is a recording.
+    pub(crate) fn seek(&mut self, step: u64) -> Result<(), Failure> {
+        match self {
+            Self::File(file, _) if step > 0 => file.seek_to_step(step).bad_input(),
+            Self::File(..) | Self::Live(_) => Ok(()),
+        }
+    }
+
     /// What ends it early, if it is a recording.
     fn stop(&self) -> Option<Arc<AtomicBool>> {
         match self {
@@ -195,24 +205,39 @@ pub(crate) fn attach(
         label: label.to_owned(),
         timeout: args.timeout.map(Duration::from_secs_f64),
         stop: Arc::clone(stop),
-        notice: Arc::new(|notice| match notice {
-            AttachNotice::WaitingForRun { name: Some(name) } => {
-                display::notice(format_args!("waiting for the run {name}"));
-            }
-            AttachNotice::WaitingForRun { name: None } => {
-                display::notice("waiting for a run; start one with `beadline run`");
-            }
-            AttachNotice::Joining { .. } => {}
-            AttachNotice::WaitingForAnswer { name } => {
-                display::notice(format_args!("the run {name} does not answer yet: a consumer holds it back"));
-            }
-        }),
+        notice: Arc::new(tell),
     };
     let delivery = if args.latest { Delivery::Latest } else { Delivery::Lossless };
-    match LiveSource::attach(bus, name, delivery, &options) {
+    attach_with(bus, name, delivery, &options)
+}
+
+/// Says what an attachment waits for.
+pub(crate) fn tell(notice: &AttachNotice) {
+    match notice {
+        AttachNotice::WaitingForRun { name: Some(name) } => {
+            display::notice(format_args!("waiting for the run {name}"));
+        }
+        AttachNotice::WaitingForRun { name: None } => {
+            display::notice("waiting for a run; start one with `beadline run`");
+        }
+        AttachNotice::Joining { .. } => {}
+        AttachNotice::WaitingForAnswer { name } => {
+            display::notice(format_args!("the run {name} does not answer yet: a consumer holds it back"));
+        }
+    }
+}
+
+/// Attaches to a live run.
+pub(crate) fn attach_with(
+    bus: &Bus,
+    name: Option<&RunName>,
+    delivery: Delivery,
+    options: &AttachOptions,
+) -> Result<LiveSource, Failure> {
+    match LiveSource::attach(bus, name, delivery, options) {
         Ok(live) => Ok(live),
         Err(error @ AttachError::SeveralRuns { .. }) => {
-            Err(Failure::BadInput(anyhow!("{error}, as in `beadline {label} live:NAME`")))
+            Err(Failure::BadInput(anyhow!("{error}, as in `beadline {} live:NAME`", options.label)))
         }
         Err(error) => Err(error.into()),
     }

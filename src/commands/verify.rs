@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 pub(crate) fn verify(args: &VerifyArgs) -> Result<Done, Failure> {
     let stop = signals::stop_flag()?;
-    let mut source = Source::open(&args.file, &stop)?;
+    let mut source = Source::open_all(&args.file, &stop)?;
     let manifest = source.manifest().clone();
     display::notice_of_version(&manifest);
     let cores = || std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);

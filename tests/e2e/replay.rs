@@ -201,7 +201,7 @@ fn a_part_has_exactly_its_frames() {
     assert_eq!(listen(&place, "small").0.end, EndReason::Complete);
     replay.wait().exits(0);
     place.run("replay full.mcap --from 0.002 --until 0.001").exits(2).says(&["--from 0.002 is after"]);
-    place.run("replay full.mcap --from 3").exits(2).says(&["no frame from 3 s", "has frames from 0 s"]);
+    place.run("replay full.mcap --from 3").exits(2).says(&["no frame from 3 s", "recorded is 0 s to"]);
     place.run("replay full.mcap --until -1").exits(2).says(&["0 or more"]);
 }
 
