@@ -120,7 +120,9 @@ impl Resumption {
         let mut others = OtherChannels::open(path).bad_input()?;
         let mut states = RecordingSource::open(path).bad_input()?;
         let manifest = states.manifest().clone();
-        let bar = display::progress_bar(self.info().last_step.unwrap_or(0), "copying");
+        // of the last frame: states between frames were added by somebody else
+        let last_step = self.info().last_step.map(|step| manifest.step_of_frame(manifest.frame_at(step)));
+        let bar = display::progress_bar(last_step.unwrap_or(0), "copying");
         let mut refreshed = Instant::now();
         let mut last = None;
         loop {
@@ -130,7 +132,7 @@ impl Resumption {
                     if manifest.is_recorded(frame.step) {
                         recorder.accept(&frame)?;
                     }
-                    if Some(frame.step) == self.info().last_step {
+                    if Some(frame.step) == last_step {
                         last = Some(ChainState::of_frame(&frame));
                     }
                     if refreshed.elapsed() >= REFRESH {
