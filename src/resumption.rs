@@ -49,6 +49,21 @@ impl Resumption {
         self.recording.info()
     }
 
+    /// What is left to be done. Of a complete recording only its name may be missing, which it is given here.
+    pub(crate) fn unless_complete(self) -> Result<Option<Self>, Failure> {
+        if !(self.recording.is_in_place() && self.info().is_complete()) {
+            return Ok(Some(self));
+        }
+        let steps = self.info().manifest.physics.step_count;
+        let path = self.recording.give_name()?;
+        let path = path.display();
+        display::notice(format_args!(
+            "{path} is complete: all {} steps are there, nothing is left to be done",
+            count(steps)
+        ));
+        Ok(None)
+    }
+
     /// Where the recording will be.
     pub(crate) fn target(&self) -> &Path {
         self.recording.target()
@@ -118,7 +133,7 @@ impl Resumption {
             ))
         };
         let mut others = OtherChannels::open(path).bad_input()?;
-        let mut states = RecordingSource::open(path).bad_input()?;
+        let mut states = RecordingSource::open(path).map_err(|error| damaged(error.to_string()))?;
         let manifest = states.manifest().clone();
         // of the last frame: states between frames were added by somebody else
         let last_step = self.info().last_step.map(|step| manifest.step_of_frame(manifest.frame_at(step)));
@@ -194,15 +209,6 @@ fn hindrance(info: &RecordingInfo) -> Option<String> {
     } else {
         None
     }
-}
-
-/// Says of a run that it needs nothing more.
-pub(crate) fn tell_complete(info: &RecordingInfo) {
-    display::notice(format_args!(
-        "{} is complete: all {} steps are there, nothing is left to be done",
-        info.path.display(),
-        count(info.manifest.physics.step_count)
-    ));
 }
 
 /// Says where a run goes on.

@@ -9,7 +9,7 @@ const CHAIN: &str = "run --preset homogeneous --beads 60 --duration 4e-3 --name 
 
 /// Records a run and ends it by SIGINT, some time after a step.
 fn interrupted(place: &Place, flags: &str, step: u64) -> RecordingInfo {
-    let run = place.start(&format!("{CHAIN} --pace 4e-3 {flags}"));
+    let run = place.start(&format!("{CHAIN} --pace 1e-3 {flags}"));
     place.wait_for_run("run", |run| run.step >= step);
     run.signal("INT");
     run.wait().exits(0);
@@ -42,10 +42,10 @@ fn states(place: &Place, file: &str) -> Vec<(u64, u64, Vec<u64>)> {
 /// the result.
 #[test]
 fn a_resumed_recording_has_the_states_of_one_that_was_never_interrupted() {
-    for flags in ["", "--record-every-steps 500", "--publish-every-steps 7 --record-every-steps 91"] {
+    for flags in ["", "--record-every-steps 200", "--publish-every-steps 7 --record-every-steps 91"] {
         let place = Place::new();
         place.run(&format!("{CHAIN} {flags} --out whole.mcap")).exits(0);
-        let info = interrupted(&place, flags, 700);
+        let info = interrupted(&place, flags, 300);
         let resumed = place.run("run --resume run.mcap --json").exits(0).says(&["goes on after step"]).json();
         assert_eq!(
             (resumed["end"].as_str(), resumed["first_step"].as_u64()),
@@ -72,7 +72,7 @@ fn a_run_that_is_interrupted_again_and_again_loses_nothing() {
     place.run(&format!("{CHAIN} --record-every-steps 300 --out whole.mcap")).exits(0);
     let mut last = interrupted(&place, "--record-every-steps 300", 400).last_step;
     for _ in 0..3 {
-        let run = place.start("run --resume run.mcap --pace 4e-3");
+        let run = place.start("run --resume run.mcap --pace 1e-3");
         place.wait_for_run("run", |run| Some(run.step) > last);
         run.signal("INT");
         run.wait().exits(0);
@@ -104,7 +104,7 @@ fn a_run_can_be_resumed_elsewhere() {
 #[test]
 fn a_resume_that_was_killed_is_gone_on_with() {
     let place = Place::new();
-    interrupted(&place, "", 900);
+    interrupted(&place, "", 300);
     let half = |from: &str, to: &str| {
         let bytes = fs::read(place.path(from)).unwrap();
         fs::write(place.path(to), &bytes[..bytes.len() / 2]).unwrap();
@@ -162,10 +162,28 @@ fn a_recording_without_any_state_begins_with_the_run() {
     place.run("verify run.mcap").exits(0);
 }
 
+/// A kill after the last state, before the file has its name.
+#[test]
+fn a_finished_recording_that_was_not_renamed_is_given_its_name() {
+    let place = Place::new();
+    place.run(CHAIN).exits(0);
+    let whole = fs::read(place.path("run.mcap")).unwrap();
+    fs::rename(place.path("run.mcap"), place.path("run.mcap.partial")).unwrap();
+    place.run("run --resume run.mcap.partial").exits(0).says(&["run.mcap is complete"]);
+    assert!(fs::read(place.path("run.mcap")).unwrap() == whole);
+    // all its states are there, but it was not closed
+    fs::write(place.path("run.mcap.partial"), &whole[..whole.len() - 9]).unwrap();
+    fs::remove_file(place.path("run.mcap")).unwrap();
+    let resumed = place.run("run --resume run.mcap.partial --json").exits(0).json();
+    assert_eq!((resumed["end"].as_str(), resumed["frames_published"].as_u64()), (Some("complete"), Some(0)));
+    place.run("verify run.mcap").exits(0);
+    assert_eq!(files(&place), ["run.mcap"]);
+}
+
 #[test]
 fn what_cannot_be_gone_on_with_is_refused_and_stays() {
     let place = Place::new();
-    interrupted(&place, "", 900);
+    interrupted(&place, "", 300);
     let recording = fs::read(place.path("run.mcap")).unwrap();
     let refused = |arguments: &str, says: &[&str]| {
         place.run(&format!("run --resume {arguments}")).exits(2).says(says);
@@ -224,7 +242,7 @@ fn consumers_of_a_resumed_run_can_have_all_of_it() {
     let place = Place::new();
     place.run(&format!("{CHAIN} --out whole.mcap")).exits(0);
     place.run("energies whole.mcap --out whole.csv").exits(0);
-    let info = interrupted(&place, "--record-every-steps 500", 700);
+    let info = interrupted(&place, "--record-every-steps 200", 300);
     let run = place.start("run --resume run.mcap --wait-for 2 --json");
     let all = place.start("energies live:run --from-start --out all.csv --json");
     let new = place.start("impurity live:run --bead 3 --json");
