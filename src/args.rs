@@ -5,6 +5,7 @@ use crate::time_step::TimeStep;
 use clap::{Args, Parser, Subcommand};
 use schemas::method::Method;
 use schemas::recording::Split;
+use schemas::run_name::RunName;
 use std::num::NonZero;
 use std::path::PathBuf;
 
@@ -59,6 +60,8 @@ pub(crate) enum Command {
     Reproduce(ReproduceArgs),
     /// Record a live run: its states, and the results that analyses publish
     Record(RecordArgs),
+    /// Publish a recording again, so that analyses cannot tell it from the run
+    Replay(ReplayArgs),
     /// List the live runs of this user
     Ls {
         /// Print JSON
@@ -103,7 +106,12 @@ pub(crate) struct DemoArgs {
     beadline run --preset homogeneous --alpha 1.2     a preset, one value changed\n  \
     beadline run chain.toml --out chain.mcap          a configuration of your own\n  \
     beadline run --no-record --wait-for 2             starts when two analyses are ready\n  \
-    beadline run --impurity 400=2e-3 --impurity 600=0.5e-3 --duration 0.1"
+    beadline run --impurity 400=2e-3 --impurity 600=0.5e-3 --duration 0.1\n  \
+    beadline run --resume chain.mcap.partial          goes on with a run that was interrupted\n\n\
+    A kill costs at most the last --flush-period of a recording, a power failure the last --sync-period. --resume\n\
+    takes everything of the run from its recording, writes that again as .partial and goes on after its last\n\
+    state; the result is what it would have been without the interruption. It takes .mcap.partial, or an .mcap\n\
+    that ends early, and with --out leaves it as it is."
 )]
 pub(crate) struct RunArgs {
     /// Configuration file; see `beadline preset light-impurity` for one to start from
@@ -121,6 +129,13 @@ pub(crate) struct RunArgs {
     /// Publish only, write no recording
     #[arg(long)]
     pub(crate) no_record: bool,
+    /// Go on with an interrupted run, given its recording
+    #[arg(
+        long,
+        value_name = "FILE.mcap.partial",
+        conflicts_with_all = ["config", "preset", "name", "no_record", "Overrides"]
+    )]
+    pub(crate) resume: Option<PathBuf>,
     /// Replace a recording that exists
     #[arg(long)]
     pub(crate) force: bool,
@@ -328,6 +343,16 @@ pub(crate) struct AnalysisArgs {
     /// Recompute the steps between frames (these results are not published on the bus)
     #[arg(long)]
     pub(crate) every_step: bool,
+    /// Begin at this simulated time (s); a recording is opened there. What happened before is not known, as to a
+    /// consumer that attaches then
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = parse_time)]
+    pub(crate) from: f64,
+    /// End at this simulated time (s)
+    #[arg(long, value_name = "S", value_parser = parse_time)]
+    pub(crate) until: Option<f64>,
+    /// Threads that recompute the steps of a recording [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = parse_jobs)]
+    pub(crate) jobs: Option<NonZero<usize>>,
     /// Give up when no run appears within this time (s) [default: wait]
     #[arg(long, value_name = "S", value_parser = parse_seconds)]
     pub(crate) timeout: Option<f64>,
@@ -348,7 +373,9 @@ pub(crate) struct AnalysisArgs {
     after_help = "Examples:\n  \
     beadline energies                                    attach to the only live run\n  \
     beadline energies run.mcap --out e.csv --figure e.svg\n  \
-    beadline energies run.mcap --split 300               left and right of bead 300"
+    beadline energies run.mcap --split 300               left and right of bead 300\n  \
+    beadline energies sparse.mcap --every-step --from 0.04 --until 0.041 --out e.csv\n                                                       \
+    every step of a part, also of a sparse recording"
 )]
 pub(crate) struct EnergiesArgs {
     #[command(flatten)]
@@ -524,6 +551,52 @@ pub(crate) struct ReproduceArgs {
     pub(crate) json: bool,
 }
 
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline replay run.mcap                             waits for an analysis, then as fast as it can take …\n  \
+    beadline energies --figure e.svg                     … which you start in another terminal\n  \
+    beadline replay run.mcap --rate 0.01 --loop          100 times slower than real time, again and again\n  \
+    beadline replay run.mcap --from 0.02 --until 0.03    a part of it\n  \
+    beadline replay sparse.mcap --every-step             every step as a frame, recomputed bit for bit\n\n\
+    Frames that a sparse recording does not hold are recomputed. On a terminal: space pauses and goes on,\n\
+    → or . shows one more frame and pauses, + and - double and halve the rate, q quits.\n\
+    The recording of a run that was not closed ends as a failed run does. Exit code 3: it was not closed, it is\n\
+    damaged, or a consumer was dropped."
+)]
+pub(crate) struct ReplayArgs {
+    /// The recording
+    pub(crate) file: PathBuf,
+    /// Name on the bus: a-z, 0-9 and - [default: that of the run]
+    #[arg(long, value_name = "RUN")]
+    pub(crate) name: Option<RunName>,
+    /// How fast to go: `max`, or simulated seconds per second
+    #[arg(long, value_name = "max|X", default_value = "max", value_parser = parse_pace)]
+    pub(crate) rate: Pace,
+    /// Begin with the first frame at or after this simulated time (s)
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = parse_time)]
+    pub(crate) from: f64,
+    /// End with the last frame at or before this simulated time (s)
+    #[arg(long, value_name = "S", value_parser = parse_time)]
+    pub(crate) until: Option<f64>,
+    /// Begin again when it is over, as a new stream, until it is stopped
+    #[arg(long = "loop")]
+    pub(crate) again: bool,
+    /// Publish every step as a frame of its own
+    #[arg(long)]
+    pub(crate) every_step: bool,
+    /// Begin (each loop) when this many lossless consumers are ready [default: 1 at the rate max, else 0]
+    #[arg(long, value_name = "N")]
+    pub(crate) wait_for: Option<usize>,
+    /// Drop a lossless consumer that holds the replay back for this long (s)
+    #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = parse_seconds)]
+    pub(crate) stall_timeout: f64,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
 /// How fast a run goes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Pace {
@@ -580,6 +653,11 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
     let allowed = seconds > 0.0 && seconds <= 1e9;
     if allowed { Ok(seconds) } else { Err("expected a positive number, at most 1e9".to_owned()) }
+}
+
+fn parse_time(text: &str) -> Result<f64, String> {
+    let time_s = text.parse().ok().filter(|time_s: &f64| time_s.is_finite() && *time_s >= 0.0);
+    time_s.ok_or_else(|| "expected a simulated time in seconds, 0 or more".to_owned())
 }
 
 fn parse_pair(text: &str) -> Result<(u64, f64), String> {

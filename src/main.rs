@@ -6,8 +6,12 @@ mod commands;
 mod configuration;
 mod display;
 mod failure;
+mod keyboard;
+mod pace;
+mod publishing;
 mod recorder;
 mod reproduce;
+mod resumption;
 mod signals;
 mod source;
 mod sweep;
@@ -36,6 +40,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Reproduce(args) => commands::reproduce::reproduce(&args),
         Command::Record(args) => commands::record::record(&args),
+        Command::Replay(args) => commands::replay::replay(&args),
         Command::Ls { json } => commands::ls::ls(json),
         Command::Thin(args) => commands::thin::thin(&args),
         Command::Expand(args) => commands::thin::expand(&args),

@@ -13,7 +13,7 @@ mod threads;
 
 use super::contents::Channel;
 use super::error::WriteError;
-use super::head::{self, BeginRecord};
+use super::head;
 use super::log_time_ns;
 use super::proto::Topic;
 use crate::manifest::RunManifest;
@@ -121,21 +121,11 @@ struct Definitions {
 }
 
 impl ChannelWriter {
-    /// Creates `<path>.partial` with its head: manifest and configuration, on the disk.
+    /// Creates `<path>.partial` with its head: manifest, where it begins if that is said, and configuration; on the disk.
     pub(super) fn create(
         path: &Path,
         manifest: &RunManifest,
-        run_toml: Option<&str>,
-        options: &WriteOptions,
-    ) -> Result<Self, WriteError> {
-        Self::create_from(path, manifest, &BeginRecord::default(), run_toml, options)
-    }
-
-    /// Like [`create`](Self::create), with a beginning that may be that of the run.
-    pub(super) fn create_from(
-        path: &Path,
-        manifest: &RunManifest,
-        begin: &BeginRecord,
+        begin: Option<Metadata>,
         run_toml: Option<&str>,
         options: &WriteOptions,
     ) -> Result<Self, WriteError> {
@@ -143,8 +133,8 @@ impl ChannelWriter {
         let partial = file.partial().to_owned();
         let io = WriteError::io(&partial);
         let run_toml = run_toml.map(|text| (about_run_toml(manifest), text.as_bytes()));
-        let head: Vec<_> = std::iter::once(head::run_metadata(manifest)).chain(begin.metadata()).collect();
-        let (output, position) = Output::begin(Arc::clone(file.file()), &head, run_toml).map_err(&io)?;
+        let metadata: Vec<_> = [head::run_metadata(manifest)].into_iter().chain(begin).collect();
+        let (output, position) = Output::begin(Arc::clone(file.file()), &metadata, run_toml).map_err(&io)?;
         file.file().sync_data().map_err(&io)?;
         file.sync_name()?;
         let queue = Queue::new(Chunks::new(Rules::of(options)));
@@ -231,8 +221,7 @@ impl ChannelWriter {
         self.record(|chunks, now| chunks.open().message(&head, message, now))
     }
 
-    /// Writes the messages that frame `frame` consists of, which stay together. From then on the file stays when it is
-    /// dropped without [`finish`](Self::finish).
+    /// Writes the messages that frame `frame` consists of, which stay together.
     pub(super) fn write_frame<const N: usize>(
         &mut self,
         frame: u64,
@@ -246,8 +235,13 @@ impl ChannelWriter {
             }
             chunks.end_frame();
         })?;
-        self.file.keep();
+        self.keep();
         Ok(())
+    }
+
+    /// Something was recorded: without [`finish`](Self::finish) the file stays as it is, else it goes.
+    pub(super) fn keep(&mut self) {
+        self.file.keep();
     }
 
     fn record(&self, append: impl FnOnce(&mut Chunks, Instant)) -> Result<(), WriteError> {
@@ -270,6 +264,12 @@ impl ChannelWriter {
     /// Writes what was taken so far, and waits until it is in the file.
     pub(super) fn flush(&mut self) -> Result<(), WriteError> {
         self.queue()?.flush().map_err(|refused| self.refused(refused))
+    }
+
+    /// Writes what was taken so far, and waits until it is on the disk.
+    pub(super) fn sync(&mut self) -> Result<(), WriteError> {
+        self.flush()?;
+        self.file.file().sync_data().map_err(WriteError::io(self.path()))
     }
 
     /// Bytes in the file so far.

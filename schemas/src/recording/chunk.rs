@@ -1,10 +1,16 @@
 //! One chunk: decompressed, checked, and taken apart.
 
 use super::error::ReadError;
+use super::parse::parse_record;
 use super::records::{MAX_RECORD_BYTES, RecordReader, check_crc, chunk_header_bytes};
 use mcap::records::{Record, op};
+use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
+
+/// Most bytes that zstd makes of one: a block of 128 KiB takes 4 bytes at least. So what is reserved for a chunk is
+/// bounded by what there is of it, and not by what it claims.
+const MOST_COMPRESSED: u64 = 1 << 15;
 
 /// The records of the current chunk. Keeps its buffer from chunk to chunk.
 #[derive(Default)]
@@ -15,6 +21,10 @@ pub(super) struct Chunk {
     number: u64,
     /// The whole chunk record if it is not compressed, so that nothing is copied.
     buffer: Vec<u8>,
+    /// Length of the chunk record without opcode and length.
+    record_bytes: u64,
+    /// Where in the buffer the records start.
+    start: usize,
     /// Where in the buffer the next record starts.
     next: usize,
     /// Where in the buffer the records end.
@@ -34,13 +44,14 @@ impl Chunk {
     pub(super) fn load(&mut self, offset: u64, records: &mut RecordReader) -> Result<(), ReadError> {
         let path = records.path();
         let damaged = |what: String| ReadError::damaged(path, offset, what);
-        let Ok(Record::Chunk { header, data }) = mcap::parse_record(op::CHUNK, records.body()) else {
+        let Ok(Record::Chunk { header, data }) = parse_record(op::CHUNK, records.body()) else {
             return Err(damaged("a chunk record without a chunk header".into()));
         };
         let computed = match header.compression.as_str() {
             "" => {
-                self.next = chunk_header_bytes(records.body());
-                self.end = self.next + data.len();
+                self.start = chunk_header_bytes(records.body());
+                self.end = self.start + data.len();
+                self.next = self.start;
                 // later versions of MCAP may add fields after the records
                 let only_records = self.end == records.body().len();
                 if only_records { records.chunk_crc() } else { crc32fast::hash(&data) }
@@ -63,6 +74,7 @@ impl Chunk {
         let part = format!("chunk {} at byte {offset}", self.number);
         check_crc(path, &part, header.uncompressed_crc, computed)?;
         (self.offset, self.number) = (offset, self.number + 1);
+        self.record_bytes = chunk_header_bytes(records.body()) as u64 + header.compressed_size;
         if header.compression.is_empty() {
             records.swap_body(&mut self.buffer);
         }
@@ -71,22 +83,69 @@ impl Chunk {
 
     fn decompress(&mut self, data: &[u8], size: u64) -> Result<(), String> {
         self.buffer.clear();
-        let room = usize::try_from(size).ok().filter(|_| size <= MAX_RECORD_BYTES);
+        let most = MAX_RECORD_BYTES.min(data.len() as u64 * MOST_COMPRESSED);
+        let room = usize::try_from(size).ok().filter(|_| size <= most);
         if room.is_none_or(|room| self.buffer.try_reserve(room).is_err()) {
             return Err(format!(
-                "a chunk of {size} bytes, more than {MAX_RECORD_BYTES} or than there is memory"
+                "a chunk of {size} bytes, more than {MAX_RECORD_BYTES}, than its {} bytes can hold or than there is memory",
+                data.len()
             ));
         }
         self.zstd
             .decompress_to_buffer(data, &mut self.buffer)
             .map_err(|error| format!("a chunk that zstd cannot decompress: {error}"))?;
-        (self.next, self.end) = (0, self.buffer.len());
+        (self.start, self.next, self.end) = (0, 0, self.buffer.len());
         Ok(())
+    }
+
+    /// Replaces the contents by what can be had of the chunk record `body`, which may be damaged or end early:
+    /// of an uncompressed one the bytes that are there, of zstd what comes before the first byte that
+    /// cannot be decompressed. Nothing in it is proven by a checksum. False if there is nothing.
+    pub(super) fn load_unchecked(&mut self, offset: u64, body: &[u8]) -> bool {
+        self.buffer.clear();
+        if let Some(head) = ChunkHead::parse(body) {
+            let data = body.get(head.bytes..).unwrap_or_default();
+            let data =
+                usize::try_from(head.compressed_bytes).ok().and_then(|end| data.get(..end)).unwrap_or(data);
+            if head.is_compressed {
+                stream(data, &mut self.buffer);
+            } else if self.buffer.try_reserve(data.len()).is_ok() {
+                self.buffer.extend_from_slice(data);
+            }
+        }
+        (self.start, self.next, self.end) = (0, 0, self.buffer.len());
+        (self.offset, self.number) = (offset, self.number + 1);
+        !self.buffer.is_empty()
+    }
+
+    /// Whether the record that comes next is none that could be taken.
+    pub(super) fn is_stuck(&self) -> bool {
+        take_record(self.buffer.get(self.next..self.end).unwrap_or_default()).is_none()
+    }
+
+    /// Length of the chunk record, as its header has it.
+    pub(super) fn record_bytes(&self) -> u64 {
+        self.record_bytes
+    }
+
+    /// Number of the chunk that is loaded next, from 0.
+    pub(super) fn next_number(&self) -> u64 {
+        self.number
     }
 
     /// Offset of the chunk in the file.
     pub(super) fn offset(&self) -> u64 {
         self.offset
+    }
+
+    /// Says which chunk of the file is loaded next.
+    pub(super) fn expect(&mut self, number: u64) {
+        self.number = number;
+    }
+
+    /// Goes back to the first record.
+    pub(super) fn rewind(&mut self) {
+        self.next = self.start;
     }
 
     /// Size of what is left of the records in bytes: of all of them, before the first is taken.
@@ -112,6 +171,63 @@ impl Chunk {
     /// What the places of records refer to.
     pub(super) fn buffer(&self) -> &[u8] {
         &self.buffer
+    }
+}
+
+/// Header of a chunk record, as far as it is there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct ChunkHead {
+    /// First and last log time (ns) of the messages.
+    pub(super) time_range_ns: (u64, u64),
+    pub(super) uncompressed_bytes: u64,
+    pub(super) crc: u32,
+    pub(super) is_compressed: bool,
+    /// Of what follows the header.
+    pub(super) compressed_bytes: u64,
+    /// Of the header itself.
+    pub(super) bytes: usize,
+}
+
+impl ChunkHead {
+    /// Longest header of a chunk that we read.
+    pub(super) const MAX_BYTES: usize = 44;
+
+    /// The header at the beginning of the chunk record `body`; none if it cannot be one that we read.
+    pub(super) fn parse(body: &[u8]) -> Option<Self> {
+        let number = |at: usize| Some(u64::from_le_bytes(*body.get(at..)?.first_chunk()?));
+        let word = |at: usize| Some(u32::from_le_bytes(*body.get(at..)?.first_chunk()?));
+        let name_bytes = usize::try_from(word(28)?).ok().filter(|bytes| [0, 4].contains(bytes))?;
+        let head = Self {
+            time_range_ns: (number(0)?, number(8)?),
+            uncompressed_bytes: number(16)?,
+            crc: word(24)?,
+            is_compressed: name_bytes > 0,
+            compressed_bytes: number(32 + name_bytes)?,
+            bytes: 40 + name_bytes,
+        };
+        let is_known = name_bytes == 0 || body.get(32..36)? == b"zstd";
+        let is_possible = head.time_range_ns.0 <= head.time_range_ns.1
+            && head.uncompressed_bytes <= MAX_RECORD_BYTES
+            && head.compressed_bytes <= MAX_RECORD_BYTES;
+        (is_known && is_possible).then_some(head)
+    }
+
+    /// Length of the whole record's contents.
+    pub(super) fn record_bytes(&self) -> u64 {
+        self.bytes as u64 + self.compressed_bytes
+    }
+}
+
+/// Decompresses `data` as far as it goes, at most [`MAX_RECORD_BYTES`].
+fn stream(data: &[u8], buffer: &mut Vec<u8>) {
+    let Ok(decoder) = zstd::stream::read::Decoder::with_buffer(data) else { return };
+    let mut decoder = decoder.take(MAX_RECORD_BYTES);
+    let mut part = vec![0; 1 << 17];
+    while let Ok(count @ 1..) = decoder.read(&mut part) {
+        if buffer.try_reserve(count).is_err() {
+            return;
+        }
+        buffer.extend_from_slice(part.get(..count).unwrap_or_default());
     }
 }
 

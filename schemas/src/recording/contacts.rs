@@ -52,7 +52,7 @@ impl ContactsWriter {
     /// When there is such a file or its `.partial` and `options.force` is not set, when another process
     /// writes it, when something else than a file has its name, or when the operating system refuses.
     pub fn create(path: &Path, manifest: &RunManifest, options: &WriteOptions) -> Result<Self, WriteError> {
-        let mut file = ChannelWriter::create(path, manifest, None, options)?;
+        let mut file = ChannelWriter::create(path, manifest, None, None, options)?;
         let channel = file.add_channel(proto::CONTACTS)?;
         let contacts = contact_count(manifest);
         let row = proto::ContactClasses::default();

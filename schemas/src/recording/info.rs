@@ -5,6 +5,7 @@ use super::decode;
 use super::error::ReadError;
 use super::head::{self, BeginRecord, EndRecord};
 use super::messages::MessageReader;
+use super::parse::parse_record;
 use super::proto;
 use super::records::{RawRecord, RecordReader};
 use crate::frame::EndReason;
@@ -155,6 +156,11 @@ fn channels(contents: &Contents, counts: &BTreeMap<u16, u64>) -> Vec<ChannelInfo
     contents.channels.iter().map(info).collect()
 }
 
+/// The channels that the summary section of a closed file has, if it has a valid one.
+pub(super) fn channels_of_summary(records: &mut RecordReader) -> Option<BTreeMap<u16, Channel>> {
+    SummarySection::read(records).map(|summary| summary.contents.channels)
+}
+
 /// What the summary section of a closed file says.
 struct SummarySection {
     contents: Contents,
@@ -166,23 +172,12 @@ struct SummarySection {
 impl SummarySection {
     /// Reads and validates the section; none if there is none that can be relied on.
     fn read(records: &mut RecordReader) -> Option<Self> {
-        if !records.is_closed() {
-            return None;
-        }
-        let footer_offset = records.file_bytes().checked_sub(FOOTER_BYTES)?;
-        records.seek(footer_offset).ok()?;
-        let Record::Footer(Footer { summary_start, .. }) = next(records)? else {
-            return None;
-        };
-        if summary_start == 0 || summary_start > footer_offset {
-            return None;
-        }
-        records.seek_summary(summary_start).ok()?;
+        seek_summary(records)?;
         let mut contents = Contents::default();
         let (mut statistics, mut end_index) = (None, None);
         let (mut uncompressed_bytes, mut chunks) = (0_u64, 0);
         loop {
-            match next(records)? {
+            match next_of_summary(records)? {
                 Record::Footer(_) => break,
                 Record::Statistics(found) => statistics = Some(found),
                 Record::ChunkIndex(index) => {
@@ -222,14 +217,28 @@ impl SummarySection {
     }
 }
 
-/// The next record, if it is one that a summary may hold.
-fn next(records: &mut RecordReader) -> Option<Record<'static>> {
-    let RawRecord { opcode, body, .. } = records.next().ok()??;
-    match opcode {
-        // mcap panics on short ones, and none belongs here
-        op::ATTACHMENT | op::CHUNK | op::MESSAGE => None,
-        _ => mcap::parse_record(opcode, body).ok().map(Record::into_owned),
+/// Goes to the summary section of a closed file and returns where it starts, if it has one.
+pub(super) fn seek_summary(records: &mut RecordReader) -> Option<u64> {
+    if !records.is_closed() {
+        return None;
     }
+    let footer_offset = records.file_bytes().checked_sub(FOOTER_BYTES)?;
+    records.seek(footer_offset).ok()?;
+    let Record::Footer(Footer { summary_start, .. }) = next_of_summary(records)? else {
+        return None;
+    };
+    if summary_start == 0 || summary_start > footer_offset {
+        return None;
+    }
+    records.seek_summary(summary_start).ok()?;
+    Some(summary_start)
+}
+
+/// The next record, if it is one that a summary may hold. At the footer the section's CRC has been checked.
+pub(super) fn next_of_summary(records: &mut RecordReader) -> Option<Record<'static>> {
+    let RawRecord { opcode, body, .. } = records.next().ok()??;
+    // chunks do not belong here
+    (opcode != op::CHUNK).then(|| parse_record(opcode, body).ok().map(Record::into_owned))?
 }
 
 fn read_end(records: &mut RecordReader, index: &MetadataIndex) -> Option<EndRecord> {

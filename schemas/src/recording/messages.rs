@@ -1,11 +1,16 @@
 //! The messages of a recording in the order of the file, with what stands around them.
 
+mod going_on;
+
 use super::PROFILE;
 use super::chunk::{Chunk, Inner};
 use super::contents::{Channel, Contents, parse_metadata};
 use super::error::ReadError;
 use super::head;
+use super::index::ChunkPlace;
+use super::parse::parse_record;
 use super::records::{RawRecord, RecordReader};
+use super::salvage::{Damage, Salvage};
 use crate::manifest::RunManifest;
 use mcap::records::{MessageHeader, Record, op};
 use std::ops::Range;
@@ -16,8 +21,18 @@ pub(super) struct MessageReader {
     records: RecordReader,
     chunk: Chunk,
     in_chunk: bool,
+    /// Not everything before was read.
+    sought: bool,
     contents: Contents,
     manifest: RunManifest,
+    /// Where the record read last begins.
+    record_start: u64,
+    /// Its opcode, 0 while that is not known.
+    opcode: u8,
+    /// The chunk's CRC holds.
+    is_checked: bool,
+    /// What goes on after damage, if anything does.
+    salvage: Option<Box<Salvage>>,
 }
 
 /// A message, lent until the next call.
@@ -29,6 +44,8 @@ pub(super) struct RawMessage<'a> {
     pub(super) data: &'a [u8],
     /// Of the chunk or record in the file.
     pub(super) offset: u64,
+    /// No checksum is known to be wrong. Without it the message may be anything.
+    pub(super) is_checked: bool,
 }
 
 /// Where a message is, before it is lent.
@@ -62,8 +79,38 @@ impl MessageReader {
             records,
             chunk: Chunk::default(),
             in_chunk: false,
+            sought: false,
             contents: Contents::default(),
+            record_start: 0,
+            opcode: 0,
+            is_checked: true,
+            salvage: None,
         })
+    }
+
+    /// Opens the recording `path` to read all of it that can be read, whatever is damaged after its manifest.
+    /// What is damaged is noted, see [`damages`](Self::damages), and reading goes on after it; only an error of the
+    /// operating system is one. Takes time in proportion to the size of the file.
+    pub(super) fn salvaging(path: &Path) -> Result<Self, ReadError> {
+        let mut messages = Self::open(path)?;
+        let records = &messages.records;
+        messages.salvage = Some(Box::new(Salvage::new(records.position(), records.file_bytes())));
+        Ok(messages)
+    }
+
+    /// The damages found so far by a reader that goes on, the first ones.
+    pub(super) fn damages(&self) -> &[Damage] {
+        self.salvage.as_ref().map(|salvage| salvage.damages()).unwrap_or_default()
+    }
+
+    /// Whether it goes on after damage.
+    pub(super) fn is_salvaging(&self) -> bool {
+        self.salvage.is_some()
+    }
+
+    /// What a reader that goes on keeps.
+    pub(super) fn salvage(&mut self) -> Option<&mut Salvage> {
+        self.salvage.as_deref_mut()
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -92,16 +139,50 @@ impl MessageReader {
         self.records.is_closed() && self.contents.data_end && self.contents.end.is_some()
     }
 
+    /// Goes on reading at `place`. `known` has the channels that are defined before it, as far as they are known;
+    /// messages of others are then passed over.
+    pub(super) fn seek(&mut self, place: ChunkPlace, known: &Contents) -> Result<(), ReadError> {
+        self.sought = true;
+        self.contents.learn(known);
+        (self.contents.data_end, self.contents.end) = (false, None);
+        if self.in_chunk && self.chunk.offset() == place.offset {
+            self.chunk.rewind();
+            return Ok(());
+        }
+        self.in_chunk = false;
+        self.chunk.expect(place.number);
+        self.records.seek(place.offset)
+    }
+
     /// The next message of any channel; none at the end or where an unfinished file is torn.
     pub(super) fn next(&mut self) -> Result<Option<RawMessage<'_>>, ReadError> {
         loop {
-            let place = if self.in_chunk { self.next_in_chunk()? } else { self.next_in_file()? };
-            match place {
+            let step = match self.step() {
+                Err(error) => self.go_on_after(error)?,
+                Ok(step) => step,
+            };
+            match step {
                 Step::Message(place) => return self.lend(place).map(Some),
                 Step::Other => {}
                 Step::End => return Ok(None),
             }
         }
+    }
+
+    fn step(&mut self) -> Result<Step, ReadError> {
+        let step = if self.in_chunk { self.next_in_chunk()? } else { self.next_in_file()? };
+        if let Step::Message(Place { head, data, offset }) = &step
+            && !self.contents.channels.contains_key(&head.channel_id)
+            && !self.learn_channel(head.channel_id, data.clone())
+        {
+            if self.sought {
+                // defined in a chunk that was not read
+                return Ok(Step::Other);
+            }
+            let what = format!("a message of the unknown channel {}", head.channel_id);
+            return Err(ReadError::damaged(self.path(), *offset, what));
+        }
+        Ok(step)
     }
 
     /// Reads up to the first chunk: the attachment with the configuration comes before it.
@@ -136,24 +217,50 @@ impl MessageReader {
     }
 
     fn next_in_file(&mut self) -> Result<Step, ReadError> {
-        let path = self.records.path().to_owned();
-        let Some(RawRecord { opcode, offset, body }) = self.records.next()? else {
+        if self.salvage.as_ref().is_some_and(|salvage| salvage.ended) {
             return Ok(Step::End);
+        }
+        let path = self.records.path().to_owned();
+        (self.record_start, self.opcode) = (self.records.position(), 0);
+        let Some(RawRecord { opcode, offset, body }) = self.records.next()? else {
+            return self.end_of_records();
         };
+        self.opcode = opcode;
+        if self.salvage.is_some() && !is_expected(opcode, body, self.contents.data_end) {
+            let what = format!("a record of kind {opcode:#04x}, {} bytes, which none is there", body.len());
+            self.records.seek(offset)?;
+            return Err(ReadError::damaged(&path, offset, what));
+        }
         match opcode {
-            op::FOOTER => return Ok(Step::End),
+            op::FOOTER => return Ok(self.end()),
             // the summary, which repeats what was read
             _ if self.contents.data_end => {}
             op::CHUNK => {
                 self.chunk.load(offset, &mut self.records)?;
                 self.contents.uncompressed_bytes += self.chunk.bytes();
-                self.in_chunk = true;
+                (self.in_chunk, self.is_checked) = (true, true);
+                self.chunk_is_sound(offset);
             }
             op::MESSAGE => return message(&path, offset, body).map(Step::Message),
             op::DATA_END => self.contents.data_end = true,
+            op::MESSAGE_INDEX => {
+                if let Some(salvage) = self.salvage.as_mut().filter(|salvage| salvage.counts_lost) {
+                    salvage.count_lost(body);
+                }
+            }
             _ => self.contents.define(&path, offset, opcode, body)?,
         }
         Ok(Step::Other)
+    }
+
+    /// After the last record that can be read.
+    fn end_of_records(&mut self) -> Result<Step, ReadError> {
+        let left = self.records.file_bytes() - self.record_start;
+        if self.salvage.is_some() && left > 0 {
+            let what = "it ends within a record".to_owned();
+            return Err(ReadError::damaged(self.path(), self.record_start, what));
+        }
+        Ok(self.end())
     }
 
     fn lend(&self, place: Place) -> Result<RawMessage<'_>, ReadError> {
@@ -164,7 +271,7 @@ impl MessageReader {
         let channel = self.contents.channels.get(&channel_id).ok_or_else(|| {
             ReadError::damaged(self.path(), offset, format!("a message of the unknown channel {channel_id}"))
         })?;
-        Ok(RawMessage { head, channel, data, offset })
+        Ok(RawMessage { head, channel, data, offset, is_checked: self.is_checked || !self.in_chunk })
     }
 }
 
@@ -182,10 +289,25 @@ impl Place {
     }
 }
 
+/// Whether a record may stand where it does, in the data section or after it.
+fn is_expected(opcode: u8, body: &[u8], data_end: bool) -> bool {
+    const PRIVATE: u8 = 0x80;
+    match opcode {
+        op::SCHEMA | op::CHANNEL | PRIVATE.. => true,
+        op::MESSAGE | op::CHUNK | op::MESSAGE_INDEX | op::ATTACHMENT | op::METADATA => !data_end,
+        op::DATA_END => !data_end && body.len() == 4,
+        op::CHUNK_INDEX | op::ATTACHMENT_INDEX | op::STATISTICS | op::METADATA_INDEX | op::SUMMARY_OFFSET => {
+            data_end
+        }
+        op::FOOTER => data_end && body.len() == 20,
+        _ => false,
+    }
+}
+
 fn check_profile(path: &Path, first: Option<RawRecord<'_>>) -> Result<(), ReadError> {
     let not_ours = |what: String| ReadError::NotBeadline { path: path.to_owned(), what };
     let header = first.filter(|record| record.opcode == op::HEADER);
-    match header.map(|record| mcap::parse_record(record.opcode, record.body)) {
+    match header.map(|record| parse_record(record.opcode, record.body)) {
         Some(Ok(Record::Header(header))) if header.profile == PROFILE => Ok(()),
         Some(Ok(Record::Header(header))) => {
             Err(not_ours(format!("its profile is `{}` instead of `{PROFILE}`", header.profile)))

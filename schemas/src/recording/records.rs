@@ -115,7 +115,13 @@ impl RecordReader {
         self.size
     }
 
-    /// Goes on reading at `offset`, somewhere within a section: no CRC is checked.
+    /// Where the next record starts.
+    pub(super) fn position(&self) -> u64 {
+        self.position
+    }
+
+    /// Goes on reading at `offset`, somewhere within a section: the CRC of what is left of it is not checked,
+    /// that of each chunk and of the next section is.
     pub(super) fn seek(&mut self, offset: u64) -> Result<(), ReadError> {
         self.section = Section::Part;
         self.position = offset;
@@ -155,6 +161,22 @@ impl RecordReader {
         Ok(Some(RawRecord { opcode, offset, body: &self.body }))
     }
 
+    /// Reads up to `bytes` bytes from `offset` on in place of a record, or as many as there are. Where reading goes on
+    /// is for the caller to say, with [`seek`](Self::seek).
+    pub(super) fn read_part(&mut self, offset: u64, bytes: u64) -> Result<&[u8], ReadError> {
+        self.seek(offset)?;
+        let room = bytes.min(self.size.saturating_sub(offset)).min(MAX_RECORD_BYTES);
+        self.read_body(offset, room)?;
+        Ok(&self.body)
+    }
+
+    /// Reads the `bytes` bytes from `offset` on as the contents of a chunk record.
+    pub(super) fn read_chunk(&mut self, offset: u64, bytes: u64) -> Result<(), ReadError> {
+        self.read_part(offset, bytes)?;
+        self.chunk_crc = crc32fast::hash(self.body.get(chunk_header_bytes(&self.body)..).unwrap_or_default());
+        Ok(())
+    }
+
     fn torn<T>(&self, offset: u64, left: u64) -> Result<Option<T>, ReadError> {
         if self.closed && left > 0 {
             let what = format!("a record beyond the end of the file, {left} bytes on");
@@ -183,6 +205,15 @@ impl RecordReader {
     /// Takes a record into the CRC of its section, or compares at the section's end.
     fn check_section(&mut self, opcode: u8, head: &[u8]) -> Result<(), ReadError> {
         match (opcode, self.section) {
+            (op::CHUNK, Section::Part) => {
+                self.chunk_crc =
+                    crc32fast::hash(self.body.get(chunk_header_bytes(&self.body)..).unwrap_or_default());
+                Ok(())
+            }
+            (op::DATA_END, Section::Part) => {
+                (self.section, self.crc) = (Section::Summary, crc32fast::Hasher::new());
+                Ok(())
+            }
             (_, Section::Part) => Ok(()),
             (op::DATA_END, Section::Data) => {
                 let stored = self.body.first_chunk::<4>().map_or(0, |crc| u32::from_le_bytes(*crc));

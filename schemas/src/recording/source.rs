@@ -3,8 +3,10 @@
 use super::decode::{self, StateHead, StateLengths};
 use super::error::ReadError;
 use super::head;
+use super::index::Index;
 use super::messages::{MessageReader, RawMessage};
 use super::proto;
+use super::salvage::Damage;
 use crate::frame::{EndReason, Frame, FrameSource, Received};
 use crate::manifest::RunManifest;
 use std::path::Path;
@@ -16,12 +18,19 @@ use std::path::Path;
 /// schedule says are recorded from the beginning of the file on, but that are not in it. What is before that
 /// beginning, in other parts or in none, is not missing either. A file that was not closed ends with
 /// [`EndReason::Unfinished`] after its last whole chunk. States without a frame number, which were
-/// recomputed between frames, are passed over.
+/// recomputed between frames, are passed over by [`open`](Self::open), and lent by
+/// [`open_all`](Self::open_all) under the number of the frame before.
 ///
-/// Every state is checked: CRC of its chunk, lengths, order, frame and time against the manifest.
+/// Every state is checked: CRC of its chunk, lengths, order, frame and time against the manifest; at the end
+/// the CRC of the data section, unless a part of it was skipped by [`seek_to_step`](Self::seek_to_step), and the
+/// hash of the last state.
 pub struct RecordingSource {
     messages: MessageReader,
     lengths: StateLengths,
+    /// Also states between frames.
+    all: bool,
+    /// Read when it is needed.
+    index: Option<Index>,
     /// `[u | v | extra]` of the state read last.
     doubles: Vec<f64>,
     /// Read, but not lent.
@@ -54,12 +63,110 @@ impl RecordingSource {
     /// When it cannot be read, is no recording, is of another major schema version, holds no states, or
     /// is damaged up to its first state.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        let messages = MessageReader::open(path)?;
-        let lengths = StateLengths::of(messages.manifest());
-        let mut source =
-            Self { messages, lengths, doubles: Vec::new(), next: Next::Unknown, accounted: None, read: None };
+        Self::of(MessageReader::open(path)?, false)
+    }
+
+    /// Opens the recording `path` with all of its states, also those that were recomputed between frames.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn open_all(path: &Path) -> Result<Self, ReadError> {
+        Self::of(MessageReader::open(path)?, true)
+    }
+
+    /// Opens the recording `path` to read every state that can be read, whatever is damaged after the manifest: frames
+    /// that are lost are reported as missed, and [`damages`](Self::damages) says why.
+    ///
+    /// # Errors
+    /// When it cannot be read, is no recording, is of another major schema version, or holds no states.
+    pub fn open_salvaging(path: &Path) -> Result<Self, ReadError> {
+        Self::of(MessageReader::salvaging(path)?, false)
+    }
+
+    /// What is damaged, as far as it has been read by a source that salvages; at most
+    /// [`MOST_DAMAGES`](super::MOST_DAMAGES).
+    pub fn damages(&self) -> &[Damage] {
+        self.messages.damages()
+    }
+
+    fn of(messages: MessageReader, all: bool) -> Result<Self, ReadError> {
+        let mut source = Self {
+            lengths: StateLengths::of(messages.manifest()),
+            messages,
+            all,
+            index: None,
+            doubles: Vec::new(),
+            next: Next::Unknown,
+            accounted: None,
+            read: None,
+        };
         source.advance()?;
         Ok(source)
+    }
+
+    /// Goes to the last state at or before `step`, or to the first state if all are after it; may be called at any
+    /// time. What is missing between `step` and the next state is reported, what lies before `step` is not.
+    ///
+    /// The chunk is found by the file's index, or by the headers of its chunks if it has none, so that this
+    /// costs about two chunks, wherever the state is.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or is damaged up to that state as far as it must be read.
+    pub fn seek_to_step(&mut self, step: u64) -> Result<(), ReadError> {
+        let index = match self.index.take() {
+            Some(index) => index,
+            None => Index::read(self.messages.path())?,
+        };
+        let mut found = self.seek_by(&index, step);
+        if matches!(&found, Err(error) if !matches!(error, ReadError::Io { .. })) {
+            // whatever is wrong, with the index or with a chunk: what can be read from the beginning is believed
+            found = self.seek_by(&Index::beginning(), step);
+        }
+        self.index = Some(index);
+        if found.is_err() {
+            self.next = Next::End { reason: EndReason::Unfinished, last_step: None };
+        }
+        found
+    }
+
+    fn seek_by(&mut self, index: &Index, step: u64) -> Result<(), ReadError> {
+        let time_s = self.messages.manifest().physics.time_s(step);
+        let place = index.find(step, time_s, |place| {
+            self.messages.seek(place, &index.known)?;
+            self.next_head().map(|head| head.map(|head| head.step))
+        })?;
+        self.messages.seek(place, &index.known)?;
+        let (mut before, mut last) = (0, step);
+        loop {
+            match self.next_head() {
+                Ok(Some(head)) if head.step <= step => (before, last) = (before + 1, head.step),
+                // what comes after the state does not matter here
+                Err(error) if before == 0 => return Err(error),
+                Ok(_) | Err(_) => break,
+            }
+        }
+        self.messages.seek(place, &index.known)?;
+        for _ in 1..before {
+            self.next_head()?;
+        }
+        let begin = self.messages.contents().begin.first_step;
+        (self.accounted, self.read) = (last.checked_sub(1).filter(|before| *before >= begin), None);
+        self.advance()
+    }
+
+    /// Step and frame of the next state that is to be lent, without its arrays.
+    fn next_head(&mut self) -> Result<Option<StateHead>, ReadError> {
+        let path = self.messages.path().to_owned();
+        while let Some(message) = self.messages.next()? {
+            if message.channel.topic == proto::STATE.topic {
+                let head = decode::head(message.data);
+                let head = head.map_err(|what| ReadError::damaged(&path, message.offset, what))?;
+                if self.all || head.frame.is_some() {
+                    return Ok(Some(head));
+                }
+            }
+        }
+        Ok(None)
     }
 
     /// Reads the next state, or the end.
@@ -75,15 +182,22 @@ impl RecordingSource {
 
     fn read_next(&mut self) -> Result<Next, ReadError> {
         while let Some(message) = self.messages.next()? {
-            if message.channel.topic != proto::STATE.topic {
+            if message.channel.topic != proto::STATE.topic || !message.is_checked {
                 continue;
             }
             let RawMessage { data, offset, .. } = message;
             let state = decode::state(data, self.lengths, &mut self.doubles);
-            let damaged = |what| ReadError::damaged(self.messages.path(), offset, what);
-            let state = state.map_err(damaged)?;
+            let (state, frame) = match state.and_then(|state| Ok((state, self.check(&state)?))) {
+                Ok(checked) => checked,
+                Err(what) if self.messages.is_salvaging() => {
+                    self.messages.note_message(what);
+                    continue;
+                }
+                Err(what) => return Err(ReadError::damaged(self.messages.path(), offset, what)),
+            };
             self.read = Some(state.step);
-            if let Some(frame) = self.check(&state).map_err(damaged)? {
+            let between = || self.all.then(|| self.messages.manifest().frame_at(state.step));
+            if let Some(frame) = frame.or_else(between) {
                 return Ok(Next::Frame { frame, step: state.step, time_s: state.time_s });
             }
         }
@@ -128,7 +242,9 @@ impl RecordingSource {
         let Some(end) = contents.end.as_ref().filter(|_| self.messages.is_finished()) else {
             return Ok(Next::End { reason: EndReason::Unfinished, last_step: None });
         };
-        if let (Some(expected), Some(step)) = (&end.last_state_hash, self.read) {
+        // the last state may be among those that are lost
+        let is_last = |step: &u64| !self.messages.is_salvaging() || end.last_step == Some(*step);
+        if let (Some(expected), Some(step)) = (&end.last_state_hash, self.read.filter(is_last)) {
             let found = head::state_hash(step, &self.doubles);
             if found != *expected {
                 let what =

@@ -68,7 +68,7 @@ impl RecordingWriter {
         begin: &BeginRecord,
         options: &WriteOptions,
     ) -> Result<Self, WriteError> {
-        let mut file = ChannelWriter::create_from(path, manifest, begin, run_toml, options)?;
+        let mut file = ChannelWriter::create(path, manifest, begin.metadata(), run_toml, options)?;
         let chain = file.add_channel(proto::CHAIN)?;
         let state = file.add_channel(proto::STATE)?;
         let summary = file.add_channel(proto::SUMMARY)?;
@@ -139,7 +139,9 @@ impl RecordingWriter {
             None => self.file.add_channel(kind.topic())?,
         };
         self.rows[kind.index()] = Some(RowChannel { id, last_step: row.step });
-        self.file.write(id, row.frame, row.time_s, &self.message)
+        self.file.write(id, row.frame, row.time_s, &self.message)?;
+        self.file.keep();
+        Ok(())
     }
 
     /// SHA-256 of the state encoded last, in hex; none before the first.
@@ -157,6 +159,14 @@ impl RecordingWriter {
     /// When writing fails.
     pub fn flush(&mut self) -> Result<(), WriteError> {
         self.file.flush()
+    }
+
+    /// Like [`flush`](Self::flush), and waits until a power failure costs none of them, either.
+    ///
+    /// # Errors
+    /// When writing fails.
+    pub fn sync(&mut self) -> Result<(), WriteError> {
+        self.file.sync()
     }
 
     /// The channels beside those of the frames.
@@ -212,10 +222,10 @@ impl FrameSink for RecordingWriter {
     /// before it fails; the file then ends with the last whole chunk.
     fn accept(&mut self, frame: &Frame<'_>) -> Result<(), WriteError> {
         self.check(frame)?;
-        let is_frame = self.manifest.is_frame(frame.step);
         let summary = self.summarizer.summarize(frame);
         self.message.clear();
         encode::summary(frame, &summary).encode_raw(&mut self.message);
+        let is_frame = self.manifest.is_frame(frame.step);
         let messages = [(self.state, self.encoder.encode(frame, is_frame)), (self.summary, &self.message)];
         self.file.write_frame(frame.frame, frame.time_s, messages)?;
         self.frames += 1;

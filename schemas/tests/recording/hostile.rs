@@ -14,7 +14,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 /// Opcode, offset and length of the contents of the top-level records of a file.
-fn records(bytes: &[u8]) -> Vec<(u8, usize, usize)> {
+pub(crate) fn records(bytes: &[u8]) -> Vec<(u8, usize, usize)> {
     let (mut at, mut records) = (8, Vec::new());
     while at + 9 <= bytes.len() - 8 {
         let length = u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) as usize;
@@ -25,7 +25,7 @@ fn records(bytes: &[u8]) -> Vec<(u8, usize, usize)> {
 }
 
 /// A state with two arrays of `length` doubles.
-fn state(frame: Option<u64>, step: u64, time_s: f64, length: usize) -> Vec<u8> {
+pub(crate) fn state(frame: Option<u64>, step: u64, time_s: f64, length: usize) -> Vec<u8> {
     let mut message = Vec::new();
     if let Some(frame) = frame {
         message.extend([0x08, frame as u8]);
@@ -40,7 +40,7 @@ fn state(frame: Option<u64>, step: u64, time_s: f64, length: usize) -> Vec<u8> {
 }
 
 /// The metadata `beadline.run` of `manifest`, taken from a file of ours.
-fn run_metadata(manifest: &RunManifest) -> Metadata {
+pub(crate) fn run_metadata(manifest: &RunManifest) -> Metadata {
     let (_directory, path) = temp_dir();
     write_recording(&path, manifest, &options());
     let bytes = fs::read(&path).unwrap();
@@ -52,7 +52,7 @@ fn run_metadata(manifest: &RunManifest) -> Metadata {
 }
 
 /// Writes a file with these messages as `/state`, by the bare mcap writer.
-fn forge(path: &Path, profile: &str, metadata: &[Metadata], states: &[Vec<u8>]) {
+pub(crate) fn forge(path: &Path, profile: &str, metadata: &[Metadata], states: &[Vec<u8>]) {
     let options = mcap::WriteOptions::new().profile(profile).compression(None);
     let mut writer = options.create(Cursor::new(Vec::new())).unwrap();
     for record in metadata.iter().filter(|record| record.name != "beadline.end") {
@@ -70,7 +70,7 @@ fn forge(path: &Path, profile: &str, metadata: &[Metadata], states: &[Vec<u8>]) 
     fs::write(path, writer.into_inner().into_inner()).unwrap();
 }
 
-fn end_metadata(reason: &str, last_step: &str) -> Metadata {
+pub(crate) fn end_metadata(reason: &str, last_step: &str) -> Metadata {
     let entries = [
         ("reason", reason),
         ("first_step", "0"),

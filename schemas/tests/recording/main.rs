@@ -5,6 +5,8 @@ mod crash;
 mod hostile;
 mod others;
 mod run;
+mod salvage;
+mod seeking;
 mod writing;
 
 use run::{RUN_TOML, for_each_frame, manifest, options, read_all, temp_dir, with_causes, write_recording};

@@ -109,8 +109,8 @@ impl Output {
         };
         let mut head = mcap::MAGIC.to_vec();
         framing::header(&mut head, PROFILE, concat!("beadline ", env!("CARGO_PKG_VERSION")));
-        for metadata in metadata {
-            output.metadata(&mut head, metadata);
+        for record in metadata {
+            output.metadata(&mut head, record);
         }
         if let Some((about, data)) = attachment {
             output.attachment(&mut head, about, data);

@@ -36,7 +36,7 @@ fn messages() -> impl Iterator<Item = (u16, u64, f64, Vec<u8>)> {
 
 fn write_ours(path: &Path, manifest: &RunManifest, compression: Compression) -> Finished {
     let mut writer =
-        ChannelWriter::create(path, manifest, Some("a = 1"), &options(compression)).expect("created");
+        ChannelWriter::create(path, manifest, None, Some("a = 1"), &options(compression)).expect("created");
     let ids =
         [proto::STATE, proto::SUMMARY, proto::CHAIN].map(|topic| writer.add_channel(topic).expect("new"));
     assert_eq!(writer.add_channel(proto::STATE).expect("known").0, ids[0].0);
