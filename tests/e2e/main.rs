@@ -14,6 +14,7 @@ mod other_tools;
 mod pipeline;
 mod pulses;
 mod recomputing;
+mod recording_live;
 mod recordings;
 mod reference;
 mod reflection;
