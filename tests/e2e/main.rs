@@ -10,6 +10,7 @@ mod pipeline;
 mod pulses;
 mod recomputing;
 mod recordings;
+mod recovering;
 mod reference;
 mod reflection;
 mod reproduce;
