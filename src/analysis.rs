@@ -7,7 +7,7 @@ use crate::signals;
 use crate::source::{Frames, Named, Source, SourceFailure};
 use anyhow::{Context, Error, anyhow};
 use consumers::figure::{Figure, Options};
-use consumers::follow::{Analysis, FollowError, Tally, follow};
+use consumers::follow::{Analysis, FollowError, Tally, Window, follow_within};
 use consumers::table::TableError;
 use schemas::bus::{Bus, ResultColumns, ResultElement, ResultPublisher, ResultsError, StreamId, Topic};
 use schemas::frame::{EndReason, Frame, FrameSource};
@@ -23,6 +23,7 @@ use std::time::{Duration, Instant};
 pub(crate) struct Session<'a> {
     args: &'a AnalysisArgs,
     source: Frames,
+    window: Window,
     /// The bus and the stream, if the source is live.
     live: Option<(Bus, StreamId)>,
     stop: Arc<AtomicBool>,
@@ -51,10 +52,12 @@ impl<'a> Session<'a> {
                 let stream = live.stream();
                 (Source::Live(Box::new(live)), Some((bus, stream)))
             }
+            Named::File(path) if args.every_step => (Source::open_all(&path, &stop)?, None),
             Named::File(path) => (Source::open(&path, &stop)?, None),
         };
         display::notice_of_version(source.manifest());
-        Ok(Self { args, source: Frames::of(source, args)?, live, stop })
+        let window = window(args, source.manifest())?;
+        Ok(Self { args, source: Frames::of(source, args, window.from_s)?, window, live, stop })
     }
 
     pub(crate) fn manifest(&self) -> &RunManifest {
@@ -93,7 +96,7 @@ impl<'a> Session<'a> {
         let publish_every = manifest.provenance.publish_every_steps;
         let (mut seen, mut refreshed) = (0_u64, Instant::now());
         let mut tally = Tally::default();
-        let followed = follow(&mut self.source, analysis, &mut tally, |tally| {
+        let followed = follow_within(&mut self.source, analysis, self.window, &mut tally, |tally| {
             seen += 1;
             if seen.is_multiple_of(64) && refreshed.elapsed() >= Duration::from_millis(100) {
                 refreshed = Instant::now();
@@ -158,6 +161,11 @@ impl<'a> Session<'a> {
     }
 
     fn warn(&self, tally: &Tally) {
+        if tally.frame_count == 0 && self.window != Window::WHOLE {
+            display::notice(
+                "there is no frame between --from and --until; --every-step recomputes the steps between frames",
+            );
+        }
         if tally.missed_count > 0 {
             let missed = count(tally.missed_count);
             display::notice(format_args!("{missed} frame(s) were published but did not arrive"));
@@ -183,16 +191,38 @@ impl<'a> Session<'a> {
             }
             EndReason::Complete | EndReason::Interrupted | EndReason::Stopped => {}
         }
-        if self.live.is_none() && tally.missed_count == 0 && tally.first_frame.is_some_and(|first| first > 0)
+        let from = self.manifest().physics.step_at_or_after(self.window.from_s);
+        let due = from.div_ceil(self.manifest().provenance.publish_every_steps);
+        let first = tally.first_frame.filter(|first| *first > due);
+        if let Some(first) = first
+            && due == 0
+            && self.live.is_none()
+            && tally.missed_count == 0
         {
-            let first = count(tally.first_frame.unwrap_or(0));
+            let first = count(first);
             display::notice(format_args!("the recording begins with frame {first}, and so do the results"));
         }
-        if self.live.is_some() && tally.first_frame.is_some_and(|first| first > 0) {
-            let first = count(tally.first_frame.unwrap_or(0));
+        if let Some(first) = first
+            && self.live.is_some()
+        {
+            let first = count(first);
             display::notice(format_args!("attached to a run under way: results begin with frame {first}"));
         }
     }
+}
+
+/// The part of the run that `args` ask for.
+fn window(args: &AnalysisArgs, manifest: &RunManifest) -> Result<Window, Failure> {
+    let window = Window { from_s: args.from, until_s: args.until.unwrap_or(f64::INFINITY) };
+    let end_s = manifest.physics.time_s(manifest.physics.step_count);
+    let refuse = |what: String| Err(Failure::BadInput(anyhow!("--from {}: {what}", window.from_s)));
+    if window.from_s > window.until_s {
+        return refuse(format!("expected a time before --until {}", window.until_s));
+    }
+    if window.from_s > end_s {
+        return refuse(format!("the run ends at {end_s} s"));
+    }
+    Ok(window)
 }
 
 fn frames_text(tally: &Tally) -> String {

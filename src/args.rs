@@ -4,6 +4,8 @@ use crate::sweep::directory::Shard;
 use crate::time_step::TimeStep;
 use clap::{Args, Parser, Subcommand};
 use schemas::method::Method;
+use schemas::recording::Split;
+use schemas::run_name::RunName;
 use std::num::NonZero;
 use std::path::PathBuf;
 
@@ -56,6 +58,10 @@ pub(crate) enum Command {
     Sweep(SweepArgs),
     /// The paper, figure by figure, claim by claim: simulated, drawn and judged
     Reproduce(ReproduceArgs),
+    /// Record a live run: its states, and the results that analyses publish
+    Record(RecordArgs),
+    /// Publish a recording again, so that analyses cannot tell it from the run
+    Replay(ReplayArgs),
     /// List the live runs of this user
     Ls {
         /// Print JSON
@@ -102,7 +108,12 @@ pub(crate) struct DemoArgs {
     beadline run --preset homogeneous --alpha 1.2     a preset, one value changed\n  \
     beadline run chain.toml --out chain.mcap          a configuration of your own\n  \
     beadline run --no-record --wait-for 2             starts when two analyses are ready\n  \
-    beadline run --impurity 400=2e-3 --impurity 600=0.5e-3 --duration 0.1"
+    beadline run --impurity 400=2e-3 --impurity 600=0.5e-3 --duration 0.1\n  \
+    beadline run --resume chain.mcap.partial          goes on with a run that was interrupted\n\n\
+    A kill costs at most the last --flush-period of a recording, a power failure the last --sync-period. --resume\n\
+    takes everything of the run from its recording, writes that again as .partial and goes on after its last\n\
+    state; the result is what it would have been without the interruption. It takes .mcap.partial, or an .mcap\n\
+    that ends early, and with --out leaves it as it is."
 )]
 pub(crate) struct RunArgs {
     /// Configuration file; see `beadline preset light-impurity` for one to start from
@@ -120,6 +131,13 @@ pub(crate) struct RunArgs {
     /// Publish only, write no recording
     #[arg(long)]
     pub(crate) no_record: bool,
+    /// Go on with an interrupted run, given its recording
+    #[arg(
+        long,
+        value_name = "FILE.mcap.partial",
+        conflicts_with_all = ["config", "preset", "name", "no_record", "Overrides"]
+    )]
+    pub(crate) resume: Option<PathBuf>,
     /// Replace a recording that exists
     #[arg(long)]
     pub(crate) force: bool,
@@ -132,6 +150,12 @@ pub(crate) struct RunArgs {
     /// Drop a lossless consumer that holds the run back for this long (s)
     #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = parse_seconds)]
     pub(crate) stall_timeout: f64,
+    /// Write what was recorded to the file at least this often (s): what a kill costs
+    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = parse_seconds, conflicts_with = "no_record")]
+    pub(crate) flush_period: f64,
+    /// Sync the file to the disk at least this often (s): what a power failure costs
+    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = parse_seconds, conflicts_with = "no_record")]
+    pub(crate) sync_period: f64,
     /// Print the summary as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -179,9 +203,73 @@ pub(crate) struct Overrides {
 }
 
 #[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline record --out run.mcap                            the only live run, from here on\n  \
+    beadline record live:long --out long.mcap --from-start    with what came before, recomputed\n  \
+    beadline record --out run.mcap --split-size 500MB         run-part-0001.mcap, run-part-0002.mcap …\n  \
+    beadline record --out run.mcap --split-duration 0.01      a part for each 10 ms of simulated time\n\n\
+    The run waits for the recorder when it cannot keep up. A part is finished before the next one begins; each\n\
+    is a recording by itself: `beadline info`, `verify` and every analysis read it. Results are those that\n\
+    `beadline energies`, `impurity`, `contacts` and `pulses` publish, from the first row on if the analysis\n\
+    starts after the recorder. SIGINT ends the recording in order, and the run goes on.\n\
+    Exit code 3: frames or rows of results were missed, the run vanished, or the disk is nearly full."
+)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
+pub(crate) struct RecordArgs {
+    /// `live` (the only live run) or `live:RUN`
+    #[arg(value_name = "SOURCE", default_value = "live")]
+    pub(crate) source: String,
+    /// Recording to write; parts of it are NAME-part-0001.mcap and so on
+    #[arg(long, value_name = "FILE.mcap")]
+    pub(crate) out: PathBuf,
+    /// Go on in a new part with the first frame after the file has this size
+    #[arg(long, value_name = "BYTES|500MB", value_parser = parse_split_size)]
+    pub(crate) split_size: Option<u64>,
+    /// Go on in a new part at each multiple of this simulated time (s)
+    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    pub(crate) split_duration: Option<f64>,
+    /// End in order when the disk has less left than this [default: 100 MB, or 1 % of a small disk]
+    #[arg(long, value_name = "BYTES|500MB", value_parser = parse_bytes)]
+    pub(crate) min_free: Option<u64>,
+    /// Record every K-th step, the first and the last [default: as the run does]
+    #[arg(long, value_name = "K")]
+    pub(crate) record_every_steps: Option<u64>,
+    /// Recompute the frames before the first one that arrives, from step 0 on
+    #[arg(long)]
+    pub(crate) from_start: bool,
+    /// Never hold the run back: frames may be missed, and are counted
+    #[arg(long)]
+    pub(crate) latest: bool,
+    /// Recompute frames that were missed
+    #[arg(long)]
+    pub(crate) fill_gaps: bool,
+    /// Record states only
+    #[arg(long)]
+    pub(crate) no_results: bool,
+    /// Write what was recorded to the file at least this often (s): what a kill costs
+    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = parse_seconds)]
+    pub(crate) flush_period: f64,
+    /// Sync the file to the disk at least this often (s): what a power failure costs
+    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = parse_seconds)]
+    pub(crate) sync_period: f64,
+    /// Give up when no run appears within this time (s) [default: wait]
+    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    pub(crate) timeout: Option<f64>,
+    /// Replace files that exist
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
     beadline thin run.mcap --every-steps 100 --out sparse.mcap\n\n\
     Every state is proven on the way: recomputed from the one before. `beadline expand` brings the others back.\n\
+    Other channels, results and those of other programs, stay whole.\n\
     K is a multiple of the steps between two frames of the run.")]
 pub(crate) struct ThinArgs {
     /// The recording
@@ -194,8 +282,12 @@ pub(crate) struct ThinArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  \
-    beadline expand sparse.mcap --out full.mcap        every frame of the run")]
+#[command(after_help = "Examples:\n  \
+    beadline expand sparse.mcap --out full.mcap                       every frame of the run\n  \
+    beadline expand sparse.mcap --every-steps 1 --out all.mcap        also the steps between frames\n\n\
+    Every state of the recording is proven on the way, and other channels stay whole. K is a multiple of the\n\
+    steps between two frames of the run, or divides them: states between frames are then recorded without a\n\
+    frame number, and whoever reads frames passes over them.")]
 pub(crate) struct ExpandArgs {
     /// The recording
     pub(crate) file: PathBuf,
@@ -212,6 +304,9 @@ pub(crate) struct RewriteArgs {
     /// Recording to write
     #[arg(long, value_name = "FILE.mcap")]
     pub(crate) out: PathBuf,
+    /// Threads that recompute [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = parse_jobs)]
+    pub(crate) jobs: Option<NonZero<usize>>,
     /// Replace a file that exists
     #[arg(long)]
     pub(crate) force: bool,
@@ -283,6 +378,16 @@ pub(crate) struct AnalysisArgs {
     /// Recompute the steps between frames (these results are not published on the bus)
     #[arg(long)]
     pub(crate) every_step: bool,
+    /// Begin at this simulated time (s); a recording is opened there. What happened before is not known, as to a
+    /// consumer that attaches then
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = parse_time)]
+    pub(crate) from: f64,
+    /// End at this simulated time (s)
+    #[arg(long, value_name = "S", value_parser = parse_time)]
+    pub(crate) until: Option<f64>,
+    /// Threads that recompute the steps of a recording [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = parse_jobs)]
+    pub(crate) jobs: Option<NonZero<usize>>,
     /// Give up when no run appears within this time (s) [default: wait]
     #[arg(long, value_name = "S", value_parser = parse_seconds)]
     pub(crate) timeout: Option<f64>,
@@ -303,7 +408,9 @@ pub(crate) struct AnalysisArgs {
     after_help = "Examples:\n  \
     beadline energies                                    attach to the only live run\n  \
     beadline energies run.mcap --out e.csv --figure e.svg\n  \
-    beadline energies run.mcap --split 300               left and right of bead 300"
+    beadline energies run.mcap --split 300               left and right of bead 300\n  \
+    beadline energies sparse.mcap --every-step --from 0.04 --until 0.041 --out e.csv\n                                                       \
+    every step of a part, also of a sparse recording"
 )]
 pub(crate) struct EnergiesArgs {
     #[command(flatten)]
@@ -479,6 +586,52 @@ pub(crate) struct ReproduceArgs {
     pub(crate) json: bool,
 }
 
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline replay run.mcap                             waits for an analysis, then as fast as it can take …\n  \
+    beadline energies --figure e.svg                     … which you start in another terminal\n  \
+    beadline replay run.mcap --rate 0.01 --loop          100 times slower than real time, again and again\n  \
+    beadline replay run.mcap --from 0.02 --until 0.03    a part of it\n  \
+    beadline replay sparse.mcap --every-step             every step as a frame, recomputed bit for bit\n\n\
+    Frames that a sparse recording does not hold are recomputed. On a terminal: space pauses and goes on,\n\
+    → or . shows one more frame and pauses, + and - double and halve the rate, q quits.\n\
+    The recording of a run that was not closed ends as a failed run does. Exit code 3: it was not closed, it is\n\
+    damaged, or a consumer was dropped."
+)]
+pub(crate) struct ReplayArgs {
+    /// The recording
+    pub(crate) file: PathBuf,
+    /// Name on the bus: a-z, 0-9 and - [default: that of the run]
+    #[arg(long, value_name = "RUN")]
+    pub(crate) name: Option<RunName>,
+    /// How fast to go: `max`, or simulated seconds per second
+    #[arg(long, value_name = "max|X", default_value = "max", value_parser = parse_pace)]
+    pub(crate) rate: Pace,
+    /// Begin with the first frame at or after this simulated time (s)
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = parse_time)]
+    pub(crate) from: f64,
+    /// End with the last frame at or before this simulated time (s)
+    #[arg(long, value_name = "S", value_parser = parse_time)]
+    pub(crate) until: Option<f64>,
+    /// Begin again when it is over, as a new stream, until it is stopped
+    #[arg(long = "loop")]
+    pub(crate) again: bool,
+    /// Publish every step as a frame of its own
+    #[arg(long)]
+    pub(crate) every_step: bool,
+    /// Begin (each loop) when this many lossless consumers are ready [default: 1 at the rate max, else 0]
+    #[arg(long, value_name = "N")]
+    pub(crate) wait_for: Option<usize>,
+    /// Drop a lossless consumer that holds the replay back for this long (s)
+    #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = parse_seconds)]
+    pub(crate) stall_timeout: f64,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
 /// How fast a run goes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Pace {
@@ -503,10 +656,43 @@ fn parse_pace(text: &str) -> Result<Pace, String> {
     }
 }
 
+/// `1000000`, `500kB`, `1.5GB`, `64MiB`: at most 2^53 bytes.
+fn parse_bytes(text: &str) -> Result<u64, String> {
+    let expected = || "expected a size such as 500MB, 2GB, 64MiB, or a number of bytes".to_owned();
+    let unit_at = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
+    let (number, unit) = text.split_at(unit_at);
+    let unit_bytes = match unit {
+        "" | "B" => 1.0,
+        "kB" | "KB" => 1e3,
+        "MB" => 1e6,
+        "GB" => 1e9,
+        "TB" => 1e12,
+        "KiB" => 1024.0,
+        "MiB" => 1024.0 * 1024.0,
+        "GiB" => 1024.0 * 1024.0 * 1024.0,
+        _ => return Err(expected()),
+    };
+    let bytes = number.trim_end().parse::<f64>().map_err(|_| expected())? * unit_bytes;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole and in range")]
+    let whole = (bytes >= 0.0 && bytes <= 2.0_f64.powi(53)).then_some(bytes.round() as u64);
+    whole.ok_or_else(expected)
+}
+
+fn parse_split_size(text: &str) -> Result<u64, String> {
+    let least = Split::LEAST_BYTES;
+    let large_enough = |bytes: &u64| *bytes >= least;
+    Some(parse_bytes(text)?).filter(large_enough).ok_or_else(|| format!("expected at least {least} bytes"))
+}
+
 fn parse_seconds(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
     let allowed = seconds > 0.0 && seconds <= 1e9;
     if allowed { Ok(seconds) } else { Err("expected a positive number, at most 1e9".to_owned()) }
+}
+
+fn parse_time(text: &str) -> Result<f64, String> {
+    let time_s = text.parse().ok().filter(|time_s: &f64| time_s.is_finite() && *time_s >= 0.0);
+    time_s.ok_or_else(|| "expected a simulated time in seconds, 0 or more".to_owned())
 }
 
 fn parse_pair(text: &str) -> Result<(u64, f64), String> {

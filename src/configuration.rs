@@ -7,6 +7,7 @@ use anyhow::{Context, anyhow};
 use schemas::config::{Impurity, RunConfig, StrikerConfig};
 use schemas::manifest::{Origin, RunManifest};
 use schemas::presets::{PRESETS, Preset};
+use schemas::recording::RecordingInfo;
 use std::fmt::Write;
 use std::fs;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -15,6 +16,13 @@ use std::time::{SystemTime, UNIX_EPOCH};
 pub(crate) struct Configured {
     pub(crate) manifest: RunManifest,
     pub(crate) toml: String,
+}
+
+impl Configured {
+    /// As it was recorded.
+    pub(crate) fn recorded(info: &RecordingInfo) -> Self {
+        Self { manifest: info.manifest.clone(), toml: info.run_toml.clone().unwrap_or_default() }
+    }
 }
 
 /// Reads the configuration that `args` name and applies the overrides.

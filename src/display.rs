@@ -40,10 +40,19 @@ pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
 /// A progress bar over `length` units, on a terminal only.
 pub(crate) fn progress_bar(length: u64, label: &str) -> ProgressBar {
     let bar = ProgressBar::new(length);
-    let style = ProgressStyle::with_template("{prefix} {bar:20} {percent:>3} % {wide_msg}");
-    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("━╸ "));
+    bar.set_style(style("{prefix} {bar:20} {percent:>3} % {wide_msg}"));
     bar.set_prefix(label.to_owned());
     bar
+}
+
+/// The style of a progress bar with a line of `text` below.
+pub(crate) fn with_second_line(text: &str) -> ProgressStyle {
+    style(&format!("{{prefix}} {{bar:20}} {{percent:>3}} % {{wide_msg}}\n  {text}"))
+}
+
+fn style(template: &str) -> ProgressStyle {
+    let style = ProgressStyle::with_template(template);
+    style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("━╸ ")
 }
 
 /// `1,234,567`

@@ -6,7 +6,12 @@ mod commands;
 mod configuration;
 mod display;
 mod failure;
+mod keyboard;
+mod pace;
+mod publishing;
+mod recorder;
 mod reproduce;
+mod resumption;
 mod signals;
 mod source;
 mod sweep;
@@ -34,6 +39,8 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Pulses(args) => commands::pulses::pulses(&args),
         Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Reproduce(args) => commands::reproduce::reproduce(&args),
+        Command::Record(args) => commands::record::record(&args),
+        Command::Replay(args) => commands::replay::replay(&args),
         Command::Ls { json } => commands::ls::ls(json),
         Command::Thin(args) => commands::thin::thin(&args),
         Command::Expand(args) => commands::thin::expand(&args),

@@ -16,3 +16,12 @@ pub(crate) fn stop_flag() -> io::Result<Arc<AtomicBool>> {
     }
     Ok(stop)
 }
+
+/// A flag that every signal sets: for whoever has something to do before a second one ends the process.
+pub(crate) fn patient_stop_flag() -> io::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        flag::register(signal, Arc::clone(&stop))?;
+    }
+    Ok(stop)
+}

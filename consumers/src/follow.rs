@@ -1,6 +1,7 @@
 //! The one loop that reads a source.
 
 use schemas::frame::{EndReason, Frame, FrameSource, Received};
+use schemas::manifest::RunManifest;
 
 /// Something that looks at frames one by one.
 pub trait Analysis {
@@ -45,6 +46,34 @@ impl Default for Tally {
     }
 }
 
+/// A part of a run, in simulated time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Window {
+    /// Frames before this time (s) are passed over.
+    pub from_s: f64,
+    /// Frames after this time (s), too.
+    pub until_s: f64,
+}
+
+impl Window {
+    /// All of a run.
+    pub const WHOLE: Self = Self { from_s: 0.0, until_s: f64::INFINITY };
+
+    /// Of the frames `from` up to and including `to` the first and the last that lie within.
+    fn clip(&self, manifest: &RunManifest, from: u64, to: u64) -> Option<(u64, u64)> {
+        let physics = &manifest.physics;
+        let first = physics.step_at_or_after(self.from_s).div_ceil(manifest.provenance.publish_every_steps);
+        let last = manifest.frame_at(physics.step_at_or_before(self.until_s));
+        let (from, to) = (from.max(first), to.min(last));
+        (from <= to).then_some((from, to))
+    }
+
+    /// Whether nothing that comes after `step` lies within, though the run goes on.
+    fn ends_at(&self, manifest: &RunManifest, step: u64) -> bool {
+        step < manifest.physics.step_count && manifest.physics.time_s(step + 1) > self.until_s
+    }
+}
+
 /// Why a source could not be followed to its end.
 #[derive(Debug, thiserror::Error)]
 pub enum FollowError<S: std::error::Error + 'static, A: std::error::Error + 'static> {
@@ -65,25 +94,52 @@ pub fn follow<S: FrameSource, A: Analysis>(
     source: &mut S,
     analysis: &mut A,
     tally: &mut Tally,
+    watch: impl FnMut(&Tally),
+) -> Result<(), FollowError<S::Error, A::Error>> {
+    follow_within(source, analysis, Window::WHOLE, tally, watch)
+}
+
+/// The same with the frames of `window` only. Where it ends before the source does, the end is
+/// [`EndReason::Interrupted`]: early, but in order.
+///
+/// # Errors
+/// As [`follow`].
+pub fn follow_within<S: FrameSource, A: Analysis>(
+    source: &mut S,
+    analysis: &mut A,
+    window: Window,
+    tally: &mut Tally,
     mut watch: impl FnMut(&Tally),
 ) -> Result<(), FollowError<S::Error, A::Error>> {
+    let manifest = source.manifest().clone();
     loop {
-        match source.receive().map_err(FollowError::Source)? {
+        let step = match source.receive().map_err(FollowError::Source)? {
+            Received::Frame(frame) if frame.time_s < window.from_s || frame.time_s > window.until_s => {
+                frame.step
+            }
             Received::Frame(frame) => {
                 analysis.observe(&frame).map_err(FollowError::Analysis)?;
                 tally.frame_count += 1;
                 tally.first_frame.get_or_insert(frame.frame);
                 tally.last_frame = Some(frame.frame);
                 watch(tally);
+                frame.step
             }
             Received::Missed { from, to } => {
-                tally.missed_count += to.saturating_sub(from) + 1;
-                analysis.gap();
+                if let Some((from, to)) = window.clip(&manifest, from, to) {
+                    tally.missed_count += to - from + 1;
+                    analysis.gap();
+                }
+                manifest.step_of_frame(to)
             }
             Received::End(end) => {
                 tally.end = end;
                 return Ok(());
             }
+        };
+        if window.ends_at(&manifest, step) {
+            tally.end = EndReason::Interrupted;
+            return Ok(());
         }
     }
 }

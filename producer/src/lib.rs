@@ -8,6 +8,7 @@ mod gear;
 pub mod integrator;
 pub mod kernel;
 pub mod recovery;
+pub mod replay;
 pub mod resimulation;
 pub mod run;
 mod splitting;

@@ -4,6 +4,10 @@
 //! A step is a pure function of the state before, so every state that a source does deliver is the
 //! beginning of all that follow, and the proof of all that were computed since the one before.
 
+mod parallel;
+
+pub use parallel::ParallelResimulation;
+
 use crate::integrator::Integrator;
 use crate::state::ChainState;
 use schemas::frame::{EndReason, Frame, FrameSource, Received};
@@ -19,6 +23,13 @@ pub enum Lend {
     Steps,
 }
 
+impl Lend {
+    /// Whether the state of `step` is one of these.
+    fn includes(self, step: u64, manifest: &RunManifest) -> bool {
+        self == Self::Steps || manifest.is_frame(step)
+    }
+}
+
 /// A source that lends what its own source does not hold.
 ///
 /// Gaps are bridged from the state before them; with [`Resimulation::from_start`] also the frames before the
@@ -28,6 +39,8 @@ pub enum Lend {
 pub struct Resimulation<S> {
     source: S,
     lend: Lend,
+    /// Nothing before this step is lent.
+    first_step: u64,
     integrator: Integrator,
     /// The state lent last, none before the first.
     state: Option<ChainState>,
@@ -155,6 +168,7 @@ impl<S: FrameSource> Resimulation<S> {
         Ok(Self {
             source,
             lend,
+            first_step: 0,
             integrator,
             state: None,
             proven: None,
@@ -173,6 +187,12 @@ impl<S: FrameSource> Resimulation<S> {
         // the initial state is lent like a state that the source delivers, and what comes is compared with it
         all.next = Next::Target;
         Ok(all)
+    }
+
+    /// Lends nothing before step `first_step`: what the source delivers before it is only computed on from.
+    #[must_use]
+    pub fn lending_from(self, first_step: u64) -> Self {
+        Self { first_step, ..self }
     }
 
     /// The source.
@@ -219,7 +239,7 @@ impl<S: FrameSource> Resimulation<S> {
     /// Whether the state that was reached is to be lent.
     fn is_lent(&self) -> bool {
         let step = self.state.as_ref().map_or(0, |state| state.step);
-        self.lend == Lend::Steps || self.source.manifest().is_frame(step)
+        step >= self.first_step && self.lend.includes(step, self.source.manifest())
     }
 
     /// Advances by one step towards the target, and proves the target when it is reached.

@@ -12,9 +12,9 @@ use std::ops::ControlFlow;
 pub struct RunOutcome {
     /// [`EndReason::Complete`] or, when the conductor ended it early, [`EndReason::Interrupted`].
     pub reason: EndReason,
-    /// Frames published, frame 0 included.
+    /// Frames published.
     pub published_count: u64,
-    /// Frames recorded.
+    /// Frames recorded; of a run that was gone on with, the new ones.
     pub recorded_count: u64,
     /// The last step reached.
     pub last_step: u64,
@@ -94,27 +94,59 @@ pub fn run<P: FrameSink, R: FrameSink>(
     recorder: Option<&mut R>,
     conductor: &mut impl Conductor<P, R>,
 ) -> Result<RunOutcome, RunError<P::Error, R::Error>> {
+    simulate(manifest, ChainState::initial(&manifest.physics), true, publisher, recorder, conductor)
+}
+
+/// Goes on with `manifest`'s run after `state`, a frame that was published before and recorded, if it was due.
+/// Everything else is as in [`run`].
+///
+/// # Errors
+/// As [`run`].
+pub fn resume<P: FrameSink, R: FrameSink>(
+    manifest: &RunManifest,
+    state: ChainState,
+    publisher: &mut P,
+    recorder: Option<&mut R>,
+    conductor: &mut impl Conductor<P, R>,
+) -> Result<RunOutcome, RunError<P::Error, R::Error>> {
+    simulate(manifest, state, false, publisher, recorder, conductor)
+}
+
+/// The run from `state` on, which is the first frame if it is `fresh`, else the one before.
+fn simulate<P: FrameSink, R: FrameSink>(
+    manifest: &RunManifest,
+    mut state: ChainState,
+    mut fresh: bool,
+    publisher: &mut P,
+    recorder: Option<&mut R>,
+    conductor: &mut impl Conductor<P, R>,
+) -> Result<RunOutcome, RunError<P::Error, R::Error>> {
     let mut integrator = Integrator::new(&manifest.physics);
-    let mut state = ChainState::initial(&manifest.physics);
-    let mut recording = Recording { recorder, count: 0, last_frame: None };
+    let mut number = manifest.frame_at(state.step);
+    let first = if fresh { number } else { number + 1 };
+    let last_frame = (!fresh && manifest.is_recorded(state.step)).then_some(number);
+    let mut recording = Recording { recorder, count: 0, last_frame };
     // between frames the state of the last one is gone; without steps between them it is still there
     let mut last_published = (manifest.provenance.publish_every_steps > 1).then(|| state.clone());
-    let mut number = 0;
-    let (reason, published_count) = loop {
+    let (reason, end) = loop {
         let frame = state.as_frame(manifest, number);
-        match publisher.accept(&frame) {
-            Ok(()) => {}
-            Err(error) if conductor.is_stop(&error) => {
-                // some consumers may have got it
-                recording.take(&frame)?;
-                break (EndReason::Interrupted, number);
+        let mut go_on = ControlFlow::Continue(());
+        if fresh {
+            match publisher.accept(&frame) {
+                Ok(()) => {}
+                Err(error) if conductor.is_stop(&error) => {
+                    // some consumers may have got it
+                    recording.take(&frame)?;
+                    break (EndReason::Interrupted, number);
+                }
+                Err(source) => return Err(RunError::Publish { frame: number, source }),
             }
-            Err(source) => return Err(RunError::Publish { frame: number, source }),
+            if manifest.is_recorded(frame.step) {
+                recording.take(&frame)?;
+            }
+            go_on = conductor.after_frame(&frame, publisher, recording.recorder.as_deref_mut());
         }
-        if manifest.is_recorded(frame.step) {
-            recording.take(&frame)?;
-        }
-        let go_on = conductor.after_frame(&frame, publisher, recording.recorder.as_deref_mut());
+        fresh = true;
         if state.step == manifest.physics.step_count {
             break (EndReason::Complete, number + 1);
         }
@@ -138,7 +170,7 @@ pub fn run<P: FrameSink, R: FrameSink>(
     let frame = state.as_frame(manifest, number);
     Ok(RunOutcome {
         reason,
-        published_count,
+        published_count: end - first,
         recorded_count: recording.count,
         last_step: state.step,
         relative_drift: Summarizer::new(&manifest.physics).summarize(&frame).relative_drift,
@@ -305,6 +337,46 @@ mod tests {
         let outcome = run(&manifest(), &mut Full, Some(&mut recorder), &mut Obeys).expect("no error");
         assert_eq!((outcome.reason, outcome.published_count), (EndReason::Interrupted, 2));
         assert_eq!(recorder.0, [0, 4]);
+    }
+
+    /// The steps published and recorded after frame `number`, until `conductor` ends the run.
+    fn resumed(
+        number: u64,
+        conductor: &mut impl Conductor<Steps, Steps>,
+    ) -> (Vec<u64>, Vec<u64>, RunOutcome) {
+        let manifest = manifest();
+        let (mut publisher, mut recorder) = (Steps::default(), Steps::default());
+        let mut state = ChainState::initial(&manifest.physics);
+        let mut integrator = Integrator::new(&manifest.physics);
+        while state.step < manifest.step_of_frame(number) {
+            integrator.step(&mut state);
+        }
+        let outcome = resume(&manifest, state, &mut publisher, Some(&mut recorder), conductor).expect("runs");
+        assert_eq!(outcome.published_count, publisher.0.len() as u64);
+        (publisher.0, recorder.0, outcome)
+    }
+
+    #[test]
+    fn a_resumed_run_publishes_and_records_what_is_left() {
+        let (published, recorded, outcome) = resumed(2, &mut StopAfter(u64::MAX));
+        assert_eq!(published, [6, 8, 10, 12, 14, 15]);
+        assert_eq!(recorded, [6, 12, 15]);
+        assert_eq!((outcome.reason, outcome.last_step), (EndReason::Complete, 15));
+        assert_eq!(outcome.relative_drift, steps(u64::MAX).2.relative_drift, "the same bits");
+        let (published, recorded, outcome) = resumed(8, &mut StopAfter(0));
+        assert_eq!((published, recorded), (vec![], vec![]));
+        assert_eq!((outcome.reason, outcome.last_step), (EndReason::Complete, 15));
+    }
+
+    /// Stopped before its first new frame, it ends with the frame that it began with: recorded, unless it was
+    /// recorded before.
+    #[test]
+    fn a_resumed_run_that_is_stopped_at_once_ends_where_it_began() {
+        for (number, expected) in [(2, vec![4]), (3, vec![])] {
+            let (published, recorded, outcome) = resumed(number, &mut StopBetween(1));
+            assert_eq!((published, recorded), (vec![], expected));
+            assert_eq!((outcome.reason, outcome.last_step), (EndReason::Interrupted, 2 * number));
+        }
     }
 
     /// A stop that comes with the last frame changes nothing: the run is complete.

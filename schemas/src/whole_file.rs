@@ -8,12 +8,13 @@
 //! The writer holds an advisory lock (`flock`) on its `.partial`; on file systems without locks a living writer
 //! cannot be told from a dead one, and only the rule about existing files is left.
 
+mod aside;
 mod naming;
 
+pub use aside::{LockedFile, Names};
 pub(crate) use naming::directory_of;
 
 use rustix::fs::OFlags;
-use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
@@ -116,9 +117,7 @@ impl WholeFile {
         if regular_file_at(path)? && !replace {
             return Err(WholeFileError::Exists { path: path.to_owned() });
         }
-        let mut name = OsString::from(path);
-        name.push(".partial");
-        let partial = PathBuf::from(name);
+        let partial = Names::of_whole(path).partial;
         for _ in 0..MAX_ATTEMPTS {
             if let Some(file) = create_locked(&partial, replace)? {
                 return Ok(Self {

@@ -106,6 +106,11 @@ fn redraw(args: &ContactsArgs, mut map: ContactsReader) -> Result<Done, Failure>
         let message = "--out: the source is a map of contacts already; give the recording of the run instead";
         return Err(anyhow!(message)).bad_input();
     }
+    if args.common.from > 0.0 || args.common.until.is_some() {
+        let message =
+            "--from and --until: the source is a map of contacts; give the recording of the run instead";
+        return Err(anyhow!(message)).bad_input();
+    }
     check_outputs(&args.common, &[])?;
     let manifest = map.manifest().clone();
     let mut raster = ContactRaster::new(manifest.contact_count(), manifest.physics.step_count);

@@ -4,16 +4,17 @@ use crate::args::{Pace, RunArgs};
 use crate::configuration::{Configured, configure};
 use crate::display::{self, bytes, count, duration, seconds};
 use crate::failure::{Done, Failure};
+use crate::pace::{LONGEST_NAP, Pacer};
+use crate::publishing::{self, Dropped};
+use crate::resumption::{self, Resumption};
 use crate::signals;
 use anyhow::anyhow;
 use indicatif::ProgressBar;
 use producer::run::{Conductor, RunError, RunOutcome};
-use schemas::bus::{
-    Bus, ConsumerEvent, PublishCounts, PublishError, PublishOptions, StatePublisher, WaitOutcome,
-};
+use schemas::bus::{PublishCounts, PublishError, PublishOptions, StatePublisher};
 use schemas::frame::{EndReason, Frame};
 use schemas::manifest::RunManifest;
-use schemas::recording::{Finished, RecordingWriter, SpaceNeeded, WriteOptions};
+use schemas::recording::{Finished, RecordingWriter, SpaceNeeded, WriteError, WriteOptions};
 use serde_json::json;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -29,36 +30,55 @@ const REFRESH: Duration = Duration::from_millis(100);
 const LARGE_DRIFT: f64 = 1e-4;
 
 pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
-    let configured = configure(args)?;
+    let resumption = args.resume.as_ref().map(|path| Resumption::find(path, args.out.as_deref(), args.force));
+    let resumption = resumption.transpose()?;
+    if let Some(complete) = resumption.as_ref().map(Resumption::info).filter(|info| info.is_complete()) {
+        resumption::tell_complete(complete);
+        return Ok(Done::Whole);
+    }
+    let (configured, out) = match &resumption {
+        Some(found) => (Configured::recorded(found.info()), Some(found.target().to_owned())),
+        None => new_run(args)?,
+    };
     let manifest = &configured.manifest;
-    let out = (!args.no_record).then(|| {
-        args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.mcap", manifest.provenance.name)))
-    });
-    let options = WriteOptions { force: args.force, ..WriteOptions::default() };
+    let options = WriteOptions {
+        force: args.force,
+        flush_period: Duration::from_secs_f64(args.flush_period),
+        sync_period: Duration::from_secs_f64(args.sync_period),
+        ..WriteOptions::default()
+    };
     if let Some(path) = out.as_ref().filter(|path| path.extension().is_none_or(|end| end != "mcap")) {
-        let message = format!("--out {}: a recording is written as .mcap", path.display());
+        let message = format!("{}: a recording is written as .mcap", path.display());
         return Err(Failure::BadInput(anyhow!(message)));
+    }
+    if let Some(found) = &resumption {
+        resumption::tell_begin(manifest, found.info());
     }
     announce(manifest, out.as_ref(), &options)?;
 
     let stop = signals::stop_flag()?;
     let publish = PublishOptions {
+        first_frame: resumption.as_ref().map_or(0, Resumption::first_frame),
         stuck_after: Duration::from_secs_f64(args.stall_timeout),
         stop: Arc::clone(&stop),
         ..PublishOptions::default()
     };
-    let mut publisher =
-        StatePublisher::create(&Bus::from_env()?, manifest, &manifest.physics.chain(), &publish)?;
-    let most = publisher.max_consumers();
-    if args.wait_for > most {
-        let message = format!("--wait-for {}: this run can have at most {most} consumers", args.wait_for);
-        return Err(Failure::BadInput(anyhow!(message)));
-    }
+    let mut publisher = publishing::open(manifest, &publish, args.wait_for)?;
     let mut recorder = match &out {
-        Some(path) => Some(RecordingWriter::create(path, manifest, &configured.toml, &options)?),
-        None => None,
+        Some(path) if resumption.is_none() => {
+            Some(RecordingWriter::create(path, manifest, &configured.toml, &options)?)
+        }
+        _ => None,
     };
-    if !wait_for_consumers(args, &mut publisher, &stop)? {
+    let mut stopped = !publishing::wait_for_consumers(args.wait_for, &mut publisher, &stop)?;
+    let (mut state, mut old) = (None, None);
+    if let Some(found) = resumption.filter(|_| !stopped) {
+        match found.rebuild(&options, &mut publisher, &stop)? {
+            Some(rebuilt) => (recorder, state, old) = (Some(rebuilt.recorder), rebuilt.state, rebuilt.old),
+            None => stopped = true,
+        }
+    }
+    if stopped {
         publisher.finish(EndReason::Interrupted)?;
         if let Some(recorder) = recorder {
             recorder.discard();
@@ -67,24 +87,33 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         return Ok(Done::Whole);
     }
 
-    let mut watch = Watch::new(&configured, args.pace, stop);
-    let result = producer::run::run(manifest, &mut publisher, recorder.as_mut(), &mut watch);
+    let mut watch = Watch::new(&configured, args.pace, state.as_ref().map_or(0, |state| state.step), stop);
+    let result = match state {
+        Some(state) => producer::run::resume(manifest, state, &mut publisher, recorder.as_mut(), &mut watch),
+        None => producer::run::run(manifest, &mut publisher, recorder.as_mut(), &mut watch),
+    };
     watch.bar.finish_and_clear();
-    watch.tell_events(&mut publisher);
+    watch.dropped.tell(&mut publisher, &watch.bar);
     let reason = result.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
     // in this order, so that whoever hears of the end finds the recording; neither is left out when the
     // other fails
     let recording = recorder.map(|recorder| recorder.finish(reason)).transpose();
     let counts = publisher.finish(reason);
-    if let (Err(RunError::Record { .. }), Some(path)) = (&result, &out) {
+    if let (Some(path), true) = (&out, failed_to_record(&result, &recording)) {
         let path = path.display();
         display::notice(format_args!(
-            "what was recorded before stays in {path}.partial, which every analysis reads"
+            "what was recorded before stays in {path}.partial, which every analysis reads; when there is room, \
+             `beadline run --resume {path}.partial` goes on, with --out in another place"
         ));
     }
     let (outcome, recording, counts) = (result?, recording?, counts?);
-    let Watch { start, dropped, .. } = watch;
-    let summary = Summary { manifest, outcome, counts, dropped, recording, wall: start.elapsed() };
+    if let Some(old) = old {
+        // it had the state that the run was gone on from
+        old.remove()?;
+    }
+    let Watch { start, first_step, dropped, .. } = watch;
+    let summary =
+        Summary { manifest, outcome, first_step, counts, dropped, recording, wall: start.elapsed() };
     display::print(if args.json { summary.json()? } else { summary.text() })?;
     if outcome.relative_drift.abs() > LARGE_DRIFT {
         display::notice(format_args!(
@@ -93,6 +122,24 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         ));
     }
     Ok(Done::whole_if(counts.evicted == 0))
+}
+
+/// A run that begins: what it is, and where it is recorded.
+fn new_run(args: &RunArgs) -> Result<(Configured, Option<PathBuf>), Failure> {
+    let configured = configure(args)?;
+    let name = &configured.manifest.provenance.name;
+    let out = || args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.mcap")));
+    let out = (!args.no_record).then(out);
+    Ok((configured, out))
+}
+
+/// Whether a recording was begun that could not be written to its end.
+fn failed_to_record<P: std::error::Error, T>(
+    result: &Result<RunOutcome, RunError<P, WriteError>>,
+    recording: &Result<T, WriteError>,
+) -> bool {
+    let lost = |error: &WriteError| matches!(error, WriteError::Io { .. } | WriteError::Lost { .. });
+    matches!(result, Err(RunError::Record { .. })) || recording.as_ref().is_err_and(lost)
 }
 
 /// Says what the run will write, and refuses what cannot fit.
@@ -123,23 +170,10 @@ fn announce(manifest: &RunManifest, out: Option<&PathBuf>, options: &WriteOption
     Ok(())
 }
 
-/// Whether the run may begin: the consumers are ready, and no signal came meanwhile.
-fn wait_for_consumers(
-    args: &RunArgs,
-    publisher: &mut StatePublisher,
-    stop: &AtomicBool,
-) -> Result<bool, Failure> {
-    if args.wait_for == 0 {
-        return Ok(true);
-    }
-    display::notice(format_args!("waiting for {} lossless consumer(s)", args.wait_for));
-    Ok(publisher.wait_for(args.wait_for, stop, None)? == WaitOutcome::Ready)
-}
-
 /// Progress, pacing and the request to stop.
 struct Watch {
     bar: ProgressBar,
-    pace: Pace,
+    pacer: Pacer,
     stop: Arc<AtomicBool>,
     start: Instant,
     refreshed: Instant,
@@ -147,23 +181,25 @@ struct Watch {
     clock_every: u64,
     /// Steps since the last look at the clock.
     unclocked: u64,
-    /// Consumers that were dropped.
-    dropped: Vec<String>,
+    /// The step that this begins with.
+    first_step: u64,
+    dropped: Dropped,
 }
 
 impl Watch {
-    fn new(configured: &Configured, pace: Pace, stop: Arc<AtomicBool>) -> Self {
+    fn new(configured: &Configured, pace: Pace, first_step: u64, stop: Arc<AtomicBool>) -> Self {
         let physics = &configured.manifest.physics;
         let now = Instant::now();
         Self {
             bar: display::progress_bar(physics.step_count, configured.manifest.provenance.name.as_str()),
-            pace,
+            pacer: Pacer::new(pace, physics.time_s(first_step)),
             stop,
             start: now,
             refreshed: now,
             clock_every: (100_000 / physics.beads).max(1),
             unclocked: 0,
-            dropped: Vec::new(),
+            first_step,
+            dropped: Dropped::default(),
         }
     }
 
@@ -173,9 +209,9 @@ impl Watch {
         publisher: &mut StatePublisher,
         recorder: Option<&mut RecordingWriter>,
     ) {
-        self.tell_events(publisher);
+        self.dropped.tell(publisher, &self.bar);
         let counts = publisher.counts();
-        let rate = frame.step as f64 / self.start.elapsed().as_secs_f64();
+        let rate = (frame.step - self.first_step) as f64 / self.start.elapsed().as_secs_f64();
         let recorded = recorder.map_or(String::new(), |r| format!(" · {}", bytes(r.bytes_written())));
         self.bar.set_position(frame.step);
         self.bar.set_message(format!(
@@ -186,19 +222,6 @@ impl Watch {
             counts.lossless,
             counts.latest,
         ));
-    }
-
-    /// Says which consumers were dropped.
-    fn tell_events(&mut self, publisher: &mut StatePublisher) {
-        for event in publisher.take_events() {
-            if let ConsumerEvent::Evicted { name, held } = event {
-                let held = duration(held);
-                self.bar.suspend(|| {
-                    display::notice(format_args!("consumer {name} took nothing for {held} and was dropped"));
-                });
-                self.dropped.push(name);
-            }
-        }
     }
 
     /// Whether it is time to show progress.
@@ -220,15 +243,13 @@ impl Watch {
     }
 
     /// Waits until the wall clock has caught up with the simulated time.
-    fn keep_pace(&self, per_second: f64, frame: &Frame<'_>, publisher: &mut StatePublisher) {
-        loop {
-            let ahead = frame.time_s / per_second - self.start.elapsed().as_secs_f64();
-            if ahead <= 0.0 || self.stop.load(Ordering::Relaxed) {
-                return;
-            }
+    fn keep_pace(&self, frame: &Frame<'_>, publisher: &mut StatePublisher) {
+        while let Some(ahead) = self.pacer.ahead(frame.time_s)
+            && !self.stop.load(Ordering::Relaxed)
+        {
             // a consumer that cannot be answered now is answered at the next frame
             let _ = publisher.serve();
-            thread::sleep(Duration::from_secs_f64(ahead.min(0.02)));
+            thread::sleep(ahead.min(LONGEST_NAP));
         }
     }
 }
@@ -240,9 +261,7 @@ impl Conductor<StatePublisher, RecordingWriter> for Watch {
         publisher: &mut StatePublisher,
         recorder: Option<&mut RecordingWriter>,
     ) -> ControlFlow<()> {
-        if let Pace::PerSecond(per_second) = self.pace {
-            self.keep_pace(per_second, frame, publisher);
-        }
+        self.keep_pace(frame, publisher);
         if self.is_due() {
             self.refresh(frame, publisher, recorder);
         }
@@ -266,20 +285,27 @@ impl Conductor<StatePublisher, RecordingWriter> for Watch {
 struct Summary<'a> {
     manifest: &'a RunManifest,
     outcome: RunOutcome,
+    /// The step that this begins with.
+    first_step: u64,
     counts: PublishCounts,
-    dropped: Vec<String>,
+    dropped: Dropped,
     recording: Option<Finished>,
     wall: Duration,
 }
 
 impl Summary<'_> {
+    /// Frames in the recording, also those from before the run was interrupted.
+    fn recorded_count(&self) -> u64 {
+        self.recording.as_ref().map_or(0, |recording| recording.frames)
+    }
+
     fn text(&self) -> String {
         let outcome = &self.outcome;
-        let steps_per_s = outcome.last_step as f64 / self.wall.as_secs_f64();
+        let steps_per_s = (outcome.last_step - self.first_step) as f64 / self.wall.as_secs_f64();
         let mut rows = vec![
             ("steps", format!("{} of {}", count(outcome.last_step), count(self.manifest.physics.step_count))),
             ("frames published", count(outcome.published_count).to_string()),
-            ("frames recorded", count(outcome.recorded_count).to_string()),
+            ("frames recorded", count(self.recorded_count()).to_string()),
             ("energy drift ΔE/E", format!("{:.2e}", outcome.relative_drift)),
             ("wall time", format!("{} ({:.0} k steps/s)", duration(self.wall), steps_per_s / 1e3)),
             ("held back by consumers", duration(self.counts.held_back)),
@@ -293,6 +319,7 @@ impl Summary<'_> {
         if let Some(recording) = &self.recording {
             let ratio = recording.uncompressed_bytes as f64 / recording.bytes as f64;
             let size = format!("{}, {} ({ratio:.2} : 1)", recording.path.display(), bytes(recording.bytes));
+            rows.push(("held back by the disk", duration(recording.held_back)));
             rows.push(("recording", size));
         }
         display::rows(&format!("{} {}", self.manifest.provenance.name, outcome.reason), &rows)
@@ -305,19 +332,21 @@ impl Summary<'_> {
                 "path": recording.path,
                 "bytes": recording.bytes,
                 "uncompressed_bytes": recording.uncompressed_bytes,
+                "held_back_s": recording.held_back.as_secs_f64(),
             })
         });
         let summary = json!({
             "run": provenance.name,
             "run_id": provenance.run_id,
             "end": outcome.reason.as_str(),
+            "first_step": self.first_step,
             "steps": outcome.last_step,
             "frames_published": outcome.published_count,
-            "frames_recorded": outcome.recorded_count,
+            "frames_recorded": self.recorded_count(),
             "relative_drift": outcome.relative_drift,
             "wall_s": self.wall.as_secs_f64(),
             "held_back_s": self.counts.held_back.as_secs_f64(),
-            "consumers_dropped": self.dropped,
+            "consumers_dropped": self.dropped.names,
             "recording": recording,
         });
         Ok(format!("{}\n", serde_json::to_string_pretty(&summary)?))

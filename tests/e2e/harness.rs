@@ -6,7 +6,7 @@ use std::ffi::OsStr;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, ChildStdin, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 /// Nothing here takes this long unless it hangs.
@@ -110,8 +110,13 @@ pub(crate) struct Running {
 }
 
 impl Running {
-    pub(crate) fn start(words: &str, mut command: Command) -> Self {
-        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    pub(crate) fn start(words: &str, command: Command) -> Self {
+        Self::start_with(words, command, Stdio::null())
+    }
+
+    /// Starts a command with something on its stdin.
+    pub(crate) fn start_with(words: &str, mut command: Command, stdin: Stdio) -> Self {
+        command.stdin(stdin).stdout(Stdio::piped()).stderr(Stdio::piped());
         let child = command.spawn().unwrap_or_else(|error| panic!("{words}: {error}"));
         Self { words: words.to_owned(), child: Some(child) }
     }
@@ -120,6 +125,11 @@ impl Running {
     pub(crate) fn signal(&self, signal: &str) {
         let pid = self.child.as_ref().unwrap().id().to_string();
         assert!(Command::new("kill").args([format!("-{signal}"), pid]).status().unwrap().success());
+    }
+
+    /// Its stdin, if that is a pipe that nobody has taken.
+    pub(crate) fn stdin(&mut self) -> ChildStdin {
+        self.child.as_mut().unwrap().stdin.take().unwrap()
     }
 
     /// Whether it still runs.

@@ -13,6 +13,7 @@ mod recordings;
 mod recovering;
 mod reference;
 mod reflection;
+mod replay;
 mod reproduce;
 mod sweep;
 mod thinning;

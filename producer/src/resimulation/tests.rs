@@ -2,42 +2,50 @@ use super::*;
 use schemas::config::StreamConfig;
 use schemas::manifest::Origin;
 use schemas::presets::PRESETS;
-use std::convert::Infallible;
 
 /// Delivers some states of a run, and what a test puts between them.
-struct Script {
-    manifest: RunManifest,
-    items: Vec<Item>,
+pub(super) struct Script {
+    pub(super) manifest: RunManifest,
+    pub(super) items: Vec<Item>,
     next: usize,
 }
 
-enum Item {
+#[derive(Clone)]
+pub(super) enum Item {
     State(ChainState),
     Missed(u64, u64),
+    Broken,
     End(EndReason),
 }
 
+#[derive(Debug, thiserror::Error)]
+#[error("broken")]
+pub(super) struct Broken;
+
 impl FrameSource for Script {
-    type Error = Infallible;
+    type Error = Broken;
 
     fn manifest(&self) -> &RunManifest {
         &self.manifest
     }
 
-    fn receive(&mut self) -> Result<Received<'_>, Infallible> {
+    fn receive(&mut self) -> Result<Received<'_>, Broken> {
+        // the end is repeated
+        let item = self.items.get(self.next).or(self.items.last());
         self.next += 1;
-        Ok(match &self.items[self.next - 1] {
+        Ok(match item.expect("an end") {
             Item::State(state) => {
                 Received::Frame(state.as_frame(&self.manifest, self.manifest.frame_at(state.step)))
             }
             Item::Missed(from, to) => Received::Missed { from: *from, to: *to },
+            Item::Broken => return Err(Broken),
             Item::End(reason) => Received::End(*reason),
         })
     }
 }
 
 /// 30 beads over 100 steps, a frame every `publish` steps.
-fn manifest(publish: u64) -> RunManifest {
+pub(super) fn manifest(publish: u64) -> RunManifest {
     let mut config = PRESETS[2].config();
     config.chain.beads = 30;
     config.stream = StreamConfig { publish_every_steps: publish, record_every_steps: publish };
@@ -47,7 +55,7 @@ fn manifest(publish: u64) -> RunManifest {
     RunManifest::new(&config, "run", origin).expect("valid")
 }
 
-fn states(manifest: &RunManifest) -> Vec<ChainState> {
+pub(super) fn states(manifest: &RunManifest) -> Vec<ChainState> {
     let mut state = ChainState::initial(&manifest.physics);
     let mut integrator = Integrator::new(&manifest.physics);
     let mut states = vec![state.clone()];
@@ -59,7 +67,7 @@ fn states(manifest: &RunManifest) -> Vec<ChainState> {
 }
 
 /// The states of `steps`, then an end.
-fn script(manifest: &RunManifest, steps: &[usize]) -> Script {
+pub(super) fn script(manifest: &RunManifest, steps: &[usize]) -> Script {
     let all = states(manifest);
     let mut items: Vec<Item> = steps.iter().map(|step| Item::State(all[*step].clone())).collect();
     items.push(Item::End(EndReason::Complete));
@@ -81,7 +89,7 @@ fn lent(mut source: Resimulation<Script>) -> Result<Vec<(u64, ChainState)>, Diff
                 assert!(matches!(source.receive(), Ok(Received::End(EndReason::Unfinished))));
                 return Err(difference);
             }
-            Err(ResimulationError::Source(never)) => match never {},
+            Err(ResimulationError::Source(error)) => unreachable!("{error}"),
         }
     }
 }
@@ -147,6 +155,18 @@ fn who_comes_late_gets_what_was_before() {
         let all = lent(Resimulation::from_start(source, Lend::Frames).expect("same kernel"));
         let expected = [(0, 0), (1, 20), (2, 40), (3, 60), (4, 80), (5, 100)];
         assert_eq!(steps(&all.expect("nothing differs")), expected);
+    }
+}
+
+#[test]
+fn nothing_before_the_first_step_asked_for_is_lent() {
+    let m = manifest(20);
+    for (lend, expected) in
+        [(Lend::Frames, vec![60, 80, 100]), (Lend::Steps, (41..=100).collect::<Vec<u64>>())]
+    {
+        let source = Resimulation::new(script(&m, &[20, 80, 100]), lend).expect("same kernel");
+        let all = lent(source.lending_from(41)).expect("nothing differs");
+        assert_eq!(all.iter().map(|(_, state)| state.step).collect::<Vec<_>>(), expected);
     }
 }
 

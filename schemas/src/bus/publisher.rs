@@ -33,6 +33,8 @@ const WAKE_PERIOD: Duration = Duration::from_millis(1);
 const COUNT_PERIOD: Duration = Duration::from_millis(100);
 /// How often an idle producer looks around.
 const IDLE_WAIT: Duration = Duration::from_millis(50);
+/// How often a producer whose run is over looks whether consumers have left.
+const LEAVING_PERIOD: Duration = Duration::from_millis(5);
 
 /// How a run is published.
 #[derive(Debug, Clone)]
@@ -303,13 +305,35 @@ impl StatePublisher {
     ///
     /// # Errors
     /// When the end could not be written; consumers then find that the producer is gone.
-    pub fn finish(mut self, reason: EndReason) -> Result<PublishCounts, PublishError> {
+    pub fn finish(self, reason: EndReason) -> Result<PublishCounts, PublishError> {
+        self.finish_and_wait(reason, &AtomicBool::new(true), Duration::ZERO)
+    }
+
+    /// As [`finish`](Self::finish), but lets go of the bus only when every consumer has left, `stop` is set, or
+    /// `at_most` is over: for who publishes under the same name again, and must not outrun those who still read.
+    ///
+    /// # Errors
+    /// As [`finish`](Self::finish).
+    pub fn finish_and_wait(
+        mut self,
+        reason: EndReason,
+        stop: &AtomicBool,
+        at_most: Duration,
+    ) -> Result<PublishCounts, PublishError> {
         let counts = self.counts(); // before consumers leave
         self.end(match reason {
             EndReason::Complete => STATE_DONE,
             EndReason::Interrupted | EndReason::Stopped => STATE_INTERRUPTED,
             _ => STATE_FAILED,
         })?;
+        let start = Instant::now();
+        while self.backpressure.subscriber_count() > 0
+            && start.elapsed() < at_most
+            && !stop.load(Ordering::Relaxed)
+        {
+            self.node.try_cleanup_dead_nodes();
+            std::thread::sleep(LEAVING_PERIOD);
+        }
         Ok(counts)
     }
 

@@ -143,6 +143,20 @@ impl Physics {
         step as f64 * self.dt_s
     }
 
+    /// The first step at or after the simulated time `time_s` (s); one beyond the last if there is none.
+    pub fn step_at_or_after(&self, time_s: f64) -> u64 {
+        // the quotient is rounded, the times of steps are what counts
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates, NaN is 0")]
+        let near = ((time_s / self.dt_s) as u64).saturating_sub(1).min(self.step_count);
+        (near..=self.step_count).find(|step| self.time_s(*step) >= time_s).unwrap_or(self.step_count + 1)
+    }
+
+    /// The last step at or before the simulated time `time_s` (s); step 0 if there is none.
+    pub fn step_at_or_before(&self, time_s: f64) -> u64 {
+        let after = self.step_at_or_after(time_s);
+        if after <= self.step_count && self.time_s(after) <= time_s { after } else { after.saturating_sub(1) }
+    }
+
     /// SHA-256 of the physics as JSON: equal exactly when the bits of two runs must be equal.
     pub fn hash(&self) -> [u8; 32] {
         Sha256::digest(self.to_json().as_bytes()).into()

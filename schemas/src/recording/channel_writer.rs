@@ -1,22 +1,34 @@
 //! Channels of messages into an MCAP file that survives a crash at any moment.
+//!
+//! Records go into a chunk in memory; threads of their own compress chunks and write them, in order, each in one
+//! piece. Between the two is a queue of bounded size: a slow disk holds the recording thread back, and nothing
+//! is lost. The threads also look at the clock, so that a chunk is written in time when no more messages come.
 
-use super::PROFILE;
+mod block;
+mod chunks;
+mod framing;
+mod output;
+mod queue;
+mod threads;
+
 use super::contents::Channel;
 use super::error::WriteError;
 use super::head;
 use super::log_time_ns;
 use super::proto::Topic;
-use super::sink::{Position, Sink};
-use super::sync::BackgroundSync;
 use crate::manifest::RunManifest;
 use crate::whole_file::WholeFile;
-use mcap::records::{MessageHeader, Metadata};
-use mcap::{Attachment, McapError, McapResult};
-use std::borrow::Cow;
+use chunks::{Chunks, Rules};
+use mcap::records::{AttachmentIndex, MessageHeader, Metadata};
+use output::Output;
+use queue::{Queue, Refused};
 use std::collections::BTreeMap;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
+use threads::Threads;
 
 /// How a recording is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,10 +39,17 @@ pub struct WriteOptions {
     pub compression: Compression,
     /// A chunk is closed once it holds more than this, uncompressed. Default: 1 MiB.
     pub chunk_bytes: u64,
-    /// Longest time that a frame waits in memory: what a kill costs. Default: 1 s.
+    /// What may wait for the disk beside the open chunk, uncompressed; one chunk always may. More holds the
+    /// recording thread back. Default: 8 MiB.
+    pub queue_bytes: u64,
+    /// Longest time that a frame waits for others in its chunk: what a kill costs. With zero every frame is in
+    /// the file when it is accepted. Default: 1 s.
     pub flush_period: Duration,
     /// Longest time between two syncs to the disk: what a power failure costs. Default: 5 s.
     pub sync_period: Duration,
+    /// For tests: how much longer a disk takes for a chunk.
+    #[doc(hidden)]
+    pub slow_disk: Duration,
 }
 
 impl Default for WriteOptions {
@@ -39,8 +58,10 @@ impl Default for WriteOptions {
             force: false,
             compression: Compression::Zstd { level: 1 },
             chunk_bytes: 1 << 20,
+            queue_bytes: 8 << 20,
             flush_period: Duration::from_secs(1),
             sync_period: Duration::from_secs(5),
+            slow_disk: Duration::ZERO,
         }
     }
 }
@@ -68,6 +89,8 @@ pub struct Finished {
     pub uncompressed_bytes: u64,
     /// Number of states, or of rows of a contacts map.
     pub frames: u64,
+    /// Time that the recording thread waited for the disk.
+    pub held_back: Duration,
 }
 
 /// A channel of a [`ChannelWriter`].
@@ -76,89 +99,103 @@ pub(super) struct ChannelId(u16);
 
 /// Writes messages of several channels under one manifest.
 ///
-/// After an error the file ends with the last whole record, and nothing more is taken.
+/// After an error the file ends with the last whole chunk, and nothing more is taken. Dropped, it has everything
+/// written that was taken.
 pub(super) struct ChannelWriter {
-    writer: OpenWriter,
-    sync: BackgroundSync,
+    /// None once the threads have ended.
+    threads: Option<Threads>,
+    schemas: Definitions,
+    channels: Definitions,
+    position: Arc<AtomicU64>,
+    // after the threads, which write to it
     file: WholeFile,
-    position: Position,
-    flush_period: Duration,
-    sync_period: Duration,
-    flushed: Instant,
-    synced: Instant,
+}
+
+/// The schemas or the channels so far, numbered from 1.
+#[derive(Debug, Default)]
+struct Definitions {
+    /// By their records with the number 0.
+    numbers: BTreeMap<Vec<u8>, u16>,
+    /// With their numbers, in this order.
+    records: Vec<Vec<u8>>,
 }
 
 impl ChannelWriter {
-    /// Creates `<path>.partial` with its head: manifest and configuration, on the disk.
+    /// Creates `<path>.partial` with its head: manifest, where it begins if that is said, and configuration; on the disk.
     pub(super) fn create(
         path: &Path,
         manifest: &RunManifest,
+        begin: Option<Metadata>,
         run_toml: Option<&str>,
         options: &WriteOptions,
     ) -> Result<Self, WriteError> {
         let file = WholeFile::create(path, options.force)?;
-        let (sink, position) = Sink::new(Arc::clone(file.file()));
-        let writer = mcap_options(options).create(sink).map_err(|error| mcap_error(&file, error))?;
-        let now = Instant::now();
-        let mut this = Self {
-            writer: OpenWriter(Some(writer)),
-            sync: BackgroundSync::default(),
-            file,
-            position,
-            flush_period: options.flush_period,
-            sync_period: options.sync_period,
-            flushed: now,
-            synced: now,
-        };
-        this.write_head(manifest, run_toml)?;
-        Ok(this)
-    }
-
-    fn write_head(&mut self, manifest: &RunManifest, run_toml: Option<&str>) -> Result<(), WriteError> {
-        self.write_with(|writer| {
-            writer.write_metadata(&head::run_metadata(manifest))?;
-            match run_toml {
-                Some(text) => writer.attach(&attachment(manifest, text)),
-                None => Ok(()),
-            }
-        })?;
-        self.file.file().sync_data().map_err(WriteError::io(self.file.partial()))?;
-        Ok(self.file.sync_name()?)
-    }
-
-    /// Writes a metadata record.
-    pub(super) fn write_metadata(&mut self, record: &Metadata) -> Result<(), WriteError> {
-        self.write_with(|writer| writer.write_metadata(record))
-    }
-
-    /// Something was recorded: without [`finish`](Self::finish) the file stays as it is, else it goes.
-    pub(super) fn keep(&mut self) {
-        self.file.keep();
+        let partial = file.partial().to_owned();
+        let io = WriteError::io(&partial);
+        let run_toml = run_toml.map(|text| (about_run_toml(manifest), text.as_bytes()));
+        let metadata: Vec<_> = [head::run_metadata(manifest)].into_iter().chain(begin).collect();
+        let (output, position) = Output::begin(Arc::clone(file.file()), &metadata, run_toml).map_err(&io)?;
+        file.file().sync_data().map_err(&io)?;
+        file.sync_name()?;
+        let queue = Queue::new(Chunks::new(Rules::of(options)));
+        let threads = Some(Threads::start(queue, output, options).map_err(&io)?);
+        let (schemas, channels) = Default::default();
+        Ok(Self { threads, schemas, channels, position, file })
     }
 
     /// Removes the file.
     pub(super) fn discard(self) {
+        if let Some(threads) = &self.threads {
+            threads.queue().give_up();
+        }
+        drop(self.threads);
         self.file.discard();
     }
 
     /// Adds the channel of `topic`.
     pub(super) fn add_channel(&mut self, topic: Topic) -> Result<ChannelId, WriteError> {
-        self.write_with(|writer| {
-            let schema = writer.add_schema(topic.message, "protobuf", topic.descriptor)?;
-            writer.add_channel(schema, topic.topic, "protobuf", &BTreeMap::new()).map(ChannelId)
-        })
+        let schema = self.add_schema(topic.message, "protobuf", topic.descriptor)?;
+        self.define_channel(schema, topic.topic, "protobuf", &BTreeMap::new())
     }
 
     /// Adds a channel like `channel` of another file.
     pub(super) fn copy_channel(&mut self, channel: &Channel) -> Result<ChannelId, WriteError> {
         let Channel { topic, message_encoding, metadata, schema } = channel;
-        self.write_with(|writer| {
-            let schema_id = match schema.name.as_str() {
-                "" => 0,
-                name => writer.add_schema(name, &schema.encoding, &schema.text)?,
-            };
-            writer.add_channel(schema_id, topic, message_encoding, metadata).map(ChannelId)
-        })
+        let schema_id = match schema.name.as_str() {
+            "" => 0,
+            name => self.add_schema(name, &schema.encoding, &schema.text)?,
+        };
+        self.define_channel(schema_id, topic, message_encoding, metadata)
+    }
+
+    fn add_schema(&mut self, name: &str, encoding: &str, text: &[u8]) -> Result<u16, WriteError> {
+        let record = |id, bytes: &mut Vec<u8>| framing::schema(bytes, id, name, encoding, text);
+        let added = self.schemas.add(record);
+        self.define(added, "schemas")
+    }
+
+    fn define_channel(
+        &mut self,
+        schema_id: u16,
+        topic: &str,
+        message_encoding: &str,
+        metadata: &BTreeMap<String, String>,
+    ) -> Result<ChannelId, WriteError> {
+        let record = |id, bytes: &mut Vec<u8>| {
+            framing::channel(bytes, id, schema_id, topic, message_encoding, metadata);
+        };
+        let added = self.channels.add(record);
+        self.define(added, "channels").map(ChannelId)
+    }
+
+    /// Writes the record of a definition, if it is a new one, and returns its number.
+    fn define(&self, added: Option<(u16, Option<Vec<u8>>)>, what: &str) -> Result<u16, WriteError> {
+        let too_many = || io::Error::other(format!("more {what} than a file can have"));
+        let (id, new) = added.ok_or_else(too_many).map_err(WriteError::io(self.path()))?;
+        if let Some(record) = new {
+            self.record(|chunks, now| chunks.open().define(&record, now))?;
+        }
+        Ok(id)
     }
 
     /// Writes a message of another file, with the times and the number in its `head`, to a channel of this one.
@@ -168,49 +205,81 @@ impl ChannelWriter {
         head: &MessageHeader,
         message: &[u8],
     ) -> Result<(), WriteError> {
-        let header = MessageHeader { channel_id, ..*head };
-        self.write_with(|writer| writer.write_to_known_channel(&header, message))
+        let head = MessageHeader { channel_id, ..*head };
+        self.record(|chunks, now| chunks.open().message(&head, message, now))
     }
 
     /// Writes a message about frame `frame` at the simulated time `time_s`.
     pub(super) fn write(
         &mut self,
-        ChannelId(channel_id): ChannelId,
+        channel: ChannelId,
         frame: u64,
         time_s: f64,
         message: &[u8],
     ) -> Result<(), WriteError> {
-        let time_ns = log_time_ns(time_s);
-        #[expect(clippy::cast_possible_truncation, reason = "the low bits: the message has it all")]
-        let sequence = frame as u32;
-        let header = MessageHeader { channel_id, sequence, log_time: time_ns, publish_time: time_ns };
-        self.write_with(|writer| writer.write_to_known_channel(&header, message))
+        let head = message_head(channel, frame, time_s);
+        self.record(|chunks, now| chunks.open().message(&head, message, now))
     }
 
-    /// Closes the open chunk if the flush period is over, and has it synced if the sync period is.
-    pub(super) fn flush_if_due(&mut self) -> Result<(), WriteError> {
-        let now = Instant::now();
-        let sync_is_due = now.duration_since(self.synced) >= self.sync_period;
-        if sync_is_due || now.duration_since(self.flushed) >= self.flush_period {
-            self.flush()?;
-        }
-        if sync_is_due {
-            self.sync.request(self.file.file()).map_err(WriteError::io(self.file.partial()))?;
-            self.synced = now;
-        }
+    /// Writes the messages that frame `frame` consists of, which stay together.
+    pub(super) fn write_frame<const N: usize>(
+        &mut self,
+        frame: u64,
+        time_s: f64,
+        messages: [(ChannelId, &[u8]); N],
+    ) -> Result<(), WriteError> {
+        self.record(|chunks, now| {
+            let open = chunks.open();
+            for (channel, message) in messages {
+                open.message(&message_head(channel, frame, time_s), message, now);
+            }
+            chunks.end_frame();
+        })?;
+        self.keep();
         Ok(())
     }
 
-    /// Closes the open chunk.
+    /// Something was recorded: without [`finish`](Self::finish) the file stays as it is, else it goes.
+    pub(super) fn keep(&mut self) {
+        self.file.keep();
+    }
+
+    fn record(&self, append: impl FnOnce(&mut Chunks, Instant)) -> Result<(), WriteError> {
+        self.queue()?.record(append).map_err(|refused| self.refused(refused))
+    }
+
+    fn queue(&self) -> Result<&Queue, WriteError> {
+        self.threads.as_ref().map(Threads::queue).ok_or_else(|| self.refused(Refused::GivenUp))
+    }
+
+    fn refused(&self, refused: Refused) -> WriteError {
+        let path = self.path().to_owned();
+        match refused {
+            Refused::Failed { source, lost_frames: 0 } => WriteError::Io { path, source },
+            Refused::Failed { source, lost_frames } => WriteError::Lost { path, source, lost_frames },
+            Refused::GivenUp => WriteError::GivenUp { path },
+        }
+    }
+
+    /// Writes what was taken so far, and waits until it is in the file.
     pub(super) fn flush(&mut self) -> Result<(), WriteError> {
-        self.write_with(mcap::Writer::flush)?;
-        self.flushed = Instant::now();
-        Ok(())
+        self.queue()?.flush().map_err(|refused| self.refused(refused))
     }
 
-    /// Bytes on the disk so far.
+    /// Writes what was taken so far, and waits until it is on the disk.
+    pub(super) fn sync(&mut self) -> Result<(), WriteError> {
+        self.flush()?;
+        self.file.file().sync_data().map_err(WriteError::io(self.path()))
+    }
+
+    /// Bytes in the file so far.
     pub(super) fn bytes_written(&self) -> u64 {
-        self.position.get()
+        self.position.load(Ordering::Relaxed)
+    }
+
+    /// Time spent waiting for the disk.
+    pub(super) fn held_back(&self) -> Duration {
+        self.queue().map_or(Duration::ZERO, Queue::held_back)
     }
 
     /// Where the bytes are.
@@ -220,82 +289,63 @@ impl ChannelWriter {
 
     /// Ends the file with the metadata `end` and gives it its name.
     pub(super) fn finish(mut self, end: &Metadata, frames: u64) -> Result<Finished, WriteError> {
-        let summary = self.write_with(|writer| {
-            writer.write_metadata(end)?;
-            writer.finish()
-        })?;
-        let bytes = self.bytes_written();
-        let uncompressed_bytes = summary.chunk_indexes.iter().map(|index| index.uncompressed_size).sum();
-        let Self { mut writer, mut sync, file, .. } = self;
-        drop(writer.0.take());
-        sync.finish().map_err(WriteError::io(file.partial()))?;
+        let held_back = self.held_back();
+        let threads = self.threads.take().ok_or_else(|| self.refused(Refused::GivenUp))?;
+        let (mut output, mut sync) = threads.end().map_err(|refused| self.refused(refused))?;
+        let Self { schemas, channels, position, file, .. } = self;
+        let partial = file.partial().to_owned();
+        let io = WriteError::io(&partial);
+        output.close(end, &schemas.records, &channels.records).map_err(&io)?;
+        sync.finish().map_err(&io)?;
+        let uncompressed_bytes = output.uncompressed_bytes();
         let path = file.publish()?;
-        Ok(Finished { path, bytes, uncompressed_bytes, frames })
-    }
-
-    /// Does `work`; if it fails, the file ends where it ended before, on a record boundary.
-    fn write_with<T>(
-        &mut self,
-        work: impl FnOnce(&mut mcap::Writer<Sink>) -> McapResult<T>,
-    ) -> Result<T, WriteError> {
-        let whole_bytes = self.bytes_written();
-        let Some(writer) = &mut self.writer.0 else {
-            return Err(WriteError::GivenUp { path: self.file.partial().to_owned() });
-        };
-        work(writer).map_err(|error| {
-            // without the end that dropping it would write
-            drop(self.writer.0.take().map(mcap::Writer::into_inner));
-            // at best: the write error is what the user has to know
-            let _ = self.file.file().set_len(whole_bytes);
-            mcap_error(&self.file, error)
-        })
+        let bytes = position.load(Ordering::Relaxed);
+        Ok(Finished { path, bytes, uncompressed_bytes, frames, held_back })
     }
 }
 
-/// A writer that, left without an end, writes its open chunk and nothing more. None once writing failed.
-struct OpenWriter(Option<mcap::Writer<Sink>>);
+impl Rules {
+    fn of(options: &WriteOptions) -> Self {
+        let WriteOptions { chunk_bytes, queue_bytes, flush_period, sync_period, .. } = *options;
+        Self { chunk_bytes, queue_bytes, flush_period, sync_period }
+    }
+}
 
-impl Drop for OpenWriter {
-    fn drop(&mut self) {
-        if let Some(mut writer) = self.0.take() {
-            // whoever wants to know calls `finish`
-            let _ = writer.flush();
-            drop(writer.into_inner());
+impl Definitions {
+    /// The number of the definition that `record` writes, and its record if it is new. None if there are too many.
+    fn add(&mut self, record: impl Fn(u16, &mut Vec<u8>)) -> Option<(u16, Option<Vec<u8>>)> {
+        let mut key = Vec::new();
+        record(0, &mut key);
+        if let Some(number) = self.numbers.get(&key) {
+            return Some((*number, None));
         }
+        let number = u16::try_from(self.records.len() + 1).ok()?;
+        let mut numbered = Vec::new();
+        record(number, &mut numbered);
+        self.numbers.insert(key, number);
+        self.records.push(numbered.clone());
+        Some((number, Some(numbered)))
     }
 }
 
-fn mcap_options(options: &WriteOptions) -> mcap::WriteOptions {
-    let (compression, level) = match options.compression {
-        Compression::None => (None, 0),
-        Compression::Zstd { level } => (Some(mcap::Compression::Zstd), level.clamp(1, 22)),
-    };
-    mcap::WriteOptions::new()
-        .profile(PROFILE)
-        .library(concat!("beadline ", env!("CARGO_PKG_VERSION")))
-        .compression(compression)
-        .compression_level(level)
-        // none beyond the caller's: chunks are too small to share out, and a run has its own use for cores
-        .compression_threads(0)
-        .chunk_size(Some(options.chunk_bytes))
-        // a chunk is written whole or not at all
-        .disable_seeking(true)
+fn message_head(ChannelId(channel_id): ChannelId, frame: u64, time_s: f64) -> MessageHeader {
+    let time_ns = log_time_ns(time_s);
+    #[expect(clippy::cast_possible_truncation, reason = "the low bits: the message has it all")]
+    let sequence = frame as u32;
+    MessageHeader { channel_id, sequence, log_time: time_ns, publish_time: time_ns }
 }
 
-fn attachment<'a>(manifest: &RunManifest, run_toml: &'a str) -> Attachment<'a> {
-    Attachment {
+fn about_run_toml(manifest: &RunManifest) -> AttachmentIndex {
+    AttachmentIndex {
+        offset: 0,
+        length: 0,
         log_time: 0,
         create_time: manifest.provenance.started_unix_ns,
+        data_size: 0,
         name: head::RUN_TOML.to_owned(),
         media_type: "application/toml".to_owned(),
-        data: Cow::Borrowed(run_toml.as_bytes()),
     }
 }
 
-fn mcap_error(file: &WholeFile, error: McapError) -> WriteError {
-    let source = match error {
-        McapError::Io(source) => source,
-        other => std::io::Error::other(other),
-    };
-    WriteError::Io { path: file.partial().to_owned(), source }
-}
+#[cfg(test)]
+mod tests;

@@ -1,11 +1,16 @@
 //! One chunk: decompressed, checked, and taken apart.
 
 use super::error::ReadError;
+use super::parse::parse_record;
 use super::records::{MAX_RECORD_BYTES, RecordReader, check_crc, chunk_header_bytes};
 use mcap::records::{Record, op};
 use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
+
+/// Most bytes that zstd makes of one: a block of 128 KiB takes 4 bytes at least. So what is reserved for a chunk is
+/// bounded by what there is of it, and not by what it claims.
+const MOST_COMPRESSED: u64 = 1 << 15;
 
 /// The records of the current chunk. Keeps its buffer from chunk to chunk.
 #[derive(Default)]
@@ -39,7 +44,7 @@ impl Chunk {
     pub(super) fn load(&mut self, offset: u64, records: &mut RecordReader) -> Result<(), ReadError> {
         let path = records.path();
         let damaged = |what: String| ReadError::damaged(path, offset, what);
-        let Ok(Record::Chunk { header, data }) = mcap::parse_record(op::CHUNK, records.body()) else {
+        let Ok(Record::Chunk { header, data }) = parse_record(op::CHUNK, records.body()) else {
             return Err(damaged("a chunk record without a chunk header".into()));
         };
         let computed = match header.compression.as_str() {
@@ -78,10 +83,12 @@ impl Chunk {
 
     fn decompress(&mut self, data: &[u8], size: u64) -> Result<(), String> {
         self.buffer.clear();
-        let room = usize::try_from(size).ok().filter(|_| size <= MAX_RECORD_BYTES);
+        let most = MAX_RECORD_BYTES.min(data.len() as u64 * MOST_COMPRESSED);
+        let room = usize::try_from(size).ok().filter(|_| size <= most);
         if room.is_none_or(|room| self.buffer.try_reserve(room).is_err()) {
             return Err(format!(
-                "a chunk of {size} bytes, more than {MAX_RECORD_BYTES} or than there is memory"
+                "a chunk of {size} bytes, more than {MAX_RECORD_BYTES}, than its {} bytes can hold or than there is memory",
+                data.len()
             ));
         }
         self.zstd

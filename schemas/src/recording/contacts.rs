@@ -52,7 +52,7 @@ impl ContactsWriter {
     /// When there is such a file or its `.partial` and `options.force` is not set, when another process
     /// writes it, when something else than a file has its name, or when the operating system refuses.
     pub fn create(path: &Path, manifest: &RunManifest, options: &WriteOptions) -> Result<Self, WriteError> {
-        let mut file = ChannelWriter::create(path, manifest, None, options)?;
+        let mut file = ChannelWriter::create(path, manifest, None, None, options)?;
         let channel = file.add_channel(proto::CONTACTS)?;
         let contacts = contact_count(manifest);
         let row = proto::ContactClasses::default();
@@ -72,11 +72,10 @@ impl ContactsWriter {
         self.row = proto::ContactClasses { frame, step, time_s, contact_count, tolerance_m, classes: packed };
         self.message.clear();
         self.row.encode_raw(&mut self.message);
-        self.file.write(self.channel, frame, time_s, &self.message)?;
+        self.file.write_frame(frame, time_s, [(self.channel, &self.message)])?;
         self.first_step.get_or_insert(step);
         self.rows += 1;
-        self.file.keep();
-        self.file.flush_if_due()
+        Ok(())
     }
 
     fn check(&self, row: &ContactsRow<'_>) -> Result<(), WriteError> {

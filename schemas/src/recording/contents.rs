@@ -2,6 +2,7 @@
 
 use super::error::ReadError;
 use super::head::{self, BeginRecord, EndRecord};
+use super::parse::{MAX_STRUCTURE_BYTES, parse_record};
 use super::records::check_crc;
 use mcap::records::{Metadata, Record, op};
 use std::collections::BTreeMap;
@@ -60,7 +61,7 @@ impl Contents {
     ) -> Result<(), ReadError> {
         match opcode {
             op::SCHEMA | op::CHANNEL => {
-                let record = mcap::parse_record(opcode, body).map_err(|error| {
+                let record = parse_record(opcode, body).map_err(|error| {
                     ReadError::damaged(path, offset, format!("a record that is none: {error}"))
                 })?;
                 self.add(record).map_err(|what| ReadError::damaged(path, offset, what))
@@ -80,6 +81,10 @@ impl Contents {
             op::ATTACHMENT => {
                 let (name, data) = parse_attachment(path, offset, body)?;
                 if name == head::RUN_TOML.as_bytes() {
+                    if data.len() > MAX_STRUCTURE_BYTES {
+                        let what = format!("a configuration of {} bytes", data.len());
+                        return Err(ReadError::damaged(path, offset, what));
+                    }
                     self.run_toml = Some(String::from_utf8_lossy(data).into_owned());
                 }
                 Ok(())
@@ -155,7 +160,7 @@ fn insert<T: PartialEq>(map: &mut BTreeMap<u16, T>, id: u16, value: T, what: &st
 }
 
 pub(super) fn parse_metadata(path: &Path, offset: u64, body: &[u8]) -> Result<Metadata, ReadError> {
-    match mcap::parse_record(op::METADATA, body) {
+    match parse_record(op::METADATA, body) {
         Ok(Record::Metadata(metadata)) => Ok(metadata),
         _ => Err(ReadError::damaged(path, offset, "metadata that is none")),
     }

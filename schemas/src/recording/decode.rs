@@ -58,10 +58,7 @@ pub(super) fn state(
 
 /// Step and frame only, whatever the arrays are.
 pub(super) fn head(message: &[u8]) -> Result<StateHead, String> {
-    let mut rest = message;
-    if let Some(head) = canonical_head(&mut rest)
-        && rest.first() == Some(&0x22)
-    {
+    if let Some(head) = canonical_of_any_length(message) {
         return Ok(head);
     }
     let state = decode(message)?;
@@ -92,6 +89,19 @@ pub(super) fn summary_head(mut message: &[u8]) -> Option<StateHead> {
 /// Whether `message` is a state of a run with these lengths, as our writer writes it.
 pub(super) fn is_canonical(message: &[u8], lengths: StateLengths) -> bool {
     canonical(message, lengths).is_some()
+}
+
+/// The head of a state after whose arrays nothing follows, which might say it again.
+fn canonical_of_any_length(message: &[u8]) -> Option<StateHead> {
+    let mut rest = message;
+    let head = canonical_head(&mut rest)?;
+    for tag in [0x22, 0x2a, 0x32] {
+        if take_tag(&mut rest, tag) {
+            let length = usize::try_from(varint(&mut rest)?).ok()?;
+            rest = rest.get(length..).filter(|_| length.is_multiple_of(8))?;
+        }
+    }
+    rest.is_empty().then_some(head)
 }
 
 type Doubles<'a> = &'a [[u8; 8]];
@@ -159,7 +169,11 @@ fn decode(message: &[u8]) -> Result<proto::ChainState, String> {
     proto::ChainState::decode(message).map_err(|error| format!("a state that is no ChainState: {error}"))
 }
 
-fn general(message: &[u8], lengths: StateLengths, doubles: &mut Vec<f64>) -> Result<StateHead, String> {
+pub(super) fn general(
+    message: &[u8],
+    lengths: StateLengths,
+    doubles: &mut Vec<f64>,
+) -> Result<StateHead, String> {
     let state = decode(message)?;
     let arrays = [
         ("displacement_m", &state.displacement_m, lengths.beads),
@@ -205,6 +219,21 @@ mod tests {
         assert_eq!(doubles, [0.25, -0.0, 1.5, -2.5]);
         assert!(doubles[1].is_sign_negative());
         assert_eq!(head(&message).expect("valid").step, 5);
+    }
+
+    #[test]
+    fn a_step_that_is_said_again_after_the_arrays_counts() {
+        let mut message = proto::ChainState {
+            step: 7,
+            displacement_m: vec![1.0, 2.0],
+            velocity_m_s: vec![0.0; 2],
+            ..Default::default()
+        }
+        .encode_to_vec();
+        assert_eq!(head(&message).expect("valid").step, 7);
+        message.extend([0x10, 9]);
+        assert_eq!(head(&message).expect("valid").step, 9);
+        assert_eq!(state(&message, LENGTHS, &mut Vec::new()).expect("valid").step, 9);
     }
 
     #[test]

@@ -43,6 +43,16 @@ pub enum WriteError {
         /// What the operating system says.
         source: io::Error,
     },
+    /// The operating system refused, and what was accepted after the last whole chunk is lost.
+    #[error("cannot write {}: the last {lost_frames} frames that were accepted are not in it", path.display())]
+    Lost {
+        /// What was written.
+        path: PathBuf,
+        /// Frames accepted, but not written.
+        lost_frames: u64,
+        /// What the operating system says.
+        source: io::Error,
+    },
     /// A frame that this recording cannot hold.
     #[error("frame {frame} (step {step}) does not fit into {}: {what}", path.display())]
     Frame {

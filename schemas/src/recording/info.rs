@@ -5,6 +5,7 @@ use super::decode;
 use super::error::ReadError;
 use super::head::{self, BeginRecord, EndRecord};
 use super::messages::MessageReader;
+use super::parse::parse_record;
 use super::proto;
 use super::records::{RawRecord, RecordReader};
 use crate::frame::EndReason;
@@ -247,11 +248,8 @@ pub(super) fn seek_summary(records: &mut RecordReader) -> Option<u64> {
 /// The next record, if it is one that a summary may hold. At the footer the section's CRC has been checked.
 pub(super) fn next_of_summary(records: &mut RecordReader) -> Option<Record<'static>> {
     let RawRecord { opcode, body, .. } = records.next().ok()??;
-    match opcode {
-        // mcap panics on short ones, and none belongs here
-        op::ATTACHMENT | op::CHUNK | op::MESSAGE => None,
-        _ => mcap::parse_record(opcode, body).ok().map(Record::into_owned),
-    }
+    // chunks do not belong here
+    (opcode != op::CHUNK).then(|| parse_record(opcode, body).ok().map(Record::into_owned))?
 }
 
 fn read_end(records: &mut RecordReader, index: &MetadataIndex) -> Option<EndRecord> {

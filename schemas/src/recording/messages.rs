@@ -8,6 +8,7 @@ use super::contents::{Channel, Contents, parse_metadata};
 use super::error::ReadError;
 use super::head;
 use super::index::ChunkPlace;
+use super::parse::parse_record;
 use super::records::{RawRecord, RecordReader};
 use super::salvage::{Damage, Salvage};
 use crate::manifest::RunManifest;
@@ -322,7 +323,7 @@ fn is_expected(opcode: u8, body: &[u8], data_end: bool) -> bool {
 fn check_profile(path: &Path, first: Option<RawRecord<'_>>) -> Result<(), ReadError> {
     let not_ours = |what: String| ReadError::NotBeadline { path: path.to_owned(), what };
     let header = first.filter(|record| record.opcode == op::HEADER);
-    match header.map(|record| mcap::parse_record(record.opcode, record.body)) {
+    match header.map(|record| parse_record(record.opcode, record.body)) {
         Some(Ok(Record::Header(header))) if header.profile == PROFILE => Ok(()),
         Some(Ok(Record::Header(header))) => {
             Err(not_ours(format!("its profile is `{}` instead of `{PROFILE}`", header.profile)))

@@ -113,7 +113,9 @@ impl PartsWriter {
     ) -> Result<Self, WriteError> {
         let mut options = *options;
         if let Some(bytes) = split.bytes {
+            // what is not on the disk yet is not counted
             options.chunk_bytes = options.chunk_bytes.min(bytes / 8); // integers
+            options.queue_bytes = options.queue_bytes.min(bytes / 8); // integers
         }
         let begin = BeginRecord { first_step, ..BeginRecord::default() };
         let mut parts = Self {
@@ -190,8 +192,9 @@ impl PartsWriter {
 
     /// Most bytes that may wait in memory to be written.
     pub fn most_pending_bytes(&self) -> u64 {
-        // a chunk that is open and one that is being written, each longer than its limit by a state
-        2 * (self.options.chunk_bytes + 16 * self.manifest.frame_doubles() as u64)
+        // chunks that are open, that wait and that are being written; each is longer than its limit by a state
+        let chunk_bytes = self.options.chunk_bytes + 8 * self.manifest.frame_doubles() as u64;
+        self.options.queue_bytes + 4 * chunk_bytes
     }
 
     /// Removes the open part: for a recorder that got nothing.

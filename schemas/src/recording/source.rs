@@ -150,7 +150,8 @@ impl RecordingSource {
         for _ in 1..before {
             self.next_head()?;
         }
-        (self.accounted, self.read) = (last.checked_sub(1), None);
+        let begin = self.messages.contents().begin.first_step;
+        (self.accounted, self.read) = (last.checked_sub(1).filter(|before| *before >= begin), None);
         self.advance()
     }
 

@@ -12,6 +12,7 @@ use crate::manifest::RunManifest;
 use crate::summary::Summarizer;
 use prost::Message;
 use std::path::Path;
+use std::time::Duration;
 
 /// Records the frames of one run.
 ///
@@ -67,10 +68,7 @@ impl RecordingWriter {
         begin: &BeginRecord,
         options: &WriteOptions,
     ) -> Result<Self, WriteError> {
-        let mut file = ChannelWriter::create(path, manifest, run_toml, options)?;
-        if let Some(begin) = begin.metadata() {
-            file.write_metadata(&begin)?;
-        }
+        let mut file = ChannelWriter::create(path, manifest, begin.metadata(), run_toml, options)?;
         let chain = file.add_channel(proto::CHAIN)?;
         let state = file.add_channel(proto::STATE)?;
         let summary = file.add_channel(proto::SUMMARY)?;
@@ -143,7 +141,7 @@ impl RecordingWriter {
         self.rows[kind.index()] = Some(RowChannel { id, last_step: row.step });
         self.file.write(id, row.frame, row.time_s, &self.message)?;
         self.file.keep();
-        self.file.flush_if_due()
+        Ok(())
     }
 
     /// SHA-256 of the state encoded last, in hex; none before the first.
@@ -154,8 +152,8 @@ impl RecordingWriter {
         Some(head::state_hash(step, &doubles))
     }
 
-    /// Closes the open chunk now, so that a kill costs none of the frames accepted so far. Frames flush
-    /// themselves by [`WriteOptions::flush_period`]; this is for a run that pauses.
+    /// Writes the frames accepted so far, and waits until a kill costs none of them. They are written within
+    /// [`WriteOptions::flush_period`] anyway.
     ///
     /// # Errors
     /// When writing fails.
@@ -163,9 +161,22 @@ impl RecordingWriter {
         self.file.flush()
     }
 
+    /// Like [`flush`](Self::flush), and waits until a power failure costs none of them, either.
+    ///
+    /// # Errors
+    /// When writing fails.
+    pub fn sync(&mut self) -> Result<(), WriteError> {
+        self.file.sync()
+    }
+
     /// The channels beside those of the frames.
     pub(super) fn channels(&mut self) -> &mut ChannelWriter {
         &mut self.file
+    }
+
+    /// Time spent waiting for the disk: frames are accepted until [`WriteOptions::queue_bytes`] wait for it.
+    pub fn held_back(&self) -> Duration {
+        self.file.held_back()
     }
 
     /// Bytes on the disk so far.
@@ -207,21 +218,20 @@ impl FrameSink for RecordingWriter {
     /// ([`RunManifest::is_recorded`], and the last frame of a run that is interrupted).
     ///
     /// # Errors
-    /// When the frame is not one of this run or not after the frame before, or when writing fails; the
-    /// file then ends with the last whole chunk.
+    /// When the frame is not one of this run or not after the frame before, or when writing this one or one
+    /// before it fails; the file then ends with the last whole chunk.
     fn accept(&mut self, frame: &Frame<'_>) -> Result<(), WriteError> {
         self.check(frame)?;
-        let is_frame = self.manifest.is_frame(frame.step);
-        self.file.write(self.state, frame.frame, frame.time_s, self.encoder.encode(frame, is_frame))?;
         let summary = self.summarizer.summarize(frame);
         self.message.clear();
         encode::summary(frame, &summary).encode_raw(&mut self.message);
-        self.file.write(self.summary, frame.frame, frame.time_s, &self.message)?;
+        let is_frame = self.manifest.is_frame(frame.step);
+        let messages = [(self.state, self.encoder.encode(frame, is_frame)), (self.summary, &self.message)];
+        self.file.write_frame(frame.frame, frame.time_s, messages)?;
         self.frames += 1;
-        self.file.keep();
         self.first_step.get_or_insert(frame.step);
         self.last_step = Some(frame.step);
-        self.file.flush_if_due()
+        Ok(())
     }
 }
 

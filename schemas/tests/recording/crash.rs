@@ -1,6 +1,8 @@
 //! What is left when writing stops: by a kill, by an error, in the middle of anything.
 
-use crate::run::{RUN_TOML, for_each_frame, manifest, options, put, read_all, temp_dir, write_recording};
+use crate::run::{
+    RUN_TOML, for_each_frame, manifest, options, put, read_all, temp_dir, with_causes, write_recording,
+};
 use schemas::frame::{EndReason, FrameSink};
 use schemas::recording::{
     Compression, ReadError, RecordingInfo, RecordingSource, RecordingWriter, WriteError, WriteOptions,
@@ -8,7 +10,7 @@ use schemas::recording::{
 use std::fs;
 use std::path::Path;
 use std::process::Command;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 #[test]
 fn a_kill_costs_only_what_was_not_flushed() {
@@ -55,6 +57,65 @@ fn frames_do_not_wait_longer_than_the_flush_period() {
         let info = RecordingInfo::read(writer.partial_path()).unwrap();
         assert_eq!((info.last_step, info.frames()), (Some(frame.step), frame.frame + 1));
     });
+}
+
+/// Also when no other frame comes, and nobody asks.
+#[test]
+fn a_frame_is_written_when_the_flush_period_is_over() {
+    let (_directory, path) = temp_dir();
+    let manifest = manifest(9, 1, 1);
+    let soon = WriteOptions { flush_period: Duration::from_millis(20), ..options() };
+    let mut writer = RecordingWriter::create(&path, &manifest, RUN_TOML, &soon).unwrap();
+    let head_bytes = writer.bytes_written();
+    for_each_frame(&manifest, |frame| {
+        if frame.step < 3 {
+            writer.accept(frame).unwrap();
+        }
+    });
+    let start = Instant::now();
+    while writer.bytes_written() == head_bytes {
+        assert!(start.elapsed() < Duration::from_mins(1), "nothing was written");
+        std::thread::yield_now();
+    }
+    writer.flush().unwrap();
+    assert_eq!(RecordingInfo::read(writer.partial_path()).unwrap().frames(), 3);
+}
+
+/// A disk that cannot keep up holds the recording thread back: nothing is lost, no more than the queue waits in
+/// memory, and the time is counted.
+#[test]
+fn a_slow_disk_holds_the_producer_back_and_loses_nothing() {
+    let (_directory, path) = temp_dir();
+    let manifest = manifest(200, 1, 1);
+    let delay = Duration::from_millis(5);
+    let slow = WriteOptions {
+        compression: Compression::None,
+        queue_bytes: 12_000,
+        flush_period: Duration::from_hours(1),
+        slow_disk: delay,
+        ..options()
+    };
+    let mut writer = RecordingWriter::create(&path, &manifest, RUN_TOML, &slow).unwrap();
+    let (mut accepted_bytes, mut most_waiting, mut state_bytes) = (0_u64, 0, 0);
+    for_each_frame(&manifest, |frame| {
+        writer.accept(frame).unwrap();
+        state_bytes = 16 * frame.u_m.len() as u64;
+        accepted_bytes += state_bytes;
+        most_waiting = most_waiting.max(accepted_bytes.saturating_sub(writer.bytes_written()));
+    });
+    // the queue and the open chunk, each of which ends with a whole frame
+    let bound = 12_000 + 4_000 + 2 * 2 * state_bytes;
+    assert!(most_waiting > 8_000 && most_waiting < bound, "{most_waiting} bytes waited, {bound} may");
+    // some 40 chunks, of which all but those that may wait were waited for
+    assert!(writer.held_back() > 20 * delay, "{:?}", writer.held_back());
+    let finished = writer.finish(EndReason::Complete).unwrap();
+    assert!(finished.held_back > 20 * delay);
+    let (steps, missed, end) = read_all(&mut RecordingSource::open(&path).unwrap());
+    assert_eq!((steps.len(), missed.len(), end.unwrap()), (201, 0, EndReason::Complete));
+
+    // a disk that keeps up holds nobody back
+    let path = path.with_extension("fast.mcap");
+    assert_eq!(write_recording(&path, &manifest, &WriteOptions::default()).held_back, Duration::ZERO);
 }
 
 #[test]
@@ -111,22 +172,28 @@ fn a_full_disk_is_an_error_and_what_was_recorded_stays() {
 fn record_with_little_space(directory: &Path) {
     let path = directory.join("test.mcap");
     let manifest = manifest(300, 1, 1);
-    let mut writer = RecordingWriter::create(&path, &manifest, RUN_TOML, &options()).unwrap();
+    // nothing but a chunk may wait, so that the error comes while there are frames to come
+    let options = WriteOptions { queue_bytes: 0, ..options() };
+    let mut writer = RecordingWriter::create(&path, &manifest, RUN_TOML, &options).unwrap();
     let (mut accepted, mut errors) = (0, Vec::new());
     for_each_frame(&manifest, |frame| match writer.accept(frame) {
         Ok(()) => accepted += 1,
         Err(error) => errors.push(error),
     });
-    assert!(matches!(errors[0], WriteError::Io { .. }), "{}", errors[0]);
-    assert!(errors[0].to_string().contains("test.mcap.partial"), "{}", errors[0]);
+    let WriteError::Lost { lost_frames, .. } = errors[0] else { panic!("{}", errors[0]) };
+    let message = with_causes(&errors[0]);
+    for word in ["test.mcap.partial", "File too large", &format!("{lost_frames} frames")] {
+        assert!(message.contains(word), "{message}");
+    }
     assert!(errors[1..].iter().all(|error| matches!(error, WriteError::GivenUp { .. })));
     assert!(matches!(writer.finish(EndReason::Failed), Err(WriteError::GivenUp { .. })));
     assert!(!path.exists());
     let partial = path.with_extension("mcap.partial");
     let (steps, _, end) = read_all(&mut RecordingSource::open(&partial).unwrap());
     assert_eq!(end.unwrap(), EndReason::Unfinished);
-    // only the chunk that did not fit is lost
-    assert!(steps.len() + 8 >= accepted && steps.len() > 20, "{} of {accepted}", steps.len());
+    // what did not fit, and what was waiting behind it, is counted
+    assert_eq!(steps.len() as u64 + lost_frames, accepted, "{} are there", steps.len());
+    assert!(steps.len() > 20 && lost_frames < 30, "{lost_frames} of {accepted}");
     fs::write(directory.join("failed-as-it-should"), "").unwrap();
 }
 

@@ -1,0 +1,257 @@
+//! Recomputing on several threads: each takes a stretch between recorded states.
+
+mod stretch;
+
+use super::{Difference, Lend, OtherKernel, ResimulationError, check_kernel, difference};
+use crate::state::ChainState;
+use schemas::frame::{EndReason, Frame, FrameSource, Received};
+use schemas::manifest::RunManifest;
+use std::collections::VecDeque;
+use std::num::NonZero;
+use std::sync::Arc;
+use std::sync::mpsc::Receiver;
+use stretch::{Block, Piece, Stretch, Workers};
+
+/// How much is kept in memory at most.
+#[derive(Debug, Clone, Copy)]
+struct Limits {
+    /// A stretch covers at least this many steps, unless its recorded states have [`Self::stretch_doubles`].
+    stretch_steps: u64,
+    /// The doubles of the recorded states of a stretch, or two states.
+    stretch_doubles: usize,
+    /// The doubles of the recomputed states that are handed over at once, or one state.
+    block_doubles: usize,
+    /// The doubles of all recomputed states that wait to be lent, or two blocks for each stretch.
+    waiting_doubles: usize,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        // 4 MiB, 1 MiB and 128 MiB
+        Self {
+            stretch_steps: 256,
+            stretch_doubles: 1 << 19,
+            block_doubles: 1 << 17,
+            waiting_doubles: 1 << 24,
+        }
+    }
+}
+
+/// What a [`Resimulation`](super::Resimulation) is, computed ahead by several threads: the same states in the
+/// same order, the same gaps, errors and end.
+///
+/// It reads its source ahead, so that it suits files and not live runs. At most one stretch more than there
+/// are threads is in work. Memory is bounded: 128 MiB of recomputed states, or two blocks for each stretch if that
+/// is more (a block is 1 MiB, or one state), and 4 MiB of recorded states for each stretch, or two of
+/// them. A stretch whose states do not fit into its share is computed while it is being lent.
+#[derive(Debug)]
+pub struct ParallelResimulation<S: FrameSource> {
+    source: S,
+    limits: Limits,
+    /// What comes next, in order. Before the workers, so that none waits for room in it when they are dropped.
+    upcoming: VecDeque<Upcoming<S::Error>>,
+    workers: Workers,
+    /// The recorded states of the next stretch so far; the first is the last one of the stretch before.
+    states: Vec<ChainState>,
+    /// The first of them has not been handed out before.
+    is_first: bool,
+    /// The step of the last frame that was missed.
+    missed_until: u64,
+    /// States to be lent, and how many of them have been.
+    block: Block,
+    lent_count: usize,
+}
+
+#[derive(Debug)]
+enum Upcoming<E> {
+    /// States, as they are computed.
+    States(Receiver<Piece>),
+    /// Missing, with nothing to compute them from.
+    Missed {
+        from: u64,
+        to: u64,
+    },
+    Differs(Difference),
+    /// The source failed; it is asked again after this.
+    Failed(E),
+    End(EndReason),
+}
+
+impl<S: FrameSource> ParallelResimulation<S> {
+    /// Lends everything from the first state that `source` delivers, with `threads` threads that recompute,
+    /// beside this one that reads and lends.
+    ///
+    /// # Errors
+    /// When the run was computed by another dynamics.
+    pub fn new(source: S, lend: Lend, threads: NonZero<usize>) -> Result<Self, OtherKernel> {
+        Self::with_limits(source, lend, threads, Limits::default())
+    }
+
+    /// Lends everything from step 0, whenever the source begins.
+    ///
+    /// # Errors
+    /// As [`ParallelResimulation::new`].
+    pub fn from_start(source: S, lend: Lend, threads: NonZero<usize>) -> Result<Self, OtherKernel> {
+        Ok(Self::new(source, lend, threads)?.with_initial_state())
+    }
+
+    /// The initial state comes first, like a state that the source delivers.
+    fn with_initial_state(mut self) -> Self {
+        self.states.push(ChainState::initial(&self.source.manifest().physics));
+        self
+    }
+
+    fn with_limits(
+        source: S,
+        lend: Lend,
+        threads: NonZero<usize>,
+        limits: Limits,
+    ) -> Result<Self, OtherKernel> {
+        check_kernel(source.manifest())?;
+        let workers = Workers::new(Arc::new(source.manifest().clone()), lend, threads, &limits);
+        Ok(Self {
+            source,
+            limits,
+            upcoming: VecDeque::new(),
+            workers,
+            states: Vec::new(),
+            is_first: true,
+            missed_until: 0,
+            block: Block::default(),
+            lent_count: 0,
+        })
+    }
+
+    /// Lends nothing before step `first_step`: what the source delivers before it is only computed on from.
+    #[must_use]
+    pub fn lending_from(mut self, first_step: u64) -> Self {
+        self.workers.lend_from(first_step);
+        self
+    }
+
+    /// Reads until all threads have enough to do, or nothing more is to be read for now.
+    fn read_ahead(&mut self) {
+        while self.workers.have_room() && !matches!(self.upcoming.back(), Some(last) if last.ends_reading()) {
+            match self.source.receive() {
+                Ok(Received::Frame(frame)) => match self.states.last() {
+                    // the initial state was lent before
+                    Some(last) if last.step == frame.step => {
+                        if let Some(difference) = difference(last, &frame, None) {
+                            self.hand_out(None);
+                            self.upcoming.push_back(Upcoming::Differs(difference));
+                        }
+                    }
+                    _ => {
+                        self.states.push(ChainState::of_frame(&frame));
+                        if self.is_enough() {
+                            self.hand_out(None);
+                        }
+                    }
+                },
+                Ok(Received::Missed { from, to }) if self.states.is_empty() => {
+                    self.upcoming.push_back(Upcoming::Missed { from, to });
+                }
+                Ok(Received::Missed { to, .. }) => {
+                    self.missed_until = self.source.manifest().step_of_frame(to);
+                }
+                Ok(Received::End(reason)) => {
+                    self.hand_out(Some(self.missed_until));
+                    self.upcoming.push_back(Upcoming::End(reason));
+                }
+                Err(error) => {
+                    self.hand_out(None);
+                    self.upcoming.push_back(Upcoming::Failed(error));
+                }
+            }
+        }
+    }
+
+    /// Whether the recorded states read so far make a stretch.
+    fn is_enough(&self) -> bool {
+        let (Some(first), Some(last)) = (self.states.first(), self.states.last()) else { return false };
+        let doubles = self.states.len() * self.source.manifest().frame_doubles();
+        let many = self.states.len() > 1 && doubles >= self.limits.stretch_doubles;
+        many || last.step - first.step >= self.limits.stretch_steps
+    }
+
+    /// Has the steps between the recorded states read so far computed, and those up to `until`.
+    fn hand_out(&mut self, until: Option<u64>) {
+        let Some(last) = self.states.last() else { return };
+        let is_tail = until.is_some_and(|until| until > last.step);
+        if self.states.len() > 1 || self.is_first || is_tail {
+            let (until, next) = (until.unwrap_or(last.step), last.clone());
+            let states = std::mem::replace(&mut self.states, vec![next]);
+            let stretch = Stretch { states, lends_first: self.is_first, until };
+            self.upcoming.push_back(Upcoming::States(self.workers.take(stretch)));
+            self.is_first = false;
+        }
+    }
+
+    /// Gets the next states to be lent, or what there is instead.
+    fn advance(&mut self) -> Result<Option<Received<'static>>, ResimulationError<S::Error>> {
+        self.workers.give_back(std::mem::take(&mut self.block));
+        self.lent_count = 0;
+        self.read_ahead();
+        match self.upcoming.pop_front() {
+            Some(Upcoming::States(pieces)) => match pieces.recv() {
+                Ok(Piece::Block(block)) => {
+                    self.block = block;
+                    self.upcoming.push_front(Upcoming::States(pieces));
+                }
+                Ok(Piece::Differs(difference)) => return self.refuse(difference),
+                Ok(Piece::Done) => self.workers.done(),
+                Err(_) => self.workers.resume_panic(),
+            },
+            Some(Upcoming::Missed { from, to }) => return Ok(Some(Received::Missed { from, to })),
+            Some(Upcoming::Differs(difference)) => return self.refuse(difference),
+            Some(Upcoming::Failed(error)) => return Err(ResimulationError::Source(error)),
+            Some(Upcoming::End(reason)) => {
+                self.upcoming.push_front(Upcoming::End(reason));
+                return Ok(Some(Received::End(reason)));
+            }
+            None => {}
+        }
+        Ok(None)
+    }
+
+    /// What comes after a state that is wrong is not trusted.
+    fn refuse<T>(&mut self, difference: Difference) -> Result<T, ResimulationError<S::Error>> {
+        self.workers.stop();
+        self.upcoming.clear();
+        self.upcoming.push_back(Upcoming::End(EndReason::Unfinished));
+        Err(ResimulationError::Differs(difference))
+    }
+
+    /// State number `lent_count` of the block, before this one was counted.
+    fn lend(&self) -> Frame<'_> {
+        let manifest = self.source.manifest();
+        self.block.frame(self.lent_count - 1, manifest)
+    }
+}
+
+impl<E> Upcoming<E> {
+    fn ends_reading(&self) -> bool {
+        matches!(self, Self::Differs(_) | Self::Failed(_) | Self::End(_))
+    }
+}
+
+impl<S: FrameSource> FrameSource for ParallelResimulation<S> {
+    type Error = ResimulationError<S::Error>;
+
+    fn manifest(&self) -> &RunManifest {
+        self.source.manifest()
+    }
+
+    fn receive(&mut self) -> Result<Received<'_>, Self::Error> {
+        while self.lent_count == self.block.len() {
+            if let Some(other) = self.advance()? {
+                return Ok(other);
+            }
+        }
+        self.lent_count += 1;
+        Ok(Received::Frame(self.lend()))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,115 @@
+//! Writing an unfinished file again, in the place where it is, without ever having less of it.
+//!
+//! It is renamed to `<name>.interrupted`, read there while `<name>.partial` is written anew, and removed when that has
+//! everything that it had. Whatever happens in between, one of the two is whole.
+
+use super::{OFlags, WholeFileError, is_at, naming, regular_file_at};
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::{Path, PathBuf};
+
+/// What a name ends with while the file is written.
+const PARTIAL: &str = ".partial";
+
+/// What a name ends with while the file is written again.
+const ASIDE: &str = ".interrupted";
+
+/// The three names of a file: the one that it will have, and those while it is written, and written again.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Names {
+    /// The name that it will have.
+    pub whole: PathBuf,
+    /// Its name while it is written.
+    pub partial: PathBuf,
+    /// Its name while it is written again.
+    pub aside: PathBuf,
+}
+
+impl Names {
+    /// Of the file that `path`, one of the three, is about.
+    pub fn of(path: &Path) -> Self {
+        let text = path.as_os_str().to_string_lossy();
+        let ends = [PARTIAL, ASIDE].into_iter().find(|ending| text.ends_with(ending));
+        match ends {
+            Some(_) => Self::of_whole(&path.with_extension("")),
+            None => Self::of_whole(path),
+        }
+    }
+
+    /// Of the file that will be called `whole`.
+    pub(super) fn of_whole(whole: &Path) -> Self {
+        let with = |ending| {
+            let mut name = OsString::from(whole);
+            name.push(ending);
+            PathBuf::from(name)
+        };
+        Self { whole: whole.to_owned(), partial: with(PARTIAL), aside: with(ASIDE) }
+    }
+}
+
+/// An unfinished file that is to be read, and perhaps written again. Nobody else writes it as long as this lives.
+#[derive(Debug)]
+pub struct LockedFile {
+    path: PathBuf,
+    file: File,
+}
+
+impl LockedFile {
+    /// Locks the file at `path`.
+    ///
+    /// # Errors
+    /// When there is none, when it is none that could be replaced, or when another process writes it.
+    pub fn open(path: &Path) -> Result<Self, WholeFileError> {
+        let io = WholeFileError::io(path);
+        if !regular_file_at(path)? {
+            return Err(io(io::ErrorKind::NotFound.into()));
+        }
+        let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits();
+        #[expect(clippy::cast_possible_wrap, reason = "the same bits, as the standard library wants them")]
+        let flags = flags as i32;
+        let open = |write| OpenOptions::new().read(true).write(write).custom_flags(flags).open(path);
+        // locks need a file open for writing on some file systems; one that may only be read can be copied elsewhere
+        let file = open(true).or_else(|_| open(false)).map_err(&io)?;
+        if let Err(TryLockError::WouldBlock) = file.try_lock() {
+            return Err(WholeFileError::Busy { path: path.to_owned() });
+        }
+        Ok(Self { path: path.to_owned(), file })
+    }
+
+    /// Where it is now.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Gives it another name, which must be free, durably.
+    ///
+    /// # Errors
+    /// When the operating system refuses, or when it is not there any more.
+    pub fn rename(&mut self, to: &Path) -> Result<(), WholeFileError> {
+        if !is_at(&self.file, &self.path) {
+            return Err(WholeFileError::Gone { partial: self.path.clone() });
+        }
+        match naming::rename_new(&self.path, to) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+                return Err(WholeFileError::Exists { path: to.to_owned() });
+            }
+            renamed => renamed.map_err(WholeFileError::io(&self.path))?,
+        }
+        to.clone_into(&mut self.path);
+        naming::sync_directory(to)
+    }
+
+    /// Removes it, durably.
+    ///
+    /// # Errors
+    /// When the operating system refuses, or when it is not there any more.
+    pub fn remove(self) -> Result<(), WholeFileError> {
+        if !is_at(&self.file, &self.path) {
+            return Err(WholeFileError::Gone { partial: self.path });
+        }
+        fs::remove_file(&self.path).map_err(WholeFileError::io(&self.path))?;
+        naming::sync_directory(&self.path)
+    }
+}

@@ -1,0 +1,145 @@
+//! `beadline replay FILE`: publish a recording again.
+
+mod stage;
+mod summary;
+
+use crate::args::{Pace, ReplayArgs};
+use crate::display::{self, count, seconds};
+use crate::failure::{BadInput, Done, Failure};
+use crate::keyboard::Keyboard;
+use crate::publishing;
+use crate::source::{Frames, Source, SourceFailure};
+use anyhow::{Context as _, anyhow};
+use producer::replay::{BeginError, Replay, ReplayOutcome, Window, is_sparse, published_manifest};
+use producer::resimulation::{Lend, check_kernel};
+use schemas::bus::PublishOptions;
+use schemas::frame::{EndReason, FrameSource};
+use schemas::recording::RecordingInfo;
+use stage::Stage;
+use std::num::NonZero;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use summary::Summary;
+
+pub(crate) fn replay(args: &ReplayArgs) -> Result<Done, Failure> {
+    let window = window(args)?;
+    let (keyboard, stop) = Keyboard::open()?;
+    let mut summary = Summary::new(args);
+    loop {
+        let Some(replay) = begin(args, window, &stop)? else { break };
+        if summary.loops == 0 {
+            announce(args, &replay);
+            summary.name(replay.manifest());
+        }
+        let Some(outcome) = publish(args, replay, keyboard.as_ref(), &stop, &mut summary)? else { break };
+        let broken = outcome.broken.is_some();
+        summary.add(outcome);
+        if !args.again || broken || stop.load(Ordering::Relaxed) {
+            break;
+        }
+    }
+    // the terminal shows what is said from here on, and what is typed
+    drop(keyboard);
+    summary.report(args)
+}
+
+/// The part to publish.
+fn window(args: &ReplayArgs) -> Result<Window, Failure> {
+    let window = Window { from_s: args.from, until_s: args.until.unwrap_or(f64::INFINITY) };
+    if window.from_s > window.until_s {
+        let message = format!("--from {} is after --until {}", window.from_s, window.until_s);
+        return Err(Failure::BadInput(anyhow!(message)));
+    }
+    Ok(window)
+}
+
+/// The recording at the first frame to be published; none if we were stopped before.
+fn begin(
+    args: &ReplayArgs,
+    window: Window,
+    stop: &Arc<AtomicBool>,
+) -> Result<Option<Replay<Frames>>, Failure> {
+    let mut source = Source::open(&args.file, stop)?;
+    let manifest = published_manifest(source.manifest(), args.name.clone(), args.every_step);
+    let first_step = manifest.physics.step_at_or_after(window.from_s);
+    source.seek(first_step)?;
+    let frames = if is_sparse(source.manifest(), &manifest) {
+        let context = || format!("{} does not hold every frame to be published", args.file.display());
+        check_kernel(&manifest).with_context(context).bad_input()?;
+        // each step, so that there is something to do between frames; by this thread, because others would
+        // compute ahead, and hold more in memory than a chunk
+        Frames::recomputed(source, Lend::Steps, false, first_step, Some(NonZero::<usize>::MIN))?
+    } else {
+        Frames::as_they_come(source)
+    };
+    let go_on =
+        || if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+    match Replay::begin(frames, manifest, window, go_on) {
+        Ok(replay) => Ok(Some(replay)),
+        Err(BeginError::Stopped) => Ok(None),
+        Err(error @ BeginError::NoFrame(_)) => {
+            let range = RecordingInfo::read(&args.file).bad_input()?.time_range_s();
+            let range =
+                range.map_or("nothing".to_owned(), |(first_s, last_s)| format!("{first_s} s to {last_s} s"));
+            Err(Failure::BadInput(anyhow!("{}: {error}; recorded is {range}", args.file.display())))
+        }
+        Err(error) => Err(error).bad_input(),
+    }
+}
+
+/// Says what is published.
+fn announce(args: &ReplayArgs, replay: &Replay<Frames>) {
+    let manifest = replay.manifest();
+    display::notice_of_version(manifest);
+    let from = match replay.first_frame() {
+        0 => String::new(),
+        frame => format!(" from frame {} ({})", count(frame), seconds(replay.first_time_s())),
+    };
+    let recomputed =
+        if replay.is_recomputed() { "; frames that it does not hold are recomputed" } else { "" };
+    let (file, name) = (args.file.display(), &manifest.provenance.name);
+    display::notice(format_args!("{file} is published as {name}{from}{recomputed}"));
+}
+
+/// Publishes it once, as a stream of its own; none if we were stopped before the first frame.
+fn publish(
+    args: &ReplayArgs,
+    replay: Replay<Frames>,
+    keyboard: Option<&Keyboard>,
+    stop: &Arc<AtomicBool>,
+    summary: &mut Summary,
+) -> Result<Option<ReplayOutcome<SourceFailure>>, Failure> {
+    let options = PublishOptions {
+        first_frame: replay.first_frame(),
+        stuck_after: Duration::from_secs_f64(args.stall_timeout),
+        stop: Arc::clone(stop),
+        ..PublishOptions::default()
+    };
+    let wait_for = args.wait_for.unwrap_or(usize::from(args.rate == Pace::Max));
+    let mut publisher = publishing::open(replay.manifest(), &options, wait_for)?;
+    if wait_for > 0 && args.wait_for.is_none() && summary.loops == 0 {
+        let name = &replay.manifest().provenance.name;
+        display::notice(format_args!(
+            "start an analysis, such as `beadline energies live:{name}`; `--wait-for 0` does not wait for one"
+        ));
+    }
+    if !publishing::wait_for_consumers(wait_for, &mut publisher, stop)? {
+        publisher.finish(EndReason::Interrupted)?;
+        return Ok(None);
+    }
+    let mut stage = Stage::new(&replay, summary, keyboard, Arc::clone(stop));
+    let played = replay.play(&mut publisher, &mut stage);
+    let reason = played.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
+    summary.take(stage.leave(&mut publisher));
+    let counts = if args.again {
+        // the next stream must not take the name from those that still read this one
+        publisher.finish_and_wait(reason, stop, options.stuck_after)
+    } else {
+        publisher.finish(reason)
+    };
+    let outcome = played?;
+    summary.count(&counts?);
+    Ok(Some(outcome))
+}

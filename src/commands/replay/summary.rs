@@ -1,0 +1,139 @@
+//! What a replay leaves behind, in numbers.
+
+use super::stage::Left;
+use crate::args::{Pace, ReplayArgs};
+use crate::display::{self, count, duration};
+use crate::failure::{Done, Failure};
+use crate::source::SourceFailure;
+use producer::replay::{Broken, ReplayOutcome};
+use schemas::bus::PublishCounts;
+use schemas::frame::EndReason;
+use schemas::manifest::{RunId, RunManifest};
+use schemas::run_name::RunName;
+use serde_json::json;
+use std::time::Duration;
+
+/// All loops of a replay.
+pub(super) struct Summary {
+    /// Times that it was published.
+    pub(super) loops: u64,
+    /// The pace for the next loop.
+    pub(super) pace: Pace,
+    run: Option<(RunName, RunId)>,
+    first_frame: Option<u64>,
+    last_step: Option<u64>,
+    published_count: u64,
+    reason: EndReason,
+    broken: Option<Broken<SourceFailure>>,
+    held_back: Duration,
+    evicted: u64,
+    dropped: Vec<String>,
+    wall: Duration,
+    paused: Duration,
+}
+
+impl Summary {
+    pub(super) fn new(args: &ReplayArgs) -> Self {
+        Self {
+            loops: 0,
+            pace: args.rate,
+            run: None,
+            first_frame: None,
+            last_step: None,
+            published_count: 0,
+            reason: EndReason::Interrupted,
+            broken: None,
+            held_back: Duration::ZERO,
+            evicted: 0,
+            dropped: Vec::new(),
+            wall: Duration::ZERO,
+            paused: Duration::ZERO,
+        }
+    }
+
+    /// Which run it is.
+    pub(super) fn name(&mut self, manifest: &RunManifest) {
+        self.run = Some((manifest.provenance.name.clone(), manifest.provenance.run_id));
+    }
+
+    pub(super) fn take(&mut self, left: Left) {
+        self.pace = left.pace;
+        self.dropped.extend(left.dropped.names);
+        self.wall += left.wall;
+        self.paused += left.paused;
+    }
+
+    pub(super) fn count(&mut self, counts: &PublishCounts) {
+        self.held_back += counts.held_back;
+        self.evicted += counts.evicted;
+    }
+
+    pub(super) fn add(&mut self, outcome: ReplayOutcome<SourceFailure>) {
+        self.loops += 1;
+        self.first_frame.get_or_insert(outcome.first_frame);
+        self.last_step = outcome.last_step;
+        self.published_count += outcome.published_count;
+        self.reason = outcome.reason;
+        self.broken = outcome.broken;
+    }
+
+    /// Prints it, and says whether anything was lost.
+    pub(super) fn report(self, args: &ReplayArgs) -> Result<Done, Failure> {
+        if self.loops == 0 {
+            display::notice("stopped before the replay began");
+            return Ok(Done::Whole);
+        }
+        if args.json {
+            display::print_json(&self.json(args))?;
+        } else {
+            display::print(self.text(args))?;
+        }
+        if let Some(broken) = self.broken {
+            display::notice(format_args!(
+                "{:#}: consumers were told that the run failed",
+                anyhow::Error::new(broken)
+            ));
+        } else if self.reason == EndReason::Unfinished {
+            display::notice(
+                "the recording was not closed: consumers were told that the run failed where it ends",
+            );
+        }
+        Ok(Done::whole_if(self.reason.is_orderly() && self.evicted == 0))
+    }
+
+    fn text(&self, args: &ReplayArgs) -> String {
+        let mut rows = vec![
+            ("frames published", count(self.published_count).to_string()),
+            ("wall time", duration(self.wall)),
+            ("held back by consumers", duration(self.held_back)),
+        ];
+        if self.loops > 1 {
+            rows.insert(0, ("loops", count(self.loops).to_string()));
+        }
+        if self.paused > Duration::ZERO {
+            rows.push(("paused", duration(self.paused)));
+        }
+        if self.evicted > 0 {
+            rows.push(("consumers dropped", format!("{} that took nothing for too long", self.evicted)));
+        }
+        display::rows(&format!("{} replayed: {}", args.file.display(), self.reason), &rows)
+    }
+
+    fn json(&self, args: &ReplayArgs) -> serde_json::Value {
+        json!({
+            "run": self.run.as_ref().map(|(name, _)| name),
+            "run_id": self.run.as_ref().map(|(_, id)| id),
+            "path": args.file,
+            "end": self.reason.as_str(),
+            "loops": self.loops,
+            "first_frame": self.first_frame,
+            "last_step": self.last_step,
+            "frames_published": self.published_count,
+            "wall_s": self.wall.as_secs_f64(),
+            "paused_s": self.paused.as_secs_f64(),
+            "held_back_s": self.held_back.as_secs_f64(),
+            "consumers_dropped": self.dropped,
+            "failure": self.broken.as_ref().map(ToString::to_string),
+        })
+    }
+}

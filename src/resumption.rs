@@ -1,0 +1,205 @@
+//! What is needed to go on with an interrupted run: its recording, written again up to where it ends.
+
+use crate::display::{self, count};
+use crate::failure::{BadInput, Failure};
+use anyhow::anyhow;
+use producer::resimulation::check_kernel;
+use producer::state::ChainState;
+use schemas::bus::StatePublisher;
+use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
+use schemas::manifest::RunManifest;
+use schemas::recording::{
+    InterruptedRecording, OtherChannels, RecordingInfo, RecordingSource, RecordingWriter, WriteOptions,
+};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// How often progress is shown and consumers are answered meanwhile.
+const REFRESH: Duration = Duration::from_millis(100);
+
+/// An interrupted run that can be gone on with.
+pub(crate) struct Resumption {
+    recording: InterruptedRecording,
+}
+
+/// A recording that has everything that there was, and what to go on from.
+pub(crate) struct Rebuilt {
+    pub(crate) recorder: RecordingWriter,
+    /// The last state; none if there was none yet.
+    pub(crate) state: Option<ChainState>,
+    /// The old recording, as long as it has a state that the new one has not.
+    pub(crate) old: Option<InterruptedRecording>,
+}
+
+impl Resumption {
+    /// Finds the recording `path` of a run that can be gone on with, into `out` or in its place.
+    pub(crate) fn find(path: &Path, out: Option<&Path>, force: bool) -> Result<Self, Failure> {
+        let recording = InterruptedRecording::find(path, out, force).bad_input()?;
+        let info = recording.info();
+        display::notice_of_version(&info.manifest);
+        check_kernel(&info.manifest).bad_input()?;
+        if let Some(what) = hindrance(info) {
+            return Err(Failure::BadInput(anyhow!("{}: {what}", recording.path().display())));
+        }
+        Ok(Self { recording })
+    }
+
+    pub(crate) fn info(&self) -> &RecordingInfo {
+        self.recording.info()
+    }
+
+    /// Where the recording will be.
+    pub(crate) fn target(&self) -> &Path {
+        self.recording.target()
+    }
+
+    /// The first frame that is not recorded.
+    pub(crate) fn first_frame(&self) -> u64 {
+        let info = self.info();
+        info.last_step.map_or(0, |step| info.manifest.frame_at(step) + 1)
+    }
+
+    /// Writes the recording again, answering the consumers of `publisher` meanwhile. None if `stop` was set; then, and
+    /// after an error, the old one is as it was.
+    pub(crate) fn rebuild(
+        mut self,
+        options: &WriteOptions,
+        publisher: &mut StatePublisher,
+        stop: &AtomicBool,
+    ) -> Result<Option<Rebuilt>, Failure> {
+        let manifest = self.info().manifest.clone();
+        let toml = self.info().run_toml.clone().unwrap_or_default();
+        self.recording.set_aside()?;
+        let mut recorder = match RecordingWriter::create(self.target(), &manifest, &toml, options) {
+            Ok(recorder) => recorder,
+            Err(error) => {
+                self.recording.put_back()?;
+                return Err(error.into());
+            }
+        };
+        let copied = self.copy(&mut recorder, publisher, stop).and_then(|state| {
+            recorder.sync()?;
+            Ok(state)
+        });
+        match copied {
+            Ok(Copied::All(state)) => {
+                // the state of a run that was stopped between two that are due is recorded by nobody else so far
+                let is_there = state.as_ref().is_none_or(|state| manifest.is_recorded(state.step));
+                let old =
+                    if is_there { self.recording.remove().map(|()| None)? } else { Some(self.recording) };
+                Ok(Some(Rebuilt { recorder, state, old }))
+            }
+            Ok(Copied::Stopped) => {
+                recorder.discard();
+                self.recording.put_back()?;
+                Ok(None)
+            }
+            Err(failure) => {
+                recorder.discard();
+                self.recording.put_back()?;
+                Err(failure)
+            }
+        }
+    }
+
+    /// Copies the states that are due, and what belongs to them.
+    fn copy(
+        &self,
+        recorder: &mut RecordingWriter,
+        publisher: &mut StatePublisher,
+        stop: &AtomicBool,
+    ) -> Result<Copied, Failure> {
+        let path = self.recording.path();
+        let damaged = |what: String| {
+            let path = path.display();
+            Failure::BadInput(anyhow!(
+                "{what}; `beadline recover {path} --out OTHER.mcap` keeps what is whole, which can be gone on with"
+            ))
+        };
+        let mut others = OtherChannels::open(path).bad_input()?;
+        let mut states = RecordingSource::open(path).bad_input()?;
+        let manifest = states.manifest().clone();
+        let bar = display::progress_bar(self.info().last_step.unwrap_or(0), "copying");
+        let mut refreshed = Instant::now();
+        let mut last = None;
+        loop {
+            match states.receive().map_err(|error| damaged(error.to_string()))? {
+                Received::Frame(frame) => {
+                    others.copy_before(frame.time_s, recorder)?;
+                    if manifest.is_recorded(frame.step) {
+                        recorder.accept(&frame)?;
+                    }
+                    if Some(frame.step) == self.info().last_step {
+                        last = Some(ChainState::of_frame(&frame));
+                    }
+                    if refreshed.elapsed() >= REFRESH {
+                        refreshed = Instant::now();
+                        bar.set_position(frame.step);
+                        // a consumer that cannot be answered now is answered later
+                        let _ = publisher.serve();
+                    }
+                    if stop.load(Ordering::Relaxed) {
+                        return Ok(Copied::Stopped);
+                    }
+                }
+                Received::Missed { from, to } => {
+                    return Err(damaged(format!(
+                        "{}: the frames {from} to {to} are missing",
+                        path.display()
+                    )));
+                }
+                Received::End(_) => break,
+            }
+        }
+        others.copy_rest(recorder)?;
+        bar.finish_and_clear();
+        Ok(Copied::All(last))
+    }
+}
+
+enum Copied {
+    /// Everything, up to this state.
+    All(Option<ChainState>),
+    /// We were asked to stop.
+    Stopped,
+}
+
+/// Why a recording cannot be gone on with.
+fn hindrance(info: &RecordingInfo) -> Option<String> {
+    let no_states = info.frames() == 0;
+    let first_step = info.first_step.unwrap_or(0);
+    if let Some(damage) = &info.damage {
+        let path = info.path.display();
+        Some(format!(
+            "{damage}; `beadline recover {path} --out OTHER.mcap` keeps what is whole, which can be gone on with"
+        ))
+    } else if no_states && (info.run_toml.is_none() || info.messages("/contacts") > 0) {
+        Some("it holds no states of a run, which alone can be gone on with".to_owned())
+    } else if info.begin.first_step > 0 || info.begin.part > 1 || first_step > 0 {
+        let step = count(info.begin.first_step.max(first_step)).to_string();
+        Some(format!("it begins with step {step}: only a recording from step 0 can be gone on with"))
+    } else if info.end.as_ref().is_some_and(|end| end.reason == EndReason::Continued) {
+        Some("it goes on in its next part: only a recording in one part can be gone on with".to_owned())
+    } else {
+        None
+    }
+}
+
+/// Says of a run that it needs nothing more.
+pub(crate) fn tell_complete(info: &RecordingInfo) {
+    display::notice(format_args!(
+        "{} is complete: all {} steps are there, nothing is left to be done",
+        info.path.display(),
+        count(info.manifest.physics.step_count)
+    ));
+}
+
+/// Says where a run goes on.
+pub(crate) fn tell_begin(manifest: &RunManifest, info: &RecordingInfo) {
+    let step = info.last_step.map_or_else(
+        || "from its beginning: no state was recorded".to_owned(),
+        |step| format!("after step {} of {}", count(step), count(manifest.physics.step_count)),
+    );
+    display::notice(format_args!("{} goes on {step}", manifest.provenance.name));
+}
