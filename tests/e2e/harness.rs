@@ -167,7 +167,7 @@ impl Ended {
         String::from_utf8_lossy(&self.output.stderr).into_owned()
     }
 
-    /// The exit code, if it ended by itself.
+    /// The exit code; none if a signal ended it.
     pub(crate) fn code(&self) -> Option<i32> {
         self.output.status.code()
     }
