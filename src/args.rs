@@ -318,7 +318,7 @@ pub(crate) struct RewriteArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     beadline verify run.mcap                     `proven`, or what differs: frame, bead and quantity\n  \
-    beadline verify run.part1.mcap run.part2.mcap   each part, and that one follows from the other\n  \
+    beadline verify run-part-*.mcap              each part, and that one follows from the other\n  \
     beadline verify run.mcap --json              the same for a program\n\n\
     Checked: every CRC, the manifest's checksum, every index, the order of the states, each state against the\n\
     one before by recomputing it, each summary against its state. Damage is named with its chunk and frames,\n\

@@ -16,6 +16,7 @@ mod pulses;
 mod recomputing;
 mod recording_live;
 mod recordings;
+mod recovering;
 mod reference;
 mod reflection;
 mod replay;
