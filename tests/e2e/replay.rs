@@ -309,7 +309,10 @@ fn a_recording_of_another_kernel_is_replayed_as_it_is() {
     let (told, _) = listen(&place, "small");
     replay.wait().exits(0);
     assert_eq!((told.end, told.manifest), (EndReason::Complete, manifest));
-    place.run("replay other.mcap --every-step").exits(2).says(&["kernel version", "does not hold every frame"]);
+    place
+        .run("replay other.mcap --every-step")
+        .exits(2)
+        .says(&["kernel version", "does not hold every frame"]);
 }
 
 /// The most memory (kB) that a replay of `file` needs, read to its end at least once.
