@@ -9,7 +9,7 @@ use crate::recorder::{DueFrames, Recorder};
 use crate::signals;
 use crate::source::{Frames, Named, Source, attach_with, tell};
 use anyhow::anyhow;
-use producer::resimulation::{Lend, Resimulation};
+use producer::resimulation::Lend;
 use schemas::bus::{AttachNotice, AttachOptions, Bus, Delivery, LiveSource};
 use schemas::frame::{EndReason, FrameSource, Received};
 use schemas::manifest::RunManifest;
@@ -156,13 +156,10 @@ fn manifest(args: &RecordArgs, manifest: &RunManifest) -> Result<RunManifest, Fa
 /// The frames as they come, or with those recomputed that do not.
 fn frames(args: &RecordArgs, live: LiveSource) -> Result<Frames, Failure> {
     let source = Source::Live(Box::new(live));
-    Ok(if args.from_start {
-        Frames::Recomputed(Box::new(Resimulation::from_start(source, Lend::Frames).bad_input()?))
-    } else if args.fill_gaps {
-        Frames::Recomputed(Box::new(Resimulation::new(source, Lend::Frames).bad_input()?))
-    } else {
-        Frames::AsTheyCome(source)
-    })
+    if args.from_start || args.fill_gaps {
+        return Frames::recomputed(source, Lend::Frames, args.from_start, 0, None);
+    }
+    Ok(Frames::as_they_come(source))
 }
 
 /// After a write error: where everything before it is.
