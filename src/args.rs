@@ -74,6 +74,8 @@ pub(crate) enum Command {
     Expand(ExpandArgs),
     /// Prove a recording: recompute every state from the one before and compare the bits
     Verify(VerifyArgs),
+    /// Make a whole recording of a damaged or unfinished one
+    Recover(RecoverArgs),
     /// Show what is in a recording
     Info {
         /// The recording
@@ -315,18 +317,43 @@ pub(crate) struct RewriteArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
-    beadline verify run.mcap           prints `proven`, or what differs: frame, bead and quantity\n  \
-    beadline verify run.mcap --json    the same for a program\n\n\
-    Exit code 3 if a state does not follow from the one before, frames are missing, or the file is damaged or cut off.")]
+    beadline verify run.mcap                     `proven`, or what differs: frame, bead and quantity\n  \
+    beadline verify run.part1.mcap run.part2.mcap   each part, and that one follows from the other\n  \
+    beadline verify run.mcap --json              the same for a program\n\n\
+    Checked: every CRC, the manifest's checksum, every index, the order of the states, each state against the\n\
+    one before by recomputing it, each summary against its state. Damage is named with its chunk and frames,\n\
+    and what follows is verified all the same; `beadline recover` brings the frames back.\n\
+    Exit code 3 if anything is not as it was written, frames are missing, the file is cut off, or the run was\n\
+    computed by another kernel version: then nothing is wrong, but nothing is proven.")]
 pub(crate) struct VerifyArgs {
-    /// The recording
-    pub(crate) file: PathBuf,
+    /// The recording, or consecutive parts of one
+    #[arg(value_name = "FILE", required = true)]
+    pub(crate) files: Vec<PathBuf>,
     /// Threads that recompute [default: one for each core]
     #[arg(long, value_name = "N", value_parser = parse_jobs)]
     pub(crate) jobs: Option<NonZero<usize>>,
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline recover run.mcap.partial --out run.mcap     after a crash or a power failure\n  \
+    beadline recover damaged.mcap --out whole.mcap       after a bad disk or a bad copy\n\n\
+    Every whole message of the file is salvaged, from a torn last chunk, too. Frames that are lost are\n\
+    recomputed from the state before, bit for bit, and proven by the next state of the file. A state without a\n\
+    checksum that holds counts only if it is what the one before leads to. The file itself is left as it is.\n\
+    Exit code 3 if something that was in the file is not in the new one, or was not what it must be; a last record\n\
+    that was never written to its end is no loss.")]
+pub(crate) struct RecoverArgs {
+    /// The damaged or unfinished recording
+    pub(crate) file: PathBuf,
+    /// Leave out frames that are lost rather than recompute them
+    #[arg(long)]
+    pub(crate) no_fill: bool,
+    #[command(flatten)]
+    pub(crate) output: RewriteArgs,
 }
 
 /// What every analysis takes.

@@ -198,6 +198,23 @@ impl Drop for WholeFile {
     }
 }
 
+/// Gives the finished file `from` the name `to`, durably. What has that name is in the way unless `replace`.
+///
+/// # Errors
+/// [`WholeFileError::Exists`], or when the operating system refuses; `from` then stays.
+pub fn give_name(from: &Path, to: &Path, replace: bool) -> Result<(), WholeFileError> {
+    let named = if replace { fs::rename(from, to) } else { naming::rename_new(from, to) };
+    match named {
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+            Err(WholeFileError::Exists { path: to.to_owned() })
+        }
+        named => {
+            named.map_err(WholeFileError::io(to))?;
+            naming::sync_directory(to)
+        }
+    }
+}
+
 /// Whether there is a regular file at `path`; anything else there is an error.
 fn regular_file_at(path: &Path) -> Result<bool, WholeFileError> {
     let refuse = |found| Err(WholeFileError::NotAFile { path: path.to_owned(), found });

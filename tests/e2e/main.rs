@@ -1,10 +1,13 @@
 //! Tests through the built command, as a user meets it. Each test has a directory and a bus of its own.
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs, reason = "a test that cannot go on says where")]
 
+mod compatibility;
 mod configuration;
 mod deformation;
 mod faults;
+mod golden;
 mod harness;
+mod hostile_files;
 mod other_tools;
 mod pipeline;
 mod pulses;

@@ -94,6 +94,16 @@ impl MessageReader {
         }
     }
 
+    /// Notes something about the file as a whole.
+    pub(in crate::recording) fn note_about_file(&mut self, what: String) {
+        self.note(DamageKind::Message, self.record_start, 0, what);
+    }
+
+    /// How many damages there are.
+    pub(in crate::recording) fn damage_count(&self) -> u64 {
+        self.salvage.as_ref().map_or(0, |salvage| salvage.count())
+    }
+
     /// A record within a chunk is none, or does not fit to the others.
     fn go_on_in_chunk(&mut self, what: String) {
         // the records after one that leaves the chunk cannot be found
