@@ -122,6 +122,28 @@ fn a_manifest_of_the_largest_run_costs_nothing_by_itself() {
     }
 }
 
+/// A terminal obeys escape sequences, wherever they come from.
+#[test]
+fn what_a_file_says_does_not_reach_the_terminal_as_a_command() {
+    let place = Place::new();
+    forge(&place, |parts| {
+        for record in parts.records.iter_mut().filter(|record| record.opcode == op::METADATA) {
+            let mut metadata = Metadata::read(&record.body).unwrap();
+            if let Some(provenance) = metadata.value("provenance") {
+                *provenance = provenance.replace("\"host\":\"golden\"", "\"host\":\"\\u001b[2J\"");
+            }
+            record.body = metadata.write();
+        }
+    });
+    let info = place.run("info hostile.mcap").exits(0);
+    assert!(
+        info.stdout().contains("on \\u{1b}[2J") && !info.stdout().contains('\u{1b}'),
+        "{}",
+        info.stdout()
+    );
+    place.run("energies no\u{1b}[2J.mcap").exits(2).says(&["no\\u{1b}[2J.mcap"]);
+}
+
 /// Sets a number in the manifest's JSON.
 fn set_number(parts: &mut Parts, key: &str, number: &str) {
     for record in parts.records.iter_mut().filter(|record| record.opcode == op::METADATA) {
