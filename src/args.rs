@@ -4,6 +4,7 @@ use crate::sweep::directory::Shard;
 use crate::time_step::TimeStep;
 use clap::{Args, Parser, Subcommand};
 use schemas::method::Method;
+use schemas::recording::Split;
 use schemas::run_name::RunName;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -57,6 +58,8 @@ pub(crate) enum Command {
     Sweep(SweepArgs),
     /// The paper, figure by figure, claim by claim: simulated, drawn and judged
     Reproduce(ReproduceArgs),
+    /// Record a live run: its states, and the results that analyses publish
+    Record(RecordArgs),
     /// Publish a recording again, so that analyses cannot tell it from the run
     Replay(ReplayArgs),
     /// List the live runs of this user
@@ -71,6 +74,8 @@ pub(crate) enum Command {
     Expand(ExpandArgs),
     /// Prove a recording: recompute every state from the one before and compare the bits
     Verify(VerifyArgs),
+    /// Make a whole recording of a damaged or unfinished one
+    Recover(RecoverArgs),
     /// Show what is in a recording
     Info {
         /// The recording
@@ -198,6 +203,69 @@ pub(crate) struct Overrides {
 }
 
 #[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline record --out run.mcap                            the only live run, from here on\n  \
+    beadline record live:long --out long.mcap --from-start    with what came before, recomputed\n  \
+    beadline record --out run.mcap --split-size 500MB         run-part-0001.mcap, run-part-0002.mcap …\n  \
+    beadline record --out run.mcap --split-duration 0.01      a part for each 10 ms of simulated time\n\n\
+    The run waits for the recorder when it cannot keep up. A part is finished before the next one begins; each\n\
+    is a recording by itself: `beadline info`, `verify` and every analysis read it. Results are those that\n\
+    `beadline energies`, `impurity`, `contacts` and `pulses` publish, from the first row on if the analysis\n\
+    starts after the recorder. SIGINT ends the recording in order, and the run goes on.\n\
+    Exit code 3: frames or rows of results were missed, the run vanished, or the disk is nearly full."
+)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
+pub(crate) struct RecordArgs {
+    /// `live` (the only live run) or `live:RUN`
+    #[arg(value_name = "SOURCE", default_value = "live")]
+    pub(crate) source: String,
+    /// Recording to write; parts of it are NAME-part-0001.mcap and so on
+    #[arg(long, value_name = "FILE.mcap")]
+    pub(crate) out: PathBuf,
+    /// Go on in a new part with the first frame after the file has this size
+    #[arg(long, value_name = "BYTES|500MB", value_parser = parse_split_size)]
+    pub(crate) split_size: Option<u64>,
+    /// Go on in a new part at each multiple of this simulated time (s)
+    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    pub(crate) split_duration: Option<f64>,
+    /// End in order when the disk has less left than this [default: 100 MB, or 1 % of a small disk]
+    #[arg(long, value_name = "BYTES|500MB", value_parser = parse_bytes)]
+    pub(crate) min_free: Option<u64>,
+    /// Record every K-th step, the first and the last [default: as the run does]
+    #[arg(long, value_name = "K")]
+    pub(crate) record_every_steps: Option<u64>,
+    /// Recompute the frames before the first one that arrives, from step 0 on
+    #[arg(long)]
+    pub(crate) from_start: bool,
+    /// Never hold the run back: frames may be missed, and are counted
+    #[arg(long)]
+    pub(crate) latest: bool,
+    /// Recompute frames that were missed
+    #[arg(long)]
+    pub(crate) fill_gaps: bool,
+    /// Record states only
+    #[arg(long)]
+    pub(crate) no_results: bool,
+    /// Write what was recorded to the file at least this often (s): what a kill costs
+    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = parse_seconds)]
+    pub(crate) flush_period: f64,
+    /// Sync the file to the disk at least this often (s): what a power failure costs
+    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = parse_seconds)]
+    pub(crate) sync_period: f64,
+    /// Give up when no run appears within this time (s) [default: wait]
+    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    pub(crate) timeout: Option<f64>,
+    /// Replace files that exist
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
     beadline thin run.mcap --every-steps 100 --out sparse.mcap\n\n\
     Every state is proven on the way: recomputed from the one before. `beadline expand` brings the others back.\n\
@@ -249,18 +317,43 @@ pub(crate) struct RewriteArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
-    beadline verify run.mcap           prints `proven`, or what differs: frame, bead and quantity\n  \
-    beadline verify run.mcap --json    the same for a program\n\n\
-    Exit code 3 if a state does not follow from the one before, frames are missing, or the file is damaged or cut off.")]
+    beadline verify run.mcap                     `proven`, or what differs: frame, bead and quantity\n  \
+    beadline verify run-part-*.mcap              each part, and that one follows from the other\n  \
+    beadline verify run.mcap --json              the same for a program\n\n\
+    Checked: every CRC, the manifest's checksum, every index, the order of the states, each state against the\n\
+    one before by recomputing it, each summary against its state. Damage is named with its chunk and frames,\n\
+    and what follows is verified all the same; `beadline recover` brings the frames back.\n\
+    Exit code 3 if anything is not as it was written, frames are missing, the file is cut off, or the run was\n\
+    computed by another kernel version: then nothing is wrong, but nothing is proven.")]
 pub(crate) struct VerifyArgs {
-    /// The recording
-    pub(crate) file: PathBuf,
+    /// The recording, or consecutive parts of one
+    #[arg(value_name = "FILE", required = true)]
+    pub(crate) files: Vec<PathBuf>,
     /// Threads that recompute [default: one for each core]
     #[arg(long, value_name = "N", value_parser = parse_jobs)]
     pub(crate) jobs: Option<NonZero<usize>>,
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline recover run.mcap.partial --out run.mcap     after a crash or a power failure\n  \
+    beadline recover damaged.mcap --out whole.mcap       after a bad disk or a bad copy\n\n\
+    Every whole message of the file is salvaged, from a torn last chunk, too. Frames that are lost are\n\
+    recomputed from the state before, bit for bit, and proven by the next state of the file. A state without a\n\
+    checksum that holds counts only if it is what the one before leads to. The file itself is left as it is.\n\
+    Exit code 3 if something that was in the file is not in the new one, or was not what it must be; a last record\n\
+    that was never written to its end is no loss.")]
+pub(crate) struct RecoverArgs {
+    /// The damaged or unfinished recording
+    pub(crate) file: PathBuf,
+    /// Leave out frames that are lost rather than recompute them
+    #[arg(long)]
+    pub(crate) no_fill: bool,
+    #[command(flatten)]
+    pub(crate) output: RewriteArgs,
 }
 
 /// What every analysis takes.
@@ -561,6 +654,34 @@ fn parse_pace(text: &str) -> Result<Pace, String> {
             "expected `max` or a positive number of simulated seconds per second, such as 0.01".to_owned()
         }),
     }
+}
+
+/// `1000000`, `500kB`, `1.5GB`, `64MiB`: at most 2^53 bytes.
+fn parse_bytes(text: &str) -> Result<u64, String> {
+    let expected = || "expected a size such as 500MB, 2GB, 64MiB, or a number of bytes".to_owned();
+    let unit_at = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
+    let (number, unit) = text.split_at(unit_at);
+    let unit_bytes = match unit {
+        "" | "B" => 1.0,
+        "kB" | "KB" => 1e3,
+        "MB" => 1e6,
+        "GB" => 1e9,
+        "TB" => 1e12,
+        "KiB" => 1024.0,
+        "MiB" => 1024.0 * 1024.0,
+        "GiB" => 1024.0 * 1024.0 * 1024.0,
+        _ => return Err(expected()),
+    };
+    let bytes = number.trim_end().parse::<f64>().map_err(|_| expected())? * unit_bytes;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole and in range")]
+    let whole = (bytes >= 0.0 && bytes <= 2.0_f64.powi(53)).then_some(bytes.round() as u64);
+    whole.ok_or_else(expected)
+}
+
+fn parse_split_size(text: &str) -> Result<u64, String> {
+    let least = Split::LEAST_BYTES;
+    let large_enough = |bytes: &u64| *bytes >= least;
+    Some(parse_bytes(text)?).filter(large_enough).ok_or_else(|| format!("expected at least {least} bytes"))
 }
 
 fn parse_seconds(text: &str) -> Result<f64, String> {

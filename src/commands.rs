@@ -9,6 +9,8 @@ pub(crate) mod info;
 pub(crate) mod ls;
 pub(crate) mod presets;
 pub(crate) mod pulses;
+pub(crate) mod record;
+pub(crate) mod recover;
 pub(crate) mod replay;
 pub(crate) mod reproduce;
 pub(crate) mod run;

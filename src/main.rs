@@ -9,6 +9,7 @@ mod failure;
 mod keyboard;
 mod pace;
 mod publishing;
+mod recorder;
 mod reproduce;
 mod resumption;
 mod signals;
@@ -38,11 +39,13 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Pulses(args) => commands::pulses::pulses(&args),
         Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Reproduce(args) => commands::reproduce::reproduce(&args),
+        Command::Record(args) => commands::record::record(&args),
         Command::Replay(args) => commands::replay::replay(&args),
         Command::Ls { json } => commands::ls::ls(json),
         Command::Thin(args) => commands::thin::thin(&args),
         Command::Expand(args) => commands::thin::expand(&args),
         Command::Verify(args) => commands::verify::verify(&args),
+        Command::Recover(args) => commands::recover::recover(&args),
         Command::Info { file, json } => commands::info::info(&file, json),
     }
 }

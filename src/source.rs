@@ -83,7 +83,7 @@ impl Frames {
         Ok(Self::as_they_come(source))
     }
 
-    /// What `source` holds.
+    /// What `source` holds, and nothing else.
     pub(crate) fn as_they_come(source: Source) -> Self {
         Self { stop: source.stop(), states: States::AsTheyCome(source) }
     }
@@ -162,7 +162,7 @@ impl Source {
     pub(crate) fn seek(&mut self, step: u64) -> Result<(), Failure> {
         match self {
             Self::File(file, _) if step > 0 => file.seek_to_step(step).bad_input(),
-            _ => Ok(()),
+            Self::File(..) | Self::Live(_) => Ok(()),
         }
     }
 
@@ -206,24 +206,39 @@ pub(crate) fn attach(
         label: label.to_owned(),
         timeout: args.timeout.map(Duration::from_secs_f64),
         stop: Arc::clone(stop),
-        notice: Arc::new(|notice| match notice {
-            AttachNotice::WaitingForRun { name: Some(name) } => {
-                display::notice(format_args!("waiting for the run {name}"));
-            }
-            AttachNotice::WaitingForRun { name: None } => {
-                display::notice("waiting for a run; start one with `beadline run`");
-            }
-            AttachNotice::Joining { .. } => {}
-            AttachNotice::WaitingForAnswer { name } => {
-                display::notice(format_args!("the run {name} does not answer yet: a consumer holds it back"));
-            }
-        }),
+        notice: Arc::new(tell),
     };
     let delivery = if args.latest { Delivery::Latest } else { Delivery::Lossless };
-    match LiveSource::attach(bus, name, delivery, &options) {
+    attach_with(bus, name, delivery, &options)
+}
+
+/// Says what an attachment waits for.
+pub(crate) fn tell(notice: &AttachNotice) {
+    match notice {
+        AttachNotice::WaitingForRun { name: Some(name) } => {
+            display::notice(format_args!("waiting for the run {name}"));
+        }
+        AttachNotice::WaitingForRun { name: None } => {
+            display::notice("waiting for a run; start one with `beadline run`");
+        }
+        AttachNotice::Joining { .. } => {}
+        AttachNotice::WaitingForAnswer { name } => {
+            display::notice(format_args!("the run {name} does not answer yet: a consumer holds it back"));
+        }
+    }
+}
+
+/// Attaches to a live run.
+pub(crate) fn attach_with(
+    bus: &Bus,
+    name: Option<&RunName>,
+    delivery: Delivery,
+    options: &AttachOptions,
+) -> Result<LiveSource, Failure> {
+    match LiveSource::attach(bus, name, delivery, options) {
         Ok(live) => Ok(live),
         Err(error @ AttachError::SeveralRuns { .. }) => {
-            Err(Failure::BadInput(anyhow!("{error}, as in `beadline {label} live:NAME`")))
+            Err(Failure::BadInput(anyhow!("{error}, as in `beadline {} live:NAME`", options.label)))
         }
         Err(error) => Err(error.into()),
     }

@@ -255,6 +255,8 @@ fn columns_of<T: ResultElement>(service: &SliceService<T>) -> ResultColumns {
 /// One row of results, lent until the next call.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row<'a, T> {
+    /// The stream of frames it belongs to.
+    pub stream: StreamId,
     /// The frame it belongs to.
     pub frame: u64,
     /// The step of that frame.
@@ -467,8 +469,9 @@ impl<T: ResultElement> ResultSubscriber<T> {
     fn lend(&self, next: Next) -> ResultReceived<'_, T> {
         match (next, &self.sample) {
             (Next::Row, Some(sample)) => {
-                let StateHeader { frame, step, time_s, .. } = *sample.user_header();
-                ResultReceived::Row(Row { frame, step, time_s, values: sample.payload() })
+                let StateHeader { run_id, stream_id, frame, step, time_s, .. } = *sample.user_header();
+                let stream = StreamId { run_id: RunId(run_id), stream_id };
+                ResultReceived::Row(Row { stream, frame, step, time_s, values: sample.payload() })
             }
             (Next::Missed { from, to }, _) => ResultReceived::Missed { from, to },
             (Next::End(reason), _) => ResultReceived::End(reason),

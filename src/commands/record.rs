@@ -1,0 +1,362 @@
+//! `beadline record`: a live run, its states and the results that analyses publish, into a recording.
+
+use crate::analysis::check_place;
+use crate::args::RecordArgs;
+use crate::display::{self, bytes, count};
+use crate::failure::{BadInput, Done, Failure};
+use crate::recorder::rows::{RowTally, RowThreads};
+use crate::recorder::{DueFrames, Recorder};
+use crate::signals;
+use crate::source::{Frames, Named, Source, attach_with, tell};
+use anyhow::anyhow;
+use producer::resimulation::Lend;
+use schemas::bus::{AttachNotice, AttachOptions, Bus, Delivery, LiveSource};
+use schemas::frame::{EndReason, FrameSource, Received};
+use schemas::manifest::RunManifest;
+use schemas::recording::{Disk, DiskWatch, Finished, PartsWriter, Split, WriteOptions, part_path};
+use serde_json::{Value, json};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+/// How long a publisher of results that still runs may be silent once the run is over.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// The same when it is we who leave.
+const PATIENCE_WHEN_LEAVING: Duration = Duration::from_secs(1);
+
+pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
+    let Named::Live(name) = Named::parse(&args.source)? else {
+        let message =
+            format!("{}: expected `live` or `live:RUN`; what is in a file is recorded", args.source);
+        return Err(anyhow!(message)).bad_input();
+    };
+    let split = Split { bytes: args.split_size, duration_s: args.split_duration };
+    let reserve_bytes = check_output(args, &split)?;
+    let stop = signals::stop_flag()?;
+    let bus = Bus::from_env()?;
+    let recorder = Arc::new(Recorder::default());
+    let rows = Arc::new(RowThreads::default());
+    let live = attach(args, &bus, name.as_ref(), &stop, (&recorder, &rows))?;
+    let manifest = manifest(args, live.manifest())?;
+    display::notice_of_version(&manifest);
+    let begins_at = if args.from_start { 0 } else { live.first_frame() };
+    let options = WriteOptions {
+        force: args.force,
+        flush_period: Duration::from_secs_f64(args.flush_period),
+        sync_period: Duration::from_secs_f64(args.sync_period),
+        ..WriteOptions::default()
+    };
+    let first_step = manifest.step_of_frame(begins_at);
+    let parts = PartsWriter::create(&args.out, &manifest, None, first_step, &options, &split)?;
+    recorder.begin(parts, &manifest, live.stream(), begins_at);
+
+    let mut source = frames(args, live)?;
+    let mut session = Session {
+        due: DueFrames::new(&recorder, &manifest, DiskWatch::new(&args.out, reserve_bytes)),
+        manifest: &manifest,
+        recorder: &recorder,
+        missed_count: 0,
+        frame_count: 0,
+        disk_is_short: false,
+    };
+    let followed = session.follow(&mut source);
+    drop(source);
+    let Session { due, missed_count, frame_count, disk_is_short, .. } = session;
+    let range = due.finish();
+    let end = followed.as_ref().map_or(EndReason::Detached, |end| *end);
+    let patience = match end {
+        _ if disk_is_short || followed.is_err() => Duration::ZERO,
+        EndReason::Detached => PATIENCE_WHEN_LEAVING,
+        _ => PATIENCE,
+    };
+    recorder.end_frames(range.as_ref().ok().copied().flatten().map(|(_, last)| last), patience);
+    let (results, trouble) = rows.finish();
+    let parts = recorder.finish(end);
+    if parts.is_err() || range.is_err() {
+        tell_what_stays(args, &split);
+    }
+    followed?;
+    let summary = Summary {
+        manifest: &manifest,
+        end,
+        range: range?,
+        frame_count,
+        missed_count,
+        begins_at,
+        disk_is_short,
+        results: results.into_iter().filter(RowTally::is_worth_telling).collect(),
+        parts: parts?,
+    };
+    if let Some(error) = trouble {
+        display::notice(format_args!("results were not recorded: {error}"));
+    }
+    summary.report(args.json)
+}
+
+/// Refuses an output that could not be written in the end; and says how much of its disk is to be left free.
+fn check_output(args: &RecordArgs, split: &Split) -> Result<u64, Failure> {
+    if args.out.extension().is_none_or(|end| end != "mcap") {
+        let message = format!("--out {}: a recording is written as .mcap", args.out.display());
+        return Err(anyhow!(message)).bad_input();
+    }
+    if split.is_split() {
+        PartsWriter::check(&args.out, split, args.force)?;
+    } else {
+        check_place(&args.out, Path::new(&args.source), args.force)?;
+    }
+    let disk = Disk::of(&args.out)?;
+    let reserve_bytes = args.min_free.unwrap_or_else(|| disk.default_reserve_bytes());
+    if disk.free_bytes < reserve_bytes {
+        let (free, reserve) = (bytes(disk.free_bytes), bytes(reserve_bytes));
+        let message = format!(
+            "{}: only {free} are free there, and {reserve} are to be left; choose another disk, or a smaller --min-free",
+            args.out.display()
+        );
+        return Err(Failure::Failed(anyhow!(message)));
+    }
+    Ok(reserve_bytes)
+}
+
+/// Attaches to the run. Its results are listened to before the handshake, so that none is missed.
+fn attach(
+    args: &RecordArgs,
+    bus: &Bus,
+    name: Option<&schemas::run_name::RunName>,
+    stop: &Arc<AtomicBool>,
+    (recorder, rows): (&Arc<Recorder>, &Arc<RowThreads>),
+) -> Result<LiveSource, Failure> {
+    let (own_bus, recorder, rows) = (bus.clone(), Arc::clone(recorder), Arc::clone(rows));
+    let results = !args.no_results;
+    let options = AttachOptions {
+        label: "record".to_owned(),
+        timeout: args.timeout.map(Duration::from_secs_f64),
+        stop: Arc::clone(stop),
+        notice: Arc::new(move |notice| match notice {
+            AttachNotice::Joining { name } if results => rows.start(&own_bus, name, &recorder),
+            notice => tell(notice),
+        }),
+    };
+    let delivery = if args.latest { Delivery::Latest } else { Delivery::Lossless };
+    attach_with(bus, name, delivery, &options)
+}
+
+/// The manifest of the recording: that of the run, which may be recorded at other steps.
+fn manifest(args: &RecordArgs, manifest: &RunManifest) -> Result<RunManifest, Failure> {
+    let Some(steps) = args.record_every_steps else { return Ok(manifest.clone()) };
+    let published = manifest.provenance.publish_every_steps;
+    manifest.clone().recorded_every(steps).map_err(|_| {
+        Failure::BadInput(anyhow!(
+            "--record-every-steps {steps}: expected a multiple of {published}, the steps between two frames of this run"
+        ))
+    })
+}
+
+/// The frames as they come, or with those recomputed that do not.
+fn frames(args: &RecordArgs, live: LiveSource) -> Result<Frames, Failure> {
+    let source = Source::Live(Box::new(live));
+    if args.from_start || args.fill_gaps {
+        return Frames::recomputed(source, Lend::Frames, args.from_start, 0, None);
+    }
+    Ok(Frames::as_they_come(source))
+}
+
+/// After a write error: where everything before it is.
+fn tell_what_stays(args: &RecordArgs, split: &Split) {
+    let path = if split.is_split() { part_path(&args.out, 1) } else { args.out.clone() };
+    let parts = if split.is_split() { " and the parts after it" } else { "" };
+    display::notice(format_args!(
+        "what was recorded before stays in {}{parts}, the last one as .partial, which every analysis reads",
+        path.display()
+    ));
+}
+
+/// The frames of one run on their way.
+struct Session<'a> {
+    due: DueFrames<'a>,
+    manifest: &'a RunManifest,
+    recorder: &'a Recorder,
+    frame_count: u64,
+    missed_count: u64,
+    disk_is_short: bool,
+}
+
+impl Session<'_> {
+    /// Records frames until they end, or the disk is nearly full.
+    fn follow(&mut self, source: &mut Frames) -> Result<EndReason, Failure> {
+        let provenance = &self.manifest.provenance;
+        let bar = display::progress_bar(self.manifest.physics.step_count, provenance.name.as_str());
+        let mut refreshed = Instant::now();
+        let end = loop {
+            match source.receive()? {
+                Received::Frame(frame) => {
+                    self.frame_count += 1;
+                    if !self.due.take(&frame)? {
+                        self.disk_is_short = true;
+                        break EndReason::Detached;
+                    }
+                    if refreshed.elapsed() >= Duration::from_millis(100) {
+                        refreshed = Instant::now();
+                        let (written_bytes, _, finished_parts) = self.recorder.size();
+                        bar.set_position(frame.step);
+                        bar.set_message(format!(
+                            "{} frames, {} missed · part {} · {}",
+                            count(self.frame_count),
+                            count(self.missed_count),
+                            finished_parts + 1,
+                            bytes(written_bytes),
+                        ));
+                    }
+                }
+                Received::Missed { from, to } => self.missed_count += to - from + 1,
+                // the run goes on without us
+                Received::End(EndReason::Stopped) => break EndReason::Detached,
+                Received::End(reason) => break reason,
+            }
+        };
+        bar.finish_and_clear();
+        Ok(end)
+    }
+}
+
+/// What was recorded, in numbers.
+struct Summary<'a> {
+    manifest: &'a RunManifest,
+    end: EndReason,
+    /// The first and the last frame.
+    range: Option<(u64, u64)>,
+    frame_count: u64,
+    missed_count: u64,
+    /// The first frame that was to be recorded.
+    begins_at: u64,
+    disk_is_short: bool,
+    results: Vec<RowTally>,
+    parts: Vec<Finished>,
+}
+
+impl Summary<'_> {
+    fn report(&self, as_json: bool) -> Result<Done, Failure> {
+        if as_json {
+            display::print_json(&self.json())?;
+        } else {
+            display::print(self.text())?;
+        }
+        self.warn();
+        let ended_well = self.end.is_orderly() && !self.disk_is_short;
+        let rows_are_whole = self.results.iter().all(RowTally::is_whole);
+        Ok(Done::whole_if(ended_well && rows_are_whole && self.missed_count == 0))
+    }
+
+    fn total(&self, number: impl Fn(&Finished) -> u64) -> u64 {
+        self.parts.iter().map(number).sum()
+    }
+
+    fn text(&self) -> String {
+        let range = range_text(self.range);
+        let mut rows = vec![
+            ("frames", format!("{}{range}, {} missed", count(self.frame_count), count(self.missed_count))),
+            ("states recorded", count(self.total(|part| part.frames)).to_string()),
+        ];
+        for tally in &self.results {
+            let range = range_text(tally.first_frame.zip(tally.last_frame));
+            let missed = count(tally.missed_count());
+            rows.push((tally.topic.as_str(), format!("{} rows{range}, {missed} missed", count(tally.count))));
+        }
+        let size = |part: &Finished| format!("{}, {}", part.path.display(), bytes(part.bytes));
+        match self.parts.as_slice() {
+            [] => rows.push(("recording", "none: no frame came".to_owned())),
+            [part] => rows.push(("recording", size(part))),
+            [first, .., last] => {
+                let total = bytes(self.total(|part| part.bytes));
+                rows.push(("recording", format!("{total} in {} parts", self.parts.len())));
+                rows.push(("first part", size(first)));
+                rows.push(("last part", size(last)));
+            }
+        }
+        display::rows(&format!("{} {}", self.manifest.provenance.name, self.end), &rows)
+    }
+
+    fn json(&self) -> Value {
+        let provenance = &self.manifest.provenance;
+        let parts: Vec<_> = self
+            .parts
+            .iter()
+            .map(|part| json!({ "path": part.path, "bytes": part.bytes, "states": part.frames }))
+            .collect();
+        let results: serde_json::Map<_, _> = self
+            .results
+            .iter()
+            .map(|tally| {
+                let (first, last) = (tally.first_frame, tally.last_frame);
+                let rows = json!({
+                    "rows": tally.count,
+                    "first_frame": first,
+                    "last_frame": last,
+                    "missed": tally.missed,
+                    "trouble": tally.trouble,
+                });
+                (tally.topic.as_str().to_owned(), rows)
+            })
+            .collect();
+        json!({
+            "run": provenance.name,
+            "run_id": provenance.run_id,
+            "end": self.end.as_str(),
+            "frames_received": self.frame_count,
+            "frames_missed": self.missed_count,
+            "first_frame": self.range.map(|(first, _)| first),
+            "last_frame": self.range.map(|(_, last)| last),
+            "states": self.total(|part| part.frames),
+            "disk_is_short": self.disk_is_short,
+            "results": results,
+            "parts": parts,
+        })
+    }
+
+    fn warn(&self) {
+        if self.begins_at > 0 && self.range.is_some() {
+            let (first, last) = (count(self.begins_at), count(self.begins_at - 1));
+            display::notice(format_args!(
+                "attached to a run under way: frames 0 to {last} are not recorded, the recording begins with frame \
+                 {first}; with --from-start they are recomputed"
+            ));
+        }
+        if self.missed_count > 0 {
+            let missed = count(self.missed_count);
+            display::notice(format_args!("{missed} frame(s) were published but did not arrive"));
+        }
+        for tally in &self.results {
+            for (from, to) in tally.missed.iter().take(5) {
+                let (from, to) = (count(*from), count(*to));
+                display::notice(format_args!("{}: no rows of frames {from} to {to}", tally.topic));
+            }
+            if let Some(trouble) = &tally.trouble {
+                let last =
+                    tally.last_frame.map_or("none".to_owned(), |last| format!("frame {}", count(last)));
+                display::notice(format_args!("{}: {trouble}; the last row is of {last}", tally.topic));
+            }
+        }
+        match self.end {
+            EndReason::Detached if self.disk_is_short => {
+                display::notice("the disk is nearly full: the recording ends here, the run goes on");
+            }
+            EndReason::Detached => display::notice("stopped: the recording ends here, the run goes on"),
+            EndReason::ProducerLost => {
+                display::notice(
+                    "the producer is gone without a word; every state that it published is recorded",
+                );
+            }
+            EndReason::Dropped => display::notice(
+                "the producer dropped this recorder because it held the run back for too long; \
+                 use --latest, a faster disk, or a longer --stall-timeout of `beadline run`",
+            ),
+            EndReason::Failed => display::notice("the run failed; the recording ends at its last frame"),
+            _ => {}
+        }
+    }
+}
+
+fn range_text(range: Option<(u64, u64)>) -> String {
+    range.map_or(String::new(), |(first, last)| format!(" ({} to {})", count(first), count(last)))
+}

@@ -1,0 +1,175 @@
+//! The frames and the results of a live run on their way into one recording: one thread for the frames, one for each
+//! kind of results.
+
+pub(crate) mod rows;
+
+use producer::state::ChainState;
+use schemas::bus::StreamId;
+use schemas::frame::{EndReason, Frame, FrameSink as _};
+use schemas::manifest::RunManifest;
+use schemas::recording::{DiskWatch, Finished, PartsWriter, ResultKind, ResultRow, WriteError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// What the threads share. Rows may come before the run was joined, and after its last frame.
+#[derive(Default)]
+pub(crate) struct Recorder {
+    state: Mutex<State>,
+}
+
+#[derive(Default)]
+struct State {
+    recording: Option<Recording>,
+    /// What went wrong in a thread that records rows.
+    failure: Option<WriteError>,
+    end: Option<RowsEnd>,
+}
+
+/// A recording under way.
+struct Recording {
+    parts: PartsWriter,
+    manifest: RunManifest,
+    stream: StreamId,
+    first_frame: u64,
+}
+
+/// The frames are over; rows may still come.
+#[derive(Debug, Clone, Copy)]
+struct RowsEnd {
+    last_frame: Option<u64>,
+    since: Instant,
+    /// How long a publisher may be silent.
+    patience: Duration,
+}
+
+/// What became of a row.
+enum RowFate {
+    /// It is in the recording.
+    Recorded,
+    /// It belongs to another stream, to a frame before the first or after the last one, or is there already.
+    NotOurs,
+    /// Nothing is being recorded yet.
+    TooEarly,
+}
+
+impl Recorder {
+    fn state(&self) -> MutexGuard<'_, State> {
+        // a thread that panicked has said why; what was recorded stays
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Begins with `parts`, which record the frames of `stream` from `first_frame` on.
+    pub(crate) fn begin(
+        &self,
+        parts: PartsWriter,
+        manifest: &RunManifest,
+        stream: StreamId,
+        first_frame: u64,
+    ) {
+        let manifest = manifest.clone();
+        self.state().recording = Some(Recording { parts, manifest, stream, first_frame });
+    }
+
+    /// Says that the frames are over, `last_frame` being the last one recorded, and that a publisher of results may be
+    /// silent for `patience` before it is given up.
+    pub(crate) fn end_frames(&self, last_frame: Option<u64>, patience: Duration) {
+        self.state().end = Some(RowsEnd { last_frame, since: Instant::now(), patience });
+    }
+
+    /// Records a frame.
+    fn accept(&self, frame: &Frame<'_>) -> Result<(), WriteError> {
+        let mut state = self.state();
+        if let Some(failure) = state.failure.take() {
+            return Err(failure);
+        }
+        state.recording.as_mut().map_or(Ok(()), |recording| recording.parts.accept(frame))
+    }
+
+    /// Records a row of `stream`; `kind` says what it is, and is given back if it was asked.
+    fn write_row(
+        &self,
+        stream: StreamId,
+        row: &ResultRow<'_>,
+        kind: impl FnOnce(&RunManifest) -> Result<ResultKind, String>,
+    ) -> Result<(RowFate, Option<ResultKind>), String> {
+        let mut state = self.state();
+        let last_frame = state.end.map_or(u64::MAX, |end| end.last_frame.unwrap_or(0));
+        let Some(recording) = &mut state.recording else { return Ok((RowFate::TooEarly, None)) };
+        if stream != recording.stream || row.frame < recording.first_frame || row.frame > last_frame {
+            return Ok((RowFate::NotOurs, None));
+        }
+        let kind = kind(&recording.manifest)?;
+        match recording.parts.write_row(&kind, row) {
+            Ok(()) => Ok((RowFate::Recorded, Some(kind))),
+            Err(error @ WriteError::Frame { .. }) => Err(error.to_string()),
+            Err(error) => {
+                let text = error.to_string();
+                state.failure.get_or_insert(error);
+                Err(text)
+            }
+        }
+    }
+
+    /// Bytes on the disk, bytes that may follow them from memory, and parts finished.
+    pub(crate) fn size(&self) -> (u64, u64, usize) {
+        self.state().recording.as_ref().map_or((0, 0, 0), |recording| {
+            let parts = &recording.parts;
+            (parts.bytes_written(), parts.most_pending_bytes(), parts.finished().len())
+        })
+    }
+
+    /// Ends the recording for `reason`; without any frame there is none.
+    pub(crate) fn finish(&self, reason: EndReason) -> Result<Vec<Finished>, WriteError> {
+        let mut state = self.state();
+        if let Some(failure) = state.failure.take() {
+            return Err(failure);
+        }
+        match state.recording.take() {
+            Some(recording) if recording.parts.frames() > 0 => recording.parts.finish(reason),
+            Some(recording) => {
+                recording.parts.discard();
+                Ok(Vec::new())
+            }
+            None => Ok(Vec::new()),
+        }
+    }
+}
+
+/// Records those frames of a run that are due, the first and the last one.
+pub(crate) struct DueFrames<'a> {
+    recorder: &'a Recorder,
+    manifest: &'a RunManifest,
+    disk: DiskWatch,
+    /// The last frame, if it was not due.
+    passed: Option<ChainState>,
+    first: Option<u64>,
+    last: Option<u64>,
+}
+
+impl<'a> DueFrames<'a> {
+    pub(crate) fn new(recorder: &'a Recorder, manifest: &'a RunManifest, disk: DiskWatch) -> Self {
+        Self { recorder, manifest, disk, passed: None, first: None, last: None }
+    }
+
+    /// Takes the next frame, and says whether the disk has room for more.
+    pub(crate) fn take(&mut self, frame: &Frame<'_>) -> Result<bool, WriteError> {
+        if self.first.is_none() || self.manifest.is_recorded(frame.step) {
+            self.recorder.accept(frame)?;
+            self.passed = None;
+        } else {
+            self.passed = Some(ChainState::of_frame(frame));
+        }
+        self.first.get_or_insert(frame.frame);
+        self.last = Some(frame.frame);
+        let (written_bytes, pending_bytes, _) = self.recorder.size();
+        Ok(!self.disk.is_short(written_bytes, pending_bytes)?)
+    }
+
+    /// Records the last frame, if it was not due, and returns the first and the last one.
+    pub(crate) fn finish(self) -> Result<Option<(u64, u64)>, WriteError> {
+        if let (Some(state), Some(last)) = (&self.passed, self.last) {
+            self.recorder.accept(&state.as_frame(self.manifest, last))?;
+        }
+        Ok(self.first.zip(self.last))
+    }
+}

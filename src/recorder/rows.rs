@@ -1,0 +1,259 @@
+//! The results that analyses publish, each kind in a thread of its own.
+
+use super::{Recorder, RowFate};
+use schemas::bus::{
+    Bus, Delivery, ResultColumns, ResultElement, ResultReceived, ResultSubscriber, ResultWatch, ResultsError,
+    Row, StreamId, Topic,
+};
+use schemas::frame::EndReason;
+use schemas::recording::{ResultKind, ResultRow, RowValues};
+use schemas::run_name::RunName;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+/// Rows kept while the run is being joined. It publishes at most 64 frames before it waits for us.
+const MOST_EARLY_ROWS: usize = 128;
+
+/// How long to wait for a publisher before looking for one.
+const LOOK_PERIOD: Duration = Duration::from_millis(100);
+
+/// How long after the last frame a first row may come.
+const LAST_LOOK: Duration = Duration::from_millis(300);
+
+/// What came of one kind of results.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct RowTally {
+    pub(crate) topic: Topic,
+    /// Rows recorded.
+    pub(crate) count: u64,
+    /// Frame of the first one.
+    pub(crate) first_frame: Option<u64>,
+    /// Frame of the last one.
+    pub(crate) last_frame: Option<u64>,
+    /// Rows published, but missed: frames from and up to.
+    pub(crate) missed: Vec<(u64, u64)>,
+    /// Why no more rows were taken, if that was not their end.
+    pub(crate) trouble: Option<String>,
+}
+
+impl RowTally {
+    fn new(topic: Topic) -> Self {
+        Self { topic, count: 0, first_frame: None, last_frame: None, missed: Vec::new(), trouble: None }
+    }
+
+    /// Whether it has every row from its first to its last one, as far as is known.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.missed.is_empty() && self.trouble.is_none()
+    }
+
+    /// Whether anything of this kind was published.
+    pub(crate) fn is_worth_telling(&self) -> bool {
+        self.count > 0 || !self.is_whole()
+    }
+
+    /// Rows missed.
+    pub(crate) fn missed_count(&self) -> u64 {
+        self.missed.iter().map(|(from, to)| to - from + 1).sum()
+    }
+}
+
+/// The threads that record rows.
+#[derive(Default)]
+pub(crate) struct RowThreads {
+    started: Mutex<Started>,
+}
+
+#[derive(Default)]
+struct Started {
+    run: Option<RunName>,
+    threads: Vec<JoinHandle<RowTally>>,
+    failure: Option<ResultsError>,
+}
+
+impl RowThreads {
+    /// Starts recording the results of `run`, once: before the run is joined, so that no row is missed.
+    pub(crate) fn start(&self, bus: &Bus, run: &RunName, recorder: &Arc<Recorder>) {
+        let mut started = self.started.lock().unwrap_or_else(PoisonError::into_inner);
+        if started.run.as_ref() == Some(run) {
+            return;
+        }
+        started.run = Some(run.clone());
+        for topic in [Topic::Energies, Topic::Impurity, Topic::Contacts, Topic::Pulses] {
+            let recorder = Arc::clone(recorder);
+            match ResultWatch::create(bus, run, topic) {
+                Ok(watch) if topic == Topic::Contacts => started.threads.push(thread::spawn(move || {
+                    Rows::<u8>::new(&recorder, &watch, |classes| RowValues::Classes(classes)).record()
+                })),
+                Ok(watch) => started.threads.push(thread::spawn(move || {
+                    Rows::<f64>::new(&recorder, &watch, |numbers| RowValues::Numbers(numbers)).record()
+                })),
+                Err(error) => started.failure = Some(error),
+            }
+        }
+    }
+
+    /// Waits for the threads, which end after the frames have: what each has recorded, and why results could not be
+    /// recorded at all.
+    pub(crate) fn finish(&self) -> (Vec<RowTally>, Option<ResultsError>) {
+        let started = std::mem::take(&mut *self.started.lock().unwrap_or_else(PoisonError::into_inner));
+        let join = |thread: JoinHandle<_>| {
+            // a thread that panicked has said why; the panic goes on here
+            thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        };
+        (started.threads.into_iter().map(join).collect(), started.failure)
+    }
+}
+
+/// A row that came before the run was joined.
+struct EarlyRow<T> {
+    stream: StreamId,
+    frame: u64,
+    step: u64,
+    time_s: f64,
+    values: Vec<T>,
+}
+
+/// One kind of results.
+struct Rows<'a, T: ResultElement> {
+    recorder: &'a Recorder,
+    watch: &'a ResultWatch,
+    values: fn(&[T]) -> RowValues<'_>,
+    early: VecDeque<EarlyRow<T>>,
+    columns: ResultColumns,
+    /// What the columns are, once there is a row.
+    kind: Option<ResultKind>,
+    /// The last row that was published, but has not come.
+    owed: Option<u64>,
+    heard_at: Instant,
+    tally: RowTally,
+}
+
+impl<'a, T: ResultElement> Rows<'a, T> {
+    fn new(recorder: &'a Recorder, watch: &'a ResultWatch, values: fn(&[T]) -> RowValues<'_>) -> Self {
+        Self {
+            recorder,
+            watch,
+            values,
+            early: VecDeque::new(),
+            columns: ResultColumns::default(),
+            kind: None,
+            owed: None,
+            heard_at: Instant::now(),
+            tally: RowTally::new(watch.topic()),
+        }
+    }
+
+    /// Records rows until the frames are over and no more rows come.
+    fn record(mut self) -> RowTally {
+        let followed = self.follow();
+        self.tally.trouble = followed.err();
+        if let Some((last, owed)) = self.tally.last_frame.zip(self.owed).filter(|(last, owed)| owed > last) {
+            self.tally.missed.push((last + 1, owed));
+        }
+        self.tally
+    }
+
+    fn follow(&mut self) -> Result<(), String> {
+        let say = |error: ResultsError| error.to_string();
+        let mut subscriber: Option<ResultSubscriber<T>> = None;
+        while !self.is_over(subscriber.is_some())? {
+            let Some(rows) = &mut subscriber else {
+                subscriber = self.watch.attach(Delivery::Lossless, Arc::default()).map_err(say)?;
+                match &subscriber {
+                    Some(rows) => (self.columns, self.kind) = (rows.columns().clone(), None),
+                    None => self.watch.wait(LOOK_PERIOD),
+                }
+                continue;
+            };
+            match rows.receive_soon().map_err(say)? {
+                Some(ResultReceived::Row(row)) => self.take(&row)?,
+                Some(ResultReceived::Missed { to, .. }) => self.owed = Some(to),
+                Some(ResultReceived::End(reason)) => {
+                    subscriber = None;
+                    if reason == EndReason::ProducerLost && self.tally.count > 0 {
+                        return Err("the process that published them is gone without a word".to_owned());
+                    }
+                }
+                None => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether no more rows are wanted, or are to be expected.
+    fn is_over(&mut self, attached: bool) -> Result<bool, String> {
+        let end = self.recorder.state().end;
+        let Some(end) = end else { return Ok(false) };
+        self.record_early()?;
+        if end.last_frame.is_none() || self.tally.last_frame >= end.last_frame {
+            return Ok(true);
+        }
+        if !attached {
+            // an analysis that joined late may be about to begin
+            return Ok(self.tally.count > 0 || end.since.elapsed() >= end.patience.min(LAST_LOOK));
+        }
+        if self.heard_at.max(end.since).elapsed() < end.patience {
+            return Ok(false);
+        }
+        if self.tally.count == 0 {
+            return Ok(true);
+        }
+        Err(format!("no row came for {} s", end.patience.as_secs()))
+    }
+
+    fn take(&mut self, row: &Row<'_, T>) -> Result<(), String> {
+        self.heard_at = Instant::now();
+        self.record_early()?;
+        let Row { stream, frame, step, time_s, values } = *row;
+        if let RowFate::TooEarly = self.write(stream, frame, step, time_s, values)? {
+            if self.early.len() == MOST_EARLY_ROWS {
+                self.early.pop_front();
+            }
+            self.early.push_back(EarlyRow { stream, frame, step, time_s, values: values.to_vec() });
+        }
+        Ok(())
+    }
+
+    /// Records what came too early, if it is not any more.
+    fn record_early(&mut self) -> Result<(), String> {
+        while let Some(EarlyRow { stream, frame, step, time_s, values }) = self.early.pop_front() {
+            if let RowFate::TooEarly = self.write(stream, frame, step, time_s, &values)? {
+                self.early.push_front(EarlyRow { stream, frame, step, time_s, values });
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    fn write(
+        &mut self,
+        stream: StreamId,
+        frame: u64,
+        step: u64,
+        time_s: f64,
+        values: &[T],
+    ) -> Result<RowFate, String> {
+        if self.tally.last_frame.is_some_and(|last| last >= frame) {
+            // another publisher begins again
+            return Ok(RowFate::NotOurs);
+        }
+        let row = ResultRow { frame, step, time_s, values: (self.values)(values) };
+        let (topic, columns) = (self.tally.topic, &self.columns);
+        let known = self.kind.take();
+        let kind = |run: &_| known.map_or_else(|| ResultKind::new(topic, columns, run), Ok);
+        let (fate, kind) = self.recorder.write_row(stream, &row, kind)?;
+        self.kind = kind;
+        if let RowFate::Recorded = fate {
+            let tally = &mut self.tally;
+            tally
+                .missed
+                .extend(tally.last_frame.map(|last| (last + 1, frame - 1)).filter(|(from, to)| from <= to));
+            tally.count += 1;
+            tally.first_frame.get_or_insert(frame);
+            tally.last_frame = Some(frame);
+        }
+        Ok(fate)
+    }
+}
