@@ -107,7 +107,9 @@ fn states_and_results_are_recorded_to_the_bit() {
         });
         let frames = run.wait().exits(0).json()["frames_published"].as_u64().unwrap();
         let recorded = recorder.wait().exits(0).json();
-        analyses.map(|analysis| analysis.wait().exits(0));
+        for analysis in analyses {
+            analysis.wait().exits(0);
+        }
         assert_eq!((&recorded["end"], &recorded["first_frame"]), (&"complete".into(), &0.into()));
         assert_eq!(
             (recorded["frames_received"].as_u64(), recorded["states"].as_u64()),
@@ -296,8 +298,8 @@ fn a_recorder_leaves_room_on_the_disk() {
     fs::create_dir(place.path("small")).unwrap();
     let program = env!("CARGO_BIN_EXE_beadline");
     let script = format!(
-        "mount -t tmpfs -o size=40m tmpfs small && {{ {program} {SMALL} --beads 1000 --duration 0.02 --no-record --wait-for 1 & \
-         {program} record --out small/run.mcap --min-free 20MB; code=$?; wait $!; cp small/run.mcap kept.mcap; exit $code; }}"
+        "mount -t tmpfs -o size=40m tmpfs small && {{ {program} run --name small --no-record --wait-for 1 & \
+         {program} record --out small/run.mcap --min-free 20MB --timeout 60; code=$?; wait $!; cp small/run.mcap kept.mcap; exit $code; }}"
     );
     let ended: Option<Ended> = in_a_namespace(&place, &script);
     let Some(ended) = ended else { return };
