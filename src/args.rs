@@ -74,6 +74,8 @@ pub(crate) enum Command {
     Expand(ExpandArgs),
     /// Prove a recording: recompute every state from the one before and compare the bits
     Verify(VerifyArgs),
+    /// Make a whole recording of a damaged or unfinished one
+    Recover(RecoverArgs),
     /// Show what is in a recording
     Info {
         /// The recording
@@ -267,6 +269,7 @@ pub(crate) struct RecordArgs {
 #[command(after_help = "Example:\n  \
     beadline thin run.mcap --every-steps 100 --out sparse.mcap\n\n\
     Every state is proven on the way: recomputed from the one before. `beadline expand` brings the others back.\n\
+    Other channels, results and those of other programs, stay whole.\n\
     K is a multiple of the steps between two frames of the run.")]
 pub(crate) struct ThinArgs {
     /// The recording
@@ -279,8 +282,12 @@ pub(crate) struct ThinArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  \
-    beadline expand sparse.mcap --out full.mcap        every frame of the run")]
+#[command(after_help = "Examples:\n  \
+    beadline expand sparse.mcap --out full.mcap                       every frame of the run\n  \
+    beadline expand sparse.mcap --every-steps 1 --out all.mcap        also the steps between frames\n\n\
+    Every state of the recording is proven on the way, and other channels stay whole. K is a multiple of the\n\
+    steps between two frames of the run, or divides them: states between frames are then recorded without a\n\
+    frame number, and whoever reads frames passes over them.")]
 pub(crate) struct ExpandArgs {
     /// The recording
     pub(crate) file: PathBuf,
@@ -297,6 +304,9 @@ pub(crate) struct RewriteArgs {
     /// Recording to write
     #[arg(long, value_name = "FILE.mcap")]
     pub(crate) out: PathBuf,
+    /// Threads that recompute [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = parse_jobs)]
+    pub(crate) jobs: Option<NonZero<usize>>,
     /// Replace a file that exists
     #[arg(long)]
     pub(crate) force: bool,
@@ -307,18 +317,43 @@ pub(crate) struct RewriteArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
-    beadline verify run.mcap           prints `proven`, or what differs: frame, bead and quantity\n  \
-    beadline verify run.mcap --json    the same for a program\n\n\
-    Exit code 3 if a state does not follow from the one before, frames are missing, or the file is damaged or cut off.")]
+    beadline verify run.mcap                     `proven`, or what differs: frame, bead and quantity\n  \
+    beadline verify run-part-*.mcap              each part, and that one follows from the other\n  \
+    beadline verify run.mcap --json              the same for a program\n\n\
+    Checked: every CRC, the manifest's checksum, every index, the order of the states, each state against the\n\
+    one before by recomputing it, each summary against its state. Damage is named with its chunk and frames,\n\
+    and what follows is verified all the same; `beadline recover` brings the frames back.\n\
+    Exit code 3 if anything is not as it was written, frames are missing, the file is cut off, or the run was\n\
+    computed by another kernel version: then nothing is wrong, but nothing is proven.")]
 pub(crate) struct VerifyArgs {
-    /// The recording
-    pub(crate) file: PathBuf,
+    /// The recording, or consecutive parts of one
+    #[arg(value_name = "FILE", required = true)]
+    pub(crate) files: Vec<PathBuf>,
     /// Threads that recompute [default: one for each core]
     #[arg(long, value_name = "N", value_parser = parse_jobs)]
     pub(crate) jobs: Option<NonZero<usize>>,
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline recover run.mcap.partial --out run.mcap     after a crash or a power failure\n  \
+    beadline recover damaged.mcap --out whole.mcap       after a bad disk or a bad copy\n\n\
+    Every whole message of the file is salvaged, from a torn last chunk, too. Frames that are lost are\n\
+    recomputed from the state before, bit for bit, and proven by the next state of the file. A state without a\n\
+    checksum that holds counts only if it is what the one before leads to. The file itself is left as it is.\n\
+    Exit code 3 if something that was in the file is not in the new one, or was not what it must be; a last record\n\
+    that was never written to its end is no loss.")]
+pub(crate) struct RecoverArgs {
+    /// The damaged or unfinished recording
+    pub(crate) file: PathBuf,
+    /// Leave out frames that are lost rather than recompute them
+    #[arg(long)]
+    pub(crate) no_fill: bool,
+    #[command(flatten)]
+    pub(crate) output: RewriteArgs,
 }
 
 /// What every analysis takes.

@@ -10,6 +10,7 @@ pub(crate) mod ls;
 pub(crate) mod presets;
 pub(crate) mod pulses;
 pub(crate) mod record;
+pub(crate) mod recover;
 pub(crate) mod replay;
 pub(crate) mod reproduce;
 pub(crate) mod run;

@@ -11,7 +11,20 @@ use std::time::Duration;
 /// Prints a notice or a warning on stderr.
 pub(crate) fn notice(text: impl Display) {
     // nobody may be listening, and that is no reason to fail
-    let _ = writeln!(io::stderr(), "beadline: {text}");
+    let _ = writeln!(io::stderr(), "beadline: {}", printable(&text.to_string()));
+}
+
+/// A text without what a terminal would obey: names come out of files, and files from other people.
+fn printable(text: &str) -> String {
+    let mut printable = String::with_capacity(text.len());
+    for character in text.chars() {
+        if character.is_control() && character != '\n' {
+            printable.extend(character.escape_default());
+        } else {
+            printable.push(character);
+        }
+    }
+    printable
 }
 
 /// Says so if a manifest was written by a later version than this program's.
@@ -109,5 +122,5 @@ pub(crate) fn rows(title: &str, rows: &[(&str, String)]) -> String {
         // writing to a String cannot fail
         let _ = writeln!(text, "  {name:width$}  {value}");
     }
-    text
+    printable(&text)
 }

@@ -29,16 +29,6 @@ pub(crate) enum Failure {
     Failed(Error),
 }
 
-impl Failure {
-    /// The same, with what was to be done said before it.
-    pub(crate) fn context(self, text: String) -> Self {
-        match self {
-            Self::BadInput(error) => Self::BadInput(error.context(text)),
-            Self::Failed(error) => Self::Failed(error.context(text)),
-        }
-    }
-}
-
 impl<E: Into<Error>> From<E> for Failure {
     fn from(error: E) -> Self {
         Self::Failed(error.into())

@@ -45,6 +45,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Thin(args) => commands::thin::thin(&args),
         Command::Expand(args) => commands::thin::expand(&args),
         Command::Verify(args) => commands::verify::verify(&args),
+        Command::Recover(args) => commands::recover::recover(&args),
         Command::Info { file, json } => commands::info::info(&file, json),
     }
 }

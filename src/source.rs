@@ -83,7 +83,7 @@ impl Frames {
         Ok(Self::as_they_come(source))
     }
 
-    /// What `source` holds.
+    /// What `source` holds, and nothing else.
     pub(crate) fn as_they_come(source: Source) -> Self {
         Self { stop: source.stop(), states: States::AsTheyCome(source) }
     }
@@ -161,7 +161,7 @@ impl Source {
     pub(crate) fn seek(&mut self, step: u64) -> Result<(), Failure> {
         match self {
             Self::File(file, _) if step > 0 => file.seek_to_step(step).bad_input(),
-            _ => Ok(()),
+            Self::File(..) | Self::Live(_) => Ok(()),
         }
     }
 

@@ -5,7 +5,7 @@
 use beadline_fuzz::{Place, mutate_recording};
 use libfuzzer_sys::{fuzz_mutator, fuzz_target};
 use schemas::frame::{EndReason, FrameSource, Received};
-use schemas::recording::{ContactsReader, RecordingInfo, RecordingSource};
+use schemas::recording::{ContactsReader, ReadError, RecordingInfo, RecordingSource, state_hash};
 use std::cell::LazyCell;
 use std::path::Path;
 
@@ -20,33 +20,63 @@ fuzz_mutator!(|bytes: &mut [u8], size: usize, most: usize, seed: u32| {
 fuzz_target!(|bytes: &[u8]| {
     let path = PLACE.with(|place| place.put("fuzzed.mcap", bytes));
     let info = RecordingInfo::read(&path);
-    let read = read_states(&path);
-    if let (Ok(info), Ok(EndReason::Complete)) = (&info, &read) {
+    let (states, end) = read_states(RecordingSource::open(&path));
+    let (salvaged, _) = read_states(RecordingSource::open_salvaging(&path));
+    assert!(salvaged.starts_with(&states), "salvaging gives less: {} of {} states", salvaged.len(), states.len());
+    drop(read_states(RecordingSource::open_all(&path)));
+    if end == Some(EndReason::Complete) {
+        let info = info.expect("a file that can be read");
         assert!(info.finished && info.damage.is_none(), "{info:?}");
+        for wanted in &states {
+            seek(&path, wanted);
+        }
     }
     read_contacts(&path);
 });
 
-/// States come in order and with the lengths that the manifest says; the end comes.
-fn read_states(path: &Path) -> Result<EndReason, String> {
-    let mut source = RecordingSource::open(path).map_err(|error| error.to_string())?;
+/// Step and hash of a state.
+type State = (u64, String);
+
+/// States come in order and with the lengths that the manifest says; then comes the end, or an error.
+fn read_states(source: Result<RecordingSource, ReadError>) -> (Vec<State>, Option<EndReason>) {
+    let mut states: Vec<State> = Vec::new();
+    let Ok(mut source) = source else { return (states, None) };
     let (beads, doubles) = (source.manifest().physics.beads, source.manifest().frame_doubles());
-    let (mut before, mut accounted) = (None, 0);
+    let mut accounted = 0;
     loop {
-        match source.receive().map_err(|error| error.to_string())? {
-            Received::Frame(frame) => {
+        match source.receive() {
+            Ok(Received::Frame(frame)) => {
                 assert_eq!((frame.u_m.len() as u64, frame.v_m_s.len() as u64), (beads, beads));
                 assert_eq!(frame.u_m.len() + frame.v_m_s.len() + frame.extra.len(), doubles);
-                assert!(before.is_none_or(|before| before < frame.step));
+                assert!(states.last().is_none_or(|before| before.0 < frame.step));
                 assert!(frame.frame >= accounted);
-                (before, accounted) = (Some(frame.step), frame.frame);
+                accounted = frame.frame;
+                let doubles = [frame.u_m, frame.v_m_s, frame.extra].concat();
+                states.push((frame.step, state_hash(frame.step, &doubles)));
             }
-            Received::Missed { from, to } => {
+            Ok(Received::Missed { from, to }) => {
                 assert!(accounted <= from && from <= to, "{from} to {to} after {accounted}");
                 accounted = to;
             }
-            Received::End(reason) => return Ok(reason),
+            Ok(Received::End(reason)) => return (states, Some(reason)),
+            Err(_) => {
+                // nothing further is believed
+                assert!(!matches!(source.receive(), Ok(Received::Frame(_))));
+                return (states, None);
+            }
         }
+    }
+}
+
+/// Going to a step gives the state that reading from the beginning gives.
+fn seek(path: &Path, wanted: &State) {
+    let mut source = RecordingSource::open(path).expect("read before");
+    if source.seek_to_step(wanted.0).is_err() {
+        return;
+    }
+    if let Ok(Received::Frame(frame)) = source.receive() {
+        let doubles = [frame.u_m, frame.v_m_s, frame.extra].concat();
+        assert_eq!(&(frame.step, state_hash(frame.step, &doubles)), wanted);
     }
 }
 

@@ -7,6 +7,7 @@ pub mod energy_error;
 mod gear;
 pub mod integrator;
 pub mod kernel;
+pub mod recovery;
 pub mod replay;
 pub mod resimulation;
 pub mod run;

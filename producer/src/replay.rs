@@ -63,18 +63,8 @@ pub enum BeginError<E: std::error::Error + 'static> {
     #[error(transparent)]
     Source(E),
     /// Nothing was recorded in the window.
-    #[error(
-        "no frame from {from_s} s to {until_s} s: the recording{}",
-        seen.map_or(" has none".to_owned(), |(first_s, last_s)| format!(" has frames from {first_s} s to {last_s} s"))
-    )]
-    NoFrame {
-        /// Begin of the window (s).
-        from_s: f64,
-        /// End of the window (s).
-        until_s: f64,
-        /// Times of the first and the last frame that were looked at (s).
-        seen: Option<(f64, f64)>,
-    },
+    #[error("there is no frame from {} s to {} s", .0.from_s, .0.until_s)]
+    NoFrame(Window),
     /// We were asked to stop.
     #[error("stopped before the first frame")]
     Stopped,
@@ -147,31 +137,26 @@ impl<S: FrameSource> Replay<S> {
         window: Window,
         mut go_on: impl FnMut() -> ControlFlow<()>,
     ) -> Result<Self, BeginError<S::Error>> {
-        let Window { from_s, until_s } = window;
-        let mut seen = None;
         let first = loop {
             match source.receive().map_err(BeginError::Source)? {
                 Received::Frame(frame) => {
-                    if manifest.is_frame(frame.step) {
-                        seen = Some((seen.map_or(frame.time_s, |(first_s, _)| first_s), frame.time_s));
-                        if frame.time_s > until_s {
-                            return Err(BeginError::NoFrame { from_s, until_s, seen });
-                        }
-                        if frame.time_s >= from_s {
-                            break ChainState::of_frame(&frame);
-                        }
+                    if frame.time_s > window.until_s {
+                        return Err(BeginError::NoFrame(window));
+                    }
+                    if frame.time_s >= window.from_s && manifest.is_frame(frame.step) {
+                        break ChainState::of_frame(&frame);
                     }
                 }
                 // what comes before the first frame is like what comes before one attaches
                 Received::Missed { .. } => {}
                 Received::End(EndReason::Stopped) => return Err(BeginError::Stopped),
-                Received::End(_) => return Err(BeginError::NoFrame { from_s, until_s, seen }),
+                Received::End(_) => return Err(BeginError::NoFrame(window)),
             }
             if go_on().is_break() {
                 return Err(BeginError::Stopped);
             }
         };
-        Ok(Self { source, manifest, until_s, first })
+        Ok(Self { source, manifest, until_s: window.until_s, first })
     }
 
     /// What is published.

@@ -1,191 +1,230 @@
-//! Proving a recording: every state must be what the state before it leads to.
+//! Proving a recording: every state must be what the state before it leads to, every summary that of its state, and the
+//! file what was written.
 //!
-//! The states are read once, in order, and handed in batches to threads that recompute the steps between
-//! them. Memory is bounded by a few batches.
+//! The file is read once, in order; its states are handed as they are, in batches, to threads that decode them and
+//! recompute the steps between. Memory is bounded by a few batches and one chunk.
 
-use crate::integrator::Integrator;
+mod batches;
+mod parts;
+
+pub use parts::{Follows, follows};
+
 use crate::resimulation::{Difference, OtherKernel, check_kernel, difference};
 use crate::state::ChainState;
-use schemas::frame::{EndReason, FrameSource, Received};
+use batches::{Proof, prove_batches};
+use schemas::frame::EndReason;
 use schemas::manifest::RunManifest;
+use schemas::recording::{
+    Audit, Audited, BeginRecord, Damage, EncodedStates, EndRecord, ReadError, SummaryDifference, state_hash,
+};
 use std::num::NonZero;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
+use std::sync::mpsc::{SyncSender, sync_channel};
 
-/// A batch covers at least this many steps, unless it has [`BATCH_DOUBLES`].
+/// A batch covers at least this many steps, unless it has [`BATCH_BYTES`].
 const BATCH_STEPS: u64 = 256;
 
-/// A batch with this many doubles is full.
-const BATCH_DOUBLES: usize = 1 << 19;
+/// A batch with this many bytes is full.
+const BATCH_BYTES: usize = 4 << 20;
 
 /// The differences that are kept; more are only counted.
 pub const MOST_DIFFERENCES: usize = 20;
 
 /// What a recording was found to be.
 #[derive(Debug)]
-pub struct Verification<E> {
+pub struct Verification {
+    /// The run.
+    pub manifest: RunManifest,
     /// States read.
     pub state_count: u64,
-    /// Step of the first state.
-    pub first_step: Option<u64>,
-    /// Step of the last state.
-    pub last_step: Option<u64>,
+    /// The first state.
+    pub first: Option<ChainState>,
+    /// The last state.
+    pub last: Option<ChainState>,
+    /// Hash of the last state, as in `beadline.end`.
+    pub last_state_hash: Option<String>,
+    /// The dynamics that computed the run is not this program's, so that no step could be recomputed.
+    pub other_kernel: Option<OtherKernel>,
     /// States that do not follow from the one before; the first ones, in order.
     pub differences: Vec<Difference>,
     /// How many there are.
     pub difference_count: u64,
-    /// Frames that should be there but are not, from and up to.
+    /// Summaries that are not those of their states; the first ones, in order.
+    pub summary_differences: Vec<SummaryDifference>,
+    /// How many there are.
+    pub summary_difference_count: u64,
+    /// What is wrong with the file; the first ones, in order.
+    pub damages: Vec<Damage>,
+    /// How many there are.
+    pub damage_count: u64,
+    /// The hash of the last state that the end of the file names, if it is not that of the last state.
+    pub wrong_end_hash: Option<String>,
+    /// Frames that should be there but are not, from and up to; the first ranges.
     pub missing: Vec<(u64, u64)>,
+    /// How many ranges there are.
+    pub missing_count: u64,
+    /// Where the recording begins.
+    pub begin: BeginRecord,
+    /// What the file says of its end, if it does.
+    pub end_record: Option<EndRecord>,
     /// Why the states end.
     pub end: EndReason,
-    /// Why they end before the recording does, if they do.
-    pub failure: Option<E>,
 }
 
-impl<E> Verification<E> {
-    /// Whether all is as it must be, from the first state to the end of the run.
+impl Verification {
+    /// Whether all is as it must be, from the first state to the end of the recording.
     pub fn is_proven(&self) -> bool {
         self.is_proven_so_far() && self.end.is_orderly()
     }
 
     /// Whether what there is, is as it must be.
     pub fn is_proven_so_far(&self) -> bool {
+        self.is_sound_so_far() && self.other_kernel.is_none()
+    }
+
+    /// Whether nothing is wrong with what there is, as far as this program can tell.
+    pub fn is_sound_so_far(&self) -> bool {
+        let cut_off = |damage: &Damage| damage.kind == schemas::recording::DamageKind::Torn;
         self.state_count > 0
-            && self.difference_count == 0
-            && self.missing.is_empty()
-            && self.failure.is_none()
+            && self.difference_count + self.summary_difference_count + self.missing_count == 0
+            && self.damage_count == self.damages.iter().filter(|damage| cut_off(damage)).count() as u64
+            && self.wrong_end_hash.is_none()
+    }
+
+    /// Steps of the first and the last state.
+    pub fn step_range(&self) -> Option<(u64, u64)> {
+        Some((self.first.as_ref()?.step, self.last.as_ref()?.step))
     }
 }
 
-/// Verifies the states of `source` with `threads` threads that recompute, beside this one that reads. `watch`
-/// sees the step of each state that was read.
+/// Verifies the recording `audit` with `threads` threads that recompute, beside this one that reads. `watch` sees the
+/// step of each state that was read, and says whether to go on.
 ///
 /// # Errors
-/// When the run was computed by another dynamics.
-pub fn verify<S: FrameSource>(
-    source: &mut S,
+/// When the operating system refuses, or the recording is none of states.
+pub fn verify(
+    mut audit: Audit,
     threads: NonZero<usize>,
-    mut watch: impl FnMut(u64),
-) -> Result<Verification<S::Error>, OtherKernel> {
-    let manifest = source.manifest().clone();
-    check_kernel(&manifest)?;
+    mut watch: impl FnMut(u64) -> bool,
+) -> Result<Verification, ReadError> {
+    let manifest = audit.manifest().clone();
     let (sender, batches) = sync_channel(2 * threads.get());
     let batches = Mutex::new(batches);
     std::thread::scope(|scope| {
         let workers: Vec<_> =
             (0..threads.get()).map(|_| scope.spawn(|| prove_batches(&manifest, &batches))).collect();
-        let mut found = read(source, &manifest, &sender, &mut watch);
+        let read = read(&mut audit, &manifest, &sender, &mut watch);
         drop(sender);
+        let mut proof = Proof::default();
         for worker in workers {
             // a thread that panicked has said why; the panic goes on here
-            let (differences, count) = worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-            found.differences.extend(differences);
-            found.difference_count += count;
+            proof.add(worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
         }
-        found.differences.sort_by_key(|difference| difference.step);
-        found.differences.truncate(MOST_DIFFERENCES);
-        Ok(found)
+        proof.sort();
+        audit.check_has_states()?;
+        Ok(read?.into_verification(&manifest, &audit, proof))
     })
 }
 
+/// What reading found.
+struct Read {
+    state_count: u64,
+    first: Option<ChainState>,
+    last: Option<ChainState>,
+    /// The first state, if it is not the manifest's.
+    initial: Option<Difference>,
+    stopped: bool,
+}
+
+impl Read {
+    fn into_verification(self, manifest: &RunManifest, audit: &Audit, mut proof: Proof) -> Verification {
+        let last_state_hash = self.last.as_ref().map(hash_of);
+        if let Some(wrong) = self.initial {
+            proof.differences.insert(0, wrong);
+            proof.difference_count += 1;
+        }
+        proof.differences.truncate(MOST_DIFFERENCES);
+        let end_record = audit.end().cloned();
+        // what comes after the last state that can be read may be what was lost
+        let is_last = |end: &&EndRecord| end.last_step == self.last.as_ref().map(|last| last.step);
+        let said_hash = end_record.as_ref().filter(is_last).and_then(|end| end.last_state_hash.clone());
+        Verification {
+            manifest: manifest.clone(),
+            state_count: self.state_count,
+            first: self.first,
+            last: self.last,
+            wrong_end_hash: said_hash.filter(|said| Some(said) != last_state_hash.as_ref()),
+            last_state_hash,
+            other_kernel: check_kernel(manifest).err(),
+            differences: proof.differences,
+            difference_count: proof.difference_count,
+            summary_differences: proof.summary_differences,
+            summary_difference_count: proof.summary_difference_count,
+            damages: audit.damages().to_vec(),
+            damage_count: audit.damage_count(),
+            missing: audit.missing().to_vec(),
+            missing_count: audit.missing_count(),
+            begin: audit.begin().clone(),
+            end: if self.stopped { EndReason::Stopped } else { audit.end_reason() },
+            end_record,
+        }
+    }
+}
+
+/// The hash of a state, as in `beadline.end`.
+pub(crate) fn hash_of(state: &ChainState) -> String {
+    state_hash(state.step, &[state.u_m.as_slice(), &state.v_m_s, &state.extra].concat())
+}
+
 /// Reads all states and hands them out in batches, of which each begins with the last state of the one before.
-fn read<S: FrameSource>(
-    source: &mut S,
+fn read(
+    audit: &mut Audit,
     manifest: &RunManifest,
-    batches: &SyncSender<Vec<ChainState>>,
-    watch: &mut impl FnMut(u64),
-) -> Verification<S::Error> {
-    let mut found = Verification {
-        state_count: 0,
-        first_step: None,
-        last_step: None,
-        differences: Vec::new(),
-        difference_count: 0,
-        missing: Vec::new(),
-        end: EndReason::Unfinished,
-        failure: None,
-    };
-    let mut batch: Vec<ChainState> = Vec::new();
-    // the threads live as long as this one sends
-    let hand_out = |batch: Vec<ChainState>| {
-        if batch.len() > 1 {
-            let _ = batches.send(batch);
-        }
-    };
+    batches: &SyncSender<EncodedStates>,
+    watch: &mut impl FnMut(u64) -> bool,
+) -> Result<Read, ReadError> {
+    let mut found = Read { state_count: 0, first: None, last: None, initial: None, stopped: false };
+    let mut batch = EncodedStates::default();
     loop {
-        match source.receive() {
-            Ok(Received::Frame(frame)) => {
-                let state = ChainState::of_frame(&frame);
-                watch(frame.step);
+        match audit.next()? {
+            Audited::State(state) if state.is_checked => {
+                let full = batch.step_range().is_some_and(|(first, last)| last - first >= BATCH_STEPS);
+                if full || batch.bytes() >= BATCH_BYTES {
+                    let next = batch.last_alone();
+                    // the threads live as long as this one sends
+                    let _ = batches.send(std::mem::replace(&mut batch, next));
+                }
+                batch.push(state.frame, state.step, state.message);
                 found.state_count += 1;
-                found.last_step = Some(frame.step);
-                if found.first_step.is_none() {
-                    found.first_step = Some(frame.step);
-                    let initial = (frame.step == 0).then(|| ChainState::initial(&manifest.physics));
-                    if let Some(wrong) = initial.and_then(|initial| difference(&initial, &frame, None)) {
-                        found.differences.push(wrong);
-                        found.difference_count += 1;
-                    }
+                if found.first.is_none() {
+                    found.first = decode(&batch, 0, manifest);
+                    found.initial =
+                        found.first.as_ref().and_then(|first| initial_difference(manifest, first));
                 }
-                batch.push(state);
-                let covered = frame.step - batch[0].step;
-                if covered >= BATCH_STEPS || batch.len() * manifest.frame_doubles() >= BATCH_DOUBLES {
-                    let next = batch[batch.len() - 1].clone();
-                    hand_out(std::mem::replace(&mut batch, vec![next]));
+                if !watch(state.step) {
+                    found.stopped = true;
+                    break;
                 }
             }
-            Ok(Received::Missed { from, to }) => found.missing.push((from, to)),
-            Ok(Received::End(reason)) => {
-                found.end = reason;
-                break;
-            }
-            Err(error) => {
-                found.failure = Some(error);
-                break;
-            }
+            Audited::Summary(message) => batch.push_summary(message),
+            Audited::State(_) | Audited::Other(_) => {}
+            Audited::End => break,
         }
     }
-    hand_out(batch);
-    found
+    found.last = batch.len().checked_sub(1).and_then(|last| decode(&batch, last, manifest));
+    let _ = batches.send(batch);
+    Ok(found)
 }
 
-/// Recomputes batches until there are no more: the first differences, and how many there are.
-fn prove_batches(
-    manifest: &RunManifest,
-    batches: &Mutex<Receiver<Vec<ChainState>>>,
-) -> (Vec<Difference>, u64) {
-    let (mut differences, mut count) = (Vec::new(), 0);
-    loop {
-        // a receiver is as good after a panic of another thread as before
-        let batch = batches.lock().unwrap_or_else(PoisonError::into_inner).recv();
-        let Ok(batch) = batch else { return (differences, count) };
-        for wrong in prove(manifest, &batch) {
-            count += 1;
-            if differences.len() < MOST_DIFFERENCES {
-                differences.push(wrong);
-            }
-        }
-    }
+/// A state that was checked when it was read.
+fn decode(batch: &EncodedStates, index: usize, manifest: &RunManifest) -> Option<ChainState> {
+    let mut doubles = Vec::new();
+    batch.decode(index, manifest, &mut doubles).ok().map(|frame| ChainState::of_frame(&frame))
 }
 
-/// The states of `batch` that do not follow from the one before.
-fn prove(manifest: &RunManifest, batch: &[ChainState]) -> Vec<Difference> {
-    let mut differences = Vec::new();
-    let Some((first, rest)) = batch.split_first() else { return differences };
-    let mut integrator = Integrator::new(&manifest.physics);
-    let (mut state, mut from_step) = (first.clone(), first.step);
-    for target in rest {
-        while state.step < target.step {
-            integrator.step(&mut state);
-        }
-        let frame = target.as_frame(manifest, manifest.frame_at(target.step));
-        if let Some(wrong) = difference(&state, &frame, Some(from_step)) {
-            differences.push(wrong);
-            // what follows may still follow from what is there
-            state.clone_from(target);
-            integrator = Integrator::new(&manifest.physics);
-        }
-        from_step = target.step;
-    }
-    differences
+/// How the first state differs from the manifest's initial condition, if it should be that.
+fn initial_difference(manifest: &RunManifest, first: &ChainState) -> Option<Difference> {
+    let is_initial = first.step == 0 && check_kernel(manifest).is_ok();
+    let initial = is_initial.then(|| ChainState::initial(&manifest.physics))?;
+    difference(&initial, &first.as_frame(manifest, 0), None)
 }

@@ -13,6 +13,7 @@
 //! computed here: the bits of a frame are those that were accepted. `docs/FORMAT.md` describes every
 //! byte.
 
+mod audit;
 mod channel_writer;
 mod chunk;
 mod contacts;
@@ -20,6 +21,7 @@ mod contents;
 mod decode;
 mod disk;
 mod encode;
+mod encoded;
 mod error;
 #[cfg(feature = "fuzzing")]
 #[doc(hidden)]
@@ -36,14 +38,17 @@ mod proto;
 mod records;
 mod results;
 mod salvage;
+mod schedule;
 mod source;
 mod space;
 mod sync;
 mod writer;
 
+pub use audit::{Audit, Audited, OtherCopier, OtherMessage, RecordedState};
 pub use channel_writer::{Compression, Finished, WriteOptions};
 pub use contacts::{COMPRESSED, ContactsReader, ContactsRow, ContactsWriter, OPEN, TOUCHING};
 pub use disk::{Disk, DiskWatch};
+pub use encoded::{EncodedStates, SummaryChecker, SummaryDifference};
 pub use error::{ReadError, WriteError};
 pub use head::{BeginRecord, EndRecord, hex, state_hash};
 pub use info::{ChannelInfo, RecordingInfo};

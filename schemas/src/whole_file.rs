@@ -54,7 +54,7 @@ pub enum WholeFileError {
         path: PathBuf,
     },
     /// A living process writes to this name.
-    #[error("{} is being written by another process; choose another name", path.display())]
+    #[error("{} is being written by another process; wait for its end, or choose another name", path.display())]
     Busy {
         /// The file it writes.
         path: PathBuf,
@@ -194,6 +194,23 @@ impl Drop for WholeFile {
         if !self.keep && is_at(&self.file, &self.partial) {
             // at best: what is left is an unfinished file
             let _ = fs::remove_file(&self.partial);
+        }
+    }
+}
+
+/// Gives the finished file `from` the name `to`, durably. What has that name is in the way unless `replace`.
+///
+/// # Errors
+/// [`WholeFileError::Exists`], or when the operating system refuses; `from` then stays.
+pub fn give_name(from: &Path, to: &Path, replace: bool) -> Result<(), WholeFileError> {
+    let named = if replace { fs::rename(from, to) } else { naming::rename_new(from, to) };
+    match named {
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+            Err(WholeFileError::Exists { path: to.to_owned() })
+        }
+        named => {
+            named.map_err(WholeFileError::io(to))?;
+            naming::sync_directory(to)
         }
     }
 }

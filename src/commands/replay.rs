@@ -5,16 +5,18 @@ mod summary;
 
 use crate::args::{Pace, ReplayArgs};
 use crate::display::{self, count, seconds};
-use crate::failure::{Done, Failure};
+use crate::failure::{BadInput, Done, Failure};
 use crate::keyboard::Keyboard;
 use crate::publishing;
 use crate::source::{Frames, Source, SourceFailure};
-use anyhow::anyhow;
+use anyhow::{Context as _, anyhow};
 use producer::replay::{BeginError, Replay, ReplayOutcome, Window, is_sparse, published_manifest};
-use producer::resimulation::Lend;
+use producer::resimulation::{Lend, check_kernel};
 use schemas::bus::PublishOptions;
 use schemas::frame::{EndReason, FrameSource};
+use schemas::recording::RecordingInfo;
 use stage::Stage;
+use std::num::NonZero;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -64,13 +66,11 @@ fn begin(
     let first_step = manifest.physics.step_at_or_after(window.from_s);
     source.seek(first_step)?;
     let frames = if is_sparse(source.manifest(), &manifest) {
-        // each step, so that there is something to do between frames
-        Frames::recomputed(source, Lend::Steps, false, first_step, None).map_err(|failure| {
-            let file = args.file.display();
-            failure.context(format!(
-                "{file} does not hold every frame to be published, and they cannot be recomputed"
-            ))
-        })?
+        let context = || format!("{} does not hold every frame to be published", args.file.display());
+        check_kernel(&manifest).with_context(context).bad_input()?;
+        // each step, so that there is something to do between frames; by this thread, because others would
+        // compute ahead, and hold more in memory than a chunk
+        Frames::recomputed(source, Lend::Steps, false, first_step, Some(NonZero::<usize>::MIN))?
     } else {
         Frames::as_they_come(source)
     };
@@ -79,10 +79,13 @@ fn begin(
     match Replay::begin(frames, manifest, window, go_on) {
         Ok(replay) => Ok(Some(replay)),
         Err(BeginError::Stopped) => Ok(None),
-        Err(error) => {
-            let context = format!("{} cannot be replayed", args.file.display());
-            Err(Failure::BadInput(anyhow::Error::new(error).context(context)))
+        Err(error @ BeginError::NoFrame(_)) => {
+            let range = RecordingInfo::read(&args.file).bad_input()?.time_range_s();
+            let range =
+                range.map_or("nothing".to_owned(), |(first_s, last_s)| format!("{first_s} s to {last_s} s"));
+            Err(Failure::BadInput(anyhow!("{}: {error}; recorded is {range}", args.file.display())))
         }
+        Err(error) => Err(error).bad_input(),
     }
 }
 

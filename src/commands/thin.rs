@@ -5,14 +5,18 @@ use crate::args::{ExpandArgs, ThinArgs};
 use crate::display::{self, bytes, count};
 use crate::failure::{BadInput, Done, Failure};
 use crate::signals;
-use crate::source::Source;
+use crate::source::{Frames, Source};
 use anyhow::anyhow;
-use producer::resimulation::{Lend, Resimulation};
+use producer::resimulation::Lend;
 use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
 use schemas::manifest::RunManifest;
-use schemas::recording::{Finished, RecordingInfo, RecordingWriter, SpaceNeeded, WriteOptions};
+use schemas::recording::{
+    Finished, OtherChannels, RecordingInfo, RecordingWriter, SpaceNeeded, WriteOptions,
+};
 use serde_json::json;
+use std::num::NonZero;
 use std::path::Path;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 /// A recording to be written again with other states.
@@ -20,6 +24,9 @@ struct Rewrite<'a> {
     from: &'a Path,
     to: &'a Path,
     every_steps: u64,
+    /// Also steps between frames.
+    between_frames: bool,
+    jobs: Option<NonZero<usize>>,
     force: bool,
     json: bool,
 }
@@ -30,6 +37,8 @@ pub(crate) fn thin(args: &ThinArgs) -> Result<Done, Failure> {
         from: &args.file,
         to: &args.output.out,
         every_steps: args.every_steps,
+        between_frames: false,
+        jobs: args.output.jobs,
         force: args.output.force,
         json: args.output.json,
     };
@@ -43,7 +52,8 @@ pub(crate) fn thin_quietly(
     every_steps: u64,
     force: bool,
 ) -> Result<Finished, Failure> {
-    Rewrite { from, to, every_steps, force, json: false }.write(&RecordingInfo::read(from)?)
+    let rewrite = Rewrite { from, to, every_steps, between_frames: false, jobs: None, force, json: false };
+    rewrite.write(&RecordingInfo::read(from)?)
 }
 
 /// Recomputes the states in between.
@@ -56,6 +66,8 @@ pub(crate) fn expand(args: &ExpandArgs) -> Result<Done, Failure> {
         from: &args.file,
         to: &args.output.out,
         every_steps: args.every_steps.map_or_else(published, Ok)?,
+        between_frames: true,
+        jobs: args.output.jobs,
         force: args.output.force,
         json: args.output.json,
     };
@@ -72,62 +84,89 @@ impl Rewrite<'_> {
 
     fn write(&self, info: &RecordingInfo) -> Result<Finished, Failure> {
         check_place(self.to, self.from, self.force)?;
+        let Some(end) = info.end.as_ref().filter(|_| info.finished) else {
+            return Err(self.unfinished(info));
+        };
         let stop = signals::stop_flag()?;
         let manifest = self.manifest(&info.manifest)?;
         let options = WriteOptions { force: self.force, ..WriteOptions::default() };
         SpaceNeeded::new(&manifest, options.compression).check(self.to)?;
-        let toml = info.run_toml.as_deref().unwrap_or_default();
-        let source = Source::open(self.from, &stop)?;
-        let mut states = Resimulation::new(source, Lend::Frames).bad_input()?;
-        let mut writer = RecordingWriter::create(self.to, &manifest, toml, &options)?;
-        let reason = match self.copy(&mut states, &mut writer, &manifest, info.last_step) {
-            Ok(reason) if reason.is_orderly() => reason,
+        let source = Source::open_all(self.from, &stop)?;
+        let lend = if self.is_between_frames(&manifest) { Lend::Steps } else { Lend::Frames };
+        let mut states = Frames::recomputed(source, lend, false, 0, self.jobs)?;
+        let toml = info.run_toml.as_deref();
+        let mut writer = RecordingWriter::create_from(self.to, &manifest, toml, &info.begin, &options)?;
+        let copied = self.copy(&mut states, &mut writer, &manifest, info.last_step);
+        let what = match copied {
+            Ok(reason) if reason == end.reason => return Ok(writer.finish(reason)?),
+            Ok(_) if stop.load(Ordering::Relaxed) => anyhow!("stopped: nothing was written"),
             Ok(reason) => {
-                // a part under the whole one's name would be taken for it
-                writer.discard();
-                let message =
-                    format!("{}: its states end early ({reason}); nothing was written", self.from.display());
-                return Err(Failure::Failed(anyhow!(message)));
+                anyhow!("{}: its states end early ({reason}); nothing was written", self.from.display())
             }
             Err(failure) => {
                 writer.discard();
                 return Err(failure);
             }
         };
-        Ok(writer.finish(reason)?)
+        // a part under the whole one's name would be taken for it
+        writer.discard();
+        Err(Failure::Failed(what))
     }
 
-    /// The manifest of the new recording: the same run, recorded at other steps.
+    /// What is said of a recording that was not closed.
+    fn unfinished(&self, info: &RecordingInfo) -> Failure {
+        let from = self.from.display();
+        let why = info.damage.as_ref().map_or_else(String::new, |damage| format!(" ({damage})"));
+        let advice = format!("`beadline recover {from} --out FILE.mcap` makes one of it that was");
+        Failure::BadInput(anyhow!("{from} was not closed, or is damaged{why}: {advice}"))
+    }
+
+    /// The manifest of the new recording: the same run, recorded at other steps. Between frames nothing is due by
+    /// the manifest; the frames are.
     fn manifest(&self, manifest: &RunManifest) -> Result<RunManifest, Failure> {
         let published = manifest.provenance.publish_every_steps;
-        manifest.clone().recorded_every(self.every_steps).map_err(|_| {
+        let recorded = if self.is_between_frames(manifest) { published } else { self.every_steps };
+        manifest.clone().recorded_every(recorded).map_err(|_| {
+            let or = if self.between_frames { "a divisor or " } else { "" };
+            let steps = self.every_steps;
             Failure::BadInput(anyhow!(
-                "--every-steps {}: expected a multiple of {published}, the steps between two frames of this run",
-                self.every_steps
+                "--every-steps {steps}: expected {or}a multiple of {published}, the steps between two frames of this run"
             ))
         })
     }
 
-    /// Copies the states that are due, and the last one; every state of the source is proven on the way.
+    /// Whether states between frames are asked for: several from one frame to the next.
+    fn is_between_frames(&self, manifest: &RunManifest) -> bool {
+        let published = manifest.provenance.publish_every_steps;
+        self.between_frames && self.every_steps < published && published.is_multiple_of(self.every_steps)
+    }
+
+    /// Copies the states that are due, and the last one, and between them what else is in the file; every state of
+    /// the source is proven on the way.
     fn copy(
         &self,
-        states: &mut Resimulation<Source>,
+        states: &mut Frames,
         writer: &mut RecordingWriter,
         manifest: &RunManifest,
         last_step: Option<u64>,
     ) -> Result<EndReason, Failure> {
         let bar = display::progress_bar(manifest.physics.step_count, manifest.provenance.name.as_str());
         let mut refreshed = Instant::now();
+        let mut others = OtherChannels::open(self.from)?;
         let reason = loop {
             match states.receive().map_err(|error| Failure::Failed(error.into()))? {
                 Received::Frame(frame) => {
-                    // an interrupted run ends with a state that is not due by its step
-                    if manifest.is_recorded(frame.step) || Some(frame.step) == last_step {
+                    let step = frame.step;
+                    others.copy_before(frame.time_s, writer)?;
+                    // a recording need not begin, nor end, with a state that is due by its step
+                    let is_first = writer.frames() == 0;
+                    let is_due = step.is_multiple_of(self.every_steps) || step == manifest.physics.step_count;
+                    if is_due || is_first || Some(step) == last_step {
                         writer.accept(&frame)?;
                     }
                     if refreshed.elapsed() >= Duration::from_millis(100) {
                         refreshed = Instant::now();
-                        bar.set_position(frame.step);
+                        bar.set_position(step);
                     }
                 }
                 Received::Missed { from, to } => {
@@ -138,6 +177,9 @@ impl Rewrite<'_> {
             }
         };
         bar.finish_and_clear();
+        if reason != EndReason::Stopped {
+            others.copy_rest(writer)?;
+        }
         Ok(reason)
     }
 

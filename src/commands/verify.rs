@@ -1,127 +1,257 @@
-//! `beadline verify FILE`: whether every state of a recording is what the state before it leads to.
+//! `beadline verify FILE…`: whether every state of a recording is what the state before it leads to.
 
 use crate::args::VerifyArgs;
-use crate::display::{self, count, seconds};
-use crate::failure::{Done, Failure};
+use crate::display::{self, bytes, count, seconds};
+use crate::failure::{BadInput, Done, Failure};
 use crate::signals;
-use crate::source::{Source, SourceFailure};
 use producer::resimulation::Difference;
-use producer::verification::{Verification, verify as verify_states};
-use schemas::frame::FrameSource;
-use schemas::manifest::RunManifest;
+use producer::verification::{Follows, Verification, follows, verify as verify_states};
+use schemas::recording::{Audit, Damage, SummaryDifference};
 use serde_json::{Value, json};
 use std::num::NonZero;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+
+/// A recording and what it was found to be.
+struct Verified {
+    path: PathBuf,
+    file_bytes: u64,
+    found: Verification,
+    /// Whether it is the part that follows the file before.
+    follows: Option<Follows>,
+}
 
 pub(crate) fn verify(args: &VerifyArgs) -> Result<Done, Failure> {
     let stop = signals::stop_flag()?;
-    let mut source = Source::open(&args.file, &stop)?;
-    let manifest = source.manifest().clone();
-    display::notice_of_version(&manifest);
     let cores = || std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
     let threads = args.jobs.unwrap_or_else(cores);
+    let mut files: Vec<Verified> = Vec::new();
+    for path in &args.files {
+        let mut file = verify_file(path, threads, &stop)?;
+        file.follows = files.last().map(|before| follows(&before.found, &file.found));
+        if !args.json {
+            display::print(text(&file))?;
+        }
+        files.push(file);
+    }
+    if args.json {
+        match files.as_slice() {
+            [file] => display::print_json(&to_json(file))?,
+            files => display::print_json(&files.iter().map(to_json).collect::<Vec<_>>())?,
+        }
+    }
+    Ok(Done::whole_if(files.iter().all(Verified::is_proven)))
+}
+
+fn verify_file(path: &Path, threads: NonZero<usize>, stop: &AtomicBool) -> Result<Verified, Failure> {
+    let audit = Audit::open(path).bad_input()?;
+    let manifest = audit.manifest();
+    display::notice_of_version(manifest);
+    let file_bytes = audit.file_bytes();
     let bar = display::progress_bar(manifest.physics.step_count, manifest.provenance.name.as_str());
     let mut refreshed = Instant::now();
-    let found = verify_states(&mut source, threads, |step| {
+    let found = verify_states(audit, threads, |step| {
         if refreshed.elapsed() >= Duration::from_millis(100) {
             refreshed = Instant::now();
             bar.set_position(step);
         }
+        !stop.load(Ordering::Relaxed)
     });
     bar.finish_and_clear();
-    let found = found?;
-    if args.json {
-        display::print_json(&to_json(&manifest, &found))?;
-    } else {
-        display::print(text(&manifest, &found))?;
+    Ok(Verified { path: path.to_owned(), file_bytes, found: found.bad_input()?, follows: None })
+}
+
+impl Verified {
+    fn is_proven(&self) -> bool {
+        self.found.is_proven() && self.follows.as_ref().is_none_or(Follows::is_proven)
     }
-    Ok(Done::whole_if(found.is_proven()))
+
+    fn verdict(&self) -> &'static str {
+        let found = &self.found;
+        if self.is_proven() {
+            "proven"
+        } else if found.is_proven() {
+            "proven by itself, but it does NOT FOLLOW the part before"
+        } else if found.is_proven_so_far() {
+            "proven as far as it goes, but it is NOT WHOLE"
+        } else if found.is_sound_so_far() && found.end.is_orderly() {
+            "whole, but it CANNOT BE PROVEN by this program"
+        } else if found.is_sound_so_far() {
+            "sound as far as it goes, but it is NOT WHOLE and CANNOT BE PROVEN by this program"
+        } else {
+            "NOT PROVEN"
+        }
+    }
+
+    /// Steps between the first and the last state.
+    fn step_count(&self) -> u64 {
+        let is_recomputed = self.found.other_kernel.is_none();
+        let range = self.found.step_range().filter(|_| is_recomputed);
+        range.map_or(0, |(first, last)| last - first)
+    }
 }
 
-/// Steps between the first and the last state.
-fn step_count(found: &Verification<SourceFailure>) -> u64 {
-    found.last_step.zip(found.first_step).map_or(0, |(last, first)| last - first)
-}
-
-fn text(manifest: &RunManifest, found: &Verification<SourceFailure>) -> String {
-    let verdict = if found.is_proven() {
-        "proven"
-    } else if found.is_proven_so_far() {
-        "proven as far as it goes, but it is NOT WHOLE"
-    } else {
-        "NOT PROVEN"
-    };
+fn text(file: &Verified) -> String {
+    let found = &file.found;
+    let manifest = &found.manifest;
     let mut rows = vec![
+        ("file", format!("{}, {}", file.path.display(), bytes(file.file_bytes))),
         ("states", count(found.state_count).to_string()),
-        ("steps recomputed", count(step_count(found)).to_string()),
+        ("steps recomputed", count(file.step_count()).to_string()),
     ];
-    if let Some(first) = found.first_step {
-        rows.push(("begins", begin(manifest, first)));
-    }
-    if let Some(last) = found.last_step {
+    if let Some((first, last)) = found.step_range() {
+        rows.push(("begins", begin(found, first)));
         let end = format!("step {} of {}", count(last), count(manifest.physics.step_count));
         rows.push(("ends", format!("at {end} ({})", found.end)));
     }
+    if let Some(follows) = &file.follows {
+        rows.push(("follows", follows_text(follows)));
+    }
+    if let Some(other) = &found.other_kernel {
+        rows.push(("unproven", other.to_string()));
+    }
     rows.extend(found.differences.iter().map(|difference| ("differs", difference.to_string())));
-    let more = found.difference_count - found.differences.len() as u64;
+    push_more(&mut rows, "differs", found.difference_count, found.differences.len(), "states");
+    rows.extend(found.summary_differences.iter().map(|difference| ("differs", difference.to_string())));
+    let shown = found.summary_differences.len();
+    push_more(&mut rows, "differs", found.summary_difference_count, shown, "summaries");
+    if let (Some(said), Some(hash)) = (&found.wrong_end_hash, &found.last_state_hash) {
+        rows.push((
+            "differs",
+            format!("the hash of the last state is {hash}, the end of the file says {said}"),
+        ));
+    }
+    rows.extend(found.missing.iter().map(|(from, to)| ("missing", frames(*from, Some(*to)))));
+    push_more(&mut rows, "missing", found.missing_count, found.missing.len(), "ranges");
+    rows.extend(found.damages.iter().map(|damage| ("damaged", damage_text(damage))));
+    push_more(&mut rows, "damaged", found.damage_count, found.damages.len(), "places");
+    if found.damage_count > 0 || !found.end.is_orderly() {
+        let command = format!("beadline recover {} --out WHOLE.mcap", file.path.display());
+        rows.push(("next", command));
+    }
+    display::rows(&format!("{}: {}", manifest.provenance.name, file.verdict()), &rows)
+}
+
+fn push_more(rows: &mut Vec<(&'static str, String)>, name: &'static str, all: u64, shown: usize, of: &str) {
+    let more = all.saturating_sub(shown as u64);
     if more > 0 {
-        rows.push(("differs", format!("and {} states more", count(more))));
+        rows.push((name, format!("and {} {of} more", count(more))));
     }
-    let missing = |(from, to): &(u64, u64)| format!("frames {} to {}", count(*from), count(*to));
-    rows.extend(found.missing.iter().map(|range| ("missing", missing(range))));
-    if let Some(failure) = &found.failure {
-        rows.push(("damaged", message(failure)));
-    }
-    display::rows(&format!("{}: {verdict}", manifest.provenance.name), &rows)
 }
 
 /// What the first state follows.
-fn begin(manifest: &RunManifest, first: u64) -> String {
+fn begin(found: &Verification, first: u64) -> String {
     if first == 0 {
         return "with the manifest's initial condition".to_owned();
     }
-    let time = seconds(manifest.physics.time_s(first));
-    format!(
-        "with step {} ({time}), which is taken as it is: it follows what is not in this file",
-        count(first)
-    )
+    let time = seconds(found.manifest.physics.time_s(first));
+    let begins = format!("with step {} ({time}), which is taken as it is", count(first));
+    match &found.begin.previous_state_hash {
+        Some(hash) => {
+            format!("{begins}: it is part {}, which follows a state of hash {hash}", found.begin.part)
+        }
+        None => format!("{begins}: it follows what is not in this file"),
+    }
 }
 
-/// An error with its causes.
-fn message(failure: &SourceFailure) -> String {
-    let mut text = failure.to_string();
-    let mut cause = std::error::Error::source(failure);
-    while let Some(error) = cause {
-        text = format!("{text}: {error}");
-        cause = error.source();
+fn follows_text(follows: &Follows) -> String {
+    match follows {
+        Follows::Proven => "the part before: its last state leads to the first one here".to_owned(),
+        Follows::ByHash => "the part before, by the hash of its last state; not recomputed".to_owned(),
+        Follows::Not(why) => format!("NOT the file before: {why}"),
+        Follows::Differs(difference) => format!("NOT the part before: {difference}"),
+    }
+}
+
+/// `frames 3 to 7`
+pub(crate) fn frames(from: u64, to: Option<u64>) -> String {
+    match to {
+        Some(to) if to == from => format!("frame {}", count(from)),
+        Some(to) => format!("frames {} to {}", count(from), count(to)),
+        None => format!("frames from {} on", count(from)),
+    }
+}
+
+/// A damage with its frames, and the times that its chunk's header names.
+pub(crate) fn damage_text(damage: &Damage) -> String {
+    let mut text = damage.to_string();
+    if let Some(lost) = damage.frames {
+        text += &format!("; {}", frames(lost.from, lost.to));
+    }
+    if let Some((first, last)) = damage.time_range_ns {
+        let at = |ns: u64| seconds(ns as f64 / 1e9);
+        text += &format!(" (its header says {} to {})", at(first), at(last));
     }
     text
 }
 
-fn to_json(manifest: &RunManifest, found: &Verification<SourceFailure>) -> Value {
+/// A damage for a program.
+pub(crate) fn damage_json(damage: &Damage) -> Value {
     json!({
-        "run": manifest.provenance.name,
-        "run_id": manifest.provenance.run_id,
-        "proven": found.is_proven(),
-        "states": found.state_count,
-        "steps_recomputed": step_count(found),
-        "first_step": found.first_step,
-        "last_step": found.last_step,
-        "end": found.end.as_str(),
-        "difference_count": found.difference_count,
-        "differences": found.differences.iter().map(difference).collect::<Vec<_>>(),
-        "missing_frames": found.missing,
-        "damage": found.failure.as_ref().map(message),
+        "kind": damage.kind.as_str(),
+        "chunk": damage.chunk,
+        "offset_bytes": damage.offset_bytes,
+        "length_bytes": damage.length_bytes,
+        "what": damage.what,
+        "time_range_ns": damage.time_range_ns,
+        "frames": damage.frames.map(|lost| (lost.from, lost.to)),
     })
 }
 
-fn difference(difference: &Difference) -> Value {
+fn to_json(file: &Verified) -> Value {
+    let found = &file.found;
+    let range = found.step_range();
+    json!({
+        "file": file.path,
+        "file_bytes": file.file_bytes,
+        "run": found.manifest.provenance.name,
+        "run_id": found.manifest.provenance.run_id,
+        "proven": file.is_proven(),
+        "verdict": file.verdict(),
+        "states": found.state_count,
+        "steps_recomputed": file.step_count(),
+        "first_step": range.map(|(first, _)| first),
+        "last_step": range.map(|(_, last)| last),
+        "end": found.end.as_str(),
+        "part": found.begin.part,
+        "previous_state_hash": found.begin.previous_state_hash,
+        "last_state_hash": found.last_state_hash,
+        "end_state_hash": found.end_record.as_ref().and_then(|end| end.last_state_hash.clone()),
+        "follows": file.follows.as_ref().map(|follows| json!({
+            "proven": follows.is_proven(),
+            "what": follows_text(follows),
+        })),
+        "other_kernel": found.other_kernel.map(|other| other.found),
+        "difference_count": found.difference_count,
+        "differences": found.differences.iter().map(difference_json).collect::<Vec<_>>(),
+        "summary_difference_count": found.summary_difference_count,
+        "summary_differences": found.summary_differences.iter().map(summary_json).collect::<Vec<_>>(),
+        "missing_count": found.missing_count,
+        "missing_frames": found.missing,
+        "damage_count": found.damage_count,
+        "damages": found.damages.iter().map(damage_json).collect::<Vec<_>>(),
+    })
+}
+
+/// A difference for a program.
+pub(crate) fn difference_json(difference: &Difference) -> Value {
     json!({
         "step": difference.step,
         "frame": difference.frame,
         "from_step": difference.from_step,
         "bead": difference.bead,
         "quantity": difference.quantity.to_string(),
+        "found": difference.found,
+        "computed": difference.computed,
+    })
+}
+
+fn summary_json(difference: &SummaryDifference) -> Value {
+    json!({
+        "step": difference.step,
+        "frame": difference.frame,
+        "field": difference.field,
         "found": difference.found,
         "computed": difference.computed,
     })

@@ -1,20 +1,27 @@
 //! Tests through the built command, as a user meets it. Each test has a directory and a bus of its own.
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs, reason = "a test that cannot go on says where")]
 
+mod compatibility;
 mod configuration;
+mod crash;
 mod deformation;
+mod disk;
 mod faults;
+mod golden;
 mod harness;
+mod hostile_files;
 mod other_tools;
 mod pipeline;
 mod pulses;
 mod recomputing;
 mod recording_live;
 mod recordings;
+mod recovering;
 mod reference;
 mod reflection;
 mod replay;
 mod reproduce;
+mod resume;
 mod sweep;
 mod thinning;
 mod time_step;

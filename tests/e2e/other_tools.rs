@@ -1,7 +1,8 @@
 //! Recordings read by tools that others wrote.
 
 use crate::harness::{Place, Running, skip};
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 /// The Python of `tests/setup`, or none.
 fn python() -> Option<PathBuf> {
@@ -65,6 +66,40 @@ fn python_reads_results_and_parts() {
             check(&[&[file], table].concat());
         }
     }
+}
+
+/// A reader that was written from docs/FORMAT.md alone, in Python without any package but `zstandard`, reads new
+/// recordings and old ones; and it notices a wrong bit.
+#[test]
+fn a_reader_from_the_page_alone_reads_the_same_doubles() {
+    let Some(python) = python() else { return };
+    let place = Place::new();
+    let script = format!("{}/tests/python/read_from_the_page.py", env!("CARGO_MANIFEST_DIR"));
+    let read = |files: &[&str]| {
+        let arguments = [&[script.as_str()], files].concat();
+        Running::start(&arguments.join(" "), place.foreign(&python, &arguments)).wait()
+    };
+    place.run("run --preset homogeneous --name run --duration 4e-3 --impurity 20=0.6e-3").exits(0);
+    place.run("impurity run.mcap --bead 0 --bead 20 --bead 199 --out motion.csv").exits(0);
+    read(&["run.mcap", "motion.csv"]).exits(0);
+    place
+        .run("run --preset homogeneous --name gear --duration 1e-3 --method gear5 --record-every-steps 7")
+        .exits(0);
+    read(&["gear.mcap"]).exits(0);
+
+    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/1.0-kernel-1");
+    for entry in fs::read_dir(golden).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|end| end != "json") {
+            read(&[path.to_str().unwrap()]).exits(0);
+        }
+    }
+
+    let mut recording = fs::read(place.path("gear.mcap")).unwrap();
+    let middle = recording.len() / 2;
+    recording[middle] ^= 1;
+    fs::write(place.path("gear.mcap"), recording).unwrap();
+    assert_ne!(read(&["gear.mcap"]).code(), Some(0));
 }
 
 /// `pyarrow` reads our Parquet tables, with the values of our CSV: also words with commas and values that do

@@ -1,8 +1,13 @@
 //! A sparse recording and a full one are the same run.
 
-use crate::harness::Place;
-use schemas::frame::{FrameSource, Received};
-use schemas::recording::RecordingSource;
+use crate::harness::{Place, wait_until};
+use mcap::records::{MessageHeader, Record};
+use mcap::{MessageStream, read::LinearReader};
+use schemas::frame::{EndReason, Frame, FrameSink, FrameSource, Received};
+use schemas::recording::{BeginRecord, RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::BufWriter;
 
 const SMALL: &str = "run --beads 120 --impurity 60=0.6e-3 --duration 0.012 --name small";
 
@@ -15,6 +20,147 @@ fn states(place: &Place, file: &str) -> Vec<(u64, u64, Vec<u64>)> {
         states.push((frame.frame, frame.step, values.iter().map(|value| value.to_bits()).collect()));
     }
     states
+}
+
+/// Topic, log time and contents of every message, as another program reads them.
+fn messages(place: &Place, file: &str) -> Vec<(String, u64, Vec<u8>)> {
+    let bytes = fs::read(place.path(file)).unwrap();
+    let message = |message: mcap::Message<'_>| {
+        (message.channel.topic.clone(), message.log_time, message.data.into_owned())
+    };
+    MessageStream::new(&bytes).unwrap().map(|found| message(found.unwrap())).collect()
+}
+
+/// The recording `from` again, as another program may write it that adds a channel: a note about every tenth state.
+fn add_notes(place: &Place, from: &str, to: &str) {
+    let bytes = fs::read(place.path(from)).unwrap();
+    let metadata: Vec<_> = LinearReader::new(&bytes)
+        .unwrap()
+        .filter_map(|record| match record.unwrap() {
+            Record::Metadata(metadata) => Some(metadata),
+            _ => None,
+        })
+        .collect();
+    let file = BufWriter::new(File::create(place.path(to)).unwrap());
+    let mut writer = mcap::WriteOptions::new().profile("beadline").create(file).unwrap();
+    writer.write_metadata(&metadata[0]).unwrap();
+    let schema = writer.add_schema("Note", "jsonschema", b"{}").unwrap();
+    let notes = writer.add_channel(schema, "/notes", "json", &BTreeMap::new()).unwrap();
+    let mut states = 0_u32;
+    let mut ours = BTreeMap::new();
+    for message in MessageStream::new(&bytes).unwrap() {
+        let message = message.unwrap();
+        let channel_id = *ours.entry(message.channel.id).or_insert_with(|| {
+            let schema = message.channel.schema.as_ref().unwrap();
+            let schema = writer.add_schema(&schema.name, &schema.encoding, &schema.data).unwrap();
+            writer.add_channel(schema, &message.channel.topic, "protobuf", &BTreeMap::new()).unwrap()
+        });
+        let (log_time, publish_time) = (message.log_time, message.publish_time);
+        let header = MessageHeader { channel_id, sequence: message.sequence, log_time, publish_time };
+        writer.write_to_known_channel(&header, &message.data).unwrap();
+        states += u32::from(message.channel.topic == "/summary");
+        if message.channel.topic == "/summary" && states.is_multiple_of(10) {
+            let (log_time, sequence) = (message.log_time, states);
+            let header = MessageHeader { channel_id: notes, sequence, log_time, publish_time: log_time + 5 };
+            writer.write_to_known_channel(&header, format!("{{\"states\":{states}}}").as_bytes()).unwrap();
+        }
+    }
+    writer.write_metadata(metadata.last().unwrap()).unwrap();
+    writer.finish().unwrap();
+}
+
+/// Byte for byte, with what else is in the file.
+#[test]
+fn thinned_and_expanded_messages_are_the_same_and_other_channels_stay_whole() {
+    let place = Place::new();
+    place.run(&format!("{SMALL} --out ours.mcap")).exits(0);
+    add_notes(&place, "ours.mcap", "full.mcap");
+    let full = messages(&place, "full.mcap");
+    let notes = |messages: &[(String, u64, Vec<u8>)]| -> Vec<_> {
+        messages.iter().filter(|message| message.0 == "/notes").cloned().collect()
+    };
+    assert!(notes(&full).len() > 100);
+    for jobs in [1, 3] {
+        let (sparse, back) = (format!("sparse{jobs}.mcap"), format!("back{jobs}.mcap"));
+        place.run(&format!("thin full.mcap --every-steps 100 --jobs {jobs} --out {sparse}")).exits(0);
+        let thinned = messages(&place, &sparse);
+        assert!(notes(&thinned) == notes(&full) && thinned.len() < full.len() / 10);
+        place.run(&format!("expand {sparse} --jobs {jobs} --out {back}")).exits(0);
+        assert!(messages(&place, &back) == full, "the messages, or their order, differ");
+    }
+}
+
+/// States between frames have no frame number; they are proven, lent to who asks for every step, and gone again when
+/// the frames are asked for.
+#[test]
+fn steps_between_frames_can_be_recorded_too() {
+    let place = Place::new();
+    place.run(&format!("{SMALL} --publish-every-steps 7 --record-every-steps 70 --out sparse.mcap")).exits(0);
+    place.run("expand sparse.mcap --out frames.mcap").exits(0);
+    let all = place.run("expand sparse.mcap --every-steps 1 --out all.mcap --json").exits(0).json();
+    let last_step = RecordingInfo::read(&place.path("all.mcap")).unwrap().last_step.unwrap();
+    assert_eq!(all["states"].as_u64(), Some(last_step + 1));
+    // who reads frames does not see them
+    assert!(states(&place, "all.mcap") == states(&place, "frames.mcap"));
+    let verified = place.run("verify all.mcap --json").exits(0).json();
+    assert_eq!(verified["states"].as_u64(), Some(last_step + 1));
+    place.run("energies all.mcap --every-step --out all.csv").exits(0);
+    place.run("energies sparse.mcap --every-step --out sparse.csv").exits(0);
+    assert!(place.read("all.csv") == place.read("sparse.csv"));
+    place.run("thin all.mcap --every-steps 7 --out thinned.mcap").exits(0);
+    assert!(messages(&place, "thinned.mcap") == messages(&place, "frames.mcap"));
+}
+
+/// A part that begins in mid-run, where no state is due, and says what it follows.
+#[test]
+fn a_part_stays_a_part() {
+    let place = Place::new();
+    place.run(&format!("{SMALL} --out run.mcap")).exits(0);
+    let mut source = RecordingSource::open(&place.path("run.mcap")).unwrap();
+    let manifest = source.manifest().clone();
+    let begin = BeginRecord { first_step: 333, part: 2, previous_state_hash: Some("ab".repeat(32)) };
+    let (path, options) = (place.path("part.mcap"), WriteOptions::default());
+    let mut part = RecordingWriter::create_from(&path, &manifest, None, &begin, &options).unwrap();
+    source.seek_to_step(333).unwrap();
+    while let Received::Frame(frame @ Frame { step: ..=2345, .. }) = source.receive().unwrap() {
+        part.accept(&frame).unwrap();
+    }
+    part.finish(EndReason::Continued).unwrap();
+
+    place.run("thin part.mcap --every-steps 100 --out sparse.mcap").exits(0);
+    place.run("expand sparse.mcap --out back.mcap").exits(0);
+    assert!(messages(&place, "back.mcap") == messages(&place, "part.mcap"));
+    let ends = ["part.mcap", "sparse.mcap", "back.mcap"].map(|file| {
+        let info = RecordingInfo::read(&place.path(file)).unwrap();
+        assert_eq!((&info.begin, info.first_step, info.last_step), (&begin, Some(333), Some(2345)), "{file}");
+        info.end.unwrap()
+    });
+    assert!(ends[0] == ends[1] && ends[0] == ends[2]);
+    assert_eq!(ends[0].previous_state_hash, begin.previous_state_hash);
+}
+
+#[test]
+fn what_was_not_closed_is_to_be_recovered_first() {
+    let place = Place::new();
+    place.run(&format!("{SMALL} --out run.mcap")).exits(0);
+    let bytes = fs::read(place.path("run.mcap")).unwrap();
+    fs::write(place.path("cut.mcap"), &bytes[..bytes.len() / 2]).unwrap();
+    for command in ["thin cut.mcap --every-steps 100 --out a.mcap", "expand cut.mcap --out a.mcap"] {
+        place.run(command).exits(2).says(&["not closed", "beadline recover cut.mcap"]);
+    }
+    assert!(!place.path("a.mcap").exists() && !place.path("a.mcap.partial").exists());
+}
+
+/// A signal ends it at once, also in the middle of the one interval that there is, and leaves nothing behind.
+#[test]
+fn who_is_stopped_leaves_nothing_behind() {
+    let place = Place::new();
+    place.run("run --preset homogeneous --name long --record-every-steps 1000000 --out long.mcap").exits(0);
+    let thinning = place.start("thin long.mcap --every-steps 1000000 --out a.mcap");
+    wait_until("the new file", || place.path("a.mcap.partial").exists().then_some(()));
+    thinning.signal("INT");
+    thinning.wait().exits(1).says(&["stopped: nothing was written"]);
+    assert!(!place.path("a.mcap").exists() && !place.path("a.mcap.partial").exists());
 }
 
 #[test]

@@ -65,6 +65,27 @@ pub(super) fn head(message: &[u8]) -> Result<StateHead, String> {
     Ok(StateHead { frame: state.frame, step: state.step, time_s: state.time_s })
 }
 
+/// The head of a `ChainState` whose arrays have these `lengths`, which are not copied if our writer wrote them.
+pub(super) fn checked_head(message: &[u8], lengths: StateLengths) -> Result<StateHead, String> {
+    match canonical(message, lengths) {
+        Some((head, _)) => Ok(head),
+        None => general(message, lengths, &mut Vec::new()),
+    }
+}
+
+/// Frame, step and time of a `Summary`, whose first fields are those of a state; none if it is no summary of our
+/// writer's and no valid one.
+pub(super) fn summary_head(mut message: &[u8]) -> Option<StateHead> {
+    let whole = message;
+    let head = canonical_head(&mut message)?;
+    // kinetic_j, or nothing but zeros
+    if message.first().is_none_or(|tag| *tag >= 0x21) {
+        return Some(head);
+    }
+    let proto::Summary { frame, step, time_s, .. } = proto::Summary::decode(whole).ok()?;
+    Some(StateHead { frame: Some(frame), step, time_s })
+}
+
 /// Whether `message` is a state of a run with these lengths, as our writer writes it.
 pub(super) fn is_canonical(message: &[u8], lengths: StateLengths) -> bool {
     canonical(message, lengths).is_some()

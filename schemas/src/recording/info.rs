@@ -161,6 +161,17 @@ pub(super) fn channels_of_summary(records: &mut RecordReader) -> Option<BTreeMap
     SummarySection::read(records).map(|summary| summary.contents.channels)
 }
 
+/// Messages of each topic, as the summary section of a closed file has them, if it has a valid one.
+pub(super) fn counts_of_summary(records: &mut RecordReader) -> Option<BTreeMap<String, u64>> {
+    let SummarySection { contents, statistics, .. } = SummarySection::read(records)?;
+    let mut counts = BTreeMap::new();
+    for (id, channel) in contents.channels {
+        let count = statistics.channel_message_counts.get(&id).copied().unwrap_or(0);
+        *counts.entry(channel.topic).or_insert(0) += count;
+    }
+    Some(counts)
+}
+
 /// What the summary section of a closed file says.
 struct SummarySection {
     contents: Contents,

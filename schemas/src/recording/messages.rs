@@ -33,6 +33,8 @@ pub(super) struct MessageReader {
     is_checked: bool,
     /// What goes on after damage, if anything does.
     salvage: Option<Box<Salvage>>,
+    /// The message read last.
+    last: Option<Place>,
 }
 
 /// A message, lent until the next call.
@@ -49,6 +51,7 @@ pub(super) struct RawMessage<'a> {
 }
 
 /// Where a message is, before it is lent.
+#[derive(Debug, Clone)]
 struct Place {
     head: MessageHeader,
     data: Range<usize>,
@@ -85,6 +88,7 @@ impl MessageReader {
             opcode: 0,
             is_checked: true,
             salvage: None,
+            last: None,
         })
     }
 
@@ -162,11 +166,19 @@ impl MessageReader {
                 Ok(step) => step,
             };
             match step {
-                Step::Message(place) => return self.lend(place).map(Some),
+                Step::Message(place) => {
+                    self.last = Some(place.clone());
+                    return self.lend(place).map(Some);
+                }
                 Step::Other => {}
                 Step::End => return Ok(None),
             }
         }
+    }
+
+    /// The message that [`next`](Self::next) lent last, again.
+    pub(super) fn last(&self) -> Option<RawMessage<'_>> {
+        self.last.clone().and_then(|place| self.lend(place).ok())
     }
 
     fn step(&mut self) -> Result<Step, ReadError> {
@@ -188,7 +200,11 @@ impl MessageReader {
     /// Reads up to the first chunk: the attachment with the configuration comes before it.
     pub(super) fn read_head(&mut self) -> Result<(), ReadError> {
         while !self.in_chunk {
-            match self.next_in_file()? {
+            let step = match self.next_in_file() {
+                Err(error) => self.go_on_after(error)?,
+                Ok(step) => step,
+            };
+            match step {
                 Step::Other => {}
                 Step::Message(_) | Step::End => break,
             }

@@ -60,6 +60,9 @@ pub(super) const PULSES: Topic = Topic {
     descriptor: include_bytes!(concat!(env!("OUT_DIR"), "/pulses.binpb")),
 };
 
+/// Every topic of ours, those of the frames first.
+pub(super) const ALL: [Topic; 7] = [CHAIN, STATE, SUMMARY, CONTACTS, ENERGIES, IMPURITY, PULSES];
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -67,7 +70,7 @@ mod tests {
 
     #[test]
     fn each_descriptor_set_holds_its_message_and_needs_no_other_file() {
-        for topic in [STATE, CHAIN, SUMMARY, CONTACTS, ENERGIES, IMPURITY, PULSES] {
+        for topic in ALL {
             let set = prost_types::FileDescriptorSet::decode(topic.descriptor).expect("descriptor set");
             assert_eq!(set.file.len(), 1, "{}", topic.message);
             let file = &set.file[0];

@@ -7,6 +7,7 @@ use super::index::Index;
 use super::messages::{MessageReader, RawMessage};
 use super::proto;
 use super::salvage::Damage;
+use super::schedule::Schedule;
 use crate::frame::{EndReason, Frame, FrameSource, Received};
 use crate::manifest::RunManifest;
 use std::path::Path;
@@ -206,29 +207,11 @@ impl RecordingSource {
 
     /// The frame number of a state that is one of this run and in order.
     fn check(&self, state: &StateHead) -> Result<Option<u64>, String> {
-        let manifest = self.messages.manifest();
-        let StateHead { frame, step, time_s } = *state;
-        let last_step = manifest.physics.step_count;
-        let first_step = self.messages.contents().begin.first_step;
-        if step < first_step {
-            return Err(format!("a state of step {step}, the recording begins with step {first_step}"));
-        }
-        if step > last_step {
-            return Err(format!("a state of step {step}, the last of the run is {last_step}"));
-        }
-        if let Some(before) = self.accounted.filter(|before| *before >= step) {
-            return Err(format!("the state of step {step} after that of step {before}"));
-        }
-        let expected_s = manifest.physics.time_s(step);
-        if time_s.to_bits() != expected_s.to_bits() {
-            return Err(format!("the state of step {step} at {time_s} s instead of {expected_s} s"));
-        }
-        match frame {
-            Some(frame) if manifest.step_of_frame(frame) != step || frame >= manifest.frame_count() => {
-                Err(format!("the state of step {step} as frame {frame}, which it is not"))
-            }
-            frame => Ok(frame),
-        }
+        self.schedule().check(self.accounted, state)
+    }
+
+    fn schedule(&self) -> Schedule<'_> {
+        Schedule::new(self.messages.manifest(), &self.messages.contents().begin)
     }
 
     fn read_end(&self) -> Result<Next, ReadError> {
@@ -261,21 +244,7 @@ impl RecordingSource {
 
     /// The frames that should come before step `next` (or up to it, if `included`) but do not.
     fn missed_before(&self, next: u64, included: bool) -> Option<(u64, u64)> {
-        let manifest = self.messages.manifest();
-        let every = manifest.provenance.record_every_steps;
-        let last_step = manifest.physics.step_count;
-        let due = match self.accounted {
-            None => self.messages.contents().begin.first_step,
-            Some(step) if step >= last_step => return None,
-            Some(step) => (step / every + 1).saturating_mul(every).min(last_step),
-        };
-        let to = match (included, next.checked_sub(1)) {
-            (true, _) => next,
-            (false, Some(before)) => before / every * every,
-            (false, None) => return None,
-        };
-        let frame_of = |step: u64| step.div_ceil(manifest.provenance.publish_every_steps);
-        (due <= to).then(|| (frame_of(due), frame_of(to)))
+        self.schedule().missed(self.accounted, next, included)
     }
 
     fn lend(&self, frame: u64, step: u64, time_s: f64) -> Frame<'_> {

@@ -14,7 +14,7 @@ use std::sync::{Mutex, PoisonError};
 pub struct Campaign<'a> {
     /// The command under test.
     pub program: &'a Path,
-    /// Its modes, such as `info`.
+    /// Its modes with their flags, such as `info`.
     pub commands: &'a [String],
     /// The recordings to change.
     pub recordings: &'a [Vec<u8>],

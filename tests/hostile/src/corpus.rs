@@ -1,9 +1,10 @@
 //! What the fuzz targets begin with: our own files, whole and damaged in every kind of record.
 
 use crate::checksums;
+use crate::metadata::Metadata;
 use crate::mutation::change_bytes;
 use crate::random::Random;
-use crate::records::{Chunk, Parts, Record, op, take_string};
+use crate::records::{Chunk, Parts, Record, op};
 use std::collections::BTreeSet;
 
 /// The recording `bytes` with its chunks compressed or not.
@@ -85,14 +86,11 @@ pub fn manifests(bytes: &[u8]) -> Vec<Vec<u8>> {
     let Some(record) = parts.records.iter().find(|record| record.opcode == op::METADATA) else {
         return Vec::new();
     };
-    let entry = |key: &[u8]| -> Option<&[u8]> {
-        let at = record.body.windows(key.len()).position(|window| window == key)?;
-        Some(take_string(&record.body[at + key.len()..])?.0)
-    };
+    let Some(mut metadata) = Metadata::read(&record.body) else { return Vec::new() };
     let mut json = b"{\"schema_version\":{\"major\":1,\"minor\":0}".to_vec();
     for key in ["physics", "provenance"] {
-        json.extend(format!(",\"{key}\":").bytes());
-        json.extend(entry(key.as_bytes()).unwrap_or_default());
+        let value = metadata.value(key).cloned().unwrap_or_default();
+        json.extend(format!(",\"{key}\":{value}").bytes());
     }
     json.push(b'}');
     vec![record.body.clone(), json]

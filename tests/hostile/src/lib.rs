@@ -6,6 +6,7 @@
 pub mod campaign;
 pub mod checksums;
 pub mod corpus;
+pub mod metadata;
 pub mod mutation;
 pub mod random;
 pub mod records;

@@ -1,6 +1,7 @@
 //! Changes that damage or malice would make.
 
 use crate::checksums;
+use crate::metadata::Metadata;
 use crate::random::Random;
 use crate::records::{Chunk, Parts, Record, op};
 
@@ -144,16 +145,17 @@ fn change_text(bytes: &[u8], random: &mut Random) -> Vec<u8> {
     parts.put_together()
 }
 
-/// Exchanges one decimal number in a metadata record for another; the length of its string is made right.
+/// Exchanges one decimal number in a metadata record for another.
 fn change_number(body: &mut Vec<u8>, random: &mut Random) {
+    let Some(mut metadata) = Metadata::read(body) else { return };
+    let which = random.below(metadata.entries.len());
+    let Some((_, text)) = metadata.entries.get_mut(which) else { return };
     let is_part = |byte: u8| byte.is_ascii_digit() || matches!(byte, b'.' | b'e' | b'-');
-    let starts: Vec<_> = (1..body.len())
-        .filter(|at| {
-            body[*at].is_ascii_digit() && !is_part(body[*at - 1]) && !body[*at - 1].is_ascii_alphabetic()
-        })
-        .collect();
+    let bytes = text.as_bytes();
+    let begins = |at: usize| at == 0 || !is_part(bytes[at - 1]) && !bytes[at - 1].is_ascii_alphanumeric();
+    let starts: Vec<_> = (0..bytes.len()).filter(|at| bytes[*at].is_ascii_digit() && begins(*at)).collect();
     let Some(start) = starts.get(random.below(starts.len())).copied() else { return };
-    let end = (start..body.len()).find(|at| !is_part(body[*at])).unwrap_or(body.len());
+    let end = (start..bytes.len()).find(|at| !is_part(bytes[*at])).unwrap_or(bytes.len());
     let number = match random.below(4) {
         0 => odd_number(random).to_string(),
         1 => f64::from_bits(random.number()).to_string(),
@@ -162,32 +164,6 @@ fn change_number(body: &mut Vec<u8>, random: &mut Random) {
             .one_of(["4503599627370496", "4503599627370497", "20000000", "20000001", "2", "1e-9"])
             .to_owned(),
     };
-    let Some(lengths) = string_around(body, start) else { return };
-    let length = body[lengths..].first_chunk::<4>().map_or(0, |length| u32::from_le_bytes(*length));
-    let (new, old) = (number.len(), end - start);
-    let length = (length as usize + new).saturating_sub(old);
-    body.splice(start..end, number.into_bytes());
-    body[lengths..lengths + 4].copy_from_slice(&u32::try_from(length).unwrap_or_default().to_le_bytes());
-    // the map says how long it is in bytes
-    if let Some((name, rest)) = crate::records::take_string(body) {
-        let at = name.len() + 4;
-        let entries = u32::try_from(rest.len().saturating_sub(4)).unwrap_or_default();
-        if rest.len() >= 4 {
-            body[at..at + 4].copy_from_slice(&entries.to_le_bytes());
-        }
-    }
-}
-
-/// Where the length of the string stands that `place` lies in.
-fn string_around(body: &[u8], place: usize) -> Option<usize> {
-    let (name, _) = crate::records::take_string(body)?;
-    let mut at = 4 + name.len() + 4;
-    loop {
-        let (text, _) = crate::records::take_string(body.get(at..)?)?;
-        let next = at + 4 + text.len();
-        if place < next {
-            return (place >= at + 4).then_some(at);
-        }
-        at = next;
-    }
+    text.replace_range(start..end, &number);
+    *body = metadata.write();
 }

@@ -17,7 +17,7 @@ const PROCESSOR_S: u64 = 30;
 /// Time after which a process hangs, whatever it does.
 const HANGS_AFTER_S: i64 = 120;
 
-/// A command of ours, such as `info`, and a place for what it says and writes.
+/// The command, and a place for what it says and writes.
 #[derive(Debug)]
 pub struct Trial {
     program: PathBuf,
@@ -33,7 +33,8 @@ impl Trial {
         Self { program: program.to_owned(), directory: directory.to_owned() }
     }
 
-    /// Runs `beadline COMMAND FILE`, with an output where the command needs one.
+    /// Runs `beadline COMMAND FILE`; further words of `command` come after the file, and what they name is in the
+    /// trial's directory.
     ///
     /// # Errors
     /// When it panicked, was ended by a signal (a crash, too much memory, a hang), or has an exit code that is none
@@ -47,11 +48,8 @@ impl Trial {
         let limits = format!("ulimit -c 0; ulimit -v {}; ulimit -t {PROCESSOR_S}", MEMORY_BYTES >> 10);
         let mut process = Command::new("sh");
         process.args(["-c", &format!("{limits}; exec \"$@\""), "sh"]);
-        process.arg(&self.program).arg(command).arg(file);
-        if command == "recover" {
-            let out = self.directory.join("recovered.mcap");
-            process.arg("--force").arg("--out").arg(out);
-        }
+        let mut words = command.split_whitespace();
+        process.arg(&self.program).args(words.next()).arg(file).args(words);
         process.current_dir(&self.directory).env("BEADLINE_ROOT", self.directory.join("bus"));
         process.stdin(Stdio::null()).stdout(Stdio::null()).stderr(File::create(&said)?);
         let mut child = process.spawn()?;

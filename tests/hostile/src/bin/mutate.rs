@@ -4,8 +4,9 @@
 //!     cargo run --release -p beadline-hostile --bin mutate -- \
 //!         --program target/release/beadline --count 100000 tests/golden/*/{sparse,contacts,partial}.mcap*
 //!
-//! `--commands info,verify,recover,energies` (the default), `--seed S` (the number of the first mutation), `--jobs N`,
-//! and `--keep DIR` for the mutations that failed. Exit code 1 if anything panicked, crashed, hung or took too much.
+//! `--commands "info,thin --every-steps 9 --force --out thin.mcap"` replaces the commands, `--seed S` is the number of the
+//! first mutation, `--jobs N` how many processes run at a time, `--keep DIR` gets the mutations that failed. Exit code 1 if
+//! anything panicked, crashed, hung or took too much memory.
 
 use hostile::campaign::Campaign;
 use std::error::Error;
@@ -26,7 +27,8 @@ struct Arguments {
 
 impl Arguments {
     fn read() -> Result<Self, Box<dyn Error>> {
-        let commands = ["info", "verify", "recover", "energies"].map(str::to_owned).to_vec();
+        let commands = ["info", "verify", "recover --force --out recovered.mcap", "energies"];
+        let commands = commands.map(str::to_owned).to_vec();
         let mut read = Self {
             program: PathBuf::from("target/release/beadline"),
             commands,
@@ -79,7 +81,7 @@ fn main() -> Result<ExitCode, Box<dyn Error>> {
     })?;
     for (command, [whole, failed, refused, lossy]) in arguments.commands.iter().zip(&outcome.exits) {
         let total = whole + failed + refused + lossy;
-        writeln!(out, "{command:10} {total} ended: exit 0 {whole}, 1 {failed}, 2 {refused}, 3 {lossy}")?;
+        writeln!(out, "{command}: {total} ended: exit 0 {whole}, 1 {failed}, 2 {refused}, 3 {lossy}")?;
     }
     for (seed, command, what) in &outcome.failures {
         writeln!(out, "FAILED: {command}, seed {seed}: {what}")?;

@@ -1,0 +1,175 @@
+//! Recovering a recording: everything in it that can be read and proven, in a new one, and the frames between
+//! recomputed.
+//!
+//! A run is determined by its manifest, so the states that are computed are the measure: a state of the file is kept if
+//! it is what they lead to. A file of another kernel version cannot be measured; its states are kept as they are if
+//! their checksums hold.
+
+mod salvager;
+
+use crate::resimulation::{Difference, OtherKernel};
+use salvager::Salvager;
+use schemas::frame::EndReason;
+use schemas::manifest::RunManifest;
+use schemas::recording::{
+    Audit, Audited, BeginRecord, Damage, DamageKind, EncodedStates, EndRecord, OtherCopier, ReadError,
+    RecordingWriter, WriteError,
+};
+use std::collections::BTreeMap;
+
+/// The differences and ranges that are kept; more are only counted.
+pub const MOST_KEPT: usize = 20;
+
+/// What recovering a recording brought.
+#[derive(Debug)]
+pub struct Recovery {
+    /// States of the file that were written again.
+    pub kept_count: u64,
+    /// Those of them that came without a checksum that holds, and were proven by recomputing them.
+    pub proven_without_checksum_count: u64,
+    /// Frames that were recomputed, from and up to; the first ranges.
+    pub recomputed: Vec<(u64, u64)>,
+    /// How many states were recomputed.
+    pub recomputed_count: u64,
+    /// States of the file that are not what the states before them lead to: recomputed or left out.
+    pub differences: Vec<Difference>,
+    /// How many there are.
+    pub difference_count: u64,
+    /// States without a checksum that holds and that could not be proven: left out, unless recomputed.
+    pub unproven_count: u64,
+    /// Frames that should be in the file and are not in the new one, from and up to; up to an unknown one where the
+    /// file was cut off after damage. The first ranges.
+    pub lost: Vec<(u64, Option<u64>)>,
+    /// How many ranges there are.
+    pub lost_count: u64,
+    /// What became of the messages of other channels, by topic.
+    pub others: BTreeMap<String, OtherCounts>,
+    /// What is wrong with the file; the first ones.
+    pub damages: Vec<Damage>,
+    /// How many damages there are.
+    pub damage_count: u64,
+    /// The run cannot be recomputed by this program.
+    pub other_kernel: Option<OtherKernel>,
+    /// Step of the last state that was written.
+    pub last_step: Option<u64>,
+    /// Why the new recording ends.
+    pub end: EndReason,
+    /// The file said itself how it ended.
+    pub end_was_read: bool,
+}
+
+/// Messages of another channel.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct OtherCounts {
+    /// Written again.
+    pub kept: u64,
+    /// In the file, but damaged.
+    pub lost: u64,
+}
+
+impl Recovery {
+    /// Whether everything that was in the file is in the new one, and was what it must be.
+    pub fn is_whole(&self) -> bool {
+        self.lost_count + self.difference_count == 0 && self.others.values().all(|counts| counts.lost == 0)
+    }
+}
+
+/// Why recovering failed.
+#[derive(Debug, thiserror::Error)]
+pub enum RecoveryError {
+    /// The file cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The new one cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    /// We were asked to stop.
+    #[error("stopped before everything was read")]
+    Stopped,
+}
+
+/// Writes what can be had of the recording `audit`, which begins as `begin` says, to `writer`, and leaves it to be
+/// finished. With `fill` frames that are lost are recomputed. Of each topic the file should have `expected` messages,
+/// if that is known. `watch` sees the step of each state, and says whether to go on.
+///
+/// # Errors
+/// When reading or writing fails, or `watch` says so.
+pub fn recover(
+    mut audit: Audit,
+    begin: &BeginRecord,
+    fill: bool,
+    expected: Option<&BTreeMap<String, u64>>,
+    writer: &mut RecordingWriter,
+    watch: &mut dyn FnMut(u64) -> bool,
+) -> Result<Recovery, RecoveryError> {
+    let manifest = audit.manifest().clone();
+    let mut salvager = Salvager::new(&manifest, begin, fill, writer, watch);
+    let mut others: BTreeMap<String, OtherCounts> = BTreeMap::new();
+    let mut unchecked: BTreeMap<String, u64> = BTreeMap::new();
+    let mut copier = OtherCopier::default();
+    let mut one = EncodedStates::default();
+    let mut doubles = Vec::new();
+    loop {
+        match audit.next()? {
+            Audited::State(state) => {
+                one.clear();
+                one.push(state.frame, state.step, state.message);
+                // its lengths were checked when it was read
+                if let Ok(frame) = one.decode(0, &manifest, &mut doubles) {
+                    if state.is_checked { salvager.take(&frame)? } else { salvager.take_unchecked(&frame)? }
+                }
+            }
+            Audited::Summary(_) => {}
+            Audited::Other(message) if message.is_checked() => {
+                copier.copy(&message, salvager.writer())?;
+                others.entry(message.topic().to_owned()).or_default().kept += 1;
+            }
+            Audited::Other(message) => *unchecked.entry(message.topic().to_owned()).or_insert(0) += 1,
+            Audited::End => break,
+        }
+    }
+    let end = audit.end().cloned();
+    let mut recovery = salvager.finish(end.as_ref(), loses_tail(&audit))?;
+    count_lost(&mut others, &unchecked, &audit.lost_counts(), expected);
+    recovery.others = others;
+    recovery.damages = audit.damages().to_vec();
+    recovery.damage_count = audit.damage_count();
+    recovery.end_was_read = end.is_some();
+    recovery.end = end_reason(&manifest, end.as_ref(), recovery.last_step);
+    Ok(recovery)
+}
+
+/// Whether something that was in the file is damaged after the last state: more than a record that was never whole.
+fn loses_tail(audit: &Audit) -> bool {
+    let is_open = |damage: &&Damage| damage.frames.is_some_and(|frames| frames.to.is_none());
+    audit.damages().iter().filter(is_open).any(|damage| damage.kind != DamageKind::Torn)
+}
+
+/// Why the new recording ends: as the file says, if it reaches that far.
+fn end_reason(manifest: &RunManifest, end: Option<&EndRecord>, last_step: Option<u64>) -> EndReason {
+    let reached = end.filter(|end| end.last_step == last_step);
+    match reached {
+        _ if last_step == Some(manifest.physics.step_count) => EndReason::Complete,
+        Some(end) => end.reason,
+        None => EndReason::Interrupted,
+    }
+}
+
+/// Counts the messages of other channels that were in the file and are not in the new one.
+fn count_lost(
+    others: &mut BTreeMap<String, OtherCounts>,
+    unchecked: &BTreeMap<String, u64>,
+    by_index: &BTreeMap<String, u64>,
+    expected: Option<&BTreeMap<String, u64>>,
+) {
+    let of_frames = |topic: &str| ["/state", "/summary", "/chain"].contains(&topic);
+    let known = unchecked.keys().chain(by_index.keys()).chain(expected.into_iter().flat_map(BTreeMap::keys));
+    for topic in known.filter(|topic| !of_frames(topic)) {
+        let count = |counts: &BTreeMap<String, u64>| counts.get(topic).copied().unwrap_or(0);
+        let (seen, indexed) = (count(unchecked), count(by_index));
+        let entry = others.entry(topic.clone()).or_default();
+        let damaged = if seen > indexed { seen } else { indexed };
+        let missing = expected.map_or(0, |expected| count(expected).saturating_sub(entry.kept));
+        entry.lost = if missing > damaged { missing } else { damaged };
+    }
+}

@@ -1,0 +1,293 @@
+//! States of a damaged file, measured against those that are computed.
+
+use super::{MOST_KEPT, Recovery, RecoveryError};
+use crate::integrator::Integrator;
+use crate::resimulation::{Difference, check_kernel, difference};
+use crate::state::ChainState;
+use crate::verification::hash_of;
+use schemas::frame::{EndReason, Frame, FrameSink};
+use schemas::manifest::RunManifest;
+use schemas::recording::{BeginRecord, EndRecord, RecordingWriter};
+use std::collections::BTreeMap;
+
+/// Takes the states of a file in order and writes those that are to be had.
+pub(super) struct Salvager<'a> {
+    manifest: &'a RunManifest,
+    writer: &'a mut RecordingWriter,
+    watch: &'a mut dyn FnMut(u64) -> bool,
+    fill: bool,
+    /// Of another kernel version nothing is computed.
+    integrator: Option<Integrator>,
+    /// The last state that is proven, or believed until the next one shows; none before the first.
+    state: Option<ChainState>,
+    /// The next state shows whether the last one was right.
+    is_believed: bool,
+    /// Step from which on states are due, if the last proven one is not written.
+    due_from: u64,
+    /// Ahead of the last proven state, for states without a checksum.
+    probe: Option<ChainState>,
+    /// Frames that are lost from here on belong to the last range.
+    lost_until: Option<u64>,
+    recovery: Recovery,
+}
+
+impl<'a> Salvager<'a> {
+    pub(super) fn new(
+        manifest: &'a RunManifest,
+        begin: &BeginRecord,
+        fill: bool,
+        writer: &'a mut RecordingWriter,
+        watch: &'a mut dyn FnMut(u64) -> bool,
+    ) -> Self {
+        let other_kernel = check_kernel(manifest).err();
+        let from_start = other_kernel.is_none() && begin.first_step == 0;
+        Self {
+            manifest,
+            writer,
+            watch,
+            fill,
+            integrator: other_kernel.is_none().then(|| Integrator::new(&manifest.physics)),
+            state: from_start.then(|| ChainState::initial(&manifest.physics)),
+            is_believed: false,
+            due_from: begin.first_step,
+            probe: None,
+            lost_until: None,
+            recovery: Recovery {
+                kept_count: 0,
+                proven_without_checksum_count: 0,
+                recomputed: Vec::new(),
+                recomputed_count: 0,
+                differences: Vec::new(),
+                difference_count: 0,
+                unproven_count: 0,
+                lost: Vec::new(),
+                lost_count: 0,
+                others: BTreeMap::new(),
+                damages: Vec::new(),
+                damage_count: 0,
+                other_kernel,
+                last_step: None,
+                end: EndReason::Unfinished,
+                end_was_read: false,
+            },
+        }
+    }
+
+    /// Where messages of other channels go.
+    pub(super) fn writer(&mut self) -> &mut RecordingWriter {
+        self.writer
+    }
+
+    /// Takes a state whose checksum holds.
+    pub(super) fn take(&mut self, frame: &Frame<'_>) -> Result<(), RecoveryError> {
+        if self.integrator.is_none() {
+            self.lose_before(frame.step);
+            return self.keep(frame);
+        }
+        if self.is_believed && !self.is_reached(frame)? {
+            // one of the two is wrong, and this one may have more that follow from it
+            if let Some(wrong) = self.state.take() {
+                self.differs_from(&wrong, frame);
+            }
+        }
+        self.confirm()?;
+        if self.state.is_none() {
+            self.state = Some(ChainState::of_frame(frame));
+            self.is_believed = true;
+            return Ok(());
+        }
+        self.advance(frame.step, Some(frame))
+    }
+
+    /// Takes a state that may be anything: it counts if it is what the states before it lead to.
+    pub(super) fn take_unchecked(&mut self, frame: &Frame<'_>) -> Result<(), RecoveryError> {
+        let is_later =
+            self.state.as_ref().is_some_and(|state| state.step < frame.step || self.due_from == frame.step);
+        if !is_later {
+            return Ok(());
+        }
+        if !self.is_reached(frame)? {
+            self.recovery.unproven_count += 1;
+            return Ok(());
+        }
+        self.confirm()?;
+        self.recovery.proven_without_checksum_count += 1;
+        self.advance(frame.step, Some(frame))
+    }
+
+    /// Whether the last proven state leads to `frame`.
+    fn is_reached(&mut self, frame: &Frame<'_>) -> Result<bool, RecoveryError> {
+        Ok(self.probed(frame.step)?.is_some_and(|probe| difference(probe, frame, None).is_none()))
+    }
+
+    /// The state at `step`, computed; none if that was passed.
+    fn probed(&mut self, step: u64) -> Result<Option<&ChainState>, RecoveryError> {
+        let (Some(integrator), Some(state)) = (&mut self.integrator, &self.state) else { return Ok(None) };
+        let is_behind = self.probe.as_ref().is_none_or(|probe| probe.step < state.step);
+        if is_behind {
+            self.probe = Some(state.clone());
+        }
+        let Some(probe) = self.probe.as_mut().filter(|probe| probe.step <= step) else { return Ok(None) };
+        *integrator = Integrator::new(&self.manifest.physics);
+        while probe.step < step {
+            integrator.step(probe);
+            if probe.step.is_multiple_of(1024) && !(self.watch)(probe.step) {
+                return Err(RecoveryError::Stopped);
+            }
+        }
+        *integrator = Integrator::new(&self.manifest.physics);
+        Ok(Some(probe))
+    }
+
+    /// Writes a first state that was believed, now that another one shows that it is right, or that none comes.
+    fn confirm(&mut self) -> Result<(), RecoveryError> {
+        if !std::mem::replace(&mut self.is_believed, false) {
+            return Ok(());
+        }
+        let Some(state) = self.state.take() else { return Ok(()) };
+        self.lose_before(state.step);
+        self.keep(&state.as_frame(self.manifest, self.manifest.frame_at(state.step)))?;
+        self.state = Some(state);
+        Ok(())
+    }
+
+    /// Computes the states up to `step`, where `found` is in the file, and writes those that are due.
+    fn advance(&mut self, step: u64, found: Option<&Frame<'_>>) -> Result<(), RecoveryError> {
+        let Some(mut state) = self.state.take() else { return Ok(()) };
+        loop {
+            if state.step >= self.due_from {
+                let is_found = found.is_some_and(|found| found.step == state.step);
+                let frame = state.as_frame(self.manifest, self.manifest.frame_at(state.step));
+                let wrong = found.filter(|_| is_found).and_then(|found| difference(&state, found, None));
+                if let Some(wrong) = wrong {
+                    self.differs(Difference { from_step: self.recovery.last_step, ..wrong });
+                }
+                if is_found && wrong.is_none() {
+                    self.keep(&frame)?;
+                } else if self.manifest.is_recorded(state.step) || (found.is_none() && state.step == step) {
+                    self.write_recomputed(&frame)?;
+                }
+            }
+            if state.step >= step {
+                break;
+            }
+            if let Some(integrator) = &mut self.integrator {
+                integrator.step(&mut state);
+            }
+        }
+        self.state = Some(state);
+        Ok(())
+    }
+
+    /// Writes a state of the file.
+    fn keep(&mut self, frame: &Frame<'_>) -> Result<(), RecoveryError> {
+        self.recovery.kept_count += 1;
+        self.write(frame)
+    }
+
+    /// Writes a state that is not in the file, or says that it is lost.
+    fn write_recomputed(&mut self, frame: &Frame<'_>) -> Result<(), RecoveryError> {
+        if !self.fill {
+            self.lose(frame.frame, Some(frame.frame));
+            self.due_from = frame.step + 1;
+            return Ok(());
+        }
+        self.recovery.recomputed_count += 1;
+        let goes_on = self.recovery.last_step.is_some_and(|step| self.is_recomputed(step));
+        let ranges = &mut self.recovery.recomputed;
+        if let Some((_, to)) = ranges.last_mut().filter(|_| goes_on) {
+            *to = frame.frame;
+        } else if ranges.len() < MOST_KEPT {
+            ranges.push((frame.frame, frame.frame));
+        }
+        self.write(frame)
+    }
+
+    /// Whether the state of `step` is the last of the last range of recomputed ones.
+    fn is_recomputed(&self, step: u64) -> bool {
+        let last = self.recovery.recomputed.last().map(|(_, to)| *to);
+        last == Some(self.manifest.frame_at(step))
+    }
+
+    fn write(&mut self, frame: &Frame<'_>) -> Result<(), RecoveryError> {
+        self.writer.accept(frame)?;
+        self.recovery.last_step = Some(frame.step);
+        self.lost_until = None;
+        self.due_from = frame.step + 1;
+        if (self.watch)(frame.step) { Ok(()) } else { Err(RecoveryError::Stopped) }
+    }
+
+    fn lose(&mut self, from: u64, to: Option<u64>) {
+        let goes_on = self.lost_until.is_some_and(|until| from <= until);
+        let every =
+            self.manifest.provenance.record_every_steps / self.manifest.provenance.publish_every_steps;
+        self.lost_until = to.map(|to| to + every);
+        if let Some((_, last)) = self.recovery.lost.last_mut().filter(|_| goes_on) {
+            *last = to;
+            return;
+        }
+        self.recovery.lost_count += 1;
+        if self.recovery.lost.len() < MOST_KEPT {
+            self.recovery.lost.push((from, to));
+        }
+    }
+
+    /// Frame of the next state that is due by its step.
+    fn due_frame(&self) -> u64 {
+        let every = self.manifest.provenance.record_every_steps;
+        self.manifest.frame_at(self.due_from.div_ceil(every).saturating_mul(every))
+    }
+
+    /// The frames that are due before `step` are lost.
+    fn lose_before(&mut self, step: u64) {
+        let every = self.manifest.provenance.record_every_steps;
+        let last = step.saturating_sub(1) / every * every;
+        if self.due_from <= last {
+            self.lose(self.due_frame(), Some(self.manifest.frame_at(last)));
+        }
+    }
+
+    fn differs(&mut self, wrong: Difference) {
+        self.recovery.difference_count += 1;
+        if self.recovery.differences.len() < MOST_KEPT {
+            self.recovery.differences.push(wrong);
+        }
+    }
+
+    /// The state `wrong` does not lead to `frame`, and nothing says that it is right.
+    fn differs_from(&mut self, wrong: &ChainState, frame: &Frame<'_>) {
+        let found = self.probe.take().and_then(|probe| difference(&probe, frame, Some(wrong.step)));
+        if let Some(found) = found {
+            self.differs(found);
+        }
+        let number = self.manifest.frame_at(wrong.step);
+        self.lose(number, Some(number));
+        self.due_from = wrong.step + 1;
+    }
+
+    /// After the last state of the file, which ended as `end` says; `loses_tail` if more was in it.
+    pub(super) fn finish(
+        mut self,
+        end: Option<&EndRecord>,
+        loses_tail: bool,
+    ) -> Result<Recovery, RecoveryError> {
+        self.confirm()?;
+        let last_step = self.manifest.physics.step_count;
+        let said = end.and_then(|end| Some((end.last_step?, end.last_state_hash.as_ref()?)));
+        if let Some((step, hash)) = said.filter(|(step, _)| *step >= self.due_from && *step <= last_step) {
+            // the hash of the last state proves what is computed up to there
+            let is_proven = self.probed(step)?.is_some_and(|probe| hash_of(probe) == *hash);
+            if is_proven {
+                self.advance(step, None)?;
+            } else {
+                let last = self.manifest.frame_at(step);
+                let due = self.due_frame();
+                // the last state of a run that was interrupted is due by no schedule
+                self.lose(if due < last { due } else { last }, Some(last));
+            }
+        } else if end.is_none() && loses_tail && self.due_from <= last_step {
+            self.lose(self.due_frame(), None);
+        }
+        Ok(self.recovery)
+    }
+}

@@ -1,0 +1,110 @@
+//! Batches of states, decoded and recomputed.
+
+use super::MOST_DIFFERENCES;
+use crate::integrator::Integrator;
+use crate::resimulation::{Difference, check_kernel, difference};
+use crate::state::ChainState;
+use schemas::manifest::RunManifest;
+use schemas::recording::{EncodedStates, SummaryChecker, SummaryDifference};
+use std::sync::mpsc::Receiver;
+use std::sync::{Mutex, PoisonError};
+
+/// What a thread found.
+#[derive(Debug, Default)]
+pub(super) struct Proof {
+    pub(super) differences: Vec<Difference>,
+    pub(super) difference_count: u64,
+    pub(super) summary_differences: Vec<SummaryDifference>,
+    pub(super) summary_difference_count: u64,
+}
+
+impl Proof {
+    pub(super) fn add(&mut self, other: Self) {
+        self.differences.extend(other.differences);
+        self.difference_count += other.difference_count;
+        self.summary_differences.extend(other.summary_differences);
+        self.summary_difference_count += other.summary_difference_count;
+    }
+
+    /// In the order of steps, the first ones only.
+    pub(super) fn sort(&mut self) {
+        self.differences.sort_by_key(|wrong| wrong.step);
+        self.summary_differences.sort_by_key(|wrong| wrong.step);
+        self.summary_differences.truncate(MOST_DIFFERENCES);
+    }
+
+    fn differs(&mut self, wrong: Difference) {
+        self.difference_count += 1;
+        if self.differences.len() < MOST_DIFFERENCES {
+            self.differences.push(wrong);
+        }
+    }
+
+    fn summary_differs(&mut self, wrong: SummaryDifference) {
+        self.summary_difference_count += 1;
+        if self.summary_differences.len() < MOST_DIFFERENCES {
+            self.summary_differences.push(wrong);
+        }
+    }
+}
+
+/// Recomputes batches until there are no more.
+pub(super) fn prove_batches(manifest: &RunManifest, batches: &Mutex<Receiver<EncodedStates>>) -> Proof {
+    let mut proof = Proof::default();
+    let mut prover = check_kernel(manifest).is_ok().then(|| Prover::new(manifest));
+    loop {
+        // a receiver is as good after a panic of another thread as before
+        let batch = batches.lock().unwrap_or_else(PoisonError::into_inner).recv();
+        match (batch, &mut prover) {
+            (Ok(batch), Some(prover)) => prover.prove(&batch, &mut proof),
+            // of another kernel version nothing can be recomputed
+            (Ok(_), None) => {}
+            (Err(_), _) => return proof,
+        }
+    }
+}
+
+struct Prover<'a> {
+    manifest: &'a RunManifest,
+    checker: SummaryChecker,
+    state: ChainState,
+    doubles: Vec<f64>,
+}
+
+impl<'a> Prover<'a> {
+    fn new(manifest: &'a RunManifest) -> Self {
+        let state = ChainState::initial(&manifest.physics);
+        let checker = SummaryChecker::new(manifest);
+        Self { manifest, checker, state, doubles: Vec::new() }
+    }
+
+    /// The states of `batch` that do not follow from the one before, and their summaries.
+    fn prove(&mut self, batch: &EncodedStates, proof: &mut Proof) {
+        let mut integrator = Integrator::new(&self.manifest.physics);
+        let mut from_step = None;
+        for index in 0..batch.len() {
+            // lengths were checked when it was read
+            let Ok(frame) = batch.decode(index, self.manifest, &mut self.doubles) else { continue };
+            if let Some(summary) = batch.summary(index)
+                && let Some(wrong) = self.checker.check(&frame, summary)
+            {
+                proof.summary_differs(wrong);
+            }
+            if from_step.is_none() {
+                self.state.copy_from(&frame);
+            }
+            while self.state.step < frame.step {
+                integrator.step(&mut self.state);
+            }
+            if from_step.is_some()
+                && let Some(wrong) = difference(&self.state, &frame, from_step)
+            {
+                proof.differs(wrong);
+                // what follows may still follow from what is there
+                self.state.copy_from(&frame);
+                integrator = Integrator::new(&self.manifest.physics);
+            }
+            from_step = Some(frame.step);
+        }
+    }
+}

@@ -1,0 +1,520 @@
+//! Reading all of a recording, whole or damaged, and checking what stands in it against the manifest.
+
+use super::channel_writer::ChannelId;
+use super::contents::Channel;
+use super::decode::{self, StateHead, StateLengths};
+use super::encode;
+use super::error::{ReadError, WriteError};
+use super::head::{BeginRecord, EndRecord};
+use super::info;
+use super::log_time_ns;
+use super::messages::{MessageReader, RawMessage};
+use super::proto;
+use super::records::RecordReader;
+use super::salvage::{Damage, LostFrames};
+use super::schedule::Schedule;
+use super::writer::RecordingWriter;
+use crate::frame::EndReason;
+use crate::manifest::{KERNEL_VERSION, RunManifest, SCHEMA_VERSION};
+use mcap::records::MessageHeader;
+use prost::Message;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// The ranges of missing frames that are kept; more are only counted.
+const MOST_RANGES: usize = 100;
+
+/// Reads every message of a recording that can be read, and notes whatever is not as it must be: damage to the file,
+/// and messages that cannot be of this run under checksums that hold. Memory is bounded by one chunk.
+pub struct Audit {
+    messages: MessageReader,
+    manifest: RunManifest,
+    lengths: StateLengths,
+    /// The chain as it must be, encoded; none if another version resolved it.
+    chain: Option<Vec<u8>>,
+    chain_count: u64,
+    /// Step of the last checked state.
+    last_step: Option<u64>,
+    /// The last state has no summary so far; how many damages there were then.
+    awaited: Option<(u64, usize)>,
+    /// The damages before this one know their frames.
+    placed: usize,
+    missing: Vec<(u64, u64)>,
+    missing_count: u64,
+    ended: bool,
+    /// Messages read, by the number of their channel.
+    counts: BTreeMap<u16, u64>,
+}
+
+/// What a recording has next.
+#[derive(Debug)]
+pub enum Audited<'a> {
+    /// A state of this run, after those before.
+    State(RecordedState<'a>),
+    /// The summary of the last state, encoded.
+    Summary(&'a [u8]),
+    /// A message that does not belong to the frames.
+    Other(OtherMessage<'a>),
+    /// Nothing more.
+    End,
+}
+
+/// A state as it is in the file.
+#[derive(Debug, Clone, Copy)]
+pub struct RecordedState<'a> {
+    /// Its frame, or the frame before it.
+    pub frame: u64,
+    /// Its step.
+    pub step: u64,
+    /// The CRC of its chunk holds. If not, its step may be any, and its doubles too.
+    pub is_checked: bool,
+    /// The encoded `ChainState`, whose arrays have the lengths that they must have.
+    pub message: &'a [u8],
+}
+
+/// A message of another channel.
+#[derive(Debug)]
+pub struct OtherMessage<'a> {
+    head: MessageHeader,
+    channel: &'a Channel,
+    bytes: &'a [u8],
+    is_checked: bool,
+}
+
+impl OtherMessage<'_> {
+    /// Its topic.
+    pub fn topic(&self) -> &str {
+        &self.channel.topic
+    }
+
+    /// Whether the CRC of its chunk holds.
+    pub fn is_checked(&self) -> bool {
+        self.is_checked
+    }
+}
+
+/// A message by what it is, before it is lent.
+enum Kind {
+    State { frame: u64, step: u64, is_checked: bool },
+    Summary,
+    Other,
+    End,
+}
+
+/// What a message was found to say.
+enum Said {
+    State(Result<StateHead, String>),
+    Summary(Option<StateHead>),
+    Chain { is_ours: bool },
+    Other,
+}
+
+impl Audit {
+    /// Opens the recording `path`.
+    ///
+    /// # Errors
+    /// When it cannot be read, is no recording, is of another major schema version, or its manifest is damaged:
+    /// without it nothing in the file means anything.
+    pub fn open(path: &Path) -> Result<Self, ReadError> {
+        let messages = MessageReader::salvaging(path)?;
+        let manifest = messages.manifest().clone();
+        let physics = &manifest.physics;
+        let is_ours = physics.kernel_version == KERNEL_VERSION && !manifest.is_newer_minor();
+        Ok(Self {
+            lengths: StateLengths::of(&manifest),
+            chain: is_ours.then(|| encode::chain(&physics.chain()).encode_to_vec()),
+            messages,
+            manifest,
+            chain_count: 0,
+            last_step: None,
+            awaited: None,
+            placed: 0,
+            missing: Vec::new(),
+            missing_count: 0,
+            ended: false,
+            counts: BTreeMap::new(),
+        })
+    }
+
+    /// What stands in the head of the recording `path`: where it begins, and the configuration as the user gave it.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn head(path: &Path) -> Result<(BeginRecord, Option<String>), ReadError> {
+        let mut messages = MessageReader::salvaging(path)?;
+        messages.read_head()?;
+        let contents = messages.contents();
+        Ok((contents.begin.clone(), contents.run_toml.clone()))
+    }
+
+    /// Messages of each topic that the recording `path` should have, if its summary section says so.
+    pub fn expected_counts(path: &Path) -> Option<BTreeMap<String, u64>> {
+        info::counts_of_summary(&mut RecordReader::open(path).ok()?)
+    }
+
+    /// The run.
+    pub fn manifest(&self) -> &RunManifest {
+        &self.manifest
+    }
+
+    /// Size of the file.
+    pub fn file_bytes(&self) -> u64 {
+        self.messages.file_bytes()
+    }
+
+    /// Where the recording begins; known with the first state.
+    pub fn begin(&self) -> &BeginRecord {
+        &self.messages.contents().begin
+    }
+
+    /// How it ended, if that can be read; known at the end.
+    pub fn end(&self) -> Option<&EndRecord> {
+        self.messages.contents().end.as_ref()
+    }
+
+    /// Why no more comes; known at the end.
+    pub fn end_reason(&self) -> EndReason {
+        let end = self.end().filter(|_| self.messages.is_finished());
+        end.map_or(EndReason::Unfinished, |end| end.reason)
+    }
+
+    /// What is wrong with the file, as far as it has been read; at most [`MOST_DAMAGES`](super::MOST_DAMAGES).
+    pub fn damages(&self) -> &[Damage] {
+        self.messages.damages()
+    }
+
+    /// How many damages there are.
+    pub fn damage_count(&self) -> u64 {
+        self.messages.damage_count()
+    }
+
+    /// Frames that should be there and are not, from and up to; the first ranges.
+    pub fn missing(&self) -> &[(u64, u64)] {
+        &self.missing
+    }
+
+    /// How many such ranges there are.
+    pub fn missing_count(&self) -> u64 {
+        self.missing_count
+    }
+
+    /// Whether it has states, or might have had some before it was damaged; known at the end.
+    ///
+    /// # Errors
+    /// [`ReadError::NoChannel`] if it is a recording of something else.
+    pub fn check_has_states(&self) -> Result<(), ReadError> {
+        let contents = self.messages.contents();
+        let mut topics = contents.channels.values().map(|channel| channel.topic.as_str());
+        if self.last_step.is_some()
+            || contents.channels.is_empty()
+            || topics.any(|topic| topic == proto::STATE.topic)
+        {
+            return Ok(());
+        }
+        let path = self.messages.path().to_owned();
+        Err(ReadError::NoChannel { path, topic: proto::STATE.topic, found: contents.topics() })
+    }
+
+    /// Messages of damaged chunks by topic, as far as the indexes behind them count them; known at the end.
+    pub fn lost_counts(&mut self) -> BTreeMap<String, u64> {
+        let lost = self.messages.salvage().map(|salvage| salvage.lost.clone()).unwrap_or_default();
+        let channels = &self.messages.contents().channels;
+        let mut by_topic = BTreeMap::new();
+        for (id, count) in lost {
+            if let Some(channel) = channels.get(&id) {
+                *by_topic.entry(channel.topic.clone()).or_insert(0) += count;
+            }
+        }
+        by_topic
+    }
+
+    /// Reads on.
+    ///
+    /// # Errors
+    /// When the operating system refuses.
+    pub fn next(&mut self) -> Result<Audited<'_>, ReadError> {
+        let kind = self.advance()?;
+        let Some(message) = self.messages.last() else { return Ok(Audited::End) };
+        let RawMessage { head, channel, data, is_checked, .. } = message;
+        Ok(match kind {
+            Kind::State { frame, step, is_checked } => {
+                Audited::State(RecordedState { frame, step, is_checked, message: data })
+            }
+            Kind::Summary => Audited::Summary(data),
+            Kind::Other => Audited::Other(OtherMessage { head, channel, bytes: data, is_checked }),
+            Kind::End => Audited::End,
+        })
+    }
+
+    fn advance(&mut self) -> Result<Kind, ReadError> {
+        loop {
+            if self.ended {
+                return Ok(Kind::End);
+            }
+            let Some(message) = self.messages.next()? else {
+                self.ended = true;
+                self.at_end();
+                return Ok(Kind::End);
+            };
+            let RawMessage { head, is_checked, data, .. } = message;
+            *self.counts.entry(head.channel_id).or_insert(0) += 1;
+            let said = match message.channel.topic.as_str() {
+                topic if topic == proto::STATE.topic => Said::State(decode::checked_head(data, self.lengths)),
+                topic if topic == proto::SUMMARY.topic => Said::Summary(decode::summary_head(data)),
+                topic if topic == proto::CHAIN.topic => {
+                    Said::Chain { is_ours: is_chain(self.chain.as_deref(), data) }
+                }
+                _ => Said::Other,
+            };
+            let judged =
+                if is_checked { self.judge(&head, said) } else { Ok(unchecked(&self.manifest, said)) };
+            match judged {
+                Ok(Some(kind)) => return Ok(kind),
+                Ok(None) => {}
+                Err(what) => self.messages.note_message(what),
+            }
+        }
+    }
+
+    /// What a message under checksums that hold is, or what is wrong with it.
+    fn judge(&mut self, head: &MessageHeader, said: Said) -> Result<Option<Kind>, String> {
+        match said {
+            Said::State(state) => self.judge_state(head, &state?).map(Some),
+            Said::Summary(summary) => {
+                let summary = summary.ok_or("a summary that is no Summary")?;
+                let awaited = self.awaited.take().map(|(step, _)| step);
+                if awaited != Some(summary.step) {
+                    // of a state that is damaged or was refused
+                    let is_known = self.damage_count() > 0;
+                    return if is_known { Ok(None) } else { Err(no_state(summary.step)) };
+                }
+                check_times(head, summary.time_s)?;
+                Ok(Some(Kind::Summary))
+            }
+            Said::Chain { is_ours } => {
+                self.chain_count += 1;
+                check_times(head, 0.0)?;
+                let allowed = is_ours && self.chain_count == 1 && self.last_step.is_none();
+                let what =
+                    "a chain that is not the one that the manifest describes, or not once before the states";
+                if allowed { Ok(None) } else { Err(what.to_owned()) }
+            }
+            Said::Other => Ok(Some(Kind::Other)),
+        }
+    }
+
+    fn judge_state(&mut self, head: &MessageHeader, state: &StateHead) -> Result<Kind, String> {
+        let StateHead { frame, step, time_s } = *state;
+        let schedule = Schedule::new(&self.manifest, &self.messages.contents().begin);
+        let number = schedule.check(self.last_step, state)?;
+        let missed = schedule.missed(self.last_step, step, false);
+        let numbered = self.manifest.is_frame(step) == frame.is_some();
+        self.place_damages(missed.map(|(from, to)| (from, Some(to))));
+        self.miss(missed);
+        self.miss_summary();
+        self.last_step = Some(step);
+        self.awaited = Some((step, self.messages.damages().len()));
+        let frame = number.unwrap_or_else(|| self.manifest.frame_at(step));
+        if let Err(what) = check_times(head, time_s) {
+            self.messages.note_message(what);
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "the low bits, as the writer has them")]
+        let sequence = frame as u32;
+        if head.sequence != sequence || !numbered {
+            let what = format!("the state of step {step} does not have the number of its frame, {frame}");
+            self.messages.note_message(what);
+        }
+        Ok(Kind::State { frame, step, is_checked: true })
+    }
+
+    /// Notes frames that are not there.
+    fn miss(&mut self, range: Option<(u64, u64)>) {
+        if let Some(range) = range {
+            self.missing_count += 1;
+            if self.missing.len() < MOST_RANGES {
+                self.missing.push(range);
+            }
+        }
+    }
+
+    /// The damages since the last state are where these frames should be.
+    fn place_damages(&mut self, range: Option<(u64, Option<u64>)>) {
+        let placed = self.placed;
+        let Some(salvage) = self.messages.salvage() else { return };
+        let frames = range.map(|(from, to)| LostFrames { from, to });
+        let damages = salvage.damages_mut();
+        self.placed = damages.len();
+        for damage in damages.iter_mut().skip(placed) {
+            damage.frames = frames;
+        }
+    }
+
+    /// The last state has no summary, unless something was damaged since.
+    fn miss_summary(&mut self) {
+        if let Some((step, damages)) = self.awaited.take()
+            && self.messages.damages().len() == damages
+        {
+            self.messages.note_message(format!("the state of step {step} has no summary after it"));
+        }
+    }
+
+    fn at_end(&mut self) {
+        let end = self.end().cloned();
+        let is_finished = self.messages.is_finished();
+        let step_count = self.manifest.physics.step_count;
+        let last_step = match &end {
+            Some(end) if end.reason == EndReason::Complete => Some(step_count),
+            Some(end) => end.last_step.filter(|step| *step <= step_count),
+            None => None,
+        };
+        let schedule = Schedule::new(&self.manifest, &self.messages.contents().begin);
+        let next = self.last_step.map_or(schedule.first_step(), |step| step.saturating_add(1));
+        let missed = last_step.and_then(|step| schedule.missed(self.last_step, step, true));
+        let frame = self.manifest.frame_at(next.min(step_count));
+        let unknown = (last_step.is_none() && next <= step_count).then_some((frame, None));
+        self.place_damages(missed.map(|(from, to)| (from, Some(to))).or(unknown));
+        self.miss(missed);
+        if is_finished {
+            self.miss_summary();
+            self.check_end();
+            self.check_statistics();
+        }
+        self.check_definitions();
+    }
+
+    /// The record of the end agrees with that of the beginning and with the states.
+    fn check_end(&mut self) {
+        let (begin, Some(end)) = (self.begin().clone(), self.end().cloned()) else { return };
+        let same_part = end.part == begin.part && end.previous_state_hash == begin.previous_state_hash;
+        if !same_part {
+            let what = format!(
+                "it ends as part {} and begins as part {}, or with another hash of the part before",
+                end.part, begin.part
+            );
+            self.messages.note_about_file(what);
+        }
+        if self.damage_count() == 0 && self.last_step.is_some() && end.last_step != self.last_step {
+            let (said, found) = (end.last_step, self.last_step);
+            self.messages.note_about_file(format!(
+                "its end says that the last state is of step {}, but it is of step {}",
+                said.map_or("none".to_owned(), |step| step.to_string()),
+                found.map_or("none".to_owned(), |step| step.to_string()),
+            ));
+        }
+    }
+
+    /// The summary section counts as many messages as there are.
+    fn check_statistics(&mut self) {
+        if self.damage_count() > 0 {
+            return;
+        }
+        let Some(said) = Self::expected_counts(self.messages.path()) else { return };
+        let mut read: BTreeMap<&str, u64> = BTreeMap::new();
+        for (id, channel) in &self.messages.contents().channels {
+            *read.entry(&channel.topic).or_insert(0) += self.counts.get(id).copied().unwrap_or(0);
+        }
+        let differs = |(topic, count): (&&str, &u64)| {
+            let said = said.get(*topic).copied().unwrap_or(0);
+            (said != *count)
+                .then(|| format!("its statistics count {said} messages of `{topic}`, there are {count}"))
+        };
+        let wrong: Vec<_> = read.iter().filter_map(differs).collect();
+        for what in wrong {
+            self.messages.note_about_file(what);
+        }
+    }
+
+    /// Channels of ours have the schemas that they must have.
+    fn check_definitions(&mut self) {
+        if self.manifest.schema_version != SCHEMA_VERSION {
+            return;
+        }
+        let wrong: Vec<_> = self.messages.contents().channels.values().filter_map(wrong_definition).collect();
+        for what in wrong {
+            self.messages.note_about_file(what);
+        }
+        let is_whole = self.damage_count() == 0 && self.last_step.is_some();
+        if is_whole && self.chain_count == 0 {
+            self.messages.note_about_file("there is no message of `/chain`".to_owned());
+        }
+    }
+}
+
+/// What a message is whose checksum is wrong: states and others may be of use to whoever can prove them.
+fn unchecked(manifest: &RunManifest, said: Said) -> Option<Kind> {
+    match said {
+        Said::State(Ok(StateHead { frame, step, .. })) if step <= manifest.physics.step_count => {
+            let frame = frame.unwrap_or_else(|| manifest.frame_at(step));
+            Some(Kind::State { frame, step, is_checked: false })
+        }
+        Said::State(_) | Said::Summary(_) | Said::Chain { .. } => None,
+        Said::Other => Some(Kind::Other),
+    }
+}
+
+/// Whether `message` is the chain `expected`, if that is known.
+fn is_chain(expected: Option<&[u8]>, message: &[u8]) -> bool {
+    let Some(expected) = expected else { return true };
+    // another valid encoding of the same chain is as good
+    let encoded_anew = || proto::Chain::decode(message).map(|chain| chain.encode_to_vec());
+    message == expected || encoded_anew().is_ok_and(|chain| chain == expected)
+}
+
+fn no_state(step: u64) -> String {
+    format!("a summary of step {step} that does not follow the state of that step")
+}
+
+/// A message of the frames has the time of its state.
+fn check_times(head: &MessageHeader, time_s: f64) -> Result<(), String> {
+    let expected = log_time_ns(time_s);
+    let MessageHeader { log_time, publish_time, .. } = *head;
+    if (log_time, publish_time) == (expected, expected) {
+        return Ok(());
+    }
+    Err(format!(
+        "a message logged at {log_time} ns and published at {publish_time} ns instead of {expected} ns"
+    ))
+}
+
+/// What is wrong with the definition of a channel, if it has a schema of ours.
+fn wrong_definition(channel: &Channel) -> Option<String> {
+    let by_topic = proto::ALL.iter().take(proto::OF_FRAMES.len()).find(|known| known.topic == channel.topic);
+    let by_name = || proto::ALL.iter().find(|known| known.message == channel.schema.name);
+    let known = by_topic.or_else(by_name)?;
+    let is_right = channel.schema.name == known.message
+        && channel.message_encoding == "protobuf"
+        && channel.schema.encoding == "protobuf"
+        && *channel.schema.text == *known.descriptor;
+    (!is_right).then(|| {
+        format!("the channel `{}` has not the schema of {} that we know", channel.topic, known.message)
+    })
+}
+
+/// Copies messages of other channels into a new recording.
+#[derive(Debug, Default)]
+pub struct OtherCopier {
+    ids: BTreeMap<u16, ChannelId>,
+}
+
+impl OtherCopier {
+    /// Copies `message` as it is.
+    ///
+    /// # Errors
+    /// When writing fails.
+    pub fn copy(
+        &mut self,
+        message: &OtherMessage<'_>,
+        writer: &mut RecordingWriter,
+    ) -> Result<(), WriteError> {
+        let file = writer.channels();
+        let id = match self.ids.get(&message.head.channel_id) {
+            Some(id) => *id,
+            None => {
+                let id = file.copy_channel(message.channel)?;
+                self.ids.insert(message.head.channel_id, id);
+                id
+            }
+        };
+        file.copy(id, &message.head, message.bytes)
+    }
+}

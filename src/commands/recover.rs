@@ -1,0 +1,183 @@
+//! `beadline recover FILE --out FILE`: a whole recording from a damaged or unfinished one.
+
+use crate::analysis::check_place;
+use crate::args::RecoverArgs;
+use crate::commands::verify::{damage_json, damage_text, difference_json, frames};
+use crate::display::{self, bytes, count};
+use crate::failure::{BadInput, Done, Failure};
+use crate::signals;
+use anyhow::{Context, anyhow};
+use producer::recovery::{Recovery, RecoveryError, recover as recover_states};
+use schemas::manifest::RunManifest;
+use schemas::recording::{Audit, Finished, RecordingWriter, WriteOptions};
+use schemas::whole_file::give_name;
+use serde_json::json;
+use std::ffi::OsString;
+use std::fs::{File, TryLockError};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
+    let (from, to, force) = (args.file.as_path(), args.output.out.as_path(), args.output.force);
+    let stop = signals::stop_flag()?;
+    let audit = Audit::open(from).bad_input()?;
+    let manifest = audit.manifest().clone();
+    display::notice_of_version(&manifest);
+    check_place(to, from, force)?;
+    // held while it is read, so that no run begins to write it
+    let _lock = lock(from)?;
+    let (begin, run_toml) = Audit::head(from).bad_input()?;
+    let expected = Audit::expected_counts(from);
+    let place = working_place(from, to);
+    let options = WriteOptions { force: force || place != to, ..WriteOptions::default() };
+    let mut writer = RecordingWriter::create_from(&place, &manifest, run_toml.as_deref(), &begin, &options)?;
+    let bar = display::progress_bar(manifest.physics.step_count, manifest.provenance.name.as_str());
+    let mut refreshed = Instant::now();
+    let mut watch = |step| {
+        if refreshed.elapsed() >= Duration::from_millis(100) {
+            refreshed = Instant::now();
+            bar.set_position(step);
+        }
+        !stop.load(Ordering::Relaxed)
+    };
+    let recovered = recover_states(audit, &begin, !args.no_fill, expected.as_ref(), &mut writer, &mut watch);
+    bar.finish_and_clear();
+    let recovery = match recovered {
+        Ok(recovery) => recovery,
+        Err(error) => {
+            // a part under the whole one's name would be taken for it
+            writer.discard();
+            return Err(match error {
+                RecoveryError::Stopped => Failure::Failed(anyhow!("stopped; nothing was written")),
+                error => Failure::Failed(error.into()),
+            });
+        }
+    };
+    if recovery.last_step.is_none() {
+        writer.discard();
+        let message =
+            format!("{} has no state that can be read, so there is nothing to recover", from.display());
+        return Err(Failure::BadInput(anyhow!(message)));
+    }
+    let mut finished = writer.finish(recovery.end)?;
+    if place != to {
+        give_name(&place, to, force).with_context(|| format!("the result stays in {}", place.display()))?;
+        to.clone_into(&mut finished.path);
+    }
+    if args.output.json {
+        display::print_json(&to_json(&manifest, &recovery, &finished))?;
+    } else {
+        display::print(text(from, &manifest, &recovery, &finished))?;
+    }
+    Ok(Done::whole_if(recovery.is_whole()))
+}
+
+/// Locks the source against writers; one that lives keeps us away.
+fn lock(path: &Path) -> Result<File, Failure> {
+    let file = File::open(path).with_context(|| path.display().to_string()).map_err(Failure::BadInput)?;
+    match file.try_lock_shared() {
+        Err(TryLockError::WouldBlock) => {
+            let message =
+                format!("{} is being written by a process that lives; wait for its end", path.display());
+            Err(Failure::Failed(anyhow!(message)))
+        }
+        // file systems without locks do without
+        _ => Ok(file),
+    }
+}
+
+/// Where the new recording is written: under its own name, unless its `.partial` would be the source.
+fn working_place(from: &Path, to: &Path) -> PathBuf {
+    let with = |suffix: &str| {
+        let mut name = OsString::from(to);
+        name.push(suffix);
+        PathBuf::from(name)
+    };
+    let is_source = with(".partial").canonicalize().ok() == from.canonicalize().ok();
+    if is_source { with(".recovered") } else { to.to_owned() }
+}
+
+fn text(from: &Path, manifest: &RunManifest, recovery: &Recovery, finished: &Finished) -> String {
+    let mut rows = Vec::new();
+    rows.push(("states", states(recovery)));
+    if let Some(last) = recovery.last_step {
+        let (last, all) = (count(last), count(manifest.physics.step_count));
+        rows.push(("ends", format!("at step {last} of {all} ({})", recovery.end)));
+    }
+    rows.extend(recovery.damages.iter().map(|damage| ("damaged", damage_text(damage))));
+    push_more(&mut rows, "damaged", recovery.damage_count, recovery.damages.len());
+    let recomputed = |(from, to): &(u64, u64)| frames(*from, Some(*to));
+    rows.extend(recovery.recomputed.iter().map(|range| ("recomputed", recomputed(range))));
+    rows.extend(recovery.differences.iter().map(|difference| ("differed", difference.to_string())));
+    push_more(&mut rows, "differed", recovery.difference_count, recovery.differences.len());
+    if recovery.unproven_count > 0 {
+        let what = "states without a checksum that do not follow from the one before: not used";
+        rows.push(("unproven", format!("{} {what}", count(recovery.unproven_count))));
+    }
+    if let Some(other) = &recovery.other_kernel {
+        rows.push(("unproven", other.to_string()));
+    }
+    for (topic, counts) in &recovery.others {
+        let lost = if counts.lost > 0 { format!(", {} LOST", count(counts.lost)) } else { String::new() };
+        rows.push(("channel", format!("{topic}: {} messages kept{lost}", count(counts.kept))));
+    }
+    rows.extend(recovery.lost.iter().map(|(from, to)| ("LOST", frames(*from, *to))));
+    push_more(&mut rows, "LOST", recovery.lost_count, recovery.lost.len());
+    if recovery.is_whole() {
+        rows.push(("lost", "nothing that was in the file".to_owned()));
+    }
+    rows.push(("size", bytes(finished.bytes).to_string()));
+    display::rows(&format!("{} recovered: {}", from.display(), finished.path.display()), &rows)
+}
+
+fn push_more(rows: &mut Vec<(&'static str, String)>, name: &'static str, all: u64, shown: usize) {
+    let more = all.saturating_sub(shown as u64);
+    if more > 0 {
+        rows.push((name, format!("and {} more", count(more))));
+    }
+}
+
+fn states(recovery: &Recovery) -> String {
+    let mut text = format!("{} kept", count(recovery.kept_count));
+    if recovery.proven_without_checksum_count > 0 {
+        let proven = count(recovery.proven_without_checksum_count);
+        text += &format!(" ({proven} of them from a damaged chunk, proven)");
+    }
+    if recovery.recomputed_count > 0 {
+        text += &format!(", {} recomputed bit for bit", count(recovery.recomputed_count));
+    }
+    text
+}
+
+fn to_json(manifest: &RunManifest, recovery: &Recovery, finished: &Finished) -> serde_json::Value {
+    let others: serde_json::Map<_, _> = recovery
+        .others
+        .iter()
+        .map(|(topic, counts)| (topic.clone(), json!({ "kept": counts.kept, "lost": counts.lost })))
+        .collect();
+    json!({
+        "path": finished.path,
+        "bytes": finished.bytes,
+        "run": manifest.provenance.name,
+        "run_id": manifest.provenance.run_id,
+        "whole": recovery.is_whole(),
+        "states": finished.frames,
+        "states_kept": recovery.kept_count,
+        "states_proven_without_checksum": recovery.proven_without_checksum_count,
+        "states_recomputed": recovery.recomputed_count,
+        "recomputed_frames": recovery.recomputed,
+        "states_unproven": recovery.unproven_count,
+        "difference_count": recovery.difference_count,
+        "differences": recovery.differences.iter().map(difference_json).collect::<Vec<_>>(),
+        "lost_count": recovery.lost_count,
+        "lost_frames": recovery.lost,
+        "other_channels": others,
+        "damage_count": recovery.damage_count,
+        "damages": recovery.damages.iter().map(damage_json).collect::<Vec<_>>(),
+        "other_kernel": recovery.other_kernel.map(|other| other.found),
+        "last_step": recovery.last_step,
+        "end": recovery.end.as_str(),
+        "end_was_read": recovery.end_was_read,
+    })
+}

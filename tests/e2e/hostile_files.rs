@@ -1,0 +1,159 @@
+//! Files that somebody made to do harm, given to the built command.
+
+use crate::harness::{Ended, Place, Running};
+use hostile::campaign::Campaign;
+use hostile::checksums;
+use hostile::metadata::Metadata;
+use hostile::records::{Chunk, Parts, Record, op};
+use std::fs;
+use std::path::Path;
+
+const COMMANDS: [&str; 4] = ["info", "verify", "energies", "contacts"];
+
+fn golden(name: &str) -> Vec<u8> {
+    fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/1.0-kernel-1").join(name)).unwrap()
+}
+
+/// A short version of what `beadline-hostile`'s program `mutate` does for longer:
+///
+///     cargo run --release -p beadline-hostile --bin mutate -- --count 100000 tests/golden/*/{sparse,partial}.mcap*
+#[test]
+fn random_changes_of_a_recording_are_survived() {
+    let place = Place::new();
+    let campaign = Campaign {
+        program: Path::new(env!("CARGO_BIN_EXE_beadline")),
+        commands: &["info", "verify", "energies"].map(str::to_owned),
+        recordings: &["sparse.mcap", "contacts.mcap", "partial.mcap.partial"].map(golden),
+        seed: 1 << 40,
+        count: 150,
+        jobs: 2,
+        directory: &place.path("."),
+    };
+    let outcome = campaign.run(|_| ()).unwrap();
+    assert!(outcome.failures.is_empty(), "{:#?}", outcome.failures);
+    // it is worth nothing if all of them are refused for the same reason
+    let kinds = outcome.exits[0];
+    assert!(kinds[0] > 0 && kinds[2] > 0 && kinds[3] > 0, "{kinds:?}");
+}
+
+/// `sparse.mcap` as `change` leaves it, with right checksums, under `hostile.mcap`.
+fn forge(place: &Place, change: impl FnOnce(&mut Parts)) {
+    let mut parts = Parts::of_file(&golden("sparse.mcap"));
+    change(&mut parts);
+    let mut bytes = parts.put_together();
+    checksums::correct(&mut bytes);
+    fs::write(place.path("hostile.mcap"), bytes).unwrap();
+}
+
+/// Runs a command on `hostile.mcap` with at most `memory_mib` of address space.
+fn run_within(place: &Place, memory_mib: u64, command: &str) -> Ended {
+    let program = env!("CARGO_BIN_EXE_beadline");
+    let script = format!("ulimit -v {}; exec {program} {command} hostile.mcap", memory_mib << 10);
+    Running::start(command, place.foreign("sh", ["-c", script.as_str()])).wait()
+}
+
+/// Without the limits on what lengths claim, this takes 4 GiB.
+#[test]
+fn lengths_that_claim_gigabytes_reserve_nothing() {
+    let place = Place::new();
+    // the claim of a string, in each record that has one
+    for (opcode, at) in [(0x01, 0), (op::METADATA, 0), (op::CHUNK, 28), (op::METADATA_INDEX, 16), (0x04, 4)] {
+        forge(&place, |parts| {
+            let records = parts.records.iter_mut().filter(|record| record.opcode == opcode);
+            records
+                .for_each(|record| record.body[at..at + 4].copy_from_slice(&0xfff0_0000_u32.to_le_bytes()));
+        });
+        for command in COMMANDS {
+            let ended = run_within(&place, 512, command);
+            assert!([0, 2, 3].contains(&ended.code().unwrap_or(-1)), "{command}: {}", ended.stderr());
+        }
+    }
+    // 1 GiB in a chunk of some hundred bytes
+    forge(&place, |parts| {
+        let chunk = parts.records.iter_mut().find(|record| record.opcode == op::CHUNK).unwrap();
+        chunk.body[16..24].copy_from_slice(&(1_u64 << 30).to_le_bytes());
+    });
+    for command in COMMANDS {
+        let ended = run_within(&place, 512, command);
+        assert!([0, 2, 3].contains(&ended.code().unwrap_or(-1)), "{command}: {}", ended.stderr());
+    }
+}
+
+/// 256 MiB of zeros in a message of another channel, in 8 kB: memory is bounded by the chunk.
+#[test]
+fn a_chunk_that_unpacks_to_much_takes_no_more_than_that() {
+    let place = Place::new();
+    forge(&place, |parts| {
+        let at = parts.records.iter().position(|record| record.opcode == op::CHUNK).unwrap();
+        let mut chunk = Chunk::unpack(&parts.records[at].body).unwrap();
+        chunk.contents = vec![0x8f];
+        chunk.contents.extend((256_u64 << 20).to_le_bytes());
+        chunk.contents.resize(9 + (256 << 20), 0);
+        let body = chunk.pack(true);
+        assert!(body.len() < 20_000);
+        parts.records.insert(at + 1, Record { opcode: op::CHUNK, body, offset: usize::MAX });
+    });
+    for command in COMMANDS {
+        let ended = run_within(&place, 768, command);
+        assert!([0, 2, 3].contains(&ended.code().unwrap_or(-1)), "{command}: {}", ended.stderr());
+    }
+}
+
+/// The numbers of a manifest at the ends of what is allowed: nothing overflows, nothing is reserved that the file
+/// does not fill.
+#[test]
+fn a_manifest_of_the_largest_run_costs_nothing_by_itself() {
+    let place = Place::new();
+    for (key, values) in [
+        ("step_count", ["4503599627370496", "18446744073709551615", "0"].as_slice()),
+        ("dt_s", &["1e-300", "5e-324", "0", "1e308"]),
+        ("beads", &["20000000", "18446744073709551615", "2", "0"]),
+        ("publish_every_steps", &["4503599627370496", "18446744073709551615", "0"]),
+        ("record_every_steps", &["4503599627370496", "18446744073709551615", "0"]),
+    ] {
+        for value in values {
+            forge(&place, |parts| set_number(parts, key, value));
+            for command in COMMANDS {
+                let ended = run_within(&place, 512, command);
+                let code = ended.code().unwrap_or(-1);
+                assert!([0, 2, 3].contains(&code), "{key} = {value}: {command}: {}", ended.stderr());
+            }
+        }
+    }
+}
+
+/// A terminal obeys escape sequences, wherever they come from.
+#[test]
+fn what_a_file_says_does_not_reach_the_terminal_as_a_command() {
+    let place = Place::new();
+    forge(&place, |parts| {
+        for record in parts.records.iter_mut().filter(|record| record.opcode == op::METADATA) {
+            let mut metadata = Metadata::read(&record.body).unwrap();
+            if let Some(provenance) = metadata.value("provenance") {
+                *provenance = provenance.replace("\"host\":\"golden\"", "\"host\":\"\\u001b[2J\"");
+            }
+            record.body = metadata.write();
+        }
+    });
+    let info = place.run("info hostile.mcap").exits(0);
+    assert!(
+        info.stdout().contains("on \\u{1b}[2J") && !info.stdout().contains('\u{1b}'),
+        "{}",
+        info.stdout()
+    );
+    place.run("energies no\u{1b}[2J.mcap").exits(2).says(&["no\\u{1b}[2J.mcap"]);
+}
+
+/// Sets a number in the manifest's JSON.
+fn set_number(parts: &mut Parts, key: &str, number: &str) {
+    for record in parts.records.iter_mut().filter(|record| record.opcode == op::METADATA) {
+        let mut metadata = Metadata::read(&record.body).unwrap();
+        for (_, text) in &mut metadata.entries {
+            let Some(at) = text.find(&format!("\"{key}\":")) else { continue };
+            let start = at + key.len() + 3;
+            let end = start + text[start..].find([',', '}']).unwrap();
+            text.replace_range(start..end, number);
+        }
+        record.body = metadata.write();
+    }
+}
