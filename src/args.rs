@@ -304,7 +304,7 @@ pub(crate) struct RewriteArgs {
     /// Recording to write
     #[arg(long, value_name = "FILE.mcap")]
     pub(crate) out: PathBuf,
-    /// Threads that recompute [default: one for each core]
+    /// Threads that recompute, if the recording is sparse [default: one for each core]
     #[arg(long, value_name = "N", value_parser = parse_jobs)]
     pub(crate) jobs: Option<NonZero<usize>>,
     /// Replace a file that exists
@@ -318,7 +318,7 @@ pub(crate) struct RewriteArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     beadline verify run.mcap                     `proven`, or what differs: frame, bead and quantity\n  \
-    beadline verify run.part1.mcap run.part2.mcap   each part, and that one follows from the other\n  \
+    beadline verify run-part-*.mcap              each part, and that one follows from the other\n  \
     beadline verify run.mcap --json              the same for a program\n\n\
     Checked: every CRC, the manifest's checksum, every index, the order of the states, each state against the\n\
     one before by recomputing it, each summary against its state. Damage is named with its chunk and frames,\n\
@@ -385,7 +385,7 @@ pub(crate) struct AnalysisArgs {
     /// End at this simulated time (s)
     #[arg(long, value_name = "S", value_parser = parse_time)]
     pub(crate) until: Option<f64>,
-    /// Threads that recompute the steps of a recording [default: one for each core]
+    /// Threads that recompute the steps of a sparse recording [default: one for each core]
     #[arg(long, value_name = "N", value_parser = parse_jobs)]
     pub(crate) jobs: Option<NonZero<usize>>,
     /// Give up when no run appears within this time (s) [default: wait]

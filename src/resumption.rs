@@ -49,6 +49,21 @@ impl Resumption {
         self.recording.info()
     }
 
+    /// What is left to be done. Of a complete recording only its name may be missing, which it is given here.
+    pub(crate) fn unless_complete(self) -> Result<Option<Self>, Failure> {
+        if !(self.recording.is_in_place() && self.info().is_complete()) {
+            return Ok(Some(self));
+        }
+        let steps = self.info().manifest.physics.step_count;
+        let path = self.recording.give_name()?;
+        let path = path.display();
+        display::notice(format_args!(
+            "{path} is complete: all {} steps are there, nothing is left to be done",
+            count(steps)
+        ));
+        Ok(None)
+    }
+
     /// Where the recording will be.
     pub(crate) fn target(&self) -> &Path {
         self.recording.target()
@@ -74,7 +89,7 @@ impl Resumption {
         let mut recorder = match RecordingWriter::create(self.target(), &manifest, &toml, options) {
             Ok(recorder) => recorder,
             Err(error) => {
-                self.recording.put_back()?;
+                put_back(self.recording);
                 return Err(error.into());
             }
         };
@@ -92,12 +107,12 @@ impl Resumption {
             }
             Ok(Copied::Stopped) => {
                 recorder.discard();
-                self.recording.put_back()?;
+                put_back(self.recording);
                 Ok(None)
             }
             Err(failure) => {
                 recorder.discard();
-                self.recording.put_back()?;
+                put_back(self.recording);
                 Err(failure)
             }
         }
@@ -118,9 +133,11 @@ impl Resumption {
             ))
         };
         let mut others = OtherChannels::open(path).bad_input()?;
-        let mut states = RecordingSource::open(path).bad_input()?;
+        let mut states = RecordingSource::open(path).map_err(|error| damaged(error.to_string()))?;
         let manifest = states.manifest().clone();
-        let bar = display::progress_bar(self.info().last_step.unwrap_or(0), "copying");
+        // of the last frame: states between frames were added by somebody else
+        let last_step = self.info().last_step.map(|step| manifest.step_of_frame(manifest.frame_at(step)));
+        let bar = display::progress_bar(last_step.unwrap_or(0), "copying");
         let mut refreshed = Instant::now();
         let mut last = None;
         loop {
@@ -130,7 +147,7 @@ impl Resumption {
                     if manifest.is_recorded(frame.step) {
                         recorder.accept(&frame)?;
                     }
-                    if Some(frame.step) == self.info().last_step {
+                    if Some(frame.step) == last_step {
                         last = Some(ChainState::of_frame(&frame));
                     }
                     if refreshed.elapsed() >= REFRESH {
@@ -155,6 +172,14 @@ impl Resumption {
         others.copy_rest(recorder)?;
         bar.finish_and_clear();
         Ok(Copied::All(last))
+    }
+}
+
+/// Makes the old recording what it was, or says where it is.
+fn put_back(recording: InterruptedRecording) {
+    let path = recording.path().to_owned();
+    if let Err(error) = recording.put_back() {
+        display::notice(format_args!("{error}; the recording is still {}", path.display()));
     }
 }
 
@@ -184,15 +209,6 @@ fn hindrance(info: &RecordingInfo) -> Option<String> {
     } else {
         None
     }
-}
-
-/// Says of a run that it needs nothing more.
-pub(crate) fn tell_complete(info: &RecordingInfo) {
-    display::notice(format_args!(
-        "{} is complete: all {} steps are there, nothing is left to be done",
-        info.path.display(),
-        count(info.manifest.physics.step_count)
-    ));
 }
 
 /// Says where a run goes on.

@@ -88,8 +88,8 @@ impl Frames {
         Self { stop: source.stop(), states: States::AsTheyCome(source) }
     }
 
-    /// What `source` holds and what lies between, from step `first_step` on, all of it proven. A file is
-    /// recomputed by `jobs` threads, by default one for each core; a live run by this one.
+    /// What `source` holds and what lies between, from step `first_step` on, all of it proven. A sparse file
+    /// is recomputed by `jobs` threads, by default one for each core; a full one and a live run by this one.
     pub(crate) fn recomputed(
         source: Source,
         lend: Lend,
@@ -100,7 +100,8 @@ impl Frames {
         let stop = source.stop();
         let cores = || std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
         let jobs = jobs.unwrap_or_else(cores);
-        let states = if stop.is_some() && jobs > NonZero::<usize>::MIN {
+        let pays = ParallelResimulation::<Source>::pays(source.manifest());
+        let states = if stop.is_some() && pays && jobs > NonZero::<usize>::MIN {
             let make = if from_start { ParallelResimulation::from_start } else { ParallelResimulation::new };
             let states = make(source, lend, jobs).bad_input()?.lending_from(first_step);
             States::InParallel(Box::new(states))

@@ -54,7 +54,7 @@ pub enum WholeFileError {
         path: PathBuf,
     },
     /// A living process writes to this name.
-    #[error("{} is being written by another process; choose another name", path.display())]
+    #[error("{} is being written by another process; wait for its end, or choose another name", path.display())]
     Busy {
         /// The file it writes.
         path: PathBuf,

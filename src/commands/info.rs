@@ -2,6 +2,7 @@
 
 use crate::display::{self, bytes, count, seconds};
 use crate::failure::{BadInput, Done, Failure};
+use schemas::frame::EndReason;
 use schemas::recording::RecordingInfo;
 use serde_json::json;
 use std::path::Path;
@@ -81,6 +82,9 @@ fn text(info: &RecordingInfo) -> String {
     if !particulars.is_empty() {
         rows.insert(3, ("besides", particulars.join(", ")));
     }
+    if info.begin.part > 1 || info.end.as_ref().is_some_and(|end| end.reason == EndReason::Continued) {
+        rows.insert(1, ("part", count(info.begin.part).to_string()));
+    }
     for channel in &info.channels {
         rows.push((
             "channel",
@@ -106,6 +110,8 @@ fn to_json(info: &RecordingInfo) -> serde_json::Value {
         "manifest": info.manifest,
         "run_toml": info.run_toml,
         "channels": channels,
+        "part": info.begin.part,
+        "begins_at_step": info.begin.first_step,
         "first_step": info.first_step,
         "last_step": info.last_step,
         "time_range_s": info.time_range_s(),

@@ -156,13 +156,10 @@ fn manifest(args: &RecordArgs, manifest: &RunManifest) -> Result<RunManifest, Fa
 /// The frames as they come, or with those recomputed that do not.
 fn frames(args: &RecordArgs, live: LiveSource) -> Result<Frames, Failure> {
     let source = Source::Live(Box::new(live));
-    Ok(if args.from_start {
-        Frames::recomputed(source, Lend::Frames, true, 0, None)?
-    } else if args.fill_gaps {
-        Frames::recomputed(source, Lend::Frames, false, 0, None)?
-    } else {
-        Frames::as_they_come(source)
-    })
+    if args.from_start || args.fill_gaps {
+        return Frames::recomputed(source, Lend::Frames, args.from_start, 0, None);
+    }
+    Ok(Frames::as_they_come(source))
 }
 
 /// After a write error: where everything before it is.

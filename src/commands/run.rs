@@ -30,12 +30,13 @@ const REFRESH: Duration = Duration::from_millis(100);
 const LARGE_DRIFT: f64 = 1e-4;
 
 pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
-    let resumption = args.resume.as_ref().map(|path| Resumption::find(path, args.out.as_deref(), args.force));
-    let resumption = resumption.transpose()?;
-    if let Some(complete) = resumption.as_ref().map(Resumption::info).filter(|info| info.is_complete()) {
-        resumption::tell_complete(complete);
-        return Ok(Done::Whole);
-    }
+    let resumption = match &args.resume {
+        Some(path) => match Resumption::find(path, args.out.as_deref(), args.force)?.unless_complete()? {
+            None => return Ok(Done::Whole),
+            left => left,
+        },
+        None => None,
+    };
     let (configured, out) = match &resumption {
         Some(found) => (Configured::recorded(found.info()), Some(found.target().to_owned())),
         None => new_run(args)?,

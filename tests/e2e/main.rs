@@ -3,7 +3,9 @@
 
 mod compatibility;
 mod configuration;
+mod crash;
 mod deformation;
+mod disk;
 mod faults;
 mod golden;
 mod harness;
@@ -12,11 +14,14 @@ mod other_tools;
 mod pipeline;
 mod pulses;
 mod recomputing;
+mod recording_live;
 mod recordings;
+mod recovering;
 mod reference;
 mod reflection;
 mod replay;
 mod reproduce;
+mod resume;
 mod sweep;
 mod thinning;
 mod time_step;

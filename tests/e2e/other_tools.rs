@@ -34,6 +34,40 @@ fn python_reads_the_same_doubles() {
     Running::start("check_recording.py", check).wait().exits(0);
 }
 
+/// The same of the results that a recorder took from the bus, and of parts of a recording.
+#[test]
+fn python_reads_results_and_parts() {
+    let Some(python) = python() else { return };
+    let place = Place::new();
+    let run = "run --preset homogeneous --name run --duration 4e-3 --impurity 20=0.6e-3 --no-record";
+    let script = format!("{}/tests/python/check_recording.py", env!("CARGO_MANIFEST_DIR"));
+    let check = |arguments: &[&str]| {
+        let check = place.foreign(&python, [&[script.as_str()], arguments].concat());
+        Running::start("check_recording.py", check).wait().exits(0)
+    };
+    for (flags, files) in
+        [("", "run.mcap"), ("--split-duration 2e-3", "run-part-0001.mcap run-part-0002.mcap")]
+    {
+        let run = place.start(&format!("{run} --wait-for 5"));
+        let consumers = [
+            &format!("record --out run.mcap {flags}"),
+            "impurity --bead 0 --bead 20 --out motion.csv --force",
+            "energies",
+            "contacts",
+            "pulses",
+        ]
+        .map(|words| place.start(words));
+        run.wait().exits(0);
+        for consumer in consumers {
+            consumer.wait().exits(0);
+        }
+        for file in files.split(' ') {
+            let table: &[&str] = if flags.is_empty() { &["motion.csv"] } else { &[] };
+            check(&[&[file], table].concat());
+        }
+    }
+}
+
 /// A reader that was written from docs/FORMAT.md alone, in Python without any package but `zstandard`, reads new
 /// recordings and old ones; and it notices a wrong bit.
 #[test]

@@ -6,12 +6,14 @@
 Checks every CRC, the profile, the metadata and its checksum, the schemas, that the frames the manifest
 promises are there in order, that log times are simulated times, and that /summary agrees with /state.
 With a CSV, every double in its columns time_s, u_<bead>_m and v_<bead>_m_s must be that of the state of the
-same frame, bit for bit. Exit code 0 if all is well, 1 with the differences if not.
+same frame, bit for bit, and so must be those of /impurity, if there is one. Of other results the frames must be in
+order, and /energies must agree with /summary. Exit code 0 if all is well, 1 with the differences if not.
 """
 
 import csv
 import hashlib
 import json
+import math
 import re
 import struct
 import sys
@@ -26,6 +28,10 @@ SCHEMAS = {
     "/chain": "beadline.v1.Chain",
     "/state": "beadline.v1.ChainState",
     "/summary": "beadline.v1.Summary",
+    "/energies": "beadline.v1.Energies",
+    "/impurity": "beadline.v1.ImpurityMotion",
+    "/contacts": "beadline.v1.ContactClasses",
+    "/pulses": "beadline.v1.Pulses",
 }
 
 
@@ -56,12 +62,11 @@ def read_raw(path, checks):
         checks.expect(isinstance(header, Header) and header.profile == "beadline", f"header {header}")
         checks.expect(header.library.startswith("beadline "), f"library {header.library}")
         checks.expect(isinstance(run, Metadata) and run.name == "beadline.run", "the first record is no manifest")
-        end = None
-        for record in records:
-            if isinstance(record, Metadata) and record.name == "beadline.end":
-                end = record.metadata
+        more = {record.name: record.metadata for record in records if isinstance(record, Metadata)}
+    begin, end = more.get("beadline.begin", {}), more.get("beadline.end")
     checks.expect(end is not None, "no metadata beadline.end")
-    return run.metadata, end or {}
+    checks.expect(not begin or begin["part"] == end["part"], f"part {begin} and {end}")
+    return run.metadata, begin, end or {}
 
 
 def check_manifest(run, checks):
@@ -71,11 +76,12 @@ def check_manifest(run, checks):
     return json.loads(run["physics"]), json.loads(run["provenance"])
 
 
-def expected_steps(physics, provenance, end):
-    """The steps that the schedule says are recorded, up to where the recording ended."""
+def expected_steps(physics, provenance, begin, end):
+    """The steps that the schedule says are recorded, from where the recording begins to where it ended."""
+    first = int(begin.get("first_step", 0))
     last = physics["step_count"] if end["reason"] == "complete" else int(end["last_step"])
-    steps = list(range(0, last + 1, provenance["record_every_steps"]))
-    return steps if steps[-1] == last else [*steps, last]
+    every = provenance["record_every_steps"]
+    return sorted({first, last, *range(-(-first // every) * every, last + 1, every)})
 
 
 def check_message(channel, message, decoded, checks):
@@ -111,6 +117,32 @@ def check_summary(summary, state, physics, checks):
     checks.expect(summary.total_j == summary.kinetic_j + summary.potential_j, f"{where}: total energy")
 
 
+class Results:
+    """Rows of results, each kind in the order of frames."""
+
+    def __init__(self):
+        self.last_step = {}
+        self.totals = {}
+
+    def check(self, topic, row, table, checks):
+        checks.expect(row.step > self.last_step.get(topic, -1), f"{topic}: step {row.step} is out of order")
+        self.last_step[topic] = row.step
+        if topic == "/summary":
+            self.totals[row.step] = row.total_j
+        elif topic == "/energies":
+            present = [field.name for field, _ in row.ListFields()]
+            checks.expect(len(present) >= 10, f"{topic}: only {present} of step {row.step}")
+            total = self.totals.pop(row.step, row.total_j)
+            # another order of the sum
+            same = math.isclose(total, row.total_j, rel_tol=1e-12)
+            checks.expect(same, f"{topic}: total energy of step {row.step}")
+        elif topic == "/contacts":
+            checks.expect(len(row.classes) == -(-row.contact_count // 4), f"{topic}: {len(row.classes)} bytes")
+        elif topic == "/impurity" and table:
+            return table.compare_motion(row, checks)
+        return 0
+
+
 class Table:
     """The columns of our CSV that /state has, too."""
 
@@ -121,6 +153,29 @@ class Table:
         self.rows = {int(row[self.header.index("frame")]): row for row in rows[1:]}
         columns = [(i, re.fullmatch(r"([uv])_(\d+)_(?:m|m_s)", name)) for i, name in enumerate(self.header)]
         self.columns = [(i, match[1], int(match[2])) for i, match in columns if match]
+        self.all_rows = dict(self.rows)
+
+    def compare_motion(self, motion, checks):
+        """Every column of the table that the row of /impurity has, too."""
+        row, compared = self.all_rows.get(motion.frame), 0
+        if row is None:
+            checks.expect(False, f"the table has no frame {motion.frame}, /impurity has")
+            return 0
+        arrays = {
+            "u_{}_m": motion.displacement_m,
+            "v_{}_m_s": motion.velocity_m_s,
+            "overlap_left_{}_m": motion.overlap_left_m,
+            "overlap_right_{}_m": motion.overlap_right_m,
+        }
+        for at, bead in enumerate(motion.bead):
+            for name, values in arrays.items():
+                if (column := name.format(bead)) in self.header:
+                    text = row[self.header.index(column)]
+                    # an empty field is a NaN
+                    same = bits(float(text)) == bits(values[at]) if text else values[at] != values[at]
+                    checks.expect(same, f"frame {motion.frame}: {column} is {text}, {values[at]!r} in /impurity")
+                    compared += 1
+        return compared
 
     def compare(self, state, checks):
         row = self.rows.pop(state.frame, None)
@@ -140,12 +195,12 @@ class Table:
 
 def main(path, table_path=None):
     checks = Checks()
-    run, end = read_raw(path, checks)
+    run, begin, end = read_raw(path, checks)
     physics, provenance = check_manifest(run, checks)
     table = Table(table_path) if table_path else None
     if table:
         checks.expect(table.columns, f"{table_path} has no column u_<bead>_m or v_<bead>_m_s")
-    steps, compared, state, topics = [], 0, None, {}
+    steps, compared, state, topics, results = [], 0, None, {}, Results()
     with open(path, "rb") as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
         for schema, channel, message, decoded in reader.iter_decoded_messages(log_time_order=False):
@@ -164,11 +219,13 @@ def main(path, table_path=None):
                 compared += table.compare(state, checks) if table else 0
             elif channel.topic == "/summary":
                 check_summary(decoded, state, physics, checks)
+            if channel.topic not in ("/chain", "/state"):
+                compared += results.check(channel.topic, decoded, table, checks)
         statistics = reader.get_summary().statistics
     checks.expect(statistics.message_count == sum(topics.values()), "the statistics count other messages")
     checks.expect(topics.get("/chain") == 1, "/chain is not there once")
     checks.expect(topics.get("/summary") == len(steps), "/summary and /state differ in number")
-    checks.expect(steps == expected_steps(physics, provenance, end), "steps are missing or too many")
+    checks.expect(steps == expected_steps(physics, provenance, begin, end), "steps are missing or too many")
     if table:
         checks.expect(not table.rows, f"frames {list(table.rows)[:5]} are in the table only")
         checks.expect(compared, "nothing was compared")

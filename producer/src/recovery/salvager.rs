@@ -26,8 +26,6 @@ pub(super) struct Salvager<'a> {
     due_from: u64,
     /// Ahead of the last proven state, for states without a checksum.
     probe: Option<ChainState>,
-    /// The last state without a checksum that was not proven.
-    unproven_step: Option<u64>,
     /// Frames that are lost from here on belong to the last range.
     lost_until: Option<u64>,
     recovery: Recovery,
@@ -53,7 +51,6 @@ impl<'a> Salvager<'a> {
             is_believed: false,
             due_from: begin.first_step,
             probe: None,
-            unproven_step: None,
             lost_until: None,
             recovery: Recovery {
                 kept_count: 0,
@@ -111,7 +108,6 @@ impl<'a> Salvager<'a> {
         }
         if !self.is_reached(frame)? {
             self.recovery.unproven_count += 1;
-            self.unproven_step = Some(frame.step);
             return Ok(());
         }
         self.confirm()?;
@@ -289,11 +285,8 @@ impl<'a> Salvager<'a> {
                 // the last state of a run that was interrupted is due by no schedule
                 self.lose(if due < last { due } else { last }, Some(last));
             }
-        } else if end.is_none() {
-            let is_beyond = self.unproven_step.is_some_and(|step| step >= self.due_from);
-            if (loses_tail || is_beyond) && self.due_from <= last_step {
-                self.lose(self.due_frame(), None);
-            }
+        } else if end.is_none() && loses_tail && self.due_from <= last_step {
+            self.lose(self.due_frame(), None);
         }
         Ok(self.recovery)
     }

@@ -12,6 +12,10 @@ use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 use stretch::{Block, Piece, Stretch, Workers};
 
+/// A recording with a state in so many steps, or more, is recomputed faster by several threads. Where states are
+/// closer, reading them and handing them over takes longer than computing them.
+const FEW_STATES_STEPS: u64 = 8;
+
 /// How much is kept in memory at most.
 #[derive(Debug, Clone, Copy)]
 struct Limits {
@@ -93,6 +97,11 @@ impl<S: FrameSource> ParallelResimulation<S> {
     /// As [`ParallelResimulation::new`].
     pub fn from_start(source: S, lend: Lend, threads: NonZero<usize>) -> Result<Self, OtherKernel> {
         Ok(Self::new(source, lend, threads)?.with_initial_state())
+    }
+
+    /// Whether several threads are faster than one with the recordings of `manifest`: with sparse ones.
+    pub fn pays(manifest: &RunManifest) -> bool {
+        manifest.provenance.record_every_steps >= FEW_STATES_STEPS
     }
 
     /// The initial state comes first, like a state that the source delivers.

@@ -42,6 +42,8 @@ pub struct Audit {
     missing: Vec<(u64, u64)>,
     missing_count: u64,
     ended: bool,
+    /// Messages read, by the number of their channel.
+    counts: BTreeMap<u16, u64>,
 }
 
 /// What a recording has next.
@@ -130,6 +132,7 @@ impl Audit {
             missing: Vec::new(),
             missing_count: 0,
             ended: false,
+            counts: BTreeMap::new(),
         })
     }
 
@@ -254,6 +257,7 @@ impl Audit {
                 return Ok(Kind::End);
             };
             let RawMessage { head, is_checked, data, .. } = message;
+            *self.counts.entry(head.channel_id).or_insert(0) += 1;
             let said = match message.channel.topic.as_str() {
                 topic if topic == proto::STATE.topic => Said::State(decode::checked_head(data, self.lengths)),
                 topic if topic == proto::SUMMARY.topic => Said::Summary(decode::summary_head(data)),
@@ -376,6 +380,7 @@ impl Audit {
         if is_finished {
             self.miss_summary();
             self.check_end();
+            self.check_statistics();
         }
         self.check_definitions();
     }
@@ -398,6 +403,27 @@ impl Audit {
                 said.map_or("none".to_owned(), |step| step.to_string()),
                 found.map_or("none".to_owned(), |step| step.to_string()),
             ));
+        }
+    }
+
+    /// The summary section counts as many messages as there are.
+    fn check_statistics(&mut self) {
+        if self.damage_count() > 0 {
+            return;
+        }
+        let Some(said) = Self::expected_counts(self.messages.path()) else { return };
+        let mut read: BTreeMap<&str, u64> = BTreeMap::new();
+        for (id, channel) in &self.messages.contents().channels {
+            *read.entry(&channel.topic).or_insert(0) += self.counts.get(id).copied().unwrap_or(0);
+        }
+        let differs = |(topic, count): (&&str, &u64)| {
+            let said = said.get(*topic).copied().unwrap_or(0);
+            (said != *count)
+                .then(|| format!("its statistics count {said} messages of `{topic}`, there are {count}"))
+        };
+        let wrong: Vec<_> = read.iter().filter_map(differs).collect();
+        for what in wrong {
+            self.messages.note_about_file(what);
         }
     }
 

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug)]
 pub struct InterruptedRecording {
     file: LockedFile,
-    /// What a former attempt left of a copy, to be replaced.
+    /// Of a former attempt, with nothing that this one has not.
     leftover: Option<LockedFile>,
     names: Names,
     target: PathBuf,
@@ -66,6 +66,8 @@ impl InterruptedRecording {
         let (file, info, leftover) = if !is_whole && names.aside.exists() {
             best_of(&names)?
         } else {
+            // a file that is not there cannot be read, rather than written
+            path.metadata().map_err(ReadError::io(path))?;
             let file = LockedFile::open(path)?;
             let info = RecordingInfo::read(path)?;
             (file, info, None)
@@ -88,7 +90,8 @@ impl InterruptedRecording {
         &self.target
     }
 
-    fn is_in_place(&self) -> bool {
+    /// Whether it will be written again in its place.
+    pub fn is_in_place(&self) -> bool {
         self.target == self.names.whole
     }
 
@@ -107,6 +110,20 @@ impl InterruptedRecording {
             return Ok(());
         }
         self.file.rename(&self.names.aside)
+    }
+
+    /// Gives a complete one its name, if it was killed before it had it, and returns where it is.
+    ///
+    /// # Errors
+    /// When the operating system refuses, or when there is something of that name.
+    pub fn give_name(mut self) -> Result<PathBuf, WholeFileError> {
+        if let Some(leftover) = self.leftover.take() {
+            leftover.remove()?;
+        }
+        if self.file.path() != self.names.whole {
+            self.file.rename(&self.names.whole)?;
+        }
+        Ok(self.names.whole)
     }
 
     /// Gives it a name under which it is found, after the new one came to nothing.
@@ -145,10 +162,7 @@ fn best_of(names: &Names) -> Result<(LockedFile, RecordingInfo, Option<LockedFil
     }
     let new = LockedFile::open(&names.partial)?;
     match RecordingInfo::read(&names.partial) {
-        Ok(found) if is_further(&found, &info) => {
-            old.remove()?;
-            Ok((new, found, None))
-        }
+        Ok(found) if is_further(&found, &info) => Ok((new, found, Some(old))),
         // a copy that was not finished
         _ => Ok((old, info, Some(new))),
     }

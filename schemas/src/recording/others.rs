@@ -24,6 +24,8 @@ pub struct OtherChannels {
     /// Its contents.
     pending_bytes: Vec<u8>,
     copied_count: u64,
+    /// There are no more.
+    ended: bool,
 }
 
 /// Why messages could not be copied.
@@ -49,6 +51,7 @@ impl OtherChannels {
             pending: None,
             pending_bytes: Vec::new(),
             copied_count: 0,
+            ended: false,
         })
     }
 
@@ -84,7 +87,12 @@ impl OtherChannels {
             self.pending = None;
             self.copied_count += 1;
         }
-        while let Some(message) = self.messages.next()? {
+        while !self.ended {
+            let Some(message) = self.messages.next()? else {
+                // where a file is torn, the next attempt would find an error
+                self.ended = true;
+                break;
+            };
             if proto::OF_FRAMES.contains(&message.channel.topic.as_str()) {
                 continue;
             }

@@ -14,6 +14,9 @@ use crate::recording::salvage::{
 use mcap::records::op;
 use std::ops::Range;
 
+/// So many zeros at the end of a chunk whose CRC is wrong were never written, if only zeros follow.
+const UNWRITTEN_BYTES: usize = 8;
+
 impl MessageReader {
     /// Notes what is wrong and goes on after it. Without salvaging, and if the operating system refused, the error
     /// stays one.
@@ -29,7 +32,7 @@ impl MessageReader {
             return self.search(start, what);
         } else {
             match self.opcode {
-                op::CHUNK => self.take_damaged_chunk(start, end - start, what),
+                op::CHUNK => self.take_damaged_chunk(start, end - start, what)?,
                 // a section's end, whose CRC is wrong
                 0 => return Ok(self.end_of_section(what)),
                 _ => self.note(DamageKind::Record, start, end - start, what),
@@ -126,14 +129,27 @@ impl MessageReader {
     }
 
     /// The record read last is a chunk that is damaged: it gives what it has, unchecked.
-    fn take_damaged_chunk(&mut self, offset_bytes: u64, length_bytes: u64, what: String) {
+    fn take_damaged_chunk(
+        &mut self,
+        offset_bytes: u64,
+        length_bytes: u64,
+        what: String,
+    ) -> Result<(), ReadError> {
         let mut body = Vec::new();
         self.records.swap_body(&mut body);
-        self.take_unchecked(DamageKind::Chunk, offset_bytes, length_bytes, what, &body);
+        let end = self.records.position();
+        let was_never_whole = !self.records.is_closed()
+            && body.ends_with(&[0; UNWRITTEN_BYTES])
+            && is_zero_from(&mut self.records, end)?;
+        let kind = if was_never_whole { DamageKind::Torn } else { DamageKind::Chunk };
+        self.take_unchecked(kind, offset_bytes, length_bytes, what, &body);
         if let Some(salvage) = &mut self.salvage {
-            salvage.sound_end = offset_bytes + RECORD_HEAD_BYTES;
             salvage.counts_lost = true;
         }
+        if self.records.position() == end {
+            return Ok(());
+        }
+        self.records.seek(end)
     }
 
     fn take_unchecked(
@@ -149,6 +165,9 @@ impl MessageReader {
         self.note_with(Damage { kind, chunk, offset_bytes, length_bytes, what, time_range_ns, frames: None });
         self.in_chunk = self.chunk.load_unchecked(offset_bytes, body);
         self.is_checked = false;
+        if let Some(salvage) = &mut self.salvage {
+            salvage.sound_end = offset_bytes + RECORD_HEAD_BYTES;
+        }
     }
 
     /// The CRC of the data section or of the summary section is wrong.

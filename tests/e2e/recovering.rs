@@ -1,0 +1,353 @@
+//! Damaged and unfinished recordings: what is wrong is named, and what can be had is had.
+
+use crate::harness::Place;
+use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
+use schemas::recording::{Compression, PartsWriter, RecordingSource, RecordingWriter, Split, WriteOptions};
+use serde_json::Value;
+use std::fs;
+use std::time::Duration;
+
+const SMALL: &str = "run --beads 60 --impurity 30=0.6e-3 --duration 0.004 --name small --out run.mcap";
+
+/// Opcode, offset and length of the contents of the records of a file.
+fn records(bytes: &[u8]) -> Vec<(u8, usize, usize)> {
+    let (mut at, mut records) = (8, Vec::new());
+    while at + 9 <= bytes.len() - 8 {
+        let length = u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap());
+        let length = usize::try_from(length).unwrap();
+        records.push((bytes[at], at, length));
+        at += 9 + length;
+    }
+    records
+}
+
+fn chunks(bytes: &[u8]) -> Vec<(usize, usize)> {
+    let chunks = records(bytes).into_iter().filter(|record| record.0 == 0x06);
+    chunks.map(|(_, at, length)| (at, length)).collect()
+}
+
+/// Records a small run as `run.mcap`, in small chunks.
+fn record(place: &Place, flags: &str, compression: Compression) -> Vec<u8> {
+    place.run(&format!("{SMALL} {flags} --force")).exits(0);
+    copy(place, "run.mcap", "small.mcap", compression);
+    fs::read(place.path("small.mcap")).unwrap()
+}
+
+fn copy(place: &Place, from: &str, to: &str, compression: Compression) {
+    let mut source = RecordingSource::open(&place.path(from)).unwrap();
+    let options = WriteOptions {
+        force: true,
+        compression,
+        chunk_bytes: 20_000,
+        flush_period: Duration::from_hours(1),
+        ..WriteOptions::default()
+    };
+    let manifest = source.manifest().clone();
+    let mut copy = RecordingWriter::create(&place.path(to), &manifest, "a = 1\n", &options).unwrap();
+    while let Received::Frame(frame) = source.receive().unwrap() {
+        copy.accept(&frame).unwrap();
+    }
+    copy.finish(EndReason::Complete).unwrap();
+}
+
+/// Every state of a recording: its frame, step and bits.
+fn states(place: &Place, file: &str) -> Vec<(u64, u64, Vec<u64>)> {
+    let mut source = RecordingSource::open(&place.path(file)).unwrap();
+    let mut states = Vec::new();
+    while let Received::Frame(frame) = source.receive().unwrap() {
+        let values = [frame.u_m, frame.v_m_s, frame.extra].concat();
+        states.push((frame.frame, frame.step, values.iter().map(|value| value.to_bits()).collect()));
+    }
+    states
+}
+
+const BOTH: [Compression; 2] = [Compression::None, Compression::Zstd { level: 1 }];
+
+#[test]
+fn a_damaged_chunk_is_named_with_its_frames_and_brought_back() {
+    let place = Place::new();
+    for compression in BOTH {
+        let bytes = record(&place, "", compression);
+        let whole = states(&place, "small.mcap");
+        let chunks = chunks(&bytes);
+        assert!(chunks.len() > 5);
+        for number in [0, 3, chunks.len() - 1] {
+            let (at, length) = chunks[number];
+            let mut damaged = bytes.clone();
+            damaged[at + 9 + length / 2] ^= 0x10;
+            fs::write(place.path("damaged.mcap"), &damaged).unwrap();
+            let found = place.run("verify damaged.mcap --json").exits(3).json();
+            assert_eq!((&found["proven"], &found["difference_count"]), (&false.into(), &0.into()));
+            let damage = &found["damages"][0];
+            assert_eq!((&damage["kind"], &damage["chunk"]), (&"chunk".into(), &number.into()), "{found}");
+            assert_eq!(damage["offset_bytes"], at);
+            // all before and all after it was read
+            let lost = found["missing_frames"][0].clone();
+            assert_eq!(damage["frames"], lost, "{found}");
+            let lost_count = lost[1].as_u64().unwrap() - lost[0].as_u64().unwrap() + 1;
+            assert_eq!(found["states"].as_u64().unwrap() + lost_count, whole.len() as u64);
+            let text = place.run("verify damaged.mcap").exits(3).stdout();
+            assert!(text.contains(&format!("chunk {number} at byte {at}")), "{text}");
+
+            let recovered = place.run("recover damaged.mcap --out whole.mcap --force --json").exits(0).json();
+            assert_eq!((&recovered["whole"], &recovered["end"]), (&true.into(), &"complete".into()));
+            assert_eq!(recovered["damages"][0]["chunk"], number);
+            place.run("verify whole.mcap").exits(0);
+            assert!(states(&place, "whole.mcap") == whole, "chunk {number}");
+        }
+    }
+}
+
+#[test]
+fn without_filling_a_gap_stays_one() {
+    let place = Place::new();
+    let mut bytes = record(&place, "", Compression::Zstd { level: 1 });
+    let (at, length) = chunks(&bytes)[2];
+    bytes[at + 9 + length / 2] ^= 1;
+    fs::write(place.path("damaged.mcap"), &bytes).unwrap();
+    let found = place.run("verify damaged.mcap --json").exits(3).json();
+    let recovered = place.run("recover damaged.mcap --no-fill --out part.mcap --json").exits(3).json();
+    assert_eq!((&recovered["whole"], &recovered["states_recomputed"]), (&false.into(), &0.into()));
+    let lost = recovered["lost_frames"].as_array().unwrap();
+    let missing = &found["missing_frames"][0];
+    assert_eq!((&lost[0][0], &lost[lost.len() - 1][1]), (&missing[0], &missing[1]), "{recovered}");
+    let again = place.run("verify part.mcap --json").exits(3).json();
+    assert_eq!((&again["difference_count"], &again["damage_count"]), (&0.into(), &0.into()));
+}
+
+/// Wherever a file ends, what is in it is had, and proven.
+#[test]
+fn a_file_that_was_cut_anywhere_is_recovered() {
+    let place = Place::new();
+    for (compression, flags) in BOTH.into_iter().zip(["", "--record-every-steps 7"]) {
+        let bytes = record(&place, flags, compression);
+        let whole = states(&place, "small.mcap");
+        let mut before = 0;
+        for twentieth in 1..20 {
+            let cut = bytes.len() * twentieth / 20;
+            let mut part = bytes[..cut].to_vec();
+            // as some file systems leave it
+            part.resize(cut + (twentieth % 2) * 3000, 0);
+            fs::write(place.path("run.mcap.partial"), &part).unwrap();
+            fs::remove_file(place.path("run.mcap")).ok();
+            let ended = place.run("recover run.mcap.partial --out run.mcap --json");
+            if cut < chunks(&bytes)[1].0 {
+                // there may be no state yet
+                continue;
+            }
+            let recovered = ended.exits(0).json();
+            assert!(fs::read(place.path("run.mcap.partial")).unwrap() == part, "the source was changed");
+            place.run("verify run.mcap").exits(0);
+            let found = states(&place, "run.mcap");
+            assert!(whole.starts_with(&found) && found.len() >= before, "{recovered}");
+            assert_eq!(recovered["states"], found.len());
+            before = found.len();
+        }
+        assert!(before * 10 > whole.len() * 8, "{before} of {}", whole.len());
+        // every whole message of the torn chunk was taken
+        let (at, length) = chunks(&bytes)[4];
+        fs::write(place.path("torn.mcap"), &bytes[..at + length * 3 / 4]).unwrap();
+        let torn = place.run("recover torn.mcap --out untorn.mcap --force --json").exits(0).json();
+        if compression == Compression::None {
+            assert!(torn["states_proven_without_checksum"].as_u64().unwrap() > 3, "{torn}");
+        }
+    }
+}
+
+/// A change under checksums that hold, as only a program could make it.
+#[test]
+fn summaries_and_the_chain_are_compared_with_what_they_belong_to() {
+    let place = Place::new();
+    let bytes = record(&place, "", Compression::None);
+    let unchecked = without_checksums(&bytes);
+    fs::write(place.path("unchecked.mcap"), &unchecked).unwrap();
+    place.run("verify unchecked.mcap").exits(0);
+    let (start, body) =
+        messages(&unchecked).into_iter().find(|(_, body)| body.first() == Some(&0x0a)).unwrap();
+    let mut changed = unchecked.clone();
+    changed[start + body.len() / 20] ^= 1;
+    fs::write(place.path("changed.mcap"), &changed).unwrap();
+    let found = place.run("verify changed.mcap --json").exits(3).json();
+    assert!(found["damages"][0]["what"].as_str().unwrap().contains("chain"), "{found}");
+
+    // in the 40th summary, the kinetic energy
+    let summaries = messages(&unchecked).into_iter().filter(|(_, body)| body.len() < 250);
+    let (start, body) = summaries.skip(40).find(|(_, body)| body.contains(&0x21)).unwrap();
+    let mut changed = unchecked.clone();
+    let at = body.windows(2).position(|pair| pair[0] == 0x19).unwrap() + 9;
+    assert_eq!(body[at], 0x21);
+    changed[start + at + 3] ^= 1;
+    fs::write(place.path("changed.mcap"), &changed).unwrap();
+    let found = place.run("verify changed.mcap --json").exits(3).json();
+    assert_eq!((&found["summary_difference_count"], &found["difference_count"]), (&1.into(), &0.into()));
+    assert_eq!(found["summary_differences"][0]["field"], "kinetic_j", "{found}");
+    let text = place.run("verify changed.mcap").exits(3).stdout();
+    assert!(text.contains("kinetic_j") && text.contains("NOT PROVEN"), "{text}");
+}
+
+/// Uncompressed, with all CRCs of the data section left out.
+fn without_checksums(bytes: &[u8]) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    for (opcode, at, _) in records(&bytes.clone()) {
+        match opcode {
+            0x06 => bytes[at + 9 + 24..at + 9 + 28].fill(0),
+            0x0f => bytes[at + 9..at + 13].fill(0),
+            _ => {}
+        }
+    }
+    bytes
+}
+
+/// Offset and contents of every message of an uncompressed file.
+fn messages(bytes: &[u8]) -> Vec<(usize, Vec<u8>)> {
+    let mut messages = Vec::new();
+    for (chunk, length) in chunks(bytes) {
+        let mut at = chunk + 9 + 40;
+        while at < chunk + 9 + length {
+            let size = u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap());
+            let size = usize::try_from(size).unwrap();
+            if bytes[at] == 0x05 {
+                messages.push((at + 9 + 22, bytes[at + 9 + 22..at + 9 + size].to_vec()));
+            }
+            at += 9 + size;
+        }
+    }
+    messages
+}
+
+/// Nothing in a recording can change unnoticed but what docs/FORMAT.md says.
+#[test]
+fn one_bit_flipped_anywhere_is_reported() {
+    let place = Place::new();
+    let mut random = 20_261_121_u64;
+    let mut next = || {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        usize::try_from(random >> 33).unwrap()
+    };
+    for compression in BOTH {
+        let bytes = record(&place, "--record-every-steps 5", compression);
+        place.run("verify small.mcap").exits(0);
+        for _ in 0..100 {
+            let (at, bit) = (next() % bytes.len(), next() % 8);
+            let mut flipped = bytes.clone();
+            flipped[at] ^= 1 << bit;
+            fs::write(place.path("flipped.mcap"), &flipped).unwrap();
+            let ended = place.run("verify flipped.mcap");
+            let code = ended.code();
+            let said = format!("{}{}", ended.stdout(), ended.stderr());
+            assert!(code == Some(3) || code == Some(2), "bit {bit} of byte {at}: {code:?}\n{said}");
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_recomputed_is_said_and_kept() {
+    let place = Place::new();
+    record(&place, "", Compression::None);
+    let mut source = RecordingSource::open(&place.path("run.mcap")).unwrap();
+    let mut manifest = source.manifest().clone();
+    manifest.physics.kernel_version += 1;
+    let options = WriteOptions { chunk_bytes: 20_000, ..WriteOptions::default() };
+    let mut other = RecordingWriter::create(&place.path("other.mcap"), &manifest, "", &options).unwrap();
+    while let Received::Frame(frame) = source.receive().unwrap() {
+        other.accept(&frame).unwrap();
+    }
+    other.finish(EndReason::Complete).unwrap();
+    let text = place.run("verify other.mcap").exits(3).stdout();
+    for words in ["CANNOT BE PROVEN", "kernel version 2", "nothing is wrong with it"] {
+        assert!(text.contains(words), "{text}");
+    }
+    let found = place.run("verify other.mcap --json").exits(3).json();
+    assert_eq!((&found["other_kernel"], &found["damage_count"]), (&2.into(), &0.into()));
+
+    let mut bytes = fs::read(place.path("other.mcap")).unwrap();
+    let (at, length) = chunks(&bytes)[2];
+    bytes[at + 9 + length / 2] ^= 1;
+    fs::write(place.path("damaged.mcap"), &bytes).unwrap();
+    let found = place.run("verify damaged.mcap --json").exits(3).json();
+    assert_eq!(found["damages"][0]["chunk"], 2, "{found}");
+    let recovered = place.run("recover damaged.mcap --out rest.mcap --json").exits(3).json();
+    assert_eq!(recovered["lost_frames"][0], found["missing_frames"][0]);
+    assert_eq!((&recovered["states"], &recovered["states_recomputed"]), (&found["states"], &0.into()));
+    let rest = place.run("verify rest.mcap --json").exits(3).json();
+    assert_eq!((&rest["damage_count"], &rest["missing_frames"]), (&0.into(), &found["missing_frames"]));
+}
+
+#[test]
+fn what_is_no_recording_is_not_recovered_and_nothing_is_replaced() {
+    let place = Place::new();
+    let bytes = record(&place, "", Compression::Zstd { level: 1 });
+    place.write("table.mcap", "time,energy\n");
+    place.run("recover table.mcap --out out.mcap").exits(2).says(&["not an MCAP file"]);
+    place.run("recover small.mcap --out small.mcap --force").exits(2).says(&["the source itself"]);
+    place.write("mine.mcap", "mine");
+    place.run("recover small.mcap --out mine.mcap").exits(1).says(&["exists", "--force"]);
+    assert_eq!(place.read("mine.mcap"), "mine");
+    // without its manifest nothing in a file means anything
+    let mut headless = bytes.clone();
+    let at = bytes.windows(11).position(|window| window == b"\"alpha\":1.5").unwrap();
+    headless[at + 10] = b'6';
+    fs::write(place.path("headless.mcap"), headless).unwrap();
+    place.run("recover headless.mcap --out out.mcap").exits(2).says(&["manifest's checksum"]);
+    // only the head was written
+    fs::write(place.path("empty.mcap"), &bytes[..chunks(&bytes)[0].0]).unwrap();
+    place.run("recover empty.mcap --out out.mcap").exits(2).says(&["nothing to recover"]);
+    assert!(!place.path("out.mcap").exists() && !place.path("out.mcap.partial").exists());
+}
+
+/// A recording that a living process writes is left to it.
+#[test]
+fn a_living_run_is_left_alone() {
+    let place = Place::new();
+    let run = place.start(&format!("{SMALL} --pace 1e-3"));
+    place.wait_for_run("small", |run| run.step > 10);
+    place.run("recover run.mcap.partial --out out.mcap").exits(1).says(&["process that lives"]);
+    run.signal("KILL");
+    run.wait();
+    let recovered = place.run("recover run.mcap.partial --out run.mcap --json");
+    // killed before its first chunk was due, it has nothing
+    if recovered.code() == Some(0) {
+        let recovered: Value = recovered.json();
+        assert_eq!((&recovered["end"], &recovered["end_was_read"]), (&"interrupted".into(), &false.into()));
+        place.run("verify run.mcap").exits(0);
+    }
+}
+
+/// The parts of a split recording: each by itself, and one after the other.
+#[test]
+fn parts_are_verified_by_themselves_and_in_their_order() {
+    let place = Place::new();
+    place.run(SMALL).exits(0);
+    let mut source = RecordingSource::open(&place.path("run.mcap")).unwrap();
+    let manifest = source.manifest().clone();
+    let split = Split { bytes: None, duration_s: Some(0.0015) };
+    let path = place.path("split.mcap");
+    let mut parts = PartsWriter::create(&path, &manifest, None, 0, &WriteOptions::default(), &split).unwrap();
+    while let Received::Frame(frame) = source.receive().unwrap() {
+        parts.accept(&frame).unwrap();
+    }
+    assert_eq!(parts.finish(EndReason::Complete).unwrap().len(), 3);
+    let [one, two, three] = [1, 2, 3].map(|part| format!("split-part-{part:04}.mcap"));
+    let found = place.run(&format!("verify {two} --json")).exits(0).json();
+    assert_eq!((&found["part"], &found["end"]), (&2.into(), &"continued".into()));
+    assert!(place.run(&format!("verify {two}")).exits(0).stdout().contains("it is part 2, which follows"));
+    let found = place.run(&format!("verify {one} {two} {three} --json")).exits(0).json();
+    assert_eq!(found[1]["previous_state_hash"], found[0]["last_state_hash"]);
+    assert!(
+        found.as_array().unwrap().iter().skip(1).all(|part| part["follows"]["proven"] == true),
+        "{found}"
+    );
+    let text = place.run(&format!("verify {one} {three}")).exits(3).stdout();
+    assert!(text.contains("part 3 does not follow part 1") && text.contains("NOT FOLLOW"), "{text}");
+
+    // a part is recovered as the part that it is
+    let mut bytes = fs::read(place.path(&two)).unwrap();
+    let (at, length) = chunks(&bytes)[0];
+    bytes[at + 9 + length - 5] ^= 1;
+    fs::write(place.path("damaged.mcap"), &bytes).unwrap();
+    place.run("recover damaged.mcap --out two.mcap --json");
+    if place.path("two.mcap").exists() {
+        let found = place.run("verify two.mcap --json").json();
+        assert_eq!((&found["part"], &found["difference_count"]), (&2.into(), &0.into()), "{found}");
+    }
+}
