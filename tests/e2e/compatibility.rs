@@ -82,6 +82,17 @@ fn add_channel(parts: &mut Parts) {
         contents.contents.extend(body);
     }
     chunk.body = contents.pack(true);
+    // the statistics count it, too: messages, and at the end those of each channel
+    let statistics = parts.records.iter_mut().find(|record| record.opcode == op::STATISTICS).unwrap();
+    add(&mut statistics.body, 0, 1);
+    add(&mut statistics.body, 42, 10);
+    statistics.body.extend([77, 0, 1, 0, 0, 0, 0, 0, 0, 0]);
+}
+
+/// Adds to the number whose lowest byte is at `at`.
+fn add(body: &mut [u8], at: usize, count: u32) {
+    let place = body[at..].first_chunk_mut::<4>().unwrap();
+    *place = (u32::from_le_bytes(*place) + count).to_le_bytes();
 }
 
 #[test]
