@@ -58,7 +58,7 @@ pub(super) fn prove_batches(manifest: &RunManifest, batches: &Mutex<Receiver<Enc
         // a receiver is as good after a panic of another thread as before
         let batch = batches.lock().unwrap_or_else(PoisonError::into_inner).recv();
         match batch {
-            Ok(batch) if can_be_proven && batch.len() > 0 => {
+            Ok(batch) if can_be_proven && !batch.is_empty() => {
                 prover.get_or_insert_with(|| Prover::new(manifest)).prove(&batch, &mut proof);
             }
             // of another kernel version nothing can be recomputed
