@@ -415,7 +415,7 @@ impl Audit {
             *read.entry(&channel.topic).or_insert(0) += self.counts.get(id).copied().unwrap_or(0);
         }
         let differs = |(topic, count): (&&str, &u64)| {
-            let said = said.get(*topic).copied().unwrap_or(0);
+            let said = *said.get(*topic)?;
             (said != *count)
                 .then(|| format!("its statistics count {said} messages of `{topic}`, there are {count}"))
         };
