@@ -22,7 +22,12 @@ fuzz_target!(|bytes: &[u8]| {
     let info = RecordingInfo::read(&path);
     let (states, end) = read_states(RecordingSource::open(&path));
     let (salvaged, _) = read_states(RecordingSource::open_salvaging(&path));
-    assert!(salvaged.starts_with(&states), "salvaging gives less: {} of {} states", salvaged.len(), states.len());
+    assert!(
+        salvaged.starts_with(&states),
+        "salvaging gives less: {} of {} states",
+        salvaged.len(),
+        states.len()
+    );
     drop(read_states(RecordingSource::open_all(&path)));
     if end == Some(EndReason::Complete) {
         let info = info.expect("a file that can be read");

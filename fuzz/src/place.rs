@@ -2,18 +2,16 @@
 
 use std::fs::{self, OpenOptions};
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-/// A file in memory, if this machine has such a place, that goes away with this.
+/// A directory for files, which `fuzz/run` puts into memory and removes: libFuzzer ends without dropping anything.
 #[derive(Debug)]
 pub struct Place(PathBuf);
 
 impl Place {
     /// A place of this process.
     pub fn new() -> Self {
-        let memory = Path::new("/dev/shm");
-        let directory = if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() };
-        let directory = directory.join(format!("beadline-fuzz-{}", std::process::id()));
+        let directory = std::env::temp_dir().join(format!("beadline-fuzz-{}", std::process::id()));
         fs::create_dir_all(&directory).expect("a temporary directory");
         Self(directory)
     }
@@ -38,11 +36,5 @@ impl Place {
 impl Default for Place {
     fn default() -> Self {
         Self::new()
-    }
-}
-
-impl Drop for Place {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
     }
 }

@@ -77,6 +77,7 @@ pub(crate) fn expand(args: &ExpandArgs) -> Result<Done, Failure> {
 impl Rewrite<'_> {
     fn run(&self, done: &str) -> Result<Done, Failure> {
         let info = RecordingInfo::read(self.from).bad_input()?;
+        display::notice_of_version(&info.manifest);
         let finished = self.write(&info)?;
         self.report(done, &info, &finished)?;
         Ok(Done::Whole)

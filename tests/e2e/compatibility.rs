@@ -10,7 +10,7 @@ use std::path::Path;
 const GOLDEN: &str = "tests/golden/1.0-kernel-1";
 
 /// The commands that read a recording. What they write has a name of its own.
-const COMMANDS: [&str; 9] = [
+const COMMANDS: [&str; 11] = [
     "info later.mcap",
     "verify later.mcap",
     "energies later.mcap",
@@ -18,8 +18,10 @@ const COMMANDS: [&str; 9] = [
     "impurity later.mcap",
     "contacts later.mcap --out contacts.mcap",
     "pulses later.mcap",
-    "replay later.mcap --rate max",
-    "thin later.mcap --every-steps 4 --out thin.mcap",
+    "replay later.mcap --wait-for 0",
+    "thin later.mcap --every-steps 3 --out thin.mcap",
+    "expand later.mcap --out expanded.mcap",
+    "recover later.mcap --out recovered.mcap",
 ];
 
 /// The recording `full.mcap` of 1.0, its metadata as `change` leaves it, under `later.mcap`, with right checksums.
@@ -80,6 +82,17 @@ fn add_channel(parts: &mut Parts) {
         contents.contents.extend(body);
     }
     chunk.body = contents.pack(true);
+    // the statistics count it, too: messages, and at the end those of each channel
+    let statistics = parts.records.iter_mut().find(|record| record.opcode == op::STATISTICS).unwrap();
+    add(&mut statistics.body, 0, 1);
+    add(&mut statistics.body, 42, 10);
+    statistics.body.extend([77, 0, 1, 0, 0, 0, 0, 0, 0, 0]);
+}
+
+/// Adds to the number whose lowest byte is at `at`.
+fn add(body: &mut [u8], at: usize, count: u32) {
+    let place = body[at..].first_chunk_mut::<4>().unwrap();
+    *place = (u32::from_le_bytes(*place) + count).to_le_bytes();
 }
 
 #[test]

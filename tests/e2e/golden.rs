@@ -56,6 +56,7 @@ fn contents(place: &Place, name: &str) -> Value {
             "energies": exits(&format!("energies {name}")),
             "energies --every-step": exits(&format!("energies {name} --every-step")),
             "contacts": exits(&format!("contacts {name}")),
+            "recover": exits(&format!("recover {name} --out recovered.mcap --force")),
         },
         "schema_version": about["manifest"]["schema_version"],
         "last_step": about["last_step"],
@@ -72,7 +73,7 @@ fn contents(place: &Place, name: &str) -> Value {
     }
     found["last_state_hash"] = hashes.last().cloned().into();
     let energies = place.run(&format!("energies {name} --json")).json();
-    found["total_j"] = energies["last"]["total_j"].clone();
+    found["total_j"] = energies["results"]["last"]["total_j"].clone();
     // the values do not depend on the machine, but their order of summation might be changed one day
     found["total_j"] = format!("{:.9e}", found["total_j"].as_f64().unwrap_or(f64::NAN)).into();
     found

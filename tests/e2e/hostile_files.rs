@@ -22,7 +22,7 @@ fn random_changes_of_a_recording_are_survived() {
     let place = Place::new();
     let campaign = Campaign {
         program: Path::new(env!("CARGO_BIN_EXE_beadline")),
-        commands: &["info", "verify", "energies"].map(str::to_owned),
+        commands: &["info", "verify", "recover --force --out recovered.mcap", "energies"].map(str::to_owned),
         recordings: &["sparse.mcap", "contacts.mcap", "partial.mcap.partial"].map(golden),
         seed: 1 << 40,
         count: 150,

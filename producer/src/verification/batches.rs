@@ -51,15 +51,19 @@ impl Proof {
 /// Recomputes batches until there are no more.
 pub(super) fn prove_batches(manifest: &RunManifest, batches: &Mutex<Receiver<EncodedStates>>) -> Proof {
     let mut proof = Proof::default();
-    let mut prover = check_kernel(manifest).is_ok().then(|| Prover::new(manifest));
+    let can_be_proven = check_kernel(manifest).is_ok();
+    // made when there is something to prove: a file may say that it has many beads and hold no state of them
+    let mut prover = None;
     loop {
         // a receiver is as good after a panic of another thread as before
         let batch = batches.lock().unwrap_or_else(PoisonError::into_inner).recv();
-        match (batch, &mut prover) {
-            (Ok(batch), Some(prover)) => prover.prove(&batch, &mut proof),
+        match batch {
+            Ok(batch) if can_be_proven && !batch.is_empty() => {
+                prover.get_or_insert_with(|| Prover::new(manifest)).prove(&batch, &mut proof);
+            }
             // of another kernel version nothing can be recomputed
-            (Ok(_), None) => {}
-            (Err(_), _) => return proof,
+            Ok(_) => {}
+            Err(_) => return proof,
         }
     }
 }

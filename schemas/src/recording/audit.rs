@@ -31,8 +31,8 @@ pub struct Audit {
     messages: MessageReader,
     manifest: RunManifest,
     lengths: StateLengths,
-    /// The chain as it must be, encoded; none if another version resolved it.
-    chain: Option<Vec<u8>>,
+    /// The chain must be the one that we make of the manifest; another version may have resolved it in another way.
+    is_resolved_by_us: bool,
     chain_count: u64,
     /// Step of the last checked state.
     last_step: Option<u64>,
@@ -120,10 +120,10 @@ impl Audit {
         let messages = MessageReader::salvaging(path)?;
         let manifest = messages.manifest().clone();
         let physics = &manifest.physics;
-        let is_ours = physics.kernel_version == KERNEL_VERSION && !manifest.is_newer_minor();
+        let is_resolved_by_us = physics.kernel_version == KERNEL_VERSION && !manifest.is_newer_minor();
         Ok(Self {
             lengths: StateLengths::of(&manifest),
-            chain: is_ours.then(|| encode::chain(&physics.chain()).encode_to_vec()),
+            is_resolved_by_us,
             messages,
             manifest,
             chain_count: 0,
@@ -263,7 +263,10 @@ impl Audit {
                 topic if topic == proto::STATE.topic => Said::State(decode::checked_head(data, self.lengths)),
                 topic if topic == proto::SUMMARY.topic => Said::Summary(decode::summary_head(data)),
                 topic if topic == proto::CHAIN.topic => {
-                    Said::Chain { is_ours: is_chain(self.chain.as_deref(), data) }
+                    // a second one is refused in any case
+                    let is_chain =
+                        self.chain_count > 0 || !self.is_resolved_by_us || is_chain(&self.manifest, data);
+                    Said::Chain { is_ours: is_chain }
                 }
                 _ => Said::Other,
             };
@@ -454,9 +457,13 @@ fn unchecked(manifest: &RunManifest, said: &Said) -> Option<Kind> {
     }
 }
 
-/// Whether `message` is the chain `expected`, if that is known.
-fn is_chain(expected: Option<&[u8]>, message: &[u8]) -> bool {
-    let Some(expected) = expected else { return true };
+/// Whether `message` is the chain of the run.
+fn is_chain(manifest: &RunManifest, message: &[u8]) -> bool {
+    // a message too short for the masses alone is not worth making a chain that the file may not fill
+    if message.len() as u64 / 8 < manifest.physics.beads {
+        return false;
+    }
+    let expected = encode::chain(&manifest.physics.chain()).encode_to_vec();
     // another valid encoding of the same chain is as good
     let encoded_anew = || proto::Chain::decode(message).map(|chain| chain.encode_to_vec());
     message == expected || encoded_anew().is_ok_and(|chain| chain == expected)

@@ -17,6 +17,7 @@ pub mod op {
     pub const CHUNK_INDEX: u8 = 0x08;
     pub const ATTACHMENT: u8 = 0x09;
     pub const ATTACHMENT_INDEX: u8 = 0x0a;
+    pub const STATISTICS: u8 = 0x0b;
     pub const METADATA: u8 = 0x0c;
     pub const METADATA_INDEX: u8 = 0x0d;
     pub const SUMMARY_OFFSET: u8 = 0x0e;
