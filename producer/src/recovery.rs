@@ -110,7 +110,7 @@ pub fn recover(
     let mut one = EncodedStates::default();
     let mut doubles = Vec::new();
     loop {
-        match audit.next()? {
+        match audit.read_next()? {
             Audited::State(state) => {
                 one.clear();
                 one.push(state.frame, state.step, state.message);

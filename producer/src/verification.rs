@@ -186,7 +186,7 @@ fn read(
     let mut found = Read { state_count: 0, first: None, last: None, initial: None, stopped: false };
     let mut batch = EncodedStates::default();
     loop {
-        match audit.next()? {
+        match audit.read_next()? {
             Audited::State(state) if state.is_checked => {
                 let full = batch.step_range().is_some_and(|(first, last)| last - first >= BATCH_STEPS);
                 if full || batch.bytes() >= BATCH_BYTES {

@@ -13,6 +13,7 @@ use schemas::recording::{Audit, Finished, RecordingWriter, WriteOptions};
 use schemas::whole_file::give_name;
 use serde_json::json;
 use std::ffi::OsString;
+use std::fmt::Write as _;
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -139,13 +140,14 @@ fn push_more(rows: &mut Vec<(&'static str, String)>, name: &'static str, all: u6
 }
 
 fn states(recovery: &Recovery) -> String {
+    // writing to a String cannot fail
     let mut text = format!("{} kept", count(recovery.kept_count));
     if recovery.proven_without_checksum_count > 0 {
         let proven = count(recovery.proven_without_checksum_count);
-        text += &format!(" ({proven} of them from a damaged chunk, proven)");
+        let _ = write!(text, " ({proven} of them from a damaged chunk, proven)");
     }
     if recovery.recomputed_count > 0 {
-        text += &format!(", {} recomputed bit for bit", count(recovery.recomputed_count));
+        let _ = write!(text, ", {} recomputed bit for bit", count(recovery.recomputed_count));
     }
     text
 }

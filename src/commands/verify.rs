@@ -8,6 +8,7 @@ use producer::resimulation::Difference;
 use producer::verification::{Follows, Verification, follows, verify as verify_states};
 use schemas::recording::{Audit, Damage, SummaryDifference};
 use serde_json::{Value, json};
+use std::fmt::Write as _;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -175,13 +176,14 @@ pub(crate) fn frames(from: u64, to: Option<u64>) -> String {
 
 /// A damage with its frames, and the times that its chunk's header names.
 pub(crate) fn damage_text(damage: &Damage) -> String {
+    // writing to a String cannot fail
     let mut text = damage.to_string();
     if let Some(lost) = damage.frames {
-        text += &format!("; {}", frames(lost.from, lost.to));
+        let _ = write!(text, "; {}", frames(lost.from, lost.to));
     }
     if let Some((first, last)) = damage.time_range_ns {
         let at = |ns: u64| seconds(ns as f64 / 1e9);
-        text += &format!(" (its header says {} to {})", at(first), at(last));
+        let _ = write!(text, " (its header says {} to {})", at(first), at(last));
     }
     text
 }

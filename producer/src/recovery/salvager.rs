@@ -241,7 +241,8 @@ impl<'a> Salvager<'a> {
     /// The frames that are due before `step` are lost.
     fn lose_before(&mut self, step: u64) {
         let every = self.manifest.provenance.record_every_steps;
-        let last = step.saturating_sub(1) / every * every;
+        let Some(before) = step.checked_sub(1) else { return };
+        let last = before / every * every;
         if self.due_from <= last {
             self.lose(self.due_frame(), Some(self.manifest.frame_at(last)));
         }

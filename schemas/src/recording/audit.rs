@@ -19,6 +19,7 @@ use crate::manifest::{KERNEL_VERSION, RunManifest, SCHEMA_VERSION};
 use mcap::records::MessageHeader;
 use prost::Message;
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::path::Path;
 
 /// The ranges of missing frames that are kept; more are only counted.
@@ -232,7 +233,7 @@ impl Audit {
     ///
     /// # Errors
     /// When the operating system refuses.
-    pub fn next(&mut self) -> Result<Audited<'_>, ReadError> {
+    pub fn read_next(&mut self) -> Result<Audited<'_>, ReadError> {
         let kind = self.advance()?;
         let Some(message) = self.messages.last() else { return Ok(Audited::End) };
         let RawMessage { head, channel, data, is_checked, .. } = message;
@@ -270,7 +271,7 @@ impl Audit {
                 _ => Said::Other,
             };
             let judged =
-                if is_checked { self.judge(&head, said) } else { Ok(unchecked(&self.manifest, said)) };
+                if is_checked { self.judge(&head, said) } else { Ok(unchecked(&self.manifest, &said)) };
             match judged {
                 Ok(Some(kind)) => return Ok(kind),
                 Ok(None) => {}
@@ -417,7 +418,7 @@ impl Audit {
             *read.entry(&channel.topic).or_insert(0) += self.counts.get(id).copied().unwrap_or(0);
         }
         let differs = |(topic, count): (&&str, &u64)| {
-            let said = said.get(*topic).copied().unwrap_or(0);
+            let said = *said.get(*topic)?;
             (said != *count)
                 .then(|| format!("its statistics count {said} messages of `{topic}`, there are {count}"))
         };
@@ -444,9 +445,10 @@ impl Audit {
 }
 
 /// What a message is whose checksum is wrong: states and others may be of use to whoever can prove them.
-fn unchecked(manifest: &RunManifest, said: Said) -> Option<Kind> {
+fn unchecked(manifest: &RunManifest, said: &Said) -> Option<Kind> {
     match said {
-        Said::State(Ok(StateHead { frame, step, .. })) if step <= manifest.physics.step_count => {
+        Said::State(Ok(StateHead { frame, step, .. })) if *step <= manifest.physics.step_count => {
+            let (frame, step) = (*frame, *step);
             let frame = frame.unwrap_or_else(|| manifest.frame_at(step));
             Some(Kind::State { frame, step, is_checked: false })
         }
@@ -514,13 +516,9 @@ impl OtherCopier {
         writer: &mut RecordingWriter,
     ) -> Result<(), WriteError> {
         let file = writer.channels();
-        let id = match self.ids.get(&message.head.channel_id) {
-            Some(id) => *id,
-            None => {
-                let id = file.copy_channel(message.channel)?;
-                self.ids.insert(message.head.channel_id, id);
-                id
-            }
+        let id = match self.ids.entry(message.head.channel_id) {
+            Entry::Occupied(known) => *known.get(),
+            Entry::Vacant(new) => *new.insert(file.copy_channel(message.channel)?),
         };
         file.copy(id, &message.head, message.bytes)
     }

@@ -53,6 +53,7 @@ impl EncodedStates {
     }
 
     /// The last state, without its summary, as the beginning of what follows.
+    #[must_use]
     pub fn last_alone(&self) -> Self {
         let mut alone = Self::default();
         if let Some(Entry { frame, step, state, .. }) = self.entries.last() {

@@ -34,7 +34,7 @@ impl MessageReader {
             match self.opcode {
                 op::CHUNK => self.take_damaged_chunk(start, end - start, what)?,
                 // a section's end, whose CRC is wrong
-                0 => return Ok(self.end_of_section(what)),
+                0 => return Ok(self.end_of_section(&what)),
                 _ => self.note(DamageKind::Record, start, end - start, what),
             }
         }
@@ -171,7 +171,7 @@ impl MessageReader {
     }
 
     /// The CRC of the data section or of the summary section is wrong.
-    fn end_of_section(&mut self, what: String) -> Step {
+    fn end_of_section(&mut self, what: &str) -> Step {
         let is_data = !self.contents.data_end;
         self.contents.data_end = true;
         let known = self.salvage.as_ref().is_some_and(|salvage| salvage.count() > 0);
