@@ -1,7 +1,7 @@
 //! Publishing a recording again: the frames of a source go to a publisher as those of a run do.
 
 use crate::state::ChainState;
-use schemas::frame::{EndReason, Frame, FrameSink, FrameSource, Received};
+use schemas::frame::{EndReason, Frame, FrameSink, FrameSource, Received, Window};
 use schemas::manifest::RunManifest;
 use schemas::run_name::RunName;
 use std::ops::ControlFlow;
@@ -20,21 +20,6 @@ pub trait Conductor<P: FrameSink> {
     fn is_stop(&self, _error: &P::Error) -> bool {
         false
     }
-}
-
-/// The part of a run that is published: the frames from the first at or after `from_s` to the last at or before
-/// `until_s`, in simulated seconds.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Window {
-    /// Begin (s).
-    pub from_s: f64,
-    /// End (s), included.
-    pub until_s: f64,
-}
-
-impl Window {
-    /// Everything.
-    pub const WHOLE: Self = Self { from_s: 0.0, until_s: f64::INFINITY };
 }
 
 /// The manifest under which a recording is published: that of the run, so that nobody can tell.

@@ -87,6 +87,34 @@ pub enum Received<'a> {
     End(EndReason),
 }
 
+/// A part of a run, in simulated time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Window {
+    /// Begin (s): what comes before is passed over.
+    pub from_s: f64,
+    /// End (s): what is at this time still belongs to it.
+    pub until_s: f64,
+}
+
+impl Window {
+    /// All of a run.
+    pub const WHOLE: Self = Self { from_s: 0.0, until_s: f64::INFINITY };
+
+    /// Of the frames `from` up to and including `to` the first and the last that lie within.
+    pub fn clip(&self, manifest: &RunManifest, from: u64, to: u64) -> Option<(u64, u64)> {
+        let physics = &manifest.physics;
+        let first = physics.step_at_or_after(self.from_s).div_ceil(manifest.provenance.publish_every_steps);
+        let last = manifest.frame_at(physics.step_at_or_before(self.until_s));
+        let (from, to) = (from.max(first), to.min(last));
+        (from <= to).then_some((from, to))
+    }
+
+    /// Whether nothing that comes after `step` lies within, though the run goes on.
+    pub fn ends_at(&self, manifest: &RunManifest, step: u64) -> bool {
+        step < manifest.physics.step_count && manifest.physics.time_s(step + 1) > self.until_s
+    }
+}
+
 /// Where an analysis gets its frames from: a live run, a replay, a file or a re-simulation.
 ///
 /// A source never skips silently: what is not delivered is reported as [`Received::Missed`], in
