@@ -296,6 +296,25 @@ fn what_is_no_recording_is_not_recovered_and_nothing_is_replaced() {
     assert!(!place.path("out.mcap").exists() && !place.path("out.mcap.partial").exists());
 }
 
+/// Where the result would be in the way of its source, it is written beside it: nothing is replaced there, either.
+#[test]
+fn what_stands_beside_the_source_is_not_replaced() {
+    let place = Place::new();
+    let bytes = record(&place, "", Compression::Zstd { level: 1 });
+    fs::write(place.path("torn.mcap.partial"), &bytes[..bytes.len() / 2]).unwrap();
+    for name in ["torn.mcap.recovered", "torn.mcap.recovered.partial"] {
+        place.write(name, "mine");
+        place.run("recover torn.mcap.partial --out torn.mcap").exits(1).says(&[name, "--force"]);
+        assert_eq!(place.read(name), "mine");
+        assert!(!place.path("torn.mcap").exists());
+        fs::remove_file(place.path(name)).unwrap();
+    }
+    place.write("torn.mcap.recovered.partial", "mine");
+    let recovered = place.run("recover torn.mcap.partial --out torn.mcap --force");
+    assert!(recovered.code().is_some_and(|code| code == 0 || code == 3), "{}", recovered.stderr());
+    assert!(place.path("torn.mcap").exists() && place.path("torn.mcap.partial").exists());
+}
+
 /// A recording that a living process writes is left to it.
 #[test]
 fn a_living_run_is_left_alone() {
