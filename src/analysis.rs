@@ -288,8 +288,13 @@ pub(crate) fn check_place(path: &Path, source: &Path, force: bool) -> Result<(),
     if resolved(path).is_some_and(|path| Some(path) == resolved(source)) {
         return Err(Failure::BadInput(anyhow!("{} is the source itself", path.display())));
     }
-    if path.exists() && (!force || !path.is_file()) {
-        let message = format!("{} exists already; choose another name or pass --force", path.display());
+    if path.exists() && !path.is_file() {
+        let message = format!("{} is no file that could be replaced; choose another name", path.display());
+        return Err(Failure::Failed(anyhow!(message)));
+    }
+    if path.exists() && !force {
+        let message =
+            format!("{} exists already; choose another name, or replace it with --force", path.display());
         return Err(Failure::Failed(anyhow!(message)));
     }
     let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));

@@ -114,7 +114,7 @@ impl Recorder {
     pub(crate) fn size(&self) -> (u64, u64, usize) {
         self.state().recording.as_ref().map_or((0, 0, 0), |recording| {
             let parts = &recording.parts;
-            (parts.bytes_written(), parts.most_pending_bytes(), parts.finished().len())
+            (parts.bytes_written(), parts.pending_bytes(), parts.finished().len())
         })
     }
 

@@ -205,9 +205,21 @@ fn hindrance(info: &RecordingInfo) -> Option<String> {
         Some(format!("it begins with step {step}: only a recording from step 0 can be gone on with"))
     } else if info.end.as_ref().is_some_and(|end| end.reason == EndReason::Continued) {
         Some("it goes on in its next part: only a recording in one part can be gone on with".to_owned())
+    } else if info.frames() > most_states(info) {
+        let path = info.path.display();
+        Some(format!(
+            "it holds states between frames, which nobody would write from here on; `beadline thin {path} --every-steps {} \
+             --out OTHER.mcap` makes one without",
+            info.manifest.provenance.publish_every_steps
+        ))
     } else {
         None
     }
+}
+
+/// States that the recording of a run has up to the last one of this file: those that are due, and that one.
+fn most_states(info: &RecordingInfo) -> u64 {
+    info.last_step.map_or(0, |step| step.div_ceil(info.manifest.provenance.record_every_steps) + 1)
 }
 
 /// Says where a run goes on.

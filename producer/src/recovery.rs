@@ -150,8 +150,9 @@ fn end_reason(manifest: &RunManifest, end: Option<&EndRecord>, last_step: Option
     let reached = end.filter(|end| end.last_step == last_step);
     match reached {
         _ if last_step == Some(manifest.physics.step_count) => EndReason::Complete,
-        Some(end) => end.reason,
-        None => EndReason::Interrupted,
+        // a file may say that it is complete and end before the run does
+        Some(end) if end.reason != EndReason::Complete => end.reason,
+        _ => EndReason::Interrupted,
     }
 }
 

@@ -13,6 +13,9 @@ use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use serde_json::{Value, json};
 
+/// Frames that the upper half of a pulse needs for its shape: 20 are off by 1e-4 of the peak, 10 by 1e-3.
+const LEAST_SAMPLES: u64 = 16;
+
 struct Look(Deformations);
 
 impl Analysis for Look {
@@ -40,6 +43,7 @@ pub(crate) fn deformation(args: &DeformationArgs) -> Result<Done, Failure> {
     let tally = session.follow(&mut look)?;
 
     let found = look.0.results();
+    warn_of_coarse_frames(&found);
     if let Some(mut table) = table {
         found.iter().try_for_each(|deformation| write(&mut table, deformation))?;
         table.finish()?;
@@ -52,6 +56,26 @@ pub(crate) fn deformation(args: &DeformationArgs) -> Result<Done, Failure> {
         rows,
         json!({ "contacts": found.iter().map(json).collect::<Vec<_>>() }),
     )
+}
+
+/// Says so where the pulse is told from so few frames that its shape is their interpolation.
+fn warn_of_coarse_frames(found: &[Deformation]) {
+    for deformation in found {
+        if let Some(samples) = samples_in_width(deformation).filter(|samples| *samples < LEAST_SAMPLES) {
+            display::notice(format_args!(
+                "contact {}: {} of the frames show the upper half of the pulse, too few for its shape; record more often, or \
+                 use --every-step",
+                deformation.contact,
+                display::count(samples)
+            ));
+        }
+    }
+}
+
+/// Frames in which the overlap is at least half of its peak, if there was a pulse.
+fn samples_in_width(deformation: &Deformation) -> Option<u64> {
+    let half_m = deformation.measured.as_ref().ok()?.overlap_m / 2.0;
+    Some(deformation.samples.iter().filter(|sample| sample.overlap_m >= half_m).count() as u64)
 }
 
 fn check_contacts(manifest: &RunManifest, contacts: &[u64]) -> Result<(), Failure> {
@@ -131,6 +155,7 @@ fn json(deformation: &Deformation) -> Value {
         "contact": deformation.contact,
         "first_pulse": match &deformation.measured {
             Ok(shape) => json!({
+                "samples_in_width": samples_in_width(deformation),
                 "t_peak_s": shape.peak_s,
                 "overlap_peak_m": shape.overlap_m,
                 "overlap_fwhm_s": shape.width_s,

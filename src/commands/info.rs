@@ -27,9 +27,24 @@ fn state(info: &RecordingInfo) -> String {
         None => format!("unfinished: it was not closed; it reaches {reached} of {}", count(steps)),
         Some(_) if info.is_complete() => format!("finished and complete: all {} steps", count(steps)),
         Some(end) => {
-            format!("finished ({}), not complete: it reaches {reached} of {}", end.reason, count(steps))
+            let from = match info.first_step {
+                Some(first) if first > 0 => format!("goes from step {} to ", count(first)),
+                _ => "reaches ".to_owned(),
+            };
+            let due = if info.begin.first_step == 0 && info.reaches_the_end() {
+                let (found, due) = (count(info.frames()), count(info.manifest.recorded_count()));
+                format!(", with {found} of {due} states")
+            } else {
+                String::new()
+            };
+            format!("finished ({}), not complete: it {from}{reached} of {}{due}", end.reason, count(steps))
         }
     }
+}
+
+/// Steps between the first and the last state.
+fn last_steps(info: &RecordingInfo) -> u64 {
+    info.last_step.zip(info.first_step).map_or(0, |(last, first)| last.saturating_sub(first))
 }
 
 fn text(info: &RecordingInfo) -> String {
@@ -39,6 +54,7 @@ fn text(info: &RecordingInfo) -> String {
     let particulars = physics.particulars();
     let time = info.time_range_s().map_or("none".to_owned(), |(first, last)| {
         let every = match provenance.record_every_steps {
+            _ if info.frames() == last_steps(info) + 1 => "every step".to_owned(),
             1 => "every step".to_owned(),
             steps => format!("every {} steps", count(steps)),
         };

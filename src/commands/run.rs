@@ -116,6 +116,10 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     let summary =
         Summary { manifest, outcome, first_step, counts, dropped, recording, wall: start.elapsed() };
     display::print(if args.json { summary.json()? } else { summary.text() })?;
+    if let (EndReason::Interrupted, Some(recording)) = (reason, &summary.recording) {
+        let path = recording.path.display();
+        display::notice(format_args!("`beadline run --resume {path}` goes on with it"));
+    }
     if outcome.relative_drift.abs() > LARGE_DRIFT {
         display::notice(format_args!(
             "the energy drifted by {:.1e}: dt = {:e} s is too long for this chain; pass a shorter --dt",

@@ -125,7 +125,14 @@ impl Rewrite<'_> {
     /// The manifest of the new recording: the same run, recorded at other steps. Between frames nothing is due by
     /// the manifest; the frames are.
     fn manifest(&self, manifest: &RunManifest) -> Result<RunManifest, Failure> {
-        let published = manifest.provenance.publish_every_steps;
+        let provenance = &manifest.provenance;
+        let (published, before) = (provenance.publish_every_steps, provenance.record_every_steps);
+        if self.between_frames && self.every_steps > before {
+            return Err(Failure::BadInput(anyhow!(
+                "--every-steps {}: this recording has a state every {before} steps already; `beadline thin` makes fewer",
+                self.every_steps
+            )));
+        }
         let recorded = if self.is_between_frames(manifest) { published } else { self.every_steps };
         manifest.clone().recorded_every(recorded).map_err(|_| {
             let or = if self.between_frames { "a divisor or " } else { "" };

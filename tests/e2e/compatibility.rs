@@ -76,13 +76,17 @@ fn add_channel(parts: &mut Parts) {
         put_string(text.as_bytes(), &mut channel);
     }
     let message = [&[77, 0][..], &[0; 20], b"{\"sky\":\"blue\"}"].concat();
-    for (opcode, body) in [(0x04, channel), (op::MESSAGE, message)] {
+    for (opcode, body) in [(0x04, &channel), (op::MESSAGE, &message)] {
         contents.contents.push(opcode);
         contents.contents.extend((body.len() as u64).to_le_bytes());
         contents.contents.extend(body);
     }
     chunk.body = contents.pack(true);
-    // the statistics count it, too: messages, and at the end those of each channel
+    // the summary section says so, too: the channel, its messages among all and, at the end, by themselves
+    let summary = parts.records.iter().position(|record| record.opcode == op::DATA_END).unwrap();
+    let first =
+        summary + 1 + parts.records[summary + 1..].iter().position(|record| record.opcode == 0x04).unwrap();
+    parts.records.insert(first, Record { opcode: 0x04, body: channel, offset: usize::MAX });
     let statistics = parts.records.iter_mut().find(|record| record.opcode == op::STATISTICS).unwrap();
     add(&mut statistics.body, 0, 1);
     add(&mut statistics.body, 42, 10);

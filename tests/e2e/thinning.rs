@@ -206,3 +206,17 @@ fn what_cannot_be_thinned_is_left_alone() {
     place.run("thin run.mcap --every-steps 40 --out a.mcap").exits(1).says(&["exists", "--force"]);
     assert_eq!(place.read("a.mcap"), "something else");
 }
+
+/// Going on would leave out the states between frames that were there, so it is refused and nothing is touched.
+#[test]
+fn a_recording_with_states_between_frames_is_not_gone_on_with() {
+    let place = Place::new();
+    place.run(&format!("{SMALL} --publish-every-steps 7 --out run.mcap")).exits(0);
+    place.run("expand run.mcap --every-steps 1 --out all.mcap").exits(0);
+    let bytes = fs::read(place.path("all.mcap")).unwrap();
+    fs::write(place.path("cut.mcap.partial"), &bytes[..bytes.len() / 2]).unwrap();
+    place.run("run --resume cut.mcap.partial").exits(2).says(&["states between frames", "beadline thin"]);
+    assert_eq!(fs::read(place.path("cut.mcap.partial")).unwrap().len(), bytes.len() / 2);
+    assert!(!place.path("cut.mcap").exists());
+    place.run("expand run.mcap --every-steps 70 --out fewer.mcap").exits(2).says(&["beadline thin"]);
+}

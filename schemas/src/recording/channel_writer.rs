@@ -278,6 +278,11 @@ impl ChannelWriter {
         self.position.load(Ordering::Relaxed)
     }
 
+    /// Bytes that were taken and are not in the file, before compression.
+    pub(super) fn pending_bytes(&self) -> u64 {
+        self.queue().map_or(0, Queue::pending_bytes)
+    }
+
     /// Time spent waiting for the disk.
     pub(super) fn held_back(&self) -> Duration {
         self.queue().map_or(Duration::ZERO, Queue::held_back)

@@ -40,18 +40,20 @@ pub struct DiskWatch {
     looked_at: Option<Instant>,
     /// Bytes that had been written then.
     written_bytes: u64,
+    /// Bytes to be written until the next look.
+    stride_bytes: u64,
 }
 
 impl DiskWatch {
     /// Longest time between two looks while bytes are written.
     const PERIOD: Duration = Duration::from_millis(100);
 
-    /// Most bytes written between two looks.
+    /// Most bytes written between two looks; fewer where there is little room left.
     const STRIDE_BYTES: u64 = 4 << 20;
 
     /// Watches the disk of the file `path`, of which `reserve_bytes` are to be left.
     pub fn new(path: &Path, reserve_bytes: u64) -> Self {
-        Self { path: path.to_owned(), reserve_bytes, looked_at: None, written_bytes: 0 }
+        Self { path: path.to_owned(), reserve_bytes, looked_at: None, written_bytes: 0, stride_bytes: 0 }
     }
 
     /// Whether there would be less left than is to be kept free, once the `pending_bytes` are on the disk that
@@ -61,12 +63,15 @@ impl DiskWatch {
     /// When the disk cannot be looked at.
     pub fn is_short(&mut self, written_bytes: u64, pending_bytes: u64) -> Result<bool, WriteError> {
         let is_due = self.looked_at.is_none_or(|at| at.elapsed() >= Self::PERIOD)
-            || written_bytes.saturating_sub(self.written_bytes) >= Self::STRIDE_BYTES;
+            || written_bytes.saturating_sub(self.written_bytes) >= self.stride_bytes;
         if !is_due {
             return Ok(false);
         }
         self.looked_at = Some(Instant::now());
         self.written_bytes = written_bytes;
-        Ok(Disk::of(&self.path)?.free_bytes < self.reserve_bytes.saturating_add(pending_bytes))
+        let needed_bytes = self.reserve_bytes.saturating_add(pending_bytes);
+        let free_bytes = Disk::of(&self.path)?.free_bytes;
+        self.stride_bytes = (free_bytes.saturating_sub(needed_bytes) / 8).min(Self::STRIDE_BYTES); // integers
+        Ok(free_bytes < needed_bytes)
     }
 }

@@ -157,7 +157,7 @@ pub enum ReadError {
     /// A checksum is wrong.
     #[error(
         "{} is damaged: the CRC of {part} is {computed:08x} instead of {found:08x}; copy it again \
-         from where it came, or use what comes before", path.display()
+         from where it came, or see what `beadline recover` can save", path.display()
     )]
     Crc {
         /// The file.

@@ -86,10 +86,16 @@ impl RecordingInfo {
         self.channels.iter().filter(|channel| channel.topic == topic).map(|channel| channel.messages).sum()
     }
 
-    /// Whether the recording reaches the last step of the run.
+    /// Whether the recording goes from the beginning of the run to its last step, with as many states as are due.
     pub fn is_complete(&self) -> bool {
-        let complete = self.end.as_ref().is_some_and(|end| end.reason == EndReason::Complete);
-        self.finished && complete && self.last_step == Some(self.manifest.physics.step_count)
+        let ends =
+            self.reaches_the_end() && self.end.as_ref().is_some_and(|end| end.reason == EndReason::Complete);
+        ends && self.begin.first_step == 0 && self.frames() >= self.manifest.recorded_count()
+    }
+
+    /// Whether it was closed after the last step of the run.
+    pub fn reaches_the_end(&self) -> bool {
+        self.finished && self.last_step == Some(self.manifest.physics.step_count)
     }
 
     /// Simulated times (s) of the first and the last recorded state.

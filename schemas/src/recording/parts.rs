@@ -190,11 +190,9 @@ impl PartsWriter {
         &self.finished
     }
 
-    /// Most bytes that may wait in memory to be written.
-    pub fn most_pending_bytes(&self) -> u64 {
-        // chunks that are open, that wait and that are being written; each is longer than its limit by a state
-        let chunk_bytes = self.options.chunk_bytes + 8 * self.manifest.frame_doubles() as u64;
-        self.options.queue_bytes + 4 * chunk_bytes
+    /// Bytes that wait in memory to be written, before compression.
+    pub fn pending_bytes(&self) -> u64 {
+        self.open.as_ref().map_or(0, RecordingWriter::pending_bytes)
     }
 
     /// Removes the open part: for a recorder that got nothing.

@@ -195,6 +195,11 @@ impl RecordingWriter {
         self.file.held_back()
     }
 
+    /// Bytes that wait in memory to be written, before compression.
+    pub fn pending_bytes(&self) -> u64 {
+        self.file.pending_bytes()
+    }
+
     /// Bytes on the disk so far.
     pub fn bytes_written(&self) -> u64 {
         self.file.bytes_written()

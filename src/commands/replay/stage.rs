@@ -188,9 +188,9 @@ impl<'a> Stage<'a> {
         self.bar.set_position(step);
         // in this order because a narrow terminal shows only the beginning
         self.bar.set_message(format!(
-            "t = {} · {pace} · {consumers} · frame {}{}",
-            seconds(time_s),
+            "frame {} · t = {}{} · {pace} · {consumers}",
             count(frame),
+            seconds(time_s),
             self.number,
         ));
     }

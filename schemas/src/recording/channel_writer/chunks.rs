@@ -97,10 +97,19 @@ impl Chunks {
         self.closed.len() + self.in_work.0
     }
 
+    /// Bytes of these chunks.
+    fn waiting_bytes(&self) -> u64 {
+        self.in_work.1 + self.closed.iter().map(Block::bytes).sum::<u64>()
+    }
+
     /// Whether more waits than may.
     pub(super) fn is_full(&self) -> bool {
-        let waiting_bytes = self.in_work.1 + self.closed.iter().map(Block::bytes).sum::<u64>();
-        self.waiting_count() > 1 && waiting_bytes > self.rules.queue_bytes
+        self.waiting_count() > 1 && self.waiting_bytes() > self.rules.queue_bytes
+    }
+
+    /// Bytes that were recorded and are not in the file, before compression.
+    pub(super) fn pending_bytes(&self) -> u64 {
+        self.open.bytes() + self.waiting_bytes()
     }
 
     /// What to do at the time `now`. Who is handed a chunk says [`written`](Self::written) about it later.

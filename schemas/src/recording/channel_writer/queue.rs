@@ -168,6 +168,11 @@ impl Queue {
         self.lock().check()
     }
 
+    /// Bytes that were recorded and are not in the file.
+    pub(super) fn pending_bytes(&self) -> u64 {
+        self.lock().chunks.pending_bytes()
+    }
+
     /// Time spent waiting until there was room.
     pub(super) fn held_back(&self) -> Duration {
         self.lock().held_back
