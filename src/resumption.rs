@@ -84,9 +84,8 @@ impl Resumption {
         stop: &AtomicBool,
     ) -> Result<Option<Rebuilt>, Failure> {
         let manifest = self.info().manifest.clone();
-        let toml = self.info().run_toml.clone().unwrap_or_default();
         self.recording.set_aside()?;
-        let mut recorder = match RecordingWriter::create(self.target(), &manifest, &toml, options) {
+        let mut recorder = match self.recording.write_again(options) {
             Ok(recorder) => recorder,
             Err(error) => {
                 put_back(self.recording);

@@ -30,9 +30,31 @@ use std::time::{Duration, Instant};
 pub struct WholeFile {
     path: PathBuf,
     partial: PathBuf,
-    replace: bool,
+    /// What may be replaced: the file of that name that was there in the beginning, if that was asked for.
+    replaced: Option<Replaced>,
     keep: bool,
     file: Arc<File>,
+}
+
+/// Device and inode of a file.
+type Identity = (u64, u64);
+
+/// A file that may be replaced.
+#[derive(Debug)]
+struct Replaced {
+    identity: Identity,
+    /// Open, so that no other file is given its inode; none if it may not be read.
+    _held: Option<File>,
+}
+
+impl Replaced {
+    /// What stands at `path`, if anything does.
+    fn at(path: &Path) -> Option<Self> {
+        let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits();
+        #[expect(clippy::cast_possible_wrap, reason = "the same bits, as the standard library wants them")]
+        let held = OpenOptions::new().read(true).custom_flags(flags as i32).open(path).ok();
+        identity_at(path).map(|identity| Self { identity, _held: held })
+    }
 }
 
 /// Why a file could not be created, or not be given its name.
@@ -123,7 +145,8 @@ impl WholeFile {
                 return Ok(Self {
                     path: path.to_owned(),
                     partial,
-                    replace,
+                    // looked at under the lock: what another writer has finished before is there
+                    replaced: if replace { Replaced::at(path) } else { None },
                     keep: false,
                     file: Arc::new(file),
                 });
@@ -171,12 +194,13 @@ impl WholeFile {
     /// [`WholeFileError::Appeared`], [`WholeFileError::Gone`], or when the operating system refuses.
     pub fn publish(mut self) -> Result<PathBuf, WholeFileError> {
         self.keep = true;
-        let Self { path, partial, .. } = &self;
+        let Self { path, partial, replaced, .. } = &self;
         self.file.sync_all().map_err(WholeFileError::io(partial))?;
         if !is_at(&self.file, partial) {
             return Err(WholeFileError::Gone { partial: partial.clone() });
         }
-        let named = if self.replace { fs::rename(partial, path) } else { naming::rename_new(partial, path) };
+        let is_replaced = replaced.as_ref().is_some_and(|file| identity_at(path) == Some(file.identity));
+        let named = if is_replaced { fs::rename(partial, path) } else { naming::rename_new(partial, path) };
         match named {
             Ok(()) => {}
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
@@ -285,11 +309,16 @@ fn make_room(partial: &Path, replace: bool) -> Result<(), WholeFileError> {
 
 /// Whether `file` is what stands at `path`.
 fn is_at(file: &File, path: &Path) -> bool {
-    let identity = |found: fs::Metadata| (found.dev(), found.ino());
-    match (file.metadata().map(identity), path.symlink_metadata().map(identity)) {
-        (Ok(ours), Ok(there)) => ours == there,
-        _ => false,
-    }
+    file.metadata().is_ok_and(|ours| identity_at(path) == Some(identity(&ours)))
+}
+
+/// What stands at `path`, if anything does.
+fn identity_at(path: &Path) -> Option<Identity> {
+    path.symlink_metadata().ok().as_ref().map(identity)
+}
+
+fn identity(found: &fs::Metadata) -> Identity {
+    (found.dev(), found.ino())
 }
 
 #[cfg(test)]

@@ -14,7 +14,8 @@ use schemas::whole_file::give_name;
 use serde_json::json;
 use std::ffi::OsString;
 use std::fmt::Write as _;
-use std::fs::{File, TryLockError};
+use std::fs::{File, Metadata, TryLockError};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -22,16 +23,20 @@ use std::time::{Duration, Instant};
 pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
     let (from, to, force) = (args.file.as_path(), args.output.out.as_path(), args.output.force);
     let stop = signals::stop_flag()?;
+    // held from before it is opened, so that no run begins to write it
+    let locked = if from.is_file() { Some(lock(from)?) } else { None };
     let audit = Audit::open(from).bad_input()?;
     let manifest = audit.manifest().clone();
     display::notice_of_version(&manifest);
     check_place(to, from, force)?;
-    // held while it is read, so that no run begins to write it
-    let _lock = lock(from)?;
     let (begin, run_toml) = Audit::head(from).bad_input()?;
     let expected = Audit::expected_counts(from);
+    if !locked.as_ref().is_some_and(|locked| is_at(locked, from)) {
+        let message = format!("{} was replaced or moved meanwhile; nothing was written", from.display());
+        return Err(Failure::Failed(anyhow!(message)));
+    }
     let place = working_place(from, to);
-    let options = WriteOptions { force: force || place != to, ..WriteOptions::default() };
+    let options = WriteOptions { force, ..WriteOptions::default() };
     let mut writer = RecordingWriter::create_from(&place, &manifest, run_toml.as_deref(), &begin, &options)?;
     let bar = display::progress_bar(manifest.physics.step_count, manifest.provenance.name.as_str());
     let mut refreshed = Instant::now();
@@ -86,6 +91,13 @@ fn lock(path: &Path) -> Result<File, Failure> {
         // file systems without locks do without
         _ => Ok(file),
     }
+}
+
+/// Whether `file` is what stands at `path`, so that whatever was opened there since it was locked is the same.
+fn is_at(file: &File, path: &Path) -> bool {
+    let identity = |found: Metadata| (found.dev(), found.ino());
+    let (ours, there) = (file.metadata().map(identity).ok(), path.metadata().map(identity).ok());
+    ours.is_some() && ours == there
 }
 
 /// Where the new recording is written: under its own name, unless its `.partial` would be the source.

@@ -296,6 +296,75 @@ fn what_is_no_recording_is_not_recovered_and_nothing_is_replaced() {
     assert!(!place.path("out.mcap").exists() && !place.path("out.mcap.partial").exists());
 }
 
+/// Where the result would be in the way of its source, it is written beside it: nothing is replaced there, either.
+#[test]
+fn what_stands_beside_the_source_is_not_replaced() {
+    let place = Place::new();
+    let bytes = record(&place, "", Compression::Zstd { level: 1 });
+    fs::write(place.path("torn.mcap.partial"), &bytes[..bytes.len() / 2]).unwrap();
+    for name in ["torn.mcap.recovered", "torn.mcap.recovered.partial"] {
+        place.write(name, "mine");
+        place.run("recover torn.mcap.partial --out torn.mcap").exits(1).says(&[name, "--force"]);
+        assert_eq!(place.read(name), "mine");
+        assert!(!place.path("torn.mcap").exists());
+        fs::remove_file(place.path(name)).unwrap();
+    }
+    place.write("torn.mcap.recovered.partial", "mine");
+    let recovered = place.run("recover torn.mcap.partial --out torn.mcap --force");
+    assert!(recovered.code().is_some_and(|code| code == 0 || code == 3), "{}", recovered.stderr());
+    assert!(place.path("torn.mcap").exists() && place.path("torn.mcap.partial").exists());
+}
+
+/// With `--force` the parts that an earlier recording had more are removed, but not that of a recorder that lives.
+#[test]
+fn a_part_that_is_being_written_is_not_removed() {
+    let place = Place::new();
+    place.run(SMALL).exits(0);
+    let mut source = RecordingSource::open(&place.path("run.mcap")).unwrap();
+    let manifest = source.manifest().clone();
+    let options = WriteOptions { force: true, ..WriteOptions::default() };
+    let split = Split { bytes: None, duration_s: Some(0.0015) };
+    let parts = [7, 8, 9].map(|part| place.path(format!("split-part-{part:04}.mcap")));
+    fs::write(&parts[0], "earlier").unwrap();
+    fs::write(place.path("split-part-0008.mcap.partial"), "earlier").unwrap();
+    let mut living = RecordingWriter::create(&parts[2], &manifest, "", &options).unwrap();
+    let path = place.path("split.mcap");
+    let mut writer = PartsWriter::create(&path, &manifest, None, 0, &options, &split).unwrap();
+    while let Received::Frame(frame) = source.receive().unwrap() {
+        writer.accept(&frame).unwrap();
+        living.accept(&frame).unwrap();
+    }
+    assert_eq!(writer.finish(EndReason::Complete).unwrap().len(), 3);
+    living.finish(EndReason::Complete).unwrap();
+    assert!(!parts[0].exists() && !place.path("split-part-0008.mcap.partial").exists());
+    place.run("verify split-part-0009.mcap").exits(0);
+}
+
+/// A part says that it is continued only if there is a next one.
+#[test]
+fn a_part_that_cannot_be_continued_does_not_say_so() {
+    let place = Place::new();
+    place.run(SMALL).exits(0);
+    let mut source = RecordingSource::open(&place.path("run.mcap")).unwrap();
+    let manifest = source.manifest().clone();
+    let split = Split { bytes: None, duration_s: Some(0.0015) };
+    let path = place.path("split.mcap");
+    let options = WriteOptions::default();
+    let mut writer = PartsWriter::create(&path, &manifest, None, 0, &options, &split).unwrap();
+    fs::create_dir(place.path("split-part-0002.mcap")).unwrap();
+    let refused = loop {
+        let Received::Frame(frame) = source.receive().unwrap() else { panic!("all was recorded") };
+        if let Err(error) = writer.accept(&frame) {
+            break error.to_string();
+        }
+    };
+    assert!(refused.contains("split-part-0002.mcap"), "{refused}");
+    assert_eq!(writer.finish(EndReason::Detached).unwrap().len(), 1);
+    let found = place.run("verify split-part-0001.mcap --json").exits(0).json();
+    assert_eq!(found["end"], "detached", "{found}");
+    assert!(!place.path("split-part-0002.mcap.partial").exists());
+}
+
 /// A recording that a living process writes is left to it.
 #[test]
 fn a_living_run_is_left_alone() {

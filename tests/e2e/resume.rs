@@ -2,7 +2,7 @@
 
 use crate::harness::{Place, wait_until};
 use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
-use schemas::recording::{RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};
+use schemas::recording::{BeginRecord, RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};
 use std::fs;
 
 const CHAIN: &str = "run --preset homogeneous --beads 60 --duration 4e-3 --name run";
@@ -143,6 +143,150 @@ fn a_resume_that_was_killed_is_gone_on_with() {
     assert_eq!(resumed["first_step"], 2000);
     assert!(states(&place, "run.mcap") == expected);
     assert_eq!(files(&place), ["old.mcap", "run.mcap", "whole.mcap"]);
+}
+
+/// A kill after the new recording has its name, before the old one is removed.
+#[test]
+fn a_resume_that_was_killed_at_its_very_end_is_no_dead_end() {
+    let place = Place::new();
+    interrupted(&place, "", 300);
+    fs::copy(place.path("run.mcap"), place.path("old.mcap")).unwrap();
+    place.run("run --resume run.mcap").exits(0);
+    let whole = fs::read(place.path("run.mcap")).unwrap();
+    for name in ["run.mcap", "run.mcap.partial", "run.mcap.interrupted"] {
+        fs::copy(place.path("old.mcap"), place.path("run.mcap.interrupted")).unwrap();
+        place.run(&format!("run --resume {name}")).exits(0).says(&["run.mcap is complete"]);
+        assert!(fs::read(place.path("run.mcap")).unwrap() == whole);
+        assert_eq!(files(&place), ["old.mcap", "run.mcap"], "{name}");
+    }
+    // finished, and ended early as well
+    fs::copy(place.path("old.mcap"), place.path("run.mcap")).unwrap();
+    fs::copy(place.path("old.mcap"), place.path("run.mcap.interrupted")).unwrap();
+    place.run("run --resume run.mcap").exits(0).says(&["goes on after step"]);
+    assert_eq!(files(&place), ["old.mcap", "run.mcap"]);
+    place.run("verify run.mcap").exits(0);
+}
+
+/// What was set aside and what is written in its place are two recordings: neither is removed unless the other has
+/// all of it.
+#[test]
+fn what_a_killed_resume_left_is_not_taken_for_something_else() {
+    let place = Place::new();
+    interrupted(&place, "", 300);
+    fs::rename(place.path("run.mcap"), place.path("run.mcap.interrupted")).unwrap();
+    let old = fs::read(place.path("run.mcap.interrupted")).unwrap();
+    // no other run begins there
+    for flags in ["", "--force"] {
+        place.run(&format!("{CHAIN} {flags}")).exits(1).says(&["run.mcap.interrupted", "run --resume"]);
+        assert_eq!(files(&place), ["run.mcap.interrupted"]);
+    }
+    // another run, which did so elsewhere, or by another version
+    place.run(&format!("{CHAIN} --out other.mcap")).exits(0);
+    let other = fs::read(place.path("other.mcap")).unwrap();
+    // one that came further, but is damaged
+    fs::copy(place.path("run.mcap.interrupted"), place.path("further.mcap")).unwrap();
+    place.run("run --resume further.mcap").exits(0);
+    let mut further = fs::read(place.path("further.mcap")).unwrap();
+    let middle = further.len() / 2;
+    further[middle] ^= 1;
+    for new in [&other[..other.len() / 2], &other, &further[..further.len() - 1000], b"something else"] {
+        fs::write(place.path("run.mcap.partial"), new).unwrap();
+        for name in ["run.mcap.partial", "run.mcap.interrupted"] {
+            place
+                .run(&format!("run --resume {name}"))
+                .exits(2)
+                .says(&["run.mcap.partial", "move one of them away"]);
+        }
+        assert!(fs::read(place.path("run.mcap.partial")).unwrap() == new);
+        assert!(fs::read(place.path("run.mcap.interrupted")).unwrap() == old);
+    }
+    // another one under its name
+    fs::remove_file(place.path("run.mcap.partial")).unwrap();
+    fs::write(place.path("run.mcap"), &other).unwrap();
+    for name in ["run.mcap", "run.mcap.partial", "run.mcap.interrupted"] {
+        place.run(&format!("run --resume {name}")).exits(2).says(&["run.mcap,", "move one of them away"]);
+    }
+    assert!(fs::read(place.path("run.mcap")).unwrap() == other);
+    fs::remove_file(place.path("run.mcap")).unwrap();
+    // nothing was written yet
+    fs::write(place.path("run.mcap.partial"), "").unwrap();
+    place.run("run --resume run.mcap.partial").exits(0);
+    assert_eq!(files(&place), ["further.mcap", "other.mcap", "run.mcap"]);
+    place.run("verify run.mcap").exits(0);
+}
+
+/// Where a record seems to be longer than the file, the states after it are not given up.
+#[test]
+fn a_wrong_length_is_not_taken_for_the_end() {
+    let place = Place::new();
+    let run = place.start(&format!("{CHAIN} --pace 1e-3 --flush-period 0.01"));
+    place.wait_for_run("run", |run| run.step >= 300);
+    run.signal("KILL");
+    run.wait();
+    let partial = place.path("run.mcap.partial");
+    let mut bytes = fs::read(&partial).unwrap();
+    let mut chunks = Vec::new();
+    let mut at = 8;
+    while at + 9 <= bytes.len() {
+        if bytes[at] == 0x06 {
+            chunks.push(at);
+        }
+        at += 9 + usize::try_from(u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap())).unwrap();
+    }
+    let in_the_middle = chunks[chunks.len() / 2];
+    let whole = bytes.clone();
+    // its length, or what it is: 0 is what some file systems leave at a torn end
+    for (name, offset, flipped) in [("length", in_the_middle + 5, 1), ("opcode", in_the_middle, 0x06)] {
+        bytes.clone_from(&whole);
+        bytes[offset] ^= flipped;
+        fs::write(&partial, &bytes).unwrap();
+        place.run("run --resume run.mcap.partial").exits(2).says(&["damaged", "beadline recover"]);
+        assert!(fs::read(&partial).unwrap() == bytes, "{name}");
+        assert_eq!(files(&place), ["run.mcap.partial"], "{name}");
+    }
+    let recovered = place.run("recover run.mcap.partial --out other.mcap --json");
+    assert!(recovered.code().is_some_and(|code| code == 0 || code == 3));
+    place.run("run --resume other.mcap").exits(0);
+    place.run("verify other.mcap").exits(0);
+}
+
+/// A finished recording that has not its name yet replaces another one only if that was asked for.
+#[test]
+fn a_recording_is_given_its_name_as_asked_for() {
+    let place = Place::new();
+    place.run(CHAIN).exits(0);
+    fs::rename(place.path("run.mcap"), place.path("run.mcap.partial")).unwrap();
+    let mut damaged = fs::read(place.path("run.mcap.partial")).unwrap();
+    place.write("run.mcap", "mine");
+    place.run("run --resume run.mcap.partial").exits(2).says(&["move one of them away"]);
+    assert_eq!(place.read("run.mcap"), "mine");
+    place.run("run --resume run.mcap.partial --force").exits(0).says(&["run.mcap is complete"]);
+    assert_eq!(files(&place), ["run.mcap"]);
+    // its summary is whole
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 1;
+    fs::write(place.path("damaged.mcap.partial"), &damaged).unwrap();
+    place.run("run --resume damaged.mcap.partial").exits(2).says(&["CRC", "beadline recover"]);
+    assert_eq!(files(&place), ["damaged.mcap.partial", "run.mcap"]);
+}
+
+/// What `beadline record` writes has no configuration, and what goes on with it has none either.
+#[test]
+fn a_recording_without_a_configuration_gets_none() {
+    let place = Place::new();
+    interrupted(&place, "", 300);
+    let info = RecordingInfo::read(&place.path("run.mcap")).unwrap();
+    let mut source = RecordingSource::open(&place.path("run.mcap")).unwrap();
+    let (begin, options) = (BeginRecord::default(), WriteOptions::default());
+    let path = place.path("recorded.mcap");
+    let mut recorded = RecordingWriter::create_from(&path, &info.manifest, None, &begin, &options).unwrap();
+    while let Received::Frame(frame) = source.receive().unwrap() {
+        recorded.accept(&frame).unwrap();
+    }
+    recorded.finish(EndReason::Detached).unwrap();
+    place.run("run --resume recorded.mcap").exits(0);
+    let info = RecordingInfo::read(&path).unwrap();
+    assert_eq!((info.is_complete(), info.run_toml), (true, None));
 }
 
 /// A run that was killed while it waited begins anew, as the run that it was.

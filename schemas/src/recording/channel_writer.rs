@@ -269,7 +269,8 @@ impl ChannelWriter {
     /// Writes what was taken so far, and waits until it is on the disk.
     pub(super) fn sync(&mut self) -> Result<(), WriteError> {
         self.flush()?;
-        self.file.file().sync_data().map_err(WriteError::io(self.path()))
+        let threads = self.threads.as_ref().ok_or_else(|| self.refused(Refused::GivenUp))?;
+        threads.sync().map_err(WriteError::io(self.path()))
     }
 
     /// Bytes in the file so far.

@@ -21,6 +21,16 @@ pub enum WriteError {
         /// The file in the way.
         path: PathBuf,
     },
+    /// There is the recording of a run that was being gone on with.
+    #[error(
+        "{path} exists, the recording of a run that was being gone on with: do that (`beadline run --resume {path}`), \
+         move it away, or choose another name; --force does not replace it",
+        path = path.display()
+    )]
+    InterruptedExists {
+        /// The file in the way.
+        path: PathBuf,
+    },
     /// The disk cannot hold what a run will write.
     #[error(
         "not enough space in {}: this recording takes {} at the least, {} are free; record fewer \

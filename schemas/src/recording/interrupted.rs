@@ -1,7 +1,11 @@
 //! A recording that ended before its run did, to be gone on with.
 
-use super::error::ReadError;
+use super::audit::{Audit, Audited};
+use super::channel_writer::WriteOptions;
+use super::error::{ReadError, WriteError};
 use super::info::RecordingInfo;
+use super::salvage::{Damage, DamageKind};
+use super::writer::RecordingWriter;
 use crate::whole_file::{LockedFile, Names, WholeFileError, directory_of};
 use std::path::{Path, PathBuf};
 
@@ -13,11 +17,13 @@ use std::path::{Path, PathBuf};
 #[derive(Debug)]
 pub struct InterruptedRecording {
     file: LockedFile,
-    /// Of a former attempt, with nothing that this one has not.
+    /// Of a former attempt, with nothing that this one has not; not of another run, and not damaged.
     leftover: Option<LockedFile>,
     names: Names,
     target: PathBuf,
     info: RecordingInfo,
+    /// A finished file of its name may be replaced.
+    replace: bool,
 }
 
 /// Why a recording cannot be gone on with.
@@ -43,8 +49,11 @@ pub enum ResumeError {
 }
 
 impl InterruptedRecording {
-    /// Finds the recording that `path` is about, which may be called `.mcap`, `.mcap.partial` or `.mcap.interrupted`.
-    /// It will be written again as `out`, or in its place; `replace` says whether a finished file may be replaced.
+    /// Finds the recording that `path` is about, which may be called `.mcap`, `.mcap.partial` or `.mcap.interrupted`,
+    /// and reads all of it. It will be written again as `out`, or in its place;
+    /// `replace` says whether a finished file may be replaced.
+    ///
+    /// In its place there may be another one of a former attempt. The one that has everything is taken.
     ///
     /// # Errors
     /// When it cannot be read or is being written, or when a file is in the way.
@@ -52,27 +61,19 @@ impl InterruptedRecording {
         let names = Names::of(path);
         let out = out.filter(|out| !is_same_place(out, &names.whole));
         let target = out.map_or_else(|| names.whole.clone(), Path::to_owned);
-        let is_whole = path == names.whole;
-        let mut in_the_way = match (out, is_whole) {
-            (Some(_), _) => vec![],
-            (None, true) => vec![&names.partial, &names.aside],
-            (None, false) if replace => vec![],
-            (None, false) => vec![&names.whole],
+        let there = |name: &PathBuf| name.symlink_metadata().is_ok();
+        let (file, info, leftover) = match out {
+            Some(_) => read_locked(path).map(|(file, info)| (file, info, None))?,
+            None if there(&names.aside) => best_of(&names, path == names.whole, replace)?,
+            None => {
+                let other = if path == names.whole { &names.partial } else { &names.whole };
+                if there(other) && !(replace && other == &names.whole) {
+                    return Err(in_the_way(path, other));
+                }
+                read_locked(path).map(|(file, info)| (file, info, None))?
+            }
         };
-        in_the_way.retain(|other| other.exists());
-        if let Some(other) = in_the_way.pop() {
-            return Err(ResumeError::InTheWay { path: path.to_owned(), other: other.clone() });
-        }
-        let (file, info, leftover) = if !is_whole && names.aside.exists() {
-            best_of(&names)?
-        } else {
-            // a file that is not there cannot be read, rather than written
-            path.metadata().map_err(ReadError::io(path))?;
-            let file = LockedFile::open(path)?;
-            let info = RecordingInfo::read(path)?;
-            (file, info, None)
-        };
-        Ok(Self { file, leftover, names, target, info })
+        Ok(Self { file, leftover, names, target, info, replace })
     }
 
     /// What is in it.
@@ -104,12 +105,27 @@ impl InterruptedRecording {
             return Ok(());
         }
         if let Some(leftover) = self.leftover.take() {
+            self.file.sync()?;
             leftover.remove()?;
         }
         if self.file.path() == self.names.aside {
             return Ok(());
         }
-        self.file.rename(&self.names.aside)
+        self.file.rename(&self.names.aside, false)
+    }
+
+    /// Starts the recording that is to have everything that this one has.
+    ///
+    /// # Errors
+    /// As for [`RecordingWriter::create_from`].
+    pub fn write_again(&self, options: &WriteOptions) -> Result<RecordingWriter, WriteError> {
+        let RecordingInfo { manifest, run_toml, begin, .. } = &self.info;
+        let create = if self.is_in_place() {
+            RecordingWriter::create_beside_old
+        } else {
+            RecordingWriter::create_from
+        };
+        create(&self.target, manifest, run_toml.as_deref(), begin, options)
     }
 
     /// Gives a complete one its name, if it was killed before it had it, and returns where it is.
@@ -117,11 +133,12 @@ impl InterruptedRecording {
     /// # Errors
     /// When the operating system refuses, or when there is something of that name.
     pub fn give_name(mut self) -> Result<PathBuf, WholeFileError> {
-        if let Some(leftover) = self.leftover.take() {
-            leftover.remove()?;
-        }
+        self.file.sync()?;
         if self.file.path() != self.names.whole {
-            self.file.rename(&self.names.whole)?;
+            self.file.rename(&self.names.whole, self.replace)?;
+        }
+        if let Some(leftover) = self.leftover {
+            leftover.remove()?;
         }
         Ok(self.names.whole)
     }
@@ -135,7 +152,7 @@ impl InterruptedRecording {
             return Ok(());
         }
         let name = if self.info.finished { &self.names.whole } else { &self.names.partial };
-        self.file.rename(&name.clone())
+        self.file.rename(&name.clone(), false)
     }
 
     /// Removes it, because the new one has everything that it has. In another place than the new one it stays.
@@ -153,23 +170,75 @@ fn is_same_place(one: &Path, other: &Path) -> bool {
     one == other || (one.file_name() == other.file_name() && directory(one) == directory(other))
 }
 
-/// After an attempt that was killed: the recording that was set aside or, if that has come further, the new one.
-fn best_of(names: &Names) -> Result<(LockedFile, RecordingInfo, Option<LockedFile>), ResumeError> {
-    let old = LockedFile::open(&names.aside)?;
-    let info = RecordingInfo::read(&names.aside)?;
-    if !names.partial.exists() {
-        return Ok((old, info, None));
-    }
-    let new = LockedFile::open(&names.partial)?;
-    match RecordingInfo::read(&names.partial) {
-        Ok(found) if is_further(&found, &info) => Ok((new, found, Some(old))),
-        // a copy that was not finished
-        _ => Ok((old, info, Some(new))),
+/// After an attempt that was killed: the recording that was set aside or, if that has come further, the new one, whether
+/// it has its name already or not. The other one is removed later, so it must have nothing of its own.
+fn best_of(
+    names: &Names,
+    is_whole: bool,
+    replace: bool,
+) -> Result<(LockedFile, RecordingInfo, Option<LockedFile>), ResumeError> {
+    let there = |name: &PathBuf| name.symlink_metadata().is_ok();
+    let (old, info) = read_locked(&names.aside)?;
+    let may_replace = replace && !is_whole;
+    match (there(&names.whole), there(&names.partial)) {
+        (true, true) if !may_replace => Err(in_the_way(&names.partial, &names.whole)),
+        (true, false) => match read_locked(&names.whole) {
+            // killed before the old one was removed
+            Ok((new, found)) if found.finished && has_all_of(&found, &info) => Ok((new, found, Some(old))),
+            Ok(_) | Err(ResumeError::Read(_)) if may_replace => Ok((old, info, None)),
+            Ok(_) | Err(ResumeError::Read(_)) => Err(in_the_way(&names.aside, &names.whole)),
+            Err(error) => Err(error),
+        },
+        (_, true) if is_empty(&names.partial) => Ok((old, info, Some(LockedFile::open(&names.partial)?))),
+        (_, true) => match read_locked(&names.partial) {
+            Ok((new, found)) if has_all_of(&info, &found) => Ok((old, info, Some(new))),
+            Ok((new, found)) if has_all_of(&found, &info) => Ok((new, found, Some(old))),
+            Ok(_) | Err(ResumeError::Read(_)) => Err(in_the_way(&names.aside, &names.partial)),
+            Err(error) => Err(error),
+        },
+        (false, false) => Ok((old, info, None)),
     }
 }
 
-/// Whether `new` has everything that `old` has, and more.
-fn is_further(new: &RecordingInfo, old: &RecordingInfo) -> bool {
-    let same = new.manifest.provenance.run_id == old.manifest.provenance.run_id;
-    same && new.damage.is_none() && new.last_step > old.last_step
+/// Whether `one` has everything that `other` has: both are of the same run and undamaged, and it has come as far.
+fn has_all_of(one: &RecordingInfo, other: &RecordingInfo) -> bool {
+    let same = one.manifest.provenance.run_id == other.manifest.provenance.run_id;
+    let is_sound = one.damage.is_none() && other.damage.is_none();
+    same && is_sound && one.last_step >= other.last_step
+}
+
+fn in_the_way(path: &Path, other: &Path) -> ResumeError {
+    ResumeError::InTheWay { path: path.to_owned(), other: other.to_owned() }
+}
+
+/// Nothing was written to it.
+fn is_empty(path: &Path) -> bool {
+    path.symlink_metadata().is_ok_and(|found| found.is_file() && found.len() == 0)
+}
+
+/// Locks the recording `path` and reads all of it.
+fn read_locked(path: &Path) -> Result<(LockedFile, RecordingInfo), ResumeError> {
+    // a file that is not there cannot be read, rather than written
+    path.metadata().map_err(ReadError::io(path))?;
+    let file = LockedFile::open(path)?;
+    let mut info = RecordingInfo::read(path)?;
+    if info.damage.is_none() {
+        info.damage = damage_within(path)?;
+    }
+    Ok((file, info))
+}
+
+/// What is wrong with the recording `path` other than that it ends early.
+fn damage_within(path: &Path) -> Result<Option<String>, ReadError> {
+    let mut audit = Audit::open(path)?;
+    while !matches!(audit.read_next()?, Audited::End) {}
+    let (has_end, file_bytes) = (audit.end().is_some(), audit.file_bytes());
+    let is_torn_end = |damage: &Damage| match damage.kind {
+        DamageKind::Torn => true,
+        // after the end of the recording: what is repeated there
+        DamageKind::Unreadable => has_end && damage.offset_bytes + damage.length_bytes == file_bytes,
+        _ => false,
+    };
+    let within = audit.damages().iter().find(|damage| !is_torn_end(damage));
+    Ok(within.map(|damage| format!("{} is damaged: {damage}", path.display())))
 }

@@ -7,7 +7,7 @@ use super::results::{ResultKind, ResultRow};
 use super::writer::RecordingWriter;
 use crate::frame::{EndReason, Frame, FrameSink};
 use crate::manifest::RunManifest;
-use crate::whole_file::{WholeFileError, directory_of};
+use crate::whole_file::{LockedFile, WholeFileError, directory_of};
 use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -69,8 +69,9 @@ fn parts_there(path: &Path) -> Result<Vec<(u64, PathBuf)>, WriteError> {
 /// Records the frames of one run, in parts if that is asked for.
 ///
 /// Each part has a head, a chain and an end of its own and is a recording by itself. A part is finished, on the
-/// disk and under its name, before the next one begins, so that a kill leaves one `.partial`. No frame is in two
-/// parts. A row of results goes to the part that is open when it comes.
+/// disk and under its name, before the next one has a frame; that is created first, so that a part that cannot be
+/// continued does not say that it is. A kill leaves one `.partial`, or in between one more that is empty. No frame is in
+/// two parts. A row of results goes to the part that is open when it comes.
 pub struct PartsWriter {
     path: PathBuf,
     manifest: RunManifest,
@@ -129,24 +130,22 @@ impl PartsWriter {
             slot: 0.0,
             finished: Vec::new(),
         };
-        parts.open = Some(parts.create_part()?);
+        parts.open = Some(parts.create_part(&parts.begin)?);
         Ok(parts)
     }
 
-    fn create_part(&self) -> Result<RecordingWriter, WriteError> {
-        let path = self.part_path();
-        RecordingWriter::create_from(
-            &path,
-            &self.manifest,
-            self.run_toml.as_deref(),
-            &self.begin,
-            &self.options,
-        )
+    fn create_part(&self, begin: &BeginRecord) -> Result<RecordingWriter, WriteError> {
+        let path = self.path_of_part(begin.part);
+        RecordingWriter::create_from(&path, &self.manifest, self.run_toml.as_deref(), begin, &self.options)
+    }
+
+    fn path_of_part(&self, part: u64) -> PathBuf {
+        if self.split.is_split() { part_path(&self.path, part) } else { self.path.clone() }
     }
 
     /// The name of the open part.
     fn part_path(&self) -> PathBuf {
-        if self.split.is_split() { part_path(&self.path, self.begin.part) } else { self.path.clone() }
+        self.path_of_part(self.begin.part)
     }
 
     fn open(&mut self) -> Result<&mut RecordingWriter, WriteError> {
@@ -154,14 +153,15 @@ impl PartsWriter {
         self.open.as_mut().ok_or(WriteError::GivenUp { path })
     }
 
-    /// Finishes the open part, and begins another one with the state of `step`.
+    /// Begins another part with the state of `step`, and finishes the open one. If none can be begun that stays open.
     fn next_part(&mut self, step: u64) -> Result<(), WriteError> {
-        let path = self.part_path();
-        let part = self.open.take().ok_or(WriteError::GivenUp { path })?;
-        let previous_state_hash = part.last_state_hash();
-        self.finished.push(part.finish(EndReason::Continued)?);
-        self.begin = BeginRecord { first_step: step, part: self.begin.part + 1, previous_state_hash };
-        self.open = Some(self.create_part()?);
+        let previous_state_hash = self.open()?.last_state_hash();
+        let begin = BeginRecord { first_step: step, part: self.begin.part + 1, previous_state_hash };
+        // first: a part says that it is continued only if it is
+        let next = self.create_part(&begin)?;
+        let part = self.open.replace(next);
+        self.begin = begin;
+        self.finished.extend(part.map(|part| part.finish(EndReason::Continued)).transpose()?);
         Ok(())
     }
 
@@ -203,7 +203,7 @@ impl PartsWriter {
     }
 
     /// Ends the recording for `reason`: all of its parts, in order. With `--force` parts of an earlier recording that go
-    /// further than these are removed.
+    /// further than these are removed, unless another process writes them.
     ///
     /// # Errors
     /// When writing fails; the parts finished before stay.
@@ -212,9 +212,14 @@ impl PartsWriter {
         let part = self.open.take().ok_or(WriteError::GivenUp { path })?;
         self.finished.push(part.finish(reason)?);
         if self.split.is_split() && self.options.force {
-            for (_, path) in parts_there(&self.path)?.into_iter().filter(|(part, _)| *part > self.begin.part)
-            {
-                fs::remove_file(&path).map_err(WriteError::io(&path))?;
+            let there = parts_there(&self.path)?;
+            for (_, path) in there.into_iter().filter(|(part, _)| *part > self.begin.part) {
+                match LockedFile::open(&path) {
+                    Ok(file) => file.remove()?,
+                    // of a recorder that lives
+                    Err(WholeFileError::Busy { .. }) => {}
+                    Err(error) => return Err(error.into()),
+                }
             }
         }
         Ok(self.finished)

@@ -36,6 +36,13 @@ impl BackgroundSync {
         }
     }
 
+    /// Syncs what is in `file` now, and waits for it. An error that an earlier request met is told once, to whoever
+    /// synced then: it is this one's, too.
+    pub(super) fn sync(&mut self, file: &File) -> io::Result<()> {
+        self.finish()?;
+        file.sync_data()
+    }
+
     /// Waits for what was asked for.
     pub(super) fn finish(&mut self) -> io::Result<()> {
         self.worker.take().map_or(Ok(()), Worker::join)
@@ -60,5 +67,22 @@ impl Drop for BackgroundSync {
     fn drop(&mut self) {
         // whoever wants to know calls `finish`
         let _ = self.finish();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::fd::OwnedFd;
+
+    #[test]
+    fn what_went_wrong_in_the_background_is_told_by_the_next_sync() {
+        let (reader, _writer) = io::pipe().expect("pipe");
+        let cannot_be_synced = Arc::new(File::from(OwnedFd::from(reader)));
+        let sound = tempfile::tempfile().expect("file");
+        let mut sync = BackgroundSync::default();
+        sync.request(&cannot_be_synced).expect("asked for");
+        sync.sync(&sound).expect_err("the error of the request");
+        sync.sync(&sound).expect("nothing else is wrong");
     }
 }

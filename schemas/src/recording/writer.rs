@@ -10,6 +10,7 @@ use super::results::{ResultKind, ResultRow};
 use crate::frame::{EndReason, Frame, FrameSink};
 use crate::manifest::RunManifest;
 use crate::summary::Summarizer;
+use crate::whole_file::Names;
 use prost::Message;
 use std::path::Path;
 use std::time::Duration;
@@ -45,8 +46,8 @@ impl RecordingWriter {
     /// Starts the recording `path` of the run `manifest`, with `run_toml` as the user gave it.
     ///
     /// # Errors
-    /// When there is such a file or its `.partial` and `options.force` is not set, when another process
-    /// writes it, when something else than a file has its name, or when the operating system refuses.
+    /// When there is such a file or its `.partial` and `options.force` is not set, when there is its `.interrupted`,
+    /// when another process writes it, when something else than a file has its name, or when the operating system refuses.
     pub fn create(
         path: &Path,
         manifest: &RunManifest,
@@ -62,6 +63,21 @@ impl RecordingWriter {
     /// # Errors
     /// As for [`create`](Self::create).
     pub fn create_from(
+        path: &Path,
+        manifest: &RunManifest,
+        run_toml: Option<&str>,
+        begin: &BeginRecord,
+        options: &WriteOptions,
+    ) -> Result<Self, WriteError> {
+        let aside = Names::of_whole(path).aside;
+        if aside.symlink_metadata().is_ok() {
+            return Err(WriteError::InterruptedExists { path: aside });
+        }
+        Self::create_beside_old(path, manifest, run_toml, begin, options)
+    }
+
+    /// Like [`create_from`](Self::create_from), for whoever goes on with what is set aside.
+    pub(super) fn create_beside_old(
         path: &Path,
         manifest: &RunManifest,
         run_toml: Option<&str>,

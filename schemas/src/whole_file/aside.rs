@@ -3,7 +3,7 @@
 //! It is renamed to `<name>.interrupted`, read there while `<name>.partial` is written anew, and removed when that has
 //! everything that it had. Whatever happens in between, one of the two is whole.
 
-use super::{OFlags, WholeFileError, is_at, naming, regular_file_at};
+use super::{OFlags, WholeFileError, give_name, is_at, naming, regular_file_at};
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io;
@@ -39,7 +39,7 @@ impl Names {
     }
 
     /// Of the file that will be called `whole`.
-    pub(super) fn of_whole(whole: &Path) -> Self {
+    pub(crate) fn of_whole(whole: &Path) -> Self {
         let with = |ending| {
             let mut name = OsString::from(whole);
             name.push(ending);
@@ -83,22 +83,25 @@ impl LockedFile {
         &self.path
     }
 
-    /// Gives it another name, which must be free, durably.
+    /// Syncs what is in it: nobody knows whether its writer had the time to.
+    ///
+    /// # Errors
+    /// When the operating system refuses.
+    pub fn sync(&self) -> Result<(), WholeFileError> {
+        self.file.sync_all().map_err(WholeFileError::io(&self.path))
+    }
+
+    /// Gives it another name, durably. What has that name is in the way unless `replace`.
     ///
     /// # Errors
     /// When the operating system refuses, or when it is not there any more.
-    pub fn rename(&mut self, to: &Path) -> Result<(), WholeFileError> {
+    pub fn rename(&mut self, to: &Path, replace: bool) -> Result<(), WholeFileError> {
         if !is_at(&self.file, &self.path) {
             return Err(WholeFileError::Gone { partial: self.path.clone() });
         }
-        match naming::rename_new(&self.path, to) {
-            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
-                return Err(WholeFileError::Exists { path: to.to_owned() });
-            }
-            renamed => renamed.map_err(WholeFileError::io(&self.path))?,
-        }
+        give_name(&self.path, to, replace)?;
         to.clone_into(&mut self.path);
-        naming::sync_directory(to)
+        Ok(())
     }
 
     /// Removes it, durably.

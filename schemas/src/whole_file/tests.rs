@@ -109,6 +109,30 @@ fn a_file_that_appears_meanwhile_is_left_alone() {
     assert_eq!(fs::read_to_string(&partial).expect("kept, too"), "ours");
 }
 
+/// `replace` is about the file that the user saw.
+#[test]
+fn only_the_file_that_was_there_is_replaced() {
+    for was_there in [false, true] {
+        let (_directory, path) = place();
+        if was_there {
+            fs::write(&path, "old").expect("written");
+        }
+        let file = WholeFile::create(&path, true).expect("asked for");
+        write(&file, "ours");
+        let other = path.with_extension("other");
+        fs::write(&other, "mine").expect("written");
+        fs::rename(&other, &path).expect("appears");
+        assert!(matches!(file.publish(), Err(WholeFileError::Appeared { .. })));
+        assert_eq!(fs::read_to_string(&path).expect("kept"), "mine");
+        assert_eq!(fs::read_to_string(path.with_extension("csv.partial")).expect("kept, too"), "ours");
+    }
+    let (_directory, path) = place();
+    fs::write(&path, "old").expect("written");
+    let file = WholeFile::create(&path, true).expect("asked for");
+    fs::remove_file(&path).expect("removed meanwhile");
+    file.publish().expect("nothing is in the way");
+}
+
 #[test]
 fn a_file_that_is_given_up_stays_only_if_it_is_worth_something() {
     let (directory, path) = place();

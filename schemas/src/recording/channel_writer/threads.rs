@@ -64,6 +64,13 @@ impl Threads {
         &self.shared.queue
     }
 
+    /// Waits until what is in the file is on the disk.
+    pub(super) fn sync(&self) -> io::Result<()> {
+        let mut writing = self.shared.lock();
+        let file = Arc::clone(writing.output.file());
+        writing.sync.sync(&file)
+    }
+
     /// Has everything written, waits until the threads have ended, and gives the file back.
     pub(super) fn end(mut self) -> Result<(Output, BackgroundSync), Refused> {
         self.shared.queue.end();
