@@ -10,6 +10,13 @@ use schemas::manifest::RunManifest;
 use schemas::recording::{BeginRecord, EndRecord, RecordingWriter};
 use std::collections::BTreeMap;
 
+/// How many recorded states ahead one without a checksum is always looked for. Its step may be wrong like the rest of
+/// it, so that farther ones are only looked for if that costs no more than what has been computed to an end.
+const NEAR_STATES: u64 = 64;
+
+/// How often we ask whether to go on, while nothing is written.
+const WATCH_STEPS: u64 = 1024;
+
 /// Takes the states of a file in order and writes those that are to be had.
 pub(super) struct Salvager<'a> {
     manifest: &'a RunManifest,
@@ -22,10 +29,14 @@ pub(super) struct Salvager<'a> {
     state: Option<ChainState>,
     /// The next state shows whether the last one was right.
     is_believed: bool,
+    /// Step of the first state of the file.
+    first_step: u64,
     /// Step from which on states are due, if the last proven one is not written.
     due_from: u64,
     /// Ahead of the last proven state, for states without a checksum.
     probe: Option<ChainState>,
+    /// Steps that were computed to an end, less those that were computed in vain.
+    spare_steps: u64,
     /// Frames that are lost from here on belong to the last range.
     lost_until: Option<u64>,
     recovery: Recovery,
@@ -49,8 +60,10 @@ impl<'a> Salvager<'a> {
             integrator: other_kernel.is_none().then(|| Integrator::new(&manifest.physics)),
             state: from_start.then(|| ChainState::initial(&manifest.physics)),
             is_believed: false,
+            first_step: begin.first_step,
             due_from: begin.first_step,
             probe: None,
+            spare_steps: 0,
             lost_until: None,
             recovery: Recovery {
                 kept_count: 0,
@@ -84,7 +97,7 @@ impl<'a> Salvager<'a> {
             self.lose_before(frame.step);
             return self.keep(frame);
         }
-        if self.is_believed && !self.is_reached(frame)? {
+        if self.is_believed && self.leads_to(frame)? == Some(false) {
             // one of the two is wrong, and this one may have more that follow from it
             if let Some(wrong) = self.state.take() {
                 self.differs_from(&wrong, frame);
@@ -106,7 +119,13 @@ impl<'a> Salvager<'a> {
         if !is_later {
             return Ok(());
         }
-        if !self.is_reached(frame)? {
+        let cost = self.cost_of(frame.step);
+        let near = self.manifest.provenance.record_every_steps.saturating_mul(NEAR_STATES);
+        let is_affordable = cost <= near || cost <= self.spare_steps;
+        if !is_affordable || self.leads_to(frame)? != Some(true) {
+            if is_affordable {
+                self.spare_steps = self.spare_steps.saturating_sub(cost);
+            }
             self.recovery.unproven_count += 1;
             return Ok(());
         }
@@ -115,23 +134,38 @@ impl<'a> Salvager<'a> {
         self.advance(frame.step, Some(frame))
     }
 
-    /// Whether the last proven state leads to `frame`.
-    fn is_reached(&mut self, frame: &Frame<'_>) -> Result<bool, RecoveryError> {
-        Ok(self.probed(frame.step)?.is_some_and(|probe| difference(probe, frame, None).is_none()))
+    /// How many steps it takes to compute the state at `step` ahead.
+    fn cost_of(&self, step: u64) -> u64 {
+        let from = self.start_of(step).map_or(step, |state| state.step);
+        step.saturating_sub(from)
     }
 
-    /// The state at `step`, computed; none if that was passed.
+    /// The state from which that at `step` is computed ahead: the last one computed ahead, if it is not past `step`.
+    fn start_of(&self, step: u64) -> Option<&ChainState> {
+        let proven = self.state.as_ref()?;
+        let is_between = |probe: &&ChainState| (proven.step..=step).contains(&probe.step);
+        self.probe.as_ref().filter(is_between).or(Some(proven))
+    }
+
+    /// Whether the last proven state leads to `frame`; none if that comes before it, or there is none.
+    fn leads_to(&mut self, frame: &Frame<'_>) -> Result<Option<bool>, RecoveryError> {
+        Ok(self.probed(frame.step)?.map(|probe| difference(probe, frame, None).is_none()))
+    }
+
+    /// The state at `step`, computed from the last proven one; none if that comes after it.
     fn probed(&mut self, step: u64) -> Result<Option<&ChainState>, RecoveryError> {
-        let (Some(integrator), Some(state)) = (&mut self.integrator, &self.state) else { return Ok(None) };
-        let is_behind = self.probe.as_ref().is_none_or(|probe| probe.step < state.step);
-        if is_behind {
-            self.probe = Some(state.clone());
+        let Some(start) = self.start_of(step).filter(|start| start.step <= step) else { return Ok(None) };
+        let is_ahead = self.probe.as_ref().is_some_and(|probe| probe.step == start.step);
+        if !is_ahead {
+            self.probe = Some(start.clone());
         }
-        let Some(probe) = self.probe.as_mut().filter(|probe| probe.step <= step) else { return Ok(None) };
+        let (Some(integrator), Some(probe)) = (&mut self.integrator, &mut self.probe) else {
+            return Ok(None);
+        };
         *integrator = Integrator::new(&self.manifest.physics);
         while probe.step < step {
             integrator.step(probe);
-            if probe.step.is_multiple_of(1024) && !(self.watch)(probe.step) {
+            if probe.step.is_multiple_of(WATCH_STEPS) && !(self.watch)(probe.step) {
                 return Err(RecoveryError::Stopped);
             }
         }
@@ -154,6 +188,13 @@ impl<'a> Salvager<'a> {
     /// Computes the states up to `step`, where `found` is in the file, and writes those that are due.
     fn advance(&mut self, step: u64, found: Option<&Frame<'_>>) -> Result<(), RecoveryError> {
         let Some(mut state) = self.state.take() else { return Ok(()) };
+        self.spare_steps = self.spare_steps.saturating_add(step.saturating_sub(state.step));
+        if self.is_nothing_due(state.step, step)
+            && let Some(probe) = self.probe.take_if(|probe| probe.step == step)
+        {
+            state = probe;
+            self.integrator = Some(Integrator::new(&self.manifest.physics));
+        }
         loop {
             if state.step >= self.due_from {
                 let is_found = found.is_some_and(|found| found.step == state.step);
@@ -174,9 +215,17 @@ impl<'a> Salvager<'a> {
             if let Some(integrator) = &mut self.integrator {
                 integrator.step(&mut state);
             }
+            if state.step.is_multiple_of(WATCH_STEPS) && !(self.watch)(state.step) {
+                return Err(RecoveryError::Stopped);
+            }
         }
         self.state = Some(state);
         Ok(())
+    }
+
+    /// Whether no state from step `from` on is due before `step`.
+    fn is_nothing_due(&self, from: u64, step: u64) -> bool {
+        from < self.due_from && self.next_due() >= step
     }
 
     /// Writes a state of the file.
@@ -232,20 +281,28 @@ impl<'a> Salvager<'a> {
         }
     }
 
-    /// Frame of the next state that is due by its step.
-    fn due_frame(&self) -> u64 {
+    /// Step of the next state that is due: the first of the file, or one of the schedule.
+    fn next_due(&self) -> u64 {
         let every = self.manifest.provenance.record_every_steps;
-        self.manifest.frame_at(self.due_from.div_ceil(every).saturating_mul(every))
+        let last = self.manifest.physics.step_count;
+        let scheduled = self.due_from.div_ceil(every).saturating_mul(every);
+        match scheduled {
+            _ if self.due_from == self.first_step => self.first_step,
+            step if step > last => last,
+            step => step,
+        }
     }
 
     /// The frames that are due before `step` are lost.
     fn lose_before(&mut self, step: u64) {
         let every = self.manifest.provenance.record_every_steps;
-        let Some(before) = step.checked_sub(1) else { return };
-        let last = before / every * every;
-        if self.due_from <= last {
-            self.lose(self.due_frame(), Some(self.manifest.frame_at(last)));
+        let first = self.next_due();
+        if first >= step {
+            return;
         }
+        let scheduled = (step - 1) / every * every;
+        let last = if scheduled > first { scheduled } else { first };
+        self.lose(self.manifest.frame_at(first), Some(self.manifest.frame_at(last)));
     }
 
     fn differs(&mut self, wrong: Difference) {
@@ -261,6 +318,7 @@ impl<'a> Salvager<'a> {
         if let Some(found) = found {
             self.differs(found);
         }
+        self.lose_before(wrong.step);
         let number = self.manifest.frame_at(wrong.step);
         self.lose(number, Some(number));
         self.due_from = wrong.step + 1;
@@ -282,13 +340,16 @@ impl<'a> Salvager<'a> {
                 self.advance(step, None)?;
             } else {
                 let last = self.manifest.frame_at(step);
-                let due = self.due_frame();
+                let due = self.manifest.frame_at(self.next_due());
                 // the last state of a run that was interrupted is due by no schedule
                 self.lose(if due < last { due } else { last }, Some(last));
             }
         } else if end.is_none() && loses_tail && self.due_from <= last_step {
-            self.lose(self.due_frame(), None);
+            self.lose(self.manifest.frame_at(self.next_due()), None);
         }
         Ok(self.recovery)
     }
 }
+
+#[cfg(test)]
+mod tests;

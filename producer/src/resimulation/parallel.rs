@@ -209,7 +209,12 @@ impl<S: FrameSource> ParallelResimulation<S> {
                 }
                 Ok(Piece::Differs(difference)) => return self.refuse(difference),
                 Ok(Piece::Done) => self.workers.done(),
-                Err(_) => self.workers.resume_panic(),
+                Err(_) => {
+                    // no thread waits for room in what nobody receives any more
+                    self.workers.stop();
+                    self.upcoming.clear();
+                    self.workers.resume_panic();
+                }
             },
             Some(Upcoming::Missed { from, to }) => return Ok(Some(Received::Missed { from, to })),
             Some(Upcoming::Differs(difference)) => return self.refuse(difference),

@@ -133,7 +133,8 @@ impl Workers {
         self.shared.stop.store(true, Ordering::Relaxed);
     }
 
-    /// Goes on with the panic of a thread that left its stretch undone.
+    /// Goes on with the panic of a thread that left its stretch undone. Whatever the others have in work must have been
+    /// stopped, and nobody may wait for it.
     pub(super) fn resume_panic(&mut self) {
         self.stretches = None;
         for thread in self.threads.drain(..) {

@@ -110,3 +110,18 @@ fn it_can_be_dropped_at_any_time() {
     }
     assert_eq!(states(&m).len(), 101);
 }
+
+/// A thread that panics does not leave the others waiting for room.
+#[test]
+#[should_panic(expected = "index")]
+fn a_panic_of_a_thread_goes_on_where_its_states_are_awaited() {
+    let m = manifest(1);
+    for limits in TIGHT {
+        let mut source = script(&m, &[0, 20, 40, 60, 80, 100]);
+        let Item::State(state) = &mut source.items[2] else { unreachable!("a state") };
+        state.v_m_s.truncate(3);
+        let threads = NonZero::new(5).expect("five");
+        let several = ParallelResimulation::with_limits(source, Lend::Steps, threads, limits);
+        events(several.expect("same kernel"));
+    }
+}
