@@ -31,6 +31,10 @@ struct Recording {
     manifest: RunManifest,
     stream: StreamId,
     first_frame: u64,
+    /// The first frame that reached us: from there on no row may be missing.
+    joined_at: u64,
+    /// Whether it has rows.
+    has_rows: bool,
 }
 
 /// The frames are over; rows may still come.
@@ -44,8 +48,8 @@ struct RowsEnd {
 
 /// What became of a row.
 enum RowFate {
-    /// It is in the recording.
-    Recorded,
+    /// It is in the recording, which was joined at this frame.
+    Recorded { joined_at: u64 },
     /// It belongs to another stream, to a frame before the first or after the last one, or is there already.
     NotOurs,
     /// Nothing is being recorded yet.
@@ -58,16 +62,18 @@ impl Recorder {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Begins with `parts`, which record the frames of `stream` from `first_frame` on.
+    /// Begins with `parts`, which record the frames of `stream` from `first_frame` on, of which those before
+    /// `joined_at` are recomputed.
     pub(crate) fn begin(
         &self,
         parts: PartsWriter,
         manifest: &RunManifest,
         stream: StreamId,
-        first_frame: u64,
+        (first_frame, joined_at): (u64, u64),
     ) {
         let manifest = manifest.clone();
-        self.state().recording = Some(Recording { parts, manifest, stream, first_frame });
+        let recording = Recording { parts, manifest, stream, first_frame, joined_at, has_rows: false };
+        self.state().recording = Some(recording);
     }
 
     /// Says that the frames are over, `last_frame` being the last one recorded, and that a publisher of results may be
@@ -100,7 +106,10 @@ impl Recorder {
         }
         let kind = kind(&recording.manifest)?;
         match recording.parts.write_row(&kind, row) {
-            Ok(()) => Ok((RowFate::Recorded, Some(kind))),
+            Ok(()) => {
+                recording.has_rows = true;
+                Ok((RowFate::Recorded { joined_at: recording.joined_at }, Some(kind)))
+            }
             Err(error @ WriteError::Frame { .. }) => Err(error.to_string()),
             Err(error) => {
                 let text = error.to_string();
@@ -118,14 +127,16 @@ impl Recorder {
         })
     }
 
-    /// Ends the recording for `reason`; without any frame there is none.
+    /// Ends the recording for `reason`; without any frame or row there is none.
     pub(crate) fn finish(&self, reason: EndReason) -> Result<Vec<Finished>, WriteError> {
         let mut state = self.state();
         if let Some(failure) = state.failure.take() {
             return Err(failure);
         }
         match state.recording.take() {
-            Some(recording) if recording.parts.frames() > 0 => recording.parts.finish(reason),
+            Some(recording) if recording.has_rows || recording.parts.frames() > 0 => {
+                recording.parts.finish(reason)
+            }
             Some(recording) => {
                 recording.parts.discard();
                 Ok(Vec::new())
@@ -171,5 +182,37 @@ impl<'a> DueFrames<'a> {
             self.recorder.accept(&state.as_frame(self.manifest, last))?;
         }
         Ok(self.first.zip(self.last))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use schemas::manifest::{Origin, RunId};
+    use schemas::presets::PRESETS;
+    use schemas::recording::{RowValues, Split, WriteOptions};
+
+    /// Rows may come before the first frame, and are kept if none comes.
+    #[test]
+    fn a_recording_with_rows_alone_is_kept() {
+        let dir = tempfile::tempdir().unwrap();
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        let manifest = RunManifest::new(&PRESETS[2].config(), "run", origin).unwrap();
+        for has_row in [true, false] {
+            let path = dir.path().join(format!("{has_row}.mcap"));
+            let (options, split) = (WriteOptions::default(), Split { bytes: None, duration_s: None });
+            let parts = PartsWriter::create(&path, &manifest, None, 0, &options, &split).unwrap();
+            let stream = StreamId::new(RunId([1; 16]));
+            let recorder = Recorder::default();
+            recorder.begin(parts, &manifest, stream, (0, 0));
+            if has_row {
+                let row =
+                    ResultRow { frame: 0, step: 0, time_s: 0.0, values: RowValues::Numbers(&[0.0; 10]) };
+                let (fate, _) = recorder.write_row(stream, &row, |_| Ok(ResultKind::Energies)).unwrap();
+                assert!(matches!(fate, RowFate::Recorded { joined_at: 0 }));
+            }
+            let finished = recorder.finish(EndReason::Detached).unwrap();
+            assert_eq!((finished.len(), path.exists()), (usize::from(has_row), has_row));
+        }
     }
 }

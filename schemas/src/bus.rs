@@ -36,8 +36,8 @@ pub use root::RootError;
 pub use runs::{RunInfo, RunState, list_runs};
 pub use services::{BusError, Topic};
 pub use wire::{
-    FLAG_LAST, JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, ManifestText, RunStatus, STATE_DONE,
-    STATE_FAILED, STATE_INTERRUPTED, STATE_RUNNING, STATE_WAITING, StateHeader, StreamId,
+    FLAG_FOLLOWS, FLAG_LAST, JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, ManifestText, RunStatus,
+    STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, STATE_RUNNING, STATE_WAITING, StateHeader, StreamId,
 };
 
 use iceoryx2::node::{Node, NodeBuilder, NodeState};

@@ -50,7 +50,7 @@ pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
     };
     let first_step = manifest.step_of_frame(begins_at);
     let parts = PartsWriter::create(&args.out, &manifest, None, first_step, &options, &split)?;
-    recorder.begin(parts, &manifest, live.stream(), begins_at);
+    recorder.begin(parts, &manifest, live.stream(), (begins_at, live.first_frame()));
 
     let mut source = frames(args, live)?;
     let mut session = Session {

@@ -9,6 +9,8 @@ use schemas::frame::EndReason;
 use schemas::recording::{ResultKind, ResultRow, RowValues};
 use schemas::run_name::RunName;
 use std::collections::VecDeque;
+use std::convert::Infallible;
+use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
@@ -73,25 +75,30 @@ struct Started {
 }
 
 impl RowThreads {
-    /// Starts recording the results of `run`, once: before the run is joined, so that no row is missed.
+    /// Starts recording the results of `run`, once: before the run is joined, so that no row is missed. On return those
+    /// who publish already have us as a subscriber, and those who come wait for us.
     pub(crate) fn start(&self, bus: &Bus, run: &RunName, recorder: &Arc<Recorder>) {
         let mut started = self.started.lock().unwrap_or_else(PoisonError::into_inner);
         if started.run.as_ref() == Some(run) {
             return;
         }
         started.run = Some(run.clone());
+        let (looking, looked) = channel();
         for topic in [Topic::Energies, Topic::Impurity, Topic::Contacts, Topic::Pulses] {
-            let recorder = Arc::clone(recorder);
+            let (recorder, looking) = (Arc::clone(recorder), looking.clone());
             match ResultWatch::create(bus, run, topic) {
                 Ok(watch) if topic == Topic::Contacts => started.threads.push(thread::spawn(move || {
-                    Rows::<u8>::new(&recorder, &watch, |classes| RowValues::Classes(classes)).record()
+                    Rows::<u8>::new(&recorder, &watch, |classes| RowValues::Classes(classes)).record(looking)
                 })),
                 Ok(watch) => started.threads.push(thread::spawn(move || {
-                    Rows::<f64>::new(&recorder, &watch, |numbers| RowValues::Numbers(numbers)).record()
+                    Rows::<f64>::new(&recorder, &watch, |numbers| RowValues::Numbers(numbers)).record(looking)
                 })),
                 Err(error) => started.failure = Some(error),
             }
         }
+        drop(looking);
+        // nothing is sent; each thread gives its end up when it has looked for a publisher
+        let _ = looked.recv();
     }
 
     /// Waits for the threads, which end after the frames have: what each has recorded, and why results could not be
@@ -112,6 +119,7 @@ struct EarlyRow<T> {
     frame: u64,
     step: u64,
     time_s: f64,
+    follows: bool,
     values: Vec<T>,
 }
 
@@ -145,9 +153,10 @@ impl<'a, T: ResultElement> Rows<'a, T> {
         }
     }
 
-    /// Records rows until the frames are over and no more rows come.
-    fn record(mut self) -> RowTally {
-        let followed = self.follow();
+    /// Records rows until the frames are over and no more rows come. Gives `looking` up once it has subscribed to a
+    /// publisher that was there before.
+    fn record(mut self, looking: Sender<Infallible>) -> RowTally {
+        let followed = self.follow(looking);
         self.tally.trouble = followed.err();
         if let Some((last, owed)) = self.tally.last_frame.zip(self.owed).filter(|(last, owed)| owed > last) {
             self.tally.missed.push((last + 1, owed));
@@ -155,12 +164,14 @@ impl<'a, T: ResultElement> Rows<'a, T> {
         self.tally
     }
 
-    fn follow(&mut self) -> Result<(), String> {
+    fn follow(&mut self, looking: Sender<Infallible>) -> Result<(), String> {
         let say = |error: ResultsError| error.to_string();
+        let mut looking = Some(looking);
         let mut subscriber: Option<ResultSubscriber<T>> = None;
         while !self.is_over(subscriber.is_some())? {
             let Some(rows) = &mut subscriber else {
                 subscriber = self.watch.attach(Delivery::Lossless, Arc::default()).map_err(say)?;
+                drop(looking.take());
                 match &subscriber {
                     Some(rows) => (self.columns, self.kind) = (rows.columns().clone(), None),
                     None => self.watch.wait(LOOK_PERIOD),
@@ -206,35 +217,30 @@ impl<'a, T: ResultElement> Rows<'a, T> {
     fn take(&mut self, row: &Row<'_, T>) -> Result<(), String> {
         self.heard_at = Instant::now();
         self.record_early()?;
-        let Row { stream, frame, step, time_s, values } = *row;
-        if let RowFate::TooEarly = self.write(stream, frame, step, time_s, values)? {
+        if let RowFate::TooEarly = self.write(row)? {
             if self.early.len() == MOST_EARLY_ROWS {
                 self.early.pop_front();
             }
-            self.early.push_back(EarlyRow { stream, frame, step, time_s, values: values.to_vec() });
+            let Row { stream, frame, step, time_s, follows, values } = *row;
+            self.early.push_back(EarlyRow { stream, frame, step, time_s, follows, values: values.to_vec() });
         }
         Ok(())
     }
 
     /// Records what came too early, if it is not any more.
     fn record_early(&mut self) -> Result<(), String> {
-        while let Some(EarlyRow { stream, frame, step, time_s, values }) = self.early.pop_front() {
-            if let RowFate::TooEarly = self.write(stream, frame, step, time_s, &values)? {
-                self.early.push_front(EarlyRow { stream, frame, step, time_s, values });
+        while let Some(early) = self.early.pop_front() {
+            let EarlyRow { stream, frame, step, time_s, follows, ref values } = early;
+            if let RowFate::TooEarly = self.write(&Row { stream, frame, step, time_s, follows, values })? {
+                self.early.push_front(early);
                 break;
             }
         }
         Ok(())
     }
 
-    fn write(
-        &mut self,
-        stream: StreamId,
-        frame: u64,
-        step: u64,
-        time_s: f64,
-        values: &[T],
-    ) -> Result<RowFate, String> {
+    fn write(&mut self, row: &Row<'_, T>) -> Result<RowFate, String> {
+        let Row { stream, frame, step, time_s, follows, values } = *row;
         if self.tally.last_frame.is_some_and(|last| last >= frame) {
             // another publisher begins again
             return Ok(RowFate::NotOurs);
@@ -245,11 +251,11 @@ impl<'a, T: ResultElement> Rows<'a, T> {
         let kind = |run: &_| known.map_or_else(|| ResultKind::new(topic, columns, run), Ok);
         let (fate, kind) = self.recorder.write_row(stream, &row, kind)?;
         self.kind = kind;
-        if let RowFate::Recorded = fate {
+        if let RowFate::Recorded { joined_at } = fate {
             let tally = &mut self.tally;
-            tally
-                .missed
-                .extend(tally.last_frame.map(|last| (last + 1, frame - 1)).filter(|(from, to)| from <= to));
+            // before a publisher's own first row there are none to miss
+            let due = tally.last_frame.map(|last| last + 1).or(follows.then_some(joined_at));
+            tally.missed.extend(due.filter(|due| *due < frame).map(|due| (due, frame - 1)));
             tally.count += 1;
             tally.first_frame.get_or_insert(frame);
             tally.last_frame = Some(frame);

@@ -3,9 +3,12 @@
 use crate::harness::{Ended, Place, wait_until};
 use crate::recordings::in_a_namespace;
 use mcap::MessageStream;
+use schemas::bus::{AttachOptions, Delivery, LiveSource, ResultColumns, ResultPublisher, Topic};
+use schemas::frame::FrameSource as _;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;
+use std::sync::Arc;
 
 const SMALL: &str = "run --beads 120 --impurity 60=0.6e-3 --duration 0.012 --name small";
 
@@ -143,6 +146,47 @@ fn states_and_results_are_recorded_to_the_bit() {
     place.run("verify recorded.mcap").exits(0);
     place.run("energies recorded.mcap --out again.csv").exits(0);
     assert_eq!(place.read("again.csv"), place.read("energies.csv"));
+}
+
+/// Rows that were published before the recorder listened are missing from its recording, and it says so.
+#[test]
+fn rows_before_the_recorder_listened_are_said_to_be_missing() {
+    const COLUMNS: &str = "kinetic_j,potential_j,total_j,left_j,split_j,right_j,dissipated_j,relative_drift,inbound_j,\
+                           corrected_j";
+    for before in [1, 0] {
+        let place = Place::new();
+        let run = place.start(&format!("{SMALL} --wait-for 1 --no-record --json"));
+        let name = place.wait_for_run("small", |_| true).name;
+        let bus = place.bus();
+        let live =
+            LiveSource::attach(&bus, Some(&name), Delivery::Latest, &AttachOptions::default()).unwrap();
+        let (stream, manifest) = (live.stream(), live.manifest().clone());
+        drop(live);
+        let columns = ResultColumns { width: 10, names: COLUMNS.into(), tolerance_m: None };
+        let topic = Topic::Energies;
+        let mut rows =
+            ResultPublisher::<f64>::create(&bus, &name, topic, stream, &columns, Arc::default()).unwrap();
+        let mut publish = |frame| {
+            let step = manifest.step_of_frame(frame);
+            rows.publish(frame, step, manifest.physics.time_s(step), &[0.0; 10]).unwrap();
+        };
+        (0..before).for_each(&mut publish);
+        let recorder = place.start("record live:small --json --out recorded.mcap");
+        // it has subscribed to the rows before it lets the run begin
+        let frames = run.wait().exits(0).json()["frames_published"].as_u64().unwrap();
+        (before..frames).for_each(&mut publish);
+        rows.finish().unwrap();
+        let recorded = recorder.wait();
+        let recorded = if before > 0 {
+            recorded.exits(3).says(&["energies: no rows of frames 0 to 0"])
+        } else {
+            recorded.exits(0)
+        };
+        let found = &recorded.json()["results"]["energies"];
+        assert_eq!(found["rows"], frames - before, "{found}");
+        let missed = if before > 0 { serde_json::json!([[0, 0]]) } else { serde_json::json!([]) };
+        assert_eq!(found["missed"], missed, "{found}");
+    }
 }
 
 /// What was before is said, is not missing from the file, and can be had.

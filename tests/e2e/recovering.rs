@@ -2,7 +2,9 @@
 
 use crate::harness::Place;
 use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
-use schemas::recording::{Compression, PartsWriter, RecordingSource, RecordingWriter, Split, WriteOptions};
+use schemas::recording::{
+    BeginRecord, Compression, PartsWriter, RecordingSource, RecordingWriter, Split, WriteOptions,
+};
 use serde_json::Value;
 use std::fs;
 use std::time::Duration;
@@ -272,6 +274,67 @@ fn what_cannot_be_recomputed_is_said_and_kept() {
     assert_eq!((&recovered["states"], &recovered["states_recomputed"]), (&found["states"], &0.into()));
     let rest = place.run("verify rest.mcap --json").exits(3).json();
     assert_eq!((&rest["damage_count"], &rest["missing_frames"]), (&0.into(), &found["missing_frames"]));
+}
+
+/// Writes the states of `steps` of `run.mcap` as a recording of every tenth that begins with `first_step`.
+fn begin_late(place: &Place, first_step: u64, chunk_bytes: u64, has: impl Fn(u64) -> bool) -> Vec<u8> {
+    let mut source = RecordingSource::open(&place.path("run.mcap")).unwrap();
+    let manifest = source.manifest().clone().recorded_every(10).unwrap();
+    let begin = BeginRecord { first_step, ..BeginRecord::default() };
+    let compression = Compression::None;
+    let flush_period = Duration::from_hours(1);
+    let options =
+        WriteOptions { force: true, compression, chunk_bytes, flush_period, ..WriteOptions::default() };
+    let path = place.path("late.mcap");
+    let mut late = RecordingWriter::create_from(&path, &manifest, None, &begin, &options).unwrap();
+    while let Received::Frame(frame) = source.receive().unwrap() {
+        let is_due = frame.step == first_step || manifest.is_recorded(frame.step);
+        if is_due && has(frame.step) && frame.step >= first_step {
+            late.accept(&frame).unwrap();
+        }
+    }
+    late.finish(EndReason::Complete).unwrap();
+    fs::read(path).unwrap()
+}
+
+/// A step that is wrong says nothing about the states around it, however far it points.
+#[test]
+fn a_changed_step_spoils_no_other_state() {
+    let place = Place::new();
+    place.run(SMALL).exits(0);
+    // each state in its chunk, and all in one, where none has a checksum that holds
+    for chunk_bytes in [1, 1 << 20] {
+        let mut bytes = begin_late(&place, 103, chunk_bytes, |_| true);
+        // frame and step of the second state
+        let second = |(_, body): &(usize, Vec<u8>)| body.starts_with(&[0x08, 110, 0x10, 110]);
+        let (at, _) = messages(&bytes).into_iter().find(second).unwrap();
+        bytes[at + 3] = 126;
+        fs::write(place.path("damaged.mcap"), &bytes).unwrap();
+        let recovered = place.run("recover damaged.mcap --out whole.mcap --force --json");
+        if chunk_bytes > 1 {
+            // nothing proves the first one
+            recovered.exits(2).says(&["nothing to recover"]);
+            continue;
+        }
+        let recovered = recovered.exits(0).json();
+        assert_eq!((&recovered["whole"], &recovered["difference_count"]), (&true.into(), &0.into()));
+        assert_eq!(
+            (&recovered["states_unproven"], &recovered["recomputed_frames"][0]),
+            (&1.into(), &serde_json::json!([110, 110]))
+        );
+        place.run("verify whole.mcap").exits(0);
+    }
+}
+
+/// What a recording begins with is due by no schedule, and is missed all the same.
+#[test]
+fn a_first_state_that_is_missing_is_reported() {
+    let place = Place::new();
+    place.run(SMALL).exits(0);
+    begin_late(&place, 103, 20_000, |step| step > 103);
+    let recovered = place.run("recover late.mcap --out rest.mcap --json").exits(3).json();
+    assert_eq!((&recovered["whole"], &recovered["difference_count"]), (&false.into(), &0.into()));
+    assert_eq!(recovered["lost_frames"], serde_json::json!([[103, 103]]));
 }
 
 #[test]

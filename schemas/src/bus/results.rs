@@ -2,7 +2,7 @@
 
 use super::backpressure::{Backpressure, Delivery, Remedies};
 use super::services::{self, SliceService, Topic, attribute, check_schema, text_of};
-use super::wire::{FLAG_LAST, StateHeader, StreamId, fill};
+use super::wire::{FLAG_FOLLOWS, FLAG_LAST, StateHeader, StreamId, fill};
 use super::{Bus, BusError, Ipc, RoomError, room};
 use crate::frame::EndReason;
 use crate::manifest::RunId;
@@ -25,8 +25,10 @@ const LIVENESS_PERIOD: Duration = Duration::from_millis(500);
 /// How long a lossless subscriber to results may take nothing.
 const STUCK_AFTER: Duration = Duration::from_secs(10);
 const TAKE_OVER_PATIENCE: Duration = Duration::from_millis(500);
-/// How long a new publisher waits for those to subscribe who listen already.
-const WATCHER_PATIENCE: Duration = Duration::from_secs(1);
+/// How long a new publisher waits for those to subscribe who listen already, as long as they live.
+const WATCHER_PATIENCE: Duration = Duration::from_secs(10);
+/// How often it looks meanwhile whether they live.
+const WATCHER_PERIOD: Duration = Duration::from_millis(200);
 const COLUMNS_KEY: &str = "beadline.columns";
 const WIDTH_KEY: &str = "beadline.width";
 const TOLERANCE_KEY: &str = "beadline.tolerance_m";
@@ -113,6 +115,8 @@ pub struct ResultPublisher<T: ResultElement> {
     topic: Topic,
     width: usize,
     last: StateHeader,
+    /// There were rows, whether anybody got them or not.
+    follows: bool,
     finished: bool,
     _node: Node<Ipc>,
 }
@@ -180,20 +184,14 @@ impl<T: ResultElement> ResultPublisher<T> {
                 Err(e) => return Err(BusError::service(&text, "publish", &e).into()),
             }
         };
-        let stop = &backpressure.stop;
-        let start = Instant::now();
         backpressure.wake();
-        // whoever listens subscribes now, and then has every row
-        while backpressure.subscriber_count() < events.dynamic_config().number_of_listeners()
-            && start.elapsed() < WATCHER_PATIENCE
-            && !stop.load(Ordering::Relaxed)
-        {
-            std::thread::sleep(Duration::from_millis(1));
-        }
+        let listeners = || events.dynamic_config().number_of_listeners();
+        wait_for_watchers(&node, &backpressure, listeners);
         let last =
             StateHeader { run_id: stream.run_id.0, stream_id: stream.stream_id, ..StateHeader::default() };
         let width = columns.width;
-        Ok(Self { publisher, backpressure, stream, topic, width, last, finished: false, _node: node })
+        let (follows, finished) = (false, false);
+        Ok(Self { publisher, backpressure, stream, topic, width, last, follows, finished, _node: node })
     }
 
     /// Publishes the row of one frame.
@@ -210,9 +208,10 @@ impl<T: ResultElement> ResultPublisher<T> {
             frame,
             step,
             time_s,
-            flags: 0,
+            flags: if self.follows { FLAG_FOLLOWS } else { 0 },
             reserved: 0,
         };
+        self.follows = true;
         if self.backpressure.subscriber_count() == 0 {
             return Ok(());
         }
@@ -244,6 +243,26 @@ impl<T: ResultElement> ResultPublisher<T> {
     }
 }
 
+/// Waits until whoever listens already has subscribed, and then has every row.
+fn wait_for_watchers<T: ResultElement>(
+    node: &Node<Ipc>,
+    backpressure: &Backpressure<T>,
+    listeners: impl Fn() -> usize,
+) {
+    let (start, mut looked) = (Instant::now(), Instant::now());
+    while backpressure.subscriber_count() < listeners()
+        && start.elapsed() < WATCHER_PATIENCE
+        && !backpressure.stop.load(Ordering::Relaxed)
+    {
+        std::thread::sleep(Duration::from_millis(1));
+        if looked.elapsed() >= WATCHER_PERIOD {
+            // the dead listen to nothing
+            node.try_cleanup_dead_nodes();
+            looked = Instant::now();
+        }
+    }
+}
+
 fn columns_of<T: ResultElement>(service: &SliceService<T>) -> ResultColumns {
     ResultColumns {
         width: attribute(service.attributes(), WIDTH_KEY).and_then(|w| w.parse().ok()).unwrap_or(0),
@@ -263,6 +282,8 @@ pub struct Row<'a, T> {
     pub step: u64,
     /// The time of that frame (s).
     pub time_s: f64,
+    /// Its publisher had rows before this one, whether they reached us or not.
+    pub follows: bool,
     /// The values.
     pub values: &'a [T],
 }
@@ -469,9 +490,10 @@ impl<T: ResultElement> ResultSubscriber<T> {
     fn lend(&self, next: Next) -> ResultReceived<'_, T> {
         match (next, &self.sample) {
             (Next::Row, Some(sample)) => {
-                let StateHeader { run_id, stream_id, frame, step, time_s, .. } = *sample.user_header();
+                let StateHeader { run_id, stream_id, frame, step, time_s, flags, .. } = *sample.user_header();
+                let follows = flags & FLAG_FOLLOWS != 0;
                 let stream = StreamId { run_id: RunId(run_id), stream_id };
-                ResultReceived::Row(Row { stream, frame, step, time_s, values: sample.payload() })
+                ResultReceived::Row(Row { stream, frame, step, time_s, follows, values: sample.payload() })
             }
             (Next::Missed { from, to }, _) => ResultReceived::Missed { from, to },
             (Next::End(reason), _) => ResultReceived::End(reason),

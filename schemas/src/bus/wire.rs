@@ -27,7 +27,7 @@ pub struct StateHeader {
     pub step: u64,
     /// Simulated time (s).
     pub time_s: f64,
-    /// Bit 0: the last frame, a hint only.
+    /// Bit 0: the last frame, a hint only. Bit 1: a row of results that is not its publisher's first.
     pub flags: u64,
     /// 0.
     pub reserved: u64,
@@ -35,6 +35,9 @@ pub struct StateHeader {
 
 /// [`StateHeader::flags`]: the last frame of the run, or the end of a stream of results.
 pub const FLAG_LAST: u64 = 1;
+
+/// [`StateHeader::flags`] of a row of results: its publisher had rows before this one, whoever got them.
+pub const FLAG_FOLLOWS: u64 = 2;
 
 /// Which publishing of which run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

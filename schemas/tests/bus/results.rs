@@ -81,6 +81,25 @@ fn who_is_there_before_the_publisher_gets_every_row_from_the_first_on() {
     }
 }
 
+/// Who comes too late for the first row is told so.
+#[test]
+fn a_row_says_whether_its_publisher_had_others_before() {
+    let test = TestBus::new();
+    let mut energies = create::<f64>(&test, Topic::Energies, &columns(1, "a_J"));
+    let mut early = attach::<f64>(&test, Topic::Energies, Delivery::Latest).unwrap();
+    energies.publish(4, 4, 0.0, &[1.0]).unwrap();
+    let follows = |rows: &mut ResultSubscriber<f64>| match rows.receive().unwrap() {
+        ResultReceived::Row(row) => (row.frame, row.follows),
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(follows(&mut early), (4, false));
+    drop(early);
+    energies.publish(5, 5, 0.0, &[1.0]).unwrap();
+    let mut late = attach::<f64>(&test, Topic::Energies, Delivery::Latest).unwrap();
+    energies.publish(6, 6, 0.0, &[1.0]).unwrap();
+    assert_eq!(follows(&mut late), (6, true));
+}
+
 #[test]
 fn classes_are_bytes() {
     let test = TestBus::new();
