@@ -4,6 +4,7 @@ use super::audit::{Audit, Audited};
 use super::channel_writer::WriteOptions;
 use super::error::{ReadError, WriteError};
 use super::info::RecordingInfo;
+use super::proto;
 use super::salvage::{Damage, DamageKind};
 use super::writer::RecordingWriter;
 use crate::whole_file::{LockedFile, Names, WholeFileError, directory_of};
@@ -200,11 +201,18 @@ fn best_of(
     }
 }
 
-/// Whether `one` has everything that `other` has: both are of the same run and undamaged, and it has come as far.
+/// Whether `one` has everything that `other` has: both are of the same run and undamaged, it has come as far, and it has
+/// as many messages of each channel that does not belong to the states.
 fn has_all_of(one: &RecordingInfo, other: &RecordingInfo) -> bool {
     let same = one.manifest.provenance.run_id == other.manifest.provenance.run_id;
     let is_sound = one.damage.is_none() && other.damage.is_none();
-    same && is_sound && one.last_step >= other.last_step
+    let is_of_states = |topic: &str| [proto::STATE.topic, proto::SUMMARY.topic].contains(&topic);
+    let has_others = other
+        .channels
+        .iter()
+        .filter(|channel| !is_of_states(&channel.topic))
+        .all(|channel| one.messages(&channel.topic) >= other.messages(&channel.topic));
+    same && is_sound && has_others && one.last_step >= other.last_step
 }
 
 fn in_the_way(path: &Path, other: &Path) -> ResumeError {
@@ -223,13 +231,13 @@ fn read_locked(path: &Path) -> Result<(LockedFile, RecordingInfo), ResumeError> 
     let file = LockedFile::open(path)?;
     let mut info = RecordingInfo::read(path)?;
     if info.damage.is_none() {
-        info.damage = damage_within(path)?;
+        info.damage = damage_within(path, info.frames() > 0)?;
     }
     Ok((file, info))
 }
 
-/// What is wrong with the recording `path` other than that it ends early.
-fn damage_within(path: &Path) -> Result<Option<String>, ReadError> {
+/// What is wrong with the recording `path`, or missing in it if it has states, other than that it ends early.
+fn damage_within(path: &Path, has_states: bool) -> Result<Option<String>, ReadError> {
     let mut audit = Audit::open(path)?;
     while !matches!(audit.read_next()?, Audited::End) {}
     let (has_end, file_bytes) = (audit.end().is_some(), audit.file_bytes());
@@ -240,5 +248,8 @@ fn damage_within(path: &Path) -> Result<Option<String>, ReadError> {
         _ => false,
     };
     let within = audit.damages().iter().find(|damage| !is_torn_end(damage));
-    Ok(within.map(|damage| format!("{} is damaged: {damage}", path.display())))
+    let damaged = within.map(|damage| format!("{} is damaged: {damage}", path.display()));
+    let missing = audit.missing().first().filter(|_| has_states);
+    let incomplete = missing.map(|(from, to)| format!("its frames {from} to {to} are missing"));
+    Ok(damaged.or(incomplete))
 }
