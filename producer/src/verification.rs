@@ -118,7 +118,9 @@ pub fn verify(
     let (sender, batches) = sync_channel(MOST_WAITING);
     std::thread::scope(|scope| {
         let batches = Arc::new(Mutex::new(batches));
-        let start = |batches| scope.spawn(|| prove_batches(&manifest, batches, stop));
+        let run = &manifest;
+        // owned by the threads and nobody else: if all of them panic it is gone, and reading does not wait for them
+        let start = |batches: Arc<Mutex<_>>| scope.spawn(move || prove_batches(run, batches.as_ref(), stop));
         let workers: Vec<_> = (0..threads.get()).map(|_| start(Arc::clone(&batches))).collect();
         drop(batches);
         let read = read(&mut audit, &manifest, &sender, stop, &mut watch);

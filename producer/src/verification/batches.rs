@@ -8,7 +8,7 @@ use schemas::manifest::RunManifest;
 use schemas::recording::{EncodedStates, SummaryChecker, SummaryDifference};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 /// What a thread found.
 #[derive(Debug, Default)]
@@ -53,12 +53,9 @@ impl Proof {
 }
 
 /// Recomputes batches until there are no more.
-///
-/// The receiver is shared by the threads and nobody else, so that it is gone if all of them have panicked, and the
-/// sender is not left waiting.
 pub(super) fn prove_batches(
     manifest: &RunManifest,
-    batches: Arc<Mutex<Receiver<EncodedStates>>>,
+    batches: &Mutex<Receiver<EncodedStates>>,
     stop: &AtomicBool,
 ) -> Proof {
     let mut proof = Proof::default();
