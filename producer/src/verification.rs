@@ -18,14 +18,18 @@ use schemas::recording::{
     Audit, Audited, BeginRecord, Damage, EncodedStates, EndRecord, ReadError, SummaryDifference, state_hash,
 };
 use std::num::NonZero;
-use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
+use std::sync::{Arc, Mutex};
 
 /// A batch covers at least this many steps, unless it has [`BATCH_BYTES`].
 const BATCH_STEPS: u64 = 256;
 
 /// A batch with this many bytes is full.
 const BATCH_BYTES: usize = 4 << 20;
+
+/// Batches that wait for a thread.
+const MOST_WAITING: usize = 4;
 
 /// The differences that are kept; more are only counted.
 pub const MOST_DIFFERENCES: usize = 20;
@@ -69,6 +73,8 @@ pub struct Verification {
     pub end_record: Option<EndRecord>,
     /// Why the states end.
     pub end: EndReason,
+    /// It was asked to stop: nothing is known of the states after this step.
+    pub stopped_after: Option<u64>,
 }
 
 impl Verification {
@@ -98,22 +104,26 @@ impl Verification {
 }
 
 /// Verifies the recording `audit` with `threads` threads that recompute, beside this one that reads. `watch` sees the
-/// step of each state that was read, and says whether to go on.
+/// step of each state that was read; `stop` ends it early.
 ///
 /// # Errors
 /// When the operating system refuses, or the recording is none of states.
 pub fn verify(
     mut audit: Audit,
     threads: NonZero<usize>,
-    mut watch: impl FnMut(u64) -> bool,
+    stop: &AtomicBool,
+    mut watch: impl FnMut(u64),
 ) -> Result<Verification, ReadError> {
     let manifest = audit.manifest().clone();
-    let (sender, batches) = sync_channel(2 * threads.get());
-    let batches = Mutex::new(batches);
+    let (sender, batches) = sync_channel(MOST_WAITING);
     std::thread::scope(|scope| {
-        let workers: Vec<_> =
-            (0..threads.get()).map(|_| scope.spawn(|| prove_batches(&manifest, &batches))).collect();
-        let read = read(&mut audit, &manifest, &sender, &mut watch);
+        let batches = Arc::new(Mutex::new(batches));
+        let run = &manifest;
+        // owned by the threads and nobody else: if all of them panic it is gone, and reading does not wait for them
+        let start = |batches: Arc<Mutex<_>>| scope.spawn(move || prove_batches(run, batches.as_ref(), stop));
+        let workers: Vec<_> = (0..threads.get()).map(|_| start(Arc::clone(&batches))).collect();
+        drop(batches);
+        let read = read(&mut audit, &manifest, &sender, stop, &mut watch);
         drop(sender);
         let mut proof = Proof::default();
         for worker in workers {
@@ -121,8 +131,9 @@ pub fn verify(
             proof.add(worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
         }
         proof.sort();
+        let read = read?;
         audit.check_has_states()?;
-        Ok(read?.into_verification(&manifest, &audit, proof))
+        Ok(read.into_verification(&manifest, &audit, proof))
     })
 }
 
@@ -138,6 +149,8 @@ struct Read {
 
 impl Read {
     fn into_verification(self, manifest: &RunManifest, audit: &Audit, mut proof: Proof) -> Verification {
+        let last_read = self.last.as_ref().filter(|_| self.stopped).map(|last| last.step);
+        let stopped_after = proof.stopped_after.or(last_read);
         let last_state_hash = self.last.as_ref().map(hash_of);
         if let Some(wrong) = self.initial {
             proof.differences.insert(0, wrong);
@@ -165,7 +178,8 @@ impl Read {
             missing: audit.missing().to_vec(),
             missing_count: audit.missing_count(),
             begin: audit.begin().clone(),
-            end: if self.stopped { EndReason::Stopped } else { audit.end_reason() },
+            end: if stopped_after.is_some() { EndReason::Stopped } else { audit.end_reason() },
+            stopped_after,
             end_record,
         }
     }
@@ -181,7 +195,8 @@ fn read(
     audit: &mut Audit,
     manifest: &RunManifest,
     batches: &SyncSender<EncodedStates>,
-    watch: &mut impl FnMut(u64) -> bool,
+    stop: &AtomicBool,
+    watch: &mut impl FnMut(u64),
 ) -> Result<Read, ReadError> {
     let mut found = Read { state_count: 0, first: None, last: None, initial: None, stopped: false };
     let mut batch = EncodedStates::default();
@@ -191,8 +206,10 @@ fn read(
                 let full = batch.step_range().is_some_and(|(first, last)| last - first >= BATCH_STEPS);
                 if full || batch.bytes() >= BATCH_BYTES {
                     let next = batch.last_alone();
-                    // the threads live as long as this one sends
-                    let _ = batches.send(std::mem::replace(&mut batch, next));
+                    if batches.send(std::mem::replace(&mut batch, next)).is_err() {
+                        // all threads have panicked, which goes on when they are joined
+                        return Ok(found);
+                    }
                 }
                 batch.push(state.frame, state.step, state.message);
                 found.state_count += 1;
@@ -201,7 +218,8 @@ fn read(
                     found.initial =
                         found.first.as_ref().and_then(|first| initial_difference(manifest, first));
                 }
-                if !watch(state.step) {
+                watch(state.step);
+                if stop.load(Ordering::Relaxed) {
                     found.stopped = true;
                     break;
                 }

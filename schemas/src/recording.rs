@@ -34,6 +34,7 @@ mod messages;
 mod others;
 mod parse;
 mod parts;
+mod places;
 mod proto;
 mod records;
 mod results;

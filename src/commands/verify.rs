@@ -29,8 +29,11 @@ pub(crate) fn verify(args: &VerifyArgs) -> Result<Done, Failure> {
     let threads = args.jobs.unwrap_or_else(cores);
     let mut files: Vec<Verified> = Vec::new();
     for path in &args.files {
+        if !files.is_empty() && stop.load(Ordering::Relaxed) {
+            break;
+        }
         let mut file = verify_file(path, threads, &stop)?;
-        file.follows = files.last().map(|before| follows(&before.found, &file.found));
+        file.follows = files.last().map(|before| follows(&before.found, &file.found, &stop));
         if !args.json {
             display::print(text(&file))?;
         }
@@ -42,7 +45,8 @@ pub(crate) fn verify(args: &VerifyArgs) -> Result<Done, Failure> {
             files => display::print_json(&files.iter().map(to_json).collect::<Vec<_>>())?,
         }
     }
-    Ok(Done::whole_if(files.iter().all(Verified::is_proven)))
+    let all = files.len() == args.files.len() && files.iter().all(Verified::is_proven);
+    Ok(Done::whole_if(all))
 }
 
 fn verify_file(path: &Path, threads: NonZero<usize>, stop: &AtomicBool) -> Result<Verified, Failure> {
@@ -52,12 +56,11 @@ fn verify_file(path: &Path, threads: NonZero<usize>, stop: &AtomicBool) -> Resul
     let file_bytes = audit.file_bytes();
     let bar = display::progress_bar(manifest.physics.step_count, manifest.provenance.name.as_str());
     let mut refreshed = Instant::now();
-    let found = verify_states(audit, threads, |step| {
+    let found = verify_states(audit, threads, stop, |step| {
         if refreshed.elapsed() >= Duration::from_millis(100) {
             refreshed = Instant::now();
             bar.set_position(step);
         }
-        !stop.load(Ordering::Relaxed)
     });
     bar.finish_and_clear();
     Ok(Verified { path: path.to_owned(), file_bytes, found: found.bad_input()?, follows: None })
@@ -74,6 +77,8 @@ impl Verified {
             "proven"
         } else if found.is_proven() {
             "proven by itself, but it does NOT FOLLOW the part before"
+        } else if found.is_sound_so_far() && found.stopped_after.is_some() {
+            "STOPPED before it was proven"
         } else if found.is_proven_so_far() {
             "proven as far as it goes, but it is NOT WHOLE"
         } else if found.is_sound_so_far() && found.end.is_orderly() {
@@ -89,7 +94,7 @@ impl Verified {
     fn step_count(&self) -> u64 {
         let is_recomputed = self.found.other_kernel.is_none();
         let range = self.found.step_range().filter(|_| is_recomputed);
-        range.map_or(0, |(first, last)| last - first)
+        range.map_or(0, |(first, last)| self.found.stopped_after.unwrap_or(last).saturating_sub(first))
     }
 }
 
@@ -105,6 +110,9 @@ fn text(file: &Verified) -> String {
         rows.push(("begins", begin(found, first)));
         let end = format!("step {} of {}", count(last), count(manifest.physics.step_count));
         rows.push(("ends", format!("at {end} ({})", found.end)));
+    }
+    if let Some(step) = found.stopped_after {
+        rows.push(("stopped", format!("nothing is known of what comes after step {}", count(step))));
     }
     if let Some(follows) = &file.follows {
         rows.push(("follows", follows_text(follows)));
@@ -127,7 +135,7 @@ fn text(file: &Verified) -> String {
     push_more(&mut rows, "missing", found.missing_count, found.missing.len(), "ranges");
     rows.extend(found.damages.iter().map(|damage| ("damaged", damage_text(damage))));
     push_more(&mut rows, "damaged", found.damage_count, found.damages.len(), "places");
-    if found.damage_count > 0 || !found.end.is_orderly() {
+    if found.damage_count > 0 || !(found.end.is_orderly() || found.stopped_after.is_some()) {
         let command = format!("beadline recover {} --out WHOLE.mcap", file.path.display());
         rows.push(("next", command));
     }
@@ -161,6 +169,7 @@ fn follows_text(follows: &Follows) -> String {
         Follows::Proven => "the part before: its last state leads to the first one here".to_owned(),
         Follows::ByHash => "the part before, by the hash of its last state; not recomputed".to_owned(),
         Follows::Not(why) => format!("NOT the file before: {why}"),
+        Follows::Stopped => "not known: stopped before that was computed".to_owned(),
         Follows::Differs(difference) => format!("NOT the part before: {difference}"),
     }
 }
@@ -216,6 +225,7 @@ fn to_json(file: &Verified) -> Value {
         "first_step": range.map(|(first, _)| first),
         "last_step": range.map(|(_, last)| last),
         "end": found.end.as_str(),
+        "stopped_after_step": found.stopped_after,
         "part": found.begin.part,
         "previous_state_hash": found.begin.previous_state_hash,
         "last_state_hash": found.last_state_hash,

@@ -10,6 +10,7 @@ mod faults;
 mod golden;
 mod harness;
 mod hostile_files;
+mod lying;
 mod other_tools;
 mod pipeline;
 mod pulses;

@@ -64,6 +64,10 @@ def read_raw(path, checks):
         checks.expect(isinstance(run, Metadata) and run.name == "beadline.run", "the first record is no manifest")
         more = {record.name: record.metadata for record in records if isinstance(record, Metadata)}
     begin, end = more.get("beadline.begin", {}), more.get("beadline.end")
+    if begin:
+        parts = ["beadline.begin", begin["first_step"], begin["part"], begin["previous_state_hash"]]
+        checksum = hashlib.sha256("".join(part + "\n" for part in parts).encode()).hexdigest()
+        checks.expect(checksum == begin["checksum"], f"checksum of beadline.begin {begin['checksum']}")
     checks.expect(end is not None, "no metadata beadline.end")
     checks.expect(not begin or begin["part"] == end["part"], f"part {begin} and {end}")
     return run.metadata, begin, end or {}

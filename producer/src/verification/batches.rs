@@ -6,6 +6,7 @@ use crate::resimulation::{Difference, check_kernel, difference};
 use crate::state::ChainState;
 use schemas::manifest::RunManifest;
 use schemas::recording::{EncodedStates, SummaryChecker, SummaryDifference};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
 use std::sync::{Mutex, PoisonError};
 
@@ -16,6 +17,8 @@ pub(super) struct Proof {
     pub(super) difference_count: u64,
     pub(super) summary_differences: Vec<SummaryDifference>,
     pub(super) summary_difference_count: u64,
+    /// States after this step were not recomputed, because it was asked to stop.
+    pub(super) stopped_after: Option<u64>,
 }
 
 impl Proof {
@@ -24,6 +27,7 @@ impl Proof {
         self.difference_count += other.difference_count;
         self.summary_differences.extend(other.summary_differences);
         self.summary_difference_count += other.summary_difference_count;
+        self.stopped_after = self.stopped_after.into_iter().chain(other.stopped_after).min(); // integers
     }
 
     /// In the order of steps, the first ones only.
@@ -49,7 +53,11 @@ impl Proof {
 }
 
 /// Recomputes batches until there are no more.
-pub(super) fn prove_batches(manifest: &RunManifest, batches: &Mutex<Receiver<EncodedStates>>) -> Proof {
+pub(super) fn prove_batches(
+    manifest: &RunManifest,
+    batches: &Mutex<Receiver<EncodedStates>>,
+    stop: &AtomicBool,
+) -> Proof {
     let mut proof = Proof::default();
     let can_be_proven = check_kernel(manifest).is_ok();
     // made when there is something to prove: a file may say that it has many beads and hold no state of them
@@ -59,13 +67,29 @@ pub(super) fn prove_batches(manifest: &RunManifest, batches: &Mutex<Receiver<Enc
         let batch = batches.lock().unwrap_or_else(PoisonError::into_inner).recv();
         match batch {
             Ok(batch) if can_be_proven && !batch.is_empty() => {
-                prover.get_or_insert_with(|| Prover::new(manifest)).prove(&batch, &mut proof);
+                prover.get_or_insert_with(|| Prover::new(manifest)).prove(&batch, stop, &mut proof);
             }
             // of another kernel version nothing can be recomputed
             Ok(_) => {}
             Err(_) => return proof,
         }
     }
+}
+
+/// Goes on to `step`; false if it was asked to stop before.
+pub(super) fn advance(
+    integrator: &mut Integrator,
+    state: &mut ChainState,
+    step: u64,
+    stop: &AtomicBool,
+) -> bool {
+    while state.step < step {
+        if stop.load(Ordering::Relaxed) {
+            return false;
+        }
+        integrator.step(state);
+    }
+    true
 }
 
 struct Prover<'a> {
@@ -83,7 +107,7 @@ impl<'a> Prover<'a> {
     }
 
     /// The states of `batch` that do not follow from the one before, and their summaries.
-    fn prove(&mut self, batch: &EncodedStates, proof: &mut Proof) {
+    fn prove(&mut self, batch: &EncodedStates, stop: &AtomicBool, proof: &mut Proof) {
         let mut integrator = Integrator::new(&self.manifest.physics);
         let mut from_step = None;
         for index in 0..batch.len() {
@@ -97,8 +121,11 @@ impl<'a> Prover<'a> {
             if from_step.is_none() {
                 self.state.copy_from(&frame);
             }
-            while self.state.step < frame.step {
-                integrator.step(&mut self.state);
+            let from = self.state.step;
+            if !advance(&mut integrator, &mut self.state, frame.step, stop) {
+                let stopped_after = proof.stopped_after.into_iter().chain([from]).min(); // integers
+                proof.stopped_after = stopped_after;
+                return;
             }
             if from_step.is_some()
                 && let Some(wrong) = difference(&self.state, &frame, from_step)

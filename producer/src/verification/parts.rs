@@ -1,9 +1,12 @@
 //! Parts of one recording, one after the other.
 
 use super::Verification;
+use super::batches::advance;
 use crate::integrator::Integrator;
 use crate::resimulation::{Difference, check_kernel, difference};
+use schemas::frame::EndReason;
 use schemas::recording::BeginRecord;
+use std::sync::atomic::AtomicBool;
 
 /// How a recording goes on in another one.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,6 +17,8 @@ pub enum Follows {
     ByHash,
     /// It does not.
     Not(String),
+    /// We were asked to stop before that was known.
+    Stopped,
     /// Its first state is not what the last state of the part before leads to.
     Differs(Difference),
 }
@@ -25,14 +30,14 @@ impl Follows {
     }
 }
 
-/// Whether the recording `next` is the part that follows `before`.
-pub fn follows(before: &Verification, next: &Verification) -> Follows {
+/// Whether the recording `next` is the part that follows `before`. `stop` ends the computation.
+pub fn follows(before: &Verification, next: &Verification, stop: &AtomicBool) -> Follows {
     let (run, other) = (&before.manifest, &next.manifest);
     if run.provenance.run_id != other.provenance.run_id || run.physics != other.physics {
         return Follows::Not("it is a part of another run".to_owned());
     }
     let BeginRecord { part, previous_state_hash, .. } = &next.begin;
-    if *part != before.begin.part + 1 {
+    if before.begin.part.checked_add(1) != Some(*part) {
         return Follows::Not(format!("part {part} does not follow part {}", before.begin.part));
     }
     let (Some(last), Some(first)) = (&before.last, &next.first) else {
@@ -47,13 +52,24 @@ pub fn follows(before: &Verification, next: &Verification) -> Follows {
         let (first, last) = (first.step, last.step);
         return Follows::Not(format!("it begins with step {first}, the part before ends with step {last}"));
     }
+    if before.end != EndReason::Continued {
+        return Follows::Not(format!("the part before does not go on: it ends `{}`", before.end));
+    }
+    let every = run.provenance.record_every_steps;
+    let due = (last.step / every + 1).saturating_mul(every);
+    if due < first.step {
+        let (last, first) = (last.step, first.step);
+        return Follows::Not(format!(
+            "states are missing between step {last} and step {first}, from {due} on"
+        ));
+    }
     if check_kernel(run).is_err() {
         return Follows::ByHash;
     }
     let mut state = last.clone();
     let mut integrator = Integrator::new(&run.physics);
-    while state.step < first.step {
-        integrator.step(&mut state);
+    if !advance(&mut integrator, &mut state, first.step, stop) {
+        return Follows::Stopped;
     }
     let frame = first.as_frame(run, run.frame_at(first.step));
     difference(&state, &frame, Some(last.step)).map_or(Follows::Proven, Follows::Differs)

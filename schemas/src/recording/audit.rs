@@ -9,6 +9,7 @@ use super::head::{BeginRecord, EndRecord};
 use super::info;
 use super::log_time_ns;
 use super::messages::{MessageReader, RawMessage};
+use super::places;
 use super::proto;
 use super::records::RecordReader;
 use super::salvage::{Damage, LostFrames};
@@ -34,6 +35,8 @@ pub struct Audit {
     /// The chain must be the one that we make of the manifest; another version may have resolved it in another way.
     is_resolved_by_us: bool,
     chain_count: u64,
+    /// Step of the first checked state.
+    first_step: Option<u64>,
     /// Step of the last checked state.
     last_step: Option<u64>,
     /// The last state has no summary so far; how many damages there were then.
@@ -45,6 +48,9 @@ pub struct Audit {
     ended: bool,
     /// Messages read, by the number of their channel.
     counts: BTreeMap<u16, u64>,
+    /// Smallest and largest log time (ns) of them.
+    times_ns: Option<(u64, u64)>,
+    longest_summary: usize,
 }
 
 /// What a recording has next.
@@ -123,10 +129,12 @@ impl Audit {
         let is_resolved_by_us = physics.kernel_version == KERNEL_VERSION && !manifest.is_newer_minor();
         Ok(Self {
             lengths: StateLengths::of(&manifest),
+            longest_summary: decode::longest_summary(&manifest),
             is_resolved_by_us,
             messages,
             manifest,
             chain_count: 0,
+            first_step: None,
             last_step: None,
             awaited: None,
             placed: 0,
@@ -134,6 +142,7 @@ impl Audit {
             missing_count: 0,
             ended: false,
             counts: BTreeMap::new(),
+            times_ns: None,
         })
     }
 
@@ -259,9 +268,14 @@ impl Audit {
             };
             let RawMessage { head, is_checked, data, .. } = message;
             *self.counts.entry(head.channel_id).or_insert(0) += 1;
+            let (first, last) = self.times_ns.unwrap_or((head.log_time, head.log_time));
+            self.times_ns = Some((first.min(head.log_time), last.max(head.log_time)));
             let said = match message.channel.topic.as_str() {
                 topic if topic == proto::STATE.topic => Said::State(decode::checked_head(data, self.lengths)),
-                topic if topic == proto::SUMMARY.topic => Said::Summary(decode::summary_head(data)),
+                topic if topic == proto::SUMMARY.topic => {
+                    let is_short = data.len() <= self.longest_summary;
+                    Said::Summary(is_short.then(|| decode::summary_head(data)).flatten())
+                }
                 topic if topic == proto::CHAIN.topic => {
                     // a second one is refused in any case
                     let is_chain =
@@ -316,6 +330,7 @@ impl Audit {
         self.place_damages(missed.map(|(from, to)| (from, Some(to))));
         self.miss(missed);
         self.miss_summary();
+        self.first_step.get_or_insert(step);
         self.last_step = Some(step);
         self.awaited = Some((step, self.messages.damages().len()));
         let frame = number.unwrap_or_else(|| self.manifest.frame_at(step));
@@ -372,16 +387,15 @@ impl Audit {
             None => None,
         };
         let schedule = Schedule::new(&self.manifest, &self.messages.contents().begin);
-        let next = self.last_step.map_or(schedule.first_step(), |step| step.saturating_add(1));
         let missed = last_step.and_then(|step| schedule.missed(self.last_step, step, true));
-        let frame = self.manifest.frame_at(next.min(step_count));
-        let unknown = (last_step.is_none() && next <= step_count).then_some((frame, None));
+        let next = schedule.frame_after(self.last_step).filter(|_| last_step.is_none());
+        let unknown = next.map(|frame| (frame, None));
         self.place_damages(missed.map(|(from, to)| (from, Some(to))).or(unknown));
         self.miss(missed);
         if is_finished {
             self.miss_summary();
             self.check_end();
-            self.check_statistics();
+            self.check_summary_section();
         }
         self.check_definitions();
     }
@@ -389,29 +403,58 @@ impl Audit {
     /// The record of the end agrees with that of the beginning and with the states.
     fn check_end(&mut self) {
         let (begin, Some(end)) = (self.begin().clone(), self.end().cloned()) else { return };
-        let same_part = end.part == begin.part && end.previous_state_hash == begin.previous_state_hash;
-        if !same_part {
-            let what = format!(
+        let mut wrong = Vec::new();
+        if end.part != begin.part || end.previous_state_hash != begin.previous_state_hash {
+            wrong.push(format!(
                 "it ends as part {} and begins as part {}, or with another hash of the part before",
                 end.part, begin.part
-            );
-            self.messages.note_about_file(what);
-        }
-        if self.damage_count() == 0 && self.last_step.is_some() && end.last_step != self.last_step {
-            let (said, found) = (end.last_step, self.last_step);
-            self.messages.note_about_file(format!(
-                "its end says that the last state is of step {}, but it is of step {}",
-                said.map_or("none".to_owned(), |step| step.to_string()),
-                found.map_or("none".to_owned(), |step| step.to_string()),
             ));
         }
+        if matches!(end.reason, EndReason::Stopped | EndReason::Unfinished) {
+            wrong.push(format!("its end has the reason `{}`, with which no recording ends", end.reason));
+        }
+        if self.damage_count() == 0 && self.last_step.is_some() {
+            let ends = [("first", end.first_step, self.first_step), ("last", end.last_step, self.last_step)];
+            for (which, said, found) in ends.into_iter().filter(|(_, said, found)| said != found) {
+                let text = |step: Option<u64>| step.map_or("none".to_owned(), |step| step.to_string());
+                wrong.push(format!(
+                    "its end says that the {which} state is of step {}, but it is of step {}",
+                    text(said),
+                    text(found),
+                ));
+            }
+            if end.last_state_hash.is_none() {
+                wrong.push("its end has no hash of the last state".to_owned());
+            }
+            let is_last = self.last_step == Some(self.manifest.physics.step_count);
+            if is_last && matches!(end.reason, EndReason::Interrupted | EndReason::Continued) {
+                wrong.push(format!(
+                    "it ends with the last step of the run, but its end says `{}`",
+                    end.reason
+                ));
+            }
+        }
+        for what in wrong {
+            self.messages.note_about_file(what);
+        }
+    }
+
+    /// The summary section says of the file what is so.
+    fn check_summary_section(&mut self) {
+        if self.damage_count() > 0 {
+            return;
+        }
+        let Ok(mut records) = RecordReader::open(self.messages.path()) else { return };
+        let count = self.counts.values().sum();
+        let wrong = places::disagreements(&mut records, self.messages.contents(), count, self.times_ns);
+        for what in wrong {
+            self.messages.note_about_file(what);
+        }
+        self.check_statistics();
     }
 
     /// The summary section counts as many messages as there are.
     fn check_statistics(&mut self) {
-        if self.damage_count() > 0 {
-            return;
-        }
         let Some(said) = Self::expected_counts(self.messages.path()) else { return };
         let mut read: BTreeMap<&str, u64> = BTreeMap::new();
         for (id, channel) in &self.messages.contents().channels {

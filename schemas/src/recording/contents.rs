@@ -3,7 +3,8 @@
 use super::error::ReadError;
 use super::head::{self, BeginRecord, EndRecord};
 use super::parse::{MAX_STRUCTURE_BYTES, parse_record};
-use super::records::check_crc;
+use super::places::Places;
+use super::records::{RECORD_HEAD_BYTES, check_crc};
 use mcap::records::{Metadata, Record, op};
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -27,6 +28,10 @@ pub(super) struct Contents {
     pub(super) begin: BeginRecord,
     /// How the recording ended.
     pub(super) end: Option<EndRecord>,
+    /// Where its chunks are.
+    pub(super) places: Places,
+    /// Offset and length of that record in the file.
+    pub(super) end_place: Option<(u64, u64)>,
     /// The data section is closed.
     pub(super) data_end: bool,
     /// Size of the chunks before compression.
@@ -75,6 +80,7 @@ impl Contents {
                 if metadata.name == head::END {
                     let end = EndRecord::from_metadata(&metadata);
                     self.end = Some(end.map_err(|what| ReadError::damaged(path, offset, what))?);
+                    self.end_place = Some((offset, RECORD_HEAD_BYTES + body.len() as u64));
                 }
                 Ok(())
             }

@@ -73,6 +73,12 @@ pub(super) fn checked_head(message: &[u8], lengths: StateLengths) -> Result<Stat
     }
 }
 
+/// Longest `Summary` of the run `manifest` that is read, in bytes: a few times what one takes, however it is encoded.
+/// An entry of it takes two bytes at least in a message, and many times that in memory.
+pub(super) fn longest_summary(manifest: &RunManifest) -> usize {
+    1024 + 128 * manifest.physics.impurities.len()
+}
+
 /// Frame, step and time of a `Summary`, whose first fields are those of a state; none if it is no summary of our
 /// writer's and no valid one.
 pub(super) fn summary_head(mut message: &[u8]) -> Option<StateHead> {

@@ -136,13 +136,18 @@ impl fmt::Display for SummaryDifference {
 #[derive(Debug, Clone)]
 pub struct SummaryChecker {
     summarizer: Summarizer,
+    longest: usize,
     message: Vec<u8>,
 }
 
 impl SummaryChecker {
     /// For the run `manifest`.
     pub fn new(manifest: &RunManifest) -> Self {
-        Self { summarizer: Summarizer::new(&manifest.physics), message: Vec::new() }
+        Self {
+            summarizer: Summarizer::new(&manifest.physics),
+            longest: decode::longest_summary(manifest),
+            message: Vec::new(),
+        }
     }
 
     /// The first number in which the summary `found`, encoded, is not that of `frame`.
@@ -160,6 +165,9 @@ impl SummaryChecker {
             found,
             computed,
         };
+        if found.len() > self.longest {
+            return Some(differs("bytes", found.len() as f64, self.message.len() as f64));
+        }
         let Ok(found) = proto::Summary::decode(found) else {
             return Some(differs("no Summary at all", f64::NAN, 0.0));
         };

@@ -17,6 +17,9 @@ pub(super) const BEGIN: &str = "beadline.begin";
 /// Name of the metadata record with the end.
 pub(super) const END: &str = "beadline.end";
 
+/// More parts no recording has.
+const MOST_PARTS: u64 = u32::MAX as u64;
+
 /// Name of the attachment with the configuration as the user gave it.
 pub(super) const RUN_TOML: &str = "run.toml";
 
@@ -63,7 +66,7 @@ pub(super) fn run_metadata(manifest: &RunManifest) -> Metadata {
     let physics = manifest.physics.to_json();
     // a plain struct of numbers and strings always serialises
     let provenance = serde_json::to_string(&manifest.provenance).unwrap_or_default();
-    let checksum = checksum(&version, &physics, &provenance);
+    let checksum = checksum(RUN, [&version, &physics, &provenance]);
     let entries = [
         ("schema_version", version),
         ("physics", physics),
@@ -78,10 +81,10 @@ fn metadata<const N: usize>(name: &str, entries: [(&str, String); N]) -> Metadat
     Metadata { name: name.to_owned(), metadata }
 }
 
-/// SHA-256 in hex of `beadline.run`, version, physics and provenance, each followed by a line feed.
-fn checksum(version: &str, physics: &str, provenance: &str) -> String {
+/// SHA-256 in hex of the name of a metadata record and its values, each followed by a line feed.
+fn checksum(name: &str, values: [&str; 3]) -> String {
     let mut hash = Sha256::new();
-    for part in [RUN, version, physics, provenance] {
+    for part in [name].into_iter().chain(values) {
         hash.update(part);
         hash.update("\n");
     }
@@ -125,7 +128,7 @@ pub(super) fn read_run(path: &Path, record: &Metadata) -> Result<RunManifest, Re
         return Err(wrong(ManifestError::Version { found }));
     }
     let (physics, provenance) = (entry("physics")?, entry("provenance")?);
-    let computed = checksum(version, physics, provenance);
+    let computed = checksum(RUN, [version, physics, provenance]);
     let stored = entry("checksum")?;
     if *stored != computed {
         return Err(ReadError::ManifestChecksum { path: path.to_owned(), found: stored.clone(), computed });
@@ -153,18 +156,28 @@ fn parse_version(text: &str) -> Option<SchemaVersion> {
 impl BeginRecord {
     /// The metadata record; none if the recording begins with the run.
     pub(super) fn metadata(&self) -> Option<Metadata> {
+        let (first_step, part) = (self.first_step.to_string(), self.part.to_string());
+        let previous_state_hash = self.previous_state_hash.clone().unwrap_or_default();
+        let checksum = checksum(BEGIN, [&first_step, &part, &previous_state_hash]);
         let entries = [
-            ("first_step", self.first_step.to_string()),
-            ("part", self.part.to_string()),
-            ("previous_state_hash", self.previous_state_hash.clone().unwrap_or_default()),
+            ("first_step", first_step),
+            ("part", part),
+            ("previous_state_hash", previous_state_hash),
+            ("checksum", checksum),
         ];
         (*self != Self::default()).then(|| metadata(BEGIN, entries))
     }
 
     pub(super) fn from_metadata(record: &Metadata) -> Result<Self, String> {
+        let (first_step, part) = (entry(record, "first_step")?, entry(record, "part")?);
+        let computed = checksum(BEGIN, [first_step, part, entry(record, "previous_state_hash")?]);
+        let stored = entry(record, "checksum")?;
+        if stored != computed {
+            return Err(format!("metadata `{BEGIN}` with the checksum {stored} instead of {computed}"));
+        }
         Ok(Self {
-            first_step: number("first_step", entry(record, "first_step")?)?,
-            part: number("part", entry(record, "part")?)?,
+            first_step: number("first_step", first_step)?,
+            part: part_number(part)?,
             previous_state_hash: optional(record, "previous_state_hash")?.map(str::to_owned),
         })
     }
@@ -192,7 +205,7 @@ impl EndRecord {
                 .ok_or_else(|| format!("an end for the unknown reason `{reason}`"))?,
             first_step: step("first_step")?,
             last_step: step("last_step")?,
-            part: number("part", entry(record, "part")?)?,
+            part: part_number(entry(record, "part")?)?,
             previous_state_hash: optional(record, "previous_state_hash")?.map(str::to_owned),
             last_state_hash: optional(record, "last_state_hash")?.map(str::to_owned),
         })
@@ -210,6 +223,14 @@ fn optional<'a>(record: &'a Metadata, key: &str) -> Result<Option<&'a str>, Stri
 
 fn number(key: &str, text: &str) -> Result<u64, String> {
     text.parse().map_err(|_| format!("metadata with {key} = `{text}` instead of a number"))
+}
+
+fn part_number(text: &str) -> Result<u64, String> {
+    let part = number("part", text)?;
+    if (1..=MOST_PARTS).contains(&part) {
+        return Ok(part);
+    }
+    Err(format!("metadata with part = {part} instead of 1 to {MOST_PARTS}"))
 }
 
 fn parse_reason(text: &str) -> Option<EndReason> {

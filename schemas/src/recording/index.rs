@@ -1,7 +1,8 @@
 //! Where the chunks of a file are, so that a state can be found without reading all that comes before.
 //!
-//! Places are hints. Whatever an index says, a state is looked for by its step, and everything is checked
-//! as it is read; an index that is wrong costs time and nothing else.
+//! Places are hints: a state is looked for by its step, and every chunk and message is checked as it is read, so a place
+//! that is wrong by accident costs time. A place that was made to be wrong may lead to what looks like chunks of the run
+//! and is none, in an attachment for example. Only reading all of the file shows that, as an [`Audit`](super::Audit) does.
 
 use super::contents::Contents;
 use super::error::ReadError;

@@ -252,6 +252,7 @@ impl MessageReader {
             // the summary, which repeats what was read
             _ if self.contents.data_end => {}
             op::CHUNK => {
+                self.contents.places.add_chunk(offset, body);
                 self.chunk.load(offset, &mut self.records)?;
                 self.contents.uncompressed_bytes += self.chunk.bytes();
                 (self.in_chunk, self.is_checked) = (true, true);

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 /// Largest record, and largest chunk before compression, that is read.
 pub const MAX_RECORD_BYTES: u64 = 1 << 30;
 
-/// Opcode and length.
-const RECORD_HEAD_BYTES: u64 = 9;
+/// Opcode and length of a record.
+pub(super) const RECORD_HEAD_BYTES: u64 = 9;
 
 /// Reads records from a file, each into the same buffer. Checks the CRCs of the data section and of the
 /// summary section.

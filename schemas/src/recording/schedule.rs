@@ -16,11 +16,6 @@ impl<'a> Schedule<'a> {
         Self { manifest, first_step: begin.first_step }
     }
 
-    /// Step of the first state.
-    pub(super) fn first_step(&self) -> u64 {
-        self.first_step
-    }
-
     /// The frame number of a state that is one of this run and comes after that of step `before`.
     pub(super) fn check(&self, before: Option<u64>, state: &StateHead) -> Result<Option<u64>, String> {
         let Self { manifest, first_step } = *self;
@@ -47,23 +42,42 @@ impl<'a> Schedule<'a> {
         }
     }
 
-    /// The frames between the state of step `before` and step `next` that should be there; with `next` itself, if
-    /// `included`.
-    pub(super) fn missed(&self, before: Option<u64>, next: u64, included: bool) -> Option<(u64, u64)> {
+    /// Step of the state that comes next after that of step `before`; none after the last one of the run.
+    fn due_after(&self, before: Option<u64>) -> Option<u64> {
         let Self { manifest, first_step } = *self;
         let every = manifest.provenance.record_every_steps;
         let last_step = manifest.physics.step_count;
-        let due = match before {
-            None => first_step,
-            Some(step) if step >= last_step => return None,
-            Some(step) => (step / every + 1).saturating_mul(every).min(last_step),
-        };
-        let to = match (included, next.checked_sub(1)) {
-            (true, _) => next,
-            (false, Some(before)) => before / every * every,
-            (false, None) => return None,
-        };
-        let frame_of = |step: u64| step.div_ceil(manifest.provenance.publish_every_steps);
-        (due <= to).then(|| (frame_of(due), frame_of(to)))
+        match before {
+            None => (first_step <= last_step).then_some(first_step),
+            Some(step) if step >= last_step => None,
+            Some(step) => Some((step / every + 1).saturating_mul(every).min(last_step)),
+        }
+    }
+
+    /// The frame that comes next after the state of step `before`; none after the last one of the run.
+    pub(super) fn frame_after(&self, before: Option<u64>) -> Option<u64> {
+        self.due_after(before).map(|step| self.frame_of(step))
+    }
+
+    fn frame_of(&self, step: u64) -> u64 {
+        step.div_ceil(self.manifest.provenance.publish_every_steps)
+    }
+
+    /// The frames between the state of step `before` and step `next` that should be there; with that of `next` itself,
+    /// wherever that falls, if `included`.
+    pub(super) fn missed(&self, before: Option<u64>, next: u64, included: bool) -> Option<(u64, u64)> {
+        let Self { manifest, .. } = *self;
+        let every = manifest.provenance.record_every_steps;
+        let due = self.due_after(before)?;
+        if included {
+            // a state between frames is none of the schedule
+            let is_last =
+                manifest.is_frame(next) && before.map_or(self.first_step <= next, |before| before < next);
+            let due = if is_last { due.min(next) } else { due };
+            return (due <= next).then(|| (self.frame_of(due), self.frame_of(next)));
+        }
+        // the first state is due wherever it falls
+        let to = due.max(next.checked_sub(1)? / every * every);
+        (due < next).then(|| (self.frame_of(due), self.frame_of(to)))
     }
 }
