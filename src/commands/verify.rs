@@ -6,6 +6,7 @@ use crate::failure::{BadInput, Done, Failure};
 use crate::signals;
 use producer::resimulation::Difference;
 use producer::verification::{Follows, Verification, follows, verify as verify_states};
+use schemas::frame::EndReason;
 use schemas::recording::{Audit, Damage, SummaryDifference};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -136,8 +137,11 @@ fn text(file: &Verified) -> String {
     rows.extend(found.damages.iter().map(|damage| ("damaged", damage_text(damage))));
     push_more(&mut rows, "damaged", found.damage_count, found.damages.len(), "places");
     if found.damage_count > 0 || !(found.end.is_orderly() || found.stopped_after.is_some()) {
-        let command = format!("beadline recover {} --out WHOLE.mcap", file.path.display());
-        rows.push(("next", command));
+        let path = file.path.display();
+        if found.damage_count == 0 && found.end == EndReason::Unfinished {
+            rows.push(("next", format!("beadline run --resume {path}, which goes on with the run; or")));
+        }
+        rows.push(("next", format!("beadline recover {path} --out WHOLE.mcap")));
     }
     display::rows(&format!("{}: {}", manifest.provenance.name, file.verdict()), &rows)
 }
