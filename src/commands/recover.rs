@@ -9,7 +9,7 @@ use crate::signals;
 use anyhow::{Context, anyhow};
 use producer::recovery::{Recovery, RecoveryError, recover as recover_states};
 use schemas::manifest::RunManifest;
-use schemas::recording::{Audit, Finished, RecordingWriter, WriteOptions};
+use schemas::recording::{Audit, Audited, Finished, RecordingWriter, WriteOptions};
 use schemas::whole_file::give_name;
 use serde_json::json;
 use std::ffi::OsString;
@@ -34,6 +34,15 @@ pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
     if !locked.as_ref().is_some_and(|locked| is_at(locked, from)) {
         let message = format!("{} was replaced or moved meanwhile; nothing was written", from.display());
         return Err(Failure::Failed(anyhow!(message)));
+    }
+    let no_state = || {
+        let message =
+            format!("{} has no state that can be read, so there is nothing to recover", from.display());
+        Failure::BadInput(anyhow!(message))
+    };
+    // before anything of the size is made that the manifest claims
+    if !has_a_state(from)? {
+        return Err(no_state());
     }
     let place = working_place(from, to);
     let options = WriteOptions { force, ..WriteOptions::default() };
@@ -62,9 +71,7 @@ pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
     };
     if recovery.last_step.is_none() {
         writer.discard();
-        let message =
-            format!("{} has no state that can be read, so there is nothing to recover", from.display());
-        return Err(Failure::BadInput(anyhow!(message)));
+        return Err(no_state());
     }
     let mut finished = writer.finish(recovery.end)?;
     if place != to {
@@ -77,6 +84,18 @@ pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
         display::print(text(from, &manifest, &recovery, &finished))?;
     }
     Ok(Done::whole_if(recovery.is_whole()))
+}
+
+/// Whether a state of the run can be read in the file.
+fn has_a_state(path: &Path) -> Result<bool, Failure> {
+    let mut audit = Audit::open(path).bad_input()?;
+    loop {
+        match audit.read_next().bad_input()? {
+            Audited::State(_) => return Ok(true),
+            Audited::End => return Ok(false),
+            Audited::Summary(_) | Audited::Other(_) => {}
+        }
+    }
 }
 
 /// Locks the source against writers; one that lives keeps us away.

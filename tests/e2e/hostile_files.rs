@@ -8,7 +8,7 @@ use hostile::records::{Chunk, Parts, Record, op};
 use std::fs;
 use std::path::Path;
 
-const COMMANDS: [&str; 4] = ["info", "verify", "energies", "contacts"];
+const COMMANDS: [&str; 5] = ["info", "verify", "energies", "contacts", "recover --out saved.mcap --force"];
 
 fn golden(name: &str) -> Vec<u8> {
     fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/1.0-kernel-1").join(name)).unwrap()
