@@ -2,6 +2,7 @@
 
 mod analysis;
 mod args;
+mod bench;
 mod commands;
 mod configuration;
 mod display;
@@ -34,6 +35,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Pulses(args) => commands::pulses::pulses(&args),
         Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Reproduce(args) => commands::reproduce::reproduce(&args),
+        Command::Bench(args) => commands::bench::bench(&args),
         Command::Ls { json } => commands::ls::ls(json),
         Command::Thin(args) => commands::thin::thin(&args),
         Command::Expand(args) => commands::thin::expand(&args),

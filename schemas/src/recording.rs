@@ -13,6 +13,7 @@
 //! computed here: the bits of a frame are those that were accepted. `docs/FORMAT.md` describes every
 //! byte.
 
+pub mod bare;
 mod channel_writer;
 mod chunk;
 mod contacts;
