@@ -62,6 +62,8 @@ pub(crate) enum Command {
     Record(RecordArgs),
     /// Publish a recording again, so that analyses cannot tell it from the run
     Replay(ReplayArgs),
+    /// Measure this machine: each figure beside its limit, as ratios
+    Bench(BenchArgs),
     /// List the live runs of this user
     Ls {
         /// Print JSON
@@ -628,6 +630,19 @@ pub(crate) struct ReplayArgs {
     #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = parse_seconds)]
     pub(crate) stall_timeout: f64,
     /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  beadline bench --rounds 9\n\n\
+    Both sides of a row are measured in turns; the ratio is the median over the rounds, with the least and the most.\n\
+    Exit code 3: a ratio does not keep to its floor.")]
+pub(crate) struct BenchArgs {
+    /// Times that each pair is measured
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub(crate) rounds: u32,
+    /// Print the table as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }

@@ -1,5 +1,6 @@
 //! One module for each mode; each reads from top to bottom.
 
+pub(crate) mod bench;
 pub(crate) mod contacts;
 pub(crate) mod deformation;
 pub(crate) mod demo;

@@ -2,6 +2,7 @@
 
 mod analysis;
 mod args;
+mod bench;
 mod commands;
 mod configuration;
 mod display;
@@ -41,6 +42,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Reproduce(args) => commands::reproduce::reproduce(&args),
         Command::Record(args) => commands::record::record(&args),
         Command::Replay(args) => commands::replay::replay(&args),
+        Command::Bench(args) => commands::bench::bench(&args),
         Command::Ls { json } => commands::ls::ls(json),
         Command::Thin(args) => commands::thin::thin(&args),
         Command::Expand(args) => commands::thin::expand(&args),

@@ -14,6 +14,7 @@
 //! byte.
 
 mod audit;
+pub mod bare;
 mod channel_writer;
 mod chunk;
 mod contacts;

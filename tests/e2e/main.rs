@@ -1,6 +1,7 @@
 //! Tests through the built command, as a user meets it. Each test has a directory and a bus of its own.
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs, reason = "a test that cannot go on says where")]
 
+mod bench;
 mod compatibility;
 mod configuration;
 mod crash;

@@ -1,0 +1,141 @@
+//! Measuring this machine: each figure beside its limit, alternately in one run, as ratios.
+
+pub(crate) mod analyses;
+pub(crate) mod dynamics;
+pub(crate) mod recordings;
+
+use crate::failure::Failure;
+use serde::Serialize;
+use std::time::{Duration, Instant};
+
+/// A ratio measured in several rounds.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(crate) struct Ratio {
+    pub(crate) median: f64,
+    pub(crate) least: f64,
+    pub(crate) most: f64,
+}
+
+/// What a ratio has to be.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Floor {
+    /// A speed in that of the other.
+    AtLeast(f64),
+    /// A time in that of the other.
+    AtMost(f64),
+}
+
+/// One figure beside its limit.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Row {
+    /// What is measured.
+    pub(crate) what: &'static str,
+    /// What it is measured against.
+    pub(crate) against: &'static str,
+    pub(crate) floor: Floor,
+    pub(crate) ratio: Ratio,
+    /// Our figure in a unit of its own, of the median round: of this machine today.
+    pub(crate) figure: String,
+}
+
+/// Times of the two sides of a row, one for each round.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Rounds {
+    pub(crate) ours_s: Vec<f64>,
+    pub(crate) theirs_s: Vec<f64>,
+}
+
+impl Row {
+    /// Whether the median keeps to the floor.
+    pub(crate) fn is_met(&self) -> bool {
+        match self.floor {
+            Floor::AtLeast(floor) => self.ratio.median >= floor,
+            Floor::AtMost(floor) => self.ratio.median <= floor,
+        }
+    }
+}
+
+impl Rounds {
+    /// Measures both sides `count` times, in turns, after one turn that only warms up.
+    pub(crate) fn alternate(
+        count: u32,
+        mut ours: impl FnMut() -> Result<Duration, Failure>,
+        mut theirs: impl FnMut() -> Result<Duration, Failure>,
+    ) -> Result<Self, Failure> {
+        let mut rounds = Self::default();
+        for round in 0..=count {
+            // who comes first changes, so that neither always finds the other's heat
+            let (ours, theirs) = if round % 2 == 0 {
+                let first = ours()?;
+                (first, theirs()?)
+            } else {
+                let first = theirs()?;
+                (ours()?, first)
+            };
+            if round > 0 {
+                rounds.ours_s.push(ours.as_secs_f64());
+                rounds.theirs_s.push(theirs.as_secs_f64());
+            }
+        }
+        Ok(rounds)
+    }
+
+    /// Our speed in theirs.
+    pub(crate) fn speed(&self) -> Ratio {
+        Ratio::of(self.theirs_s.iter().zip(&self.ours_s).map(|(theirs, ours)| theirs / ours))
+    }
+
+    /// Our time in theirs.
+    pub(crate) fn time(&self) -> Ratio {
+        Ratio::of(self.ours_s.iter().zip(&self.theirs_s).map(|(ours, theirs)| ours / theirs))
+    }
+
+    /// The median of our times (s).
+    pub(crate) fn ours_s(&self) -> f64 {
+        Ratio::of(self.ours_s.iter().copied()).median
+    }
+}
+
+impl Ratio {
+    fn of(values: impl Iterator<Item = f64>) -> Self {
+        let mut values: Vec<_> = values.collect();
+        values.sort_by(f64::total_cmp);
+        let at = |index: usize| values.get(index).copied().unwrap_or(f64::NAN);
+        Self { median: at(values.len() / 2), least: at(0), most: at(values.len().saturating_sub(1)) }
+    }
+}
+
+/// How long `work` takes.
+pub(crate) fn timed<T>(work: impl FnOnce() -> Result<T, Failure>) -> Result<Duration, Failure> {
+    let start = Instant::now();
+    work()?;
+    Ok(start.elapsed())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ratios_are_of_rounds_and_not_of_medians() {
+        let rounds = Rounds { ours_s: vec![1.0, 2.0, 4.0], theirs_s: vec![2.0, 2.0, 2.0] };
+        assert_eq!(rounds.speed(), Ratio { median: 1.0, least: 0.5, most: 2.0 });
+        assert_eq!(rounds.time(), Ratio { median: 1.0, least: 0.5, most: 2.0 });
+        assert_eq!(rounds.ours_s(), 2.0);
+    }
+
+    #[test]
+    fn the_first_turn_does_not_count_and_sides_take_turns() {
+        let order = std::cell::RefCell::new(Vec::new());
+        let side = |name| {
+            order.borrow_mut().push(name);
+            Ok(Duration::from_secs(1))
+        };
+        let Ok(rounds) = Rounds::alternate(2, || side('o'), || side('t')) else {
+            unreachable!("nothing fails")
+        };
+        assert_eq!(rounds.ours_s.len(), 2);
+        assert_eq!(*order.borrow(), ['o', 't', 't', 'o', 'o', 't']);
+    }
+}

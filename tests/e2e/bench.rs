@@ -1,0 +1,18 @@
+//! The bench measures what it says. Whether floors are kept is for a quiet machine to say.
+
+use crate::harness::Place;
+
+#[test]
+fn each_pair_is_measured_and_judged() {
+    let place = Place::new();
+    let ended = place.run("bench --rounds 1 --json");
+    assert!([0, 3].contains(&ended.code().unwrap_or(-1)), "{}", ended.stderr());
+    let table = ended.json();
+    let rows = table["rows"].as_array().expect("rows");
+    assert_eq!(rows.len(), 13);
+    for row in rows {
+        let ratio = row["ratio"]["median"].as_f64().expect("a number");
+        assert!(ratio > 0.0 && ratio.is_finite(), "{row}");
+        assert_eq!(row["ratio"]["least"], row["ratio"]["most"], "of one round");
+    }
+}
