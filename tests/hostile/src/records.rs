@@ -72,12 +72,12 @@ impl Parts {
         Self { records, begin, rest: bytes[offset..].to_vec() }
     }
 
-    /// The bytes again. What pointed to a record points to where it is now.
+    /// The bytes again. What pointed to a record points to where it is now, and says how long it is now.
     pub fn put_together(&self) -> Vec<u8> {
         let mut moved = BTreeMap::new();
         let mut offset = self.begin;
         for record in &self.records {
-            moved.entry(record.offset as u64).or_insert(offset as u64);
+            moved.entry(record.offset as u64).or_insert((offset as u64, record));
             offset += HEAD_BYTES + record.body.len();
         }
         let mut bytes = MAGIC[..self.begin].to_vec();
@@ -85,8 +85,9 @@ impl Parts {
             let mut body = record.body.clone();
             if let Some(at) = pointer(record.opcode, body.len()) {
                 let target = body[at..].first_chunk().map(|target| u64::from_le_bytes(*target));
-                if let Some(target) = target.and_then(|target| moved.get(&target)) {
+                if let Some((target, of)) = target.and_then(|target| moved.get(&target)) {
                     body[at..at + 8].copy_from_slice(&target.to_le_bytes());
+                    tell_lengths(record.opcode, &mut body[at + 8..], of);
                 }
             }
             bytes.push(record.opcode);
@@ -116,6 +117,30 @@ fn pointer(opcode: u8, length: usize) -> Option<usize> {
         _ => return None,
     };
     (at + 8 <= length).then_some(at)
+}
+
+/// Puts the lengths of the record `of` into what stands after the pointer of an index to it.
+fn tell_lengths(opcode: u8, after: &mut [u8], of: &Record) {
+    if ![op::CHUNK_INDEX, op::METADATA_INDEX, op::ATTACHMENT_INDEX].contains(&opcode) {
+        return;
+    }
+    if let Some(length) = after.first_chunk_mut::<8>() {
+        *length = ((HEAD_BYTES + of.body.len()) as u64).to_le_bytes();
+    }
+    // an index of a chunk ends with the sizes of its records, compressed and not
+    let sizes = (opcode == op::CHUNK_INDEX).then(|| after.last_chunk_mut::<16>()).flatten();
+    if let (Some(sizes), Some((compressed, uncompressed))) = (sizes, chunk_sizes(&of.body)) {
+        sizes[..8].copy_from_slice(&compressed);
+        sizes[8..].copy_from_slice(&uncompressed);
+    }
+}
+
+/// Sizes of the records of the chunk in the record `body`, compressed and not.
+fn chunk_sizes(body: &[u8]) -> Option<([u8; 8], [u8; 8])> {
+    let (uncompressed, rest) = body.get(16..)?.split_first_chunk::<8>()?;
+    let (_crc, rest) = rest.split_first_chunk::<4>()?;
+    let (_compression, rest) = take_string(rest)?;
+    Some((*rest.first_chunk::<8>()?, *uncompressed))
 }
 
 /// A chunk record: its header and what it holds.
