@@ -118,7 +118,10 @@ fn outputs_that_make_no_sense_are_refused() {
     place.run("impurity run.mcap --out a.csv --events a.csv").exits(2).says(&["a.csv", "two outputs"]);
     place.run("contacts run.mcap --out run.mcap --force").exits(2).says(&["run.mcap", "source itself"]);
     fs::create_dir(place.path("dir.svg")).unwrap();
-    place.run("energies run.mcap --figure dir.svg --force").exits(1).says(&["dir.svg", "no file that could be replaced"]);
+    place
+        .run("energies run.mcap --figure dir.svg --force")
+        .exits(1)
+        .says(&["dir.svg", "no file that could be replaced"]);
     assert!(fs::read(place.path("run.mcap")).unwrap() == recording);
 }
 
