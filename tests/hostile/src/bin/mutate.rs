@@ -1,8 +1,10 @@
 //! Runs the command on random mutations of recordings, and sees whether it survives.
 //!
-//!     cargo build --release
-//!     cargo run --release -p beadline-hostile --bin mutate -- \
-//!         --program target/release/beadline --count 100000 tests/golden/*/{sparse,contacts,partial}.mcap*
+//! ```text
+//! cargo build --release
+//! cargo run --release -p beadline-hostile --bin mutate -- \
+//!     --program target/release/beadline --count 100000 tests/golden/*/{sparse,contacts,partial}.mcap*
+//! ```
 //!
 //! `--commands "info,thin --every-steps 9 --force --out thin.mcap"` replaces the commands, `--seed S` is the number of the
 //! first mutation, `--jobs N` how many processes run at a time, `--keep DIR` gets the mutations that failed. Exit code 1 if
