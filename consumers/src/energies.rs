@@ -7,10 +7,12 @@ pub use reflection::{
     ARRIVED, Corrected, MOVED, Moment, Recoil, Reflected, Reflection, STATIONARY, Side, Undefined,
 };
 
+use pulp::Arch;
 use reflection::{Parts, Watch, incident_side};
-use schemas::chain::{Chain, ordered_sum};
+use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::{Physics, RunManifest};
+use schemas::simd::{ordered_sum, vectorized};
 use schemas::summary::relative_drift;
 
 /// Energies (J) of one frame.
@@ -127,13 +129,37 @@ impl Energies {
 
     /// The energies of `frame`.
     pub fn observe(&mut self, frame: &Frame<'_>) -> EnergyRow {
-        let (chain, s) = (&self.chain, self.split_bead);
-        chain.contact_energies_j(frame.u_m, &mut self.contact_j);
-        let contact_j = &self.contact_j;
-        let contacts = |range: std::ops::Range<usize>| {
-            let energies = &contact_j[range];
-            ordered_sum(energies.len(), |c| energies[c])
-        };
+        self.chain.contact_energies_j(frame.u_m, &mut self.contact_j);
+        let mut row = vectorized(
+            Arch::new(),
+            #[inline(always)]
+            || self.sums(frame),
+        );
+        if let Ok(watch) = &mut self.watch {
+            let incident = watch.found().incident;
+            let (chain, s, contact_j) = (&self.chain, self.split_bead, &self.contact_j);
+            let parts = vectorized(
+                Arch::new(),
+                #[inline(always)]
+                || parts(chain, frame, s, contact_j, &row, incident),
+            );
+            watch.push(&parts);
+            row.inbound_j = parts.inbound_j();
+            row.corrected_j = watch.corrected_j(&parts);
+        }
+        if row.relative_drift.abs() > self.max_abs_drift {
+            self.max_abs_drift = row.relative_drift.abs();
+        }
+        self.last = Some(row);
+        row
+    }
+
+    /// The sums over the beads and contacts of `frame`, without what is reflected.
+    #[inline(always)]
+    fn sums(&self, frame: &Frame<'_>) -> EnergyRow {
+        let (chain, s, contact_j) = (&self.chain, self.split_bead, &self.contact_j);
+        let contacts =
+            |range: std::ops::Range<usize>| ordered_sum([&contact_j[range]], |[energy_j]| energy_j);
         let kinetic = |beads| chain.kinetic_j(frame.v_m_s, beads);
         // contact s − 1 is left of the split bead, contact s right of it
         let left_contact = if s > 0 { contact_j[s - 1] } else { 0.0 };
@@ -151,8 +177,7 @@ impl Energies {
         let potential_j = contacts(0..contact_j.len()) + (left_wall + right_wall);
         let total_j = kinetic_j + potential_j;
         let dissipated_j = self.physics.dissipated_j(frame.extra);
-        let relative_drift = relative_drift(total_j + dissipated_j, self.initial_j);
-        let mut row = EnergyRow {
+        EnergyRow {
             kinetic_j,
             potential_j,
             total_j,
@@ -160,21 +185,10 @@ impl Energies {
             split_j: kinetic_split + 0.5 * (left_contact + right_contact),
             right_j: kinetic_right + potential_right + 0.5 * right_contact + right_wall,
             dissipated_j,
-            relative_drift,
+            relative_drift: relative_drift(total_j + dissipated_j, self.initial_j),
             inbound_j: f64::NAN,
             corrected_j: f64::NAN,
-        };
-        if let Ok(watch) = &mut self.watch {
-            let parts = parts(chain, frame, s, contact_j, &row, watch.found().incident);
-            watch.push(&parts);
-            row.inbound_j = parts.inbound_j();
-            row.corrected_j = watch.corrected_j(&parts);
         }
-        if relative_drift.abs() > self.max_abs_drift {
-            self.max_abs_drift = relative_drift.abs();
-        }
-        self.last = Some(row);
-        row
     }
 
     /// The bead that divides left from right.
@@ -194,6 +208,7 @@ impl Energies {
 }
 
 /// The energies of `frame` as the reflection sees them, from the `incident` side of bead `s`.
+#[inline(always)]
 fn parts(
     chain: &Chain,
     frame: &Frame<'_>,
@@ -209,14 +224,21 @@ fn parts(
     };
     let v = frame.v_m_s;
     let (mass_kg, velocity) = (&chain.mass_kg[beads.clone()], &v[beads]);
-    let moving_j = ordered_sum(velocity.len(), |i| {
-        let energy_j = 0.5 * mass_kg[i] * (velocity[i] * velocity[i]);
-        if direction * velocity[i] > 0.0 { energy_j } else { 0.0 }
-    });
-    let towards = |contact: usize| direction * (v[contact] + v[contact + 1]) > 0.0;
-    let (first, count) = (contacts.start, contacts.len());
-    let pressed_j = ordered_sum(count, |c| if towards(first + c) { contact_j[first + c] } else { 0.0 });
-    let shared_j = if towards(near) { 0.5 * contact_j[near] } else { 0.0 };
+    let moving_j = ordered_sum(
+        [mass_kg, velocity],
+        #[inline(always)]
+        |[mass_kg, v]| {
+            let energy_j = 0.5 * mass_kg * (v * v);
+            if direction * v > 0.0 { energy_j } else { 0.0 }
+        },
+    );
+    let towards = |left: f64, right: f64| direction * (left + right) > 0.0;
+    let pressed_j = ordered_sum(
+        [&contact_j[contacts.clone()], &v[contacts.clone()], &v[contacts.start + 1..=contacts.end]],
+        #[inline(always)]
+        |[energy_j, left, right]| if towards(left, right) { energy_j } else { 0.0 },
+    );
+    let shared_j = if towards(v[near], v[near + 1]) { 0.5 * contact_j[near] } else { 0.0 };
     Parts {
         at: Moment { frame: frame.frame, time_s: frame.time_s },
         incident_j: if incident == Side::Left { row.left_j } else { row.right_j },

@@ -27,7 +27,8 @@ mod start;
 use crate::kernel::{Activity, Kernel, Pushed};
 use crate::state::ChainState;
 use dissipation::Dissipation;
-use schemas::chain::{Chain, ordered_sum};
+use schemas::chain::Chain;
+use schemas::simd::{ordered_sum, vectorized};
 pub(crate) use start::taylor_terms;
 use std::ops::Range;
 
@@ -70,17 +71,18 @@ impl Gear {
         if self.window_of_step != Some(state.step) {
             self.restart(state);
         }
-        // closures that move what they use are compiled for the instruction set; others may be called
         let terms = Terms::of(state, &self.kernel.active_beads());
-        self.kernel.arch().dispatch(
+        vectorized(
+            self.kernel.arch(),
             #[inline(always)]
             || predict(self.dt_s, terms),
         );
-        self.kernel.evaluate_forces_of_motion(&state.u_m, &state.v_m_s);
+        self.kernel.evaluate_forces_of_motion(&mut state.u_m, &mut state.v_m_s);
         // a bead that a contact pushes for the first time is at rest, and so is its prediction
         let pushed = self.kernel.pushed();
         let terms = Terms::of(state, &pushed.beads);
-        self.kernel.arch().dispatch(
+        vectorized(
+            self.kernel.arch(),
             #[inline(always)]
             || correct(self.dt_s, &pushed, terms),
         );
@@ -109,7 +111,7 @@ impl Gear {
             let mut arrays = state.extra.chunks_exact(state.u_m.len()).map(|values| &values[active.clone()]);
             arrays.find_map(|values| {
                 // x·0 is NaN exactly where x is not finite, and a sum keeps a NaN
-                let is_finite = ordered_sum(values.len(), |i| values[i] * 0.0) == 0.0;
+                let is_finite = ordered_sum([values], |[x]| x * 0.0) == 0.0;
                 let found = || values.iter().position(|x| !x.is_finite());
                 if is_finite { None } else { found().map(|i| active.start + i) }
             })

@@ -6,12 +6,15 @@
 //! exactly zero.
 
 mod damped;
+mod sweep;
 
 use damped::Damped;
 use pulp::Arch;
-use schemas::chain::{Chain, Walls, ordered_sum};
-use schemas::contact::{ContactLaw, PowerUser};
+use schemas::chain::{Chain, Walls};
+use schemas::contact::ContactLaw;
+use schemas::simd::{ordered_sum, vectorized};
 use std::ops::Range;
+pub(crate) use sweep::Pass;
 
 /// The beads that may differ from rest: all others have zero bits in `u` and `v`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -75,6 +78,8 @@ pub struct Kernel {
     /// Force (N) of contact `c` beyond that at rest at index `c + 1`; those of the walls at both ends.
     force: Vec<f64>,
     activity: Activity,
+    /// Beads of a tile of a sweep.
+    tile: usize,
 }
 
 impl Kernel {
@@ -96,6 +101,7 @@ impl Kernel {
             damped: Damped::of(chain),
             force: vec![0.0; chain.bead_count() + 1],
             activity: Activity { beads: 0..0 },
+            tile: sweep::TILE,
         }
     }
 
@@ -103,39 +109,6 @@ impl Kernel {
     pub fn restart(&mut self, activity: Activity) {
         self.force.fill(0.0);
         self.activity = activity;
-    }
-
-    /// Evaluates `F = k·δ^α` of every contact at the displacements `u_m`, and widens the window over
-    /// the beads that a contact now pushes.
-    pub fn evaluate_forces(&mut self, u_m: &[f64]) {
-        let beads = self.activity.beads.clone();
-        if beads.is_empty() {
-            return;
-        }
-        let contacts = self.contacts_of(&beads);
-        let (first, end) = (contacts.start, contacts.end);
-        let law = self.law;
-        let forces = Forces {
-            left: &u_m[first..end],
-            right: &u_m[first + 1..=end],
-            stiffness: &self.stiffness[first..end],
-            force: &mut self.force[first + 1..=end],
-        };
-        if let Some(rest) = &self.rest {
-            let rest_overlap = &rest.overlap_m[first..end];
-            let loaded = LoadedForces { forces, rest_overlap, rest_force: &rest.force_n[first..end] };
-            self.arch.dispatch(
-                #[inline(always)]
-                || law.with_power(loaded),
-            );
-        } else {
-            self.arch.dispatch(
-                #[inline(always)]
-                || law.with_power(forces),
-            );
-        }
-        self.push_by_walls(&beads, u_m);
-        self.widen(first, end);
     }
 
     /// The beads that may not be at rest.
@@ -146,61 +119,6 @@ impl Kernel {
     /// The contacts that touch one of `beads`: contact c joins beads c and c + 1.
     fn contacts_of(&self, beads: &Range<usize>) -> Range<usize> {
         beads.start.saturating_sub(1)..beads.end.min(self.stiffness.len()) // integers
-    }
-
-    /// The forces of the walls on the end beads that are active.
-    fn push_by_walls(&mut self, beads: &Range<usize>, u_m: &[f64]) {
-        let last = u_m.len() - 1;
-        if self.walls.left.stiffness > 0.0 && beads.start == 0 {
-            self.force[0] = self.walls.left.excess_force_n(self.law, -u_m[0]);
-        }
-        if self.walls.right.stiffness > 0.0 && beads.end > last {
-            self.force[last + 1] = self.walls.right.excess_force_n(self.law, u_m[last]);
-        }
-    }
-
-    fn widen(&mut self, first_contact: usize, end_contact: usize) {
-        let beads = &mut self.activity.beads;
-        if first_contact < beads.start && self.force[first_contact + 1] != 0.0 {
-            beads.start = first_contact;
-        }
-        if end_contact == beads.end && self.force[end_contact] != 0.0 {
-            beads.end += 1;
-        }
-    }
-
-    /// A kick `v ← v + h·F/m` followed by a drift `u ← u + d·v`, with the forces evaluated last.
-    pub fn kick_drift(&self, kick_s: f64, drift_s: f64, u_m: &mut [f64], v_m_s: &mut [f64]) {
-        let beads = self.activity.beads.clone();
-        let (left, right) = self.forces_beside(&beads);
-        let inverse_mass = &self.inverse_mass[beads.clone()];
-        let (u, v) = (&mut u_m[beads.clone()], &mut v_m_s[beads]);
-        self.arch.dispatch(
-            #[inline(always)]
-            || {
-                for i in 0..left.len() {
-                    let velocity = (kick_s * inverse_mass[i]).mul_add(left[i] - right[i], v[i]);
-                    v[i] = velocity;
-                    u[i] = drift_s.mul_add(velocity, u[i]);
-                }
-            },
-        );
-    }
-
-    /// A kick `v ← v + h·F/m` with the forces evaluated last.
-    pub fn kick(&self, kick_s: f64, v_m_s: &mut [f64]) {
-        let beads = self.activity.beads.clone();
-        let (left, right) = self.forces_beside(&beads);
-        let inverse_mass = &self.inverse_mass[beads.clone()];
-        let v = &mut v_m_s[beads];
-        self.arch.dispatch(
-            #[inline(always)]
-            || {
-                for i in 0..left.len() {
-                    v[i] = (kick_s * inverse_mass[i]).mul_add(left[i] - right[i], v[i]);
-                }
-            },
-        );
     }
 
     /// The instruction set to compile loops for.
@@ -221,9 +139,10 @@ impl Kernel {
         let beads = self.activity.beads.clone();
         let (u, v) = (&u_m[beads.clone()], &v_m_s[beads.clone()]);
         // x·0 is NaN exactly where x is not finite, and a sum keeps a NaN
-        let sum = self.arch.dispatch(
+        let sum = vectorized(
+            self.arch,
             #[inline(always)]
-            || ordered_sum(u.len(), |i| u[i] * 0.0 + v[i] * 0.0),
+            || ordered_sum([u, v], |[u, v]| u * 0.0 + v * 0.0),
         );
         if sum == 0.0 {
             return None;
@@ -235,69 +154,5 @@ impl Kernel {
     /// Forces (N) of the contacts on the left and on the right of each of `beads`.
     fn forces_beside(&self, beads: &Range<usize>) -> (&[f64], &[f64]) {
         (&self.force[beads.clone()], &self.force[beads.start + 1..=beads.end])
-    }
-}
-
-/// The loop over contacts, one copy for each form of the power.
-struct Forces<'a> {
-    left: &'a [f64],
-    right: &'a [f64],
-    stiffness: &'a [f64],
-    force: &'a mut [f64],
-}
-
-/// Contacts that are looked at together: where none of them is closed, no power is computed.
-const BLOCK: usize = 64;
-
-impl PowerUser for Forces<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self, zero_below_m: f64, power: impl Fn(f64) -> f64 + Copy) {
-        let left = self.left.chunks(BLOCK);
-        let blocks = left.zip(self.right.chunks(BLOCK)).zip(self.stiffness.chunks(BLOCK));
-        for (((left, right), stiffness), force) in blocks.zip(self.force.chunks_mut(BLOCK)) {
-            let contacts = force.len();
-            let (left, right, stiffness) = (&left[..contacts], &right[..contacts], &stiffness[..contacts]);
-            let mut any_closed = false;
-            for c in 0..contacts {
-                any_closed |= left[c] - right[c] > zero_below_m;
-            }
-            if !any_closed {
-                force.fill(0.0);
-                continue;
-            }
-            for c in 0..contacts {
-                let overlap = left[c] - right[c];
-                let closed = overlap > zero_below_m;
-                let f = stiffness[c] * power(if closed { overlap } else { 1.0 });
-                force[c] = if closed { f } else { 0.0 };
-            }
-        }
-    }
-}
-
-/// The same loop in a loaded chain: overlaps count from those at rest, forces beyond those at rest.
-struct LoadedForces<'a> {
-    forces: Forces<'a>,
-    rest_overlap: &'a [f64],
-    rest_force: &'a [f64],
-}
-
-impl PowerUser for LoadedForces<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self, zero_below_m: f64, power: impl Fn(f64) -> f64 + Copy) {
-        let contacts = self.forces.force.len();
-        let (left, right) = (&self.forces.left[..contacts], &self.forces.right[..contacts]);
-        let (stiffness, force) = (&self.forces.stiffness[..contacts], &mut self.forces.force[..contacts]);
-        let (rest_overlap, rest_force) = (&self.rest_overlap[..contacts], &self.rest_force[..contacts]);
-        for c in 0..contacts {
-            let overlap = (left[c] - right[c]) + rest_overlap[c];
-            let closed = overlap > zero_below_m;
-            let f = stiffness[c] * power(if closed { overlap } else { 1.0 });
-            force[c] = (if closed { f } else { 0.0 }) - rest_force[c];
-        }
     }
 }

@@ -4,7 +4,7 @@
 //! The forces that end one step and begin the next are kept, but they depend on the displacements alone, so
 //! that a fresh integrator started at any state goes on with the same bits.
 
-use crate::kernel::{Activity, Kernel};
+use crate::kernel::{Activity, Kernel, Pass};
 use crate::state::ChainState;
 
 /// The stages of a method `K(b₁) D(a₁) K(b₂) D(a₂) … K(b_last)`, as fractions of the time step.
@@ -42,9 +42,8 @@ pub(crate) const RKN4: Stages =
 #[derive(Debug, Clone)]
 pub(crate) struct Splitting {
     kernel: Kernel,
-    /// `(kick, drift)` durations (s) of the stages.
-    kick_drift_s: Vec<(f64, f64)>,
-    last_kick_s: f64,
+    /// What a step does.
+    passes: Vec<Pass>,
     /// The step at which the kernel's forces were evaluated.
     forces_of_step: Option<u64>,
 }
@@ -52,25 +51,20 @@ pub(crate) struct Splitting {
 impl Splitting {
     /// Steps of `dt_s` by `stages`, with the forces of `kernel`.
     pub(crate) fn new(stages: Stages, dt_s: f64, kernel: Kernel) -> Self {
-        Self {
-            kernel,
-            kick_drift_s: stages.kick_drift.iter().map(|(b, a)| (b * dt_s, a * dt_s)).collect(),
-            last_kick_s: stages.last_kick * dt_s,
-            forces_of_step: None,
-        }
+        let stage =
+            |(b, a): &(f64, f64)| [Pass::KickDrift { kick_s: b * dt_s, drift_s: a * dt_s }, Pass::Forces];
+        let mut passes: Vec<_> = stages.kick_drift.iter().flat_map(stage).collect();
+        passes.push(Pass::Kick { kick_s: stages.last_kick * dt_s });
+        Self { kernel, passes, forces_of_step: None }
     }
 
     /// Advances `state` by one step.
     pub(crate) fn step(&mut self, state: &mut ChainState) {
         if self.forces_of_step != Some(state.step) {
             self.kernel.restart(Activity::of(&state.u_m, &state.v_m_s));
-            self.kernel.evaluate_forces(&state.u_m);
+            self.kernel.sweep(&[Pass::Forces], &mut state.u_m, &mut state.v_m_s);
         }
-        for (kick_s, drift_s) in &self.kick_drift_s {
-            self.kernel.kick_drift(*kick_s, *drift_s, &mut state.u_m, &mut state.v_m_s);
-            self.kernel.evaluate_forces(&state.u_m);
-        }
-        self.kernel.kick(self.last_kick_s, &mut state.v_m_s);
+        self.kernel.sweep(&self.passes, &mut state.u_m, &mut state.v_m_s);
         state.step += 1;
         self.forces_of_step = Some(state.step);
     }

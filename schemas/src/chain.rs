@@ -3,6 +3,8 @@
 use crate::contact::{ContactLaw, PowerUser};
 use crate::damping::ContactDamping;
 use crate::excess::{AtRest, Excess};
+use crate::simd::{ordered_sum, vectorized};
+use pulp::Arch;
 use std::ops::Range;
 
 /// Masses, stiffnesses and rest overlaps after all rules of a configuration have been applied.
@@ -158,10 +160,15 @@ impl Chain {
     }
 
     /// Kinetic energy (J) of the beads `beads` at the velocities `v_m_s` (N values, m/s), as an
-    /// [`ordered_sum`].
+    /// [`ordered_sum`] that wants to be [`vectorized`].
+    #[inline(always)]
     pub fn kinetic_j(&self, v_m_s: &[f64], beads: Range<usize>) -> f64 {
         let (masses, v) = (&self.mass_kg[beads.clone()], &v_m_s[beads]);
-        ordered_sum(masses.len(), |i| 0.5 * masses[i] * (v[i] * v[i]))
+        ordered_sum(
+            [masses, v],
+            #[inline(always)]
+            |[mass, v]| 0.5 * mass * (v * v),
+        )
     }
 
     /// Writes the potential energy (J) of every contact into `energy_j` (N − 1 values).
@@ -171,7 +178,8 @@ impl Chain {
     /// constant forces, so that kinetic energy and excess together are conserved.
     pub fn contact_energies_j(&self, u_m: &[f64], energy_j: &mut [f64]) {
         let (chain, is_loaded) = (self, self.is_loaded());
-        pulp::Arch::new().dispatch(
+        vectorized(
+            Arch::new(),
             #[inline(always)]
             || {
                 if is_loaded {
@@ -213,33 +221,15 @@ impl Chain {
     pub fn energy(&self, u_m: &[f64], v_m_s: &[f64], scratch: &mut [f64]) -> Energy {
         self.contact_energies_j(u_m, scratch);
         let [left, right] = self.wall_energies_j(u_m);
-        Energy {
-            kinetic_j: self.kinetic_j(v_m_s, 0..self.bead_count()),
-            potential_j: ordered_sum(scratch.len(), |c| scratch[c]) + (left + right),
-        }
+        vectorized(
+            Arch::new(),
+            #[inline(always)]
+            || Energy {
+                kinetic_j: self.kinetic_j(v_m_s, 0..self.bead_count()),
+                potential_j: ordered_sum([scratch], |[energy_j]| energy_j) + (left + right),
+            },
+        )
     }
-}
-
-/// `Σ term(i)` for `i < count` in an order that is the same at any SIMD width: eight interleaved
-/// partial sums, added up in pairs.
-///
-/// ```
-/// assert_eq!(schemas::chain::ordered_sum(10, |i| i as f64), 45.0);
-/// ```
-#[inline(always)]
-pub fn ordered_sum(count: usize, term: impl Fn(usize) -> f64) -> f64 {
-    let mut partial = [0.0; 8];
-    let whole = count - count % 8;
-    for base in (0..whole).step_by(8) {
-        for (lane, sum) in partial.iter_mut().enumerate() {
-            *sum += term(base + lane);
-        }
-    }
-    for (lane, i) in (whole..count).enumerate() {
-        partial[lane] += term(i);
-    }
-    let [a, b, c, d, e, f, g, h] = partial;
-    ((a + e) + (c + g)) + ((b + f) + (d + h))
 }
 
 /// The loop behind [`Chain::contact_energies_j`], one copy for each form of the power.

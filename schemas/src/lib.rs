@@ -18,5 +18,6 @@ pub mod presets;
 pub mod recording;
 pub mod run_name;
 pub mod scales;
+pub mod simd;
 pub mod summary;
 pub mod whole_file;

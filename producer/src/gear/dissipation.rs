@@ -3,6 +3,7 @@
 use super::Terms;
 use crate::kernel::Kernel;
 use crate::state::ChainState;
+use schemas::simd::vectorized;
 
 /// Nodes of Gauss's quadrature with two points over the step just made, in steps before its end: `½ ± 1/√12`. It is
 /// exact for powers that are cubic in time, so the work has fourth order.
@@ -38,7 +39,8 @@ impl Dissipation {
         for node in NODES {
             let terms = Terms::of(state, &active);
             let motion = [&mut self.u_m[active.clone()], &mut self.v_m_s[active.clone()]];
-            kernel.arch().dispatch(
+            vectorized(
+                kernel.arch(),
                 #[inline(always)]
                 || motion_at(node, dt_s, terms, motion),
             );

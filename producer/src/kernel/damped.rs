@@ -1,10 +1,11 @@
 //! Forces that depend on velocities, and the power that they dissipate.
 
-use super::Kernel;
+use super::{Kernel, Pass};
 use pulp::Arch;
 use schemas::chain::Chain;
 use schemas::contact::{ContactLaw, PowerUser};
 use schemas::damping::{ContactDamping, Damping, damped_force};
+use schemas::simd::vectorized;
 use std::ops::Range;
 
 /// The damped contacts of a chain.
@@ -42,8 +43,8 @@ impl Damped {
 impl Kernel {
     /// Evaluates the force of every contact at the displacements `u_m` and velocities `v_m_s`, and widens the
     /// window over the beads that a contact now pushes.
-    pub fn evaluate_forces_of_motion(&mut self, u_m: &[f64], v_m_s: &[f64]) {
-        let Some(damped) = self.damped.take() else { return self.evaluate_forces(u_m) };
+    pub fn evaluate_forces_of_motion(&mut self, u_m: &mut [f64], v_m_s: &mut [f64]) {
+        let Some(damped) = self.damped.take() else { return self.sweep(&[Pass::Forces], u_m, v_m_s) };
         let beads = self.active_beads();
         if !beads.is_empty() {
             let contacts = self.contacts_of(&beads);
@@ -54,7 +55,7 @@ impl Kernel {
             force[0] = left;
             force[u_m.len()] = right;
             self.force = force;
-            self.widen(contacts.start, contacts.end);
+            self.widen(&self.reached(1), u_m, v_m_s);
         }
         self.damped = Some(damped);
     }
@@ -132,7 +133,8 @@ impl Kernel {
 
 /// Runs the loop over contacts that `by_overlap` and `wanted` ask for.
 fn dispatch(arch: Arch, law: ContactLaw, motion: Motion<'_>, by_overlap: bool, wanted: Wanted) {
-    arch.dispatch(
+    vectorized(
+        arch,
         #[inline(always)]
         || match (by_overlap, wanted) {
             (true, Wanted::Force) => law.with_power(DampedContacts::<true, false>(motion)),

@@ -6,7 +6,7 @@ mod particulars;
 mod time_step;
 
 use super::{KERNEL_VERSION, to_json, usize_of};
-use crate::chain::{Energy, ordered_sum};
+use crate::chain::Energy;
 use crate::config::{
     ConfigError, EndsConfig, Impurity, LoadConfig, MassRule, OddContact, RunConfig, StiffnessRule,
     StrikerConfig,
@@ -14,6 +14,7 @@ use crate::config::{
 use crate::damping::Damping;
 use crate::method::Method;
 use crate::scales::Scales;
+use crate::simd::ordered_sum;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -135,7 +136,7 @@ impl Physics {
     pub fn dissipated_j(&self, extra: &[f64]) -> f64 {
         let values = if self.damping.is_some() { usize_of(self.beads) } else { 0 };
         let work_j = &extra[extra.len().saturating_sub(values)..];
-        ordered_sum(work_j.len(), |c| work_j[c])
+        ordered_sum([work_j], |[work_j]| work_j)
     }
 
     /// The time `step·dt` (s).

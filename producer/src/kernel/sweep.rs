@@ -1,0 +1,295 @@
+//! Kicks, drifts and forces, all of a step in one sweep over memory.
+//!
+//! One after another, each over the whole chain, they would fetch a long chain from memory each time. Instead
+//! a sweep goes along the chain in tiles that fit into the cache, and takes each tile through all passes. The
+//! force of a contact needs the displacements of both its beads, and both beads need the force, so that each
+//! pass ends one bead before the one that it follows.
+
+use super::{Kernel, Rest};
+use schemas::chain::Walls;
+use schemas::contact::{ContactLaw, PowerUser};
+use schemas::simd::{LANES, vectorized};
+use std::ops::Range;
+
+/// What a sweep does to every bead and contact that may not be at rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Pass {
+    /// A kick `v ← v + h·F/m` followed by a drift `u ← u + d·v`, of durations h and d (s).
+    KickDrift { kick_s: f64, drift_s: f64 },
+    /// The force `F = k·δ^α` of every contact.
+    Forces,
+    /// A kick `v ← v + h·F/m` of duration h (s).
+    Kick { kick_s: f64 },
+}
+
+/// Beads of a tile: their five arrays fill 40 kB, what fits into the cache next to the core.
+pub(super) const TILE: usize = 1024;
+
+/// Contacts that are looked at together: where none of them is closed, no power is computed.
+const BLOCK: usize = 16;
+
+impl Kernel {
+    /// Takes all beads and contacts that may not be at rest through `passes`, and widens the window of active
+    /// beads over those that a contact now pushes.
+    pub(crate) fn sweep(&mut self, passes: &[Pass], u_m: &mut [f64], v_m_s: &mut [f64]) {
+        if self.activity.beads.is_empty() {
+            return;
+        }
+        // forces reach one bead further each time they are evaluated
+        let reach = passes.iter().filter(|pass| **pass == Pass::Forces).count();
+        let beads = self.reached(reach);
+        let law = self.law;
+        let sweep = Sweep {
+            passes,
+            tile: self.tile,
+            beads: beads.clone(),
+            u_m,
+            v_m_s,
+            force: &mut self.force,
+            inverse_mass: &self.inverse_mass,
+            stiffness: &self.stiffness,
+            rest: self.rest.as_ref(),
+            walls: self.walls,
+            law,
+        };
+        vectorized(
+            self.arch,
+            #[inline(always)]
+            || law.with_power(sweep),
+        );
+        self.widen(&beads, u_m, v_m_s);
+    }
+
+    /// The active beads and `reach` more at both ends, rounded outwards to whole blocks.
+    pub(super) fn reached(&self, reach: usize) -> Range<usize> {
+        let (active, count) = (&self.activity.beads, self.inverse_mass.len());
+        let start = active.start.saturating_sub(reach);
+        let end = (active.end + reach).next_multiple_of(BLOCK);
+        start - start % BLOCK..if end < count { end } else { count }
+    }
+
+    /// Widens the window of active beads over those of `beads` that are pushed or no longer at rest.
+    pub(super) fn widen(&mut self, beads: &Range<usize>, u_m: &[f64], v_m_s: &[f64]) {
+        let force = &self.force;
+        let is_active = |i: &usize| {
+            let i = *i;
+            force[i] != 0.0 || force[i + 1] != 0.0 || u_m[i].to_bits() != 0 || v_m_s[i].to_bits() != 0
+        };
+        let active = &mut self.activity.beads;
+        active.start = (beads.start..active.start).find(is_active).unwrap_or(active.start);
+        active.end = (active.end..beads.end).rev().find(is_active).map_or(active.end, |last| last + 1);
+    }
+}
+
+struct Sweep<'a> {
+    passes: &'a [Pass],
+    tile: usize,
+    /// The beads to sweep over, and all contacts between them.
+    beads: Range<usize>,
+    u_m: &'a mut [f64],
+    v_m_s: &'a mut [f64],
+    /// As in [`Kernel`].
+    force: &'a mut [f64],
+    inverse_mass: &'a [f64],
+    stiffness: &'a [f64],
+    rest: Option<&'a Rest>,
+    walls: Walls,
+    law: ContactLaw,
+}
+
+impl PowerUser for Sweep<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(mut self, zero_below_m: f64, power: impl Fn(f64) -> f64 + Copy) {
+        let (first, last) = (self.beads.start, self.beads.end);
+        let mut start = first;
+        while start < last {
+            let end = if start + self.tile < last { start + self.tile } else { last };
+            for lag in 0..self.passes.len() {
+                let from = if start == first { first } else { start - lag };
+                let beads = from..if end == last { last } else { end - lag };
+                match self.passes[lag] {
+                    Pass::KickDrift { kick_s, drift_s } => self.kick_drift(kick_s, drift_s, beads),
+                    Pass::Forces => self.evaluate_forces(beads, zero_below_m, power),
+                    Pass::Kick { kick_s } => self.kick(kick_s, beads),
+                }
+            }
+            start = end;
+        }
+    }
+}
+
+impl Sweep<'_> {
+    #[inline(always)]
+    fn kick_drift(&mut self, kick_s: f64, drift_s: f64, beads: Range<usize>) {
+        let (pushed, pushed_rest) = Pushes::of(self.force, self.inverse_mass, &beads).in_lanes();
+        let (u, u_rest) = self.u_m[beads.clone()].as_chunks_mut::<LANES>();
+        let (v, v_rest) = self.v_m_s[beads].as_chunks_mut::<LANES>();
+        for ((pushed, u), v) in pushed.zip(u).zip(v) {
+            kick_drift(kick_s, drift_s, pushed, u, v);
+        }
+        kick_drift(kick_s, drift_s, pushed_rest, u_rest, v_rest);
+    }
+
+    #[inline(always)]
+    fn kick(&mut self, kick_s: f64, beads: Range<usize>) {
+        let (pushed, pushed_rest) = Pushes::of(self.force, self.inverse_mass, &beads).in_lanes();
+        let (v, v_rest) = self.v_m_s[beads].as_chunks_mut::<LANES>();
+        for (pushed, v) in pushed.zip(v) {
+            kick(kick_s, pushed, v);
+        }
+        kick(kick_s, pushed_rest, v_rest);
+    }
+
+    /// Evaluates the contacts on the right of `beads`, but for one that leads out of the sweep, and those of the
+    /// end beads with walls.
+    #[inline(always)]
+    fn evaluate_forces(&mut self, beads: Range<usize>, zero_below_m: f64, power: impl Fn(f64) -> f64 + Copy) {
+        let first = beads.start;
+        let end = if beads.end < self.beads.end { beads.end } else { self.beads.end - 1 };
+        let contacts = Contacts {
+            left: &self.u_m[first..end],
+            right: &self.u_m[first + 1..=end],
+            stiffness: &self.stiffness[first..end],
+            force: &mut self.force[first + 1..=end],
+        };
+        match self.rest {
+            None => contacts.evaluate(zero_below_m, power),
+            Some(rest) => contacts.evaluate_loaded(rest, first, zero_below_m, power),
+        }
+        self.push_by_walls(&beads);
+    }
+
+    /// The forces of the walls on those end beads that are among `beads`.
+    #[inline(always)]
+    fn push_by_walls(&mut self, beads: &Range<usize>) {
+        let count = self.u_m.len();
+        if self.walls.left.stiffness > 0.0 && beads.start == 0 {
+            self.force[0] = self.walls.left.excess_force_n(self.law, -self.u_m[0]);
+        }
+        if self.walls.right.stiffness > 0.0 && beads.end == count {
+            self.force[count] = self.walls.right.excess_force_n(self.law, self.u_m[count - 1]);
+        }
+    }
+}
+
+/// What pushes some beads, as slices over just these.
+#[derive(Clone, Copy)]
+struct Pushes<'a> {
+    left: &'a [f64],
+    right: &'a [f64],
+    inverse_mass: &'a [f64],
+}
+
+impl<'a> Pushes<'a> {
+    #[inline(always)]
+    fn of(force: &'a [f64], inverse_mass: &'a [f64], beads: &Range<usize>) -> Self {
+        Self {
+            left: &force[beads.clone()],
+            right: &force[beads.start + 1..=beads.end],
+            inverse_mass: &inverse_mass[beads.clone()],
+        }
+    }
+
+    /// In pieces of [`LANES`] beads, and what is left.
+    #[inline(always)]
+    fn in_lanes(self) -> (impl Iterator<Item = Self>, Self) {
+        let (left, left_rest) = self.left.as_chunks::<LANES>();
+        let (right, right_rest) = self.right.as_chunks::<LANES>();
+        let (inverse_mass, inverse_mass_rest) = self.inverse_mass.as_chunks::<LANES>();
+        let pieces = left.iter().zip(right).zip(inverse_mass).map(
+            #[inline(always)]
+            |((left, right), inverse_mass)| Self { left, right, inverse_mass },
+        );
+        (pieces, Self { left: left_rest, right: right_rest, inverse_mass: inverse_mass_rest })
+    }
+}
+
+#[inline(always)]
+fn kick_drift(kick_s: f64, drift_s: f64, pushed: Pushes<'_>, u: &mut [f64], v: &mut [f64]) {
+    let Pushes { left, right, inverse_mass } = pushed;
+    for i in 0..u.len() {
+        let velocity = (kick_s * inverse_mass[i]).mul_add(left[i] - right[i], v[i]);
+        v[i] = velocity;
+        u[i] = drift_s.mul_add(velocity, u[i]);
+    }
+}
+
+#[inline(always)]
+fn kick(kick_s: f64, pushed: Pushes<'_>, v: &mut [f64]) {
+    let Pushes { left, right, inverse_mass } = pushed;
+    for i in 0..v.len() {
+        v[i] = (kick_s * inverse_mass[i]).mul_add(left[i] - right[i], v[i]);
+    }
+}
+
+/// Neighbouring contacts: displacements (m) of their beads, stiffnesses (N·m^−α), and where their forces go (N).
+struct Contacts<'a> {
+    left: &'a [f64],
+    right: &'a [f64],
+    stiffness: &'a [f64],
+    force: &'a mut [f64],
+}
+
+impl Contacts<'_> {
+    #[inline(always)]
+    fn evaluate(self, zero_below_m: f64, power: impl Fn(f64) -> f64 + Copy) {
+        let (left, left_rest) = self.left.as_chunks::<BLOCK>();
+        let (right, right_rest) = self.right.as_chunks::<BLOCK>();
+        let (stiffness, stiffness_rest) = self.stiffness.as_chunks::<BLOCK>();
+        let (force, force_rest) = self.force.as_chunks_mut::<BLOCK>();
+        for (((left, right), stiffness), force) in left.iter().zip(right).zip(stiffness).zip(force) {
+            let mut any_closed = false;
+            for c in 0..BLOCK {
+                any_closed |= left[c] - right[c] > zero_below_m;
+            }
+            if any_closed {
+                evaluate([left, right], stiffness, force, zero_below_m, power);
+            } else {
+                *force = [0.0; BLOCK];
+            }
+        }
+        evaluate([left_rest, right_rest], stiffness_rest, force_rest, zero_below_m, power);
+    }
+
+    /// The same in a loaded chain: overlaps count from those at rest, forces beyond those at rest. `first` is the
+    /// number of the first contact.
+    #[inline(always)]
+    fn evaluate_loaded(
+        self,
+        rest: &Rest,
+        first: usize,
+        zero_below_m: f64,
+        power: impl Fn(f64) -> f64 + Copy,
+    ) {
+        let contacts = self.force.len();
+        let (left, right) = (&self.left[..contacts], &self.right[..contacts]);
+        let (stiffness, force) = (&self.stiffness[..contacts], &mut self.force[..contacts]);
+        let rest_overlap = &rest.overlap_m[first..][..contacts];
+        let rest_force = &rest.force_n[first..][..contacts];
+        for c in 0..contacts {
+            let overlap = (left[c] - right[c]) + rest_overlap[c];
+            let closed = overlap > zero_below_m;
+            let f = stiffness[c] * power(if closed { overlap } else { 1.0 });
+            force[c] = (if closed { f } else { 0.0 }) - rest_force[c];
+        }
+    }
+}
+
+/// Contacts whose forces are computed, whether they are closed or not.
+#[inline(always)]
+fn evaluate(
+    [left, right]: [&[f64]; 2],
+    stiffness: &[f64],
+    force: &mut [f64],
+    zero_below_m: f64,
+    power: impl Fn(f64) -> f64,
+) {
+    for c in 0..force.len() {
+        let overlap = left[c] - right[c];
+        let closed = overlap > zero_below_m;
+        let f = stiffness[c] * power(if closed { overlap } else { 1.0 });
+        force[c] = if closed { f } else { 0.0 };
+    }
+}

@@ -1,0 +1,71 @@
+//! Loops that are compiled for every width of SIMD registers and give the same bits at each.
+
+use pulp::{Arch, NullaryFnOnce};
+
+/// Does `work` with the instructions of `arch`: its closure, and what that inlines, is compiled for each.
+///
+/// Write `#[inline(always)]` before the closure and each function in it with a loop: what is not inlined is
+/// compiled for any machine, without vectors and with a call for each fused multiply-add.
+///
+/// ```
+/// let sum = schemas::simd::vectorized(
+///     pulp::Arch::new(),
+///     #[inline(always)]
+///     || schemas::simd::ordered_sum([&[1.0, 2.0, 3.0]], |[x]| x * x),
+/// );
+/// assert_eq!(sum, 14.0);
+/// ```
+pub fn vectorized<R>(arch: Arch, work: impl FnOnce() -> R) -> R {
+    // A closure given to `dispatch` itself may be called through a function of the compiler's that is not inlined:
+    // here it is known to be called once.
+    struct Work<F>(F);
+    impl<R, F: FnOnce() -> R> NullaryFnOnce for Work<F> {
+        type Output = R;
+        #[inline(always)]
+        fn call(self) -> R {
+            (self.0)()
+        }
+    }
+    arch.dispatch(Work(work))
+}
+
+/// Beads or contacts that a loop takes together, a whole number of SIMD registers.
+pub const LANES: usize = 8;
+
+/// `Σ term([a[i], b[i], …])` over slices `[a, b, …]` of one length, in an order that is the same at any width:
+/// eight interleaved partial sums, added up in pairs.
+///
+/// ```
+/// let x: Vec<f64> = (0..10).map(f64::from).collect();
+/// assert_eq!(schemas::simd::ordered_sum([&x], |[x]| x), 45.0);
+/// ```
+#[inline(always)]
+pub fn ordered_sum<const K: usize>(slices: [&[f64]; K], term: impl Fn([f64; K]) -> f64) -> f64 {
+    let count = slices.first().map_or(0, |slice| slice.len());
+    // one check for each slice instead of one for each number
+    let slices = slices.map(
+        #[inline(always)]
+        |slice| slice[..count].as_chunks::<LANES>(),
+    );
+    let mut partial = [0.0; LANES];
+    for chunk in 0..count / LANES {
+        let lanes = slices.map(
+            #[inline(always)]
+            |(chunks, _)| &chunks[chunk],
+        );
+        for lane in 0..LANES {
+            partial[lane] += term(lanes.map(
+                #[inline(always)]
+                |numbers| numbers[lane],
+            ));
+        }
+    }
+    for lane in 0..count % LANES {
+        partial[lane] += term(slices.map(
+            #[inline(always)]
+            |(_, rest)| rest[lane],
+        ));
+    }
+    let [a, b, c, d, e, f, g, h] = partial;
+    ((a + e) + (c + g)) + ((b + f) + (d + h))
+}
