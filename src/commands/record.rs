@@ -198,7 +198,7 @@ impl Session<'_> {
                     }
                     if refreshed.elapsed() >= Duration::from_millis(100) {
                         refreshed = Instant::now();
-                        let (written_bytes, _, finished_parts) = self.recorder.size();
+                        let (written_bytes, finished_parts) = self.recorder.size();
                         bar.set_position(frame.step);
                         bar.set_message(format!(
                             "{} frames, {} missed · part {} · {}",
