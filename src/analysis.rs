@@ -3,9 +3,10 @@
 use crate::args::AnalysisArgs;
 use crate::display::{self, count};
 use crate::failure::{Done, Failure};
+use crate::outputs::check_outputs;
 use crate::signals;
 use crate::source::{Frames, Named, Source, SourceFailure};
-use anyhow::{Context, Error, anyhow};
+use anyhow::{Error, anyhow};
 use consumers::figure::{Figure, Options};
 use consumers::follow::{Analysis, FollowError, Tally, follow_within};
 use consumers::table::TableError;
@@ -14,7 +15,7 @@ use schemas::frame::{EndReason, Frame, FrameSource, Window};
 use schemas::manifest::RunManifest;
 use schemas::recording::WriteError;
 use serde_json::{Map, Value, json};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
@@ -245,62 +246,6 @@ pub(crate) fn draw(
     for path in &args.figure {
         figure.write(path, Options::default())?;
     }
-    Ok(())
-}
-
-/// Refuses outputs that could not be written in the end, before any work is done.
-pub(crate) fn check_outputs(args: &AnalysisArgs, outputs: &[&PathBuf]) -> Result<(), Failure> {
-    for path in &args.figure {
-        check_extension(path, &["svg", "png"], "a figure is written as .svg or .png")?;
-    }
-    let outputs: Vec<&PathBuf> = outputs.iter().copied().chain(&args.figure).collect();
-    for (i, path) in outputs.iter().enumerate() {
-        if outputs[..i].contains(path) {
-            return Err(Failure::BadInput(anyhow!("{} is named for two outputs", path.display())));
-        }
-        check_place(path, Path::new(&args.source), args.force)?;
-    }
-    Ok(())
-}
-
-/// The extension of a path, in lower case.
-fn extension(path: &Path) -> String {
-    path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase()
-}
-
-/// Refuses tables that are written neither as CSV nor as Parquet.
-pub(crate) fn check_tables(tables: &[&PathBuf]) -> Result<(), Failure> {
-    let rule = "a table is written as .csv or .parquet";
-    tables.iter().try_for_each(|path| check_extension(path, &["csv", "parquet"], rule))
-}
-
-/// Refuses a path with another extension than those `allowed`.
-fn check_extension(path: &Path, allowed: &[&str], rule: &str) -> Result<(), Failure> {
-    if allowed.contains(&extension(path).as_str()) {
-        return Ok(());
-    }
-    Err(Failure::BadInput(anyhow!("{}: {rule}", path.display())))
-}
-
-/// Refuses a path that is taken, that is the source itself, or that has no directory.
-pub(crate) fn check_place(path: &Path, source: &Path, force: bool) -> Result<(), Failure> {
-    let resolved = |path: &Path| path.canonicalize().ok();
-    if resolved(path).is_some_and(|path| Some(path) == resolved(source)) {
-        return Err(Failure::BadInput(anyhow!("{} is the source itself", path.display())));
-    }
-    if path.exists() && !path.is_file() {
-        let message = format!("{} is no file that could be replaced; choose another name", path.display());
-        return Err(Failure::Failed(anyhow!(message)));
-    }
-    if path.exists() && !force {
-        let message =
-            format!("{} exists already; choose another name, or replace it with --force", path.display());
-        return Err(Failure::Failed(anyhow!(message)));
-    }
-    let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    std::fs::metadata(directory)
-        .with_context(|| format!("{}: its directory cannot be used", path.display()))
-        .map_err(Failure::Failed)?;
     Ok(())
 }
 

@@ -121,6 +121,11 @@ impl WholeFileError {
     pub fn io(path: &Path) -> impl Fn(io::Error) -> Self + '_ {
         move |source| Self::Io { path: path.to_owned(), source }
     }
+
+    /// Whether what was there before stands in the way: whoever named the file has to choose another name.
+    pub fn is_in_the_way(&self) -> bool {
+        matches!(self, Self::Exists { .. } | Self::PartialExists { .. } | Self::NotAFile { .. })
+    }
 }
 
 /// How long the lock of a new file may be held by somebody who only looks at it.

@@ -1,9 +1,10 @@
 //! `beadline contacts`.
 
-use crate::analysis::{AnalysisError, ROW_HEAD, Session, begin_row, check_outputs, draw, finish, publish};
+use crate::analysis::{AnalysisError, ROW_HEAD, Session, begin_row, draw, finish, publish};
 use crate::args::ContactsArgs;
 use crate::display::{self, count};
 use crate::failure::{BadInput, Done, Failure};
+use crate::outputs::check_outputs;
 use crate::source::Named;
 use anyhow::anyhow;
 use consumers::contacts::{ContactCounts, ContactRaster, Contacts, default_tolerance_m};

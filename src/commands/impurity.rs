@@ -1,10 +1,9 @@
 //! `beadline impurity`.
 
-use crate::analysis::{
-    AnalysisError, ROW_HEAD, Session, begin_row, check_bead, check_tables, draw, finish, publish,
-};
+use crate::analysis::{AnalysisError, ROW_HEAD, Session, begin_row, check_bead, draw, finish, publish};
 use crate::args::ImpurityArgs;
 use crate::failure::{Done, Failure};
+use crate::outputs::check_tables;
 use consumers::energies::default_split_bead;
 use consumers::follow::Analysis;
 use consumers::impurity::{Event, EventKind, Followed, Motion};

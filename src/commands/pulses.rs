@@ -1,9 +1,10 @@
 //! `beadline pulses`.
 
-use crate::analysis::{AnalysisError, Session, check_tables, draw, finish, publish};
+use crate::analysis::{AnalysisError, Session, draw, finish, publish};
 use crate::args::PulsesArgs;
 use crate::display::{self, count};
 use crate::failure::{BadInput, Done, Failure};
+use crate::outputs::check_tables;
 use anyhow::anyhow;
 use consumers::follow::Analysis;
 use consumers::plots;

@@ -1,9 +1,9 @@
 //! `beadline record`: a live run, its states and the results that analyses publish, into a recording.
 
-use crate::analysis::check_place;
 use crate::args::RecordArgs;
 use crate::display::{self, bytes, count};
 use crate::failure::{BadInput, Done, Failure};
+use crate::outputs::{check_directory, check_free};
 use crate::recorder::rows::{RowTally, RowThreads};
 use crate::recorder::{DueFrames, Recorder};
 use crate::signals;
@@ -15,7 +15,6 @@ use schemas::frame::{EndReason, FrameSource, Received};
 use schemas::manifest::RunManifest;
 use schemas::recording::{Disk, DiskWatch, Finished, PartsWriter, Split, WriteOptions, part_path};
 use serde_json::{Value, json};
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
@@ -102,9 +101,10 @@ fn check_output(args: &RecordArgs, split: &Split) -> Result<u64, Failure> {
         return Err(anyhow!(message)).bad_input();
     }
     if split.is_split() {
+        check_directory(&args.out)?;
         PartsWriter::check(&args.out, split, args.force)?;
     } else {
-        check_place(&args.out, Path::new(&args.source), args.force)?;
+        check_free(&args.out, args.force)?;
     }
     let disk = Disk::of(&args.out)?;
     let reserve_bytes = args.min_free.unwrap_or_else(|| disk.default_reserve_bytes());

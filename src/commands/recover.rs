@@ -1,10 +1,10 @@
 //! `beadline recover FILE --out FILE`: a whole recording from a damaged or unfinished one.
 
-use crate::analysis::check_place;
 use crate::args::RecoverArgs;
 use crate::commands::verify::{damage_json, damage_text, difference_json, frames};
 use crate::display::{self, bytes, count};
 use crate::failure::{BadInput, Done, Failure};
+use crate::outputs::check_place;
 use crate::signals;
 use anyhow::{Context, anyhow};
 use producer::recovery::{Recovery, RecoveryError, recover as recover_states};

@@ -4,6 +4,7 @@ use crate::args::{Pace, RunArgs};
 use crate::configuration::{Configured, configure};
 use crate::display::{self, bytes, count, duration, seconds};
 use crate::failure::{Done, Failure};
+use crate::outputs::check_free;
 use crate::pace::{LONGEST_NAP, Pacer};
 use crate::publishing::{self, Dropped};
 use crate::resumption::{self, Resumption};
@@ -52,8 +53,10 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         let message = format!("{}: a recording is written as .mcap", path.display());
         return Err(Failure::BadInput(anyhow!(message)));
     }
-    if let Some(found) = &resumption {
-        resumption::tell_begin(manifest, found.info());
+    match (&resumption, &out) {
+        (Some(found), _) => resumption::tell_begin(manifest, found.info()),
+        (None, Some(path)) => check_free(path, args.force)?,
+        (None, None) => {}
     }
     announce(manifest, out.as_ref(), &options)?;
 

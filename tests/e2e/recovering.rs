@@ -344,7 +344,7 @@ fn what_is_no_recording_is_not_recovered_and_nothing_is_replaced() {
     place.run("recover table.mcap --out out.mcap").exits(2).says(&["not an MCAP file"]);
     place.run("recover small.mcap --out small.mcap --force").exits(2).says(&["the source itself"]);
     place.write("mine.mcap", "mine");
-    place.run("recover small.mcap --out mine.mcap").exits(1).says(&["exists", "--force"]);
+    place.run("recover small.mcap --out mine.mcap").exits(2).says(&["exists", "--force"]);
     assert_eq!(place.read("mine.mcap"), "mine");
     // without its manifest nothing in a file means anything
     let mut headless = bytes.clone();
@@ -366,7 +366,7 @@ fn what_stands_beside_the_source_is_not_replaced() {
     fs::write(place.path("torn.mcap.partial"), &bytes[..bytes.len() / 2]).unwrap();
     for name in ["torn.mcap.recovered", "torn.mcap.recovered.partial"] {
         place.write(name, "mine");
-        place.run("recover torn.mcap.partial --out torn.mcap").exits(1).says(&[name, "--force"]);
+        place.run("recover torn.mcap.partial --out torn.mcap").exits(2).says(&[name, "--force"]);
         assert_eq!(place.read(name), "mine");
         assert!(!place.path("torn.mcap").exists());
         fs::remove_file(place.path(name)).unwrap();

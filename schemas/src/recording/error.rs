@@ -93,6 +93,15 @@ impl From<WholeFileError> for WriteError {
 }
 
 impl WriteError {
+    /// Whether what was there before stands in the way: whoever named the recording has to choose another name.
+    pub fn is_in_the_way(&self) -> bool {
+        match self {
+            Self::File(error) => error.is_in_the_way(),
+            Self::PartialExists { .. } | Self::InterruptedExists { .. } => true,
+            _ => false,
+        }
+    }
+
     /// For `map_err`: an error of the operating system about `path`.
     pub(super) fn io(path: &Path) -> impl Fn(io::Error) -> Self + '_ {
         move |source| Self::Io { path: path.to_owned(), source }
