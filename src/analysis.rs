@@ -138,8 +138,9 @@ impl<'a> Session<'a> {
         } else {
             let mut all = vec![("frames", frames_text(tally))];
             all.extend(rows);
-            let provenance = &self.manifest().provenance;
-            display::print(display::rows(&format!("{title} of {} ({})", provenance.name, tally.end), &all))?;
+            let name = &self.manifest().provenance.name;
+            let end = display::end(tally.end, self.args.until.filter(|_| tally.ended_as_asked));
+            display::print(display::rows(&format!("{title} of {name} ({end})"), &all))?;
         }
         self.warn(tally);
         // who stops a live analysis has what there was; who stops the reading of a file has a part of it
@@ -156,7 +157,7 @@ impl<'a> Session<'a> {
         all.insert("frames_missed".into(), json!(tally.missed_count));
         all.insert("first_frame".into(), json!(tally.first_frame));
         all.insert("last_frame".into(), json!(tally.last_frame));
-        all.insert("end".into(), json!(tally.end.as_str()));
+        all.insert("end".into(), json!(display::end_word(tally.end, tally.ended_as_asked)));
         all.insert("results".into(), results);
         Value::Object(all)
     }
