@@ -45,8 +45,10 @@ impl<'a> Session<'a> {
     /// Opens the source that `args` name; `label` is what the producer calls this consumer.
     pub(crate) fn open(args: &'a AnalysisArgs, label: &str, outputs: &[&PathBuf]) -> Result<Self, Failure> {
         check_outputs(args, outputs)?;
+        let named = Named::parse(&args.source)?;
+        check_flags(args, &named)?;
         let stop = signals::stop_flag()?;
-        let (source, live) = match Named::parse(&args.source)? {
+        let (source, live) = match named {
             Named::Live(name) => {
                 let bus = Bus::from_env()?;
                 let live = crate::source::attach(&bus, name.as_ref(), args, label, &stop)?;
@@ -210,6 +212,27 @@ impl<'a> Session<'a> {
             let first = count(first);
             display::notice(format_args!("attached to a run under way: results begin with frame {first}"));
         }
+    }
+}
+
+/// Refuses flags that mean nothing to a source of this kind, which a user would believe to be obeyed.
+pub(crate) fn check_flags(args: &AnalysisArgs, named: &Named) -> Result<(), Failure> {
+    let of_live_runs = [
+        ("--latest", args.latest, "attaches to a live run without holding it back"),
+        ("--timeout", args.timeout.is_some(), "ends the wait for a live run"),
+        ("--no-publish", args.no_publish, "keeps results of a live run off the bus"),
+    ];
+    let of_recordings =
+        [("--jobs", args.jobs.is_some(), "says how many threads recompute the steps of a recording")];
+    let (flags, found) = match named {
+        Named::File(_) => (&of_live_runs[..], "a recording"),
+        Named::Live(_) => (&of_recordings[..], "a live run"),
+    };
+    match flags.iter().find(|(_, is_given, _)| *is_given) {
+        Some((flag, _, what_for)) => {
+            Err(Failure::BadInput(anyhow!("{flag} {what_for}; {} is {found}", args.source)))
+        }
+        None => Ok(()),
     }
 }
 

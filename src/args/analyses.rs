@@ -19,7 +19,7 @@ pub(crate) struct AnalysisArgs {
     #[arg(long)]
     pub(crate) latest: bool,
     /// Recompute the frames before the first one that arrives, from step 0 on
-    #[arg(long)]
+    #[arg(long, conflicts_with = "from")]
     pub(crate) from_start: bool,
     /// Recompute frames that were missed
     #[arg(long)]

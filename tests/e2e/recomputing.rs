@@ -65,12 +65,9 @@ fn any_part_of_a_sparse_recording_can_be_had() {
     for (from, until) in [(0, 30), (999, 1001), (1000, 3000), (2345, 2345), (4000, last), (last, last)] {
         let window = format!("--from {} --until {}", time_s(from), time_s(until));
         let (from_s, until_s) = (time_s(from).parse().unwrap(), time_s(until).parse().unwrap());
-        for (file, flags) in [
-            ("full", ""),
-            ("sparse", "--every-step --jobs 1"),
-            ("sparse", "--every-step --jobs 3"),
-            ("sparse", "--every-step --from-start"),
-        ] {
+        for (file, flags) in
+            [("full", ""), ("sparse", "--every-step --jobs 1"), ("sparse", "--every-step --jobs 3")]
+        {
             for analysis in ["contacts", "impurity"] {
                 let made = place
                     .run(&format!("{analysis} {file}.mcap {flags} {window} --out part.csv --force --json"));
@@ -89,6 +86,10 @@ fn any_part_of_a_sparse_recording_can_be_had() {
 fn a_part_that_is_none_is_refused() {
     let place = Place::new();
     place.run(&format!("{SMALL} --record-every-steps 100 --out run.mcap")).exits(0);
+    place
+        .run("energies run.mcap --from 0.01 --from-start")
+        .exits(2)
+        .says(&["--from-start", "cannot be used with"]);
     place.run("energies run.mcap --from 0.01 --until 0.005").exits(2).says(&["--from 0.01", "--until 0.005"]);
     place.run("energies run.mcap --from 1").exits(2).says(&["the run ends at 0.01"]);
     place.run("energies run.mcap --from -1").exits(2).says(&["0 or more"]);

@@ -110,6 +110,25 @@ fn nothing_is_overwritten_without_force() {
     assert_ne!(place.read("mine.csv"), "mine");
 }
 
+/// A flag that is passed over would be believed to be obeyed.
+#[test]
+fn flags_that_mean_nothing_to_the_source_are_refused() {
+    let place = Place::new();
+    recorded(&place);
+    place.run("contacts run.mcap --out map.mcap").exits(0);
+    for flag in ["--latest", "--timeout 5", "--no-publish"] {
+        let name = flag.split(' ').next().unwrap();
+        for source in ["energies run.mcap", "contacts run.mcap", "contacts map.mcap"] {
+            place.run(&format!("{source} {flag}")).exits(2).says(&[name, "live run", "is a recording"]);
+        }
+    }
+    place.run("energies --jobs 2").exits(2).says(&["--jobs", "live is a live run"]);
+    for flag in ["--from 1e-5", "--until 1e-4", "--every-step", "--jobs 2", "--tolerance 1e-9"] {
+        let name = flag.split(' ').next().unwrap();
+        place.run(&format!("contacts map.mcap {flag}")).exits(2).says(&[name, "map of contacts"]);
+    }
+}
+
 #[test]
 fn outputs_that_make_no_sense_are_refused() {
     let place = Place::new();
