@@ -1,7 +1,7 @@
 //! What every analysis command does around its analysis: open the source, follow it, say how it went.
 
 use crate::args::AnalysisArgs;
-use crate::display::{self, count};
+use crate::display::{self, count, counted};
 use crate::failure::{Done, Failure};
 use crate::outputs::check_outputs;
 use crate::signals;
@@ -105,8 +105,8 @@ impl<'a> Session<'a> {
                 refreshed = Instant::now();
                 bar.set_position(tally.last_frame.unwrap_or(0) * publish_every);
                 bar.set_message(format!(
-                    "{} frames, {} missed",
-                    count(tally.frame_count),
+                    "{}, {} missed",
+                    counted(tally.frame_count, "frame"),
                     count(tally.missed_count)
                 ));
             }
@@ -171,8 +171,8 @@ impl<'a> Session<'a> {
             );
         }
         if tally.missed_count > 0 {
-            let missed = count(tally.missed_count);
-            display::notice(format_args!("{missed} frame(s) were published but did not arrive"));
+            let missed = counted(tally.missed_count, "published frame");
+            display::notice(format_args!("{missed} did not arrive"));
         }
         match tally.end {
             EndReason::ProducerLost => {

@@ -84,6 +84,12 @@ pub(crate) fn count(value: u64) -> HumanCount {
     HumanCount(value)
 }
 
+/// `1 frame`, `1,234 frames`
+pub(crate) fn counted(value: u64, one: &str) -> String {
+    let ending = if value == 1 { "" } else { "s" };
+    format!("{} {one}{ending}", count(value))
+}
+
 /// `139.2 MB`
 pub(crate) fn bytes(value: u64) -> DecimalBytes {
     DecimalBytes(value)

@@ -105,10 +105,11 @@ fn text(info: &RecordingInfo) -> String {
         rows.push((
             "channel",
             format!(
-                "{:10} {:24} {:>10} messages",
+                "{:10} {:24} {:>10} message{}",
                 channel.topic,
                 channel.schema,
-                count(channel.messages).to_string()
+                count(channel.messages).to_string(),
+                if channel.messages == 1 { "" } else { "s" }
             ),
         ));
     }

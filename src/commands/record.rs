@@ -1,7 +1,7 @@
 //! `beadline record`: a live run, its states and the results that analyses publish, into a recording.
 
 use crate::args::RecordArgs;
-use crate::display::{self, bytes, count};
+use crate::display::{self, bytes, count, counted};
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::{check_directory, check_free};
 use crate::recorder::rows::{RowTally, RowThreads};
@@ -201,8 +201,8 @@ impl Session<'_> {
                         let (written_bytes, finished_parts) = self.recorder.size();
                         bar.set_position(frame.step);
                         bar.set_message(format!(
-                            "{} frames, {} missed · part {} · {}",
-                            count(self.frame_count),
+                            "{}, {} missed · part {} · {}",
+                            counted(self.frame_count, "frame"),
                             count(self.missed_count),
                             finished_parts + 1,
                             bytes(written_bytes),
@@ -261,7 +261,10 @@ impl Summary<'_> {
         for tally in &self.results {
             let range = range_text(tally.first_frame.zip(tally.last_frame));
             let missed = count(tally.missed_count());
-            rows.push((tally.topic.as_str(), format!("{} rows{range}, {missed} missed", count(tally.count))));
+            rows.push((
+                tally.topic.as_str(),
+                format!("{}{range}, {missed} missed", counted(tally.count, "row")),
+            ));
         }
         let size = |part: &Finished| format!("{}, {}", part.path.display(), bytes(part.bytes));
         match self.parts.as_slice() {
@@ -323,8 +326,8 @@ impl Summary<'_> {
             ));
         }
         if self.missed_count > 0 {
-            let missed = count(self.missed_count);
-            display::notice(format_args!("{missed} frame(s) were published but did not arrive"));
+            let missed = counted(self.missed_count, "published frame");
+            display::notice(format_args!("{missed} did not arrive"));
         }
         for tally in &self.results {
             for (from, to) in tally.missed.iter().take(5) {

@@ -2,7 +2,7 @@
 
 use crate::args::{Pace, RunArgs};
 use crate::configuration::{Configured, configure};
-use crate::display::{self, bytes, count, duration, seconds};
+use crate::display::{self, bytes, count, counted, duration, seconds};
 use crate::failure::{Done, Failure};
 use crate::outputs::check_free;
 use crate::pace::{LONGEST_NAP, Pacer};
@@ -154,11 +154,11 @@ fn failed_to_record<P: std::error::Error, T>(
 fn announce(manifest: &RunManifest, out: Option<&PathBuf>, options: &WriteOptions) -> Result<(), Failure> {
     let frame_bytes = 8 * manifest.frame_doubles() as u64;
     let frames = format!(
-        "{}: {} steps of {}, {} frames of {}",
+        "{}: {} of {}, {} of {}",
         manifest.provenance.name,
-        count(manifest.physics.step_count),
+        counted(manifest.physics.step_count, "step"),
         seconds(manifest.physics.dt_s),
-        count(manifest.frame_count()),
+        counted(manifest.frame_count(), "frame"),
         bytes(frame_bytes),
     );
     let Some(path) = out else {

@@ -149,7 +149,7 @@ fn text(file: &Verified) -> String {
 fn push_more(rows: &mut Vec<(&'static str, String)>, name: &'static str, all: u64, shown: usize, of: &str) {
     let more = all.saturating_sub(shown as u64);
     if more > 0 {
-        rows.push((name, format!("and {} {of} more", count(more))));
+        rows.push((name, format!("and {} more of the {of}", count(more))));
     }
 }
 

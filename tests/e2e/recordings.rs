@@ -110,6 +110,22 @@ fn nothing_is_overwritten_without_force() {
     assert_ne!(place.read("mine.csv"), "mine");
 }
 
+#[test]
+fn one_of_a_kind_is_no_plural() {
+    let place = Place::new();
+    place
+        .run("run --beads 20 --impurity none --duration 1e-7 --dt 1e-7 --out one.mcap")
+        .exits(0)
+        .says(&["1 step of", "2 frames of"]);
+    let text = place.run("info one.mcap").exits(0).stdout();
+    assert!(text.contains(" 1 message\n") && text.contains(" 2 messages\n"), "{text}");
+    let run =
+        place.start("run --beads 20 --impurity none --duration 1e-4 --name one --no-record --wait-for 1");
+    place.wait_for_run("one", |run| run.state.as_str() == "waiting");
+    place.run("energies").exits(0);
+    run.wait().exits(0).says(&["waiting for 1 lossless consumer\n"]);
+}
+
 /// A flag that is passed over would be believed to be obeyed.
 #[test]
 fn flags_that_mean_nothing_to_the_source_are_refused() {

@@ -54,7 +54,7 @@ pub enum WriteError {
         source: io::Error,
     },
     /// The operating system refused, and what was accepted after the last whole chunk is lost.
-    #[error("cannot write {}: the last {lost_frames} frames that were accepted are not in it", path.display())]
+    #[error("cannot write {}: frames that were accepted are not in it, the last {lost_frames}", path.display())]
     Lost {
         /// What was written.
         path: PathBuf,

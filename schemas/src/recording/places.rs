@@ -99,9 +99,9 @@ fn wrong_totals(
     let times_said = (said.message_start_time, said.message_end_time);
     let said = (u64::from(said.chunk_count), said.message_count, times_said);
     let text = |(chunks, messages, (first, last)): (u64, u64, (u64, u64))| {
-        format!("{chunks} chunks and {messages} messages of {first} ns to {last} ns")
+        format!("chunks: {chunks}, messages: {messages}, from {first} ns to {last} ns")
     };
-    (said != found).then(|| format!("its statistics count {}, there are {}", text(said), text(found)))
+    (said != found).then(|| format!("its statistics say {}; there are {}", text(said), text(found)))
 }
 
 fn wrong_counts<'a>(
@@ -113,7 +113,8 @@ fn wrong_counts<'a>(
         let of = |counts: &BTreeMap<u16, u64>| counts.get(id).copied().unwrap_or(0);
         let (said, found) = (of(&said.channel_message_counts), of(counts));
         let topic = &channel.topic;
-        (said != found)
-            .then(|| format!("its statistics count {said} messages of `{topic}`, there are {found}"))
+        (said != found).then(|| {
+            format!("its statistics say {said} for the messages of `{topic}`, of which there are {found}")
+        })
     })
 }
