@@ -14,8 +14,9 @@ use schemas::bus::{Bus, ResultColumns, ResultElement, ResultPublisher, ResultsEr
 use schemas::frame::{EndReason, Frame, FrameSource, Window};
 use schemas::manifest::RunManifest;
 use schemas::recording::WriteError;
+use schemas::whole_file::is_being_written;
 use serde_json::{Map, Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
@@ -183,6 +184,9 @@ impl<'a> Session<'a> {
                  use --latest, or a longer --stall-timeout of `beadline run`",
             ),
             EndReason::Failed => display::notice("the run failed; results end at its last frame"),
+            EndReason::Unfinished if is_being_written(Path::new(&self.args.source)) => {
+                display::notice("the recording is being written; results end where it did");
+            }
             EndReason::Unfinished => {
                 display::notice("the recording was not finished, or is damaged; results end where it does");
             }

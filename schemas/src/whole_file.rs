@@ -244,6 +244,14 @@ pub fn give_name(from: &Path, to: &Path, replace: bool) -> Result<(), WholeFileE
     }
 }
 
+/// Whether a living process is writing the file at `path`, as far as its file system has locks.
+pub fn is_being_written(path: &Path) -> bool {
+    // a pipe would keep us waiting
+    let file = path.is_file().then(|| File::open(path));
+    file.and_then(Result::ok)
+        .is_some_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)))
+}
+
 /// Whether there is a regular file at `path`; anything else there is an error.
 fn regular_file_at(path: &Path) -> Result<bool, WholeFileError> {
     let refuse = |found| Err(WholeFileError::NotAFile { path: path.to_owned(), found });

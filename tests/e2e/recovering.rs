@@ -431,12 +431,23 @@ fn a_part_that_cannot_be_continued_does_not_say_so() {
 #[test]
 fn a_living_run_is_left_alone() {
     let place = Place::new();
-    let run = place.start(&format!("{SMALL} --pace 1e-3 --flush-period 0.001"));
+    let run = place.start(&format!("{SMALL} --pace 2e-4 --flush-period 0.001"));
     wait_for_states(&place, "run.mcap.partial");
     place.run("recover run.mcap.partial --out out.mcap").exits(1).says(&["process that lives"]);
     assert!(!place.path("out.mcap").exists());
+    // what is being written is not broken
+    let said = place.run("info run.mcap.partial").exits(3).stdout();
+    assert!(said.contains("being written by a process that lives; so far it reaches step"), "{said}");
+    let said = place.run("verify run.mcap.partial").exits(3).stdout();
+    assert!(said.contains("proven as far as it is written") && said.contains("wait for its end"), "{said}");
+    assert!(!said.contains("NOT WHOLE") && !said.contains("recover"), "{said}");
+    place.run("energies run.mcap.partial").exits(3).says(&["is being written"]);
+    assert_eq!(place.run("info run.mcap.partial --json").exits(3).json()["being_written"], true);
     run.signal("KILL");
     run.wait();
+    let said = place.run("info run.mcap.partial").exits(3).stdout();
+    assert!(said.contains("unfinished: it was not closed"), "{said}");
+    assert!(place.run("verify run.mcap.partial").exits(3).stdout().contains("NOT WHOLE"));
     let recovered = place.run("recover run.mcap.partial --out run.mcap --json").exits(0).json();
     assert_eq!((&recovered["end"], &recovered["end_was_read"]), (&"interrupted".into(), &false.into()));
     assert!(recovered["states"].as_u64().unwrap() > 10, "{recovered}");
