@@ -1,11 +1,12 @@
 //! What every analysis command does around its analysis: open the source, follow it, say how it went.
 
 use crate::args::AnalysisArgs;
-use crate::display::{self, count};
+use crate::display::{self, count, counted};
 use crate::failure::{Done, Failure};
+use crate::outputs::check_outputs;
 use crate::signals;
 use crate::source::{Frames, Named, Source, SourceFailure};
-use anyhow::{Context, Error, anyhow};
+use anyhow::{Error, anyhow};
 use consumers::figure::{Figure, Options};
 use consumers::follow::{Analysis, FollowError, Tally, follow_within};
 use consumers::table::TableError;
@@ -13,6 +14,7 @@ use schemas::bus::{Bus, ResultColumns, ResultElement, ResultPublisher, ResultsEr
 use schemas::frame::{EndReason, Frame, FrameSource, Window};
 use schemas::manifest::RunManifest;
 use schemas::recording::WriteError;
+use schemas::whole_file::is_being_written;
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -44,8 +46,10 @@ impl<'a> Session<'a> {
     /// Opens the source that `args` name; `label` is what the producer calls this consumer.
     pub(crate) fn open(args: &'a AnalysisArgs, label: &str, outputs: &[&PathBuf]) -> Result<Self, Failure> {
         check_outputs(args, outputs)?;
+        let named = Named::parse(&args.source)?;
+        check_flags(args, &named)?;
         let stop = signals::stop_flag()?;
-        let (source, live) = match Named::parse(&args.source)? {
+        let (source, live) = match named {
             Named::Live(name) => {
                 let bus = Bus::from_env()?;
                 let live = crate::source::attach(&bus, name.as_ref(), args, label, &stop)?;
@@ -102,8 +106,8 @@ impl<'a> Session<'a> {
                 refreshed = Instant::now();
                 bar.set_position(tally.last_frame.unwrap_or(0) * publish_every);
                 bar.set_message(format!(
-                    "{} frames, {} missed",
-                    count(tally.frame_count),
+                    "{}, {} missed",
+                    counted(tally.frame_count, "frame"),
                     count(tally.missed_count)
                 ));
             }
@@ -137,8 +141,9 @@ impl<'a> Session<'a> {
         } else {
             let mut all = vec![("frames", frames_text(tally))];
             all.extend(rows);
-            let provenance = &self.manifest().provenance;
-            display::print(display::rows(&format!("{title} of {} ({})", provenance.name, tally.end), &all))?;
+            let name = &self.manifest().provenance.name;
+            let end = display::end(tally.end, self.args.until.filter(|_| tally.ended_as_asked));
+            display::print(display::rows(&format!("{title} of {name} ({end})"), &all))?;
         }
         self.warn(tally);
         // who stops a live analysis has what there was; who stops the reading of a file has a part of it
@@ -155,7 +160,7 @@ impl<'a> Session<'a> {
         all.insert("frames_missed".into(), json!(tally.missed_count));
         all.insert("first_frame".into(), json!(tally.first_frame));
         all.insert("last_frame".into(), json!(tally.last_frame));
-        all.insert("end".into(), json!(tally.end.as_str()));
+        all.insert("end".into(), json!(display::end_word(tally.end, tally.ended_as_asked)));
         all.insert("results".into(), results);
         Value::Object(all)
     }
@@ -167,8 +172,8 @@ impl<'a> Session<'a> {
             );
         }
         if tally.missed_count > 0 {
-            let missed = count(tally.missed_count);
-            display::notice(format_args!("{missed} frame(s) were published but did not arrive"));
+            let missed = counted(tally.missed_count, "published frame");
+            display::notice(format_args!("{missed} did not arrive"));
         }
         match tally.end {
             EndReason::ProducerLost => {
@@ -179,6 +184,9 @@ impl<'a> Session<'a> {
                  use --latest, or a longer --stall-timeout of `beadline run`",
             ),
             EndReason::Failed => display::notice("the run failed; results end at its last frame"),
+            EndReason::Unfinished if is_being_written(Path::new(&self.args.source)) => {
+                display::notice("the recording is being written; results end where it did");
+            }
             EndReason::Unfinished => {
                 display::notice("the recording was not finished, or is damaged; results end where it does");
             }
@@ -208,6 +216,27 @@ impl<'a> Session<'a> {
             let first = count(first);
             display::notice(format_args!("attached to a run under way: results begin with frame {first}"));
         }
+    }
+}
+
+/// Refuses flags that mean nothing to a source of this kind, which a user would believe to be obeyed.
+pub(crate) fn check_flags(args: &AnalysisArgs, named: &Named) -> Result<(), Failure> {
+    let of_live_runs = [
+        ("--latest", args.latest, "attaches to a live run without holding it back"),
+        ("--timeout", args.timeout.is_some(), "ends the wait for a live run"),
+        ("--no-publish", args.no_publish, "keeps results of a live run off the bus"),
+    ];
+    let of_recordings =
+        [("--jobs", args.jobs.is_some(), "says how many threads recompute the steps of a recording")];
+    let (flags, found) = match named {
+        Named::File(_) => (&of_live_runs[..], "a recording"),
+        Named::Live(_) => (&of_recordings[..], "a live run"),
+    };
+    match flags.iter().find(|(_, is_given, _)| *is_given) {
+        Some((flag, _, what_for)) => {
+            Err(Failure::BadInput(anyhow!("{flag} {what_for}; {} is {found}", args.source)))
+        }
+        None => Ok(()),
     }
 }
 
@@ -245,62 +274,6 @@ pub(crate) fn draw(
     for path in &args.figure {
         figure.write(path, Options::default())?;
     }
-    Ok(())
-}
-
-/// Refuses outputs that could not be written in the end, before any work is done.
-pub(crate) fn check_outputs(args: &AnalysisArgs, outputs: &[&PathBuf]) -> Result<(), Failure> {
-    for path in &args.figure {
-        check_extension(path, &["svg", "png"], "a figure is written as .svg or .png")?;
-    }
-    let outputs: Vec<&PathBuf> = outputs.iter().copied().chain(&args.figure).collect();
-    for (i, path) in outputs.iter().enumerate() {
-        if outputs[..i].contains(path) {
-            return Err(Failure::BadInput(anyhow!("{} is named for two outputs", path.display())));
-        }
-        check_place(path, Path::new(&args.source), args.force)?;
-    }
-    Ok(())
-}
-
-/// The extension of a path, in lower case.
-fn extension(path: &Path) -> String {
-    path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase()
-}
-
-/// Refuses tables that are written neither as CSV nor as Parquet.
-pub(crate) fn check_tables(tables: &[&PathBuf]) -> Result<(), Failure> {
-    let rule = "a table is written as .csv or .parquet";
-    tables.iter().try_for_each(|path| check_extension(path, &["csv", "parquet"], rule))
-}
-
-/// Refuses a path with another extension than those `allowed`.
-fn check_extension(path: &Path, allowed: &[&str], rule: &str) -> Result<(), Failure> {
-    if allowed.contains(&extension(path).as_str()) {
-        return Ok(());
-    }
-    Err(Failure::BadInput(anyhow!("{}: {rule}", path.display())))
-}
-
-/// Refuses a path that is taken, that is the source itself, or that has no directory.
-pub(crate) fn check_place(path: &Path, source: &Path, force: bool) -> Result<(), Failure> {
-    let resolved = |path: &Path| path.canonicalize().ok();
-    if resolved(path).is_some_and(|path| Some(path) == resolved(source)) {
-        return Err(Failure::BadInput(anyhow!("{} is the source itself", path.display())));
-    }
-    if path.exists() && !path.is_file() {
-        let message = format!("{} is no file that could be replaced; choose another name", path.display());
-        return Err(Failure::Failed(anyhow!(message)));
-    }
-    if path.exists() && !force {
-        let message =
-            format!("{} exists already; choose another name, or replace it with --force", path.display());
-        return Err(Failure::Failed(anyhow!(message)));
-    }
-    let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    std::fs::metadata(directory)
-        .with_context(|| format!("{}: its directory cannot be used", path.display()))
-        .map_err(Failure::Failed)?;
     Ok(())
 }
 

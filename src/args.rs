@@ -1,13 +1,24 @@
 //! The command line as it is written. Every mode turns its part once into validated values.
 
+mod analyses;
+mod recordings;
+mod values;
+
+pub(crate) use analyses::{
+    AnalysisArgs, ContactsArgs, DeformationArgs, EnergiesArgs, ImpurityArgs, PulsesArgs,
+};
+pub(crate) use recordings::{
+    ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, RewriteArgs, ThinArgs, VerifyArgs,
+};
+pub(crate) use values::Pace;
+
 use crate::sweep::directory::Shard;
 use crate::time_step::TimeStep;
 use clap::{Args, Parser, Subcommand};
 use schemas::method::Method;
-use schemas::recording::Split;
-use schemas::run_name::RunName;
 use std::num::NonZero;
 use std::path::PathBuf;
+use values::{parse_impurity, parse_jobs, parse_pace, parse_pair, parse_seconds, parse_shard};
 
 /// Shocks in granular chains: simulated, streamed, recorded and analysed while they run.
 #[derive(Debug, Parser)]
@@ -18,7 +29,7 @@ use std::path::PathBuf;
     allow_negative_numbers = true,
     subcommand_required = true,
     arg_required_else_help = true,
-    after_help = "Exit codes: 0 done (also when a signal ended a run or a live analysis in order), 1 failed, 2 bad usage or bad input file, 3 finished, but something was lost or is missing.\n\
+    after_help = "Exit codes: 0 done (also when a signal ended a run or a live analysis in order), 1 failed, 2 bad usage, a bad input file or an output that is in the way, 3 finished, but something was lost or is missing.\n\
                   Units are SI. Runs of one user meet under $BEADLINE_ROOT (/tmp/beadline-<uid>).\n\n\
                   Examples:\n  \
                   beadline demo                         the whole pipeline once, with figures\n  \
@@ -208,318 +219,6 @@ pub(crate) struct Overrides {
 #[command(
     allow_negative_numbers = true,
     after_help = "Examples:\n  \
-    beadline record --out run.mcap                            the only live run, from here on\n  \
-    beadline record live:long --out long.mcap --from-start    with what came before, recomputed\n  \
-    beadline record --out run.mcap --split-size 500MB         run-part-0001.mcap, run-part-0002.mcap …\n  \
-    beadline record --out run.mcap --split-duration 0.01      a part for each 10 ms of simulated time\n\n\
-    The run waits for the recorder when it cannot keep up. A part is finished before the next one begins; each\n\
-    is a recording by itself: `beadline info`, `verify` and every analysis read it. Results are those that\n\
-    `beadline energies`, `impurity`, `contacts` and `pulses` publish, from the first row on if the analysis\n\
-    starts after the recorder. SIGINT ends the recording in order, and the run goes on.\n\
-    Exit code 3: frames or rows of results were missed, the run vanished, or the disk is nearly full."
-)]
-#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
-pub(crate) struct RecordArgs {
-    /// `live` (the only live run) or `live:RUN`
-    #[arg(value_name = "SOURCE", default_value = "live")]
-    pub(crate) source: String,
-    /// Recording to write; parts of it are NAME-part-0001.mcap and so on
-    #[arg(long, value_name = "FILE.mcap")]
-    pub(crate) out: PathBuf,
-    /// Go on in a new part with the first frame after the file has this size
-    #[arg(long, value_name = "BYTES|500MB", value_parser = parse_split_size)]
-    pub(crate) split_size: Option<u64>,
-    /// Go on in a new part at each multiple of this simulated time (s)
-    #[arg(long, value_name = "S", value_parser = parse_seconds)]
-    pub(crate) split_duration: Option<f64>,
-    /// End in order when the disk has less left than this [default: 100 MB, or 1 % of a small disk]
-    #[arg(long, value_name = "BYTES|500MB", value_parser = parse_bytes)]
-    pub(crate) min_free: Option<u64>,
-    /// Record every K-th step, the first and the last [default: as the run does]
-    #[arg(long, value_name = "K")]
-    pub(crate) record_every_steps: Option<u64>,
-    /// Recompute the frames before the first one that arrives, from step 0 on
-    #[arg(long)]
-    pub(crate) from_start: bool,
-    /// Never hold the run back: frames may be missed, and are counted
-    #[arg(long)]
-    pub(crate) latest: bool,
-    /// Recompute frames that were missed
-    #[arg(long)]
-    pub(crate) fill_gaps: bool,
-    /// Record states only
-    #[arg(long)]
-    pub(crate) no_results: bool,
-    /// Write what was recorded to the file at least this often (s): what a kill costs
-    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = parse_seconds)]
-    pub(crate) flush_period: f64,
-    /// Sync the file to the disk at least this often (s): what a power failure costs
-    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = parse_seconds)]
-    pub(crate) sync_period: f64,
-    /// Give up when no run appears within this time (s) [default: wait]
-    #[arg(long, value_name = "S", value_parser = parse_seconds)]
-    pub(crate) timeout: Option<f64>,
-    /// Replace files that exist
-    #[arg(long)]
-    pub(crate) force: bool,
-    /// Print the summary as JSON
-    #[arg(long)]
-    pub(crate) json: bool,
-}
-
-#[derive(Debug, Args)]
-#[command(after_help = "Example:\n  \
-    beadline thin run.mcap --every-steps 100 --out sparse.mcap\n\n\
-    Every state is proven on the way: recomputed from the one before. `beadline expand` brings the others back.\n\
-    Other channels, results and those of other programs, stay whole.\n\
-    K is a multiple of the steps between two frames of the run.")]
-pub(crate) struct ThinArgs {
-    /// The recording
-    pub(crate) file: PathBuf,
-    /// Keep every K-th step, the first and the last
-    #[arg(long, value_name = "K")]
-    pub(crate) every_steps: u64,
-    #[command(flatten)]
-    pub(crate) output: RewriteArgs,
-}
-
-#[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  \
-    beadline expand sparse.mcap --out full.mcap                       every frame of the run\n  \
-    beadline expand sparse.mcap --every-steps 1 --out all.mcap        also the steps between frames\n\n\
-    Every state of the recording is proven on the way, and other channels stay whole. K is a multiple of the\n\
-    steps between two frames of the run, or divides them: states between frames are then recorded without a\n\
-    frame number, and whoever reads frames passes over them.")]
-pub(crate) struct ExpandArgs {
-    /// The recording
-    pub(crate) file: PathBuf,
-    /// Write every K-th step, the first and the last [default: every frame]
-    #[arg(long, value_name = "K")]
-    pub(crate) every_steps: Option<u64>,
-    #[command(flatten)]
-    pub(crate) output: RewriteArgs,
-}
-
-/// Where a recording is written again.
-#[derive(Debug, Args)]
-pub(crate) struct RewriteArgs {
-    /// Recording to write
-    #[arg(long, value_name = "FILE.mcap")]
-    pub(crate) out: PathBuf,
-    /// Threads that recompute, if the recording is sparse [default: one for each core]
-    #[arg(long, value_name = "N", value_parser = parse_jobs)]
-    pub(crate) jobs: Option<NonZero<usize>>,
-    /// Replace a file that exists
-    #[arg(long)]
-    pub(crate) force: bool,
-    /// Print JSON
-    #[arg(long)]
-    pub(crate) json: bool,
-}
-
-#[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  \
-    beadline verify run.mcap                     `proven`, or what differs: frame, bead and quantity\n  \
-    beadline verify run-part-*.mcap              each part, and that one follows from the other\n  \
-    beadline verify run.mcap --json              the same for a program\n\n\
-    Checked: every CRC, the manifest's checksum, every index, the order of the states, each state against the\n\
-    one before by recomputing it, each summary against its state. Damage is named with its chunk and frames,\n\
-    and what follows is verified all the same; `beadline recover` brings the frames back.\n\
-    Exit code 3 if anything is not as it was written, frames are missing, the file is cut off, or the run was\n\
-    computed by another kernel version: then nothing is wrong, but nothing is proven.")]
-pub(crate) struct VerifyArgs {
-    /// The recording, or consecutive parts of one
-    #[arg(value_name = "FILE", required = true)]
-    pub(crate) files: Vec<PathBuf>,
-    /// Threads that recompute [default: one for each core]
-    #[arg(long, value_name = "N", value_parser = parse_jobs)]
-    pub(crate) jobs: Option<NonZero<usize>>,
-    /// Print JSON
-    #[arg(long)]
-    pub(crate) json: bool,
-}
-
-#[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  \
-    beadline recover run.mcap.partial --out run.mcap     after a crash or a power failure\n  \
-    beadline recover damaged.mcap --out whole.mcap       after a bad disk or a bad copy\n\n\
-    Every whole message of the file is salvaged, from a torn last chunk, too. Frames that are lost are\n\
-    recomputed from the state before, bit for bit, and proven by the next state of the file. A state without a\n\
-    checksum that holds counts only if it is what the one before leads to. The file itself is left as it is.\n\
-    Exit code 3 if something that was in the file is not in the new one, or was not what it must be; a last record\n\
-    that was never written to its end is no loss.")]
-pub(crate) struct RecoverArgs {
-    /// The damaged or unfinished recording
-    pub(crate) file: PathBuf,
-    /// Leave out frames that are lost rather than recompute them
-    #[arg(long)]
-    pub(crate) no_fill: bool,
-    #[command(flatten)]
-    pub(crate) output: RewriteArgs,
-}
-
-/// What every analysis takes.
-#[derive(Debug, Args)]
-#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
-pub(crate) struct AnalysisArgs {
-    /// `live` (the only live run), `live:RUN`, or a recording
-    #[arg(value_name = "SOURCE", default_value = "live")]
-    pub(crate) source: String,
-    /// Draw a figure, repeatable
-    #[arg(long, value_name = "FILE.svg|.png")]
-    pub(crate) figure: Vec<PathBuf>,
-    /// Attach without ever holding the run back: frames may be missed, and are counted
-    #[arg(long)]
-    pub(crate) latest: bool,
-    /// Recompute the frames before the first one that arrives, from step 0 on
-    #[arg(long)]
-    pub(crate) from_start: bool,
-    /// Recompute frames that were missed
-    #[arg(long)]
-    pub(crate) fill_gaps: bool,
-    /// Recompute the steps between frames (these results are not published on the bus)
-    #[arg(long)]
-    pub(crate) every_step: bool,
-    /// Begin at this simulated time (s); a recording is opened there. What happened before is not known, as to a
-    /// consumer that attaches then
-    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = parse_time)]
-    pub(crate) from: f64,
-    /// End at this simulated time (s)
-    #[arg(long, value_name = "S", value_parser = parse_time)]
-    pub(crate) until: Option<f64>,
-    /// Threads that recompute the steps of a sparse recording [default: one for each core]
-    #[arg(long, value_name = "N", value_parser = parse_jobs)]
-    pub(crate) jobs: Option<NonZero<usize>>,
-    /// Give up when no run appears within this time (s) [default: wait]
-    #[arg(long, value_name = "S", value_parser = parse_seconds)]
-    pub(crate) timeout: Option<f64>,
-    /// Do not publish the results on the bus
-    #[arg(long)]
-    pub(crate) no_publish: bool,
-    /// Replace files that exist
-    #[arg(long)]
-    pub(crate) force: bool,
-    /// Print the summary as JSON
-    #[arg(long)]
-    pub(crate) json: bool,
-}
-
-#[derive(Debug, Args)]
-#[command(
-    allow_negative_numbers = true,
-    after_help = "Examples:\n  \
-    beadline energies                                    attach to the only live run\n  \
-    beadline energies run.mcap --out e.csv --figure e.svg\n  \
-    beadline energies run.mcap --split 300               left and right of bead 300\n  \
-    beadline energies sparse.mcap --every-step --from 0.04 --until 0.041 --out e.csv\n                                                       \
-    every step of a part, also of a sparse recording"
-)]
-pub(crate) struct EnergiesArgs {
-    #[command(flatten)]
-    pub(crate) common: AnalysisArgs,
-    /// Table of the energies of each frame
-    #[arg(long, value_name = "FILE.csv|.parquet")]
-    pub(crate) out: Option<PathBuf>,
-    /// The bead that divides left from right [default: the first impurity that is not the striker, else the middle bead]
-    #[arg(long, value_name = "BEAD")]
-    pub(crate) split: Option<u64>,
-}
-
-#[derive(Debug, Args)]
-#[command(
-    allow_negative_numbers = true,
-    after_help = "Examples:\n  \
-    beadline impurity --figure trajectory.png            attach to the only live run\n  \
-    beadline impurity run.mcap --out i.csv --events events.csv\n  \
-    beadline impurity run.mcap --bead 499 --bead 501     other beads\n\n\
-    A contact counts as closed while its overlap is above 1e-6 of the collision length L. Events are\n\
-    interpolated between frames."
-)]
-pub(crate) struct ImpurityArgs {
-    #[command(flatten)]
-    pub(crate) common: AnalysisArgs,
-    /// Table of the motion in each frame
-    #[arg(long, value_name = "FILE.csv|.parquet")]
-    pub(crate) out: Option<PathBuf>,
-    /// Table of what happened: contacts that close or open, turning points
-    #[arg(long, value_name = "FILE.csv|.parquet")]
-    pub(crate) events: Option<PathBuf>,
-    /// A bead to follow, repeatable [default: every impurity, or the middle bead]
-    #[arg(long, value_name = "BEAD")]
-    pub(crate) bead: Vec<u64>,
-}
-
-#[derive(Debug, Args)]
-#[command(
-    allow_negative_numbers = true,
-    after_help = "Examples:\n  \
-    beadline contacts --figure map.png                   attach to the only live run\n  \
-    beadline contacts run.mcap --out counts.csv --out map.mcap\n  \
-    beadline contacts map.mcap --figure map.svg          draw a map that was kept"
-)]
-pub(crate) struct ContactsArgs {
-    #[command(flatten)]
-    pub(crate) common: AnalysisArgs,
-    /// FILE.csv or .parquet: table of the counts in each frame; FILE.mcap: the class of every contact (repeatable)
-    #[arg(long, value_name = "FILE.csv|.parquet|.mcap")]
-    pub(crate) out: Vec<PathBuf>,
-    /// Largest overlap or gap (m) that counts as touching [default: 1e-6 of the collision length L]
-    #[arg(long, value_name = "M")]
-    pub(crate) tolerance: Option<f64>,
-}
-
-#[derive(Debug, Args)]
-#[command(
-    allow_negative_numbers = true,
-    after_help = "Examples:\n  \
-    beadline deformation run.mcap --contact 100 --figure d.png\n  \
-    beadline deformation run.mcap --contact 100 --contact 150 --out d.csv\n\n\
-    Contact C joins beads C and C+1. Theories are scaled to the largest overlap; their width, speed,\n\
-    impulse and shape are predictions."
-)]
-pub(crate) struct DeformationArgs {
-    #[command(flatten)]
-    pub(crate) common: AnalysisArgs,
-    /// A contact to follow, repeatable
-    #[arg(long, value_name = "C", required = true)]
-    pub(crate) contact: Vec<u64>,
-    /// Table of the pulse: overlap, exact wave and continuum in each frame
-    #[arg(long, value_name = "FILE.csv|.parquet")]
-    pub(crate) out: Option<PathBuf>,
-}
-
-#[derive(Debug, Args)]
-#[command(
-    allow_negative_numbers = true,
-    after_help = "Examples:\n  \
-    beadline pulses --figure tracks.png                  attach to the only live run\n  \
-    beadline pulses run.mcap --out pulses.csv --positions tracks.csv\n  \
-    beadline pulses run.mcap --threshold 0.01            only those above a hundredth of v0\n\n\
-    A pulse passes a bead when |v| of the bead has a maximum in time while both of its contacts are\n\
-    pressed; it counts once it has passed 5 beads, and ends where it meets an impurity or an end. Peaks\n\
-    are good to 1e-4 if 8 frames fall into the time that a pulse takes to pass; a warning says when\n\
-    frames are too far apart. V/V_sw is the speed over that of the exact solitary wave of the same\n\
-    peak velocity: 1 for a pulse that no longer changes. asymmetry = (rear − front)/(rear + front) of\n\
-    the half widths. `--json` and the tables have more: momentum, energy, width over that of the wave."
-)]
-pub(crate) struct PulsesArgs {
-    #[command(flatten)]
-    pub(crate) common: AnalysisArgs,
-    /// Table of the pulses, a row for each, in the order in which they end
-    #[arg(long, value_name = "FILE.csv|.parquet")]
-    pub(crate) out: Option<PathBuf>,
-    /// Table of their tracks: a row for each bead that a pulse passes
-    #[arg(long, value_name = "FILE.csv|.parquet")]
-    pub(crate) positions: Option<PathBuf>,
-    /// Smallest peak velocity of a pulse, relative to the run's velocity scale (v0)
-    #[arg(long, value_name = "X", default_value_t = consumers::pulses::Pulses::DEFAULT_THRESHOLD)]
-    pub(crate) threshold: f64,
-}
-
-#[derive(Debug, Args)]
-#[command(
-    allow_negative_numbers = true,
-    after_help = "Examples:\n  \
     beadline sweep --example > reflection.toml           a sweep file to begin with\n  \
     beadline sweep reflection.toml --out reflection      all points, on all cores; again: goes on\n  \
     beadline sweep reflection.toml --out all --shard 3/16   one job of an array of 16\n  \
@@ -589,52 +288,6 @@ pub(crate) struct ReproduceArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(
-    allow_negative_numbers = true,
-    after_help = "Examples:\n  \
-    beadline replay run.mcap                             waits for an analysis, then as fast as it can take …\n  \
-    beadline energies --figure e.svg                     … which you start in another terminal\n  \
-    beadline replay run.mcap --rate 0.01 --loop          100 times slower than real time, again and again\n  \
-    beadline replay run.mcap --from 0.02 --until 0.03    a part of it\n  \
-    beadline replay sparse.mcap --every-step             every step as a frame, recomputed bit for bit\n\n\
-    Frames that a sparse recording does not hold are recomputed. On a terminal: space pauses and goes on,\n\
-    → or . shows one more frame and pauses, + and - double and halve the rate, q quits.\n\
-    The recording of a run that was not closed ends as a failed run does. Exit code 3: it was not closed, it is\n\
-    damaged, or a consumer was dropped."
-)]
-pub(crate) struct ReplayArgs {
-    /// The recording
-    pub(crate) file: PathBuf,
-    /// Name on the bus: a-z, 0-9 and - [default: that of the run]
-    #[arg(long, value_name = "RUN")]
-    pub(crate) name: Option<RunName>,
-    /// How fast to go: `max`, or simulated seconds per second
-    #[arg(long, value_name = "max|X", default_value = "max", value_parser = parse_pace)]
-    pub(crate) rate: Pace,
-    /// Begin with the first frame at or after this simulated time (s)
-    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = parse_time)]
-    pub(crate) from: f64,
-    /// End with the last frame at or before this simulated time (s)
-    #[arg(long, value_name = "S", value_parser = parse_time)]
-    pub(crate) until: Option<f64>,
-    /// Begin again when it is over, as a new stream, until it is stopped
-    #[arg(long = "loop")]
-    pub(crate) again: bool,
-    /// Publish every step as a frame of its own
-    #[arg(long)]
-    pub(crate) every_step: bool,
-    /// Begin (each loop) when this many lossless consumers are ready [default: 1 at the rate max, else 0]
-    #[arg(long, value_name = "N")]
-    pub(crate) wait_for: Option<usize>,
-    /// Drop a lossless consumer that holds the replay back for this long (s)
-    #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = parse_seconds)]
-    pub(crate) stall_timeout: f64,
-    /// Print the summary as JSON
-    #[arg(long)]
-    pub(crate) json: bool,
-}
-
-#[derive(Debug, Args)]
 #[command(after_help = "Example:\n  beadline bench --rounds 9\n\n\
     Both sides of a row are measured in turns; the ratio is the median over the rounds, with the least and the most.\n\
     Exit code 3: a ratio does not keep to its floor.")]
@@ -645,85 +298,4 @@ pub(crate) struct BenchArgs {
     /// Print the table as JSON
     #[arg(long)]
     pub(crate) json: bool,
-}
-
-/// How fast a run goes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Pace {
-    /// As fast as possible.
-    Max,
-    /// Simulated seconds per second of wall time.
-    PerSecond(f64),
-}
-
-/// More threads than any machine has cores are a mistake.
-fn parse_jobs(text: &str) -> Result<NonZero<usize>, String> {
-    let jobs = text.parse().ok().filter(|jobs: &NonZero<usize>| jobs.get() <= 1024);
-    jobs.ok_or_else(|| "expected a number of threads from 1 to 1024".to_owned())
-}
-
-fn parse_pace(text: &str) -> Result<Pace, String> {
-    match text {
-        "max" => Ok(Pace::Max),
-        _ => parse_seconds(text).map(Pace::PerSecond).map_err(|_| {
-            "expected `max` or a positive number of simulated seconds per second, such as 0.01".to_owned()
-        }),
-    }
-}
-
-/// `1000000`, `500kB`, `1.5GB`, `64MiB`: at most 2^53 bytes.
-fn parse_bytes(text: &str) -> Result<u64, String> {
-    let expected = || "expected a size such as 500MB, 2GB, 64MiB, or a number of bytes".to_owned();
-    let unit_at = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
-    let (number, unit) = text.split_at(unit_at);
-    let unit_bytes = match unit {
-        "" | "B" => 1.0,
-        "kB" | "KB" => 1e3,
-        "MB" => 1e6,
-        "GB" => 1e9,
-        "TB" => 1e12,
-        "KiB" => 1024.0,
-        "MiB" => 1024.0 * 1024.0,
-        "GiB" => 1024.0 * 1024.0 * 1024.0,
-        _ => return Err(expected()),
-    };
-    let bytes = number.trim_end().parse::<f64>().map_err(|_| expected())? * unit_bytes;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole and in range")]
-    let whole = (bytes >= 0.0 && bytes <= 2.0_f64.powi(53)).then_some(bytes.round() as u64);
-    whole.ok_or_else(expected)
-}
-
-fn parse_split_size(text: &str) -> Result<u64, String> {
-    let least = Split::LEAST_BYTES;
-    let large_enough = |bytes: &u64| *bytes >= least;
-    Some(parse_bytes(text)?).filter(large_enough).ok_or_else(|| format!("expected at least {least} bytes"))
-}
-
-fn parse_seconds(text: &str) -> Result<f64, String> {
-    let seconds: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
-    let allowed = seconds > 0.0 && seconds <= 1e9;
-    if allowed { Ok(seconds) } else { Err("expected a positive number, at most 1e9".to_owned()) }
-}
-
-fn parse_time(text: &str) -> Result<f64, String> {
-    let time_s = text.parse().ok().filter(|time_s: &f64| time_s.is_finite() && *time_s >= 0.0);
-    time_s.ok_or_else(|| "expected a simulated time in seconds, 0 or more".to_owned())
-}
-
-fn parse_pair(text: &str) -> Result<(u64, f64), String> {
-    let expected = || "expected BEAD=VALUE, such as 500=0.6e-3".to_owned();
-    let (bead, value) = text.split_once('=').ok_or_else(expected)?;
-    Ok((bead.parse().map_err(|_| expected())?, value.parse().map_err(|_| expected())?))
-}
-
-fn parse_impurity(text: &str) -> Result<Option<(u64, f64)>, String> {
-    if text == "none" { Ok(None) } else { parse_pair(text).map(Some) }
-}
-
-fn parse_shard(text: &str) -> Result<Shard, String> {
-    let parsed = text
-        .split_once('/')
-        .and_then(|(number, count)| Some(Shard { number: number.parse().ok()?, count: count.parse().ok()? }));
-    let expected = "expected I/N with I from 0 to N - 1, such as 0/2".to_owned();
-    parsed.filter(|shard| shard.number < shard.count).ok_or(expected)
 }

@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use indicatif::{DecimalBytes, HumanCount, ProgressBar, ProgressStyle};
+use schemas::frame::EndReason;
 use schemas::manifest::{RunManifest, SCHEMA_VERSION};
 use serde::Serialize;
 use std::fmt::{Display, Write as _};
@@ -68,9 +69,25 @@ fn style(template: &str) -> ProgressStyle {
     style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("━╸ ")
 }
 
+/// Why there are no more frames; `until_s` is the time (s) up to which they were asked for, if that is why.
+pub(crate) fn end(reason: EndReason, until_s: Option<f64>) -> String {
+    until_s.map_or_else(|| reason.to_string(), |until_s| format!("until {until_s} s, as asked"))
+}
+
+/// The same in one word, for programs.
+pub(crate) fn end_word(reason: EndReason, as_asked: bool) -> &'static str {
+    if as_asked { "as asked" } else { reason.as_str() }
+}
+
 /// `1,234,567`
 pub(crate) fn count(value: u64) -> HumanCount {
     HumanCount(value)
+}
+
+/// `1 frame`, `1,234 frames`
+pub(crate) fn counted(value: u64, one: &str) -> String {
+    let ending = if value == 1 { "" } else { "s" };
+    format!("{} {one}{ending}", count(value))
 }
 
 /// `139.2 MB`

@@ -2,6 +2,8 @@
 
 use crate::display;
 use anyhow::Error;
+use schemas::recording::WriteError;
+use schemas::whole_file::WholeFileError;
 use std::process::ExitCode;
 
 /// How a command ended that did not fail.
@@ -55,13 +57,20 @@ pub(crate) fn exit(result: Result<Done, Failure>) -> ExitCode {
         Err(Failure::Failed(error)) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(Failure::Failed(error)) => {
             display::notice(format_args!("{error:#}"));
-            ExitCode::from(1)
+            ExitCode::from(if is_in_the_way(&error) { 2 } else { 1 })
         }
         Err(Failure::BadInput(error)) => {
             display::notice(format_args!("{error:#}"));
             ExitCode::from(2)
         }
     }
+}
+
+/// Another name was to be chosen for an output, whichever command found that, and how late.
+fn is_in_the_way(error: &Error) -> bool {
+    let written = error.chain().filter_map(|cause| cause.downcast_ref::<WriteError>());
+    let mut files = error.chain().filter_map(|cause| cause.downcast_ref::<WholeFileError>());
+    written.into_iter().any(WriteError::is_in_the_way) || files.any(WholeFileError::is_in_the_way)
 }
 
 /// A reader that went away, as in `beadline presets | head -1`, is no failure.

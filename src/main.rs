@@ -8,6 +8,7 @@ mod configuration;
 mod display;
 mod failure;
 mod keyboard;
+mod outputs;
 mod pace;
 mod publishing;
 mod recorder;

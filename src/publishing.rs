@@ -1,6 +1,6 @@
 //! What a run and a replay have in common: a publisher, its consumers, and what is said about them.
 
-use crate::display::{self, duration};
+use crate::display::{self, counted, duration};
 use crate::failure::Failure;
 use anyhow::anyhow;
 use indicatif::ProgressBar;
@@ -32,7 +32,7 @@ pub(crate) fn wait_for_consumers(
     if count == 0 {
         return Ok(true);
     }
-    display::notice(format_args!("waiting for {count} lossless consumer(s)"));
+    display::notice(format_args!("waiting for {}", counted(count as u64, "lossless consumer")));
     Ok(publisher.wait_for(count, stop, None)? == WaitOutcome::Ready)
 }
 

@@ -82,13 +82,20 @@ impl Recorder {
         self.state().end = Some(RowsEnd { last_frame, since: Instant::now(), patience });
     }
 
-    /// Records a frame.
-    fn accept(&self, frame: &Frame<'_>) -> Result<(), WriteError> {
+    /// Records a frame, if it is due, and says whether `disk` has room for more: all under one lock.
+    fn take(&self, frame: &Frame<'_>, is_due: bool, disk: &mut DiskWatch) -> Result<bool, WriteError> {
         let mut state = self.state();
-        if let Some(failure) = state.failure.take() {
-            return Err(failure);
+        let Some(recording) = state.recording()? else { return Ok(true) };
+        if is_due {
+            recording.parts.accept(frame)?;
         }
-        state.recording.as_mut().map_or(Ok(()), |recording| recording.parts.accept(frame))
+        let parts = &recording.parts;
+        Ok(!disk.is_short(parts.bytes_written(), || parts.pending_bytes())?)
+    }
+
+    /// Records the last frame.
+    fn take_last(&self, frame: &Frame<'_>) -> Result<(), WriteError> {
+        self.state().recording()?.map_or(Ok(()), |recording| recording.parts.accept(frame))
     }
 
     /// Records a row of `stream`; `kind` says what it is, and is given back if it was asked.
@@ -119,20 +126,18 @@ impl Recorder {
         }
     }
 
-    /// Bytes on the disk, bytes that may follow them from memory, and parts finished.
-    pub(crate) fn size(&self) -> (u64, u64, usize) {
-        self.state().recording.as_ref().map_or((0, 0, 0), |recording| {
-            let parts = &recording.parts;
-            (parts.bytes_written(), parts.pending_bytes(), parts.finished().len())
-        })
+    /// Bytes on the disk, and parts finished.
+    pub(crate) fn size(&self) -> (u64, usize) {
+        self.state()
+            .recording
+            .as_ref()
+            .map_or((0, 0), |recording| (recording.parts.bytes_written(), recording.parts.finished().len()))
     }
 
     /// Ends the recording for `reason`; without any frame or row there is none.
     pub(crate) fn finish(&self, reason: EndReason) -> Result<Vec<Finished>, WriteError> {
         let mut state = self.state();
-        if let Some(failure) = state.failure.take() {
-            return Err(failure);
-        }
+        state.recording()?;
         match state.recording.take() {
             Some(recording) if recording.has_rows || recording.parts.frames() > 0 => {
                 recording.parts.finish(reason)
@@ -146,40 +151,51 @@ impl Recorder {
     }
 }
 
+impl State {
+    /// The recording under way, unless a thread that records rows has failed: each failure is an error once.
+    fn recording(&mut self) -> Result<Option<&mut Recording>, WriteError> {
+        self.failure.take().map_or(Ok(self.recording.as_mut()), Err)
+    }
+}
+
 /// Records those frames of a run that are due, the first and the last one.
 pub(crate) struct DueFrames<'a> {
     recorder: &'a Recorder,
     manifest: &'a RunManifest,
     disk: DiskWatch,
-    /// The last frame, if it was not due.
+    /// A frame that was not due, in memory that the next one takes over.
     passed: Option<ChainState>,
+    /// It is the last frame.
+    ends_with_passed: bool,
     first: Option<u64>,
     last: Option<u64>,
 }
 
 impl<'a> DueFrames<'a> {
     pub(crate) fn new(recorder: &'a Recorder, manifest: &'a RunManifest, disk: DiskWatch) -> Self {
-        Self { recorder, manifest, disk, passed: None, first: None, last: None }
+        Self { recorder, manifest, disk, passed: None, ends_with_passed: false, first: None, last: None }
     }
 
     /// Takes the next frame, and says whether the disk has room for more.
     pub(crate) fn take(&mut self, frame: &Frame<'_>) -> Result<bool, WriteError> {
-        if self.first.is_none() || self.manifest.is_recorded(frame.step) {
-            self.recorder.accept(frame)?;
-            self.passed = None;
-        } else {
-            self.passed = Some(ChainState::of_frame(frame));
+        let is_due = self.first.is_none() || self.manifest.is_recorded(frame.step);
+        self.ends_with_passed = !is_due;
+        if !is_due {
+            match &mut self.passed {
+                Some(passed) => passed.copy_from(frame),
+                None => self.passed = Some(ChainState::of_frame(frame)),
+            }
         }
         self.first.get_or_insert(frame.frame);
         self.last = Some(frame.frame);
-        let (written_bytes, pending_bytes, _) = self.recorder.size();
-        Ok(!self.disk.is_short(written_bytes, pending_bytes)?)
+        self.recorder.take(frame, is_due, &mut self.disk)
     }
 
     /// Records the last frame, if it was not due, and returns the first and the last one.
     pub(crate) fn finish(self) -> Result<Option<(u64, u64)>, WriteError> {
-        if let (Some(state), Some(last)) = (&self.passed, self.last) {
-            self.recorder.accept(&state.as_frame(self.manifest, last))?;
+        let passed = self.passed.as_ref().filter(|_| self.ends_with_passed);
+        if let (Some(state), Some(last)) = (passed, self.last) {
+            self.recorder.take_last(&state.as_frame(self.manifest, last))?;
         }
         Ok(self.first.zip(self.last))
     }

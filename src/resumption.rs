@@ -2,6 +2,7 @@
 
 use crate::display::{self, count};
 use crate::failure::{BadInput, Failure};
+use crate::outputs::check_free;
 use anyhow::anyhow;
 use producer::resimulation::check_kernel;
 use producer::state::ChainState;
@@ -36,6 +37,9 @@ impl Resumption {
     /// Finds the recording `path` of a run that can be gone on with, into `out` or in its place.
     pub(crate) fn find(path: &Path, out: Option<&Path>, force: bool) -> Result<Self, Failure> {
         let recording = InterruptedRecording::find(path, out, force).bad_input()?;
+        if !recording.is_in_place() {
+            check_free(recording.target(), force)?;
+        }
         let info = recording.info();
         display::notice_of_version(&info.manifest);
         check_kernel(&info.manifest).bad_input()?;

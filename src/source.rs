@@ -73,9 +73,7 @@ impl Frames {
     /// What of `source` the flags ask for, at least from the time `from_s` on.
     pub(crate) fn of(mut source: Source, args: &AnalysisArgs, from_s: f64) -> Result<Self, Failure> {
         let first_step = source.manifest().physics.step_at_or_after(from_s);
-        if !args.from_start {
-            source.seek(first_step)?;
-        }
+        source.seek(first_step)?;
         let lend = if args.every_step { Lend::Steps } else { Lend::Frames };
         if args.from_start || args.every_step || args.fill_gaps {
             return Self::recomputed(source, lend, args.from_start, first_step, args.jobs);

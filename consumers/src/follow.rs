@@ -30,6 +30,8 @@ pub struct Tally {
     pub last_frame: Option<u64>,
     /// Why it ended.
     pub end: EndReason,
+    /// It ended because no more was asked for: the window ends before the source does.
+    pub ended_as_asked: bool,
 }
 
 impl Default for Tally {
@@ -41,6 +43,7 @@ impl Default for Tally {
             first_frame: None,
             last_frame: None,
             end: EndReason::Unfinished,
+            ended_as_asked: false,
         }
     }
 }
@@ -110,6 +113,7 @@ pub fn follow_within<S: FrameSource, A: Analysis>(
         };
         if window.ends_at(&manifest, step) {
             tally.end = EndReason::Interrupted;
+            tally.ended_as_asked = true;
             return Ok(());
         }
     }

@@ -89,6 +89,8 @@ pub struct ReplayOutcome<E: std::error::Error + 'static> {
     /// What consumers are to be told: the end of the recording; [`EndReason::Interrupted`] when the window ended
     /// before it or the conductor ended the replay; [`EndReason::Failed`] when it broke off.
     pub reason: EndReason,
+    /// It ended because no more was asked for: the window ended before the recording.
+    pub ended_as_asked: bool,
     /// The first frame of the window.
     pub first_frame: u64,
     /// Frames published.
@@ -180,6 +182,7 @@ impl<S: FrameSource> Replay<S> {
         let first = self.first.as_frame(manifest, first_frame);
         let mut outcome = ReplayOutcome {
             reason: EndReason::Interrupted,
+            ended_as_asked: false,
             first_frame,
             published_count: 0,
             last_step: None,
@@ -190,9 +193,13 @@ impl<S: FrameSource> Replay<S> {
         }
         outcome.reason = loop {
             let frame = match self.source.receive() {
-                Ok(Received::Frame(frame)) if frame.time_s > self.until_s => break EndReason::Interrupted,
+                Ok(Received::Frame(frame)) if frame.time_s > self.until_s => {
+                    outcome.ended_as_asked = true;
+                    break EndReason::Interrupted;
+                }
                 Ok(Received::Frame(frame)) => frame,
                 Ok(Received::Missed { from, .. }) if time_s_of(from) > self.until_s => {
+                    outcome.ended_as_asked = true;
                     break EndReason::Interrupted;
                 }
                 Ok(Received::Missed { from, to }) => {

@@ -51,7 +51,10 @@ impl ChainState {
     }
 
     /// Makes this the state that `frame`, one of the same run, shows.
-    pub(crate) fn copy_from(&mut self, frame: &Frame<'_>) {
+    ///
+    /// # Panics
+    /// When the frame has another number of beads, as no frame of the same run has.
+    pub fn copy_from(&mut self, frame: &Frame<'_>) {
         self.u_m.copy_from_slice(frame.u_m);
         self.v_m_s.copy_from_slice(frame.v_m_s);
         self.extra.copy_from_slice(frame.extra);

@@ -46,7 +46,7 @@ mod space;
 mod sync;
 mod writer;
 
-pub use audit::{Audit, Audited, OtherCopier, OtherMessage, RecordedState};
+pub use audit::{Audit, Audited, RecordedState};
 pub use channel_writer::{Compression, Finished, WriteOptions};
 pub use contacts::{COMPRESSED, ContactsReader, ContactsRow, ContactsWriter, OPEN, TOUCHING};
 pub use disk::{Disk, DiskWatch};
@@ -55,7 +55,7 @@ pub use error::{ReadError, WriteError};
 pub use head::{BeginRecord, EndRecord, hex, state_hash};
 pub use info::{ChannelInfo, RecordingInfo};
 pub use interrupted::{InterruptedRecording, ResumeError};
-pub use others::{CopyError, OtherChannels};
+pub use others::{CopyError, OtherChannels, OtherCopier, OtherMessage};
 pub use parts::{PartsWriter, Split, part_path};
 pub use records::MAX_RECORD_BYTES;
 pub use results::{ResultKind, ResultRow, RowValues};

@@ -121,6 +121,11 @@ impl WholeFileError {
     pub fn io(path: &Path) -> impl Fn(io::Error) -> Self + '_ {
         move |source| Self::Io { path: path.to_owned(), source }
     }
+
+    /// Whether what was there before stands in the way: whoever named the file has to choose another name.
+    pub fn is_in_the_way(&self) -> bool {
+        matches!(self, Self::Exists { .. } | Self::PartialExists { .. } | Self::NotAFile { .. })
+    }
 }
 
 /// How long the lock of a new file may be held by somebody who only looks at it.
@@ -237,6 +242,14 @@ pub fn give_name(from: &Path, to: &Path, replace: bool) -> Result<(), WholeFileE
             naming::sync_directory(to)
         }
     }
+}
+
+/// Whether a living process is writing the file at `path`, as far as its file system has locks.
+pub fn is_being_written(path: &Path) -> bool {
+    // a pipe would keep us waiting
+    let file = path.is_file().then(|| File::open(path));
+    file.and_then(Result::ok)
+        .is_some_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)))
 }
 
 /// Whether there is a regular file at `path`; anything else there is an error.

@@ -1,9 +1,10 @@
 //! `beadline contacts`.
 
-use crate::analysis::{AnalysisError, ROW_HEAD, Session, begin_row, check_outputs, draw, finish, publish};
+use crate::analysis::{AnalysisError, ROW_HEAD, Session, begin_row, check_flags, draw, finish, publish};
 use crate::args::ContactsArgs;
 use crate::display::{self, count};
 use crate::failure::{BadInput, Done, Failure};
+use crate::outputs::check_outputs;
 use crate::source::Named;
 use anyhow::anyhow;
 use consumers::contacts::{ContactCounts, ContactRaster, Contacts, default_tolerance_m};
@@ -55,10 +56,12 @@ impl Analysis for Outputs {
 
 pub(crate) fn contacts(args: &ContactsArgs) -> Result<Done, Failure> {
     let (table, map) = outputs(args)?;
-    if let Named::File(path) = Named::parse(&args.common.source)?
-        && is_contact_map(&path)
+    let named = Named::parse(&args.common.source)?;
+    if let Named::File(path) = &named
+        && is_contact_map(path)
     {
-        return redraw(args, ContactsReader::open(&path).bad_input()?);
+        check_flags(&args.common, &named)?;
+        return redraw(args, ContactsReader::open(path).bad_input()?);
     }
     let mut session = Session::open(&args.common, "contacts", &args.out.iter().collect::<Vec<_>>())?;
     let manifest = session.manifest().clone();
@@ -106,12 +109,22 @@ fn redraw(args: &ContactsArgs, mut map: ContactsReader) -> Result<Done, Failure>
         let message = "--out: the source is a map of contacts already; give the recording of the run instead";
         return Err(anyhow!(message)).bad_input();
     }
-    if args.common.from > 0.0 || args.common.until.is_some() {
+    let common = &args.common;
+    let of_states = [
+        ("--from", common.from > 0.0),
+        ("--until", common.until.is_some()),
+        ("--from-start", common.from_start),
+        ("--fill-gaps", common.fill_gaps),
+        ("--every-step", common.every_step),
+        ("--jobs", common.jobs.is_some()),
+        ("--tolerance", args.tolerance.is_some()),
+    ];
+    if let Some((flag, _)) = of_states.iter().find(|(_, is_given)| *is_given) {
         let message =
-            "--from and --until: the source is a map of contacts; give the recording of the run instead";
+            format!("{flag}: the source is a map of contacts; give the recording of the run instead");
         return Err(anyhow!(message)).bad_input();
     }
-    check_outputs(&args.common, &[])?;
+    check_outputs(common, &[])?;
     let manifest = map.manifest().clone();
     let mut raster = ContactRaster::new(manifest.contact_count(), manifest.physics.step_count);
     let (mut rows, mut last, mut tolerance_m) = (0, ContactCounts::default(), default_tolerance_m(&manifest));

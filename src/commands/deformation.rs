@@ -1,9 +1,10 @@
 //! `beadline deformation`.
 
-use crate::analysis::{AnalysisError, Session, check_tables, draw};
+use crate::analysis::{AnalysisError, Session, draw};
 use crate::args::DeformationArgs;
 use crate::display;
 use crate::failure::{Done, Failure};
+use crate::outputs::check_tables;
 use anyhow::anyhow;
 use consumers::deformation::{Comparison, Deformation, Deformations};
 use consumers::follow::Analysis;

@@ -4,7 +4,7 @@ use crate::args::DemoArgs;
 use crate::commands::thin::thin_quietly;
 use crate::configuration::preset;
 use crate::display::{self, bytes, count, seconds};
-use crate::failure::{Done, Failure};
+use crate::failure::{BadInput, Done, Failure};
 use crate::signals;
 use anyhow::{Context, anyhow};
 use consumers::figure::Options;
@@ -70,7 +70,7 @@ const PROFILES: [&str; 2] = ["profiles.svg", "profiles.png"];
 pub(crate) fn demo(args: &DemoArgs) -> Result<Done, Failure> {
     let start = Instant::now();
     let dir = &args.out;
-    fs::create_dir_all(dir).with_context(|| format!("{} cannot be created", dir.display()))?;
+    fs::create_dir_all(dir).with_context(|| format!("{} cannot be created", dir.display())).bad_input()?;
     check_free(dir, args.force)?;
     let name = free_name()?;
 
@@ -121,7 +121,7 @@ fn check_free(dir: &Path, force: bool) -> Result<(), Failure> {
     match taken {
         Some(path) if !force => {
             let message = format!("{} exists already; choose another --out or pass --force", path.display());
-            Err(Failure::Failed(anyhow!(message)))
+            Err(Failure::BadInput(anyhow!(message)))
         }
         _ => Ok(()),
     }

@@ -1,11 +1,10 @@
 //! `beadline energies`.
 
-use crate::analysis::{
-    AnalysisError, ROW_HEAD, Session, begin_row, check_bead, check_tables, draw, finish, publish,
-};
+use crate::analysis::{AnalysisError, ROW_HEAD, Session, begin_row, check_bead, draw, finish, publish};
 use crate::args::EnergiesArgs;
 use crate::display::count;
 use crate::failure::{Done, Failure};
+use crate::outputs::check_tables;
 use consumers::energies::{
     Energies, EnergyOutcome, EnergyRow, Moment, Reflected, Reflection, default_split_bead,
 };

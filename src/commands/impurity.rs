@@ -1,10 +1,10 @@
 //! `beadline impurity`.
 
-use crate::analysis::{
-    AnalysisError, ROW_HEAD, Session, begin_row, check_bead, check_tables, draw, finish, publish,
-};
+use crate::analysis::{AnalysisError, ROW_HEAD, Session, begin_row, check_bead, draw, finish, publish};
 use crate::args::ImpurityArgs;
+use crate::display::counted;
 use crate::failure::{Done, Failure};
+use crate::outputs::check_tables;
 use consumers::energies::default_split_bead;
 use consumers::follow::Analysis;
 use consumers::impurity::{Event, EventKind, Followed, Motion};
@@ -127,7 +127,7 @@ fn rows(beads: &[u64], events: &[Event], event_count: u64) -> Vec<(&'static str,
         .collect();
     let mut rows = vec![
         ("beads", listed.join(", ")),
-        ("events", format!("{event_count}, {} turning points", turns.len())),
+        ("events", format!("{event_count}, {}", counted(turns.len() as u64, "turning point"))),
     ];
     rows.extend(shown.into_iter().map(|turn| ("turns", turn)));
     rows

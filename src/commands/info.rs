@@ -4,26 +4,31 @@ use crate::display::{self, bytes, count, seconds};
 use crate::failure::{BadInput, Done, Failure};
 use schemas::frame::EndReason;
 use schemas::recording::RecordingInfo;
+use schemas::whole_file::is_being_written;
 use serde_json::json;
 use std::path::Path;
 
 pub(crate) fn info(path: &Path, as_json: bool) -> Result<Done, Failure> {
+    let is_being_written = is_being_written(path);
     let info = RecordingInfo::read(path).bad_input()?;
     display::notice_of_version(&info.manifest);
     if as_json {
-        display::print_json(&to_json(&info))?;
+        display::print_json(&to_json(&info, is_being_written))?;
     } else {
-        display::print(text(&info))?;
+        display::print(text(&info, is_being_written))?;
     }
     Ok(Done::whole_if(info.finished && info.damage.is_none()))
 }
 
 /// Whether it was closed, and whether it reaches the end of the run.
-fn state(info: &RecordingInfo) -> String {
+fn state(info: &RecordingInfo, is_being_written: bool) -> String {
     let steps = info.manifest.physics.step_count;
     let reached = info.last_step.map_or("no step".to_owned(), |step| format!("step {}", count(step)));
     match &info.end {
         _ if info.damage.is_some() => format!("damaged: {}", info.damage.as_deref().unwrap_or_default()),
+        None if is_being_written => {
+            format!("being written by a process that lives; so far it reaches {reached} of {}", count(steps))
+        }
         None => format!("unfinished: it was not closed; it reaches {reached} of {}", count(steps)),
         Some(_) if info.is_complete() => format!("finished and complete: all {} steps", count(steps)),
         Some(end) => {
@@ -47,7 +52,7 @@ fn last_steps(info: &RecordingInfo) -> u64 {
     info.last_step.zip(info.first_step).map_or(0, |(last, first)| last.saturating_sub(first))
 }
 
-fn text(info: &RecordingInfo) -> String {
+fn text(info: &RecordingInfo, is_being_written: bool) -> String {
     let (physics, provenance) = (&info.manifest.physics, &info.manifest.provenance);
     let impurities: Vec<_> =
         physics.impurities.iter().map(|i| format!("bead {} of {} kg", i.bead, i.mass_kg)).collect();
@@ -61,7 +66,7 @@ fn text(info: &RecordingInfo) -> String {
         format!("{} to {}, {every}", seconds(first), seconds(last))
     });
     let mut rows = vec![
-        ("state", state(info)),
+        ("state", state(info, is_being_written)),
         ("run", format!("{} {}", provenance.name, provenance.run_id)),
         (
             "chain",
@@ -105,17 +110,18 @@ fn text(info: &RecordingInfo) -> String {
         rows.push((
             "channel",
             format!(
-                "{:10} {:24} {:>10} messages",
+                "{:10} {:24} {:>10} message{}",
                 channel.topic,
                 channel.schema,
-                count(channel.messages).to_string()
+                count(channel.messages).to_string(),
+                if channel.messages == 1 { "" } else { "s" }
             ),
         ));
     }
     display::rows(&info.path.display().to_string(), &rows)
 }
 
-fn to_json(info: &RecordingInfo) -> serde_json::Value {
+fn to_json(info: &RecordingInfo, is_being_written: bool) -> serde_json::Value {
     let channels: Vec<_> = info
         .channels
         .iter()
@@ -135,6 +141,7 @@ fn to_json(info: &RecordingInfo) -> serde_json::Value {
         "uncompressed_bytes": info.uncompressed_bytes,
         "compression_ratio": info.compression_ratio(),
         "finished": info.finished,
+        "being_written": is_being_written,
         "complete": info.is_complete(),
         "end_reason": info.end.as_ref().map(|end| end.reason.as_str()),
         "damage": info.damage,

@@ -1,9 +1,10 @@
 //! `beadline pulses`.
 
-use crate::analysis::{AnalysisError, Session, check_tables, draw, finish, publish};
+use crate::analysis::{AnalysisError, Session, draw, finish, publish};
 use crate::args::PulsesArgs;
-use crate::display::{self, count};
+use crate::display::{self, count, counted};
 use crate::failure::{BadInput, Done, Failure};
+use crate::outputs::check_tables;
 use anyhow::anyhow;
 use consumers::follow::Analysis;
 use consumers::plots;
@@ -215,8 +216,8 @@ fn warn_of_coarse_frames(manifest: &RunManifest, counts: &Counts) {
         ));
     }
     if counts.unresolved_crests > 0 {
-        let unresolved = count(counts.unresolved_crests);
-        display::notice(format_args!("{unresolved} crest(s) fell between frames and were left out"));
+        let unresolved = counted(counts.unresolved_crests, "crest");
+        display::notice(format_args!("left out {unresolved} that fell between frames"));
     }
 }
 

@@ -1,9 +1,9 @@
 //! `beadline record`: a live run, its states and the results that analyses publish, into a recording.
 
-use crate::analysis::check_place;
 use crate::args::RecordArgs;
-use crate::display::{self, bytes, count};
+use crate::display::{self, bytes, count, counted};
 use crate::failure::{BadInput, Done, Failure};
+use crate::outputs::{check_directory, check_free};
 use crate::recorder::rows::{RowTally, RowThreads};
 use crate::recorder::{DueFrames, Recorder};
 use crate::signals;
@@ -15,7 +15,6 @@ use schemas::frame::{EndReason, FrameSource, Received};
 use schemas::manifest::RunManifest;
 use schemas::recording::{Disk, DiskWatch, Finished, PartsWriter, Split, WriteOptions, part_path};
 use serde_json::{Value, json};
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
@@ -102,9 +101,10 @@ fn check_output(args: &RecordArgs, split: &Split) -> Result<u64, Failure> {
         return Err(anyhow!(message)).bad_input();
     }
     if split.is_split() {
+        check_directory(&args.out)?;
         PartsWriter::check(&args.out, split, args.force)?;
     } else {
-        check_place(&args.out, Path::new(&args.source), args.force)?;
+        check_free(&args.out, args.force)?;
     }
     let disk = Disk::of(&args.out)?;
     let reserve_bytes = args.min_free.unwrap_or_else(|| disk.default_reserve_bytes());
@@ -198,11 +198,11 @@ impl Session<'_> {
                     }
                     if refreshed.elapsed() >= Duration::from_millis(100) {
                         refreshed = Instant::now();
-                        let (written_bytes, _, finished_parts) = self.recorder.size();
+                        let (written_bytes, finished_parts) = self.recorder.size();
                         bar.set_position(frame.step);
                         bar.set_message(format!(
-                            "{} frames, {} missed · part {} · {}",
-                            count(self.frame_count),
+                            "{}, {} missed · part {} · {}",
+                            counted(self.frame_count, "frame"),
                             count(self.missed_count),
                             finished_parts + 1,
                             bytes(written_bytes),
@@ -261,7 +261,10 @@ impl Summary<'_> {
         for tally in &self.results {
             let range = range_text(tally.first_frame.zip(tally.last_frame));
             let missed = count(tally.missed_count());
-            rows.push((tally.topic.as_str(), format!("{} rows{range}, {missed} missed", count(tally.count))));
+            rows.push((
+                tally.topic.as_str(),
+                format!("{}{range}, {missed} missed", counted(tally.count, "row")),
+            ));
         }
         let size = |part: &Finished| format!("{}, {}", part.path.display(), bytes(part.bytes));
         match self.parts.as_slice() {
@@ -323,8 +326,8 @@ impl Summary<'_> {
             ));
         }
         if self.missed_count > 0 {
-            let missed = count(self.missed_count);
-            display::notice(format_args!("{missed} frame(s) were published but did not arrive"));
+            let missed = counted(self.missed_count, "published frame");
+            display::notice(format_args!("{missed} did not arrive"));
         }
         for tally in &self.results {
             for (from, to) in tally.missed.iter().take(5) {

@@ -1,10 +1,10 @@
 //! `beadline recover FILE --out FILE`: a whole recording from a damaged or unfinished one.
 
-use crate::analysis::check_place;
 use crate::args::RecoverArgs;
 use crate::commands::verify::{damage_json, damage_text, difference_json, frames};
-use crate::display::{self, bytes, count};
+use crate::display::{self, bytes, count, counted};
 use crate::failure::{BadInput, Done, Failure};
+use crate::outputs::check_place;
 use crate::signals;
 use anyhow::{Context, anyhow};
 use producer::recovery::{Recovery, RecoveryError, recover as recover_states};
@@ -152,7 +152,7 @@ fn text(from: &Path, manifest: &RunManifest, recovery: &Recovery, finished: &Fin
     }
     for (topic, counts) in &recovery.others {
         let lost = if counts.lost > 0 { format!(", {} LOST", count(counts.lost)) } else { String::new() };
-        rows.push(("channel", format!("{topic}: {} messages kept{lost}", count(counts.kept))));
+        rows.push(("channel", format!("{topic}: {} kept{lost}", counted(counts.kept, "message"))));
     }
     rows.extend(recovery.lost.iter().map(|(from, to)| ("LOST", frames(*from, *to))));
     push_more(&mut rows, "LOST", recovery.lost_count, recovery.lost.len());

@@ -2,7 +2,7 @@
 
 use crate::args::ReproduceArgs;
 use crate::configuration::origin;
-use crate::display;
+use crate::display::{self, counted};
 use crate::failure::{BadInput, Done, Failure};
 use crate::reproduce::cache::{self, Cached};
 use crate::reproduce::report::{Report, Studied, figure_path};
@@ -119,9 +119,9 @@ fn observe(
 fn announce(studies: &[&'static Study], runs: &[Cached], jobs: usize) {
     let recorded = runs.iter().filter(|cached| cached.recorded).count();
     display::notice(format_args!(
-        "{} figures from {} runs, {recorded} of them recorded before; {jobs} at a time",
-        studies.len(),
-        runs.len(),
+        "{} from {}, {recorded} of them recorded before; {jobs} at a time",
+        counted(studies.len() as u64, "figure"),
+        counted(runs.len() as u64, "run"),
     ));
 }
 

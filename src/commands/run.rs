@@ -2,8 +2,9 @@
 
 use crate::args::{Pace, RunArgs};
 use crate::configuration::{Configured, configure};
-use crate::display::{self, bytes, count, duration, seconds};
+use crate::display::{self, bytes, count, counted, duration, seconds};
 use crate::failure::{Done, Failure};
+use crate::outputs::check_free;
 use crate::pace::{LONGEST_NAP, Pacer};
 use crate::publishing::{self, Dropped};
 use crate::resumption::{self, Resumption};
@@ -52,8 +53,10 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         let message = format!("{}: a recording is written as .mcap", path.display());
         return Err(Failure::BadInput(anyhow!(message)));
     }
-    if let Some(found) = &resumption {
-        resumption::tell_begin(manifest, found.info());
+    match (&resumption, &out) {
+        (Some(found), _) => resumption::tell_begin(manifest, found.info()),
+        (None, Some(path)) => check_free(path, args.force)?,
+        (None, None) => {}
     }
     announce(manifest, out.as_ref(), &options)?;
 
@@ -151,11 +154,11 @@ fn failed_to_record<P: std::error::Error, T>(
 fn announce(manifest: &RunManifest, out: Option<&PathBuf>, options: &WriteOptions) -> Result<(), Failure> {
     let frame_bytes = 8 * manifest.frame_doubles() as u64;
     let frames = format!(
-        "{}: {} steps of {}, {} frames of {}",
+        "{}: {} of {}, {} of {}",
         manifest.provenance.name,
-        count(manifest.physics.step_count),
+        counted(manifest.physics.step_count, "step"),
         seconds(manifest.physics.dt_s),
-        count(manifest.frame_count()),
+        counted(manifest.frame_count(), "frame"),
         bytes(frame_bytes),
     );
     let Some(path) = out else {

@@ -1,7 +1,7 @@
 //! `beadline sweep`: a grid of runs, a row each.
 
 use crate::args::SweepArgs;
-use crate::display::{self, count, duration};
+use crate::display::{self, count, counted, duration};
 use crate::failure::{BadInput, Done, Failure};
 use crate::signals;
 use crate::sweep::{self, Options, Outcome};
@@ -91,19 +91,17 @@ impl Summary<'_> {
             display::notice(format_args!("point {index}: this program went wrong, see above; it has no row"));
         }
         if !self.outcome.failed.is_empty() {
-            let failed = count(self.outcome.failed.len() as u64);
-            display::notice(format_args!("{failed} run(s) failed; the column `error` says why"));
+            let failed = counted(self.outcome.failed.len() as u64, "run");
+            display::notice(format_args!("{failed} failed; the column `error` says why"));
         }
         if self.stopped && self.outcome.left > 0 {
             display::notice("stopped: finished points are kept, the same command goes on with the others");
         } else if self.outcome.missing > 0 {
-            let missing = count(self.outcome.missing);
+            let missing = counted(self.outcome.missing, "point");
             display::notice(if args.merge {
-                format!("{missing} point(s) are missing in the results")
+                format!("the results lack {missing}")
             } else {
-                format!(
-                    "{missing} point(s) are not there yet; whoever computes the last merges the results, or --merge"
-                )
+                format!("not there yet: {missing}; whoever computes the last merges the results, or --merge")
             });
         } else if self.outcome.files.is_none() {
             display::notice("another process is merging the results");
@@ -112,7 +110,8 @@ impl Summary<'_> {
 
     fn done(&self, args: &SweepArgs) -> Result<Done, Failure> {
         if !self.outcome.tally.broken.is_empty() {
-            let message = format!("{} point(s) could not be computed", self.outcome.tally.broken.len());
+            let broken = counted(self.outcome.tally.broken.len() as u64, "point");
+            let message = format!("{broken} could not be computed");
             return Err(Failure::Failed(anyhow!(message)));
         }
         let whole = self.outcome.failed.is_empty()

@@ -1,9 +1,9 @@
 //! `beadline thin` and `beadline expand`: fewer or more of a run's states in a recording, none of them lost.
 
-use crate::analysis::check_place;
 use crate::args::{ExpandArgs, ThinArgs};
 use crate::display::{self, bytes, count};
 use crate::failure::{BadInput, Done, Failure};
+use crate::outputs::check_place;
 use crate::signals;
 use crate::source::{Frames, Source};
 use anyhow::anyhow;

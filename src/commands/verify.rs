@@ -7,7 +7,8 @@ use crate::signals;
 use producer::resimulation::Difference;
 use producer::verification::{Follows, Verification, follows, verify as verify_states};
 use schemas::frame::EndReason;
-use schemas::recording::{Audit, Damage, SummaryDifference};
+use schemas::recording::{Audit, Damage, DamageKind, SummaryDifference};
+use schemas::whole_file::is_being_written;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::num::NonZero;
@@ -19,6 +20,8 @@ use std::time::{Duration, Instant};
 struct Verified {
     path: PathBuf,
     file_bytes: u64,
+    /// A process that lives goes on with it.
+    is_being_written: bool,
     found: Verification,
     /// Whether it is the part that follows the file before.
     follows: Option<Follows>,
@@ -51,6 +54,7 @@ pub(crate) fn verify(args: &VerifyArgs) -> Result<Done, Failure> {
 }
 
 fn verify_file(path: &Path, threads: NonZero<usize>, stop: &AtomicBool) -> Result<Verified, Failure> {
+    let is_being_written = is_being_written(path);
     let audit = Audit::open(path).bad_input()?;
     let manifest = audit.manifest();
     display::notice_of_version(manifest);
@@ -64,7 +68,13 @@ fn verify_file(path: &Path, threads: NonZero<usize>, stop: &AtomicBool) -> Resul
         }
     });
     bar.finish_and_clear();
-    Ok(Verified { path: path.to_owned(), file_bytes, found: found.bad_input()?, follows: None })
+    Ok(Verified {
+        path: path.to_owned(),
+        file_bytes,
+        is_being_written,
+        found: found.bad_input()?,
+        follows: None,
+    })
 }
 
 impl Verified {
@@ -80,6 +90,8 @@ impl Verified {
             "proven by itself, but it does NOT FOLLOW the part before"
         } else if found.is_sound_so_far() && found.stopped_after.is_some() {
             "STOPPED before it was proven"
+        } else if found.is_proven_so_far() && self.is_being_written {
+            "proven as far as it is written"
         } else if found.is_proven_so_far() {
             "proven as far as it goes, but it is NOT WHOLE"
         } else if found.is_sound_so_far() && found.end.is_orderly() {
@@ -89,6 +101,30 @@ impl Verified {
         } else {
             "NOT PROVEN"
         }
+    }
+
+    /// What is damaged; that a file ends within a record while it is being written is no damage.
+    fn damages(&self) -> impl Iterator<Item = &Damage> {
+        let is_open_end = |damage: &&Damage| self.is_being_written && damage.kind == DamageKind::Torn;
+        self.found.damages.iter().filter(move |damage| !is_open_end(damage))
+    }
+
+    /// What to do with a file that is not whole.
+    fn advice(&self) -> Vec<String> {
+        let (found, path) = (&self.found, self.path.display());
+        if self.is_being_written {
+            return vec![
+                "a process that lives is writing it: wait for its end, and verify it then".to_owned(),
+            ];
+        }
+        if found.damage_count == 0 && (found.end.is_orderly() || found.stopped_after.is_some()) {
+            return Vec::new();
+        }
+        let recover = format!("beadline recover {path} --out WHOLE.mcap");
+        if found.damage_count == 0 && found.end == EndReason::Unfinished {
+            return vec![format!("beadline run --resume {path}, which goes on with the run; or"), recover];
+        }
+        vec![recover]
     }
 
     /// Steps between the first and the last state.
@@ -110,7 +146,8 @@ fn text(file: &Verified) -> String {
     if let Some((first, last)) = found.step_range() {
         rows.push(("begins", begin(found, first)));
         let end = format!("step {} of {}", count(last), count(manifest.physics.step_count));
-        rows.push(("ends", format!("at {end} ({})", found.end)));
+        let reason = if file.is_being_written { "being written" } else { found.end.as_str() };
+        rows.push(("ends", format!("at {end} ({reason})")));
     }
     if let Some(step) = found.stopped_after {
         rows.push(("stopped", format!("nothing is known of what comes after step {}", count(step))));
@@ -134,22 +171,16 @@ fn text(file: &Verified) -> String {
     }
     rows.extend(found.missing.iter().map(|(from, to)| ("missing", frames(*from, Some(*to)))));
     push_more(&mut rows, "missing", found.missing_count, found.missing.len(), "ranges");
-    rows.extend(found.damages.iter().map(|damage| ("damaged", damage_text(damage))));
+    rows.extend(file.damages().map(|damage| ("damaged", damage_text(damage))));
     push_more(&mut rows, "damaged", found.damage_count, found.damages.len(), "places");
-    if found.damage_count > 0 || !(found.end.is_orderly() || found.stopped_after.is_some()) {
-        let path = file.path.display();
-        if found.damage_count == 0 && found.end == EndReason::Unfinished {
-            rows.push(("next", format!("beadline run --resume {path}, which goes on with the run; or")));
-        }
-        rows.push(("next", format!("beadline recover {path} --out WHOLE.mcap")));
-    }
+    rows.extend(file.advice().into_iter().map(|advice| ("next", advice)));
     display::rows(&format!("{}: {}", manifest.provenance.name, file.verdict()), &rows)
 }
 
 fn push_more(rows: &mut Vec<(&'static str, String)>, name: &'static str, all: u64, shown: usize, of: &str) {
     let more = all.saturating_sub(shown as u64);
     if more > 0 {
-        rows.push((name, format!("and {} {of} more", count(more))));
+        rows.push((name, format!("and {} more of the {of}", count(more))));
     }
 }
 
@@ -229,6 +260,7 @@ fn to_json(file: &Verified) -> Value {
         "first_step": range.map(|(first, _)| first),
         "last_step": range.map(|(_, last)| last),
         "end": found.end.as_str(),
+        "being_written": file.is_being_written,
         "stopped_after_step": found.stopped_after,
         "part": found.begin.part,
         "previous_state_hash": found.begin.previous_state_hash,

@@ -1,5 +1,6 @@
 //! The points of the energy figures, by a sweep.
 
+use crate::display::counted;
 use crate::failure::Failure;
 use crate::sweep::{self, Options};
 use anyhow::anyhow;
@@ -30,7 +31,7 @@ pub(crate) fn points(
         return Err(anyhow!("point {index} of the sweep in {path} failed; its row says why").into());
     }
     if outcome.missing > 0 {
-        return Err(anyhow!("{} points of the sweep in {path} have no row", outcome.missing).into());
+        return Err(anyhow!("the sweep in {path} has no row of {}", counted(outcome.missing, "point")).into());
     }
     let columns = sweep::columns(&sweep);
     let points = outcome.rows.values().map(|entry| Row { columns: &columns, cells: &entry.cells }.point());

@@ -68,7 +68,9 @@ impl Directory {
     /// removed with `force`.
     pub(super) fn open(path: &Path, sweep: &Sweep, force: bool) -> Result<Self, Failure> {
         let (directory, sign) = Self::of(path, sweep);
-        fs::create_dir_all(path.join(ROWS)).with_context(|| format!("cannot make {}", path.display()))?;
+        fs::create_dir_all(path.join(ROWS))
+            .with_context(|| format!("cannot make {}", path.display()))
+            .bad_input()?;
         if force {
             directory.clear()?;
         }

@@ -2,7 +2,7 @@
 
 use super::columns::ERROR_COLUMN;
 use super::directory::Directory;
-use crate::display;
+use crate::display::{self, counted};
 use crate::failure::Failure;
 use anyhow::anyhow;
 use consumers::journal::{self, Entry};
@@ -19,16 +19,17 @@ pub(super) fn rows(directory: &Directory, point_count: u64) -> Result<BTreeMap<u
     for path in directory.journals()? {
         let contents = journal::read(&path, directory.head())?;
         if contents.damaged_count > 0 {
-            let (count, path) = (contents.damaged_count, path.display());
-            display::notice(format_args!("{path}: {count} damaged row(s) do not count"));
+            let (damaged, path) = (counted(contents.damaged_count, "damaged row"), path.display());
+            display::notice(format_args!("{path}: left out {damaged}"));
         }
         // this program writes none, but somebody may have edited the file
         let (entries, strangers): (Vec<_>, Vec<_>) =
             contents.entries.into_iter().partition(|entry| entry.index < point_count);
         if let Some(stranger) = strangers.first() {
-            let (count, index, path) = (strangers.len(), stranger.index, path.display());
+            let (strangers, path) = (counted(strangers.len() as u64, "row"), path.display());
             display::notice(format_args!(
-                "{path}: {count} row(s) of points that the sweep does not have, such as point {index}, do not count"
+                "{path}: left out {strangers} of points that the sweep does not have, such as point {}",
+                stranger.index
             ));
         }
         for entry in entries {

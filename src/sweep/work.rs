@@ -3,7 +3,7 @@
 use super::Options;
 use super::directory::{Directory, Shard};
 use super::row::{self, Signals};
-use crate::display::{self, count};
+use crate::display::{self, count, counted};
 use crate::failure::Failure;
 use anyhow::Error;
 use consumers::journal::{Entry, Journal};
@@ -75,8 +75,8 @@ pub(super) fn announce(sweep: &Sweep, jobs: &[Job], shard: Shard) {
     let part = if shard == Shard::WHOLE { String::new() } else { format!(" in shard {shard}") };
     let keys: Vec<_> = sweep.parameters().iter().map(|parameter| parameter.key.as_str()).collect();
     display::notice(format_args!(
-        "{} points over {}; {} to compute{part}",
-        count(sweep.point_count()),
+        "{} over {}; {} to compute{part}",
+        counted(sweep.point_count(), "point"),
         if keys.is_empty() { "nothing".to_owned() } else { keys.join(", ") },
         count(jobs.len() as u64),
     ));
@@ -245,7 +245,7 @@ impl<'a> Progress<'a> {
     }
 
     fn text(&self, computed: u64) -> String {
-        let points = format!("{} of {} points", count(computed), count(self.shared.jobs.len() as u64));
+        let points = format!("{} of {}", count(computed), counted(self.shared.jobs.len() as u64, "point"));
         let (done, total) = self.work();
         // before the first point that ends early nobody knows how early
         let unknown = self.expected == 0 && self.shared.sweep.until() == Until::Stationary;

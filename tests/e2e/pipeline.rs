@@ -73,7 +73,7 @@ fn the_demo_leaves_a_recording_tables_and_figures() {
         assert!(fs::metadata(place.path("shock").join(file)).unwrap().len() > 500, "{file}");
         assert!(text.contains(file), "{file} is not in the table");
     }
-    place.run("demo --out shock").exits(1).says(&["exists", "--force"]);
+    place.run("demo --out shock").exits(2).says(&["exists", "--force"]);
 }
 
 /// A demo that is told to end takes its processes with it.

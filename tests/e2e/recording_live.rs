@@ -266,7 +266,7 @@ fn parts_of_a_recording_are_recordings_and_together_all_of_it() {
         assert!(left.into_iter().all(|entry| !entry.file_name().to_string_lossy().ends_with(".partial")));
         place
             .run(&format!("record --out recorded.mcap {flags}"))
-            .exits(1)
+            .exits(2)
             .says(&["part-0001.mcap", "exists"]);
     }
 }
@@ -363,7 +363,7 @@ fn what_cannot_be_recorded_is_refused() {
     place.run("record --out run.txt").exits(2).says(&["run.txt", ".mcap"]);
     place.run("record --out run.mcap --split-size 1").exits(2).says(&["100000"]);
     place.run("record --out run.mcap --split-size 5furlongs").exits(2).says(&["500MB"]);
-    place.run("record --out no/such/place.mcap").exits(1).says(&["no/such"]);
+    place.run("record --out no/such/place.mcap").exits(2).says(&["no/such"]);
     place.run("record --out run.mcap --timeout 0.1").exits(1).says(&["waiting for a run"]);
     assert!(!place.path("run.mcap.partial").exists());
 }

@@ -97,17 +97,52 @@ fn nothing_is_overwritten_without_force() {
     let recording = recorded(&place);
     place
         .run("run --preset homogeneous --name run --duration 1e-4")
-        .exits(1)
+        .exits(2)
         .says(&["run.mcap", "exists", "--force"]);
     assert!(fs::read(place.path("run.mcap")).unwrap() == recording);
     place.write("mine.csv", "mine");
-    place.run("energies run.mcap --out mine.csv").exits(1).says(&["mine.csv", "--force"]);
+    place.run("energies run.mcap --out mine.csv").exits(2).says(&["mine.csv", "--force"]);
     place.write("mine.svg", "mine");
-    place.run("energies run.mcap --figure mine.svg").exits(1).says(&["mine.svg", "--force"]);
+    place.run("energies run.mcap --figure mine.svg").exits(2).says(&["mine.svg", "--force"]);
     assert_eq!((place.read("mine.csv"), place.read("mine.svg")), ("mine".into(), "mine".into()));
     place.run("energies run.mcap --out mine.csv --figure mine.svg --force").exits(0);
     place.run("run --preset homogeneous --name run --duration 1e-4 --force").exits(0);
     assert_ne!(place.read("mine.csv"), "mine");
+}
+
+#[test]
+fn one_of_a_kind_is_no_plural() {
+    let place = Place::new();
+    place
+        .run("run --beads 20 --impurity none --duration 1e-7 --dt 1e-7 --out one.mcap")
+        .exits(0)
+        .says(&["1 step of", "2 frames of"]);
+    let text = place.run("info one.mcap").exits(0).stdout();
+    assert!(text.contains(" 1 message\n") && text.contains(" 2 messages\n"), "{text}");
+    let run =
+        place.start("run --beads 20 --impurity none --duration 1e-4 --name one --no-record --wait-for 1");
+    place.wait_for_run("one", |run| run.state.as_str() == "waiting");
+    place.run("energies").exits(0);
+    run.wait().exits(0).says(&["waiting for 1 lossless consumer\n"]);
+}
+
+/// A flag that is passed over would be believed to be obeyed.
+#[test]
+fn flags_that_mean_nothing_to_the_source_are_refused() {
+    let place = Place::new();
+    recorded(&place);
+    place.run("contacts run.mcap --out map.mcap").exits(0);
+    for flag in ["--latest", "--timeout 5", "--no-publish"] {
+        let name = flag.split(' ').next().unwrap();
+        for source in ["energies run.mcap", "contacts run.mcap", "contacts map.mcap"] {
+            place.run(&format!("{source} {flag}")).exits(2).says(&[name, "live run", "is a recording"]);
+        }
+    }
+    place.run("energies --jobs 2").exits(2).says(&["--jobs", "live is a live run"]);
+    for flag in ["--from 1e-5", "--until 1e-4", "--every-step", "--jobs 2", "--tolerance 1e-9"] {
+        let name = flag.split(' ').next().unwrap();
+        place.run(&format!("contacts map.mcap {flag}")).exits(2).says(&[name, "map of contacts"]);
+    }
 }
 
 #[test]
@@ -120,7 +155,7 @@ fn outputs_that_make_no_sense_are_refused() {
     fs::create_dir(place.path("dir.svg")).unwrap();
     place
         .run("energies run.mcap --figure dir.svg --force")
-        .exits(1)
+        .exits(2)
         .says(&["dir.svg", "no file that could be replaced"]);
     assert!(fs::read(place.path("run.mcap")).unwrap() == recording);
 }
@@ -144,9 +179,36 @@ fn a_damaged_recording_gives_what_stands_before_the_damage() {
 fn outputs_that_cannot_be_written_are_refused_before_any_work() {
     let place = Place::new();
     recorded(&place);
-    place.run("run --out no/such/place.mcap").exits(1).says(&["no/such"]);
-    place.run("energies run.mcap --out no/such/place.csv").exits(1).says(&["no/such/place.csv"]);
-    place.run("contacts run.mcap --figure no/such/place.svg").exits(1).says(&["no/such/place.svg"]);
+    let nowhere = "no/such/place.mcap";
+    let taken = "taken.mcap";
+    place.write(taken, "mine");
+    for command in
+        ["run", "record", "record --split-duration 1", "thin run.mcap --every-steps 10", "expand run.mcap"]
+    {
+        place.run(&format!("{command} --out {nowhere}")).exits(2).says(&[nowhere]);
+    }
+    for command in ["run", "record", "thin run.mcap --every-steps 10", "expand run.mcap", "recover run.mcap"]
+    {
+        place.run(&format!("{command} --out {taken}")).exits(2).says(&[taken, "exists", "--force"]);
+    }
+    place.run(&format!("recover run.mcap --out {nowhere}")).exits(2).says(&[nowhere]);
+    place.run("contacts run.mcap --figure no/such/place.svg").exits(2).says(&["no/such/place.svg"]);
+    for analysis in ["energies", "impurity", "contacts", "pulses", "deformation --contact 5"] {
+        place
+            .run(&format!("{analysis} run.mcap --out no/such/place.csv"))
+            .exits(2)
+            .says(&["no/such/place.csv"]);
+        place.write("taken.csv.partial", "mine");
+        place.run(&format!("{analysis} run.mcap --out taken.csv")).exits(2).says(&["taken.csv.partial"]);
+    }
+    // what another command left unfinished is in the way as well
+    place.write("next.mcap.partial", "mine");
+    place.run("run --out next.mcap").exits(2).says(&["next.mcap.partial", "--force"]);
+    assert_eq!((place.read(taken), place.read("next.mcap.partial")), ("mine".into(), "mine".into()));
+    place.write("s.toml", &place.run("sweep --example").exits(0).stdout());
+    for command in ["sweep s.toml", "demo"] {
+        place.run(&format!("{command} --out {taken}")).exits(2).says(&[taken]);
+    }
 }
 
 #[test]

@@ -1,11 +1,10 @@
 //! Damaged and unfinished recordings: what is wrong is named, and what can be had is had.
 
-use crate::harness::Place;
+use crate::harness::{Place, wait_until};
 use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
 use schemas::recording::{
     BeginRecord, Compression, PartsWriter, RecordingSource, RecordingWriter, Split, WriteOptions,
 };
-use serde_json::Value;
 use std::fs;
 use std::time::Duration;
 
@@ -345,7 +344,7 @@ fn what_is_no_recording_is_not_recovered_and_nothing_is_replaced() {
     place.run("recover table.mcap --out out.mcap").exits(2).says(&["not an MCAP file"]);
     place.run("recover small.mcap --out small.mcap --force").exits(2).says(&["the source itself"]);
     place.write("mine.mcap", "mine");
-    place.run("recover small.mcap --out mine.mcap").exits(1).says(&["exists", "--force"]);
+    place.run("recover small.mcap --out mine.mcap").exits(2).says(&["exists", "--force"]);
     assert_eq!(place.read("mine.mcap"), "mine");
     // without its manifest nothing in a file means anything
     let mut headless = bytes.clone();
@@ -367,7 +366,7 @@ fn what_stands_beside_the_source_is_not_replaced() {
     fs::write(place.path("torn.mcap.partial"), &bytes[..bytes.len() / 2]).unwrap();
     for name in ["torn.mcap.recovered", "torn.mcap.recovered.partial"] {
         place.write(name, "mine");
-        place.run("recover torn.mcap.partial --out torn.mcap").exits(1).says(&[name, "--force"]);
+        place.run("recover torn.mcap.partial --out torn.mcap").exits(2).says(&[name, "--force"]);
         assert_eq!(place.read(name), "mine");
         assert!(!place.path("torn.mcap").exists());
         fs::remove_file(place.path(name)).unwrap();
@@ -432,18 +431,36 @@ fn a_part_that_cannot_be_continued_does_not_say_so() {
 #[test]
 fn a_living_run_is_left_alone() {
     let place = Place::new();
-    let run = place.start(&format!("{SMALL} --pace 1e-3"));
-    place.wait_for_run("small", |run| run.step > 10);
+    let run = place.start(&format!("{SMALL} --pace 2e-4 --flush-period 0.001"));
+    wait_for_states(&place, "run.mcap.partial");
     place.run("recover run.mcap.partial --out out.mcap").exits(1).says(&["process that lives"]);
+    assert!(!place.path("out.mcap").exists());
+    // what is being written is not broken
+    let said = place.run("info run.mcap.partial").exits(3).stdout();
+    assert!(said.contains("being written by a process that lives; so far it reaches step"), "{said}");
+    let said = place.run("verify run.mcap.partial").exits(3).stdout();
+    assert!(said.contains("proven as far as it is written") && said.contains("wait for its end"), "{said}");
+    assert!(!said.contains("NOT WHOLE") && !said.contains("recover"), "{said}");
+    place.run("energies run.mcap.partial").exits(3).says(&["is being written"]);
+    assert_eq!(place.run("info run.mcap.partial --json").exits(3).json()["being_written"], true);
     run.signal("KILL");
     run.wait();
-    let recovered = place.run("recover run.mcap.partial --out run.mcap --json");
-    // killed before its first chunk was due, it has nothing
-    if recovered.code() == Some(0) {
-        let recovered: Value = recovered.json();
-        assert_eq!((&recovered["end"], &recovered["end_was_read"]), (&"interrupted".into(), &false.into()));
-        place.run("verify run.mcap").exits(0);
-    }
+    let said = place.run("info run.mcap.partial").exits(3).stdout();
+    assert!(said.contains("unfinished: it was not closed"), "{said}");
+    assert!(place.run("verify run.mcap.partial").exits(3).stdout().contains("NOT WHOLE"));
+    let recovered = place.run("recover run.mcap.partial --out run.mcap --json").exits(0).json();
+    assert_eq!((&recovered["end"], &recovered["end_was_read"]), (&"interrupted".into(), &false.into()));
+    assert!(recovered["states"].as_u64().unwrap() > 10, "{recovered}");
+    place.run("verify run.mcap").exits(0);
+}
+
+/// Waits until some states of a recording that is being written are in its file.
+fn wait_for_states(place: &Place, file: &str) {
+    wait_until(file, || {
+        let mut source = RecordingSource::open(&place.path(file)).ok()?;
+        source.seek_to_step(10).ok()?;
+        matches!(source.receive(), Ok(Received::Frame(frame)) if frame.step == 10).then_some(())
+    });
 }
 
 /// The parts of a split recording: each by itself, and one after the other.
@@ -455,7 +472,9 @@ fn parts_are_verified_by_themselves_and_in_their_order() {
     let manifest = source.manifest().clone();
     let split = Split { bytes: None, duration_s: Some(0.0015) };
     let path = place.path("split.mcap");
-    let mut parts = PartsWriter::create(&path, &manifest, None, 0, &WriteOptions::default(), &split).unwrap();
+    let flush_period = Duration::from_hours(1);
+    let options = WriteOptions { chunk_bytes: 20_000, flush_period, ..WriteOptions::default() };
+    let mut parts = PartsWriter::create(&path, &manifest, None, 0, &options, &split).unwrap();
     while let Received::Frame(frame) = source.receive().unwrap() {
         parts.accept(&frame).unwrap();
     }
@@ -475,12 +494,22 @@ fn parts_are_verified_by_themselves_and_in_their_order() {
 
     // a part is recovered as the part that it is
     let mut bytes = fs::read(place.path(&two)).unwrap();
+    let (at, length) = chunks(&bytes)[1];
+    bytes[at + 9 + length - 5] ^= 1;
+    fs::write(place.path("damaged.mcap"), &bytes).unwrap();
+    place.run("recover damaged.mcap --out two.mcap --json").exits(0);
+    assert!(states(&place, "two.mcap") == states(&place, &two));
+    let found = place.run(&format!("verify {one} two.mcap {three} --json")).exits(0).json();
+    assert_eq!((&found[1]["part"], &found[1]["end"]), (&2.into(), &"continued".into()), "{found}");
+
+    // what it begins with follows from nothing in it: without a checksum that holds it is lost
+    let mut bytes = fs::read(place.path(&two)).unwrap();
     let (at, length) = chunks(&bytes)[0];
     bytes[at + 9 + length - 5] ^= 1;
     fs::write(place.path("damaged.mcap"), &bytes).unwrap();
-    place.run("recover damaged.mcap --out two.mcap --json");
-    if place.path("two.mcap").exists() {
-        let found = place.run("verify two.mcap --json").json();
-        assert_eq!((&found["part"], &found["difference_count"]), (&2.into(), &0.into()), "{found}");
-    }
+    let recovered = place.run("recover damaged.mcap --out rest.mcap --json").exits(3).json();
+    let all = states(&place, &two);
+    let rest = states(&place, "rest.mcap");
+    assert!(all.ends_with(&rest) && rest.len() < all.len());
+    assert_eq!(recovered["lost_frames"], serde_json::json!([[all[0].0, rest[0].0 - 1]]));
 }

@@ -95,7 +95,7 @@ fn a_run_can_be_resumed_elsewhere() {
     assert!(fs::read(place.path("run.mcap")).unwrap() == before);
     assert_eq!(files(&place), ["run.mcap", "whole.mcap"]);
     place.run("verify whole.mcap").exits(0);
-    place.run("run --resume run.mcap --out whole.mcap").exits(1).says(&["whole.mcap", "--force"]);
+    place.run("run --resume run.mcap --out whole.mcap").exits(2).says(&["whole.mcap", "--force"]);
     place.run("run --resume run.mcap --out ./run.mcap").exits(0);
     assert_eq!(files(&place), ["run.mcap", "whole.mcap"]);
 }
@@ -177,7 +177,7 @@ fn what_a_killed_resume_left_is_not_taken_for_something_else() {
     let old = fs::read(place.path("run.mcap.interrupted")).unwrap();
     // no other run begins there
     for flags in ["", "--force"] {
-        place.run(&format!("{CHAIN} {flags}")).exits(1).says(&["run.mcap.interrupted", "run --resume"]);
+        place.run(&format!("{CHAIN} {flags}")).exits(2).says(&["run.mcap.interrupted", "run --resume"]);
         assert_eq!(files(&place), ["run.mcap.interrupted"]);
     }
     // another run, which did so elsewhere, or by another version

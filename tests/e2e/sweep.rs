@@ -69,7 +69,7 @@ fn results_do_not_depend_on_who_computed_them() {
     assert_eq!((one["points"].as_u64(), one["computed"].as_u64()), (Some(12), Some(12)));
     place.run("sweep s.toml --out three --jobs 3").exits(0);
     let first = place.run("sweep s.toml --out shards --shard 1/2 --jobs 1").exits(0);
-    first.says(&["6 point(s) are not there yet", "--merge"]);
+    first.says(&["not there yet: 6 points", "--merge"]);
     assert!(!place.path("shards/results.csv").exists());
     place.run("sweep s.toml --out shards --shard 0/2 --jobs 2").exits(0);
     let expected = results(&place, "one");
@@ -201,8 +201,7 @@ fn a_failed_run_has_a_row() {
         "[base]\npreset = \"homogeneous\"\nchain.beads = 10\nends = { left = \"fixed\", right = \"fixed\" }\n\
          integrator.method = \"gear5\"\ntime.duration_s = 1.0\n[grid]\ntime.dt_s = [1.8e-5, 2e-6]\n",
     );
-    let ended =
-        place.run("sweep s.toml --out dir --json").exits(3).says(&["1 run(s) failed", "`error`"]).json();
+    let ended = place.run("sweep s.toml --out dir --json").exits(3).says(&["1 run failed", "`error`"]).json();
     assert_eq!((ended["rows"].as_u64(), &ended["failed"]), (Some(2), &serde_json::json!([0])));
     let csv = place.read("dir/results.csv");
     let mut lines = csv.lines().skip(1);

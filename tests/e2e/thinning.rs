@@ -203,7 +203,7 @@ fn what_cannot_be_thinned_is_left_alone() {
     place.run("thin run.mcap --every-steps 0 --out a.mcap").exits(2).says(&["multiple of 4"]);
     place.run("thin run.mcap --every-steps 40 --out run.mcap --force").exits(2).says(&["the source itself"]);
     place.write("a.mcap", "something else");
-    place.run("thin run.mcap --every-steps 40 --out a.mcap").exits(1).says(&["exists", "--force"]);
+    place.run("thin run.mcap --every-steps 40 --out a.mcap").exits(2).says(&["exists", "--force"]);
     assert_eq!(place.read("a.mcap"), "something else");
 }
 

@@ -1,26 +1,24 @@
 //! Reading all of a recording, whole or damaged, and checking what stands in it against the manifest.
 
-use super::channel_writer::ChannelId;
-use super::contents::Channel;
+mod ends;
+
 use super::decode::{self, StateHead, StateLengths};
 use super::encode;
-use super::error::{ReadError, WriteError};
+use super::error::ReadError;
 use super::head::{BeginRecord, EndRecord};
 use super::info;
 use super::log_time_ns;
 use super::messages::{MessageReader, RawMessage};
-use super::places;
+use super::others::OtherMessage;
 use super::proto;
 use super::records::RecordReader;
 use super::salvage::{Damage, LostFrames};
 use super::schedule::Schedule;
-use super::writer::RecordingWriter;
 use crate::frame::EndReason;
-use crate::manifest::{KERNEL_VERSION, RunManifest, SCHEMA_VERSION};
+use crate::manifest::{KERNEL_VERSION, RunManifest};
 use mcap::records::MessageHeader;
 use prost::Message;
 use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
 use std::path::Path;
 
 /// The ranges of missing frames that are kept; more are only counted.
@@ -77,27 +75,6 @@ pub struct RecordedState<'a> {
     pub is_checked: bool,
     /// The encoded `ChainState`, whose arrays have the lengths that they must have.
     pub message: &'a [u8],
-}
-
-/// A message of another channel.
-#[derive(Debug)]
-pub struct OtherMessage<'a> {
-    head: MessageHeader,
-    channel: &'a Channel,
-    bytes: &'a [u8],
-    is_checked: bool,
-}
-
-impl OtherMessage<'_> {
-    /// Its topic.
-    pub fn topic(&self) -> &str {
-        &self.channel.topic
-    }
-
-    /// Whether the CRC of its chunk holds.
-    pub fn is_checked(&self) -> bool {
-        self.is_checked
-    }
 }
 
 /// A message by what it is, before it is lent.
@@ -245,13 +222,13 @@ impl Audit {
     pub fn read_next(&mut self) -> Result<Audited<'_>, ReadError> {
         let kind = self.advance()?;
         let Some(message) = self.messages.last() else { return Ok(Audited::End) };
-        let RawMessage { head, channel, data, is_checked, .. } = message;
+        let data = message.data;
         Ok(match kind {
             Kind::State { frame, step, is_checked } => {
                 Audited::State(RecordedState { frame, step, is_checked, message: data })
             }
             Kind::Summary => Audited::Summary(data),
-            Kind::Other => Audited::Other(OtherMessage { head, channel, bytes: data, is_checked }),
+            Kind::Other => Audited::Other(OtherMessage::new(message)),
             Kind::End => Audited::End,
         })
     }
@@ -399,92 +376,6 @@ impl Audit {
         }
         self.check_definitions();
     }
-
-    /// The record of the end agrees with that of the beginning and with the states.
-    fn check_end(&mut self) {
-        let (begin, Some(end)) = (self.begin().clone(), self.end().cloned()) else { return };
-        let mut wrong = Vec::new();
-        if end.part != begin.part || end.previous_state_hash != begin.previous_state_hash {
-            wrong.push(format!(
-                "it ends as part {} and begins as part {}, or with another hash of the part before",
-                end.part, begin.part
-            ));
-        }
-        if matches!(end.reason, EndReason::Stopped | EndReason::Unfinished) {
-            wrong.push(format!("its end has the reason `{}`, with which no recording ends", end.reason));
-        }
-        if self.damage_count() == 0 && self.last_step.is_some() {
-            let ends = [("first", end.first_step, self.first_step), ("last", end.last_step, self.last_step)];
-            for (which, said, found) in ends.into_iter().filter(|(_, said, found)| said != found) {
-                let text = |step: Option<u64>| step.map_or("none".to_owned(), |step| step.to_string());
-                wrong.push(format!(
-                    "its end says that the {which} state is of step {}, but it is of step {}",
-                    text(said),
-                    text(found),
-                ));
-            }
-            if end.last_state_hash.is_none() {
-                wrong.push("its end has no hash of the last state".to_owned());
-            }
-            let is_last = self.last_step == Some(self.manifest.physics.step_count);
-            if is_last && matches!(end.reason, EndReason::Interrupted | EndReason::Continued) {
-                wrong.push(format!(
-                    "it ends with the last step of the run, but its end says `{}`",
-                    end.reason
-                ));
-            }
-        }
-        for what in wrong {
-            self.messages.note_about_file(what);
-        }
-    }
-
-    /// The summary section says of the file what is so.
-    fn check_summary_section(&mut self) {
-        if self.damage_count() > 0 {
-            return;
-        }
-        let Ok(mut records) = RecordReader::open(self.messages.path()) else { return };
-        let count = self.counts.values().sum();
-        let wrong = places::disagreements(&mut records, self.messages.contents(), count, self.times_ns);
-        for what in wrong {
-            self.messages.note_about_file(what);
-        }
-        self.check_statistics();
-    }
-
-    /// The summary section counts as many messages as there are.
-    fn check_statistics(&mut self) {
-        let Some(said) = Self::expected_counts(self.messages.path()) else { return };
-        let mut read: BTreeMap<&str, u64> = BTreeMap::new();
-        for (id, channel) in &self.messages.contents().channels {
-            *read.entry(&channel.topic).or_insert(0) += self.counts.get(id).copied().unwrap_or(0);
-        }
-        let differs = |(topic, count): (&&str, &u64)| {
-            let said = *said.get(*topic)?;
-            (said != *count)
-                .then(|| format!("its statistics count {said} messages of `{topic}`, there are {count}"))
-        };
-        let wrong: Vec<_> = read.iter().filter_map(differs).collect();
-        for what in wrong {
-            self.messages.note_about_file(what);
-        }
-    }
-
-    /// Channels of ours have the schemas that they must have.
-    fn check_definitions(&mut self) {
-        if self.manifest.schema_version != SCHEMA_VERSION {
-            return;
-        }
-        let wrong: Vec<_> = self.messages.contents().channels.values().filter_map(wrong_definition).collect();
-        for what in wrong {
-            self.messages.note_about_file(what);
-        }
-        let is_whole = self.damage_count() == 0 && self.last_step.is_some();
-        if is_whole && self.chain_count == 0 {
-            self.messages.note_about_file("there is no message of `/chain`".to_owned());
-        }
-    }
 }
 
 /// What a message is whose checksum is wrong: states and others may be of use to whoever can prove them.
@@ -526,43 +417,4 @@ fn check_times(head: &MessageHeader, time_s: f64) -> Result<(), String> {
     Err(format!(
         "a message logged at {log_time} ns and published at {publish_time} ns instead of {expected} ns"
     ))
-}
-
-/// What is wrong with the definition of a channel, if it has a schema of ours.
-fn wrong_definition(channel: &Channel) -> Option<String> {
-    let by_topic = proto::ALL.iter().take(proto::OF_FRAMES.len()).find(|known| known.topic == channel.topic);
-    let by_name = || proto::ALL.iter().find(|known| known.message == channel.schema.name);
-    let known = by_topic.or_else(by_name)?;
-    let is_right = channel.schema.name == known.message
-        && channel.message_encoding == "protobuf"
-        && channel.schema.encoding == "protobuf"
-        && *channel.schema.text == *known.descriptor;
-    (!is_right).then(|| {
-        format!("the channel `{}` has not the schema of {} that we know", channel.topic, known.message)
-    })
-}
-
-/// Copies messages of other channels into a new recording.
-#[derive(Debug, Default)]
-pub struct OtherCopier {
-    ids: BTreeMap<u16, ChannelId>,
-}
-
-impl OtherCopier {
-    /// Copies `message` as it is.
-    ///
-    /// # Errors
-    /// When writing fails.
-    pub fn copy(
-        &mut self,
-        message: &OtherMessage<'_>,
-        writer: &mut RecordingWriter,
-    ) -> Result<(), WriteError> {
-        let file = writer.channels();
-        let id = match self.ids.entry(message.head.channel_id) {
-            Entry::Occupied(known) => *known.get(),
-            Entry::Vacant(new) => *new.insert(file.copy_channel(message.channel)?),
-        };
-        file.copy(id, &message.head, message.bytes)
-    }
 }

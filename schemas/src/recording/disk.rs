@@ -57,11 +57,16 @@ impl DiskWatch {
     }
 
     /// Whether there would be less left than is to be kept free, once the `pending_bytes` are on the disk that
-    /// wait in memory. `written_bytes` are on the disk already; there are at least as many each time.
+    /// wait in memory, which are asked for only when it is time to look. `written_bytes` are on the disk already; there
+    /// are at least as many each time.
     ///
     /// # Errors
     /// When the disk cannot be looked at.
-    pub fn is_short(&mut self, written_bytes: u64, pending_bytes: u64) -> Result<bool, WriteError> {
+    pub fn is_short(
+        &mut self,
+        written_bytes: u64,
+        pending_bytes: impl FnOnce() -> u64,
+    ) -> Result<bool, WriteError> {
         let is_due = self.looked_at.is_none_or(|at| at.elapsed() >= Self::PERIOD)
             || written_bytes.saturating_sub(self.written_bytes) >= self.stride_bytes;
         if !is_due {
@@ -69,7 +74,7 @@ impl DiskWatch {
         }
         self.looked_at = Some(Instant::now());
         self.written_bytes = written_bytes;
-        let needed_bytes = self.reserve_bytes.saturating_add(pending_bytes);
+        let needed_bytes = self.reserve_bytes.saturating_add(pending_bytes());
         let free_bytes = Disk::of(&self.path)?.free_bytes;
         self.stride_bytes = (free_bytes.saturating_sub(needed_bytes) / 8).min(Self::STRIDE_BYTES); // integers
         Ok(free_bytes < needed_bytes)

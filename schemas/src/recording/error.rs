@@ -54,7 +54,7 @@ pub enum WriteError {
         source: io::Error,
     },
     /// The operating system refused, and what was accepted after the last whole chunk is lost.
-    #[error("cannot write {}: the last {lost_frames} frames that were accepted are not in it", path.display())]
+    #[error("cannot write {}: frames that were accepted are not in it, the last {lost_frames}", path.display())]
     Lost {
         /// What was written.
         path: PathBuf,
@@ -93,6 +93,15 @@ impl From<WholeFileError> for WriteError {
 }
 
 impl WriteError {
+    /// Whether what was there before stands in the way: whoever named the recording has to choose another name.
+    pub fn is_in_the_way(&self) -> bool {
+        match self {
+            Self::File(error) => error.is_in_the_way(),
+            Self::PartialExists { .. } | Self::InterruptedExists { .. } => true,
+            _ => false,
+        }
+    }
+
     /// For `map_err`: an error of the operating system about `path`.
     pub(super) fn io(path: &Path) -> impl Fn(io::Error) -> Self + '_ {
         move |source| Self::Io { path: path.to_owned(), source }

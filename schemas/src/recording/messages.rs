@@ -107,11 +107,6 @@ impl MessageReader {
         self.salvage.as_ref().map(|salvage| salvage.damages()).unwrap_or_default()
     }
 
-    /// Whether it goes on after damage.
-    pub(super) fn is_salvaging(&self) -> bool {
-        self.salvage.is_some()
-    }
-
     /// What a reader that goes on keeps.
     pub(super) fn salvage(&mut self) -> Option<&mut Salvage> {
         self.salvage.as_deref_mut()

@@ -2,7 +2,7 @@
 
 use super::channel_writer::{ChannelId, ChannelWriter};
 use super::error::{ReadError, WriteError};
-use super::messages::MessageReader;
+use super::messages::{MessageReader, RawMessage};
 use super::writer::RecordingWriter;
 use super::{log_time_ns, proto};
 use mcap::records::MessageHeader;
@@ -17,8 +17,7 @@ use std::path::Path;
 /// after the frames that they belong to. Reads the file by itself, beside whoever reads the states.
 pub struct OtherChannels {
     messages: MessageReader,
-    /// Number of the channel in the new file, for each in the old one that has had a message.
-    ids: BTreeMap<u16, ChannelId>,
+    copier: OtherCopier,
     /// Read, but not copied, because it is later than what was asked for.
     pending: Option<(ChannelId, MessageHeader)>,
     /// Its contents.
@@ -47,7 +46,7 @@ impl OtherChannels {
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         Ok(Self {
             messages: MessageReader::open(path)?,
-            ids: BTreeMap::new(),
+            copier: OtherCopier::default(),
             pending: None,
             pending_bytes: Vec::new(),
             copied_count: 0,
@@ -96,10 +95,7 @@ impl OtherChannels {
             if proto::OF_FRAMES.contains(&message.channel.topic.as_str()) {
                 continue;
             }
-            let channel = match self.ids.entry(message.head.channel_id) {
-                Entry::Occupied(known) => *known.get(),
-                Entry::Vacant(new) => *new.insert(file.copy_channel(message.channel)?),
-            };
+            let channel = self.copier.id(&message, file)?;
             if is_later(&message.head) {
                 self.pending = Some((channel, message.head));
                 self.pending_bytes.clear();
@@ -110,5 +106,59 @@ impl OtherChannels {
             self.copied_count += 1;
         }
         Ok(())
+    }
+}
+
+/// A message of another channel.
+#[derive(Debug)]
+pub struct OtherMessage<'a> {
+    message: RawMessage<'a>,
+}
+
+impl<'a> OtherMessage<'a> {
+    pub(super) fn new(message: RawMessage<'a>) -> Self {
+        Self { message }
+    }
+
+    /// Its topic.
+    pub fn topic(&self) -> &str {
+        &self.message.channel.topic
+    }
+
+    /// Whether the CRC of its chunk holds.
+    pub fn is_checked(&self) -> bool {
+        self.message.is_checked
+    }
+}
+
+/// Copies messages of other channels into a new recording.
+#[derive(Debug, Default)]
+pub struct OtherCopier {
+    /// Number of the channel in the new file, for each in the old one that has had a message.
+    ids: BTreeMap<u16, ChannelId>,
+}
+
+impl OtherCopier {
+    /// Copies `message` as it is.
+    ///
+    /// # Errors
+    /// When writing fails.
+    pub fn copy(
+        &mut self,
+        message: &OtherMessage<'_>,
+        writer: &mut RecordingWriter,
+    ) -> Result<(), WriteError> {
+        let file = writer.channels();
+        let RawMessage { head, data, .. } = &message.message;
+        let id = self.id(&message.message, file)?;
+        file.copy(id, head, data)
+    }
+
+    /// Number of the channel of `message` in the new file, where it is defined with its first message.
+    fn id(&mut self, message: &RawMessage<'_>, file: &mut ChannelWriter) -> Result<ChannelId, WriteError> {
+        match self.ids.entry(message.head.channel_id) {
+            Entry::Occupied(known) => Ok(*known.get()),
+            Entry::Vacant(new) => Ok(*new.insert(file.copy_channel(message.channel)?)),
+        }
     }
 }

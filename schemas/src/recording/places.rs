@@ -1,4 +1,4 @@
-//! What the summary section of a file says of its chunks and its end, against what is there.
+//! What the summary section of a file says of its chunks, its messages and its end, against what is there.
 
 use super::chunk::ChunkHead;
 use super::contents::Contents;
@@ -7,6 +7,7 @@ use super::info::{next_of_summary, seek_summary};
 use super::records::{RECORD_HEAD_BYTES, RecordReader};
 use mcap::records::{ChunkIndex, Record, Statistics};
 use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
 
 /// How many chunks there are and, by a sum of hashes, where they are: however many, that takes a few bytes, and it does
 /// not matter in which order they are named.
@@ -44,12 +45,12 @@ impl Places {
     }
 }
 
-/// What of the summary section does not agree with `contents`, all of the file, and with the log times (ns) of its first
-/// and last messages and their number. A file may do without any of it.
+/// What of the summary section does not agree with `contents`, all of the file, with how many messages each channel has,
+/// and with the smallest and the largest log time (ns) of them. A file may do without any of it.
 pub(super) fn disagreements(
     records: &mut RecordReader,
     contents: &Contents,
-    message_count: u64,
+    counts: &BTreeMap<u16, u64>,
     times_ns: Option<(u64, u64)>,
 ) -> Vec<String> {
     let mut wrong = Vec::new();
@@ -81,11 +82,14 @@ pub(super) fn disagreements(
             indexed.count, contents.places.count
         ));
     }
-    wrong.extend(statistics.and_then(|found| wrong_statistics(&found, contents, message_count, times_ns)));
+    if let Some(said) = statistics {
+        wrong.extend(wrong_totals(&said, contents, counts.values().sum(), times_ns));
+        wrong.extend(wrong_counts(&said, contents, counts));
+    }
     wrong
 }
 
-fn wrong_statistics(
+fn wrong_totals(
     said: &Statistics,
     contents: &Contents,
     message_count: u64,
@@ -95,7 +99,22 @@ fn wrong_statistics(
     let times_said = (said.message_start_time, said.message_end_time);
     let said = (u64::from(said.chunk_count), said.message_count, times_said);
     let text = |(chunks, messages, (first, last)): (u64, u64, (u64, u64))| {
-        format!("{chunks} chunks and {messages} messages of {first} ns to {last} ns")
+        format!("chunks: {chunks}, messages: {messages}, from {first} ns to {last} ns")
     };
-    (said != found).then(|| format!("its statistics count {}, there are {}", text(said), text(found)))
+    (said != found).then(|| format!("its statistics say {}; there are {}", text(said), text(found)))
+}
+
+fn wrong_counts<'a>(
+    said: &'a Statistics,
+    contents: &'a Contents,
+    counts: &'a BTreeMap<u16, u64>,
+) -> impl Iterator<Item = String> + use<'a> {
+    contents.channels.iter().filter_map(|(id, channel)| {
+        let of = |counts: &BTreeMap<u16, u64>| counts.get(id).copied().unwrap_or(0);
+        let (said, found) = (of(&said.channel_message_counts), of(counts));
+        let topic = &channel.topic;
+        (said != found).then(|| {
+            format!("its statistics say {said} for the messages of `{topic}`, of which there are {found}")
+        })
+    })
 }

@@ -6,7 +6,6 @@ use super::head;
 use super::index::Index;
 use super::messages::{MessageReader, RawMessage};
 use super::proto;
-use super::salvage::Damage;
 use super::schedule::Schedule;
 use crate::frame::{EndReason, Frame, FrameSource, Received};
 use crate::manifest::RunManifest;
@@ -73,21 +72,6 @@ impl RecordingSource {
     /// As [`open`](Self::open).
     pub fn open_all(path: &Path) -> Result<Self, ReadError> {
         Self::of(MessageReader::open(path)?, true)
-    }
-
-    /// Opens the recording `path` to read every state that can be read, whatever is damaged after the manifest: frames
-    /// that are lost are reported as missed, and [`damages`](Self::damages) says why.
-    ///
-    /// # Errors
-    /// When it cannot be read, is no recording, is of another major schema version, or holds no states.
-    pub fn open_salvaging(path: &Path) -> Result<Self, ReadError> {
-        Self::of(MessageReader::salvaging(path)?, false)
-    }
-
-    /// What is damaged, as far as it has been read by a source that salvages; at most
-    /// [`MOST_DAMAGES`](super::MOST_DAMAGES).
-    pub fn damages(&self) -> &[Damage] {
-        self.messages.damages()
     }
 
     fn of(messages: MessageReader, all: bool) -> Result<Self, ReadError> {
@@ -183,19 +167,14 @@ impl RecordingSource {
 
     fn read_next(&mut self) -> Result<Next, ReadError> {
         while let Some(message) = self.messages.next()? {
-            if message.channel.topic != proto::STATE.topic || !message.is_checked {
+            if message.channel.topic != proto::STATE.topic {
                 continue;
             }
             let RawMessage { data, offset, .. } = message;
             let state = decode::state(data, self.lengths, &mut self.doubles);
-            let (state, frame) = match state.and_then(|state| Ok((state, self.check(&state)?))) {
-                Ok(checked) => checked,
-                Err(what) if self.messages.is_salvaging() => {
-                    self.messages.note_message(what);
-                    continue;
-                }
-                Err(what) => return Err(ReadError::damaged(self.messages.path(), offset, what)),
-            };
+            let checked = state.and_then(|state| Ok((state, self.check(&state)?)));
+            let (state, frame) =
+                checked.map_err(|what| ReadError::damaged(self.messages.path(), offset, what))?;
             self.read = Some(state.step);
             let between = || self.all.then(|| self.messages.manifest().frame_at(state.step));
             if let Some(frame) = frame.or_else(between) {
@@ -225,9 +204,7 @@ impl RecordingSource {
         let Some(end) = contents.end.as_ref().filter(|_| self.messages.is_finished()) else {
             return Ok(Next::End { reason: EndReason::Unfinished, last_step: None });
         };
-        // the last state may be among those that are lost
-        let is_last = |step: &u64| !self.messages.is_salvaging() || end.last_step == Some(*step);
-        if let (Some(expected), Some(step)) = (&end.last_state_hash, self.read.filter(is_last)) {
+        if let (Some(expected), Some(step)) = (&end.last_state_hash, self.read) {
             let found = head::state_hash(step, &self.doubles);
             if found != *expected {
                 let what =

@@ -1,20 +1,26 @@
 //! Reading on after damage: what comes before and after it is what it was, and nothing else is believed.
 
 use crate::hostile::records;
-use crate::run::{manifest, options, put, read_all, temp_dir, write_recording};
+use crate::run::{manifest, options, put, temp_dir, write_recording};
 use mcap::records::op;
-use schemas::recording::{Compression, DamageKind, RecordingSource, WriteOptions};
+use schemas::recording::{Audit, Audited, Compression, DamageKind, WriteOptions};
 use std::fs;
 use std::path::Path;
 
 const BOTH: [Compression; 2] = [Compression::None, Compression::Zstd { level: 1 }];
 
-/// Steps of the states that can be salvaged, and the damages by kind and chunk.
+/// Steps of the states under checksums that hold, and the damages by kind and chunk.
 fn salvaged(path: &Path) -> (Vec<u64>, Vec<(DamageKind, Option<u64>)>) {
-    let mut source = RecordingSource::open_salvaging(path).unwrap();
-    let (steps, _, end) = read_all(&mut source);
-    end.unwrap();
-    (steps, source.damages().iter().map(|damage| (damage.kind, damage.chunk)).collect())
+    let mut audit = Audit::open(path).unwrap();
+    let mut steps = Vec::new();
+    loop {
+        match audit.read_next().unwrap() {
+            Audited::State(state) if state.is_checked => steps.push(state.step),
+            Audited::End => break,
+            _ => {}
+        }
+    }
+    (steps, audit.damages().iter().map(|damage| (damage.kind, damage.chunk)).collect())
 }
 
 #[test]
@@ -102,7 +108,7 @@ fn what_only_looks_like_chunks_is_not_looked_at_for_ever() {
     bytes.push(0);
     bytes.extend(fake.repeat(100_000));
     put(&path, &bytes);
-    let mut source = RecordingSource::open_salvaging(&path).unwrap();
-    assert!(read_all(&mut source).0.is_empty());
-    assert_eq!(source.damages().len(), 1);
+    let (steps, damages) = salvaged(&path);
+    assert!(steps.is_empty());
+    assert_eq!(damages.len(), 1);
 }

@@ -24,6 +24,7 @@ pub(super) struct Summary {
     last_step: Option<u64>,
     published_count: u64,
     reason: EndReason,
+    ended_as_asked: bool,
     broken: Option<Broken<SourceFailure>>,
     held_back: Duration,
     evicted: u64,
@@ -42,6 +43,7 @@ impl Summary {
             last_step: None,
             published_count: 0,
             reason: EndReason::Interrupted,
+            ended_as_asked: false,
             broken: None,
             held_back: Duration::ZERO,
             evicted: 0,
@@ -74,6 +76,7 @@ impl Summary {
         self.last_step = outcome.last_step;
         self.published_count += outcome.published_count;
         self.reason = outcome.reason;
+        self.ended_as_asked = outcome.ended_as_asked;
         self.broken = outcome.broken;
     }
 
@@ -116,7 +119,9 @@ impl Summary {
         if self.evicted > 0 {
             rows.push(("consumers dropped", format!("{} that took nothing for too long", self.evicted)));
         }
-        display::rows(&format!("{} replayed: {}", args.file.display(), self.reason), &rows)
+        let until_s = args.until.filter(|_| self.ended_as_asked);
+        let end = display::end(self.reason, until_s);
+        display::rows(&format!("{} replayed: {end}", args.file.display()), &rows)
     }
 
     fn json(&self, args: &ReplayArgs) -> serde_json::Value {
@@ -124,7 +129,7 @@ impl Summary {
             "run": self.run.as_ref().map(|(name, _)| name),
             "run_id": self.run.as_ref().map(|(_, id)| id),
             "path": args.file,
-            "end": self.reason.as_str(),
+            "end": display::end_word(self.reason, self.ended_as_asked),
             "loops": self.loops,
             "first_frame": self.first_frame,
             "last_step": self.last_step,

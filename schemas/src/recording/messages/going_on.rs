@@ -77,13 +77,19 @@ impl MessageReader {
 
     /// Notes something about the message read last.
     pub(in crate::recording) fn note_message(&mut self, what: String) {
-        let in_chunk = self.in_chunk.then(|| (self.chunk.next_number().checked_sub(1), self.chunk.offset()));
-        let (chunk, offset_bytes) = in_chunk.unwrap_or((None, self.record_start));
-        let kind = DamageKind::Message;
+        if self.in_chunk {
+            self.note_in_chunk(DamageKind::Message, what);
+        } else {
+            self.note(DamageKind::Message, self.record_start, 0, what);
+        }
+    }
+
+    /// Notes something that is in the chunk loaded last, wherever it is there.
+    fn note_in_chunk(&mut self, kind: DamageKind, what: String) {
         self.note_with(Damage {
             kind,
-            chunk,
-            offset_bytes,
+            chunk: self.chunk.next_number().checked_sub(1),
+            offset_bytes: self.chunk.offset(),
             length_bytes: 0,
             what,
             time_range_ns: None,
@@ -113,18 +119,7 @@ impl MessageReader {
         self.in_chunk = !self.chunk.is_stuck();
         // that a damaged chunk has such records is no news
         if self.is_checked {
-            let chunk = self.chunk.next_number().checked_sub(1);
-            let offset_bytes = self.chunk.offset();
-            let kind = DamageKind::Record;
-            self.note_with(Damage {
-                kind,
-                chunk,
-                offset_bytes,
-                length_bytes: 0,
-                what,
-                time_range_ns: None,
-                frames: None,
-            });
+            self.note_in_chunk(DamageKind::Record, what);
         }
     }
 

@@ -1,0 +1,164 @@
+//! The analyses.
+
+use super::values::{parse_jobs, parse_seconds, parse_time};
+use clap::Args;
+use std::num::NonZero;
+use std::path::PathBuf;
+
+/// What every analysis takes.
+#[derive(Debug, Args)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
+pub(crate) struct AnalysisArgs {
+    /// `live` (the only live run), `live:RUN`, or a recording
+    #[arg(value_name = "SOURCE", default_value = "live")]
+    pub(crate) source: String,
+    /// Draw a figure, repeatable
+    #[arg(long, value_name = "FILE.svg|.png")]
+    pub(crate) figure: Vec<PathBuf>,
+    /// Attach without ever holding the run back: frames may be missed, and are counted
+    #[arg(long)]
+    pub(crate) latest: bool,
+    /// Recompute the frames before the first one that arrives, from step 0 on
+    #[arg(long, conflicts_with = "from")]
+    pub(crate) from_start: bool,
+    /// Recompute frames that were missed
+    #[arg(long)]
+    pub(crate) fill_gaps: bool,
+    /// Recompute the steps between frames (these results are not published on the bus)
+    #[arg(long)]
+    pub(crate) every_step: bool,
+    /// Begin at this simulated time (s); a recording is opened there. What happened before is not known, as to a
+    /// consumer that attaches then
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = parse_time)]
+    pub(crate) from: f64,
+    /// End at this simulated time (s)
+    #[arg(long, value_name = "S", value_parser = parse_time)]
+    pub(crate) until: Option<f64>,
+    /// Threads that recompute the steps of a sparse recording [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = parse_jobs)]
+    pub(crate) jobs: Option<NonZero<usize>>,
+    /// Give up when no run appears within this time (s) [default: wait]
+    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    pub(crate) timeout: Option<f64>,
+    /// Do not publish the results on the bus
+    #[arg(long)]
+    pub(crate) no_publish: bool,
+    /// Replace files that exist
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline energies                                    attach to the only live run\n  \
+    beadline energies run.mcap --out e.csv --figure e.svg\n  \
+    beadline energies run.mcap --split 300               left and right of bead 300\n  \
+    beadline energies sparse.mcap --every-step --from 0.04 --until 0.041 --out e.csv\n                                                       \
+    every step of a part, also of a sparse recording"
+)]
+pub(crate) struct EnergiesArgs {
+    #[command(flatten)]
+    pub(crate) common: AnalysisArgs,
+    /// Table of the energies of each frame
+    #[arg(long, value_name = "FILE.csv|.parquet")]
+    pub(crate) out: Option<PathBuf>,
+    /// The bead that divides left from right [default: the first impurity that is not the striker, else the middle bead]
+    #[arg(long, value_name = "BEAD")]
+    pub(crate) split: Option<u64>,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline impurity --figure trajectory.png            attach to the only live run\n  \
+    beadline impurity run.mcap --out i.csv --events events.csv\n  \
+    beadline impurity run.mcap --bead 499 --bead 501     other beads\n\n\
+    A contact counts as closed while its overlap is above 1e-6 of the collision length L. Events are\n\
+    interpolated between frames."
+)]
+pub(crate) struct ImpurityArgs {
+    #[command(flatten)]
+    pub(crate) common: AnalysisArgs,
+    /// Table of the motion in each frame
+    #[arg(long, value_name = "FILE.csv|.parquet")]
+    pub(crate) out: Option<PathBuf>,
+    /// Table of what happened: contacts that close or open, turning points
+    #[arg(long, value_name = "FILE.csv|.parquet")]
+    pub(crate) events: Option<PathBuf>,
+    /// A bead to follow, repeatable [default: every impurity, or the middle bead]
+    #[arg(long, value_name = "BEAD")]
+    pub(crate) bead: Vec<u64>,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline contacts --figure map.png                   attach to the only live run\n  \
+    beadline contacts run.mcap --out counts.csv --out map.mcap\n  \
+    beadline contacts map.mcap --figure map.svg          draw a map that was kept"
+)]
+pub(crate) struct ContactsArgs {
+    #[command(flatten)]
+    pub(crate) common: AnalysisArgs,
+    /// FILE.csv or .parquet: table of the counts in each frame; FILE.mcap: the class of every contact (repeatable)
+    #[arg(long, value_name = "FILE.csv|.parquet|.mcap")]
+    pub(crate) out: Vec<PathBuf>,
+    /// Largest overlap or gap (m) that counts as touching [default: 1e-6 of the collision length L]
+    #[arg(long, value_name = "M")]
+    pub(crate) tolerance: Option<f64>,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline deformation run.mcap --contact 100 --figure d.png\n  \
+    beadline deformation run.mcap --contact 100 --contact 150 --out d.csv\n\n\
+    Contact C joins beads C and C+1. Theories are scaled to the largest overlap; their width, speed,\n\
+    impulse and shape are predictions."
+)]
+pub(crate) struct DeformationArgs {
+    #[command(flatten)]
+    pub(crate) common: AnalysisArgs,
+    /// A contact to follow, repeatable
+    #[arg(long, value_name = "C", required = true)]
+    pub(crate) contact: Vec<u64>,
+    /// Table of the pulse: overlap, exact wave and continuum in each frame
+    #[arg(long, value_name = "FILE.csv|.parquet")]
+    pub(crate) out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline pulses --figure tracks.png                  attach to the only live run\n  \
+    beadline pulses run.mcap --out pulses.csv --positions tracks.csv\n  \
+    beadline pulses run.mcap --threshold 0.01            only those above a hundredth of v0\n\n\
+    A pulse passes a bead when |v| of the bead has a maximum in time while both of its contacts are\n\
+    pressed; it counts once it has passed 5 beads, and ends where it meets an impurity or an end. Peaks\n\
+    are good to 1e-4 if 8 frames fall into the time that a pulse takes to pass; a warning says when\n\
+    frames are too far apart. V/V_sw is the speed over that of the exact solitary wave of the same\n\
+    peak velocity: 1 for a pulse that no longer changes. asymmetry = (rear − front)/(rear + front) of\n\
+    the half widths. `--json` and the tables have more: momentum, energy, width over that of the wave."
+)]
+pub(crate) struct PulsesArgs {
+    #[command(flatten)]
+    pub(crate) common: AnalysisArgs,
+    /// Table of the pulses, a row for each, in the order in which they end
+    #[arg(long, value_name = "FILE.csv|.parquet")]
+    pub(crate) out: Option<PathBuf>,
+    /// Table of their tracks: a row for each bead that a pulse passes
+    #[arg(long, value_name = "FILE.csv|.parquet")]
+    pub(crate) positions: Option<PathBuf>,
+    /// Smallest peak velocity of a pulse, relative to the run's velocity scale (v0)
+    #[arg(long, value_name = "X", default_value_t = consumers::pulses::Pulses::DEFAULT_THRESHOLD)]
+    pub(crate) threshold: f64,
+}

@@ -1,0 +1,207 @@
+//! The modes that write, read and publish recordings.
+
+use super::values::{Pace, parse_bytes, parse_jobs, parse_pace, parse_seconds, parse_split_size, parse_time};
+use clap::Args;
+use schemas::run_name::RunName;
+use std::num::NonZero;
+use std::path::PathBuf;
+
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline record --out run.mcap                            the only live run, from here on\n  \
+    beadline record live:long --out long.mcap --from-start    with what came before, recomputed\n  \
+    beadline record --out run.mcap --split-size 500MB         run-part-0001.mcap, run-part-0002.mcap …\n  \
+    beadline record --out run.mcap --split-duration 0.01      a part for each 10 ms of simulated time\n\n\
+    The run waits for the recorder when it cannot keep up. A part is finished before the next one begins; each\n\
+    is a recording by itself: `beadline info`, `verify` and every analysis read it. Results are those that\n\
+    `beadline energies`, `impurity`, `contacts` and `pulses` publish, from the first row on if the analysis\n\
+    starts after the recorder. SIGINT ends the recording in order, and the run goes on.\n\
+    Exit code 3: frames or rows of results were missed, the run vanished, or the disk is nearly full."
+)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
+pub(crate) struct RecordArgs {
+    /// `live` (the only live run) or `live:RUN`
+    #[arg(value_name = "SOURCE", default_value = "live")]
+    pub(crate) source: String,
+    /// Recording to write; parts of it are NAME-part-0001.mcap and so on
+    #[arg(long, value_name = "FILE.mcap")]
+    pub(crate) out: PathBuf,
+    /// Go on in a new part with the first frame after the file has this size
+    #[arg(long, value_name = "BYTES|500MB", value_parser = parse_split_size)]
+    pub(crate) split_size: Option<u64>,
+    /// Go on in a new part at each multiple of this simulated time (s)
+    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    pub(crate) split_duration: Option<f64>,
+    /// End in order when the disk has less left than this [default: 100 MB, or 1 % of a small disk]
+    #[arg(long, value_name = "BYTES|500MB", value_parser = parse_bytes)]
+    pub(crate) min_free: Option<u64>,
+    /// Record every K-th step, the first and the last [default: as the run does]
+    #[arg(long, value_name = "K")]
+    pub(crate) record_every_steps: Option<u64>,
+    /// Recompute the frames before the first one that arrives, from step 0 on
+    #[arg(long)]
+    pub(crate) from_start: bool,
+    /// Never hold the run back: frames may be missed, and are counted
+    #[arg(long)]
+    pub(crate) latest: bool,
+    /// Recompute frames that were missed
+    #[arg(long)]
+    pub(crate) fill_gaps: bool,
+    /// Record states only
+    #[arg(long)]
+    pub(crate) no_results: bool,
+    /// Write what was recorded to the file at least this often (s): what a kill costs
+    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = parse_seconds)]
+    pub(crate) flush_period: f64,
+    /// Sync the file to the disk at least this often (s): what a power failure costs
+    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = parse_seconds)]
+    pub(crate) sync_period: f64,
+    /// Give up when no run appears within this time (s) [default: wait]
+    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    pub(crate) timeout: Option<f64>,
+    /// Replace files that exist
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline replay run.mcap                             waits for an analysis, then as fast as it can take …\n  \
+    beadline energies --figure e.svg                     … which you start in another terminal\n  \
+    beadline replay run.mcap --rate 0.01 --loop          100 times slower than real time, again and again\n  \
+    beadline replay run.mcap --from 0.02 --until 0.03    a part of it\n  \
+    beadline replay sparse.mcap --every-step             every step as a frame, recomputed bit for bit\n\n\
+    Frames that a sparse recording does not hold are recomputed. On a terminal: space pauses and goes on,\n\
+    → or . shows one more frame and pauses, + and - double and halve the rate, q quits.\n\
+    The recording of a run that was not closed ends as a failed run does. Exit code 3: it was not closed, it is\n\
+    damaged, or a consumer was dropped."
+)]
+pub(crate) struct ReplayArgs {
+    /// The recording
+    pub(crate) file: PathBuf,
+    /// Name on the bus: a-z, 0-9 and - [default: that of the run]
+    #[arg(long, value_name = "RUN")]
+    pub(crate) name: Option<RunName>,
+    /// How fast to go: `max`, or simulated seconds per second
+    #[arg(long, value_name = "max|X", default_value = "max", value_parser = parse_pace)]
+    pub(crate) rate: Pace,
+    /// Begin with the first frame at or after this simulated time (s)
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = parse_time)]
+    pub(crate) from: f64,
+    /// End with the last frame at or before this simulated time (s)
+    #[arg(long, value_name = "S", value_parser = parse_time)]
+    pub(crate) until: Option<f64>,
+    /// Begin again when it is over, as a new stream, until it is stopped
+    #[arg(long = "loop")]
+    pub(crate) again: bool,
+    /// Publish every step as a frame of its own
+    #[arg(long)]
+    pub(crate) every_step: bool,
+    /// Begin (each loop) when this many lossless consumers are ready [default: 1 at the rate max, else 0]
+    #[arg(long, value_name = "N")]
+    pub(crate) wait_for: Option<usize>,
+    /// Drop a lossless consumer that holds the replay back for this long (s)
+    #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = parse_seconds)]
+    pub(crate) stall_timeout: f64,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  \
+    beadline thin run.mcap --every-steps 100 --out sparse.mcap\n\n\
+    Every state is proven on the way: recomputed from the one before. `beadline expand` brings the others back.\n\
+    Other channels, results and those of other programs, stay whole.\n\
+    K is a multiple of the steps between two frames of the run.")]
+pub(crate) struct ThinArgs {
+    /// The recording
+    pub(crate) file: PathBuf,
+    /// Keep every K-th step, the first and the last
+    #[arg(long, value_name = "K")]
+    pub(crate) every_steps: u64,
+    #[command(flatten)]
+    pub(crate) output: RewriteArgs,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline expand sparse.mcap --out full.mcap                       every frame of the run\n  \
+    beadline expand sparse.mcap --every-steps 1 --out all.mcap        also the steps between frames\n\n\
+    Every state of the recording is proven on the way, and other channels stay whole. K is a multiple of the\n\
+    steps between two frames of the run, or divides them: states between frames are then recorded without a\n\
+    frame number, and whoever reads frames passes over them.")]
+pub(crate) struct ExpandArgs {
+    /// The recording
+    pub(crate) file: PathBuf,
+    /// Write every K-th step, the first and the last [default: every frame]
+    #[arg(long, value_name = "K")]
+    pub(crate) every_steps: Option<u64>,
+    #[command(flatten)]
+    pub(crate) output: RewriteArgs,
+}
+
+/// Where a recording is written again.
+#[derive(Debug, Args)]
+pub(crate) struct RewriteArgs {
+    /// Recording to write
+    #[arg(long, value_name = "FILE.mcap")]
+    pub(crate) out: PathBuf,
+    /// Threads that recompute, if the recording is sparse [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = parse_jobs)]
+    pub(crate) jobs: Option<NonZero<usize>>,
+    /// Replace a file that exists
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline verify run.mcap                     `proven`, or what differs: frame, bead and quantity\n  \
+    beadline verify run-part-*.mcap              each part, and that one follows from the other\n  \
+    beadline verify run.mcap --json              the same for a program\n\n\
+    Checked: every CRC, the manifest's checksum, every index, the order of the states, each state against the\n\
+    one before by recomputing it, each summary against its state. Damage is named with its chunk and frames,\n\
+    and what follows is verified all the same; `beadline recover` brings the frames back.\n\
+    Exit code 3 if anything is not as it was written, frames are missing, the file is cut off, or the run was\n\
+    computed by another kernel version: then nothing is wrong, but nothing is proven.")]
+pub(crate) struct VerifyArgs {
+    /// The recording, or consecutive parts of one
+    #[arg(value_name = "FILE", required = true)]
+    pub(crate) files: Vec<PathBuf>,
+    /// Threads that recompute [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = parse_jobs)]
+    pub(crate) jobs: Option<NonZero<usize>>,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline recover run.mcap.partial --out run.mcap     after a crash or a power failure\n  \
+    beadline recover damaged.mcap --out whole.mcap       after a bad disk or a bad copy\n\n\
+    Every whole message of the file is salvaged, from a torn last chunk, too. Frames that are lost are\n\
+    recomputed from the state before, bit for bit, and proven by the next state of the file. A state without a\n\
+    checksum that holds counts only if it is what the one before leads to. The file itself is left as it is.\n\
+    Exit code 3 if something that was in the file is not in the new one, or was not what it must be; a last record\n\
+    that was never written to its end is no loss.")]
+pub(crate) struct RecoverArgs {
+    /// The damaged or unfinished recording
+    pub(crate) file: PathBuf,
+    /// Leave out frames that are lost rather than recompute them
+    #[arg(long)]
+    pub(crate) no_fill: bool,
+    #[command(flatten)]
+    pub(crate) output: RewriteArgs,
+}

@@ -1,0 +1,86 @@
+//! Values as they are written on the command line.
+
+use crate::sweep::directory::Shard;
+use schemas::recording::Split;
+use std::num::NonZero;
+
+/// How fast a run goes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Pace {
+    /// As fast as possible.
+    Max,
+    /// Simulated seconds per second of wall time.
+    PerSecond(f64),
+}
+
+/// More threads than any machine has cores are a mistake.
+pub(super) fn parse_jobs(text: &str) -> Result<NonZero<usize>, String> {
+    let jobs = text.parse().ok().filter(|jobs: &NonZero<usize>| jobs.get() <= 1024);
+    jobs.ok_or_else(|| "expected a number of threads from 1 to 1024".to_owned())
+}
+
+pub(super) fn parse_pace(text: &str) -> Result<Pace, String> {
+    match text {
+        "max" => Ok(Pace::Max),
+        _ => parse_seconds(text).map(Pace::PerSecond).map_err(|_| {
+            "expected `max` or a positive number of simulated seconds per second, such as 0.01".to_owned()
+        }),
+    }
+}
+
+/// `1000000`, `500kB`, `1.5GB`, `64MiB`: at most 2^53 bytes.
+pub(super) fn parse_bytes(text: &str) -> Result<u64, String> {
+    let expected = || "expected a size such as 500MB, 2GB, 64MiB, or a number of bytes".to_owned();
+    let unit_at = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
+    let (number, unit) = text.split_at(unit_at);
+    let unit_bytes = match unit {
+        "" | "B" => 1.0,
+        "kB" | "KB" => 1e3,
+        "MB" => 1e6,
+        "GB" => 1e9,
+        "TB" => 1e12,
+        "KiB" => 1024.0,
+        "MiB" => 1024.0 * 1024.0,
+        "GiB" => 1024.0 * 1024.0 * 1024.0,
+        _ => return Err(expected()),
+    };
+    let bytes = number.trim_end().parse::<f64>().map_err(|_| expected())? * unit_bytes;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole and in range")]
+    let whole = (bytes >= 0.0 && bytes <= 2.0_f64.powi(53)).then_some(bytes.round() as u64);
+    whole.ok_or_else(expected)
+}
+
+pub(super) fn parse_split_size(text: &str) -> Result<u64, String> {
+    let least = Split::LEAST_BYTES;
+    let large_enough = |bytes: &u64| *bytes >= least;
+    Some(parse_bytes(text)?).filter(large_enough).ok_or_else(|| format!("expected at least {least} bytes"))
+}
+
+pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
+    let allowed = seconds > 0.0 && seconds <= 1e9;
+    if allowed { Ok(seconds) } else { Err("expected a positive number, at most 1e9".to_owned()) }
+}
+
+pub(super) fn parse_time(text: &str) -> Result<f64, String> {
+    let time_s = text.parse().ok().filter(|time_s: &f64| time_s.is_finite() && *time_s >= 0.0);
+    time_s.ok_or_else(|| "expected a simulated time in seconds, 0 or more".to_owned())
+}
+
+pub(super) fn parse_pair(text: &str) -> Result<(u64, f64), String> {
+    let expected = || "expected BEAD=VALUE, such as 500=0.6e-3".to_owned();
+    let (bead, value) = text.split_once('=').ok_or_else(expected)?;
+    Ok((bead.parse().map_err(|_| expected())?, value.parse().map_err(|_| expected())?))
+}
+
+pub(super) fn parse_impurity(text: &str) -> Result<Option<(u64, f64)>, String> {
+    if text == "none" { Ok(None) } else { parse_pair(text).map(Some) }
+}
+
+pub(super) fn parse_shard(text: &str) -> Result<Shard, String> {
+    let parsed = text
+        .split_once('/')
+        .and_then(|(number, count)| Some(Shard { number: number.parse().ok()?, count: count.parse().ok()? }));
+    let expected = "expected I/N with I from 0 to N - 1, such as 0/2".to_owned();
+    parsed.filter(|shard| shard.number < shard.count).ok_or(expected)
+}

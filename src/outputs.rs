@@ -1,0 +1,72 @@
+//! Where results go: refused before any work is done if it cannot be written in the end, in all commands alike.
+
+use crate::args::AnalysisArgs;
+use crate::failure::{BadInput, Failure};
+use anyhow::{Context, anyhow};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Refuses outputs of an analysis that could not be written in the end.
+pub(crate) fn check_outputs(args: &AnalysisArgs, outputs: &[&PathBuf]) -> Result<(), Failure> {
+    for path in &args.figure {
+        check_extension(path, &["svg", "png"], "a figure is written as .svg or .png")?;
+    }
+    let outputs: Vec<&PathBuf> = outputs.iter().copied().chain(&args.figure).collect();
+    for (i, path) in outputs.iter().enumerate() {
+        if outputs[..i].contains(path) {
+            return Err(anyhow!("{} is named for two outputs", path.display())).bad_input();
+        }
+        check_place(path, Path::new(&args.source), args.force)?;
+    }
+    Ok(())
+}
+
+/// The extension of a path, in lower case.
+fn extension(path: &Path) -> String {
+    path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase()
+}
+
+/// Refuses tables that are written neither as CSV nor as Parquet.
+pub(crate) fn check_tables(tables: &[&PathBuf]) -> Result<(), Failure> {
+    let rule = "a table is written as .csv or .parquet";
+    tables.iter().try_for_each(|path| check_extension(path, &["csv", "parquet"], rule))
+}
+
+/// Refuses a path with another extension than those `allowed`.
+fn check_extension(path: &Path, allowed: &[&str], rule: &str) -> Result<(), Failure> {
+    if allowed.contains(&extension(path).as_str()) {
+        return Ok(());
+    }
+    Err(anyhow!("{}: {rule}", path.display())).bad_input()
+}
+
+/// Refuses a path that is the source itself, that is taken, or that has no directory.
+pub(crate) fn check_place(path: &Path, source: &Path, force: bool) -> Result<(), Failure> {
+    let resolved = |path: &Path| path.canonicalize().ok();
+    if resolved(path).is_some_and(|path| Some(path) == resolved(source)) {
+        return Err(anyhow!("{} is the source itself", path.display())).bad_input();
+    }
+    check_free(path, force)
+}
+
+/// Refuses a path that is taken or that has no directory.
+pub(crate) fn check_free(path: &Path, force: bool) -> Result<(), Failure> {
+    if path.exists() && !path.is_file() {
+        let message = format!("{} is no file that could be replaced; choose another name", path.display());
+        return Err(anyhow!(message)).bad_input();
+    }
+    if path.exists() && !force {
+        let message =
+            format!("{} exists already; choose another name, or replace it with --force", path.display());
+        return Err(anyhow!(message)).bad_input();
+    }
+    check_directory(path)
+}
+
+/// Refuses a path that has no directory.
+pub(crate) fn check_directory(path: &Path) -> Result<(), Failure> {
+    let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let message = || format!("{}: its directory cannot be used", path.display());
+    let found = fs::metadata(directory).with_context(message).bad_input()?;
+    if found.is_dir() { Ok(()) } else { Err(anyhow!("{}: not a directory", directory.display())).bad_input() }
+}
