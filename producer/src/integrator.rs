@@ -1,7 +1,7 @@
 //! One integrator for all methods.
 
 use crate::gear::Gear;
-use crate::kernel::Kernel;
+use crate::kernel::{Kernel, TILE};
 use crate::splitting::{RKN4, Splitting, VELOCITY_VERLET};
 use crate::state::ChainState;
 use pulp::Arch;
@@ -26,13 +26,13 @@ enum ByMethod {
 impl Integrator {
     /// The integrator of a run.
     pub fn new(physics: &Physics) -> Self {
-        Self::with_arch(physics, Arch::new())
+        Self::with_arch(physics, Arch::new(), TILE)
     }
 
-    /// The same with a given instruction set; every one gives the same bits.
-    fn with_arch(physics: &Physics, arch: Arch) -> Self {
+    /// The same with a given instruction set and length of tiles; all give the same bits.
+    fn with_arch(physics: &Physics, arch: Arch, tile: usize) -> Self {
         let (chain, dt_s) = (physics.chain(), physics.dt_s);
-        let kernel = Kernel::with_arch(&chain, arch);
+        let kernel = Kernel::with_arch(&chain, arch, tile);
         let by_method = match physics.method {
             Method::VelocityVerlet => ByMethod::Splitting(Splitting::new(VELOCITY_VERLET, dt_s, kernel)),
             Method::Rkn4 => ByMethod::Splitting(Splitting::new(RKN4, dt_s, kernel)),

@@ -14,7 +14,7 @@ use schemas::chain::{Chain, Walls};
 use schemas::contact::ContactLaw;
 use schemas::simd::{ordered_sum, vectorized};
 use std::ops::Range;
-pub(crate) use sweep::Pass;
+pub(crate) use sweep::{Pass, TILE};
 
 /// The beads that may differ from rest: all others have zero bits in `u` and `v`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -85,11 +85,11 @@ pub struct Kernel {
 impl Kernel {
     /// A kernel for `chain` that uses the widest SIMD instructions of this machine.
     pub fn new(chain: &Chain) -> Self {
-        Self::with_arch(chain, Arch::new())
+        Self::with_arch(chain, Arch::new(), TILE)
     }
 
-    /// A kernel with a given instruction set; every one gives the same bits.
-    pub fn with_arch(chain: &Chain, arch: Arch) -> Self {
+    /// A kernel with a given instruction set that sweeps `tile` beads at a time; all of them give the same bits.
+    pub(crate) fn with_arch(chain: &Chain, arch: Arch, tile: usize) -> Self {
         let rest = || Rest { overlap_m: chain.rest_overlap_m.clone(), force_n: chain.rest_force_n.clone() };
         Self {
             arch,
@@ -101,7 +101,7 @@ impl Kernel {
             damped: Damped::of(chain),
             force: vec![0.0; chain.bead_count() + 1],
             activity: Activity { beads: 0..0 },
-            tile: sweep::TILE,
+            tile,
         }
     }
 

@@ -50,9 +50,9 @@ fn variants(method: Method) -> Vec<Variant> {
 
 #[test]
 fn skipping_and_vectors_change_no_bit() {
-    let mut archs = vec![Arch::Scalar, Arch::new()];
+    let mut archs = vec![(Arch::Scalar, TILE), (Arch::new(), TILE), (Arch::new(), 16)];
     #[cfg(target_arch = "x86_64")]
-    archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
+    archs.extend(pulp::x86::V3::try_new().map(|v3| (Arch::V3(v3), 32)));
     for method in Method::ALL {
         for alpha in [1.0, 1.01, 1.3, 1.5, 2.0, 2.5, 3.0, 10.0] {
             for (name, variant) in variants(method) {
@@ -66,7 +66,7 @@ fn skipping_and_vectors_change_no_bit() {
                 let mut naive = start.clone();
                 let mut ours: Vec<_> = archs
                     .iter()
-                    .map(|arch| (Integrator::with_arch(&physics, *arch), start.clone()))
+                    .map(|(arch, tile)| (Integrator::with_arch(&physics, *arch, *tile), start.clone()))
                     .collect();
                 for _ in 0..400 {
                     naive::step(&physics, &mut naive);

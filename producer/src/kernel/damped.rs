@@ -206,7 +206,7 @@ mod tests {
     fn forces_and_power(kind: Damping, u_m: &[f64], v_m_s: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let mut kernel = Kernel::new(&chain(kind));
         kernel.restart(Activity::of(u_m, v_m_s));
-        kernel.evaluate_forces_of_motion(u_m, v_m_s);
+        kernel.evaluate_forces_of_motion(&mut u_m.to_vec(), &mut v_m_s.to_vec());
         let mut power_w = vec![1.0; 2];
         kernel.dissipated_power(u_m, v_m_s, &mut power_w);
         (kernel.force.clone(), power_w)

@@ -23,7 +23,7 @@ pub(crate) enum Pass {
 }
 
 /// Beads of a tile: their five arrays fill 40 kB, what fits into the cache next to the core.
-pub(super) const TILE: usize = 1024;
+pub(crate) const TILE: usize = 1024;
 
 /// Contacts that are looked at together: where none of them is closed, no power is computed.
 const BLOCK: usize = 16;
@@ -38,6 +38,7 @@ impl Kernel {
         // forces reach one bead further each time they are evaluated
         let reach = passes.iter().filter(|pass| **pass == Pass::Forces).count();
         let beads = self.reached(reach);
+        debug_assert!(self.tile >= passes.len(), "no pass is a whole tile behind the first");
         let law = self.law;
         let sweep = Sweep {
             passes,
