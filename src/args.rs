@@ -65,6 +65,9 @@ pub(crate) enum Command {
     Replay(ReplayArgs),
     /// Measure this machine: each figure beside its limit, as ratios
     Bench(BenchArgs),
+    /// What the bench runs in other processes
+    #[command(subcommand, hide = true)]
+    BenchPart(PartArgs),
     /// List the live runs of this user
     Ls {
         /// Print JSON
@@ -652,6 +655,28 @@ pub(crate) struct BenchArgs {
     /// Print the table as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// A process of the bench.
+#[derive(Debug, Subcommand)]
+pub(crate) enum PartArgs {
+    /// Sum up slices from a bare publisher
+    Sum {
+        /// Its service
+        name: String,
+        /// How many
+        count: u64,
+    },
+    /// Tell when a bare event wakes it
+    Listen {
+        /// The event's service
+        name: String,
+    },
+    /// Tell when frames of a run come
+    Receive {
+        /// The run
+        name: RunName,
+    },
 }
 
 /// How fast a run goes.

@@ -1,9 +1,14 @@
 //! Measuring this machine: each figure beside its limit, alternately in one run, as ratios.
 
 mod analyses;
+mod child;
 mod dynamics;
+mod memory;
+pub(crate) mod part;
 mod recordings;
 mod report;
+mod streaming;
+mod sweep;
 
 use crate::display;
 use crate::failure::Failure;
@@ -24,7 +29,7 @@ pub(crate) struct Group {
 }
 
 /// Every group, in the order of the table.
-pub(crate) const GROUPS: [Group; 3] = [
+pub(crate) const GROUPS: [Group; 6] = [
     Group {
         name: "dynamics",
         about: "steps of the chain against a plain loop, and along its length",
@@ -36,6 +41,17 @@ pub(crate) const GROUPS: [Group; 3] = [
         measure: recordings::rows,
     },
     Group { name: "analyses", about: "energies, impurity and contacts of a frame", measure: analyses::rows },
+    Group {
+        name: "streaming",
+        about: "publishing and following: beside the dynamics and beside bare iceoryx2",
+        measure: streaming::rows,
+    },
+    Group {
+        name: "memory",
+        about: "of a producer and its consumers, along the length of the run and of the chain",
+        measure: memory::rows,
+    },
+    Group { name: "sweep", about: "a grid of runs on two cores against one", measure: sweep::rows },
 ];
 
 /// The groups as the help lists them.

@@ -84,7 +84,7 @@ impl Frames {
 }
 
 /// Makes every step of a run.
-fn simulate(
+pub(super) fn simulate(
     manifest: &RunManifest,
     mut take: impl FnMut(&Frame<'_>) -> Result<(), Failure>,
 ) -> Result<(), Failure> {

@@ -8,7 +8,7 @@ use serde_json::json;
 use std::io::IsTerminal as _;
 
 /// Widths of the columns: rows are printed before the others are known.
-const WHAT: usize = 40;
+const WHAT: usize = 46;
 const AGAINST: usize = 40;
 
 /// Prints rows when they are there, and remembers them.
@@ -71,9 +71,15 @@ fn line(row: &Row) -> String {
         Floor::AtMost(floor) => format!("≤ {floor}"),
     };
     let mark = if row.is_met() { "met" } else { "NOT met" };
-    let spread = format!("({:.2} to {:.2})", row.ratio.least, row.ratio.most);
+    let [median, least, most] = [row.ratio.median, row.ratio.least, row.ratio.most].map(short);
+    let spread = format!("({least} to {most})");
     format!(
-        "  {:WHAT$}  {:AGAINST$}  {:6.2} {spread:16} {floor:7} {mark:8} {}\n",
-        row.what, row.against, row.ratio.median, row.figure
+        "  {:WHAT$}  {:AGAINST$}  {median:>6} {spread:16} {floor:7} {mark:8} {}\n",
+        row.what, row.against, row.figure
     )
+}
+
+/// Two decimals, or more where they would all be 0.
+fn short(ratio: f64) -> String {
+    if ratio.abs() < 0.05 { format!("{ratio:.4}") } else { format!("{ratio:.2}") }
 }
