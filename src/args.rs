@@ -12,6 +12,7 @@ pub(crate) use recordings::{
 };
 pub(crate) use values::Pace;
 
+use crate::bench;
 use crate::sweep::directory::Shard;
 use crate::time_step::TimeStep;
 use clap::{Args, Parser, Subcommand};
@@ -75,6 +76,9 @@ pub(crate) enum Command {
     Replay(ReplayArgs),
     /// Measure this machine: each figure beside its limit, as ratios
     Bench(BenchArgs),
+    /// What the bench runs in other processes
+    #[command(subcommand, hide = true)]
+    BenchPart(PartArgs),
     /// List the live runs of this user
     Ls {
         /// Print JSON
@@ -288,14 +292,42 @@ pub(crate) struct ReproduceArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  beadline bench --rounds 9\n\n\
+#[command(after_help = format!("Examples:\n  \
+    beadline bench --rounds 9\n  \
+    beadline bench --only recordings\n\n\
+    {}\n\
     Both sides of a row are measured in turns; the ratio is the median over the rounds, with the least and the most.\n\
-    Exit code 3: a ratio does not keep to its floor.")]
+    Exit code 3: a ratio does not keep to its floor.", bench::list_of_groups()))]
 pub(crate) struct BenchArgs {
+    /// Measure only the groups whose names contain this
+    #[arg(long, value_name = "WORD")]
+    pub(crate) only: Option<String>,
     /// Times that each pair is measured
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) rounds: u32,
     /// Print the table as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// A process of the bench.
+#[derive(Debug, Subcommand)]
+pub(crate) enum PartArgs {
+    /// Sum up slices from a bare publisher
+    Sum {
+        /// Its service
+        name: String,
+        /// How many
+        count: u64,
+    },
+    /// Tell when a bare event wakes it
+    Listen {
+        /// The event's service
+        name: String,
+    },
+    /// Tell when frames of a run come
+    Receive {
+        /// The run
+        name: RunName,
+    },
 }

@@ -44,6 +44,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Record(args) => commands::record::record(&args),
         Command::Replay(args) => commands::replay::replay(&args),
         Command::Bench(args) => commands::bench::bench(&args),
+        Command::BenchPart(args) => bench::part::part(&args),
         Command::Ls { json } => commands::ls::ls(json),
         Command::Thin(args) => commands::thin::thin(&args),
         Command::Expand(args) => commands::thin::expand(&args),

@@ -10,6 +10,7 @@
 //! options ends every wait.
 
 mod backpressure;
+pub mod bare;
 mod board;
 mod chain_values;
 mod creating;

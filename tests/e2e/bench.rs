@@ -16,3 +16,13 @@ fn each_pair_is_measured_and_judged() {
         assert_eq!(row["ratio"]["least"], row["ratio"]["most"], "of one round");
     }
 }
+
+#[test]
+fn groups_are_chosen_by_name() {
+    let place = Place::new();
+    let none = place.run("bench --only geology");
+    assert_eq!(none.code(), Some(2));
+    assert!(none.stderr().contains("recordings"), "{}", none.stderr());
+    let help = place.run("bench --help");
+    assert!(help.stdout().contains("  analyses "), "{}", help.stdout());
+}

@@ -1,7 +1,9 @@
 //! The producer's side of a run on the bus.
 
+mod offering;
 mod opening;
 
+use offering::Offering;
 pub use opening::PublishError;
 
 use super::backpressure::{Backpressure, ConsumerEvent, Delivery, Remedies};
@@ -115,6 +117,7 @@ pub struct StatePublisher {
     since_wake: u32,
     woke_at: Instant,
     counted_at: Instant,
+    offering: Offering,
     finished: bool,
     remedies: Remedies,
     // last, so that everything on the node goes before it
@@ -202,10 +205,12 @@ impl StatePublisher {
         };
         match phase {
             JOIN_CONNECT if self.remedies.connect_on_join => {
+                self.offering = Offering::default();
                 self.publisher.update_connections().map_err(|e| self.send_error(&e))?;
                 self.chain.update_connections().map_err(|e| self.send_error(&e))?;
             }
             JOIN_READY => {
+                self.offering = Offering::default();
                 let id = u128::from_le_bytes(subscriber_id);
                 answer.first_frame = self.next_frame;
                 if let Some((_, name)) = self.backpressure.consumers().remove(&id) {
@@ -245,7 +250,8 @@ impl StatePublisher {
         self.backpressure.take_events()
     }
 
-    fn send(&mut self, frame: &Frame<'_>) -> Result<(), PublishError> {
+    /// Sends a frame; returns how many consumers got it.
+    fn send(&mut self, frame: &Frame<'_>) -> Result<usize, PublishError> {
         let header = StateHeader {
             run_id: self.stream.run_id.0,
             stream_id: self.stream.stream_id,
@@ -272,7 +278,7 @@ impl StatePublisher {
         let sent =
             if remedies.resend { self.backpressure.repeat(&mut self.counts.resent, send) } else { send() };
         match sent {
-            Ok(_) => Ok(()),
+            Ok(recipients) => Ok(recipients),
             Err(SendError::UnableToDeliver) => Err(PublishError::Stopped { frame: frame.frame }),
             Err(e) => Err(self.send_error(&e)),
         }
@@ -371,13 +377,14 @@ impl FrameSink for StatePublisher {
         let start = Instant::now();
         let mut now = start;
         // a frame that nobody takes need not be written
-        if self.backpressure.subscriber_count() > 0 {
+        let is_last = frame.step == self.last_step;
+        if self.backpressure.subscriber_count() > 0 && (self.offering.is_due(start) || is_last) {
             let sent = self.send(frame);
             if self.backpressure.was_blocked() {
                 now = Instant::now();
                 self.counts.held_back += now.duration_since(start);
             }
-            sent?;
+            self.offering.offered(sent?, start);
         }
         self.next_frame += 1;
         self.counts.frames += 1;
@@ -386,8 +393,9 @@ impl FrameSink for StatePublisher {
         self.status.frames = self.counts.frames;
         (self.status.step, self.status.time_s) = (frame.step, frame.time_s);
         if self.since_wake >= WAKE_EVERY_FRAMES || now.duration_since(self.woke_at) >= WAKE_PERIOD {
-            self.write_status(now)?;
+            // whoever waits for the frame need not wait for the status
             self.wake();
+            self.write_status(now)?;
         }
         Ok(())
     }

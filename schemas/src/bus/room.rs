@@ -4,7 +4,7 @@ use super::services::{BORROWED, Limits, MAX_SUBSCRIBERS};
 use std::path::PathBuf;
 
 /// Most frames that wait for one consumer. More does not help: the ring should stay in the cache.
-const MAX_BUFFER: usize = 64;
+pub(super) const MAX_BUFFER: usize = 64;
 /// Memory that all queues of a run may use together, if there is that much.
 const BUDGET_BYTES: u64 = 1 << 30;
 /// What a sample needs besides its payload: headers, reference counts, alignment.

@@ -1,6 +1,6 @@
 //! Registering a run on the bus.
 
-use super::{JoinServer, PublishCounts, PublishOptions, StatePublisher};
+use super::{JoinServer, Offering, PublishCounts, PublishOptions, StatePublisher};
 use crate::bus::backpressure::Backpressure;
 use crate::bus::board::{BoardReader, BoardWriter};
 use crate::bus::services::{self, Topic, check_schema, text_of};
@@ -173,6 +173,7 @@ impl StatePublisher {
             since_wake: 0,
             woke_at: now,
             counted_at: now,
+            offering: Offering::default(),
             finished: false,
             remedies: options.remedies,
             node,

@@ -1,0 +1,103 @@
+//! What other processes of the bench do: each does one thing, and says on stdout what came of it.
+
+use crate::args::PartArgs;
+use crate::display;
+use crate::failure::{Done, Failure};
+use anyhow::anyhow;
+use rustix::time::{ClockId, clock_gettime};
+use schemas::bus::bare::{BareListener, BareSubscriber};
+use schemas::bus::{AttachOptions, Bus, Delivery, LiveSource};
+use schemas::frame::{FrameSource as _, Received};
+use schemas::run_name::RunName;
+use std::fmt::Write as _;
+use std::io;
+use std::time::Duration;
+
+/// How long a listener waits before it takes the bench for ended.
+const SILENCE: Duration = Duration::from_secs(2);
+
+/// What both sides say when a process can be measured.
+pub(super) const ATTACHED: &str = "attached";
+pub(super) const READY: &str = "ready";
+
+/// Does what `args` say.
+pub(crate) fn part(args: &PartArgs) -> Result<Done, Failure> {
+    let bus = Bus::from_env()?;
+    match args {
+        PartArgs::Sum { name, count } => sum_slices(&bus, name, *count)?,
+        PartArgs::Listen { name } => listen(&bus, name)?,
+        PartArgs::Receive { name } => receive(&bus, name)?,
+    }
+    Ok(Done::Whole)
+}
+
+/// Nanoseconds of a clock that all processes share.
+pub(super) fn now_ns() -> Result<u64, Failure> {
+    let now = Duration::try_from(clock_gettime(ClockId::Monotonic))?;
+    Ok(u64::try_from(now.as_nanos())?)
+}
+
+/// Sums up `count` slices from a bare publisher.
+fn sum_slices(bus: &Bus, name: &str, count: u64) -> Result<(), Failure> {
+    let subscriber = BareSubscriber::create(bus, name)?;
+    say(ATTACHED)?;
+    io::stdin().read_line(&mut String::new())?;
+    if subscriber.receive(|_| {})? {
+        return Err(anyhow!("a slice came before its time").into());
+    }
+    say(READY)?;
+    let mut total = 0.0;
+    for _ in 0..count {
+        subscriber.await_next(|doubles| total += sum(doubles))?;
+    }
+    say(total)
+}
+
+/// In eight sums, as one would wait for itself.
+fn sum(doubles: &[f64]) -> f64 {
+    let (chunks, rest) = doubles.as_chunks::<8>();
+    let mut sums = [0.0; 8];
+    for chunk in chunks {
+        sums.iter_mut().zip(chunk).for_each(|(sum, x)| *sum += x);
+    }
+    sums.iter().chain(rest).sum()
+}
+
+/// Says when it was woken, each time.
+fn listen(bus: &Bus, name: &str) -> Result<(), Failure> {
+    let listener = BareListener::create(bus, name)?;
+    say(READY)?;
+    let mut times = String::new();
+    while listener.wait(SILENCE)? {
+        writeln!(times, "{}", now_ns()?)?;
+    }
+    display::print(times)
+}
+
+/// Says when each frame of a run came.
+fn receive(bus: &Bus, name: &RunName) -> Result<(), Failure> {
+    let mut source = LiveSource::attach(bus, Some(name), Delivery::Lossless, &AttachOptions::default())?;
+    let mut times = String::new();
+    loop {
+        match source.receive()? {
+            Received::Frame(_) => writeln!(times, "{}", now_ns()?)?,
+            Received::Missed { .. } => return Err(anyhow!("the bench lost frames").into()),
+            Received::End(_) => return display::print(times),
+        }
+    }
+}
+
+fn say(what: impl std::fmt::Display) -> Result<(), Failure> {
+    display::print(format_args!("{what}\n"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_are_of_all_doubles() {
+        let doubles: Vec<_> = (1..=19).map(f64::from).collect();
+        assert_eq!(sum(&doubles), 190.0);
+    }
+}
