@@ -2,6 +2,7 @@
 
 pub(crate) mod analyses;
 pub(crate) mod dynamics;
+pub(crate) mod peers;
 pub(crate) mod recordings;
 
 use crate::failure::Failure;

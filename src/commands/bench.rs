@@ -2,7 +2,7 @@
 
 use crate::args::BenchArgs;
 use crate::bench::recordings::Frames;
-use crate::bench::{Floor, Row, analyses, dynamics, recordings};
+use crate::bench::{Floor, Row, analyses, dynamics, peers, recordings};
 use crate::display;
 use crate::failure::{Done, Failure};
 use serde_json::json;
@@ -24,6 +24,9 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<Done, Failure> {
     rows.extend(recordings::recomputing(&frames, rounds)?);
     display::notice("measuring analyses");
     rows.extend(analyses::rows(&frames, rounds)?);
+    if args.peers {
+        rows.extend(peers::rows(rounds)?);
+    }
     if args.json {
         display::print_json(&json!({ "rounds": rounds, "rows": rows }))?;
     } else {
