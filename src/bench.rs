@@ -5,6 +5,7 @@ mod child;
 mod dynamics;
 mod memory;
 pub(crate) mod part;
+mod peers;
 mod recordings;
 mod report;
 mod streaming;
@@ -29,7 +30,7 @@ pub(crate) struct Group {
 }
 
 /// Every group, in the order of the table.
-pub(crate) const GROUPS: [Group; 6] = [
+pub(crate) const GROUPS: [Group; 7] = [
     Group {
         name: "dynamics",
         about: "steps of the chain against a plain loop, and along its length",
@@ -52,6 +53,11 @@ pub(crate) const GROUPS: [Group; 6] = [
         measure: memory::rows,
     },
     Group { name: "sweep", about: "a grid of runs on two cores against one", measure: sweep::rows },
+    Group {
+        name: "peers",
+        about: "the same physics by LAMMPS, NumPy and Numba, as far as they are installed",
+        measure: peers::rows,
+    },
 ];
 
 /// The groups as the help lists them.

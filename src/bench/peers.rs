@@ -1,0 +1,120 @@
+//! What users run today: the same chain by LAMMPS, NumPy and Numba, each on the same core as ours.
+
+mod inputs;
+mod piece;
+mod program;
+
+use super::{Bench, Floor, Ratio, Report, Rounds, Row};
+use crate::display;
+use crate::failure::Failure;
+use piece::Piece;
+use program::{Outcome, Program};
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+use std::path::Path;
+use std::thread;
+use std::time::Duration;
+
+/// Velocities may differ by this part of the striker's: everybody rounds in a way of his own, in every step.
+const TOLERANCE: f64 = 1e-9;
+
+/// Someone to measure against, and how many times as fast we have to be.
+type Peer = (Program, &'static str, f64);
+
+const SIMULATING: [Peer; 4] = [
+    (Program::Lammps { states: "" }, "LAMMPS, gran/hertz/history", 20.0),
+    (Program::Numba { loops: "fused" }, "Numba, one fused loop", 3.0),
+    (Program::Numba { loops: "apart" }, "Numba, loops apart", 3.0),
+    (Program::NumPy, "NumPy", 20.0),
+];
+
+const WITH_OUTPUT: [Peer; 4] = [
+    (Program::Lammps { states: "states.dump" }, "LAMMPS, dump custom as text", 20.0),
+    (Program::Lammps { states: "states.bin" }, "LAMMPS, dump custom in binary", 3.0),
+    (Program::Numba { loops: "fused" }, "Numba, one fused loop, numpy.save", 1.0),
+    (Program::NumPy, "NumPy, numpy.save", 3.0),
+];
+
+/// The light-impurity run without output and with one state in 100, and a piece of it with every state.
+pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Failure> {
+    let found: Vec<_> = Program::ALL.into_iter().filter(is_there).collect();
+    if found.is_empty() {
+        return Ok(());
+    }
+    measured(&found, bench.rounds)?.into_iter().try_for_each(|row| report.row(row))
+}
+
+fn measured(found: &[Program], rounds: u32) -> Result<Vec<Row>, Failure> {
+    let measure = || -> Result<Vec<Row>, Failure> {
+        stay_on_one_core()?;
+        let mut rows = series("the whole run, no output", &Piece::whole()?, &SIMULATING, found, rounds)?;
+        rows.extend(series(
+            "one state in 100 recorded",
+            &Piece::one_in_100()?,
+            &WITH_OUTPUT,
+            found,
+            rounds,
+        )?);
+        rows.extend(series("every state recorded", &Piece::every_state()?, &WITH_OUTPUT, found, rounds)?);
+        Ok(rows)
+    };
+    // a thread and what it starts share one core; the rest of the program keeps all of them
+    thread::scope(|scope| {
+        scope.spawn(measure).join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })
+}
+
+/// Says which version was found, or what is missing.
+fn is_there(program: &Program) -> bool {
+    match program.version() {
+        Ok(version) => display::notice(format_args!("measuring against {version}")),
+        Err(missing) => {
+            display::notice(format_args!("not measured: {missing}"));
+            return false;
+        }
+    }
+    true
+}
+
+fn stay_on_one_core() -> Result<(), Failure> {
+    let allowed = sched_getaffinity(None)?;
+    let mut core = CpuSet::new();
+    // the first ones have more to do with devices
+    core.set((0..CpuSet::MAX_CPU).rfind(|core| allowed.is_set(*core)).unwrap_or(0));
+    Ok(sched_setaffinity(None, &core)?)
+}
+
+/// One piece of the run against every one of `peers` that was found.
+fn series(
+    what: &'static str,
+    piece: &Piece,
+    peers: &[Peer],
+    found: &[Program],
+    rounds: u32,
+) -> Result<Vec<Row>, Failure> {
+    let directory = tempfile::tempdir()?;
+    inputs::write(directory.path(), piece)?;
+    let expected = piece.simulate(directory.path())?;
+    let there = peers.iter().filter(|(program, ..)| found.iter().any(|found| found.is_same_as(program)));
+    there.map(|peer| row(what, piece, *peer, directory.path(), &expected, rounds)).collect()
+}
+
+fn row(
+    what: &'static str,
+    piece: &Piece,
+    (program, against, floor): Peer,
+    directory: &Path,
+    expected: &Outcome,
+    rounds: u32,
+) -> Result<Row, Failure> {
+    let ours = || Ok(piece.simulate(directory)?.time);
+    let theirs = || -> Result<Duration, Failure> {
+        let outcome = program.run(directory, piece)?;
+        outcome.check(against, expected, TOLERANCE * piece.striker_m_s())?;
+        Ok(outcome.time)
+    };
+    let rounds = Rounds::alternate(rounds, ours, theirs)?;
+    let theirs_s = Ratio::of(rounds.theirs_s.iter().copied()).median;
+    let millions = |time_s: f64| piece.bead_steps() / time_s / 1e6;
+    let figure = format!("{:.0} against {:.1} M bead-steps/s", millions(rounds.ours_s()), millions(theirs_s));
+    Ok(Row { what, against, floor: Floor::AtLeast(floor), ratio: rounds.speed(), figure })
+}
