@@ -7,9 +7,7 @@ mod values;
 pub(crate) use analyses::{
     AnalysisArgs, ContactsArgs, DeformationArgs, EnergiesArgs, ImpurityArgs, PulsesArgs,
 };
-pub(crate) use recordings::{
-    ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, RewriteArgs, ThinArgs, VerifyArgs,
-};
+pub(crate) use recordings::{ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, ThinArgs, VerifyArgs};
 pub(crate) use values::Pace;
 
 use crate::bench;
@@ -17,6 +15,7 @@ use crate::sweep::directory::Shard;
 use crate::time_step::TimeStep;
 use clap::{Args, Parser, Subcommand};
 use schemas::method::Method;
+use schemas::run_name::RunName;
 use std::num::NonZero;
 use std::path::PathBuf;
 use values::{parse_impurity, parse_jobs, parse_pace, parse_pair, parse_seconds, parse_shard};

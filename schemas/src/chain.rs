@@ -1,6 +1,6 @@
 //! The resolved chain: one number for each bead and each contact, and sums over them.
 
-use crate::contact::{ContactLaw, PowerUser};
+use crate::contact::{ContactLaw, Contacts, PowerUser};
 use crate::damping::ContactDamping;
 use crate::excess::{AtRest, Excess};
 use crate::simd::{ordered_sum, vectorized};
@@ -245,22 +245,26 @@ impl<const LOADED: bool> PowerUser for ContactEnergies<'_, LOADED> {
     #[inline(always)]
     fn run(self, zero_below_m: f64, power: impl Fn(f64) -> f64 + Copy) {
         let contacts = self.chain.contact_count();
-        let (left, right) = (&self.u_m[..contacts], &self.u_m[1..=contacts]);
-        let (stiffness, rest) = (&self.chain.stiffness[..contacts], &self.chain.rest_overlap_m[..contacts]);
+        let (left_m, right_m) = (&self.u_m[..contacts], &self.u_m[1..=contacts]);
+        let stiffness = &self.chain.stiffness[..contacts];
+        let energy_j = &mut self.energy_j[..contacts];
+        let exponent = self.chain.law.alpha() + 1.0;
+        let energy_of = |overlap_m: f64, stiffness: f64| stiffness * power(overlap_m) * overlap_m / exponent;
+        if !LOADED {
+            let contacts = Contacts { left_m, right_m, stiffness, values: energy_j };
+            return contacts.evaluate_closed(zero_below_m, energy_of);
+        }
+        let rest = &self.chain.rest_overlap_m[..contacts];
         let rest_force = &self.chain.rest_force_n[..contacts];
         let rest_energy = &self.chain.rest_energy_j[..contacts];
         let excess = Excess::new(self.chain.law);
-        let energy_j = &mut self.energy_j[..contacts];
-        let exponent = self.chain.law.alpha() + 1.0;
         for c in 0..contacts {
-            let approach = left[c] - right[c];
-            let overlap = if LOADED { approach + rest[c] } else { approach };
+            let approach = left_m[c] - right_m[c];
+            let overlap = approach + rest[c];
             let closed = overlap > zero_below_m;
-            let d = if closed { overlap } else { 1.0 };
-            let energy = stiffness[c] * power(d) * d / exponent;
-            let energy = if closed { energy } else { 0.0 };
+            let energy = energy_of(if closed { overlap } else { 1.0 }, stiffness[c]);
             let at_rest = AtRest { overlap_m: rest[c], force_n: rest_force[c], energy_j: rest_energy[c] };
-            energy_j[c] = if LOADED { excess.energy_j(at_rest, approach, energy) } else { energy };
+            energy_j[c] = excess.energy_j(at_rest, approach, if closed { energy } else { 0.0 });
         }
     }
 }

@@ -139,6 +139,64 @@ pub trait PowerUser {
     fn run(self, zero_below_m: f64, power: impl Fn(f64) -> f64 + Copy) -> Self::Output;
 }
 
+/// Contacts that are looked at together. Loops over fewer are not compiled for vectors.
+pub const BLOCK: usize = 32;
+
+/// Neighbouring contacts that are open at rest, as slices of one length.
+#[derive(Debug)]
+pub struct Contacts<'a> {
+    /// Displacements (m) of the beads on the left.
+    pub left_m: &'a [f64],
+    /// Displacements (m) of the beads on the right.
+    pub right_m: &'a [f64],
+    /// Stiffnesses (N·m^−α).
+    pub stiffness: &'a [f64],
+    /// Where the values go.
+    pub values: &'a mut [f64],
+}
+
+impl Contacts<'_> {
+    /// Sets the value of each contact that overlaps by more than `zero_below_m` to `value(overlap, stiffness)`, of others
+    /// to 0. In blocks of contacts of which none does nothing is computed.
+    ///
+    /// Wants to be [`vectorized`](crate::simd::vectorized).
+    #[inline(always)]
+    pub fn evaluate_closed(self, zero_below_m: f64, value: impl Fn(f64, f64) -> f64) {
+        let (left, left_rest) = self.left_m.as_chunks::<BLOCK>();
+        let (right, right_rest) = self.right_m.as_chunks::<BLOCK>();
+        let (stiffness, stiffness_rest) = self.stiffness.as_chunks::<BLOCK>();
+        let (values, values_rest) = self.values.as_chunks_mut::<BLOCK>();
+        for (((left, right), stiffness), values) in left.iter().zip(right).zip(stiffness).zip(values) {
+            let mut any_closed = false;
+            for c in 0..BLOCK {
+                any_closed |= left[c] - right[c] > zero_below_m;
+            }
+            if any_closed {
+                evaluate([left, right, stiffness], values, zero_below_m, &value);
+            } else {
+                *values = [0.0; BLOCK];
+            }
+        }
+        evaluate([left_rest, right_rest, stiffness_rest], values_rest, zero_below_m, &value);
+    }
+}
+
+#[inline(always)]
+fn evaluate(
+    [left, right, stiffness]: [&[f64]; 3],
+    values: &mut [f64],
+    zero_below_m: f64,
+    value: &impl Fn(f64, f64) -> f64,
+) {
+    for c in 0..values.len() {
+        let overlap = left[c] - right[c];
+        let closed = overlap > zero_below_m;
+        // computed in any case: a loop with a branch would have no vectors
+        let found = value(if closed { overlap } else { 1.0 }, stiffness[c]);
+        values[c] = if closed { found } else { 0.0 };
+    }
+}
+
 /// `2^(−900/(α+1))` (m).
 fn zero_bound_m(alpha: f64) -> f64 {
     power(2.0, -900.0 / (alpha + 1.0))

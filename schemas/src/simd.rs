@@ -29,9 +29,6 @@ pub fn vectorized<R>(arch: Arch, work: impl FnOnce() -> R) -> R {
     arch.dispatch(Work(work))
 }
 
-/// Beads or contacts that a loop takes together, a whole number of SIMD registers.
-pub const LANES: usize = 8;
-
 /// `Σ term([a[i], b[i], …])` over slices `[a, b, …]` of one length, in an order that is the same at any width:
 /// eight interleaved partial sums, added up in pairs.
 ///
@@ -45,22 +42,22 @@ pub fn ordered_sum<const K: usize>(slices: [&[f64]; K], term: impl Fn([f64; K]) 
     // one check for each slice instead of one for each number
     let slices = slices.map(
         #[inline(always)]
-        |slice| slice[..count].as_chunks::<LANES>(),
+        |slice| slice[..count].as_chunks::<8>(),
     );
-    let mut partial = [0.0; LANES];
-    for chunk in 0..count / LANES {
+    let mut partial = [0.0; 8];
+    for chunk in 0..count / 8 {
         let lanes = slices.map(
             #[inline(always)]
             |(chunks, _)| &chunks[chunk],
         );
-        for lane in 0..LANES {
+        for lane in 0..8 {
             partial[lane] += term(lanes.map(
                 #[inline(always)]
                 |numbers| numbers[lane],
             ));
         }
     }
-    for lane in 0..count % LANES {
+    for lane in 0..count % 8 {
         partial[lane] += term(slices.map(
             #[inline(always)]
             |(_, rest)| rest[lane],

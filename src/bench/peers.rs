@@ -47,13 +47,7 @@ fn measured(found: &[Program], rounds: u32) -> Result<Vec<Row>, Failure> {
     let measure = || -> Result<Vec<Row>, Failure> {
         stay_on_one_core()?;
         let mut rows = series("the whole run, no output", &Piece::whole()?, &SIMULATING, found, rounds)?;
-        rows.extend(series(
-            "one state in 100 recorded",
-            &Piece::one_in_100()?,
-            &WITH_OUTPUT,
-            found,
-            rounds,
-        )?);
+        rows.extend(series("one state in 100 recorded", &Piece::one_in_100()?, &WITH_OUTPUT, found, rounds)?);
         rows.extend(series("every state recorded", &Piece::every_state()?, &WITH_OUTPUT, found, rounds)?);
         Ok(rows)
     };

@@ -7,8 +7,8 @@
 
 use super::{Kernel, Rest};
 use schemas::chain::Walls;
-use schemas::contact::{ContactLaw, PowerUser};
-use schemas::simd::{LANES, vectorized};
+use schemas::contact::{BLOCK, ContactLaw, Contacts, PowerUser};
+use schemas::simd::vectorized;
 use std::ops::Range;
 
 /// What a sweep does to every bead and contact that may not be at rest.
@@ -24,9 +24,6 @@ pub(crate) enum Pass {
 
 /// Beads of a tile: their five arrays fill 40 kB, what fits into the cache next to the core.
 pub(crate) const TILE: usize = 1024;
-
-/// Contacts that are looked at together: where none of them is closed, no power is computed.
-const BLOCK: usize = 16;
 
 impl Kernel {
     /// Takes all beads and contacts that may not be at rest through `passes`, and widens the window of active
@@ -124,23 +121,26 @@ impl PowerUser for Sweep<'_> {
 impl Sweep<'_> {
     #[inline(always)]
     fn kick_drift(&mut self, kick_s: f64, drift_s: f64, beads: Range<usize>) {
-        let (pushed, pushed_rest) = Pushes::of(self.force, self.inverse_mass, &beads).in_lanes();
-        let (u, u_rest) = self.u_m[beads.clone()].as_chunks_mut::<LANES>();
-        let (v, v_rest) = self.v_m_s[beads].as_chunks_mut::<LANES>();
-        for ((pushed, u), v) in pushed.zip(u).zip(v) {
-            kick_drift(kick_s, drift_s, pushed, u, v);
+        let count = beads.len();
+        let (left, right) = (&self.force[beads.clone()], &self.force[beads.start + 1..=beads.end]);
+        let inverse_mass = &self.inverse_mass[beads.clone()][..count];
+        let (u, v) = (&mut self.u_m[beads.clone()][..count], &mut self.v_m_s[beads][..count]);
+        for i in 0..count {
+            let velocity = (kick_s * inverse_mass[i]).mul_add(left[i] - right[i], v[i]);
+            v[i] = velocity;
+            u[i] = drift_s.mul_add(velocity, u[i]);
         }
-        kick_drift(kick_s, drift_s, pushed_rest, u_rest, v_rest);
     }
 
     #[inline(always)]
     fn kick(&mut self, kick_s: f64, beads: Range<usize>) {
-        let (pushed, pushed_rest) = Pushes::of(self.force, self.inverse_mass, &beads).in_lanes();
-        let (v, v_rest) = self.v_m_s[beads].as_chunks_mut::<LANES>();
-        for (pushed, v) in pushed.zip(v) {
-            kick(kick_s, pushed, v);
+        let count = beads.len();
+        let (left, right) = (&self.force[beads.clone()], &self.force[beads.start + 1..=beads.end]);
+        let inverse_mass = &self.inverse_mass[beads.clone()][..count];
+        let v = &mut self.v_m_s[beads][..count];
+        for i in 0..count {
+            v[i] = (kick_s * inverse_mass[i]).mul_add(left[i] - right[i], v[i]);
         }
-        kick(kick_s, pushed_rest, v_rest);
     }
 
     /// Evaluates the contacts on the right of `beads`, but for one that leads out of the sweep, and those of the
@@ -150,14 +150,18 @@ impl Sweep<'_> {
         let first = beads.start;
         let end = if beads.end < self.beads.end { beads.end } else { self.beads.end - 1 };
         let contacts = Contacts {
-            left: &self.u_m[first..end],
-            right: &self.u_m[first + 1..=end],
+            left_m: &self.u_m[first..end],
+            right_m: &self.u_m[first + 1..=end],
             stiffness: &self.stiffness[first..end],
-            force: &mut self.force[first + 1..=end],
+            values: &mut self.force[first + 1..=end],
         };
         match self.rest {
-            None => contacts.evaluate(zero_below_m, power),
-            Some(rest) => contacts.evaluate_loaded(rest, first, zero_below_m, power),
+            None => contacts.evaluate_closed(
+                zero_below_m,
+                #[inline(always)]
+                |overlap_m, stiffness| stiffness * power(overlap_m),
+            ),
+            Some(rest) => evaluate_loaded(contacts, rest, first, zero_below_m, power),
         }
         self.push_by_walls(&beads);
     }
@@ -175,122 +179,25 @@ impl Sweep<'_> {
     }
 }
 
-/// What pushes some beads, as slices over just these.
-#[derive(Clone, Copy)]
-struct Pushes<'a> {
-    left: &'a [f64],
-    right: &'a [f64],
-    inverse_mass: &'a [f64],
-}
-
-impl<'a> Pushes<'a> {
-    #[inline(always)]
-    fn of(force: &'a [f64], inverse_mass: &'a [f64], beads: &Range<usize>) -> Self {
-        Self {
-            left: &force[beads.clone()],
-            right: &force[beads.start + 1..=beads.end],
-            inverse_mass: &inverse_mass[beads.clone()],
-        }
-    }
-
-    /// In pieces of [`LANES`] beads, and what is left.
-    #[inline(always)]
-    fn in_lanes(self) -> (impl Iterator<Item = Self>, Self) {
-        let (left, left_rest) = self.left.as_chunks::<LANES>();
-        let (right, right_rest) = self.right.as_chunks::<LANES>();
-        let (inverse_mass, inverse_mass_rest) = self.inverse_mass.as_chunks::<LANES>();
-        let pieces = left.iter().zip(right).zip(inverse_mass).map(
-            #[inline(always)]
-            |((left, right), inverse_mass)| Self { left, right, inverse_mass },
-        );
-        (pieces, Self { left: left_rest, right: right_rest, inverse_mass: inverse_mass_rest })
-    }
-}
-
+/// The forces of `contacts` in a loaded chain: overlaps count from those at rest, forces beyond those at rest. `first`
+/// is the number of the first contact.
 #[inline(always)]
-fn kick_drift(kick_s: f64, drift_s: f64, pushed: Pushes<'_>, u: &mut [f64], v: &mut [f64]) {
-    let Pushes { left, right, inverse_mass } = pushed;
-    for i in 0..u.len() {
-        let velocity = (kick_s * inverse_mass[i]).mul_add(left[i] - right[i], v[i]);
-        v[i] = velocity;
-        u[i] = drift_s.mul_add(velocity, u[i]);
-    }
-}
-
-#[inline(always)]
-fn kick(kick_s: f64, pushed: Pushes<'_>, v: &mut [f64]) {
-    let Pushes { left, right, inverse_mass } = pushed;
-    for i in 0..v.len() {
-        v[i] = (kick_s * inverse_mass[i]).mul_add(left[i] - right[i], v[i]);
-    }
-}
-
-/// Neighbouring contacts: displacements (m) of their beads, stiffnesses (N·m^−α), and where their forces go (N).
-struct Contacts<'a> {
-    left: &'a [f64],
-    right: &'a [f64],
-    stiffness: &'a [f64],
-    force: &'a mut [f64],
-}
-
-impl Contacts<'_> {
-    #[inline(always)]
-    fn evaluate(self, zero_below_m: f64, power: impl Fn(f64) -> f64 + Copy) {
-        let (left, left_rest) = self.left.as_chunks::<BLOCK>();
-        let (right, right_rest) = self.right.as_chunks::<BLOCK>();
-        let (stiffness, stiffness_rest) = self.stiffness.as_chunks::<BLOCK>();
-        let (force, force_rest) = self.force.as_chunks_mut::<BLOCK>();
-        for (((left, right), stiffness), force) in left.iter().zip(right).zip(stiffness).zip(force) {
-            let mut any_closed = false;
-            for c in 0..BLOCK {
-                any_closed |= left[c] - right[c] > zero_below_m;
-            }
-            if any_closed {
-                evaluate([left, right], stiffness, force, zero_below_m, power);
-            } else {
-                *force = [0.0; BLOCK];
-            }
-        }
-        evaluate([left_rest, right_rest], stiffness_rest, force_rest, zero_below_m, power);
-    }
-
-    /// The same in a loaded chain: overlaps count from those at rest, forces beyond those at rest. `first` is the
-    /// number of the first contact.
-    #[inline(always)]
-    fn evaluate_loaded(
-        self,
-        rest: &Rest,
-        first: usize,
-        zero_below_m: f64,
-        power: impl Fn(f64) -> f64 + Copy,
-    ) {
-        let contacts = self.force.len();
-        let (left, right) = (&self.left[..contacts], &self.right[..contacts]);
-        let (stiffness, force) = (&self.stiffness[..contacts], &mut self.force[..contacts]);
-        let rest_overlap = &rest.overlap_m[first..][..contacts];
-        let rest_force = &rest.force_n[first..][..contacts];
-        for c in 0..contacts {
-            let overlap = (left[c] - right[c]) + rest_overlap[c];
-            let closed = overlap > zero_below_m;
-            let f = stiffness[c] * power(if closed { overlap } else { 1.0 });
-            force[c] = (if closed { f } else { 0.0 }) - rest_force[c];
-        }
-    }
-}
-
-/// Contacts whose forces are computed, whether they are closed or not.
-#[inline(always)]
-fn evaluate(
-    [left, right]: [&[f64]; 2],
-    stiffness: &[f64],
-    force: &mut [f64],
+fn evaluate_loaded(
+    contacts: Contacts<'_>,
+    rest: &Rest,
+    first: usize,
     zero_below_m: f64,
-    power: impl Fn(f64) -> f64,
+    power: impl Fn(f64) -> f64 + Copy,
 ) {
-    for c in 0..force.len() {
-        let overlap = left[c] - right[c];
+    let count = contacts.values.len();
+    let (left, right) = (&contacts.left_m[..count], &contacts.right_m[..count]);
+    let (stiffness, force) = (&contacts.stiffness[..count], &mut contacts.values[..count]);
+    let rest_overlap = &rest.overlap_m[first..][..count];
+    let rest_force = &rest.force_n[first..][..count];
+    for c in 0..count {
+        let overlap = (left[c] - right[c]) + rest_overlap[c];
         let closed = overlap > zero_below_m;
         let f = stiffness[c] * power(if closed { overlap } else { 1.0 });
-        force[c] = if closed { f } else { 0.0 };
+        force[c] = (if closed { f } else { 0.0 }) - rest_force[c];
     }
 }
