@@ -68,9 +68,10 @@ pub(crate) fn exit(result: Result<Done, Failure>) -> ExitCode {
 
 /// Another name was to be chosen for an output, whichever command found that, and how late.
 fn is_in_the_way(error: &Error) -> bool {
-    let written = error.chain().filter_map(|cause| cause.downcast_ref::<WriteError>());
-    let mut files = error.chain().filter_map(|cause| cause.downcast_ref::<WholeFileError>());
-    written.into_iter().any(WriteError::is_in_the_way) || files.any(WholeFileError::is_in_the_way)
+    error.chain().any(|cause| {
+        cause.downcast_ref().is_some_and(WriteError::is_in_the_way)
+            || cause.downcast_ref().is_some_and(WholeFileError::is_in_the_way)
+    })
 }
 
 /// A reader that went away, as in `beadline presets | head -1`, is no failure.

@@ -99,7 +99,7 @@ impl Summary<'_> {
         } else if self.outcome.missing > 0 {
             let missing = counted(self.outcome.missing, "point");
             display::notice(if args.merge {
-                format!("the results lack {missing}")
+                format!("missing in the results: {missing}")
             } else {
                 format!("not there yet: {missing}; whoever computes the last merges the results, or --merge")
             });

@@ -187,7 +187,11 @@ fn an_interrupted_sweep_keeps_what_it_has() {
     assert_eq!(ended["stopped"], true);
     assert!(!place.path("dir/results.csv").exists());
     assert_eq!(ended["rows"], 2);
-    let merged = place.run("sweep s.toml --out dir --merge --json").exits(3).says(&["missing"]).json();
+    let merged = place
+        .run("sweep s.toml --out dir --merge --json")
+        .exits(3)
+        .says(&["missing in the results: 2 points"])
+        .json();
     assert_eq!((merged["rows"].as_u64(), merged["computed"].as_u64()), (Some(2), Some(0)));
     assert_eq!(place.read("dir/results.csv").lines().count(), 3);
 }
