@@ -7,8 +7,8 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-/// The grid of `beadline sweep --example` with shorter chains: how much an impurity reflects, over its mass and the
-/// contact law.
+/// The grid of `beadline sweep --example` with shorter chains: how much an impurity reflects, over its mass
+/// and the contact law.
 const GRID: &str = include_str!("sweep/grid.toml");
 
 /// Two workers, whatever there is: the floor is one for two.

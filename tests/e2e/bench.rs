@@ -2,19 +2,40 @@
 
 use crate::harness::Place;
 
-#[test]
-fn each_pair_is_measured_and_judged() {
+/// Measures one group once, which makes `count` rows.
+fn measure(group: &str, count: usize) {
     let place = Place::new();
-    let ended = place.run("bench --rounds 1 --json");
+    let ended = place.run(&format!("bench --rounds 1 --json --only {group}"));
     assert!([0, 3].contains(&ended.code().unwrap_or(-1)), "{}", ended.stderr());
     let table = ended.json();
     let rows = table["rows"].as_array().expect("rows");
-    assert_eq!(rows.len(), 13);
+    assert_eq!(rows.len(), count);
     for row in rows {
         let ratio = row["ratio"]["median"].as_f64().expect("a number");
         assert!(ratio > 0.0 && ratio.is_finite(), "{row}");
         assert_eq!(row["ratio"]["least"], row["ratio"]["most"], "of one round");
+        assert_eq!(row["group"], group);
     }
+}
+
+#[test]
+fn dynamics_are_measured_and_judged() {
+    measure("dynamics", 3);
+}
+
+#[test]
+fn recordings_are_measured_and_judged() {
+    measure("recordings", 7);
+}
+
+#[test]
+fn analyses_are_measured_and_judged() {
+    measure("analyses", 3);
+}
+
+#[test]
+fn streaming_is_measured_and_judged_and_loses_no_frame() {
+    measure("streaming", 7);
 }
 
 #[test]

@@ -189,9 +189,7 @@ pub(super) fn fill<T: Copy + Debug + ZeroCopySend>(
     let mut rest = slot.payload_mut();
     for part in parts {
         let (head, tail) = rest.split_at_mut(part.len());
-        for (slot, value) in head.iter_mut().zip(*part) {
-            slot.write(*value);
-        }
+        head.write_copy_of_slice(part);
         rest = tail;
     }
     assert!(rest.is_empty(), "a slot is filled to its end");

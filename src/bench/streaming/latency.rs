@@ -4,8 +4,10 @@ use super::super::part::{READY, now_ns};
 use super::{Floor, Process, Rounds, Row, Streams, wait};
 use crate::failure::Failure;
 use anyhow::anyhow;
+use producer::integrator::Integrator;
+use producer::state::ChainState;
 use schemas::bus::bare::BareNotifier;
-use schemas::frame::{EndReason, Frame, FrameSink as _};
+use schemas::frame::{EndReason, FrameSink as _};
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -32,7 +34,8 @@ pub(super) fn rows(streams: &Streams<'_>, rounds: u32) -> Result<[Row; 2], Failu
     Ok([row("publish to a waiting consumer, p50", 0.5), row("publish to a waiting consumer, p99", 0.99)])
 }
 
-/// `count` delays (s) of frames and of bare wake-ups, in turns.
+/// `count` delays (s) of frames and of bare wake-ups, in turns, each right after a step: as in a run that
+/// keeps a pace.
 fn measure(streams: &Streams<'_>, count: usize) -> Result<(Vec<f64>, Vec<f64>), Failure> {
     let event = format!("wake-{}", streams.name());
     let notifier = BareNotifier::create(&streams.bus, &event)?;
@@ -41,19 +44,19 @@ fn measure(streams: &Streams<'_>, count: usize) -> Result<(Vec<f64>, Vec<f64>), 
     wait(&mut publisher, 1)?;
     let mut listener = Process::start(["bench-part", "listen", &event])?;
     listener.expect(READY)?;
-    let (mut dbg_a, mut dbg_b) = (Vec::new(), Vec::new());
     let (mut frames_ns, mut wakes_ns) = (Vec::new(), Vec::new());
-    for (number, frame) in (0..).zip(streams.frames.iter().cycle().take(count)) {
+    let physics = &streams.manifest.physics;
+    let (mut integrator, mut state) = (Integrator::new(physics), ChainState::initial(physics));
+    for number in 0..count as u64 {
         sleep(GAP);
+        integrator.step(&mut state);
         frames_ns.push(now_ns()?);
-        publisher.accept(&Frame { frame: number, step: number, ..frame })?;
-        dbg_a.push((now_ns()? - frames_ns[number as usize]) as f64);
+        publisher.accept(&state.as_frame(&streams.manifest, number))?;
         sleep(GAP);
+        integrator.step(&mut state);
         wakes_ns.push(now_ns()?);
         notifier.notify()?;
-        dbg_b.push((now_ns()? - wakes_ns[number as usize]) as f64);
     }
-    eprintln!("accept {} notify {}", quantile(&dbg_a, 0.5), quantile(&dbg_b, 0.5));
     publisher.finish(EndReason::Complete)?;
     Ok((delays(&frames_ns, receiver)?, delays(&wakes_ns, listener)?))
 }

@@ -9,9 +9,10 @@ const LONGEST: Duration = Duration::from_millis(1);
 
 /// Spares the writing of frames while nobody takes any.
 ///
-/// A frame that reached nobody was for `latest` consumers only, all of them with full queues: a lossless one would have
-/// got it, or held it back. After each such frame twice as many are left out, until one is taken again, so that a
-/// consumer that is stuck costs next to nothing and one that is merely slow misses hardly more than it would anyway.
+/// A frame that reached nobody was for `latest` consumers only, all of them with full queues: a lossless one
+/// would have got it, or held it back. After each such frame twice as many are left out, until one is taken
+/// again, so that a consumer that is stuck costs next to nothing and one that is merely slow misses hardly
+/// more than it would anyway.
 #[derive(Debug, Default)]
 pub(super) struct Offering {
     /// Frames to be left out after one that nobody took.
