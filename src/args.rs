@@ -1,5 +1,6 @@
 //! The command line as it is written. Every mode turns its part once into validated values.
 
+use crate::bench;
 use crate::sweep::directory::Shard;
 use crate::time_step::TimeStep;
 use clap::{Args, Parser, Subcommand};
@@ -635,10 +636,17 @@ pub(crate) struct ReplayArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  beadline bench --rounds 9\n\n\
+#[command(after_help = format!("Examples:\n  \
+    beadline bench --rounds 9\n  \
+    beadline bench --only recordings\n  \
+    beadline bench --peers --only peers\n\n\
+    {}\n\
     Both sides of a row are measured in turns; the ratio is the median over the rounds, with the least and the most.\n\
-    Exit code 3: a ratio does not keep to its floor.")]
+    Exit code 3: a ratio does not keep to its floor.", bench::list_of_groups()))]
 pub(crate) struct BenchArgs {
+    /// Measure only the groups whose names contain this
+    #[arg(long, value_name = "WORD")]
+    pub(crate) only: Option<String>,
     /// Times that each pair is measured
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) rounds: u32,

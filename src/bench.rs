@@ -1,13 +1,90 @@
 //! Measuring this machine: each figure beside its limit, alternately in one run, as ratios.
 
-pub(crate) mod analyses;
-pub(crate) mod dynamics;
-pub(crate) mod peers;
-pub(crate) mod recordings;
+mod analyses;
+mod dynamics;
+mod peers;
+mod recordings;
+mod report;
 
+use crate::display;
 use crate::failure::Failure;
+use recordings::Frames;
+pub(crate) use report::Report;
 use serde::Serialize;
+use std::cell::OnceCell;
+use std::fmt::Write as _;
 use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+/// Rows that belong together.
+pub(crate) struct Group {
+    pub(crate) name: &'static str,
+    /// What it measures, for the help.
+    about: &'static str,
+    measure: fn(&Bench, &mut Report) -> Result<(), Failure>,
+}
+
+/// The group that needs other people's programs.
+pub(crate) const PEERS: &str = "peers";
+
+/// Every group, in the order of the table.
+pub(crate) const GROUPS: [Group; 4] = [
+    Group {
+        name: "dynamics",
+        about: "steps of the chain against a plain loop, and along its length",
+        measure: dynamics::rows,
+    },
+    Group {
+        name: "recordings",
+        about: "writing, reading and verifying against mcap alone and against simulating",
+        measure: recordings::rows,
+    },
+    Group { name: "analyses", about: "energies, impurity and contacts of a frame", measure: analyses::rows },
+    Group {
+        name: PEERS,
+        about: "the same run by LAMMPS, NumPy and Numba, with --peers only",
+        measure: peers::rows,
+    },
+];
+
+/// The groups as the help lists them.
+pub(crate) fn list_of_groups() -> String {
+    let mut text = String::from("Groups:\n");
+    for group in &GROUPS {
+        // writing to a String cannot fail
+        let _ = writeln!(text, "  {:<12}{}", group.name, group.about);
+    }
+    text
+}
+
+/// What the groups share.
+pub(crate) struct Bench {
+    rounds: u32,
+    directory: TempDir,
+    frames: OnceCell<Frames>,
+}
+
+impl Bench {
+    pub(crate) fn new(rounds: u32) -> Result<Self, Failure> {
+        Ok(Self { rounds, directory: tempfile::tempdir()?, frames: OnceCell::new() })
+    }
+
+    /// Measures the rows of `group`.
+    pub(crate) fn measure(&self, group: &Group, report: &mut Report) -> Result<(), Failure> {
+        report.begin(group)?;
+        (group.measure)(self, report)
+    }
+
+    /// The light-impurity run, recorded when a group first asks for it.
+    fn frames(&self) -> Result<&Frames, Failure> {
+        if let Some(frames) = self.frames.get() {
+            return Ok(frames);
+        }
+        display::notice("recording the light-impurity run");
+        let frames = Frames::record_in(self.directory.path())?;
+        Ok(self.frames.get_or_init(|| frames))
+    }
+}
 
 /// A ratio measured in several rounds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

@@ -1,7 +1,7 @@
 //! The analyses, receiving apart, against copying the frame once.
 
 use super::recordings::Frames;
-use super::{Floor, Rounds, Row, timed};
+use super::{Bench, Floor, Report, Rounds, Row, timed};
 use crate::failure::Failure;
 use consumers::contacts::{Contacts, default_tolerance_m};
 use consumers::energies::{Energies, default_split_bead};
@@ -10,29 +10,28 @@ use schemas::frame::Frame;
 use std::hint::black_box;
 
 /// Energies, impurity and contacts of each frame.
-pub(crate) fn rows(frames: &Frames, rounds: u32) -> Result<Vec<Row>, Failure> {
+pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Failure> {
+    let (frames, rounds) = (bench.frames()?, bench.rounds);
     let manifest = frames.manifest();
     let split_bead = default_split_bead(manifest);
-    Ok(vec![
-        row("energies of a frame", 3.0, frames, rounds, || {
-            let mut energies = Energies::new(manifest, split_bead);
-            move |frame: &Frame<'_>| {
-                black_box(energies.observe(frame));
-            }
-        })?,
-        row("impurity of a frame", 0.3, frames, rounds, || {
-            let mut followed = Followed::new(manifest, &[split_bead]);
-            move |frame: &Frame<'_>| {
-                black_box(followed.observe(frame));
-            }
-        })?,
-        row("contacts of a frame", 2.0, frames, rounds, || {
-            let mut contacts = Contacts::new(manifest, default_tolerance_m(manifest));
-            move |frame: &Frame<'_>| {
-                black_box(contacts.observe(frame));
-            }
-        })?,
-    ])
+    report.row(row("energies of a frame", 3.0, frames, rounds, || {
+        let mut energies = Energies::new(manifest, split_bead);
+        move |frame: &Frame<'_>| {
+            black_box(energies.observe(frame));
+        }
+    })?)?;
+    report.row(row("impurity of a frame", 0.3, frames, rounds, || {
+        let mut followed = Followed::new(manifest, &[split_bead]);
+        move |frame: &Frame<'_>| {
+            black_box(followed.observe(frame));
+        }
+    })?)?;
+    report.row(row("contacts of a frame", 2.0, frames, rounds, || {
+        let mut contacts = Contacts::new(manifest, default_tolerance_m(manifest));
+        move |frame: &Frame<'_>| {
+            black_box(contacts.observe(frame));
+        }
+    })?)
 }
 
 fn row<O: FnMut(&Frame<'_>)>(
@@ -52,10 +51,10 @@ fn row<O: FnMut(&Frame<'_>)>(
     let mut copy = vec![0.0; manifest_doubles(frames)];
     let copying = || {
         timed(|| {
-            frames.each_in_one_piece(|doubles| {
+            for doubles in frames.in_one_piece() {
                 copy.copy_from_slice(doubles);
                 black_box(&copy);
-            });
+            }
             Ok(())
         })
     };

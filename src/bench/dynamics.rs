@@ -1,6 +1,6 @@
 //! The dynamics: against a plain loop, and along the length of the chain.
 
-use super::{Floor, Rounds, Row};
+use super::{Bench, Floor, Report, Rounds, Row};
 use crate::failure::Failure;
 use producer::baseline::ScalarLoop;
 use producer::integrator::Integrator;
@@ -92,6 +92,13 @@ impl Moments {
     }
 }
 
+/// A step against a plain loop, for two exponents, and along the length of the chain.
+pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Failure> {
+    report.row(step(bench.rounds)?)?;
+    report.row(general_alpha(bench.rounds)?)?;
+    report.row(length(bench.rounds)?)
+}
+
 /// The light-impurity run by velocity-Verlet.
 fn light_impurity() -> RunConfig {
     let mut config = PRESETS[0].config();
@@ -100,7 +107,7 @@ fn light_impurity() -> RunConfig {
 }
 
 /// Velocity-Verlet against the plain loop, over the light-impurity run.
-pub(crate) fn step(rounds: u32) -> Result<Row, Failure> {
+fn step(rounds: u32) -> Result<Row, Failure> {
     let (rounds, figure) = Moments::of(&light_impurity(), STEPS)?.against_plain(rounds)?;
     Ok(Row {
         what: "velocity-Verlet step, no output",
@@ -112,7 +119,7 @@ pub(crate) fn step(rounds: u32) -> Result<Row, Failure> {
 }
 
 /// The same for a general exponent with all contacts closed.
-pub(crate) fn general_alpha(rounds: u32) -> Result<Row, Failure> {
+fn general_alpha(rounds: u32) -> Result<Row, Failure> {
     let mut config = light_impurity();
     config.chain.alpha = 1.3;
     let (rounds, figure) = Moments::all_closed(&config, STEPS)?.against_plain(rounds)?;
@@ -126,7 +133,7 @@ pub(crate) fn general_alpha(rounds: u32) -> Result<Row, Failure> {
 }
 
 /// Cost of a bead-step in a chain of a million beads against one of a thousand.
-pub(crate) fn length(rounds: u32) -> Result<Row, Failure> {
+fn length(rounds: u32) -> Result<Row, Failure> {
     let moments = |beads: u64| {
         let mut config = light_impurity();
         (config.chain.beads, config.chain.impurities[0].bead) = (beads, beads / 2);

@@ -1,6 +1,6 @@
 //! Recording, reading and verifying, against mcap by itself and against simulating.
 
-use super::{Floor, Rounds, Row, timed};
+use super::{Bench, Floor, Report, Rounds, Row, timed};
 use crate::display::bytes;
 use crate::failure::Failure;
 use anyhow::anyhow;
@@ -59,17 +59,23 @@ impl Frames {
         self.kept.len()
     }
 
-    /// Lends every frame that is in memory.
-    pub(crate) fn each(&self, mut take: impl FnMut(&Frame<'_>)) {
-        for (frame, step, doubles) in &self.kept {
+    /// Every frame that is in memory.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = Frame<'_>> + Clone {
+        self.kept.iter().map(|(frame, step, doubles)| {
             let (u_m, v_m_s) = doubles.split_at(doubles.len() / 2);
             let time_s = self.manifest.physics.time_s(*step);
-            take(&Frame { frame: *frame, step: *step, time_s, u_m, v_m_s, extra: &[] });
-        }
+            Frame { frame: *frame, step: *step, time_s, u_m, v_m_s, extra: &[] }
+        })
     }
 
-    pub(crate) fn each_in_one_piece(&self, mut take: impl FnMut(&[f64])) {
-        self.kept.iter().for_each(|(_, _, doubles)| take(doubles));
+    /// Lends every frame that is in memory.
+    pub(crate) fn each(&self, mut take: impl FnMut(&Frame<'_>)) {
+        self.iter().for_each(|frame| take(&frame));
+    }
+
+    /// The same, each as `[u | v]`.
+    pub(crate) fn in_one_piece(&self) -> impl Iterator<Item = &[f64]> + Clone {
+        self.kept.iter().map(|(_, _, doubles)| doubles.as_slice())
     }
 
     fn state_bytes(&self) -> f64 {
@@ -108,8 +114,16 @@ fn record(manifest: &RunManifest, path: &Path, every: u64) -> Result<(), Failure
     Ok(())
 }
 
+/// Recording, reading and verifying.
+pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Failure> {
+    let (frames, rounds) = (bench.frames()?, bench.rounds);
+    writing(frames, rounds, report)?;
+    reading(frames, rounds, report)?;
+    recomputing(frames, rounds, report)
+}
+
 /// Recording every frame, with and without compression, and one in 100.
-pub(crate) fn writing(frames: &Frames, rounds: u32) -> Result<Vec<Row>, Failure> {
+fn writing(frames: &Frames, rounds: u32, report: &mut Report) -> Result<(), Failure> {
     let message =
         |(_, _, doubles): &(u64, u64, Vec<f64>)| doubles.iter().flat_map(|x| x.to_le_bytes()).collect();
     let messages: Vec<Vec<u8>> = frames.kept.iter().map(message).collect();
@@ -121,28 +135,23 @@ pub(crate) fn writing(frames: &Frames, rounds: u32) -> Result<Vec<Row>, Failure>
         let figure = per_second(frames.state_bytes(), &rounds);
         Ok(Row { what, against, floor: Floor::AtLeast(floor), ratio: rounds.speed(), figure })
     };
+    let uncompressed = "record every frame, uncompressed";
+    report.row(every(uncompressed, "mcap's writer, the same bytes", 0.85, Compression::None)?)?;
+    let zstd = Compression::Zstd { level: 1 };
+    report.row(every("record every frame, zstd 1", "mcap's writer, zstd 1, one thread", 1.5, zstd)?)?;
     let sparse = frames.directory.join("again.mcap");
     let one_in_100 = Rounds::alternate(
         rounds,
         || timed(|| record(&frames.manifest, &sparse, 100)),
         || timed(|| simulate(&frames.manifest, |_| Ok(()))),
     )?;
-    Ok(vec![
-        every("record every frame, uncompressed", "mcap's writer, the same bytes", 0.85, Compression::None)?,
-        every(
-            "record every frame, zstd 1",
-            "mcap's writer, zstd 1, one thread",
-            1.5,
-            Compression::Zstd { level: 1 },
-        )?,
-        Row {
-            what: "record one frame in 100",
-            against: "not recording",
-            floor: Floor::AtMost(1.05),
-            ratio: one_in_100.time(),
-            figure: steps_per_s(frames, &one_in_100),
-        },
-    ])
+    report.row(Row {
+        what: "record one frame in 100",
+        against: "not recording",
+        floor: Floor::AtMost(1.05),
+        ratio: one_in_100.time(),
+        figure: steps_per_s(frames, &one_in_100),
+    })
 }
 
 fn per_second(size: f64, rounds: &Rounds) -> String {
@@ -180,11 +189,9 @@ fn write_bare(messages: &[Vec<u8>], path: &Path, compression: Compression) -> Re
 }
 
 /// Reading a full log into an analysis, and verifying it, against mcap's reader with CRCs checked.
-pub(crate) fn reading(frames: &Frames, rounds: u32) -> Result<Vec<Row>, Failure> {
+fn reading(frames: &Frames, rounds: u32, report: &mut Report) -> Result<(), Failure> {
     let size = std::fs::metadata(&frames.full)?.len() as f64;
     let bare = || timed(|| Ok(black_box(bare::read_all(&frames.full)?)));
-    let energies = Rounds::alternate(rounds, || timed(|| read_energies(&frames.full)), bare)?;
-    let verified = Rounds::alternate(rounds, || timed(|| prove(&frames.full)), bare)?;
     let row = |what, floor, rounds: &Rounds| Row {
         what,
         against: "mcap's reader, CRCs checked",
@@ -192,14 +199,15 @@ pub(crate) fn reading(frames: &Frames, rounds: u32) -> Result<Vec<Row>, Failure>
         ratio: rounds.speed(),
         figure: format!("{} of the file", per_second(size, rounds)),
     };
-    Ok(vec![row("read a full log into energies", 0.8, &energies), row("verify a full log", 0.7, &verified)])
+    let energies = Rounds::alternate(rounds, || timed(|| read_energies(&frames.full)), bare)?;
+    report.row(row("read a full log into energies", 0.8, &energies))?;
+    let verified = Rounds::alternate(rounds, || timed(|| prove(&frames.full)), bare)?;
+    report.row(row("verify a full log", 0.7, &verified))
 }
 
 /// Proving and reading a log of one frame in 100, against simulating the run once on one core.
-pub(crate) fn recomputing(frames: &Frames, rounds: u32) -> Result<Vec<Row>, Failure> {
+fn recomputing(frames: &Frames, rounds: u32, report: &mut Report) -> Result<(), Failure> {
     let simulating = || timed(|| simulate(&frames.manifest, |_| Ok(())));
-    let verified = Rounds::alternate(rounds, || timed(|| prove(&frames.sparse)), simulating)?;
-    let read = Rounds::alternate(rounds, || timed(|| read_every_step(&frames.sparse)), simulating)?;
     let row = |what, floor, rounds: &Rounds| Row {
         what,
         against: "simulating the run once",
@@ -207,10 +215,10 @@ pub(crate) fn recomputing(frames: &Frames, rounds: u32) -> Result<Vec<Row>, Fail
         ratio: rounds.time(),
         figure: steps_per_s(frames, rounds),
     };
-    Ok(vec![
-        row("verify a 1:100 log on all cores", 0.65, &verified),
-        row("every step of a 1:100 log on one core", 1.2, &read),
-    ])
+    let verified = Rounds::alternate(rounds, || timed(|| prove(&frames.sparse)), simulating)?;
+    report.row(row("verify a 1:100 log on all cores", 0.65, &verified))?;
+    let read = Rounds::alternate(rounds, || timed(|| read_every_step(&frames.sparse)), simulating)?;
+    report.row(row("every step of a 1:100 log on one core", 1.2, &read))
 }
 
 fn read_energies(path: &Path) -> Result<(), Failure> {

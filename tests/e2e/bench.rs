@@ -1,6 +1,6 @@
 //! The bench measures what it says. Whether floors are kept is for a quiet machine to say.
 
-use crate::harness::Place;
+use crate::harness::{Place, Running};
 
 #[test]
 fn each_pair_is_measured_and_judged() {
@@ -15,4 +15,26 @@ fn each_pair_is_measured_and_judged() {
         assert!(ratio > 0.0 && ratio.is_finite(), "{row}");
         assert_eq!(row["ratio"]["least"], row["ratio"]["most"], "of one round");
     }
+}
+
+#[test]
+fn groups_are_chosen_by_name() {
+    let place = Place::new();
+    let none = place.run("bench --only geology");
+    assert_eq!(none.code(), Some(2));
+    assert!(none.stderr().contains("recordings"), "{}", none.stderr());
+    let help = place.run("bench --help");
+    assert!(help.stdout().contains("  analyses "), "{}", help.stdout());
+}
+
+#[test]
+fn programs_that_are_not_installed_are_no_failure() {
+    let place = Place::new();
+    let mut command = place.command(["bench", "--peers", "--only", "peers", "--rounds", "1"]);
+    command.env("PATH", place.path("nothing"));
+    let ended = Running::start("bench without anybody to measure against", command).wait().exits(0);
+    ended.says(&[
+        "not measured: `lmp` not found (Debian: apt install lammps",
+        "not measured: numba: `python3` not found",
+    ]);
 }

@@ -1,0 +1,79 @@
+//! The table, as it grows.
+
+use super::{Floor, Group, Row};
+use crate::display;
+use crate::failure::Failure;
+use serde::Serialize;
+use serde_json::json;
+use std::io::IsTerminal as _;
+
+/// Widths of the columns: rows are printed before the others are known.
+const WHAT: usize = 40;
+const AGAINST: usize = 40;
+
+/// Prints rows when they are there, and remembers them.
+pub(crate) struct Report {
+    json: bool,
+    group: &'static str,
+    rows: Vec<Measured>,
+}
+
+#[derive(Debug, Serialize)]
+struct Measured {
+    group: &'static str,
+    #[serde(flatten)]
+    row: Row,
+    met: bool,
+}
+
+impl Report {
+    /// An empty table; as JSON it is printed at its end only.
+    pub(crate) fn new(json: bool) -> Self {
+        Self { json, group: "", rows: Vec::new() }
+    }
+
+    /// What comes now belongs to `group`.
+    pub(super) fn begin(&mut self, group: &Group) -> Result<(), Failure> {
+        self.group = group.name;
+        if self.json {
+            display::notice(format_args!("measuring {}", group.name));
+            return Ok(());
+        }
+        let above = if self.rows.is_empty() { "" } else { "\n" };
+        display::print(format_args!("{above}{}\n", group.name))
+    }
+
+    /// A row is finished.
+    pub(super) fn row(&mut self, row: Row) -> Result<(), Failure> {
+        if !self.json {
+            display::print(line(&row))?;
+        } else if std::io::stderr().is_terminal() {
+            display::notice(row.what);
+        }
+        self.rows.push(Measured { group: self.group, met: row.is_met(), row });
+        Ok(())
+    }
+
+    /// Whether every row keeps to its floor.
+    pub(crate) fn is_met(&self) -> bool {
+        self.rows.iter().all(|row| row.met)
+    }
+
+    /// Ends the table.
+    pub(crate) fn finish(&self, rounds: u32) -> Result<(), Failure> {
+        if self.json { display::print_json(&json!({ "rounds": rounds, "rows": self.rows })) } else { Ok(()) }
+    }
+}
+
+fn line(row: &Row) -> String {
+    let floor = match row.floor {
+        Floor::AtLeast(floor) => format!("≥ {floor}"),
+        Floor::AtMost(floor) => format!("≤ {floor}"),
+    };
+    let mark = if row.is_met() { "met" } else { "NOT met" };
+    let spread = format!("({:.2} to {:.2})", row.ratio.least, row.ratio.most);
+    format!(
+        "  {:WHAT$}  {:AGAINST$}  {:6.2} {spread:16} {floor:7} {mark:8} {}\n",
+        row.what, row.against, row.ratio.median, row.figure
+    )
+}
