@@ -650,7 +650,7 @@ pub(crate) struct BenchArgs {
     /// Times that each pair is measured
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) rounds: u32,
-    /// Measure against LAMMPS, NumPy and Numba too, as far as they are installed
+    /// Measure against LAMMPS, Numba and numpy too, as far as they are installed
     #[arg(long)]
     pub(crate) peers: bool,
     /// Print the table as JSON

@@ -102,6 +102,8 @@ pub(crate) enum Floor {
     AtLeast(f64),
     /// A time in that of the other.
     AtMost(f64),
+    /// A speed in that of the other, of which nothing is asked.
+    Any,
 }
 
 /// One figure beside its limit.
@@ -130,6 +132,7 @@ impl Row {
         match self.floor {
             Floor::AtLeast(floor) => self.ratio.median >= floor,
             Floor::AtMost(floor) => self.ratio.median <= floor,
+            Floor::Any => true,
         }
     }
 }

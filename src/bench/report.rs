@@ -69,8 +69,13 @@ fn line(row: &Row) -> String {
     let floor = match row.floor {
         Floor::AtLeast(floor) => format!("≥ {floor}"),
         Floor::AtMost(floor) => format!("≤ {floor}"),
+        Floor::Any => String::new(),
     };
-    let mark = if row.is_met() { "met" } else { "NOT met" };
+    let mark = match row.floor {
+        Floor::Any => "",
+        _ if row.is_met() => "met",
+        _ => "NOT met",
+    };
     let spread = format!("({:.2} to {:.2})", row.ratio.least, row.ratio.most);
     format!(
         "  {:WHAT$}  {:AGAINST$}  {:6.2} {spread:16} {floor:7} {mark:8} {}\n",
