@@ -115,6 +115,8 @@ pub(crate) enum Floor {
     AtLeast(f64),
     /// A time in that of the other.
     AtMost(f64),
+    /// A speed in that of the other, of which nothing is asked.
+    Any,
 }
 
 /// One figure beside its limit.
@@ -143,6 +145,7 @@ impl Row {
         match self.floor {
             Floor::AtLeast(floor) => self.ratio.median >= floor,
             Floor::AtMost(floor) => self.ratio.median <= floor,
+            Floor::Any => true,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The bench measures what it says. Whether floors are kept is for a quiet machine to say.
 
-use crate::harness::Place;
+use crate::harness::{Place, Running};
 
 /// Measures one group once, which makes `count` rows.
 fn measure(group: &str, count: usize) {
@@ -46,4 +46,16 @@ fn groups_are_chosen_by_name() {
     assert!(none.stderr().contains("recordings"), "{}", none.stderr());
     let help = place.run("bench --help");
     assert!(help.stdout().contains("  analyses "), "{}", help.stdout());
+}
+
+#[test]
+fn programs_that_are_not_installed_are_no_failure() {
+    let place = Place::new();
+    let mut command = place.command(["bench", "--only", "peers", "--rounds", "1"]);
+    command.env("PATH", place.path("nothing"));
+    let ended = Running::start("bench without anybody to measure against", command).wait().exits(0);
+    ended.says(&[
+        "not measured: `lmp` not found (Debian: apt install lammps",
+        "not measured: numba: `python3` not found",
+    ]);
 }

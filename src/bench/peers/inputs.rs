@@ -8,9 +8,9 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-/// Every bead's in LAMMPS, where the chain has a place in space (m). Any would do: a power of two, so that
-/// neighbours that touch have the overlap 0 exactly.
-pub(super) const DIAMETER_M: f64 = 1.0 / 64.0;
+/// Every bead's in LAMMPS (m), where the chain has a place in space. It decides nothing but the rounding: with a power
+/// of two the overlap of neighbours that touch is exactly 0, and the larger it is the more digits of an overlap are lost.
+pub(super) const DIAMETER_M: f64 = 1.0 / 256.0;
 
 /// Writes all inputs into `directory`.
 pub(super) fn write(directory: &Path, piece: &Piece) -> Result<(), Failure> {
@@ -45,20 +45,22 @@ fn json(piece: &Piece) -> String {
 /// The chain for LAMMPS: spheres of one size that differ in density.
 fn lammps_data(piece: &Piece) -> String {
     let mass_kg = piece.manifest.physics.chain().mass_kg;
+    let half_count = mass_kg.len() as f64 / 2.0;
     let length_m = DIAMETER_M * mass_kg.len() as f64;
     let mut text = format!(
         "A chain of beads, units si, atom_style sphere\n\n{} atoms\n1 atom types\n\n{:?} {:?} xlo xhi\n\
          {:?} {DIAMETER_M} ylo yhi\n{:?} {DIAMETER_M} zlo zhi\n\nAtoms # sphere\n\n",
         mass_kg.len(),
         -length_m,
-        2.0 * length_m,
+        length_m,
         -DIAMETER_M,
         -DIAMETER_M
     );
     // writing to a String cannot fail
     for (i, (mass_kg, u_m)) in mass_kg.iter().zip(&piece.start.u_m).enumerate() {
         let density = mass_kg / (PI / 6.0 * DIAMETER_M.powi(3));
-        let x_m = i as f64 * DIAMETER_M + u_m;
+        // positions have most digits at the middle, where the motion goes on longest
+        let x_m = (i as f64 - half_count) * DIAMETER_M + u_m;
         let _ = writeln!(text, "{} 1 {DIAMETER_M} {density:?} {x_m:?} 0 0", i + 1);
     }
     text.push_str("\nVelocities\n\n");
@@ -95,7 +97,10 @@ mod tests {
         assert_eq!((atoms.len(), velocities.len()), (1000, 1000));
         for (i, (atom, velocity)) in atoms.iter().zip(&velocities).enumerate() {
             assert_eq!((atom[0], velocity[0]), (i as f64 + 1.0, i as f64 + 1.0));
-            assert!((atom[4] - i as f64 * DIAMETER_M - piece.start.u_m[i]).abs() < 1e-14, "bead {i}");
+            assert!(
+                (atom[4] - (i as f64 - 500.0) * DIAMETER_M - piece.start.u_m[i]).abs() < 1e-14,
+                "bead {i}"
+            );
             assert_eq!(velocity[1].to_bits(), piece.start.v_m_s[i].to_bits(), "bead {i}");
         }
         let mass_ratio = atoms[500][3] / atoms[0][3];

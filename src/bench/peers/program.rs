@@ -92,9 +92,10 @@ impl Outcome {
                 anyhow!("{who}: {} beads, {} expected", self.v_m_s.len(), expected.v_m_s.len()).into()
             );
         }
-        let pairs = self.v_m_s.iter().zip(&expected.v_m_s).enumerate();
-        // NaN differs too
-        match pairs.into_iter().find(|(_, (theirs, ours))| !((*theirs - *ours).abs() <= tolerance_m_s)) {
+        // NaN is not close to anything
+        let is_close = |theirs: f64, ours: f64| (theirs - ours).abs() <= tolerance_m_s;
+        let mut pairs = self.v_m_s.iter().zip(&expected.v_m_s).enumerate();
+        match pairs.find(|(_, (theirs, ours))| !is_close(**theirs, **ours)) {
             None => Ok(()),
             Some((bead, (theirs, ours))) => Err(anyhow!(
                 "{who} makes another motion: bead {bead} ends at {theirs:e} m/s, at {ours:e} m/s here"
