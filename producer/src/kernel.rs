@@ -11,7 +11,7 @@ mod sweep;
 use damped::Damped;
 use pulp::Arch;
 use schemas::chain::{Chain, Walls};
-use schemas::contact::ContactLaw;
+use schemas::contact::{BLOCK, ContactLaw};
 use schemas::simd::{ordered_sum, vectorized};
 use std::ops::Range;
 pub(crate) use sweep::{Pass, TILE};
@@ -77,6 +77,8 @@ pub struct Kernel {
     damped: Option<Damped>,
     /// Force (N) of contact `c` beyond that at rest at index `c + 1`; those of the walls at both ends.
     force: Vec<f64>,
+    /// Whether a contact of a block presses more than at rest; that of the last bead with its wall is in the last block.
+    presses: Vec<bool>,
     activity: Activity,
     /// Beads of a tile of a sweep.
     tile: usize,
@@ -100,6 +102,7 @@ impl Kernel {
             walls: chain.walls,
             damped: Damped::of(chain),
             force: vec![0.0; chain.bead_count() + 1],
+            presses: vec![false; chain.bead_count().div_ceil(BLOCK)],
             activity: Activity { beads: 0..0 },
             tile,
         }
@@ -108,6 +111,7 @@ impl Kernel {
     /// Forgets the forces of before and takes `activity` as the beads that may not be at rest.
     pub fn restart(&mut self, activity: Activity) {
         self.force.fill(0.0);
+        self.presses.fill(false);
         self.activity = activity;
     }
 

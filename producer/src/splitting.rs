@@ -61,6 +61,9 @@ impl Splitting {
     /// Advances `state` by one step.
     pub(crate) fn step(&mut self, state: &mut ChainState) {
         if self.forces_of_step != Some(state.step) {
+            // The first kick makes a velocity of -0 one of +0, and no later one is -0: its forces are too large to be lost
+            // in rounding. So kicks by nothing can be left out from here on.
+            state.v_m_s.iter_mut().for_each(|v| *v += 0.0);
             self.kernel.restart(Activity::of(&state.u_m, &state.v_m_s));
             self.kernel.sweep(&[Pass::Forces], &mut state.u_m, &mut state.v_m_s);
         }

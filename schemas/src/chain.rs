@@ -80,6 +80,9 @@ impl Wall {
 
     /// Energy (J) beyond that at rest, less the work of the constant force that the contact balances.
     fn excess_energy_j(&self, law: ContactLaw, approach_m: f64) -> f64 {
+        if self.stiffness == 0.0 {
+            return 0.0;
+        }
         let rest = AtRest {
             overlap_m: self.rest_overlap_m,
             force_n: self.rest_force_n,
@@ -252,7 +255,7 @@ impl<const LOADED: bool> PowerUser for ContactEnergies<'_, LOADED> {
         let energy_of = |overlap_m: f64, stiffness: f64| stiffness * power(overlap_m) * overlap_m / exponent;
         if !LOADED {
             let contacts = Contacts { left_m, right_m, stiffness, values: energy_j };
-            return contacts.evaluate_closed(zero_below_m, energy_of);
+            return contacts.evaluate_closed(zero_below_m, energy_of, |_, _| ());
         }
         let rest = &self.chain.rest_overlap_m[..contacts];
         let rest_force = &self.chain.rest_force_n[..contacts];

@@ -157,28 +157,47 @@ pub struct Contacts<'a> {
 
 impl Contacts<'_> {
     /// Sets the value of each contact that overlaps by more than `zero_below_m` to `value(overlap, stiffness)`, of others
-    /// to 0. In blocks of contacts of which none does nothing is computed.
+    /// to 0. In blocks of contacts of which none does nothing is computed; `note(number, any_closed)` is told of each
+    /// block, counted from 0.
     ///
     /// Wants to be [`vectorized`](crate::simd::vectorized).
     #[inline(always)]
-    pub fn evaluate_closed(self, zero_below_m: f64, value: impl Fn(f64, f64) -> f64) {
+    pub fn evaluate_closed(
+        self,
+        zero_below_m: f64,
+        value: impl Fn(f64, f64) -> f64,
+        mut note: impl FnMut(usize, bool),
+    ) {
         let (left, left_rest) = self.left_m.as_chunks::<BLOCK>();
         let (right, right_rest) = self.right_m.as_chunks::<BLOCK>();
         let (stiffness, stiffness_rest) = self.stiffness.as_chunks::<BLOCK>();
         let (values, values_rest) = self.values.as_chunks_mut::<BLOCK>();
-        for (((left, right), stiffness), values) in left.iter().zip(right).zip(stiffness).zip(values) {
-            let mut any_closed = false;
-            for c in 0..BLOCK {
-                any_closed |= left[c] - right[c] > zero_below_m;
-            }
+        let whole = left.len();
+        for (block, (((left, right), stiffness), values)) in
+            left.iter().zip(right).zip(stiffness).zip(values).enumerate()
+        {
+            let any_closed = any_closed(left, right, zero_below_m);
+            note(block, any_closed);
             if any_closed {
                 evaluate([left, right, stiffness], values, zero_below_m, &value);
             } else {
                 *values = [0.0; BLOCK];
             }
         }
-        evaluate([left_rest, right_rest, stiffness_rest], values_rest, zero_below_m, &value);
+        if !values_rest.is_empty() {
+            note(whole, any_closed(left_rest, right_rest, zero_below_m));
+            evaluate([left_rest, right_rest, stiffness_rest], values_rest, zero_below_m, &value);
+        }
     }
+}
+
+#[inline(always)]
+fn any_closed(left: &[f64], right: &[f64], zero_below_m: f64) -> bool {
+    let mut any_closed = false;
+    for c in 0..left.len() {
+        any_closed |= left[c] - right[c] > zero_below_m;
+    }
+    any_closed
 }
 
 #[inline(always)]

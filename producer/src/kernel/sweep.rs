@@ -3,7 +3,7 @@
 //! One after another, each over the whole chain, they would fetch a long chain from memory each time. Instead
 //! a sweep goes along the chain in tiles that fit into the cache, and takes each tile through all passes. The
 //! force of a contact needs the displacements of both its beads, and both beads need the force, so that each
-//! pass ends one bead before the one that it follows.
+//! pass ends before the one that it follows, by a block of beads.
 
 use super::{Kernel, Rest};
 use schemas::chain::Walls;
@@ -22,7 +22,7 @@ pub(crate) enum Pass {
     Kick { kick_s: f64 },
 }
 
-/// Beads of a tile: their five arrays fill 40 kB, what fits into the cache next to the core.
+/// Beads of a tile, whole blocks: their five arrays fill 40 kB, what fits into the cache next to the core.
 pub(crate) const TILE: usize = 1024;
 
 impl Kernel {
@@ -35,7 +35,7 @@ impl Kernel {
         // forces reach one bead further each time they are evaluated
         let reach = passes.iter().filter(|pass| **pass == Pass::Forces).count();
         let beads = self.reached(reach);
-        debug_assert!(self.tile >= passes.len(), "no pass is a whole tile behind the first");
+        debug_assert!(self.tile >= passes.len() * BLOCK, "no pass is a whole tile behind the first");
         let law = self.law;
         let sweep = Sweep {
             passes,
@@ -44,6 +44,7 @@ impl Kernel {
             u_m,
             v_m_s,
             force: &mut self.force,
+            presses: &mut self.presses,
             inverse_mass: &self.inverse_mass,
             stiffness: &self.stiffness,
             rest: self.rest.as_ref(),
@@ -86,8 +87,9 @@ struct Sweep<'a> {
     beads: Range<usize>,
     u_m: &'a mut [f64],
     v_m_s: &'a mut [f64],
-    /// As in [`Kernel`].
+    /// This and what follows are as in [`Kernel`].
     force: &'a mut [f64],
+    presses: &'a mut [bool],
     inverse_mass: &'a [f64],
     stiffness: &'a [f64],
     rest: Option<&'a Rest>,
@@ -104,10 +106,11 @@ impl PowerUser for Sweep<'_> {
         let mut start = first;
         while start < last {
             let end = if start + self.tile < last { start + self.tile } else { last };
-            for lag in 0..self.passes.len() {
+            for pass in 0..self.passes.len() {
+                let lag = pass * BLOCK;
                 let from = if start == first { first } else { start - lag };
                 let beads = from..if end == last { last } else { end - lag };
-                match self.passes[lag] {
+                match self.passes[pass] {
                     Pass::KickDrift { kick_s, drift_s } => self.kick_drift(kick_s, drift_s, beads),
                     Pass::Forces => self.evaluate_forces(beads, zero_below_m, power),
                     Pass::Kick { kick_s } => self.kick(kick_s, beads),
@@ -121,10 +124,40 @@ impl PowerUser for Sweep<'_> {
 impl Sweep<'_> {
     #[inline(always)]
     fn kick_drift(&mut self, kick_s: f64, drift_s: f64, beads: Range<usize>) {
-        let count = beads.len();
-        let (left, right) = (&self.force[beads.clone()], &self.force[beads.start + 1..=beads.end]);
-        let inverse_mass = &self.inverse_mass[beads.clone()][..count];
-        let (u, v) = (&mut self.u_m[beads.clone()][..count], &mut self.v_m_s[beads][..count]);
+        let (blocks, rest) = in_blocks(beads);
+        for start in blocks {
+            if self.is_pushed(start) {
+                self.kick_drift_each(kick_s, drift_s, start, BLOCK);
+            } else {
+                self.drift_each(drift_s, start);
+            }
+        }
+        self.kick_drift_each(kick_s, drift_s, rest.start, rest.len());
+    }
+
+    #[inline(always)]
+    fn kick(&mut self, kick_s: f64, beads: Range<usize>) {
+        let (blocks, rest) = in_blocks(beads);
+        for start in blocks {
+            if self.is_pushed(start) {
+                self.kick_each(kick_s, start, BLOCK);
+            }
+        }
+        self.kick_each(kick_s, rest.start, rest.len());
+    }
+
+    /// Whether a force acts on a bead of the block that begins with bead `start`. Where none does a kick adds zero, which
+    /// changes no velocity: none is `-0`, see [`Splitting::step`](crate::splitting::Splitting::step).
+    #[inline(always)]
+    fn is_pushed(&self, start: usize) -> bool {
+        self.presses[start / BLOCK] || self.force[start] != 0.0
+    }
+
+    #[inline(always)]
+    fn kick_drift_each(&mut self, kick_s: f64, drift_s: f64, start: usize, count: usize) {
+        let (left, right) = (&self.force[start..][..count], &self.force[start + 1..][..count]);
+        let inverse_mass = &self.inverse_mass[start..][..count];
+        let (u, v) = (&mut self.u_m[start..][..count], &mut self.v_m_s[start..][..count]);
         for i in 0..count {
             let velocity = (kick_s * inverse_mass[i]).mul_add(left[i] - right[i], v[i]);
             v[i] = velocity;
@@ -133,35 +166,47 @@ impl Sweep<'_> {
     }
 
     #[inline(always)]
-    fn kick(&mut self, kick_s: f64, beads: Range<usize>) {
-        let count = beads.len();
-        let (left, right) = (&self.force[beads.clone()], &self.force[beads.start + 1..=beads.end]);
-        let inverse_mass = &self.inverse_mass[beads.clone()][..count];
-        let v = &mut self.v_m_s[beads][..count];
+    fn drift_each(&mut self, drift_s: f64, start: usize) {
+        let (u, v) = (&mut self.u_m[start..][..BLOCK], &self.v_m_s[start..][..BLOCK]);
+        for i in 0..BLOCK {
+            u[i] = drift_s.mul_add(v[i], u[i]);
+        }
+    }
+
+    #[inline(always)]
+    fn kick_each(&mut self, kick_s: f64, start: usize, count: usize) {
+        let (left, right) = (&self.force[start..][..count], &self.force[start + 1..][..count]);
+        let inverse_mass = &self.inverse_mass[start..][..count];
+        let v = &mut self.v_m_s[start..][..count];
         for i in 0..count {
             v[i] = (kick_s * inverse_mass[i]).mul_add(left[i] - right[i], v[i]);
         }
     }
 
-    /// Evaluates the contacts on the right of `beads`, but for one that leads out of the sweep, and those of the
-    /// end beads with walls.
+    /// Evaluates the contacts on the right of `beads`, and those of the end beads with walls.
     #[inline(always)]
     fn evaluate_forces(&mut self, beads: Range<usize>, zero_below_m: f64, power: impl Fn(f64) -> f64 + Copy) {
-        let first = beads.start;
-        let end = if beads.end < self.beads.end { beads.end } else { self.beads.end - 1 };
+        let (first, count) = (beads.start, self.stiffness.len());
+        let end = if beads.end < count { beads.end } else { count };
         let contacts = Contacts {
             left_m: &self.u_m[first..end],
             right_m: &self.u_m[first + 1..=end],
             stiffness: &self.stiffness[first..end],
             values: &mut self.force[first + 1..=end],
         };
+        let presses = &mut self.presses[first / BLOCK..];
         match self.rest {
             None => contacts.evaluate_closed(
                 zero_below_m,
                 #[inline(always)]
                 |overlap_m, stiffness| stiffness * power(overlap_m),
+                #[inline(always)]
+                |block, any_closed| presses[block] = any_closed,
             ),
-            Some(rest) => evaluate_loaded(contacts, rest, first, zero_below_m, power),
+            Some(rest) => {
+                evaluate_loaded(contacts, rest, first, zero_below_m, power);
+                presses[..beads.len().div_ceil(BLOCK)].fill(true);
+            }
         }
         self.push_by_walls(&beads);
     }
@@ -175,8 +220,16 @@ impl Sweep<'_> {
         }
         if self.walls.right.stiffness > 0.0 && beads.end == count {
             self.force[count] = self.walls.right.excess_force_n(self.law, self.u_m[count - 1]);
+            self.presses[(count - 1) / BLOCK] |= self.force[count] != 0.0;
         }
     }
+}
+
+/// The first beads of the whole blocks of `beads`, and the beads after them.
+#[inline(always)]
+fn in_blocks(beads: Range<usize>) -> (impl Iterator<Item = usize>, Range<usize>) {
+    let rest = beads.end - beads.len() % BLOCK;
+    ((beads.start..rest).step_by(BLOCK), rest..beads.end)
 }
 
 /// The forces of `contacts` in a loaded chain: overlaps count from those at rest, forces beyond those at rest. `first`
