@@ -298,6 +298,15 @@ impl<S: FrameSource> FrameSource for Resimulation<S> {
     }
 }
 
+/// Whether no bit differs. Looks at all of them, which is done with vectors and faster than looking for the first one.
+fn is_same(a: &[f64], b: &[f64]) -> bool {
+    a.iter().zip(b).fold(
+        0,
+        #[inline(always)]
+        |bits, (a, b)| bits | (a.to_bits() ^ b.to_bits()),
+    ) == 0
+}
+
 /// The first double in which `found` is not the state `computed` from that of `from_step`.
 pub(crate) fn difference(
     computed: &ChainState,
@@ -307,6 +316,9 @@ pub(crate) fn difference(
     let beads = computed.u_m.len();
     let arrays = [(&computed.u_m, found.u_m), (&computed.v_m_s, found.v_m_s), (&computed.extra, found.extra)];
     for (array, (computed, values)) in arrays.into_iter().enumerate() {
+        if is_same(computed, values) {
+            continue;
+        }
         let differs = |(a, b): (&f64, &f64)| a.to_bits() != b.to_bits();
         if let Some(i) = computed.iter().zip(values).position(differs) {
             let quantity = match array {

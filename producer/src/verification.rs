@@ -2,7 +2,7 @@
 //! file what was written.
 //!
 //! The file is read once, in order; its states are handed as they are, in batches, to threads that decode them and
-//! recompute the steps between. Memory is bounded by a few batches and one chunk.
+//! recompute the steps between. Memory is bounded by a few batches and two chunks.
 
 mod batches;
 mod parts;
@@ -19,14 +19,14 @@ use schemas::recording::{
 };
 use std::num::NonZero;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::sync::{Arc, Mutex};
 
 /// A batch covers at least this many steps, unless it has [`BATCH_BYTES`].
 const BATCH_STEPS: u64 = 256;
 
 /// A batch with this many bytes is full.
-const BATCH_BYTES: usize = 4 << 20;
+const BATCH_BYTES: usize = 1 << 20;
 
 /// Batches that wait for a thread.
 const MOST_WAITING: usize = 4;
@@ -116,14 +116,19 @@ pub fn verify(
 ) -> Result<Verification, ReadError> {
     let manifest = audit.manifest().clone();
     let (sender, batches) = sync_channel(MOST_WAITING);
+    // back again, so that their memory is not asked for anew each time
+    let (give_back, spent) = channel();
     std::thread::scope(|scope| {
         let batches = Arc::new(Mutex::new(batches));
         let run = &manifest;
         // owned by the threads and nobody else: if all of them panic it is gone, and reading does not wait for them
-        let start = |batches: Arc<Mutex<_>>| scope.spawn(move || prove_batches(run, batches.as_ref(), stop));
-        let workers: Vec<_> = (0..threads.get()).map(|_| start(Arc::clone(&batches))).collect();
+        let start = |batches: Arc<Mutex<_>>, spent: Sender<_>| {
+            scope.spawn(move || prove_batches(run, batches.as_ref(), &spent, stop))
+        };
+        let workers: Vec<_> =
+            (0..threads.get()).map(|_| start(Arc::clone(&batches), give_back.clone())).collect();
         drop(batches);
-        let read = read(&mut audit, &manifest, &sender, stop, &mut watch);
+        let read = read(&mut audit, &manifest, (&sender, &spent), stop, &mut watch);
         drop(sender);
         let mut proof = Proof::default();
         for worker in workers {
@@ -190,11 +195,12 @@ pub(crate) fn hash_of(state: &ChainState) -> String {
     state_hash(state.step, &[state.u_m.as_slice(), &state.v_m_s, &state.extra].concat())
 }
 
-/// Reads all states and hands them out in batches, of which each begins with the last state of the one before.
+/// Reads all states and hands them out in batches, of which each begins with the last state of the one before; those that
+/// come back are used again.
 fn read(
     audit: &mut Audit,
     manifest: &RunManifest,
-    batches: &SyncSender<EncodedStates>,
+    (batches, spent): (&SyncSender<EncodedStates>, &Receiver<EncodedStates>),
     stop: &AtomicBool,
     watch: &mut impl FnMut(u64),
 ) -> Result<Read, ReadError> {
@@ -205,7 +211,8 @@ fn read(
             Audited::State(state) if state.is_checked => {
                 let full = batch.step_range().is_some_and(|(first, last)| last - first >= BATCH_STEPS);
                 if full || batch.bytes() >= BATCH_BYTES {
-                    let next = batch.last_alone();
+                    let mut next = spent.try_recv().unwrap_or_default();
+                    next.begin_after(&batch);
                     if batches.send(std::mem::replace(&mut batch, next)).is_err() {
                         // all threads have panicked, which goes on when they are joined
                         return Ok(found);

@@ -6,13 +6,15 @@
 //!
 //! A file is written as `<name>.mcap.partial` in whole chunks, so that what a crash leaves is a valid
 //! prefix, and becomes `<name>.mcap` when it is finished. Files come from other people: whatever the
-//! bytes are, reading ends in a value or an error, within a memory of one chunk (at most
-//! [`MAX_RECORD_BYTES`], compressed and decompressed).
+//! bytes are, reading ends in a value or an error, within a memory of two chunks (each at most
+//! [`MAX_RECORD_BYTES`], compressed and decompressed): the one that is read, and the next one,
+//! decompressed meanwhile.
 //!
 //! Architecture invariants: nothing else imports `mcap`. No double passes through text, and none is
 //! computed here: the bits of a frame are those that were accepted. `docs/FORMAT.md` describes every
 //! byte.
 
+mod ahead;
 mod audit;
 pub mod bare;
 mod channel_writer;

@@ -7,7 +7,7 @@ use crate::state::ChainState;
 use schemas::manifest::RunManifest;
 use schemas::recording::{EncodedStates, SummaryChecker, SummaryDifference};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::Receiver;
+use std::sync::mpsc::{Receiver, Sender};
 use std::sync::{Mutex, PoisonError};
 
 /// What a thread found.
@@ -52,10 +52,11 @@ impl Proof {
     }
 }
 
-/// Recomputes batches until there are no more.
+/// Recomputes batches until there are no more, and gives them back to `spent`.
 pub(super) fn prove_batches(
     manifest: &RunManifest,
     batches: &Mutex<Receiver<EncodedStates>>,
+    spent: &Sender<EncodedStates>,
     stop: &AtomicBool,
 ) -> Proof {
     let mut proof = Proof::default();
@@ -64,15 +65,13 @@ pub(super) fn prove_batches(
     let mut prover = None;
     loop {
         // a receiver is as good after a panic of another thread as before
-        let batch = batches.lock().unwrap_or_else(PoisonError::into_inner).recv();
-        match batch {
-            Ok(batch) if can_be_proven && !batch.is_empty() => {
-                prover.get_or_insert_with(|| Prover::new(manifest)).prove(&batch, stop, &mut proof);
-            }
-            // of another kernel version nothing can be recomputed
-            Ok(_) => {}
-            Err(_) => return proof,
+        let Ok(batch) = batches.lock().unwrap_or_else(PoisonError::into_inner).recv() else { return proof };
+        // of another kernel version nothing can be recomputed
+        if can_be_proven && !batch.is_empty() {
+            prover.get_or_insert_with(|| Prover::new(manifest)).prove(&batch, stop, &mut proof);
         }
+        // nobody takes it any more at the end
+        let _ = spent.send(batch);
     }
 }
 

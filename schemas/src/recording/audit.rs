@@ -25,7 +25,7 @@ use std::path::Path;
 const MOST_RANGES: usize = 100;
 
 /// Reads every message of a recording that can be read, and notes whatever is not as it must be: damage to the file,
-/// and messages that cannot be of this run under checksums that hold. Memory is bounded by one chunk.
+/// and messages that cannot be of this run under checksums that hold. Memory is bounded by two chunks.
 pub struct Audit {
     messages: MessageReader,
     manifest: RunManifest,

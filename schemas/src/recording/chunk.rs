@@ -1,5 +1,6 @@
 //! One chunk: decompressed, checked, and taken apart.
 
+use super::ahead::Ahead;
 use super::error::ReadError;
 use super::parse::parse_record;
 use super::records::{MAX_RECORD_BYTES, RecordReader, check_crc, chunk_header_bytes};
@@ -30,6 +31,7 @@ pub(super) struct Chunk {
     /// Where in the buffer the records end.
     end: usize,
     zstd: zstd::bulk::Decompressor<'static>,
+    pub(super) ahead: Ahead,
 }
 
 /// A record in a chunk, by its place in the buffer.
@@ -56,10 +58,7 @@ impl Chunk {
                 let only_records = self.end == records.body().len();
                 if only_records { records.chunk_crc() } else { crc32fast::hash(&data) }
             }
-            "zstd" => {
-                self.decompress(&data, header.uncompressed_size).map_err(damaged)?;
-                crc32fast::hash(&self.buffer)
-            }
+            "zstd" => self.decompress(offset, &data, header.uncompressed_size, records).map_err(damaged)?,
             other => {
                 return Err(ReadError::NotBeadline {
                     path: path.to_owned(),
@@ -77,25 +76,31 @@ impl Chunk {
         self.record_bytes = chunk_header_bytes(records.body()) as u64 + header.compressed_size;
         if header.compression.is_empty() {
             records.swap_body(&mut self.buffer);
+        } else {
+            self.ahead.request_next(offset, header.uncompressed_size, records);
         }
         Ok(())
     }
 
-    fn decompress(&mut self, data: &[u8], size: u64) -> Result<(), String> {
-        self.buffer.clear();
-        let most = MAX_RECORD_BYTES.min(data.len() as u64 * MOST_COMPRESSED);
-        let room = usize::try_from(size).ok().filter(|_| size <= most);
-        if room.is_none_or(|room| self.buffer.try_reserve(room).is_err()) {
-            return Err(format!(
-                "a chunk of {size} bytes, more than {MAX_RECORD_BYTES}, than its {} bytes can hold or than there is memory",
-                data.len()
-            ));
-        }
-        self.zstd
-            .decompress_to_buffer(data, &mut self.buffer)
-            .map_err(|error| format!("a chunk that zstd cannot decompress: {error}"))?;
+    /// Takes the records from the thread that reads ahead, or decompresses them here. Returns their CRC.
+    fn decompress(
+        &mut self,
+        offset: u64,
+        data: &[u8],
+        size: u64,
+        records: &RecordReader,
+    ) -> Result<u32, String> {
+        let head = ChunkHead::parse(records.body());
+        let ready = head.and_then(|head| self.ahead.take(offset, &head, records, &mut self.buffer));
+        let crc = match ready {
+            Some(crc) => crc,
+            None => {
+                decompress(&mut self.zstd, data, size, &mut self.buffer)?;
+                crc32fast::hash(&self.buffer)
+            }
+        };
         (self.start, self.next, self.end) = (0, 0, self.buffer.len());
-        Ok(())
+        Ok(crc)
     }
 
     /// Replaces the contents by what can be had of the chunk record `body`, which may be damaged or end early:
@@ -141,6 +146,7 @@ impl Chunk {
     /// Says which chunk of the file is loaded next.
     pub(super) fn expect(&mut self, number: u64) {
         self.number = number;
+        self.ahead.jump();
     }
 
     /// Goes back to the first record.
@@ -216,6 +222,27 @@ impl ChunkHead {
     pub(super) fn record_bytes(&self) -> u64 {
         self.bytes as u64 + self.compressed_bytes
     }
+}
+
+/// Replaces the contents of `buffer` by `data` decompressed, which should be `size` bytes.
+pub(super) fn decompress(
+    zstd: &mut zstd::bulk::Decompressor<'_>,
+    data: &[u8],
+    size: u64,
+    buffer: &mut Vec<u8>,
+) -> Result<(), String> {
+    buffer.clear();
+    let most = MAX_RECORD_BYTES.min(data.len() as u64 * MOST_COMPRESSED);
+    let room = usize::try_from(size).ok().filter(|_| size <= most);
+    if room.is_none_or(|room| buffer.try_reserve(room).is_err()) {
+        return Err(format!(
+            "a chunk of {size} bytes, more than {MAX_RECORD_BYTES}, than its {} bytes can hold or than there is memory",
+            data.len()
+        ));
+    }
+    zstd.decompress_to_buffer(data, buffer)
+        .map_err(|error| format!("a chunk that zstd cannot decompress: {error}"))?;
+    Ok(())
 }
 
 /// Decompresses `data` as far as it goes, at most [`MAX_RECORD_BYTES`].

@@ -52,14 +52,12 @@ impl EncodedStates {
         self.entries.clear();
     }
 
-    /// The last state, without its summary, as the beginning of what follows.
-    #[must_use]
-    pub fn last_alone(&self) -> Self {
-        let mut alone = Self::default();
-        if let Some(Entry { frame, step, state, .. }) = self.entries.last() {
-            alone.push(*frame, *step, self.bytes.get(state.clone()).unwrap_or_default());
+    /// Forgets all of them, and begins with the last state of `before`, without its summary.
+    pub fn begin_after(&mut self, before: &Self) {
+        self.clear();
+        if let Some(Entry { frame, step, state, .. }) = before.entries.last() {
+            self.push(*frame, *step, before.bytes.get(state.clone()).unwrap_or_default());
         }
-        alone
     }
 
     /// How many states there are.

@@ -1,6 +1,8 @@
 //! The messages of a recording in the order of the file, with what stands around them.
 
 mod going_on;
+#[cfg(test)]
+mod tests;
 
 use super::PROFILE;
 use super::chunk::{Chunk, Inner};
@@ -16,7 +18,8 @@ use mcap::records::{MessageHeader, Record, op};
 use std::ops::Range;
 use std::path::Path;
 
-/// Reads the messages of a file. Memory is bounded by one chunk, compressed and decompressed.
+/// Reads the messages of a file. Memory is bounded by two chunks, compressed and decompressed: of
+/// a compressed file the next one is decompressed while one is read.
 pub(super) struct MessageReader {
     records: RecordReader,
     chunk: Chunk,

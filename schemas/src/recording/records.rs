@@ -105,6 +105,11 @@ impl RecordReader {
         self.chunk_crc
     }
 
+    /// Another handle of the file, to read at offsets: the position is the same one.
+    pub(super) fn clone_file(&self) -> io::Result<File> {
+        self.file.get_ref().try_clone()
+    }
+
     /// Whether the file ends as a closed MCAP file does.
     pub(super) fn is_closed(&self) -> bool {
         self.closed
