@@ -220,7 +220,7 @@ impl<'a> Streams<'a> {
             publisher.serve()?;
             let (start, busy) = (Instant::now(), consumers[0].busy()?);
             std::thread::sleep(IDLE);
-            idle.ours_s.push((consumers[0].busy()? - busy).as_secs_f64());
+            idle.ours_s.push(consumers[0].busy()?.saturating_sub(busy).as_secs_f64());
             idle.theirs_s.push(start.elapsed().as_secs_f64());
         }
         publisher.finish(EndReason::Complete)?;
