@@ -1,19 +1,20 @@
 //! What it costs to make messages and records of frames, and frames of them again: without compression and disk.
 
 use criterion::measurement::WallTime;
-use criterion::{BatchSize, BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{
+    BatchSize, BenchmarkGroup, Criterion, SamplingMode, Throughput, criterion_group, criterion_main,
+};
 use schemas::frame::{EndReason, Frame, FrameSink as _, FrameSource as _, Received};
 use schemas::manifest::{Origin, RunManifest};
 use schemas::presets::PRESETS;
 use schemas::recording::{Compression, RecordingSource, RecordingWriter, WriteOptions};
 use std::hint::black_box;
-use std::ops::Range;
 use std::path::Path;
 
 /// Frames of 1000 beads that fill a chunk.
 const FRAMES: u64 = 65;
 
-/// Chunks of the recording that is read.
+/// Chunks that are written and read.
 const CHUNKS: u64 = 8;
 
 /// A state of a chain of 1000 beads, as every frame of a recording.
@@ -33,22 +34,14 @@ impl Run {
 
     /// Starts `path` anew.
     fn writer(&self, path: &Path) -> RecordingWriter {
-        let options = WriteOptions { force: true, compression: Compression::None, ..WriteOptions::default() };
+        let (force, compression) = (true, Compression::None);
+        // room for all of it, so that nothing waits for the disk
+        let options = WriteOptions { force, compression, queue_bytes: 64 << 20, ..WriteOptions::default() };
         RecordingWriter::create(path, &self.manifest, "", &options).expect("created")
     }
 
-    /// Starts `path` anew and writes the two chunks after which memory is used again, as it is in a long recording.
-    fn warm_writer(&self, path: &Path) -> RecordingWriter {
-        let mut writer = self.writer(path);
-        for first in [0, FRAMES] {
-            self.write(&mut writer, first..first + FRAMES);
-            writer.flush().expect("written");
-        }
-        writer
-    }
-
-    fn write(&self, writer: &mut RecordingWriter, frames: Range<u64>) {
-        for number in frames {
+    fn write(&self, writer: &mut RecordingWriter, frames: u64) {
+        for number in 0..frames {
             let time_s = self.manifest.physics.time_s(number);
             let (u_m, v_m_s) = (self.u_m.as_slice(), self.v_m_s.as_slice());
             let frame = Frame { frame: number, step: number, time_s, u_m, v_m_s, extra: &[] };
@@ -58,7 +51,7 @@ impl Run {
 
     fn record(&self, path: &Path, frames: u64) {
         let mut writer = self.writer(path);
-        self.write(&mut writer, 0..frames);
+        self.write(&mut writer, frames);
         writer.finish(EndReason::Interrupted).expect("finished");
     }
 
@@ -70,18 +63,19 @@ impl Run {
 fn framing(criterion: &mut Criterion) {
     let (run, directory) = (Run::new(), tempfile::tempdir().expect("a directory"));
     let mut group = criterion.benchmark_group("framing");
+    group.sampling_mode(SamplingMode::Flat);
     encode(&mut group, &run, &directory.path().join("encoded.mcap"));
     read(&mut group, &run, &directory.path().join("read.mcap"));
     group.finish();
 }
 
-/// What the recording thread does; its chunk is written by another one.
+/// What the recording thread does; another one writes its chunks meanwhile.
 fn encode(group: &mut BenchmarkGroup<'_, WallTime>, run: &Run, path: &Path) {
-    group.throughput(run.bytes(FRAMES));
-    group.bench_function("encode a chunk", |bencher| {
-        let accept = |writer: &mut RecordingWriter| run.write(writer, 2 * FRAMES..3 * FRAMES);
+    group.throughput(run.bytes(CHUNKS * FRAMES));
+    group.bench_function("encode chunks", |bencher| {
+        let accept = |writer: &mut RecordingWriter| run.write(writer, CHUNKS * FRAMES);
         // one at a time: they have the same file
-        bencher.iter_batched_ref(|| run.warm_writer(path), accept, BatchSize::PerIteration);
+        bencher.iter_batched_ref(|| run.writer(path), accept, BatchSize::PerIteration);
     });
 }
 
