@@ -5,7 +5,9 @@ use consumers::energies::{Energies, default_split_bead};
 use consumers::impurity::Followed;
 use consumers::pulses::Pulses;
 use criterion::measurement::WallTime;
-use criterion::{BatchSize, BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{
+    BatchSize, BenchmarkGroup, Criterion, SamplingMode, Throughput, criterion_group, criterion_main,
+};
 use producer::integrator::Integrator;
 use producer::state::ChainState;
 use schemas::frame::Frame;
@@ -50,7 +52,7 @@ fn analyses(criterion: &mut Criterion) {
     let split_bead = default_split_bead(manifest);
     let threshold_m_s = Pulses::DEFAULT_THRESHOLD * Pulses::velocity_scale_m_s(manifest);
     let mut group = criterion.benchmark_group("analyses");
-    group.throughput(Throughput::Elements(FRAMES as u64));
+    group.sampling_mode(SamplingMode::Flat).throughput(Throughput::Elements(FRAMES as u64));
     measure(
         &mut group,
         "energies",

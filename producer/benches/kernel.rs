@@ -2,7 +2,8 @@
 
 use criterion::measurement::WallTime;
 use criterion::{
-    BatchSize, BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main,
+    BatchSize, BenchmarkGroup, BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group,
+    criterion_main,
 };
 use producer::integrator::Integrator;
 use producer::state::ChainState;
@@ -75,6 +76,7 @@ fn chain(method: Method, alpha: f64, beads: u64) -> Physics {
 fn steps(criterion: &mut Criterion) {
     for method in [Method::VelocityVerlet, Method::Rkn4] {
         let mut group = criterion.benchmark_group(method.as_str());
+        group.sampling_mode(SamplingMode::Flat);
         for (alpha, beads) in EXPONENTS.into_iter().flat_map(|alpha| LENGTHS.map(|beads| (alpha, beads))) {
             let physics = chain(method, alpha, beads);
             group.throughput(Throughput::Elements(beads * STEPS));

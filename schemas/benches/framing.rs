@@ -1,7 +1,9 @@
 //! What it costs to make messages and records of frames, and frames of them again: without compression and disk.
 
 use criterion::measurement::WallTime;
-use criterion::{BatchSize, BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{
+    BatchSize, BenchmarkGroup, Criterion, SamplingMode, Throughput, criterion_group, criterion_main,
+};
 use schemas::frame::{EndReason, Frame, FrameSink as _, FrameSource as _, Received};
 use schemas::manifest::{Origin, RunManifest};
 use schemas::presets::PRESETS;
@@ -12,7 +14,7 @@ use std::path::Path;
 /// Frames of 1000 beads that fill a chunk.
 const FRAMES: u64 = 65;
 
-/// Chunks of the recording that is read.
+/// Chunks that are written and read.
 const CHUNKS: u64 = 8;
 
 /// A state of a chain of 1000 beads, as every frame of a recording.
@@ -32,7 +34,9 @@ impl Run {
 
     /// Starts `path` anew.
     fn writer(&self, path: &Path) -> RecordingWriter {
-        let options = WriteOptions { force: true, compression: Compression::None, ..WriteOptions::default() };
+        let (force, compression) = (true, Compression::None);
+        // room for all of it, so that nothing waits for the disk
+        let options = WriteOptions { force, compression, queue_bytes: 64 << 20, ..WriteOptions::default() };
         RecordingWriter::create(path, &self.manifest, "", &options).expect("created")
     }
 
@@ -59,16 +63,17 @@ impl Run {
 fn framing(criterion: &mut Criterion) {
     let (run, directory) = (Run::new(), tempfile::tempdir().expect("a directory"));
     let mut group = criterion.benchmark_group("framing");
+    group.sampling_mode(SamplingMode::Flat);
     encode(&mut group, &run, &directory.path().join("encoded.mcap"));
     read(&mut group, &run, &directory.path().join("read.mcap"));
     group.finish();
 }
 
-/// What the recording thread does; its chunk is written by another one.
+/// What the recording thread does; another one writes its chunks meanwhile.
 fn encode(group: &mut BenchmarkGroup<'_, WallTime>, run: &Run, path: &Path) {
-    group.throughput(run.bytes(FRAMES));
-    group.bench_function("encode a chunk", |bencher| {
-        let accept = |writer: &mut RecordingWriter| run.write(writer, FRAMES);
+    group.throughput(run.bytes(CHUNKS * FRAMES));
+    group.bench_function("encode chunks", |bencher| {
+        let accept = |writer: &mut RecordingWriter| run.write(writer, CHUNKS * FRAMES);
         // one at a time: they have the same file
         bencher.iter_batched_ref(|| run.writer(path), accept, BatchSize::PerIteration);
     });
