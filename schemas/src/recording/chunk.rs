@@ -92,12 +92,11 @@ impl Chunk {
     ) -> Result<u32, String> {
         let head = ChunkHead::parse(records.body());
         let ready = head.and_then(|head| self.ahead.take(offset, &head, records, &mut self.buffer));
-        let crc = match ready {
-            Some(crc) => crc,
-            None => {
-                decompress(&mut self.zstd, data, size, &mut self.buffer)?;
-                crc32fast::hash(&self.buffer)
-            }
+        let crc = if let Some(crc) = ready {
+            crc
+        } else {
+            decompress(&mut self.zstd, data, size, &mut self.buffer)?;
+            crc32fast::hash(&self.buffer)
         };
         (self.start, self.next, self.end) = (0, 0, self.buffer.len());
         Ok(crc)
