@@ -242,9 +242,10 @@ fn evaluate_loaded(
     zero_below_m: f64,
     power: impl Fn(f64) -> f64 + Copy,
 ) {
-    let count = contacts.values.len();
-    let (left, right) = (&contacts.left_m[..count], &contacts.right_m[..count]);
-    let (stiffness, force) = (&contacts.stiffness[..count], &mut contacts.values[..count]);
+    let Contacts { left_m, right_m, stiffness, values } = contacts;
+    let count = values.len();
+    let (left, right) = (&left_m[..count], &right_m[..count]);
+    let (stiffness, force) = (&stiffness[..count], &mut values[..count]);
     let rest_overlap = &rest.overlap_m[first..][..count];
     let rest_force = &rest.force_n[first..][..count];
     for c in 0..count {
