@@ -158,23 +158,21 @@ impl Energies {
     #[inline(always)]
     fn sums(&self, frame: &Frame<'_>) -> EnergyRow {
         let (chain, s, contact_j) = (&self.chain, self.split_bead, &self.contact_j);
-        let contacts =
-            |range: std::ops::Range<usize>| ordered_sum([&contact_j[range]], |[energy_j]| energy_j);
-        let kinetic = |beads| chain.kinetic_j(frame.v_m_s, beads);
+        let v = frame.v_m_s;
         // contact s − 1 is left of the split bead, contact s right of it
         let left_contact = if s > 0 { contact_j[s - 1] } else { 0.0 };
         let right_contact = contact_j.get(s).copied().unwrap_or(0.0);
 
-        let kinetic_left = kinetic(0..s);
-        let kinetic_split = kinetic(s..s + 1);
-        let kinetic_right = kinetic(s + 1..chain.bead_count());
-        let potential_left = contacts(0..s.saturating_sub(1));
-        let potential_right = contacts((s + 1).min(contact_j.len())..contact_j.len());
+        let kinetic_left = chain.kinetic_j(v, 0..s);
+        let kinetic_split = chain.kinetic_j(v, s..s + 1);
+        let kinetic_right = chain.kinetic_j(v, s + 1..chain.bead_count());
+        let potential_left = total(&contact_j[..s.saturating_sub(1)]);
+        let potential_right = total(&contact_j[(s + 1).min(contact_j.len())..]);
 
         // the totals do not depend on where the chain is divided
-        let kinetic_j = kinetic(0..chain.bead_count());
+        let kinetic_j = chain.kinetic_j(v, 0..chain.bead_count());
         let [left_wall, right_wall] = chain.wall_energies_j(frame.u_m);
-        let potential_j = contacts(0..contact_j.len()) + (left_wall + right_wall);
+        let potential_j = total(contact_j) + (left_wall + right_wall);
         let total_j = kinetic_j + potential_j;
         let dissipated_j = self.physics.dissipated_j(frame.extra);
         EnergyRow {
@@ -205,6 +203,16 @@ impl Energies {
             max_abs_drift: self.max_abs_drift,
         })
     }
+}
+
+/// The sum of energies (J), inlined where it is used.
+#[inline(always)]
+fn total(energies_j: &[f64]) -> f64 {
+    ordered_sum(
+        [energies_j],
+        #[inline(always)]
+        |[energy_j]| energy_j,
+    )
 }
 
 /// The energies of `frame` as the reflection sees them, from the `incident` side of bead `s`.
