@@ -1,12 +1,14 @@
 //! The command line as it is written. Every mode turns its part once into validated values.
 
 mod analyses;
+mod contents;
 mod recordings;
 mod values;
 
 pub(crate) use analyses::{
     AnalysisArgs, ContactsArgs, DeformationArgs, EnergiesArgs, ImpurityArgs, PulsesArgs,
 };
+pub(crate) use contents::command;
 pub(crate) use recordings::{ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, ThinArgs, VerifyArgs};
 pub(crate) use values::Pace;
 
@@ -14,6 +16,7 @@ use crate::bench;
 use crate::sweep::directory::Shard;
 use crate::time_step::TimeStep;
 use clap::{Args, Parser, Subcommand};
+use clap_complete::Shell;
 use schemas::method::Method;
 use schemas::run_name::RunName;
 use std::num::NonZero;
@@ -51,6 +54,9 @@ pub(crate) enum Command {
     /// List the ready-made configurations
     Presets,
     /// Print a ready-made configuration as TOML, to be edited and run
+    #[command(
+        after_help = "Example:\n  beadline preset heavy-impurity > mine.toml && beadline run mine.toml"
+    )]
     Preset {
         /// Its name, see `beadline presets`
         name: String,
@@ -93,6 +99,10 @@ pub(crate) enum Command {
     /// Make a whole recording of a damaged or unfinished one
     Recover(RecoverArgs),
     /// Show what is in a recording
+    #[command(after_help = "Examples:\n  \
+        beadline info run.mcap\n  \
+        beadline info run.mcap.partial         also of a run that is going on, or was killed\n  \
+        beadline info run.mcap --json | jq .physics")]
     Info {
         /// The recording
         file: PathBuf,
@@ -100,6 +110,32 @@ pub(crate) enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Print the completions of these commands for a shell
+    #[command(after_help = "Examples:\n  \
+        beadline completions bash > ~/.local/share/bash-completion/completions/beadline\n  \
+        beadline completions zsh > ~/.zfunc/_beadline      # a directory in $fpath\n  \
+        beadline completions fish > ~/.config/fish/completions/beadline.fish")]
+    Completions {
+        /// The shell
+        shell: Shell,
+    },
+    /// Print these pages for `man`, or write all of them
+    Man(ManArgs),
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline man run | man -l -                         read one\n  \
+    beadline man --out ~/.local/share/man/man1          then `man beadline-run` finds it")]
+pub(crate) struct ManArgs {
+    /// The command that the page is about [default: beadline itself]
+    pub(crate) command: Option<String>,
+    /// Write the pages of all commands into this directory, which is made if it is missing
+    #[arg(long, value_name = "DIR", conflicts_with = "command")]
+    pub(crate) out: Option<PathBuf>,
+    /// Replace pages that exist
+    #[arg(long, requires = "out")]
+    pub(crate) force: bool,
 }
 
 #[derive(Debug, Args)]

@@ -20,12 +20,14 @@ mod sweep;
 mod time_step;
 
 use args::{Cli, Command};
-use clap::Parser;
+use clap::FromArgMatches;
 use failure::{Done, Failure};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    failure::exit(dispatch(Cli::parse().command))
+    let arguments = args::command().get_matches();
+    let cli = Cli::from_arg_matches(&arguments).unwrap_or_else(|error| error.exit());
+    failure::exit(dispatch(cli.command))
 }
 
 fn dispatch(command: Command) -> Result<Done, Failure> {
@@ -51,5 +53,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Verify(args) => commands::verify::verify(&args),
         Command::Recover(args) => commands::recover::recover(&args),
         Command::Info { file, json } => commands::info::info(&file, json),
+        Command::Completions { shell } => commands::manual::completions(shell),
+        Command::Man(args) => commands::manual::man(&args),
     }
 }

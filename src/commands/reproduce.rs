@@ -4,6 +4,7 @@ use crate::args::ReproduceArgs;
 use crate::configuration::origin;
 use crate::display::{self, counted};
 use crate::failure::{BadInput, Done, Failure};
+use crate::outputs::write_whole;
 use crate::reproduce::cache::{self, Cached};
 use crate::reproduce::report::{Report, Studied, figure_path};
 use crate::reproduce::{markdown, reflection, workers};
@@ -12,9 +13,7 @@ use anyhow::{Context, anyhow};
 use consumers::figure::{Figure, Options};
 use consumers::paper::{Observations, Run, STUDIES, Study, Verdict};
 use schemas::manifest::RunManifest;
-use schemas::whole_file::WholeFile;
 use std::collections::BTreeMap;
-use std::io::Write;
 use std::num::NonZero;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -44,10 +43,12 @@ pub(crate) fn reproduce(args: &ReproduceArgs) -> Result<Done, Failure> {
     let studied = studies.iter().map(|study| conclude(study, &done.observations, &args.out));
     let studies = studied.collect::<Result<Vec<_>, _>>()?;
     let report = Report { studies, runs: manifests, program: origin().program };
-    write_text(&args.out.join("REPORT.md"), &markdown::report(&report))?;
-    write_text(&args.out.join("GALLERY.md"), &markdown::gallery(&report))?;
+    // refuse_to_overwrite has asked whether these may be replaced
+    let write = |name: &str, text: &str| write_whole(&args.out.join(name), text.as_bytes(), true);
+    write("REPORT.md", &markdown::report(&report))?;
+    write("GALLERY.md", &markdown::gallery(&report))?;
     let json = serde_json::to_string_pretty(&report.json())?;
-    write_text(&args.out.join("report.json"), &format!("{json}\n"))?;
+    write("report.json", &format!("{json}\n"))?;
     let outcome = Outcome { report: &report, done: &done, args, start };
     outcome.print()?;
     for (claim, number) in report.contradictions() {
@@ -143,15 +144,6 @@ fn write_figure(figure: &Figure, study: &Study, out: &Path) -> Result<(), Failur
         }
         figure.write(&path, Options::default())?;
     }
-    Ok(())
-}
-
-/// Writes a page; [`refuse_to_overwrite`] has asked whether it may be replaced.
-fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
-    let file = WholeFile::create(path, true)?;
-    let written = (&**file.file()).write_all(text.as_bytes());
-    written.with_context(|| format!("{} cannot be written", path.display()))?;
-    file.publish()?;
     Ok(())
 }
 

@@ -1,0 +1,80 @@
+//! `beadline --help` as a table of contents: the commands under headings, in the order in which they are met.
+
+use super::Cli;
+use clap::{Command, CommandFactory};
+use std::fmt::Write;
+
+const CONTENTS: [(&str, &[&str]); 6] = [
+    ("Begin", &["demo"]),
+    ("Simulate", &["run", "presets", "preset", "sweep"]),
+    (
+        "Analyse, while a run goes or from its recording",
+        &["energies", "impurity", "contacts", "pulses", "deformation"],
+    ),
+    ("Record, prove, share", &["record", "replay", "info", "verify", "recover", "thin", "expand"]),
+    ("The paper", &["reproduce"]),
+    ("This machine", &["ls", "bench", "completions", "man"]),
+];
+
+/// The whole command line, with its table of contents.
+pub(crate) fn command() -> Command {
+    let command = Cli::command();
+    let template = format!(
+        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n{}\n{}\n{{options}}{{after-help}}",
+        contents(&command),
+        heading(&command, "Options"),
+    );
+    command.help_template(template)
+}
+
+fn contents(command: &Command) -> String {
+    let literal = command.get_styles().get_literal();
+    let names = CONTENTS.iter().flat_map(|(_, names)| *names);
+    let width = names.map(|name| name.len()).max().unwrap_or(0);
+    let mut text = String::new();
+    // writing to a String cannot fail
+    for (title, names) in CONTENTS {
+        let _ = write!(text, "\n{}\n", heading(command, title));
+        for name in names {
+            let about = command.find_subcommand(name).and_then(Command::get_about);
+            let about = about.map(ToString::to_string).unwrap_or_default();
+            let _ = writeln!(text, "  {literal}{name:width$}{literal:#}  {about}");
+        }
+    }
+    text
+}
+
+fn heading(command: &Command, title: &str) -> String {
+    let style = command.get_styles().get_header();
+    format!("{style}{title}:{style:#}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_command_is_listed_once() {
+        let command = Cli::command();
+        let mut expected: Vec<&str> =
+            command.get_subcommands().filter(|each| !each.is_hide_set()).map(Command::get_name).collect();
+        let mut listed: Vec<&str> = CONTENTS.iter().flat_map(|(_, names)| *names).copied().collect();
+        expected.sort_unstable();
+        listed.sort_unstable();
+        assert_eq!(listed, expected);
+    }
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        command().debug_assert();
+    }
+
+    #[test]
+    fn every_command_with_flags_of_its_own_shows_examples() {
+        for each in Cli::command().get_subcommands().filter(|each| !each.is_hide_set()) {
+            let flags = each.get_arguments().filter(|argument| argument.get_id() != "json").count();
+            let help = each.get_after_help().map(ToString::to_string).unwrap_or_default();
+            assert!(flags == 0 || help.contains("Example"), "{} shows no example", each.get_name());
+        }
+    }
+}

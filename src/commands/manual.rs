@@ -1,0 +1,67 @@
+//! `beadline completions SHELL` and `beadline man`: what shells and `man` want to know about the command line.
+
+use crate::args::{self, ManArgs};
+use crate::display;
+use crate::failure::{BadInput, Done, Failure};
+use crate::outputs::{check_directory, check_free, write_whole};
+use anyhow::anyhow;
+use clap::Command;
+use clap_complete::Shell;
+use clap_mangen::Man;
+use std::fs;
+use std::path::Path;
+
+pub(crate) fn completions(shell: Shell) -> Result<Done, Failure> {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut args::command(), "beadline", &mut script);
+    display::print(String::from_utf8(script)?)?;
+    Ok(Done::Whole)
+}
+
+pub(crate) fn man(args: &ManArgs) -> Result<Done, Failure> {
+    let mut command = args::command();
+    command.build();
+    match &args.out {
+        Some(directory) => write_all(&command, directory, args.force),
+        None => print_one(&command, args.command.as_deref()),
+    }
+}
+
+fn print_one(command: &Command, name: Option<&str>) -> Result<Done, Failure> {
+    let found = match name {
+        None => Some(command),
+        Some(name) => command.find_subcommand(name),
+    };
+    let unknown =
+        || anyhow!("there is no command `{}`; `beadline --help` lists them", name.unwrap_or_default());
+    display::print(String::from_utf8(page(found.ok_or_else(unknown).bad_input()?)?)?)?;
+    Ok(Done::Whole)
+}
+
+fn write_all(command: &Command, directory: &Path, force: bool) -> Result<Done, Failure> {
+    check_directory(directory)?;
+    let commands: Vec<&Command> = std::iter::once(command)
+        .chain(command.get_subcommands().filter(|each| !each.is_hide_set()))
+        .collect();
+    let path = |command: &Command| directory.join(format!("{}.1", full_name(command)));
+    if directory.is_dir() {
+        commands.iter().try_for_each(|command| check_free(&path(command), force))?;
+    }
+    fs::create_dir_all(directory)?;
+    for command in &commands {
+        write_whole(&path(command), &page(command)?, force)?;
+    }
+    display::print(format_args!("{} pages in {}\n", commands.len(), directory.display()))?;
+    Ok(Done::Whole)
+}
+
+/// `beadline`, or `beadline-run`.
+fn full_name(command: &Command) -> &str {
+    command.get_display_name().unwrap_or(command.get_name())
+}
+
+fn page(command: &Command) -> std::io::Result<Vec<u8>> {
+    let mut page = Vec::new();
+    Man::new(command.clone()).manual("Beadline").render(&mut page)?;
+    Ok(page)
+}
