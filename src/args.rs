@@ -1,12 +1,14 @@
 //! The command line as it is written. Every mode turns its part once into validated values.
 
 mod analyses;
+mod export;
 mod recordings;
 mod values;
 
 pub(crate) use analyses::{
     AnalysisArgs, ContactsArgs, DeformationArgs, EnergiesArgs, ImpurityArgs, PulsesArgs,
 };
+pub(crate) use export::ExportArgs;
 pub(crate) use recordings::{ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, ThinArgs, VerifyArgs};
 pub(crate) use values::Pace;
 
@@ -88,6 +90,8 @@ pub(crate) enum Command {
     Thin(ThinArgs),
     /// Recompute the states between those of a sparse recording
     Expand(ExpandArgs),
+    /// Write states in the formats of other programs
+    Export(ExportArgs),
     /// Prove a recording: recompute every state from the one before and compare the bits
     Verify(VerifyArgs),
     /// Make a whole recording of a damaged or unfinished one
