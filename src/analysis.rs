@@ -60,7 +60,7 @@ impl<'a> Session<'a> {
             Named::File(path) => (Source::open(&path, &stop)?, None),
         };
         display::notice_of_version(source.manifest());
-        let window = window(args, source.manifest())?;
+        let window = window(args.from, args.until, source.manifest())?;
         Ok(Self { args, source: Frames::of(source, args, window.from_s)?, window, live, stop })
     }
 
@@ -240,9 +240,9 @@ pub(crate) fn check_flags(args: &AnalysisArgs, named: &Named) -> Result<(), Fail
     }
 }
 
-/// The part of the run that `args` ask for.
-fn window(args: &AnalysisArgs, manifest: &RunManifest) -> Result<Window, Failure> {
-    let window = Window { from_s: args.from, until_s: args.until.unwrap_or(f64::INFINITY) };
+/// The part of the run from the time `from_s` until `until_s`, as they were asked for.
+pub(crate) fn window(from_s: f64, until_s: Option<f64>, manifest: &RunManifest) -> Result<Window, Failure> {
+    let window = Window { from_s, until_s: until_s.unwrap_or(f64::INFINITY) };
     let end_s = manifest.physics.time_s(manifest.physics.step_count);
     let refuse = |what: String| Err(Failure::BadInput(anyhow!("--from {}: {what}", window.from_s)));
     if window.from_s > window.until_s {

@@ -2,6 +2,7 @@
 
 mod analyses;
 mod contents;
+mod export;
 mod recordings;
 mod values;
 
@@ -9,6 +10,7 @@ pub(crate) use analyses::{
     AnalysisArgs, ContactsArgs, DeformationArgs, EnergiesArgs, ImpurityArgs, PulsesArgs,
 };
 pub(crate) use contents::command;
+pub(crate) use export::ExportArgs;
 pub(crate) use recordings::{ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, ThinArgs, VerifyArgs};
 pub(crate) use values::Pace;
 
@@ -94,6 +96,8 @@ pub(crate) enum Command {
     Thin(ThinArgs),
     /// Recompute the states between those of a sparse recording
     Expand(ExpandArgs),
+    /// Write states in the formats of other programs
+    Export(ExportArgs),
     /// Prove a recording: recompute every state from the one before and compare the bits
     Verify(VerifyArgs),
     /// Make a whole recording of a damaged or unfinished one

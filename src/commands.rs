@@ -5,6 +5,7 @@ pub(crate) mod contacts;
 pub(crate) mod deformation;
 pub(crate) mod demo;
 pub(crate) mod energies;
+pub(crate) mod export;
 pub(crate) mod impurity;
 pub(crate) mod info;
 pub(crate) mod ls;

@@ -2,6 +2,7 @@
 
 use crate::display;
 use anyhow::Error;
+use consumers::export::ExportError;
 use schemas::recording::WriteError;
 use schemas::whole_file::WholeFileError;
 use std::process::ExitCode;
@@ -71,6 +72,7 @@ fn is_in_the_way(error: &Error) -> bool {
     error.chain().any(|cause| {
         cause.downcast_ref().is_some_and(WriteError::is_in_the_way)
             || cause.downcast_ref().is_some_and(WholeFileError::is_in_the_way)
+            || cause.downcast_ref().is_some_and(ExportError::is_in_the_way)
     })
 }
 

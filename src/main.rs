@@ -50,6 +50,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Ls { json } => commands::ls::ls(json),
         Command::Thin(args) => commands::thin::thin(&args),
         Command::Expand(args) => commands::thin::expand(&args),
+        Command::Export(args) => commands::export::export(&args),
         Command::Verify(args) => commands::verify::verify(&args),
         Command::Recover(args) => commands::recover::recover(&args),
         Command::Info { file, json } => commands::info::info(&file, json),

@@ -24,7 +24,7 @@ pub(crate) fn check_outputs(args: &AnalysisArgs, outputs: &[&PathBuf]) -> Result
 }
 
 /// The extension of a path, in lower case.
-fn extension(path: &Path) -> String {
+pub(crate) fn extension(path: &Path) -> String {
     path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase()
 }
 

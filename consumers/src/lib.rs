@@ -2,11 +2,13 @@
 //!
 //! An analysis takes frames one by one and cannot tell a live run, a replay, a file or a
 //! re-simulation apart: [`follow::follow`] is the one loop that reads a source. Each analysis is a
-//! module: [`deformation`], [`energies`], [`impurity`], [`contacts`], [`pulses`]. What theory expects is in [`theory`].
+//! module: [`deformation`], [`energies`], [`impurity`], [`contacts`], [`pulses`]. What theory expects is in [`theory`], and
+//! [`export`] has the formats of other programs.
 
 pub mod contacts;
 pub mod deformation;
 pub mod energies;
+pub mod export;
 pub mod figure;
 pub mod follow;
 pub mod impurity;

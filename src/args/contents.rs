@@ -11,7 +11,7 @@ const CONTENTS: [(&str, &[&str]); 6] = [
         "Analyse, while a run goes or from its recording",
         &["energies", "impurity", "contacts", "pulses", "deformation"],
     ),
-    ("Record, prove, share", &["record", "replay", "info", "verify", "recover", "thin", "expand"]),
+    ("Record, prove, share", &["record", "replay", "info", "verify", "recover", "thin", "expand", "export"]),
     ("The paper", &["reproduce"]),
     ("This machine", &["ls", "bench", "completions", "man"]),
 ];

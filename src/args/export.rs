@@ -1,0 +1,62 @@
+//! States for other programs.
+
+use super::values::{BeadRange, parse_beads, parse_jobs, parse_time};
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use consumers::export::Format;
+use std::num::NonZero;
+use std::path::PathBuf;
+
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline export run.mcap --to npz --out run.npz               numpy.load(\"run.npz\")[\"velocity_m_s\"]\n  \
+    beadline export run.mcap --out part.npz --from 0.02 --until 0.03 --beads 400..600\n  \
+    beadline export sparse.mcap --out all.npz --every-step        also what was not recorded, recomputed\n  \
+    beadline export run.mcap --out few.npz --every-steps 100      the steps 0, 100, 200 …\n\n\
+    Exit code 3: the recording was not finished, is damaged or goes on elsewhere; what it holds is exported."
+)]
+pub(crate) struct ExportArgs {
+    /// The recording
+    #[arg(value_name = "FILE")]
+    pub(crate) file: String,
+    /// Format [default: the one that the name of PATH ends with]
+    #[arg(long, value_name = "FORMAT", value_parser = formats())]
+    pub(crate) to: Option<Format>,
+    /// File to write
+    #[arg(long, value_name = "PATH")]
+    pub(crate) out: PathBuf,
+    /// Begin at this simulated time (s)
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = parse_time)]
+    pub(crate) from: f64,
+    /// End at this simulated time (s)
+    #[arg(long, value_name = "S", value_parser = parse_time)]
+    pub(crate) until: Option<f64>,
+    /// Only these beads: 100..200 is without bead 200, 100..=199 with bead 199
+    #[arg(long, value_name = "A..B", value_parser = parse_beads)]
+    pub(crate) beads: Option<BeadRange>,
+    /// Only the steps that are a multiple of K; what the recording does not hold is recomputed
+    #[arg(long, value_name = "K")]
+    pub(crate) every_steps: Option<NonZero<u64>>,
+    /// Every step, recomputed where the recording does not hold it
+    #[arg(long, conflicts_with = "every_steps")]
+    pub(crate) every_step: bool,
+    /// Threads that recompute, if the recording is sparse [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = parse_jobs)]
+    pub(crate) jobs: Option<NonZero<usize>>,
+    /// Replace a file that exists
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// The formats by their names.
+fn formats() -> impl TypedValueParser<Value = Format> {
+    PossibleValuesParser::new(Format::ALL.map(Format::name)).map(|name| {
+        let format = Format::ALL.into_iter().find(|format| format.name() == name);
+        format.unwrap_or(Format::ALL[0]) // no other name gets here
+    })
+}

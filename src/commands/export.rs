@@ -1,0 +1,259 @@
+//! `beadline export`: states of a recording in the formats of other programs.
+
+use crate::analysis::window;
+use crate::args::ExportArgs;
+use crate::display::{self, bytes, count, counted};
+use crate::failure::{BadInput, Done, Failure};
+use crate::outputs::{check_place, extension};
+use crate::signals;
+use crate::source::{Frames, Named, Source, SourceFailure};
+use anyhow::{Error, anyhow};
+use consumers::export::{Excerpt, Export, ExportError, Format};
+use consumers::follow::{Analysis, FollowError, Tally, follow_within};
+use indicatif::ProgressBar;
+use producer::resimulation::Lend;
+use schemas::frame::{EndReason, Frame, FrameSource, Window};
+use schemas::manifest::RunManifest;
+use schemas::whole_file::is_being_written;
+use serde_json::json;
+use std::num::NonZero;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+/// The states that are due, on their way into the file.
+struct Exporting {
+    export: Box<dyn Export>,
+    every_steps: u64,
+    states: u64,
+    /// Steps of the first and the last state.
+    steps: Option<(u64, u64)>,
+    first_step: u64,
+    bar: ProgressBar,
+    refreshed: Instant,
+}
+
+impl Analysis for Exporting {
+    type Error = ExportError;
+
+    fn observe(&mut self, frame: &Frame<'_>) -> Result<(), ExportError> {
+        if frame.step.is_multiple_of(self.every_steps) {
+            self.export.frame(frame)?;
+            self.states += 1;
+            let first = self.steps.map_or(frame.step, |(first, _)| first);
+            self.steps = Some((first, frame.step));
+        }
+        if self.refreshed.elapsed() >= Duration::from_millis(100) {
+            self.refreshed = Instant::now();
+            self.bar.set_position(frame.step - self.first_step);
+            self.bar.set_message(counted(self.states, "state"));
+        }
+        Ok(())
+    }
+}
+
+pub(crate) fn export(args: &ExportArgs) -> Result<Done, Failure> {
+    let format = format(args)?;
+    let from = recording(args)?;
+    check_place(&args.out, &from, args.force)?;
+    let stop = signals::stop_flag()?;
+    let (mut frames, window) = open(args, &from, &stop)?;
+    let manifest = frames.manifest().clone();
+    display::notice_of_version(&manifest);
+    let excerpt = Excerpt { beads: beads(args, &manifest)?, manifest, window };
+    let mut exporting = Exporting::begin(format.begin(&args.out, &excerpt, args.force)?, args, &excerpt);
+    let tally = follow(&mut frames, &mut exporting, window)?;
+    let Exporting { export, states, steps, .. } = exporting;
+    if tally.end == EndReason::Stopped {
+        return Err(Failure::Failed(anyhow!("stopped: nothing was written")));
+    }
+    let Some(steps) = steps else { return Err(nothing_to_export(args)) };
+    let paths = export.finish()?;
+    report(args, format, &excerpt, &Exported { states, steps, tally, paths })
+}
+
+/// The format asked for, or that of the output's name.
+fn format(args: &ExportArgs) -> Result<Format, Failure> {
+    if let Some(format) = args.to {
+        return Ok(format);
+    }
+    let end = extension(&args.out);
+    let named = Format::ALL.into_iter().find(|format| format.extensions().contains(&end.as_str()));
+    let names = Format::ALL.map(Format::name).join(", ");
+    let message = || {
+        format!("{}: its name does not say which format; use --to with one of {names}", args.out.display())
+    };
+    named.ok_or_else(|| Failure::BadInput(anyhow!(message())))
+}
+
+/// The recording that is named.
+fn recording(args: &ExportArgs) -> Result<PathBuf, Failure> {
+    match Named::parse(&args.file)? {
+        Named::File(path) => Ok(path),
+        Named::Live(_) => Err(Failure::BadInput(anyhow!(
+            "{}: a live run cannot be exported; `beadline record {} --out FILE.mcap` makes a recording of it",
+            args.file,
+            args.file
+        ))),
+    }
+}
+
+/// The states that are asked for, and more.
+fn open(args: &ExportArgs, from: &Path, stop: &Arc<AtomicBool>) -> Result<(Frames, Window), Failure> {
+    let every_steps = if args.every_step { NonZero::new(1) } else { args.every_steps };
+    let recorded = Source::open(from, stop)?;
+    let window = window(args.from, args.until, recorded.manifest())?;
+    let first_step = recorded.manifest().physics.step_at_or_after(window.from_s);
+    let provenance = &recorded.manifest().provenance;
+    let (publish, record) = (provenance.publish_every_steps, provenance.record_every_steps);
+    let lend = match every_steps.map(NonZero::get) {
+        Some(every) if every.is_multiple_of(record) => None,
+        Some(every) if every.is_multiple_of(publish) => Some(Lend::Frames),
+        Some(_) => Some(Lend::Steps),
+        None => None,
+    };
+    let mut source = if lend == Some(Lend::Steps) { Source::open_all(from, stop)? } else { recorded };
+    source.seek(first_step)?;
+    let frames = match lend {
+        Some(lend) => Frames::recomputed(source, lend, false, first_step, args.jobs)?,
+        None => Frames::as_they_come(source),
+    };
+    Ok((frames, window))
+}
+
+/// The beads that are asked for.
+fn beads(args: &ExportArgs, manifest: &RunManifest) -> Result<Range<usize>, Failure> {
+    let count = manifest.physics.beads;
+    let asked = args.beads.map_or((0, count), |range| (range.from.unwrap_or(0), range.to.unwrap_or(count)));
+    let refuse = |what: &str| {
+        let (from, to) = asked;
+        Err(Failure::BadInput(anyhow!(
+            "--beads {from}..{to}: {what}; the chain has beads 0 to {}",
+            count - 1
+        )))
+    };
+    match asked {
+        (from, to) if from >= to => refuse("expected at least one bead"),
+        (_, to) if to > count => refuse("some of these do not exist"),
+        (from, to) => Ok(usize::try_from(from)?..usize::try_from(to)?),
+    }
+}
+
+impl Exporting {
+    fn begin(export: Box<dyn Export>, args: &ExportArgs, excerpt: &Excerpt) -> Self {
+        let Excerpt { manifest, window, .. } = excerpt;
+        let first_step = manifest.physics.step_at_or_after(window.from_s);
+        let last_step = manifest.physics.step_at_or_before(window.until_s);
+        let length = last_step.saturating_sub(first_step);
+        Self {
+            export,
+            every_steps: args.every_steps.map_or(1, NonZero::get),
+            states: 0,
+            steps: None,
+            first_step,
+            bar: display::progress_bar(length, manifest.provenance.name.as_str()),
+            refreshed: Instant::now(),
+        }
+    }
+}
+
+/// Takes every state of `window`; what comes before damage stays worth something.
+fn follow(frames: &mut Frames, exporting: &mut Exporting, window: Window) -> Result<Tally, Failure> {
+    let mut tally = Tally::default();
+    let followed = follow_within(frames, exporting, window, &mut tally, |_| {});
+    exporting.bar.finish_and_clear();
+    match followed {
+        Ok(()) => Ok(tally),
+        Err(FollowError::Source(error @ (SourceFailure::File(_) | SourceFailure::Differs(_))))
+            if exporting.states > 0 =>
+        {
+            display::notice(format_args!("{:#}", Error::new(error)));
+            Ok(tally)
+        }
+        Err(FollowError::Source(error)) => Err(error).bad_input(),
+        Err(FollowError::Analysis(error)) => Err(error.into()),
+    }
+}
+
+fn nothing_to_export(args: &ExportArgs) -> Failure {
+    let advice = if args.every_step { "" } else { "; --every-step recomputes the steps between frames" };
+    Failure::BadInput(anyhow!("{}: there is no state in this part of the run{advice}", args.file))
+}
+
+/// What was exported.
+struct Exported {
+    states: u64,
+    steps: (u64, u64),
+    tally: Tally,
+    paths: Vec<PathBuf>,
+}
+
+/// Prints the summary and says whether anything is missing.
+fn report(
+    args: &ExportArgs,
+    format: Format,
+    excerpt: &Excerpt,
+    exported: &Exported,
+) -> Result<Done, Failure> {
+    let Exported { states, steps: (first, last), tally, paths } = exported;
+    let sizes =
+        paths.iter().map(|path| Ok(path.metadata()?.len())).collect::<Result<Vec<_>, std::io::Error>>()?;
+    let total: u64 = sizes.iter().sum();
+    let Range { start, end } = excerpt.beads;
+    let manifest = &excerpt.manifest;
+    if args.json {
+        display::print_json(&json!({
+            "run": manifest.provenance.name,
+            "run_id": manifest.provenance.run_id,
+            "format": format.name(),
+            "paths": paths,
+            "bytes": total,
+            "states": states,
+            "first_step": first,
+            "last_step": last,
+            "frames_missed": tally.missed_count,
+            "first_bead": start,
+            "last_bead": end - 1,
+            "end": display::end_word(tally.end, tally.ended_as_asked),
+        }))?;
+    } else {
+        let physics = &manifest.physics;
+        let times = format!("{} to {} s", physics.time_s(*first), physics.time_s(*last));
+        let names: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();
+        let end_text = display::end(tally.end, args.until.filter(|_| tally.ended_as_asked));
+        let rows = [
+            ("states", format!("{}, steps {} to {}", count(*states), count(*first), count(*last))),
+            ("time", times),
+            ("beads", format!("{start} to {}", end - 1)),
+            ("written", format!("{} as {format}, {}", names.join(", "), bytes(total))),
+        ];
+        display::print(display::rows(&format!("{} exported ({end_text})", args.file), &rows))?;
+    }
+    warn(args, tally);
+    Ok(Done::whole_if(tally.end.is_orderly() && tally.missed_count == 0))
+}
+
+/// Says what is missing.
+fn warn(args: &ExportArgs, tally: &Tally) {
+    if tally.missed_count > 0 {
+        let missed = counted(tally.missed_count, "frame");
+        display::notice(format_args!("{missed} of the recording are missing in it, and in the export"));
+    }
+    match tally.end {
+        EndReason::Unfinished if is_being_written(Path::new(&args.file)) => {
+            display::notice("the recording is being written; the export ends where it did");
+        }
+        EndReason::Unfinished => display::notice(format_args!(
+            "the recording was not finished, or is damaged; the export ends where it does (`beadline recover {}`)",
+            args.file
+        )),
+        EndReason::Failed => display::notice("the run failed; the export ends at its last frame"),
+        EndReason::Continued => display::notice("the recording goes on in its next part"),
+        EndReason::Detached => {
+            display::notice("the recorder left the run before its end; the export ends where it did");
+        }
+        _ => {}
+    }
+}
