@@ -1,14 +1,16 @@
 //! The command line as it is written. Every mode turns its part once into validated values.
 
 mod analyses;
+mod figures;
 mod recordings;
 mod values;
 
 pub(crate) use analyses::{
-    AnalysisArgs, ContactsArgs, DeformationArgs, EnergiesArgs, ImpurityArgs, PulsesArgs,
+    AnalysisArgs, ContactsArgs, DeformationArgs, EnergiesArgs, FramesArgs, ImpurityArgs, PulsesArgs,
 };
+pub(crate) use figures::{ColoursArg, LookArgs, PlotArgs, What};
 pub(crate) use recordings::{ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, ThinArgs, VerifyArgs};
-pub(crate) use values::Pace;
+pub(crate) use values::{BeadRange, Pace};
 
 use crate::bench;
 use crate::sweep::directory::Shard;
@@ -65,6 +67,8 @@ pub(crate) enum Command {
     Deformation(DeformationArgs),
     /// The pulses: where and when they pass, how strong, fast and wide, where from and where to
     Pulses(PulsesArgs),
+    /// Draw one figure: what the chain does at one time, or over space and time
+    Plot(PlotArgs),
     /// Simulate a grid of runs and make a table of their results
     Sweep(SweepArgs),
     /// The paper, figure by figure, claim by claim: simulated, drawn and judged
@@ -114,6 +118,8 @@ pub(crate) struct DemoArgs {
     /// Replace files of an earlier demo
     #[arg(long)]
     pub(crate) force: bool,
+    #[command(flatten)]
+    pub(crate) look: LookArgs,
 }
 
 #[derive(Debug, Args)]
@@ -282,6 +288,8 @@ pub(crate) struct ReproduceArgs {
     /// Replace a report that exists
     #[arg(long)]
     pub(crate) force: bool,
+    #[command(flatten)]
+    pub(crate) look: LookArgs,
     /// List the figures and do nothing else
     #[arg(long)]
     pub(crate) list: bool,

@@ -8,6 +8,7 @@ pub(crate) mod energies;
 pub(crate) mod impurity;
 pub(crate) mod info;
 pub(crate) mod ls;
+pub(crate) mod plot;
 pub(crate) mod presets;
 pub(crate) mod pulses;
 pub(crate) mod record;

@@ -7,13 +7,16 @@
 pub mod contacts;
 pub mod deformation;
 pub mod energies;
+pub mod fields;
 pub mod figure;
 pub mod follow;
+pub mod held;
 pub mod impurity;
 pub mod journal;
 pub mod paper;
 pub mod plots;
 pub mod pulses;
 pub mod series;
+pub mod space_time;
 pub mod table;
 pub mod theory;

@@ -1,6 +1,7 @@
 //! Values as they are written on the command line.
 
 use crate::sweep::directory::Shard;
+use consumers::figure::Options;
 use schemas::recording::Split;
 use std::num::NonZero;
 
@@ -11,6 +12,12 @@ pub(crate) enum Pace {
     Max,
     /// Simulated seconds per second of wall time.
     PerSecond(f64),
+}
+
+pub(super) fn parse_dpi(text: &str) -> Result<f64, String> {
+    let dpi = text.parse().ok().filter(|dpi| Options::DPI.contains(dpi));
+    let (least, most) = (Options::DPI.start(), Options::DPI.end());
+    dpi.ok_or_else(|| format!("expected dots per inch from {least} to {most}"))
 }
 
 /// More threads than any machine has cores are a mistake.
@@ -75,6 +82,29 @@ pub(super) fn parse_pair(text: &str) -> Result<(u64, f64), String> {
 
 pub(super) fn parse_impurity(text: &str) -> Result<Option<(u64, f64)>, String> {
     if text == "none" { Ok(None) } else { parse_pair(text).map(Some) }
+}
+
+/// A range of beads; an end that is not said is that of the chain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct BeadRange {
+    /// The first bead.
+    pub(crate) from: Option<u64>,
+    /// The bead after the last one.
+    pub(crate) to: Option<u64>,
+}
+
+/// `100..200`, `100..`, `..200` without the last bead, `100..=199` with it.
+pub(super) fn parse_beads(text: &str) -> Result<BeadRange, String> {
+    let range = text.split_once("..").and_then(|(from, to)| {
+        let (to, added) = to.strip_prefix('=').map_or((to, 0), |to| (to, 1));
+        let number = |text: &str| if text.is_empty() { Some(None) } else { text.parse().ok().map(Some) };
+        let (from, to): (Option<u64>, Option<u64>) = (number(from)?, number(to)?);
+        let to = if added == 1 { Some(to?.checked_add(1)?) } else { to };
+        Some(BeadRange { from, to })
+    });
+    range.ok_or_else(|| {
+        "expected beads as in 100..200 (without bead 200), 100..=199, 100.. or ..200".to_owned()
+    })
 }
 
 pub(super) fn parse_shard(text: &str) -> Result<Shard, String> {
