@@ -3,8 +3,8 @@
 use crate::args::{self, ManArgs};
 use crate::display;
 use crate::failure::{BadInput, Done, Failure};
-use crate::outputs::{check_directory, check_free, write_whole};
-use anyhow::anyhow;
+use crate::outputs::{check_free, write_whole};
+use anyhow::{Context, anyhow};
 use clap::Command;
 use clap_complete::Shell;
 use clap_mangen::Man;
@@ -39,7 +39,6 @@ fn print_one(command: &Command, name: Option<&str>) -> Result<Done, Failure> {
 }
 
 fn write_all(command: &Command, directory: &Path, force: bool) -> Result<Done, Failure> {
-    check_directory(directory)?;
     let commands: Vec<&Command> = std::iter::once(command)
         .chain(command.get_subcommands().filter(|each| !each.is_hide_set()))
         .collect();
@@ -47,7 +46,8 @@ fn write_all(command: &Command, directory: &Path, force: bool) -> Result<Done, F
     if directory.is_dir() {
         commands.iter().try_for_each(|command| check_free(&path(command), force))?;
     }
-    fs::create_dir_all(directory)?;
+    let message = || format!("{}: this directory cannot be made", directory.display());
+    fs::create_dir_all(directory).with_context(message)?;
     for command in &commands {
         write_whole(&path(command), &page(command)?, force)?;
     }

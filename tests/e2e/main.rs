@@ -9,6 +9,7 @@ mod deformation;
 mod disk;
 mod faults;
 mod golden;
+mod guide;
 mod harness;
 mod hostile_files;
 mod lying;

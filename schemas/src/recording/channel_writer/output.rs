@@ -136,6 +136,11 @@ impl Output {
         &self.file
     }
 
+    /// Bytes in the file.
+    pub(super) fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
     /// Puts metadata at the end of `bytes`, which will be appended.
     fn metadata(&mut self, bytes: &mut Vec<u8>, metadata: &Metadata) {
         let start = bytes.len() as u64;

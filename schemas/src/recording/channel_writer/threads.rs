@@ -14,6 +14,9 @@ use std::time::Duration;
 /// Threads that compress: one keeps up with a disk, two with a run that computes on a third core.
 const MOST_COMPRESSORS: usize = 2;
 
+/// A sync is asked for after so many bytes in the file: one of all that a run has written would hold up its end.
+const SYNC_BYTES: u64 = 16 << 20;
+
 /// Threads at work on a queue. Dropped, they write what was taken first.
 #[derive(Debug)]
 pub(super) struct Threads {
@@ -35,14 +38,28 @@ struct Shared {
 struct Writing {
     output: Output,
     sync: BackgroundSync,
+    /// Bytes in the file when a sync was last asked for because of their number.
+    synced_bytes: u64,
     /// Chunks written.
     written: u64,
     failed: bool,
 }
 
+impl Writing {
+    fn sync_if_much(&mut self) -> io::Result<()> {
+        if self.output.bytes() - self.synced_bytes < SYNC_BYTES {
+            return Ok(());
+        }
+        self.synced_bytes = self.output.bytes();
+        let file = Arc::clone(self.output.file());
+        self.sync.request(&file)
+    }
+}
+
 impl Threads {
     pub(super) fn start(queue: Queue, output: Output, options: &WriteOptions) -> io::Result<Self> {
-        let writing = Writing { output, sync: BackgroundSync::default(), written: 0, failed: false };
+        let writing =
+            Writing { output, sync: BackgroundSync::default(), synced_bytes: 0, written: 0, failed: false };
         let shared = Arc::new(Shared {
             queue,
             writing: Mutex::new(writing),
@@ -136,6 +153,7 @@ impl Shared {
         }
         writing.output.chunk(&block, encoded)?;
         writing.written += 1;
+        writing.sync_if_much()?;
         // before anybody can report an error: it counts what was not written
         self.queue.written(block);
         drop(writing);
