@@ -1,13 +1,13 @@
 //! What every analysis command does around its analysis: open the source, follow it, say how it went.
 
-use crate::args::AnalysisArgs;
+use crate::args::{AnalysisArgs, BeadRange, FramesArgs};
 use crate::display::{self, count, counted};
 use crate::failure::{Done, Failure};
 use crate::outputs::check_outputs;
 use crate::signals;
 use crate::source::{Frames, Named, Source, SourceFailure};
 use anyhow::{Error, anyhow};
-use consumers::figure::{Figure, Options};
+use consumers::figure::Figure;
 use consumers::follow::{Analysis, FollowError, Tally, follow_within};
 use consumers::table::TableError;
 use schemas::bus::{Bus, ResultColumns, ResultElement, ResultPublisher, ResultsError, StreamId, Topic};
@@ -16,6 +16,7 @@ use schemas::manifest::RunManifest;
 use schemas::recording::WriteError;
 use schemas::whole_file::is_being_written;
 use serde_json::{Map, Value, json};
+use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -23,7 +24,9 @@ use std::time::{Duration, Instant};
 
 /// An open source and what goes with it.
 pub(crate) struct Session<'a> {
-    args: &'a AnalysisArgs,
+    args: &'a FramesArgs,
+    /// Whether results are published, if the source is live.
+    publishes: bool,
     source: Frames,
     window: Window,
     /// The bus and the stream, if the source is live.
@@ -46,6 +49,19 @@ impl<'a> Session<'a> {
     /// Opens the source that `args` name; `label` is what the producer calls this consumer.
     pub(crate) fn open(args: &'a AnalysisArgs, label: &str, outputs: &[&PathBuf]) -> Result<Self, Failure> {
         check_outputs(args, outputs)?;
+        check_publishing(args)?;
+        // a row of results belongs to a frame
+        let publishes = !args.no_publish && !args.frames.every_step;
+        let part = |manifest: &_| window(args.frames.from, args.frames.until, manifest);
+        Ok(Self { publishes, ..Self::of_part(&args.frames, label, part)? })
+    }
+
+    /// Opens the source that `args` name, to look at the part of the run that `part` chooses.
+    pub(crate) fn of_part(
+        args: &'a FramesArgs,
+        label: &str,
+        part: impl FnOnce(&RunManifest) -> Result<Window, Failure>,
+    ) -> Result<Self, Failure> {
         let named = Named::parse(&args.source)?;
         check_flags(args, &named)?;
         let stop = signals::stop_flag()?;
@@ -60,12 +76,25 @@ impl<'a> Session<'a> {
             Named::File(path) => (Source::open(&path, &stop)?, None),
         };
         display::notice_of_version(source.manifest());
-        let window = window(args.from, args.until, source.manifest())?;
-        Ok(Self { args, source: Frames::of(source, args, window.from_s)?, window, live, stop })
+        let window = part(source.manifest())?;
+        Ok(Self {
+            args,
+            publishes: false,
+            source: Frames::of(source, args, window.from_s)?,
+            window,
+            live,
+            stop,
+        })
     }
 
     pub(crate) fn manifest(&self) -> &RunManifest {
         self.source.manifest()
+    }
+
+    /// The steps that are looked at.
+    pub(crate) fn steps(&self) -> RangeInclusive<u64> {
+        let physics = &self.manifest().physics;
+        physics.step_at_or_after(self.window.from_s)..=physics.step_at_or_before(self.window.until_s)
     }
 
     /// A publisher of results, if the source is live and nobody else publishes them.
@@ -74,9 +103,7 @@ impl<'a> Session<'a> {
         topic: Topic,
         columns: &ResultColumns,
     ) -> Result<Option<ResultPublisher<T>>, Failure> {
-        // a row of results belongs to a frame
-        let published = !self.args.no_publish && !self.args.every_step;
-        let Some((bus, stream)) = self.live.as_ref().filter(|_| published) else {
+        let Some((bus, stream)) = self.live.as_ref().filter(|_| self.publishes) else {
             return Ok(None);
         };
         let run = &self.manifest().provenance.name;
@@ -220,11 +247,10 @@ impl<'a> Session<'a> {
 }
 
 /// Refuses flags that mean nothing to a source of this kind, which a user would believe to be obeyed.
-pub(crate) fn check_flags(args: &AnalysisArgs, named: &Named) -> Result<(), Failure> {
+pub(crate) fn check_flags(args: &FramesArgs, named: &Named) -> Result<(), Failure> {
     let of_live_runs = [
         ("--latest", args.latest, "attaches to a live run without holding it back"),
         ("--timeout", args.timeout.is_some(), "ends the wait for a live run"),
-        ("--no-publish", args.no_publish, "keeps results of a live run off the bus"),
     ];
     let of_recordings =
         [("--jobs", args.jobs.is_some(), "says how many threads recompute the steps of a recording")];
@@ -237,6 +263,17 @@ pub(crate) fn check_flags(args: &AnalysisArgs, named: &Named) -> Result<(), Fail
             Err(Failure::BadInput(anyhow!("{flag} {what_for}; {} is {found}", args.source)))
         }
         None => Ok(()),
+    }
+}
+
+/// The same for the flag that only analyses have.
+pub(crate) fn check_publishing(args: &AnalysisArgs) -> Result<(), Failure> {
+    let source = &args.frames.source;
+    match Named::parse(source)? {
+        Named::File(_) if args.no_publish => Err(Failure::BadInput(anyhow!(
+            "--no-publish keeps results of a live run off the bus; {source} is a recording"
+        ))),
+        _ => Ok(()),
     }
 }
 
@@ -272,7 +309,7 @@ pub(crate) fn draw(
     }
     let figure = figure()?;
     for path in &args.figure {
-        figure.write(path, Options::default())?;
+        figure.write(path, args.look.options())?;
     }
     Ok(())
 }
@@ -285,6 +322,23 @@ pub(crate) fn check_bead(manifest: &RunManifest, flag: &str, bead: u64) -> Resul
     }
     let message = format!("{flag} {bead}: the chain has beads 0 to {}", beads - 1);
     Err(Failure::BadInput(anyhow!(message)))
+}
+
+/// The beads that are asked for.
+pub(crate) fn check_beads(manifest: &RunManifest, asked: Option<BeadRange>) -> Result<Range<usize>, Failure> {
+    let count = manifest.physics.beads;
+    let (from, to) = asked.map_or((0, count), |range| (range.from.unwrap_or(0), range.to.unwrap_or(count)));
+    let refuse = |what: &str| {
+        let last = count - 1;
+        Err(Failure::BadInput(anyhow!("--beads {from}..{to}: {what}; the chain has beads 0 to {last}")))
+    };
+    if from >= to {
+        return refuse("expected at least one bead");
+    }
+    if to > count {
+        return refuse("some of these do not exist");
+    }
+    Ok(usize::try_from(from)?..usize::try_from(to)?)
 }
 
 /// The frame, step and time with which every row of a table begins.

@@ -3,16 +3,18 @@
 mod analyses;
 mod contents;
 mod export;
+mod figures;
 mod recordings;
 mod values;
 
 pub(crate) use analyses::{
-    AnalysisArgs, ContactsArgs, DeformationArgs, EnergiesArgs, ImpurityArgs, PulsesArgs,
+    AnalysisArgs, ContactsArgs, DeformationArgs, EnergiesArgs, FramesArgs, ImpurityArgs, PulsesArgs,
 };
 pub(crate) use contents::command;
 pub(crate) use export::ExportArgs;
+pub(crate) use figures::{ColoursArg, LookArgs, PlotArgs, What};
 pub(crate) use recordings::{ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, ThinArgs, VerifyArgs};
-pub(crate) use values::Pace;
+pub(crate) use values::{BeadRange, Pace};
 
 use crate::bench;
 use crate::sweep::directory::Shard;
@@ -73,6 +75,8 @@ pub(crate) enum Command {
     Deformation(DeformationArgs),
     /// The pulses: where and when they pass, how strong, fast and wide, where from and where to
     Pulses(PulsesArgs),
+    /// Draw one figure: what the chain does at one time, or over space and time
+    Plot(PlotArgs),
     /// Simulate a grid of runs and make a table of their results
     Sweep(SweepArgs),
     /// The paper, figure by figure, claim by claim: simulated, drawn and judged
@@ -154,6 +158,8 @@ pub(crate) struct DemoArgs {
     /// Replace files of an earlier demo
     #[arg(long)]
     pub(crate) force: bool,
+    #[command(flatten)]
+    pub(crate) look: LookArgs,
 }
 
 #[derive(Debug, Args)]
@@ -322,6 +328,8 @@ pub(crate) struct ReproduceArgs {
     /// Replace a report that exists
     #[arg(long)]
     pub(crate) force: bool,
+    #[command(flatten)]
+    pub(crate) look: LookArgs,
     /// List the figures and do nothing else
     #[arg(long)]
     pub(crate) list: bool,

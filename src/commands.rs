@@ -10,6 +10,7 @@ pub(crate) mod impurity;
 pub(crate) mod info;
 pub(crate) mod ls;
 pub(crate) mod manual;
+pub(crate) mod plot;
 pub(crate) mod presets;
 pub(crate) mod pulses;
 pub(crate) mod record;

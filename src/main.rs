@@ -41,6 +41,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Contacts(args) => commands::contacts::contacts(&args),
         Command::Deformation(args) => commands::deformation::deformation(&args),
         Command::Pulses(args) => commands::pulses::pulses(&args),
+        Command::Plot(args) => commands::plot::plot(&args),
         Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Reproduce(args) => commands::reproduce::reproduce(&args),
         Command::Record(args) => commands::record::record(&args),

@@ -1,6 +1,6 @@
 //! Where results go: refused before any work is done if it cannot be written in the end, in all commands alike.
 
-use crate::args::AnalysisArgs;
+use crate::args::{AnalysisArgs, FramesArgs, LookArgs};
 use crate::failure::{BadInput, Failure};
 use anyhow::{Context, anyhow};
 use schemas::whole_file::WholeFile;
@@ -10,10 +10,27 @@ use std::path::{Path, PathBuf};
 
 /// Refuses outputs of an analysis that could not be written in the end.
 pub(crate) fn check_outputs(args: &AnalysisArgs, outputs: &[&PathBuf]) -> Result<(), Failure> {
-    for path in &args.figure {
+    check_figures(&args.figure, args.look)?;
+    let outputs: Vec<&PathBuf> = outputs.iter().copied().chain(&args.figure).collect();
+    check_places(&outputs, &args.frames)
+}
+
+/// Refuses figures that are neither SVG nor PNG, and a look that none of them can have.
+pub(crate) fn check_figures(figures: &[PathBuf], look: LookArgs) -> Result<(), Failure> {
+    for path in figures {
         check_extension(path, &["svg", "png"], "a figure is written as .svg or .png")?;
     }
-    let outputs: Vec<&PathBuf> = outputs.iter().copied().chain(&args.figure).collect();
+    if figures.is_empty() && (look.size.is_some() || look.dpi.is_some()) {
+        return Err(anyhow!("--size and --dpi are for a figure; name one with --figure")).bad_input();
+    }
+    if look.dpi.is_some() && !figures.iter().any(|path| extension(path) == "png") {
+        return Err(anyhow!("--dpi is for PNG files; an SVG is as sharp as what shows it")).bad_input();
+    }
+    Ok(())
+}
+
+/// Refuses outputs that are named twice, are taken or have no directory.
+pub(crate) fn check_places(outputs: &[&PathBuf], args: &FramesArgs) -> Result<(), Failure> {
     for (i, path) in outputs.iter().enumerate() {
         if outputs[..i].contains(path) {
             return Err(anyhow!("{} is named for two outputs", path.display())).bad_input();

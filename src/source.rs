@@ -1,6 +1,6 @@
 //! Where an analysis gets its frames from, as the user names it.
 
-use crate::args::AnalysisArgs;
+use crate::args::FramesArgs;
 use crate::display;
 use crate::failure::{BadInput, Failure};
 use anyhow::anyhow;
@@ -71,7 +71,7 @@ pub(crate) enum SourceFailure {
 
 impl Frames {
     /// What of `source` the flags ask for, at least from the time `from_s` on.
-    pub(crate) fn of(mut source: Source, args: &AnalysisArgs, from_s: f64) -> Result<Self, Failure> {
+    pub(crate) fn of(mut source: Source, args: &FramesArgs, from_s: f64) -> Result<Self, Failure> {
         let first_step = source.manifest().physics.step_at_or_after(from_s);
         source.seek(first_step)?;
         let lend = if args.every_step { Lend::Steps } else { Lend::Frames };
@@ -196,7 +196,7 @@ impl FrameSource for Source {
 pub(crate) fn attach(
     bus: &Bus,
     name: Option<&RunName>,
-    args: &AnalysisArgs,
+    args: &FramesArgs,
     label: &str,
     stop: &Arc<AtomicBool>,
 ) -> Result<LiveSource, Failure> {

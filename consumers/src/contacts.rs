@@ -1,5 +1,6 @@
 //! Which contacts are compressed, touching or open, over space and time.
 
+use crate::space_time::Cell;
 use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
@@ -91,77 +92,34 @@ impl ContactCounts {
     }
 }
 
-/// A picture of bounded size of the classes over contacts (across) and steps (along).
-///
-/// A cell that stands for several contacts or frames shows the rarest kind that occurs in it:
-/// compressed before open before touching, so that no pulse is lost between pixels. Cells that no
-/// frame fell into are touching.
-#[derive(Debug, Clone)]
-pub struct ContactRaster {
-    step_count: u64,
-    /// The column of each contact.
-    column_of: Vec<usize>,
-    columns: usize,
-    rows: usize,
-    cells: Vec<u8>,
+/// The class of a contact, as a cell of a [`Picture`](crate::space_time::Picture).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Class(pub u8);
+
+/// The rarest kind is shown: compressed before open before touching, so that no pulse is lost between pixels.
+impl Cell for Class {
+    const MOST: usize = 1000;
+    const REST: Self = Self(TOUCHING);
+
+    fn outranks(self, other: Self) -> bool {
+        self.rank() > other.rank()
+    }
 }
 
-impl ContactRaster {
-    /// The largest number of columns and of rows.
-    pub const MAX_SIDE: usize = 1000;
-
-    /// An empty picture for `contact_count` contacts over the steps 0 to `step_count`.
-    pub fn new(contact_count: usize, step_count: u64) -> Self {
-        let columns = contact_count.clamp(1, Self::MAX_SIDE);
-        let frames = usize::try_from(step_count.saturating_add(1)).unwrap_or(usize::MAX);
-        let rows = frames.clamp(1, Self::MAX_SIDE);
-        let column_of = (0..contact_count).map(|contact| contact * columns / contact_count).collect();
-        Self { step_count, column_of, columns, rows, cells: vec![TOUCHING; columns * rows] }
-    }
-
-    /// Enters the classes at `step`.
-    pub fn push(&mut self, step: u64, classes: &[u8]) {
-        let last_row = self.rows as u64 - 1;
-        let scaled = u128::from(step) * self.rows as u128 / (u128::from(self.step_count) + 1);
-        let row = u64::try_from(scaled).unwrap_or(last_row).min(last_row);
-        // rows ≤ 1000
-        let start = usize::try_from(row).unwrap_or(0) * self.columns;
-        let cells = &mut self.cells[start..start + self.columns];
-        for (class, column) in classes.iter().zip(&self.column_of) {
-            let cell = &mut cells[*column];
-            if rank(*class) > rank(*cell) {
-                *cell = *class;
-            }
+impl Class {
+    fn rank(self) -> u8 {
+        match self.0 {
+            COMPRESSED => 2,
+            OPEN => 1,
+            _ => 0,
         }
-    }
-
-    /// Number of columns.
-    pub fn columns(&self) -> usize {
-        self.columns
-    }
-
-    /// Number of rows.
-    pub fn rows(&self) -> usize {
-        self.rows
-    }
-
-    /// The classes, row by row, the earliest row first.
-    pub fn cells(&self) -> &[u8] {
-        &self.cells
-    }
-}
-
-fn rank(class: u8) -> u8 {
-    match class {
-        COMPRESSED => 2,
-        OPEN => 1,
-        _ => 0,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::space_time::{Extent, Picture};
     use schemas::manifest::Origin;
     use schemas::presets::PRESETS;
 
@@ -190,15 +148,15 @@ mod tests {
     #[test]
     fn a_pulse_is_not_lost_between_pixels() {
         let (contacts, steps) = (5000, 30_000);
-        let mut raster = ContactRaster::new(contacts, steps);
-        let mut classes = vec![TOUCHING; contacts];
-        classes[1234] = COMPRESSED;
-        classes[1235] = OPEN;
-        raster.push(29_999, &classes);
-        raster.push(30_000, &vec![TOUCHING; contacts]);
-        assert_eq!((raster.columns(), raster.rows()), (1000, 1000));
-        let last_row = &raster.cells()[999 * 1000..];
-        assert_eq!((last_row[246], last_row[247]), (COMPRESSED, OPEN));
-        assert_eq!(raster.cells().iter().filter(|class| **class != TOUCHING).count(), 2);
+        let mut picture = Picture::new(Extent { places: 0..contacts, steps: 0..=steps });
+        let mut classes = vec![Class(TOUCHING); contacts];
+        classes[1234] = Class(COMPRESSED);
+        classes[1235] = Class(OPEN);
+        picture.push(29_999, classes);
+        picture.push(30_000, vec![Class(TOUCHING); contacts]);
+        let cells: Vec<Option<Class>> = picture.cells().collect();
+        let last_row = &cells[999 * 1000..];
+        assert_eq!((last_row[246], last_row[247]), (Some(Class(COMPRESSED)), Some(Class(OPEN))));
+        assert_eq!(cells.iter().flatten().filter(|class| class.0 != TOUCHING).count(), 2);
     }
 }

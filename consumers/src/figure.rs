@@ -38,6 +38,7 @@
 //! # Ok::<(), consumers::figure::FigureError>(())
 //! ```
 
+mod colour_scale;
 mod decimate;
 mod draw;
 mod layout;
@@ -55,6 +56,7 @@ mod ticks;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+pub use colour_scale::ColourScale;
 pub use panel::{Axis, Curve, Panel};
 pub use raster::Raster;
 pub use style::{Colour, Mark, Stroke};
@@ -89,10 +91,21 @@ pub struct Options {
     pub dpi: f64,
 }
 
+impl Options {
+    /// The resolutions at which a PNG is drawn, in dots per inch.
+    pub const DPI: std::ops::RangeInclusive<f64> = 36.0..=2400.0;
+
+    /// A figure of this size at the resolution that suits it: 300 dpi for print, and for a slide 192, which makes
+    /// it 1920 × 1080 dots.
+    pub fn of(size: Size) -> Self {
+        Self { size, dpi: if size == Size::Slide { 192.0 } else { 300.0 } }
+    }
+}
+
 impl Default for Options {
     /// A column at 300 dpi.
     fn default() -> Self {
-        Self { size: Size::Column, dpi: 300.0 }
+        Self::of(Size::Column)
     }
 }
 
@@ -186,7 +199,7 @@ impl Figure {
     /// # Errors
     /// [`FigureError::Resolution`] where `options.dpi` is not within 36 to 2400.
     pub fn to_png(&self, options: Options) -> Result<Vec<u8>, FigureError> {
-        if !(36.0..=2400.0).contains(&options.dpi) {
+        if !Options::DPI.contains(&options.dpi) {
             return Err(FigureError::Resolution { dpi: options.dpi });
         }
         let document = draw::document(self, options.size, Some(options.dpi / 72.0))?;

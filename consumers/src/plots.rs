@@ -1,16 +1,19 @@
 //! What each analysis shows, drawn with [`crate::figure`].
 
 mod deformation;
+mod fields;
+mod pulses;
 
 pub use deformation::deformations;
+pub use fields::{ColourSteps, profile, profiles, space_time};
+pub use pulses::pulses;
 
-use crate::contacts::{COMPRESSED, ContactRaster, OPEN, TOUCHING};
+use crate::contacts::{COMPRESSED, Class, OPEN, TOUCHING};
 use crate::energies::{EnergyRow, Reflection, STATIONARY};
 use crate::figure::{Axis, Colour, Curve, Figure, FigureError, Panel, Raster};
 use crate::impurity::{Event, EventKind, Motion};
-use crate::pulses::{Strongest, VelocityMap};
 use crate::series::Series;
-use schemas::frame::Frame;
+use crate::space_time::{Cell, Extent, Picture};
 use schemas::manifest::RunManifest;
 use std::fmt::Write;
 
@@ -72,49 +75,14 @@ fn scientific(value: f64) -> String {
     if digits == "1" { power } else { format!("{digits}×{power}") }
 }
 
-/// Velocity and displacement of every bead in one frame.
-pub fn profiles(manifest: &RunManifest, frame: &Frame<'_>) -> Figure {
-    let points = |values: &[f64], factor: f64| -> Vec<(f64, f64)> {
-        values.iter().enumerate().map(|(bead, value)| (bead as f64, value * factor)).collect()
-    };
-    let mut velocity = Panel::new().y_axis("velocity (m/s)").line("", points(frame.v_m_s, 1.0));
-    let shown_mm = bulk_range(frame.u_m).map(|limit_m| limit_m * 1e3);
-    let mut displacement = Panel::new()
-        .y_axis(Axis::new("displacement (mm)").limits(shown_mm[0], shown_mm[1]))
-        .line("", points(frame.u_m, 1e3))
-        .note(beyond_note(frame.u_m, shown_mm));
-    for impurity in manifest.physics.impurities.iter().take(4) {
-        velocity = velocity.vertical("impurity", impurity.bead as f64);
-        displacement = displacement.vertical("", impurity.bead as f64);
+/// A prefix of a unit and how many of it make one, so that `largest` is shown as 1 to 1000 of them.
+fn prefix(largest: f64) -> (&'static str, f64) {
+    match largest {
+        value if value >= 1.0 => ("", 1.0),
+        value if value >= 1e-3 => ("m", 1e3),
+        value if value >= 1e-6 => ("µ", 1e6),
+        _ => ("n", 1e9),
     }
-    let x = || Axis::new("bead").limits(0.0, manifest.physics.beads as f64 - 1.0);
-    let text = format!("{}; t = {} ms", caption(manifest), short(frame.time_s * 1e3));
-    Figure::new().shared_x().caption(text).panel(velocity.x_axis(x())).panel(displacement.x_axis(x()))
-}
-
-/// The range of all but a fiftieth of the values at either end, with some room: the struck end of a
-/// chain flies off, and the rest would be a flat line beside it.
-fn bulk_range(values: &[f64]) -> [f64; 2] {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let few = sorted.len() / 50;
-    let (low, high) = (sorted[few], sorted[sorted.len() - 1 - few]);
-    let room = 0.15 * (high - low);
-    [low - room, high + room]
-}
-
-/// Says what lies outside of the displacements shown (mm).
-fn beyond_note(u_m: &[f64], shown_mm: [f64; 2]) -> String {
-    let beyond: Vec<f64> =
-        u_m.iter().map(|u| u * 1e3).filter(|u| *u < shown_mm[0] || *u > shown_mm[1]).collect();
-    let Some(farthest) = beyond.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs())) else {
-        return String::new();
-    };
-    format!(
-        "{} beads beyond the frame, as far as {} mm",
-        beyond.len(),
-        short((farthest * 10.0).round() / 10.0)
-    )
 }
 
 /// The energies left of, in and right of the split bead, what of them may still cross it, and the drift of
@@ -213,140 +181,41 @@ fn shown_ms(motions: &[Series<{ Motion::QUANTITIES.len() }>], events: &[Event]) 
 pub fn contact_map(
     manifest: &RunManifest,
     tolerance_m: f64,
-    raster: &ContactRaster,
+    picture: &Picture<Class>,
 ) -> Result<Figure, FigureError> {
-    let end_s = manifest.physics.time_s(manifest.physics.step_count);
-    contact_map_until(manifest, tolerance_m, raster, end_s)
-}
-
-/// The same for a raster that ends at `end_s` (s).
-///
-/// # Errors
-/// When the cells hold something else than classes of contacts.
-pub fn contact_map_until(
-    manifest: &RunManifest,
-    tolerance_m: f64,
-    raster: &ContactRaster,
-    end_s: f64,
-) -> Result<Figure, FigureError> {
-    let mut classes = [("", Colour::White); 3];
+    const NOTHING: u8 = 3;
+    let mut classes = vec![("", Colour::White); 3];
     classes[usize::from(TOUCHING)] = ("touching", Colour::White);
     classes[usize::from(COMPRESSED)] = ("compressed", Colour::Black);
     classes[usize::from(OPEN)] = ("open", Colour::Orange);
-    // both sides of a contact raster are at most 1000
-    let side = |cells: usize| u32::try_from(cells).unwrap_or(u32::MAX);
-    let contacts = manifest.physics.beads as f64 - 1.0;
-    let map =
-        Raster::classes(side(raster.columns()), side(raster.rows()), raster.cells().to_vec(), &classes)?
-            .over((-0.5, contacts - 0.5), (0.0, end_s * 1e3));
-    let panel =
-        Panel::new().x_axis("contact").y_axis(Axis::new("time (ms)").reversed()).raster(map).height(1.6);
+    let cells: Vec<u8> = picture.cells().map(|class| class.map_or(NOTHING, |class| class.0)).collect();
+    if cells.contains(&NOTHING) {
+        classes.push(("no frames", Colour::LightGrey));
+    }
+    let (columns, rows) = sides(picture);
+    let map = Raster::classes(columns, rows, cells, &classes)?;
+    let panel = map_panel(manifest, "contact", picture.extent(), map);
     let text = format!("{}; touching: |δ| ≤ {} m", caption(manifest), scientific(tolerance_m));
     Ok(Figure::new().caption(text).panel(panel))
 }
 
-/// Pulses that have a colour and a name of their own in a figure.
-const NAMED: usize = 5;
-
-/// The tracks of the pulses over the space-time map of the velocities, time running down, and below it how
-/// the peak of each changes from bead to bead. Velocities below `threshold_m_s` are white.
-///
-/// # Errors
-/// When the map cannot be drawn, which is a mistake of ours.
-pub fn pulses(
-    manifest: &RunManifest,
-    threshold_m_s: f64,
-    map: &VelocityMap,
-    strongest: &mut Strongest,
-) -> Result<Figure, FigureError> {
-    let last_bead = manifest.physics.beads as f64 - 1.0;
-    let end_ms = manifest.physics.time_s(manifest.physics.step_count) * 1e3;
-    let raster = velocity_raster(threshold_m_s, map)?.over((-0.5, last_bead + 0.5), (0.0, end_ms));
-    let x = || Axis::new("bead").limits(-0.5, last_bead + 0.5);
-    let mut tracks =
-        Panel::new().x_axis(x()).y_axis(Axis::new("time (ms)").reversed()).raster(raster).height(1.6);
-    let mut peaks = Panel::new().x_axis(x()).y_axis(Axis::new("peak |v| (m/s)").log()).height(0.7);
-    // dark enough to be seen on the map, and none of its two colours
-    let navy = Colour::Rgb(0x00, 0x2B, 0x80);
-    let colours = [Colour::Black, Colour::Green, Colour::Purple, Colour::Sky, navy];
-    let drawn = strongest.pulses().to_vec();
-    let (named, others) = drawn.split_at(drawn.len().min(NAMED));
-    let named = named.iter().zip(colours).map(|(pulse, colour)| {
-        let v_m_s = short(rounded(pulse.measured.point.v_peak_m_s));
-        (pulse, colour, format!("{}: {v_m_s} m/s", pulse.number))
-    });
-    let others = others.iter().map(|pulse| (pulse, Colour::Grey, String::new()));
-    for (pulse, colour, label) in others.chain(named) {
-        let Some(path) = strongest.path(pulse.number) else { continue };
-        let track = path.points().map(|point| (point.bead as f64, point.time_s * 1e3));
-        let peak = path.points().map(|point| (point.bead as f64, point.v_peak_m_s.abs()));
-        tracks = tracks.curve(Curve::line(label, track).colour(colour).thin());
-        peaks = peaks.curve(Curve::line("", peak).colour(colour).thin());
-    }
-    if drawn.len() > NAMED {
-        let name = format!("{} others", drawn.len() - NAMED);
-        tracks = tracks.curve(Curve::line(name, []).colour(Colour::Grey).thin());
-    }
-    let text = format!(
-        "{}; lines: crests of pulses, by number and peak; colours: velocity, from {} m/s on",
-        caption(manifest),
-        scientific(threshold_m_s)
-    );
-    Ok(Figure::new().shared_x().caption(text).panel(tracks).panel(peaks))
-}
-
-/// Three digits.
-fn rounded(value: f64) -> f64 {
-    format!("{value:.2e}").parse().unwrap_or(value)
-}
-
-/// Velocities as classes: two for each factor of ten from `threshold_m_s` up, either way.
-fn velocity_raster(threshold_m_s: f64, map: &VelocityMap) -> Result<Raster, FigureError> {
-    let largest_m_s = map.cells().iter().fold(0.0_f64, |largest, v| {
-        let v = f64::from(v.abs());
-        if v > largest { v } else { largest }
-    });
-    // half decades; the outermost class has the largest velocity in it
-    let level_of = |v_m_s: f64| (2.0 * v_m_s.log10()).floor();
-    let lowest = level_of(threshold_m_s);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 40")]
-    let steps = (level_of(largest_m_s) - lowest + 1.0).clamp(1.0, 40.0) as u8;
-    let class = |v_m_s: &f32| {
-        let v_m_s = f64::from(*v_m_s);
-        if v_m_s.abs() < threshold_m_s {
-            return steps;
-        }
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 40")]
-        let level = (level_of(v_m_s.abs()) - lowest + 1.0).clamp(1.0, f64::from(steps)) as u8;
-        if v_m_s > 0.0 { steps + level } else { steps - level }
-    };
-    let cells = map.cells().iter().map(class).collect();
-    let mut classes: Vec<(String, Colour)> = (0..=2 * steps)
-        .map(|class| {
-            let level = i32::from(class) - i32::from(steps);
-            let exponent = lowest + f64::from(level.abs()) - 1.0;
-            let value_m_s = f64::from(level.signum()) * 10_f64.powf(0.5 * exponent);
-            let decade = level != 0 && exponent.rem_euclid(2.0) == 0.0;
-            let name = if decade { short(value_m_s) } else { String::new() };
-            (name, diverging(f64::from(level) / f64::from(steps)))
-        })
-        .collect();
-    // the unit once: there is one line for all of them
-    if let Some((name, _)) = classes.iter_mut().rfind(|(name, _)| !name.is_empty()) {
-        name.push_str(" m/s");
-    }
-    let classes: Vec<_> = classes.iter().map(|(name, colour)| (name.as_str(), *colour)).collect();
-    // both sides of a velocity map are at most 1000
+/// Columns and rows, of which there are at most [`Cell::MOST`].
+fn sides<T: Cell>(picture: &Picture<T>) -> (u32, u32) {
     let side = |cells: usize| u32::try_from(cells).unwrap_or(u32::MAX);
-    Raster::classes(side(map.columns()), side(map.rows()), cells, &classes)
+    (side(picture.columns()), side(picture.rows()))
 }
 
-/// Blue for −1, white for 0, vermillion for 1: told apart by every kind of colour vision.
-fn diverging(value: f64) -> Colour {
-    let [red, green, blue] = if value < 0.0 { [0x00, 0x72, 0xB2] } else { [0xD5, 0x5E, 0x00] };
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-    let mix = |full: u8| (255.0 + (f64::from(full) - 255.0) * value.abs()).round() as u8;
-    Colour::Rgb(mix(red), mix(green), mix(blue))
+/// A panel with a raster over places and times, time running down.
+fn map_panel(manifest: &RunManifest, place: &str, extent: &Extent, raster: Raster) -> Panel {
+    let (first, last) = (*extent.steps.start(), *extent.steps.end());
+    let time_ms = |step: u64| manifest.physics.time_s(step) * 1e3;
+    let end_ms = time_ms(last.max(first + 1));
+    let edges = (extent.places.start as f64 - 0.5, extent.places.end as f64 - 0.5);
+    Panel::new()
+        .x_axis(Axis::new(place).limits(edges.0, edges.1))
+        .y_axis(Axis::new("time (ms)").limits(time_ms(first), end_ms).reversed())
+        .raster(raster.over(edges, (time_ms(first), end_ms)))
+        .height(1.6)
 }
 
 #[cfg(test)]

@@ -20,14 +20,12 @@ mod strongest;
 mod surroundings;
 mod track;
 mod tracker;
-mod velocity_map;
 
 pub use obstacles::Obstacles;
 pub use probes::{Passage, Probes};
 pub use strongest::{Path, Strongest};
 pub use track::{Measured, Point, Shape};
 pub use tracker::{Counts, Happening, Pulses, UnderWay};
-pub use velocity_map::VelocityMap;
 
 /// Where a pulse travels to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

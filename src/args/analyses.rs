@@ -1,20 +1,18 @@
 //! The analyses.
 
+use super::figures::LookArgs;
 use super::values::{parse_jobs, parse_seconds, parse_time};
 use clap::Args;
 use std::num::NonZero;
 use std::path::PathBuf;
 
-/// What every analysis takes.
-#[derive(Debug, Args)]
+/// Where frames come from, and which of them: what everything takes that reads them.
+#[derive(Debug, Clone, Args)]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
-pub(crate) struct AnalysisArgs {
+pub(crate) struct FramesArgs {
     /// `live` (the only live run), `live:RUN`, or a recording
     #[arg(value_name = "SOURCE", default_value = "live")]
     pub(crate) source: String,
-    /// Draw a figure, repeatable
-    #[arg(long, value_name = "FILE.svg|.png")]
-    pub(crate) figure: Vec<PathBuf>,
     /// Attach without ever holding the run back: frames may be missed, and are counted
     #[arg(long)]
     pub(crate) latest: bool,
@@ -40,15 +38,27 @@ pub(crate) struct AnalysisArgs {
     /// Give up when no run appears within this time (s) [default: wait]
     #[arg(long, value_name = "S", value_parser = parse_seconds)]
     pub(crate) timeout: Option<f64>,
-    /// Do not publish the results on the bus
-    #[arg(long)]
-    pub(crate) no_publish: bool,
     /// Replace files that exist
     #[arg(long)]
     pub(crate) force: bool,
     /// Print the summary as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// What every analysis takes.
+#[derive(Debug, Args)]
+pub(crate) struct AnalysisArgs {
+    #[command(flatten)]
+    pub(crate) frames: FramesArgs,
+    /// Draw a figure, repeatable
+    #[arg(long, value_name = "FILE.svg|.png")]
+    pub(crate) figure: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) look: LookArgs,
+    /// Do not publish the results on the bus
+    #[arg(long)]
+    pub(crate) no_publish: bool,
 }
 
 #[derive(Debug, Args)]

@@ -1,6 +1,7 @@
 //! Values as they are written on the command line.
 
 use crate::sweep::directory::Shard;
+use consumers::figure::Options;
 use schemas::recording::Split;
 use std::num::NonZero;
 
@@ -11,6 +12,12 @@ pub(crate) enum Pace {
     Max,
     /// Simulated seconds per second of wall time.
     PerSecond(f64),
+}
+
+pub(super) fn parse_dpi(text: &str) -> Result<f64, String> {
+    let dpi = text.parse().ok().filter(|dpi| Options::DPI.contains(dpi));
+    let (least, most) = (Options::DPI.start(), Options::DPI.end());
+    dpi.ok_or_else(|| format!("expected dots per inch from {least} to {most}"))
 }
 
 /// More threads than any machine has cores are a mistake.

@@ -1,15 +1,18 @@
 //! `beadline contacts`.
 
-use crate::analysis::{AnalysisError, ROW_HEAD, Session, begin_row, check_flags, draw, finish, publish};
+use crate::analysis::{
+    AnalysisError, ROW_HEAD, Session, begin_row, check_flags, check_publishing, draw, finish, publish,
+};
 use crate::args::ContactsArgs;
 use crate::display::{self, count};
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::check_outputs;
 use crate::source::Named;
 use anyhow::anyhow;
-use consumers::contacts::{ContactCounts, ContactRaster, Contacts, default_tolerance_m};
+use consumers::contacts::{Class, ContactCounts, Contacts, default_tolerance_m};
 use consumers::follow::Analysis;
 use consumers::plots;
+use consumers::space_time::{Extent, Picture};
 use consumers::table::Table;
 use schemas::bus::{ResultColumns, ResultPublisher, Topic};
 use schemas::frame::Frame;
@@ -21,7 +24,7 @@ use std::path::{Path, PathBuf};
 /// The analysis with everything that its results go to.
 struct Outputs {
     contacts: Contacts,
-    raster: Option<ContactRaster>,
+    picture: Option<Picture<Class>>,
     table: Option<Table>,
     map: Option<ContactsWriter>,
     publisher: Option<ResultPublisher<u8>>,
@@ -33,8 +36,8 @@ impl Analysis for Outputs {
     fn observe(&mut self, frame: &Frame<'_>) -> Result<(), AnalysisError> {
         let tolerance_m = self.contacts.tolerance_m();
         let classes = self.contacts.observe(frame);
-        if let Some(raster) = &mut self.raster {
-            raster.push(frame.step, classes);
+        if let Some(picture) = &mut self.picture {
+            picture.push(frame.step, classes.iter().map(|class| Class(*class)));
         }
         if let Some(table) = &mut self.table {
             let counts = ContactCounts::of(classes);
@@ -52,15 +55,22 @@ impl Analysis for Outputs {
         }
         publish(self.publisher.as_mut(), frame, classes)
     }
+
+    fn gap(&mut self) {
+        if let Some(picture) = &mut self.picture {
+            picture.gap();
+        }
+    }
 }
 
 pub(crate) fn contacts(args: &ContactsArgs) -> Result<Done, Failure> {
     let (table, map) = outputs(args)?;
-    let named = Named::parse(&args.common.source)?;
+    let named = Named::parse(&args.common.frames.source)?;
     if let Named::File(path) = &named
         && is_contact_map(path)
     {
-        check_flags(&args.common, &named)?;
+        check_flags(&args.common.frames, &named)?;
+        check_publishing(&args.common)?;
         return redraw(args, ContactsReader::open(path).bad_input()?);
     }
     let mut session = Session::open(&args.common, "contacts", &args.out.iter().collect::<Vec<_>>())?;
@@ -70,12 +80,12 @@ pub(crate) fn contacts(args: &ContactsArgs) -> Result<Done, Failure> {
     let drawn = !args.common.figure.is_empty();
     let columns: Vec<_> =
         ROW_HEAD.iter().chain(&ContactCounts::COLUMNS).map(|name| (*name).to_owned()).collect();
-    let force = args.common.force;
+    let force = args.common.frames.force;
     let names = "one class a contact: 0 touching, 1 compressed, 2 open".to_owned();
     let published = ResultColumns { width: contact_count, names, tolerance_m: Some(tolerance_m) };
     let mut outputs = Outputs {
         contacts: Contacts::new(&manifest, tolerance_m),
-        raster: drawn.then(|| ContactRaster::new(contact_count, manifest.physics.step_count)),
+        picture: drawn.then(|| Picture::new(Extent { places: 0..contact_count, steps: session.steps() })),
         table: table.map(|path| Table::create(path, &columns, force)).transpose()?,
         map: map
             .map(|path| {
@@ -86,13 +96,13 @@ pub(crate) fn contacts(args: &ContactsArgs) -> Result<Done, Failure> {
     };
     let tally = session.follow(&mut outputs)?;
 
-    let Outputs { contacts, raster, table, map, publisher } = outputs;
+    let Outputs { contacts, picture, table, map, publisher } = outputs;
     let last = ContactCounts::of(contacts.classes());
     finish(publisher)?;
     table.map(Table::finish).transpose()?;
     map.map(|map| map.finish(tally.end)).transpose()?;
-    if let Some(raster) = raster {
-        draw(&args.common, || Ok(plots::contact_map(&manifest, tolerance_m, &raster)?))?;
+    if let Some(picture) = picture {
+        draw(&args.common, || Ok(plots::contact_map(&manifest, tolerance_m, &picture)?))?;
     }
     session.report(&tally, "contacts", summary(tolerance_m, &last), results(tolerance_m, &last))
 }
@@ -111,12 +121,12 @@ fn redraw(args: &ContactsArgs, mut map: ContactsReader) -> Result<Done, Failure>
     }
     let common = &args.common;
     let of_states = [
-        ("--from", common.from > 0.0),
-        ("--until", common.until.is_some()),
-        ("--from-start", common.from_start),
-        ("--fill-gaps", common.fill_gaps),
-        ("--every-step", common.every_step),
-        ("--jobs", common.jobs.is_some()),
+        ("--from", common.frames.from > 0.0),
+        ("--until", common.frames.until.is_some()),
+        ("--from-start", common.frames.from_start),
+        ("--fill-gaps", common.frames.fill_gaps),
+        ("--every-step", common.frames.every_step),
+        ("--jobs", common.frames.jobs.is_some()),
         ("--tolerance", args.tolerance.is_some()),
     ];
     if let Some((flag, _)) = of_states.iter().find(|(_, is_given)| *is_given) {
@@ -126,17 +136,18 @@ fn redraw(args: &ContactsArgs, mut map: ContactsReader) -> Result<Done, Failure>
     }
     check_outputs(common, &[])?;
     let manifest = map.manifest().clone();
-    let mut raster = ContactRaster::new(manifest.contact_count(), manifest.physics.step_count);
+    let steps = 0..=manifest.physics.step_count;
+    let mut picture = Picture::new(Extent { places: 0..manifest.contact_count(), steps });
     let (mut rows, mut last, mut tolerance_m) = (0, ContactCounts::default(), default_tolerance_m(&manifest));
     while let Some(row) = map.next_row().bad_input()? {
-        raster.push(row.step, row.classes);
+        picture.push(row.step, row.classes.iter().map(|class| Class(*class)));
         last = ContactCounts::of(row.classes);
         tolerance_m = row.tolerance_m;
         rows += 1;
     }
-    draw(&args.common, || Ok(plots::contact_map(&manifest, tolerance_m, &raster)?))?;
+    draw(&args.common, || Ok(plots::contact_map(&manifest, tolerance_m, &picture)?))?;
     let end = map.end_reason();
-    if args.common.json {
+    if args.common.frames.json {
         display::print_json(&json!({
             "run": manifest.provenance.name,
             "run_id": manifest.provenance.run_id,

@@ -39,7 +39,8 @@ pub(crate) fn deformation(args: &DeformationArgs) -> Result<Done, Failure> {
     let manifest = session.manifest().clone();
     check_contacts(&manifest, &args.contact)?;
     let columns = ["contact", "time_s", "overlap_m", "exact_m", "continuum_m"].map(str::to_owned);
-    let table = args.out.as_ref().map(|path| Table::create(path, &columns, args.common.force)).transpose()?;
+    let table =
+        args.out.as_ref().map(|path| Table::create(path, &columns, args.common.frames.force)).transpose()?;
     let mut look = Look(Deformations::new(&manifest, &args.contact));
     let tally = session.follow(&mut look)?;
 

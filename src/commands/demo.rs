@@ -7,14 +7,14 @@ use crate::display::{self, bytes, count, seconds};
 use crate::failure::{BadInput, Done, Failure};
 use crate::signals;
 use anyhow::{Context, anyhow};
-use consumers::figure::Options;
 use consumers::follow::{Analysis, Tally, follow};
+use consumers::held::HeldFrame;
 use consumers::plots;
 use consumers::pulses::{Passage, Probes};
 use rustix::process::{Pid, Signal, kill_process};
 use schemas::bus::{Bus, list_runs};
 use schemas::frame::{Frame, FrameSource};
-use schemas::manifest::{Physics, RunManifest};
+use schemas::manifest::Physics;
 use schemas::recording::{Finished, RecordingSource};
 use schemas::run_name::RunName;
 use serde_json::Value;
@@ -75,10 +75,10 @@ pub(crate) fn demo(args: &DemoArgs) -> Result<Done, Failure> {
     let name = free_name()?;
 
     let stop = signals::stop_flag()?;
-    let processes = Processes::start(dir, &name, args.force)?;
+    let processes = Processes::start(args, &name)?;
     processes.watch(&name, step_count()?, &stop)?;
     let [run, consumers @ ..] = processes.finish()?;
-    let passages = look_at_recording(dir)?;
+    let passages = look_at_recording(args)?;
     let sparse = thin_quietly(&recording_path(dir), &sparse_path(dir), SPARSE_EVERY_STEPS, args.force)?;
 
     let mut text = summary(&run, &consumers);
@@ -115,7 +115,8 @@ fn sparse_path(dir: &Path) -> PathBuf {
 
 /// Refuses to start when results of before are in the way.
 fn check_free(dir: &Path, force: bool) -> Result<(), Failure> {
-    let outputs = CONSUMERS.iter().flat_map(|(_, outputs)| outputs.iter().map(|(_, file)| dir.join(file)));
+    let outputs = CONSUMERS.iter().flat_map(|(_, outputs)| outputs.iter().map(|(_, file)| *file));
+    let outputs = outputs.chain(PROFILES).map(|file| dir.join(file));
     let partial = recording_path(dir).with_extension("mcap.partial");
     let taken = outputs.chain([recording_path(dir), partial, sparse_path(dir)]).find(|path| path.exists());
     match taken {
@@ -172,12 +173,13 @@ impl Process {
 }
 
 impl Processes {
-    fn start(dir: &Path, name: &RunName, force: bool) -> Result<Self, Failure> {
+    fn start(args: &DemoArgs, name: &RunName) -> Result<Self, Failure> {
+        let dir = &args.out;
         let program = std::env::current_exe().context("the program cannot find itself")?;
         let mut processes = Self { running: Vec::new() };
         let mut start = |role: &'static str, command: &mut Command| -> Result<(), Failure> {
             command.arg("--json");
-            if force {
+            if args.force {
                 command.arg("--force");
             }
             processes.running.push(Process::start(role, command)?);
@@ -192,6 +194,7 @@ impl Processes {
             for (flag, file) in outputs {
                 consumer.arg(flag).arg(dir.join(file));
             }
+            consumer.args(args.look.flags());
             start(role, &mut consumer)?;
         }
         Ok(processes)
@@ -253,36 +256,7 @@ impl Drop for Processes {
 /// What the demo takes from the recording itself: pulses, and the last frame.
 struct Look {
     probes: Probes,
-    last: LastFrame,
-}
-
-/// A copy of the frame seen last.
-#[derive(Default)]
-struct LastFrame {
-    frame: u64,
-    step: u64,
-    time_s: f64,
-    u_m: Vec<f64>,
-    v_m_s: Vec<f64>,
-}
-
-impl LastFrame {
-    fn copy(&mut self, frame: &Frame<'_>) {
-        (self.frame, self.step, self.time_s) = (frame.frame, frame.step, frame.time_s);
-        self.u_m.clear();
-        self.u_m.extend_from_slice(frame.u_m);
-        self.v_m_s.clear();
-        self.v_m_s.extend_from_slice(frame.v_m_s);
-    }
-
-    fn draw(&self, manifest: &RunManifest, dir: &Path) -> Result<(), Failure> {
-        let (u_m, v_m_s) = (&self.u_m, &self.v_m_s);
-        let frame = Frame { frame: self.frame, step: self.step, time_s: self.time_s, u_m, v_m_s, extra: &[] };
-        for file in PROFILES {
-            plots::profiles(manifest, &frame).write(&dir.join(file), Options::default())?;
-        }
-        Ok(())
-    }
+    last: HeldFrame,
 }
 
 impl Analysis for Look {
@@ -290,19 +264,23 @@ impl Analysis for Look {
 
     fn observe(&mut self, frame: &Frame<'_>) -> Result<(), Infallible> {
         self.probes.observe(frame);
-        self.last.copy(frame);
+        self.last.hold(frame);
         Ok(())
     }
 }
 
 /// Reads the recording from beginning to end: draws its last frame, finds its pulses.
-fn look_at_recording(dir: &Path) -> Result<Vec<Passage>, Failure> {
+fn look_at_recording(args: &DemoArgs) -> Result<Vec<Passage>, Failure> {
+    let dir = &args.out;
     let mut source = RecordingSource::open(&recording_path(dir))?;
     let manifest = source.manifest().clone();
     let mut look =
-        Look { probes: Probes::new(&manifest, &[BACKWARD_PROBE, FORWARD_PROBE]), last: LastFrame::default() };
+        Look { probes: Probes::new(&manifest, &[BACKWARD_PROBE, FORWARD_PROBE]), last: HeldFrame::default() };
     follow(&mut source, &mut look, &mut Tally::default(), |_| {})?;
-    look.last.draw(&manifest, dir)?;
+    let figure = plots::profiles(&manifest, &look.last.frame());
+    for file in PROFILES {
+        figure.write(&dir.join(file), args.look.options())?;
+    }
     Ok(look.probes.passages())
 }
 

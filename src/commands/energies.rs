@@ -64,7 +64,11 @@ pub(crate) fn energies(args: &EnergiesArgs) -> Result<Done, Failure> {
     let mut outputs = Outputs {
         energies: Energies::new(&manifest, split_bead),
         curves: (!args.common.figure.is_empty()).then(Series::default),
-        table: args.out.as_ref().map(|path| Table::create(path, &columns, args.common.force)).transpose()?,
+        table: args
+            .out
+            .as_ref()
+            .map(|path| Table::create(path, &columns, args.common.frames.force))
+            .transpose()?,
         publisher: session.results(Topic::Energies, &published)?,
     };
     let tally = session.follow(&mut outputs)?;

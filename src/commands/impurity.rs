@@ -86,7 +86,7 @@ pub(crate) fn impurity(args: &ImpurityArgs) -> Result<Done, Failure> {
         .collect();
     let columns: Vec<_> = ROW_HEAD.iter().map(|name| (*name).to_owned()).chain(names.clone()).collect();
     let event_columns = ["time_s", "bead", "event", "u_m"].map(str::to_owned);
-    let create = |path, columns: &[String]| Table::create(path, columns, args.common.force);
+    let create = |path, columns: &[String]| Table::create(path, columns, args.common.frames.force);
     let published = ResultColumns { width: names.len(), names: names.join(","), tolerance_m: None };
     let mut outputs = Outputs {
         followed: Followed::new(&manifest, &beads),

@@ -8,7 +8,8 @@ use crate::outputs::check_tables;
 use anyhow::anyhow;
 use consumers::follow::Analysis;
 use consumers::plots;
-use consumers::pulses::{Counts, Happening, Point, Pulse, Pulses, Strongest, UnderWay, VelocityMap};
+use consumers::pulses::{Counts, Happening, Point, Pulse, Pulses, Strongest, UnderWay};
+use consumers::space_time::{Extent, Picture, singles};
 use consumers::table::Table;
 use schemas::bus::{ResultColumns, ResultPublisher, Topic};
 use schemas::frame::Frame;
@@ -52,7 +53,7 @@ struct Outputs {
     pulses: Pulses,
     strongest: Strongest,
     /// Kept only for a figure.
-    map: Option<VelocityMap>,
+    map: Option<Picture<f32>>,
     tables: Tables,
     publisher: Option<ResultPublisher<f64>>,
     row: Vec<f64>,
@@ -68,7 +69,7 @@ impl Analysis for Outputs {
 
     fn observe(&mut self, frame: &Frame<'_>) -> Result<(), AnalysisError> {
         if let Some(map) = &mut self.map {
-            map.push(frame);
+            map.push(frame.step, singles(frame.v_m_s.iter().copied()));
         }
         for happening in self.pulses.observe(frame) {
             self.strongest.take(happening);
@@ -82,6 +83,9 @@ impl Analysis for Outputs {
 
     fn gap(&mut self) {
         self.pulses.gap();
+        if let Some(map) = &mut self.map {
+            map.gap();
+        }
     }
 }
 
@@ -102,7 +106,7 @@ pub(crate) fn pulses(args: &PulsesArgs) -> Result<Done, Failure> {
     let mut outputs = Outputs {
         pulses: Pulses::new(&manifest, threshold_m_s),
         strongest: Strongest::new(drawn),
-        map: drawn.then(|| VelocityMap::new(bead_count, manifest.physics.step_count)),
+        map: drawn.then(|| Picture::new(Extent { places: 0..bead_count, steps: session.steps() })),
         tables: Tables::create(args)?,
         publisher: session.results(Topic::Pulses, &published)?,
         row: Vec::with_capacity(published.width),
@@ -134,7 +138,7 @@ impl Tables {
     fn create(args: &PulsesArgs) -> Result<Self, Failure> {
         let create = |path, names: &[&str]| {
             let columns: Vec<_> = names.iter().map(|name| (*name).to_owned()).collect();
-            Table::create(path, &columns, args.common.force)
+            Table::create(path, &columns, args.common.frames.force)
         };
         Ok(Self {
             pulses: args.out.as_ref().map(|path| create(path, &PULSE_COLUMNS)).transpose()?,

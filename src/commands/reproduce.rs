@@ -10,7 +10,7 @@ use crate::reproduce::report::{Report, Studied, figure_path};
 use crate::reproduce::{markdown, reflection, workers};
 use crate::signals;
 use anyhow::{Context, anyhow};
-use consumers::figure::{Figure, Options};
+use consumers::figure::Figure;
 use consumers::paper::{Observations, Run, STUDIES, Study, Verdict};
 use schemas::manifest::RunManifest;
 use std::collections::BTreeMap;
@@ -40,7 +40,7 @@ pub(crate) fn reproduce(args: &ReproduceArgs) -> Result<Done, Failure> {
         return Ok(Done::Lossy);
     };
 
-    let studied = studies.iter().map(|study| conclude(study, &done.observations, &args.out));
+    let studied = studies.iter().map(|study| conclude(study, &done.observations, args));
     let studies = studied.collect::<Result<Vec<_>, _>>()?;
     let report = Report { studies, runs: manifests, program: origin().program };
     // refuse_to_overwrite has asked whether these may be replaced
@@ -127,22 +127,22 @@ fn announce(studies: &[&'static Study], runs: &[Cached], jobs: usize) {
 }
 
 /// Draws the figure of a study and judges its claims.
-fn conclude(study: &'static Study, seen: &Observations, out: &Path) -> Result<Studied, Failure> {
+fn conclude(study: &'static Study, seen: &Observations, args: &ReproduceArgs) -> Result<Studied, Failure> {
     let of_study = || study.slug.to_owned();
     let figure = (study.draw)(seen).with_context(of_study)?;
-    write_figure(&figure, study, out)?;
+    write_figure(&figure, study, args)?;
     let judged = study.claims.iter().map(|claim| Ok((claim, (claim.judge)(seen)?)));
     let claims = judged.collect::<Result<Vec<_>, anyhow::Error>>().with_context(of_study)?;
     Ok(Studied { study, claims })
 }
 
-fn write_figure(figure: &Figure, study: &Study, out: &Path) -> Result<(), Failure> {
+fn write_figure(figure: &Figure, study: &Study, args: &ReproduceArgs) -> Result<(), Failure> {
     for extension in ["svg", "png"] {
-        let path = out.join(figure_path(study, extension));
+        let path = args.out.join(figure_path(study, extension));
         if let Some(directory) = path.parent() {
             cache::create(directory)?;
         }
-        figure.write(&path, Options::default())?;
+        figure.write(&path, args.look.options())?;
     }
     Ok(())
 }

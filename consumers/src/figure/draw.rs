@@ -69,6 +69,7 @@ impl Drawing<'_> {
         self.svg.end_clip();
         self.x_axis();
         self.y_axis();
+        self.colour_bar(dots_per_point)?;
         let pen = Pen::solid(INK, self.look.frame);
         self.svg.outline(placed.frame, pen);
         note::draw(self.svg, &placed.panel.note, placed.frame, &drawn, self.look);
@@ -148,6 +149,34 @@ impl Drawing<'_> {
         });
         let uri = raster.data_uri(mirror, dots)?;
         self.svg.image(rect, &uri);
+        Ok(())
+    }
+
+    fn colour_bar(&mut self, dots_per_point: Option<f64>) -> Result<(), FigureError> {
+        let (look, placed) = (self.look, self.placed);
+        let scale = placed.panel.raster.as_ref().and_then(|raster| raster.scale.as_ref());
+        let (Some(scale), Some(bar)) = (scale, &placed.bar) else {
+            return Ok(());
+        };
+        let snap = |place: f64| dots_per_point.map_or(place, |dots| (place * dots).round() / dots);
+        let left = snap(placed.frame.right() + look.bar_gap());
+        let right = snap(left + look.bar_width());
+        let rect = Rect { x: left, width: right - left, ..placed.frame };
+        self.svg.image(rect, &Raster::of_scale(scale)?.data_uri((false, true), None)?);
+        let pen = Pen::solid(INK, look.frame);
+        self.svg.outline(rect, pen);
+        for (fraction, label) in &bar.ticks.numbers {
+            let y = rect.bottom() - fraction * rect.height;
+            self.svg.line((right, y), (right + look.tick_length(), y), pen);
+            let number = (right + look.tick_length() + look.number_gap(), y + 0.5 * CAP_HEIGHT * look.number);
+            self.svg.text(number, Anchor::Start, (look.number, INK), label);
+        }
+        let numbers_end = placed.frame.right() + bar.numbers_end(look);
+        for (index, line) in bar.label.iter().enumerate() {
+            let baseline = numbers_end + (index as f64 + 1.0) * LEADING * look.label;
+            let place = (baseline, rect.y + 0.5 * rect.height);
+            self.svg.text_upwards(place, (look.label, Colour::Black), line);
+        }
         Ok(())
     }
 

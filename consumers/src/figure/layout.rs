@@ -1,5 +1,6 @@
 //! Where everything goes: sizes of the look, margins from the real width of the text, heights of panels.
 
+use super::colour_scale::BarTicks;
 use super::legend::{self, Row};
 use super::panel::{Axis, Panel};
 use super::scale::{Room, Scale};
@@ -92,6 +93,14 @@ impl Look {
         0.32 * self.number
     }
 
+    pub(super) fn bar_gap(&self) -> f64 {
+        0.8 * self.label
+    }
+
+    pub(super) fn bar_width(&self) -> f64 {
+        1.1 * self.label
+    }
+
     pub(super) fn curve_pen(&self, ink: Ink, stroke: Stroke) -> Pen {
         let width = if ink.thin { 0.5 * self.line } else { self.line };
         Pen { colour: ink.colour, width, stroke }
@@ -128,12 +137,46 @@ pub(super) struct Placed<'a> {
     pub(super) x_label: Vec<String>,
     pub(super) y_label: Vec<String>,
     pub(super) legend: Vec<Row>,
+    /// Beside the axes, if there is a raster of numbers.
+    pub(super) bar: Option<Bar>,
     /// Whether numbers and label are written below.
     pub(super) has_x_text: bool,
     /// The axes.
     pub(super) frame: Rect,
     /// How far left of the axes the last line of the y label has its baseline: the same for all panels.
     pub(super) y_label_distance: f64,
+}
+
+/// A colour bar with its text.
+#[derive(Debug, Default)]
+pub(super) struct Bar {
+    pub(super) ticks: BarTicks,
+    pub(super) label: Vec<String>,
+}
+
+impl Bar {
+    /// The bar beside a panel of this height.
+    fn of(panel: &Panel, height: f64, look: &Look) -> Option<Self> {
+        let scale = panel.raster.as_ref()?.scale.as_ref()?;
+        let ticks = scale.ticks(y_count(height, look) + 2);
+        let label = wrap(&label_with_factor(&scale.label, ticks.exponent), look.label, height);
+        Some(Self { ticks, label })
+    }
+
+    /// From the axes to the right of the numbers.
+    pub(super) fn numbers_end(&self, look: &Look) -> f64 {
+        let widths = self.ticks.numbers.iter().map(|(_, label)| width(label, look.number));
+        look.bar_gap()
+            + look.bar_width()
+            + look.tick_length()
+            + look.number_gap()
+            + widths.fold(0.0, f64::max)
+    }
+
+    /// From the axes to the right of everything.
+    fn width(&self, look: &Look) -> f64 {
+        self.numbers_end(look) + (self.label.len() as f64 * LEADING + 0.4) * look.label
+    }
 }
 
 /// A figure laid out.
@@ -192,6 +235,7 @@ impl<'a> Layout<'a> {
             let share = placed.frame.height * room / axes;
             placed.frame.height = share.max(LOWEST * look.number);
             placed.y_ticks = placed.y.ticks(y_count(placed.frame.height, &look));
+            placed.bar = Bar::of(placed.panel, placed.frame.height, &look);
         }
     }
 
@@ -249,6 +293,7 @@ fn scaled_panels<'a>(figure: &'a Figure, look: &Look, heights: &[f64]) -> Vec<Pl
             y_ticks,
             x_label: Vec::new(),
             legend: Vec::new(),
+            bar: Bar::of(panel, height, look),
             has_x_text: !figure.shared_x || index == last,
             frame: Rect { x: 0.0, y: 0.0, width: 0.0, height },
             y_label_distance: 0.0,
@@ -296,8 +341,9 @@ fn set_left_margin(panels: &mut [Placed<'_>], look: &Look) -> f64 {
 
 /// Gives each x axis as many numbers as fit side by side; returns the right margin.
 fn set_x_ticks(panels: &mut [Placed<'_>], look: &Look, left: f64) -> f64 {
-    let room = look.width - left - look.pad();
-    let mut right = look.pad();
+    let bars = panels.iter().filter_map(|placed| placed.bar.as_ref());
+    let mut right = bars.map(|bar| bar.width(look)).fold(look.pad(), f64::max);
+    let room = look.width - left - right;
     for placed in panels {
         let fitting = (2..=9).rev().map(|count| placed.x.ticks(count)).find(|ticks| {
             let slot = room / ticks.major.len().max(1) as f64;

@@ -2,13 +2,14 @@
 
 use base64::Engine;
 
+use super::colour_scale::{ColourScale, diverging};
 use super::style::Colour;
 use super::{FigureError, picture};
 
 /// A grid of cells placed over the axes of a panel.
 ///
 /// It is embedded as a palette PNG of one pixel a cell, so a map of 1000 × 1000 cells in up to four
-/// classes takes at most 0.4 MB. Where a PNG figure has fewer dots than cells, colours are averaged;
+/// classes takes at most 0.4 MB, and one of numbers that are pure noise 1.4 MB. Where a PNG figure has fewer dots than cells, colours are averaged;
 /// rasters much finer than print are better binned by their maker.
 #[derive(Debug, Clone)]
 #[must_use]
@@ -16,6 +17,8 @@ pub struct Raster {
     width: u32,
     height: u32,
     cells: Cells,
+    /// What the bar beside it explains.
+    pub(super) scale: Option<ColourScale>,
     pub(super) x: (f64, f64),
     pub(super) y: (f64, f64),
 }
@@ -52,6 +55,36 @@ impl Raster {
         Ok(Self::new(width, height, Cells::Classes { cells, classes }))
     }
 
+    /// Cells of signed numbers, each in the colour that `scale` gives it, with a bar beside the axes: `values` has
+    /// shape (`height`, `width`), row by row. Cells without a number are grey, and named so in the legend.
+    ///
+    /// # Errors
+    /// [`FigureError::RasterLength`] where `values` is not `width · height` long.
+    pub fn values(
+        width: u32,
+        height: u32,
+        values: &[Option<f32>],
+        scale: ColourScale,
+    ) -> Result<Self, FigureError> {
+        check_length(width, height, 1, values.len())?;
+        /// Colours of each sign; with white and grey they fill a palette of bytes.
+        const SHADES: u8 = 127;
+        const NOTHING: u8 = 2 * SHADES + 1;
+        let cell = |value: &Option<f32>| {
+            let shade = value.map(|value| scale.shade(f64::from(value)) * f64::from(SHADES));
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 254")]
+            let cell = |shade: f64| (shade + f64::from(SHADES)).round() as u8;
+            shade.map_or(NOTHING, cell)
+        };
+        let cells: Vec<u8> = values.iter().map(cell).collect();
+        let shades = (0..NOTHING).map(|cell| diverging(f64::from(cell) / f64::from(SHADES) - 1.0));
+        let mut classes: Vec<_> = shades.map(|colour| (String::new(), colour)).collect();
+        if cells.contains(&NOTHING) {
+            classes.push(("no frames".to_owned(), Colour::LightGrey));
+        }
+        Ok(Self { scale: Some(scale), ..Self::new(width, height, Cells::Classes { cells, classes }) })
+    }
+
     /// Cells of any colour: `rgb` has shape (`height`, `width`, 3), row by row.
     ///
     /// # Errors
@@ -61,8 +94,16 @@ impl Raster {
         Ok(Self::new(width, height, Cells::Rgb(rgb)))
     }
 
+    /// The colours of `scale` from its lower end to its upper one, in one column.
+    pub(super) fn of_scale(scale: &ColourScale) -> Result<Self, FigureError> {
+        const HEIGHT: u16 = 256;
+        let (low, high) = scale.shades();
+        let shade = |row: u16| low + (high - low) * f64::from(row) / f64::from(HEIGHT - 1);
+        Self::rgb(1, HEIGHT.into(), (0..HEIGHT).flat_map(|row| diverging(shade(row)).rgb()).collect())
+    }
+
     fn new(width: u32, height: u32, cells: Cells) -> Self {
-        Self { width, height, cells, x: (0.0, f64::from(width)), y: (0.0, f64::from(height)) }
+        Self { width, height, cells, scale: None, x: (0.0, f64::from(width)), y: (0.0, f64::from(height)) }
     }
 
     /// Spreads the cells over these ranges of the axes: the first column begins at `x.0`, the first row

@@ -79,11 +79,10 @@ impl Scale {
             }
         }
         let stride = decades.div_ceil(count.max(2));
-        let label = |power: i32| format!("10{}", raised(power));
         Ticks {
             major: (first..=last)
                 .step_by(stride)
-                .filter_map(|power| Some((self.place(power_of_ten(power))?, label(power))))
+                .filter_map(|power| Some((self.place(power_of_ten(power))?, power_label(false, power))))
                 .collect(),
             minor: if stride == 1 {
                 self.mantissas(first - 1, last, &[2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0])
@@ -137,7 +136,7 @@ impl Scale {
 }
 
 /// Whether a power of ten is written out where few are needed.
-fn is_plain(power: i32) -> bool {
+pub(super) fn is_plain(power: i32) -> bool {
     (-3..5).contains(&power)
 }
 
@@ -184,10 +183,15 @@ fn power_of_ten(power: i32) -> f64 {
 }
 
 /// A number with a true minus sign.
-fn signed(value: f64, decimals: usize) -> String {
+pub(super) fn signed(value: f64, decimals: usize) -> String {
     let digits = format!("{:.decimals$}", value.abs());
     let is_zero = digits.chars().all(|digit| matches!(digit, '0' | '.'));
     if value < 0.0 && !is_zero { format!("−{digits}") } else { digits }
+}
+
+/// A power of ten of either sign.
+pub(super) fn power_label(negative: bool, power: i32) -> String {
+    format!("{}10{}", if negative { "−" } else { "" }, raised(power))
 }
 
 /// An integer in superscript.

@@ -281,6 +281,5 @@ fn draw_heavy(seen: &Observations) -> Result<Figure, StudyError> {
 fn draw(seen: &Observations, run: &Run) -> Result<Figure, StudyError> {
     let seen = seen.of(run)?;
     let map = seen.map.as_ref().ok_or_else(|| seen.absent("map of the contacts"))?;
-    let until_s = run.watch.map_until_s.unwrap_or_default();
-    Ok(plots::contact_map_until(&seen.manifest, seen.tolerance_m, map, until_s)?)
+    Ok(plots::contact_map(&seen.manifest, seen.tolerance_m, map)?)
 }

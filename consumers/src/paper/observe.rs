@@ -4,12 +4,13 @@ use super::claim::StudyError;
 use super::front::Front;
 use super::reflection::Reflected;
 use super::runs::{FrontBy, Run, Watch};
-use crate::contacts::{ContactCounts, ContactRaster, Contacts, default_tolerance_m};
+use crate::contacts::{Class, ContactCounts, Contacts, default_tolerance_m};
 use crate::deformation::{Deformation, Deformations};
 use crate::follow::Analysis;
 use crate::impurity::{Event, Followed, Motion};
 use crate::pulses::{Passage, Probes, Pulses};
 use crate::series::Series;
+use crate::space_time::{Extent, Picture};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use schemas::summary::Summarizer;
@@ -50,7 +51,7 @@ pub struct Observed {
     /// What happened to the beads followed.
     pub events: Vec<Event>,
     /// The classes of the contacts over space and time.
-    pub map: Option<ContactRaster>,
+    pub map: Option<Picture<Class>>,
     /// The largest overlap or gap (m) that counts as touching.
     pub tolerance_m: f64,
     /// The leading pulse in each frame.
@@ -81,7 +82,8 @@ impl Observer {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
         let map_until = run.watch.map_until_s.map_or(0, |until_s| (until_s / physics.dt_s).round() as u64);
         let map_until = map_until.min(physics.step_count);
-        let map = run.watch.map_until_s.map(|_| ContactRaster::new(manifest.contact_count(), map_until));
+        let extent = Extent { places: 0..manifest.contact_count(), steps: 0..=map_until };
+        let map = run.watch.map_until_s.map(|_| Picture::new(extent));
         Self {
             probes: Probes::new(manifest, &run.watch.probes),
             pulses: Pulses::new(manifest, LEADING * Pulses::velocity_scale_m_s(manifest)),
@@ -141,7 +143,7 @@ impl Analysis for Observer {
             self.seen.events.extend_from_slice(events);
         }
         if let Some(map) = self.seen.map.as_mut().filter(|_| frame.step <= self.map_until) {
-            map.push(frame.step, self.contacts.observe(frame));
+            map.push(frame.step, self.contacts.observe(frame).iter().map(|class| Class(*class)));
         }
         match self.watch.front {
             FrontBy::Nothing => {}

@@ -1,6 +1,6 @@
 //! The deformation of contacts beside theory.
 
-use super::caption;
+use super::{caption, prefix};
 use crate::deformation::{Comparison, Deformation, Sample, Shape};
 use crate::figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};
 use schemas::manifest::RunManifest;
@@ -29,16 +29,6 @@ pub fn deformations(manifest: &RunManifest, found: &[Deformation]) -> Figure {
         figure = figure.panel(Panel::new().y_axis("overlap (m)").note("no pulse has passed"));
     }
     figure
-}
-
-/// A prefix of a unit and how many of it make one, so that `largest` is shown as 1 to 1000 of them.
-fn prefix(largest: f64) -> (&'static str, f64) {
-    match largest {
-        value if value >= 1.0 => ("", 1.0),
-        value if value >= 1e-3 => ("m", 1e3),
-        value if value >= 1e-6 => ("µ", 1e6),
-        _ => ("n", 1e9),
-    }
 }
 
 /// The axis of the time from the peak, and the factor from seconds to its unit.

@@ -1,0 +1,189 @@
+//! What every bead or contact has: at one time, and over space and time.
+
+use super::{caption, map_panel, prefix, scientific, short, sides};
+use crate::fields::Field;
+use crate::figure::{Axis, Colour, ColourScale, Curve, Figure, FigureError, Panel, Raster, Stroke};
+use crate::space_time::Picture;
+use schemas::frame::Frame;
+use schemas::manifest::RunManifest;
+use std::ops::Range;
+
+/// Impurities that are marked in a profile.
+const MARKED: usize = 8;
+
+/// How colours follow numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ColourSteps {
+    /// In proportion: what is strong is compared well, what is weak disappears.
+    Linear,
+    /// By the logarithm, from a size on that the numbers themselves suggest.
+    Log,
+    /// By the logarithm, beyond this number.
+    LogBeyond(f64),
+}
+
+/// Velocity and displacement of every bead in one frame.
+pub fn profiles(manifest: &RunManifest, frame: &Frame<'_>) -> Figure {
+    let beads = 0..manifest.contact_count() + 1;
+    let of = |field| profile_panel(manifest, frame, field, &beads);
+    at(manifest, frame).shared_x().panel(of(Field::Velocity)).panel(of(Field::Displacement))
+}
+
+/// A quantity along the chain in one frame, for the beads or contacts `places`.
+pub fn profile(manifest: &RunManifest, frame: &Frame<'_>, field: Field, places: &Range<usize>) -> Figure {
+    at(manifest, frame).panel(profile_panel(manifest, frame, field, places))
+}
+
+fn at(manifest: &RunManifest, frame: &Frame<'_>) -> Figure {
+    let (time_ms, step) = (short(frame.time_s * 1e3), frame.step);
+    Figure::new().caption(format!("{}; t = {time_ms} ms (step {step})", caption(manifest)))
+}
+
+fn profile_panel(manifest: &RunManifest, frame: &Frame<'_>, field: Field, places: &Range<usize>) -> Panel {
+    let chain = manifest.physics.chain();
+    let values: Vec<f64> = field.values(&chain, frame).collect();
+    let values = &values[places.clone()];
+    let shown = shown_range(field, values);
+    let (label, factor) = label(field, shown[0].abs().max(shown[1].abs()));
+    let points = |values: &[f64]| -> Vec<(f64, f64)> {
+        places.clone().zip(values).map(|(place, value)| (place as f64, value * factor)).collect()
+    };
+    let mut y = Axis::new(label);
+    if field != Field::Velocity {
+        y = y.limits(shown[0] * factor, shown[1] * factor);
+    }
+    let x = Axis::new(field.place()).limits(places.start as f64, places.end as f64 - 1.0);
+    let is_loaded = field == Field::Overlap && chain.is_loaded();
+    let name = if is_loaded { field_name(field) } else { "" };
+    let mut curve = Curve::line(name, points(values));
+    // a chain of few beads is seen to be one
+    if places.len() <= 60 {
+        curve = curve.mark(crate::figure::Mark::Circle);
+    }
+    let mut panel = Panel::new().x_axis(x).y_axis(y).curve(curve).note(beyond_note(field, values, shown));
+    if is_loaded {
+        let rest = points(&chain.rest_overlap_m[places.clone()]);
+        panel = panel.curve(Curve::line("at rest", rest).colour(Colour::Grey).stroke(Stroke::Dashed).thin());
+    }
+    mark_impurities(panel, manifest, field, places)
+}
+
+/// Vertical lines at the impurities; between the contacts of one.
+fn mark_impurities(panel: Panel, manifest: &RunManifest, field: Field, places: &Range<usize>) -> Panel {
+    let half = if field == Field::Overlap { 0.5 } else { 0.0 };
+    let impurities = manifest.physics.impurities.iter().map(|impurity| impurity.bead as f64 - half);
+    let shown = impurities.filter(|x| (places.start as f64..places.end as f64).contains(x));
+    let shown: Vec<f64> = shown.collect();
+    if shown.len() > MARKED {
+        return panel;
+    }
+    let name = |index: usize| match (index, shown.len()) {
+        (0, 1) => "impurity",
+        (0, _) => "impurities",
+        _ => "",
+    };
+    shown.iter().enumerate().fold(panel, |panel, (index, x)| panel.vertical(name(index), *x))
+}
+
+/// A quantity over space and time, as far as `picture` goes, time running down.
+///
+/// # Errors
+/// When the map cannot be drawn, which is a mistake of ours.
+pub fn space_time(
+    manifest: &RunManifest,
+    field: Field,
+    picture: &Picture<f32>,
+    steps: ColourSteps,
+) -> Result<Figure, FigureError> {
+    let panel = map_of(manifest, field, picture, steps)?;
+    let load = if field == Field::Overlap && manifest.physics.chain().is_loaded() {
+        "; overlaps are counted from those at rest"
+    } else {
+        ""
+    };
+    Ok(Figure::new().caption(format!("{}{load}", caption(manifest))).panel(panel))
+}
+
+pub(super) fn map_of(
+    manifest: &RunManifest,
+    field: Field,
+    picture: &Picture<f32>,
+    steps: ColourSteps,
+) -> Result<Panel, FigureError> {
+    let extremes = picture.cells().flatten().fold([0.0_f32; 2], |[low, high], value| {
+        [if value < low { value } else { low }, if value > high { value } else { high }]
+    });
+    let [low, high] = extremes.map(f64::from);
+    let (label, factor) = label(field, high.max(-low));
+    #[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for a colour")]
+    let single = factor as f32;
+    let cells: Vec<Option<f32>> = picture.cells().map(|cell| cell.map(|value| value * single)).collect();
+    let mut scale = ColourScale::new(label, low * factor, high * factor);
+    scale = match steps {
+        ColourSteps::Linear => scale,
+        ColourSteps::Log => scale.log_beyond(linear_within(low, high) * factor),
+        ColourSteps::LogBeyond(value) => scale.log_beyond(value * factor),
+    };
+    let (columns, rows) = sides(picture);
+    let raster = Raster::values(columns, rows, &cells, scale)?;
+    Ok(map_panel(manifest, field.place(), picture.extent(), raster))
+}
+
+/// Three decades below the sign that reaches less far, or four below the other if that is more.
+fn linear_within(low: f64, high: f64) -> f64 {
+    let (less, more) = if high < -low { (high, -low) } else { (-low, high) };
+    (1e-3 * less).max(1e-4 * more)
+}
+
+fn field_name(field: Field) -> &'static str {
+    match field {
+        Field::Velocity => "velocity",
+        Field::Displacement => "displacement",
+        Field::Overlap => "overlap",
+    }
+}
+
+/// The label of an axis on which `largest` is shown as 1 to 1000, and the factor from SI units.
+fn label(field: Field, largest: f64) -> (String, f64) {
+    let name = field_name(field);
+    match field {
+        Field::Velocity => (format!("{name} (m/s)"), 1.0),
+        Field::Displacement | Field::Overlap => {
+            let (prefix, factor) = prefix(largest);
+            (format!("{name} ({prefix}m)"), factor)
+        }
+    }
+}
+
+/// What of the values is shown: of displacements all but a fiftieth at either end, since the struck end of a
+/// chain flies off, and the rest would be a flat line beside it; of overlaps no gap that is wider than the largest
+/// overlap, if there is one.
+fn shown_range(field: Field, values: &[f64]) -> [f64; 2] {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let last = sorted.len() - 1;
+    let few = if field == Field::Displacement { sorted.len() / 50 } else { 0 };
+    let (mut low, high) = (sorted[few], sorted[last - few]);
+    if field == Field::Overlap && high > 0.0 && low < -high {
+        low = -high;
+    }
+    let room = 0.15 * (high - low);
+    [low - room, high + room]
+}
+
+/// Says what lies outside of the range shown.
+fn beyond_note(field: Field, values: &[f64], shown: [f64; 2]) -> String {
+    let outside = values.iter().copied().filter(|value| *value < shown[0] || *value > shown[1]);
+    let outside: Vec<f64> = outside.collect();
+    let farthest = outside.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
+    match (farthest, field) {
+        (None, _) | (_, Field::Velocity) => String::new(),
+        (Some(farthest), Field::Displacement) => {
+            let farthest_mm = short((farthest * 1e4).round() / 10.0);
+            format!("{} beads beyond the frame,\nas far as {farthest_mm} mm", outside.len())
+        }
+        (Some(farthest), Field::Overlap) => {
+            format!("{} wider gaps,\nup to {} m", outside.len(), scientific(-farthest))
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! Pulses over the space-time map of the velocities.
+
+use super::fields::{ColourSteps, map_of};
+use super::{caption, scientific, short};
+use crate::fields::Field;
+use crate::figure::{Axis, Colour, Curve, Figure, FigureError, Panel};
+use crate::pulses::Strongest;
+use crate::space_time::Picture;
+use schemas::manifest::RunManifest;
+
+/// Pulses that have a colour and a name of their own in a figure.
+const NAMED: usize = 5;
+
+/// The tracks of the pulses over the space-time map of the velocities, time running down, and below it how
+/// the peak of each changes from bead to bead. Colours are linear up to `threshold_m_s`.
+///
+/// # Errors
+/// When the map cannot be drawn, which is a mistake of ours.
+pub fn pulses(
+    manifest: &RunManifest,
+    threshold_m_s: f64,
+    map: &Picture<f32>,
+    strongest: &mut Strongest,
+) -> Result<Figure, FigureError> {
+    let steps = ColourSteps::LogBeyond(threshold_m_s);
+    let mut tracks = map_of(manifest, Field::Velocity, map, steps)?;
+    let places = &map.extent().places;
+    let x = Axis::new("bead").limits(places.start as f64 - 0.5, places.end as f64 - 0.5);
+    let mut peaks = Panel::new().x_axis(x).y_axis(Axis::new("peak |v| (m/s)").log()).height(0.7);
+    // dark enough to be seen on the map, and none of its two colours
+    let violet = Colour::Rgb(0x6A, 0x1B, 0x9A);
+    let colours = [Colour::Black, Colour::Green, Colour::Purple, Colour::Orange, violet];
+    let drawn = strongest.pulses().to_vec();
+    let (named, others) = drawn.split_at(drawn.len().min(NAMED));
+    let named = named.iter().zip(colours).map(|(pulse, colour)| {
+        let v_m_s = short(rounded(pulse.measured.point.v_peak_m_s));
+        (pulse, colour, format!("{}: {v_m_s} m/s", pulse.number))
+    });
+    let others = others.iter().map(|pulse| (pulse, Colour::Grey, String::new()));
+    for (pulse, colour, label) in others.chain(named) {
+        let Some(path) = strongest.path(pulse.number) else { continue };
+        let track = path.points().map(|point| (point.bead as f64, point.time_s * 1e3));
+        let peak = path.points().map(|point| (point.bead as f64, point.v_peak_m_s.abs()));
+        tracks = tracks.curve(Curve::line(label, track).colour(colour).thin());
+        peaks = peaks.curve(Curve::line("", peak).colour(colour).thin());
+    }
+    if drawn.len() > NAMED {
+        let name = format!("{} others", drawn.len() - NAMED);
+        tracks = tracks.curve(Curve::line(name, []).colour(Colour::Grey).thin());
+    }
+    let text = format!(
+        "{}; lines: crests of pulses above {} m/s, by number and peak",
+        caption(manifest),
+        scientific(threshold_m_s)
+    );
+    Ok(Figure::new().shared_x().caption(text).panel(tracks).panel(peaks))
+}
+
+/// Three digits.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
+}

@@ -1,0 +1,114 @@
+//! Figures: how they look, and one at a time.
+
+use super::analyses::FramesArgs;
+use super::values::{BeadRange, parse_beads, parse_dpi, parse_time};
+use clap::{Args, ValueEnum};
+use consumers::figure::{Options, Size};
+use std::path::PathBuf;
+
+/// How figures look: what everything takes that draws.
+#[derive(Debug, Clone, Copy, Args)]
+pub(crate) struct LookArgs {
+    /// Size of figures: a column of a journal (86 mm), a page (178 mm), or a slide (254 mm, 16:9) [default: column]
+    #[arg(long, value_enum, hide_possible_values = true, value_name = "column|page|slide")]
+    pub(crate) size: Option<SizeArg>,
+    /// Resolution of PNG files, in dots per inch [default: 300; 192 for slides, which are then 1920 dots wide]
+    #[arg(long, value_name = "DPI", value_parser = parse_dpi)]
+    pub(crate) dpi: Option<f64>,
+}
+
+impl LookArgs {
+    /// The same for the module that draws.
+    pub(crate) fn options(&self) -> Options {
+        let size = match self.size {
+            None | Some(SizeArg::Column) => Size::Column,
+            Some(SizeArg::Page) => Size::Page,
+            Some(SizeArg::Slide) => Size::Slide,
+        };
+        let default = Options::of(size);
+        Options { dpi: self.dpi.unwrap_or(default.dpi), ..default }
+    }
+
+    /// The same as it is written, for another process.
+    pub(crate) fn flags(&self) -> Vec<String> {
+        let size = self.size.and_then(|size| size.to_possible_value());
+        let size = size.map(|size| format!("--size={}", size.get_name()));
+        size.into_iter().chain(self.dpi.map(|dpi| format!("--dpi={dpi}"))).collect()
+    }
+}
+
+/// A [`Size`] by its name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SizeArg {
+    Column,
+    Page,
+    Slide,
+}
+
+/// What a figure shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum What {
+    /// Velocity of the beads
+    Velocity,
+    /// Displacement of the beads
+    Displacement,
+    /// Overlap of the contacts
+    Overlap,
+    /// As `beadline energies --figure`
+    Energies,
+    /// As `beadline impurity --figure`
+    Impurity,
+    /// As `beadline contacts --figure`
+    Contacts,
+    /// As `beadline pulses --figure`
+    Pulses,
+}
+
+/// How colours follow numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ColoursArg {
+    /// By the logarithm, so that weak pulses are seen beside strong ones
+    Log,
+    /// In proportion
+    Linear,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline plot run.mcap --what velocity                     all beads over all times: run-velocity.png\n  \
+    beadline plot run.mcap --what velocity --at 0.05           all beads at 50 ms\n  \
+    beadline plot run.mcap --what overlap --frame 12000 --beads 400..600 --out gap.svg\n  \
+    beadline plot run.mcap --what displacement --from 0.04 --until 0.06 --colours linear\n  \
+    beadline plot run.mcap --what pulses --size slide --out pulses.png\n  \
+    beadline plot --what velocity --at 0.05                    the only live run, when it gets there\n\n\
+    Velocity, displacement and overlap are drawn along the chain at one time (--at, --frame; recomputed where a\n\
+    recording does not hold it), or over space and time; of a cell that stands for several beads or frames the\n\
+    value farthest from 0 is shown, so that no pulse is lost. A map of a sparse recording shows what it holds;\n\
+    --fill-gaps and --every-step recompute the rest."
+)]
+pub(crate) struct PlotArgs {
+    #[command(flatten)]
+    pub(crate) frames: FramesArgs,
+    /// What to draw
+    #[arg(long, value_enum)]
+    pub(crate) what: What,
+    /// Along the chain, in the first frame at or after this simulated time (s)
+    #[arg(long, value_name = "S", value_parser = parse_time, conflicts_with_all = ["frame", "from", "until"])]
+    pub(crate) at: Option<f64>,
+    /// Along the chain, in this frame
+    #[arg(long, value_name = "N", conflicts_with_all = ["from", "until", "every_step"])]
+    pub(crate) frame: Option<u64>,
+    /// Only these beads and the contacts between them: 100..200 is without bead 200, 100..=199 with bead 199
+    #[arg(long, value_name = "A..B", value_parser = parse_beads)]
+    pub(crate) beads: Option<BeadRange>,
+    /// How the colours of a map follow the numbers [default: log]
+    #[arg(long, value_enum)]
+    pub(crate) colours: Option<ColoursArg>,
+    /// Figure to write [default: named after the source and what is drawn, as run-velocity.png]
+    #[arg(long, value_name = "FILE.svg|.png")]
+    pub(crate) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) look: LookArgs,
+}

@@ -1,0 +1,282 @@
+//! `beadline plot`.
+
+use super::{contacts, energies, impurity, pulses};
+use crate::analysis::{AnalysisError, Session, check_beads, window};
+use crate::args::{
+    AnalysisArgs, ColoursArg, ContactsArgs, EnergiesArgs, FramesArgs, ImpurityArgs, PlotArgs, PulsesArgs,
+    What,
+};
+use crate::display::count;
+use crate::failure::{BadInput, Done, Failure};
+use crate::outputs::{check_figures, check_places};
+use crate::source::Named;
+use anyhow::anyhow;
+use clap::ValueEnum;
+use consumers::fields::Field;
+use consumers::follow::{Analysis, Tally};
+use consumers::held::HeldFrame;
+use consumers::plots::{self, ColourSteps};
+use consumers::space_time::{Extent, Picture, singles};
+use schemas::chain::Chain;
+use schemas::frame::{EndReason, Frame, Window};
+use schemas::manifest::RunManifest;
+use serde_json::json;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+pub(crate) fn plot(args: &PlotArgs) -> Result<Done, Failure> {
+    let out = args.out.clone().unwrap_or_else(|| default_out(args));
+    if let Some(field) = field(args.what) {
+        check_figures(std::slice::from_ref(&out), args.look)?;
+        check_places(&[&out], &args.frames)?;
+        return match Moment::asked(args) {
+            Some(moment) => profile(args, field, moment, &out),
+            None => space_time(args, field, &out),
+        };
+    }
+    check_kind(args)?;
+    let common = analysis(args, out)?;
+    match args.what {
+        What::Energies => energies::energies(&EnergiesArgs { common, out: None, split: None }),
+        What::Impurity => {
+            impurity::impurity(&ImpurityArgs { common, out: None, events: None, bead: Vec::new() })
+        }
+        What::Contacts => contacts::contacts(&ContactsArgs { common, out: Vec::new(), tolerance: None }),
+        _ => {
+            let threshold = consumers::pulses::Pulses::DEFAULT_THRESHOLD;
+            pulses::pulses(&PulsesArgs { common, out: None, positions: None, threshold })
+        }
+    }
+}
+
+/// The quantity along the chain, if that is what is drawn.
+fn field(what: What) -> Option<Field> {
+    match what {
+        What::Velocity => Some(Field::Velocity),
+        What::Displacement => Some(Field::Displacement),
+        What::Overlap => Some(Field::Overlap),
+        What::Energies | What::Impurity | What::Contacts | What::Pulses => None,
+    }
+}
+
+/// `run-velocity.png`, `run-velocity-at-0.05s.png`, `run-velocity-frame-100.png`, in the current directory.
+fn default_out(args: &PlotArgs) -> PathBuf {
+    let source = match args.frames.source.strip_prefix("live:") {
+        Some(name) => name,
+        None => Path::new(&args.frames.source).file_name().and_then(|name| name.to_str()).unwrap_or("run"),
+    };
+    let name = source.strip_suffix(".partial").unwrap_or(source);
+    let name = name.strip_suffix(".mcap").unwrap_or(name);
+    let moment = match Moment::asked(args) {
+        Some(Moment::Time(time_s)) => format!("-at-{time_s}s"),
+        Some(Moment::Frame(frame)) => format!("-frame-{frame}"),
+        None => String::new(),
+    };
+    format!("{name}-{}{moment}.png", name_of(args.what)).into()
+}
+
+fn name_of(what: What) -> String {
+    what.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+}
+
+/// Refuses what means something for a quantity along the chain only.
+fn check_kind(args: &PlotArgs) -> Result<(), Failure> {
+    let what = name_of(args.what);
+    let moment = "these are drawn over time; --from and --until choose a part of it";
+    let analysis = format!("`beadline {what} --figure` has what can be chosen about it");
+    let flags = [
+        ("--at", args.at.is_some(), moment),
+        ("--frame", args.frame.is_some(), moment),
+        ("--beads", args.beads.is_some(), &analysis),
+        ("--colours", args.colours.is_some(), &analysis),
+    ];
+    match flags.iter().find(|(_, is_given, _)| *is_given) {
+        Some((flag, _, why)) => Err(anyhow!("{flag} is not for --what {what}: {why}")).bad_input(),
+        None => Ok(()),
+    }
+}
+
+/// The analysis that draws the figure, and leaves nothing else.
+fn analysis(args: &PlotArgs, out: PathBuf) -> Result<AnalysisArgs, Failure> {
+    let is_live = matches!(Named::parse(&args.frames.source)?, Named::Live(_));
+    let frames = args.frames.clone();
+    Ok(AnalysisArgs { frames, figure: vec![out], look: args.look, no_publish: is_live })
+}
+
+/// The beads or contacts that are drawn.
+fn places(args: &PlotArgs, field: Field, manifest: &RunManifest) -> Result<Range<usize>, Failure> {
+    let beads = check_beads(manifest, args.beads)?;
+    match field {
+        Field::Velocity | Field::Displacement => Ok(beads),
+        Field::Overlap if beads.len() > 1 => Ok(beads.start..beads.end - 1),
+        Field::Overlap => {
+            Err(anyhow!("--beads {}..{}: a contact is between two beads", beads.start, beads.end)).bad_input()
+        }
+    }
+}
+
+/// When a profile is drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Moment {
+    /// The first frame at or after a time (s).
+    Time(f64),
+    Frame(u64),
+}
+
+impl Moment {
+    fn asked(args: &PlotArgs) -> Option<Self> {
+        args.at.map(Self::Time).or(args.frame.map(Self::Frame))
+    }
+
+    /// The step that is drawn: that of a frame, or any.
+    fn step(self, manifest: &RunManifest, every_step: bool) -> Result<u64, Failure> {
+        let (physics, every) = (&manifest.physics, manifest.provenance.publish_every_steps);
+        match self {
+            Self::Time(time_s) => {
+                let step = physics.step_at_or_after(time_s);
+                if step > physics.step_count {
+                    let end_s = physics.time_s(physics.step_count);
+                    return Err(anyhow!("--at {time_s}: the run ends at {end_s} s")).bad_input();
+                }
+                let frame = step.div_ceil(every);
+                Ok(if every_step { step } else { manifest.step_of_frame(frame) })
+            }
+            Self::Frame(frame) => {
+                let last = manifest.frame_count() - 1;
+                if frame > last {
+                    return Err(anyhow!("--frame {frame}: the run has frames 0 to {last}")).bad_input();
+                }
+                Ok(manifest.step_of_frame(frame))
+            }
+        }
+    }
+}
+
+/// Waits for one frame.
+#[derive(Default)]
+struct Waiting(Option<HeldFrame>);
+
+impl Analysis for Waiting {
+    type Error = AnalysisError;
+
+    fn observe(&mut self, frame: &Frame<'_>) -> Result<(), AnalysisError> {
+        self.0.get_or_insert_default().hold(frame);
+        Ok(())
+    }
+}
+
+/// Draws a quantity along the chain at one time.
+fn profile(args: &PlotArgs, field: Field, moment: Moment, out: &Path) -> Result<Done, Failure> {
+    let is_file = matches!(Named::parse(&args.frames.source)?, Named::File(_));
+    // a recording may be sparse there; of a live run nothing before the frame is of interest
+    let frames = FramesArgs { fill_gaps: args.frames.fill_gaps || is_file, ..args.frames.clone() };
+    let mut session = Session::of_part(&frames, "plot", |manifest| {
+        let time_s = manifest.physics.time_s(moment.step(manifest, frames.every_step)?);
+        Ok(Window { from_s: time_s, until_s: time_s })
+    })?;
+    let manifest = session.manifest().clone();
+    let places = places(args, field, &manifest)?;
+    let mut waiting = Waiting::default();
+    let tally = session.follow(&mut waiting)?;
+    let step = *session.steps().start();
+    let held = waiting.0.ok_or_else(|| absent(&manifest, step, &tally))?;
+    let frame = held.frame();
+    plots::profile(&manifest, &frame, field, &places).write(out, args.look.options())?;
+    let chain = manifest.physics.chain();
+    let values = field.values(&chain, &frame).skip(places.start).take(places.len());
+    let extremes = extremes(values);
+    let rows = vec![
+        ("time", format!("{} s (frame {}, step {})", frame.time_s, count(frame.frame), count(frame.step))),
+        ("values", format!("{:.6e} to {:.6e} {}", extremes[0], extremes[1], unit(field))),
+        ("figure", out.display().to_string()),
+    ];
+    let results = json!({
+        "what": name_of(args.what),
+        "figure": out,
+        "frame": frame.frame,
+        "step": frame.step,
+        "time_s": frame.time_s,
+        "least": extremes[0],
+        "largest": extremes[1],
+        "unit": unit(field),
+    });
+    session.report(&tally, &name_of(args.what), rows, results)
+}
+
+/// Says why the state of `step` did not come.
+fn absent(manifest: &RunManifest, step: u64, tally: &Tally) -> Failure {
+    let (frame, time_s) = (manifest.frame_at(step), manifest.physics.time_s(step));
+    let wanted = format!("frame {frame} ({time_s} s)");
+    if tally.ended_as_asked {
+        let why = "what was received begins after it; --from-start recomputes it";
+        return Failure::BadInput(anyhow!("there is no {wanted}: {why}"));
+    }
+    match tally.end {
+        EndReason::Stopped => Failure::Failed(anyhow!("stopped before {wanted} came")),
+        end => Failure::BadInput(anyhow!("there is no {wanted}: the frames ended before it ({end})")),
+    }
+}
+
+/// Draws a quantity over space and time.
+fn space_time(args: &PlotArgs, field: Field, out: &Path) -> Result<Done, Failure> {
+    let frames = &args.frames;
+    let part = |manifest: &_| window(frames.from, frames.until, manifest);
+    let mut session = Session::of_part(frames, "plot", part)?;
+    let manifest = session.manifest().clone();
+    let extent = Extent { places: places(args, field, &manifest)?, steps: session.steps() };
+    let mut map = Map { field, chain: manifest.physics.chain(), picture: Picture::new(extent) };
+    let tally = session.follow(&mut map)?;
+    let steps = match args.colours {
+        None | Some(ColoursArg::Log) => ColourSteps::Log,
+        Some(ColoursArg::Linear) => ColourSteps::Linear,
+    };
+    plots::space_time(&manifest, field, &map.picture, steps)?.write(out, args.look.options())?;
+    let extremes = extremes(map.picture.cells().flatten().map(f64::from));
+    let rows = vec![
+        ("values", format!("{:.6e} to {:.6e} {}", extremes[0], extremes[1], unit(field))),
+        ("figure", out.display().to_string()),
+    ];
+    let results = json!({
+        "what": name_of(args.what),
+        "figure": out,
+        "least": extremes[0],
+        "largest": extremes[1],
+        "unit": unit(field),
+    });
+    session.report(&tally, &name_of(args.what), rows, results)
+}
+
+/// A quantity over space and time, as it comes.
+struct Map {
+    field: Field,
+    chain: Chain,
+    picture: Picture<f32>,
+}
+
+impl Analysis for Map {
+    type Error = AnalysisError;
+
+    fn observe(&mut self, frame: &Frame<'_>) -> Result<(), AnalysisError> {
+        self.picture.push(frame.step, singles(self.field.deviations(&self.chain, frame)));
+        Ok(())
+    }
+
+    fn gap(&mut self) {
+        self.picture.gap();
+    }
+}
+
+fn unit(field: Field) -> &'static str {
+    if field == Field::Velocity { "m/s" } else { "m" }
+}
+
+/// The least and the largest value; 0 if there is none.
+fn extremes(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    let widened = |found: Option<[f64; 2]>, value: f64| match found {
+        None => Some([value; 2]),
+        Some([low, high]) => {
+            Some([if value < low { value } else { low }, if value > high { value } else { high }])
+        }
+    };
+    values.fold(None, widened).unwrap_or_default()
+}
