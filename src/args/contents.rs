@@ -9,7 +9,7 @@ const CONTENTS: [(&str, &[&str]); 6] = [
     ("Simulate", &["run", "presets", "preset", "sweep"]),
     (
         "Analyse, while a run goes or from its recording",
-        &["energies", "impurity", "contacts", "pulses", "deformation"],
+        &["energies", "impurity", "contacts", "pulses", "deformation", "plot"],
     ),
     ("Record, prove, share", &["record", "replay", "info", "verify", "recover", "thin", "expand", "export"]),
     ("The paper", &["reproduce"]),

@@ -15,7 +15,6 @@ use consumers::paper::{Observations, Run, STUDIES, Study, Verdict};
 use schemas::manifest::RunManifest;
 use std::collections::BTreeMap;
 use std::num::NonZero;
-use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
