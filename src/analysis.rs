@@ -25,6 +25,8 @@ use std::time::{Duration, Instant};
 /// An open source and what goes with it.
 pub(crate) struct Session<'a> {
     args: &'a FramesArgs,
+    /// The figures that are drawn.
+    figures: &'a [PathBuf],
     /// Whether results are published, if the source is live.
     publishes: bool,
     source: Frames,
@@ -53,13 +55,14 @@ impl<'a> Session<'a> {
         // a row of results belongs to a frame
         let publishes = !args.no_publish && !args.frames.every_step;
         let part = |manifest: &_| window(args.frames.from, args.frames.until, manifest);
-        Ok(Self { publishes, ..Self::of_part(&args.frames, label, part)? })
+        Ok(Self { publishes, ..Self::of_part(&args.frames, label, &args.figure, part)? })
     }
 
     /// Opens the source that `args` name, to look at the part of the run that `part` chooses.
     pub(crate) fn of_part(
         args: &'a FramesArgs,
         label: &str,
+        figures: &'a [PathBuf],
         part: impl FnOnce(&RunManifest) -> Result<Window, Failure>,
     ) -> Result<Self, Failure> {
         let named = Named::parse(&args.source)?;
@@ -79,6 +82,7 @@ impl<'a> Session<'a> {
         let window = part(source.manifest())?;
         Ok(Self {
             args,
+            figures,
             publishes: false,
             source: Frames::of(source, args, window.from_s)?,
             window,
@@ -168,8 +172,9 @@ impl<'a> Session<'a> {
         } else {
             let mut all = vec![("frames", frames_text(tally))];
             all.extend(rows);
+            all.extend(self.figures.iter().map(|path| ("figure", path.display().to_string())));
             let name = &self.manifest().provenance.name;
-            let end = display::end(tally.end, self.args.until.filter(|_| tally.ended_as_asked));
+            let end = display::end(tally.end, tally.ended_as_asked.then_some(self.window.until_s));
             display::print(display::rows(&format!("{title} of {name} ({end})"), &all))?;
         }
         self.warn(tally);
@@ -188,6 +193,7 @@ impl<'a> Session<'a> {
         all.insert("first_frame".into(), json!(tally.first_frame));
         all.insert("last_frame".into(), json!(tally.last_frame));
         all.insert("end".into(), json!(display::end_word(tally.end, tally.ended_as_asked)));
+        all.insert("figures".into(), json!(self.figures));
         all.insert("results".into(), results);
         Value::Object(all)
     }

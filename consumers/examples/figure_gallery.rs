@@ -4,7 +4,9 @@
 
 use std::path::PathBuf;
 
-use consumers::figure::{Axis, Colour, Curve, Figure, FigureError, Options, Panel, Raster, Size, Stroke};
+use consumers::figure::{
+    Axis, Colour, ColourScale, Curve, Figure, FigureError, Options, Panel, Raster, Size, Stroke,
+};
 
 type Figures = Vec<(&'static str, Figure)>;
 
@@ -30,6 +32,7 @@ fn figures() -> Result<Figures, FigureError> {
         ("energies", energies()),
         ("trajectory", trajectory()),
         ("map", contact_map()?),
+        ("numbers", numbers()?),
         ("widths", widths()),
         ("awkward", awkward()),
     ])
@@ -140,6 +143,18 @@ fn contact_map() -> Result<Figure, FigureError> {
         .y_axis(Axis::new("time (ms)").reversed())
         .vertical("impurity", 499.5)
         .raster(map);
+    Ok(Figure::new().caption(RUN).panel(panel))
+}
+
+fn numbers() -> Result<Figure, FigureError> {
+    let value = |place: u16, row: u16| {
+        let distance = (f32::from(place) - 0.9 * f32::from(row)) / 12.0;
+        (row > 40 && row < 470).then(|| 3.0 * (-distance * distance / 9.0).exp() * distance.cos())
+    };
+    let cells: Vec<_> = (0..500).flat_map(|row| (0..500).map(move |place| value(place, row))).collect();
+    let scale = ColourScale::new("velocity (m/s)", -2.5, 3.0).log_beyond(3e-3);
+    let map = Raster::values(500, 500, &cells, scale)?.over((-0.5, 499.5), (0.0, 80.0));
+    let panel = Panel::new().x_axis("bead").y_axis(Axis::new("time (ms)").reversed()).raster(map);
     Ok(Figure::new().caption(RUN).panel(panel))
 }
 

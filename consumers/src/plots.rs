@@ -65,6 +65,17 @@ fn short(value: f64) -> String {
     format!("{rounded}").replace('-', "−")
 }
 
+/// Three digits.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
+}
+
+/// A length in three digits, with a prefix.
+fn length(value_m: f64) -> String {
+    let (prefix, factor) = prefix(value_m.abs());
+    format!("{} {prefix}m", short(rounded(value_m * factor)))
+}
+
 /// A number as `1.45×10^{−6}`.
 fn scientific(value: f64) -> String {
     let text = format!("{value:.2e}");
@@ -104,7 +115,7 @@ pub fn energies(
         .line(format!("bead {split_bead}"), curve(SPLIT, 1e3))
         .line(format!("right of bead {split_bead}"), curve(RIGHT, 1e3));
     let drift = panel()
-        .y_axis("(E − E_{0})/E_{0}")
+        .y_axis("(E−E_{0})/E_{0}")
         .curve(Curve::line("", curve(DRIFT, 1.0)).colour(Colour::Black))
         .height(0.6);
     let figure = Figure::new().shared_x().caption(caption(manifest)).panel(parts);

@@ -103,7 +103,7 @@ pub(crate) struct PlotArgs {
     /// Only these beads and the contacts between them: 100..200 is without bead 200, 100..=199 with bead 199
     #[arg(long, value_name = "A..B", value_parser = parse_beads)]
     pub(crate) beads: Option<BeadRange>,
-    /// How the colours of a map follow the numbers [default: log]
+    /// How the colours of a map follow the numbers [default: linear for displacements, log for the others]
     #[arg(long, value_enum)]
     pub(crate) colours: Option<ColoursArg>,
     /// Figure to write [default: named after the source and what is drawn, as run-velocity.png]

@@ -158,6 +158,7 @@ fn redraw(args: &ContactsArgs, mut map: ContactsReader) -> Result<Done, Failure>
     } else {
         let mut all = vec![("frames", count(rows).to_string())];
         all.extend(summary(tolerance_m, &last));
+        all.extend(args.common.figure.iter().map(|path| ("figure", path.display().to_string())));
         display::print(display::rows(
             &format!("map of contacts of {} ({end})", manifest.provenance.name),
             &all,

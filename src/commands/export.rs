@@ -1,6 +1,6 @@
 //! `beadline export`: states of a recording in the formats of other programs.
 
-use crate::analysis::window;
+use crate::analysis::{check_beads, window};
 use crate::args::ExportArgs;
 use crate::display::{self, bytes, count, counted};
 use crate::failure::{BadInput, Done, Failure};
@@ -13,7 +13,6 @@ use consumers::follow::{Analysis, FollowError, Tally, follow_within};
 use indicatif::ProgressBar;
 use producer::resimulation::Lend;
 use schemas::frame::{EndReason, Frame, FrameSource, Window};
-use schemas::manifest::RunManifest;
 use schemas::whole_file::is_being_written;
 use serde_json::json;
 use std::num::NonZero;
@@ -62,7 +61,7 @@ pub(crate) fn export(args: &ExportArgs) -> Result<Done, Failure> {
     let (mut frames, window) = open(args, &from, &stop)?;
     let manifest = frames.manifest().clone();
     display::notice_of_version(&manifest);
-    let excerpt = Excerpt { beads: beads(args, &manifest)?, manifest, window };
+    let excerpt = Excerpt { beads: check_beads(&manifest, args.beads)?, manifest, window };
     let mut exporting = Exporting::begin(format.begin(&args.out, &excerpt, args.force)?, args, &excerpt);
     let tally = follow(&mut frames, &mut exporting, window)?;
     let Exporting { export, states, steps, .. } = exporting;
@@ -121,24 +120,6 @@ fn open(args: &ExportArgs, from: &Path, stop: &Arc<AtomicBool>) -> Result<(Frame
         None => Frames::as_they_come(source),
     };
     Ok((frames, window))
-}
-
-/// The beads that are asked for.
-fn beads(args: &ExportArgs, manifest: &RunManifest) -> Result<Range<usize>, Failure> {
-    let count = manifest.physics.beads;
-    let asked = args.beads.map_or((0, count), |range| (range.from.unwrap_or(0), range.to.unwrap_or(count)));
-    let refuse = |what: &str| {
-        let (from, to) = asked;
-        Err(Failure::BadInput(anyhow!(
-            "--beads {from}..{to}: {what}; the chain has beads 0 to {}",
-            count - 1
-        )))
-    };
-    match asked {
-        (from, to) if from >= to => refuse("expected at least one bead"),
-        (_, to) if to > count => refuse("some of these do not exist"),
-        (from, to) => Ok(usize::try_from(from)?..usize::try_from(to)?),
-    }
 }
 
 impl Exporting {

@@ -166,11 +166,11 @@ impl Analysis for Waiting {
 }
 
 /// Draws a quantity along the chain at one time.
-fn profile(args: &PlotArgs, field: Field, moment: Moment, out: &Path) -> Result<Done, Failure> {
+fn profile(args: &PlotArgs, field: Field, moment: Moment, out: &PathBuf) -> Result<Done, Failure> {
     let is_file = matches!(Named::parse(&args.frames.source)?, Named::File(_));
     // a recording may be sparse there; of a live run nothing before the frame is of interest
     let frames = FramesArgs { fill_gaps: args.frames.fill_gaps || is_file, ..args.frames.clone() };
-    let mut session = Session::of_part(&frames, "plot", |manifest| {
+    let mut session = Session::of_part(&frames, "plot", std::slice::from_ref(out), |manifest| {
         let time_s = manifest.physics.time_s(moment.step(manifest, frames.every_step)?);
         Ok(Window { from_s: time_s, until_s: time_s })
     })?;
@@ -188,11 +188,9 @@ fn profile(args: &PlotArgs, field: Field, moment: Moment, out: &Path) -> Result<
     let rows = vec![
         ("time", format!("{} s (frame {}, step {})", frame.time_s, count(frame.frame), count(frame.step))),
         ("values", format!("{:.6e} to {:.6e} {}", extremes[0], extremes[1], unit(field))),
-        ("figure", out.display().to_string()),
     ];
     let results = json!({
         "what": name_of(args.what),
-        "figure": out,
         "frame": frame.frame,
         "step": frame.step,
         "time_s": frame.time_s,
@@ -218,27 +216,24 @@ fn absent(manifest: &RunManifest, step: u64, tally: &Tally) -> Failure {
 }
 
 /// Draws a quantity over space and time.
-fn space_time(args: &PlotArgs, field: Field, out: &Path) -> Result<Done, Failure> {
+fn space_time(args: &PlotArgs, field: Field, out: &PathBuf) -> Result<Done, Failure> {
     let frames = &args.frames;
     let part = |manifest: &_| window(frames.from, frames.until, manifest);
-    let mut session = Session::of_part(frames, "plot", part)?;
+    let mut session = Session::of_part(frames, "plot", std::slice::from_ref(out), part)?;
     let manifest = session.manifest().clone();
     let extent = Extent { places: places(args, field, &manifest)?, steps: session.steps() };
     let mut map = Map { field, chain: manifest.physics.chain(), picture: Picture::new(extent) };
     let tally = session.follow(&mut map)?;
     let steps = match args.colours {
-        None | Some(ColoursArg::Log) => ColourSteps::Log,
+        None => ColourSteps::Fitting,
+        Some(ColoursArg::Log) => ColourSteps::Log,
         Some(ColoursArg::Linear) => ColourSteps::Linear,
     };
     plots::space_time(&manifest, field, &map.picture, steps)?.write(out, args.look.options())?;
     let extremes = extremes(map.picture.cells().flatten().map(f64::from));
-    let rows = vec![
-        ("values", format!("{:.6e} to {:.6e} {}", extremes[0], extremes[1], unit(field))),
-        ("figure", out.display().to_string()),
-    ];
+    let rows = vec![("values", format!("{:.6e} to {:.6e} {}", extremes[0], extremes[1], unit(field)))];
     let results = json!({
         "what": name_of(args.what),
-        "figure": out,
         "least": extremes[0],
         "largest": extremes[1],
         "unit": unit(field),

@@ -15,6 +15,7 @@ mod hostile_files;
 mod lying;
 mod other_tools;
 mod pipeline;
+mod plot;
 mod pulses;
 mod recomputing;
 mod recording_live;

@@ -231,9 +231,10 @@ impl<'a> Layout<'a> {
         if axes <= 0.0 || (axes <= room && !look.fixed_height) {
             return;
         }
-        for placed in &mut self.panels {
-            let share = placed.frame.height * room / axes;
-            placed.frame.height = share.max(LOWEST * look.number);
+        let mut heights: Vec<f64> = self.panels.iter().map(|placed| placed.frame.height).collect();
+        share(&mut heights, room, LOWEST * look.number);
+        for (placed, height) in self.panels.iter_mut().zip(heights) {
+            placed.frame.height = height;
             placed.y_ticks = placed.y.ticks(y_count(placed.frame.height, &look));
             placed.bar = Bar::of(placed.panel, placed.frame.height, &look);
         }
@@ -267,9 +268,33 @@ impl<'a> Layout<'a> {
             y += self.caption.len() as f64 * look.caption * LEADING;
         }
         let taken = y + look.pad();
-        self.height = if look.fixed_height { taken.max(look.height) } else { taken };
+        // axes that begin and end on whole dots may take a dot more
+        let exceeds = taken > look.height + 1.0;
+        self.height = if look.fixed_height && !exceeds { look.height } else { taken };
         taken
     }
+}
+
+/// Scales heights to `room` in all, but none below `lowest`.
+fn share(heights: &mut [f64], room: f64, lowest: f64) {
+    let mut is_low = vec![false; heights.len()];
+    // each turn but the last finds another that is too low
+    for _ in 0..heights.len() {
+        let low = is_low.iter().filter(|low| **low).count() as f64;
+        let free: f64 = heights.iter().zip(&is_low).filter(|(_, low)| !**low).map(|(height, _)| height).sum();
+        let factor = (room - low * lowest) / free;
+        let found = (0..heights.len()).find(|index| !is_low[*index] && heights[*index] * factor < lowest);
+        match found {
+            Some(index) => is_low[index] = true,
+            None => {
+                for (height, low) in heights.iter_mut().zip(&is_low) {
+                    *height = if *low { lowest } else { *height * factor };
+                }
+                return;
+            }
+        }
+    }
+    heights.fill(lowest);
 }
 
 /// The panels with their scales and y ticks.
@@ -356,4 +381,22 @@ fn set_x_ticks(panels: &mut [Placed<'_>], look: &Look, left: f64) -> f64 {
         }
     }
     right
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn low_panels_stay_readable_and_the_others_share_the_rest() {
+        let shared = |heights: &[f64], room| {
+            let mut heights = heights.to_vec();
+            share(&mut heights, room, 10.0);
+            heights
+        };
+        assert_eq!(shared(&[100.0, 50.0], 75.0), [50.0, 25.0]);
+        assert_eq!(shared(&[100.0, 10.0], 55.0), [45.0, 10.0]);
+        assert_eq!(shared(&[100.0, 10.0, 50.0], 40.0), [20.0, 10.0, 10.0]);
+        assert_eq!(shared(&[30.0, 30.0], 5.0), [10.0, 10.0]);
+    }
 }

@@ -30,7 +30,39 @@ pub(super) fn png(document: &str, dpi: f64) -> Result<Vec<u8>, FigureError> {
     resvg::render(&tree, tiny_skia::Transform::identity(), &mut pixels.as_mut());
     let rgb: Vec<u8> =
         pixels.pixels().iter().flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()]).collect();
-    encode_rgb(size.width(), size.height(), &rgb, Some(dpi))
+    encode_below(LARGEST_FILE, (size.width(), size.height()), &rgb, dpi)
+}
+
+/// What a figure takes at most (bytes) if fewer colours are enough for that.
+const LARGEST_FILE: usize = 1_000_000;
+
+/// The picture in all of its colours or, where that takes more than `limit` bytes, in as many as fit: 32 or 16
+/// shades of red, green and blue are as good to the eye in a picture so full of detail. If even these do not fit,
+/// which takes a high resolution, all colours stay.
+fn encode_below(
+    limit: usize,
+    (width, height): (u32, u32),
+    rgb: &[u8],
+    dpi: f64,
+) -> Result<Vec<u8>, FigureError> {
+    let whole = encode_rgb(width, height, rgb, Some(dpi))?;
+    if whole.len() <= limit {
+        return Ok(whole);
+    }
+    for steps in [31, 15] {
+        let coarse: Vec<u8> = rgb.iter().map(|part| coarsened(*part, steps)).collect();
+        let file = encode_rgb(width, height, &coarse, Some(dpi))?;
+        if file.len() <= limit {
+            return Ok(file);
+        }
+    }
+    Ok(whole)
+}
+
+/// The nearest of `steps + 1` evenly spread shades, white and black among them.
+fn coarsened(part: u8, steps: u16) -> u8 {
+    let step = (u16::from(part) * steps + 127) / 255;
+    u8::try_from((step * 255 + steps / 2) / steps).unwrap_or(u8::MAX)
 }
 
 fn fonts() -> Arc<usvg::fontdb::Database> {
@@ -118,6 +150,19 @@ pub(super) fn decode(file: &[u8]) -> (usize, usize, Vec<[u8; 3]>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_picture_full_of_detail_gets_fewer_colours() {
+        let noise =
+            |index: u32| u8::try_from((index.wrapping_mul(2_654_435_761) >> 13) % 256).expect("a byte");
+        let rgb: Vec<u8> = (0..30_000).map(noise).collect();
+        let colours = |limit| {
+            let (_, _, pixels) = decode(&encode_below(limit, (100, 100), &rgb, 72.0).expect("encodes"));
+            pixels.into_iter().flatten().collect::<std::collections::BTreeSet<_>>().len()
+        };
+        assert_eq!([colours(40_000), colours(23_000), colours(18_000), colours(10)], [256, 32, 16, 256]);
+        assert_eq!([0, 255].map(|part| coarsened(part, 31)), [0, 255]);
+    }
 
     #[test]
     fn packed_cells_come_back() {

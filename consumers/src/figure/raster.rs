@@ -237,6 +237,7 @@ fn check_length(width: u32, height: u32, cell_bytes: u64, found: usize) -> Resul
 }
 
 #[cfg(test)]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "made-up numbers")]
 mod tests {
     use super::*;
 
@@ -264,6 +265,30 @@ mod tests {
         let raster = Raster::classes(4, 1, vec![1, 0, 0, 0], &CLASSES).expect("fits");
         let reds: Vec<u8> = raster.averaged(3, 1).into_iter().step_by(3).collect();
         assert_eq!(reds, [64, 255, 255]);
+    }
+
+    #[test]
+    fn numbers_get_the_colours_of_their_scale_and_nothing_is_grey() {
+        let scale = ColourScale::new("v (m/s)", -2.0, 4.0);
+        let values = [Some(0.0), Some(4.0), Some(9.0), Some(-4.0), None];
+        let raster = Raster::values(5, 1, &values, scale).expect("fits");
+        let colours: Vec<[u8; 3]> =
+            (0..5).map(|cell| raster.colour_at(cell).map(|part| part as u8)).collect();
+        let expected = [Colour::White, diverging(1.0), diverging(1.0), diverging(-1.0), Colour::LightGrey];
+        assert_eq!(colours, expected.map(Colour::rgb));
+        assert_eq!(raster.named_classes().collect::<Vec<_>>(), [("no frames", Colour::LightGrey)]);
+    }
+
+    #[test]
+    fn noise_in_numbers_stays_under_a_megabyte() {
+        let side = <f32 as crate::space_time::Cell>::MOST;
+        let noise =
+            |index: u32| (f64::from(index.wrapping_mul(2_654_435_761)) / f64::from(u32::MAX) - 0.5) as f32;
+        let values: Vec<_> =
+            (0..side * side).map(|index| Some(noise(u32::try_from(index).unwrap_or(0)))).collect();
+        let side = u32::try_from(side).expect("small");
+        let raster = Raster::values(side, side, &values, ColourScale::new("", -0.5, 0.5)).expect("fits");
+        assert!(raster.data_uri((false, false), None).expect("encodes").len() < 800_000);
     }
 
     #[test]

@@ -25,11 +25,11 @@ impl Scale {
         Ticks {
             major: self
                 .multiples(step.size())
-                .filter_map(|value| Some((self.place(value)?, write(value))))
+                .filter_map(|value| Some((self.place(value)?.clamp(0.0, 1.0), write(value))))
                 .collect(),
             minor: self
                 .multiples(step.size() / step.minor_count())
-                .filter_map(|value| self.place(value))
+                .filter_map(|value| Some(self.place(value)?.clamp(0.0, 1.0)))
                 .collect(),
             exponent,
         }
@@ -50,9 +50,11 @@ impl Scale {
 
     /// Multiples of `step` in the range, at most 1000.
     fn multiples(&self, step: f64) -> impl Iterator<Item = f64> + use<> {
-        // An end that differs from a multiple by rounding only counts as one.
-        let first = (self.from / step - 1e-6).ceil();
-        let last = (self.to / step + 1e-6).floor();
+        // An end that differs from a multiple by less than can be seen counts as one.
+        const UNSEEN: f64 = 1.2e-3;
+        let unseen = UNSEEN * (self.to - self.from) / step;
+        let first = (self.from / step - unseen).ceil();
+        let last = (self.to / step + unseen).floor();
         let mut index = first;
         std::iter::from_fn(move || {
             let value = index * step;
@@ -247,6 +249,13 @@ mod tests {
         let ticks = scale.ticks(5);
         assert_eq!(ticks.major[1], (0.2, "200".to_owned()));
         assert_eq!(ticks.major.last().map(|tick| tick.0), Some(1.0));
+    }
+
+    #[test]
+    fn an_end_that_is_nearly_round_has_its_number() {
+        let axis = Axis::new("x").limits(-0.5, 999.5);
+        assert_eq!(labels(&axis, 2), ["0", "500", "1000"]);
+        assert_eq!(labels(&Axis::new("x").limits(0.0, 994.0), 2), ["0", "500"]);
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! What every bead or contact has: at one time, and over space and time.
 
-use super::{caption, map_panel, prefix, scientific, short, sides};
+use super::{caption, length, map_panel, prefix, short, sides};
 use crate::fields::Field;
-use crate::figure::{Axis, Colour, ColourScale, Curve, Figure, FigureError, Panel, Raster, Stroke};
+use crate::figure::{Axis, Colour, ColourScale, Curve, Figure, FigureError, Mark, Panel, Raster, Stroke};
 use crate::space_time::Picture;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
@@ -18,6 +18,8 @@ pub enum ColourSteps {
     Linear,
     /// By the logarithm, from a size on that the numbers themselves suggest.
     Log,
+    /// As it suits the quantity: displacements linear, the others by the logarithm.
+    Fitting,
     /// By the logarithm, beyond this number.
     LogBeyond(f64),
 }
@@ -31,7 +33,32 @@ pub fn profiles(manifest: &RunManifest, frame: &Frame<'_>) -> Figure {
 
 /// A quantity along the chain in one frame, for the beads or contacts `places`.
 pub fn profile(manifest: &RunManifest, frame: &Frame<'_>, field: Field, places: &Range<usize>) -> Figure {
-    at(manifest, frame).panel(profile_panel(manifest, frame, field, places))
+    let figure = at(manifest, frame).shared_x().panel(profile_panel(manifest, frame, field, places));
+    if is_loaded(manifest, field) { figure.panel(beyond_rest(manifest, frame, places)) } else { figure }
+}
+
+/// Whether the values at rest are not 0.
+fn is_loaded(manifest: &RunManifest, field: Field) -> bool {
+    field == Field::Overlap && manifest.physics.chain().is_loaded()
+}
+
+/// How far the overlaps of a loaded chain are from those at rest, which is far less than these.
+fn beyond_rest(manifest: &RunManifest, frame: &Frame<'_>, places: &Range<usize>) -> Panel {
+    let chain = manifest.physics.chain();
+    let values: Vec<f64> = Field::Overlap.deviations(&chain, frame).collect();
+    let values = &values[places.clone()];
+    let largest = values.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+    let (prefix, factor) = prefix(largest);
+    let curve = places.clone().zip(values).map(|(place, value)| (place as f64, value * factor));
+    let x = Axis::new("contact").limits(places.start as f64, places.end as f64 - 1.0);
+    let label = format!("overlap beyond rest ({prefix}m)");
+    let panel = Panel::new().x_axis(x).y_axis(label).curve(marked(Curve::line("", curve), places));
+    mark_impurities(panel, manifest, Field::Overlap, places)
+}
+
+/// A chain of few beads is seen to be one.
+fn marked(curve: Curve, places: &Range<usize>) -> Curve {
+    if places.len() <= 60 { curve.mark(Mark::Circle) } else { curve }
 }
 
 fn at(manifest: &RunManifest, frame: &Frame<'_>) -> Figure {
@@ -53,13 +80,9 @@ fn profile_panel(manifest: &RunManifest, frame: &Frame<'_>, field: Field, places
         y = y.limits(shown[0] * factor, shown[1] * factor);
     }
     let x = Axis::new(field.place()).limits(places.start as f64, places.end as f64 - 1.0);
-    let is_loaded = field == Field::Overlap && chain.is_loaded();
+    let is_loaded = is_loaded(manifest, field);
     let name = if is_loaded { field_name(field) } else { "" };
-    let mut curve = Curve::line(name, points(values));
-    // a chain of few beads is seen to be one
-    if places.len() <= 60 {
-        curve = curve.mark(crate::figure::Mark::Circle);
-    }
+    let curve = marked(Curve::line(name, points(values)), places);
     let mut panel = Panel::new().x_axis(x).y_axis(y).curve(curve).note(beyond_note(field, values, shown));
     if is_loaded {
         let rest = points(&chain.rest_overlap_m[places.clone()]);
@@ -95,13 +118,38 @@ pub fn space_time(
     picture: &Picture<f32>,
     steps: ColourSteps,
 ) -> Result<Figure, FigureError> {
-    let panel = map_of(manifest, field, picture, steps)?;
-    let load = if field == Field::Overlap && manifest.physics.chain().is_loaded() {
-        "; overlaps are counted from those at rest"
+    let panel = map_of(manifest, field, picture, steps)?.height(1.35);
+    let [least, largest] = extremes(picture);
+    let [from, to] = coloured(field, picture, steps);
+    let beyond = if (least, largest) == (from, to) {
+        String::new()
     } else {
-        ""
+        let ends = [least, largest].map(length);
+        format!("; values from {} to {}, beyond the colours' ends in their darkest", ends[0], ends[1])
     };
-    Ok(Figure::new().caption(format!("{}{load}", caption(manifest))).panel(panel))
+    Ok(Figure::new().caption(format!("{}{beyond}", caption(manifest))).panel(panel))
+}
+
+/// The least and the largest value, and 0.
+fn extremes(picture: &Picture<f32>) -> [f64; 2] {
+    let widened = |[low, high]: [f32; 2], value: f32| {
+        [if value < low { value } else { low }, if value > high { value } else { high }]
+    };
+    picture.cells().flatten().fold([0.0; 2], widened).map(f64::from)
+}
+
+/// The values that have colours of their own: all of them if colours follow the logarithm.
+fn coloured(field: Field, picture: &Picture<f32>, steps: ColourSteps) -> [f64; 2] {
+    let [least, largest] = extremes(picture);
+    let linear =
+        steps == ColourSteps::Linear || steps == ColourSteps::Fitting && field == Field::Displacement;
+    if !linear {
+        return [least, largest];
+    }
+    let values: Vec<f64> = picture.cells().flatten().map(f64::from).collect();
+    let [low, high] = bulk(field, &values);
+    // what is cut off by a little is not worth a word
+    [if 1.2 * low > least { low } else { least }, if 1.2 * high < largest { high } else { largest }]
 }
 
 pub(super) fn map_of(
@@ -110,18 +158,19 @@ pub(super) fn map_of(
     picture: &Picture<f32>,
     steps: ColourSteps,
 ) -> Result<Panel, FigureError> {
-    let extremes = picture.cells().flatten().fold([0.0_f32; 2], |[low, high], value| {
-        [if value < low { value } else { low }, if value > high { value } else { high }]
-    });
-    let [low, high] = extremes.map(f64::from);
-    let (label, factor) = label(field, high.max(-low));
+    let [low, high] = coloured(field, picture, steps);
+    let (mut label, factor) = label(field, high.max(-low));
+    if is_loaded(manifest, field) {
+        label = label.replace("overlap", "overlap beyond rest");
+    }
     #[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for a colour")]
     let single = factor as f32;
     let cells: Vec<Option<f32>> = picture.cells().map(|cell| cell.map(|value| value * single)).collect();
     let mut scale = ColourScale::new(label, low * factor, high * factor);
     scale = match steps {
         ColourSteps::Linear => scale,
-        ColourSteps::Log => scale.log_beyond(linear_within(low, high) * factor),
+        ColourSteps::Fitting if field == Field::Displacement => scale,
+        ColourSteps::Log | ColourSteps::Fitting => scale.log_beyond(linear_within(low, high) * factor),
         ColourSteps::LogBeyond(value) => scale.log_beyond(value * factor),
     };
     let (columns, rows) = sides(picture);
@@ -158,15 +207,21 @@ fn label(field: Field, largest: f64) -> (String, f64) {
 /// What of the values is shown: of displacements all but a fiftieth at either end, since the struck end of a
 /// chain flies off, and the rest would be a flat line beside it; of overlaps no gap that is wider than the largest
 /// overlap, if there is one.
-fn shown_range(field: Field, values: &[f64]) -> [f64; 2] {
+fn bulk(field: Field, values: &[f64]) -> [f64; 2] {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
-    let last = sorted.len() - 1;
+    let Some(last) = sorted.len().checked_sub(1) else { return [0.0; 2] };
     let few = if field == Field::Displacement { sorted.len() / 50 } else { 0 };
     let (mut low, high) = (sorted[few], sorted[last - few]);
     if field == Field::Overlap && high > 0.0 && low < -high {
         low = -high;
     }
+    [low, high]
+}
+
+/// The same with some room on both sides.
+fn shown_range(field: Field, values: &[f64]) -> [f64; 2] {
+    let [low, high] = bulk(field, values);
     let room = 0.15 * (high - low);
     [low - room, high + room]
 }
@@ -179,11 +234,10 @@ fn beyond_note(field: Field, values: &[f64], shown: [f64; 2]) -> String {
     match (farthest, field) {
         (None, _) | (_, Field::Velocity) => String::new(),
         (Some(farthest), Field::Displacement) => {
-            let farthest_mm = short((farthest * 1e4).round() / 10.0);
-            format!("{} beads beyond the frame,\nas far as {farthest_mm} mm", outside.len())
+            format!("{} beads beyond the frame,\nas far as {}", outside.len(), length(farthest))
         }
         (Some(farthest), Field::Overlap) => {
-            format!("{} wider gaps,\nup to {} m", outside.len(), scientific(-farthest))
+            format!("{} wider gaps,\nup to {}", outside.len(), length(-farthest))
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Pulses over the space-time map of the velocities.
 
 use super::fields::{ColourSteps, map_of};
-use super::{caption, scientific, short};
+use super::{caption, rounded, scientific, short};
 use crate::fields::Field;
 use crate::figure::{Axis, Colour, Curve, Figure, FigureError, Panel};
 use crate::pulses::Strongest;
@@ -10,6 +10,8 @@ use schemas::manifest::RunManifest;
 
 /// Pulses that have a colour and a name of their own in a figure.
 const NAMED: usize = 5;
+/// Other pulses that are drawn: more would hide the map.
+const OTHERS: usize = 25;
 
 /// The tracks of the pulses over the space-time map of the velocities, time running down, and below it how
 /// the peak of each changes from bead to bead. Colours are linear up to `threshold_m_s`.
@@ -30,22 +32,24 @@ pub fn pulses(
     // dark enough to be seen on the map, and none of its two colours
     let violet = Colour::Rgb(0x6A, 0x1B, 0x9A);
     let colours = [Colour::Black, Colour::Green, Colour::Purple, Colour::Orange, violet];
-    let drawn = strongest.pulses().to_vec();
-    let (named, others) = drawn.split_at(drawn.len().min(NAMED));
+    let found = strongest.pulses().to_vec();
+    let (named, others) = found.split_at(found.len().min(NAMED));
+    let drawn = &others[..others.len().min(OTHERS)];
     let named = named.iter().zip(colours).map(|(pulse, colour)| {
         let v_m_s = short(rounded(pulse.measured.point.v_peak_m_s));
         (pulse, colour, format!("{}: {v_m_s} m/s", pulse.number))
     });
-    let others = others.iter().map(|pulse| (pulse, Colour::Grey, String::new()));
-    for (pulse, colour, label) in others.chain(named) {
+    let unnamed = drawn.iter().map(|pulse| (pulse, Colour::Grey, String::new()));
+    for (pulse, colour, label) in unnamed.chain(named) {
         let Some(path) = strongest.path(pulse.number) else { continue };
         let track = path.points().map(|point| (point.bead as f64, point.time_s * 1e3));
         let peak = path.points().map(|point| (point.bead as f64, point.v_peak_m_s.abs()));
         tracks = tracks.curve(Curve::line(label, track).colour(colour).thin());
         peaks = peaks.curve(Curve::line("", peak).colour(colour).thin());
     }
-    if drawn.len() > NAMED {
-        let name = format!("{} others", drawn.len() - NAMED);
+    if !others.is_empty() {
+        let part = if drawn.len() < others.len() { format!("{} of ", drawn.len()) } else { String::new() };
+        let name = format!("{part}{} others", others.len());
         tracks = tracks.curve(Curve::line(name, []).colour(Colour::Grey).thin());
     }
     let text = format!(
@@ -54,9 +58,4 @@ pub fn pulses(
         scientific(threshold_m_s)
     );
     Ok(Figure::new().shared_x().caption(text).panel(tracks).panel(peaks))
-}
-
-/// Three digits.
-fn rounded(value: f64) -> f64 {
-    format!("{value:.2e}").parse().unwrap_or(value)
 }
