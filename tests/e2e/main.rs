@@ -12,6 +12,7 @@ mod golden;
 mod harness;
 mod hostile_files;
 mod lying;
+mod mcap_readers;
 mod other_tools;
 mod pipeline;
 mod pulses;
