@@ -4,7 +4,7 @@ mod cloud;
 mod colour;
 mod map;
 
-use super::{Excerpt, Export, ExportError};
+use super::{Excerpt, Export, ExportError, Written};
 use crate::energies::default_split_bead;
 use crate::impurity::{Event, EventKind, Followed};
 use map::SpaceTime;
@@ -32,8 +32,7 @@ pub(super) struct Foxglove {
     summarizer: Summarizer,
     scalars: Scalars,
     message: Vec<u8>,
-    states: u64,
-    steps: Option<(u64, u64)>,
+    written: Written,
     clouds: u64,
     events: u64,
 }
@@ -68,23 +67,22 @@ impl Foxglove {
             excerpt: excerpt.clone(),
             scalars: Scalars::default(),
             message: Vec::new(),
-            states: 0,
-            steps: None,
+            written: Written::default(),
             clouds: 0,
             events: 0,
         };
-        export.log(excerpt.window.from_s, manifest.provenance.name.as_str(), about(manifest))?;
+        export.log(excerpt.begin_s(), manifest.provenance.name.as_str(), about(manifest))?;
         Ok(export)
     }
 
     fn scalars(&mut self, frame: &Frame<'_>) -> Result<(), ExportError> {
         let summary = self.summarizer.summarize(frame);
         let message = self.scalars.summary(frame, &summary);
-        self.file.write(self.channels.summary, self.states, frame.time_s, message)?;
+        self.file.write(self.channels.summary, self.written.states, frame.time_s, message)?;
         let (motions, events) = self.followed.observe(frame);
         for ((bead, channel), motion) in self.beads.iter().zip(&self.channels.motions).zip(motions) {
             let message = self.scalars.motion(frame, *bead, motion.values());
-            self.file.write(*channel, self.states, frame.time_s, message)?;
+            self.file.write(*channel, self.written.states, frame.time_s, message)?;
         }
         for event in events.to_vec() {
             self.log(event.time_s, &format!("bead {}", event.bead), text_of(&event))?;
@@ -140,8 +138,7 @@ impl Export for Foxglove {
         self.scalars(frame)?;
         self.cloud(frame)?;
         self.space_time.push(&self.excerpt, frame);
-        self.states += 1;
-        self.steps = Some((self.steps.map_or(frame.step, |(first, _)| first), frame.step));
+        self.written.count(frame);
         Ok(())
     }
 
@@ -151,13 +148,13 @@ impl Export for Foxglove {
 
     /// The map, known only now, stands at the begin of the time, so that it is there whatever moment is shown.
     fn finish(mut self: Box<Self>) -> Result<Vec<PathBuf>, ExportError> {
-        let begin_s = self.excerpt.window.from_s;
+        let begin_s = self.excerpt.begin_s();
         // in chunks of their own: those before keep to the order of time
         self.file.flush()?;
         for (channel, image) in self.channels.maps.into_iter().zip(self.space_time.images()) {
             self.write(channel, 0, begin_s, &image)?;
         }
-        let about = self.excerpt.about(self.states, self.steps);
+        let about = self.written.about(&self.excerpt);
         Ok(vec![self.file.finish(&about)?.path])
     }
 }
@@ -187,7 +184,10 @@ fn beads_to_follow(manifest: &RunManifest) -> Vec<u64> {
 
 fn about(manifest: &RunManifest) -> String {
     let RunManifest { physics, provenance, .. } = manifest;
-    format!("run {} ({}): {} beads, alpha {}", provenance.name, provenance.run_id, physics.beads, physics.alpha)
+    format!(
+        "run {} ({}): {} beads, alpha {}",
+        provenance.name, provenance.run_id, physics.beads, physics.alpha
+    )
 }
 
 fn text_of(event: &Event) -> String {

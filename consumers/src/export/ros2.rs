@@ -2,10 +2,12 @@
 
 mod cdr;
 
-use super::{Excerpt, Export, ExportError};
+use super::{Excerpt, Export, ExportError, Written};
 use cdr::Cdr;
 use schemas::frame::Frame;
-use schemas::recording::{ForeignChannel, ForeignSchema, ForeignTopic, ForeignWriter, WriteOptions};
+use schemas::recording::{
+    ForeignChannel, ForeignSchema, ForeignTopic, ForeignWriter, WriteOptions, log_time_ns,
+};
 use schemas::ros2::MessageType;
 use schemas::summary::{Summarizer, Summary};
 use std::path::{Path, PathBuf};
@@ -18,8 +20,7 @@ pub(super) struct Ros2 {
     excerpt: Excerpt,
     summarizer: Summarizer,
     cdr: Cdr,
-    states: u64,
-    steps: Option<(u64, u64)>,
+    written: Written,
 }
 
 impl Ros2 {
@@ -33,38 +34,41 @@ impl Ros2 {
         let state = add(&mut file, "/state", MessageType::ChainState)?;
         let summary = add(&mut file, "/summary", MessageType::Summary)?;
         let mut cdr = Cdr::default();
-        let begin_s = excerpt.window.from_s;
+        let begin_s = excerpt.begin_s();
         cdr.begin().string(&manifest.to_json());
         file.write(manifest_channel, 0, begin_s, cdr.bytes())?;
         encode_chain(&mut cdr, excerpt, begin_s);
         file.write(chain_channel, 0, begin_s, cdr.bytes())?;
         let summarizer = Summarizer::new(&manifest.physics);
-        Ok(Self { file, state, summary, excerpt: excerpt.clone(), summarizer, cdr, states: 0, steps: None })
+        Ok(Self {
+            file,
+            state,
+            summary,
+            excerpt: excerpt.clone(),
+            summarizer,
+            cdr,
+            written: Written::default(),
+        })
     }
 }
 
 impl Export for Ros2 {
     fn frame(&mut self, frame: &Frame<'_>) -> Result<(), ExportError> {
         encode_state(&mut self.cdr, &self.excerpt, frame);
-        self.file.write(self.state, self.states, frame.time_s, self.cdr.bytes())?;
+        self.file.write(self.state, self.written.states, frame.time_s, self.cdr.bytes())?;
         encode_summary(&mut self.cdr, frame, &self.summarizer.summarize(frame));
-        self.file.write(self.summary, self.states, frame.time_s, self.cdr.bytes())?;
-        self.states += 1;
-        self.steps = Some((self.steps.map_or(frame.step, |(first, _)| first), frame.step));
+        self.file.write(self.summary, self.written.states, frame.time_s, self.cdr.bytes())?;
+        self.written.count(frame);
         Ok(())
     }
 
     fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, ExportError> {
-        let about = self.excerpt.about(self.states, self.steps);
+        let about = self.written.about(&self.excerpt);
         Ok(vec![self.file.finish(&about)?.path])
     }
 }
 
-fn add(
-    file: &mut ForeignWriter,
-    topic: &str,
-    message: MessageType,
-) -> Result<ForeignChannel, ExportError> {
+fn add(file: &mut ForeignWriter, topic: &str, message: MessageType) -> Result<ForeignChannel, ExportError> {
     let text = message.definition();
     let schema = ForeignSchema { name: message.name(), encoding: "ros2msg", text: text.as_bytes() };
     // players of bags look for the key; empty is the default quality of service
@@ -74,8 +78,11 @@ fn add(
 
 /// A `std_msgs/Header` of the simulated time.
 fn encode_header(cdr: &mut Cdr, time_s: f64) {
-    let (seconds, nanoseconds) = super::stamp(time_s);
-    cdr.begin().i32(i32::try_from(seconds).unwrap_or(i32::MAX)).u32(nanoseconds).string("chain");
+    let time_ns = log_time_ns(time_s);
+    let seconds = i32::try_from(time_ns / 1_000_000_000).unwrap_or(i32::MAX);
+    // less than 1e9
+    let nanoseconds = u32::try_from(time_ns % 1_000_000_000).unwrap_or(0);
+    cdr.begin().i32(seconds).u32(nanoseconds).string("chain");
 }
 
 fn encode_chain(cdr: &mut Cdr, excerpt: &Excerpt, begin_s: f64) {

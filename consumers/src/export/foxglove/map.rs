@@ -19,7 +19,7 @@ impl SpaceTime {
     pub(super) fn new(excerpt: &Excerpt, scale_m_s: f64) -> Self {
         let (first_step, last_step) = excerpt.steps();
         let map = VelocityMap::new(excerpt.beads.len(), last_step - first_step);
-        Self { map, first_step, begin_s: excerpt.window.from_s, scale_m_s }
+        Self { map, first_step, begin_s: excerpt.begin_s(), scale_m_s }
     }
 
     pub(super) fn push(&mut self, excerpt: &Excerpt, frame: &Frame<'_>) {
