@@ -3,11 +3,14 @@
 //! An [`Export`] takes states one by one and keeps none of them in memory. Its file has its name only when
 //! [`Export::finish`] has given it; dropped before that, nothing of it is left.
 
+mod foxglove;
 mod npz;
+mod ros2;
 mod spool;
 
 use schemas::frame::{Frame, Window};
 use schemas::manifest::RunManifest;
+use schemas::recording::WriteError;
 use schemas::whole_file::WholeFileError;
 use std::fmt;
 use std::ops::Range;
@@ -22,6 +25,8 @@ pub struct Excerpt {
     pub beads: Range<usize>,
     /// The simulated time that was asked for; the states need not fill it.
     pub window: Window,
+    /// Point clouds spread over that time, in formats that have them.
+    pub clouds: u64,
 }
 
 impl Excerpt {
@@ -35,9 +40,46 @@ impl Excerpt {
         (&frame.u_m[self.beads.clone()], &frame.v_m_s[self.beads.clone()])
     }
 
+    /// The first and the last step that may be exported.
+    fn steps(&self) -> (u64, u64) {
+        let physics = &self.manifest.physics;
+        (physics.step_at_or_after(self.window.from_s), physics.step_at_or_before(self.window.until_s))
+    }
+
+    /// The simulated time (s) of the first of these steps.
+    fn begin_s(&self) -> f64 {
+        self.manifest.physics.time_s(self.steps().0)
+    }
+
     /// The number of the frame at `step`, if there is one: steps between frames may be exported, too.
     pub fn frame_at(&self, step: u64) -> Option<u64> {
         self.manifest.is_frame(step).then(|| self.manifest.frame_at(step))
+    }
+}
+
+/// What an MCAP file says of the states in it.
+#[derive(Debug, Default)]
+struct Written {
+    states: u64,
+    /// Of the first and the last one.
+    steps: (u64, u64),
+}
+
+impl Written {
+    fn count(&mut self, frame: &Frame<'_>) {
+        let first = if self.states == 0 { frame.step } else { self.steps.0 };
+        self.steps = (first, frame.step);
+        self.states += 1;
+    }
+
+    fn about(&self, excerpt: &Excerpt) -> [(&'static str, String); 5] {
+        [
+            ("states", self.states.to_string()),
+            ("first_step", self.steps.0.to_string()),
+            ("last_step", self.steps.1.to_string()),
+            ("first_bead", excerpt.beads.start.to_string()),
+            ("bead_count", excerpt.beads.len().to_string()),
+        ]
     }
 }
 
@@ -48,6 +90,9 @@ pub trait Export {
     /// # Errors
     /// When the disk does not take it; the export is then of no use any more.
     fn frame(&mut self, frame: &Frame<'_>) -> Result<(), ExportError>;
+
+    /// States that were recorded are missing before the next one.
+    fn gap(&mut self) {}
 
     /// Completes the export and gives each file of it its name, the one that was asked for first.
     ///
@@ -62,6 +107,9 @@ pub enum ExportError {
     /// The file could not be written, or not be given its name.
     #[error(transparent)]
     File(#[from] WholeFileError),
+    /// The same of an MCAP file.
+    #[error(transparent)]
+    Mcap(#[from] WriteError),
 }
 
 impl ExportError {
@@ -69,6 +117,7 @@ impl ExportError {
     pub fn is_in_the_way(&self) -> bool {
         match self {
             Self::File(error) => error.is_in_the_way(),
+            Self::Mcap(error) => error.is_in_the_way(),
         }
     }
 }
@@ -78,16 +127,22 @@ impl ExportError {
 pub enum Format {
     /// Arrays of `NumPy` in a ZIP file.
     Npz,
+    /// An MCAP file with Foxglove's messages.
+    Foxglove,
+    /// An MCAP file with messages of ROS 2.
+    Ros2,
 }
 
 impl Format {
     /// All of them.
-    pub const ALL: [Self; 1] = [Self::Npz];
+    pub const ALL: [Self; 3] = [Self::Npz, Self::Foxglove, Self::Ros2];
 
     /// Its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Npz => "npz",
+            Self::Foxglove => "foxglove",
+            Self::Ros2 => "ros2",
         }
     }
 
@@ -95,6 +150,7 @@ impl Format {
     pub fn extensions(self) -> &'static [&'static str] {
         match self {
             Self::Npz => &["npz"],
+            Self::Foxglove | Self::Ros2 => &[],
         }
     }
 
@@ -111,6 +167,8 @@ impl Format {
     ) -> Result<Box<dyn Export>, ExportError> {
         Ok(match self {
             Self::Npz => Box::new(npz::Npz::create(path, excerpt, replace)?),
+            Self::Foxglove => Box::new(foxglove::Foxglove::create(path, excerpt, replace)?),
+            Self::Ros2 => Box::new(ros2::Ros2::create(path, excerpt, replace)?),
         })
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! [`RecordingWriter`] is a frame sink and [`RecordingSource`] a frame source; [`RecordingInfo`] says what
 //! is in a file, [`SpaceNeeded`] what one would take on the disk. [`ContactsWriter`] and
-//! [`ContactsReader`] keep the space-time map of the contacts in the same kind of file.
+//! [`ContactsReader`] keep the space-time map of the contacts in the same kind of file. [`ForeignWriter`] writes
+//! MCAP files for programs that know nothing of ours.
 //!
 //! A file is written as `<name>.mcap.partial` in whole chunks, so that what a crash leaves is a valid
 //! prefix, and becomes `<name>.mcap` when it is finished. Files come from other people: whatever the
@@ -26,6 +27,7 @@ mod disk;
 mod encode;
 mod encoded;
 mod error;
+mod foreign;
 #[cfg(feature = "fuzzing")]
 #[doc(hidden)]
 pub mod fuzzing;
@@ -42,6 +44,7 @@ mod proto;
 mod records;
 mod results;
 mod salvage;
+mod scalars;
 mod schedule;
 mod source;
 mod space;
@@ -54,6 +57,7 @@ pub use contacts::{COMPRESSED, ContactsReader, ContactsRow, ContactsWriter, OPEN
 pub use disk::{Disk, DiskWatch};
 pub use encoded::{EncodedStates, SummaryChecker, SummaryDifference};
 pub use error::{ReadError, WriteError};
+pub use foreign::{ForeignChannel, ForeignSchema, ForeignTopic, ForeignWriter};
 pub use head::{BeginRecord, EndRecord, hex, state_hash};
 pub use info::{ChannelInfo, RecordingInfo};
 pub use interrupted::{InterruptedRecording, ResumeError};
@@ -62,6 +66,7 @@ pub use parts::{PartsWriter, Split, part_path};
 pub use records::MAX_RECORD_BYTES;
 pub use results::{ResultKind, ResultRow, RowValues};
 pub use salvage::{Damage, DamageKind, LostFrames, MOST_DAMAGES};
+pub use scalars::Scalars;
 pub use source::RecordingSource;
 pub use space::SpaceNeeded;
 pub use writer::RecordingWriter;
@@ -71,7 +76,7 @@ pub const PROFILE: &str = "beadline";
 
 /// Simulated time in ns from 0, as in the log and publish times of messages: rounded, so neighbours may
 /// be equal.
-fn log_time_ns(time_s: f64) -> u64 {
+pub fn log_time_ns(time_s: f64) -> u64 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates, NaN is 0")]
     let ns = (time_s * 1e9).round() as u64;
     ns

@@ -14,7 +14,9 @@ use std::path::PathBuf;
     beadline export run.mcap --to npz --out run.npz               numpy.load(\"run.npz\")[\"velocity_m_s\"]\n  \
     beadline export run.mcap --out part.npz --from 0.02 --until 0.03 --beads 400..600\n  \
     beadline export sparse.mcap --out all.npz --every-step        also what was not recorded, recomputed\n  \
-    beadline export run.mcap --out few.npz --every-steps 100      the steps 0, 100, 200 …\n\n\
+    beadline export run.mcap --out few.npz --every-steps 100      the steps 0, 100, 200 …\n  \
+    beadline export run.mcap --to foxglove --out shown.mcap       for Foxglove, Lichtblick, Rerun\n  \
+    beadline export run.mcap --to ros2 --out bag.mcap             for ROS 2, rosbags, MATLAB\n\n\
     Exit code 3: the recording was not finished, is damaged or goes on elsewhere; what it holds is exported."
 )]
 pub(crate) struct ExportArgs {
@@ -42,6 +44,9 @@ pub(crate) struct ExportArgs {
     /// Every step, recomputed where the recording does not hold it
     #[arg(long, conflicts_with = "every_steps")]
     pub(crate) every_step: bool,
+    /// Point clouds of the chain, spread over that time, for `--to foxglove`
+    #[arg(long, value_name = "N", default_value = "300")]
+    pub(crate) clouds: NonZero<u64>,
     /// Threads that recompute, if the recording is sparse [default: one for each core]
     #[arg(long, value_name = "N", value_parser = parse_jobs)]
     pub(crate) jobs: Option<NonZero<usize>>,

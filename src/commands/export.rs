@@ -51,6 +51,10 @@ impl Analysis for Exporting {
         }
         Ok(())
     }
+
+    fn gap(&mut self) {
+        self.export.gap();
+    }
 }
 
 pub(crate) fn export(args: &ExportArgs) -> Result<Done, Failure> {
@@ -61,7 +65,8 @@ pub(crate) fn export(args: &ExportArgs) -> Result<Done, Failure> {
     let (mut frames, window) = open(args, &from, &stop)?;
     let manifest = frames.manifest().clone();
     display::notice_of_version(&manifest);
-    let excerpt = Excerpt { beads: check_beads(&manifest, args.beads)?, manifest, window };
+    let excerpt =
+        Excerpt { beads: check_beads(&manifest, args.beads)?, manifest, window, clouds: args.clouds.get() };
     let mut exporting = Exporting::begin(format.begin(&args.out, &excerpt, args.force)?, args, &excerpt);
     let tally = follow(&mut frames, &mut exporting, window)?;
     let Exporting { export, states, steps, .. } = exporting;

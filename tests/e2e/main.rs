@@ -13,6 +13,7 @@ mod guide;
 mod harness;
 mod hostile_files;
 mod lying;
+mod mcap_readers;
 mod other_tools;
 mod pipeline;
 mod plot;

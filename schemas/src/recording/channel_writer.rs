@@ -11,6 +11,7 @@ mod output;
 mod queue;
 mod threads;
 
+use super::PROFILE;
 use super::contents::Channel;
 use super::error::WriteError;
 use super::head;
@@ -87,7 +88,7 @@ pub struct Finished {
     pub bytes: u64,
     /// The size of its messages before compression.
     pub uncompressed_bytes: u64,
-    /// Number of states, or of rows of a contacts map.
+    /// Number of states, of rows of a contacts map, or of messages for other programs.
     pub frames: u64,
     /// Time that the recording thread waited for the disk.
     pub held_back: Duration,
@@ -129,12 +130,25 @@ impl ChannelWriter {
         run_toml: Option<&str>,
         options: &WriteOptions,
     ) -> Result<Self, WriteError> {
+        Self::create_for(PROFILE, path, manifest, begin, run_toml, options)
+    }
+
+    /// The same for readers that look for another profile.
+    pub(super) fn create_for(
+        profile: &str,
+        path: &Path,
+        manifest: &RunManifest,
+        begin: Option<Metadata>,
+        run_toml: Option<&str>,
+        options: &WriteOptions,
+    ) -> Result<Self, WriteError> {
         let file = WholeFile::create(path, options.force)?;
         let partial = file.partial().to_owned();
         let io = WriteError::io(&partial);
         let run_toml = run_toml.map(|text| (about_run_toml(manifest), text.as_bytes()));
         let metadata: Vec<_> = [head::run_metadata(manifest)].into_iter().chain(begin).collect();
-        let (output, position) = Output::begin(Arc::clone(file.file()), &metadata, run_toml).map_err(&io)?;
+        let (output, position) =
+            Output::begin(Arc::clone(file.file()), profile, &metadata, run_toml).map_err(&io)?;
         file.file().sync_data().map_err(&io)?;
         file.sync_name()?;
         let queue = Queue::new(Chunks::new(Rules::of(options)));
@@ -168,13 +182,13 @@ impl ChannelWriter {
         self.define_channel(schema_id, topic, message_encoding, metadata)
     }
 
-    fn add_schema(&mut self, name: &str, encoding: &str, text: &[u8]) -> Result<u16, WriteError> {
+    pub(super) fn add_schema(&mut self, name: &str, encoding: &str, text: &[u8]) -> Result<u16, WriteError> {
         let record = |id, bytes: &mut Vec<u8>| framing::schema(bytes, id, name, encoding, text);
         let added = self.schemas.add(record);
         self.define(added, "schemas")
     }
 
-    fn define_channel(
+    pub(super) fn define_channel(
         &mut self,
         schema_id: u16,
         topic: &str,

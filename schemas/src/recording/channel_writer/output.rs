@@ -3,7 +3,6 @@
 use super::Compression;
 use super::block::Block;
 use super::framing::{self, ChunkHead};
-use crate::recording::PROFILE;
 use mcap::records::{AttachmentIndex, ChunkIndex, Metadata, MetadataIndex, Statistics, op};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -88,10 +87,11 @@ impl Encoder {
 }
 
 impl Output {
-    /// Begins the MCAP file in `file`, which is empty, with `metadata` and perhaps an attachment, at once; and says
-    /// where to read its size. The attachment is described by an index without its place and lengths.
+    /// Begins the MCAP file of `profile` in `file`, which is empty, with `metadata` and perhaps an attachment, at once;
+    /// and says where to read its size. The attachment is described by an index without its place and lengths.
     pub(super) fn begin(
         file: Arc<File>,
+        profile: &str,
         metadata: &[Metadata],
         attachment: Option<(AttachmentIndex, &[u8])>,
     ) -> io::Result<(Self, Arc<AtomicU64>)> {
@@ -108,7 +108,7 @@ impl Output {
             times_ns: None,
         };
         let mut head = mcap::MAGIC.to_vec();
-        framing::header(&mut head, PROFILE, concat!("beadline ", env!("CARGO_PKG_VERSION")));
+        framing::header(&mut head, profile, concat!("beadline ", env!("CARGO_PKG_VERSION")));
         for record in metadata {
             output.metadata(&mut head, record);
         }
