@@ -15,6 +15,7 @@ mod lying;
 mod other_tools;
 mod pipeline;
 mod pulses;
+mod python;
 mod recomputing;
 mod recording_live;
 mod recordings;

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The Python of `tests/setup`, or none.
-fn python() -> Option<PathBuf> {
+pub(crate) fn python() -> Option<PathBuf> {
     let found = std::env::var_os("BEADLINE_CHECK_PYTHON")
         .map(PathBuf::from)
         .and_then(|path| path.canonicalize().ok());
