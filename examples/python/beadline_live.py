@@ -142,7 +142,19 @@ class Bus:
         # with signal handling of its own iceoryx2 would keep Ctrl-C from Python
         builder = iox2.NodeBuilder.new().config(self.config)
         builder = builder.signal_handling_mode(iox2.SignalHandlingMode.Disabled)
-        self.node = builder.create(iox2.ServiceType.Ipc)
+        self.node = self._register(builder)
+
+    @staticmethod
+    def _register(builder):
+        """Others may be making or removing what all processes share."""
+        start = time.monotonic()
+        while True:
+            try:
+                return builder.create(iox2.ServiceType.Ipc)
+            except iox2.NodeCreationFailure as error:
+                if time.monotonic() - start > 1:
+                    raise RunError(f"cannot register on the bus: {error}") from error
+                time.sleep(0.002)
 
     def runs(self):
         """The names of the runs that consumers can attach to."""
@@ -302,7 +314,10 @@ class Run:
             return False
         self.name, self._board, self._stream = name, board, stream_of(status)
         self.manifest = board.manifest(self._stream)
-        return self.manifest is not None and self._subscribe() and self._join()
+        if self.manifest is None or not self._subscribe() or not self._join():
+            self.close()
+            return False
+        return True
 
     def _subscribe(self):
         state, events = self.bus.slices(self.name, "state"), self.bus.events(self.name, "state")

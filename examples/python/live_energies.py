@@ -28,10 +28,12 @@ def main(name=None):
     with Run(name, label="energies-py") as run:
         potential_of, mass = potential_energy(run), run.chain.mass
         print("frame,step,time_s,kinetic_j,potential_j,total_j")
+        frame = None
         for frame in run:
             kinetic, potential = np.sum(mass * frame.v**2) / 2, potential_of(frame.u)
             print(frame.frame, frame.step, frame.time_s, kinetic, potential, kinetic + potential, sep=",")
-    print(f"{run.name}: {run.end}, frames {run.first_frame} to {frame.frame}", file=sys.stderr)
+    frames = f"frames {run.first_frame} to {frame.frame}" if frame else "no frames"
+    print(f"{run.name}: {run.end}, {frames}", file=sys.stderr)
 
 
 try:
