@@ -18,6 +18,7 @@ mod other_tools;
 mod pipeline;
 mod plot;
 mod pulses;
+mod python;
 mod recomputing;
 mod recording_live;
 mod recordings;
