@@ -42,7 +42,7 @@ fn blocks(page: &str) -> Vec<Block> {
     blocks
 }
 
-/// A page of the guide, the place where its commands run, and whether its Python is there.
+/// A page of the guide, the place where its commands run, and the Python of `tests/setup`, if that is there.
 struct Reader<'a> {
     page: &'a str,
     place: Place,
@@ -53,7 +53,7 @@ impl Reader<'_> {
     fn command(&self, program: &str, flag: &str, code: &str) -> Command {
         let mut command = self.place.foreign(program, [flag, code]);
         let beadline = Path::new(env!("CARGO_BIN_EXE_beadline")).parent().unwrap();
-        let mut directories = vec![beadline.to_owned()];
+        let mut directories = vec![beadline.to_owned(), beadline.join("examples")];
         directories.extend(self.python.iter().filter_map(|python| python.parent()).map(Path::to_owned));
         directories.extend(std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default()));
         let path: OsString = std::env::join_paths(directories).unwrap();
@@ -80,13 +80,21 @@ impl Reader<'_> {
                 assert!(matches!(ended.code(), Some(2 | 3)), "{}:{} should fail", self.page, block.line);
             }
             "sh terminal-1" => *first_terminal = Some(self.start(block)),
-            "sh terminal-2" => {
+            "sh terminal-2" | "python terminal-2" => {
                 self.start(block).wait().exits(0);
                 first_terminal.take().expect("a first terminal").wait().exits(0);
             }
-            "text" | "toml" | "rust" | "c" => (),
+            "rust" => {
+                assert!(self.example().contains(&block.code), "{}:{} is another", self.page, block.line)
+            }
+            "text" | "toml" => (),
             other => panic!("{}:{}: nobody runs a block of `{other}`", self.page, block.line),
         }
+    }
+
+    /// What the guide shows in Rust is a part of this, which is compiled.
+    fn example(&self) -> String {
+        fs::read_to_string(root().join("examples/own_consumer.rs")).unwrap()
     }
 
     /// Each picture of the guide that a page shows is what its commands have made.
@@ -109,12 +117,14 @@ impl Reader<'_> {
 fn read(page: &str) {
     let text = fs::read_to_string(root().join(page)).unwrap();
     let blocks = blocks(&text);
-    let uses_python = |block: &Block| block.kind == "python" || block.code.contains("python3 ");
+    let uses_python = |block: &Block| block.kind.starts_with("python");
     let python = if blocks.iter().any(uses_python) { python() } else { None };
     let reader = Reader { page, place: Place::new(), python };
     let mut first_terminal = None;
     for block in &blocks {
         if uses_python(block) && reader.python.is_none() {
+            // a run that waits for it would wait in vain
+            first_terminal = None;
             skip(&format!("{page}:{} needs the Python of `tests/setup`", block.line));
         } else {
             reader.run(block, &mut first_terminal);
@@ -140,8 +150,18 @@ fn record() {
 }
 
 #[test]
+fn share() {
+    read("docs/guide/4-share.md");
+}
+
+#[test]
 fn sweep() {
     read("docs/guide/5-sweep.md");
+}
+
+#[test]
+fn own_consumer() {
+    read("docs/guide/6-own-consumer.md");
 }
 
 #[test]
