@@ -3,9 +3,14 @@
 //! An [`Export`] takes states one by one and keeps none of them in memory. Its file has its name only when
 //! [`Export::finish`] has given it; dropped before that, nothing of it is left.
 
+mod csv;
+#[cfg(feature = "hdf5")]
+mod hdf5;
 mod npz;
+mod parquet;
 mod spool;
 
+use crate::table::{Column, Kind, Table};
 use schemas::frame::{Frame, Window};
 use schemas::manifest::RunManifest;
 use schemas::whole_file::WholeFileError;
@@ -62,6 +67,14 @@ pub enum ExportError {
     /// The file could not be written, or not be given its name.
     #[error(transparent)]
     File(#[from] WholeFileError),
+    /// This program was built without the format.
+    #[error(
+        "this beadline was built without {format}; `cargo build --release --features {format}` makes one that has it"
+    )]
+    NotBuilt {
+        /// The format.
+        format: Format,
+    },
 }
 
 impl ExportError {
@@ -69,6 +82,7 @@ impl ExportError {
     pub fn is_in_the_way(&self) -> bool {
         match self {
             Self::File(error) => error.is_in_the_way(),
+            Self::NotBuilt { .. } => false,
         }
     }
 }
@@ -78,16 +92,25 @@ impl ExportError {
 pub enum Format {
     /// Arrays of `NumPy` in a ZIP file.
     Npz,
+    /// A table with a row for each state and columns for each bead.
+    Csv,
+    /// A table with a row for each state and lists of values for the beads.
+    Parquet,
+    /// HDF5 in the layout of H5MD.
+    Hdf5,
 }
 
 impl Format {
     /// All of them.
-    pub const ALL: [Self; 1] = [Self::Npz];
+    pub const ALL: [Self; 4] = [Self::Npz, Self::Csv, Self::Parquet, Self::Hdf5];
 
     /// Its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Npz => "npz",
+            Self::Csv => "csv",
+            Self::Parquet => "parquet",
+            Self::Hdf5 => "hdf5",
         }
     }
 
@@ -95,14 +118,26 @@ impl Format {
     pub fn extensions(self) -> &'static [&'static str] {
         match self {
             Self::Npz => &["npz"],
+            Self::Csv => &["csv"],
+            Self::Parquet => &["parquet"],
+            Self::Hdf5 => &["h5", "hdf5", "h5md"],
         }
+    }
+
+    /// Looks whether this program has the format: a heavy one is a feature of the build.
+    ///
+    /// # Errors
+    /// [`ExportError::NotBuilt`].
+    pub fn check_built(self) -> Result<(), ExportError> {
+        let built = self != Self::Hdf5 || cfg!(feature = "hdf5");
+        if built { Ok(()) } else { Err(ExportError::NotBuilt { format: self }) }
     }
 
     /// Begins an export of `excerpt` to `path`. A file of that name, or what an export has left of one, is in the
     /// way unless `replace`.
     ///
     /// # Errors
-    /// When something is in the way, or the file cannot be created.
+    /// When something is in the way, the file cannot be created, or this program has not the format.
     pub fn begin(
         self,
         path: &Path,
@@ -111,6 +146,12 @@ impl Format {
     ) -> Result<Box<dyn Export>, ExportError> {
         Ok(match self {
             Self::Npz => Box::new(npz::Npz::create(path, excerpt, replace)?),
+            Self::Csv => Box::new(csv::Csv::create(path, excerpt, replace)?),
+            Self::Parquet => Box::new(parquet::Parquet::create(path, excerpt, replace)?),
+            #[cfg(not(feature = "hdf5"))]
+            Self::Hdf5 => return Err(ExportError::NotBuilt { format: self }),
+            #[cfg(feature = "hdf5")]
+            Self::Hdf5 => Box::new(hdf5::Hdf5::create(path, excerpt, replace)?),
         })
     }
 }
@@ -118,5 +159,49 @@ impl Format {
 impl fmt::Display for Format {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
+    }
+}
+
+/// The name of a file beside `path`: `run.csv` and `chain.csv` make `run.chain.csv`.
+fn beside(path: &Path, format: Format, name: &str) -> PathBuf {
+    let end = path.extension().and_then(|end| end.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let is_end = format.extensions().contains(&end.as_str());
+    let mut stem = if is_end { path.with_extension("") } else { path.to_owned() }.into_os_string();
+    stem.push(".");
+    stem.push(name);
+    PathBuf::from(stem)
+}
+
+/// A table of the beads and of the contact that each has with the next one.
+fn chain_table(path: &Path, excerpt: &Excerpt, replace: bool) -> Result<Table, WholeFileError> {
+    let columns = [
+        Column::new("bead", Kind::Integer),
+        Column::new("mass_kg", Kind::Double),
+        Column::new("stiffness", Kind::Double),
+        Column::new("rest_overlap_m", Kind::Double),
+    ];
+    let mut table = Table::create(path, &columns, replace)?;
+    let chain = excerpt.manifest.physics.chain();
+    for bead in excerpt.beads.clone() {
+        table.integer(bead as u64).double(chain.mass_kg[bead]);
+        if excerpt.contacts().contains(&bead) {
+            table.double(chain.stiffness[bead]).double(chain.rest_overlap_m[bead]);
+        } else {
+            table.empty().empty();
+        }
+        table.end_row()?;
+    }
+    Ok(table)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_goes_with_a_file_is_named_after_it() {
+        let named = |path: &str| beside(Path::new(path), Format::Csv, "chain.csv").display().to_string();
+        assert_eq!(named("a/run.csv"), "a/run.chain.csv");
+        assert_eq!(named("run.v2"), "run.v2.chain.csv");
     }
 }
