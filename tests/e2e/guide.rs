@@ -4,8 +4,7 @@
 //! the `sh terminal-2` after it run at the same time, `sh install` is what CI does before. With `BEADLINE_RENEW_PICTURES` set
 //! the pictures of the guide are made anew.
 
-use crate::harness::{Ended, Place, Running, skip};
-use crate::other_tools::python;
+use crate::harness::{Ended, Place, Running, python, skip};
 use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};

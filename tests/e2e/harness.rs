@@ -210,3 +210,20 @@ pub(crate) fn skip(why: &str) {
     let said = std::io::stderr().write_all(format!("\nSKIPPED: {why}\n").as_bytes());
     said.unwrap();
 }
+
+/// The Python of `tests/setup`, or none.
+pub(crate) fn python() -> Option<PathBuf> {
+    let found = std::env::var_os("BEADLINE_CHECK_PYTHON")
+        .map(PathBuf::from)
+        .and_then(|path| path.canonicalize().ok());
+    if found.is_none() {
+        skip(
+            "set BEADLINE_CHECK_PYTHON to the Python that `tests/setup` makes to check with Python's readers",
+        );
+    }
+    // the link itself names the environment, its target does not
+    found.and(
+        std::env::var_os("BEADLINE_CHECK_PYTHON")
+            .map(|path| std::path::absolute(PathBuf::from(path)).unwrap()),
+    )
+}

@@ -1,7 +1,6 @@
 //! Files of ours in every reader of MCAP that others wrote: Python's, those for Node.js, Rerun's.
 
-use crate::harness::{Place, Running, skip, wait_until};
-use crate::other_tools::python;
+use crate::harness::{Place, Running, python, skip, wait_until};
 use schemas::recording::RecordingInfo;
 use std::fs;
 use std::path::{Path, PathBuf};

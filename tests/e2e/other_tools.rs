@@ -1,25 +1,8 @@
 //! Recordings read by tools that others wrote.
 
-use crate::harness::{Place, Running, skip};
+use crate::harness::{Place, Running, python};
 use std::fs;
-use std::path::{Path, PathBuf};
-
-/// The Python of `tests/setup`, or none.
-pub(crate) fn python() -> Option<PathBuf> {
-    let found = std::env::var_os("BEADLINE_CHECK_PYTHON")
-        .map(PathBuf::from)
-        .and_then(|path| path.canonicalize().ok());
-    if found.is_none() {
-        skip(
-            "set BEADLINE_CHECK_PYTHON to the Python that `tests/setup` makes to check with Python's readers",
-        );
-    }
-    // the link itself names the environment, its target does not
-    found.and(
-        std::env::var_os("BEADLINE_CHECK_PYTHON")
-            .map(|path| std::path::absolute(PathBuf::from(path)).unwrap()),
-    )
-}
+use std::path::Path;
 
 /// Python's `mcap` and `mcap-protobuf-support` read a recording, CRCs checked, and get the doubles that
 /// stand in our table.

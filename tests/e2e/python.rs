@@ -1,7 +1,6 @@
 //! `examples/python`, as docs/PYTHON.md shows it, against real runs and recordings.
 
-use crate::harness::{Place, Running};
-use crate::other_tools::python;
+use crate::harness::{Place, Running, python};
 use std::fs;
 use std::io::Write as _;
 use std::path::Path;
