@@ -134,6 +134,11 @@ fn read(page: &str) {
 }
 
 #[test]
+fn readme() {
+    read("README.md");
+}
+
+#[test]
 fn first_run() {
     read("docs/guide/1-first-run.md");
 }
