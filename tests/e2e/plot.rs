@@ -132,7 +132,7 @@ fn a_part_of_a_chain_and_of_a_run_is_what_is_drawn() {
     let profile = "plot small.mcap --what overlap --at 0.004 --beads 30..60 --out p.svg --json";
     let largest = place.run(profile).exits(0).json()["results"]["largest"].as_f64().unwrap();
     assert!(largest > 1e-4, "the pulse is there: {largest}");
-    assert!(words(&place, "p.svg").iter().any(|label| label.contains("t = 4.000")));
+    assert!(words(&place, "p.svg").iter().any(|label| label.contains("t = 4.00")));
     // the maps of the analyses end where they were told to, too
     place.run("contacts small.mcap --from 0.004 --until 0.008 --figure c.svg").exits(0);
     assert!(!words(&place, "c.svg").iter().any(|label| label == "0.0" || label == "12"));

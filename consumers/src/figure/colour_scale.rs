@@ -72,7 +72,7 @@ impl ColourScale {
             return BarTicks { numbers: decades, exponent: 0 };
         }
         let axis = Axis::new("").limits(self.from, self.to);
-        let ticks = Scale::new(&axis, std::iter::empty(), Room::Nothing).ticks(most);
+        let ticks = Scale::new(&axis, std::iter::empty(), Room::Nothing).ticks(most.div_ceil(2) + 1);
         let numbers = match self.log_beyond {
             None => ticks.major,
             // less than a decade: the ends are enough
@@ -186,7 +186,7 @@ mod tests {
     fn a_linear_scale_has_its_zero_where_the_colours_meet() {
         let scale = ColourScale::new("v (m/s)", -1.0, 3.0);
         assert_eq!(scale.shades(), (-1.0 / 3.0, 1.0));
-        assert_eq!(labels(&scale, 5), ["−1", "0", "1", "2", "3"]);
+        assert_eq!(labels(&scale, 6), ["−1", "0", "1", "2", "3"]);
         assert_eq!(scale.place(0.0), 0.25);
     }
 

@@ -50,20 +50,30 @@ fn beyond_rest(manifest: &RunManifest, frame: &Frame<'_>, places: &Range<usize>)
     let largest = values.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
     let (prefix, factor) = prefix(largest);
     let curve = places.clone().zip(values).map(|(place, value)| (place as f64, value * factor));
-    let x = Axis::new("contact").limits(places.start as f64, places.end as f64 - 1.0);
+    let x = profile_axis(Field::Overlap, places);
     let label = format!("overlap beyond rest ({prefix}m)");
     let panel = Panel::new().x_axis(x).y_axis(label).curve(marked(Curve::line("", curve), places));
     mark_impurities(panel, manifest, Field::Overlap, places)
 }
 
-/// A chain of few beads is seen to be one.
+/// Whether each bead is marked, so that a chain of few is seen to be one.
+fn is_marked(places: &Range<usize>) -> bool {
+    places.len() <= 60
+}
+
 fn marked(curve: Curve, places: &Range<usize>) -> Curve {
-    if places.len() <= 60 { curve.mark(Mark::Circle) } else { curve }
+    if is_marked(places) { curve.mark(Mark::Circle) } else { curve }
+}
+
+/// From the first place to the last, with room for their marks.
+fn profile_axis(field: Field, places: &Range<usize>) -> Axis {
+    let room = if is_marked(places) { 0.5 } else { 0.0 };
+    Axis::new(field.place()).limits(places.start as f64 - room, places.end as f64 - 1.0 + room)
 }
 
 fn at(manifest: &RunManifest, frame: &Frame<'_>) -> Figure {
     let (time_ms, step) = (short(frame.time_s * 1e3), frame.step);
-    Figure::new().caption(format!("{}; t = {time_ms} ms (step {step})", caption(manifest)))
+    Figure::new().caption(format!("{}; t = {time_ms}\u{a0}ms (step {step})", caption(manifest)))
 }
 
 fn profile_panel(manifest: &RunManifest, frame: &Frame<'_>, field: Field, places: &Range<usize>) -> Panel {
@@ -79,7 +89,7 @@ fn profile_panel(manifest: &RunManifest, frame: &Frame<'_>, field: Field, places
     if field != Field::Velocity {
         y = y.limits(shown[0] * factor, shown[1] * factor);
     }
-    let x = Axis::new(field.place()).limits(places.start as f64, places.end as f64 - 1.0);
+    let x = profile_axis(field, places);
     let is_loaded = is_loaded(manifest, field);
     let name = if is_loaded { field_name(field) } else { "" };
     let curve = marked(Curve::line(name, points(values)), places);
@@ -124,8 +134,9 @@ pub fn space_time(
     let beyond = if (least, largest) == (from, to) {
         String::new()
     } else {
-        let ends = [least, largest].map(length);
-        format!("; values from {} to {}, beyond the colours' ends in their darkest", ends[0], ends[1])
+        let farthest = if largest > -least { largest } else { least };
+        let (end, farthest) = (length(to.max(-from)), length(farthest));
+        format!("; values beyond ±{end}, as far as {farthest}, have the darkest colours")
     };
     Ok(Figure::new().caption(format!("{}{beyond}", caption(manifest))).panel(panel))
 }
@@ -149,7 +160,11 @@ fn coloured(field: Field, picture: &Picture<f32>, steps: ColourSteps) -> [f64; 2
     let values: Vec<f64> = picture.cells().flatten().map(f64::from).collect();
     let [low, high] = bulk(field, &values);
     // what is cut off by a little is not worth a word
-    [if 1.2 * low > least { low } else { least }, if 1.2 * high < largest { high } else { largest }]
+    if 1.2 * low <= least && 1.2 * high >= largest {
+        return [least, largest];
+    }
+    let end = high.max(-low);
+    [if -end > least { -end } else { least }, if end < largest { end } else { largest }]
 }
 
 pub(super) fn map_of(
