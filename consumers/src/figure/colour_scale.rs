@@ -120,7 +120,7 @@ impl ColourScale {
 /// so much that the map is read without any colour vision but for the sign.
 ///
 /// # Source
-/// B. Ottosson, *A perceptual color space for image processing* (2020): the space OKLab, in which it is even.
+/// B. Ottosson, *A perceptual color space for image processing* (2020): the space `OKLab`, in which it is even.
 pub(super) fn diverging(shade: f64) -> Colour {
     const DARKEST: f64 = 0.4;
     const CHROMA: f64 = 0.13;
@@ -133,7 +133,7 @@ pub(super) fn diverging(shade: f64) -> Colour {
     oklab(lightness, chroma * hue.cos(), chroma * hue.sin())
 }
 
-/// A colour by its coordinates in OKLab.
+/// A colour by its coordinates in `OKLab`.
 fn oklab(lightness: f64, a: f64, b: f64) -> Colour {
     let cubed = |from_a: f64, from_b: f64| (lightness + from_a * a + from_b * b).powi(3);
     let l = cubed(0.396_337_777_4, 0.215_803_757_3);

@@ -28,12 +28,15 @@ pub enum ColourSteps {
 pub fn profiles(manifest: &RunManifest, frame: &Frame<'_>) -> Figure {
     let beads = 0..manifest.contact_count() + 1;
     let of = |field| profile_panel(manifest, frame, field, &beads);
-    at(manifest, frame).shared_x().panel(of(Field::Velocity)).panel(of(Field::Displacement))
+    let velocity = mark_impurities(of(Field::Velocity), manifest, Field::Velocity, &beads, true);
+    let displacement = mark_impurities(of(Field::Displacement), manifest, Field::Displacement, &beads, false);
+    at(manifest, frame).shared_x().panel(velocity).panel(displacement)
 }
 
 /// A quantity along the chain in one frame, for the beads or contacts `places`.
 pub fn profile(manifest: &RunManifest, frame: &Frame<'_>, field: Field, places: &Range<usize>) -> Figure {
-    let figure = at(manifest, frame).shared_x().panel(profile_panel(manifest, frame, field, places));
+    let panel = mark_impurities(profile_panel(manifest, frame, field, places), manifest, field, places, true);
+    let figure = at(manifest, frame).shared_x().panel(panel);
     if is_loaded(manifest, field) { figure.panel(beyond_rest(manifest, frame, places)) } else { figure }
 }
 
@@ -53,7 +56,7 @@ fn beyond_rest(manifest: &RunManifest, frame: &Frame<'_>, places: &Range<usize>)
     let x = profile_axis(Field::Overlap, places);
     let label = format!("overlap beyond rest ({prefix}m)");
     let panel = Panel::new().x_axis(x).y_axis(label).curve(marked(Curve::line("", curve), places));
-    mark_impurities(panel, manifest, Field::Overlap, places)
+    mark_impurities(panel, manifest, Field::Overlap, places, false)
 }
 
 /// Whether each bead is marked, so that a chain of few is seen to be one.
@@ -98,11 +101,17 @@ fn profile_panel(manifest: &RunManifest, frame: &Frame<'_>, field: Field, places
         let rest = points(&chain.rest_overlap_m[places.clone()]);
         panel = panel.curve(Curve::line("at rest", rest).colour(Colour::Grey).stroke(Stroke::Dashed).thin());
     }
-    mark_impurities(panel, manifest, field, places)
+    panel
 }
 
-/// Vertical lines at the impurities; between the contacts of one.
-fn mark_impurities(panel: Panel, manifest: &RunManifest, field: Field, places: &Range<usize>) -> Panel {
+/// Vertical lines at the impurities; between the contacts of one. Of several panels the first names them.
+fn mark_impurities(
+    panel: Panel,
+    manifest: &RunManifest,
+    field: Field,
+    places: &Range<usize>,
+    named: bool,
+) -> Panel {
     let half = if field == Field::Overlap { 0.5 } else { 0.0 };
     let impurities = manifest.physics.impurities.iter().map(|impurity| impurity.bead as f64 - half);
     let shown = impurities.filter(|x| (places.start as f64..places.end as f64).contains(x));
@@ -111,6 +120,7 @@ fn mark_impurities(panel: Panel, manifest: &RunManifest, field: Field, places: &
         return panel;
     }
     let name = |index: usize| match (index, shown.len()) {
+        _ if !named => "",
         (0, 1) => "impurity",
         (0, _) => "impurities",
         _ => "",
