@@ -174,7 +174,11 @@ impl<'a> Session<'a> {
             all.extend(rows);
             all.extend(self.figures.iter().map(|path| ("figure", path.display().to_string())));
             let name = &self.manifest().provenance.name;
-            let end = display::end(tally.end, tally.ended_as_asked.then_some(self.window.until_s));
+            let Window { from_s, until_s } = self.window;
+            let end = match tally.ended_as_asked {
+                true if from_s == until_s => format!("at {from_s} s"),
+                as_asked => display::end(tally.end, as_asked.then_some(until_s)),
+            };
             display::print(display::rows(&format!("{title} of {name} ({end})"), &all))?;
         }
         self.warn(tally);

@@ -30,7 +30,7 @@ const CORRECTED: usize = 9;
 pub fn caption(manifest: &RunManifest) -> String {
     let physics = &manifest.physics;
     let mut text = format!(
-        "{}: N = {}, m = {} g, α = {}, k = {} N m^{{−α}}",
+        "{}: N = {}, m = {}\u{a0}g, α = {}, k = {}\u{a0}N\u{a0}m^{{−α}}",
         manifest.provenance.name,
         physics.beads,
         short(physics.bead_mass_kg * 1e3),
@@ -39,7 +39,7 @@ pub fn caption(manifest: &RunManifest) -> String {
     );
     // writing to a String cannot fail
     for impurity in physics.impurities.iter().take(4) {
-        let _ = write!(text, ", bead {}: {} g", impurity.bead, short(impurity.mass_kg * 1e3));
+        let _ = write!(text, ", bead {}: {}\u{a0}g", impurity.bead, short(impurity.mass_kg * 1e3));
     }
     if physics.impurities.len() > 4 {
         let _ = write!(text, ", … ({} impurities)", physics.impurities.len());
@@ -51,7 +51,7 @@ pub fn caption(manifest: &RunManifest) -> String {
     let dt = scientific(physics.dt_s);
     let _ = write!(
         text,
-        ", v_{{0}} = {} m/s on bead {}; {}, dt = {dt} s",
+        ", v_{{0}} = {}\u{a0}m/s on bead {}; {}, dt = {dt}\u{a0}s",
         short(striker.velocity_m_s),
         striker.bead,
         physics.method
@@ -73,7 +73,7 @@ fn rounded(value: f64) -> f64 {
 /// A length in three digits, with a prefix.
 fn length(value_m: f64) -> String {
     let (prefix, factor) = prefix(value_m.abs());
-    format!("{} {prefix}m", short(rounded(value_m * factor)))
+    format!("{}\u{a0}{prefix}m", short(rounded(value_m * factor)))
 }
 
 /// A number as `1.45×10^{−6}`.
@@ -240,7 +240,7 @@ mod tests {
         let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
         let m = RunManifest::new(&PRESETS[0].config(), "run", origin).expect("valid");
         assert_eq!(
-            caption(&m),
+            caption(&m).replace('\u{a0}', " "),
             "light-impurity: N = 1000, m = 1 g, α = 1.5, k = 10^{7} N m^{−α}, bead 500: 0.6 g, \
              v_{0} = 5 m/s on bead 0; rkn4, dt = 1.45×10^{−6} s"
         );

@@ -133,11 +133,12 @@ impl Moment {
         let (physics, every) = (&manifest.physics, manifest.provenance.publish_every_steps);
         match self {
             Self::Time(time_s) => {
-                let step = physics.step_at_or_after(time_s);
-                if step > physics.step_count {
-                    let end_s = physics.time_s(physics.step_count);
+                let end_s = physics.time_s(physics.step_count);
+                // the duration as it was asked for may be a part of a step longer
+                if time_s > end_s + physics.dt_s {
                     return Err(anyhow!("--at {time_s}: the run ends at {end_s} s")).bad_input();
                 }
+                let step = physics.step_at_or_after(time_s).min(physics.step_count);
                 let frame = step.div_ceil(every);
                 Ok(if every_step { step } else { manifest.step_of_frame(frame) })
             }

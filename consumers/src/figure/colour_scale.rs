@@ -72,7 +72,7 @@ impl ColourScale {
             return BarTicks { numbers: decades, exponent: 0 };
         }
         let axis = Axis::new("").limits(self.from, self.to);
-        let ticks = Scale::new(&axis, std::iter::empty(), Room::Nothing).ticks(most);
+        let ticks = Scale::new(&axis, std::iter::empty(), Room::Nothing).ticks(most.div_ceil(2) + 1);
         let numbers = match self.log_beyond {
             None => ticks.major,
             // less than a decade: the ends are enough
@@ -120,7 +120,7 @@ impl ColourScale {
 /// so much that the map is read without any colour vision but for the sign.
 ///
 /// # Source
-/// B. Ottosson, *A perceptual color space for image processing* (2020): the space OKLab, in which it is even.
+/// B. Ottosson, *A perceptual color space for image processing* (2020): the space `OKLab`, in which it is even.
 pub(super) fn diverging(shade: f64) -> Colour {
     const DARKEST: f64 = 0.4;
     const CHROMA: f64 = 0.13;
@@ -133,7 +133,7 @@ pub(super) fn diverging(shade: f64) -> Colour {
     oklab(lightness, chroma * hue.cos(), chroma * hue.sin())
 }
 
-/// A colour by its coordinates in OKLab.
+/// A colour by its coordinates in `OKLab`.
 fn oklab(lightness: f64, a: f64, b: f64) -> Colour {
     let cubed = |from_a: f64, from_b: f64| (lightness + from_a * a + from_b * b).powi(3);
     let l = cubed(0.396_337_777_4, 0.215_803_757_3);
@@ -186,7 +186,7 @@ mod tests {
     fn a_linear_scale_has_its_zero_where_the_colours_meet() {
         let scale = ColourScale::new("v (m/s)", -1.0, 3.0);
         assert_eq!(scale.shades(), (-1.0 / 3.0, 1.0));
-        assert_eq!(labels(&scale, 5), ["−1", "0", "1", "2", "3"]);
+        assert_eq!(labels(&scale, 6), ["−1", "0", "1", "2", "3"]);
         assert_eq!(scale.place(0.0), 0.25);
     }
 

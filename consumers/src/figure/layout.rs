@@ -284,15 +284,13 @@ fn share(heights: &mut [f64], room: f64, lowest: f64) {
         let free: f64 = heights.iter().zip(&is_low).filter(|(_, low)| !**low).map(|(height, _)| height).sum();
         let factor = (room - low * lowest) / free;
         let found = (0..heights.len()).find(|index| !is_low[*index] && heights[*index] * factor < lowest);
-        match found {
-            Some(index) => is_low[index] = true,
-            None => {
-                for (height, low) in heights.iter_mut().zip(&is_low) {
-                    *height = if *low { lowest } else { *height * factor };
-                }
-                return;
+        let Some(index) = found else {
+            for (height, low) in heights.iter_mut().zip(&is_low) {
+                *height = if *low { lowest } else { *height * factor };
             }
-        }
+            return;
+        };
+        is_low[index] = true;
     }
     heights.fill(lowest);
 }

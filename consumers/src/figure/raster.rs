@@ -66,10 +66,10 @@ impl Raster {
         values: &[Option<f32>],
         scale: ColourScale,
     ) -> Result<Self, FigureError> {
-        check_length(width, height, 1, values.len())?;
         /// Colours of each sign; with white and grey they fill a palette of bytes.
         const SHADES: u8 = 127;
         const NOTHING: u8 = 2 * SHADES + 1;
+        check_length(width, height, 1, values.len())?;
         let cell = |value: &Option<f32>| {
             let shade = value.map(|value| scale.shade(f64::from(value)) * f64::from(SHADES));
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 254")]

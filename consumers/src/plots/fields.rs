@@ -28,12 +28,15 @@ pub enum ColourSteps {
 pub fn profiles(manifest: &RunManifest, frame: &Frame<'_>) -> Figure {
     let beads = 0..manifest.contact_count() + 1;
     let of = |field| profile_panel(manifest, frame, field, &beads);
-    at(manifest, frame).shared_x().panel(of(Field::Velocity)).panel(of(Field::Displacement))
+    let velocity = mark_impurities(of(Field::Velocity), manifest, Field::Velocity, &beads, true);
+    let displacement = mark_impurities(of(Field::Displacement), manifest, Field::Displacement, &beads, false);
+    at(manifest, frame).shared_x().panel(velocity).panel(displacement)
 }
 
 /// A quantity along the chain in one frame, for the beads or contacts `places`.
 pub fn profile(manifest: &RunManifest, frame: &Frame<'_>, field: Field, places: &Range<usize>) -> Figure {
-    let figure = at(manifest, frame).shared_x().panel(profile_panel(manifest, frame, field, places));
+    let panel = mark_impurities(profile_panel(manifest, frame, field, places), manifest, field, places, true);
+    let figure = at(manifest, frame).shared_x().panel(panel);
     if is_loaded(manifest, field) { figure.panel(beyond_rest(manifest, frame, places)) } else { figure }
 }
 
@@ -50,20 +53,30 @@ fn beyond_rest(manifest: &RunManifest, frame: &Frame<'_>, places: &Range<usize>)
     let largest = values.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
     let (prefix, factor) = prefix(largest);
     let curve = places.clone().zip(values).map(|(place, value)| (place as f64, value * factor));
-    let x = Axis::new("contact").limits(places.start as f64, places.end as f64 - 1.0);
+    let x = profile_axis(Field::Overlap, places);
     let label = format!("overlap beyond rest ({prefix}m)");
     let panel = Panel::new().x_axis(x).y_axis(label).curve(marked(Curve::line("", curve), places));
-    mark_impurities(panel, manifest, Field::Overlap, places)
+    mark_impurities(panel, manifest, Field::Overlap, places, false)
 }
 
-/// A chain of few beads is seen to be one.
+/// Whether each bead is marked, so that a chain of few is seen to be one.
+fn is_marked(places: &Range<usize>) -> bool {
+    places.len() <= 60
+}
+
 fn marked(curve: Curve, places: &Range<usize>) -> Curve {
-    if places.len() <= 60 { curve.mark(Mark::Circle) } else { curve }
+    if is_marked(places) { curve.mark(Mark::Circle) } else { curve }
+}
+
+/// From the first place to the last, with room for their marks.
+fn profile_axis(field: Field, places: &Range<usize>) -> Axis {
+    let room = if is_marked(places) { 0.5 } else { 0.0 };
+    Axis::new(field.place()).limits(places.start as f64 - room, places.end as f64 - 1.0 + room)
 }
 
 fn at(manifest: &RunManifest, frame: &Frame<'_>) -> Figure {
     let (time_ms, step) = (short(frame.time_s * 1e3), frame.step);
-    Figure::new().caption(format!("{}; t = {time_ms} ms (step {step})", caption(manifest)))
+    Figure::new().caption(format!("{}; t = {time_ms}\u{a0}ms (step {step})", caption(manifest)))
 }
 
 fn profile_panel(manifest: &RunManifest, frame: &Frame<'_>, field: Field, places: &Range<usize>) -> Panel {
@@ -79,7 +92,7 @@ fn profile_panel(manifest: &RunManifest, frame: &Frame<'_>, field: Field, places
     if field != Field::Velocity {
         y = y.limits(shown[0] * factor, shown[1] * factor);
     }
-    let x = Axis::new(field.place()).limits(places.start as f64, places.end as f64 - 1.0);
+    let x = profile_axis(field, places);
     let is_loaded = is_loaded(manifest, field);
     let name = if is_loaded { field_name(field) } else { "" };
     let curve = marked(Curve::line(name, points(values)), places);
@@ -88,11 +101,17 @@ fn profile_panel(manifest: &RunManifest, frame: &Frame<'_>, field: Field, places
         let rest = points(&chain.rest_overlap_m[places.clone()]);
         panel = panel.curve(Curve::line("at rest", rest).colour(Colour::Grey).stroke(Stroke::Dashed).thin());
     }
-    mark_impurities(panel, manifest, field, places)
+    panel
 }
 
-/// Vertical lines at the impurities; between the contacts of one.
-fn mark_impurities(panel: Panel, manifest: &RunManifest, field: Field, places: &Range<usize>) -> Panel {
+/// Vertical lines at the impurities; between the contacts of one. Of several panels the first names them.
+fn mark_impurities(
+    panel: Panel,
+    manifest: &RunManifest,
+    field: Field,
+    places: &Range<usize>,
+    named: bool,
+) -> Panel {
     let half = if field == Field::Overlap { 0.5 } else { 0.0 };
     let impurities = manifest.physics.impurities.iter().map(|impurity| impurity.bead as f64 - half);
     let shown = impurities.filter(|x| (places.start as f64..places.end as f64).contains(x));
@@ -101,6 +120,7 @@ fn mark_impurities(panel: Panel, manifest: &RunManifest, field: Field, places: &
         return panel;
     }
     let name = |index: usize| match (index, shown.len()) {
+        _ if !named => "",
         (0, 1) => "impurity",
         (0, _) => "impurities",
         _ => "",
@@ -124,8 +144,9 @@ pub fn space_time(
     let beyond = if (least, largest) == (from, to) {
         String::new()
     } else {
-        let ends = [least, largest].map(length);
-        format!("; values from {} to {}, beyond the colours' ends in their darkest", ends[0], ends[1])
+        let farthest = if largest > -least { largest } else { least };
+        let (end, farthest) = (length(to.max(-from)), length(farthest));
+        format!("; values beyond ±{end}, as far as {farthest}, have the darkest colours")
     };
     Ok(Figure::new().caption(format!("{}{beyond}", caption(manifest))).panel(panel))
 }
@@ -149,7 +170,11 @@ fn coloured(field: Field, picture: &Picture<f32>, steps: ColourSteps) -> [f64; 2
     let values: Vec<f64> = picture.cells().flatten().map(f64::from).collect();
     let [low, high] = bulk(field, &values);
     // what is cut off by a little is not worth a word
-    [if 1.2 * low > least { low } else { least }, if 1.2 * high < largest { high } else { largest }]
+    if 1.2 * low <= least && 1.2 * high >= largest {
+        return [least, largest];
+    }
+    let end = high.max(-low);
+    [if -end > least { -end } else { least }, if end < largest { end } else { largest }]
 }
 
 pub(super) fn map_of(
