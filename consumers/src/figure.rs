@@ -57,6 +57,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 pub use colour_scale::ColourScale;
+pub(crate) use colour_scale::diverging;
 pub use panel::{Axis, Curve, Panel};
 pub use raster::Raster;
 pub use style::{Colour, Mark, Stroke};

@@ -5,7 +5,8 @@
 // Streaming, every CRC is checked. A file that was closed is read again through its index, and has the
 // same messages there; one that was not has only whole records. With a CSV of `beadline impurity` every double in its columns
 // time_s, u_<bead>_m and v_<bead>_m_s is that of the /state of the same frame; with one of `beadline energies` those of
-// the same name in /summary are equal but for the order of the sum. Exit code 0 if all is well, 1 if not.
+// the same name in /summary are equal but for the order of the sum, and every number of /summary is a field with a name, as
+// plotting tools want it. Exit code 0 if all is well, 1 if not.
 
 "use strict";
 
@@ -94,13 +95,18 @@ async function checkIndexed(path, decompressHandlers, found) {
   await handle.close();
 }
 
-/** The messages of a protobuf channel, decoded by the schema in the file. */
-function decoded(found, topic) {
+/** The type of the messages of a protobuf channel, by the schema in the file; and the channel. */
+function typeOf(found, topic) {
   const channel = [...found.channels.values()].find((channel) => channel.topic === topic);
   assert.ok(channel, `no channel ${topic}`);
   assert.equal(channel.messageEncoding, "protobuf");
   const schema = found.schemas.get(channel.schemaId);
-  const type = protobufFromBinaryDescriptor(schema.data).lookupType(schema.name);
+  return [protobufFromBinaryDescriptor(schema.data).lookupType(schema.name), channel];
+}
+
+/** The messages of a protobuf channel. */
+function decoded(found, topic) {
+  const [type, channel] = typeOf(found, topic);
   return found.messages
     .filter((message) => message.channelId === channel.id)
     .map((message) => ({ logTime: message.logTime, ...type.toObject(type.decode(message.data), { defaults: true }) }));
@@ -141,9 +147,19 @@ function compareSummaries(rows, summaries) {
   return compared;
 }
 
+/** Every field of /summary but the list of impurities is one number. */
+function checkPlotsAtOnce(found) {
+  const [type] = typeOf(found, "/summary");
+  const others = type.fieldsArray.filter((field) => field.repeated || !["double", "uint64"].includes(field.type));
+  assert.deepEqual(others.map((field) => field.name), ["impurity"]);
+}
+
 function compare(found, path) {
   const rows = readTable(path);
   const isEnergies = "kinetic_j" in rows[0];
+  if (isEnergies) {
+    checkPlotsAtOnce(found);
+  }
   const messages = decoded(found, isEnergies ? "/summary" : "/state");
   assert.equal(messages.length, rows.length, `messages, and rows of ${path}`);
   const compared = isEnergies ? compareSummaries(rows, messages) : compareStates(rows, messages);

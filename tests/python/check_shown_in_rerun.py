@@ -41,6 +41,8 @@ def check_clouds(clouds, positions, colours):
 def main(mcap, rrd):
     (messages, _), found = read(mcap), components(rrd)
     check_clouds(messages["/cloud"], found["/cloud", "Points3D:positions"], found["/cloud", "Points3D:colors"])
+    # the one frame that its 3D view shows without transforms
+    assert set(map(tuple, found["/cloud", "CoordinateFrame:frame"])) == {("tf#/",)}
     for topic in ["/velocity_map", "/velocity_picture"]:
         [(_, image)] = messages[topic]
         [buffer], [form] = found[topic, "Image:buffer"], found[topic, "Image:format"]

@@ -2,9 +2,9 @@
 
     python check_with_rerun.py RUN.rrd MOTION.csv ENERGIES.csv
 
-/state must have, bit for bit, the doubles in the columns u_<bead>_m and v_<bead>_m_s of `beadline impurity`, /summary
-the scalars of `beadline energies` but for the order of the sum, and each row stands at its simulated time. Exit code 0 if all is well, 1 if
-not.
+/state must have, bit for bit, the doubles in the columns u_<bead>_m and v_<bead>_m_s of `beadline impurity`, /summary the
+scalars of `beadline energies` but for the order of the sum, and each row stands at its simulated time. Exit code 0 if all is
+well, 1 if not.
 """
 
 import csv

@@ -84,7 +84,8 @@ impl Foxglove {
             let message = self.scalars.motion(frame, *bead, motion.values());
             self.file.write(*channel, self.written.states, frame.time_s, message)?;
         }
-        for event in events.to_vec() {
+        let events = events.to_vec();
+        for event in events {
             self.log(event.time_s, &format!("bead {}", event.bead), text_of(&event))?;
         }
         Ok(())

@@ -28,6 +28,9 @@ const FIELDS: [(&str, u32, NumericType); 10] = [
 
 const POINT_BYTES: u32 = 36;
 
+/// Rerun's name of the root of its scene, which alone it shows without transforms; others take any name.
+const FRAME: &str = "tf#/";
+
 /// The beads of `frame` along x, each as high as it is fast: its velocity in units of `scale_m_s`.
 pub(super) fn of(excerpt: &Excerpt, frame: &Frame<'_>, scale_m_s: f64) -> PointCloud {
     let (u_m, v_m_s) = excerpt.of(frame);
@@ -42,7 +45,7 @@ pub(super) fn of(excerpt: &Excerpt, frame: &Frame<'_>, scale_m_s: f64) -> PointC
         data.extend(u32::try_from(bead).unwrap_or(u32::MAX).to_le_bytes());
         data.extend(u_m[i].to_le_bytes());
         data.extend(v_m_s[i].to_le_bytes());
-        data.extend(colour::of(place[2], 1.0));
+        data.extend(colour::of(v_m_s[i], scale_m_s));
         data.push(u8::MAX);
     }
     let field = |(name, offset, kind): (&str, u32, NumericType)| PackedElementField {
@@ -52,7 +55,7 @@ pub(super) fn of(excerpt: &Excerpt, frame: &Frame<'_>, scale_m_s: f64) -> PointC
     };
     PointCloud {
         timestamp: Some(timestamp(log_time_ns(frame.time_s))),
-        frame_id: "chain".into(),
+        frame_id: FRAME.into(),
         pose: Some(Pose {
             position: Some(Vector3::default()),
             orientation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),

@@ -1,19 +1,19 @@
-//! Colours of velocities: white at rest, redder the faster towards larger bead numbers, bluer the other way.
+//! Colours of velocities, as figures have them: white at rest, redder the faster towards larger bead numbers, bluer
+//! the other way.
+
+use crate::figure::diverging;
 
 /// Velocities of less than this part of the scale are white; the colours span the decades from there to the scale.
-const LEAST: f32 = 1e-3;
+const LEAST: f64 = 1e-3;
 
-const RED: [f32; 3] = [178.0, 24.0, 43.0];
-const BLUE: [f32; 3] = [33.0, 102.0, 172.0];
-const WHITE: f32 = 255.0;
+/// Where nothing is known.
+pub(super) const NOTHING: [u8; 3] = [0xC0; 3];
 
-/// The colour of `v` (m/s), fullest at `scale` (m/s), by the logarithm: a weak pulse is seen beside a strong one.
-pub(super) fn of(v: f32, scale: f32) -> [u8; 3] {
+/// The colour of `v`, fullest at `scale`, by the logarithm: a weak pulse is seen beside a strong one.
+pub(super) fn of(v: f64, scale: f64) -> [u8; 3] {
     let part = v.abs() / scale;
-    let fullness = if part > LEAST { (1.0 - part.log10() / LEAST.log10()).clamp(0.0, 1.0) } else { 0.0 };
-    let full = if v > 0.0 { RED } else { BLUE };
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-    full.map(|channel| (WHITE + fullness * (channel - WHITE)).round() as u8)
+    let fullness = if part > LEAST { 1.0 - part.log10() / LEAST.log10() } else { 0.0 };
+    diverging(fullness.copysign(v)).rgb()
 }
 
 #[cfg(test)]
@@ -22,11 +22,11 @@ mod tests {
 
     #[test]
     fn colours_say_which_way_and_how_fast() {
-        assert_eq!(of(0.0, 5.0), [255; 3]);
-        assert_eq!(of(0.004, 5.0), [255; 3]);
-        assert_eq!((of(5.0, 5.0), of(7.0, 5.0)), ([178, 24, 43], [178, 24, 43]));
-        assert_eq!(of(-5.0, 5.0), [33, 102, 172]);
-        let [red, green, _] = of(0.5, 5.0);
-        assert!(red > 178 && green > 24 && green < 255, "{red} {green}");
+        assert_eq!((of(0.0, 5.0), of(-0.004, 5.0)), ([255; 3], [255; 3]));
+        assert_eq!(of(5.0, 5.0), of(7.0, 5.0));
+        let ([red, _, blue], [other_red, _, other_blue]) = (of(5.0, 5.0), of(-5.0, 5.0));
+        assert!(red > blue && other_red < other_blue);
+        let brightness = |v| of(v, 5.0).map(u32::from).iter().sum::<u32>();
+        assert!(brightness(0.05) > brightness(0.5) && brightness(0.5) > brightness(5.0));
     }
 }

@@ -29,12 +29,11 @@ impl SpaceTime {
         self.map.gap();
     }
 
-    /// The velocities (m/s), NaN where nothing is known, and the same as colours.
+    /// The velocities (m/s), NaN where nothing is known; and the same as colours, grey there.
     pub(super) fn images(&self) -> [RawImage; 2] {
         let values = self.map.cells().flat_map(|v| v.unwrap_or(f32::NAN).to_le_bytes()).collect();
-        #[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for a colour")]
-        let scale = self.scale_m_s as f32;
-        let colours = self.map.cells().flat_map(|v| colour::of(v.unwrap_or(0.0), scale)).collect();
+        let colour = |v: Option<f32>| v.map_or(colour::NOTHING, |v| colour::of(v.into(), self.scale_m_s));
+        let colours = self.map.cells().flat_map(colour).collect();
         [self.image("32FC1", 4, values), self.image("rgb8", 3, colours)]
     }
 
