@@ -129,7 +129,8 @@ def state_of(data, at, end):
     """The `ChainState` between `at` and `end`. Its doubles lie in one piece, so that an array can point to them."""
     fields = {}
     while at < end:
-        tag, at = varint(data, at)
+        tag = data[at]
+        tag, at = (tag, at + 1) if tag < 0x80 else varint(data, at)
         kind = tag & 7
         if kind == 0:
             fields[tag >> 3], at = varint(data, at)

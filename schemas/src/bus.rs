@@ -15,6 +15,7 @@ mod board;
 mod chain_values;
 mod creating;
 mod live;
+mod own_topic;
 mod publisher;
 mod results;
 mod room;
@@ -27,10 +28,11 @@ mod wire;
 pub use backpressure::Remedies;
 pub use backpressure::{ConsumerEvent, Delivery};
 pub use live::{AttachError, AttachNotice, AttachOptions, LiveError, LiveSource};
+pub use own_topic::OwnTopic;
 pub use publisher::{PublishCounts, PublishError, PublishOptions, StatePublisher, WaitOutcome};
 pub use results::{
-    ResultColumns, ResultElement, ResultPublisher, ResultReceived, ResultSubscriber, ResultWatch,
-    ResultsError, Row,
+    OwnTopicsWatch, ResultColumns, ResultElement, ResultPublisher, ResultReceived, ResultSubscriber,
+    ResultWatch, ResultsError, Row,
 };
 pub use room::RoomError;
 pub use root::RootError;

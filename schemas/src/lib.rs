@@ -19,5 +19,6 @@ pub mod recording;
 pub mod run_name;
 pub mod scales;
 pub mod simd;
+pub mod source;
 pub mod summary;
 pub mod whole_file;

@@ -13,6 +13,7 @@ mod harness;
 mod hostile_files;
 mod lying;
 mod other_tools;
+mod own_consumer;
 mod pipeline;
 mod pulses;
 mod python;

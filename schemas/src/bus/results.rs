@@ -1,10 +1,11 @@
 //! Results of analyses on the bus: one row per frame.
 
 use super::backpressure::{Backpressure, Delivery, Remedies};
-use super::services::{self, SliceService, Topic, attribute, check_schema, text_of};
+use super::runs::own_topics;
+use super::services::{self, EventService, SliceService, Topic, attribute, check_schema, text_of};
 use super::wire::{FLAG_FOLLOWS, FLAG_LAST, StateHeader, StreamId, fill};
 use super::{Bus, BusError, Ipc, RoomError, room};
-use crate::frame::EndReason;
+use crate::frame::{EndReason, Frame};
 use crate::manifest::RunId;
 use crate::run_name::RunName;
 use iceoryx2::node::Node;
@@ -34,9 +35,21 @@ const WIDTH_KEY: &str = "beadline.width";
 const TOLERANCE_KEY: &str = "beadline.tolerance_m";
 
 /// What a row consists of: `f64` for numbers, `u8` for classes, one byte a contact.
-pub trait ResultElement: Copy + Debug + ZeroCopySend + Send + Sync + 'static {}
-impl ResultElement for f64 {}
-impl ResultElement for u8 {}
+pub trait ResultElement: Copy + Debug + ZeroCopySend + Send + Sync + 'static {
+    /// Whether these are numbers, as rows of topics that are not ours must be.
+    const ARE_NUMBERS: bool;
+}
+impl ResultElement for f64 {
+    const ARE_NUMBERS: bool = true;
+}
+impl ResultElement for u8 {
+    const ARE_NUMBERS: bool = false;
+}
+
+/// Longest list of names that a service can carry (bytes).
+const MOST_NAMES_BYTES: usize = 256;
+/// Names that every row has without its columns.
+const ROW_HEAD: [&str; 3] = ["frame", "step", "time_s"];
 
 /// What the elements of a row mean.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -49,9 +62,63 @@ pub struct ResultColumns {
     pub tolerance_m: Option<f64>,
 }
 
+impl ResultColumns {
+    /// Columns of these names, which end in their units: `energy_j`, `front_velocity_m_s`.
+    pub fn named(names: &[&str]) -> Self {
+        Self { width: names.len(), names: names.join(","), tolerance_m: None }
+    }
+
+    /// One quantity that has `width` values in each row, such as one for each bead.
+    pub fn array(name: &str, width: usize) -> Self {
+        Self { width, names: name.to_owned(), tolerance_m: None }
+    }
+
+    /// The names of the columns of a topic that is not ours, from which a recording makes the fields of a message:
+    /// one for each value, or one for all of them.
+    ///
+    /// # Errors
+    /// What was expected and found.
+    pub fn fields(&self) -> Result<Vec<&str>, String> {
+        let names: Vec<&str> = self.names.split(',').collect();
+        let is_name = |name: &&str| {
+            let letters = name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_');
+            letters && name.starts_with(|first: char| first.is_ascii_alphabetic()) && !ROW_HEAD.contains(name)
+        };
+        if let Some(name) = names.iter().find(|name| !is_name(name)) {
+            return Err(format!(
+                "`{name}` is no name of a column; allowed: letters, digits and _, beginning with a letter, and none of \
+                 {}",
+                ROW_HEAD.join(", ")
+            ));
+        }
+        if let Some((at, name)) = names.iter().enumerate().find(|(at, name)| names[..*at].contains(name)) {
+            return Err(format!("column {at} is called `{name}`, as another one is"));
+        }
+        if self.names.len() > MOST_NAMES_BYTES {
+            let bytes = self.names.len();
+            return Err(format!(
+                "the names have {bytes} bytes, at most {MOST_NAMES_BYTES} fit; shorten them"
+            ));
+        }
+        if self.width == 0 || (names.len() != self.width && names.len() != 1) {
+            let (names, width) = (names.len(), self.width);
+            return Err(format!("{names} names for {width} values; expected as many, or one for all"));
+        }
+        Ok(names)
+    }
+}
+
 /// Why results cannot be published or read.
 #[derive(Debug, thiserror::Error)]
 pub enum ResultsError {
+    /// Rows that a recording could not describe.
+    #[error("{topic}: {what}")]
+    Columns {
+        /// Which results.
+        topic: Topic,
+        /// What was expected and found.
+        what: String,
+    },
     /// The bus.
     #[error(transparent)]
     Bus(#[from] BusError),
@@ -135,11 +202,16 @@ impl<T: ResultElement> ResultPublisher<T> {
         stop: Arc<AtomicBool>,
     ) -> Result<Self, ResultsError> {
         let text = text_of(run, topic);
+        if let Topic::Own(_) = topic {
+            let fields =
+                if T::ARE_NUMBERS { columns.fields() } else { Err("its values are no f64".to_owned()) };
+            fields.map_err(|what| ResultsError::Columns { topic, what })?;
+        }
         let node = bus.node()?;
         check_schema(bus, run, topic)?;
         let mut names = columns.names.clone();
         let ends = names.char_indices().map(|(at, c)| at + c.len_utf8());
-        names.truncate(ends.take_while(|end| *end <= 256).last().unwrap_or(0));
+        names.truncate(ends.take_while(|end| *end <= MOST_NAMES_BYTES).last().unwrap_or(0));
         let tolerance = columns.tolerance_m.map(|m| (TOLERANCE_KEY, format!("{m:e}")));
         let columns = ResultColumns { names, ..columns.clone() };
         let more: Vec<_> = [(COLUMNS_KEY, columns.names.clone()), (WIDTH_KEY, columns.width.to_string())]
@@ -185,8 +257,8 @@ impl<T: ResultElement> ResultPublisher<T> {
             }
         };
         backpressure.wake();
-        let listeners = || events.dynamic_config().number_of_listeners();
-        wait_for_watchers(&node, &backpressure, listeners);
+        let watchers = Watchers::call(&node, run, topic, events)?;
+        wait_for_watchers(&node, &backpressure, || watchers.count());
         let last =
             StateHeader { run_id: stream.run_id.0, stream_id: stream.stream_id, ..StateHeader::default() };
         let width = columns.width;
@@ -220,6 +292,14 @@ impl<T: ResultElement> ResultPublisher<T> {
         Ok(())
     }
 
+    /// Publishes the row of `frame`.
+    ///
+    /// # Errors
+    /// As [`publish`](Self::publish).
+    pub fn publish_for(&mut self, frame: &Frame<'_>, row: &[T]) -> Result<(), ResultsError> {
+        self.publish(frame.frame, frame.step, frame.time_s, row)
+    }
+
     fn send(&self, header: StateHeader, row: &[T]) -> Result<(), ResultsError> {
         let topic = self.topic;
         let send = || fill(self.publisher.loan_slice_uninit(row.len())?, header, &[row]).send();
@@ -243,14 +323,43 @@ impl<T: ResultElement> ResultPublisher<T> {
     }
 }
 
+/// Who listens for a publisher to come, and is to subscribe before its first row.
+struct Watchers {
+    events: EventService,
+    /// Those of the topic when its publisher came, and whoever watches all topics that are not ours.
+    own: Option<(usize, EventService)>,
+}
+
+impl Watchers {
+    /// Tells those who watch all topics that are not ours that there is one.
+    fn call(node: &Node<Ipc>, run: &RunName, topic: Topic, events: EventService) -> Result<Self, BusError> {
+        let Topic::Own(_) = topic else { return Ok(Self { events, own: None }) };
+        let announcements = services::announcements(node, run)?;
+        let bell = announcements.notifier_builder().create();
+        let bell = bell.map_err(|e| BusError::service(&text_of(run, topic), "announce", &e))?;
+        let at_first = events.dynamic_config().number_of_listeners();
+        // fails only for single listeners that are going away
+        let _ = bell.notify();
+        Ok(Self { events, own: Some((at_first, announcements)) })
+    }
+
+    /// How many there are. Who watches all topics listens to this one, too, once it has subscribed.
+    fn count(&self) -> usize {
+        let listeners = self.events.dynamic_config().number_of_listeners();
+        self.own.as_ref().map_or(listeners, |(at_first, announcements)| {
+            listeners.min(*at_first) + announcements.dynamic_config().number_of_listeners()
+        })
+    }
+}
+
 /// Waits until whoever listens already has subscribed, and then has every row.
 fn wait_for_watchers<T: ResultElement>(
     node: &Node<Ipc>,
     backpressure: &Backpressure<T>,
-    listeners: impl Fn() -> usize,
+    watchers: impl Fn() -> usize,
 ) {
     let (start, mut looked) = (Instant::now(), Instant::now());
-    while backpressure.subscriber_count() < listeners()
+    while backpressure.subscriber_count() < watchers()
         && start.elapsed() < WATCHER_PATIENCE
         && !backpressure.stop.load(Ordering::Relaxed)
     {
@@ -522,18 +631,21 @@ pub struct ResultWatch {
     bus: Bus,
     run: RunName,
     topic: Topic,
-    listener: Arc<Listener<Ipc>>,
+    /// None of a topic that is not ours: publishers count those who watch all of these.
+    listener: Option<Arc<Listener<Ipc>>>,
     node: Node<Ipc>,
 }
 
 impl ResultWatch {
-    /// Looks out for `topic` of `run`.
+    /// Looks out for `topic` of `run`. For one that is not ours hold an [`OwnTopicsWatch`] besides, or publishers will
+    /// not wait.
     ///
     /// # Errors
     /// When the bus cannot be used.
     pub fn create(bus: &Bus, run: &RunName, topic: Topic) -> Result<Self, ResultsError> {
         let node = bus.node()?;
-        let listener = new_listener(&node, run, topic)?;
+        let is_own = matches!(topic, Topic::Own(_));
+        let listener = if is_own { None } else { Some(new_listener(&node, run, topic)?) };
         Ok(Self { bus: bus.clone(), run: run.clone(), topic, listener, node })
     }
 
@@ -557,14 +669,56 @@ impl ResultWatch {
             return Ok(None);
         }
         let node = self.bus.node()?;
-        let listener = Some(Arc::clone(&self.listener));
+        let listener = self.listener.clone();
         ResultSubscriber::attach_with(&self.bus, node, &self.run, self.topic, delivery, stop, listener)
     }
 
     /// Waits until a publisher comes, or for `patience`.
     pub fn wait(&self, patience: Duration) {
+        match &self.listener {
+            // a signal ends the wait early; the caller looks again
+            Some(listener) => drop(listener.timed_wait(|_| {}, patience)),
+            None => std::thread::sleep(patience),
+        }
+    }
+}
+
+/// Looks out for publishers of any topic that is not ours: they give whoever has one of these the time to subscribe
+/// before their first row.
+pub struct OwnTopicsWatch {
+    bus: Bus,
+    run: RunName,
+    listener: Listener<Ipc>,
+    _node: Node<Ipc>,
+}
+
+impl OwnTopicsWatch {
+    /// Looks out for topics of `run`.
+    ///
+    /// # Errors
+    /// When the bus cannot be used.
+    pub fn create(bus: &Bus, run: &RunName) -> Result<Self, ResultsError> {
+        let node = bus.node()?;
+        let listener = services::announcements(&node, run)?.listener_builder().create();
+        let text = format!("beadline/{run}/own");
+        let listener = listener.map_err(|e| BusError::service(&text, "listen to", &e))?;
+        Ok(Self { bus: bus.clone(), run: run.clone(), listener, _node: node })
+    }
+
+    /// The topics that there are, in order, with publishers or without.
+    ///
+    /// # Errors
+    /// When the bus cannot be used.
+    pub fn topics(&self) -> Result<Vec<Topic>, ResultsError> {
+        Ok(own_topics(&self.bus, &self.run)?.into_iter().map(Topic::Own).collect())
+    }
+
+    /// Waits until a publisher comes, or for `patience`; whether one came.
+    pub fn wait(&self, patience: Duration) -> bool {
+        let mut came = false;
         // a signal ends the wait early; the caller looks again
-        let _ = self.listener.timed_wait(|_| {}, patience);
+        let _ = self.listener.timed_wait(|_| came = true, patience);
+        came
     }
 }
 
