@@ -32,7 +32,9 @@ fn main() -> Result<()> {
             Received::End(end) => break end,
         }
     };
-    results.map_or(Ok(()), |results| results.finish())?;
+    if let Some(results) = results {
+        results.finish()?;
+    }
     ensure!(end.is_orderly(), "that is not all of it: {end}");
     Ok(())
 }

@@ -8,8 +8,6 @@ use crate::frame::{FrameSource, Received};
 use crate::manifest::RunManifest;
 use crate::recording::{ReadError, RecordingSource};
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 /// A live run or a recording: a consumer need not tell them apart.
 ///
@@ -25,8 +23,8 @@ use std::sync::atomic::AtomicBool;
 /// # Ok::<_, schemas::source::SourceError>(())
 /// ```
 pub enum Source {
-    /// A live run, and its bus.
-    Live(Box<LiveSource>, Bus, Arc<AtomicBool>),
+    /// A live run.
+    Live(Box<LiveSource>),
     /// A recording.
     File(Box<RecordingSource>),
 }
@@ -68,7 +66,7 @@ impl Source {
         };
         let bus = Bus::from_env()?;
         let live = LiveSource::attach(&bus, run.as_ref(), Delivery::Lossless, options)?;
-        Ok(Self::Live(Box::new(live), bus, Arc::clone(&options.stop)))
+        Ok(Self::Live(Box::new(live)))
     }
 
     /// A publisher of results called `name`, as `own/NAME` on the bus of a live run; none for a recording.
@@ -82,10 +80,10 @@ impl Source {
         columns: &ResultColumns,
     ) -> Result<Option<ResultPublisher<f64>>, SourceError> {
         let topic = Topic::own(name).map_err(SourceError::Name)?;
-        let Self::Live(live, bus, stop) = self else { return Ok(None) };
-        let run = &self.manifest().provenance.name;
-        let publisher = ResultPublisher::create(bus, run, topic, live.stream(), columns, Arc::clone(stop))?;
-        Ok(Some(publisher))
+        match self {
+            Self::Live(live) => Ok(Some(live.results(topic, columns)?)),
+            Self::File(_) => Ok(None),
+        }
     }
 }
 
@@ -94,14 +92,14 @@ impl FrameSource for Source {
 
     fn manifest(&self) -> &RunManifest {
         match self {
-            Self::Live(live, ..) => live.manifest(),
+            Self::Live(live) => live.manifest(),
             Self::File(file) => file.manifest(),
         }
     }
 
     fn receive(&mut self) -> Result<Received<'_>, SourceError> {
         match self {
-            Self::Live(live, ..) => Ok(live.receive()?),
+            Self::Live(live) => Ok(live.receive()?),
             Self::File(file) => Ok(file.receive()?),
         }
     }

@@ -6,7 +6,6 @@ use mcap::MessageStream;
 use schemas::bus::{AttachOptions, Delivery, LiveSource, ResultColumns, ResultPublisher, StreamId, Topic};
 use schemas::frame::{FrameSource as _, Received};
 use schemas::manifest::RunId;
-use schemas::source::Source;
 use serde_json::json;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -92,12 +91,11 @@ fn a_consumer_of_ones_own_may_begin_again() {
     let place = Place::new();
     let run = place.start("run --preset homogeneous --name run --duration 2e-3 --no-record --wait-for 2");
     let recorder = place.start("record live:run --out run.mcap --json");
-    let (bus, options) = (place.bus(), AttachOptions::default());
-    let live = LiveSource::attach(&bus, None, Delivery::Lossless, &options).unwrap();
-    let mut source = Source::Live(Box::new(live), bus, Arc::default());
+    let options = AttachOptions::default();
+    let mut source = LiveSource::attach(&place.bus(), None, Delivery::Lossless, &options).unwrap();
     let columns = ResultColumns::array("energy_j", 3);
     for frames in [0..10_u64, 100..110] {
-        let mut results = source.results("twice", &columns).unwrap().unwrap();
+        let mut results = source.results(Topic::own("twice").unwrap(), &columns).unwrap();
         for frame in frames {
             let manifest = source.manifest();
             let step = manifest.step_of_frame(frame);

@@ -1,8 +1,9 @@
 //! Results of analyses on the bus: one row per frame.
 
 use super::backpressure::{Backpressure, Delivery, Remedies};
-use super::runs::own_topics;
-use super::services::{self, EventService, SliceService, Topic, attribute, check_schema, text_of};
+use super::result_columns::{MOST_NAMES_BYTES, ResultColumns};
+use super::result_watch::{Watchers, wait_for_watchers};
+use super::services::{self, SliceService, Topic, attribute, check_schema, text_of};
 use super::wire::{FLAG_FOLLOWS, FLAG_LAST, StateHeader, StreamId, fill};
 use super::{Bus, BusError, Ipc, RoomError, room};
 use crate::frame::{EndReason, Frame};
@@ -26,10 +27,6 @@ const LIVENESS_PERIOD: Duration = Duration::from_millis(500);
 /// How long a lossless subscriber to results may take nothing.
 const STUCK_AFTER: Duration = Duration::from_secs(10);
 const TAKE_OVER_PATIENCE: Duration = Duration::from_millis(500);
-/// How long a new publisher waits for those to subscribe who listen already, as long as they live.
-const WATCHER_PATIENCE: Duration = Duration::from_secs(10);
-/// How often it looks meanwhile whether they live.
-const WATCHER_PERIOD: Duration = Duration::from_millis(200);
 const COLUMNS_KEY: &str = "beadline.columns";
 const WIDTH_KEY: &str = "beadline.width";
 const TOLERANCE_KEY: &str = "beadline.tolerance_m";
@@ -44,68 +41,6 @@ impl ResultElement for f64 {
 }
 impl ResultElement for u8 {
     const ARE_NUMBERS: bool = false;
-}
-
-/// Longest list of names that a service can carry (bytes).
-const MOST_NAMES_BYTES: usize = 256;
-/// Names that every row has without its columns.
-const ROW_HEAD: [&str; 3] = ["frame", "step", "time_s"];
-
-/// What the elements of a row mean.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct ResultColumns {
-    /// Elements in each row.
-    pub width: usize,
-    /// Names of the columns with their units, separated by commas; at most 256 bytes, as long names are cut.
-    pub names: String,
-    /// Of classes of contacts: the largest overlap or gap (m) that counts as touching.
-    pub tolerance_m: Option<f64>,
-}
-
-impl ResultColumns {
-    /// Columns of these names, which end in their units: `energy_j`, `front_velocity_m_s`.
-    pub fn named(names: &[&str]) -> Self {
-        Self { width: names.len(), names: names.join(","), tolerance_m: None }
-    }
-
-    /// One quantity that has `width` values in each row, such as one for each bead.
-    pub fn array(name: &str, width: usize) -> Self {
-        Self { width, names: name.to_owned(), tolerance_m: None }
-    }
-
-    /// The names of the columns of a topic that is not ours, from which a recording makes the fields of a message:
-    /// one for each value, or one for all of them.
-    ///
-    /// # Errors
-    /// What was expected and found.
-    pub fn fields(&self) -> Result<Vec<&str>, String> {
-        let names: Vec<&str> = self.names.split(',').collect();
-        let is_name = |name: &&str| {
-            let letters = name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_');
-            letters && name.starts_with(|first: char| first.is_ascii_alphabetic()) && !ROW_HEAD.contains(name)
-        };
-        if let Some(name) = names.iter().find(|name| !is_name(name)) {
-            return Err(format!(
-                "`{name}` is no name of a column; allowed: letters, digits and _, beginning with a letter, and none of \
-                 {}",
-                ROW_HEAD.join(", ")
-            ));
-        }
-        if let Some((at, name)) = names.iter().enumerate().find(|(at, name)| names[..*at].contains(name)) {
-            return Err(format!("column {at} is called `{name}`, as another one is"));
-        }
-        if self.names.len() > MOST_NAMES_BYTES {
-            let bytes = self.names.len();
-            return Err(format!(
-                "the names have {bytes} bytes, at most {MOST_NAMES_BYTES} fit; shorten them"
-            ));
-        }
-        if self.width == 0 || (names.len() != self.width && names.len() != 1) {
-            let (names, width) = (names.len(), self.width);
-            return Err(format!("{names} names for {width} values; expected as many, or one for all"));
-        }
-        Ok(names)
-    }
 }
 
 /// Why results cannot be published or read.
@@ -323,55 +258,6 @@ impl<T: ResultElement> ResultPublisher<T> {
     }
 }
 
-/// Who listens for a publisher to come, and is to subscribe before its first row.
-struct Watchers {
-    events: EventService,
-    /// Those of the topic when its publisher came, and whoever watches all topics that are not ours.
-    own: Option<(usize, EventService)>,
-}
-
-impl Watchers {
-    /// Tells those who watch all topics that are not ours that there is one.
-    fn call(node: &Node<Ipc>, run: &RunName, topic: Topic, events: EventService) -> Result<Self, BusError> {
-        let Topic::Own(_) = topic else { return Ok(Self { events, own: None }) };
-        let announcements = services::announcements(node, run)?;
-        let bell = announcements.notifier_builder().create();
-        let bell = bell.map_err(|e| BusError::service(&text_of(run, topic), "announce", &e))?;
-        let at_first = events.dynamic_config().number_of_listeners();
-        // fails only for single listeners that are going away
-        let _ = bell.notify();
-        Ok(Self { events, own: Some((at_first, announcements)) })
-    }
-
-    /// How many there are. Who watches all topics listens to this one, too, once it has subscribed.
-    fn count(&self) -> usize {
-        let listeners = self.events.dynamic_config().number_of_listeners();
-        self.own.as_ref().map_or(listeners, |(at_first, announcements)| {
-            listeners.min(*at_first) + announcements.dynamic_config().number_of_listeners()
-        })
-    }
-}
-
-/// Waits until whoever listens already has subscribed, and then has every row.
-fn wait_for_watchers<T: ResultElement>(
-    node: &Node<Ipc>,
-    backpressure: &Backpressure<T>,
-    watchers: impl Fn() -> usize,
-) {
-    let (start, mut looked) = (Instant::now(), Instant::now());
-    while backpressure.subscriber_count() < watchers()
-        && start.elapsed() < WATCHER_PATIENCE
-        && !backpressure.stop.load(Ordering::Relaxed)
-    {
-        std::thread::sleep(Duration::from_millis(1));
-        if looked.elapsed() >= WATCHER_PERIOD {
-            // the dead listen to nothing
-            node.try_cleanup_dead_nodes();
-            looked = Instant::now();
-        }
-    }
-}
-
 fn columns_of<T: ResultElement>(service: &SliceService<T>) -> ResultColumns {
     ResultColumns {
         width: attribute(service.attributes(), WIDTH_KEY).and_then(|w| w.parse().ok()).unwrap_or(0),
@@ -456,7 +342,7 @@ impl<T: ResultElement> ResultSubscriber<T> {
         Self::attach_with(bus, node, run, topic, delivery, stop, None)
     }
 
-    fn attach_with(
+    pub(super) fn attach_with(
         bus: &Bus,
         node: Node<Ipc>,
         run: &RunName,
@@ -625,104 +511,11 @@ impl<T: ResultElement> ResultSubscriber<T> {
     }
 }
 
-/// Looks out for publishers of one kind of results: a publisher that comes while it is there gives it the time to
-/// subscribe before its first row.
-pub struct ResultWatch {
-    bus: Bus,
-    run: RunName,
+pub(super) fn new_listener(
+    node: &Node<Ipc>,
+    run: &RunName,
     topic: Topic,
-    /// None of a topic that is not ours: publishers count those who watch all of these.
-    listener: Option<Arc<Listener<Ipc>>>,
-    node: Node<Ipc>,
-}
-
-impl ResultWatch {
-    /// Looks out for `topic` of `run`. For one that is not ours hold an [`OwnTopicsWatch`] besides, or publishers will
-    /// not wait.
-    ///
-    /// # Errors
-    /// When the bus cannot be used.
-    pub fn create(bus: &Bus, run: &RunName, topic: Topic) -> Result<Self, ResultsError> {
-        let node = bus.node()?;
-        let is_own = matches!(topic, Topic::Own(_));
-        let listener = if is_own { None } else { Some(new_listener(&node, run, topic)?) };
-        Ok(Self { bus: bus.clone(), run: run.clone(), topic, listener, node })
-    }
-
-    /// What it looks out for.
-    pub fn topic(&self) -> Topic {
-        self.topic
-    }
-
-    /// Attaches to the publisher; none if there is none yet.
-    ///
-    /// # Errors
-    /// When the bus cannot be used.
-    pub fn attach<T: ResultElement>(
-        &self,
-        delivery: Delivery,
-        stop: Arc<AtomicBool>,
-    ) -> Result<Option<ResultSubscriber<T>>, ResultsError> {
-        // registering anew costs more than a look
-        let found = services::find_slices::<T>(&self.node, &self.run, self.topic)?;
-        if found.is_none_or(|service| service.dynamic_config().number_of_publishers() == 0) {
-            return Ok(None);
-        }
-        let node = self.bus.node()?;
-        let listener = self.listener.clone();
-        ResultSubscriber::attach_with(&self.bus, node, &self.run, self.topic, delivery, stop, listener)
-    }
-
-    /// Waits until a publisher comes, or for `patience`.
-    pub fn wait(&self, patience: Duration) {
-        match &self.listener {
-            // a signal ends the wait early; the caller looks again
-            Some(listener) => drop(listener.timed_wait(|_| {}, patience)),
-            None => std::thread::sleep(patience),
-        }
-    }
-}
-
-/// Looks out for publishers of any topic that is not ours: they give whoever has one of these the time to subscribe
-/// before their first row.
-pub struct OwnTopicsWatch {
-    bus: Bus,
-    run: RunName,
-    listener: Listener<Ipc>,
-    _node: Node<Ipc>,
-}
-
-impl OwnTopicsWatch {
-    /// Looks out for topics of `run`.
-    ///
-    /// # Errors
-    /// When the bus cannot be used.
-    pub fn create(bus: &Bus, run: &RunName) -> Result<Self, ResultsError> {
-        let node = bus.node()?;
-        let listener = services::announcements(&node, run)?.listener_builder().create();
-        let text = format!("beadline/{run}/own");
-        let listener = listener.map_err(|e| BusError::service(&text, "listen to", &e))?;
-        Ok(Self { bus: bus.clone(), run: run.clone(), listener, _node: node })
-    }
-
-    /// The topics that there are, in order, with publishers or without.
-    ///
-    /// # Errors
-    /// When the bus cannot be used.
-    pub fn topics(&self) -> Result<Vec<Topic>, ResultsError> {
-        Ok(own_topics(&self.bus, &self.run)?.into_iter().map(Topic::Own).collect())
-    }
-
-    /// Waits until a publisher comes, or for `patience`; whether one came.
-    pub fn wait(&self, patience: Duration) -> bool {
-        let mut came = false;
-        // a signal ends the wait early; the caller looks again
-        let _ = self.listener.timed_wait(|_| came = true, patience);
-        came
-    }
-}
-
-fn new_listener(node: &Node<Ipc>, run: &RunName, topic: Topic) -> Result<Arc<Listener<Ipc>>, ResultsError> {
+) -> Result<Arc<Listener<Ipc>>, ResultsError> {
     let created = services::events(node, run, topic)?.listener_builder().create();
     Ok(Arc::new(created.map_err(|e| BusError::service(&text_of(run, topic), "listen to", &e))?))
 }

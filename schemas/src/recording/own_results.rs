@@ -148,7 +148,9 @@ mod tests {
         let refused = |columns: &ResultColumns| {
             OwnResults::new("x".parse().expect("a name"), columns).expect_err("no fields")
         };
-        for names in [&["a b"][..], &["step"], &["2x"], &["a", "a"], &[""], &["é"]] {
+        for names in
+            [&["a b"][..], &["step"], &["2x"], &["a", "a"], &["x_m", "xM"], &["TimeS"], &[""], &["é"]]
+        {
             refused(&ResultColumns::named(names));
         }
         refused(&ResultColumns::array("a", 0));

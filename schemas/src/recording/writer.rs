@@ -151,17 +151,15 @@ impl RecordingWriter {
             step: row.step,
             what: format!("a row of {}: {what}", kind.topic()),
         })?;
-        let id = match self.rows.get_mut(kind.topic()) {
-            Some(rows) => {
-                rows.last_step = row.step;
-                rows.id
-            }
-            None => {
-                let id = kind.add_to(&mut self.file)?;
-                self.rows.insert(kind.topic().to_owned(), RowChannel { id, last_step: row.step });
-                id
-            }
+        let id = match before {
+            Some(rows) => rows.id,
+            None => kind.add_to(&mut self.file)?,
         };
+        if let Some(rows) = self.rows.get_mut(kind.topic()) {
+            rows.last_step = row.step;
+        } else {
+            self.rows.insert(kind.topic().to_owned(), RowChannel { id, last_step: row.step });
+        }
         self.file.write(id, row.frame, row.time_s, &self.message)?;
         self.file.keep();
         Ok(())
