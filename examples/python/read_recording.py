@@ -15,8 +15,6 @@ import struct
 import sys
 import time
 import zlib
-from collections import deque
-from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple, Optional
 
 import numpy as np
@@ -28,7 +26,6 @@ from mcap.stream_reader import StreamReader
 CHANNEL, MESSAGE = 0x04, 0x05
 RECORD_HEAD, MESSAGE_HEAD = struct.Struct("<BQ"), struct.Struct("<HIQQ")
 LARGEST_CHUNK = 1 << 30
-AHEAD = 2  # chunks
 FRAME, STEP, TIME, DISPLACEMENT, VELOCITY, EXTRA = range(1, 7)  # fields of beadline.v1.ChainState
 EMPTY = np.empty(0)
 
@@ -71,35 +68,29 @@ class Reader:
 
     def __iter__(self):
         channels = set()  # those of /state
-        for chunk in self._chunks():
-            at = 0
-            while at < len(chunk):
-                opcode, length = RECORD_HEAD.unpack_from(chunk, at)
-                at += RECORD_HEAD.size
-                if opcode == CHANNEL:
-                    channel, _schema, letters = struct.unpack_from("<HHI", chunk, at)
-                    if chunk[at + 8 : at + 8 + letters] == b"/state":
-                        channels.add(channel)
-                elif opcode == MESSAGE and MESSAGE_HEAD.unpack_from(chunk, at)[0] in channels:
-                    yield state_of(chunk, at + MESSAGE_HEAD.size, at + length)
-                at += length
+        try:
+            for record in self._records:
+                if isinstance(record, Chunk):
+                    yield from states_in(unpack(record), channels)
+                elif isinstance(record, Metadata) and record.name == "beadline.end":
+                    self.end = record.metadata["reason"]
+        except EndOfFile:
+            self.end = None  # it is being written, or was cut short
 
-    def _chunks(self):
-        """The records of each chunk. Those that come next are unpacked on other cores meanwhile."""
-        with ThreadPoolExecutor(AHEAD) as pool:
-            ahead = deque()
-            try:
-                for record in self._records:
-                    if isinstance(record, Chunk):
-                        ahead.append(pool.submit(unpack, record))
-                    elif isinstance(record, Metadata) and record.name == "beadline.end":
-                        self.end = record.metadata["reason"]
-                    if len(ahead) > AHEAD:
-                        yield ahead.popleft().result()
-            except EndOfFile:
-                self.end = None  # it is being written, or was cut short
-            while ahead:
-                yield ahead.popleft().result()
+
+def states_in(chunk, channels):
+    """The states in the records of a chunk; `channels` collects the numbers of the channels of states."""
+    at = 0
+    while at < len(chunk):
+        opcode, length = RECORD_HEAD.unpack_from(chunk, at)
+        at += RECORD_HEAD.size
+        if opcode == CHANNEL:
+            channel, _schema, letters = struct.unpack_from("<HHI", chunk, at)
+            if chunk[at + 8 : at + 8 + letters] == b"/state":
+                channels.add(channel)
+        elif opcode == MESSAGE and MESSAGE_HEAD.unpack_from(chunk, at)[0] in channels:
+            yield state_of(chunk, at + MESSAGE_HEAD.size, at + length)
+        at += length
 
 
 def unpack(chunk):
@@ -129,7 +120,8 @@ def state_of(data, at, end):
     """The `ChainState` between `at` and `end`. Its doubles lie in one piece, so that an array can point to them."""
     fields = {}
     while at < end:
-        tag, at = varint(data, at)
+        tag = data[at]
+        tag, at = (tag, at + 1) if tag < 0x80 else varint(data, at)
         kind = tag & 7
         if kind == 0:
             fields[tag >> 3], at = varint(data, at)

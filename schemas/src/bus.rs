@@ -15,7 +15,10 @@ mod board;
 mod chain_values;
 mod creating;
 mod live;
+mod own_topic;
 mod publisher;
+mod result_columns;
+mod result_watch;
 mod results;
 mod room;
 mod root;
@@ -27,11 +30,11 @@ mod wire;
 pub use backpressure::Remedies;
 pub use backpressure::{ConsumerEvent, Delivery};
 pub use live::{AttachError, AttachNotice, AttachOptions, LiveError, LiveSource};
+pub use own_topic::OwnTopic;
 pub use publisher::{PublishCounts, PublishError, PublishOptions, StatePublisher, WaitOutcome};
-pub use results::{
-    ResultColumns, ResultElement, ResultPublisher, ResultReceived, ResultSubscriber, ResultWatch,
-    ResultsError, Row,
-};
+pub use result_columns::ResultColumns;
+pub use result_watch::{OwnTopicsWatch, ResultWatch};
+pub use results::{ResultElement, ResultPublisher, ResultReceived, ResultSubscriber, ResultsError, Row};
 pub use room::RoomError;
 pub use root::RootError;
 pub use runs::{RunInfo, RunState, list_runs};

@@ -21,5 +21,6 @@ pub mod ros2;
 pub mod run_name;
 pub mod scales;
 pub mod simd;
+pub mod source;
 pub mod summary;
 pub mod whole_file;

@@ -2,8 +2,8 @@
 
 use super::{Recorder, RowFate};
 use schemas::bus::{
-    Bus, Delivery, ResultColumns, ResultElement, ResultReceived, ResultSubscriber, ResultWatch, ResultsError,
-    Row, StreamId, Topic,
+    Bus, Delivery, OwnTopicsWatch, ResultColumns, ResultElement, ResultReceived, ResultSubscriber,
+    ResultWatch, ResultsError, Row, StreamId, Topic,
 };
 use schemas::frame::EndReason;
 use schemas::recording::{ResultKind, ResultRow, RowValues};
@@ -20,6 +20,9 @@ const MOST_EARLY_ROWS: usize = 128;
 
 /// How long to wait for a publisher before looking for one.
 const LOOK_PERIOD: Duration = Duration::from_millis(100);
+
+/// How long to trust that publishers of topics that are not ours announce themselves: a look takes milliseconds.
+const OWN_LOOK_PERIOD: Duration = Duration::from_secs(1);
 
 /// How long after the last frame a first row may come.
 const LAST_LOOK: Duration = Duration::from_millis(300);
@@ -71,6 +74,8 @@ pub(crate) struct RowThreads {
 struct Started {
     run: Option<RunName>,
     threads: Vec<JoinHandle<RowTally>>,
+    /// Looks out for topics that are not ours, and returns a thread for each.
+    lookout: Option<JoinHandle<OwnThreads>>,
     failure: Option<ResultsError>,
 }
 
@@ -96,6 +101,14 @@ impl RowThreads {
                 Err(error) => started.failure = Some(error),
             }
         }
+        match OwnTopicsWatch::create(bus, run) {
+            Ok(watch) => {
+                let mut own = OwnThreads::new(bus, run, recorder);
+                own.look(&watch, Some(&looking));
+                started.lookout = Some(thread::spawn(move || own.look_out(&watch)));
+            }
+            Err(error) => started.failure = Some(error),
+        }
         drop(looking);
         // nothing is sent; each thread gives its end up when it has looked for a publisher
         let _ = looked.recv();
@@ -105,11 +118,67 @@ impl RowThreads {
     /// recorded at all.
     pub(crate) fn finish(&self) -> (Vec<RowTally>, Option<ResultsError>) {
         let started = std::mem::take(&mut *self.started.lock().unwrap_or_else(PoisonError::into_inner));
-        let join = |thread: JoinHandle<_>| {
-            // a thread that panicked has said why; the panic goes on here
-            thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-        };
-        (started.threads.into_iter().map(join).collect(), started.failure)
+        let mut tallies: Vec<_> = started.threads.into_iter().map(join).collect();
+        let own = started.lookout.map(join);
+        let mut failure = started.failure;
+        if let Some(own) = own {
+            tallies.extend(own.threads.into_iter().map(|(_, thread)| join(thread)));
+            failure = failure.or(own.failure);
+        }
+        (tallies, failure)
+    }
+}
+
+fn join<T>(thread: JoinHandle<T>) -> T {
+    // a thread that panicked has said why; the panic goes on here
+    thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+}
+
+/// The threads that record results whose topics are not ours.
+struct OwnThreads {
+    bus: Bus,
+    run: RunName,
+    recorder: Arc<Recorder>,
+    threads: Vec<(Topic, JoinHandle<RowTally>)>,
+    failure: Option<ResultsError>,
+}
+
+impl OwnThreads {
+    fn new(bus: &Bus, run: &RunName, recorder: &Arc<Recorder>) -> Self {
+        let (bus, run, recorder) = (bus.clone(), run.clone(), Arc::clone(recorder));
+        Self { bus, run, recorder, threads: Vec::new(), failure: None }
+    }
+
+    /// Looks for new topics until the frames are over.
+    fn look_out(mut self, watch: &OwnTopicsWatch) -> Self {
+        let mut looked_at = Instant::now();
+        while self.failure.is_none() && self.recorder.state().end.is_none() {
+            if watch.wait(LOOK_PERIOD) || looked_at.elapsed() >= OWN_LOOK_PERIOD {
+                looked_at = Instant::now();
+                self.look(watch, None);
+            }
+        }
+        self
+    }
+
+    /// Starts a thread for each topic that has none.
+    fn look(&mut self, watch: &OwnTopicsWatch, looking: Option<&Sender<Infallible>>) {
+        let looked = watch.topics().and_then(|topics| {
+            for topic in topics {
+                if self.threads.iter().any(|(known, _)| *known == topic) {
+                    continue;
+                }
+                let watch = ResultWatch::create(&self.bus, &self.run, topic)?;
+                let recorder = Arc::clone(&self.recorder);
+                let looking = looking.cloned().unwrap_or_else(|| channel().0);
+                let record = move || {
+                    Rows::<f64>::new(&recorder, &watch, |numbers| RowValues::Numbers(numbers)).record(looking)
+                };
+                self.threads.push((topic, thread::spawn(record)));
+            }
+            Ok(())
+        });
+        self.failure = self.failure.take().or(looked.err());
     }
 }
 

@@ -16,6 +16,7 @@ mod hostile_files;
 mod lying;
 mod mcap_readers;
 mod other_tools;
+mod own_consumer;
 mod pipeline;
 mod plot;
 mod pulses;

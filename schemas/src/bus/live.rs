@@ -7,7 +7,7 @@ pub use attach::{AttachError, AttachNotice, AttachOptions};
 use super::backpressure::Delivery;
 use super::board::BoardReader;
 use super::wire::{ANNOUNCED, RunStatus, STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, StateHeader, StreamId};
-use super::{Bus, Ipc};
+use super::{Bus, Ipc, ResultColumns, ResultElement, ResultPublisher, ResultsError, Topic};
 use crate::chain::Chain;
 use crate::frame::{EndReason, Frame, FrameSource, Received};
 use crate::manifest::RunManifest;
@@ -96,6 +96,19 @@ impl LiveSource {
     /// The first frame that is guaranteed to a lossless consumer; misses are counted from here.
     pub fn first_frame(&self) -> u64 {
         self.first_frame
+    }
+
+    /// A publisher of results about these frames.
+    ///
+    /// # Errors
+    /// As [`ResultPublisher::create`].
+    pub fn results<T: ResultElement>(
+        &self,
+        topic: Topic,
+        columns: &ResultColumns,
+    ) -> Result<ResultPublisher<T>, ResultsError> {
+        let stop = Arc::clone(&self.stop);
+        ResultPublisher::create(&self.bus, &self.name(), topic, self.stream, columns, stop)
     }
 
     /// How many frames were published but did not reach us.

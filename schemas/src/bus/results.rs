@@ -1,10 +1,12 @@
 //! Results of analyses on the bus: one row per frame.
 
 use super::backpressure::{Backpressure, Delivery, Remedies};
+use super::result_columns::{MOST_NAMES_BYTES, ResultColumns};
+use super::result_watch::{Watchers, wait_for_watchers};
 use super::services::{self, SliceService, Topic, attribute, check_schema, text_of};
 use super::wire::{FLAG_FOLLOWS, FLAG_LAST, StateHeader, StreamId, fill};
 use super::{Bus, BusError, Ipc, RoomError, room};
-use crate::frame::EndReason;
+use crate::frame::{EndReason, Frame};
 use crate::manifest::RunId;
 use crate::run_name::RunName;
 use iceoryx2::node::Node;
@@ -25,33 +27,33 @@ const LIVENESS_PERIOD: Duration = Duration::from_millis(500);
 /// How long a lossless subscriber to results may take nothing.
 const STUCK_AFTER: Duration = Duration::from_secs(10);
 const TAKE_OVER_PATIENCE: Duration = Duration::from_millis(500);
-/// How long a new publisher waits for those to subscribe who listen already, as long as they live.
-const WATCHER_PATIENCE: Duration = Duration::from_secs(10);
-/// How often it looks meanwhile whether they live.
-const WATCHER_PERIOD: Duration = Duration::from_millis(200);
 const COLUMNS_KEY: &str = "beadline.columns";
 const WIDTH_KEY: &str = "beadline.width";
 const TOLERANCE_KEY: &str = "beadline.tolerance_m";
 
 /// What a row consists of: `f64` for numbers, `u8` for classes, one byte a contact.
-pub trait ResultElement: Copy + Debug + ZeroCopySend + Send + Sync + 'static {}
-impl ResultElement for f64 {}
-impl ResultElement for u8 {}
-
-/// What the elements of a row mean.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct ResultColumns {
-    /// Elements in each row.
-    pub width: usize,
-    /// Names of the columns with their units, separated by commas; at most 256 bytes, as long names are cut.
-    pub names: String,
-    /// Of classes of contacts: the largest overlap or gap (m) that counts as touching.
-    pub tolerance_m: Option<f64>,
+pub trait ResultElement: Copy + Debug + ZeroCopySend + Send + Sync + 'static {
+    /// Whether these are numbers, as rows of topics that are not ours must be.
+    const ARE_NUMBERS: bool;
+}
+impl ResultElement for f64 {
+    const ARE_NUMBERS: bool = true;
+}
+impl ResultElement for u8 {
+    const ARE_NUMBERS: bool = false;
 }
 
 /// Why results cannot be published or read.
 #[derive(Debug, thiserror::Error)]
 pub enum ResultsError {
+    /// Rows that a recording could not describe.
+    #[error("{topic}: {what}")]
+    Columns {
+        /// Which results.
+        topic: Topic,
+        /// What was expected and found.
+        what: String,
+    },
     /// The bus.
     #[error(transparent)]
     Bus(#[from] BusError),
@@ -135,11 +137,16 @@ impl<T: ResultElement> ResultPublisher<T> {
         stop: Arc<AtomicBool>,
     ) -> Result<Self, ResultsError> {
         let text = text_of(run, topic);
+        if let Topic::Own(_) = topic {
+            let fields =
+                if T::ARE_NUMBERS { columns.fields() } else { Err("its values are no f64".to_owned()) };
+            fields.map_err(|what| ResultsError::Columns { topic, what })?;
+        }
         let node = bus.node()?;
         check_schema(bus, run, topic)?;
         let mut names = columns.names.clone();
         let ends = names.char_indices().map(|(at, c)| at + c.len_utf8());
-        names.truncate(ends.take_while(|end| *end <= 256).last().unwrap_or(0));
+        names.truncate(ends.take_while(|end| *end <= MOST_NAMES_BYTES).last().unwrap_or(0));
         let tolerance = columns.tolerance_m.map(|m| (TOLERANCE_KEY, format!("{m:e}")));
         let columns = ResultColumns { names, ..columns.clone() };
         let more: Vec<_> = [(COLUMNS_KEY, columns.names.clone()), (WIDTH_KEY, columns.width.to_string())]
@@ -185,8 +192,8 @@ impl<T: ResultElement> ResultPublisher<T> {
             }
         };
         backpressure.wake();
-        let listeners = || events.dynamic_config().number_of_listeners();
-        wait_for_watchers(&node, &backpressure, listeners);
+        let watchers = Watchers::call(&node, run, topic, events)?;
+        wait_for_watchers(&node, &backpressure, || watchers.count());
         let last =
             StateHeader { run_id: stream.run_id.0, stream_id: stream.stream_id, ..StateHeader::default() };
         let width = columns.width;
@@ -220,6 +227,14 @@ impl<T: ResultElement> ResultPublisher<T> {
         Ok(())
     }
 
+    /// Publishes the row of `frame`.
+    ///
+    /// # Errors
+    /// As [`publish`](Self::publish).
+    pub fn publish_for(&mut self, frame: &Frame<'_>, row: &[T]) -> Result<(), ResultsError> {
+        self.publish(frame.frame, frame.step, frame.time_s, row)
+    }
+
     fn send(&self, header: StateHeader, row: &[T]) -> Result<(), ResultsError> {
         let topic = self.topic;
         let send = || fill(self.publisher.loan_slice_uninit(row.len())?, header, &[row]).send();
@@ -240,26 +255,6 @@ impl<T: ResultElement> ResultPublisher<T> {
         self.send(StateHeader { flags: FLAG_LAST, ..self.last }, &[])?;
         self.backpressure.wake();
         Ok(())
-    }
-}
-
-/// Waits until whoever listens already has subscribed, and then has every row.
-fn wait_for_watchers<T: ResultElement>(
-    node: &Node<Ipc>,
-    backpressure: &Backpressure<T>,
-    listeners: impl Fn() -> usize,
-) {
-    let (start, mut looked) = (Instant::now(), Instant::now());
-    while backpressure.subscriber_count() < listeners()
-        && start.elapsed() < WATCHER_PATIENCE
-        && !backpressure.stop.load(Ordering::Relaxed)
-    {
-        std::thread::sleep(Duration::from_millis(1));
-        if looked.elapsed() >= WATCHER_PERIOD {
-            // the dead listen to nothing
-            node.try_cleanup_dead_nodes();
-            looked = Instant::now();
-        }
     }
 }
 
@@ -347,7 +342,7 @@ impl<T: ResultElement> ResultSubscriber<T> {
         Self::attach_with(bus, node, run, topic, delivery, stop, None)
     }
 
-    fn attach_with(
+    pub(super) fn attach_with(
         bus: &Bus,
         node: Node<Ipc>,
         run: &RunName,
@@ -516,59 +511,11 @@ impl<T: ResultElement> ResultSubscriber<T> {
     }
 }
 
-/// Looks out for publishers of one kind of results: a publisher that comes while it is there gives it the time to
-/// subscribe before its first row.
-pub struct ResultWatch {
-    bus: Bus,
-    run: RunName,
+pub(super) fn new_listener(
+    node: &Node<Ipc>,
+    run: &RunName,
     topic: Topic,
-    listener: Arc<Listener<Ipc>>,
-    node: Node<Ipc>,
-}
-
-impl ResultWatch {
-    /// Looks out for `topic` of `run`.
-    ///
-    /// # Errors
-    /// When the bus cannot be used.
-    pub fn create(bus: &Bus, run: &RunName, topic: Topic) -> Result<Self, ResultsError> {
-        let node = bus.node()?;
-        let listener = new_listener(&node, run, topic)?;
-        Ok(Self { bus: bus.clone(), run: run.clone(), topic, listener, node })
-    }
-
-    /// What it looks out for.
-    pub fn topic(&self) -> Topic {
-        self.topic
-    }
-
-    /// Attaches to the publisher; none if there is none yet.
-    ///
-    /// # Errors
-    /// When the bus cannot be used.
-    pub fn attach<T: ResultElement>(
-        &self,
-        delivery: Delivery,
-        stop: Arc<AtomicBool>,
-    ) -> Result<Option<ResultSubscriber<T>>, ResultsError> {
-        // registering anew costs more than a look
-        let found = services::find_slices::<T>(&self.node, &self.run, self.topic)?;
-        if found.is_none_or(|service| service.dynamic_config().number_of_publishers() == 0) {
-            return Ok(None);
-        }
-        let node = self.bus.node()?;
-        let listener = Some(Arc::clone(&self.listener));
-        ResultSubscriber::attach_with(&self.bus, node, &self.run, self.topic, delivery, stop, listener)
-    }
-
-    /// Waits until a publisher comes, or for `patience`.
-    pub fn wait(&self, patience: Duration) {
-        // a signal ends the wait early; the caller looks again
-        let _ = self.listener.timed_wait(|_| {}, patience);
-    }
-}
-
-fn new_listener(node: &Node<Ipc>, run: &RunName, topic: Topic) -> Result<Arc<Listener<Ipc>>, ResultsError> {
+) -> Result<Arc<Listener<Ipc>>, ResultsError> {
     let created = services::events(node, run, topic)?.listener_builder().create();
     Ok(Arc::new(created.map_err(|e| BusError::service(&text_of(run, topic), "listen to", &e))?))
 }

@@ -1,6 +1,7 @@
 //! Which runs are on the bus.
 
 use super::board::BoardReader;
+use super::own_topic::OwnTopic;
 use super::wire::{RunStatus, STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, STATE_RUNNING, STATE_WAITING};
 use super::{Bus, BusError, Ipc};
 use crate::manifest::RunId;
@@ -107,17 +108,37 @@ impl RunInfo {
 
 /// The names of the runs on the bus, in order.
 pub(super) fn run_names(bus: &Bus) -> Result<Vec<RunName>, BusError> {
-    let mut names = Vec::new();
-    let listed = Ipc::list(bus.config(), |details| {
-        let name = details.static_details.name().as_str();
-        let run = name.strip_prefix("beadline/").and_then(|name| name.strip_suffix("/manifest"));
+    let mut names: Vec<RunName> = Vec::new();
+    each_service(bus, |name| {
+        let run = name.strip_suffix("/manifest");
         names.extend(run.and_then(|run| run.parse::<RunName>().ok()));
-        CallbackProgression::Continue
-    });
-    listed.map_err(|e| BusError::service("beadline/*", "list", &e))?;
+    })?;
     names.sort();
     names.dedup();
     Ok(names)
+}
+
+/// The topics of `run` that are not ours, in order.
+pub(super) fn own_topics(bus: &Bus, run: &RunName) -> Result<Vec<OwnTopic>, BusError> {
+    let mut topics: Vec<OwnTopic> = Vec::new();
+    each_service(bus, |name| {
+        let own = name.strip_prefix(run.as_str()).and_then(|topic| topic.strip_prefix("/own/"));
+        topics.extend(own.and_then(|own| own.parse::<OwnTopic>().ok()));
+    })?;
+    topics.sort_by(|one, other| one.as_str().cmp(other.as_str()));
+    topics.dedup();
+    Ok(topics)
+}
+
+/// Tells `see` the name of every service, without `beadline/`.
+fn each_service(bus: &Bus, mut see: impl FnMut(&str)) -> Result<(), BusError> {
+    let listed = Ipc::list(bus.config(), |details| {
+        if let Some(name) = details.static_details.name().as_str().strip_prefix("beadline/") {
+            see(name);
+        }
+        CallbackProgression::Continue
+    });
+    listed.map_err(|e| BusError::service("beadline/*", "list", &e))
 }
 
 /// Every run on the bus, by name: also those that are over while consumers are still reading, and those

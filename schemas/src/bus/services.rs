@@ -1,6 +1,7 @@
 //! The services of a run: their names, their limits, and opening them while others come and go.
 
 use super::creating::Wanted;
+use super::own_topic::OwnTopic;
 use super::wire::{JoinAnswer, JoinRequest, StateHeader};
 use super::{Bus, Ipc};
 use crate::manifest::{SCHEMA_VERSION, SchemaVersion};
@@ -39,11 +40,21 @@ pub enum Topic {
     Contacts,
     /// Pulses found per frame.
     Pulses,
+    /// What somebody else's analysis finds per frame.
+    Own(OwnTopic),
 }
 
 impl Topic {
+    /// The topic of results of one's own, called `name`.
+    ///
+    /// # Errors
+    /// What is allowed, when that is no name.
+    pub fn own(name: &str) -> Result<Self, String> {
+        name.parse().map(Self::Own)
+    }
+
     /// The last part of the service's name.
-    pub fn as_str(self) -> &'static str {
+    pub fn as_str(&self) -> &str {
         match self {
             Self::State => "state",
             Self::Chain => "chain",
@@ -53,6 +64,7 @@ impl Topic {
             Self::Impurity => "impurity",
             Self::Contacts => "contacts",
             Self::Pulses => "pulses",
+            Self::Own(topic) => topic.as_str(),
         }
     }
 }
@@ -330,7 +342,17 @@ pub(super) fn chain(node: &Node<Ipc>, run: &RunName) -> Result<StateService, Bus
 
 /// The event service that goes with `topic`.
 pub(super) fn events(node: &Node<Ipc>, run: &RunName, topic: Topic) -> Result<EventService, BusError> {
-    let (text, name, attributes) = (text_of(run, topic), service_name(run, topic)?, attributes(&[])?);
+    event_service(node, &text_of(run, topic))
+}
+
+/// The event service by which publishers of topics that are not ours announce themselves.
+pub(super) fn announcements(node: &Node<Ipc>, run: &RunName) -> Result<EventService, BusError> {
+    event_service(node, &format!("beadline/{run}/own"))
+}
+
+fn event_service(node: &Node<Ipc>, text: &str) -> Result<EventService, BusError> {
+    let name = ServiceName::new(text).map_err(|e| BusError::service(text, "name", &e))?;
+    let attributes = attributes(&[])?;
     let create = || {
         let builder = node.service_builder(&name).event();
         builder
@@ -339,7 +361,7 @@ pub(super) fn events(node: &Node<Ipc>, run: &RunName, topic: Topic) -> Result<Ev
             .max_nodes(MAX_NODES)
             .create_with_attributes(&attributes)
     };
-    let wanted = Wanted { node, text: &text, name: &name, pattern: MessagingPattern::Event };
+    let wanted = Wanted { node, text, name: &name, pattern: MessagingPattern::Event };
     Ok(wanted.open_or_create(|| node.service_builder(&name).event().open(), create)?.0)
 }
 

@@ -213,7 +213,11 @@ mod tests {
         assert_eq!(size_of::<RunStatus>(), 152);
         assert_eq!(size_of::<ManifestText>(), 64 * 1024);
         assert_eq!(std::mem::offset_of!(StateHeader, time_s), 40);
+        assert_eq!(std::mem::offset_of!(RunStatus, first_frame), 40);
         assert_eq!(std::mem::offset_of!(RunStatus, node_id), 104);
+        assert_eq!(std::mem::offset_of!(RunStatus, reserved), 120);
+        assert_eq!(std::mem::offset_of!(JoinAnswer, first_frame), 24);
+        assert_eq!(std::mem::offset_of!(ManifestText, json), 32);
     }
 
     #[test]

@@ -168,8 +168,18 @@ impl ChannelWriter {
 
     /// Adds the channel of `topic`.
     pub(super) fn add_channel(&mut self, topic: Topic) -> Result<ChannelId, WriteError> {
-        let schema = self.add_schema(topic.message, "protobuf", topic.descriptor)?;
-        self.define_channel(schema, topic.topic, "protobuf", &BTreeMap::new())
+        self.add_described(topic.topic, topic.message, topic.descriptor)
+    }
+
+    /// Adds the channel `topic` of protobuf messages called `message`, which `descriptor` describes.
+    pub(super) fn add_described(
+        &mut self,
+        topic: &str,
+        message: &str,
+        descriptor: &[u8],
+    ) -> Result<ChannelId, WriteError> {
+        let schema = self.add_schema(message, "protobuf", descriptor)?;
+        self.define_channel(schema, topic, "protobuf", &BTreeMap::new())
     }
 
     /// Adds a channel like `channel` of another file.

@@ -1,7 +1,10 @@
 //! Rows of results, as analyses publish them on the bus, as messages.
 
+use super::channel_writer::{ChannelId, ChannelWriter};
 use super::contacts::pack;
-use super::proto::{self, Topic};
+use super::error::WriteError;
+use super::own_results::OwnResults;
+use super::proto;
 use crate::bus::{self, ResultColumns};
 use crate::manifest::RunManifest;
 use prost::Message as _;
@@ -33,6 +36,8 @@ pub enum ResultKind {
     },
     /// Pulses under way.
     Pulses,
+    /// What somebody else's analysis finds.
+    Own(OwnResults),
 }
 
 /// One row of results.
@@ -58,9 +63,6 @@ pub enum RowValues<'a> {
 }
 
 impl ResultKind {
-    /// How many kinds there are.
-    pub(super) const COUNT: usize = 4;
-
     /// What the rows of `topic` with these columns are.
     ///
     /// # Errors
@@ -74,28 +76,32 @@ impl ResultKind {
                 Ok(Self::Contacts { tolerance_m: tolerance_m.unwrap_or(f64::NAN) })
             }
             bus::Topic::Pulses if width.is_multiple_of(PULSE_WIDTH) => Ok(Self::Pulses),
+            bus::Topic::Own(own) => OwnResults::new(own, columns).map(Self::Own),
             _ => Err(format!("{width} columns that this version does not know: {names}")),
         }
     }
 
-    /// Position among the kinds.
-    pub(super) fn index(&self) -> usize {
+    /// The topic of its channel.
+    pub(super) fn topic(&self) -> &str {
         match self {
-            Self::Energies => 0,
-            Self::Impurity { .. } => 1,
-            Self::Contacts { .. } => 2,
-            Self::Pulses => 3,
+            Self::Energies => proto::ENERGIES.topic,
+            Self::Impurity { .. } => proto::IMPURITY.topic,
+            Self::Contacts { .. } => proto::CONTACTS.topic,
+            Self::Pulses => proto::PULSES.topic,
+            Self::Own(own) => own.topic(),
         }
     }
 
-    /// The channel of its rows.
-    pub(super) fn topic(&self) -> Topic {
-        match self {
+    /// Adds its channel to `file`.
+    pub(super) fn add_to(&self, file: &mut ChannelWriter) -> Result<ChannelId, WriteError> {
+        let topic = match self {
             Self::Energies => proto::ENERGIES,
             Self::Impurity { .. } => proto::IMPURITY,
             Self::Contacts { .. } => proto::CONTACTS,
             Self::Pulses => proto::PULSES,
-        }
+            Self::Own(own) => return file.add_described(own.topic(), &own.message(), &own.descriptor()),
+        };
+        file.add_channel(topic)
     }
 
     /// Encodes `row` into `message`, which is empty.
@@ -110,6 +116,7 @@ impl ResultKind {
                 contacts(row, *tolerance_m, classes, message)
             }
             (Self::Pulses, RowValues::Numbers(values)) => pulses(row, values, message),
+            (Self::Own(own), _) => own.encode(row, message),
             _ => Err("its values are of another type".to_owned()),
         }
     }

@@ -12,6 +12,7 @@ use crate::manifest::RunManifest;
 use crate::summary::Summarizer;
 use crate::whole_file::Names;
 use prost::Message;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
@@ -24,8 +25,8 @@ pub struct RecordingWriter {
     manifest: RunManifest,
     state: ChannelId,
     summary: ChannelId,
-    /// One for each kind of results that has come.
-    rows: [Option<RowChannel>; ResultKind::COUNT],
+    /// One for each kind of results that has come, by its topic.
+    rows: BTreeMap<String, RowChannel>,
     summarizer: Summarizer,
     encoder: StateEncoder,
     message: Vec<u8>,
@@ -94,7 +95,7 @@ impl RecordingWriter {
             manifest: manifest.clone(),
             state,
             summary,
-            rows: [None; ResultKind::COUNT],
+            rows: BTreeMap::new(),
             summarizer: Summarizer::new(&manifest.physics),
             encoder: StateEncoder::default(),
             message: Vec::new(),
@@ -135,7 +136,7 @@ impl RecordingWriter {
     /// # Errors
     /// When it is no row of this run or not after the row before, or when writing fails.
     pub fn write_row(&mut self, kind: &ResultKind, row: &ResultRow<'_>) -> Result<(), WriteError> {
-        let before = self.rows[kind.index()];
+        let before = self.rows.get(kind.topic()).copied();
         self.message.clear();
         let encoded = if self.manifest.step_of_frame(row.frame) != row.step {
             Err(format!("that frame is step {}", self.manifest.step_of_frame(row.frame)))
@@ -148,13 +149,17 @@ impl RecordingWriter {
             path: self.file.path().to_owned(),
             frame: row.frame,
             step: row.step,
-            what: format!("a row of {}: {what}", kind.topic().topic),
+            what: format!("a row of {}: {what}", kind.topic()),
         })?;
         let id = match before {
             Some(rows) => rows.id,
-            None => self.file.add_channel(kind.topic())?,
+            None => kind.add_to(&mut self.file)?,
         };
-        self.rows[kind.index()] = Some(RowChannel { id, last_step: row.step });
+        if let Some(rows) = self.rows.get_mut(kind.topic()) {
+            rows.last_step = row.step;
+        } else {
+            self.rows.insert(kind.topic().to_owned(), RowChannel { id, last_step: row.step });
+        }
         self.file.write(id, row.frame, row.time_s, &self.message)?;
         self.file.keep();
         Ok(())

@@ -3,8 +3,8 @@
 use crate::child::Child;
 use crate::support::{TestBus, run_name, wait_until};
 use schemas::bus::{
-    Delivery, ResultColumns, ResultElement, ResultPublisher, ResultReceived, ResultSubscriber, ResultWatch,
-    ResultsError, StreamId, Topic,
+    Delivery, OwnTopicsWatch, ResultColumns, ResultElement, ResultPublisher, ResultReceived,
+    ResultSubscriber, ResultWatch, ResultsError, StreamId, Topic,
 };
 use schemas::frame::EndReason;
 use schemas::manifest::RunId;
@@ -77,6 +77,33 @@ fn who_is_there_before_the_publisher_gets_every_row_from_the_first_on() {
             }
             energies.finish().unwrap();
             assert_eq!(reading.join().unwrap(), ((0..2000).collect(), 0, EndReason::Complete));
+        });
+    }
+}
+
+/// Who watches all topics that are not ours gets every row of each, of one publisher after the other.
+#[test]
+fn topics_of_ones_own_wait_for_those_who_watch_all_of_them() {
+    let (test, run, topic) = (TestBus::new(), run_name("run"), Topic::own("mine").unwrap());
+    let watch = OwnTopicsWatch::create(&test.bus, &run).unwrap();
+    let find = || watch.topics().unwrap().into_iter().find(|found| *found == topic);
+    for _ in 0..3 {
+        std::thread::scope(|scope| {
+            let reading = scope.spawn(|| {
+                let mut rows = loop {
+                    match find().and_then(|topic| attach::<f64>(&test, topic, Delivery::Lossless)) {
+                        Some(rows) => break rows,
+                        None => watch.wait(Duration::from_secs(1)),
+                    };
+                };
+                read(&mut rows)
+            });
+            let mut mine = create::<f64>(&test, topic, &columns(2, "a_m,b_m"));
+            for frame in 0..500 {
+                mine.publish(frame, frame, 0.0, &[1.0; 2]).unwrap();
+            }
+            mine.finish().unwrap();
+            assert_eq!(reading.join().unwrap(), ((0..500).collect(), 0, EndReason::Complete));
         });
     }
 }
