@@ -3,11 +3,16 @@
 //! An [`Export`] takes states one by one and keeps none of them in memory. Its file has its name only when
 //! [`Export::finish`] has given it; dropped before that, nothing of it is left.
 
+mod csv;
 mod foxglove;
+#[cfg(feature = "hdf5")]
+mod hdf5;
 mod npz;
+mod parquet;
 mod ros2;
 mod spool;
 
+use crate::table::{Column, Kind, Table};
 use schemas::frame::{Frame, Window};
 use schemas::manifest::RunManifest;
 use schemas::recording::WriteError;
@@ -107,6 +112,14 @@ pub enum ExportError {
     /// The file could not be written, or not be given its name.
     #[error(transparent)]
     File(#[from] WholeFileError),
+    /// This program was built without the format.
+    #[error(
+        "this beadline was built without {format}; `cargo build --release --features {format}` makes one that has it"
+    )]
+    NotBuilt {
+        /// The format.
+        format: Format,
+    },
     /// The same of an MCAP file.
     #[error(transparent)]
     Mcap(#[from] WriteError),
@@ -117,6 +130,7 @@ impl ExportError {
     pub fn is_in_the_way(&self) -> bool {
         match self {
             Self::File(error) => error.is_in_the_way(),
+            Self::NotBuilt { .. } => false,
             Self::Mcap(error) => error.is_in_the_way(),
         }
     }
@@ -127,6 +141,12 @@ impl ExportError {
 pub enum Format {
     /// Arrays of `NumPy` in a ZIP file.
     Npz,
+    /// A table with a row for each state and columns for each bead.
+    Csv,
+    /// A table with a row for each state and lists of values for the beads.
+    Parquet,
+    /// HDF5 in the layout of H5MD.
+    Hdf5,
     /// An MCAP file with Foxglove's messages.
     Foxglove,
     /// An MCAP file with messages of ROS 2.
@@ -135,12 +155,15 @@ pub enum Format {
 
 impl Format {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Npz, Self::Foxglove, Self::Ros2];
+    pub const ALL: [Self; 6] = [Self::Npz, Self::Csv, Self::Parquet, Self::Hdf5, Self::Foxglove, Self::Ros2];
 
     /// Its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Npz => "npz",
+            Self::Csv => "csv",
+            Self::Parquet => "parquet",
+            Self::Hdf5 => "hdf5",
             Self::Foxglove => "foxglove",
             Self::Ros2 => "ros2",
         }
@@ -150,15 +173,27 @@ impl Format {
     pub fn extensions(self) -> &'static [&'static str] {
         match self {
             Self::Npz => &["npz"],
+            Self::Csv => &["csv"],
+            Self::Parquet => &["parquet"],
+            Self::Hdf5 => &["h5", "hdf5", "h5md"],
             Self::Foxglove | Self::Ros2 => &[],
         }
+    }
+
+    /// Looks whether this program has the format: a heavy one is a feature of the build.
+    ///
+    /// # Errors
+    /// [`ExportError::NotBuilt`].
+    pub fn check_built(self) -> Result<(), ExportError> {
+        let built = self != Self::Hdf5 || cfg!(feature = "hdf5");
+        if built { Ok(()) } else { Err(ExportError::NotBuilt { format: self }) }
     }
 
     /// Begins an export of `excerpt` to `path`. A file of that name, or what an export has left of one, is in the
     /// way unless `replace`.
     ///
     /// # Errors
-    /// When something is in the way, or the file cannot be created.
+    /// When something is in the way, the file cannot be created, or this program has not the format.
     pub fn begin(
         self,
         path: &Path,
@@ -167,6 +202,12 @@ impl Format {
     ) -> Result<Box<dyn Export>, ExportError> {
         Ok(match self {
             Self::Npz => Box::new(npz::Npz::create(path, excerpt, replace)?),
+            Self::Csv => Box::new(csv::Csv::create(path, excerpt, replace)?),
+            Self::Parquet => Box::new(parquet::Parquet::create(path, excerpt, replace)?),
+            #[cfg(not(feature = "hdf5"))]
+            Self::Hdf5 => return Err(ExportError::NotBuilt { format: self }),
+            #[cfg(feature = "hdf5")]
+            Self::Hdf5 => Box::new(hdf5::Hdf5::create(path, excerpt, replace)?),
             Self::Foxglove => Box::new(foxglove::Foxglove::create(path, excerpt, replace)?),
             Self::Ros2 => Box::new(ros2::Ros2::create(path, excerpt, replace)?),
         })
@@ -176,5 +217,49 @@ impl Format {
 impl fmt::Display for Format {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
+    }
+}
+
+/// The name of a file beside `path`: `run.csv` and `chain.csv` make `run.chain.csv`.
+fn beside(path: &Path, format: Format, name: &str) -> PathBuf {
+    let end = path.extension().and_then(|end| end.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let is_end = format.extensions().contains(&end.as_str());
+    let mut stem = if is_end { path.with_extension("") } else { path.to_owned() }.into_os_string();
+    stem.push(".");
+    stem.push(name);
+    PathBuf::from(stem)
+}
+
+/// A table of the beads and of the contact that each has with the next one.
+fn chain_table(path: &Path, excerpt: &Excerpt, replace: bool) -> Result<Table, WholeFileError> {
+    let columns = [
+        Column::new("bead", Kind::Integer),
+        Column::new("mass_kg", Kind::Double),
+        Column::new("stiffness", Kind::Double),
+        Column::new("rest_overlap_m", Kind::Double),
+    ];
+    let mut table = Table::create(path, &columns, replace)?;
+    let chain = excerpt.manifest.physics.chain();
+    for bead in excerpt.beads.clone() {
+        table.integer(bead as u64).double(chain.mass_kg[bead]);
+        if excerpt.contacts().contains(&bead) {
+            table.double(chain.stiffness[bead]).double(chain.rest_overlap_m[bead]);
+        } else {
+            table.empty().empty();
+        }
+        table.end_row()?;
+    }
+    Ok(table)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_goes_with_a_file_is_named_after_it() {
+        let named = |path: &str| beside(Path::new(path), Format::Csv, "chain.csv").display().to_string();
+        assert_eq!(named("a/run.csv"), "a/run.chain.csv");
+        assert_eq!(named("run.v2"), "run.v2.chain.csv");
     }
 }

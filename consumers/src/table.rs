@@ -135,6 +135,14 @@ impl Table {
         written
     }
 
+    /// Removes the file, whatever is in it.
+    pub fn discard(self) {
+        match self.form {
+            Form::Csv(csv) => csv.discard(),
+            Form::Parquet(parquet) => drop(parquet),
+        }
+    }
+
     /// Completes the file and gives it its name, both on the disk.
     ///
     /// # Errors

@@ -38,10 +38,10 @@ pub(crate) struct ExportArgs {
     /// Only these beads: 100..200 is without bead 200, 100..=199 with bead 199
     #[arg(long, value_name = "A..B", value_parser = parse_beads)]
     pub(crate) beads: Option<BeadRange>,
-    /// Only the steps that are a multiple of K; what the recording does not hold is recomputed
+    /// Only the steps that are a multiple of K; those that were not recorded are recomputed
     #[arg(long, value_name = "K")]
     pub(crate) every_steps: Option<NonZero<u64>>,
-    /// Every step, recomputed where the recording does not hold it
+    /// Every step, recomputed from the recorded states, which are proven by it
     #[arg(long, conflicts_with = "every_steps")]
     pub(crate) every_step: bool,
     /// Point clouds of the chain, spread over that time, for `--to foxglove`

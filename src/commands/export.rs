@@ -59,6 +59,7 @@ impl Analysis for Exporting {
 
 pub(crate) fn export(args: &ExportArgs) -> Result<Done, Failure> {
     let format = format(args)?;
+    format.check_built().bad_input()?;
     let from = recording(args)?;
     check_place(&args.out, &from, args.force)?;
     let stop = signals::stop_flag()?;
@@ -80,11 +81,15 @@ pub(crate) fn export(args: &ExportArgs) -> Result<Done, Failure> {
 
 /// The format asked for, or that of the output's name.
 fn format(args: &ExportArgs) -> Result<Format, Failure> {
-    if let Some(format) = args.to {
-        return Ok(format);
-    }
     let end = extension(&args.out);
     let named = Format::ALL.into_iter().find(|format| format.extensions().contains(&end.as_str()));
+    if let (Some(asked), Some(named)) = (args.to, named)
+        && asked != named
+    {
+        let out = args.out.display();
+        return Err(Failure::BadInput(anyhow!("{out} would be taken for {named}, but --to says {asked}")));
+    }
+    let named = args.to.or(named);
     let names = Format::ALL.map(Format::name).join(", ");
     let message = || {
         format!("{}: its name does not say which format; use --to with one of {names}", args.out.display())
@@ -106,13 +111,14 @@ fn recording(args: &ExportArgs) -> Result<PathBuf, Failure> {
 
 /// The states that are asked for, and more.
 fn open(args: &ExportArgs, from: &Path, stop: &Arc<AtomicBool>) -> Result<(Frames, Window), Failure> {
-    let every_steps = if args.every_step { NonZero::new(1) } else { args.every_steps };
     let recorded = Source::open(from, stop)?;
     let window = window(args.from, args.until, recorded.manifest())?;
     let first_step = recorded.manifest().physics.step_at_or_after(window.from_s);
     let provenance = &recorded.manifest().provenance;
     let (publish, record) = (provenance.publish_every_steps, provenance.record_every_steps);
-    let lend = match every_steps.map(NonZero::get) {
+    let lend = match args.every_steps.map(NonZero::get) {
+        _ if args.every_step => Some(Lend::Steps),
+        // these were recorded: a gap is shown, not filled
         Some(every) if every.is_multiple_of(record) => None,
         Some(every) if every.is_multiple_of(publish) => Some(Lend::Frames),
         Some(_) => Some(Lend::Steps),

@@ -51,6 +51,13 @@ impl Csv {
         written.map_err(TableError::io(self.file.partial()))
     }
 
+    pub(super) fn discard(self) {
+        let Self { out, file, .. } = self;
+        // what is still buffered needs not be written any more
+        let _ = out.into_parts();
+        file.discard();
+    }
+
     pub(super) fn finish(self) -> Result<PathBuf, TableError> {
         let Self { mut out, file, .. } = self;
         out.flush().map_err(TableError::io(file.partial()))?;
