@@ -216,21 +216,10 @@ impl<'a> Session<'a> {
                 "the producer dropped this consumer because it held the run back for too long; \
                  use --latest, or a longer --stall-timeout of `beadline run`",
             ),
-            EndReason::Failed => display::notice("the run failed; results end at its last frame"),
-            EndReason::Unfinished if is_being_written(Path::new(&self.args.source)) => {
-                display::notice("the recording is being written; results end where it did");
-            }
-            EndReason::Unfinished => {
-                display::notice("the recording was not finished, or is damaged; results end where it does");
-            }
             EndReason::Stopped if self.live.is_none() => {
                 display::notice("stopped: results end before the recording does");
             }
-            EndReason::Continued => display::notice("the recording goes on in its next part"),
-            EndReason::Detached => {
-                display::notice("the recorder left the run before its end; results end where it did");
-            }
-            EndReason::Complete | EndReason::Interrupted | EndReason::Stopped => {}
+            end => notice_of_end(end, Path::new(&self.args.source), "results"),
         }
         let from = self.manifest().physics.step_at_or_after(self.window.from_s);
         let due = from.div_ceil(self.manifest().provenance.publish_every_steps);
@@ -249,6 +238,28 @@ impl<'a> Session<'a> {
             let first = count(first);
             display::notice(format_args!("attached to a run under way: results begin with frame {first}"));
         }
+    }
+}
+
+/// Says what the end of the run or recording `source` means for what was `made` of it, such as results.
+pub(crate) fn notice_of_end(end: EndReason, source: &Path, made: &str) {
+    match end {
+        EndReason::Failed => display::notice(format_args!("the run failed; {made} end at its last frame")),
+        EndReason::Unfinished if is_being_written(source) => {
+            display::notice(format_args!("the recording is being written; {made} end where it did"));
+        }
+        EndReason::Unfinished => display::notice(format_args!(
+            "the recording was not finished, or is damaged; {made} end where it does"
+        )),
+        EndReason::Continued => display::notice("the recording goes on in its next part"),
+        EndReason::Detached => {
+            display::notice(format_args!("the recorder left the run before its end; {made} end where it did"))
+        }
+        EndReason::Complete
+        | EndReason::Interrupted
+        | EndReason::ProducerLost
+        | EndReason::Dropped
+        | EndReason::Stopped => {}
     }
 }
 

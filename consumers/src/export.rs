@@ -99,6 +99,15 @@ pub trait Export {
     /// States that were recorded are missing before the next one.
     fn gap(&mut self) {}
 
+    /// Does a part of what is left to do when there are no more states, if that takes long, and gives the fraction that is
+    /// done, none when it is all. What nobody has asked for is done by [`finish`](Self::finish).
+    ///
+    /// # Errors
+    /// When the disk does not take it.
+    fn assemble(&mut self) -> Result<Option<f64>, ExportError> {
+        Ok(None)
+    }
+
     /// Completes the export and gives each file of it its name, the one that was asked for first.
     ///
     /// # Errors

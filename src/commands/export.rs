@@ -1,6 +1,6 @@
 //! `beadline export`: states of a recording in the formats of other programs.
 
-use crate::analysis::{check_beads, window};
+use crate::analysis::{check_beads, notice_of_end, window};
 use crate::args::ExportArgs;
 use crate::display::{self, bytes, count, counted};
 use crate::failure::{BadInput, Done, Failure};
@@ -13,13 +13,12 @@ use consumers::follow::{Analysis, FollowError, Tally, follow_within};
 use indicatif::ProgressBar;
 use producer::resimulation::Lend;
 use schemas::frame::{EndReason, Frame, FrameSource, Window};
-use schemas::whole_file::is_being_written;
 use serde_json::json;
 use std::num::NonZero;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// The states that are due, on their way into the file.
@@ -70,8 +69,8 @@ pub(crate) fn export(args: &ExportArgs) -> Result<Done, Failure> {
         Excerpt { beads: check_beads(&manifest, args.beads)?, manifest, window, clouds: args.clouds.get() };
     let mut exporting = Exporting::begin(format.begin(&args.out, &excerpt, args.force)?, args, &excerpt);
     let tally = follow(&mut frames, &mut exporting, window)?;
-    let Exporting { export, states, steps, .. } = exporting;
-    if tally.end == EndReason::Stopped {
+    let Exporting { mut export, states, steps, .. } = exporting;
+    if tally.end == EndReason::Stopped || !assemble(&mut *export, &excerpt, &stop)? {
         return Err(Failure::Failed(anyhow!("stopped: nothing was written")));
     }
     let Some(steps) = steps else { return Err(nothing_to_export(args)) };
@@ -169,6 +168,21 @@ fn follow(frames: &mut Frames, exporting: &mut Exporting, window: Window) -> Res
     }
 }
 
+/// Does what takes long after the last state; says whether it came to its end.
+fn assemble(export: &mut dyn Export, excerpt: &Excerpt, stop: &AtomicBool) -> Result<bool, Failure> {
+    let bar = display::progress_bar(1000, excerpt.manifest.provenance.name.as_str());
+    bar.set_message("putting the file together");
+    while let Some(fraction) = export.assemble()? {
+        if stop.load(Ordering::Relaxed) {
+            return Ok(false);
+        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 1")]
+        bar.set_position((fraction * 1000.0) as u64);
+    }
+    bar.finish_and_clear();
+    Ok(true)
+}
+
 fn nothing_to_export(args: &ExportArgs) -> Failure {
     let advice = if args.every_step { "" } else { "; --every-step recomputes the steps between frames" };
     Failure::BadInput(anyhow!("{}: there is no state in this part of the run{advice}", args.file))
@@ -223,29 +237,10 @@ fn report(
         ];
         display::print(display::rows(&format!("{} exported ({end_text})", args.file), &rows))?;
     }
-    warn(args, tally);
-    Ok(Done::whole_if(tally.end.is_orderly() && tally.missed_count == 0))
-}
-
-/// Says what is missing.
-fn warn(args: &ExportArgs, tally: &Tally) {
     if tally.missed_count > 0 {
         let missed = counted(tally.missed_count, "frame");
         display::notice(format_args!("{missed} of the recording are missing in it, and in the export"));
     }
-    match tally.end {
-        EndReason::Unfinished if is_being_written(Path::new(&args.file)) => {
-            display::notice("the recording is being written; the export ends where it did");
-        }
-        EndReason::Unfinished => display::notice(format_args!(
-            "the recording was not finished, or is damaged; the export ends where it does (`beadline recover {}`)",
-            args.file
-        )),
-        EndReason::Failed => display::notice("the run failed; the export ends at its last frame"),
-        EndReason::Continued => display::notice("the recording goes on in its next part"),
-        EndReason::Detached => {
-            display::notice("the recorder left the run before its end; the export ends where it did");
-        }
-        _ => {}
-    }
+    notice_of_end(tally.end, Path::new(&args.file), "the exported states");
+    Ok(Done::whole_if(tally.end.is_orderly() && tally.missed_count == 0))
 }

@@ -7,6 +7,7 @@ mod configuration;
 mod crash;
 mod deformation;
 mod disk;
+mod export;
 mod faults;
 mod golden;
 mod guide;

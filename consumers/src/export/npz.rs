@@ -1,7 +1,7 @@
 //! Arrays of `NumPy`: a ZIP file of `.npy` files, none of them pickled and none compressed.
 //!
 //! # Source
-//! `NumPy`, `numpy.lib.format`: a magic, version 1.0 or 2.0, a header as a Python literal, the values.
+//! `NumPy`, `numpy.lib.format`: a magic, the version 1.0, a header as a Python literal, the values.
 
 use super::spool::Spool;
 use super::{Excerpt, Export, ExportError};
@@ -9,7 +9,7 @@ use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::whole_file::{WholeFile, WholeFileError};
 use std::fs::File;
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use zip::write::SimpleFileOptions;
@@ -18,40 +18,74 @@ use zip::{CompressionMethod, ZipWriter};
 /// Files from here on need the 64-bit form of ZIP; well below 4 GiB, for there is a header, too.
 const LARGE_BYTES: u64 = 0xF000_0000;
 
-/// The arrays that have a row for each state, spooled one by one because a ZIP file has them one behind the other.
+/// What is copied into the ZIP file at a time.
+const PIECE_BYTES: u64 = 16 << 20;
+
+/// The arrays with a row for each state wait in spools, because a ZIP file has one behind the other.
 pub(super) struct Npz {
-    file: WholeFile,
     excerpt: Excerpt,
     states: u64,
-    displacement_m: Spool,
-    velocity_m_s: Spool,
-    time_s: Spool,
-    step: Spool,
-    frame: Spool,
+    /// Displacements, velocities, times, steps and frames.
+    rows: [Rows; 5],
+    /// Number of arrays that are in the ZIP file.
+    done: usize,
+    copied_bytes: u64,
+    zip: Zip,
+    // after what writes to it
+    file: WholeFile,
+}
+
+/// An array with a row for each state.
+struct Rows {
+    name: &'static str,
+    dtype: &'static str,
+    /// Whether a row has a value for each bead.
+    of_beads: bool,
+    spool: Spool,
 }
 
 impl Npz {
     pub(super) fn create(path: &Path, excerpt: &Excerpt, replace: bool) -> Result<Self, WholeFileError> {
         let file = WholeFile::create(path, replace)?;
-        let spool = || Spool::beside(path);
-        let [displacement_m, velocity_m_s, time_s, step, frame] =
-            [spool()?, spool()?, spool()?, spool()?, spool()?];
-        let excerpt = excerpt.clone();
-        Ok(Self { file, excerpt, states: 0, displacement_m, velocity_m_s, time_s, step, frame })
+        let rows = |name, dtype, of_beads| {
+            Ok::<_, WholeFileError>(Rows { name, dtype, of_beads, spool: Spool::beside(path)? })
+        };
+        let rows = [
+            rows("displacement_m", "<f8", true)?,
+            rows("velocity_m_s", "<f8", true)?,
+            rows("time_s", "<f8", false)?,
+            rows("step", "<i8", false)?,
+            rows("frame", "<i8", false)?,
+        ];
+        let zip = Zip::new(&file);
+        Ok(Self { excerpt: excerpt.clone(), states: 0, rows, done: 0, copied_bytes: 0, zip, file })
     }
 
-    fn write(self) -> io::Result<WholeFile> {
-        let Self { file, excerpt, states, .. } = self;
-        let mut arrays = Arrays::new(&file);
-        let beads = excerpt.beads.len() as u64;
-        arrays.spooled("displacement_m", "<f8", &[states, beads], self.displacement_m)?;
-        arrays.spooled("velocity_m_s", "<f8", &[states, beads], self.velocity_m_s)?;
-        arrays.spooled("time_s", "<f8", &[states], self.time_s)?;
-        arrays.spooled("step", "<i8", &[states], self.step)?;
-        arrays.spooled("frame", "<i8", &[states], self.frame)?;
-        arrays.chain(&excerpt, &excerpt.manifest.physics.chain())?;
-        arrays.text("manifest", &excerpt.manifest.to_json())?;
-        arrays.finish()?;
+    /// Copies a piece of the spools into the ZIP file, and gives the fraction that is there, none if it is all.
+    fn copy_piece(&mut self) -> io::Result<Option<f64>> {
+        let total: u64 = self.rows.iter().map(|rows| rows.spool.bytes()).sum();
+        let Some(Rows { name, dtype, of_beads, spool }) = self.rows.get_mut(self.done) else {
+            return Ok(None);
+        };
+        if !spool.is_being_read() {
+            let shape = [self.states, self.excerpt.beads.len() as u64];
+            let shape = if *of_beads { &shape[..] } else { &shape[..1] };
+            self.zip.begin(name, dtype, shape, spool.bytes())?;
+        }
+        let copied = spool.copy(&mut self.zip.0, PIECE_BYTES)?;
+        if copied == 0 {
+            self.done += 1;
+        }
+        self.copied_bytes += copied;
+        Ok(Some(self.copied_bytes as f64 / total.max(1) as f64))
+    }
+
+    fn write_rest(mut self) -> io::Result<WholeFile> {
+        while self.copy_piece()?.is_some() {}
+        let Self { excerpt, mut zip, file, .. } = self;
+        zip.chain(&excerpt, &excerpt.manifest.physics.chain())?;
+        zip.text("manifest", &excerpt.manifest.to_json())?;
+        zip.0.finish()?.flush()?;
         Ok(file)
     }
 }
@@ -59,37 +93,42 @@ impl Npz {
 impl Export for Npz {
     fn frame(&mut self, frame: &Frame<'_>) -> Result<(), ExportError> {
         let (u_m, v_m_s) = self.excerpt.of(frame);
-        self.displacement_m.doubles(u_m)?;
-        self.velocity_m_s.doubles(v_m_s)?;
-        self.time_s.doubles(&[frame.time_s])?;
-        self.step.integer(frame.step.cast_signed())?;
-        self.frame.integer(self.excerpt.frame_at(frame.step).map_or(-1, u64::cast_signed))?;
+        let number = self.excerpt.frame_at(frame.step).map_or(-1, u64::cast_signed);
+        let [displacements, velocities, times, steps, numbers] = &mut self.rows;
+        displacements.spool.doubles(u_m)?;
+        velocities.spool.doubles(v_m_s)?;
+        times.spool.doubles(&[frame.time_s])?;
+        steps.spool.integer(frame.step.cast_signed())?;
+        numbers.spool.integer(number)?;
         self.states += 1;
         Ok(())
     }
 
+    fn assemble(&mut self) -> Result<Option<f64>, ExportError> {
+        let copied = self.copy_piece();
+        Ok(copied.map_err(WholeFileError::io(self.file.partial()))?)
+    }
+
     fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, ExportError> {
         let partial = self.file.partial().to_owned();
-        let file = self.write().map_err(WholeFileError::io(&partial))?;
+        let file = self.write_rest().map_err(WholeFileError::io(&partial))?;
         Ok(vec![file.publish()?])
     }
 }
 
 /// The ZIP file.
-struct Arrays {
-    zip: ZipWriter<BufWriter<Arc<File>>>,
-}
+struct Zip(ZipWriter<BufWriter<Arc<File>>>);
 
-impl Arrays {
+impl Zip {
     fn new(file: &WholeFile) -> Self {
-        Self { zip: ZipWriter::new(BufWriter::with_capacity(1 << 18, Arc::clone(file.file()))) }
+        Self(ZipWriter::new(BufWriter::with_capacity(1 << 18, Arc::clone(file.file()))))
     }
 
     /// What does not change: one number for each bead and each contact.
     fn chain(&mut self, excerpt: &Excerpt, chain: &Chain) -> io::Result<()> {
         let (beads, contacts) = (excerpt.beads.clone(), excerpt.contacts());
         let numbers: Vec<u8> = beads.clone().flat_map(|bead| (bead as u64).to_le_bytes()).collect();
-        self.array("bead", "<i8", &[beads.len() as u64], numbers.len() as u64, &*numbers)?;
+        self.array("bead", "<i8", &[beads.len() as u64], &numbers)?;
         self.doubles("mass_kg", &chain.mass_kg[beads])?;
         self.doubles("stiffness", &chain.stiffness[contacts.clone()])?;
         self.doubles("rest_overlap_m", &chain.rest_overlap_m[contacts])
@@ -97,40 +136,27 @@ impl Arrays {
 
     fn doubles(&mut self, name: &str, values: &[f64]) -> io::Result<()> {
         let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
-        self.array(name, "<f8", &[values.len() as u64], bytes.len() as u64, &*bytes)
+        self.array(name, "<f8", &[values.len() as u64], &bytes)
     }
 
     /// A text as an array without dimensions.
     fn text(&mut self, name: &str, text: &str) -> io::Result<()> {
         let bytes: Vec<u8> = text.chars().flat_map(|char| u32::from(char).to_le_bytes()).collect();
-        self.array(name, &format!("<U{}", bytes.len() / 4), &[], bytes.len() as u64, &*bytes)
+        self.array(name, &format!("<U{}", bytes.len() / 4), &[], &bytes)
     }
 
-    fn spooled(&mut self, name: &str, dtype: &str, shape: &[u64], spool: Spool) -> io::Result<()> {
-        let bytes = spool.bytes();
-        self.array(name, dtype, shape, bytes, spool.read()?)
+    fn array(&mut self, name: &str, dtype: &str, shape: &[u64], values: &[u8]) -> io::Result<()> {
+        self.begin(name, dtype, shape, values.len() as u64)?;
+        self.0.write_all(values)
     }
 
-    fn array(
-        &mut self,
-        name: &str,
-        dtype: &str,
-        shape: &[u64],
-        bytes: u64,
-        mut values: impl Read,
-    ) -> io::Result<()> {
+    /// Begins an array; its values, so many bytes, come next.
+    fn begin(&mut self, name: &str, dtype: &str, shape: &[u64], bytes: u64) -> io::Result<()> {
         let options = SimpleFileOptions::default()
             .compression_method(CompressionMethod::Stored)
             .large_file(bytes >= LARGE_BYTES);
-        self.zip.start_file(format!("{name}.npy"), options)?;
-        self.zip.write_all(&npy_header(dtype, shape))?;
-        let copied = io::copy(&mut values, &mut self.zip)?;
-        assert_eq!(copied, bytes, "a spool gives back what it was given");
-        Ok(())
-    }
-
-    fn finish(self) -> io::Result<()> {
-        self.zip.finish()?.flush()
+        self.0.start_file(format!("{name}.npy"), options)?;
+        self.0.write_all(&npy_header(dtype, shape))
     }
 }
 

@@ -11,6 +11,7 @@ pub(super) struct Spool {
     out: BufWriter<File>,
     beside: PathBuf,
     bytes: u64,
+    is_being_read: bool,
     /// The bytes of one call, put together.
     row: Vec<u8>,
 }
@@ -22,7 +23,7 @@ impl Spool {
         let file = tempfile::tempfile_in(directory.unwrap_or(Path::new(".")));
         let file = file.map_err(WholeFileError::io(beside))?;
         let out = BufWriter::with_capacity(1 << 18, file);
-        Ok(Self { out, beside: beside.to_owned(), bytes: 0, row: Vec::new() })
+        Ok(Self { out, beside: beside.to_owned(), bytes: 0, is_being_read: false, row: Vec::new() })
     }
 
     pub(super) fn doubles(&mut self, values: &[f64]) -> Result<(), WholeFileError> {
@@ -50,10 +51,19 @@ impl Spool {
         self.bytes
     }
 
-    /// Everything from the beginning on.
-    pub(super) fn read(self) -> io::Result<impl Read> {
-        let mut file = self.out.into_inner().map_err(io::IntoInnerError::into_error)?;
-        file.rewind()?;
-        Ok(file)
+    /// Whether [`copy`](Self::copy) has begun.
+    pub(super) fn is_being_read(&self) -> bool {
+        self.is_being_read
+    }
+
+    /// Copies what comes next, from the beginning on, and says how many bytes that were: 0 at the end. Nothing can be
+    /// added any more.
+    pub(super) fn copy(&mut self, to: &mut impl Write, at_most: u64) -> io::Result<u64> {
+        if !self.is_being_read {
+            self.out.flush()?;
+            self.out.get_mut().rewind()?;
+            self.is_being_read = true;
+        }
+        io::copy(&mut self.out.get_mut().take(at_most), to)
     }
 }
