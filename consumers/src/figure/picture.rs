@@ -153,14 +153,22 @@ mod tests {
 
     #[test]
     fn a_picture_full_of_detail_gets_fewer_colours() {
-        let noise =
-            |index: u32| u8::try_from((index.wrapping_mul(2_654_435_761) >> 13) % 256).expect("a byte");
-        let rgb: Vec<u8> = (0..30_000).map(noise).collect();
-        let colours = |limit| {
-            let (_, _, pixels) = decode(&encode_below(limit, (100, 100), &rgb, 72.0).expect("encodes"));
-            pixels.into_iter().flatten().collect::<std::collections::BTreeSet<_>>().len()
+        // the high bits of a linear congruential sequence
+        let mut state = 1_u32;
+        let mut noise = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            state.to_be_bytes()[0]
         };
-        assert_eq!([colours(40_000), colours(23_000), colours(18_000), colours(10)], [256, 32, 16, 256]);
+        let rgb: Vec<u8> = (0..30_000).map(|_| noise()).collect();
+        let drawn = |limit| {
+            let file = encode_below(limit, (100, 100), &rgb, 72.0).expect("encodes");
+            let (_, _, pixels) = decode(&file);
+            (pixels.into_iter().flatten().collect::<std::collections::BTreeSet<_>>().len(), file.len())
+        };
+        let (all, whole_bytes) = drawn(usize::MAX);
+        let (fewer, fewer_bytes) = drawn(whole_bytes - 1);
+        let (fewest, _) = drawn(fewer_bytes - 1);
+        assert_eq!([all, fewer, fewest, drawn(10).0], [256, 32, 16, 256]);
         assert_eq!([0, 255].map(|part| coarsened(part, 31)), [0, 255]);
     }
 
