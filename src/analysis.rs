@@ -257,7 +257,9 @@ pub(crate) fn notice_of_end(end: EndReason, source: &Path, made: &str) {
         )),
         EndReason::Continued => display::notice("the recording goes on in its next part"),
         EndReason::Detached => {
-            display::notice(format_args!("the recorder left the run before its end; {made} end where it did"))
+            display::notice(format_args!(
+                "the recorder left the run before its end; {made} end where it did"
+            ));
         }
         EndReason::Complete
         | EndReason::Interrupted

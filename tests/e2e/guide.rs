@@ -33,12 +33,20 @@ fn blocks(page: &str) -> Vec<Block> {
             (Some(kind), None) => {
                 open = Some(Block { line: number + 1, kind: kind.to_owned(), code: String::new() });
             }
-            (None, Some(block)) => block.code += &format!("{line}\n"),
+            (None, Some(block)) => {
+                block.code += line;
+                block.code.push('\n');
+            }
             (None, None) => (),
         }
     }
     assert!(open.is_none(), "a block of code has no end");
     blocks
+}
+
+/// What the guide shows in Rust is a part of this, which is compiled.
+fn example() -> String {
+    fs::read_to_string(root().join("examples/own_consumer.rs")).unwrap()
 }
 
 /// A page of the guide, the place where its commands run, and the Python of `tests/setup`, if that is there.
@@ -84,16 +92,11 @@ impl Reader<'_> {
                 first_terminal.take().expect("a first terminal").wait().exits(0);
             }
             "rust" => {
-                assert!(self.example().contains(&block.code), "{}:{} is another", self.page, block.line)
+                assert!(example().contains(&block.code), "{}:{} is another", self.page, block.line);
             }
             "text" | "toml" => (),
             other => panic!("{}:{}: nobody runs a block of `{other}`", self.page, block.line),
         }
-    }
-
-    /// What the guide shows in Rust is a part of this, which is compiled.
-    fn example(&self) -> String {
-        fs::read_to_string(root().join("examples/own_consumer.rs")).unwrap()
     }
 
     /// Each picture of the guide that a page shows is what its commands have made.

@@ -25,7 +25,7 @@ impl<'a> Readers<'a> {
             return None;
         }
         // as its own documentation asks for; it is said in the home that `program` gives it
-        readers.run(readers.program("rerun", &["analytics", "disable"]));
+        Self::run(readers.program("rerun", &["analytics", "disable"]));
         Some(readers)
     }
 
@@ -41,28 +41,28 @@ impl<'a> Readers<'a> {
         command
     }
 
-    fn run(&self, command: Command) -> String {
+    fn run(command: Command) -> String {
         Running::start(&format!("{command:?}"), command).wait().exits(0).stdout()
     }
 
     fn python(&self, script: &str, words: &[&str]) {
         let script = format!("{}/tests/python/{script}", env!("CARGO_MANIFEST_DIR"));
-        self.run(self.program("python", &[&[script.as_str()], words].concat()));
+        Self::run(self.program("python", &[&[script.as_str()], words].concat()));
     }
 
     fn node(&self, words: &[&str]) {
         let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/node/check_recording.cjs");
-        self.run(self.program("node", &[&[script], words].concat()));
+        Self::run(self.program("node", &[&[script], words].concat()));
     }
 
     /// Rerun finds nothing wrong with the `.mcap` file, and makes `rrd` of it.
     fn rerun(&self, flags: &[&str], file: &str, rrd: &str) {
-        let checked = self.run(self.program("rerun", &[&["mcap", "check", "--full", file], flags].concat()));
+        let checked = Self::run(self.program("rerun", &[&["mcap", "check", "--full", file], flags].concat()));
         let statuses = checked.lines().skip_while(|line| !line.starts_with("Status")).skip(2);
         let statuses: Vec<_> = statuses.filter(|line| !line.trim().is_empty()).collect();
         assert!(!statuses.is_empty(), "{checked}");
         assert!(statuses.iter().all(|line| line.starts_with("ok ")), "{checked}");
-        self.run(self.program("rerun", &[&["mcap", "convert", file, "--output", rrd], flags].concat()));
+        Self::run(self.program("rerun", &[&["mcap", "convert", file, "--output", rrd], flags].concat()));
     }
 
     /// Every reader gets the doubles of our tables from a recording; `code` is that of our analyses of it.
