@@ -172,9 +172,9 @@ pub(crate) struct DemoArgs {
     beadline run --no-record --wait-for 2             starts when two analyses are ready\n  \
     beadline run --impurity 400=2e-3 --impurity 600=0.5e-3 --duration 0.1\n  \
     beadline run --resume chain.mcap.partial          goes on with a run that was interrupted\n\n\
-    A kill costs at most the last --flush-period of a recording, a power failure the last --sync-period. --resume\n\
-    takes everything of the run from its recording, writes that again as .partial and goes on after its last\n\
-    state; the result is what it would have been without the interruption. It takes .mcap.partial, or an .mcap\n\
+    A kill costs at most the last --flush-period of a recording, a power failure the last --sync-period. --resume \
+    takes everything of the run from its recording, writes that again as .partial and goes on after its last \
+    state; the result is what it would have been without the interruption. It takes .mcap.partial, or an .mcap \
     that ends early, and with --out leaves it as it is."
 )]
 pub(crate) struct RunArgs {
@@ -272,8 +272,8 @@ pub(crate) struct Overrides {
     beadline sweep reflection.toml --out reflection      all points, on all cores; again: goes on\n  \
     beadline sweep reflection.toml --out all --shard 3/16   one job of an array of 16\n  \
     beadline sweep reflection.toml --out all --merge     the rows that are there, as tables\n\n\
-    DIR then has results.csv and results.parquet (the same bytes whatever the order, jobs, shards and\n\
-    interruptions), timings.csv, the rows of each shard, and recordings/ if asked for. A run that fails\n\
+    DIR then has results.csv and results.parquet (the same bytes whatever the order, jobs, shards and \
+    interruptions), timings.csv, the rows of each shard, and recordings/ if asked for. A run that fails \
     has a row that says why, and makes the exit code 3, as a signal does while points are missing."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
@@ -312,7 +312,7 @@ pub(crate) struct SweepArgs {
     beadline reproduce                        everything, into the directory `paper`\n  \
     beadline reproduce --list                 the names of the figures\n  \
     beadline reproduce width vmax --out fits  two figures and their claims\n\n\
-    DIR gets REPORT.md and report.json (each claim with our numbers and a verdict), GALLERY.md, the figures in\n\
+    DIR gets REPORT.md and report.json (each claim with our numbers and a verdict), GALLERY.md, the figures in \
     img/paper, and recordings, from which whatever was simulated before is taken again.\n\
     Exit code 3: a number contradicts its independently computed reference.")]
 pub(crate) struct ReproduceArgs {

@@ -68,8 +68,8 @@ pub(crate) struct AnalysisArgs {
     beadline energies                                    attach to the only live run\n  \
     beadline energies run.mcap --out e.csv --figure e.svg\n  \
     beadline energies run.mcap --split 300               left and right of bead 300\n  \
-    beadline energies sparse.mcap --every-step --from 0.04 --until 0.041 --out e.csv\n                                                       \
-    every step of a part, also of a sparse recording"
+    beadline energies sparse.mcap --every-step --from 0.04 --until 0.041 --out e.csv\n\n\
+    The last one has every step of a part, although the recording is sparse."
 )]
 pub(crate) struct EnergiesArgs {
     #[command(flatten)]
@@ -89,7 +89,7 @@ pub(crate) struct EnergiesArgs {
     beadline impurity --figure trajectory.png            attach to the only live run\n  \
     beadline impurity run.mcap --out i.csv --events events.csv\n  \
     beadline impurity run.mcap --bead 499 --bead 501     other beads\n\n\
-    A contact counts as closed while its overlap is above 1e-6 of the collision length L. Events are\n\
+    A contact counts as closed while its overlap is above 1e-6 of the collision length L. Events are \
     interpolated between frames."
 )]
 pub(crate) struct ImpurityArgs {
@@ -131,7 +131,7 @@ pub(crate) struct ContactsArgs {
     after_help = "Examples:\n  \
     beadline deformation run.mcap --contact 100 --figure d.png\n  \
     beadline deformation run.mcap --contact 100 --contact 150 --out d.csv\n\n\
-    Contact C joins beads C and C+1. Theories are scaled to the largest overlap; their width, speed,\n\
+    Contact C joins beads C and C+1. Theories are scaled to the largest overlap; their width, speed, \
     impulse and shape are predictions."
 )]
 pub(crate) struct DeformationArgs {
@@ -152,11 +152,11 @@ pub(crate) struct DeformationArgs {
     beadline pulses --figure tracks.png                  attach to the only live run\n  \
     beadline pulses run.mcap --out pulses.csv --positions tracks.csv\n  \
     beadline pulses run.mcap --threshold 0.01            only those above a hundredth of v0\n\n\
-    A pulse passes a bead when |v| of the bead has a maximum in time while both of its contacts are\n\
-    pressed; it counts once it has passed 5 beads, and ends where it meets an impurity or an end. Peaks\n\
-    are good to 1e-4 if 8 frames fall into the time that a pulse takes to pass; a warning says when\n\
-    frames are too far apart. V/V_sw is the speed over that of the exact solitary wave of the same\n\
-    peak velocity: 1 for a pulse that no longer changes. asymmetry = (rear − front)/(rear + front) of\n\
+    A pulse passes a bead when |v| of the bead has a maximum in time while both of its contacts are \
+    pressed; it counts once it has passed 5 beads, and ends where it meets an impurity or an end. Peaks \
+    are good to 1e-4 if 8 frames fall into the time that a pulse takes to pass; a warning says when \
+    frames are too far apart. V/V_sw is the speed over that of the exact solitary wave of the same \
+    peak velocity: 1 for a pulse that no longer changes. asymmetry = (rear − front)/(rear + front) of \
     the half widths. `--json` and the tables have more: momentum, energy, width over that of the wave."
 )]
 pub(crate) struct PulsesArgs {

@@ -70,6 +70,17 @@ mod tests {
     }
 
     #[test]
+    fn examples_fit_on_a_line() {
+        for each in command().get_subcommands() {
+            let help = each.get_after_help().map(ToString::to_string).unwrap_or_default();
+            let example = |line: &&str| line.starts_with("  ");
+            for line in help.lines().filter(example) {
+                assert!(line.chars().count() <= 100, "{}: {line}", each.get_name());
+            }
+        }
+    }
+
+    #[test]
     fn every_command_with_flags_of_its_own_shows_examples() {
         for each in Cli::command().get_subcommands().filter(|each| !each.is_hide_set()) {
             let flags = each.get_arguments().filter(|argument| argument.get_id() != "json").count();

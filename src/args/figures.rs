@@ -77,15 +77,15 @@ pub(crate) enum ColoursArg {
 #[command(
     allow_negative_numbers = true,
     after_help = "Examples:\n  \
-    beadline plot run.mcap --what velocity                     all beads over all times: run-velocity.png\n  \
+    beadline plot run.mcap --what velocity                     all beads and times: run-velocity.png\n  \
     beadline plot run.mcap --what velocity --at 0.05           all beads at 50 ms\n  \
     beadline plot run.mcap --what overlap --frame 12000 --beads 400..600 --out gap.svg\n  \
     beadline plot run.mcap --what displacement --from 0.04 --until 0.06 --colours linear\n  \
     beadline plot run.mcap --what pulses --size slide --out pulses.png\n  \
     beadline plot --what velocity --at 0.05                    the only live run, when it gets there\n\n\
-    Velocity, displacement and overlap are drawn along the chain at one time (--at, --frame; recomputed where a\n\
-    recording does not hold it), or over space and time; of a cell that stands for several beads or frames the\n\
-    value farthest from 0 is shown, so that no pulse is lost. A map of a sparse recording shows what it holds;\n\
+    Velocity, displacement and overlap are drawn along the chain at one time (--at, --frame; recomputed where a \
+    recording does not hold it), or over space and time; of a cell that stands for several beads or frames the \
+    value farthest from 0 is shown, so that no pulse is lost. A map of a sparse recording shows what it holds; \
     --fill-gaps and --every-step recompute the rest."
 )]
 pub(crate) struct PlotArgs {

@@ -12,11 +12,11 @@ use std::path::PathBuf;
     after_help = "Examples:\n  \
     beadline record --out run.mcap                            the only live run, from here on\n  \
     beadline record live:long --out long.mcap --from-start    with what came before, recomputed\n  \
-    beadline record --out run.mcap --split-size 500MB         run-part-0001.mcap, run-part-0002.mcap …\n  \
-    beadline record --out run.mcap --split-duration 0.01      a part for each 10 ms of simulated time\n\n\
-    The run waits for the recorder when it cannot keep up. A part is finished before the next one begins; each\n\
-    is a recording by itself: `beadline info`, `verify` and every analysis read it. Results are those that\n\
-    `beadline energies`, `impurity`, `contacts` and `pulses` publish, from the first row on if the analysis\n\
+    beadline record --out run.mcap --split-size 500MB         run-part-0001.mcap, …-0002.mcap …\n  \
+    beadline record --out run.mcap --split-duration 0.01      a part for each 10 simulated ms\n\n\
+    The run waits for the recorder when it cannot keep up. A part is finished before the next one begins; each \
+    is a recording by itself: `beadline info`, `verify` and every analysis read it. Results are those that \
+    `beadline energies`, `impurity`, `contacts` and `pulses` publish, from the first row on if the analysis \
     starts after the recorder. SIGINT ends the recording in order, and the run goes on.\n\
     Exit code 3: frames or rows of results were missed, the run vanished, or the disk is nearly full."
 )]
@@ -73,14 +73,14 @@ pub(crate) struct RecordArgs {
 #[command(
     allow_negative_numbers = true,
     after_help = "Examples:\n  \
-    beadline replay run.mcap                             waits for an analysis, then as fast as it can take …\n  \
-    beadline energies --figure e.svg                     … which you start in another terminal\n  \
-    beadline replay run.mcap --rate 0.01 --loop          100 times slower than real time, again and again\n  \
+    beadline replay run.mcap                             waits for an analysis, then goes as fast …\n  \
+    beadline energies --figure e.svg                     … as that one takes\n  \
+    beadline replay run.mcap --rate 0.01 --loop          at 1/100 of real time, again and again\n  \
     beadline replay run.mcap --from 0.02 --until 0.03    a part of it\n  \
-    beadline replay sparse.mcap --every-step             every step as a frame, recomputed bit for bit\n\n\
-    Frames that a sparse recording does not hold are recomputed. On a terminal: space pauses and goes on,\n\
-    → or . shows one more frame and pauses, + and - double and halve the rate, q quits.\n\
-    The recording of a run that was not closed ends as a failed run does. Exit code 3: it was not closed, it is\n\
+    beadline replay sparse.mcap --every-step             every step as a frame, recomputed\n\n\
+    Frames that a sparse recording does not hold are recomputed. On a terminal: space pauses and goes on, \
+    → or . shows one more frame and pauses, + and - double and halve the rate, q quits. \
+    The recording of a run that was not closed ends as a failed run does. Exit code 3: it was not closed, it is \
     damaged, or a consumer was dropped."
 )]
 pub(crate) struct ReplayArgs {
@@ -118,8 +118,8 @@ pub(crate) struct ReplayArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
     beadline thin run.mcap --every-steps 100 --out sparse.mcap\n\n\
-    Every state is proven on the way: recomputed from the one before. `beadline expand` brings the others back.\n\
-    Other channels, results and those of other programs, stay whole.\n\
+    Every state is proven on the way: recomputed from the one before. `beadline expand` brings the others back. \
+    Other channels, results and those of other programs, stay whole. \
     K is a multiple of the steps between two frames of the run.")]
 pub(crate) struct ThinArgs {
     /// The recording
@@ -135,8 +135,8 @@ pub(crate) struct ThinArgs {
 #[command(after_help = "Examples:\n  \
     beadline expand sparse.mcap --out full.mcap                       every frame of the run\n  \
     beadline expand sparse.mcap --every-steps 1 --out all.mcap        also the steps between frames\n\n\
-    Every state of the recording is proven on the way, and other channels stay whole. K is a multiple of the\n\
-    steps between two frames of the run, or divides them: states between frames are then recorded without a\n\
+    Every state of the recording is proven on the way, and other channels stay whole. K is a multiple of the \
+    steps between two frames of the run, or divides them: states between frames are then recorded without a \
     frame number, and whoever reads frames passes over them.")]
 pub(crate) struct ExpandArgs {
     /// The recording
@@ -170,10 +170,10 @@ pub(crate) struct RewriteArgs {
     beadline verify run.mcap                     `proven`, or what differs: frame, bead and quantity\n  \
     beadline verify run-part-*.mcap              each part, and that one follows from the other\n  \
     beadline verify run.mcap --json              the same for a program\n\n\
-    Checked: every CRC, the manifest's checksum, every index, the order of the states, each state against the\n\
-    one before by recomputing it, each summary against its state. Damage is named with its chunk and frames,\n\
+    Checked: every CRC, the manifest's checksum, every index, the order of the states, each state against the \
+    one before by recomputing it, each summary against its state. Damage is named with its chunk and frames, \
     and what follows is verified all the same; `beadline recover` brings the frames back.\n\
-    Exit code 3 if anything is not as it was written, frames are missing, the file is cut off, or the run was\n\
+    Exit code 3 if anything is not as it was written, frames are missing, the file is cut off, or the run was \
     computed by another kernel version: then nothing is wrong, but nothing is proven.")]
 pub(crate) struct VerifyArgs {
     /// The recording, or consecutive parts of one
@@ -191,10 +191,10 @@ pub(crate) struct VerifyArgs {
 #[command(after_help = "Examples:\n  \
     beadline recover run.mcap.partial --out run.mcap     after a crash or a power failure\n  \
     beadline recover damaged.mcap --out whole.mcap       after a bad disk or a bad copy\n\n\
-    Every whole message of the file is salvaged, from a torn last chunk, too. Frames that are lost are\n\
-    recomputed from the state before, bit for bit, and proven by the next state of the file. A state without a\n\
+    Every whole message of the file is salvaged, from a torn last chunk, too. Frames that are lost are \
+    recomputed from the state before, bit for bit, and proven by the next state of the file. A state without a \
     checksum that holds counts only if it is what the one before leads to. The file itself is left as it is.\n\
-    Exit code 3 if something that was in the file is not in the new one, or was not what it must be; a last record\n\
+    Exit code 3 if something that was in the file is not in the new one, or was not what it must be; a last record \
     that was never written to its end is no loss.")]
 pub(crate) struct RecoverArgs {
     /// The damaged or unfinished recording
