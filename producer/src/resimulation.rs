@@ -28,6 +28,15 @@ impl Lend {
     fn includes(self, step: u64, manifest: &RunManifest) -> bool {
         self == Self::Steps || manifest.is_frame(step)
     }
+
+    /// The first of these states after `step`, or `last` if that comes before it.
+    fn next(self, step: u64, last: u64, manifest: &RunManifest) -> u64 {
+        let next = match self {
+            Self::Steps => step + 1,
+            Self::Frames => manifest.step_of_frame(manifest.frame_at(step) + 1),
+        };
+        if next < last { next } else { last }
+    }
 }
 
 /// A source that lends what its own source does not hold.
@@ -242,17 +251,17 @@ impl<S: FrameSource> Resimulation<S> {
         step >= self.first_step && self.lend.includes(step, self.source.manifest())
     }
 
-    /// Advances by one step towards the target, and proves the target when it is reached.
-    fn step(&mut self) -> Result<(), ResimulationError<S::Error>> {
+    /// Advances towards the target, by no more than to the next state that is lent, and proves the target when it is reached.
+    fn advance(&mut self) -> Result<(), ResimulationError<S::Error>> {
         let Some(state) = &mut self.state else {
             self.state = Some(self.target.clone());
             return self.prove(None);
         };
-        self.integrator.step(state);
+        let manifest = self.source.manifest();
+        self.integrator.advance(state, self.lend.next(state.step, self.target.step, manifest));
         if state.step < self.target.step {
             return Ok(());
         }
-        let manifest = self.source.manifest();
         let frame = self.target.as_frame(manifest, manifest.frame_at(self.target.step));
         let found = difference(state, &frame, self.proven);
         self.prove(found)
@@ -277,7 +286,9 @@ impl<S: FrameSource> FrameSource for Resimulation<S> {
                 Next::End(reason) => return Ok(Received::End(reason)),
                 Next::Tail(reason) => match &mut self.state {
                     Some(state) if state.step < self.missed_until => {
-                        self.integrator.step(state);
+                        let manifest = self.source.manifest();
+                        self.integrator
+                            .advance(state, self.lend.next(state.step, self.missed_until, manifest));
                         if self.is_lent() {
                             break;
                         }
@@ -285,7 +296,7 @@ impl<S: FrameSource> FrameSource for Resimulation<S> {
                     _ => self.next = Next::End(reason),
                 },
                 Next::Target => {
-                    self.step()?;
+                    self.advance()?;
                     if self.is_lent() {
                         break;
                     }

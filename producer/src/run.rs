@@ -69,7 +69,7 @@ pub trait Conductor<P: FrameSink, R> {
         recorder: Option<&mut R>,
     ) -> ControlFlow<()>;
 
-    /// Called after each step that is not published. `Break` ends the run early, with the frame before
+    /// Called between frames, from time to time, if there are steps between them. `Break` ends the run early, with the frame before
     /// as its last.
     fn between_steps(&mut self, _publisher: &mut P) -> ControlFlow<()> {
         ControlFlow::Continue(())
@@ -198,7 +198,7 @@ impl<R: FrameSink> Recording<'_, R> {
     }
 }
 
-/// Advances `state` to `step`, asking `between` after each step before it whether to go on.
+/// Advances `state` to `step`, asking `between` on the way whether to go on.
 fn advance<P: std::error::Error, R: std::error::Error>(
     integrator: &mut Integrator,
     state: &mut ChainState,
@@ -206,7 +206,7 @@ fn advance<P: std::error::Error, R: std::error::Error>(
     mut between: impl FnMut() -> ControlFlow<()>,
 ) -> Result<ControlFlow<()>, RunError<P, R>> {
     while state.step < step {
-        integrator.step(state);
+        integrator.advance(state, step);
         if state.step < step && between().is_break() {
             return Ok(ControlFlow::Break(()));
         }
@@ -225,6 +225,7 @@ mod tests {
     use super::*;
     use schemas::config::StreamConfig;
     use schemas::manifest::Origin;
+    use schemas::method::Method;
     use schemas::presets::PRESETS;
     use std::convert::Infallible;
 
@@ -252,6 +253,8 @@ mod tests {
     fn manifest() -> RunManifest {
         let mut config = PRESETS[2].config();
         config.stream = StreamConfig { publish_every_steps: 2, record_every_steps: 6 };
+        // makes one step at a time, so that there is something between frames
+        config.integrator.method = Method::Gear5;
         config.time.dt_s = Some(1e-6);
         config.time.duration_s = 15e-6;
         let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };

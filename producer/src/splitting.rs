@@ -38,12 +38,41 @@ const B4: f64 = 1.0 - 2.0 * (B1 + B2 + B3);
 pub(crate) const RKN4: Stages =
     Stages { kick_drift: &[(B1, A1), (B2, A2), (B3, A3), (B4, A3), (B3, A2), (B2, A1)], last_kick: B1 };
 
+impl Stages {
+    /// Passes that a step adds to those before it: its first kick shares one with the last kick of the step before.
+    fn passes_per_step(&self) -> u64 {
+        2 * self.kick_drift.len() as u64
+    }
+
+    /// What a sweep does that makes `steps` steps of `dt_s`.
+    fn passes(&self, dt_s: f64, steps: u64) -> Vec<Pass> {
+        let last_kick_s = self.last_kick * dt_s;
+        let mut passes = Vec::new();
+        for step in 0..steps {
+            for (stage, (b, a)) in self.kick_drift.iter().enumerate() {
+                let (kick_s, drift_s) = (b * dt_s, a * dt_s);
+                passes.push(if step > 0 && stage == 0 {
+                    Pass::KickKickDrift { last_kick_s, kick_s, drift_s }
+                } else {
+                    Pass::KickDrift { kick_s, drift_s }
+                });
+                passes.push(Pass::Forces);
+            }
+        }
+        passes.push(Pass::Kick { kick_s: last_kick_s });
+        passes
+    }
+}
+
 /// Advances the states of one chain by kicks and drifts.
 #[derive(Debug, Clone)]
 pub(crate) struct Splitting {
     kernel: Kernel,
-    /// What a step does.
+    stages: Stages,
+    dt_s: f64,
+    /// What a sweep of `steps_together` steps does.
     passes: Vec<Pass>,
+    steps_together: u64,
     /// The step at which the kernel's forces were evaluated.
     forces_of_step: Option<u64>,
 }
@@ -51,15 +80,11 @@ pub(crate) struct Splitting {
 impl Splitting {
     /// Steps of `dt_s` by `stages`, with the forces of `kernel`.
     pub(crate) fn new(stages: Stages, dt_s: f64, kernel: Kernel) -> Self {
-        let stage =
-            |(b, a): &(f64, f64)| [Pass::KickDrift { kick_s: b * dt_s, drift_s: a * dt_s }, Pass::Forces];
-        let mut passes: Vec<_> = stages.kick_drift.iter().flat_map(stage).collect();
-        passes.push(Pass::Kick { kick_s: stages.last_kick * dt_s });
-        Self { kernel, passes, forces_of_step: None }
+        Self { kernel, stages, dt_s, passes: Vec::new(), steps_together: 0, forces_of_step: None }
     }
 
-    /// Advances `state` by one step.
-    pub(crate) fn step(&mut self, state: &mut ChainState) {
+    /// Advances `state` by as many steps as one sweep can make, at least by one and at most to step `last`.
+    pub(crate) fn advance(&mut self, state: &mut ChainState, last: u64) {
         if self.forces_of_step != Some(state.step) {
             // The first kick makes a velocity of -0 one of +0, and no later one is -0: its forces are too large to be lost
             // in rounding. So kicks by nothing can be left out from here on.
@@ -67,8 +92,14 @@ impl Splitting {
             self.kernel.restart(Activity::of(&state.u_m, &state.v_m_s));
             self.kernel.sweep(&[Pass::Forces], &mut state.u_m, &mut state.v_m_s);
         }
+        let most = (self.kernel.passes_of_a_sweep() as u64 - 1) / self.stages.passes_per_step();
+        let steps = (last - state.step).clamp(1, most); // integers
+        if self.steps_together != steps {
+            self.passes = self.stages.passes(self.dt_s, steps);
+            self.steps_together = steps;
+        }
         self.kernel.sweep(&self.passes, &mut state.u_m, &mut state.v_m_s);
-        state.step += 1;
+        state.step += steps;
         self.forces_of_step = Some(state.step);
     }
 

@@ -1,4 +1,4 @@
-//! Kicks, drifts and forces, all of a step in one sweep over memory.
+//! Kicks, drifts and forces, all of a step, or of several, in one sweep over memory.
 //!
 //! One after another, each over the whole chain, they would fetch a long chain from memory each time. Instead
 //! a sweep goes along the chain in tiles that fit into the cache, and takes each tile through all passes. The
@@ -16,14 +16,17 @@ use std::ops::Range;
 pub(crate) enum Pass {
     /// A kick `v ← v + h·F/m` followed by a drift `u ← u + d·v`, of durations h and d (s).
     KickDrift { kick_s: f64, drift_s: f64 },
+    /// Two kicks by the same forces, of which the first ends a step, followed by a drift.
+    KickKickDrift { last_kick_s: f64, kick_s: f64, drift_s: f64 },
     /// The force `F = k·δ^α` of every contact.
     Forces,
     /// A kick `v ← v + h·F/m` of duration h (s).
     Kick { kick_s: f64 },
 }
 
-/// Beads of a tile, whole blocks: their five arrays fill 40 kB, what fits into the cache next to the core.
-pub(crate) const TILE: usize = 1024;
+/// Beads of a tile, whole blocks: what the passes of a sweep have in hand, two tiles at most, are 160 kB, which fit into
+/// the second cache.
+pub(crate) const TILE: usize = 2048;
 
 impl Kernel {
     /// Takes all beads and contacts that may not be at rest through `passes`, and widens the window of active
@@ -35,7 +38,7 @@ impl Kernel {
         // forces reach one bead further each time they are evaluated
         let reach = passes.iter().filter(|pass| **pass == Pass::Forces).count();
         let beads = self.reached(reach);
-        debug_assert!(self.tile >= passes.len() * BLOCK, "no pass is a whole tile behind the first");
+        debug_assert!(passes.len() <= self.passes_of_a_sweep(), "no pass is a whole tile behind the first");
         let law = self.law;
         let sweep = Sweep {
             passes,
@@ -57,6 +60,11 @@ impl Kernel {
             || law.with_power(sweep),
         );
         self.widen(&beads, u_m, v_m_s);
+    }
+
+    /// The most passes that one sweep can take.
+    pub(crate) fn passes_of_a_sweep(&self) -> usize {
+        self.tile / BLOCK
     }
 
     /// The active beads and `reach` more at both ends, rounded outwards to whole blocks.
@@ -111,7 +119,10 @@ impl PowerUser for Sweep<'_> {
                 let from = if start == first { first } else { start - lag };
                 let beads = from..if end == last { last } else { end - lag };
                 match self.passes[pass] {
-                    Pass::KickDrift { kick_s, drift_s } => self.kick_drift(kick_s, drift_s, beads),
+                    Pass::KickDrift { kick_s, drift_s } => self.kick_drift([kick_s], drift_s, beads),
+                    Pass::KickKickDrift { last_kick_s, kick_s, drift_s } => {
+                        self.kick_drift([last_kick_s, kick_s], drift_s, beads);
+                    }
                     Pass::Forces => self.evaluate_forces(beads, zero_below_m, power),
                     Pass::Kick { kick_s } => self.kick(kick_s, beads),
                 }
@@ -123,16 +134,16 @@ impl PowerUser for Sweep<'_> {
 
 impl Sweep<'_> {
     #[inline(always)]
-    fn kick_drift(&mut self, kick_s: f64, drift_s: f64, beads: Range<usize>) {
+    fn kick_drift<const K: usize>(&mut self, kicks_s: [f64; K], drift_s: f64, beads: Range<usize>) {
         let (blocks, rest) = in_blocks(beads);
         for start in blocks {
             if self.is_pushed(start) {
-                self.kick_drift_each(kick_s, drift_s, start, BLOCK);
+                self.kick_drift_each(kicks_s, drift_s, start, BLOCK);
             } else {
                 self.drift_each(drift_s, start);
             }
         }
-        self.kick_drift_each(kick_s, drift_s, rest.start, rest.len());
+        self.kick_drift_each(kicks_s, drift_s, rest.start, rest.len());
     }
 
     #[inline(always)]
@@ -154,12 +165,21 @@ impl Sweep<'_> {
     }
 
     #[inline(always)]
-    fn kick_drift_each(&mut self, kick_s: f64, drift_s: f64, start: usize, count: usize) {
+    fn kick_drift_each<const K: usize>(
+        &mut self,
+        kicks_s: [f64; K],
+        drift_s: f64,
+        start: usize,
+        count: usize,
+    ) {
         let (left, right) = (&self.force[start..][..count], &self.force[start + 1..][..count]);
         let inverse_mass = &self.inverse_mass[start..][..count];
         let (u, v) = (&mut self.u_m[start..][..count], &mut self.v_m_s[start..][..count]);
         for i in 0..count {
-            let velocity = (kick_s * inverse_mass[i]).mul_add(left[i] - right[i], v[i]);
+            let (mut velocity, force) = (v[i], left[i] - right[i]);
+            for kick_s in kicks_s {
+                velocity = (kick_s * inverse_mass[i]).mul_add(force, velocity);
+            }
             v[i] = velocity;
             u[i] = drift_s.mul_add(velocity, u[i]);
         }

@@ -164,8 +164,10 @@ impl<'a> Salvager<'a> {
         };
         *integrator = Integrator::new(&self.manifest.physics);
         while probe.step < step {
-            integrator.step(probe);
-            if probe.step.is_multiple_of(WATCH_STEPS) && !(self.watch)(probe.step) {
+            // looked at each time that a multiple is reached
+            let watched = (probe.step / WATCH_STEPS + 1) * WATCH_STEPS;
+            integrator.advance(probe, if watched < step { watched } else { step });
+            if probe.step == watched && !(self.watch)(probe.step) {
                 return Err(RecoveryError::Stopped);
             }
         }

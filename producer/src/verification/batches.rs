@@ -86,7 +86,7 @@ pub(super) fn advance(
         if stop.load(Ordering::Relaxed) {
             return false;
         }
-        integrator.step(state);
+        integrator.advance(state, step);
     }
     true
 }

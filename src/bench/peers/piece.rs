@@ -56,8 +56,10 @@ impl Piece {
         let mut state = self.start.clone();
         let mut integrator = Integrator::new(&self.manifest.physics);
         let mut writer = if self.every == 0 { None } else { Some(self.recording(directory)?) };
-        for _ in 0..self.steps {
-            integrator.step(&mut state);
+        let last = state.step + self.steps;
+        while state.step < last {
+            let next = if self.every == 0 { last } else { (state.step / self.every + 1) * self.every };
+            integrator.advance(&mut state, if next < last { next } else { last });
             if let Some(writer) = &mut writer
                 && self.manifest.is_recorded(state.step)
             {

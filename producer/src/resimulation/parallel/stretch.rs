@@ -197,7 +197,8 @@ impl Shared {
                 if self.stop.load(Ordering::Relaxed) {
                     return Err(Unwanted);
                 }
-                integrator.step(&mut state);
+                let next = self.lend.next(state.step, target.step, &self.manifest);
+                integrator.advance(&mut state, next);
                 if state.step < target.step {
                     outlet.put(&state)?;
                 }
@@ -210,7 +211,8 @@ impl Shared {
             from_step = target.step;
         }
         while state.step < stretch.until && !self.stop.load(Ordering::Relaxed) {
-            integrator.step(&mut state);
+            let next = self.lend.next(state.step, stretch.until, &self.manifest);
+            integrator.advance(&mut state, next);
             outlet.put(&state)?;
         }
         Ok(None)
