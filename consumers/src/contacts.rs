@@ -1,10 +1,12 @@
 //! Which contacts are compressed, touching or open, over space and time.
 
 use crate::space_time::Cell;
+use pulp::Arch;
 use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 pub use schemas::recording::{COMPRESSED, OPEN, TOUCHING};
+use schemas::simd::vectorized;
 
 /// The tolerance (m) unless another is asked for: 1e-6 of the collision length L, 0.36 nm for the
 /// light-impurity run.
@@ -56,10 +58,17 @@ impl Contacts {
         let (left, right) = (&frame.u_m[..contacts], &frame.u_m[1..=contacts]);
         let rest = &self.chain.rest_overlap_m[..contacts];
         let tolerance_m = self.tolerance_m;
-        for (c, class) in self.classes.iter_mut().enumerate() {
-            let overlap_m = left[c] - right[c] + rest[c];
-            *class = u8::from(overlap_m > tolerance_m) + 2 * u8::from(overlap_m < -tolerance_m);
-        }
+        let classes = &mut self.classes[..contacts];
+        vectorized(
+            Arch::new(),
+            #[inline(always)]
+            || {
+                for c in 0..contacts {
+                    let overlap_m = left[c] - right[c] + rest[c];
+                    classes[c] = u8::from(overlap_m > tolerance_m) + 2 * u8::from(overlap_m < -tolerance_m);
+                }
+            },
+        );
         &self.classes
     }
 }
