@@ -29,7 +29,6 @@ MANIFEST_KEY, STATUS_KEY, PREVIOUS_KEY = 0, 1, 2
 MOST_ROOT_BYTES = 50  # sockets lie in it, and their paths are short
 WAIT = iox2.Duration.from_millis(50)  # longest wait for a notification
 ANSWER_WAIT = iox2.Duration.from_millis(10)
-ANNOUNCED_S = 200e-6  # how long after a notification its frame may come
 LIVENESS_PERIOD_S = 0.5  # how often a silent producer is checked
 UNSETTLED = ("ServiceInCorruptedState", "HangsInCreation", "IsMarkedForDestruction", "Interrupt")
 
@@ -295,7 +294,7 @@ class Run:
                 self._close_with(self._closing)
             self._closing = self._look_for_the_end()
             if self._closing is None:
-                self._wait()
+                self._listen(WAIT)
 
     # attaching
 
@@ -442,14 +441,6 @@ class Run:
         if end in ("complete", "interrupted"):
             raise StopIteration
         raise Lost(f"run {self.name}: {end} at frame {self._expected}, {self.missed} frames missed")
-
-    def _wait(self):
-        if not self._listen(WAIT):
-            return
-        # the producer rings before it writes, because waking up takes longer
-        woken_at = time.monotonic()
-        while not self._subscriber.has_samples() and time.monotonic() - woken_at < ANNOUNCED_S:
-            pass
 
     def _listen(self, patience):
         """Sleeps until the producer rings, or for `patience`; whether it rang. Takes all notifications there are."""

@@ -6,7 +6,7 @@ pub use attach::{AttachError, AttachNotice, AttachOptions};
 
 use super::backpressure::Delivery;
 use super::board::BoardReader;
-use super::wire::{ANNOUNCED, RunStatus, STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, StateHeader, StreamId};
+use super::wire::{RunStatus, STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, StateHeader, StreamId};
 use super::{Bus, Ipc, ResultColumns, ResultElement, ResultPublisher, ResultsError, Topic};
 use crate::chain::Chain;
 use crate::frame::{EndReason, Frame, FrameSource, Received};
@@ -226,13 +226,8 @@ impl LiveSource {
 
     fn wait(&self) {
         let Some(ports) = &self.ports else { return };
-        let mut rang = false;
         // a signal ends the wait early; the loop looks at the flag
-        let _ = ports.listener.timed_wait(|_| rang = true, WAIT);
-        let woken_at = Instant::now();
-        while rang && woken_at.elapsed() < ANNOUNCED && matches!(ports.subscriber.has_samples(), Ok(false)) {
-            std::thread::yield_now();
-        }
+        let _ = ports.listener.timed_wait(|_| {}, WAIT);
     }
 }
 

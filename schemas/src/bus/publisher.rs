@@ -9,8 +9,8 @@ pub use opening::PublishError;
 use super::backpressure::{Backpressure, ConsumerEvent, Delivery, Remedies};
 use super::board::BoardWriter;
 use super::wire::{
-    ANNOUNCED, FLAG_LAST, JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, RunStatus, STATE_DONE,
-    STATE_FAILED, STATE_INTERRUPTED, STATE_RUNNING, StateHeader, StreamId, fill,
+    FLAG_LAST, JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, RunStatus, STATE_DONE, STATE_FAILED,
+    STATE_INTERRUPTED, STATE_RUNNING, StateHeader, StreamId, fill,
 };
 use super::{Ipc, services};
 use crate::frame::{EndReason, Frame, FrameSink};
@@ -378,10 +378,6 @@ impl FrameSink for StatePublisher {
         let mut now = start;
         let rings =
             self.since_wake + 1 >= WAKE_EVERY_FRAMES || start.duration_since(self.woke_at) >= WAKE_PERIOD;
-        if rings {
-            // waking up takes longer than writing a frame
-            self.wake();
-        }
         // a frame that nobody takes need not be written
         let is_last = frame.step == self.last_step;
         if self.backpressure.subscriber_count() > 0 && (self.offering.is_due(start) || is_last) {
@@ -399,11 +395,8 @@ impl FrameSink for StatePublisher {
         self.status.frames = self.counts.frames;
         (self.status.step, self.status.time_s) = (frame.step, frame.time_s);
         if rings {
-            if self.woke_at.elapsed() > ANNOUNCED {
-                // whoever was woken may have gone to sleep again
-                self.wake();
-            }
-            self.since_wake = 0;
+            // after the frame: whoever wakes up on another core reads memory that is written to, and slows the writing down
+            self.wake();
             self.write_status(now)?;
         }
         Ok(())

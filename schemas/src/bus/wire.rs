@@ -11,7 +11,6 @@ use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
 use std::fmt::Debug;
 use std::mem::MaybeUninit;
-use std::time::Duration;
 
 /// What goes with each frame and with each row of results.
 #[repr(C)]
@@ -153,9 +152,6 @@ pub struct RunStatus {
     pub reserved: [u64; 4],
 }
 
-/// How long after a wake-up the frame that it announces is waited for: the producer rings before it writes, because
-/// waking up takes longer than writing, and rings again if writing took longer than this.
-pub(super) const ANNOUNCED: Duration = Duration::from_micros(200);
 /// [`RunStatus::state`]: waiting for consumers.
 pub const STATE_WAITING: u64 = 0;
 /// [`RunStatus::state`]: running.
