@@ -47,7 +47,7 @@ fn crests(physics: &Physics) -> Vec<(f64, f64)> {
     let threshold = 1e-3 * physics.striker.velocity_m_s;
     for _ in 0..physics.step_count {
         integrator.step(&mut state);
-        for ((crest, before), v) in crests.iter_mut().zip(&mut before).zip(&state.v_m_s) {
+        for ((crest, before), v) in crests.iter_mut().zip(before.iter_mut()).zip(state.v_m_s.iter()) {
             if crest.is_none() && *before > threshold && v < before {
                 *crest = Some((physics.time_s(state.step - 1), *before));
             }

@@ -54,9 +54,9 @@ impl Moment {
     /// Every contact is closed and every bead moves: all of the work.
     fn all_closed(physics: &Physics) -> Self {
         let overlap_m = 0.1 * physics.scales().length_m;
-        let u_m = (0..physics.beads).rev().map(|bead| bead as f64 * overlap_m).collect();
-        let v_m_s = (0..physics.beads).map(|bead| 1e-3 * (bead % 7) as f64).collect();
-        Self::of(physics, ChainState::starting_at(physics, u_m, v_m_s))
+        let u_m: Vec<f64> = (0..physics.beads).rev().map(|bead| bead as f64 * overlap_m).collect();
+        let v_m_s: Vec<f64> = (0..physics.beads).map(|bead| 1e-3 * (bead % 7) as f64).collect();
+        Self::of(physics, ChainState::starting_at(physics, &u_m, &v_m_s))
     }
 
     fn step(&mut self) {

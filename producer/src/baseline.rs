@@ -86,7 +86,7 @@ mod tests {
             }
             let v0 = physics.striker.velocity_m_s;
             let furthest =
-                ours.v_m_s.iter().zip(&plain.v_m_s).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                ours.v_m_s.iter().zip(plain.v_m_s.iter()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             // 2000 steps, each rounding a force of at most a few v0·m/T in its last bits
             assert!(furthest < 1e-10 * v0, "α = {alpha}: {furthest:e} m/s");
             assert!(ours.v_m_s[4] > 0.1 * v0, "the pulse has come this far");

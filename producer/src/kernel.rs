@@ -8,6 +8,8 @@
 mod damped;
 mod sweep;
 
+use crate::state::aligned;
+use aligned_vec::{AVec, CACHELINE_ALIGN, avec};
 use damped::Damped;
 use pulp::Arch;
 use schemas::chain::{Chain, Walls};
@@ -69,14 +71,14 @@ struct Rest {
 pub struct Kernel {
     arch: Arch,
     law: ContactLaw,
-    inverse_mass: Vec<f64>,
-    stiffness: Vec<f64>,
+    inverse_mass: AVec<f64>,
+    stiffness: AVec<f64>,
     /// What presses the contacts together at rest, if anything does.
     rest: Option<Rest>,
     walls: Walls,
     damped: Option<Damped>,
     /// Force (N) of contact `c` beyond that at rest at index `c + 1`; those of the walls at both ends.
-    force: Vec<f64>,
+    force: AVec<f64>,
     /// Whether a contact of a block presses more than at rest; that of the last bead with its wall is in the last block.
     presses: Vec<bool>,
     activity: Activity,
@@ -96,12 +98,12 @@ impl Kernel {
         Self {
             arch,
             law: chain.law,
-            inverse_mass: chain.mass_kg.iter().map(|m| 1.0 / m).collect(),
-            stiffness: chain.stiffness.clone(),
+            inverse_mass: AVec::from_iter(CACHELINE_ALIGN, chain.mass_kg.iter().map(|m| 1.0 / m)),
+            stiffness: aligned(&chain.stiffness),
             rest: chain.is_loaded().then(rest),
             walls: chain.walls,
             damped: Damped::of(chain),
-            force: vec![0.0; chain.bead_count() + 1],
+            force: avec![0.0; chain.bead_count() + 1],
             presses: vec![false; chain.bead_count().div_ceil(BLOCK)],
             activity: Activity { beads: 0..0 },
             tile,

@@ -42,9 +42,9 @@ impl Moments {
     fn all_closed(config: &RunConfig, steps: u64) -> Result<Self, Failure> {
         let physics = Physics::resolve(config)?;
         let overlap_m = 0.1 * physics.scales().length_m;
-        let u_m = (0..physics.beads).rev().map(|i| i as f64 * overlap_m).collect();
-        let v_m_s = (0..physics.beads).map(|i| 1e-3 * (i % 7) as f64).collect();
-        let states = vec![ChainState::starting_at(&physics, u_m, v_m_s)];
+        let u_m: Vec<f64> = (0..physics.beads).rev().map(|i| i as f64 * overlap_m).collect();
+        let v_m_s: Vec<f64> = (0..physics.beads).map(|i| 1e-3 * (i % 7) as f64).collect();
+        let states = vec![ChainState::starting_at(&physics, &u_m, &v_m_s)];
         Ok(Self { physics, states, steps })
     }
 

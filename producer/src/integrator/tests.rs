@@ -14,7 +14,7 @@ fn physics(change: impl FnOnce(&mut RunConfig)) -> Physics {
 }
 
 fn bits(state: &ChainState) -> Vec<u64> {
-    state.u_m.iter().chain(&state.v_m_s).chain(&state.extra).map(|x| x.to_bits()).collect()
+    state.u_m.iter().chain(state.v_m_s.iter()).chain(state.extra.iter()).map(|x| x.to_bits()).collect()
 }
 
 /// What makes a chain, and how to configure it.

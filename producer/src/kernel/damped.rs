@@ -1,6 +1,7 @@
 //! Forces that depend on velocities, and the power that they dissipate.
 
 use super::{Kernel, Pass};
+use aligned_vec::avec;
 use pulp::Arch;
 use schemas::chain::Chain;
 use schemas::contact::{ContactLaw, PowerUser};
@@ -48,7 +49,7 @@ impl Kernel {
         let beads = self.active_beads();
         if !beads.is_empty() {
             let contacts = self.contacts_of(&beads);
-            let mut force = std::mem::take(&mut self.force);
+            let mut force = std::mem::replace(&mut self.force, avec![]);
             let out = &mut force[contacts.start + 1..=contacts.end];
             self.evaluate_contacts(&damped, &contacts, [u_m, v_m_s], Wanted::Force, out);
             let [left, right] = self.walls_of_motion(&damped, &beads, [u_m, v_m_s], Wanted::Force);
@@ -209,7 +210,7 @@ mod tests {
         kernel.evaluate_forces_of_motion(&mut u_m.to_vec(), &mut v_m_s.to_vec());
         let mut power_w = vec![1.0; 2];
         kernel.dissipated_power(u_m, v_m_s, &mut power_w);
-        (kernel.force.clone(), power_w)
+        (kernel.force.to_vec(), power_w)
     }
 
     #[test]

@@ -13,7 +13,7 @@ fn hash_of_run(physics: &Physics) -> u64 {
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     for _ in 0..physics.step_count {
         integrator.step(&mut state);
-        for x in state.u_m.iter().chain(&state.v_m_s).chain(&state.extra) {
+        for x in state.u_m.iter().chain(state.v_m_s.iter()).chain(state.extra.iter()) {
             hash = (hash ^ x.to_bits()).wrapping_mul(0x0100_0000_01b3);
         }
     }

@@ -24,8 +24,8 @@ fn methods_have_their_order_while_a_linear_contact_is_closed() {
             let speed = 0.5 * v0 * 0.5_f64.cos();
             let start = ChainState::starting_at(
                 &physics,
-                vec![overlap, -overlap],
-                vec![0.5 * v0 + speed, 0.5 * v0 - speed],
+                &[overlap, -overlap],
+                &[0.5 * v0 + speed, 0.5 * v0 - speed],
             );
             let state = state_after(&physics, start);
             let (u, v) = (state.u_m, state.v_m_s);
@@ -127,7 +127,7 @@ fn gear5_has_its_order_with_damping() {
         };
         let (overlap, rate) = motion(0.0);
         let halves = |x: f64| vec![0.5 * x, -0.5 * x];
-        let start = ChainState::starting_at(&physics, halves(overlap), halves(rate));
+        let start = ChainState::starting_at(&physics, &halves(overlap), &halves(rate));
         let chain = physics.chain();
         let energy_j = |state: &ChainState| chain.energy(&state.u_m, &state.v_m_s, &mut [0.0]).total_j();
         let before_j = energy_j(&start);

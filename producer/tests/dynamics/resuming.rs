@@ -99,7 +99,7 @@ fn remove_shared_memory(bus: &Bus, dir: TempDir) {
 }
 
 fn bits(state: &ChainState) -> Vec<u64> {
-    state.u_m.iter().chain(&state.v_m_s).chain(&state.extra).map(|x| x.to_bits()).collect()
+    state.u_m.iter().chain(state.v_m_s.iter()).chain(state.extra.iter()).map(|x| x.to_bits()).collect()
 }
 
 #[test]

@@ -86,7 +86,7 @@ fn a_weak_pulse_in_a_pressed_chain_is_that_of_schroedinger() {
         let state = state_after(&physics, ChainState::initial(&physics));
         let argument = 2.0 * speed * physics.time_s(physics.step_count);
         let mut largest: f64 = 0.0;
-        for (bead, v) in (0..118_u32).zip(&state.v_m_s) {
+        for (bead, v) in (0..118_u32).zip(state.v_m_s.iter()) {
             let expected = bessel(2 * bead, argument) + bessel(2 * bead + 2, argument);
             largest = largest.max((v / v0 - expected).abs());
         }

@@ -40,9 +40,9 @@ fn states_scale_with_the_length_and_the_velocity() {
             assert!((scales.1.time_s / scales.0.time_s / 2.0 - 1.0).abs() < 1e-15);
 
             let (state, scaled) = (final_state(&physics), final_state(&scaled));
-            let u_error = difference(&scaled.u_m, &state.u_m, 4.0, scales.1.length_m);
-            let v_error = difference(&scaled.v_m_s, &state.v_m_s, 2.0, 10.0);
-            let extra_error = difference(&scaled.extra, &state.extra, 4.0, scales.1.length_m);
+            let u_error = difference(&scaled.u_m, state.u_m.iter(), 4.0, scales.1.length_m);
+            let v_error = difference(&scaled.v_m_s, state.v_m_s.iter(), 2.0, 10.0);
+            let extra_error = difference(&scaled.extra, state.extra.iter(), 4.0, scales.1.length_m);
             // bit for bit where 4^α is a power of two and δ^α is computed without the logarithm; else one
             // rounding of k and one of each δ^α, which 40 T amplify some hundred times
             let exact = [1.0, 1.5, 2.0, 3.0, 5.0].contains(&alpha);
@@ -87,8 +87,8 @@ fn reversed_velocities_lead_back_to_the_start() {
             for _ in 0..physics.step_count {
                 integrator.step(&mut state);
             }
-            let u_error = difference(&state.u_m, &start.u_m, 1.0, physics.scales().length_m);
-            let v_error = difference(&state.v_m_s, &start.v_m_s, -1.0, physics.striker.velocity_m_s);
+            let u_error = difference(&state.u_m, start.u_m.iter(), 1.0, physics.scales().length_m);
+            let v_error = difference(&state.v_m_s, start.v_m_s.iter(), -1.0, physics.striker.velocity_m_s);
             // displacements of up to 30 L round by 3e-15 L; these add up to 2e-13 L at most as measured
             assert!(u_error.max(v_error) < 2e-12, "{method}, α = {alpha}: off by {u_error:e}, {v_error:e}");
         }

@@ -36,8 +36,8 @@ fn json(piece: &Piece) -> String {
         "steps": piece.steps,
         "every": piece.every,
         "mass_kg": physics.chain().mass_kg,
-        "u_m": piece.start.u_m,
-        "v_m_s": piece.start.v_m_s,
+        "u_m": piece.start.u_m[..],
+        "v_m_s": piece.start.v_m_s[..],
     });
     chain.to_string()
 }
@@ -57,7 +57,7 @@ fn lammps_data(piece: &Piece) -> String {
         -DIAMETER_M
     );
     // writing to a String cannot fail
-    for (i, (mass_kg, u_m)) in mass_kg.iter().zip(&piece.start.u_m).enumerate() {
+    for (i, (mass_kg, u_m)) in mass_kg.iter().zip(piece.start.u_m.iter()).enumerate() {
         let density = mass_kg / (PI / 6.0 * DIAMETER_M.powi(3));
         // positions have most digits at the middle, where the motion goes on longest
         let x_m = (i as f64 - half_count) * DIAMETER_M + u_m;
@@ -80,8 +80,8 @@ mod tests {
     fn inputs_hold_the_chain_and_its_state() {
         let piece = Piece::every_state().expect("a preset");
         let parsed: serde_json::Value = serde_json::from_str(&json(&piece)).expect("JSON");
-        assert_eq!(parsed["u_m"], json!(piece.start.u_m));
-        assert_eq!(parsed["v_m_s"], json!(piece.start.v_m_s));
+        assert_eq!(parsed["u_m"], json!(piece.start.u_m[..]));
+        assert_eq!(parsed["v_m_s"], json!(piece.start.v_m_s[..]));
         assert_eq!(parsed["mass_kg"][500], 0.6e-3);
         assert_eq!(parsed["steps"], 4000);
 

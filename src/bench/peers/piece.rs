@@ -69,7 +69,7 @@ impl Piece {
         if let Some(writer) = writer {
             writer.finish(EndReason::Interrupted)?;
         }
-        Ok(Outcome { time: began.elapsed(), v_m_s: state.v_m_s })
+        Ok(Outcome { time: began.elapsed(), v_m_s: state.v_m_s.to_vec() })
     }
 
     /// A recording with the first state.

@@ -77,7 +77,7 @@ fn splitting_step(physics: &Physics, stages: Stages, state: &mut ChainState) {
     };
     for (b, a) in stages.kick_drift {
         kick(b * physics.dt_s, &state.u_m, &mut state.v_m_s);
-        for (u, v) in state.u_m.iter_mut().zip(&state.v_m_s) {
+        for (u, v) in state.u_m.iter_mut().zip(state.v_m_s.iter()) {
             *u = (a * physics.dt_s).mul_add(*v, *u);
         }
     }
