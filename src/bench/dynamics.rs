@@ -14,8 +14,11 @@ use std::time::{Duration, Instant};
 /// Moments of a run from which steps are measured, spread over all of it.
 const MOMENTS: u64 = 10;
 
-/// Steps measured from each moment.
+/// Steps measured from each moment, together: nobody looks at the states between.
 const STEPS: u64 = 400;
+
+/// Steps of the long chain: as many as fit into one sweep.
+const LONG_STEPS: u64 = 16;
 
 /// States of a run, from the first to the last, from which a number of steps can be made.
 struct Moments {
@@ -135,12 +138,12 @@ fn general_alpha(rounds: u32) -> Result<Row, Failure> {
 
 /// Cost of a bead-step in a chain of a million beads against one of a thousand.
 fn length(rounds: u32) -> Result<Row, Failure> {
-    let moments = |beads: u64| {
+    let moments = |beads: u64, steps: u64| {
         let mut config = light_impurity();
         (config.chain.beads, config.chain.impurities[0].bead) = (beads, beads / 2);
-        Moments::all_closed(&config, if beads > 1000 { 16 } else { 404 })
+        Moments::all_closed(&config, steps)
     };
-    let (long, short) = (moments(1_000_000)?, moments(1000)?);
+    let (long, short) = (moments(1_000_000, LONG_STEPS)?, moments(1000, STEPS)?);
     let per_bead_step = |moments: &Moments| moments.ours().div_f64(moments.bead_steps() / 1e6);
     let rounds = Rounds::alternate(rounds, || Ok(per_bead_step(&long)), || Ok(per_bead_step(&short)))?;
     Ok(Row {

@@ -58,8 +58,8 @@ impl Piece {
         let mut writer = if self.every == 0 { None } else { Some(self.recording(directory)?) };
         let last = state.step + self.steps;
         while state.step < last {
-            let next = if self.every == 0 { last } else { (state.step / self.every + 1) * self.every };
-            integrator.advance(&mut state, if next < last { next } else { last });
+            let kept = state.step.checked_div(self.every).map(|before| (before + 1) * self.every);
+            integrator.advance(&mut state, kept.filter(|kept| *kept < last).unwrap_or(last));
             if let Some(writer) = &mut writer
                 && self.manifest.is_recorded(state.step)
             {

@@ -12,7 +12,7 @@ use std::thread::sleep;
 use std::time::Duration;
 
 /// Frames, and bare wake-ups, in a round.
-const POKES: usize = 500;
+const POKES: usize = 1000;
 
 /// Time between a frame and a wake-up: whoever was woken sleeps again, and each frame wakes by itself.
 const GAP: Duration = Duration::from_millis(1);
