@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// The example, which `cargo test` builds unless it is told to build this test alone.
-fn example() -> Option<PathBuf> {
+pub(crate) fn example() -> Option<PathBuf> {
     let built = Path::new(env!("CARGO_BIN_EXE_beadline")).with_file_name("examples").join("own_consumer");
     if !built.exists() {
         skip("`cargo build --example own_consumer` first");
@@ -92,6 +92,8 @@ fn a_consumer_of_ones_own_may_begin_again() {
     let recorder = place.start("record live:run --out run.mcap --json");
     let options = AttachOptions::default();
     let mut source = LiveSource::attach(&place.bus(), None, Delivery::Lossless, &options).unwrap();
+    // the run begins when the recorder is there, too
+    assert!(matches!(source.receive().unwrap(), Received::Frame(_)));
     let columns = ResultColumns::array("energy_j", 3);
     for frames in [0..10_u64, 100..110] {
         let mut results = source.results(Topic::own("twice").unwrap(), &columns).unwrap();
