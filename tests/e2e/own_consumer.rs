@@ -9,6 +9,7 @@ use serde_json::json;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
 /// The example, which `cargo test` builds unless it is told to build this test alone.
 pub(crate) fn example() -> Option<PathBuf> {
@@ -102,7 +103,8 @@ fn a_consumer_of_ones_own_may_begin_again() {
             let step = manifest.step_of_frame(frame);
             results.publish(frame, step, manifest.physics.time_s(step), &[1.0; 3]).unwrap();
         }
-        results.finish().unwrap();
+        // the recorder leaves the first one before the second one comes
+        results.finish_and_wait(Duration::from_mins(1)).unwrap();
     }
     while !matches!(source.receive().unwrap(), Received::End(_)) {}
     run.wait().exits(0);

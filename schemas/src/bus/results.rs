@@ -27,6 +27,8 @@ const LIVENESS_PERIOD: Duration = Duration::from_millis(500);
 /// How long a lossless subscriber to results may take nothing.
 const STUCK_AFTER: Duration = Duration::from_secs(10);
 const TAKE_OVER_PATIENCE: Duration = Duration::from_millis(500);
+/// How often a publisher looks whether those who read have left.
+const LEAVING_PERIOD: Duration = Duration::from_millis(2);
 const COLUMNS_KEY: &str = "beadline.columns";
 const WIDTH_KEY: &str = "beadline.width";
 const TOLERANCE_KEY: &str = "beadline.tolerance_m";
@@ -120,7 +122,7 @@ pub struct ResultPublisher<T: ResultElement> {
     /// There were rows, whether anybody got them or not.
     follows: bool,
     finished: bool,
-    _node: Node<Ipc>,
+    node: Node<Ipc>,
 }
 
 impl<T: ResultElement> ResultPublisher<T> {
@@ -198,7 +200,7 @@ impl<T: ResultElement> ResultPublisher<T> {
             StateHeader { run_id: stream.run_id.0, stream_id: stream.stream_id, ..StateHeader::default() };
         let width = columns.width;
         let (follows, finished) = (false, false);
-        Ok(Self { publisher, backpressure, stream, topic, width, last, follows, finished, _node: node })
+        Ok(Self { publisher, backpressure, stream, topic, width, last, follows, finished, node })
     }
 
     /// Publishes the row of one frame.
@@ -249,11 +251,30 @@ impl<T: ResultElement> ResultPublisher<T> {
     ///
     /// # Errors
     /// When it cannot be sent; subscribers then find that the publisher is gone.
-    pub fn finish(mut self) -> Result<(), ResultsError> {
+    pub fn finish(self) -> Result<(), ResultsError> {
+        self.finish_and_wait(Duration::ZERO)
+    }
+
+    /// As [`finish`](Self::finish), but lets go of the bus only when every lossless subscriber of now has left, or `at_most` is
+    /// over: for who publishes under the same topic again, and must not be gone before those who still read have seen it.
+    ///
+    /// # Errors
+    /// As [`finish`](Self::finish).
+    pub fn finish_and_wait(mut self, at_most: Duration) -> Result<(), ResultsError> {
         self.finished = true;
         self.backpressure.ending.store(true, Ordering::Relaxed);
         self.send(StateHeader { flags: FLAG_LAST, ..self.last }, &[])?;
         self.backpressure.wake();
+        let start = Instant::now();
+        // whoever comes now has nothing to read
+        let mut readers = self.backpressure.consumers();
+        readers.retain(|_, (delivery, _)| *delivery == Delivery::Lossless);
+        while start.elapsed() < at_most && !readers.is_empty() {
+            let here = self.backpressure.consumers();
+            readers.retain(|id, _| here.contains_key(id));
+            self.node.try_cleanup_dead_nodes();
+            std::thread::sleep(LEAVING_PERIOD);
+        }
         Ok(())
     }
 }
