@@ -69,8 +69,8 @@ pub trait Conductor<P: FrameSink, R> {
         recorder: Option<&mut R>,
     ) -> ControlFlow<()>;
 
-    /// Called between frames, from time to time, if there are steps between them. `Break` ends the run early, with the frame before
-    /// as its last.
+    /// Called between frames, from time to time, if there are steps between them. `Break` ends the run early,
+    /// with the frame before as its last.
     fn between_steps(&mut self, _publisher: &mut P) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }

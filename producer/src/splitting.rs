@@ -93,7 +93,7 @@ impl Splitting {
             self.kernel.sweep(&[Pass::Forces], &mut state.u_m, &mut state.v_m_s);
         }
         let most = (self.kernel.passes_of_a_sweep() as u64 - 1) / self.stages.passes_per_step();
-        let steps = (last - state.step).clamp(1, most); // integers
+        let steps = last.saturating_sub(state.step).clamp(1, most); // integers
         if self.steps_together != steps {
             self.passes = self.stages.passes(self.dt_s, steps);
             self.steps_together = steps;

@@ -17,7 +17,7 @@ const MOMENTS: u64 = 10;
 /// Steps measured from each moment, together: nobody looks at the states between.
 const STEPS: u64 = 400;
 
-/// Steps of the long chain: as many as fit into one sweep.
+/// Steps of the long chain, which one sweep makes.
 const LONG_STEPS: u64 = 16;
 
 /// States of a run, from the first to the last, from which a number of steps can be made.
