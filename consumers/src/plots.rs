@@ -150,6 +150,9 @@ fn scattering(
     panel
 }
 
+/// Most turning points that are marked: more would hide the curves.
+const MOST_TURNS: usize = 60;
+
 /// Displacement and velocity of the beads that were followed; `motions` holds one series a bead.
 pub fn trajectories(
     manifest: &RunManifest,
@@ -171,7 +174,9 @@ pub fn trajectories(
     }
     let turns = events.iter().filter(|event| event.kind == EventKind::Turns);
     let turns: Vec<_> = turns.map(|event| (event.time_s * 1e3, event.u_m * 1e3)).collect();
-    if !turns.is_empty() {
+    if turns.len() > MOST_TURNS {
+        displacement = displacement.note(format!("{} turning points", turns.len()));
+    } else if !turns.is_empty() {
         displacement = displacement.curve(Curve::points("turning points", turns).colour(Colour::Black));
     }
     Figure::new().shared_x().caption(caption(manifest)).panel(displacement).panel(velocity)
