@@ -255,8 +255,8 @@ impl<T: ResultElement> ResultPublisher<T> {
         self.finish_and_wait(Duration::ZERO)
     }
 
-    /// As [`finish`](Self::finish), but lets go of the bus only when every lossless subscriber of now has left, or `at_most` is
-    /// over: for who publishes under the same topic again, and must not be gone before those who still read have seen it.
+    /// As [`finish`](Self::finish), but lets go of the bus only when every lossless subscriber of now has left, it is
+    /// stopped, or `at_most` is over: for who publishes under the same topic again, and must not be gone before those who still read have seen it.
     ///
     /// # Errors
     /// As [`finish`](Self::finish).
@@ -269,11 +269,14 @@ impl<T: ResultElement> ResultPublisher<T> {
         // whoever comes now has nothing to read
         let mut readers = self.backpressure.consumers();
         readers.retain(|_, (delivery, _)| *delivery == Delivery::Lossless);
-        while start.elapsed() < at_most && !readers.is_empty() {
+        while !readers.is_empty()
+            && start.elapsed() < at_most
+            && !self.backpressure.stop.load(Ordering::Relaxed)
+        {
+            std::thread::sleep(LEAVING_PERIOD);
+            self.node.try_cleanup_dead_nodes();
             let here = self.backpressure.consumers();
             readers.retain(|id, _| here.contains_key(id));
-            self.node.try_cleanup_dead_nodes();
-            std::thread::sleep(LEAVING_PERIOD);
         }
         Ok(())
     }

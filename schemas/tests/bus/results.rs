@@ -108,6 +108,48 @@ fn topics_of_ones_own_wait_for_those_who_watch_all_of_them() {
     }
 }
 
+/// Who publishes a topic, and then again, waits for who reads the first rows: without that, a reader that was not there in
+/// time has not seen the second publisher before it is gone, and its rows are lost.
+#[test]
+fn a_publisher_that_begins_again_waits_for_who_still_reads() {
+    for waits in [false, true] {
+        let test = TestBus::new();
+        let publish = |frames: std::ops::Range<u64>| {
+            let mut energies = create::<f64>(&test, Topic::Energies, &columns(1, "a_J"));
+            frames.for_each(|frame| energies.publish(frame, frame, 0.0, &[1.0]).unwrap());
+            energies.finish_and_wait(if waits { Duration::MAX } else { Duration::ZERO }).unwrap();
+        };
+        let mut first = create::<f64>(&test, Topic::Energies, &columns(1, "a_J"));
+        let mut rows = attach::<f64>(&test, Topic::Energies, Delivery::Lossless).unwrap();
+        first.publish(0, 0, 0.0, &[1.0]).unwrap();
+        std::thread::scope(|scope| {
+            let publishing = scope.spawn(|| {
+                first.finish_and_wait(if waits { Duration::MAX } else { Duration::ZERO }).unwrap();
+                publish(1..5);
+            });
+            if !waits {
+                publishing.join().unwrap();
+                assert_eq!(read(&mut rows), (vec![0], 0, EndReason::Complete), "the others are lost");
+                return;
+            }
+            assert_eq!(read(&mut rows), (vec![0], 0, EndReason::Complete));
+            // subscribed to the second one before its first row
+            let watch = ResultWatch::create(&test.bus, &run_name("run"), Topic::Energies).unwrap();
+            drop(rows);
+            let again = loop {
+                match watch.attach::<f64>(Delivery::Lossless, Arc::default()).unwrap() {
+                    Some(mut rows) => match read(&mut rows) {
+                        (frames, ..) if frames.is_empty() => (),
+                        found => break found,
+                    },
+                    None => watch.wait(Duration::from_secs(1)),
+                }
+            };
+            assert_eq!(again, ((1..5).collect(), 0, EndReason::Complete));
+        });
+    }
+}
+
 /// Who comes too late for the first row is told so.
 #[test]
 fn a_row_says_whether_its_publisher_had_others_before() {
