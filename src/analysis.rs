@@ -182,9 +182,7 @@ impl<'a> Session<'a> {
             display::print(display::rows(&format!("{title} of {name} ({end})"), &all))?;
         }
         self.warn(tally);
-        // who stops a live analysis has what there was; who stops the reading of a file has a part of it
-        let ended_well = tally.end.is_orderly() || (tally.end == EndReason::Stopped && self.live.is_some());
-        Ok(Done::whole_if(ended_well && tally.missed_count == 0))
+        Ok(Done::whole_if(tally.end.is_orderly() && tally.missed_count == 0))
     }
 
     fn json(&self, tally: &Tally, results: Value) -> Value {
@@ -223,6 +221,7 @@ impl<'a> Session<'a> {
             EndReason::Stopped if self.live.is_none() => {
                 display::notice("stopped: results end before the recording does");
             }
+            EndReason::Stopped => display::notice("stopped: results end here, the run goes on"),
             end => notice_of_end(end, Path::new(&self.args.source), "results"),
         }
         let from = self.manifest().physics.step_at_or_after(self.window.from_s);

@@ -1,6 +1,8 @@
 //! What a person sees: progress bars, notices, numbers.
 
 use crate::failure::Failure;
+use crate::limits;
+use anyhow::{Context as _, anyhow};
 use indicatif::{DecimalBytes, HumanCount, ProgressBar, ProgressStyle};
 use schemas::frame::EndReason;
 use schemas::manifest::{RunManifest, SCHEMA_VERSION};
@@ -19,13 +21,40 @@ pub(crate) fn notice(text: impl Display) {
 fn printable(text: &str) -> String {
     let mut printable = String::with_capacity(text.len());
     for character in text.chars() {
-        if character.is_control() && character != '\n' {
+        if is_obeyed(character) && character != '\n' {
             printable.extend(character.escape_default());
         } else {
             printable.push(character);
         }
     }
     printable
+}
+
+/// Whether a terminal does something else with a character than show it: controls, also those of 8 bits, and what
+/// turns the direction of writing or shows nothing.
+fn is_obeyed(character: char) -> bool {
+    let turns = matches!(character, '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}');
+    character.is_control() || turns || matches!(character, '\u{2060}'..='\u{206f}' | '\u{feff}')
+}
+
+/// The same for JSON, in which such characters stand in texts only.
+fn printable_json(json: &str) -> String {
+    let mut printable = String::with_capacity(json.len());
+    for character in json.chars() {
+        if is_obeyed(character) && character != '\n' {
+            // all of them are in the first 65,536; writing to a String cannot fail
+            let _ = write!(printable, "\\u{:04x}", u32::from(character));
+        } else {
+            printable.push(character);
+        }
+    }
+    printable
+}
+
+/// Prints a value as one line of JSON on stderr.
+pub(crate) fn tell_json(value: &serde_json::Value) {
+    // nobody may be listening, and that is no reason to fail
+    let _ = writeln!(io::stderr(), "{}", printable_json(&value.to_string()));
 }
 
 /// Says so if a manifest was written by a later version than this program's.
@@ -40,15 +69,21 @@ pub(crate) fn notice_of_version(manifest: &RunManifest) {
 
 /// Prints results on stdout.
 pub(crate) fn print(text: impl Display) -> Result<(), Failure> {
-    let mut out = io::stdout().lock();
-    write!(out, "{text}")?;
-    out.flush()?;
-    Ok(())
+    put(&printable(&text.to_string()))
 }
 
 /// Prints results on stdout for a program.
 pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
-    print(format_args!("{}\n", serde_json::to_string_pretty(value)?))
+    put(&printable_json(&format!("{}\n", serde_json::to_string_pretty(value)?)))
+}
+
+fn put(text: &str) -> Result<(), Failure> {
+    if limits::stdout_was_closed() {
+        return Err(Failure::Failed(anyhow!("results cannot be printed: stdout is closed")));
+    }
+    let mut out = io::stdout().lock();
+    let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    Ok(written.context("results cannot be printed on stdout")?)
 }
 
 /// A progress bar over `length` units, on a terminal only.
@@ -139,5 +174,19 @@ pub(crate) fn rows(title: &str, rows: &[(&str, String)]) -> String {
         // writing to a String cannot fail
         let _ = writeln!(text, "  {name:width$}  {value}");
     }
-    printable(&text)
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_terminal_would_obey_is_escaped() {
+        let text = "a\u{202e}b\u{9b}c\u{7f}d\u{1b}e\nα ±";
+        assert_eq!(printable(text), "a\\u{202e}b\\u{9b}c\\u{7f}d\\u{1b}e\nα ±");
+        let json = printable_json(&serde_json::json!(text).to_string());
+        assert_eq!(json, "\"a\\u202eb\\u009bc\\u007fd\\u001be\\nα ±\"");
+        assert_eq!(serde_json::from_str::<String>(&json).ok().as_deref(), Some(text));
+    }
 }

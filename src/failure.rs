@@ -1,10 +1,14 @@
 //! The one place that maps outcomes to exit codes.
 
 use crate::display;
+use crate::limits;
 use anyhow::Error;
 use consumers::export::ExportError;
+use schemas::bus::{AttachError, PublishError};
 use schemas::recording::WriteError;
 use schemas::whole_file::WholeFileError;
+use serde_json::json;
+use std::any::Any;
 use std::process::ExitCode;
 
 /// How a command ended that did not fail.
@@ -12,7 +16,7 @@ use std::process::ExitCode;
 pub(crate) enum Done {
     /// Everything is as asked for.
     Whole,
-    /// It finished, but something was lost.
+    /// It finished, but something was lost, or it was asked to stop before it was done.
     Lossy,
 }
 
@@ -28,6 +32,8 @@ impl Done {
 pub(crate) enum Failure {
     /// The user's input cannot be used: a flag, a configuration, a file.
     BadInput(Error),
+    /// It was asked to stop before it was done, and leaves nothing.
+    Stopped(Error),
     /// Anything else.
     Failed(Error),
 }
@@ -50,21 +56,76 @@ impl<T, E: Into<Error>> BadInput<T> for Result<T, E> {
     }
 }
 
-/// Prints a failure and gives the exit code.
-pub(crate) fn exit(result: Result<Done, Failure>) -> ExitCode {
-    match result {
-        Ok(Done::Whole) => ExitCode::SUCCESS,
-        Ok(Done::Lossy) => ExitCode::from(3),
-        Err(Failure::Failed(error)) if is_broken_pipe(&error) => ExitCode::SUCCESS,
-        Err(Failure::Failed(error)) => {
-            display::notice(format_args!("{error:#}"));
-            ExitCode::from(if is_in_the_way(&error) { 2 } else { 1 })
-        }
-        Err(Failure::BadInput(error)) => {
-            display::notice(format_args!("{error:#}"));
-            ExitCode::from(2)
-        }
+/// In which form a failure is told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Form {
+    /// In words.
+    Words,
+    /// As one line of JSON, because `--json` is among the arguments.
+    Json,
+}
+
+impl Form {
+    /// What the command line asks for, also where it is wrong otherwise.
+    pub(crate) fn asked_for() -> Self {
+        let mut arguments = std::env::args_os().skip(1).take_while(|argument| argument != "--");
+        if arguments.any(|argument| argument == "--json") { Self::Json } else { Self::Words }
     }
+}
+
+/// Tells a failure and gives the exit code.
+pub(crate) fn exit(result: Result<Done, Failure>, form: Form) -> ExitCode {
+    let (error, code) = match result {
+        Ok(Done::Whole) => return ExitCode::SUCCESS,
+        Ok(Done::Lossy) => return ExitCode::from(3),
+        Err(Failure::Failed(error)) if is_broken_pipe(&error) => return ExitCode::SUCCESS,
+        Err(Failure::Failed(error)) if is_in_the_way(&error) => (error, 2),
+        Err(Failure::Failed(error)) if is_stop(&error) => (error, 3),
+        Err(Failure::Failed(error)) => (limits::explain(error), 1),
+        Err(Failure::Stopped(error)) => (error, 3),
+        Err(Failure::BadInput(error)) => (error, 2),
+    };
+    let causes: Vec<String> = error.chain().skip(1).map(ToString::to_string).collect();
+    match form {
+        Form::Words => display::notice(format_args!("{error:#}")),
+        Form::Json => tell_json(&error.to_string(), &causes, code),
+    }
+    ExitCode::from(code)
+}
+
+/// Tells that the command line makes no sense, and ends; or prints the help that it asks for.
+pub(crate) fn exit_of_usage(error: &clap::Error, form: Form) -> ! {
+    if form == Form::Words || !error.use_stderr() {
+        error.exit();
+    }
+    let text = error.render().to_string();
+    // the first paragraph says what is wrong, the others how it would be right
+    let paragraphs: Vec<String> = text.split("\n\n").map(one_line).filter(|text| !text.is_empty()).collect();
+    let message = paragraphs.first().map_or("", |text| text.strip_prefix("error: ").unwrap_or(text));
+    tell_json(message, paragraphs.get(1..).unwrap_or_default(), 2);
+    std::process::exit(2);
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// One line on stderr, the last one there.
+fn tell_json(message: &str, causes: &[String], code: u8) {
+    display::tell_json(&json!({ "error": { "message": message, "causes": causes, "exit_code": code } }));
+}
+
+/// A bug of ours or of a library, told like any failure.
+pub(crate) fn of_panic(panic: &(dyn Any + Send)) -> Failure {
+    let said = panic.downcast_ref::<String>().map(String::as_str);
+    let said = said.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no reason was given");
+    let bug = anyhow::anyhow!(
+        "this program went wrong ({}): that is a bug, please report it with the command and the lines above; files \
+         that are not finished stay as .partial, and `beadline recover` or `beadline run --resume` go on with those of \
+         runs",
+        one_line(said)
+    );
+    Failure::Failed(bug)
 }
 
 /// Another name was to be chosen for an output, whichever command found that, and how late.
@@ -73,6 +134,14 @@ fn is_in_the_way(error: &Error) -> bool {
         cause.downcast_ref().is_some_and(WriteError::is_in_the_way)
             || cause.downcast_ref().is_some_and(WholeFileError::is_in_the_way)
             || cause.downcast_ref().is_some_and(ExportError::is_in_the_way)
+    })
+}
+
+/// It was asked to stop, wherever it was then.
+fn is_stop(error: &Error) -> bool {
+    error.chain().any(|cause| {
+        matches!(cause.downcast_ref(), Some(AttachError::Stopped))
+            || matches!(cause.downcast_ref(), Some(PublishError::Stopped { .. }))
     })
 }
 

@@ -10,8 +10,8 @@ use rustix::process::getpgrp;
 use rustix::termios::{
     LocalModes, OptionalActions, SpecialCodeIndex, Termios, tcgetattr, tcgetpgrp, tcsetattr,
 };
-use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTSTP};
-use signal_hook::low_level::{emulate_default_handler, exit, pipe};
+use signal_hook::consts::{SIGINT, SIGQUIT, SIGTERM, SIGTSTP};
+use signal_hook::low_level::{emulate_default_handler, pipe};
 use std::io::{self, IsTerminal as _, Read as _};
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
@@ -53,7 +53,7 @@ impl Keyboard {
     /// Takes the keys of the terminal on stdin, and the signals that would leave it as it must not be left. None
     /// if stdin or stderr is no terminal, or if it belongs to another process at the moment.
     ///
-    /// `stop` is set by the first SIGINT or SIGTERM and by the key that ends; a second signal ends at once.
+    /// `stop` is set by the first SIGINT or SIGTERM, by SIGHUP and by the key that ends; a second signal ends at once.
     pub(crate) fn open() -> io::Result<(Option<Self>, Arc<AtomicBool>)> {
         let terminal = if io::stdin().is_terminal() && io::stderr().is_terminal() && is_ours() {
             Terminal::of_stdin()
@@ -68,7 +68,7 @@ impl Keyboard {
             ended,
             stopping: Signals::of(&[SIGINT, SIGTERM])?,
             suspending: Signals::of(&[SIGTSTP])?,
-            killing: [SIGHUP, SIGQUIT]
+            killing: [SIGQUIT]
                 .map(|signal| Ok((signal, Signals::of(&[signal])?)))
                 .into_iter()
                 .collect::<io::Result<_>>()?,
@@ -202,7 +202,7 @@ impl Watch {
             stops += self.stopping.take();
             if stops > 1 {
                 self.terminal.give_back();
-                exit(1);
+                signals::end_at_once();
             }
             self.obey_signals();
             if pressed {

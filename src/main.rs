@@ -8,6 +8,7 @@ mod configuration;
 mod display;
 mod failure;
 mod keyboard;
+mod limits;
 mod outputs;
 mod pace;
 mod publishing;
@@ -21,13 +22,19 @@ mod time_step;
 
 use args::{Cli, Command};
 use clap::FromArgMatches;
-use failure::{Done, Failure};
+use failure::{Done, Failure, Form};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let arguments = args::command().get_matches();
-    let cli = Cli::from_arg_matches(&arguments).unwrap_or_else(|error| error.exit());
-    failure::exit(dispatch(cli.command))
+    let form = Form::asked_for();
+    limits::prepare(form);
+    let arguments = args::command().try_get_matches();
+    let cli = arguments.and_then(|arguments| Cli::from_arg_matches(&arguments));
+    let cli = cli.unwrap_or_else(|error| failure::exit_of_usage(&error, form));
+    // a library that panics, such as the one below the bus, must not take the exit code with it
+    let ended = catch_unwind(AssertUnwindSafe(|| dispatch(cli.command)));
+    failure::exit(ended.unwrap_or_else(|panic| Err(failure::of_panic(&*panic))), form)
 }
 
 fn dispatch(command: Command) -> Result<Done, Failure> {

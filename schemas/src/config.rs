@@ -3,6 +3,8 @@
 //! A [`RunConfig`] may still be impossible; [`crate::manifest::Physics::resolve`] turns it into the
 //! validated form that everything else uses.
 
+mod words;
+
 use crate::method::Method;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -323,12 +325,7 @@ impl RunConfig {
         struct Named {
             integrator: Option<serde::de::IgnoredAny>,
         }
-        let unreadable = |error: toml::de::Error| ConfigError {
-            path: None,
-            line: error.span().map(|span| line_at(text, span.start)),
-            key: String::new(),
-            message: error.message().to_owned(),
-        };
+        let unreadable = |error: toml::de::Error| ConfigError::of_toml(&error, text);
         let mut config: Self = toml::from_str(text).map_err(unreadable)?;
         let Named { integrator } = toml::from_str(text).map_err(unreadable)?;
         if integrator.is_none() {
@@ -411,7 +408,7 @@ mod tests {
         assert_eq!(RunConfig::from_toml(&config.to_toml()), Ok(config));
         for (from, to) in [("restitution", "bounce"), ("pattern_kg", "pattern"), ("\"fixed\"", "\"stuck\"")] {
             let error = RunConfig::from_toml(&text.replace(from, to)).expect_err("unknown");
-            assert!(error.line.is_some() && error.message.contains("expected"), "{error}");
+            assert!(error.line.is_some() && error.message.contains("allowed: "), "{error}");
         }
     }
 

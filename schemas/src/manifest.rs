@@ -142,14 +142,18 @@ pub enum ManifestError {
 }
 
 impl RunManifest {
-    /// The manifest of a new run: validates `config`, with `fallback_name` if it names none.
+    /// The manifest of a new run: validates `config`, with a name made of `fallback_name` if it names none.
     ///
     /// # Errors
     /// With the key, the value and what is allowed.
     pub fn new(config: &RunConfig, fallback_name: &str, origin: Origin) -> Result<Self, ConfigError> {
-        let name = config.name.as_deref().unwrap_or(fallback_name);
-        let name =
-            name.parse().map_err(|_| ConfigError::value("name", format!("`{name}`"), RunName::ALLOWED))?;
+        let name = match &config.name {
+            None => RunName::closest(fallback_name),
+            Some(name) => name.parse().map_err(|_| {
+                let allowed = format!("{}, such as `{}`", RunName::ALLOWED, RunName::closest(name));
+                ConfigError::value("name", format!("`{name}`"), &allowed)
+            })?,
+        };
         let stream = config.stream;
         let manifest = Self {
             schema_version: SCHEMA_VERSION,

@@ -4,19 +4,91 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// A run's name, `[a-z0-9-]{1,64}`: it becomes part of service names and of file names.
+/// A run's name, `[a-z0-9-]{1,64}` without a `-` in front: it becomes part of service names and of file names, and
+/// stands on command lines.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct RunName(String);
 
 impl RunName {
     /// What is allowed, for messages.
-    pub const ALLOWED: &'static str = "1 to 64 characters of a-z, 0-9 and -";
+    pub const ALLOWED: &'static str = "1 to 64 characters of a-z, 0-9 and -, the first of which is no -";
+
+    /// Most characters.
+    const LONGEST: usize = 64;
 
     /// The name as text.
     pub fn as_str(&self) -> &str {
         &self.0
     }
+
+    /// The name that comes closest to `text`, such as the name of a file: `Körner_3` makes `korner-3`. Latin letters
+    /// lose case and accents, everything else becomes `-`; `run` if nothing is left.
+    pub fn closest(text: &str) -> Self {
+        let mut name = String::new();
+        for character in text.chars().flat_map(char::to_lowercase) {
+            match character {
+                'a'..='z' | '0'..='9' => name.push(character),
+                // accents that stand behind their letters
+                '\u{300}'..='\u{36f}' => {}
+                _ => match plain(character) {
+                    Some(letters) => name.push_str(letters),
+                    None if name.is_empty() || name.ends_with('-') => {}
+                    None => name.push('-'),
+                },
+            }
+        }
+        name.truncate(Self::LONGEST);
+        let name = name.trim_end_matches('-');
+        Self(if name.is_empty() { "run" } else { name }.to_owned())
+    }
+}
+
+/// Letters of a-z for a small letter of Latin-1 or Latin Extended-A.
+fn plain(character: char) -> Option<&'static str> {
+    const LETTERS: [(char, char, &str); 39] = [
+        ('ß', 'ß', "ss"),
+        ('à', 'å', "a"),
+        ('æ', 'æ', "ae"),
+        ('ç', 'ç', "c"),
+        ('è', 'ë', "e"),
+        ('ì', 'ï', "i"),
+        ('ð', 'ð', "d"),
+        ('ñ', 'ñ', "n"),
+        ('ò', 'ö', "o"),
+        ('ø', 'ø', "o"),
+        ('ù', 'ü', "u"),
+        ('ý', 'ý', "y"),
+        ('þ', 'þ', "th"),
+        ('ÿ', 'ÿ', "y"),
+        ('ā', 'ą', "a"),
+        ('ć', 'č', "c"),
+        ('ď', 'đ', "d"),
+        ('ē', 'ě', "e"),
+        ('ĝ', 'ģ', "g"),
+        ('ĥ', 'ħ', "h"),
+        ('ĩ', 'ı', "i"),
+        ('ĳ', 'ĳ', "ij"),
+        ('ĵ', 'ĵ', "j"),
+        ('ķ', 'ĸ', "k"),
+        ('ĺ', 'ł', "l"),
+        ('ń', 'ŋ', "n"),
+        ('ō', 'ő', "o"),
+        ('œ', 'œ', "oe"),
+        ('ŕ', 'ř', "r"),
+        ('ś', 'š', "s"),
+        ('ţ', 'ŧ', "t"),
+        ('ũ', 'ų', "u"),
+        ('ŵ', 'ŵ', "w"),
+        ('ŷ', 'ŷ', "y"),
+        ('ź', 'ž', "z"),
+        ('ſ', 'ſ', "s"),
+        // Romanian, and the capital ß
+        ('ș', 'ș', "s"),
+        ('ț', 'ț', "t"),
+        ('ẞ', 'ẞ', "ss"),
+    ];
+    LETTERS.iter().find(|(from, to, _)| (from..=to).contains(&&character)).map(|(.., letters)| *letters)
 }
 
 impl FromStr for RunName {
@@ -24,10 +96,11 @@ impl FromStr for RunName {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let allowed = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-';
-        if (1..=64).contains(&text.len()) && text.bytes().all(allowed) {
+        if (1..=Self::LONGEST).contains(&text.len()) && !text.starts_with('-') && text.bytes().all(allowed) {
             return Ok(Self(text.to_owned()));
         }
-        Err(format!("`{text}` is not a run name; allowed: {}", Self::ALLOWED))
+        let (allowed, closest) = (Self::ALLOWED, Self::closest(text));
+        Err(format!("`{text}` is not a run name; allowed: {allowed}, such as `{closest}`"))
     }
 }
 
@@ -58,8 +131,35 @@ mod tests {
     #[test]
     fn only_safe_names_are_names() {
         assert!("light-impurity-2".parse::<RunName>().is_ok());
-        for bad in ["", "A", "a/b", "a b", "é", &"x".repeat(65)] {
+        for bad in ["", "A", "a/b", "a b", "é", "-a", "-", &"x".repeat(65)] {
             assert!(bad.parse::<RunName>().is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn names_are_made_of_any_text() {
+        for (text, name) in [
+            ("run_01", "run-01"),
+            ("Dimer", "dimer"),
+            ("Körner 3", "korner-3"),
+            ("Ko\u{308}rner", "korner"),
+            ("Größe.v2", "grosse-v2"),
+            ("STRAẞE", "strasse"),
+            ("Łódź", "lodz"),
+            ("İzmir", "izmir"),
+            ("Ærø × Þór", "aero-thor"),
+            ("--force", "force"),
+            ("a  --  b_", "a-b"),
+            ("α", "run"),
+            ("鎖", "run"),
+            ("\u{202e}", "run"),
+            ("", "run"),
+        ] {
+            let made = RunName::closest(text);
+            assert_eq!(made.as_str(), name, "{text}");
+            assert_eq!(name.parse(), Ok(made), "{text}");
+        }
+        let long = RunName::closest(&format!("{}-{}", "x".repeat(63), "y".repeat(9)));
+        assert_eq!(long.as_str(), "x".repeat(63), "cut, and no - at its end");
     }
 }

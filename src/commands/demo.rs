@@ -208,7 +208,7 @@ impl Processes {
         while self.running.iter().any(|process| !process.collector.is_finished()) && !failed() {
             if stop.load(Ordering::Relaxed) {
                 bar.finish_and_clear();
-                return Err(Failure::Failed(anyhow!(
+                return Err(Failure::Stopped(anyhow!(
                     "stopped; the processes end in order and keep what they have"
                 )));
             }

@@ -71,7 +71,7 @@ pub(crate) fn export(args: &ExportArgs) -> Result<Done, Failure> {
     let tally = follow(&mut frames, &mut exporting, window)?;
     let Exporting { mut export, states, steps, .. } = exporting;
     if tally.end == EndReason::Stopped || !assemble(&mut *export, &excerpt, &stop)? {
-        return Err(Failure::Failed(anyhow!("stopped: nothing was written")));
+        return Err(Failure::Stopped(anyhow!("stopped: nothing was written")));
     }
     let Some(steps) = steps else { return Err(nothing_to_export(args)) };
     let paths = export.finish()?;

@@ -211,7 +211,7 @@ fn absent(manifest: &RunManifest, step: u64, tally: &Tally) -> Failure {
         return Failure::BadInput(anyhow!("there is no {wanted}: {why}"));
     }
     match tally.end {
-        EndReason::Stopped => Failure::Failed(anyhow!("stopped before {wanted} came")),
+        EndReason::Stopped => Failure::Stopped(anyhow!("stopped before {wanted} came")),
         end => Failure::BadInput(anyhow!("there is no {wanted}: the frames ended before it ({end})")),
     }
 }

@@ -51,6 +51,7 @@ pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
     let parts = PartsWriter::create(&args.out, &manifest, None, first_step, &options, &split)?;
     recorder.begin(parts, &manifest, live.stream(), (begins_at, live.first_frame()));
 
+    signals::would_leave(what_stays(args, &split));
     let mut source = frames(args, live)?;
     let mut session = Session {
         due: DueFrames::new(&recorder, &manifest, DiskWatch::new(&args.out, reserve_bytes)),
@@ -74,7 +75,7 @@ pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
     let (results, trouble) = rows.finish();
     let parts = recorder.finish(end);
     if parts.is_err() || range.is_err() {
-        tell_what_stays(args, &split);
+        display::notice(what_stays(args, &split));
     }
     followed?;
     let summary = Summary {
@@ -162,14 +163,16 @@ fn frames(args: &RecordArgs, live: LiveSource) -> Result<Frames, Failure> {
     Ok(Frames::as_they_come(source))
 }
 
-/// After a write error: where everything before it is.
-fn tell_what_stays(args: &RecordArgs, split: &Split) {
+/// After a write error, or an end at once: where everything before it is.
+fn what_stays(args: &RecordArgs, split: &Split) -> String {
     let path = if split.is_split() { part_path(&args.out, 1) } else { args.out.clone() };
-    let parts = if split.is_split() { " and the parts after it" } else { "" };
-    display::notice(format_args!(
-        "what was recorded before stays in {}{parts}, the last one as .partial, which every analysis reads",
+    let parts =
+        if split.is_split() { " and the parts after it, the last one as .partial" } else { ".partial" };
+    format!(
+        "what was recorded before stays in {}{parts}, which every analysis reads; `beadline recover` makes a finished \
+         recording of it",
         path.display()
-    ));
+    )
 }
 
 /// The frames of one run on their way.
@@ -243,7 +246,8 @@ impl Summary<'_> {
             display::print(self.text())?;
         }
         self.warn();
-        let ended_well = self.end.is_orderly() && !self.disk_is_short;
+        // a part that the next one goes on from is no end of ours
+        let ended_well = self.end.is_orderly() && self.end != EndReason::Detached;
         let rows_are_whole = self.results.iter().all(RowTally::is_whole);
         Ok(Done::whole_if(ended_well && rows_are_whole && self.missed_count == 0))
     }

@@ -64,7 +64,7 @@ pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
             // a part under the whole one's name would be taken for it
             writer.discard();
             return Err(match error {
-                RecoveryError::Stopped => Failure::Failed(anyhow!("stopped; nothing was written")),
+                RecoveryError::Stopped => Failure::Stopped(anyhow!("stopped: nothing was written")),
                 error => Failure::Failed(error.into()),
             });
         }

@@ -42,7 +42,7 @@ pub(crate) fn replay(args: &ReplayArgs) -> Result<Done, Failure> {
     }
     // the terminal shows what is said from here on, and what is typed
     drop(keyboard);
-    summary.report(args)
+    summary.report(args, stop.load(Ordering::Relaxed))
 }
 
 /// The part to publish.

@@ -16,7 +16,7 @@ use schemas::bus::{PublishCounts, PublishError, PublishOptions, StatePublisher};
 use schemas::frame::{EndReason, Frame};
 use schemas::manifest::RunManifest;
 use schemas::recording::{Finished, RecordingWriter, SpaceNeeded, WriteError, WriteOptions};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -88,9 +88,16 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
             recorder.discard();
         }
         display::notice("stopped before the run began; nothing was recorded");
-        return Ok(Done::Whole);
+        return Ok(Done::Lossy);
     }
 
+    if let Some(path) = &out {
+        let path = path.display();
+        signals::would_leave(format!(
+            "{path}.partial has what was recorded: `beadline run --resume {path}.partial` goes on with it, and every \
+             analysis reads it"
+        ));
+    }
     let mut watch = Watch::new(&configured, args.pace, state.as_ref().map_or(0, |state| state.step), stop);
     let result = match state {
         Some(state) => producer::run::resume(manifest, state, &mut publisher, recorder.as_mut(), &mut watch),
@@ -118,7 +125,11 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     let Watch { start, first_step, dropped, .. } = watch;
     let summary =
         Summary { manifest, outcome, first_step, counts, dropped, recording, wall: start.elapsed() };
-    display::print(if args.json { summary.json()? } else { summary.text() })?;
+    if args.json {
+        display::print_json(&summary.json())?;
+    } else {
+        display::print(summary.text())?;
+    }
     if let (EndReason::Interrupted, Some(recording)) = (reason, &summary.recording) {
         let path = recording.path.display();
         display::notice(format_args!("`beadline run --resume {path}` goes on with it"));
@@ -129,7 +140,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
             outcome.relative_drift, manifest.physics.dt_s
         ));
     }
-    Ok(Done::whole_if(counts.evicted == 0))
+    Ok(Done::whole_if(counts.evicted == 0 && reason == EndReason::Complete))
 }
 
 /// A run that begins: what it is, and where it is recorded.
@@ -333,7 +344,7 @@ impl Summary<'_> {
         display::rows(&format!("{} {}", self.manifest.provenance.name, outcome.reason), &rows)
     }
 
-    fn json(&self) -> Result<String, serde_json::Error> {
+    fn json(&self) -> Value {
         let (provenance, outcome) = (&self.manifest.provenance, &self.outcome);
         let recording = self.recording.as_ref().map(|recording| {
             json!({
@@ -343,7 +354,7 @@ impl Summary<'_> {
                 "held_back_s": recording.held_back.as_secs_f64(),
             })
         });
-        let summary = json!({
+        json!({
             "run": provenance.name,
             "run_id": provenance.run_id,
             "end": outcome.reason.as_str(),
@@ -356,7 +367,6 @@ impl Summary<'_> {
             "held_back_s": self.counts.held_back.as_secs_f64(),
             "consumers_dropped": self.dropped.names,
             "recording": recording,
-        });
-        Ok(format!("{}\n", serde_json::to_string_pretty(&summary)?))
+        })
     }
 }

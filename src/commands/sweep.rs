@@ -7,7 +7,7 @@ use crate::signals;
 use crate::sweep::{self, Options, Outcome};
 use anyhow::anyhow;
 use producer::sweep::Sweep;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::num::NonZero;
 use std::path::Path;
 use std::sync::atomic::Ordering;
@@ -26,6 +26,10 @@ pub(crate) fn sweep(args: &SweepArgs) -> Result<Done, Failure> {
     };
     let start = Instant::now();
     let stop = signals::stop_flag()?;
+    signals::would_leave(format!(
+        "the finished points are kept in {}, the same command goes on with the others",
+        out.display()
+    ));
     let sweep = Sweep::read(file).bad_input()?;
     let outcome = if args.merge {
         sweep::merge(&sweep, out)?
@@ -41,7 +45,11 @@ pub(crate) fn sweep(args: &SweepArgs) -> Result<Done, Failure> {
     };
     let stopped = stop.load(Ordering::Relaxed);
     let summary = Summary { sweep: &sweep, out, outcome, stopped, wall: start.elapsed() };
-    display::print(if args.json { summary.json()? } else { summary.text() })?;
+    if args.json {
+        display::print_json(&summary.json())?;
+    } else {
+        display::print(summary.text())?;
+    }
     summary.warn(args);
     summary.done(args)
 }
@@ -69,8 +77,8 @@ impl Summary<'_> {
         display::rows(&format!("sweep {} in {}", self.sweep.path().display(), self.out.display()), &rows)
     }
 
-    fn json(&self) -> Result<String, serde_json::Error> {
-        let summary = json!({
+    fn json(&self) -> Value {
+        json!({
             "sweep": self.sweep.path(),
             "out": self.out,
             "points": self.sweep.point_count(),
@@ -82,8 +90,7 @@ impl Summary<'_> {
             "stopped": self.stopped,
             "results": self.outcome.files,
             "wall_s": self.wall.as_secs_f64(),
-        });
-        Ok(format!("{}\n", serde_json::to_string_pretty(&summary)?))
+        })
     }
 
     fn warn(&self, args: &SweepArgs) {

@@ -100,7 +100,10 @@ impl Rewrite<'_> {
         let copied = self.copy(&mut states, &mut writer, &manifest, info.last_step);
         let what = match copied {
             Ok(reason) if reason == end.reason => return Ok(writer.finish(reason)?),
-            Ok(_) if stop.load(Ordering::Relaxed) => anyhow!("stopped: nothing was written"),
+            Ok(_) if stop.load(Ordering::Relaxed) => {
+                writer.discard();
+                return Err(Failure::Stopped(anyhow!("stopped: nothing was written")));
+            }
             Ok(reason) => {
                 anyhow!("{}: its states end early ({reason}); nothing was written", self.from.display())
             }

@@ -284,10 +284,5 @@ impl Reader<'_> {
 
 /// `text`, the contents of `path`, is no TOML.
 fn syntax(text: &str, path: &Path, error: &toml::de::Error) -> SweepError {
-    SweepError::Config(ConfigError {
-        path: Some(path.to_owned()),
-        line: error.span().map(|span| line_at(text, span.start)),
-        key: String::new(),
-        message: error.message().to_owned(),
-    })
+    SweepError::Config(ConfigError { path: Some(path.to_owned()), ..ConfigError::of_toml(error, text) })
 }

@@ -80,12 +80,15 @@ impl Summary {
         self.broken = outcome.broken;
     }
 
-    /// Prints it, and says whether anything was lost.
-    pub(super) fn report(self, args: &ReplayArgs) -> Result<Done, Failure> {
+    /// Prints it, and says whether anything was lost, or left out because it was `stopped`: being stopped is the only
+    /// end of a loop.
+    pub(super) fn report(self, args: &ReplayArgs, stopped: bool) -> Result<Done, Failure> {
         if self.loops == 0 {
             display::notice("stopped before the replay began");
-            return Ok(Done::Whole);
+            return Ok(Done::Lossy);
         }
+        let cut_short =
+            stopped && !args.again && !self.ended_as_asked && self.reason == EndReason::Interrupted;
         if args.json {
             display::print_json(&self.json(args))?;
         } else {
@@ -101,7 +104,7 @@ impl Summary {
                 "the recording was not closed: consumers were told that the run failed where it ends",
             );
         }
-        Ok(Done::whole_if(self.reason.is_orderly() && self.evicted == 0))
+        Ok(Done::whole_if(self.reason.is_orderly() && self.evicted == 0 && !cut_short))
     }
 
     fn text(&self, args: &ReplayArgs) -> String {

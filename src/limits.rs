@@ -1,0 +1,98 @@
+//! What the system grants this process, and what is said when that is not enough.
+
+use crate::failure::Form;
+use anyhow::Error;
+use indicatif::DecimalBytes;
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use signal_hook::consts::SIGABRT;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Files that a run with some consumers holds open.
+const FILES_OF_A_RUN: u64 = 256;
+
+/// Files that are asked for.
+const MOST_FILES: u64 = 1 << 16;
+
+/// Memory that is enough for most commands (bytes).
+const MEMORY_OF_A_COMMAND: u64 = 1 << 30;
+
+/// Whether stdout was closed when the process was started.
+static STDOUT_WAS_CLOSED: AtomicBool = AtomicBool::new(false);
+
+/// Looks at stdout before the standard library opens `/dev/null` in its place, where results would vanish without a
+/// word.
+extern "C" fn look_at_stdout() {
+    let closed = rustix::io::fcntl_getfd(rustix::stdio::stdout()).is_err();
+    STDOUT_WAS_CLOSED.store(closed, Ordering::Relaxed);
+}
+
+/// Has [`look_at_stdout`] called before `main`.
+///
+/// Safety: the section holds pointers to functions that take nothing they need, and this one makes one system call
+/// and stores one flag; it uses nothing that the standard library sets up.
+#[used]
+#[expect(
+    unsafe_code,
+    reason = "nothing safe runs before the standard library has changed what is to be seen"
+)]
+#[unsafe(link_section = ".init_array")]
+static BEFORE_MAIN: extern "C" fn() = look_at_stdout;
+
+/// Whether there is nobody to whom results could be printed.
+pub(crate) fn stdout_was_closed() -> bool {
+    STDOUT_WAS_CLOSED.load(Ordering::Relaxed)
+}
+
+/// Takes as many open files as there may be, and has memory that runs out end in a sentence.
+pub(crate) fn prepare(form: Form) {
+    let files = getrlimit(Resource::Nofile);
+    let wanted = files.maximum.map_or(MOST_FILES, |maximum| maximum.min(MOST_FILES));
+    if files.current.is_some_and(|files| files < wanted) {
+        // consumers cost files; what is not granted is explained when it is missed
+        let _ = setrlimit(Resource::Nofile, Rlimit { current: Some(wanted), ..files });
+    }
+    let Some(limit) = getrlimit(Resource::As).current else { return };
+    let text = no_memory(limit);
+    let line = match form {
+        Form::Words => format!("beadline: {text}\n"),
+        Form::Json => {
+            let error = serde_json::json!({ "error": { "message": text, "causes": [], "exit_code": 1 } });
+            format!("{error}\n")
+        }
+    };
+    let end = move || {
+        // whoever does not listen is not told
+        let _ = rustix::io::write(rustix::stdio::stderr(), line.as_bytes());
+        signal_hook::low_level::exit(1);
+    };
+    // Safety: the action makes two system calls and allocates nothing; it never returns.
+    #[expect(unsafe_code, reason = "allocations that fail abort, and only a handler can still say why")]
+    // without it the process is aborted, as by default
+    let _ = unsafe { signal_hook::low_level::register(SIGABRT, end) };
+}
+
+fn no_memory(limit: u64) -> String {
+    format!(
+        "there is not enough memory: this process may have {} (`ulimit -v`); allow more, or ask for less at a time \
+         (fewer --jobs, a part by --from and --until)",
+        DecimalBytes(limit)
+    )
+}
+
+/// A failure with the limit that may be its cause, where that is a tight one.
+pub(crate) fn explain(error: Error) -> Error {
+    let files = getrlimit(Resource::Nofile).current.filter(|files| *files < FILES_OF_A_RUN);
+    if let Some(files) = files {
+        return Error::msg(format!(
+            "{error:#}; this process may have only {files} files open at a time, which may be the cause: allow \
+             {FILES_OF_A_RUN} or more (`ulimit -n {FILES_OF_A_RUN}`)"
+        ));
+    }
+    match getrlimit(Resource::As).current.filter(|limit| *limit < MEMORY_OF_A_COMMAND) {
+        Some(limit) => Error::msg(format!(
+            "{error:#}; this process may have only {} of memory (`ulimit -v`), which may be the cause: allow more",
+            DecimalBytes(limit)
+        )),
+        None => error,
+    }
+}
