@@ -72,6 +72,7 @@ impl<'a> Session<'a> {
             Named::Live(name) => {
                 let bus = Bus::from_env()?;
                 let live = crate::source::attach(&bus, name.as_ref(), args, label, &stop)?;
+                display::notice_of_bus(&bus);
                 let stream = live.stream();
                 (Source::Live(Box::new(live)), Some((bus, stream)))
             }

@@ -4,6 +4,7 @@ use crate::failure::Failure;
 use crate::limits;
 use anyhow::{Context as _, anyhow};
 use indicatif::{DecimalBytes, HumanCount, ProgressBar, ProgressStyle};
+use schemas::bus::Bus;
 use schemas::frame::EndReason;
 use schemas::manifest::{RunManifest, SCHEMA_VERSION};
 use serde::Serialize;
@@ -64,6 +65,13 @@ pub(crate) fn notice_of_version(manifest: &RunManifest) {
         notice(format_args!(
             "schema version {found} is newer than {SCHEMA_VERSION}: what was added is not shown"
         ));
+    }
+}
+
+/// Says what was in the way on the bus and is not any more.
+pub(crate) fn notice_of_bus(bus: &Bus) {
+    if let Some(found) = bus.take_notice() {
+        notice(found);
     }
 }
 

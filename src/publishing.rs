@@ -14,7 +14,10 @@ pub(crate) fn open(
     options: &PublishOptions,
     wait_for: usize,
 ) -> Result<StatePublisher, Failure> {
-    let publisher = StatePublisher::create(&Bus::from_env()?, manifest, &manifest.physics.chain(), options)?;
+    let bus = Bus::from_env()?;
+    let publisher = StatePublisher::create(&bus, manifest, &manifest.physics.chain(), options);
+    display::notice_of_bus(&bus);
+    let publisher = publisher?;
     let most = publisher.max_consumers();
     if wait_for > most {
         let message = format!("--wait-for {wait_for}: this run can have at most {most} consumers");
@@ -46,12 +49,23 @@ impl Dropped {
     /// Says which consumers were dropped since the last call.
     pub(crate) fn tell(&mut self, publisher: &mut StatePublisher, bar: &ProgressBar) {
         for event in publisher.take_events() {
-            if let ConsumerEvent::Evicted { name, held } = event {
-                let held = duration(held);
-                bar.suspend(|| {
-                    display::notice(format_args!("consumer {name} took nothing for {held} and was dropped"));
-                });
-                self.names.push(name);
+            match event {
+                ConsumerEvent::Evicted { name, held } => {
+                    let held = duration(held);
+                    bar.suspend(|| {
+                        display::notice(format_args!("consumer {name} took nothing for {held} and was dropped"));
+                    });
+                    self.names.push(name);
+                }
+                ConsumerEvent::BusGone { root } => bar.suspend(|| {
+                    display::notice(format_args!(
+                        "the bus directory {} was removed: consumers that are attached read on, but no other can \
+                         attach to this run; if some are to, end the run and start it again, and set BEADLINE_ROOT \
+                         to a directory that nothing cleans",
+                        root.display()
+                    ));
+                }),
+                ConsumerEvent::Joined { .. } | ConsumerEvent::CleanedUp { .. } => {}
             }
         }
     }

@@ -6,7 +6,9 @@ use schemas::bus::{Bus, RunInfo, list_runs};
 use serde_json::json;
 
 pub(crate) fn ls(as_json: bool) -> Result<Done, Failure> {
-    let runs = list_runs(&Bus::from_env()?)?;
+    let bus = Bus::from_env()?;
+    let runs = list_runs(&bus)?;
+    display::notice_of_bus(&bus);
     if as_json {
         display::print_json(&runs.iter().map(to_json).collect::<Vec<_>>())?;
     } else if runs.is_empty() {

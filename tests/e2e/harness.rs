@@ -84,7 +84,7 @@ impl Drop for Place {
         // what iceoryx2 keeps for a root outlives it otherwise
         let Ok(bus) = Bus::at(&self.root) else { return };
         for entry in fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
-            if entry.file_name().to_string_lossy().starts_with(&bus.prefix()) {
+            if entry.file_name().to_string_lossy().starts_with(bus.prefix()) {
                 let _ = fs::remove_file(entry.path());
             }
         }

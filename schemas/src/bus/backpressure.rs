@@ -8,6 +8,7 @@ use iceoryx2::port::{BackpressureAction, BackpressureInfo, SendError};
 use iceoryx2::prelude::{CallbackProgression, Config, PortFactory as _, ZeroCopySend};
 use std::collections::{HashMap, HashSet};
 use std::fmt::Debug;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -49,6 +50,12 @@ pub enum ConsumerEvent {
         name: String,
         /// How long it held the run back.
         held: Duration,
+    },
+    /// Somebody removed the directory of the bus, or put another in its place: those who are attached read on, and
+    /// nobody else can attach.
+    BusGone {
+        /// The directory.
+        root: PathBuf,
     },
     /// The remains of dead processes were cleaned up while a consumer held the run back.
     CleanedUp {

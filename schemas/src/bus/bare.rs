@@ -44,6 +44,7 @@ fn failed(name: &str, doing: &'static str) -> impl Fn(&dyn Debug) -> BusError {
 }
 
 fn node(bus: &Bus, name: &str) -> Result<Node<ipc::Service>, BusError> {
+    bus.clear_the_way()?;
     let builder = NodeBuilder::new().config(bus.config()).signal_handling_mode(SignalHandlingMode::Disabled);
     builder.create().map_err(|e| failed(name, "register for")(&e))
 }

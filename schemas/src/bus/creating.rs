@@ -8,9 +8,11 @@ use super::{BusError, Ipc};
 use iceoryx2::node::Node;
 use iceoryx2::prelude::{Config, MessagingPattern, Service, ServiceName};
 use iceoryx2::service::service_hash::ServiceHash;
+use std::cell::RefCell;
 use std::fs::{File, TryLockError};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::rc::{Rc, Weak};
 use std::time::{Duration, Instant};
 
 const LOCK_FILE: &str = "creating.lock";
@@ -21,25 +23,41 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// How old what is half-made must be, and how long it must have been seen: programs that are not ours do not
 /// take the lock, but need only milliseconds.
 const STALE_AFTER: Duration = Duration::from_secs(1);
-const SEGMENT_STALE_AFTER: Duration = Duration::from_secs(2);
-const SEGMENTS: &str = "/dev/shm";
 const PAUSE: Duration = Duration::from_millis(2);
 
-/// Held while something is created on the bus.
-pub(super) struct CreationLock(#[expect(dead_code, reason = "closing it unlocks")] File);
+/// Held while something is created on the bus. A thread that holds it may take it again.
+pub(super) struct CreationLock(#[expect(dead_code, reason = "closing it unlocks")] Rc<File>);
+
+thread_local! {
+    /// What this thread holds.
+    static HELD: RefCell<Vec<(PathBuf, Weak<File>)>> = const { RefCell::new(Vec::new()) };
+}
 
 impl CreationLock {
     pub(super) fn take(root: &Path) -> Result<Self, BusError> {
         let path = root.join(LOCK_FILE);
+        HELD.with_borrow_mut(|held| {
+            held.retain(|(_, file)| file.strong_count() > 0);
+            let ours = held.iter().find(|(held, _)| *held == path).and_then(|(_, file)| file.upgrade());
+            if let Some(file) = ours {
+                return Ok(Self(file));
+            }
+            let file = Rc::new(Self::lock(&path)?);
+            held.push((path, Rc::downgrade(&file)));
+            Ok(Self(file))
+        })
+    }
+
+    fn lock(path: &Path) -> Result<File, BusError> {
         let failed =
-            |e: &dyn std::fmt::Display| BusError::Locked { path: path.clone(), cause: e.to_string() };
+            |e: &dyn std::fmt::Display| BusError::Locked { path: path.to_owned(), cause: e.to_string() };
         let mut options = File::options();
-        let file = options.write(true).create(true).truncate(false).mode(0o600).open(&path);
+        let file = options.write(true).create(true).truncate(false).mode(0o600).open(path);
         let file = file.map_err(|e| failed(&e))?;
         let start = Instant::now();
         loop {
             match file.try_lock() {
-                Ok(()) => return Ok(Self(file)),
+                Ok(()) => return Ok(file),
                 Err(TryLockError::WouldBlock) if start.elapsed() >= LOCK_PATIENCE => {
                     return Err(failed(&format!("another process has held it for {LOCK_PATIENCE:?}")));
                 }
@@ -57,38 +75,11 @@ fn root_of(config: &Config) -> PathBuf {
 }
 
 /// Whether `path` is a file of ours that nobody has written for `age`.
-pub(super) fn is_stale(path: &Path, age: Duration) -> bool {
+fn is_stale(path: &Path, age: Duration) -> bool {
     let Ok(found) = std::fs::symlink_metadata(path) else { return false };
     let untouched = found.modified().ok().and_then(|at| at.elapsed().ok());
     let ours = found.uid() == rustix::process::getuid().as_raw();
     found.is_file() && ours && untouched.is_some_and(|untouched| untouched >= age)
-}
-
-/// The segment that all processes of a bus share, if its creator has not finished it: it was killed meanwhile,
-/// or memory was full.
-pub(super) fn half_made_segment(prefix: &str) -> Option<PathBuf> {
-    let entries = std::fs::read_dir(SEGMENTS).ok()?.flatten();
-    let mut shared = entries.filter(|entry| {
-        let name = entry.file_name();
-        let name = name.to_string_lossy();
-        name.starts_with(prefix) && name.ends_with(".global_mgmt")
-    });
-    let unreadable =
-        |path: &PathBuf| std::fs::symlink_metadata(path).is_ok_and(|found| found.mode() & 0o400 == 0);
-    shared.find_map(|entry| Some(entry.path()).filter(unreadable))
-}
-
-/// Removes what [`half_made_segment`] found, if nobody works on it any more.
-pub(super) fn remove_segment(root: &Path, path: &Path) -> Result<(), BusError> {
-    if is_stale(path, SEGMENT_STALE_AFTER) {
-        let _lock = CreationLock::take(root)?;
-        // another process may have been faster, and this may be a new one
-        if is_stale(path, SEGMENT_STALE_AFTER) {
-            // what remains is reported by the caller
-            let _ = std::fs::remove_file(path);
-        }
-    }
-    Ok(())
 }
 
 /// A service that is to be there.

@@ -12,7 +12,7 @@ use super::wire::{
     FLAG_LAST, JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, RunStatus, STATE_DONE, STATE_FAILED,
     STATE_INTERRUPTED, STATE_RUNNING, StateHeader, StreamId, fill,
 };
-use super::{Ipc, services};
+use super::{Bus, Ipc, services};
 use crate::frame::{EndReason, Frame, FrameSink};
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::node::Node;
@@ -120,8 +120,10 @@ pub struct StatePublisher {
     offering: Offering,
     finished: bool,
     remedies: Remedies,
+    told_gone: bool,
     // last, so that everything on the node goes before it
     node: Node<Ipc>,
+    bus: Bus,
 }
 
 impl StatePublisher {
@@ -247,7 +249,11 @@ impl StatePublisher {
 
     /// What happened to consumers since the last call.
     pub fn take_events(&mut self) -> Vec<ConsumerEvent> {
-        self.backpressure.take_events()
+        let mut events = self.backpressure.take_events();
+        if self.bus.is_gone() && !std::mem::replace(&mut self.told_gone, true) {
+            events.push(ConsumerEvent::BusGone { root: self.bus.root().to_owned() });
+        }
+        events
     }
 
     /// Sends a frame; returns how many consumers got it.

@@ -123,6 +123,7 @@ pub struct ResultPublisher<T: ResultElement> {
     follows: bool,
     finished: bool,
     node: Node<Ipc>,
+    _bus: Bus,
 }
 
 impl<T: ResultElement> ResultPublisher<T> {
@@ -155,6 +156,7 @@ impl<T: ResultElement> ResultPublisher<T> {
             .into_iter()
             .chain(tolerance)
             .collect();
+        let lock = bus.lock()?;
         let row_bytes = (columns.width * size_of::<T>()) as u64;
         let free_bytes = room::free_bytes()?;
         let limits = room::plan(row_bytes, free_bytes);
@@ -193,6 +195,8 @@ impl<T: ResultElement> ResultPublisher<T> {
                 Err(e) => return Err(BusError::service(&text, "publish", &e).into()),
             }
         };
+        room::reserve(bus.prefix(), publisher.id().value())?;
+        drop(lock);
         backpressure.wake();
         let watchers = Watchers::call(&node, run, topic, events)?;
         wait_for_watchers(&node, &backpressure, || watchers.count());
@@ -200,7 +204,7 @@ impl<T: ResultElement> ResultPublisher<T> {
             StateHeader { run_id: stream.run_id.0, stream_id: stream.stream_id, ..StateHeader::default() };
         let width = columns.width;
         let (follows, finished) = (false, false);
-        Ok(Self { publisher, backpressure, stream, topic, width, last, follows, finished, node })
+        Ok(Self { publisher, backpressure, stream, topic, width, last, follows, finished, node, _bus: bus.clone() })
     }
 
     /// Publishes the row of one frame.

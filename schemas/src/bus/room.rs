@@ -1,12 +1,19 @@
 //! How much shared memory a run may touch, and whether there is that much.
 
+use super::leftovers::SEGMENTS;
 use super::services::{BORROWED, Limits, MAX_SUBSCRIBERS};
-use std::path::PathBuf;
+use rustix::fs::FallocateFlags;
+use rustix::io::Errno;
+use std::path::{Path, PathBuf};
 
 /// Most frames that wait for one consumer. More does not help: the ring should stay in the cache.
 pub(super) const MAX_BUFFER: usize = 64;
-/// Memory that all queues of a run may use together, if there is that much.
+/// Fewest, so that a consumer can hold one and have the next.
+const LEAST_BUFFER: usize = 2;
+/// Memory that all queues of a run use together at most, if there is that much. All of it is taken at once.
 const BUDGET_BYTES: u64 = 1 << 30;
+/// The same for queues that are longer than they have to be.
+const COMFORT_BYTES: u64 = 256 << 20;
 /// What a sample needs besides its payload: headers, reference counts, alignment.
 const OVERHEAD_BYTES: u64 = 512;
 /// What the small services of a run need: blackboard, queues, tags.
@@ -20,16 +27,26 @@ const LEAST_BYTES: u64 = 1 << 20;
 pub enum RoomError {
     /// Too little is free.
     #[error(
-        "publishing this run may need {needed_bytes} bytes of shared memory, {free_bytes} are free in {path}; \
+        "publishing this run needs {needed_bytes} bytes of shared memory, {free_bytes} are free in {path}; \
          free some, enlarge it (docker: --shm-size), or publish fewer beads"
     )]
     Full {
         /// Where.
         path: PathBuf,
-        /// What may be touched at worst.
+        /// What is taken when it starts.
         needed_bytes: u64,
         /// What is there.
         free_bytes: u64,
+    },
+    /// The system refused for another reason.
+    #[error("cannot take {needed_bytes} bytes of shared memory for {path}")]
+    Reserve {
+        /// The segment.
+        path: PathBuf,
+        /// Its size.
+        needed_bytes: u64,
+        /// What the system says.
+        source: std::io::Error,
     },
     /// Next to nothing is free.
     #[error(
@@ -54,7 +71,7 @@ pub enum RoomError {
 
 /// Bytes free in shared memory.
 pub(super) fn free_bytes() -> Result<u64, RoomError> {
-    let path = PathBuf::from("/dev/shm");
+    let path = PathBuf::from(SEGMENTS);
     match rustix::fs::statvfs(&path) {
         Ok(fs) => Ok(fs.f_bavail.saturating_mul(fs.f_frsize)),
         Err(e) => Err(RoomError::Io { path, source: e.into() }),
@@ -69,22 +86,57 @@ fn needed_bytes(slot_bytes: u64, limits: Limits) -> u64 {
 
 /// Queues for slots of `slot_bytes`: as long as is useful, as short as the memory demands.
 pub(super) fn plan(slot_bytes: u64, free_bytes: u64) -> Limits {
-    let budget = BUDGET_BYTES.min(free_bytes / 2);
-    let fits = |limits: &Limits| needed_bytes(slot_bytes, *limits) <= budget;
-    let choices = [MAX_SUBSCRIBERS, MAX_SUBSCRIBERS / 2, MAX_SUBSCRIBERS / 4]
-        .into_iter()
-        .flat_map(|subscribers| [MAX_BUFFER, 32, 16, 8, 4, 2].map(|buffer| Limits { subscribers, buffer }));
-    choices.clone().find(fits).unwrap_or(Limits { subscribers: MAX_SUBSCRIBERS / 4, buffer: 2 })
+    let most = BUDGET_BYTES.min(free_bytes / 2);
+    let fits = |limits: &Limits| {
+        let budget = if limits.buffer > LEAST_BUFFER { most.min(COMFORT_BYTES) } else { most };
+        needed_bytes(slot_bytes, *limits) <= budget
+    };
+    let mut choices =
+        [MAX_SUBSCRIBERS, MAX_SUBSCRIBERS / 2, MAX_SUBSCRIBERS / 4].into_iter().flat_map(|subscribers| {
+            [MAX_BUFFER, 32, 16, 8, 4, LEAST_BUFFER].map(|buffer| Limits { subscribers, buffer })
+        });
+    choices.find(fits).unwrap_or(Limits { subscribers: MAX_SUBSCRIBERS / 4, buffer: LEAST_BUFFER })
 }
 
-/// Refuses what may not fit: writing to shared memory that is full kills the process.
+/// Takes all the memory of the port's samples at once, so that writing them later cannot fail: where shared memory is
+/// full, that kills the process.
+pub(super) fn reserve(prefix: &str, port_id: u128) -> Result<(), RoomError> {
+    let directory = Path::new(SEGMENTS);
+    let io = |source| RoomError::Io { path: directory.to_owned(), source };
+    let end = format!("_{port_id}.data");
+    for entry in std::fs::read_dir(directory).map_err(io)? {
+        let path = entry.map_err(io)?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if !name.starts_with(prefix) || !name.ends_with(&end) {
+            continue;
+        }
+        let file = std::fs::File::options().write(true).open(&path).map_err(io)?;
+        let needed_bytes = file.metadata().map_err(io)?.len();
+        loop {
+            match rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, needed_bytes) {
+                // a kernel that cannot do it leaves us with having looked
+                Ok(()) | Err(Errno::OPNOTSUPP | Errno::NOSYS) => break,
+                Err(Errno::INTR) => {}
+                Err(Errno::NOSPC) => {
+                    let (path, free_bytes) = (directory.to_owned(), free_bytes()?);
+                    return Err(RoomError::Full { path, needed_bytes, free_bytes });
+                }
+                Err(e) => return Err(RoomError::Reserve { path, needed_bytes, source: e.into() }),
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Refuses what does not fit, before any of it is made. To be called with the lock held, so that nobody else takes what
+/// is counted on.
 pub(super) fn check(slot_bytes: u64, limits: Limits, free_bytes: u64) -> Result<(), RoomError> {
     // the chain is as big as a frame, and is kept for consumers that come later
     let needed = needed_bytes(slot_bytes, limits).saturating_add(2 * slot_bytes).saturating_add(FIXED_BYTES);
     if needed <= free_bytes {
         return Ok(());
     }
-    Err(RoomError::Full { path: PathBuf::from("/dev/shm"), needed_bytes: needed, free_bytes })
+    Err(RoomError::Full { path: PathBuf::from(SEGMENTS), needed_bytes: needed, free_bytes })
 }
 
 /// Refuses to touch shared memory when it is full: that kills the process.
@@ -92,7 +144,7 @@ pub(super) fn check_least(free_bytes: u64) -> Result<(), RoomError> {
     if free_bytes >= LEAST_BYTES {
         return Ok(());
     }
-    Err(RoomError::Least { path: PathBuf::from("/dev/shm"), free_bytes })
+    Err(RoomError::Least { path: PathBuf::from(SEGMENTS), free_bytes })
 }
 
 #[cfg(test)]
@@ -111,6 +163,7 @@ mod tests {
         let frame = |beads: u64| 16 * beads;
         let much = 16 << 30;
         assert_eq!(plan(frame(1000), much), Limits { subscribers: 16, buffer: 64 });
+        assert_eq!(plan(frame(100_000), much), Limits { subscribers: 16, buffer: 8 });
         assert_eq!(plan(frame(1_000_000), much), Limits { subscribers: 16, buffer: 2 });
         let docker = 64 << 20;
         assert_eq!(plan(frame(1000), docker), Limits { subscribers: 16, buffer: 64 });

@@ -1,14 +1,20 @@
 //! Where the sockets and the service descriptions of one user live.
 
+use super::creating::CreationLock;
 use iceoryx2::prelude::{Config, FileName, Path as IoxPath, SemanticString};
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
+use std::fs::Metadata;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
 
-/// Longest root: a socket's path is the root, `/`, the prefix (11), an id (39) and `.event` (6), and must
+/// Longest root: a socket's path is the root, `/`, the prefix (17), an id (39) and `.event` (6), and must
 /// fit the 107 bytes that the kernel allows.
-pub(super) const MAX_ROOT_BYTES: usize = 107 - 1 - 11 - 39 - 6;
+pub(super) const MAX_ROOT_BYTES: usize = 107 - 1 - 17 - 39 - 6;
+
+/// Five bits each; the same in upper and lower case would not be safe everywhere.
+const SECRET_LETTERS: &[u8; 32] = b"abcdefghijklmnopqrstuvwxyz234567";
+const SECRET_LENGTH: usize = 8;
 
 /// Why a directory cannot be the root of a bus.
 #[derive(Debug, thiserror::Error)]
@@ -32,14 +38,14 @@ pub enum RootError {
     },
     /// Somebody else's directory.
     #[error(
-        "the bus directory {path} belongs to user {owner}, but this is user {user}; \
+        "the bus directory {path} belongs to {owner}, but this is user {user}; \
          set BEADLINE_ROOT to a directory of your own"
     )]
     NotOurs {
         /// The directory.
         path: PathBuf,
         /// Who it belongs to.
-        owner: u32,
+        owner: String,
         /// Who we are.
         user: u32,
     },
@@ -52,6 +58,14 @@ pub enum RootError {
         path: PathBuf,
         /// Its permission bits.
         mode: u32,
+    },
+    /// The secret could not be read or made.
+    #[error("cannot make the secret {path}: {cause}; check that the directory is writable")]
+    Secret {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        cause: String,
     },
     /// A name that iceoryx2 does not accept.
     #[error("the bus directory {path} has a name that cannot be used; use letters, digits, `-`, `_` and `.`")]
@@ -69,12 +83,32 @@ pub enum RootError {
     },
 }
 
-/// `$BEADLINE_ROOT`, or else `/tmp/beadline-<uid>`.
+/// `$BEADLINE_ROOT`, or else `beadline` in `$XDG_RUNTIME_DIR`, or else `/tmp/beadline-<uid>`.
 pub(super) fn default_root() -> PathBuf {
-    match std::env::var_os("BEADLINE_ROOT") {
-        Some(root) if !root.is_empty() => PathBuf::from(root),
-        _ => PathBuf::from(format!("/tmp/beadline-{}", rustix::process::getuid().as_raw())),
-    }
+    let set = |name| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    set("BEADLINE_ROOT").unwrap_or_else(|| root_of_user(set("XDG_RUNTIME_DIR").as_deref()))
+}
+
+/// In the user's runtime directory, if that is this user's alone and short enough; else in `/tmp`.
+fn root_of_user(runtime: Option<&Path>) -> PathBuf {
+    let user = rustix::process::getuid().as_raw();
+    let is_ours = |found: Metadata| found.is_dir() && found.uid() == user && found.mode() & 0o077 == 0;
+    let runtime = runtime.filter(|path| path.is_absolute()).and_then(|path| path.canonicalize().ok());
+    let runtime = runtime.filter(|path| std::fs::metadata(path).is_ok_and(is_ours));
+    let root = runtime.map(|path| path.join("beadline"));
+    let root = root.filter(|root| root.as_os_str().len() <= MAX_ROOT_BYTES);
+    root.unwrap_or_else(|| PathBuf::from(format!("/tmp/beadline-{user}")))
+}
+
+/// What a user is called in messages.
+pub(super) fn user_name(uid: u32) -> String {
+    let passwd = std::fs::read_to_string("/etc/passwd").unwrap_or_default();
+    let of_line = |line: &str| {
+        let mut fields = line.split(':');
+        let name = fields.next()?;
+        (fields.nth(1)?.parse() == Ok(uid)).then(|| format!("user {name} ({uid})"))
+    };
+    passwd.lines().find_map(of_line).unwrap_or_else(|| format!("user {uid}"))
 }
 
 /// Creates `path` if it is missing, checks that it is ours alone, and resolves links in its parents.
@@ -90,7 +124,7 @@ pub(super) fn prepare(path: &Path) -> Result<PathBuf, RootError> {
     }
     let user = rustix::process::getuid().as_raw();
     if found.uid() != user {
-        return Err(RootError::NotOurs { path: path.to_owned(), owner: found.uid(), user });
+        return Err(RootError::NotOurs { path: path.to_owned(), owner: user_name(found.uid()), user });
     }
     let mode = found.mode() & 0o777;
     if mode & 0o077 != 0 {
@@ -104,26 +138,63 @@ pub(super) fn prepare(path: &Path) -> Result<PathBuf, RootError> {
     Ok(path)
 }
 
-/// What every file in `/dev/shm` of this root begins with: `bl`, the first 8 hexadecimal digits of the
-/// SHA-256 of the root's real path, `_`.
-pub(super) fn prefix(root: &Path) -> String {
-    let hash = Sha256::digest(root.as_os_str().as_encoded_bytes());
-    let mut prefix = String::from("bl");
-    for byte in &hash[..4] {
-        // writing to a String cannot fail
-        let _ = write!(prefix, "{byte:02x}");
+/// Where the secret of a root lies.
+pub(super) fn secret_path(root: &Path) -> PathBuf {
+    root.join("secret")
+}
+
+/// The secret of this root, which nobody else can read: a name that nobody can know cannot be taken beforehand. It is
+/// made if there is none.
+pub(super) fn secret(root: &Path) -> Result<String, RootError> {
+    let path = secret_path(root);
+    let failed = |cause: &dyn std::fmt::Display| {
+        let cause = cause.to_string();
+        RootError::Secret { path: path.clone(), cause }
+    };
+    let read = || std::fs::read_to_string(&path).ok().filter(|text| is_secret(text));
+    if let Some(secret) = read() {
+        return Ok(secret);
     }
-    prefix.push('_');
-    prefix
+    let _lock = CreationLock::take(root).map_err(|e| failed(&e))?;
+    if let Some(secret) = read() {
+        return Ok(secret);
+    }
+    let random = uuid::Uuid::new_v4();
+    let letters = random.as_bytes()[8..].iter().map(|byte| SECRET_LETTERS[usize::from(byte % 32)]);
+    let secret: String = letters.map(char::from).collect();
+    let new = root.join("secret.new");
+    std::fs::write(&new, &secret).and_then(|()| std::fs::rename(&new, &path)).map_err(|e| failed(&e))?;
+    Ok(secret)
+}
+
+fn is_secret(text: &str) -> bool {
+    text.len() == SECRET_LENGTH && text.bytes().all(|byte| SECRET_LETTERS.contains(&byte))
+}
+
+/// What the names in `/dev/shm` of a root begin with, whatever its secret is: `bl`, and the first 6 hexadecimal
+/// digits of the SHA-256 of the root's real path.
+pub(super) fn family(root: &Path) -> String {
+    let hash = Sha256::digest(root.as_os_str().as_encoded_bytes());
+    let mut family = String::from("bl");
+    for byte in &hash[..3] {
+        // writing to a String cannot fail
+        let _ = write!(family, "{byte:02x}");
+    }
+    family
+}
+
+/// What every file in `/dev/shm` of this root begins with: its family, its secret, `_`.
+pub(super) fn prefix(root: &Path, secret: &str) -> String {
+    format!("{}{secret}_", family(root))
 }
 
 /// The iceoryx2 configuration of `root`; nothing is read from configuration files.
-pub(super) fn config(root: &Path) -> Result<Config, RootError> {
+pub(super) fn config(root: &Path, prefix: &str) -> Result<Config, RootError> {
     let name = || RootError::Name { path: root.to_owned() };
     let mut config = Config::default();
     let path = IoxPath::new(root.as_os_str().as_encoded_bytes()).map_err(|_| name())?;
     config.global.set_root_path(&path);
-    config.global.prefix = FileName::new(prefix(root).as_bytes()).map_err(|_| name())?;
+    config.global.prefix = FileName::new(prefix.as_bytes()).map_err(|_| name())?;
     Ok(config)
 }
 
@@ -154,9 +225,46 @@ mod tests {
         assert!(matches!(prepare(&long), Err(RootError::TooLong { length, .. }) if length > MAX_ROOT_BYTES));
     }
 
-    /// `python3 -c "import hashlib;print(hashlib.sha256(b'/tmp/beadline-1000').hexdigest()[:8])"`
+    #[test]
+    fn the_runtime_directory_is_taken_when_it_is_ours_alone_and_short() {
+        let dir = tempfile::Builder::new().prefix("bl").tempdir_in("/tmp").expect("temporary directory");
+        let runtime = dir.path().join("run");
+        std::fs::create_dir(&runtime).expect("created");
+        std::fs::set_permissions(&runtime, PermissionsExt::from_mode(0o700)).expect("chmod");
+        assert_eq!(root_of_user(Some(&runtime)), runtime.join("beadline"));
+        let fallback = PathBuf::from(format!("/tmp/beadline-{}", rustix::process::getuid().as_raw()));
+        assert_eq!(root_of_user(None), fallback);
+        assert_eq!(root_of_user(Some(Path::new("run"))), fallback);
+        assert_eq!(root_of_user(Some(&dir.path().join("none"))), fallback);
+        let long = runtime.join("x".repeat(40));
+        std::fs::create_dir(&long).expect("created");
+        std::fs::set_permissions(&long, PermissionsExt::from_mode(0o700)).expect("chmod");
+        assert_eq!(root_of_user(Some(&long)), fallback);
+        std::fs::set_permissions(&runtime, PermissionsExt::from_mode(0o750)).expect("chmod");
+        assert_eq!(root_of_user(Some(&runtime)), fallback);
+    }
+
+    #[test]
+    fn a_secret_stays_until_it_is_spoilt() {
+        let dir = tempfile::Builder::new().prefix("bl").tempdir_in("/tmp").expect("temporary directory");
+        let first = secret(dir.path()).expect("made");
+        assert!(is_secret(&first), "{first}");
+        assert_eq!(secret(dir.path()).expect("read"), first);
+        std::fs::write(secret_path(dir.path()), "").expect("written");
+        let second = secret(dir.path()).expect("made");
+        assert!(is_secret(&second) && second != first, "{first} {second}");
+        assert!(!dir.path().join("secret.new").exists());
+    }
+
+    #[test]
+    fn owners_have_names() {
+        assert_eq!(user_name(0), "user root (0)");
+        assert_eq!(user_name(3_999_999_999), "user 3999999999");
+    }
+
+    /// `python3 -c "import hashlib;print(hashlib.sha256(b'/tmp/beadline-1000').hexdigest()[:6])"`
     #[test]
     fn the_prefix_is_what_a_foreign_program_computes() {
-        assert_eq!(prefix(Path::new("/tmp/beadline-1000")), "bl51800e7e_");
+        assert_eq!(prefix(Path::new("/tmp/beadline-1000"), "abcdefgh"), "bl51800eabcdefgh_");
     }
 }

@@ -132,6 +132,7 @@ pub(super) fn own_topics(bus: &Bus, run: &RunName) -> Result<Vec<OwnTopic>, BusE
 
 /// Tells `see` the name of every service, without `beadline/`.
 fn each_service(bus: &Bus, mut see: impl FnMut(&str)) -> Result<(), BusError> {
+    bus.clear_half_made();
     let listed = Ipc::list(bus.config(), |details| {
         if let Some(name) = details.static_details.name().as_str().strip_prefix("beadline/") {
             see(name);

@@ -234,14 +234,9 @@ pub enum BusError {
         /// What iceoryx2 says.
         cause: String,
     },
-    /// What all processes share could not be finished by the one that began with it.
-    #[error("cannot register on the bus in {root}: {segment} is half-made; delete it when nothing runs")]
-    HalfMade {
-        /// Root of the bus.
-        root: String,
-        /// The segment.
-        segment: std::path::PathBuf,
-    },
+    /// What all processes share.
+    #[error(transparent)]
+    SharedSegment(#[from] super::SharedSegmentError),
     /// Shared memory is short.
     #[error(transparent)]
     Room(#[from] super::RoomError),

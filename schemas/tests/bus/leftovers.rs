@@ -68,7 +68,7 @@ fn a_producer_killed_at_any_moment_of_its_start_does_not_stop_the_next() {
     }
     // a port that was being made leaves a small segment that nothing refers to
     for entry in std::fs::read_dir("/dev/shm").unwrap().flatten() {
-        if entry.file_name().to_string_lossy().starts_with(&test.bus.prefix()) {
+        if entry.file_name().to_string_lossy().starts_with(test.bus.prefix()) {
             std::fs::remove_file(entry.path()).unwrap();
         }
     }

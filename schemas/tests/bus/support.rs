@@ -61,7 +61,7 @@ impl Drop for TestBus {
         let prefix = self.bus.prefix();
         let names = std::fs::read_dir("/dev/shm").unwrap().flatten().map(|entry| entry.file_name());
         let names = names.map(|name| name.into_string().unwrap_or_default());
-        let mut left: Vec<String> = names.filter(|name| name.starts_with(&prefix)).collect();
+        let mut left: Vec<String> = names.filter(|name| name.starts_with(prefix)).collect();
         for name in &left {
             let _ = std::fs::remove_file(std::path::Path::new("/dev/shm").join(name));
         }

@@ -113,10 +113,11 @@ impl StatePublisher {
         let stream = StreamId::new(manifest.provenance.run_id);
         let doubles = manifest.frame_doubles();
         let slot_bytes = (doubles * size_of::<f64>()) as u64;
+        // until everything has its memory, so that nobody else takes what we have found free
+        let _lock = bus.lock()?;
+        let node = bus.node()?;
         let free_bytes = room::free_bytes()?;
         let limits = room::plan(slot_bytes, free_bytes);
-
-        let node = bus.node()?;
         check_schema(bus, run, Topic::Manifest)?;
         check_schema(bus, run, Topic::State)?;
         let state = services::slices::<f64>(&node, run, Topic::State, limits, &[])?;
@@ -136,6 +137,7 @@ impl StatePublisher {
         );
         backpressure.ignore_present();
         let publisher = exclusive_publisher(bus, &node, run, &state, doubles, &backpressure)?;
+        room::reserve(bus.prefix(), publisher.id().value())?;
 
         let mut status = RunStatus {
             run_id: stream.run_id.0,
@@ -147,7 +149,7 @@ impl StatePublisher {
             ..RunStatus::default()
         };
         let (server, join, joiners) = join_server(&node, run)?;
-        let chain = publish_chain(&node, run, chain, stream)?;
+        let chain = publish_chain(bus, &node, run, chain, stream)?;
         let mut board = BoardWriter::create(&node, run, json.as_bytes(), status)?;
         if !options.remedies.release_board {
             board.hold()?;
@@ -176,7 +178,9 @@ impl StatePublisher {
             offering: Offering::default(),
             finished: false,
             remedies: options.remedies,
+            told_gone: false,
             node,
+            bus: bus.clone(),
         })
     }
 }
@@ -237,6 +241,7 @@ fn join_server(
 
 /// Publishes the chain once; the history keeps it for whoever comes later.
 fn publish_chain(
+    bus: &Bus,
     node: &Node<Ipc>,
     run: &RunName,
     chain: &Chain,
@@ -250,6 +255,7 @@ fn publish_chain(
     let service = services::chain(node, run)?;
     let builder = service.publisher_builder().initial_max_slice_len(values.len()).max_loaned_samples(1);
     let publisher = builder.create().map_err(|e| failed(&e))?;
+    room::reserve(bus.prefix(), publisher.id().value())?;
     let slot = publisher.loan_slice_uninit(values.len()).map_err(|e| failed(&e))?;
     fill(slot, header, &[&values]).send().map_err(|e| failed(&e))?;
     Ok(publisher)

@@ -1,0 +1,227 @@
+//! What processes leave that are killed: found by its name, and taken away.
+//!
+//! iceoryx2 cleans up after a process that had registered everything it made. It does not find what was made before
+//! that, and waits for ever for a segment of size 0 whose creator is dead, if it may open it (as root it may).
+
+use super::creator::Id;
+use super::{Ipc, backpressure};
+use iceoryx2::node::{Node, NodeState};
+use iceoryx2::prelude::{CallbackProgression, Config, Service as _};
+use std::collections::{HashMap, HashSet};
+use std::fs::{self, Metadata};
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+pub(super) const SEGMENTS: &str = "/dev/shm";
+/// How long a segment may be half-made while one of those that may be making it lives; they need microseconds.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// The same once one of them is dead.
+const PATIENCE_WITH_ONE: Duration = Duration::from_secs(1);
+/// How often another process may be found cleaning up, and how long is waited for it each time.
+const CLEANERS: u32 = 5;
+const CLEANER_PAUSE: Duration = Duration::from_millis(20);
+
+/// What was taken away.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Removed {
+    /// Segments that nobody had finished: whoever opened one waited.
+    pub(super) half_made: u64,
+    /// Segments and files that belonged to nothing any more.
+    pub(super) orphans: u64,
+    /// What these took.
+    pub(super) bytes: u64,
+}
+
+impl Removed {
+    pub(super) fn add(&mut self, other: Self) {
+        self.half_made += other.half_made;
+        self.orphans += other.orphans;
+        self.bytes += other.bytes;
+    }
+
+    fn orphan(&mut self, path: &Path, found: Option<&Metadata>) {
+        if fs::remove_file(path).is_ok() {
+            self.orphans += 1;
+            self.bytes += found.map_or(0, |found| found.blocks() * 512);
+        }
+    }
+}
+
+/// A file of this user whose name begins with the prefix.
+struct Found {
+    path: PathBuf,
+    name: String,
+    ids: Vec<Id>,
+    metadata: Metadata,
+}
+
+impl Found {
+    /// iceoryx2 makes its files readable when they are whole.
+    fn is_half_made(&self) -> bool {
+        self.metadata.len() == 0 || self.metadata.mode() & 0o400 == 0
+    }
+
+    fn creators_alive(&self) -> usize {
+        self.ids.iter().filter(|id| id.creator_lives()).count()
+    }
+}
+
+fn files_in(directory: &Path, prefix: &str) -> Vec<Found> {
+    let user = rustix::process::getuid().as_raw();
+    let entries = fs::read_dir(directory).into_iter().flatten().flatten();
+    let found = entries.filter_map(|entry| {
+        let name = entry.file_name().into_string().ok().filter(|name| name.starts_with(prefix))?;
+        let metadata = entry.metadata().ok()?;
+        let ids = Id::all_in(&name);
+        (metadata.uid() == user).then(|| Found { path: entry.path(), name, ids, metadata })
+    });
+    found.collect()
+}
+
+fn segments(prefix: &str) -> Vec<Found> {
+    files_in(Path::new(SEGMENTS), prefix)
+}
+
+/// Remembers since when segments are half-made.
+#[derive(Default)]
+pub(super) struct HalfMade(HashMap<(PathBuf, u64), Instant>);
+
+impl HalfMade {
+    /// Removes segments that nobody will finish: at once if everybody is dead who may have made them.
+    pub(super) fn remove(&mut self, prefix: &str) -> Removed {
+        let (mut removed, mut seen) = (Removed::default(), HashMap::new());
+        for segment in segments(prefix).into_iter().filter(Found::is_half_made) {
+            let key = (segment.path.clone(), segment.metadata.ino());
+            let since = self.0.get(&key).copied().unwrap_or_else(Instant::now);
+            let patience = match segment.creators_alive() {
+                0 if !segment.ids.is_empty() => Duration::ZERO,
+                1 if segment.ids.len() == 2 => PATIENCE_WITH_ONE,
+                _ => PATIENCE,
+            };
+            if since.elapsed() < patience {
+                seen.insert(key, since);
+            } else if fs::remove_file(&segment.path).is_ok() {
+                removed.half_made += 1;
+            }
+        }
+        self.0 = seen;
+        removed
+    }
+}
+
+/// Removes what belongs to no living node and to no service. To be called with the lock held, so that nobody is
+/// in the middle of creating a service, and after a node was made, which cleans up after the dead it knows.
+pub(super) fn remove_orphans(root: &Path, prefix: &str, config: &Config) -> Removed {
+    let mut removed = Removed::default();
+    let mut files = segments(prefix);
+    files.extend(files_in(root, prefix));
+    let nodes = PathBuf::from(config.global.node_dir().to_string());
+    remove_dead_nodes(&nodes, config, &mut removed);
+    let services = PathBuf::from(config.global.service_dir().to_string());
+    let mut needed = port_ids(&nodes, prefix);
+    needed.extend(remove_dead_services(&services, prefix, config, &mut removed));
+    for file in files {
+        let in_use = file.ids.iter().any(|id| needed.contains(id) || id.creator_lives());
+        // what replaces a file has no id: it is made with the lock held, and renamed at once
+        let is_new = Path::new(&file.name).extension().is_some_and(|extension| extension == "new");
+        if !in_use && (is_new || !file.ids.is_empty()) {
+            removed.orphan(&file.path, Some(&file.metadata));
+        }
+    }
+    removed
+}
+
+/// The nodes whose processes live, and how many are dead; none when that cannot be found out.
+fn node_states(config: &Config) -> Option<(HashSet<Id>, u64)> {
+    let (mut living, mut dead) = (HashSet::new(), 0);
+    let listed = Node::<Ipc>::list(config, |node| {
+        if matches!(node, NodeState::Dead(_)) {
+            dead += 1;
+        } else {
+            living.insert(Id(node.node_id().value()));
+        }
+        CallbackProgression::Continue
+    });
+    listed.is_ok().then_some((living, dead))
+}
+
+/// Removes nodes that were killed while they registered, or whose cleaner was killed when it had all but finished.
+fn remove_dead_nodes(nodes: &Path, config: &Config, removed: &mut Removed) {
+    let mut states = node_states(config);
+    for _ in 0..CLEANERS {
+        if states.as_ref().is_none_or(|(_, dead)| *dead == 0) {
+            break;
+        }
+        // another process may be at it
+        std::thread::sleep(CLEANER_PAUSE);
+        backpressure::clean_dead(config);
+        states = node_states(config);
+    }
+    let Some((living, _)) = states else { return };
+    let names = fs::read_dir(nodes).into_iter().flatten().flatten();
+    for name in names.filter_map(|entry| entry.file_name().into_string().ok()) {
+        let ids = Id::all_in(&name);
+        if ids.is_empty() || ids.iter().any(|id| living.contains(id) || id.creator_lives()) {
+            continue;
+        }
+        let path = nodes.join(name);
+        for tag in fs::read_dir(&path).into_iter().flatten().flatten() {
+            removed.orphan(&tag.path(), None);
+        }
+        if fs::remove_dir(&path).is_err() {
+            removed.orphan(&path, None);
+        }
+    }
+}
+
+/// The ports of all nodes. A port has its tag before it has anything else.
+fn port_ids(nodes: &Path, prefix: &str) -> HashSet<Id> {
+    let directories = fs::read_dir(nodes).into_iter().flatten().flatten();
+    let tags = directories.flat_map(|node| files_in(&node.path(), prefix));
+    tags.filter(|tag| tag.name.ends_with(".port_tag")).flat_map(|tag| tag.ids).collect()
+}
+
+/// Removes what describes a service that nobody can use any more: half-made, without what it describes, or without a
+/// node that lives. Returns the ids of the others. Nobody who holds the lock is making one.
+fn remove_dead_services(directory: &Path, prefix: &str, config: &Config, removed: &mut Removed) -> Vec<Id> {
+    // a description can be written to until it is whole
+    let half_made = |file: &Found| file.metadata.len() == 0 || file.metadata.mode() & 0o777 != 0o400;
+    for description in files_in(directory, prefix).into_iter().filter(half_made) {
+        removed.orphan(&description.path, None);
+    }
+    let (mut ids, mut dead) = (Vec::new(), Vec::new());
+    // whatever cannot be read is removed by who creates that service
+    let _ = Ipc::list(config, |service| {
+        let id = Id(service.static_details.unique_service_id().value());
+        let lives = match service.dynamic_details {
+            Some(details) => details.nodes.iter().any(|node| !matches!(node, NodeState::Dead(_))),
+            // it comes after the description
+            None => id.creator_lives(),
+        };
+        if lives {
+            ids.push(id);
+        } else {
+            dead.push(service.static_details.service_hash().as_str().to_owned());
+        }
+        CallbackProgression::Continue
+    });
+    for hash in dead {
+        let name = format!("{prefix}{hash}{}", config.global.service.static_config_storage_suffix);
+        removed.orphan(&directory.join(name), None);
+    }
+    ids
+}
+
+/// Removes what belongs to an earlier secret of the same root, once nobody lives who made any of it: the root was
+/// cleaned away, and its secret with it.
+pub(super) fn remove_earlier(prefix: &str, family: &str) -> Removed {
+    let mut removed = Removed::default();
+    let earlier = || segments(family).into_iter().filter(|segment| !segment.name.starts_with(prefix));
+    if earlier().all(|segment| segment.creators_alive() == 0) {
+        for segment in earlier() {
+            removed.orphan(&segment.path, Some(&segment.metadata));
+        }
+    }
+    removed
+}
