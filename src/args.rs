@@ -37,7 +37,7 @@ use values::{parse_impurity, parse_jobs, parse_pace, parse_pair, parse_seconds, 
     subcommand_required = true,
     arg_required_else_help = true,
     after_help = "Exit codes: 0 done (also when a signal ended a run or a live analysis in order), 1 failed, 2 bad usage, a bad input file or an output that is in the way, 3 finished, but something was lost or is missing.\n\
-                  Units are SI. Runs of one user meet under $BEADLINE_ROOT (/tmp/beadline-<uid>).\n\n\
+                  Units are SI. Runs of one user meet under $BEADLINE_ROOT (else $XDG_RUNTIME_DIR/beadline or /tmp/beadline-<uid>).\n\n\
                   Examples:\n  \
                   beadline demo                         the whole pipeline once, with figures\n  \
                   beadline run --wait-for 1             a run that waits for an analysis …\n  \

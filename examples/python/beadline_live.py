@@ -11,10 +11,14 @@ keeps: every name, layout and number here stands on that page. Copy this file in
 """
 
 import ctypes
+import fcntl
 import hashlib
 import json
 import os
+import random
+import re
 import stat
+import string
 import time
 from typing import NamedTuple
 
@@ -26,7 +30,10 @@ WAITING, RUNNING, DONE, INTERRUPTED, FAILED = range(5)
 ENDS = {DONE: "complete", INTERRUPTED: "interrupted", FAILED: "failed"}
 CONNECT, READY = 1, 2
 MANIFEST_KEY, STATUS_KEY, PREVIOUS_KEY = 0, 1, 2
-MOST_ROOT_BYTES = 50  # sockets lie in it, and their paths are short
+MOST_ROOT_BYTES = 44  # sockets lie in it, and their paths are short
+SHARED_SEGMENT = "9204dd183d1c4d8e1ff592a30766ffa6765aa8b5_node.0_10_0.global_mgmt"
+SHARED_VERSION = 10 << 16  # iceoryx2 0.10.0
+LOCK_PATIENCE_S = 15
 WAIT = iox2.Duration.from_millis(50)  # longest wait for a notification
 ANSWER_WAIT = iox2.Duration.from_millis(10)
 LIVENESS_PERIOD_S = 0.5  # how often a silent producer is checked
@@ -117,31 +124,89 @@ class Chain(NamedTuple):
         return cls(*arrays, Wall(*walls[:4].tolist()), Wall(*walls[4:].tolist()))
 
 
+def default_root():
+    """`$BEADLINE_ROOT`, or else `beadline` in the runtime directory if that is ours alone, or else one in /tmp."""
+    runtime = os.path.realpath(os.environ.get("XDG_RUNTIME_DIR") or "/")
+    inside = os.path.join(runtime, "beadline")
+    fits = os.path.isabs(os.environ.get("XDG_RUNTIME_DIR", "")) and len(os.fsencode(inside)) <= MOST_ROOT_BYTES
+    fallback = f"/tmp/beadline-{os.getuid()}"
+    return os.environ.get("BEADLINE_ROOT") or (inside if fits and is_ours_alone(runtime) else fallback)
+
+
+def is_ours_alone(path):
+    """Whether it is a directory of this user that nobody else may enter."""
+    try:
+        found = os.lstat(path)
+    except OSError:
+        return False
+    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o077
+
+
 class Bus:
-    """The bus of this user: `$BEADLINE_ROOT`, or else `/tmp/beadline-<uid>`."""
+    """The bus of this user: `$BEADLINE_ROOT`, or else `$XDG_RUNTIME_DIR/beadline`, or else `/tmp/beadline-<uid>`."""
 
     def __init__(self, root=None):
         iox2.set_log_level_from_env_or(iox2.LogLevel.Error)
-        root = root or os.environ.get("BEADLINE_ROOT") or f"/tmp/beadline-{os.getuid()}"
+        root = root or default_root()
         try:
             os.mkdir(root, 0o700)
         except FileExistsError:
             pass
-        found = os.lstat(root)
-        if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
+        if not is_ours_alone(root):
             raise RunError(f"the bus directory {root} is not a directory of this user alone; expected mode 700")
         root = os.path.realpath(root)
         if len(os.fsencode(root)) > MOST_ROOT_BYTES:
             raise RunError(f"the bus directory {root} has a name of more than {MOST_ROOT_BYTES} bytes; "
                            "set BEADLINE_ROOT to a shorter one")  # fmt: skip
-        prefix = "bl" + hashlib.sha256(os.fsencode(root)).hexdigest()[:8] + "_"
-        self.config = iox2.config.default()
-        self.config.global_cfg.root_path = iox2.Path.new(root)
-        self.config.global_cfg.prefix = iox2.FileName.new(prefix)
-        # with signal handling of its own iceoryx2 would keep Ctrl-C from Python
-        builder = iox2.NodeBuilder.new().config(self.config)
-        builder = builder.signal_handling_mode(iox2.SignalHandlingMode.Disabled)
-        self.node = self._register(builder)
+        with open(os.path.join(root, "creating.lock"), "a") as lock:
+            self._take(lock)
+            prefix = "bl" + hashlib.sha256(os.fsencode(root)).hexdigest()[:6] + self._secret(root) + "_"
+            self._share(prefix)
+            self.config = iox2.config.default()
+            self.config.global_cfg.root_path = iox2.Path.new(root)
+            self.config.global_cfg.prefix = iox2.FileName.new(prefix)
+            # with signal handling of its own iceoryx2 would keep Ctrl-C from Python
+            builder = iox2.NodeBuilder.new().config(self.config)
+            builder = builder.signal_handling_mode(iox2.SignalHandlingMode.Disabled)
+            self.node = self._register(builder)
+
+    @staticmethod
+    def _take(lock):
+        """Whoever registers holds this lock; who is killed loses it."""
+        start = time.monotonic()
+        while True:
+            try:
+                return fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                if time.monotonic() - start > LOCK_PATIENCE_S:
+                    raise RunError(f"another process has held {lock.name} for {LOCK_PATIENCE_S} s") from None
+                time.sleep(0.002)
+
+    @staticmethod
+    def _secret(root):
+        """What makes names in shared memory unknown to other users; made if there is none."""
+        path = os.path.join(root, "secret")
+        try:
+            with open(path) as file:
+                secret = file.read()
+        except FileNotFoundError:
+            secret = ""
+        if not re.fullmatch("[a-z2-7]{8}", secret):
+            secret = "".join(random.SystemRandom().choices(string.ascii_lowercase + "234567", k=8))
+            with open(path + ".new", "w") as file:
+                file.write(secret)
+            os.rename(path + ".new", path)
+        return secret
+
+    @staticmethod
+    def _share(prefix):
+        """The segment that all processes share: iceoryx2 itself would make it writable for every user."""
+        path = f"/dev/shm/{prefix}{SHARED_SEGMENT}"
+        if not os.path.lexists(path):
+            new = os.open(path + ".new", os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, 0o600)
+            os.write(new, SHARED_VERSION.to_bytes(8, "little") + bytes(8))
+            os.close(new)
+            os.rename(path + ".new", path)
 
     @staticmethod
     def _register(builder):

@@ -49,11 +49,11 @@ pub use wire::{
     STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, STATE_RUNNING, STATE_WAITING, StateHeader, StreamId,
 };
 
+use creating::CreationLock;
 use iceoryx2::node::{Node, NodeBuilder, NodeState};
 use iceoryx2::prelude::{
     CallbackProgression, Config, LogLevel, PortFactory as _, SignalHandlingMode, set_log_level_from_env_or,
 };
-use creating::CreationLock;
 use leftovers::{HalfMade, Removed};
 use std::fmt;
 use std::path::{Path, PathBuf};

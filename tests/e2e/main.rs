@@ -30,6 +30,7 @@ mod reflection;
 mod replay;
 mod reproduce;
 mod resume;
+mod starts;
 mod sweep;
 mod thinning;
 mod time_step;

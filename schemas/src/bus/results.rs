@@ -204,7 +204,18 @@ impl<T: ResultElement> ResultPublisher<T> {
             StateHeader { run_id: stream.run_id.0, stream_id: stream.stream_id, ..StateHeader::default() };
         let width = columns.width;
         let (follows, finished) = (false, false);
-        Ok(Self { publisher, backpressure, stream, topic, width, last, follows, finished, node, _bus: bus.clone() })
+        Ok(Self {
+            publisher,
+            backpressure,
+            stream,
+            topic,
+            width,
+            last,
+            follows,
+            finished,
+            node,
+            _bus: bus.clone(),
+        })
     }
 
     /// Publishes the row of one frame.

@@ -131,8 +131,8 @@ pub(super) fn reserve(prefix: &str, port_id: u128) -> Result<(), RoomError> {
 /// Refuses what does not fit, before any of it is made. To be called with the lock held, so that nobody else takes what
 /// is counted on.
 pub(super) fn check(slot_bytes: u64, limits: Limits, free_bytes: u64) -> Result<(), RoomError> {
-    // the chain is as big as a frame, and is kept for consumers that come later
-    let needed = needed_bytes(slot_bytes, limits).saturating_add(2 * slot_bytes).saturating_add(FIXED_BYTES);
+    // the chain is kept for consumers that come later; it has at most five numbers where a frame has two
+    let needed = needed_bytes(slot_bytes, limits).saturating_add(3 * slot_bytes).saturating_add(FIXED_BYTES);
     if needed <= free_bytes {
         return Ok(());
     }

@@ -51,7 +51,11 @@ fn is_whole(path: &Path) -> bool {
     let read = || -> std::io::Result<bool> {
         let found = fs::symlink_metadata(path)?;
         let user = rustix::process::getuid().as_raw();
-        if !found.is_file() || found.uid() != user || found.mode() & 0o777 != 0o600 || found.len() != BYTES as u64 {
+        if !found.is_file()
+            || found.uid() != user
+            || found.mode() & 0o777 != 0o600
+            || found.len() != BYTES as u64
+        {
             return Ok(false);
         }
         let mut bytes = [0; BYTES];

@@ -10,7 +10,7 @@ use iceoryx2::prelude::{
 use schemas::bus::{Bus, ManifestText, PublishOptions, RunStatus, STATE_DONE, StateHeader};
 use schemas::frame::EndReason;
 
-/// The configuration by the documented rule: root, and `bl`, 8 digits of the SHA-256 of the root, `_`.
+/// The configuration by the documented rule: the root, and the prefix that belongs to it.
 pub(crate) fn node(bus: &Bus) -> Node<Ipc> {
     let mut config = Config::default();
     config.global.set_root_path(&Path::new(bus.root().as_os_str().as_encoded_bytes()).unwrap());

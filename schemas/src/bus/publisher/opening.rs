@@ -254,7 +254,8 @@ fn publish_chain(
         StateHeader { run_id: stream.run_id.0, stream_id: stream.stream_id, ..StateHeader::default() };
     let service = services::chain(node, run)?;
     let builder = service.publisher_builder().initial_max_slice_len(values.len()).max_loaned_samples(1);
-    let publisher = builder.create().map_err(|e| failed(&e))?;
+    // it sends one sample, ever, and takes the memory of no more
+    let publisher = builder.override_sample_preallocation(|_| 1).create().map_err(|e| failed(&e))?;
     room::reserve(bus.prefix(), publisher.id().value())?;
     let slot = publisher.loan_slice_uninit(values.len()).map_err(|e| failed(&e))?;
     fill(slot, header, &[&values]).send().map_err(|e| failed(&e))?;
