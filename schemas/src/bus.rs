@@ -16,6 +16,7 @@ mod chain_values;
 mod creating;
 mod live;
 mod own_topic;
+mod position;
 mod publisher;
 mod result_columns;
 mod result_watch;
@@ -37,7 +38,7 @@ pub use result_watch::{OwnTopicsWatch, ResultWatch};
 pub use results::{ResultElement, ResultPublisher, ResultReceived, ResultSubscriber, ResultsError, Row};
 pub use room::RoomError;
 pub use root::RootError;
-pub use runs::{RunInfo, RunState, list_runs};
+pub use runs::{ConsumerInfo, RunInfo, RunState, list_runs};
 pub use services::{BusError, Topic};
 pub use wire::{
     FLAG_FOLLOWS, FLAG_LAST, JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, ManifestText, RunStatus,
