@@ -137,11 +137,8 @@ impl<'a> Session<'a> {
             if seen.is_multiple_of(64) && refreshed.elapsed() >= Duration::from_millis(100) {
                 refreshed = Instant::now();
                 bar.set_position(tally.last_frame.unwrap_or(0) * publish_every);
-                bar.set_message(format!(
-                    "{}, {} missed",
-                    counted(tally.frame_count, "frame"),
-                    count(tally.missed_count)
-                ));
+                let missed = format!("{} missed", count(tally.missed_count));
+                display::tell(&bar, &[&counted(tally.frame_count, "frame"), &missed]);
             }
         });
         bar.finish_and_clear();
@@ -309,7 +306,7 @@ pub(crate) fn window(from_s: f64, until_s: Option<f64>, manifest: &RunManifest) 
         return refuse(format!("expected a time before --until {}", window.until_s));
     }
     if window.from_s > end_s {
-        return refuse(format!("the run ends at {end_s} s"));
+        return refuse(format!("the run ends at {} s", display::number(end_s)));
     }
     Ok(window)
 }

@@ -175,7 +175,9 @@ pub(crate) struct DemoArgs {
     A kill costs at most the last --flush-period of a recording, a power failure the last --sync-period. --resume \
     takes everything of the run from its recording, writes that again as .partial and goes on after its last \
     state; the result is what it would have been without the interruption. It takes .mcap.partial, or an .mcap \
-    that ends early, and with --out leaves it as it is."
+    that ends early, and with --out leaves it as it is.\n\n\
+    On a terminal: space pauses and goes on, → or . makes one more frame and pauses, + and - double and halve the \
+    pace, q ends the run in order. Consumers of a paused run are served and wait."
 )]
 pub(crate) struct RunArgs {
     /// Configuration file; see `beadline preset light-impurity` for one to start from

@@ -10,6 +10,7 @@ use schemas::manifest::{RunManifest, SCHEMA_VERSION};
 use serde::Serialize;
 use std::fmt::{Display, Write as _};
 use std::io::{self, Write as _};
+use std::os::fd::AsFd;
 use std::time::Duration;
 
 /// Prints a notice or a warning on stderr.
@@ -19,7 +20,7 @@ pub(crate) fn notice(text: impl Display) {
 }
 
 /// A text without what a terminal would obey: names come out of files, and files from other people.
-fn printable(text: &str) -> String {
+pub(crate) fn printable(text: &str) -> String {
     let mut printable = String::with_capacity(text.len());
     for character in text.chars() {
         if is_obeyed(character) && character != '\n' {
@@ -97,14 +98,78 @@ fn put(text: &str) -> Result<(), Failure> {
 /// A progress bar over `length` units, on a terminal only.
 pub(crate) fn progress_bar(length: u64, label: &str) -> ProgressBar {
     let bar = ProgressBar::new(length);
-    bar.set_style(style("{prefix} {bar:20} {percent:>3} % {wide_msg}"));
-    bar.set_prefix(label.to_owned());
+    let columns = columns();
+    bar.set_style(style(&bar_template(columns)));
+    bar.set_prefix(shortened(label, columns / 3));
     bar
 }
 
-/// The style of a progress bar with a line of `text` below.
-pub(crate) fn with_second_line(text: &str) -> ProgressStyle {
-    style(&format!("{{prefix}} {{bar:20}} {{percent:>3}} % {{wide_msg}}\n  {text}"))
+/// Adds a line under the bar, with as many of `parts` as the terminal has room for.
+pub(crate) fn add_line(bar: &ProgressBar, parts: &[&str]) {
+    let columns = columns();
+    let line = fitting(parts, columns.saturating_sub(3));
+    bar.set_style(style(&format!("{}\n  {line}", bar_template(columns))));
+}
+
+/// Shows `parts` behind the bar, as many of the first ones as the terminal has room for.
+pub(crate) fn tell(bar: &ProgressBar, parts: &[&str]) {
+    let columns = columns();
+    let taken = bar.prefix().chars().count() + bar_width(columns) + PERCENT_WIDTH;
+    bar.set_message(fitting(parts, columns.saturating_sub(taken)));
+}
+
+/// What `bar_template` puts around the bar: three spaces, the number, its sign, and the terminal's last column.
+const PERCENT_WIDTH: usize = 9;
+
+fn bar_template(columns: usize) -> String {
+    format!("{{prefix}} {{bar:{}}} {{percent:>3}} % {{wide_msg}}", bar_width(columns))
+}
+
+fn bar_width(columns: usize) -> usize {
+    if columns < 100 { 10 } else { 20 }
+}
+
+/// Columns of the terminal on stderr.
+fn columns() -> usize {
+    match columns_of(io::stderr()) {
+        usize::MAX => 80,
+        columns => columns,
+    }
+}
+
+/// Columns of a terminal; without bound if it is none, or does not say.
+pub(crate) fn columns_of(stream: impl AsFd) -> usize {
+    match rustix::termios::tcgetwinsize(stream) {
+        Ok(size) if size.ws_col > 0 => size.ws_col.into(),
+        _ => usize::MAX,
+    }
+}
+
+/// `parts` that are not empty, in one line.
+pub(crate) fn joined(parts: &[&str]) -> String {
+    fitting(parts, usize::MAX)
+}
+
+/// `parts` that are not empty, as many of the first ones as fit.
+fn fitting(parts: &[&str], columns: usize) -> String {
+    const BETWEEN: &str = " · ";
+    let mut line = String::new();
+    for part in parts.iter().filter(|part| !part.is_empty()) {
+        let joined = if line.is_empty() { (*part).to_owned() } else { format!("{line}{BETWEEN}{part}") };
+        if joined.chars().count() > columns {
+            break;
+        }
+        line = joined;
+    }
+    line
+}
+
+/// A text of at most `columns` characters; the end is cut off where it is longer.
+fn shortened(text: &str, columns: usize) -> String {
+    if text.chars().count() <= columns {
+        return text.to_owned();
+    }
+    text.chars().take(columns.saturating_sub(1)).chain(['…']).collect()
 }
 
 fn style(template: &str) -> ProgressStyle {
@@ -158,6 +223,58 @@ pub(crate) fn seconds(value: f64) -> String {
     format!("{scaled:.decimals$} {unit}")
 }
 
+/// A result in six significant digits, `0.0104820` or `3.96405e-7`; zero has no sign.
+pub(crate) fn number(value: f64) -> String {
+    const DIGITS: i32 = 6;
+    // of the rounded number: 9.9999996 has two digits before the point
+    let scientific = format!("{value:.5e}");
+    let Some((mantissa, power)) = scientific.split_once('e') else { return scientific };
+    let power = power.parse().unwrap_or(0);
+    match power {
+        _ if value == 0.0 => "0".to_owned(),
+        -4..DIGITS => fixed(value, usize::try_from(DIGITS - 1 - power).unwrap_or(0)),
+        _ => format!("{mantissa}e{power}"),
+    }
+}
+
+/// A result in six significant digits, with a prefix of the unit that makes it 1 to 1000: `-396.405 mm/s`.
+pub(crate) fn quantity(value: f64, unit: &str) -> String {
+    const PREFIXES: [(i32, &str); 6] = [(-15, "f"), (-12, "p"), (-9, "n"), (-6, "µ"), (-3, "m"), (0, "")];
+    let scientific = format!("{value:.5e}");
+    let power: i32 = scientific.split_once('e').and_then(|(_, power)| power.parse().ok()).unwrap_or(0);
+    let wanted = if value == 0.0 { 0 } else { 3 * power.div_euclid(3) };
+    match PREFIXES.iter().find(|(prefix, _)| *prefix == wanted) {
+        Some((prefix, name)) => format!("{} {name}{unit}", number(value / 10_f64.powi(*prefix))),
+        None => format!("{} {unit}", number(value)),
+    }
+}
+
+/// A number with so many decimals; zero has no sign.
+pub(crate) fn fixed(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(digits) if digits.chars().all(|digit| matches!(digit, '0' | '.')) => digits.to_owned(),
+        _ => text,
+    }
+}
+
+/// `123 steps/s`, `1.23 k steps/s`, `12.3 M steps/s`
+pub(crate) fn per_second(rate: f64, what: &str) -> String {
+    let (scaled, prefix) = match rate {
+        rate if rate >= 1e6 => (rate / 1e6, "M "),
+        rate if rate >= 1e3 => (rate / 1e3, "k "),
+        rate => (rate, ""),
+    };
+    let decimals = if scaled >= 100.0 || prefix.is_empty() {
+        0
+    } else if scaled >= 10.0 {
+        1
+    } else {
+        2
+    };
+    format!("{scaled:.decimals$} {prefix}{what}/s")
+}
+
 /// A duration like [`seconds`].
 pub(crate) fn duration(value: Duration) -> String {
     seconds(value.as_secs_f64())
@@ -196,5 +313,56 @@ mod tests {
         let json = printable_json(&serde_json::json!(text).to_string());
         assert_eq!(json, "\"a\\u202eb\\u009bc\\u007fd\\u001be\\nα ±\"");
         assert_eq!(serde_json::from_str::<String>(&json).ok().as_deref(), Some(text));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_six_digits_and_zero_has_no_sign() {
+        let cases = [
+            (20.001_019_598_849_677, "20.0010"),
+            (0.010_482, "0.0104820"),
+            (-0.396_405, "-0.396405"),
+            (9.999_999_6, "10.0000"),
+            (123_456.7, "123457"),
+            (1e6, "1.00000e6"),
+            (-3.964_05e-7, "-3.96405e-7"),
+            (-0.0, "0"),
+            (f64::NAN, "NaN"),
+        ];
+        for (value, expected) in cases {
+            assert_eq!(number(value), expected);
+        }
+        assert_eq!((fixed(-1e-9, 6), fixed(-0.5, 1)), ("0.000000".to_owned(), "-0.5".to_owned()));
+    }
+
+    #[test]
+    fn units_have_the_prefix_that_fits() {
+        let cases = [
+            (0.0125, "12.5000 mJ"),
+            (-3.964_05e-7, "-396.405 nJ"),
+            (0.999_999_9, "1.00000 J"),
+            (0.0, "0 J"),
+            (1500.0, "1500.00 J"),
+            (2e-20, "2.00000e-20 J"),
+        ];
+        for (value, expected) in cases {
+            assert_eq!(quantity(value, "J"), expected);
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_is_left_out_and_never_cut() {
+        let parts = ["step 1,234", "", "t = 1.23 ms", "2 consumers"];
+        assert_eq!(joined(&parts), "step 1,234 · t = 1.23 ms · 2 consumers");
+        for (columns, expected) in
+            [(37, "step 1,234 · t = 1.23 ms"), (24, "step 1,234 · t = 1.23 ms"), (23, "step 1,234"), (3, "")]
+        {
+            assert_eq!(fitting(&parts, columns), expected);
+        }
+        assert_eq!((shortened("abcdef", 6), shortened("abcdef", 4)), ("abcdef".into(), "abc…".into()));
     }
 }

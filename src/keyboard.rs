@@ -1,4 +1,4 @@
-//! Keys pressed on the terminal while a replay goes on.
+//! Keys pressed on the terminal while a run or a replay goes on.
 //!
 //! The terminal hands out each key at once and shows none of them until the [`Keyboard`] is dropped. It is given
 //! back as it was found on every way out: a return, a panic, a signal that ends or suspends the process.
@@ -34,10 +34,23 @@ pub(crate) enum Key {
     Faster,
     /// Half the rate.
     Slower,
+    /// To another place; means something where frames are there already.
+    Seek(Seek),
     /// The end.
     Quit,
-    /// No key: the process was suspended for this long, and goes on.
-    Suspended(Duration),
+}
+
+/// Where to go on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Seek {
+    /// The frame before the last one, and a pause there.
+    FrameBack,
+    /// A twentieth of the whole back.
+    Back,
+    /// A twentieth of the whole on.
+    On,
+    /// The first frame.
+    Home,
 }
 
 /// The keys of a terminal, from a thread that waits for them.
@@ -220,9 +233,7 @@ impl Watch {
         }
         if self.suspending.take() > 0 {
             self.terminal.give_back();
-            let since = std::time::Instant::now();
             let _ = emulate_default_handler(SIGTSTP);
-            let _ = self.sender.send(Key::Suspended(since.elapsed()));
         }
     }
 
@@ -257,27 +268,39 @@ fn keys_in(mut bytes: &[u8]) -> Vec<Key> {
     let mut keys = Vec::new();
     while let [first, rest @ ..] = bytes {
         bytes = rest;
-        match first {
-            b' ' => keys.push(Key::Pause),
-            b'.' => keys.push(Key::Step),
-            b'+' | b'=' => keys.push(Key::Faster),
-            b'-' => keys.push(Key::Slower),
-            b'q' | b'Q' => keys.push(Key::Quit),
-            // what follows ESC [ or ESC O is a key by its last byte; C is the arrow to the right
-            0x1b => {
-                if let [b'[' | b'O', rest @ ..] = bytes {
+        let key = match first {
+            b' ' => Some(Key::Pause),
+            b'.' => Some(Key::Step),
+            b'+' | b'=' => Some(Key::Faster),
+            b'-' => Some(Key::Slower),
+            b'[' => Some(Key::Seek(Seek::Back)),
+            b']' => Some(Key::Seek(Seek::On)),
+            b'q' | b'Q' => Some(Key::Quit),
+            // what follows ESC [ or ESC O is a key by its numbers and its last byte
+            0x1b => match bytes {
+                [b'[' | b'O', rest @ ..] => {
                     let length = rest.iter().position(|byte| (0x40..=0x7e).contains(byte));
                     let length = length.unwrap_or(rest.len());
-                    if rest.get(length) == Some(&b'C') {
-                        keys.push(Key::Step);
-                    }
                     bytes = rest.get(length + 1..).unwrap_or_default();
+                    rest.get(length).and_then(|last| special_key(&rest[..length], *last))
                 }
-            }
-            _ => {}
-        }
+                _ => None,
+            },
+            _ => None,
+        };
+        keys.extend(key);
     }
     keys
+}
+
+/// The key of a sequence with these numbers and this last byte; terminals have several for Home.
+fn special_key(numbers: &[u8], last: u8) -> Option<Key> {
+    match (numbers, last) {
+        (_, b'C') => Some(Key::Step),
+        (_, b'D') => Some(Key::Seek(Seek::FrameBack)),
+        (_, b'H') | (b"1" | b"7", b'~') => Some(Key::Seek(Seek::Home)),
+        _ => None,
+    }
 }
 
 #[cfg(test)]
@@ -290,5 +313,7 @@ mod tests {
         assert_eq!(keys_in(b" .+=-q"), [Pause, Step, Faster, Faster, Slower, Quit]);
         assert_eq!(keys_in(b"\x1b[C\x1bOC\x1b[1;5C"), [Step, Step, Step], "arrows to the right");
         assert_eq!(keys_in(b"\x1b[A\x1b[3~x\x1b \x1b["), [Pause], "other keys mean nothing");
+        let back = [Seek::FrameBack, Seek::Back, Seek::On, Seek::Home, Seek::Home, Seek::Home];
+        assert_eq!(keys_in(b"\x1b[D[]\x1b[H\x1bOH\x1b[1~"), back.map(Key::Seek));
     }
 }

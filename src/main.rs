@@ -17,6 +17,7 @@ mod reproduce;
 mod resumption;
 mod signals;
 mod source;
+mod stage;
 mod sweep;
 mod time_step;
 

@@ -15,16 +15,17 @@ pub(crate) fn check_outputs(args: &AnalysisArgs, outputs: &[&PathBuf]) -> Result
     check_places(&outputs, &args.frames)
 }
 
-/// Refuses figures that are neither SVG nor PNG, and a look that none of them can have.
+/// Refuses figures in other formats than SVG, PDF and PNG, and a look that none of them can have.
 pub(crate) fn check_figures(figures: &[PathBuf], look: LookArgs) -> Result<(), Failure> {
     for path in figures {
-        check_extension(path, &["svg", "png"], "a figure is written as .svg or .png")?;
+        check_extension(path, &["svg", "pdf", "png"], "a figure is written as .svg, .pdf or .png")?;
     }
     if figures.is_empty() && (look.size.is_some() || look.dpi.is_some()) {
         return Err(anyhow!("--size and --dpi are for a figure; name one with --figure")).bad_input();
     }
     if look.dpi.is_some() && !figures.iter().any(|path| extension(path) == "png") {
-        return Err(anyhow!("--dpi is for PNG files; an SVG is as sharp as what shows it")).bad_input();
+        return Err(anyhow!("--dpi is for PNG files; an SVG or a PDF is as sharp as what shows it"))
+            .bad_input();
     }
     Ok(())
 }

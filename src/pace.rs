@@ -6,10 +6,14 @@ use std::time::{Duration, Instant};
 /// Whoever waits for the clock looks around after this long.
 pub(crate) const LONGEST_NAP: Duration = Duration::from_millis(20);
 
+/// Delays up to this one are made up for; nobody sees a race that is so short.
+const SLACK: Duration = Duration::from_millis(100);
+
 /// Says how far simulated time is ahead of where it may be.
 ///
-/// Times are compared with one moment at which both clocks were read, so that delays do not add up: what was held up
-/// catches up.
+/// Times are compared with one moment at which both clocks were read, so that small delays do not add up. What is
+/// behind by more than [`SLACK`], after a stalled consumer or a suspended process, does not race: that moment moves, and
+/// the pace counts from where the simulated time is.
 #[derive(Debug)]
 pub(crate) struct Pacer {
     pace: Pace,
@@ -28,15 +32,17 @@ impl Pacer {
     }
 
     /// How long it takes until simulated time may be `time_s`; none if it may be now.
-    pub(crate) fn ahead(&self, time_s: f64) -> Option<Duration> {
-        let Pace::PerSecond(per_second) = self.pace else { return None };
-        let ahead = (time_s - self.since_s) / per_second - self.since.elapsed().as_secs_f64();
-        (ahead > 0.0).then(|| Duration::from_secs_f64(ahead.min(1e6)))
+    pub(crate) fn ahead(&mut self, time_s: f64) -> Option<Duration> {
+        self.ahead_at(Instant::now(), time_s)
     }
 
-    /// Leaves out a time in which the clock of the simulation stood still.
-    pub(crate) fn leave_out(&mut self, pause: Duration) {
-        self.since += pause;
+    fn ahead_at(&mut self, now: Instant, time_s: f64) -> Option<Duration> {
+        let Pace::PerSecond(per_second) = self.pace else { return None };
+        let ahead = (time_s - self.since_s) / per_second - (now - self.since).as_secs_f64();
+        if -ahead > SLACK.as_secs_f64() {
+            (self.since, self.since_s) = (now, time_s);
+        }
+        (ahead > 0.0).then(|| Duration::from_secs_f64(ahead.min(1e6)))
     }
 
     /// From now on, with simulated time at `time_s`, another pace counts.
@@ -58,5 +64,28 @@ impl Pacer {
                 if now_s < time_s { now_s } else { time_s }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    #[test]
+    fn who_was_held_up_goes_on_at_the_pace_from_where_it_is() {
+        let mut pacer = Pacer::new(Pace::PerSecond(1.0), 0.0);
+        let late = pacer.since + 60 * SECOND;
+        assert_eq!(pacer.ahead_at(late, 1.0), None);
+        assert_eq!(pacer.ahead_at(late, 2.0), Some(SECOND), "it does not race through 59 s");
+    }
+
+    #[test]
+    fn small_delays_are_made_up_for() {
+        let mut pacer = Pacer::new(Pace::PerSecond(1.0), 0.0);
+        let late = pacer.since + SECOND;
+        assert_eq!(pacer.ahead_at(late, 0.9375), None);
+        assert_eq!(pacer.ahead_at(late, 2.0), Some(SECOND));
     }
 }

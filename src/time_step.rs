@@ -121,7 +121,7 @@ fn measure(physics: &Physics) -> Pilot {
     let between_looks_s = 0.01 * time_s * (5.0 / physics.alpha).min(1.0);
     let look_every = whole(between_looks_s / physics.dt_s).max(1);
     let bar = display::progress_bar(most_steps.min(physics.step_count), "trying");
-    bar.set_message(format!("dt = {}", seconds(physics.dt_s)));
+    display::tell(&bar, &[&format!("dt = {}", seconds(physics.dt_s))]);
     let found = energy_error(physics, most_steps, look_every, |step| bar.set_position(step));
     bar.finish_and_clear();
     let fraction = found.steps as f64 / physics.step_count as f64;

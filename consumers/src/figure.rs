@@ -1,4 +1,4 @@
-//! Figures for print: curves, markers and rasters on stacked panels, as SVG or PNG.
+//! Figures for print: curves, markers and rasters on stacked panels, as SVG, PDF or PNG.
 //!
 //! A figure is described once and drawn at the width of a journal column, of a page, or of a slide,
 //! always in the same look: one font (bundled), colours that colour-blind readers can tell apart, ticks
@@ -45,6 +45,7 @@ mod layout;
 mod legend;
 mod note;
 mod panel;
+mod pdf;
 mod picture;
 mod raster;
 mod scale;
@@ -88,7 +89,7 @@ pub enum Size {
 pub struct Options {
     /// The figure's width; the height follows from the panels.
     pub size: Size,
-    /// Resolution of a PNG in dots per inch, 36 to 2400; an SVG has none.
+    /// Resolution of a PNG in dots per inch, 36 to 2400; an SVG or a PDF has none.
     pub dpi: f64,
 }
 
@@ -113,8 +114,8 @@ impl Default for Options {
 /// Why a figure was not made.
 #[derive(Debug, thiserror::Error)]
 pub enum FigureError {
-    /// The file's name ends in something else than `.svg` or `.png`.
-    #[error("{path}: a figure is written as .svg or .png; end the file's name with one of them")]
+    /// The file's name ends in something else than `.svg`, `.pdf` or `.png`.
+    #[error("{path}: a figure is written as .svg, .pdf or .png; end the file's name with one of them")]
     Format {
         /// The path asked for.
         path: PathBuf,
@@ -195,6 +196,14 @@ impl Figure {
         draw::document(self, size, None)
     }
 
+    /// The figure as a PDF file's bytes, of one page: curves stay curves, the font goes along.
+    ///
+    /// # Errors
+    /// [`FigureError::Render`] where it cannot be written, which is a mistake of this module.
+    pub fn to_pdf(&self, size: Size) -> Result<Vec<u8>, FigureError> {
+        pdf::pdf(&self.to_svg(size)?)
+    }
+
     /// The figure as a PNG file's bytes, with its physical size stated inside.
     ///
     /// # Errors
@@ -207,17 +216,18 @@ impl Figure {
         picture::png(&document, options.dpi)
     }
 
-    /// Writes the figure to `path`, as SVG or PNG by the end of the name. The file appears whole or not
+    /// Writes the figure to `path`, as SVG, PDF or PNG by the end of the name. The file appears whole or not
     /// at all; one that is there is replaced.
     ///
     /// # Errors
-    /// [`FigureError::Format`] where the name ends in neither, before anything is drawn;
+    /// [`FigureError::Format`] where the name ends in none of them, before anything is drawn;
     /// [`FigureError::Resolution`] as in [`Figure::to_png`]; [`FigureError::Write`] where the system
     /// refuses.
     pub fn write(&self, path: &Path, options: Options) -> Result<(), FigureError> {
         let extension = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
         let bytes = match extension.as_ref().and_then(|end| end.to_str()) {
             Some("svg") => self.to_svg(options.size)?.into_bytes(),
+            Some("pdf") => self.to_pdf(options.size)?,
             Some("png") => self.to_png(options)?,
             _ => return Err(FigureError::Format { path: path.into() }),
         };
@@ -262,6 +272,8 @@ mod tests {
         assert_eq!(svg, figure().to_svg(Size::Page).expect("draws"));
         let png = || figure().to_png(Options::default()).expect("draws");
         assert_eq!(png(), png());
+        let pdf = || figure().to_pdf(Size::Page).expect("draws");
+        assert_eq!(pdf(), pdf());
     }
 
     #[test]
@@ -287,9 +299,9 @@ mod tests {
 
     #[test]
     fn refusals_name_the_path_and_what_is_possible() {
-        let error = figure().write(Path::new("run.pdf"), Options::default());
+        let error = figure().write(Path::new("run.eps"), Options::default());
         let message = error.expect_err("not a format of ours").to_string();
-        assert!(message.starts_with("run.pdf: ") && message.contains(".svg or .png"));
+        assert!(message.starts_with("run.eps: ") && message.contains(".svg, .pdf or .png"));
         let error = figure().write(Path::new("/nowhere/at/all.png"), Options::default());
         let message = error.expect_err("no such folder").to_string();
         assert!(message.starts_with("/nowhere/at/all.png: "));
@@ -300,7 +312,7 @@ mod tests {
         for figure in [Figure::new(), Figure::new().panel(Panel::new().line("", []))] {
             for size in [Size::Column, Size::Page, Size::Slide] {
                 let options = Options { size, dpi: 50.0 };
-                assert!(figure.to_png(options).is_ok());
+                assert!(figure.to_png(options).is_ok() && figure.to_pdf(size).is_ok());
             }
         }
     }

@@ -76,7 +76,8 @@ ManifestText = shared(
 RunStatus = shared(
     "beadline.RunStatus.v1", *STREAM,
     ("state", u64), ("frames", u64), ("first_frame", u64), ("step", u64), ("time_s", f64), ("written_unix_ns", u64),
-    ("lossless", u64), ("latest", u64), ("evicted", u64), ("pid", u64), ("node_id", Bytes16), ("reserved", u64 * 4),
+    ("lossless", u64), ("latest", u64), ("evicted", u64), ("pid", u64), ("node_id", Bytes16), 
+    ("began_unix_ns", u64), ("reserved", u64 * 3),
 )  # fmt: skip
 
 

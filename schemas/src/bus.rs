@@ -18,6 +18,7 @@ mod creator;
 mod leftovers;
 mod live;
 mod own_topic;
+mod position;
 mod publisher;
 mod result_columns;
 mod result_watch;
@@ -41,7 +42,7 @@ pub use result_watch::{OwnTopicsWatch, ResultWatch};
 pub use results::{ResultElement, ResultPublisher, ResultReceived, ResultSubscriber, ResultsError, Row};
 pub use room::RoomError;
 pub use root::RootError;
-pub use runs::{RunInfo, RunState, list_runs};
+pub use runs::{ConsumerInfo, RunInfo, RunState, list_runs};
 pub use services::{BusError, Topic};
 pub use shared_segment::SharedSegmentError;
 pub use wire::{

@@ -52,7 +52,7 @@ pub(crate) struct AnalysisArgs {
     #[command(flatten)]
     pub(crate) frames: FramesArgs,
     /// Draw a figure, repeatable
-    #[arg(long, value_name = "FILE.svg|.png")]
+    #[arg(long, value_name = "FILE.svg|.pdf|.png")]
     pub(crate) figure: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) look: LookArgs,

@@ -1,7 +1,7 @@
 //! Figures: how they look, and one at a time.
 
 use super::analyses::FramesArgs;
-use super::values::{BeadRange, parse_beads, parse_dpi, parse_time};
+use super::values::{BeadRange, ColourRange, parse_beads, parse_dpi, parse_range, parse_time};
 use clap::{Args, ValueEnum};
 use consumers::figure::{Options, Size};
 use std::path::PathBuf;
@@ -81,6 +81,7 @@ pub(crate) enum ColoursArg {
     beadline plot run.mcap --what velocity --at 0.05           all beads at 50 ms\n  \
     beadline plot run.mcap --what overlap --frame 12000 --beads 400..600 --out gap.svg\n  \
     beadline plot run.mcap --what displacement --from 0.04 --until 0.06 --colours linear\n  \
+    beadline plot run.mcap --what velocity --range 0.5 --out map.pdf   colours end at ±0.5 m/s\n  \
     beadline plot run.mcap --what pulses --size slide --out pulses.png\n  \
     beadline plot --what velocity --at 0.05                    the only live run, when it gets there\n\n\
     Velocity, displacement and overlap are drawn along the chain at one time (--at, --frame; recomputed where a \
@@ -106,8 +107,18 @@ pub(crate) struct PlotArgs {
     /// How the colours of a map follow the numbers [default: linear for displacements, log for the others]
     #[arg(long, value_enum)]
     pub(crate) colours: Option<ColoursArg>,
+    /// Where the colours of a map end, in m/s or m: on both sides of 0 or, as MIN..MAX, one on each [default: with the
+    /// values], so that several maps can be compared
+    #[arg(
+        long,
+        value_name = "MAX|MIN..MAX",
+        value_parser = parse_range,
+        allow_hyphen_values = true,
+        conflicts_with_all = ["at", "frame"]
+    )]
+    pub(crate) range: Option<ColourRange>,
     /// Figure to write [default: named after the source and what is drawn, as run-velocity.png]
-    #[arg(long, value_name = "FILE.svg|.png")]
+    #[arg(long, value_name = "FILE.svg|.pdf|.png")]
     pub(crate) out: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) look: LookArgs,

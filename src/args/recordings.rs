@@ -79,7 +79,10 @@ pub(crate) struct RecordArgs {
     beadline replay run.mcap --from 0.02 --until 0.03    a part of it\n  \
     beadline replay sparse.mcap --every-step             every step as a frame, recomputed\n\n\
     Frames that a sparse recording does not hold are recomputed. On a terminal: space pauses and goes on, \
-    → or . shows one more frame and pauses, + and - double and halve the rate, q quits. \
+    → or . shows one more frame and pauses, + and - double and halve the rate, q quits; [ and ] go a twentieth back \
+    and on, ← one frame back, Home to the first one. In a stream frames only ever go on, so each of these four ends \
+    the stream, for consumers as an interrupted run, and begins another. What is held up by a consumer or suspended \
+    goes on at its rate. \
     The recording of a run that was not closed ends as a failed run does. Exit code 3: it was not closed, it is \
     damaged, or a consumer was dropped."
 )]

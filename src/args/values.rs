@@ -107,6 +107,26 @@ pub(super) fn parse_beads(text: &str) -> Result<BeadRange, String> {
     })
 }
 
+/// Where colours end: below 0 or at it, and above 0 or at it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ColourRange {
+    pub(crate) from: f64,
+    pub(crate) to: f64,
+}
+
+/// `0.5` is −0.5 to 0.5; `-0.1..0.5` is as it says.
+pub(super) fn parse_range(text: &str) -> Result<ColourRange, String> {
+    let number = |text: &str| text.parse().ok().filter(|number: &f64| number.is_finite());
+    let range = match text.split_once("..") {
+        Some((from, to)) => number(from).zip(number(to)),
+        None => number(text).map(|most| (-most, most)),
+    };
+    let range = range.filter(|(from, to)| *from <= 0.0 && *to >= 0.0 && from < to);
+    range.map(|(from, to)| ColourRange { from, to }).ok_or_else(|| {
+        "expected a number above 0, or two as in -0.1..0.5 with 0, which is white, between them".to_owned()
+    })
+}
+
 pub(super) fn parse_shard(text: &str) -> Result<Shard, String> {
     let parsed = text
         .split_once('/')

@@ -170,7 +170,7 @@ fn redraw(args: &ContactsArgs, mut map: ContactsReader) -> Result<Done, Failure>
 fn summary(tolerance_m: f64, last: &ContactCounts) -> Vec<(&'static str, String)> {
     let counts = [last.compressed, last.touching, last.open].map(|number| count(number).to_string());
     vec![
-        ("tolerance", format!("{tolerance_m:.3e} m")),
+        ("tolerance", display::quantity(tolerance_m, "m")),
         ("last frame", format!("{} compressed, {} touching, {} open", counts[0], counts[1], counts[2])),
     ]
 }

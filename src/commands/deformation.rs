@@ -121,17 +121,21 @@ fn rows(deformation: &Deformation) -> Vec<(&'static str, String)> {
     };
     rows.push((
         "first pulse",
-        format!("{:.6} µm at {:.6} ms{later}", shape.overlap_m * 1e6, shape.peak_s * 1e3),
+        format!(
+            "{} at {}{later}",
+            display::quantity(shape.overlap_m, "m"),
+            display::quantity(shape.peak_s, "s")
+        ),
     ));
     let speed =
         deformation.speed_beads_per_s.map_or_else(String::new, |speed| format!(", {speed:.2} beads/s"));
     rows.push((
         "measured",
         format!(
-            "width {:.4} µs, asymmetry {:.2e}, impulse {:.6e} N s{speed}",
-            shape.width_s * 1e6,
+            "width {}, asymmetry {:.2e}, impulse {}{speed}",
+            display::quantity(shape.width_s, "s"),
             shape.asymmetry,
-            shape.impulse_n_s
+            display::quantity(shape.impulse_n_s, "N s")
         ),
     ));
     for (name, theory) in [("exact wave", &deformation.exact), ("continuum", &deformation.continuum)] {
@@ -142,9 +146,9 @@ fn rows(deformation: &Deformation) -> Vec<(&'static str, String)> {
 
 fn theory_text(theory: &Comparison) -> String {
     format!(
-        "width {:.4} µs, impulse {:.6e} N s, {:.2} beads/s; off by L1 {:.1e}, L2 {:.1e}, L∞ {:.1e}",
-        theory.width_s * 1e6,
-        theory.impulse_n_s,
+        "width {}, impulse {}, {:.2} beads/s; off by L1 {:.1e}, L2 {:.1e}, L∞ {:.1e}",
+        display::quantity(theory.width_s, "s"),
+        display::quantity(theory.impulse_n_s, "N s"),
         theory.scale.speed_beads_per_s,
         theory.l1,
         theory.l2,

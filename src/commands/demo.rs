@@ -215,7 +215,8 @@ impl Processes {
             if let Some(run) = list_runs(&bus)?.iter().find(|run| run.name == *name) {
                 let (state, time) = (run.state, seconds(run.time_s));
                 bar.set_position(run.step);
-                bar.set_message(format!("{state} · t = {time} · {} consumers", run.lossless));
+                let consumers = display::counted(run.lossless, "consumer");
+                display::tell(&bar, &[state.as_str(), &format!("t = {time}"), &consumers]);
             }
             thread::sleep(Duration::from_millis(50));
         }

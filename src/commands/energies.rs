@@ -2,7 +2,7 @@
 
 use crate::analysis::{AnalysisError, ROW_HEAD, Session, begin_row, check_bead, draw, finish, publish};
 use crate::args::EnergiesArgs;
-use crate::display::count;
+use crate::display::{self, count};
 use crate::failure::{Done, Failure};
 use crate::outputs::check_tables;
 use consumers::energies::{
@@ -92,16 +92,18 @@ fn rows(outcome: Option<&EnergyOutcome>) -> Vec<(&'static str, String)> {
         (
             "total",
             format!(
-                "{:.6e} J (kinetic {:.6e}, potential {:.6e})",
-                last.total_j, last.kinetic_j, last.potential_j
+                "{} (kinetic {}, potential {})",
+                joules(last.total_j),
+                joules(last.kinetic_j),
+                joules(last.potential_j)
             ),
         ),
-        ("left", format!("{:.6e} J", last.left_j)),
-        ("split bead", format!("{:.6e} J", last.split_j)),
-        ("right", format!("{:.6e} J", last.right_j)),
+        ("left", joules(last.left_j)),
+        ("split bead", joules(last.split_j)),
+        ("right", joules(last.right_j)),
     ];
     if last.dissipated_j != 0.0 {
-        rows.push(("dissipated", format!("{:.6e} J", last.dissipated_j)));
+        rows.push(("dissipated", joules(last.dissipated_j)));
     }
     match &outcome.reflection {
         Ok(reflection) => rows.extend(reflection_rows(reflection, outcome.split_bead)),
@@ -109,6 +111,10 @@ fn rows(outcome: Option<&EnergyOutcome>) -> Vec<(&'static str, String)> {
     }
     rows.push(("largest |ΔE/E|", format!("{:.2e}", outcome.max_abs_drift)));
     rows
+}
+
+fn joules(value: f64) -> String {
+    display::quantity(value, "J")
 }
 
 fn reflection_rows(reflection: &Reflection, split_bead: u64) -> Vec<(&'static str, String)> {
@@ -155,7 +161,7 @@ fn stationary(reflection: &Reflection, energies: &Reflected) -> String {
 }
 
 fn at(moment: Moment) -> String {
-    format!("frame {} ({:.5} ms)", count(moment.frame), moment.time_s * 1e3)
+    format!("frame {} ({})", count(moment.frame), display::quantity(moment.time_s, "s"))
 }
 
 fn json(outcome: Option<&EnergyOutcome>) -> Value {

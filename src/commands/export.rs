@@ -46,7 +46,7 @@ impl Analysis for Exporting {
         if self.refreshed.elapsed() >= Duration::from_millis(100) {
             self.refreshed = Instant::now();
             self.bar.set_position(frame.step - self.first_step);
-            self.bar.set_message(counted(self.states, "state"));
+            display::tell(&self.bar, &[&counted(self.states, "state")]);
         }
         Ok(())
     }
@@ -171,7 +171,7 @@ fn follow(frames: &mut Frames, exporting: &mut Exporting, window: Window) -> Res
 /// Does what takes long after the last state; says whether it came to its end.
 fn assemble(export: &mut dyn Export, excerpt: &Excerpt, stop: &AtomicBool) -> Result<bool, Failure> {
     let bar = display::progress_bar(1000, excerpt.manifest.provenance.name.as_str());
-    bar.set_message("putting the file together");
+    display::tell(&bar, &["putting the file together"]);
     while let Some(fraction) = export.assemble()? {
         if stop.load(Ordering::Relaxed) {
             return Ok(false);
@@ -226,7 +226,7 @@ fn report(
         }))?;
     } else {
         let physics = &manifest.physics;
-        let times = format!("{} to {} s", physics.time_s(*first), physics.time_s(*last));
+        let times = [first, last].map(|step| display::quantity(physics.time_s(*step), "s")).join(" to ");
         let names: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();
         let end_text = display::end(tally.end, args.until.filter(|_| tally.ended_as_asked));
         let rows = [

@@ -2,7 +2,7 @@
 
 use crate::analysis::{AnalysisError, ROW_HEAD, Session, begin_row, check_bead, draw, finish, publish};
 use crate::args::ImpurityArgs;
-use crate::display::counted;
+use crate::display::{self, counted};
 use crate::failure::{Done, Failure};
 use crate::outputs::check_tables;
 use consumers::energies::default_split_bead;
@@ -123,7 +123,10 @@ fn rows(beads: &[u64], events: &[Event], event_count: u64) -> Vec<(&'static str,
     let shown: Vec<_> = turns
         .iter()
         .take(8)
-        .map(|turn| format!("{:.6} mm at {:.5} ms", turn.u_m * 1e3, turn.time_s * 1e3))
+        .map(|turn| {
+            let (place, time) = (display::quantity(turn.u_m, "m"), display::quantity(turn.time_s, "s"));
+            format!("bead {} at {place}, {time}", turn.bead)
+        })
         .collect();
     let mut rows = vec![
         ("beads", listed.join(", ")),

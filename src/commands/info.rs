@@ -80,9 +80,9 @@ fn text(info: &RecordingInfo, is_being_written: bool) -> String {
         (
             "method",
             format!(
-                "{}, dt = {:e} s, {} steps, kernel {}",
+                "{}, dt = {}, {} steps, kernel {}",
                 physics.method,
-                physics.dt_s,
+                display::quantity(physics.dt_s, "s"),
                 count(physics.step_count),
                 physics.kernel_version
             ),

@@ -1,8 +1,8 @@
-//! `beadline ls`: the runs on this user's bus.
+//! `beadline ls`: the runs on this user's bus, how far they are, and who listens.
 
 use crate::display;
 use crate::failure::{Done, Failure};
-use schemas::bus::{Bus, RunInfo, list_runs};
+use schemas::bus::{Bus, ConsumerInfo, RunInfo, list_runs};
 use serde_json::json;
 
 pub(crate) fn ls(as_json: bool) -> Result<Done, Failure> {
@@ -14,34 +14,77 @@ pub(crate) fn ls(as_json: bool) -> Result<Done, Failure> {
     } else if runs.is_empty() {
         display::notice("no runs; start one with `beadline run`");
     } else {
-        display::print(table(&runs))?;
+        display::print(table(&runs, display::columns_of(std::io::stdout())))?;
     }
     Ok(Done::Whole)
 }
 
-fn table(runs: &[RunInfo]) -> String {
-    let header = ["NAME", "STATE", "STEP", "TIME", "AGE", "LOSSLESS", "LATEST", "PID", "RUN ID"];
-    let mut rows = vec![header.map(str::to_owned)];
-    rows.extend(runs.iter().map(|run| {
-        [
-            run.name.to_string(),
-            run.state.to_string(),
-            display::count(run.step).to_string(),
-            display::seconds(run.time_s),
-            display::duration(run.age),
-            run.lossless.to_string(),
-            run.latest.to_string(),
-            run.pid.to_string(),
-            run.run_id.to_string(),
-        ]
-    }));
-    let widths: Vec<usize> =
-        (0..header.len()).map(|c| rows.iter().map(|row| row[c].chars().count()).max().unwrap_or(0)).collect();
-    let line = |row: &[String; 9]| {
-        let cells: Vec<_> = row.iter().zip(&widths).map(|(cell, width)| format!("{cell:width$}")).collect();
+/// A column, and whether it is left out where the terminal is too narrow: the highest number first.
+const COLUMNS: [(&str, u32); 8] =
+    [("NAME", 0), ("STATE", 0), ("STEP", 0), ("", 0), ("TIME", 1), ("ENDS IN", 0), ("PID", 2), ("RUN ID", 3)];
+
+/// A line for each run, and below it one for each of its consumers.
+fn table(runs: &[RunInfo], columns: usize) -> String {
+    let rows: Vec<_> = runs.iter().map(cells).collect();
+    let header = COLUMNS.map(|(name, _)| name.to_owned());
+    let width = |column: usize| {
+        let cells = rows.iter().chain([&header]).map(|row| row[column].chars().count());
+        cells.max().unwrap_or(0)
+    };
+    let total = |most: u32| -> usize {
+        (0..COLUMNS.len()).filter(|column| COLUMNS[*column].1 <= most).map(|column| width(column) + 2).sum()
+    };
+    let most = (0..=3).rev().find(|most| total(*most) - 2 <= columns).unwrap_or(0);
+    let line = |row: &[String; COLUMNS.len()]| {
+        let shown = (0..COLUMNS.len()).filter(|column| COLUMNS[*column].1 <= most);
+        let cells: Vec<_> = shown.map(|column| format!("{:1$}", row[column], width(column))).collect();
         format!("{}\n", cells.join("  ").trim_end())
     };
-    rows.iter().map(line).collect()
+    let mut text = line(&header);
+    for (run, row) in runs.iter().zip(&rows) {
+        text.push_str(&line(row));
+        for consumer in &run.consumers {
+            text.push_str(&consumer_line(consumer, &run.consumers));
+        }
+    }
+    text
+}
+
+fn cells(run: &RunInfo) -> [String; COLUMNS.len()] {
+    let (step, part) = match run.step_count {
+        Some(steps) => {
+            // rounded down, so that 100 % is the end
+            let percent = 100 * u128::from(run.step) / u128::from(steps.max(1));
+            (format!("{} of {}", display::count(run.step), display::count(steps)), format!("{percent} %"))
+        }
+        None => (display::count(run.step).to_string(), String::new()),
+    };
+    [
+        run.name.to_string(),
+        run.state.to_string(),
+        step,
+        format!("{part:>5}"),
+        display::seconds(run.time_s),
+        run.ends_in.map_or_else(|| "–".to_owned(), |left| display::left(left.as_secs_f64())),
+        run.pid.to_string(),
+        run.run_id.to_string(),
+    ]
+}
+
+/// `lossless  energies  5 frames behind  (process 4711)`
+fn consumer_line(consumer: &ConsumerInfo, all: &[ConsumerInfo]) -> String {
+    let width = all.iter().map(|other| other.label.chars().count()).max().unwrap_or(0);
+    let lag = match consumer.lag_frames {
+        Some(lag) => format!("{} behind", display::counted(lag, "frame")),
+        None => "lag not told".to_owned(),
+    };
+    let missed = match consumer.missed {
+        None | Some(0) => String::new(),
+        Some(missed) => format!(", {} missed", display::count(missed)),
+    };
+    let process = consumer.pid.map_or_else(String::new, |pid| format!("  (process {pid})"));
+    let (delivery, label) = (consumer.delivery.as_str(), display::printable(&consumer.label));
+    format!("  {delivery:8}  {label:width$}  {lag}{missed}{process}\n")
 }
 
 fn to_json(run: &RunInfo) -> serde_json::Value {
@@ -58,5 +101,18 @@ fn to_json(run: &RunInfo) -> serde_json::Value {
         "latest": run.latest,
         "evicted": run.evicted,
         "pid": run.pid,
+        "step_count": run.step_count,
+        "ends_in_s": run.ends_in.map(|left| left.as_secs_f64()),
+        "consumers": run.consumers.iter().map(consumer_json).collect::<Vec<_>>(),
+    })
+}
+
+fn consumer_json(consumer: &ConsumerInfo) -> serde_json::Value {
+    json!({
+        "label": consumer.label,
+        "delivery": consumer.delivery.as_str(),
+        "pid": consumer.pid,
+        "lag_frames": consumer.lag_frames,
+        "frames_missed": consumer.missed,
     })
 }

@@ -6,7 +6,7 @@ use crate::args::{
     AnalysisArgs, ColoursArg, ContactsArgs, EnergiesArgs, FramesArgs, ImpurityArgs, PlotArgs, PulsesArgs,
     What,
 };
-use crate::display::count;
+use crate::display::{self, count};
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::{check_figures, check_places};
 use crate::source::Named;
@@ -89,6 +89,7 @@ fn check_kind(args: &PlotArgs) -> Result<(), Failure> {
         ("--frame", args.frame.is_some(), moment),
         ("--beads", args.beads.is_some(), &analysis),
         ("--colours", args.colours.is_some(), &analysis),
+        ("--range", args.range.is_some(), "these have no colours for numbers"),
     ];
     match flags.iter().find(|(_, is_given, _)| *is_given) {
         Some((flag, _, why)) => Err(anyhow!("{flag} is not for --what {what}: {why}")).bad_input(),
@@ -136,7 +137,8 @@ impl Moment {
                 let end_s = physics.time_s(physics.step_count);
                 // the duration as it was asked for may be a part of a step longer
                 if time_s > end_s + physics.dt_s {
-                    return Err(anyhow!("--at {time_s}: the run ends at {end_s} s")).bad_input();
+                    let end = display::number(end_s);
+                    return Err(anyhow!("--at {time_s}: the run ends at {end} s")).bad_input();
                 }
                 let step = physics.step_at_or_after(time_s).min(physics.step_count);
                 let frame = step.div_ceil(every);
@@ -187,8 +189,16 @@ fn profile(args: &PlotArgs, field: Field, moment: Moment, out: &PathBuf) -> Resu
     let values = field.values(&chain, &frame).skip(places.start).take(places.len());
     let extremes = extremes(values);
     let rows = vec![
-        ("time", format!("{} s (frame {}, step {})", frame.time_s, count(frame.frame), count(frame.step))),
-        ("values", format!("{:.6e} to {:.6e} {}", extremes[0], extremes[1], unit(field))),
+        (
+            "time",
+            format!(
+                "{} (frame {}, step {})",
+                display::quantity(frame.time_s, "s"),
+                count(frame.frame),
+                count(frame.step)
+            ),
+        ),
+        ("values", extent_text(field, extremes)),
     ];
     let results = json!({
         "what": name_of(args.what),
@@ -205,7 +215,7 @@ fn profile(args: &PlotArgs, field: Field, moment: Moment, out: &PathBuf) -> Resu
 /// Says why the state of `step` did not come.
 fn absent(manifest: &RunManifest, step: u64, tally: &Tally) -> Failure {
     let (frame, time_s) = (manifest.frame_at(step), manifest.physics.time_s(step));
-    let wanted = format!("frame {frame} ({time_s} s)");
+    let wanted = format!("frame {frame} ({} s)", display::number(time_s));
     if tally.ended_as_asked {
         let why = "what was received begins after it; --from-start recomputes it";
         return Failure::BadInput(anyhow!("there is no {wanted}: {why}"));
@@ -230,9 +240,10 @@ fn space_time(args: &PlotArgs, field: Field, out: &PathBuf) -> Result<Done, Fail
         Some(ColoursArg::Log) => ColourSteps::Log,
         Some(ColoursArg::Linear) => ColourSteps::Linear,
     };
-    plots::space_time(&manifest, field, &map.picture, steps)?.write(out, args.look.options())?;
+    let range = args.range.map(|range| [range.from, range.to]);
+    plots::space_time(&manifest, field, &map.picture, steps, range)?.write(out, args.look.options())?;
     let extremes = extremes(map.picture.cells().flatten().map(f64::from));
-    let rows = vec![("values", format!("{:.6e} to {:.6e} {}", extremes[0], extremes[1], unit(field)))];
+    let rows = vec![("values", extent_text(field, extremes))];
     let results = json!({
         "what": name_of(args.what),
         "least": extremes[0],
@@ -260,6 +271,11 @@ impl Analysis for Map {
     fn gap(&mut self) {
         self.picture.gap();
     }
+}
+
+fn extent_text(field: Field, extremes: [f64; 2]) -> String {
+    let [least, largest] = extremes.map(|value| display::quantity(value, unit(field)));
+    format!("{least} to {largest}")
 }
 
 fn unit(field: Field) -> &'static str {

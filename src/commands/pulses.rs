@@ -8,7 +8,9 @@ use crate::outputs::check_tables;
 use anyhow::anyhow;
 use consumers::follow::Analysis;
 use consumers::plots;
-use consumers::pulses::{Counts, Happening, Point, Pulse, Pulses, Strongest, UnderWay};
+use consumers::pulses::{
+    Birth, Counts, Fate, Happening, Obstacles, Point, Pulse, Pulses, Strongest, UnderWay,
+};
 use consumers::space_time::{Extent, Picture, singles};
 use consumers::table::Table;
 use schemas::bus::{ResultColumns, ResultPublisher, Topic};
@@ -123,9 +125,11 @@ pub(crate) fn pulses(args: &PulsesArgs) -> Result<Done, Failure> {
     if let Some(map) = map {
         draw(&args.common, || Ok(plots::pulses(&manifest, threshold_m_s, &map, &mut strongest)?))?;
     }
+    let obstacles = Obstacles::of(&manifest.physics.chain());
     let counts = pulses.counts();
     warn_of_coarse_frames(&manifest, &counts);
-    let (listed, results) = (lines(strongest.pulses()), json(threshold_m_s, &counts, strongest.pulses()));
+    let (listed, results) =
+        (lines(&obstacles, strongest.pulses()), json(threshold_m_s, &counts, strongest.pulses()));
     let mut rows = vec![
         ("pulses", format!("{} with peaks above {threshold_m_s:.3e} m/s", count(counts.pulses))),
         ("", HEADING.to_owned()),
@@ -228,12 +232,16 @@ fn warn_of_coarse_frames(manifest: &RunManifest, counts: &Counts) {
 const HEADING: &str =
     "      v_peak       speed    width   V/V_sw  asymm.  at bead  from                     to";
 
-fn lines(pulses: &[Pulse]) -> Vec<(String, String)> {
+/// The summary of each pulse. A pulse from or to an impurity is first or last seen beside it; the impurity is named.
+fn lines(obstacles: &Obstacles, pulses: &[Pulse]) -> Vec<(String, String)> {
     let number = |value: Option<f64>, decimals: usize| {
-        value.map_or("–".into(), |value| format!("{value:.decimals$}"))
+        value.map_or("–".into(), |value| display::fixed(value, decimals))
     };
     let line = |pulse: &Pulse| {
         let point = &pulse.measured.point;
+        let named = |is_impurity, bead| if is_impurity { obstacles.nearest(bead) } else { bead };
+        let from = named(pulse.birth == Birth::Impurity, pulse.birth_bead);
+        let to = named(pulse.fate == Fate::Impurity, pulse.end_bead);
         format!(
             "{:>9} m/s {:>8}/s {:>7} {:>8} {:>7} {:>8}  {:<24} {}",
             peak(point.v_peak_m_s),
@@ -242,8 +250,8 @@ fn lines(pulses: &[Pulse]) -> Vec<(String, String)> {
             number(pulse.speed_over_solitary, 5),
             number(point.shape.map(|shape| shape.asymmetry), 3),
             point.bead,
-            format!("{} {} at {:.3} ms", pulse.birth.as_str(), pulse.birth_bead, pulse.birth_time_s * 1e3),
-            format_args!("{} {} at {:.3} ms", pulse.fate.as_str(), pulse.end_bead, pulse.end_time_s * 1e3),
+            format!("{} {} at {:.3} ms", pulse.birth.as_str(), from, pulse.birth_time_s * 1e3),
+            format_args!("{} {} at {:.3} ms", pulse.fate.as_str(), to, pulse.end_time_s * 1e3),
         )
     };
     pulses.iter().take(SHOWN).map(|pulse| (format!("pulse {}", pulse.number), line(pulse))).collect()

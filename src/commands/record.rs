@@ -203,13 +203,11 @@ impl Session<'_> {
                         refreshed = Instant::now();
                         let (written_bytes, finished_parts) = self.recorder.size();
                         bar.set_position(frame.step);
-                        bar.set_message(format!(
-                            "{}, {} missed · part {} · {}",
-                            counted(self.frame_count, "frame"),
-                            count(self.missed_count),
-                            finished_parts + 1,
-                            bytes(written_bytes),
-                        ));
+                        let missed = format!("{} missed", count(self.missed_count));
+                        let (size, part) = (bytes(written_bytes).to_string(), finished_parts + 1);
+                        let said =
+                            [&counted(self.frame_count, "frame"), &missed, &size, &format!("part {part}")];
+                        display::tell(&bar, &said.map(String::as_str));
                     }
                 }
                 Received::Missed { from, to } => self.missed_count += to - from + 1,

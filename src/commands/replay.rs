@@ -1,6 +1,6 @@
 //! `beadline replay FILE`: publish a recording again.
 
-mod stage;
+mod seek;
 mod summary;
 
 use crate::args::{Pace, ReplayArgs};
@@ -9,13 +9,13 @@ use crate::failure::{BadInput, Done, Failure};
 use crate::keyboard::Keyboard;
 use crate::publishing;
 use crate::source::{Frames, Source, SourceFailure};
+use crate::stage::{Begin, Stage};
 use anyhow::{Context as _, anyhow};
-use producer::replay::{BeginError, Replay, ReplayOutcome, is_sparse, published_manifest};
+use producer::replay::{BeginError, Conductor, Replay, ReplayOutcome, is_sparse, published_manifest};
 use producer::resimulation::{Lend, check_kernel};
-use schemas::bus::PublishOptions;
-use schemas::frame::{EndReason, FrameSource, Window};
+use schemas::bus::{PublishError, PublishOptions, StatePublisher};
+use schemas::frame::{EndReason, Frame, FrameSource, Window};
 use schemas::recording::RecordingInfo;
-use stage::Stage;
 use std::num::NonZero;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -24,21 +24,29 @@ use std::time::Duration;
 use summary::Summary;
 
 pub(crate) fn replay(args: &ReplayArgs) -> Result<Done, Failure> {
-    let window = window(args)?;
+    let whole = window(args)?;
     let (keyboard, stop) = Keyboard::open()?;
     let mut summary = Summary::new(args);
+    let mut window = whole;
     loop {
         let Some(replay) = begin(args, window, &stop)? else { break };
-        if summary.loops == 0 {
+        if summary.streams == 0 {
             announce(args, &replay);
             summary.name(replay.manifest());
         }
+        let manifest = replay.manifest().clone();
+        let first_step = manifest.step_of_frame(replay.first_frame());
         let Some(outcome) = publish(args, replay, keyboard.as_ref(), &stop, &mut summary)? else { break };
-        let broken = outcome.broken.is_some();
+        let (broken, step) = (outcome.broken.is_some(), outcome.last_step.unwrap_or(first_step));
         summary.add(outcome);
-        if !args.again || broken || stop.load(Ordering::Relaxed) {
+        if broken || stop.load(Ordering::Relaxed) {
             break;
         }
+        window = match (summary.seeks.as_slice(), args.again) {
+            ([], false) => break,
+            ([], true) => whole,
+            (seeks, _) => Window { from_s: seek::target_s(args, &manifest, whole, step, seeks)?, ..whole },
+        };
     }
     // the terminal shows what is said from here on, and what is typed
     drop(keyboard);
@@ -81,8 +89,9 @@ fn begin(
         Err(BeginError::Stopped) => Ok(None),
         Err(error @ BeginError::NoFrame(_)) => {
             let range = RecordingInfo::read(&args.file).bad_input()?.time_range_s();
-            let range =
-                range.map_or("nothing".to_owned(), |(first_s, last_s)| format!("{first_s} s to {last_s} s"));
+            let range = range.map_or("nothing".to_owned(), |(first_s, last_s)| {
+                format!("{} s to {} s", display::number(first_s), display::number(last_s))
+            });
             Err(Failure::BadInput(anyhow!("{}: {error}; recorded is {range}", args.file.display())))
         }
         Err(error) => Err(error).bad_input(),
@@ -117,9 +126,13 @@ fn publish(
         stop: Arc::clone(stop),
         ..PublishOptions::default()
     };
-    let wait_for = args.wait_for.unwrap_or(usize::from(args.rate == Pace::Max));
+    let wait_for = match summary.seeks.is_empty() {
+        true => args.wait_for.unwrap_or(usize::from(args.rate == Pace::Max)),
+        // who was there has left with the stream before, and the person at the keys is still there
+        false => 0,
+    };
     let mut publisher = publishing::open(replay.manifest(), &options, wait_for)?;
-    if wait_for > 0 && args.wait_for.is_none() && summary.loops == 0 {
+    if wait_for > 0 && args.wait_for.is_none() && summary.streams == 0 {
         let name = &replay.manifest().provenance.name;
         display::notice(format_args!(
             "start an analysis, such as `beadline energies live:{name}`; `--wait-for 0` does not wait for one"
@@ -129,11 +142,19 @@ fn publish(
         publisher.finish(EndReason::Interrupted)?;
         return Ok(None);
     }
-    let mut stage = Stage::new(&replay, summary, keyboard, Arc::clone(stop));
+    let manifest = replay.manifest().clone();
+    let begin = Begin {
+        pace: summary.pace,
+        is_paused: summary.is_paused,
+        step: manifest.step_of_frame(replay.first_frame()),
+        can_seek: true,
+    };
+    let mut stage = Stage::new(&manifest, begin, keyboard, Arc::clone(stop));
+    stage.note = summary.number();
     let played = replay.play(&mut publisher, &mut stage);
     let reason = played.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
     summary.take(stage.leave(&mut publisher));
-    let counts = if args.again {
+    let counts = if args.again || !summary.seeks.is_empty() {
         // the next stream must not take the name from those that still read this one
         publisher.finish_and_wait(reason, stop, options.stuck_after)
     } else {
@@ -142,4 +163,25 @@ fn publish(
     let outcome = played?;
     summary.count(&counts?);
     Ok(Some(outcome))
+}
+
+impl Conductor<StatePublisher> for Stage<'_> {
+    fn before_frame(&mut self, frame: &Frame<'_>, publisher: &mut StatePublisher) -> ControlFlow<()> {
+        let go_on = self.hold(frame.time_s, publisher);
+        if go_on.is_continue() {
+            self.published(frame);
+            if self.is_due() {
+                self.show(publisher);
+            }
+        }
+        go_on
+    }
+
+    fn between_steps(&mut self, publisher: &mut StatePublisher) -> ControlFlow<()> {
+        Stage::between_steps(self, publisher)
+    }
+
+    fn is_stop(&self, error: &PublishError) -> bool {
+        matches!(error, PublishError::Stopped { .. })
+    }
 }

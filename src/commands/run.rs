@@ -1,16 +1,16 @@
 //! `beadline run`: simulate, publish, record.
 
-use crate::args::{Pace, RunArgs};
+use crate::args::RunArgs;
 use crate::configuration::{Configured, configure};
 use crate::display::{self, bytes, count, counted, duration, seconds};
 use crate::failure::{Done, Failure};
+use crate::keyboard::Keyboard;
 use crate::outputs::check_free;
-use crate::pace::{LONGEST_NAP, Pacer};
-use crate::publishing::{self, Dropped};
+use crate::publishing;
 use crate::resumption::{self, Resumption};
 use crate::signals;
+use crate::stage::{Begin, Left, Stage};
 use anyhow::anyhow;
-use indicatif::ProgressBar;
 use producer::run::{Conductor, RunError, RunOutcome};
 use schemas::bus::{PublishCounts, PublishError, PublishOptions, StatePublisher};
 use schemas::frame::{EndReason, Frame};
@@ -20,12 +20,7 @@ use serde_json::{Value, json};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
-use std::time::{Duration, Instant};
-
-/// How often a person needs to see progress.
-const REFRESH: Duration = Duration::from_millis(100);
+use std::time::Duration;
 
 /// A relative drift of the energy that a user should hear of.
 const LARGE_DRIFT: f64 = 1e-4;
@@ -60,7 +55,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     }
     announce(manifest, out.as_ref(), &options)?;
 
-    let stop = signals::stop_flag()?;
+    let (keyboard, stop) = Keyboard::open()?;
     let publish = PublishOptions {
         first_frame: resumption.as_ref().map_or(0, Resumption::first_frame),
         stuck_after: Duration::from_secs_f64(args.stall_timeout),
@@ -98,13 +93,16 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
              analysis reads it"
         ));
     }
-    let mut watch = Watch::new(&configured, args.pace, state.as_ref().map_or(0, |state| state.step), stop);
+    let first_step = state.as_ref().map_or(0, |state| state.step);
+    let begin = Begin { pace: args.pace, is_paused: false, step: first_step, can_seek: false };
+    let mut stage = Stage::new(manifest, begin, keyboard.as_ref(), stop);
     let result = match state {
-        Some(state) => producer::run::resume(manifest, state, &mut publisher, recorder.as_mut(), &mut watch),
-        None => producer::run::run(manifest, &mut publisher, recorder.as_mut(), &mut watch),
+        Some(state) => producer::run::resume(manifest, state, &mut publisher, recorder.as_mut(), &mut stage),
+        None => producer::run::run(manifest, &mut publisher, recorder.as_mut(), &mut stage),
     };
-    watch.bar.finish_and_clear();
-    watch.dropped.tell(&mut publisher, &watch.bar);
+    let left = stage.leave(&mut publisher);
+    // the terminal shows what is said from here on, and what is typed
+    drop(keyboard);
     let reason = result.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
     // in this order, so that whoever hears of the end finds the recording; neither is left out when the
     // other fails
@@ -122,9 +120,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         // it had the state that the run was gone on from
         old.remove()?;
     }
-    let Watch { start, first_step, dropped, .. } = watch;
-    let summary =
-        Summary { manifest, outcome, first_step, counts, dropped, recording, wall: start.elapsed() };
+    let summary = Summary { manifest, outcome, first_step, counts, left, recording };
     if args.json {
         display::print_json(&summary.json())?;
     } else {
@@ -189,110 +185,24 @@ fn announce(manifest: &RunManifest, out: Option<&PathBuf>, options: &WriteOption
     Ok(())
 }
 
-/// Progress, pacing and the request to stop.
-struct Watch {
-    bar: ProgressBar,
-    pacer: Pacer,
-    stop: Arc<AtomicBool>,
-    start: Instant,
-    refreshed: Instant,
-    /// Steps between two looks at the clock: about a tenth of a millisecond of work.
-    clock_every: u64,
-    /// Steps since the last look at the clock.
-    unclocked: u64,
-    /// The step that this begins with.
-    first_step: u64,
-    dropped: Dropped,
-}
-
-impl Watch {
-    fn new(configured: &Configured, pace: Pace, first_step: u64, stop: Arc<AtomicBool>) -> Self {
-        let physics = &configured.manifest.physics;
-        let now = Instant::now();
-        Self {
-            bar: display::progress_bar(physics.step_count, configured.manifest.provenance.name.as_str()),
-            pacer: Pacer::new(pace, physics.time_s(first_step)),
-            stop,
-            start: now,
-            refreshed: now,
-            clock_every: (100_000 / physics.beads).max(1),
-            unclocked: 0,
-            first_step,
-            dropped: Dropped::default(),
-        }
-    }
-
-    fn refresh(
-        &mut self,
-        frame: &Frame<'_>,
-        publisher: &mut StatePublisher,
-        recorder: Option<&mut RecordingWriter>,
-    ) {
-        self.dropped.tell(publisher, &self.bar);
-        let counts = publisher.counts();
-        let rate = (frame.step - self.first_step) as f64 / self.start.elapsed().as_secs_f64();
-        let recorded = recorder.map_or(String::new(), |r| format!(" · {}", bytes(r.bytes_written())));
-        self.bar.set_position(frame.step);
-        self.bar.set_message(format!(
-            "step {} · t = {} · {:.0} k steps/s · {} lossless, {} latest{recorded}",
-            count(frame.step),
-            seconds(frame.time_s),
-            rate / 1e3,
-            counts.lossless,
-            counts.latest,
-        ));
-    }
-
-    /// Whether it is time to show progress.
-    fn is_due(&mut self) -> bool {
-        self.unclocked += 1;
-        if self.unclocked < self.clock_every {
-            return false;
-        }
-        self.unclocked = 0;
-        let due = self.refreshed.elapsed() >= REFRESH;
-        if due {
-            self.refreshed = Instant::now();
-        }
-        due
-    }
-
-    fn go_on(&self) -> ControlFlow<()> {
-        if self.stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    }
-
-    /// Waits until the wall clock has caught up with the simulated time.
-    fn keep_pace(&self, frame: &Frame<'_>, publisher: &mut StatePublisher) {
-        while let Some(ahead) = self.pacer.ahead(frame.time_s)
-            && !self.stop.load(Ordering::Relaxed)
-        {
-            // a consumer that cannot be answered now is answered at the next frame
-            let _ = publisher.serve();
-            thread::sleep(ahead.min(LONGEST_NAP));
-        }
-    }
-}
-
-impl Conductor<StatePublisher, RecordingWriter> for Watch {
+impl Conductor<StatePublisher, RecordingWriter> for Stage<'_> {
     fn after_frame(
         &mut self,
         frame: &Frame<'_>,
         publisher: &mut StatePublisher,
         recorder: Option<&mut RecordingWriter>,
     ) -> ControlFlow<()> {
-        self.keep_pace(frame, publisher);
+        self.published(frame);
         if self.is_due() {
-            self.refresh(frame, publisher, recorder);
+            self.note =
+                recorder.map_or(String::new(), |recorder| bytes(recorder.bytes_written()).to_string());
+            self.show(publisher);
         }
-        self.go_on()
+        self.hold(frame.time_s, publisher)
     }
 
     fn between_steps(&mut self, publisher: &mut StatePublisher) -> ControlFlow<()> {
-        if self.is_due() {
-            // a consumer that cannot be answered now is answered at the next frame
-            let _ = publisher.serve();
-        }
-        self.go_on()
+        Stage::between_steps(self, publisher)
     }
 
     fn is_stop(&self, error: &PublishError) -> bool {
@@ -307,9 +217,8 @@ struct Summary<'a> {
     /// The step that this begins with.
     first_step: u64,
     counts: PublishCounts,
-    dropped: Dropped,
+    left: Left,
     recording: Option<Finished>,
-    wall: Duration,
 }
 
 impl Summary<'_> {
@@ -320,15 +229,22 @@ impl Summary<'_> {
 
     fn text(&self) -> String {
         let outcome = &self.outcome;
-        let steps_per_s = (outcome.last_step - self.first_step) as f64 / self.wall.as_secs_f64();
+        let busy = self.left.wall.saturating_sub(self.left.paused);
+        let steps_per_s = (outcome.last_step - self.first_step) as f64 / busy.as_secs_f64();
         let mut rows = vec![
             ("steps", format!("{} of {}", count(outcome.last_step), count(self.manifest.physics.step_count))),
             ("frames published", count(outcome.published_count).to_string()),
             ("frames recorded", count(self.recorded_count()).to_string()),
             ("energy drift ΔE/E", format!("{:.2e}", outcome.relative_drift)),
-            ("wall time", format!("{} ({:.0} k steps/s)", duration(self.wall), steps_per_s / 1e3)),
+            (
+                "wall time",
+                format!("{} ({})", duration(self.left.wall), display::per_second(steps_per_s, "steps")),
+            ),
             ("held back by consumers", duration(self.counts.held_back)),
         ];
+        if self.left.paused > Duration::ZERO {
+            rows.push(("paused", duration(self.left.paused)));
+        }
         if self.counts.evicted > 0 {
             rows.push((
                 "consumers dropped",
@@ -363,9 +279,10 @@ impl Summary<'_> {
             "frames_published": outcome.published_count,
             "frames_recorded": self.recorded_count(),
             "relative_drift": outcome.relative_drift,
-            "wall_s": self.wall.as_secs_f64(),
+            "wall_s": self.left.wall.as_secs_f64(),
+            "paused_s": self.left.paused.as_secs_f64(),
             "held_back_s": self.counts.held_back.as_secs_f64(),
-            "consumers_dropped": self.dropped.names,
+            "consumers_dropped": self.left.dropped.names,
             "recording": recording,
         })
     }

@@ -58,12 +58,11 @@ impl Progress {
         if self.total > 0.0 { (self.state().done / self.total).clamp(0.0, 1.0) } else { 1.0 }
     }
 
-    /// `12 of 31 runs · 2 min 10 s left`.
-    pub(crate) fn text(&self) -> String {
+    /// `12 of 31 runs`, and `2 min 10 s left` if that can be told.
+    pub(crate) fn parts(&self) -> [String; 2] {
         let left = time_left(self.start.elapsed(), self.part());
-        let left =
-            left.map_or(String::new(), |left| format!(" · {} left", display::left(left.as_secs_f64())));
-        format!("{} of {} runs{left}", self.state().jobs_done, self.jobs)
+        let left = left.map_or(String::new(), |left| format!("{} left", display::left(left.as_secs_f64())));
+        [format!("{} of {} runs", self.state().jobs_done, self.jobs), left]
     }
 
     /// Tenths of the work done.
@@ -120,6 +119,7 @@ mod tests {
         progress.add(50.0);
         progress.job_done();
         assert_eq!(progress.part(), 0.25);
-        assert!(progress.text().starts_with("1 of 3 runs · "), "{}", progress.text());
+        let [done, left] = progress.parts();
+        assert!(done == "1 of 3 runs" && left.ends_with(" left"), "{done}, {left}");
     }
 }

@@ -145,10 +145,11 @@ impl Shift {
             }
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 1000")]
             bar.set_position((PARTS * self.progress.part()) as u64);
-            bar.set_message(self.progress.text());
+            let [done, left] = self.progress.parts();
+            display::tell(&bar, &[&done, &left]);
             if bar.is_hidden() && self.progress.tenths() > tenths {
                 tenths = self.progress.tenths();
-                display::notice(format_args!("reproduce: {}", self.progress.text()));
+                display::notice(format_args!("reproduce: {}", display::joined(&[&done, &left])));
             }
             thread::park_timeout(REFRESH);
         }

@@ -216,7 +216,8 @@ impl<'a> Progress<'a> {
         let tenths = 10 * computed / self.shared.jobs.len().max(1) as u64;
         if self.bar.is_hidden() && tenths > self.tenths {
             self.tenths = tenths;
-            display::notice(format_args!("sweep: {}", self.text(computed)));
+            let [points, left] = self.parts(computed);
+            display::notice(format_args!("sweep: {}", display::joined(&[&points, &left])));
         }
     }
 
@@ -224,7 +225,8 @@ impl<'a> Progress<'a> {
         let (done, total) = self.work();
         self.bar.set_length(total);
         self.bar.set_position(done);
-        self.bar.set_message(self.text(computed));
+        let [points, left] = self.parts(computed);
+        display::tell(&self.bar, &[&points, &left]);
     }
 
     /// What is done, and what there is in all: points to come end as early as those before did.
@@ -244,15 +246,15 @@ impl<'a> Progress<'a> {
         (done, done.max(self.finished.saturating_add(to_come)))
     }
 
-    fn text(&self, computed: u64) -> String {
+    fn parts(&self, computed: u64) -> [String; 2] {
         let points = format!("{} of {}", count(computed), counted(self.shared.jobs.len() as u64, "point"));
         let (done, total) = self.work();
         // before the first point that ends early nobody knows how early
         let unknown = self.expected == 0 && self.shared.sweep.until() == Until::Stationary;
         if done == 0 || done == total || unknown {
-            return points;
+            return [points, String::new()];
         }
         let left = self.start.elapsed().as_secs_f64() * (total - done) as f64 / done as f64;
-        format!("{points} · {} left", display::left(left))
+        [points, format!("{} left", display::left(left))]
     }
 }

@@ -146,8 +146,46 @@ fn ls_shows_a_run_while_it_goes() {
     let text = place.run("ls").exits(0).stdout();
     assert!(text.starts_with("NAME") && text.contains("homogeneous") && text.contains("running"), "{text}");
     run.signal("TERM");
-    run.wait().exits(0);
+    run.wait();
     consumer.wait();
+}
+
+/// Who listens, how far behind they are, how far the run is and when it ends. A consumer that stands still falls behind
+/// until it holds the run back.
+#[test]
+fn ls_shows_who_listens_and_when_the_run_ends() {
+    let place = Place::new();
+    let run = place.start("run --preset homogeneous --no-record --pace 2e-4 --wait-for 2");
+    let keeps_up = place.start("energies --latest");
+    let others = [place.start("energies --no-publish"), place.start("contacts --no-publish")];
+    place.wait_for_run("homogeneous", |run| run.step > 100 && run.consumers.len() == 3);
+    others[1].signal("STOP");
+    let listed = wait_until("the one that stands still holds the run back", || {
+        let listed = place.run("ls --json").exits(0).json()[0].clone();
+        let stuck = |consumer: &&serde_json::Value| consumer["label"] == "contacts";
+        let lag = listed["consumers"].as_array().unwrap().iter().find(stuck)?["lag_frames"].as_u64()?;
+        (lag >= 60).then_some(listed)
+    });
+    let consumers = listed["consumers"].as_array().unwrap();
+    let who = |consumer: &serde_json::Value| {
+        format!("{} {}", consumer["delivery"].as_str().unwrap(), consumer["label"].as_str().unwrap())
+    };
+    let found: Vec<String> = consumers.iter().map(who).collect();
+    assert_eq!(found, ["latest energies", "lossless contacts", "lossless energies"]);
+    assert_eq!(consumers[1]["pid"], others[1].id());
+    // its queue and what it holds
+    let lag = |consumer: usize| consumers[consumer]["lag_frames"].as_u64().unwrap();
+    assert!(lag(1) <= 70 && lag(2) < 60, "{consumers:?}");
+    let (step, steps) = (listed["step"].as_f64().unwrap(), listed["step_count"].as_f64().unwrap());
+    assert!(step < steps && listed["ends_in_s"].as_f64().unwrap() > 1.0, "{listed}");
+    let text = place.run("ls").exits(0).stdout();
+    for word in ["ENDS IN", " % ", " of ", "lossless  contacts", "latest    energies", "frames behind"] {
+        assert!(text.contains(word), "`{word}` is not in\n{text}");
+    }
+    others[1].signal("CONT");
+    run.signal("TERM");
+    run.wait();
+    drop((keeps_up, others));
 }
 
 #[test]

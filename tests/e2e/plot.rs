@@ -1,6 +1,6 @@
 //! `beadline plot`: one figure at a time, from whatever holds the run.
 
-use crate::harness::Place;
+use crate::harness::{Place, python};
 use std::fs;
 use std::path::Path;
 
@@ -156,7 +156,7 @@ fn what_cannot_be_drawn_is_refused_with_what_can() {
     refuse("--what velocity --at 0.005 --frame 1", &["--frame"]);
     refuse("--what velocity --beads 100..200", &["--beads 100..200", "beads 0 to 119"]);
     refuse("--what overlap --beads 5..6", &["--beads 5..6", "between two beads"]);
-    refuse("--what velocity --out f.pdf", &["f.pdf", ".svg or .png"]);
+    refuse("--what velocity --out f.eps", &["f.eps", ".svg, .pdf or .png"]);
     refuse("--what velocity --out f.svg --dpi 600", &["--dpi", "PNG"]);
     refuse("--what velocity --dpi 9", &["36 to 2400"]);
     refuse("--what velocity --size poster", &["poster", "slide"]);
@@ -167,6 +167,52 @@ fn what_cannot_be_drawn_is_refused_with_what_can() {
     assert!(before == fs::read(place.path("small-velocity.png")).unwrap());
     place.run("plot small.mcap --what velocity --beads 5..50 --force").exits(0);
     assert!(before != fs::read(place.path("small-velocity.png")).unwrap());
+}
+
+/// A PDF holds the words of the SVG as text, in a font that goes with it, and its rasters. Another program reads it.
+#[test]
+fn a_pdf_is_the_same_figure() {
+    let place = Place::new();
+    place.run(SMALL).exits(0);
+    for what in ["velocity", "velocity --at 0.006", "energies", "contacts", "pulses"] {
+        place.run(&format!("plot small.mcap --what {what} --size page --out f.pdf --force")).exits(0);
+        place.run(&format!("plot small.mcap --what {what} --size page --out f.svg --force")).exits(0);
+        let pdf = fs::read(place.path("f.pdf")).unwrap();
+        assert!(pdf.starts_with(b"%PDF-1."), "{what}");
+        assert!(pdf.len() < 600_000, "{what}: {} bytes", pdf.len());
+        let Some(python) = python() else { continue };
+        let check = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/check_figure.py");
+        let checked = place.foreign(python.to_str().unwrap(), [check, "f.pdf", "f.svg"]).output().unwrap();
+        assert!(checked.status.success(), "{what}: {}", String::from_utf8_lossy(&checked.stderr));
+    }
+}
+
+/// Maps with the same range have the same colours for the same numbers, whatever else is on them.
+#[test]
+fn colours_end_where_they_are_told_to() {
+    let place = Place::new();
+    place.run(SMALL).exits(0);
+    let plot = |range: &str, until: &str| {
+        let words = format!("plot small.mcap --what velocity --colours linear --until {until}");
+        place.run(&format!("{words} --range {range} --out map.svg --force")).exits(0);
+        words(&place, "map.svg").join(" ").replace('\u{a0}', " ")
+    };
+    for until in ["0.004", "0.008"] {
+        let said = plot("0.5", until);
+        assert!(said.contains(" −0.4 ") && said.contains(" 0.4 "), "{said}");
+        assert!(said.contains("beyond ±0.5 m/s") && said.contains("as far as 5"), "{said}");
+    }
+    let said = plot("-0.1..0.5", "0.004");
+    assert!(said.contains("outside of −0.1 m/s to 0.5 m/s") && !said.contains(" −0.2 "), "{said}");
+    assert!(!plot("20", "0.004").contains("darkest"));
+    for (range, said) in [("0", "above 0"), ("1..2", "between them"), ("-1", "above 0"), ("x", "above 0")] {
+        place
+            .run(&format!("plot small.mcap --what velocity --range {range} --out r.svg"))
+            .exits(2)
+            .says(&[said]);
+    }
+    let refused = "plot small.mcap --what energies --range 1 --out r.svg";
+    place.run(refused).exits(2).says(&["--range is not for --what energies"]);
 }
 
 #[test]

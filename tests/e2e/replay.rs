@@ -1,15 +1,12 @@
 //! A recording that is published again is the run, as far as consumers can tell.
 
-use crate::harness::{Place, Running, skip, wait_until};
+use crate::harness::{Place, Running, wait_until};
 use schemas::bus::{AttachOptions, Delivery, LiveSource};
 use schemas::chain::Chain;
 use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
 use schemas::manifest::RunManifest;
 use schemas::recording::{RecordingSource, RecordingWriter, WriteOptions};
-use serde_json::Value;
 use std::fs;
-use std::io::Write;
-use std::process::{ChildStdin, Stdio};
 use std::time::{Duration, Instant};
 
 /// A chain small enough to be quick, with everything that the light-impurity run has.
@@ -350,112 +347,6 @@ fn memory_does_not_grow_with_the_recording() {
         large_kb < small_kb + 8192,
         "{large_kb} kB for the large recording, {small_kb} kB for the small one"
     );
-}
-
-/// A command on a terminal, with a hand on the keys.
-struct Terminal {
-    running: Running,
-    keys: ChildStdin,
-}
-
-impl Terminal {
-    fn start(place: &Place, words: &str) -> Self {
-        let script = format!("{}/tests/python/on_a_terminal.py", env!("CARGO_MANIFEST_DIR"));
-        let beadline = env!("CARGO_BIN_EXE_beadline");
-        let arguments = [script.as_str(), beadline].into_iter().chain(words.split_whitespace());
-        let mut running = Running::start_with(words, place.foreign("python3", arguments), Stdio::piped());
-        let keys = running.stdin();
-        Self { running, keys }
-    }
-
-    fn press(&mut self, keys: &str) {
-        self.keys.write_all(keys.as_bytes()).unwrap();
-    }
-
-    /// Waits for the end, and asserts the exit code and that the terminal is as it was.
-    #[track_caller]
-    fn ends(self, exit: i32) -> Value {
-        let ended = self.running.wait().exits(0);
-        let said = ended.stderr();
-        let told: Value = serde_json::from_str(said.lines().last().unwrap()).unwrap();
-        assert_eq!((&told["exit"], &told["restored"]), (&exit.into(), &true.into()), "{told:#}");
-        told
-    }
-}
-
-/// Frames never come by themselves at this rate, so that all that come were asked for.
-const BY_HAND: &str = "replay small.mcap --rate 1e-12 --wait-for 0 --json";
-
-fn has_python() -> bool {
-    let found = std::process::Command::new("python3").arg("--version").output().is_ok();
-    if !found {
-        skip("python3 is needed to have a terminal");
-    }
-    found
-}
-
-#[test]
-fn keys_pause_step_and_change_the_rate() {
-    if !has_python() {
-        return;
-    }
-    let place = Place::new();
-    place.run(SHORT).exits(0);
-    let mut terminal = Terminal::start(&place, BY_HAND);
-    for (key, frame) in [("", 0), (".", 1), ("\x1b[C", 2), (".", 3)] {
-        terminal.press(key);
-        place.wait_for_run("small", |run| run.frame == Some(frame));
-    }
-    // consumers can come while it is paused, and get what is next
-    let consumer = place.start("energies --json");
-    place.wait_for_run("small", |run| run.lossless == 1);
-    terminal.press(" ");
-    terminal.press(&"+".repeat(50));
-    let told = terminal.ends(0);
-    let consumer = consumer.wait().exits(0).json();
-    assert_eq!((&consumer["first_frame"], &consumer["end"]), (&4.into(), &"complete".into()));
-    let screen = told["screen"].as_str().unwrap();
-    for word in ["small", "paused", "space pauses", "q quits", "t = "] {
-        assert!(screen.contains(word), "`{word}` is not on the screen: {screen}");
-    }
-}
-
-#[test]
-fn the_terminal_is_given_back_on_every_way_out() {
-    if !has_python() {
-        return;
-    }
-    let place = Place::new();
-    place.run(SHORT).exits(0);
-    // q, and Ctrl-C and Ctrl-\ as the terminal turns them into signals
-    for (keys, exit) in [("q", 0), (".q", 0), ("\x03", 0), ("\x1c", -3)] {
-        let mut terminal = Terminal::start(&place, BY_HAND);
-        place.wait_for_run("small", |run| run.is_live() && run.frame == Some(0));
-        terminal.press(keys);
-        let told = terminal.ends(exit);
-        assert_eq!(told["suspended"], Value::Array(Vec::new()));
-    }
-    for (signal, exit) in [("TERM", 0), ("HUP", -1)] {
-        let terminal = Terminal::start(&place, BY_HAND);
-        let run = place.wait_for_run("small", |run| run.is_live() && run.frame == Some(0));
-        let sent =
-            std::process::Command::new("kill").args([format!("-{signal}"), run.pid.to_string()]).status();
-        assert!(sent.unwrap().success());
-        terminal.ends(exit);
-    }
-    // Ctrl-Z: the shell gets its terminal, and the replay gets it again
-    let mut terminal = Terminal::start(&place, BY_HAND);
-    place.wait_for_run("small", |run| run.is_live() && run.frame == Some(0));
-    terminal.press("\x1a");
-    place.wait_for_run("small", |run| {
-        // keys that come while it is suspended are not for it
-        terminal.press(".");
-        run.frame > Some(2)
-    });
-    terminal.press("q");
-    assert_eq!(terminal.ends(0)["suspended"], serde_json::json!([true]));
-    // an error after the terminal was taken
-    Terminal::start(&place, "replay small.mcap --from 1").ends(2);
 }
 
 /// Without a terminal there are no keys, and nothing is asked of it.

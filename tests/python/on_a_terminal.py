@@ -17,7 +17,7 @@ import sys
 import termios
 from fcntl import ioctl
 
-COLUMNS, LINES = 100, 24
+COLUMNS, LINES = int(os.environ.get("TERMINAL_COLUMNS", "100")), 24
 
 
 def main(command):

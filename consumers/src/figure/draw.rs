@@ -186,7 +186,9 @@ impl Drawing<'_> {
         let places: Vec<Option<(f64, f64)>> = places.collect();
         let mut drawn = Vec::new();
         if let Some(stroke) = ink.stroke {
-            let limit = self.curve_bytes / LINE_POINT_BYTES;
+            // on a raster of any colour a line needs a ground, which is drawn like it
+            let has_ground = self.placed.panel.raster.is_some();
+            let limit = self.curve_bytes / LINE_POINT_BYTES / (1 + usize::from(has_ground));
             let mut path = String::new();
             for piece in places.split(Option::is_none) {
                 let piece: Vec<_> = piece.iter().copied().flatten().collect();
@@ -197,6 +199,9 @@ impl Drawing<'_> {
                 drawn.push(piece);
             }
             let pen = self.look.curve_pen(ink, stroke);
+            if has_ground && !path.is_empty() {
+                self.svg.path(&path, Pen::solid(Colour::White, pen.width + 2.0 * self.look.frame));
+            }
             if !path.is_empty() {
                 self.svg.path(&path, pen);
             }
@@ -381,6 +386,19 @@ mod tests {
             let edges = [rows().next(), rows().next_back()];
             assert!(edges.into_iter().flatten().flatten().all(is_white));
         }
+    }
+
+    /// A line over a raster is seen on dark and on light cells: it lies on a white one.
+    #[test]
+    fn a_line_over_a_raster_has_a_ground() {
+        let raster = Raster::classes(1, 1, vec![0], &[("dark", Colour::Black)]).expect("fits");
+        let panel = Panel::new().raster(raster).curve(Curve::line("", [(0.0, 0.0), (1.0, 1.0)]).thin());
+        let svg = Figure::new().panel(panel).to_svg(Size::Column).expect("draws");
+        let lines: Vec<&str> = svg.lines().filter(|line| line.starts_with("<path")).collect();
+        assert_eq!(lines.len(), 2);
+        assert!(lines[0].contains("stroke=\"#ffffff\"") && !lines[1].contains("#ffffff"), "{lines:?}");
+        let outline = |line: &str| line.split('"').nth(1).map(str::to_owned);
+        assert_eq!(outline(lines[0]), outline(lines[1]));
     }
 
     #[test]

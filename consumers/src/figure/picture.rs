@@ -11,8 +11,8 @@ fn failed(reason: impl std::fmt::Display) -> FigureError {
     FigureError::Render { reason: reason.to_string() }
 }
 
-/// Renders a document of this module with the bundled font only.
-pub(super) fn png(document: &str, dpi: f64) -> Result<Vec<u8>, FigureError> {
+/// Reads a document of this module with the bundled font only.
+pub(super) fn tree(document: &str, dpi: f64) -> Result<usvg::Tree, FigureError> {
     // At most 2400, which f32 holds exactly enough.
     #[allow(clippy::cast_possible_truncation)]
     let options = usvg::Options {
@@ -21,7 +21,12 @@ pub(super) fn png(document: &str, dpi: f64) -> Result<Vec<u8>, FigureError> {
         fontdb: fonts(),
         ..usvg::Options::default()
     };
-    let tree = usvg::Tree::from_str(document, &options).map_err(failed)?;
+    usvg::Tree::from_str(document, &options).map_err(failed)
+}
+
+/// Renders a document of this module.
+pub(super) fn png(document: &str, dpi: f64) -> Result<Vec<u8>, FigureError> {
+    let tree = tree(document, dpi)?;
     let size = tree.size().to_int_size();
     let mut pixels = tiny_skia::Pixmap::new(size.width(), size.height())
         .ok_or_else(|| failed("no room for the pixels"))?;

@@ -196,6 +196,26 @@ pub(super) fn power_label(negative: bool, power: i32) -> String {
     format!("{}10{}", if negative { "−" } else { "" }, raised(power))
 }
 
+/// A unit made 10^`exponent` times as large by its prefix, if it has one of SI and its first part is not raised to a
+/// power.
+fn with_prefix(unit: &str, exponent: i32) -> Option<String> {
+    const PREFIXES: [(&str, i32); 9] =
+        [("", 0), ("f", -15), ("p", -12), ("n", -9), ("µ", -6), ("m", -3), ("k", 3), ("M", 6), ("G", 9)];
+    const UNITS: [&str; 7] = ["m", "s", "g", "N", "J", "Pa", "Hz"];
+    let length = unit.find(|character: char| !character.is_alphabetic()).unwrap_or(unit.len());
+    let (first, rest) = unit.split_at(length);
+    if rest.starts_with(['^', '²', '³', '⁻']) {
+        return None;
+    }
+    let known = |(prefix, power): &(&str, i32)| {
+        let base = first.strip_prefix(prefix).filter(|base| UNITS.contains(base))?;
+        Some((base, *power))
+    };
+    let (base, old) = PREFIXES.iter().find_map(known)?;
+    let (prefix, _) = PREFIXES.iter().find(|(_, power)| *power == old + exponent)?;
+    Some(format!("{prefix}{base}{rest}"))
+}
+
 /// An integer in superscript.
 fn raised(number: i32) -> String {
     let raise = |digit| match digit {
@@ -214,10 +234,15 @@ fn raised(number: i32) -> String {
     number.to_string().chars().map(raise).collect()
 }
 
-/// An axis label whose unit carries the factor of the numbers: `v (m/s)` becomes `v (10⁻³ m/s)`.
+/// An axis label whose unit carries the factor of the numbers, as a prefix where there is one: `v (m/s)` becomes
+/// `v (mm/s)`, `strain (%)` becomes `strain (10⁻³ %)`.
 pub(super) fn label_with_factor(label: &str, exponent: i32) -> String {
     if exponent == 0 {
         return label.to_owned();
+    }
+    let prefixed = label.strip_suffix(')').and_then(|label| label.rsplit_once('('));
+    if let Some((name, unit)) = prefixed.and_then(|(name, unit)| Some((name, with_prefix(unit, exponent)?))) {
+        return format!("{name}({unit})");
     }
     let factor = format!("10{}", raised(exponent));
     match label.rfind('(') {
@@ -264,8 +289,25 @@ mod tests {
         let ticks = Scale::new(&axis, std::iter::empty(), Room::Nothing).ticks(4);
         assert_eq!(ticks.exponent, -6);
         assert_eq!(ticks.major[2].1, "2");
-        assert_eq!(label_with_factor("u (m)", -6), "u (10⁻⁶\u{a0}m)");
+        assert_eq!(label_with_factor("u (%)", -6), "u (10⁻⁶\u{a0}%)");
         assert_eq!(label_with_factor("step", 3), "step (10³)");
+    }
+
+    #[test]
+    fn a_factor_becomes_the_prefix_of_the_unit() {
+        let cases = [
+            ("energy (mJ)", -3, "energy (µJ)"),
+            ("u (m)", -6, "u (µm)"),
+            ("v_{0} (m/s)", -3, "v_{0} (mm/s)"),
+            ("time (ms)", 3, "time (s)"),
+            ("impulse (N s)", -3, "impulse (mN s)"),
+            ("time (ms)", -15, "time (10⁻¹⁵\u{a0}ms)"),
+            ("area (m²)", -6, "area (10⁻⁶\u{a0}m²)"),
+            ("speed (beads/s)", 3, "speed (10³\u{a0}beads/s)"),
+        ];
+        for (label, exponent, expected) in cases {
+            assert_eq!(label_with_factor(label, exponent), expected);
+        }
     }
 
     #[test]

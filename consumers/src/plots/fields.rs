@@ -1,6 +1,6 @@
 //! What every bead or contact has: at one time, and over space and time.
 
-use super::{caption, length, map_panel, prefix, short, sides};
+use super::{caption, length, map_panel, prefix, rounded, short, sides};
 use crate::fields::Field;
 use crate::figure::{Axis, Colour, ColourScale, Curve, Figure, FigureError, Mark, Panel, Raster, Stroke};
 use crate::space_time::Picture;
@@ -128,7 +128,8 @@ fn mark_impurities(
     shown.iter().enumerate().fold(panel, |panel, (index, x)| panel.vertical(name(index), *x))
 }
 
-/// A quantity over space and time, as far as `picture` goes, time running down.
+/// A quantity over space and time, as far as `picture` goes, time running down. Colours end at the limits `range`
+/// (SI), which have 0 between them, or where the values suggest.
 ///
 /// # Errors
 /// When the map cannot be drawn, which is a mistake of ours.
@@ -137,16 +138,25 @@ pub fn space_time(
     field: Field,
     picture: &Picture<f32>,
     steps: ColourSteps,
+    range: Option<[f64; 2]>,
 ) -> Result<Figure, FigureError> {
-    let panel = map_of(manifest, field, picture, steps)?.height(1.35);
+    let ends = range.unwrap_or_else(|| coloured(field, picture, steps));
+    let panel = map_within(manifest, field, picture, steps, ends)?.height(1.35);
     let [least, largest] = extremes(picture);
-    let [from, to] = coloured(field, picture, steps);
-    let beyond = if (least, largest) == (from, to) {
+    let beyond = if least >= ends[0] && largest <= ends[1] {
         String::new()
     } else {
-        let farthest = if largest > -least { largest } else { least };
-        let (end, farthest) = (length(to.max(-from)), length(farthest));
-        format!("; values beyond ±{end}, as far as {farthest}, have the darkest colours")
+        let said = |value: f64| match field {
+            Field::Velocity => format!("{}\u{a0}m/s", short(rounded(value))),
+            Field::Displacement | Field::Overlap => length(value),
+        };
+        let farthest = said(if largest > -least { largest } else { least });
+        let symmetric = range.is_none_or(|[from, to]| from == -to);
+        let ends = match symmetric {
+            true => format!("beyond ±{}", said(ends[1].max(-ends[0]))),
+            false => format!("outside of {} to {}", said(ends[0]), said(ends[1])),
+        };
+        format!("; values {ends}, as far as {farthest}, have the darkest colours")
     };
     Ok(Figure::new().caption(format!("{}{beyond}", caption(manifest))).panel(panel))
 }
@@ -183,14 +193,33 @@ pub(super) fn map_of(
     picture: &Picture<f32>,
     steps: ColourSteps,
 ) -> Result<Panel, FigureError> {
-    let [low, high] = coloured(field, picture, steps);
+    map_within(manifest, field, picture, steps, coloured(field, picture, steps))
+}
+
+fn map_within(
+    manifest: &RunManifest,
+    field: Field,
+    picture: &Picture<f32>,
+    steps: ColourSteps,
+    [low, high]: [f64; 2],
+) -> Result<Panel, FigureError> {
     let (mut label, factor) = label(field, high.max(-low));
     if is_loaded(manifest, field) {
         label = label.replace("overlap", "overlap beyond rest");
     }
     #[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for a colour")]
-    let single = factor as f32;
-    let cells: Vec<Option<f32>> = picture.cells().map(|cell| cell.map(|value| value * single)).collect();
+    let [single, low_shown, high_shown] = [factor, low * factor, high * factor].map(|value| value as f32);
+    let shown = |value: f32| {
+        let value = value * single;
+        if value < low_shown {
+            low_shown
+        } else if value > high_shown {
+            high_shown
+        } else {
+            value
+        }
+    };
+    let cells: Vec<Option<f32>> = picture.cells().map(|cell| cell.map(shown)).collect();
     let mut scale = ColourScale::new(label, low * factor, high * factor);
     scale = match steps {
         ColourSteps::Linear => scale,

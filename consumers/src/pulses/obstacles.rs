@@ -35,6 +35,12 @@ impl Obstacles {
         Self { bead_count: index(m.len()), beads }
     }
 
+    /// The obstacle that is nearest to `bead`, or `bead` itself if there is none.
+    pub fn nearest(&self, bead: u64) -> u64 {
+        let distance = |obstacle: &&i64| (**obstacle - bead.cast_signed()).unsigned_abs();
+        self.beads.iter().min_by_key(distance).map_or(bead, |nearest| nearest.unsigned_abs())
+    }
+
     /// Whether a bead is one.
     pub(super) fn contains(&self, bead: i64) -> bool {
         self.beads.binary_search(&bead).is_ok()
@@ -83,6 +89,7 @@ mod tests {
         masses[50] = 0.6;
         let impurity = obstacles(masses.clone());
         assert_eq!(impurity.beads, [50]);
+        assert_eq!([48, 49, 50, 51].map(|bead| impurity.nearest(bead)), [50; 4]);
         assert!(impurity.between(50, 52) && impurity.between(51, 40) && !impurity.between(51, 99));
         assert_eq!((impurity.ahead(40, 1), impurity.ahead(50, 1)), ((10, true), (49, false)));
         assert_eq!((impurity.ahead(60, -1), impurity.ahead(50, -1)), ((10, true), (50, false)));

@@ -6,6 +6,7 @@ pub use attach::{AttachError, AttachNotice, AttachOptions};
 
 use super::backpressure::Delivery;
 use super::board::BoardReader;
+use super::position::{Position, Teller};
 use super::wire::{RunStatus, STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, StateHeader, StreamId};
 use super::{Bus, Ipc, ResultColumns, ResultElement, ResultPublisher, ResultsError, Topic};
 use crate::chain::Chain;
@@ -79,6 +80,7 @@ pub struct LiveSource {
     closing: Option<EndReason>,
     ended: Option<EndReason>,
     checked_at: Instant,
+    teller: Teller,
     stop: Arc<AtomicBool>,
 }
 
@@ -120,6 +122,7 @@ impl LiveSource {
         self.sample = None;
         self.stashed = None;
         self.ports = None;
+        self.teller = Teller::none();
         self.ended = Some(reason);
         Received::End(reason)
     }
@@ -188,6 +191,7 @@ impl LiveSource {
         }
         self.expected = frame + 1;
         self.checked_at = Instant::now();
+        self.tell(self.checked_at);
         let values = self.sample.insert(sample).payload();
         let (u_m, rest) = values.split_at(beads);
         let (v_m_s, extra) = rest.split_at(beads);
@@ -222,6 +226,17 @@ impl LiveSource {
             return self.miss(self.expected, last);
         }
         self.end(reason)
+    }
+
+    /// Tells others how far we are.
+    fn tell(&mut self, now: Instant) {
+        let Some(ports) = &self.ports else { return };
+        let (next_frame, missed, stream) = (self.expected, self.missed_count, self.stream);
+        self.teller.tell(now, || {
+            let last = ports.board.status_of(stream).and_then(|status| status.last_frame());
+            let behind = last.map_or(0, |last| (last + 1).saturating_sub(next_frame));
+            Position { next_frame, behind, missed }
+        });
     }
 
     fn wait(&self) {
@@ -265,6 +280,7 @@ impl FrameSource for LiveSource {
             }
             self.closing = self.look_for_the_end();
             if self.closing.is_none() {
+                self.tell(Instant::now());
                 self.wait();
             }
         }

@@ -7,7 +7,7 @@ use offering::Offering;
 pub use opening::PublishError;
 
 use super::backpressure::{Backpressure, ConsumerEvent, Delivery, Remedies};
-use super::board::BoardWriter;
+use super::board::{BoardWriter, unix_ns};
 use super::wire::{
     FLAG_LAST, JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, RunStatus, STATE_DONE, STATE_FAILED,
     STATE_INTERRUPTED, STATE_RUNNING, StateHeader, StreamId, fill,
@@ -397,6 +397,9 @@ impl FrameSink for StatePublisher {
         self.next_frame += 1;
         self.counts.frames += 1;
         self.since_wake += 1;
+        if self.status.began_unix_ns == 0 {
+            self.status.began_unix_ns = unix_ns();
+        }
         self.status.state = STATE_RUNNING;
         self.status.frames = self.counts.frames;
         (self.status.step, self.status.time_s) = (frame.step, frame.time_s);

@@ -148,8 +148,10 @@ pub struct RunStatus {
     pub pid: u64,
     /// The producer's iceoryx2 node, little-endian.
     pub node_id: [u8; 16],
+    /// When the first frame was published, nanoseconds since 1970-01-01 UTC; 0 before that, and if it is not known.
+    pub began_unix_ns: u64,
     /// 0.
-    pub reserved: [u64; 4],
+    pub reserved: [u64; 3],
 }
 
 /// [`RunStatus::state`]: waiting for consumers.
@@ -211,7 +213,8 @@ mod tests {
         assert_eq!(std::mem::offset_of!(StateHeader, time_s), 40);
         assert_eq!(std::mem::offset_of!(RunStatus, first_frame), 40);
         assert_eq!(std::mem::offset_of!(RunStatus, node_id), 104);
-        assert_eq!(std::mem::offset_of!(RunStatus, reserved), 120);
+        assert_eq!(std::mem::offset_of!(RunStatus, began_unix_ns), 120);
+        assert_eq!(std::mem::offset_of!(RunStatus, reserved), 128);
         assert_eq!(std::mem::offset_of!(JoinAnswer, first_frame), 24);
         assert_eq!(std::mem::offset_of!(ManifestText, json), 32);
     }

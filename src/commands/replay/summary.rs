@@ -1,10 +1,11 @@
 //! What a replay leaves behind, in numbers.
 
-use super::stage::Left;
 use crate::args::{Pace, ReplayArgs};
 use crate::display::{self, count, duration};
 use crate::failure::{Done, Failure};
+use crate::keyboard::Seek;
 use crate::source::SourceFailure;
+use crate::stage::Left;
 use producer::replay::{Broken, ReplayOutcome};
 use schemas::bus::PublishCounts;
 use schemas::frame::EndReason;
@@ -13,12 +14,17 @@ use schemas::run_name::RunName;
 use serde_json::json;
 use std::time::Duration;
 
-/// All loops of a replay.
+/// All streams of a replay.
 pub(super) struct Summary {
-    /// Times that it was published.
-    pub(super) loops: u64,
-    /// The pace for the next loop.
+    /// Streams published: one a loop, and one more after each seek.
+    pub(super) streams: u64,
+    seek_count: u64,
+    /// Where the keys lead to from the end of the last stream.
+    pub(super) seeks: Vec<Seek>,
+    /// The pace for the next stream.
     pub(super) pace: Pace,
+    /// Whether that begins with a pause.
+    pub(super) is_paused: bool,
     run: Option<(RunName, RunId)>,
     first_frame: Option<u64>,
     last_step: Option<u64>,
@@ -36,8 +42,11 @@ pub(super) struct Summary {
 impl Summary {
     pub(super) fn new(args: &ReplayArgs) -> Self {
         Self {
-            loops: 0,
+            streams: 0,
+            seek_count: 0,
+            seeks: Vec::new(),
             pace: args.rate,
+            is_paused: false,
             run: None,
             first_frame: None,
             last_step: None,
@@ -58,8 +67,20 @@ impl Summary {
         self.run = Some((manifest.provenance.name.clone(), manifest.provenance.run_id));
     }
 
+    /// Times that it was published from its beginning.
+    fn loops(&self) -> u64 {
+        self.streams - self.seek_count
+    }
+
+    /// Which loop the next stream belongs to, if there are several.
+    pub(super) fn number(&self) -> String {
+        let number = self.loops() + u64::from(self.seeks.is_empty());
+        if number > 1 { format!("loop {number}") } else { String::new() }
+    }
+
     pub(super) fn take(&mut self, left: Left) {
-        self.pace = left.pace;
+        self.seek_count += u64::from(!self.seeks.is_empty());
+        (self.pace, self.is_paused, self.seeks) = (left.pace, left.is_paused, left.seeks);
         self.dropped.extend(left.dropped.names);
         self.wall += left.wall;
         self.paused += left.paused;
@@ -71,7 +92,7 @@ impl Summary {
     }
 
     pub(super) fn add(&mut self, outcome: ReplayOutcome<SourceFailure>) {
-        self.loops += 1;
+        self.streams += 1;
         self.first_frame.get_or_insert(outcome.first_frame);
         self.last_step = outcome.last_step;
         self.published_count += outcome.published_count;
@@ -83,7 +104,7 @@ impl Summary {
     /// Prints it, and says whether anything was lost, or left out because it was `stopped`: being stopped is the only
     /// end of a loop.
     pub(super) fn report(self, args: &ReplayArgs, stopped: bool) -> Result<Done, Failure> {
-        if self.loops == 0 {
+        if self.streams == 0 {
             display::notice("stopped before the replay began");
             return Ok(Done::Lossy);
         }
@@ -113,8 +134,11 @@ impl Summary {
             ("wall time", duration(self.wall)),
             ("held back by consumers", duration(self.held_back)),
         ];
-        if self.loops > 1 {
-            rows.insert(0, ("loops", count(self.loops).to_string()));
+        if self.seek_count > 0 {
+            rows.insert(0, ("jumps", format!("{}, each to a new stream", count(self.seek_count))));
+        }
+        if self.loops() > 1 {
+            rows.insert(0, ("loops", count(self.loops()).to_string()));
         }
         if self.paused > Duration::ZERO {
             rows.push(("paused", duration(self.paused)));
@@ -133,7 +157,8 @@ impl Summary {
             "run_id": self.run.as_ref().map(|(_, id)| id),
             "path": args.file,
             "end": display::end_word(self.reason, self.ended_as_asked),
-            "loops": self.loops,
+            "loops": self.loops(),
+            "jumps": self.seek_count,
             "first_frame": self.first_frame,
             "last_step": self.last_step,
             "frames_published": self.published_count,

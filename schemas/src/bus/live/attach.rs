@@ -3,6 +3,7 @@
 use super::{LIVENESS_PERIOD, LiveSource, Ports, StateSample, StateSubscriber};
 use crate::bus::backpressure::Delivery;
 use crate::bus::board::BoardReader;
+use crate::bus::position::Teller;
 use crate::bus::runs::{RunInfo, look_at, run_names};
 use crate::bus::services::{self, Topic, check_schema, text_of};
 use crate::bus::wire::{JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, STATE_RUNNING, StreamId};
@@ -259,6 +260,7 @@ impl Search<'_> {
         let Some(joined) = handshake.run(&subscriber, &listener, &manifest)? else {
             return Ok(Attempt::NotYet);
         };
+        let teller = Teller::new(self.bus.root(), subscriber.id().value());
         Ok(Attempt::Attached(Box::new(LiveSource {
             sample: None,
             stashed: joined.first_sample,
@@ -275,6 +277,7 @@ impl Search<'_> {
             closing: None,
             ended: None,
             checked_at: Instant::now(),
+            teller,
             stop: Arc::clone(&self.options.stop),
         })))
     }

@@ -1,0 +1,137 @@
+//! Where a consumer is: told by itself in a small file, since nobody else knows what it has taken from its queue.
+
+use super::board::unix_ns;
+use std::fs::{self, File};
+use std::os::unix::fs::FileExt as _;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, SystemTime};
+
+/// How often a consumer tells.
+const TELL_PERIOD: Duration = Duration::from_millis(100);
+/// A file that was not written for so long belongs to a process that was killed.
+const STALE: Duration = Duration::from_hours(1);
+/// Longer ago a consumer is busy with a frame, and what it told is no longer all.
+const FRESH: Duration = Duration::from_millis(500);
+
+/// What a consumer tells about itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Position {
+    /// The first frame that it does not have.
+    pub(super) next_frame: u64,
+    /// Frames that were published and that it did not have, when it told.
+    pub(super) behind: u64,
+    /// Frames that it has missed.
+    pub(super) missed: u64,
+}
+
+impl Position {
+    fn to_bytes(self) -> [u8; 32] {
+        let mut bytes = [0; 32];
+        let values = [self.next_frame, self.behind, self.missed, unix_ns()];
+        for (place, value) in bytes.chunks_exact_mut(8).zip(values) {
+            place.copy_from_slice(&value.to_le_bytes());
+        }
+        bytes
+    }
+
+    /// What the consumer of the subscriber `id` has told last, with the frames that it lacks of those up to
+    /// `last_frame`; none if it tells nothing.
+    pub(super) fn read(root: &Path, id: u128, last_frame: Option<u64>) -> Option<Self> {
+        let bytes: [u8; 32] = fs::read(path(root, id)).ok()?.try_into().ok()?;
+        let mut values = bytes
+            .chunks_exact(8)
+            .map(|value| value.iter().rev().fold(0, |n, byte| n << 8 | u64::from(*byte)));
+        let (next_frame, behind, missed) = (values.next()?, values.next()?, values.next()?);
+        let told = SystemTime::UNIX_EPOCH + Duration::from_nanos(values.next()?);
+        let is_fresh = told.elapsed().is_ok_and(|age| age < FRESH);
+        let now = last_frame.map_or(0, |last| (last + 1).saturating_sub(next_frame));
+        Some(Self { next_frame, behind: if is_fresh { behind } else { now }, missed })
+    }
+}
+
+fn path(root: &Path, id: u128) -> PathBuf {
+    root.join("at").join(format!("{id:032x}"))
+}
+
+/// Tells where a consumer is; says nothing more when it is dropped.
+#[derive(Debug)]
+pub(super) struct Teller {
+    /// None if it could not be made: consumers work without it.
+    file: Option<(File, PathBuf)>,
+    told_at: Option<Instant>,
+}
+
+impl Teller {
+    pub(super) fn new(root: &Path, id: u128) -> Self {
+        let path = path(root, id);
+        let file = path.parent().and_then(|folder| {
+            fs::create_dir_all(folder).ok()?;
+            remove_stale(folder);
+            File::create(&path).ok()
+        });
+        Self { file: file.map(|file| (file, path)), ..Self::none() }
+    }
+
+    /// Tells nothing.
+    pub(super) fn none() -> Self {
+        Self { file: None, told_at: None }
+    }
+
+    /// Tells what `position` says, if it is time to.
+    pub(super) fn tell(&mut self, now: Instant, position: impl FnOnce() -> Position) {
+        let Some((file, _)) = &self.file else { return };
+        if self.told_at.is_none_or(|at| now.duration_since(at) >= TELL_PERIOD) {
+            self.told_at = Some(now);
+            // nobody depends on it
+            let _ = file.write_all_at(&position().to_bytes(), 0);
+        }
+    }
+}
+
+impl Drop for Teller {
+    fn drop(&mut self) {
+        if let Some((_, path)) = &self.file {
+            let _ = fs::remove_file(path);
+        }
+    }
+}
+
+/// Removes what consumers that were killed have left.
+fn remove_stale(folder: &Path) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let written = entry.metadata().and_then(|found| found.modified());
+        if written.is_ok_and(|at| at.elapsed().is_ok_and(|age| age > STALE)) {
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_told_is_read_until_the_consumer_leaves() {
+        let root = tempfile::tempdir().expect("a folder");
+        let (id, now) = (7_u128 << 64, Instant::now());
+        let position = Position { next_frame: 12, behind: 3, missed: 1 };
+        let mut teller = Teller::new(root.path(), id);
+        teller.tell(now, || position);
+        teller.tell(now, || unreachable!("it has just told"));
+        assert_eq!(Position::read(root.path(), id, None), Some(position));
+        assert_eq!(Position::read(root.path(), 8, None), None);
+        drop(teller);
+        assert_eq!(Position::read(root.path(), id, None), None);
+    }
+
+    #[test]
+    fn who_tells_nothing_for_a_while_lacks_what_came_since() {
+        let root = tempfile::tempdir().expect("a folder");
+        let teller = Teller::new(root.path(), 1);
+        let mut bytes = Position { next_frame: 12, behind: 3, missed: 0 }.to_bytes();
+        bytes[24..].fill(0);
+        fs::write(path(root.path(), 1), bytes).expect("writes");
+        assert_eq!(Position::read(root.path(), 1, Some(111)).map(|told| told.behind), Some(100));
+        drop(teller);
+    }
+}
