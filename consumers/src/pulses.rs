@@ -12,15 +12,19 @@
 //!
 //! [`Probes`] look at chosen beads only.
 
+mod control;
 mod crest;
 mod edges;
 mod obstacles;
 mod probes;
+mod sight;
 mod strongest;
 mod surroundings;
+mod texture;
 mod track;
 mod tracker;
 
+pub use control::Unfollowed;
 pub use obstacles::Obstacles;
 pub use probes::{Passage, Probes};
 pub use strongest::{Path, Strongest};

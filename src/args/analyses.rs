@@ -47,7 +47,7 @@ pub(crate) struct FramesArgs {
 }
 
 /// What every analysis takes.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(crate) struct AnalysisArgs {
     #[command(flatten)]
     pub(crate) frames: FramesArgs,
@@ -153,9 +153,12 @@ pub(crate) struct DeformationArgs {
     beadline pulses run.mcap --out pulses.csv --positions tracks.csv\n  \
     beadline pulses run.mcap --threshold 0.01            only those above a hundredth of v0\n\n\
     A pulse passes a bead when |v| of the bead has a maximum in time while both of its contacts are \
-    pressed; it counts once it has passed 5 beads, and ends where it meets an impurity or an end. Peaks \
-    are good to 1e-4 if 8 frames fall into the time that a pulse takes to pass; a warning says when \
-    frames are too far apart. V/V_sw is the speed over that of the exact solitary wave of the same \
+    pressed; it counts once it has passed 5 beads, and ends where it meets an impurity or an end. Where \
+    light and heavy beads alternate, the maximum is that of the mean velocity around. How many weak \
+    pulses there are depends on the threshold: the count says how many would be found at twice of it. \
+    Peaks are good to 1e-4 if 8 frames fall into the time that a pulse takes to pass; the steps of a \
+    recording with fewer are recomputed. What moved along the chain and is in no pulse is told, and the \
+    exit code is 3 then. V/V_sw is the speed over that of the exact solitary wave of the same \
     peak velocity: 1 for a pulse that no longer changes. asymmetry = (rear − front)/(rear + front) of \
     the half widths. `--json` and the tables have more: momentum, energy, width over that of the wave."
 )]

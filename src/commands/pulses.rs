@@ -1,25 +1,31 @@
 //! `beadline pulses`.
 
 use crate::analysis::{AnalysisError, Session, draw, finish, publish};
-use crate::args::PulsesArgs;
+use crate::args::{AnalysisArgs, PulsesArgs};
 use crate::display::{self, count, counted};
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::check_tables;
+use crate::source::Named;
 use anyhow::anyhow;
 use consumers::follow::Analysis;
 use consumers::plots;
 use consumers::pulses::{
-    Birth, Counts, Fate, Happening, Obstacles, Point, Pulse, Pulses, Strongest, UnderWay,
+    Birth, Counts, Fate, Happening, Obstacles, Point, Pulse, Pulses, Strongest, UnderWay, Unfollowed,
 };
 use consumers::space_time::{Extent, Picture, singles};
 use consumers::table::Table;
 use schemas::bus::{ResultColumns, ResultPublisher, Topic};
-use schemas::frame::Frame;
+use schemas::frame::{Frame, FrameSource};
 use schemas::manifest::RunManifest;
+use schemas::recording::RecordingSource;
 use serde_json::{Value, json};
 
 /// Pulses shown in the summary.
 const SHOWN: usize = 12;
+
+/// Disturbances without a pulse that are told of, on the screen and in JSON.
+const TOLD: usize = 3;
+const MOST_IN_JSON: usize = 100;
 
 /// Pulses in a published row, and numbers for each.
 const PUBLISHED: usize = 16;
@@ -97,7 +103,8 @@ pub(crate) fn pulses(args: &PulsesArgs) -> Result<Done, Failure> {
     if !(args.threshold > 0.0 && args.threshold.is_finite()) {
         return Err(anyhow!("--threshold {}: expected a number above 0", args.threshold)).bad_input();
     }
-    let mut session = Session::open(&args.common, "pulses", &tables)?;
+    let common = with_enough_steps(&args.common)?;
+    let mut session = Session::open(&common, "pulses", &tables)?;
     let manifest = session.manifest().clone();
     let threshold_m_s = args.threshold * Pulses::velocity_scale_m_s(&manifest);
     let drawn = !args.common.figure.is_empty();
@@ -126,16 +133,48 @@ pub(crate) fn pulses(args: &PulsesArgs) -> Result<Done, Failure> {
         draw(&args.common, || Ok(plots::pulses(&manifest, threshold_m_s, &map, &mut strongest)?))?;
     }
     let obstacles = Obstacles::of(&manifest.physics.chain());
-    let counts = pulses.counts();
-    warn_of_coarse_frames(&manifest, &counts);
-    let (listed, results) =
-        (lines(&obstacles, strongest.pulses()), json(threshold_m_s, &counts, strongest.pulses()));
-    let mut rows = vec![
-        ("pulses", format!("{} with peaks above {threshold_m_s:.3e} m/s", count(counts.pulses))),
-        ("", HEADING.to_owned()),
-    ];
+    let is_whole = warn(&manifest, &pulses);
+    let results = json(threshold_m_s, &pulses, strongest.pulses());
+    let listed = lines(&obstacles, strongest.pulses());
+    let mut rows =
+        vec![("pulses", counts_text(&pulses.counts(), threshold_m_s)), ("", HEADING.to_owned())];
     rows.extend(listed.iter().map(|(name, line)| (name.as_str(), line.clone())));
-    session.report(&tally, "pulses", rows, results)
+    let done = session.report(&tally, "pulses", rows, results)?;
+    Ok(if is_whole { done } else { Done::Lossy })
+}
+
+/// The arguments, with every step where a recording has too few for the fastest pulses.
+fn with_enough_steps(args: &AnalysisArgs) -> Result<AnalysisArgs, Failure> {
+    let mut args = args.clone();
+    let Named::File(path) = Named::parse(&args.frames.source)? else { return Ok(args) };
+    if args.frames.every_step {
+        return Ok(args);
+    }
+    let source = RecordingSource::open(&path).bad_input()?;
+    let manifest = source.manifest();
+    let interval = manifest.provenance.record_every_steps;
+    if is_coarse(manifest, interval) {
+        display::notice(format_args!(
+            "the recording has every {interval}th step, too few to follow pulses; the steps between are recomputed"
+        ));
+        args.frames.every_step = true;
+    }
+    Ok(args)
+}
+
+/// Whether frames so many steps apart show the fastest pulses too coarsely.
+fn is_coarse(manifest: &RunManifest, interval_steps: u64) -> bool {
+    Pulses::longest_fine_interval_steps(manifest).is_some_and(|needed| interval_steps > needed)
+}
+
+/// How many pulses there are, and how many of them whatever the threshold.
+fn counts_text(counts: &Counts, threshold_m_s: f64) -> String {
+    let all = format!("{} with peaks above {threshold_m_s:.3e} m/s", count(counts.pulses));
+    if counts.clear_pulses == counts.pulses {
+        return all;
+    }
+    let (clear, beads) = (count(counts.clear_pulses), Pulses::CLEAR_TRACK);
+    format!("{all}; {clear} above twice that over {beads} beads, the others depend on the threshold")
 }
 
 impl Tables {
@@ -212,21 +251,41 @@ fn published_row(row: &mut Vec<f64>, under_way: impl Iterator<Item = UnderWay>) 
     row.resize(PUBLISHED * PUBLISHED_COLUMNS.len(), f64::NAN);
 }
 
-fn warn_of_coarse_frames(manifest: &RunManifest, counts: &Counts) {
-    let needed = Pulses::longest_fine_interval_steps(manifest);
-    let coarse = needed.is_some_and(|needed| counts.longest_interval_steps > needed);
+/// Says what could not be followed; whether that is nothing.
+fn warn(manifest: &RunManifest, pulses: &Pulses) -> bool {
+    let counts = pulses.counts();
+    let coarse = is_coarse(manifest, counts.longest_interval_steps);
+    let unresolved = Pulses::longest_interval_steps(manifest)
+        .is_some_and(|longest| counts.longest_interval_steps > longest);
     if coarse {
         display::notice(format_args!(
             "frames are {} steps apart: peaks of fast pulses are off by more than 1e-4, and pulses may be missed; \
-             every {} steps are enough",
+             every {} steps are enough, and --every-step recomputes them",
             counts.longest_interval_steps,
-            needed.unwrap_or(1),
+            Pulses::longest_fine_interval_steps(manifest).unwrap_or(1),
         ));
     }
     if counts.unresolved_crests > 0 {
         let unresolved = counted(counts.unresolved_crests, "crest");
         display::notice(format_args!("left out {unresolved} that fell between frames"));
     }
+    for disturbance in pulses.unfollowed().iter().take(TOLD) {
+        display::notice(unfollowed_text(disturbance));
+    }
+    if let Some(more) = counts.unfollowed.checked_sub(TOLD as u64 + 1) {
+        display::notice(format_args!("so did {} more", count(more + 1)));
+    }
+    !unresolved && counts.unresolved_crests == 0 && counts.unfollowed == 0
+}
+
+fn unfollowed_text(disturbance: &Unfollowed) -> String {
+    let Unfollowed { beads: [from, to], times_s: [since_s, until_s], v_peak_m_s } = disturbance;
+    format!(
+        "a disturbance of {} m/s passed beads {from} to {to} from {:.3} to {:.3} ms, and no pulse follows it",
+        peak(*v_peak_m_s),
+        since_s * 1e3,
+        until_s * 1e3
+    )
 }
 
 const HEADING: &str =
@@ -262,7 +321,15 @@ fn peak(v_m_s: f64) -> String {
     if v_m_s.abs() < 1e-2 { format!("{v_m_s:.2e}") } else { format!("{v_m_s:.6}") }
 }
 
-fn json(threshold_m_s: f64, counts: &Counts, pulses: &[Pulse]) -> Value {
+fn json(threshold_m_s: f64, found: &Pulses, pulses: &[Pulse]) -> Value {
+    let counts = found.counts();
+    let unfollowed = |disturbance: &Unfollowed| {
+        json!({
+            "beads": disturbance.beads,
+            "times_s": disturbance.times_s,
+            "v_peak_m_s": disturbance.v_peak_m_s,
+        })
+    };
     let pulse = |pulse: &Pulse| {
         let (measured, point) = (&pulse.measured, &pulse.measured.point);
         json!({
@@ -287,8 +354,11 @@ fn json(threshold_m_s: f64, counts: &Counts, pulses: &[Pulse]) -> Value {
     json!({
         "threshold_m_s": threshold_m_s,
         "pulse_count": counts.pulses,
+        "clear_pulse_count": counts.clear_pulses,
         "coarse_crest_count": counts.coarse_crests,
         "unresolved_crest_count": counts.unresolved_crests,
+        "unfollowed_count": counts.unfollowed,
+        "unfollowed": found.unfollowed().iter().take(MOST_IN_JSON).map(unfollowed).collect::<Vec<_>>(),
         "pulses": pulses.iter().map(pulse).collect::<Vec<_>>(),
     })
 }

@@ -7,7 +7,7 @@ use consumers::table::{Cell, Column, Kind};
 use producer::sweep::{ParameterKind, ParameterValue, Point, Sweep};
 
 /// The columns of the results, with units.
-const RESULTS: [(&str, Kind); 43] = [
+const RESULTS: [(&str, Kind); 44] = [
     ("end", Kind::Word),
     ("steps", Kind::Integer),
     ("time_s", Kind::Double),
@@ -48,6 +48,7 @@ const RESULTS: [(&str, Kind); 43] = [
     ("backward_energy_j", Kind::Double),
     ("coarse_crests", Kind::Integer),
     ("unresolved_crests", Kind::Integer),
+    ("unfollowed", Kind::Integer),
     ("relative_drift", Kind::Double),
     ("max_abs_relative_drift", Kind::Double),
     ("front_bead", Kind::Integer),
@@ -144,6 +145,7 @@ impl Results {
         self.integer("pulses", counts.pulses);
         self.integer("coarse_crests", counts.coarse_crests);
         self.integer("unresolved_crests", counts.unresolved_crests);
+        self.integer("unfollowed", counts.unfollowed);
         for Leading { direction, count, strongest } in leading {
             let way = direction.as_str();
             self.integer(&format!("{way}_pulses"), *count);

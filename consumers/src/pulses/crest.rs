@@ -1,5 +1,7 @@
 //! Crests: maxima of |v| of a bead over time.
 
+use std::ops::Range;
+
 /// Frames kept: a crest is looked for in the middle one, and interpolated through all.
 pub(super) const DEPTH: usize = 5;
 
@@ -13,9 +15,11 @@ pub(super) const ENOUGH_FRAMES: f64 = 8.0;
 /// Full width at half maximum of a Gaussian, in σ.
 const GAUSSIAN_FWHM: f64 = 2.354_820_045_030_949;
 
-/// The velocities of the last [`DEPTH`] frames.
+/// The velocities of some beads, or means of them, in the last [`DEPTH`] frames.
 #[derive(Debug, Clone)]
 pub(super) struct History {
+    /// The first of the beads; beads are named by their numbers in the chain.
+    first: usize,
     beads: usize,
     /// A ring of [`DEPTH`] frames.
     v_m_s: Vec<f64>,
@@ -36,11 +40,17 @@ pub(super) struct Crest {
 }
 
 impl History {
-    pub(super) fn new(beads: usize) -> Self {
-        Self { beads, v_m_s: vec![0.0; DEPTH * beads], times_s: [0.0; DEPTH], filled: 0, newest: 0 }
+    pub(super) fn new(beads: Range<usize>) -> Self {
+        let (first, beads) = (beads.start, beads.len());
+        Self { first, beads, v_m_s: vec![0.0; DEPTH * beads], times_s: [0.0; DEPTH], filled: 0, newest: 0 }
     }
 
-    /// Takes the next frame.
+    /// The beads.
+    pub(super) fn range(&self) -> Range<usize> {
+        self.first..self.first + self.beads
+    }
+
+    /// Takes the next frame: the velocities (m/s) of the beads.
     pub(super) fn push(&mut self, time_s: f64, v_m_s: &[f64]) {
         self.newest = (self.newest + 1) % DEPTH;
         self.filled = DEPTH.min(self.filled + 1);
@@ -64,6 +74,12 @@ impl History {
         self.times_s[self.slot(back)]
     }
 
+    /// Velocity (m/s) of `bead` in the frame `back` frames before the newest; none if it is not one of the beads.
+    pub(super) fn at(&self, back: usize, bead: i64) -> Option<f64> {
+        let index = usize::try_from(bead).ok()?.checked_sub(self.first)?;
+        self.v_m_s(back).get(index).copied()
+    }
+
     /// Velocities (m/s) in the frame `back` frames before the newest.
     pub(super) fn v_m_s(&self, back: usize) -> &[f64] {
         let start = self.slot(back) * self.beads;
@@ -74,8 +90,7 @@ impl History {
         (self.newest + DEPTH - back) % DEPTH
     }
 
-    /// Puts into `beads` those between the ends that have, in the middle frame, a maximum of |v| above
-    /// `threshold_m_s`.
+    /// Puts into `beads` those that have, in the middle frame, a maximum of |v| above `threshold_m_s`.
     pub(super) fn candidates(&self, threshold_m_s: f64, beads: &mut Vec<usize>) {
         const BLOCK: usize = 16;
         beads.clear();
@@ -91,10 +106,15 @@ impl History {
             let crests = before.iter().zip(at).zip(after);
             if crests.clone().fold(false, |any, crest| any | is_crest(crest)) {
                 let hits = crests.enumerate().filter(|(_, crest)| is_crest(*crest));
-                beads.extend(hits.map(|(offset, _)| block * BLOCK + offset));
+                beads.extend(hits.map(|(offset, _)| self.first + block * BLOCK + offset));
             }
         }
-        beads.retain(|bead| (1..self.beads - 1).contains(bead));
+    }
+
+    /// Whether |v| of `bead` has a minimum in the middle frame, or v another sign than in the frame before.
+    pub(super) fn is_least(&self, bead: usize) -> bool {
+        let [before, at, after] = [3, 2, 1].map(|back| self.v_m_s(back)[bead - self.first]);
+        at * before <= 0.0 || (at.abs() < before.abs() && at.abs() <= after.abs())
     }
 
     /// The crest at `bead` in the middle frame.
@@ -102,7 +122,7 @@ impl History {
         let middle_s = self.time_s(2);
         let unit_s = self.time_s(1) - middle_s;
         let x: [f64; DEPTH] = std::array::from_fn(|i| (self.time_s(DEPTH - 1 - i) - middle_s) / unit_s);
-        let y: [f64; DEPTH] = std::array::from_fn(|i| self.v_m_s(DEPTH - 1 - i)[bead]);
+        let y: [f64; DEPTH] = std::array::from_fn(|i| self.v_m_s(DEPTH - 1 - i)[bead - self.first]);
         let quartic = polynomial(x, y);
         let at = extremum(quartic, x[1], x[3]);
         let v_m_s = value(&quartic, at);
@@ -116,8 +136,9 @@ impl History {
 
     /// When `bead` passed `level_m_s` (of velocity times `sign`) between the two frames before the middle one and
     /// the middle one; none if it did not.
-    pub(super) fn crossing_s(&self, bead: usize, sign: f64, level_m_s: f64) -> Option<f64> {
-        let y: [f64; 4] = std::array::from_fn(|i| sign * self.v_m_s(4 - i)[bead] - level_m_s);
+    pub(super) fn crossing_s(&self, bead: i64, sign: f64, level_m_s: f64) -> Option<f64> {
+        self.at(0, bead)?;
+        let y: [f64; 4] = std::array::from_fn(|i| sign * self.at(4 - i, bead).unwrap_or(0.0) - level_m_s);
         if (y[1] < 0.0) == (y[2] < 0.0) {
             return None;
         }
@@ -179,7 +200,7 @@ mod tests {
 
     /// Frames of one bead between two at rest, at uneven times.
     fn history(times_s: [f64; DEPTH], v: impl Fn(f64) -> f64) -> History {
-        let mut history = History::new(3);
+        let mut history = History::new(0..3);
         for t in times_s {
             history.push(t, &[0.0, v(t), 0.0]);
         }

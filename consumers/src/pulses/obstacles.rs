@@ -6,6 +6,10 @@ use schemas::chain::Chain;
 /// 1e-5 of its energy.
 const SAME: f64 = 0.01;
 
+/// The chain is even where so many beads are alike, or as many as there are: a few of a disordered chain are so by
+/// chance.
+const EVEN: usize = 6;
+
 /// Beads where a pulse ends and others begin.
 ///
 /// An obstacle is a bead whose mass differs from that of a neighbour behind which the chain goes on evenly: an
@@ -23,10 +27,10 @@ impl Obstacles {
     pub fn of(chain: &Chain) -> Self {
         let m = &chain.mass_kg;
         let same = |a: usize, b: usize| (m[a] - m[b]).abs() <= SAME * m[a];
+        let left = |bead: usize| (0..bead).rev().take(EVEN);
+        let right = |bead: usize| (bead + 1..m.len()).take(EVEN);
         let is_obstacle = |bead: usize| {
-            let left = bead >= 2 && !same(bead - 1, bead) && same(bead - 2, bead - 1);
-            let right = bead + 2 < m.len() && !same(bead + 1, bead) && same(bead + 2, bead + 1);
-            left || right
+            ends_at(bead, left(bead), right(bead), &same) || ends_at(bead, right(bead), left(bead), &same)
         };
         let mut beads: Vec<i64> = (0..m.len()).filter(|bead| is_obstacle(*bead)).map(index).collect();
         if beads.len() * 10 > m.len() {
@@ -66,6 +70,18 @@ impl Obstacles {
     }
 }
 
+/// Whether `bead` differs from the two `ahead`, which are alike, and the chain is even ahead or `behind`.
+fn ends_at(
+    bead: usize,
+    mut ahead: impl Iterator<Item = usize>,
+    mut behind: impl Iterator<Item = usize>,
+    same: &impl Fn(usize, usize) -> bool,
+) -> bool {
+    let (Some(next), Some(second)) = (ahead.next(), ahead.next()) else { return false };
+    let mut even_ahead = || ahead.all(|other| same(next, other));
+    !same(next, bead) && same(next, second) && (even_ahead() || behind.all(|other| same(bead, other)))
+}
+
 /// Bead numbers are at most 2e7.
 fn index(bead: usize) -> i64 {
     i64::try_from(bead).unwrap_or(i64::MAX)
@@ -101,6 +117,8 @@ mod tests {
         assert_eq!(obstacles(striker.collect()).beads, [0]);
         let dimers = (0..100).map(|bead| if bead % 2 == 0 { 1.0 } else { 2.0 });
         assert_eq!(obstacles(dimers.collect()).beads, [0; 0]);
+        let chance = |bead: u32| [1.0, 1.0, 1.0, 1.4, 0.8, 0.8, 1.2, 1.1, 0.9, 0.9, 0.9, 1.3][bead as usize % 12];
+        assert_eq!(obstacles((0..100).map(chance).collect()).beads, [0; 0], "alike by chance");
         let tapered = (0..100).map(|bead| 0.95_f64.powi(bead));
         assert_eq!(obstacles(tapered.collect()).beads, [0; 0]);
     }

@@ -1,7 +1,11 @@
 //! Pulses that pass a bead: when, how fast the bead then moves, and how fast the pulse travels.
 
+use super::surroundings::Surroundings;
+use super::track::REACH;
+use super::{Happening, Pulses};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
+use std::sync::Arc;
 
 /// A pulse that has passed a probe bead.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,126 +22,67 @@ pub struct Passage {
 
 impl Passage {
     /// The speed is measured between the beads this far before and behind the probe.
-    pub const BASELINE: u64 = 5;
+    pub const BASELINE: u64 = Pulses::REACH;
 }
 
-/// Watches pulses pass some probe beads of one run.
+/// Watches pulses pass some probe beads of one run: those that [`Pulses`] finds among the beads around each.
 #[derive(Debug, Clone)]
 pub struct Probes {
     probes: Vec<Probe>,
+    passages: Vec<Passage>,
 }
 
 #[derive(Debug, Clone)]
 struct Probe {
     bead: u64,
-    /// The probe and the beads [`Passage::BASELINE`] before and behind it.
-    gauges: [Gauge; 3],
+    pulses: Pulses,
 }
 
-/// Peaks of |v| at one bead.
-#[derive(Debug, Clone)]
-struct Gauge {
-    bead: usize,
-    threshold_m_s: f64,
-    /// The two frames before: time (s) and velocity (m/s).
-    before: [Option<(f64, f64)>; 2],
-    /// Peaks: time (s) and velocity (m/s).
-    peaks: Vec<(f64, f64)>,
-}
+/// Beads on either side of a probe: a pulse is one, and has a speed, when it comes to the probe and when it has left.
+const AROUND: usize = 2 * REACH;
 
 impl Probes {
-    /// Probes at `beads` of `manifest`'s run, each at least [`Passage::BASELINE`] beads from the ends. A
-    /// maximum of |v| counts as a pulse if it is above a thousandth of the striker's speed.
+    /// Probes at `beads` of `manifest`'s run, each at least [`Passage::BASELINE`] beads from the ends. Pulses count
+    /// whose peaks are above a thousandth of the striker's speed.
     pub fn new(manifest: &RunManifest, beads: &[u64]) -> Self {
-        let threshold_m_s = 1e-3 * manifest.physics.striker.velocity_m_s.abs();
-        let last = manifest.physics.beads - 1;
-        let gauge = |bead: u64| Gauge {
-            bead: usize::try_from(bead.min(last)).unwrap_or(usize::MAX),
-            threshold_m_s,
-            before: [None; 2],
-            peaks: Vec::new(),
+        let threshold_m_s = Pulses::DEFAULT_THRESHOLD * Pulses::velocity_scale_m_s(manifest);
+        let around = Arc::new(Surroundings::of(manifest));
+        let count = around.chain.bead_count();
+        let probe = |bead: &u64| {
+            let at = usize::try_from(*bead).unwrap_or(usize::MAX).min(count - 1);
+            let beads = at.saturating_sub(AROUND)..(at + AROUND + 1).min(count);
+            let striker = manifest.physics.striker.bead;
+            Probe { bead: *bead, pulses: Pulses::among(Arc::clone(&around), striker, threshold_m_s, beads) }
         };
-        let probe = |bead: &u64| Probe {
-            bead: *bead,
-            gauges: [
-                gauge(bead.saturating_sub(Passage::BASELINE)),
-                gauge(*bead),
-                gauge(bead + Passage::BASELINE),
-            ],
-        };
-        Self { probes: beads.iter().map(probe).collect() }
+        Self { probes: beads.iter().map(probe).collect(), passages: Vec::new() }
     }
 
     /// Looks at the next frame.
     pub fn observe(&mut self, frame: &Frame<'_>) {
-        let gauges = self.probes.iter_mut().flat_map(|probe| &mut probe.gauges);
-        gauges.for_each(|gauge| gauge.push(frame.time_s, frame.v_m_s[gauge.bead]));
+        for Probe { bead, pulses } in &mut self.probes {
+            let passed = pulses.observe(frame).iter().filter_map(|happening| passage(happening, *bead));
+            self.passages.extend(passed);
+        }
     }
 
     /// Forgets the frames before: no peak is interpolated across a gap.
     pub fn gap(&mut self) {
-        let gauges = self.probes.iter_mut().flat_map(|probe| &mut probe.gauges);
-        gauges.for_each(|gauge| gauge.before = [None; 2]);
+        self.probes.iter_mut().for_each(|probe| probe.pulses.gap());
     }
 
-    /// The pulses that have passed all three gauges of each probe, in the order of arrival.
+    /// The pulses that have passed each probe and left it behind, in the order of arrival.
     pub fn passages(&self) -> Vec<Passage> {
-        let mut passages: Vec<_> = self.probes.iter().flat_map(Probe::passages).collect();
+        let mut passages = self.passages.clone();
         passages.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         passages
     }
 }
 
-impl Probe {
-    fn passages(&self) -> Vec<Passage> {
-        let [before, at, behind] = &self.gauges;
-        let mut passages = Vec::new();
-        for forward in [true, false] {
-            let of = |gauge: &Gauge| -> Vec<(f64, f64)> {
-                gauge.peaks.iter().copied().filter(|(_, v)| (*v > 0.0) == forward).collect()
-            };
-            // the n-th pulse of a direction at one gauge is the n-th at the others, because pulses
-            // of one direction never overtake within a few beads
-            let (before, at, behind) = (of(before), of(at), of(behind));
-            for ((start, peak), end) in before.iter().zip(&at).zip(&behind) {
-                let beads = (self.gauges[2].bead - self.gauges[0].bead) as f64;
-                passages.push(Passage {
-                    bead: self.bead,
-                    time_s: peak.0,
-                    v_peak_m_s: peak.1,
-                    speed_beads_per_s: beads / (end.0 - start.0).abs(),
-                });
-            }
-        }
-        passages
-    }
-}
-
-impl Gauge {
-    fn push(&mut self, time_s: f64, v_m_s: f64) {
-        if let [Some(first), Some(middle)] = self.before {
-            let rises = middle.1.abs() > first.1.abs() && middle.1.abs() >= v_m_s.abs();
-            if rises && middle.1.abs() > self.threshold_m_s {
-                self.peaks.push(peak(first, middle, (time_s, v_m_s)));
-            }
-        }
-        self.before = [self.before[1], Some((time_s, v_m_s))];
-    }
-}
-
-/// The extremum of the parabola through three points `(t, v)`.
-fn peak(first: (f64, f64), middle: (f64, f64), last: (f64, f64)) -> (f64, f64) {
-    let (left, right) = (middle.0 - first.0, last.0 - middle.0);
-    let rise = (middle.1 - first.1) / left;
-    let fall = (last.1 - middle.1) / right;
-    let curvature = (fall - rise) / (left + right);
-    if curvature == 0.0 {
-        return middle;
-    }
-    // v(t) = v_m + slope·(t − t_m) + curvature·(t − t_m)²
-    let slope = rise + curvature * left;
-    let shift = -slope / (2.0 * curvature);
-    (middle.0 + shift, middle.1 + 0.5 * slope * shift)
+/// A pulse that passes `bead`, if that is what happened.
+fn passage(happening: &Happening, bead: u64) -> Option<Passage> {
+    let Happening::Passed(point) = happening else { return None };
+    let speed_beads_per_s = point.speed_beads_per_s.filter(|_| point.bead == bead)?;
+    Some(Passage { bead, time_s: point.time_s, v_peak_m_s: point.v_peak_m_s, speed_beads_per_s })
 }
 
 #[cfg(test)]
@@ -145,13 +90,6 @@ mod tests {
     use super::*;
     use schemas::manifest::Origin;
     use schemas::presets::PRESETS;
-
-    #[test]
-    fn a_parabola_is_found_exactly() {
-        let v = |t: f64| 3.0 - 2.0 * (t - 0.7) * (t - 0.7);
-        let (t, v_peak) = peak((0.0, v(0.0)), (0.5, v(0.5)), (1.25, v(1.25)));
-        assert!((t - 0.7).abs() < 1e-15 && (v_peak - 3.0).abs() < 1e-15);
-    }
 
     /// A bump of fixed shape that moves at 1000 beads/s to the left passes bead 50.
     #[test]
@@ -169,13 +107,13 @@ mod tests {
                     -2.0 * (-x * x).exp()
                 })
                 .collect();
-            let u_m = vec![0.0; 100];
+            let u_m: Vec<f64> = (0..100_u32).map(|bead| -1e-6 * f64::from(bead)).collect();
             let step = u64::from(step);
             probes.observe(&Frame { frame: step, step, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &[] });
         }
         let passages = probes.passages();
         let [passage] = passages[..] else { panic!("{passages:?}") };
-        // steps of a 50th of the width: the parabola is off by (1/50)⁴/…, far below 1e-6
+        // steps of a 50th of the width: the quartic is off by far less than 1e-6
         assert!((passage.v_peak_m_s + 2.0).abs() < 1e-6 && (passage.time_s - 0.04).abs() < 1e-8);
         assert!((passage.speed_beads_per_s - 1000.0).abs() < 1e-3);
     }

@@ -1,6 +1,8 @@
 //! The chain that pulses travel in, and what it says about them.
 
 use super::Obstacles;
+use super::crest::History;
+use super::texture::Texture;
 use super::track::{Measured, REACH, Track};
 use crate::theory::{Coefficients, SolitaryWave, Strength};
 use schemas::chain::Chain;
@@ -12,6 +14,8 @@ use schemas::manifest::RunManifest;
 pub(super) struct Surroundings {
     pub(super) chain: Chain,
     pub(super) obstacles: Obstacles,
+    /// How beads differ, in a chain that is not even.
+    pub(super) texture: Option<Texture>,
     /// Nothing pulls in a chain that is not loaded: its pulses move the way their beads do.
     pub(super) loaded: bool,
     pub(super) reach: Reach,
@@ -38,11 +42,40 @@ impl Surroundings {
         let wave = SolitaryWave::new(manifest.physics.alpha).ok().map(|wave| wave.coefficients());
         Self {
             obstacles: Obstacles::of(&chain),
+            texture: Texture::of(&chain),
             loaded: chain.is_loaded(),
             reach: Reach::of(wave.as_ref()),
             wave,
             chain,
         }
+    }
+
+    /// Whether several beads are looked at together at `bead`.
+    pub(super) fn is_uneven(&self, bead: usize) -> bool {
+        self.texture.as_ref().is_some_and(|texture| texture.is_uneven(bead))
+    }
+
+    /// Whether `bead` is not a light one among heavy ones.
+    pub(super) fn carries(&self, bead: usize) -> bool {
+        self.texture.as_ref().is_none_or(|texture| texture.carries(bead))
+    }
+
+    /// Whether `bead` is pressed from both sides. Beads that are not alike are not all pressed at a time.
+    pub(super) fn is_pressed(&self, frame: &Frame<'_>, bead: usize) -> bool {
+        let pressed = |contact: usize| self.chain.overlap_m(frame.u_m, contact) > 0.0;
+        let inner = bead > 0 && bead + 1 < self.chain.bead_count();
+        match &self.texture {
+            Some(texture) if texture.is_uneven(bead) => inner && texture.contacts(bead).any(pressed),
+            _ => inner && pressed(bead - 1) && pressed(bead),
+        }
+    }
+
+    /// Beads for which a pulse at `bead` may be out of sight. Tracks through the many weak waves behind a pulse in an
+    /// uneven chain would jump from one to another.
+    pub(super) fn coast(&self, bead: i64) -> i64 {
+        const AMONG_OTHERS: i64 = 4;
+        let uneven = self.is_uneven(usize::try_from(bead).unwrap_or_default());
+        if uneven { AMONG_OTHERS } else { self.reach.coast }
     }
 
     /// Whether a pulse at `bead` has a free way: no obstacle, no end and no gap between beads near.
@@ -55,6 +88,10 @@ impl Surroundings {
         if self.obstacles.ahead(bead, ahead).0 < self.reach.free {
             return false;
         }
+        if self.is_uneven(usize::try_from(bead).unwrap_or_default()) {
+            // there are gaps in every pulse
+            return true;
+        }
         let widest_m = DELAY * v_m_s.abs() / speed;
         let far = bead + ahead * self.reach.free;
         let contacts = if ahead > 0 { bead..far } else { far..bead };
@@ -65,19 +102,23 @@ impl Surroundings {
     /// Three times as long (s) as a solitary wave of this peak velocity takes for a bead; a pulse on a load is
     /// faster.
     pub(super) fn longest_step_s(&self, bead: i64, v_m_s: f64) -> f64 {
-        let bead = usize::try_from(bead).unwrap_or_default();
-        let (mass_kg, stiffness) = (self.chain.mass_kg[bead], self.chain.stiffness[bead]);
+        let bead = usize::try_from(bead).unwrap_or_default().min(self.chain.stiffness.len() - 1);
+        let (mass_kg, stiffness) = match &self.texture {
+            Some(texture) => texture.mass_and_stiffness(bead),
+            None => (self.chain.mass_kg[bead], self.chain.stiffness[bead]),
+        };
         // C_V is between 0.78 and 1 for any exponent; α = 1 has no solitary wave, but this speed
         let power = 1.0 / (self.chain.law.alpha() + 1.0);
         let grows = v_m_s.abs().powf((self.chain.law.alpha() - 1.0) * power);
         3.0 / (0.78 * (stiffness / mass_kg).powf(power) * grows)
     }
 
-    /// Momentum (kg·m/s) and energy (J) of the hump around `bead`, from one minimum of the velocity to the next.
-    pub(super) fn hump(&self, frame: &Frame<'_>, bead: i64, sign: f64) -> (f64, f64) {
+    /// Momentum (kg·m/s) and energy (J) of the hump around `bead`, from one minimum of the velocity in `history` to the
+    /// next.
+    pub(super) fn hump(&self, history: &History, frame: &Frame<'_>, bead: i64, sign: f64) -> (f64, f64) {
         /// Where |v| has sunk to this part of the peak the pulse is over.
         const FADED: f64 = 1e-6;
-        let height = |bead: usize| sign * frame.v_m_s[bead];
+        let height = |bead: usize| history.at(0, signed(bead as u64)).map_or(0.0, |v| sign * v);
         let last = self.chain.bead_count() - 1;
         let mut top = usize::try_from(bead).unwrap_or_default();
         while top < last && height(top + 1) > height(top) {
@@ -130,6 +171,11 @@ impl Reach {
             coast: 4 + nearest(3.0 * width),
         }
     }
+}
+
+/// Bead numbers are at most 2e7.
+pub(super) fn signed(bead: u64) -> i64 {
+    i64::try_from(bead).unwrap_or(i64::MAX)
 }
 
 /// Beads, rounded.

@@ -54,12 +54,19 @@ pub struct Measured {
 pub(super) struct Passed {
     pub(super) bead: i64,
     pub(super) time_s: f64,
+    /// Velocity (m/s) of the crest that is followed.
+    pub(super) crest_m_s: f64,
+    /// Velocity (m/s) of the bead itself.
     pub(super) v_peak_m_s: f64,
     pub(super) shape: Option<Shape>,
     pub(super) momentum_kg_m_s: f64,
     pub(super) energy_j: f64,
     /// Nothing is near that would disturb the pulse.
     pub(super) free: bool,
+    /// The bead is not a light one among heavy ones.
+    pub(super) carries: bool,
+    /// The crest is twice as high as the threshold, or higher.
+    pub(super) clear: bool,
 }
 
 /// A crest that is followed; a pulse once it has a number.
@@ -74,8 +81,11 @@ pub(super) struct Track {
     pub(super) birth: Birth,
     pub(super) first: Passed,
     pub(super) bead_count: u64,
+    /// How many of the beads it would pass if the threshold were higher.
+    pub(super) clear_bead_count: u64,
     pub(super) edges: Option<Edges>,
-    pub(super) measured: Option<Measured>,
+    /// What it was like where that could be seen best, and whether that was at a bead that carries it.
+    pub(super) measured: Option<(Measured, bool)>,
     /// Frames were missing since the last bead.
     pub(super) gap: bool,
     /// The last beads passed.
@@ -88,11 +98,12 @@ impl Track {
     pub(super) fn new(first: Passed, ahead: i64, birth: Birth) -> Self {
         let mut track = Self {
             number: 0,
-            sign: first.v_peak_m_s.signum(),
+            sign: first.crest_m_s.signum(),
             ahead,
             birth,
             first,
             bead_count: 0,
+            clear_bead_count: 0,
             edges: None,
             measured: None,
             gap: false,
@@ -119,10 +130,24 @@ impl Track {
         }
         self.recent.push_back(passed);
         self.bead_count += 1;
+        self.clear_bead_count += u64::from(passed.clear);
         self.pending += 1;
         self.gap = false;
         if self.recent.len() > 2 * REACH + 1 {
             self.recent.pop_front();
+        }
+    }
+
+    /// `bead` moves with `v_m_s` while `around_m_s` is what is followed there: faster than before in the same crest?
+    pub(super) fn rattle(&mut self, bead: i64, v_m_s: f64, around_m_s: f64) {
+        /// Where what is followed has sunk to this part of its crest the pulse has passed.
+        const PASSED: f64 = 0.5;
+        let passed = self.recent.iter_mut().rev().take(self.pending).find(|passed| passed.bead == bead);
+        if let Some(passed) = passed
+            && around_m_s * self.sign > PASSED * passed.crest_m_s.abs()
+            && v_m_s * self.sign > passed.v_peak_m_s.abs()
+        {
+            passed.v_peak_m_s = v_m_s;
         }
     }
 
@@ -197,8 +222,10 @@ impl Track {
             undisturbed: seen && behind.free,
         };
         // the later the better: pulses settle and come apart as they go
-        let worth =
-            |m: &Measured| (m.undisturbed, m.point.speed_beads_per_s.is_some(), m.point.shape.is_some());
+        let worth = |(m, carries): &(Measured, bool)| {
+            (*carries, m.undisturbed, m.point.speed_beads_per_s.is_some(), m.point.shape.is_some())
+        };
+        let measured = (measured, passed.carries);
         if self.measured.is_none_or(|best| worth(&measured) >= worth(&best)) {
             self.measured = Some(measured);
         }

@@ -1,25 +1,32 @@
 //! Crests become tracks, tracks become pulses.
 
-use super::crest::{Crest, ENOUGH_FRAMES, FEWEST_FRAMES, History};
+use super::control::{Control, Unfollowed};
+use super::crest::{Crest, ENOUGH_FRAMES, FEWEST_FRAMES};
 use super::edges::Edges;
-use super::surroundings::{Surroundings, nearest};
+use super::sight::Sight;
+use super::surroundings::{Surroundings, nearest, signed};
 use super::track::{Passed, Point, REACH, Shape, Track};
 use super::{Birth, Fate, Pulse};
 use crate::theory::{SolitaryWave, Strength};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
+use std::ops::Range;
+use std::sync::Arc;
 
 /// Finds the pulses in the frames of one run, and follows them.
 #[derive(Debug, Clone)]
 pub struct Pulses {
-    around: Surroundings,
+    around: Arc<Surroundings>,
     threshold_m_s: f64,
     striker: i64,
-    history: History,
-    candidates: Vec<usize>,
-    crests: Vec<(i64, Crest)>,
+    sight: Sight,
+    crests: Vec<(usize, Crest)>,
+    own_crests: Vec<(usize, Crest)>,
     tracks: Vec<Track>,
     happenings: Vec<Happening>,
+    /// None where only a part of the chain is looked at.
+    control: Option<Control>,
+    unfollowed: Vec<Unfollowed>,
     counts: Counts,
     last_step: Option<u64>,
     /// When the frames began, or began again (s), and whether the chain had moved before.
@@ -55,6 +62,11 @@ pub struct UnderWay {
 pub struct Counts {
     /// Pulses found.
     pub pulses: u64,
+    /// How many of those that have ended are clear: also found if the threshold were twice as high, and over
+    /// [`Pulses::CLEAR_TRACK`] beads. Whether the others are counted depends on the threshold.
+    pub clear_pulses: u64,
+    /// Disturbances that no pulse follows, known at the end: [`Pulses::unfollowed`].
+    pub unfollowed: u64,
     /// Crests seen in so few frames that their peaks are off by more than 1e-4.
     pub coarse_crests: u64,
     /// Crests seen in too few frames to be told from anything else; they were left out.
@@ -66,6 +78,8 @@ pub struct Counts {
 impl Pulses {
     /// Beads that a crest has to pass, one after the other, to count as a pulse.
     pub const SHORTEST_TRACK: u64 = 5;
+    /// Beads that a clear pulse passes.
+    pub const CLEAR_TRACK: u64 = 2 * Self::SHORTEST_TRACK;
     /// The speed at a bead is measured between those this far before and behind it.
     pub const REACH: u64 = REACH as u64;
     /// The threshold unless another is asked for, relative to [`Pulses::velocity_scale_m_s`].
@@ -73,16 +87,31 @@ impl Pulses {
 
     /// Looks for pulses in `manifest`'s run whose beads move faster than `threshold_m_s` (m/s).
     pub fn new(manifest: &RunManifest, threshold_m_s: f64) -> Self {
-        let around = Surroundings::of(manifest);
+        let around = Arc::new(Surroundings::of(manifest));
+        let bead_count = around.chain.bead_count();
+        let control = Control::new(bead_count, threshold_m_s);
+        let striker = manifest.physics.striker.bead;
+        Self { control: Some(control), ..Self::among(around, striker, threshold_m_s, 0..bead_count) }
+    }
+
+    /// The same for the pulses among some beads, with nothing to control them.
+    pub(super) fn among(
+        around: Arc<Surroundings>,
+        striker: u64,
+        threshold_m_s: f64,
+        beads: Range<usize>,
+    ) -> Self {
         Self {
             threshold_m_s,
-            striker: signed(manifest.physics.striker.bead),
-            history: History::new(around.chain.bead_count()),
+            striker: signed(striker),
+            sight: Sight::new(&around, beads),
             around,
-            candidates: Vec::new(),
             crests: Vec::new(),
+            own_crests: Vec::new(),
             tracks: Vec::new(),
             happenings: Vec::new(),
+            control: None,
+            unfollowed: Vec::new(),
             counts: Counts::default(),
             last_step: None,
             resumed: None,
@@ -97,14 +126,23 @@ impl Pulses {
     /// How many steps apart frames may be to show a pulse of [`Pulses::velocity_scale_m_s`] to 1e-4: eight in
     /// the time that it takes to pass, by its full width at half maximum. None where there is no solitary wave.
     pub fn longest_fine_interval_steps(manifest: &RunManifest) -> Option<u64> {
+        Self::interval_steps(manifest, ENOUGH_FRAMES)
+    }
+
+    /// How many steps apart frames may be to show that pulse at all: three in that time.
+    pub fn longest_interval_steps(manifest: &RunManifest) -> Option<u64> {
+        Self::interval_steps(manifest, FEWEST_FRAMES)
+    }
+
+    fn interval_steps(manifest: &RunManifest, frames: f64) -> Option<u64> {
         let physics = &manifest.physics;
         let wave = SolitaryWave::new(physics.alpha).ok()?.coefficients();
         let strength = Strength::PeakVelocity { m_s: Self::velocity_scale_m_s(manifest) };
         let scale = wave.scaled(physics.bead_mass_kg, physics.stiffness, strength).ok()?;
         let passing_s = wave.velocity_fwhm_beads / scale.speed_beads_per_s;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
-        let steps = (passing_s / (ENOUGH_FRAMES * physics.dt_s)) as u64;
-        Some(if steps == 0 { 1 } else { steps })
+        let steps = (passing_s / (frames * physics.dt_s)) as u64;
+        Some(steps.max(1))
     }
 
     /// Looks at the next frame.
@@ -116,28 +154,36 @@ impl Pulses {
             *longest = interval.max(*longest);
         }
         self.resumed.get_or_insert((frame.time_s, frame.step > 0));
-        self.history.push(frame.time_s, frame.v_m_s);
-        if self.history.is_full() {
+        self.sight.push(&self.around, frame);
+        if let Some(control) = &mut self.control {
+            control.observe(&self.around, frame, self.sight.history.v_m_s(0));
+        }
+        if self.sight.history.is_full() {
+            self.hear_rattles();
             self.find_crests(frame);
             for track in &mut self.tracks {
                 let head = track.head().bead;
                 if let Some(edges) = &mut track.edges {
-                    edges.advance(&self.history, head);
+                    edges.advance(&self.sight.history, head);
                 }
             }
             for i in 0..self.crests.len() {
                 let (bead, crest) = self.crests[i];
-                self.follow(frame, bead, &crest);
+                self.follow(frame, signed(bead as u64), &crest);
             }
             self.close(false);
         }
+        self.explain();
         &self.happenings
     }
 
     /// Frames are missing: no crest is interpolated across the gap. Pulses are taken up again where they would
     /// be, if it was short.
     pub fn gap(&mut self) {
-        self.history.clear();
+        self.sight.clear();
+        if let Some(control) = &mut self.control {
+            control.gap();
+        }
         self.last_step = None;
         self.resumed = None;
         for track in &mut self.tracks {
@@ -151,7 +197,27 @@ impl Pulses {
         self.happenings.clear();
         self.tracks.sort_by_key(|track| track.number);
         self.close(true);
+        self.explain();
+        if let Some(control) = &mut self.control {
+            self.unfollowed = control.unfollowed(&self.around);
+            self.counts.unfollowed = self.unfollowed.len() as u64;
+        }
         &self.happenings
+    }
+
+    /// What passed along the chain and is in no pulse, the strongest first; known at the end.
+    pub fn unfollowed(&self) -> &[Unfollowed] {
+        &self.unfollowed
+    }
+
+    /// Tells the control what pulses have passed.
+    fn explain(&mut self) {
+        let Some(control) = &mut self.control else { return };
+        for happening in &self.happenings {
+            if let Happening::Passed(point) = happening {
+                control.explain(point, self.around.longest_step_s(signed(point.bead), point.v_peak_m_s));
+            }
+        }
     }
 
     /// The pulses under way at `time_s`, the time of the last frame, in no order.
@@ -170,26 +236,26 @@ impl Pulses {
         self.counts
     }
 
+    /// What single beads do while a pulse passes them that is followed by the mean of several.
+    fn hear_rattles(&mut self) {
+        self.sight.own_crests(&self.around, self.threshold_m_s, &mut self.own_crests);
+        for (bead, crest) in &self.own_crests {
+            let bead = signed(*bead as u64);
+            let around_m_s = self.sight.history.at(2, bead).unwrap_or_default();
+            self.tracks.iter_mut().for_each(|track| track.rattle(bead, crest.v_m_s, around_m_s));
+        }
+    }
+
     /// The crests in the middle frame of the history, in the order of their times.
     fn find_crests(&mut self, frame: &Frame<'_>) {
-        self.history.candidates(self.threshold_m_s, &mut self.candidates);
-        self.crests.clear();
-        for bead in &self.candidates {
-            let number = signed(*bead as u64);
-            // a bead at its fastest is pushed from both sides alike; one that nothing touches is no pulse
-            let pressed = |contact| self.around.chain.overlap_m(frame.u_m, contact) > 0.0;
-            if self.around.obstacles.contains(number) || !pressed(*bead - 1) || !pressed(*bead) {
-                continue;
-            }
-            let crest = self.history.crest(*bead);
-            self.counts.coarse_crests += u64::from(crest.frames < ENOUGH_FRAMES);
-            if crest.frames < FEWEST_FRAMES {
-                self.counts.unresolved_crests += 1;
-                continue;
-            }
-            self.crests.push((number, crest));
-        }
-        self.crests.sort_by(|(_, a), (_, b)| a.time_s.total_cmp(&b.time_s));
+        let Self { around, sight, crests, counts, .. } = self;
+        sight.crests(around, frame, self.threshold_m_s, crests);
+        crests.retain(|(_, crest)| {
+            counts.coarse_crests += u64::from(crest.frames < ENOUGH_FRAMES);
+            counts.unresolved_crests += u64::from(crest.frames < FEWEST_FRAMES);
+            crest.frames >= FEWEST_FRAMES
+        });
+        crests.sort_by(|(_, a), (_, b)| a.time_s.total_cmp(&b.time_s));
     }
 
     /// Adds a crest to the track that it fits best, or begins one.
@@ -205,14 +271,12 @@ impl Pulses {
         let fits = self.tracks.iter().enumerate().filter_map(|(i, track)| {
             let same = track.sign == crest.v_m_s.signum();
             let free = same && !self.around.obstacles.between(track.head().bead, bead);
-            let fit = || track.fit_beads((bead, crest.time_s), self.around.reach.coast, longest_s);
+            let fit = || track.fit_beads((bead, crest.time_s), self.around.coast(bead), longest_s);
             free.then(fit).flatten().map(|fit| (i, fit))
         });
         let best = fits.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(i, _)| i);
-        let (momentum_kg_m_s, energy_j) = self.around.hump(frame, bead, crest.v_m_s.signum());
-        let (time_s, v_peak_m_s) = (crest.time_s, crest.v_m_s);
-        let mut passed =
-            Passed { bead, time_s, v_peak_m_s, shape: None, momentum_kg_m_s, energy_j, free: false };
+        let (time_s, crest_m_s) = (crest.time_s, crest.v_m_s);
+        let mut passed = self.passed(frame, bead, crest);
         let Some(i) = best else {
             let birth = self.birth(bead, crest);
             self.tracks.push(Track::new(passed, ahead, birth));
@@ -220,7 +284,8 @@ impl Pulses {
         };
         let several = self.encloses_another(i, time_s);
         passed.shape = if several { None } else { self.shape(i, bead, time_s) };
-        passed.free = self.around.is_free(frame, &self.tracks[i], bead, v_peak_m_s);
+        passed.free = self.around.is_free(frame, &self.tracks[i], bead, crest_m_s);
+        let uneven = self.around.is_uneven(usize::try_from(bead).unwrap_or_default());
         let track = &mut self.tracks[i];
         track.pass(passed);
         if track.number == 0 && track.bead_count >= Self::SHORTEST_TRACK {
@@ -230,12 +295,31 @@ impl Pulses {
         if track.number > 0 {
             let way = (track.sign, track.ahead);
             match &mut track.edges {
-                Some(edges) => edges.renew(&self.history, bead, v_peak_m_s, several),
-                none => *none = Some(Edges::around(&self.history, bead, way, 0.5 * v_peak_m_s.abs())),
+                Some(edges) => edges.renew(&self.sight.history, bead, crest_m_s, (several, uneven)),
+                none => *none = Some(Edges::around(&self.sight.history, bead, way, 0.5 * crest_m_s.abs())),
             }
             while let Some(point) = track.next_point(false) {
                 self.happenings.push(Happening::Passed(point));
             }
+        }
+    }
+
+    /// A crest passes `bead`.
+    fn passed(&self, frame: &Frame<'_>, bead: i64, crest: &Crest) -> Passed {
+        let (momentum_kg_m_s, energy_j) =
+            self.around.hump(&self.sight.history, frame, bead, crest.v_m_s.signum());
+        let number = usize::try_from(bead).unwrap_or_default();
+        Passed {
+            bead,
+            time_s: crest.time_s,
+            crest_m_s: crest.v_m_s,
+            v_peak_m_s: self.sight.own_velocity_m_s(&self.around, number, crest),
+            shape: None,
+            momentum_kg_m_s,
+            energy_j,
+            free: false,
+            carries: self.around.carries(number),
+            clear: crest.v_m_s.abs() >= 2.0 * self.threshold_m_s,
         }
     }
 
@@ -278,7 +362,7 @@ impl Pulses {
 
     /// Ends the tracks that have not gone on for too long; with `all` every one.
     fn close(&mut self, all: bool) {
-        let now_s = self.history.time_s(2);
+        let now_s = self.sight.history.time_s(2);
         let mut i = 0;
         while i < self.tracks.len() {
             if all || self.is_lost(&self.tracks[i], now_s) {
@@ -296,7 +380,7 @@ impl Pulses {
         let head = track.head();
         let since_s = now_s - head.time_s;
         match track.speed_beads_per_s() {
-            None => since_s > self.around.longest_step_s(head.bead, head.v_peak_m_s),
+            None => since_s > self.around.longest_step_s(head.bead, head.crest_m_s),
             Some(speed) if track.number == 0 => since_s * speed > 3.0,
             Some(speed) => since_s * speed > 1.5 * self.around.reach.coast as f64 + 1.0,
         }
@@ -307,7 +391,8 @@ impl Pulses {
         while let Some(point) = track.next_point(true) {
             self.happenings.push(Happening::Passed(point));
         }
-        let Some(measured) = track.measured else { return };
+        let Some((measured, _)) = track.measured else { return };
+        self.counts.clear_pulses += u64::from(track.clear_bead_count >= Self::CLEAR_TRACK);
         let (speed_over_solitary, fwhm_over_solitary) = self.around.beside_theory(&measured);
         self.happenings.push(Happening::Ended(Pulse {
             number: track.number,
@@ -344,9 +429,4 @@ impl Pulses {
             _ => Fate::Faded,
         }
     }
-}
-
-/// Bead numbers are at most 2e7.
-fn signed(bead: u64) -> i64 {
-    i64::try_from(bead).unwrap_or(i64::MAX)
 }

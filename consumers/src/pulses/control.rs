@@ -1,0 +1,189 @@
+//! What passed along the chain and is in no track.
+//!
+//! The tracker can be wrong about a chain that nobody thought of. This looks at each bead alone, and remembers when
+//! its speed rose most since a pulse passed it last. Beads in a row whose rises no pulse explains, one after the other
+//! in time, are a disturbance that was not followed.
+
+use super::Direction;
+use super::surroundings::{Surroundings, signed};
+use super::track::Point;
+use schemas::frame::Frame;
+
+/// Steps between the frames that are looked at: there are five or more while a pulse passes.
+const EVERY_STEPS: u64 = 8;
+
+/// A rise matters that is this part of the largest speed of its bead.
+const MATTERS: f64 = 0.1;
+
+/// And this many times the threshold: weaker ones may fall below it on their way.
+const ABOVE_THRESHOLD: f64 = 2.0;
+
+/// Beads in a row that a disturbance has passed: twice as many as the shortest track.
+const SHORTEST: usize = 10;
+
+/// Something that passed along the chain, and that no pulse follows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Unfollowed {
+    /// The beads that it passed, in the order in which it did.
+    pub beads: [u64; 2],
+    /// When it passed the first and the last of them (s).
+    pub times_s: [f64; 2],
+    /// The largest velocity of those beads then (m/s).
+    pub v_peak_m_s: f64,
+}
+
+/// Remembers the rises that no pulse explains.
+#[derive(Debug, Clone)]
+pub(super) struct Control {
+    threshold_m_s: f64,
+    due_step: u64,
+    /// When the frame was that was looked at last (s).
+    seen_s: f64,
+    beads: Vec<Bead>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Bead {
+    /// The smallest speed (m/s) since a pulse passed.
+    low_m_s: f64,
+    /// The largest of all.
+    largest_m_s: f64,
+    /// The largest rise since a pulse passed.
+    rise: Rise,
+    /// The largest rise that no pulse explains.
+    unexplained: Rise,
+}
+
+/// How a bead got faster.
+#[derive(Debug, Clone, Copy, Default)]
+struct Rise {
+    /// By how much (m/s).
+    by_m_s: f64,
+    /// Its velocity then (m/s).
+    v_m_s: f64,
+    /// When (s).
+    time_s: f64,
+}
+
+impl Control {
+    pub(super) fn new(bead_count: usize, threshold_m_s: f64) -> Self {
+        let bead = Bead {
+            low_m_s: f64::INFINITY,
+            largest_m_s: 0.0,
+            rise: Rise::default(),
+            unexplained: Rise::default(),
+        };
+        Self { threshold_m_s, due_step: 0, seen_s: 0.0, beads: vec![bead; bead_count] }
+    }
+
+    /// Looks at the velocities of the next frame that is due.
+    pub(super) fn observe(&mut self, around: &Surroundings, frame: &Frame<'_>, v_m_s: &[f64]) {
+        if frame.step < self.due_step {
+            return;
+        }
+        self.due_step = frame.step + EVERY_STEPS;
+        self.seen_s = frame.time_s;
+        for (number, (bead, v)) in self.beads.iter_mut().zip(v_m_s).enumerate() {
+            let speed = v.abs();
+            bead.low_m_s = bead.low_m_s.min(speed);
+            bead.largest_m_s = bead.largest_m_s.max(speed);
+            let by_m_s = speed - bead.low_m_s;
+            if by_m_s > bead.rise.by_m_s && by_m_s > self.threshold_m_s && around.is_pressed(frame, number) {
+                bead.rise = Rise { by_m_s, v_m_s: *v, time_s: frame.time_s };
+            }
+        }
+    }
+
+    /// A pulse has passed a bead: what rose there within `around_s` of it is explained.
+    pub(super) fn explain(&mut self, point: &Point, around_s: f64) {
+        let bead = usize::try_from(point.bead).ok().and_then(|bead| self.beads.get_mut(bead));
+        let Some(bead) = bead else { return };
+        if bead.rise.time_s < point.time_s - around_s {
+            bead.keep_unexplained();
+        }
+        if bead.rise.time_s <= point.time_s + around_s {
+            bead.begin();
+        }
+    }
+
+    /// Frames are missing, or there are no more: what still rises has not passed yet.
+    pub(super) fn gap(&mut self) {
+        for bead in &mut self.beads {
+            if bead.rise.time_s < self.seen_s {
+                bead.keep_unexplained();
+            }
+            bead.begin();
+        }
+    }
+
+    /// The disturbances that no pulse follows, the strongest first.
+    pub(super) fn unfollowed(&mut self, around: &Surroundings) -> Vec<Unfollowed> {
+        self.gap();
+        let mut found = Vec::new();
+        for direction in [Direction::Forward, Direction::Backward] {
+            let mut first = 0;
+            while first < self.beads.len() {
+                let next = self.end_of_run(around, first, direction);
+                if next - first >= SHORTEST {
+                    found.push(self.run(first, next, direction));
+                }
+                first = next.max(first + 1);
+            }
+        }
+        // what rises everywhere at the same time goes nowhere
+        found.retain(|found: &Unfollowed| found.times_s[0] < found.times_s[1]);
+        found.sort_by(|a, b| b.v_peak_m_s.abs().total_cmp(&a.v_peak_m_s.abs()));
+        found
+    }
+
+    /// The bead behind the last one of the run in `direction` that `first` is the lowest bead of.
+    fn end_of_run(&self, around: &Surroundings, first: usize, direction: Direction) -> usize {
+        let counts = |bead: &Bead| {
+            let rise = &bead.unexplained;
+            // in a chain without load beads move where the pulse goes
+            let along = around.loaded || rise.v_m_s * direction.sign() as f64 > 0.0;
+            let least_m_s = (ABOVE_THRESHOLD * self.threshold_m_s).max(MATTERS * bead.largest_m_s);
+            along && rise.by_m_s > least_m_s
+        };
+        if !counts(&self.beads[first]) {
+            return first;
+        }
+        let mut next = first + 1;
+        while let Some(bead) = self.beads.get(next).filter(|bead| counts(bead)) {
+            let before = &self.beads[next - 1].unexplained;
+            let took_s = (bead.unexplained.time_s - before.time_s) * direction.sign() as f64;
+            if took_s < 0.0 || took_s > around.longest_step_s(signed(next as u64), bead.unexplained.v_m_s) {
+                break;
+            }
+            next += 1;
+        }
+        next
+    }
+
+    fn run(&self, first: usize, next: usize, direction: Direction) -> Unfollowed {
+        let rises = self.beads[first..next].iter().map(|bead| bead.unexplained);
+        let strongest = rises.max_by(|a, b| a.v_m_s.abs().total_cmp(&b.v_m_s.abs())).unwrap_or_default();
+        let [from, to] = match direction {
+            Direction::Forward => [first, next - 1],
+            Direction::Backward => [next - 1, first],
+        };
+        Unfollowed {
+            beads: [from as u64, to as u64],
+            times_s: [from, to].map(|bead| self.beads[bead].unexplained.time_s),
+            v_peak_m_s: strongest.v_m_s,
+        }
+    }
+}
+
+impl Bead {
+    fn keep_unexplained(&mut self) {
+        if self.rise.by_m_s > self.unexplained.by_m_s {
+            self.unexplained = self.rise;
+        }
+    }
+
+    /// Whatever rises does so from now on.
+    fn begin(&mut self) {
+        (self.low_m_s, self.rise) = (f64::INFINITY, Rise::default());
+    }
+}

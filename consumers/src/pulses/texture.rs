@@ -1,0 +1,157 @@
+//! Where beads and contacts are not alike, a pulse is followed by the mean velocity of several beads.
+//!
+//! A light bead rattles between heavy ones while one pulse passes, so that it and its neighbours move fastest
+//! several times, and lose touch in between. Rattling carries no momentum along the chain: the velocity of the
+//! centre of mass of the beads around rises and falls once a pulse.
+
+use schemas::chain::Chain;
+use std::ops::Range;
+
+/// Masses or stiffnesses of neighbours in this ratio or a larger one are different: from about there on a bead may move
+/// fastest several times while one pulse passes.
+const DIFFERENT: f64 = 1.4;
+
+/// The most beads on either side that are looked at together: a pulse is not much wider.
+const WIDEST: usize = 5;
+
+/// Beads on either side that say what the chain is like at a bead.
+const AROUND: usize = 8;
+
+/// With so many changes from up to down or back among them it is not even: two impurities that are near each other
+/// have three.
+const FEWEST_TURNS: usize = 4;
+
+/// Beads of less than this part of the heaviest mass around rattle.
+const CARRIES: f64 = 0.8;
+
+/// The beads that are looked at together with each bead of an uneven chain, and their weights.
+#[derive(Debug, Clone)]
+pub(super) struct Texture {
+    windows: Vec<Window>,
+    /// Weights of the beads of all windows, one window after the other, each of sum 1.
+    weights: Vec<f64>,
+}
+
+#[derive(Debug, Clone)]
+struct Window {
+    beads: Range<usize>,
+    /// Where its weights begin.
+    weights: usize,
+    /// Mean mass of its beads (kg).
+    mass_kg: f64,
+    /// The smallest stiffness of their contacts (N·m^−α), of one bead that of the next contact.
+    stiffness: f64,
+    /// Whether the bead is one of the heavy ones.
+    carries: bool,
+}
+
+impl Texture {
+    /// The texture of a chain; none if it is even, but for a few impurities and steps.
+    pub(super) fn of(chain: &Chain) -> Option<Self> {
+        let reaches = reaches(chain);
+        if reaches.iter().all(|reach| *reach == 0) {
+            return None;
+        }
+        let mut texture = Self { windows: Vec::with_capacity(reaches.len()), weights: Vec::new() };
+        for (bead, reach) in reaches.into_iter().enumerate() {
+            texture.add(chain, bead, reach);
+        }
+        Some(texture)
+    }
+
+    fn add(&mut self, chain: &Chain, bead: usize, reach: usize) {
+        let beads = bead.saturating_sub(reach)..(bead + reach + 1).min(chain.bead_count());
+        let masses = &chain.mass_kg[beads.clone()];
+        let heaviest = masses.iter().fold(0.0_f64, |heaviest, mass| heaviest.max(*mass));
+        let contacts = if reach == 0 { bead..bead + 1 } else { beads.start..beads.end - 1 };
+        let contacts = contacts.start.min(chain.stiffness.len() - 1)..contacts.end.min(chain.stiffness.len());
+        // a window that falls off to nothing weighs each bead of a cell alike, wherever it lies in it
+        let falls = |other: usize| {
+            1.0 + (std::f64::consts::PI * other.abs_diff(bead) as f64 / (reach + 1) as f64).cos()
+        };
+        let parts: Vec<_> = beads.clone().zip(masses).map(|(other, mass)| falls(other) * mass).collect();
+        let whole: f64 = parts.iter().sum();
+        self.windows.push(Window {
+            weights: self.weights.len(),
+            mass_kg: masses.iter().sum::<f64>() / masses.len() as f64,
+            stiffness: chain.stiffness[contacts].iter().copied().fold(f64::INFINITY, f64::min),
+            carries: chain.mass_kg[bead] >= CARRIES * heaviest,
+            beads,
+        });
+        self.weights.extend(parts.iter().map(|part| part / whole));
+    }
+
+    /// Whether the chain is uneven around `bead`.
+    pub(super) fn is_uneven(&self, bead: usize) -> bool {
+        self.windows[bead].beads.len() > 1
+    }
+
+    /// Whether `bead` is one of the heavy ones around it.
+    pub(super) fn carries(&self, bead: usize) -> bool {
+        self.windows[bead].carries
+    }
+
+    /// Mean mass (kg) of the beads around `bead`, and the smallest stiffness (N·m^−α) between them.
+    pub(super) fn mass_and_stiffness(&self, bead: usize) -> (f64, f64) {
+        (self.windows[bead].mass_kg, self.windows[bead].stiffness)
+    }
+
+    /// The beads that are looked at with `bead`, and their weights.
+    pub(super) fn parts(&self, bead: usize) -> impl Iterator<Item = (usize, f64)> {
+        let window = &self.windows[bead];
+        window.beads.clone().zip(self.weights[window.weights..].iter().copied())
+    }
+
+    /// The contacts between the beads that are looked at with `bead`.
+    pub(super) fn contacts(&self, bead: usize) -> Range<usize> {
+        let beads = &self.windows[bead].beads;
+        beads.start..beads.end - 1
+    }
+
+    /// Puts into `means` the mean velocities (m/s) around each of `beads`.
+    pub(super) fn average(&self, v_m_s: &[f64], beads: Range<usize>, means: &mut Vec<f64>) {
+        means.clear();
+        means.extend(self.windows[beads].iter().map(|window| {
+            let weights = &self.weights[window.weights..window.weights + window.beads.len()];
+            weights.iter().zip(&v_m_s[window.beads.clone()]).map(|(weight, v)| weight * v).sum::<f64>()
+        }));
+    }
+}
+
+/// How many beads on either side are looked at together with each: as many as lie between one turn of the masses or
+/// stiffnesses and the next but one, and none where these are even.
+fn reaches(chain: &Chain) -> Vec<usize> {
+    let (masses, stiffnesses) = (turns(&chain.mass_kg), turns(&chain.stiffness));
+    let count = chain.bead_count();
+    let reach = |bead: usize| {
+        let around = bead.saturating_sub(AROUND)..(bead + AROUND + 1).min(count);
+        let within = |turns: &[usize]| {
+            let (low, high) = (around.start, around.end);
+            turns.partition_point(|turn| *turn < high) - turns.partition_point(|turn| *turn < low)
+        };
+        let turns = within(&masses).max(within(&stiffnesses));
+        if turns < FEWEST_TURNS { 0 } else { (2 * around.len()).div_ceil(turns).clamp(2, WIDEST) }
+    };
+    (0..count).map(reach).collect()
+}
+
+/// Where `values` stop to rise and begin to fall, or the other way round, in their order.
+fn turns(values: &[f64]) -> Vec<usize> {
+    let mut turns = Vec::new();
+    let mut rose = None;
+    for (index, pair) in values.windows(2).enumerate() {
+        let ratio = pair[1] / pair[0];
+        let rises = if ratio >= DIFFERENT {
+            true
+        } else if ratio <= 1.0 / DIFFERENT {
+            false
+        } else {
+            continue;
+        };
+        if rose.is_some_and(|rose| rose != rises) {
+            turns.push(index);
+        }
+        rose = Some(rises);
+    }
+    turns
+}
