@@ -33,4 +33,5 @@ mod resume;
 mod sweep;
 mod thinning;
 mod time_step;
+mod uncertainty;
 mod verifying;
