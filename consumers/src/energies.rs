@@ -1,11 +1,13 @@
 //! Where the energy of a chain is: left of a bead, in it, right of it; and what that bead reflects.
 
 pub mod reflection;
+mod step_error;
 mod window;
 
 pub use reflection::{
     ARRIVED, Corrected, MOVED, Moment, Recoil, Reflected, Reflection, STATIONARY, Side, Undefined,
 };
+pub use step_error::{STEP_SAFETY, step_error_j};
 
 use pulp::Arch;
 use reflection::{Parts, Watch, incident_side};
@@ -94,12 +96,21 @@ pub struct Energies {
 pub struct EnergyOutcome {
     /// The bead that divides left from right.
     pub split_bead: u64,
+    /// Beads of the chain.
+    pub beads: u64,
     /// Energies of the last frame.
     pub last: EnergyRow,
     /// What the split bead reflects of the pulse, or why it does not.
     pub reflection: Result<Reflection, Undefined>,
     /// Largest |relative drift| of any frame.
     pub max_abs_drift: f64,
+}
+
+impl EnergyOutcome {
+    /// How far the energies of the last frame may be off for the time step (J), unless energy is just crossing.
+    pub fn step_error_j(&self) -> f64 {
+        step_error_j(self.last.total_j + self.last.dissipated_j, self.max_abs_drift, self.beads)
+    }
 }
 
 /// The bead that divides a chain by default: the first impurity that is not the striker, otherwise
@@ -135,20 +146,21 @@ impl Energies {
             #[inline(always)]
             || self.sums(frame),
         );
+        if row.relative_drift.abs() > self.max_abs_drift {
+            self.max_abs_drift = row.relative_drift.abs();
+        }
         if let Ok(watch) = &mut self.watch {
+            let max_abs_drift = self.max_abs_drift;
             let incident = watch.found().incident;
             let (chain, s, contact_j) = (&self.chain, self.split_bead, &self.contact_j);
             let parts = vectorized(
                 Arch::new(),
                 #[inline(always)]
-                || parts(chain, frame, s, contact_j, &row, incident),
+                || Parts { max_abs_drift, ..parts(chain, frame, s, contact_j, &row, incident) },
             );
             watch.push(&parts);
             row.inbound_j = parts.inbound_j();
             row.corrected_j = watch.corrected_j(&parts);
-        }
-        if row.relative_drift.abs() > self.max_abs_drift {
-            self.max_abs_drift = row.relative_drift.abs();
         }
         self.last = Some(row);
         row
@@ -198,6 +210,7 @@ impl Energies {
     pub fn outcome(&self) -> Option<EnergyOutcome> {
         self.last.map(|last| EnergyOutcome {
             split_bead: self.split_bead(),
+            beads: self.chain.bead_count() as u64,
             last,
             reflection: self.watch.as_ref().map(Watch::found).map_err(|undefined| *undefined),
             max_abs_drift: self.max_abs_drift,
@@ -255,6 +268,7 @@ fn parts(
         total_j: row.total_j,
         towards_j: moving_j + pressed_j + shared_j,
         end_velocities_m_s: [v[0], v[v.len() - 1]],
+        max_abs_drift: 0.0,
     }
 }
 
@@ -297,7 +311,7 @@ mod tests {
         let outcome = energies.outcome().expect("one frame");
         let reflection = outcome.reflection.expect("bead 0 strikes towards bead 2");
         let energies = reflection.energies.expect("bead 2 has energy in the first frame");
-        assert_eq!(energies.over_transmitted(), 6.5 / 9.0625);
+        assert_eq!(energies.over_transmitted().value, 6.5 / 9.0625);
         // beads 0 and 1 and their contact move to the right, and so does contact 1 on average, ½·(2 − 1) m/s
         assert_eq!(row.inbound_j, row.split_j + 5.0 + 1.0 + 0.5);
         // the pulse was there in the first frame: nobody knows what it had left behind

@@ -22,3 +22,4 @@ pub mod series;
 pub mod space_time;
 pub mod table;
 pub mod theory;
+pub mod uncertain;

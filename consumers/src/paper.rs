@@ -9,6 +9,7 @@
 //! E. Hascoët and H. J. Herrmann, *Shocks in non-loaded bead chains with impurities*.
 
 mod claim;
+mod crossing;
 mod deform;
 mod energies;
 mod fit;
@@ -30,9 +31,9 @@ mod strikers;
 mod study;
 mod transient;
 
-pub use claim::{Claim, Judgement, Number, Reference, StudyError, Uncertainty, Verdict};
+pub use claim::{Claim, Judgement, Number, Range, Reference, StudyError, Uncertainty, Verdict};
 pub use front::Front;
 pub use observe::{KeptFrame, Observations, Observed, Observer};
-pub use reflection::{Reflected, reflection_sweep};
+pub use reflection::{Reflected, refined_sweep, reflection_sweep};
 pub use runs::{FrontBy, Run, Watch};
 pub use study::{STUDIES, Study};

@@ -11,6 +11,7 @@ use consumers::follow::{Analysis, Tally, follow};
 use consumers::held::HeldFrame;
 use consumers::plots;
 use consumers::pulses::{Passage, Probes};
+use consumers::uncertain::Uncertain;
 use rustix::process::{Pid, Signal, kill_process};
 use schemas::bus::{Bus, list_runs};
 use schemas::frame::{Frame, FrameSource};
@@ -293,6 +294,10 @@ fn summary(run: &Value, consumers: &[Value; 3]) -> String {
         format!("{}, {} missed", number(&consumer["frames_received"]), number(&consumer["frames_missed"]))
     };
     let energies = &consumers[0]["results"];
+    let ratio = |name: &str| {
+        let found = &energies["reflection"]["energies"][format!("{name}_uncertainty")];
+        Uncertain::new(float(&energies[name]), float(found)).to_string()
+    };
     let wall_s = float(&run["wall_s"]);
     let steps_per_s = float(&run["steps"]) / wall_s;
     let rows = [
@@ -302,8 +307,8 @@ fn summary(run: &Value, consumers: &[Value; 3]) -> String {
         ("received by impurity", received(&consumers[1])),
         ("received by contacts", received(&consumers[2])),
         ("largest energy drift |ΔE/E|", format!("{:.1e}", float(&energies["max_abs_relative_drift"]))),
-        ("reflected/total energy", format!("{:.6}", float(&energies["reflected_over_total"]))),
-        ("reflected/transmitted energy", format!("{:.6}", float(&energies["reflected_over_transmitted"]))),
+        ("reflected/total energy", ratio("reflected_over_total")),
+        ("reflected/transmitted energy", ratio("reflected_over_transmitted")),
         (
             "run, with everything attached",
             format!("{} ({:.0} k steps/s)", seconds(wall_s), steps_per_s / 1e3),

@@ -12,6 +12,7 @@ use consumers::follow::Analysis;
 use consumers::plots;
 use consumers::series::Series;
 use consumers::table::Table;
+use consumers::uncertain::Uncertain;
 use schemas::bus::{ResultColumns, ResultPublisher, Topic};
 use schemas::frame::Frame;
 use serde_json::{Value, json};
@@ -87,60 +88,51 @@ pub(crate) fn energies(args: &EnergiesArgs) -> Result<Done, Failure> {
 fn rows(outcome: Option<&EnergyOutcome>) -> Vec<(&'static str, String)> {
     let Some(outcome) = outcome else { return Vec::new() };
     let last = &outcome.last;
+    let energy = |energy_j: f64| Uncertain::new(energy_j, outcome.step_error_j());
+    let total = energy(last.total_j);
+    let parts = [last.kinetic_j, last.potential_j].map(|energy_j| energy(energy_j).value_text());
     let mut rows = vec![
         ("split at bead", outcome.split_bead.to_string()),
-        (
-            "total",
-            format!(
-                "{} (kinetic {}, potential {})",
-                joules(last.total_j),
-                joules(last.kinetic_j),
-                joules(last.potential_j)
-            ),
-        ),
-        ("left", joules(last.left_j)),
-        ("split bead", joules(last.split_j)),
-        ("right", joules(last.right_j)),
+        ("total", format!("{total} J (kinetic {}, potential {})", parts[0], parts[1])),
+        ("left", format!("{} J", energy(last.left_j).value_text())),
+        ("split bead", format!("{} J", energy(last.split_j).value_text())),
+        ("right", format!("{} J", energy(last.right_j).value_text())),
     ];
     if last.dissipated_j != 0.0 {
-        rows.push(("dissipated", joules(last.dissipated_j)));
+        rows.push(("dissipated", format!("{} J", energy(last.dissipated_j).value_text())));
     }
     match &outcome.reflection {
         Ok(reflection) => rows.extend(reflection_rows(reflection, outcome.split_bead)),
         Err(undefined) => rows.push(("reflected", undefined.to_string())),
     }
-    rows.push(("largest |ΔE/E|", format!("{:.2e}", outcome.max_abs_drift)));
+    rows.push(("largest |ΔE/E|", format!("{:.1e}", outcome.max_abs_drift)));
     rows
-}
-
-fn joules(value: f64) -> String {
-    display::quantity(value, "J")
 }
 
 fn reflection_rows(reflection: &Reflection, split_bead: u64) -> Vec<(&'static str, String)> {
     let Some(energies) = &reflection.energies else {
         return vec![("reflected", format!("nothing yet: the pulse has not arrived at bead {split_bead}"))];
     };
-    let part = energies.uncertainty_j / energies.total_j;
     let mut rows = vec![
         ("stationary", stationary(reflection, energies)),
-        ("reflected/total", format!("{:.6} ± {part:.1e}, {}", energies.over_total(), at(energies.at))),
-        ("reflected/transmitted", format!("{:.6}", energies.over_transmitted())),
+        ("reflected/total", format!("{}, {}", energies.over_total(), at(energies.at))),
+        ("reflected/transmitted", energies.over_transmitted().to_string()),
     ];
     match (&reflection.recoil, reflection.corrected()) {
-        (Some(recoil), Some(corrected)) => rows.extend([
-            ("recoil/total", {
-                let parts = [recoil.energy_j, recoil.uncertainty_j].map(|j| j / energies.total_j);
-                format!("{:.6} ± {:.1e}, before the pulse arrived, {}", parts[0], parts[1], at(recoil.at))
-            }),
-            ("without the recoil", {
-                let ratios = [corrected.over_total, corrected.over_transmitted, corrected.over_incident];
-                format!(
-                    "reflected/total {:.6}, reflected/transmitted {:.6}, reflected/incident {:.6}",
-                    ratios[0], ratios[1], ratios[2]
-                )
-            }),
-        ]),
+        (Some(recoil), Some(corrected)) => {
+            let recoil_at = at(recoil.at);
+            let recoil = Uncertain::new(recoil.energy_j, recoil.uncertainty_j) / energies.total_j;
+            rows.extend([
+                ("recoil/total", format!("{recoil}, before the pulse arrived, {recoil_at}")),
+                (
+                    "without the recoil",
+                    format!(
+                        "reflected/total {}, reflected/transmitted {}, reflected/incident {}",
+                        corrected.over_total, corrected.over_transmitted, corrected.over_incident
+                    ),
+                ),
+            ]);
+        }
         _ => rows.push(("recoil", "unknown: no frame in the 10 T before the pulse arrived".to_owned())),
     }
     rows
@@ -175,8 +167,8 @@ fn json(outcome: Option<&EnergyOutcome>) -> Value {
     json!({
         "split_bead": outcome.split_bead,
         "last": last,
-        "reflected_over_total": energies.map(|energies| energies.over_total()),
-        "reflected_over_transmitted": energies.map(|energies| energies.over_transmitted()),
+        "reflected_over_total": energies.map(|energies| energies.over_total().value),
+        "reflected_over_transmitted": energies.map(|energies| energies.over_transmitted().value),
         "reflection": match &outcome.reflection {
             Ok(reflection) => reflection_json(reflection),
             Err(undefined) => json!({ "undefined": undefined.to_string() }),
@@ -200,6 +192,9 @@ fn reflection_json(reflection: &Reflection) -> Value {
             "total_j": energies.total_j,
             "uncertainty_j": energies.uncertainty_j,
             "inbound_j": energies.inbound_j,
+            "step_error_j": energies.step_error_j,
+            "reflected_over_total_uncertainty": energies.over_total().plus_minus,
+            "reflected_over_transmitted_uncertainty": energies.over_transmitted().plus_minus,
         })),
         "recoil": reflection.recoil.map(|recoil| json!({
             "energy_j": recoil.energy_j,
@@ -210,9 +205,12 @@ fn reflection_json(reflection: &Reflection) -> Value {
             "reflected_j": corrected.reflected_j,
             "uncertainty_j": corrected.uncertainty_j,
             "incident_j": corrected.incident_j,
-            "reflected_over_total": corrected.over_total,
-            "reflected_over_incident": corrected.over_incident,
-            "reflected_over_transmitted": corrected.over_transmitted,
+            "reflected_over_total": corrected.over_total.value,
+            "reflected_over_incident": corrected.over_incident.value,
+            "reflected_over_transmitted": corrected.over_transmitted.value,
+            "reflected_over_total_uncertainty": corrected.over_total.plus_minus,
+            "reflected_over_incident_uncertainty": corrected.over_incident.plus_minus,
+            "reflected_over_transmitted_uncertainty": corrected.over_transmitted.plus_minus,
         })),
     })
 }

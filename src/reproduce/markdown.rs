@@ -1,7 +1,8 @@
 //! The report as pages to read.
 
 use super::report::{PAPER, Report, Studied, figure_path};
-use consumers::paper::{Claim, Judgement, Number, Reference, Verdict};
+use consumers::paper::{Claim, Judgement, Number, Verdict};
+use consumers::uncertain::Uncertain;
 use schemas::manifest::RunManifest;
 use std::fmt::{self, Write};
 
@@ -49,8 +50,9 @@ fn write_report(page: &mut String, report: &Report) -> fmt::Result {
     writeln!(page, "\n## Figure by figure\n")?;
     writeln!(
         page,
-        "± is half the width of an interval; what it comes from stands below each table. References were computed \
-         independently, with other programs. Beads and contacts are counted from 0.\n"
+        "± is half the width of an interval; what it comes from stands below each table. Numbers end with the second digit of \
+         it; those without ± have three digits, or are counts. References were computed independently, with other programs. \
+         Beads and contacts are counted from 0.\n"
     )?;
     for studied in &report.studies {
         write_study(page, studied)?;
@@ -77,6 +79,7 @@ fn write_claim(page: &mut String, claim: &Claim, judgement: &Judgement) -> fmt::
     }
     writeln!(page, "| quantity | ours | ± | reference | unit |\n|---|---:|---:|---:|---|")?;
     let mut origins: Vec<&str> = Vec::new();
+    let mut ranges = None;
     for number in &judgement.numbers {
         let Figures { value, plus_minus, reference } = figures(number);
         let against = if number.contradicts_reference() { " **contradicted**" } else { "" };
@@ -89,8 +92,12 @@ fn write_claim(page: &mut String, claim: &Claim, judgement: &Judgement) -> fmt::
         if let Some(uncertainty) = number.uncertainty.filter(|found| !origins.contains(&found.from)) {
             origins.push(uncertainty.from);
         }
+        ranges = ranges.or(number.range.map(|range| range.from));
     }
-    if origins.is_empty() { writeln!(page) } else { writeln!(page, "\n± from {}.\n", origins.join("; ")) }
+    let origins = (!origins.is_empty()).then(|| format!("± from {}.", origins.join("; ")));
+    let ranges = ranges.map(|from| format!("{}{}.", from[..1].to_uppercase(), &from[1..]));
+    let notes: Vec<String> = origins.into_iter().chain(ranges).collect();
+    if notes.is_empty() { writeln!(page) } else { writeln!(page, "\n{}\n", notes.join(" ")) }
 }
 
 fn write_runs(page: &mut String, runs: &[RunManifest]) -> fmt::Result {
@@ -169,46 +176,33 @@ struct Figures {
     reference: String,
 }
 
-/// As many digits as the uncertainty allows, two of its own.
+/// With the digits that are known.
 fn figures(number: &Number) -> Figures {
-    let uncertainty = number.uncertainty.map(|found| found.plus_minus);
-    let good_to = uncertainty.or(number.reference.map(|reference| reference.good_to));
-    // what is left of a zero after rounding is one
-    let is_count = uncertainty.is_none() && (number.value.fract() == 0.0 || number.value.abs() < 1e-12);
-    let decimals = match good_to.filter(|good_to| *good_to > 0.0) {
-        _ if is_count => 0,
-        Some(good_to) => decimals_of(good_to),
-        None => decimals_of(1e-4 * number.value.abs()),
+    let signed = |text: String| minus_signs(&text);
+    let ours = match number.uncertainty {
+        Some(found) => Uncertain::new(number.value, found.plus_minus),
+        // counts are exact, or in a range
+        None if number.value.fract() == 0.0 => Uncertain::new(number.value, 0.0),
+        None => Uncertain::unknown(number.value),
     };
-    let write = |value: f64, decimals: usize| format!("{value:.decimals$}").replace('-', "−");
-    let reference =
-        |reference: Reference| write(reference.value, decimals_of(reference.good_to).min(decimals));
+    let range = number.range.filter(|range| range.least < range.most);
+    let range = range.map(|range| format!(" ({}–{})", range.least, range.most));
+    let reference = number.reference.map(|found| Uncertain::new(found.value, found.good_to).value_text());
     Figures {
-        value: write(number.value, decimals),
-        plus_minus: uncertainty.map_or(String::new(), |found| write(found, decimals)),
-        reference: number.reference.map_or(String::new(), reference),
+        value: signed(ours.value_text()) + &range.unwrap_or_default(),
+        plus_minus: number.uncertainty.map_or(String::new(), |_| signed(ours.plus_minus_text())),
+        reference: signed(reference.unwrap_or_default()),
     }
-}
-
-/// Decimals that show two digits of `size`.
-fn decimals_of(size: f64) -> usize {
-    if size <= 0.0 || !size.is_finite() {
-        return 6;
-    }
-    // at most 16: beyond that nothing is left of a double of ordinary size
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 16")]
-    let decimals = (1.0 - size.log10().floor()).clamp(0.0, 16.0) as usize;
-    decimals
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use consumers::paper::Uncertainty;
+    use consumers::paper::{Range, Reference, Uncertainty};
 
     fn number(value: f64, plus_minus: Option<f64>) -> Number {
         let uncertainty = plus_minus.map(|plus_minus| Uncertainty { plus_minus, from: "test" });
-        Number { what: "v".into(), value, unit: "m/s", uncertainty, reference: None }
+        Number { what: "v".into(), value, unit: "m/s", uncertainty, range: None, reference: None }
     }
 
     #[test]
@@ -217,10 +211,11 @@ mod tests {
             let Figures { value, plus_minus, .. } = figures(&number(value, plus_minus));
             (value, plus_minus)
         };
-        assert_eq!(shown(3.334_107_2, Some(2.04e-5)), ("3.334107".into(), "0.000020".into()));
+        assert_eq!(shown(3.334_107_2, Some(2.04e-5)), ("3.334107".into(), "2.0e-5".into()));
         assert_eq!(shown(-11_545.912, Some(0.31)), ("−11545.91".into(), "0.31".into()));
         assert_eq!(shown(5.0, None), ("5".into(), String::new()));
-        assert_eq!(shown(0.123_456_789, None).0, "0.123457");
+        assert_eq!(shown(0.123_456_789, None).0, "0.123");
+        assert_eq!(shown(-3e-17, Some(2e-9)), ("0".into(), "2.0e-9".into()));
     }
 
     #[test]
@@ -233,5 +228,14 @@ mod tests {
         let mut number = number(2.000_04, Some(1e-7));
         number.reference = Some(Reference { value: 2.0, good_to: 1e-5 });
         assert_eq!(figures(&number).reference, "2.000000");
+    }
+
+    #[test]
+    fn a_count_has_its_range_beside_it() {
+        let mut count = number(21.0, None);
+        count.range = Some(Range { least: 20.0, most: 22.0, from: "runs" });
+        assert_eq!(figures(&count).value, "21 (20–22)");
+        count.range = Some(Range { least: 21.0, most: 21.0, from: "runs" });
+        assert_eq!(figures(&count).value, "21");
     }
 }

@@ -4,20 +4,39 @@ use crate::display::counted;
 use crate::failure::Failure;
 use crate::sweep::{self, Options};
 use anyhow::anyhow;
-use consumers::paper::{Reflected, reflection_sweep};
+use consumers::paper::{Reflected, refined_sweep, reflection_sweep};
 use consumers::table::{Cell, Column};
+use consumers::uncertain::Uncertain;
 use producer::sweep::Sweep;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Computes the points that have no row yet, below `out`, `threads` at a time; nothing if `stop` was set.
+/// Computes the points that have no row yet, below `out`, `threads` at a time: those of the figures, and those between
+/// them that show whether curves cross there. Nothing if `stop` was set.
 pub(crate) fn points(
     out: &Path,
     threads: usize,
     stop: &AtomicBool,
 ) -> Result<Option<Vec<Reflected>>, Failure> {
+    let mut points = Vec::new();
+    let mut next = Some(reflection_sweep());
+    while let Some(text) = next {
+        let Some(more) = points_of(&text, out, threads, stop)? else { return Ok(None) };
+        points.extend(more);
+        next = refined_sweep(&points);
+    }
+    Ok(Some(points))
+}
+
+/// The points of one sweep.
+fn points_of(
+    text: &str,
+    out: &Path,
+    threads: usize,
+    stop: &AtomicBool,
+) -> Result<Option<Vec<Reflected>>, Failure> {
     let no_files = |path: &Path| Err(std::io::Error::other(format!("{} is not read", path.display())));
-    let sweep = Sweep::from_toml(&reflection_sweep(), Path::new("reflection.toml"), no_files)?;
+    let sweep = Sweep::from_toml(text, Path::new("reflection.toml"), no_files)?;
     // rows of another version of this program stay beside these
     let identity = schemas::recording::hex(&sweep.identity()[..6]);
     let version = env!("CARGO_PKG_VERSION");
@@ -46,21 +65,23 @@ struct Row<'a> {
 
 impl Row<'_> {
     fn point(&self) -> Result<Reflected, Failure> {
-        let total_j = self.double("total_j")?;
         Ok(Reflected {
             alpha: self.double("chain.alpha")?,
             mass_g: self.double("chain.impurities[0].mass_kg")? * 1e3,
-            over_total: self.double("reflected_over_total")?,
-            over_transmitted: self.double("reflected_over_transmitted")?,
-            uncertainty: self.double("reflected_uncertainty_j")? / total_j,
+            over_total: self.uncertain("reflected_over_total")?,
+            over_transmitted: self.uncertain("reflected_over_transmitted")?,
             stationary_since_s: self.double("stationary_since_s")?,
-            recoil: self.double("recoil_j")? / total_j,
-            recoil_uncertainty: self.double("recoil_uncertainty_j")? / total_j,
-            corrected: self.double("corrected_over_incident")?,
+            corrected_over_total: self.uncertain("corrected_over_total")?,
+            corrected: self.uncertain("corrected_over_incident")?,
             backward_m_s: self.double("backward_v_peak_m_s")?,
             backward_beads_per_s: self.double("backward_speed_beads_per_s")?,
             drift: self.double("max_abs_relative_drift")?,
         })
+    }
+
+    /// A double with what it may be off by.
+    fn uncertain(&self, name: &str) -> Result<Uncertain, Failure> {
+        Ok(Uncertain::new(self.double(name)?, self.double(&format!("{name}_uncertainty"))?))
     }
 
     /// A double; NaN where there is none in this row.

@@ -105,6 +105,8 @@ impl Studied {
 fn number_json(number: &Number) -> Value {
     let uncertainty =
         number.uncertainty.map(|found| json!({ "plus_minus": found.plus_minus, "from": found.from }));
+    let range =
+        number.range.map(|found| json!({ "least": found.least, "most": found.most, "from": found.from }));
     let reference = number.reference.map(|found| {
         json!({
             "value": found.value,
@@ -117,6 +119,7 @@ fn number_json(number: &Number) -> Value {
         "value": number.value,
         "unit": number.unit,
         "uncertainty": uncertainty,
+        "range": range,
         "reference": reference,
     })
 }

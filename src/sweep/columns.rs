@@ -4,10 +4,11 @@ use super::analyses::Leading;
 use consumers::energies::{EnergyOutcome, Reflection};
 use consumers::pulses::{Counts, Measured};
 use consumers::table::{Cell, Column, Kind};
+use consumers::uncertain::Uncertain;
 use producer::sweep::{ParameterKind, ParameterValue, Point, Sweep};
 
 /// The columns of the results, with units.
-const RESULTS: [(&str, Kind); 44] = [
+const RESULTS: [(&str, Kind); 48] = [
     ("end", Kind::Word),
     ("steps", Kind::Integer),
     ("time_s", Kind::Double),
@@ -24,14 +25,19 @@ const RESULTS: [(&str, Kind); 44] = [
     // of the last frame before a front met an end, as `beadline energies` has them
     ("reflected_at_s", Kind::Double),
     ("reflected_over_total", Kind::Double),
+    ("reflected_over_total_uncertainty", Kind::Double),
     ("reflected_over_transmitted", Kind::Double),
+    ("reflected_over_transmitted_uncertainty", Kind::Double),
     ("reflected_uncertainty_j", Kind::Double),
     ("stationary_since_s", Kind::Double),
     ("recoil_j", Kind::Double),
     ("recoil_uncertainty_j", Kind::Double),
     ("corrected_over_total", Kind::Double),
+    ("corrected_over_total_uncertainty", Kind::Double),
     ("corrected_over_transmitted", Kind::Double),
+    ("corrected_over_transmitted_uncertainty", Kind::Double),
     ("corrected_over_incident", Kind::Double),
+    ("corrected_over_incident_uncertainty", Kind::Double),
     ("pulses", Kind::Integer),
     // what leaves the split bead towards higher and towards lower bead numbers
     ("forward_pulses", Kind::Integer),
@@ -100,6 +106,11 @@ impl Results {
         self.set(name, if value.is_nan() { Cell::Empty } else { Cell::Double(value) })
     }
 
+    /// A double with all its bits, and how far it may be off in the column beside it.
+    fn uncertain(&mut self, name: &str, found: Uncertain) -> &mut Self {
+        self.double(name, found.value).double(&format!("{name}_uncertainty"), found.plus_minus)
+    }
+
     pub(super) fn integer(&mut self, name: &str, value: u64) -> &mut Self {
         self.set(name, Cell::Integer(value))
     }
@@ -124,8 +135,8 @@ impl Results {
     fn reflection(&mut self, reflection: &Reflection) {
         if let Some(energies) = &reflection.energies {
             self.double("reflected_at_s", energies.at.time_s);
-            self.double("reflected_over_total", energies.over_total());
-            self.double("reflected_over_transmitted", energies.over_transmitted());
+            self.uncertain("reflected_over_total", energies.over_total());
+            self.uncertain("reflected_over_transmitted", energies.over_transmitted());
             self.double("reflected_uncertainty_j", energies.uncertainty_j);
         }
         if let Some(since) = reflection.stationary_since {
@@ -135,9 +146,9 @@ impl Results {
             self.double("recoil_j", recoil.energy_j).double("recoil_uncertainty_j", recoil.uncertainty_j);
         }
         if let Some(corrected) = reflection.corrected() {
-            self.double("corrected_over_total", corrected.over_total);
-            self.double("corrected_over_transmitted", corrected.over_transmitted);
-            self.double("corrected_over_incident", corrected.over_incident);
+            self.uncertain("corrected_over_total", corrected.over_total);
+            self.uncertain("corrected_over_transmitted", corrected.over_transmitted);
+            self.uncertain("corrected_over_incident", corrected.over_incident);
         }
     }
 

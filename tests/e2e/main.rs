@@ -36,4 +36,5 @@ mod starts;
 mod sweep;
 mod thinning;
 mod time_step;
+mod uncertainty;
 mod verifying;

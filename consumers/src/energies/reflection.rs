@@ -16,7 +16,7 @@
 //!   [`MOVED`] of v0 from what it was on arrival.
 //! - The value is that of the last frame before a front met an end, or of the last frame. Its uncertainty
 //!   is the inbound energy of that frame, which may still cross, plus the range of the reflected energy over
-//!   the last 50 to 100 T since it became stationary.
+//!   the last 50 to 100 T since it became stationary, plus the error of the time step ([`step_error_j`]).
 //!
 //! A window alone would not do: a light impurity rests for tens of T between two hits, and 265 T pass before
 //! a bead hits an impurity of 10 g again and takes 8e-5 of the energy back.
@@ -28,7 +28,9 @@
 //! split bead in the last frame before the pulse arrives; it is measured in the run itself. The *corrected*
 //! reflected energy is the reflected energy without it, the *incident* energy is the total without it.
 
+use super::step_error::step_error_j;
 use super::window::Window;
+use crate::uncertain::Uncertain;
 use schemas::manifest::RunManifest;
 use std::fmt;
 
@@ -111,8 +113,8 @@ pub struct Moment {
 pub struct Recoil {
     /// The energy (J).
     pub energy_j: f64,
-    /// How much it changed (J) over the last 10 to 20 T: near α = 1 the pulse leaves something behind at
-    /// every bead, also while it is being reflected.
+    /// How much it changed (J) over the last 10 to 20 T, because near α = 1 the pulse leaves something behind at
+    /// every bead, also while it is being reflected; and the error of the time step.
     pub uncertainty_j: f64,
     /// The frame it was measured in, the last before the pulse arrived.
     pub at: Moment,
@@ -129,22 +131,35 @@ pub struct Reflected {
     pub transmitted_j: f64,
     /// Energy of the chain (J).
     pub total_j: f64,
-    /// What the reflected energy may yet change by (J); see the [module](self).
+    /// What the reflected energy may yet change by, and be off by (J); see the [module](self).
     pub uncertainty_j: f64,
     /// The inbound part of that (J).
     pub inbound_j: f64,
+    /// The part of it that the time step makes (J).
+    pub step_error_j: f64,
 }
 
 impl Reflected {
     /// Reflected over total energy, as the paper defines it.
-    pub fn over_total(&self) -> f64 {
-        self.reflected_j / self.total_j
+    pub fn over_total(&self) -> Uncertain {
+        share(self.reflected_j, self.uncertainty_j, self.total_j)
     }
 
     /// Reflected over transmitted energy, as the paper defines it.
-    pub fn over_transmitted(&self) -> f64 {
-        self.reflected_j / self.transmitted_j
+    pub fn over_transmitted(&self) -> Uncertain {
+        over_rest(self.reflected_j, self.uncertainty_j, self.transmitted_j)
     }
+}
+
+/// A part (J) of a whole that is known far better.
+fn share(part_j: f64, off_j: f64, whole_j: f64) -> Uncertain {
+    Uncertain::new(part_j / whole_j, off_j / whole_j)
+}
+
+/// A part (J) over the rest: what the one lacks the other has, `d(p/r) = (dp/r)·(1 + p/r)`.
+fn over_rest(part_j: f64, off_j: f64, rest_j: f64) -> Uncertain {
+    let ratio = part_j / rest_j;
+    Uncertain::new(ratio, off_j / rest_j * (1.0 + ratio.abs()))
 }
 
 /// Reflected energy without the recoil.
@@ -157,11 +172,11 @@ pub struct Corrected {
     /// Total energy minus recoil (J): what the incident pulse brings.
     pub incident_j: f64,
     /// Reflected over total energy of the chain, to be compared with [`Reflected::over_total`].
-    pub over_total: f64,
+    pub over_total: Uncertain,
     /// Reflected over incident energy: the reflectivity of the impurity.
-    pub over_incident: f64,
+    pub over_incident: Uncertain,
     /// Reflected over transmitted energy.
-    pub over_transmitted: f64,
+    pub over_transmitted: Uncertain,
 }
 
 /// What a run has shown of a reflection.
@@ -187,13 +202,14 @@ impl Reflection {
         let (energies, recoil) = (self.energies?, self.recoil?);
         let reflected_j = energies.reflected_j - recoil.energy_j;
         let incident_j = energies.total_j - recoil.energy_j;
+        let uncertainty_j = energies.uncertainty_j + recoil.uncertainty_j;
         Some(Corrected {
             reflected_j,
-            uncertainty_j: energies.uncertainty_j + recoil.uncertainty_j,
+            uncertainty_j,
             incident_j,
-            over_total: reflected_j / energies.total_j,
-            over_incident: reflected_j / incident_j,
-            over_transmitted: reflected_j / energies.transmitted_j,
+            over_total: share(reflected_j, uncertainty_j, energies.total_j),
+            over_incident: share(reflected_j, uncertainty_j, incident_j),
+            over_transmitted: over_rest(reflected_j, uncertainty_j, energies.transmitted_j),
         })
     }
 }
@@ -209,6 +225,8 @@ pub(super) struct Parts {
     /// Of the incident side alone, what moves towards the split bead.
     pub(super) towards_j: f64,
     pub(super) end_velocities_m_s: [f64; 2],
+    /// The largest relative error of the total energy so far.
+    pub(super) max_abs_drift: f64,
 }
 
 impl Parts {
@@ -316,8 +334,12 @@ impl Watch {
     fn approach(&mut self, parts: &Parts) {
         let energy_j = parts.incident_j - parts.towards_j;
         self.recoil_window.push(parts.at.time_s, energy_j);
-        let uncertainty_j = self.recoil_window.range();
+        let uncertainty_j = self.recoil_window.range() + self.step_error_j(parts);
         self.found.recoil = Some(Recoil { energy_j, uncertainty_j, at: parts.at });
+    }
+
+    fn step_error_j(&self, parts: &Parts) -> f64 {
+        step_error_j(parts.total_j, parts.max_abs_drift, self.end_beads[1] + 1)
     }
 
     fn end_that_moved(&self, parts: &Parts) -> Option<u64> {
@@ -335,13 +357,15 @@ impl Watch {
             self.found.stationary_since.get_or_insert(parts.at);
             self.window.push(parts.at.time_s, parts.incident_j);
         }
+        let step_error_j = self.step_error_j(parts);
         self.found.energies = Some(Reflected {
             at: parts.at,
             reflected_j: parts.incident_j,
             transmitted_j: parts.beyond_j,
             total_j: parts.total_j,
-            uncertainty_j: inbound_j + self.window.range(),
+            uncertainty_j: inbound_j + self.window.range() + step_error_j,
             inbound_j,
+            step_error_j,
         });
     }
 }
@@ -373,6 +397,7 @@ mod tests {
             total_j: 1.0,
             towards_j,
             end_velocities_m_s: [-0.35, 0.0],
+            max_abs_drift: 0.0,
         }
     }
 
@@ -396,13 +421,40 @@ mod tests {
         assert_eq!(resting.stationary_since, None);
         let corrected = resting.corrected().expect("seen at 9 T");
         assert_eq!((corrected.reflected_j, corrected.incident_j), (0.1875, 0.9375));
-        assert_eq!(corrected.over_incident, 0.2);
+        assert_eq!(corrected.over_incident.value, 0.2);
 
         frames.extend((53..60).map(|at| (at, [0.234_375, 0.0, 0.0])));
         let done = watched(&frames).found();
         assert_eq!(done.stationary_since.map(|since| since.frame), Some(53));
         let energies = done.energies.expect("arrived");
-        assert_eq!((energies.at.frame, energies.reflected_j, energies.uncertainty_j), (59, 0.234_375, 0.0));
+        // nothing is on its way, nothing has changed: rounding is left
+        let rounding = 200.0 * f64::EPSILON;
+        assert_eq!(
+            (energies.at.frame, energies.reflected_j, energies.uncertainty_j),
+            (59, 0.234_375, rounding)
+        );
+    }
+
+    #[test]
+    fn the_error_of_the_step_is_part_of_every_uncertainty() {
+        let mut watch = Watch::new(&manifest(|_| {}), Side::Left);
+        for (collisions, parts, max_abs_drift) in [
+            (9, [1.0, 0.0, 0.9375], (2.0_f64).powi(-20)),
+            (12, [0.25, 0.0, 0.0], (2.0_f64).powi(-19)),
+            (13, [0.25, 0.0, 0.0], (2.0_f64).powi(-18)),
+        ] {
+            watch.push(&Parts { max_abs_drift, ..frame(&watch, collisions, parts) });
+        }
+        let found = watch.found();
+        let (energies, recoil) = (found.energies.expect("arrived"), found.recoil.expect("seen at 9 T"));
+        assert_eq!(energies.step_error_j, step_error_j(1.0, (2.0_f64).powi(-18), 200));
+        assert_eq!(energies.uncertainty_j, energies.step_error_j);
+        assert_eq!(recoil.uncertainty_j, step_error_j(1.0, (2.0_f64).powi(-20), 200));
+        let corrected = found.corrected().expect("both are known");
+        assert_eq!(corrected.uncertainty_j, energies.uncertainty_j + recoil.uncertainty_j);
+        // what the one side lacks the other has: dr/t·(1 + r/t), with r = 1/4 and t = 3/4
+        let expected = energies.uncertainty_j / 0.75 * (1.0 + 1.0 / 3.0);
+        assert!((energies.over_transmitted().plus_minus / expected - 1.0).abs() < 1e-15);
     }
 
     #[test]

@@ -79,8 +79,10 @@ pub struct Number {
     pub value: f64,
     /// Its unit, empty for a ratio or a count.
     pub unit: &'static str,
-    /// How far it may be off; absent for counts.
+    /// How far it may be off; absent for counts, and where nobody knows.
     pub uncertainty: Option<Uncertainty>,
+    /// For a count: what it is in runs that ought to give the same.
+    pub range: Option<Range>,
     /// What others computed.
     pub reference: Option<Reference>,
 }
@@ -94,6 +96,17 @@ pub struct Uncertainty {
     pub from: &'static str,
 }
 
+/// What a count is in a run and in its partners.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Range {
+    /// The least of these counts.
+    pub least: f64,
+    /// The largest.
+    pub most: f64,
+    /// What the partners are.
+    pub from: &'static str,
+}
+
 /// A number that Beadline did not compute.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reference {
@@ -104,16 +117,27 @@ pub struct Reference {
 }
 
 impl Number {
-    /// A number without uncertainty, such as a count.
+    /// A number of which nobody says how good it is.
     pub(super) fn new(what: impl Into<String>, value: f64, unit: &'static str) -> Self {
-        Self { what: what.into(), value, unit, uncertainty: None, reference: None }
+        Self { what: what.into(), value, unit, uncertainty: None, range: None, reference: None }
     }
 
-    /// A number from a run and from the same run with twice the step and frames half as often; what differs
-    /// is taken for the uncertainty, which it overestimates: both errors fall faster than the step.
-    pub(super) fn stepped(what: impl Into<String>, fine: f64, coarse: f64, unit: &'static str) -> Self {
-        Self::new(what, fine, unit)
-            .give_or_take(fine - coarse, "a run with twice the step, recorded half as often")
+    /// A number from a run and from the same run with twice the step and frames half as often. What differs
+    /// is taken for the uncertainty, which it overestimates: both errors fall faster than the step. Two runs may agree by
+    /// chance, so that the error of the energy in the first, the part `drift`, is the least that is believed.
+    pub(super) fn stepped(
+        what: impl Into<String>,
+        (fine, coarse): (f64, f64),
+        unit: &'static str,
+        drift: f64,
+    ) -> Self {
+        Self::new(what, fine, unit).give_or_take((fine - coarse).hypot(drift * fine), FROM_STEP)
+    }
+
+    /// A count in a run, and in its partners.
+    pub(super) fn count(what: impl Into<String>, count: &Counted) -> Self {
+        let range = Range { least: count.least as f64, most: count.most as f64, from: FROM_PARTNERS };
+        Self { range: Some(range), ..Self::new(what, count.count as f64, "") }
     }
 
     /// Adds an uncertainty.
@@ -142,6 +166,48 @@ impl Number {
             let difference = (self.value - reference.value).abs();
             difference > 3.0 * both || difference.is_nan()
         })
+    }
+}
+
+/// Where the uncertainty of [`Number::stepped`] comes from.
+pub(super) const FROM_STEP: &str =
+    "a run with twice the step, recorded half as often, and from the error of the energy";
+
+/// What [`Counted`] compares.
+pub(super) const FROM_PARTNERS: &str = "counts in brackets: the least and the most in this run, in one with twice the step, and in one whose striker is \
+     one unit in the last place faster";
+
+/// A count in a run and in its partners.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Counted {
+    /// In the run itself.
+    pub(super) count: usize,
+    /// The least of all.
+    pub(super) least: usize,
+    /// The most of all.
+    pub(super) most: usize,
+}
+
+impl Counted {
+    /// The first of `counts` is that of the run itself.
+    pub(super) fn of(counts: &[usize]) -> Self {
+        let least = counts.iter().copied().min().unwrap_or(0);
+        let most = counts.iter().copied().max().unwrap_or(0);
+        Self { count: counts.first().copied().unwrap_or(0), least, most }
+    }
+
+    /// Whether counts grow from each to the next, and whether they do so whichever of the runs is taken.
+    pub(super) fn grow(counts: &[Self]) -> (bool, bool) {
+        let pairs = || counts.windows(2);
+        (pairs().all(|pair| pair[0].count < pair[1].count), pairs().all(|pair| pair[0].most < pair[1].least))
+    }
+}
+
+/// `21`, or `21 (20–22)` where it is not the same in all runs.
+impl fmt::Display for Counted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.count)?;
+        if self.least < self.most { write!(f, " ({}–{})", self.least, self.most) } else { Ok(()) }
     }
 }
 
@@ -215,6 +281,24 @@ mod tests {
         assert!(!number(2.0149).contradicts_reference() && !number(1.9851).contradicts_reference());
         assert!(number(2.0151).contradicts_reference() && number(f64::NAN).contradicts_reference());
         assert!(!Number::new("n", 7.0, "").contradicts_reference());
+    }
+
+    /// Two runs that agree by chance do not make a number exact.
+    #[test]
+    fn no_agreement_is_better_than_the_energy() {
+        let by_chance = Number::stepped("v", (2.0, 2.0), "m/s", 4e-8);
+        assert_eq!(by_chance.uncertainty.unwrap().plus_minus, 8e-8);
+        let apart = Number::stepped("v", (2.0, 2.3), "m/s", 0.2);
+        assert!((apart.uncertainty.unwrap().plus_minus - 0.5).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_count_says_what_it_is_in_other_runs() {
+        let [same, other] = [Counted::of(&[6, 6, 6]), Counted::of(&[21, 20, 22])];
+        assert_eq!((same.to_string().as_str(), other.to_string().as_str()), ("6", "21 (20–22)"));
+        assert_eq!(Counted::grow(&[same, other]), (true, true));
+        assert_eq!(Counted::grow(&[other, Counted::of(&[22, 22, 23])]), (true, false));
+        assert_eq!(Counted::grow(&[same, same]), (false, false));
     }
 
     #[test]

@@ -199,7 +199,7 @@ fn judge_lobe(seen: &Observations) -> Result<Judgement, StudyError> {
     // eq. (cos) without its condition on the argument: each lobe has the same impulse
     let lobes = |k: f64| {
         let what = format!("impulse of eq. (cos) for k = {k} over the measured one");
-        stepped(1.2, what, "", |run| {
+        stepped(seen, 1.2, what, "", |run| {
             Ok((2.0 * k + 1.0) * continuum(seen, run)?.impulse_n_s / shape(seen, run)?.impulse_n_s)
         })
     };
@@ -268,11 +268,11 @@ fn judge_tails(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn judge_unit(seen: &Observations) -> Result<Judgement, StudyError> {
-    let power = stepped(1.5, "∫k·δ^1.5 dt over the momentum behind contact 100", "", |run| {
+    let power = stepped(seen, 1.5, "∫k·δ^1.5 dt over the momentum behind contact 100", "", |run| {
         Ok(handed_on(seen, run)?.0)
     })?;
     // newtons, if k is what is written in the paper: a force proportional to the overlap
-    let linear = stepped(1.5, "∫k·δ dt over the same", "", |run| Ok(handed_on(seen, run)?.1))?;
+    let linear = stepped(seen, 1.5, "∫k·δ dt over the same", "", |run| Ok(handed_on(seen, run)?.1))?;
     let near = |ratio: &Number| (ratio.value - 1.0).abs() < 1e-3;
     Ok(Judgement {
         verdict: Verdict::graded(near(&power), near(&linear)),
@@ -322,11 +322,12 @@ fn judge_low_alpha(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn judge_unreliable(seen: &Observations) -> Result<Judgement, StudyError> {
-    let width = stepped(1.7, "width of eq. (cos) over the measured one, α = 1.7", "", |run| {
+    let width = stepped(seen, 1.7, "width of eq. (cos) over the measured one, α = 1.7", "", |run| {
         Ok(continuum(seen, run)?.width_s / shape(seen, run)?.width_s)
     })?;
-    let error =
-        stepped(1.7, "largest error of eq. (cos), α = 1.7", "", |run| Ok(continuum(seen, run)?.l_infinity))?;
+    let error = stepped(seen, 1.7, "largest error of eq. (cos), α = 1.7", "", |run| {
+        Ok(continuum(seen, run)?.l_infinity)
+    })?;
     Ok(Judgement {
         verdict: Verdict::graded(error.value > 0.02, error.value > SUPERIMPOSE),
         why: format!(
@@ -340,9 +341,10 @@ fn judge_unreliable(seen: &Observations) -> Result<Judgement, StudyError> {
 
 fn judge_triangle(seen: &Observations) -> Result<Judgement, StudyError> {
     let what = "largest distance from a triangle of the same height and width";
-    let triangle = stepped(10.0, what, "", |run| from_triangle(seen, run))?;
-    let error =
-        stepped(10.0, "largest error of eq. (cos), α = 10", "", |run| Ok(continuum(seen, run)?.l_infinity))?;
+    let triangle = stepped(seen, 10.0, what, "", |run| from_triangle(seen, run))?;
+    let error = stepped(seen, 10.0, "largest error of eq. (cos), α = 10", "", |run| {
+        Ok(continuum(seen, run)?.l_infinity)
+    })?;
     let (from_triangle, from_theory) = (triangle.value, error.value);
     let mut numbers = vec![triangle, error];
     numbers.extend(against_reference(seen, 10.0)?);
@@ -380,7 +382,9 @@ fn judge_parabola(_: &Observations) -> Result<Judgement, StudyError> {
 fn judge_asymmetric(seen: &Observations) -> Result<Judgement, StudyError> {
     let (run, partner) = (homogeneous(1.01), homogeneous(1.01).with_step_times(2));
     let (fine, coarse) = (shape(seen, &run)?.asymmetry, shape(seen, &partner)?.asymmetry);
-    let mut numbers = vec![Number::stepped("asymmetry of the half-widths, bead 100", fine, coarse, "")];
+    let drift = seen.of(&run)?.max_abs_drift;
+    let what = "asymmetry of the half-widths, bead 100";
+    let mut numbers = vec![Number::stepped(what, (fine, coarse), "", drift)];
     numbers.extend(norms(seen, 1.01)?);
     numbers.extend(against_reference(seen, 1.01)?);
     Ok(Judgement {
@@ -398,7 +402,8 @@ fn judge_stationary(seen: &Observations) -> Result<Judgement, StudyError> {
         let value =
             |run: &Run| -> Result<f64, StudyError> { Ok(of(&shape(seen, run)?, continuum(seen, run)?)) };
         let run = homogeneous_long();
-        Ok(Number::stepped(what, value(&run)?, value(&run.with_step_times(2))?, ""))
+        let drift = seen.of(&run)?.max_abs_drift;
+        Ok(Number::stepped(what, (value(&run)?, value(&run.with_step_times(2))?), "", drift))
     };
     let asymmetry = number("asymmetry of the half-widths, contact 2000", |shape, _| shape.asymmetry)?;
     let error = number("largest error of eq. (cos)", |_, theory| theory.l_infinity)?;

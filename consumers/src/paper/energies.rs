@@ -3,26 +3,32 @@
 mod figures;
 
 use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
+use super::crossing::{Crossing, crossings};
 use super::observe::Observations;
+use super::passing::both_steps;
 use super::reference::REFLECTED;
-use super::reflection::{ALPHAS, BEAD_G, MASSES_G, Reflected, crossings, curve, point};
-use super::runs::light;
+use super::reflection::{
+    ALPHAS, BEAD_G, MASSES_G, Reflected, corrected_over_total, curve, differences, over_total, point,
+};
+use super::runs::{Run, light};
 use super::study::Study;
 use crate::impurity::EventKind;
+use crate::uncertain::Uncertain;
 use figures::{draw_corrected, draw_pulse, draw_total, draw_transmitted};
 use std::collections::BTreeSet;
 
 const SECTION: &str = "section 3";
 /// What the reference is good to.
 const GOOD_TO: f64 = 3e-5;
-const FROM_WINDOW: &str = "what may still cross the impurity, and the change over the last 50 to 100 T";
-const FROM_GRID: &str = "half the distance between the masses computed";
+const FROM_WINDOW: &str =
+    "what may still cross the impurity, the change over the last 50 to 100 T, and the error of the step";
+const FROM_GRID: &str = "half the distance between the masses where the order is certain";
 
 pub(super) const TOTAL: Study = Study {
     slug: "reflected-total",
     title: "Reflected over total energy",
     place: "figure er.e",
-    runs: || vec![light()],
+    runs: || both_steps(light()),
     draw: draw_total,
     claims: &[
         Claim {
@@ -140,17 +146,15 @@ fn against_reference(seen: &Observations, transmitted: bool) -> Result<Vec<Numbe
         } else {
             ("reflected over total", found.over_total, value(row[2])?)
         };
-        // d(r/t) = (r/t)·(dr/r + dr/t)
-        let slope = ours / found.over_total;
-        let uncertainty =
-            if transmitted { found.uncertainty * slope * (1.0 + ours) } else { found.uncertainty };
-        numbers.push(
-            Number::new(format!("{what}, α = {alpha}, {mass_g} g"), ours, "")
-                .give_or_take(uncertainty, FROM_WINDOW)
-                .against_within(expected, GOOD_TO),
-        );
+        let number = told(format!("{what}, α = {alpha}, {mass_g} g"), ours);
+        numbers.push(number.against_within(expected, GOOD_TO));
     }
     Ok(numbers)
+}
+
+/// A number of a run that knows how far it may be off.
+fn told(what: impl Into<String>, found: Uncertain) -> Number {
+    Number::new(what, found.value, "").give_or_take(found.plus_minus, FROM_WINDOW)
 }
 
 fn all(seen: &Observations, of: fn(&Reflected) -> f64) -> Result<Vec<Vec<(f64, f64)>>, StudyError> {
@@ -165,7 +169,7 @@ fn grows_with_difference(curve: &[(f64, f64)]) -> bool {
 }
 
 fn judge_mass(seen: &Observations) -> Result<Judgement, StudyError> {
-    let curves = all(seen, |point| point.over_total)?;
+    let curves = all(seen, |point| point.over_total.value)?;
     let growing: Vec<bool> = curves.iter().map(|curve| grows_with_difference(curve)).collect();
     let count = growing.iter().filter(|grows| **grows).count();
     let mut numbers = against_reference(seen, false)?;
@@ -176,62 +180,69 @@ fn judge_mass(seen: &Observations) -> Result<Judgement, StudyError> {
         why: format!(
             "On either side of the bead's mass the ratio grows with the difference, for {count} of {} exponents over {} masses.",
             curves.len(),
-            MASSES_G.len()
+            curves[0].len()
         ),
         numbers,
     })
 }
 
-/// The masses (g) computed, with whether the ratio grows with the exponent there, over all exponents.
-fn ordered(seen: &Observations, of: fn(&Reflected) -> f64) -> Result<Vec<(f64, bool)>, StudyError> {
-    let curves = all(seen, of)?;
-    let at = |index: usize| curves.windows(2).all(|pair| pair[0][index].1 < pair[1][index].1);
-    Ok(MASSES_G.iter().enumerate().map(|(index, mass_g)| (*mass_g, at(index))).collect())
+/// A crossing of the curves of two neighbouring exponents.
+struct Meeting {
+    alphas: [f64; 2],
+    at: Crossing,
+}
+
+/// Where neighbouring curves cross.
+fn meetings(seen: &Observations, of: fn(&Reflected) -> Uncertain) -> Vec<Meeting> {
+    let pairs = ALPHAS.windows(2);
+    let of_pair = |pair: &[f64]| {
+        let alphas = [pair[0], pair[1]];
+        let found = crossings(&differences(seen.reflected(), pair, of));
+        found.into_iter().map(move |at| Meeting { alphas, at })
+    };
+    pairs.flat_map(of_pair).collect()
+}
+
+/// The crossings as numbers; `how` says of which quantity, if that is not plain.
+fn crossing_numbers(meetings: &[Meeting], how: &str) -> Vec<Number> {
+    let number = |meeting: &Meeting| {
+        let [low, high] = meeting.alphas;
+        let what = format!("crossing of the curves of α = {low} and {high}{how}");
+        Number::new(what, meeting.at.mass_g, "g").give_or_take(meeting.at.plus_minus_g, FROM_GRID)
+    };
+    meetings.iter().map(number).collect()
 }
 
 fn judge_alpha(seen: &Observations) -> Result<Judgement, StudyError> {
-    let ordered = ordered(seen, |point| point.over_total)?;
-    let last_disorder = ordered.iter().rposition(|(_, is)| !is);
-    let (from, to) = match last_disorder {
-        Some(index) if index + 1 < ordered.len() => (ordered[index].0, ordered[index + 1].0),
-        Some(index) => (ordered[index].0, f64::INFINITY),
-        None => (0.0, ordered[0].0),
-    };
-    // exact to the masses computed: the last crossing of two neighbouring curves
-    let last = crossing_masses(seen, |point| point.over_total)?.into_iter().fold(0.0, f64::max);
+    let curves = all(seen, |point| point.over_total.value)?;
+    let masses_g: Vec<f64> = curves[0].iter().map(|(mass_g, _)| *mass_g).collect();
+    let ordered = |index: &usize| curves.windows(2).all(|pair| pair[0][*index].1 < pair[1][*index].1);
+    // the masses from which on the ratio grows with the exponent, and the last at which it does not
+    let first = (0..masses_g.len()).rev().take_while(ordered).last().unwrap_or(masses_g.len());
+    let (to, from) =
+        (masses_g.get(first).copied().unwrap_or(f64::INFINITY), masses_g[first.saturating_sub(1)]);
+    let meetings = meetings(seen, over_total);
+    let last = meetings.iter().max_by(|a, b| a.at.mass_g.total_cmp(&b.at.mass_g));
+    let last = last.ok_or_else(|| StudyError::Absent {
+        run: "the sweep over the masses".to_owned(),
+        what: "crossing of two curves".to_owned(),
+    })?;
     Ok(Judgement {
-        verdict: Verdict::graded(to <= 2.0, (1.5..=2.0).contains(&last)),
+        verdict: Verdict::graded(to <= 2.0, (1.5..=2.0).contains(&last.at.mass_g)),
         why: format!(
-            "From {to} g on the ratio grows with every step in α, at {from} g not yet; the last two neighbouring curves cross at {last:.2} g."
+            "From {to} g on the ratio grows with every step in α, at {from} g not yet; the last two neighbouring curves cross at {:.2} g.",
+            last.at.mass_g
         ),
         numbers: vec![
-            Number::new("mass of the last crossing of two neighbouring curves", last, "g")
-                .give_or_take(0.5 * (to - from).min(1.0), FROM_GRID),
+            Number::new("mass of the last crossing of two neighbouring curves", last.at.mass_g, "g")
+                .give_or_take(last.at.plus_minus_g, FROM_GRID),
         ],
     })
 }
 
-/// Where neighbouring curves cross (g).
-fn crossing_masses(seen: &Observations, of: fn(&Reflected) -> f64) -> Result<Vec<f64>, StudyError> {
-    let curves = all(seen, of)?;
-    Ok(curves.windows(2).flat_map(|pair| crossings(&pair[0], &pair[1])).collect())
-}
-
-/// The spacing (g) of the masses around one.
-fn spacing_g(mass_g: f64) -> f64 {
-    let pair = MASSES_G.windows(2).find(|pair| (pair[0]..=pair[1]).contains(&mass_g));
-    pair.map_or(0.0, |pair| pair[1] - pair[0])
-}
-
 fn judge_crossings(seen: &Observations) -> Result<Judgement, StudyError> {
-    let curves = all(seen, |point| point.over_total)?;
-    let mut numbers = Vec::new();
-    for (pair, alphas) in curves.windows(2).zip(ALPHAS.windows(2)) {
-        for mass_g in crossings(&pair[0], &pair[1]) {
-            let what = format!("crossing of the curves of α = {} and {}", alphas[0], alphas[1]);
-            numbers.push(Number::new(what, mass_g, "g").give_or_take(0.5 * spacing_g(mass_g), FROM_GRID));
-        }
-    }
+    all(seen, |point| point.over_total.value)?;
+    let numbers = crossing_numbers(&meetings(seen, over_total), "");
     let different: BTreeSet<u64> = numbers.iter().map(|number| number.value.to_bits()).collect();
     Ok(Judgement {
         verdict: Verdict::of(different.len() > 1),
@@ -246,23 +257,23 @@ fn judge_crossings(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn judge_below(seen: &Observations) -> Result<Judgement, StudyError> {
-    let curves = all(seen, |point| point.over_total)?;
+    all(seen, |point| point.over_total.value)?;
     let (mut holds, mut pairs) = (0, 0);
     let mut exceptions = Vec::new();
-    for (pair, alphas) in curves.windows(2).zip(ALPHAS.windows(2)) {
-        let Some(first) = crossings(&pair[0], &pair[1]).into_iter().rfind(|mass_g| *mass_g > BEAD_G) else {
+    let meetings = meetings(seen, over_total);
+    for alphas in ALPHAS.windows(2) {
+        let of_pair =
+            || meetings.iter().filter(|meeting| meeting.alphas == alphas).map(|meeting| meeting.at.mass_g);
+        if of_pair().all(|mass_g| mass_g <= BEAD_G) {
             continue;
-        };
+        }
         pairs += 1;
-        let below = pair[0].iter().zip(&pair[1]).filter(|(low, _)| low.0 < first);
-        if below.clone().all(|(low, high)| low.1 > high.1) {
+        // below the last crossing the lower exponent reflects more, unless there is another
+        let others: Vec<String> = of_pair().rev().skip(1).map(|mass_g| format!("{mass_g:.2}")).collect();
+        if others.is_empty() {
             holds += 1;
         } else {
-            let least = below
-                .filter(|(low, high)| low.1 <= high.1)
-                .map(|(low, _)| low.0)
-                .fold(f64::INFINITY, f64::min);
-            exceptions.push(format!("{} and {} at {least} g", alphas[0], alphas[1]));
+            exceptions.push(format!("{} and {} at {} g", alphas[0], alphas[1], others.join(" and ")));
         }
     }
     Ok(Judgement {
@@ -273,7 +284,7 @@ fn judge_below(seen: &Observations) -> Result<Judgement, StudyError> {
             )
         } else {
             format!(
-                "It is so for {holds} of {pairs} neighbouring pairs that cross above 1 g; others cross again among the light impurities: {}.",
+                "It is so for {holds} of {pairs} neighbouring pairs that cross above 1 g; the others cross again below it: {}.",
                 exceptions.join(", ")
             )
         },
@@ -282,9 +293,13 @@ fn judge_below(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn judge_wait(seen: &Observations) -> Result<Judgement, StudyError> {
+    let arrival = |run: &Run| -> Result<f64, StudyError> {
+        let run = seen.of(run)?;
+        let event = run.events.iter().find(|event| event.kind == EventKind::LeftCloses);
+        event.map(|event| event.time_s).ok_or_else(|| run.absent("collision"))
+    };
     let run = seen.of(&light())?;
-    let arrival = run.events.iter().find(|event| event.kind == EventKind::LeftCloses);
-    let arrival_s = arrival.ok_or_else(|| run.absent("collision"))?.time_s;
+    let (arrival_s, coarse_s) = (arrival(&light())?, arrival(&light().with_step_times(2))?);
     let since_s = point(seen, 1.5, 0.6)?.stationary_since_s;
     let wait_t = (since_s - arrival_s) / run.manifest.physics.scales().time_s;
     Ok(Judgement {
@@ -294,39 +309,46 @@ fn judge_wait(seen: &Observations) -> Result<Judgement, StudyError> {
              passes a bead in about two."
         ),
         numbers: vec![
-            Number::new("arrival of the shock", arrival_s * 1e3, "ms"),
-            Number::new("energy stationary from", since_s * 1e3, "ms"),
+            Number::stepped(
+                "arrival of the shock",
+                (arrival_s * 1e3, coarse_s * 1e3),
+                "ms",
+                run.max_abs_drift,
+            ),
+            Number::new("energy stationary from", since_s * 1e3, "ms")
+                .give_or_take(run.manifest.physics.dt_s * 1e3, "the distance between two frames"),
         ],
     })
 }
 
 fn judge_unity(seen: &Observations) -> Result<Judgement, StudyError> {
-    let points = all(seen, |point| point.over_transmitted)?;
-    let largest = points.iter().flatten().map(|(_, ratio)| *ratio).fold(0.0, f64::max);
-    let hardest = point(seen, 5.0, 5.0)?;
-    let uncertainty = hardest.uncertainty * largest / hardest.over_total * (1.0 + largest);
-    let mut numbers =
-        vec![Number::new("largest ratio of all", largest, "").give_or_take(uncertainty, FROM_WINDOW)];
+    all(seen, |point| point.over_transmitted.value)?;
+    let ratios = || seen.reflected().iter().map(|point| point.over_transmitted);
+    let largest = ratios().max_by(|a, b| a.value.total_cmp(&b.value));
+    let largest = largest.unwrap_or(Uncertain::unknown(f64::NAN));
+    let mut numbers = vec![told("largest ratio of all", largest)];
     numbers.extend(against_reference(seen, true)?);
     Ok(Judgement {
-        verdict: Verdict::of(largest < 1.0),
-        why: format!("The largest of all {} ratios is {largest:.3}.", points.iter().flatten().count()),
+        verdict: Verdict::of(largest.value + largest.plus_minus < 1.0),
+        why: format!("The largest of all {} ratios is {:.3}.", ratios().count(), largest.value),
         numbers,
     })
 }
 
 fn judge_similar(seen: &Observations) -> Result<Judgement, StudyError> {
-    let total = crossing_masses(seen, |point| point.over_total)?;
-    let transmitted = crossing_masses(seen, |point| point.over_transmitted)?;
-    let apart = total.iter().zip(&transmitted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    let curves = all(seen, |point| point.over_transmitted)?;
+    let curves = all(seen, |point| point.over_transmitted.value)?;
+    let total = meetings(seen, over_total);
+    let transmitted = meetings(seen, |point| point.over_transmitted);
+    let apart = total.iter().zip(&transmitted).map(|(a, b)| (a.at.mass_g - b.at.mass_g).abs());
+    let apart = apart.fold(0.0, f64::max);
     let grows = curves.iter().filter(|curve| grows_with_difference(curve)).count();
     Ok(Judgement {
         verdict: Verdict::of(total.len() == transmitted.len() && grows == curves.len()),
         why: format!(
-            "{grows} of {} curves grow with the mass difference, and they cross at {} places, within {apart:.3} g of those of the other figure.",
+            "{grows} of {} curves grow with the mass difference, and they cross at {} places, within {:.0e} g of those of the other figure.",
             curves.len(),
-            transmitted.len()
+            transmitted.len(),
+            apart
         ),
         numbers: vec![Number::new("largest distance between crossings of the two figures", apart, "g")],
     })
@@ -336,56 +358,44 @@ fn judge_recoil(seen: &Observations) -> Result<Judgement, StudyError> {
     let mut numbers = Vec::new();
     for alpha in ALPHAS {
         let equal = point(seen, alpha, BEAD_G)?;
-        numbers.push(
-            Number::new(format!("ratio with no impurity at all (1 g), α = {alpha}"), equal.over_total, "")
-                .give_or_take(equal.uncertainty, FROM_WINDOW),
-        );
-        numbers.push(
-            Number::new(format!("the same without the recoil, α = {alpha}"), equal.corrected, "")
-                .give_or_take(equal.uncertainty + equal.recoil_uncertainty, FROM_WINDOW),
-        );
+        numbers.push(told(format!("ratio with no impurity at all (1 g), α = {alpha}"), equal.over_total));
+        numbers.push(told(format!("the same without the recoil, α = {alpha}"), equal.corrected_over_total));
     }
     for alpha in [3.0, 5.0] {
         let heavy = point(seen, alpha, 5.0)?;
-        numbers.push(
-            Number::new(
-                format!("without recoil, 5 g, α = {alpha}; ((m_i − m)/(m_i + m))² is {:.4}", hard_limit(5.0)),
-                heavy.corrected,
-                "",
-            )
-            .give_or_take(heavy.uncertainty + heavy.recoil_uncertainty, FROM_WINDOW),
+        let limit = hard_limit(5.0);
+        let what = format!(
+            "of the incident energy, without recoil, 5 g, α = {alpha}; ((m_i − m)/(m_i + m))² is {limit:.4}"
         );
+        numbers.push(told(what, heavy.corrected));
     }
-    let as_defined = crossing_masses(seen, |point| point.over_total)?;
-    let corrected = real_crossings(seen)?;
+    let as_defined = meetings(seen, over_total);
+    let corrected = meetings(seen, corrected_over_total);
+    numbers.extend(crossing_numbers(&corrected, ", of the total energy without the recoil"));
+    let incident = meetings(seen, |point| point.corrected);
+    numbers.extend(crossing_numbers(&incident, ", of the incident energy"));
     Ok(Judgement {
-        verdict: Verdict::graded(!as_defined.is_empty(), corrected > 0),
+        verdict: Verdict::graded(!as_defined.is_empty(), corrected.len() == as_defined.len()),
         why: format!(
             "As defined, the energy contains the recoil of the first kick: without any impurity the ratio is {:.6} at α = 1.5, not 0. Without \
-             the recoil {} of the {} crossings {} left.",
-            point(seen, 1.5, BEAD_G)?.over_total,
-            if corrected == 0 { "none".to_owned() } else { corrected.to_string() },
-            as_defined.len(),
-            if corrected == 1 { "is" } else { "are" },
+             the recoil all curves touch zero at 1 g, and {}.",
+            point(seen, 1.5, BEAD_G)?.over_total.value,
+            left_of(as_defined.len(), &corrected)
         ),
         numbers,
     })
 }
 
-/// Pairs of neighbouring corrected curves and masses at which the order is the other way round by more than both are
-/// uncertain.
-fn real_crossings(seen: &Observations) -> Result<usize, StudyError> {
-    let mut count = 0;
-    for pair in ALPHAS.windows(2) {
-        let mut wrong = false;
-        for mass_g in MASSES_G {
-            let (low, high) = (point(seen, pair[0], mass_g)?, point(seen, pair[1], mass_g)?);
-            let off = |point: &Reflected| point.uncertainty + point.recoil_uncertainty;
-            wrong |= (mass_g - BEAD_G).abs() > 1e-9 && low.corrected - high.corrected > off(low) + off(high);
-        }
-        count += usize::from(wrong);
+/// How many of the crossings are left, and which.
+fn left_of(all: usize, left: &[Meeting]) -> String {
+    if left.is_empty() {
+        return format!("none of the {all} crossings are left, as far as masses 0.0125 g apart show");
     }
-    Ok(count)
+    let each = left.iter().map(|Meeting { alphas, at }| {
+        format!("{} and {} at {}", alphas[0], alphas[1], Uncertain::new(at.mass_g, at.plus_minus_g))
+    });
+    let each = each.collect::<Vec<_>>().join(" g, ");
+    format!("{} crossings are left in place of {all}: {each} g", left.len())
 }
 
 /// What two hard spheres reflect: `((m_i − m)/(m_i + m))²`, for `m_i ≥ m` the limit α → ∞.
@@ -396,10 +406,10 @@ fn hard_limit(mass_g: f64) -> f64 {
 /// The amplitude (m/s) of the reflected pulse at α = 1.5, for masses other than the bead's.
 fn amplitudes(seen: &Observations, of: fn(&Reflected) -> f64) -> Result<Vec<(f64, f64)>, StudyError> {
     let points = curve(seen, 1.5, of)?;
-    Ok(points
-        .into_iter()
-        .filter(|(mass_g, value)| (mass_g - BEAD_G).abs() > 1e-9 && value.is_finite())
-        .collect())
+    // nearer to the bead's mass there is hardly a pulse to be found
+    let is_shown =
+        |mass_g: f64| mass_g != BEAD_G && MASSES_G.iter().any(|shown| (shown - mass_g).abs() < 1e-9);
+    Ok(points.into_iter().filter(|(mass_g, value)| is_shown(*mass_g) && value.is_finite()).collect())
 }
 
 /// Whether values grow away from the bead's mass, on either side.

@@ -1,9 +1,10 @@
 //! A heavy impurity: it moves on, the transmitted wave breaks up, one pulse comes back.
 
-use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
+use super::claim::{Claim, Judgement, Number, StudyError, Verdict, pool_uncertainty};
 use super::observe::Observations;
 use super::passing::{
-    BACKWARD_BEAD, FORWARD_BEAD, Passed, against_table, both_steps, falls, heights, pulses_of_table,
+    BACKWARD_BEAD, FORWARD_BEAD, Passed, against_table, counted, falls, heights, pulses_of_table,
+    with_partners,
 };
 use super::profile::velocity_figure;
 use super::reference::HEAVY_PULSES;
@@ -95,7 +96,7 @@ pub(super) const SECOND_HIT: Study = Study {
 };
 
 fn runs() -> Vec<Run> {
-    both_steps(heavy())
+    with_partners(heavy())
 }
 
 fn forward(seen: &Observations) -> Result<Vec<Passed>, StudyError> {
@@ -109,14 +110,17 @@ fn backward(seen: &Observations) -> Result<Vec<Passed>, StudyError> {
 fn judge_train(seen: &Observations) -> Result<Judgement, StudyError> {
     let pulses = forward(seen)?;
     let falls = falls(&heights(&pulses));
-    let gaps = pulses.windows(2).map(|pair| {
-        (pair[1].fine.time_s - pair[0].fine.time_s)
-            * 0.5
-            * (pair[0].fine.speed_beads_per_s + pair[1].fine.speed_beads_per_s)
-    });
-    let widest = gaps.fold(0.0, f64::max);
+    let widest = |of: fn(&Passed) -> Passage| {
+        let apart = |before: Passage, after: Passage| {
+            (after.time_s - before.time_s) * 0.5 * (before.speed_beads_per_s + after.speed_beads_per_s)
+        };
+        pulses.windows(2).map(|pair| apart(of(&pair[0]), of(&pair[1]))).fold(0.0, f64::max)
+    };
+    let both = (widest(|pulse| pulse.fine), widest(|pulse| pulse.coarse));
+    let widest = both.0;
     let mut numbers = against_table(&pulses, HEAVY_PULSES, true, GOOD_TO)?;
-    numbers.push(Number::new("largest distance between two of them, as they pass bead 700", widest, "beads"));
+    let what = "largest distance between two of them, as they pass bead 700";
+    numbers.push(Number::stepped(what, both, "beads", pulses[0].drift));
     Ok(Judgement {
         verdict: Verdict::of(falls && widest < 50.0),
         why: format!(
@@ -145,19 +149,20 @@ fn judge_reflected(seen: &Observations) -> Result<Judgement, StudyError> {
 fn judge_asymmetry(seen: &Observations) -> Result<Judgement, StudyError> {
     /// Pulses above a fiftieth of the striker's speed are the pattern that a plot shows.
     const SHOWN_M_S: f64 = 0.1;
-    let run = seen.of(&heavy())?;
     let count = |bead, forward| {
-        let pulses = run.pulses_past(bead, forward);
-        pulses.iter().filter(|pulse| pulse.v_peak_m_s.abs() > SHOWN_M_S).count()
+        counted(seen, heavy(), |seen| {
+            let pulses = seen.pulses_past(bead, forward);
+            Ok(pulses.iter().filter(|pulse| pulse.v_peak_m_s.abs() > SHOWN_M_S).count())
+        })
     };
     // the incident pulse passes bead 300 forwards, and is not counted
-    let (forward, backward) = (count(FORWARD_BEAD, true), count(BACKWARD_BEAD, false));
+    let (forward, backward) = (count(FORWARD_BEAD, true)?, count(BACKWARD_BEAD, false)?);
     Ok(Judgement {
-        verdict: Verdict::of(forward > 3 * backward),
+        verdict: Verdict::graded(forward.count > 3 * backward.count, forward.least > 3 * backward.most),
         why: format!("{forward} pulses above 0.1 m/s go forward, and {backward} back."),
         numbers: vec![
-            Number::new("pulses above 0.1 m/s past bead 700", forward as f64, ""),
-            Number::new("pulses above 0.1 m/s past bead 300 on their way back", backward as f64, ""),
+            Number::count("pulses above 0.1 m/s past bead 700", &forward),
+            Number::count("pulses above 0.1 m/s past bead 300 on their way back", &backward),
         ],
     })
 }
@@ -175,8 +180,9 @@ fn solitary(seen: &Observations) -> Result<(Vec<Number>, f64), StudyError> {
     for (index, pulse) in forward(seen)?.iter().enumerate() {
         let what =
             format!("forward pulse {}: speed over that of a solitary wave of its amplitude", index + 1);
-        numbers.push(Number::stepped(what, ratio(&pulse.fine)?, ratio(&pulse.coarse)?, ""));
+        numbers.push(Number::stepped(what, (ratio(&pulse.fine)?, ratio(&pulse.coarse)?), "", pulse.drift));
     }
+    pool_uncertainty(&mut numbers);
     let worst = numbers.iter().map(|number| (number.value - 1.0).abs()).fold(0.0, f64::max);
     Ok((numbers, worst))
 }
@@ -218,14 +224,15 @@ fn judge_low_pulses(seen: &Observations) -> Result<Judgement, StudyError> {
     /// What can be seen in a plot that shows the whole range.
     const VISIBLE: f64 = 0.01;
     let (ahead, behind) = (forward(seen)?, backward(seen)?);
-    let range = ahead[0].fine.v_peak_m_s - behind[0].fine.v_peak_m_s;
-    let part = behind[1].fine.v_peak_m_s.abs() / range;
+    let part = |of: fn(&Passed) -> f64| of(&behind[1]).abs() / (of(&ahead[0]) - of(&behind[0]));
+    let both = (part(|pulse| pulse.fine.v_peak_m_s), part(|pulse| pulse.coarse.v_peak_m_s));
+    let part = both.0;
     Ok(Judgement {
         verdict: Verdict::graded(part < 0.05, part < VISIBLE),
         why: format!("The strongest of them takes {:.2} % of the height of the plot.", 100.0 * part),
         numbers: vec![
             behind[1].amplitude("strongest pulse of the second front: peak velocity"),
-            Number::new("the same over the range of all velocities", part, ""),
+            Number::stepped("the same over the range of all velocities", both, "", behind[1].drift),
         ],
     })
 }
@@ -240,10 +247,12 @@ fn hits(seen: &Observations) -> Result<Vec<(Event, Event)>, StudyError> {
 }
 
 fn judge_shift(seen: &Observations) -> Result<Judgement, StudyError> {
-    let heavy = seen.of(&heavy())?;
-    let (u, v) = (heavy.motion.column(0), heavy.motion.column(1));
+    let run = seen.of(&heavy())?;
+    let (u, v) = (run.motion.column(0), run.motion.column(1));
     let backwards = v.iter().copied().fold(0.0, f64::min);
-    let shift_m = heavy.kept_frame(AT_80_MS)?.u_m[500];
+    let shift_m = |run: &Run| -> Result<f64, StudyError> { Ok(seen.of(run)?.kept_frame(AT_80_MS)?.u_m[500]) };
+    let both_mm = (shift_m(&heavy())? * 1e3, shift_m(&heavy().with_step_times(2))? * 1e3);
+    let shift_m = both_mm.0 * 1e-3;
     let monotonic = u.windows(2).all(|pair| pair[1] >= pair[0] - 1e-9);
     Ok(Judgement {
         verdict: Verdict::graded(shift_m > 0.0, monotonic),
@@ -253,7 +262,7 @@ fn judge_shift(seen: &Observations) -> Result<Judgement, StudyError> {
             if monotonic { "it never moves back" } else { "it moves back a little on the way" }
         ),
         numbers: vec![
-            Number::new("displacement at 80 ms", shift_m * 1e3, "mm"),
+            Number::stepped("displacement at 80 ms", both_mm, "mm", run.max_abs_drift),
             Number::new("largest velocity backwards", backwards.abs(), "m/s"),
         ],
     })
@@ -266,7 +275,8 @@ fn judge_sticking(seen: &Observations) -> Result<Judgement, StudyError> {
     let mut numbers = Vec::new();
     for (index, (fine, coarse)) in hits.iter().enumerate() {
         let what = format!("hit {} of bead 499 on the impurity", index + 1);
-        let number = Number::stepped(what, fine.time_s * 1e3, coarse.time_s * 1e3, "ms");
+        let times_ms = (fine.time_s * 1e3, coarse.time_s * 1e3);
+        let number = Number::stepped(what, times_ms, "ms", heavy.max_abs_drift);
         // the reference gives the second in hundredths of a millisecond
         numbers.push(if index == 1 { number.against_within(60.94, 0.005) } else { number });
     }

@@ -1,9 +1,10 @@
 //! A light impurity emits pulses both ways: velocities and displacements.
 
-use super::claim::{Claim, Judgement, Number, StudyError, Verdict, pool_uncertainty};
+use super::claim::{Claim, Counted, Judgement, Number, StudyError, Verdict, pool_uncertainty};
 use super::observe::Observations;
 use super::passing::{
-    BACKWARD_BEAD, FORWARD_BEAD, Passed, against_table, both_steps, falls, heights, pulses, pulses_of_table,
+    BACKWARD_BEAD, FORWARD_BEAD, Passed, against_table, counted, falls, heights, pulses, pulses_of_table,
+    with_partners,
 };
 use super::profile::velocity_figure;
 use super::reference::LIGHT_PULSES;
@@ -75,7 +76,7 @@ pub(super) const DISPLACEMENT: Study = Study {
 };
 
 fn runs() -> Vec<Run> {
-    both_steps(light())
+    with_partners(light())
 }
 
 fn forward(seen: &Observations) -> Result<Vec<Passed>, StudyError> {
@@ -88,17 +89,22 @@ fn backward(seen: &Observations) -> Result<Vec<Passed>, StudyError> {
 
 fn judge_secondary_waves(seen: &Observations) -> Result<Judgement, StudyError> {
     let pulses = forward(seen)?;
-    let passed_by = |time_s: f64| pulses.iter().filter(|pulse| pulse.fine.time_s <= time_s).count();
-    let counts = [0.07, 0.08, 0.1].map(passed_by);
-    let grows = counts.windows(2).all(|pair| pair[0] < pair[1]);
+    let passed_by = |time_s: f64| {
+        counted(seen, light(), |seen| {
+            let pulses = seen.pulses_past(FORWARD_BEAD, true);
+            Ok(pulses.iter().filter(|pulse| pulse.time_s <= time_s).count())
+        })
+    };
+    let counts = [passed_by(0.07)?, passed_by(0.08)?, passed_by(0.1)?];
+    let (grows, grows_in_all) = Counted::grow(&counts);
     let mut numbers = against_table(&pulses, LIGHT_PULSES, true, GOOD_TO)?;
     for (time_ms, count) in [70, 80, 100].into_iter().zip(counts) {
         let what = format!("pulses that have passed bead {FORWARD_BEAD} at {time_ms} ms");
-        numbers.push(Number::new(what, count as f64, ""));
+        numbers.push(Number::count(what, &count));
     }
     let falls = falls(&heights(&pulses));
     Ok(Judgement {
-        verdict: Verdict::graded(grows, falls),
+        verdict: Verdict::graded(grows, grows_in_all && falls),
         why: format!(
             "The shock and {} secondary pulses pass bead {FORWARD_BEAD}, {}, and their number {}.",
             pulses.len() - 1,
@@ -135,7 +141,7 @@ fn judge_amplitudes(seen: &Observations) -> Result<Judgement, StudyError> {
         let fine = -behind.fine.v_peak_m_s / ahead.fine.v_peak_m_s;
         let coarse = -behind.coarse.v_peak_m_s / ahead.coarse.v_peak_m_s;
         let what = format!("secondary pulse {}: backward over forward amplitude", order + 1);
-        numbers.push(Number::stepped(what, fine, coarse, ""));
+        numbers.push(Number::stepped(what, (fine, coarse), "", ahead.drift));
         let off = (fine - 1.0).abs();
         (least, most) = (least.min(off), most.max(off));
     }
@@ -172,9 +178,9 @@ fn judge_incident(seen: &Observations) -> Result<Judgement, StudyError> {
         numbers: vec![
             incident.amplitude("incident pulse at bead 300: peak velocity"),
             incident.speed("incident pulse at bead 300: speed"),
-            Number::stepped("transmitted over incident amplitude", weaker.0, weaker.1, ""),
-            Number::stepped("transmitted over incident speed", slower.0, slower.1, ""),
-            Number::stepped("the ratio of speeds that eq. (vf) expects", expected.0, expected.1, ""),
+            Number::stepped("transmitted over incident amplitude", weaker, "", incident.drift),
+            Number::stepped("transmitted over incident speed", slower, "", incident.drift),
+            Number::stepped("the ratio of speeds that eq. (vf) expects", expected, "", incident.drift),
         ],
     })
 }
@@ -182,6 +188,7 @@ fn judge_incident(seen: &Observations) -> Result<Judgement, StudyError> {
 fn judge_steps(seen: &Observations) -> Result<Judgement, StudyError> {
     /// A front is square if it is this much narrower than the distance to the next.
     const SQUARE: f64 = 0.1;
+    let coarse = seen.of(&light().with_step_times(2))?.kept_frame(AT_80_MS)?;
     let seen = seen.of(&light())?;
     let kept = seen.kept_frame(AT_80_MS)?;
     let front = crest(&kept.v_m_s, 501..1000).ok_or_else(|| seen.absent("leading pulse"))?;
@@ -199,7 +206,12 @@ fn judge_steps(seen: &Observations) -> Result<Judgement, StudyError> {
             plateau_m * 1e3
         ),
         numbers: vec![
-            Number::new("leading step: height", plateau_m * 1e3, "mm"),
+            Number::stepped(
+                "leading step: height",
+                (plateau_m * 1e3, coarse.u_m[between] * 1e3),
+                "mm",
+                seen.max_abs_drift,
+            ),
             Number::new("leading step: from 10 to 90 %", rise_beads, "beads")
                 .give_or_take(0.1, "the place of the pulse between two beads"),
         ],

@@ -1,12 +1,14 @@
 //! The contacts over space and time.
 
-use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
-use super::observe::{KeptFrame, Observations, Observed};
-use super::passing::{both_steps, falls, pulses};
+use super::claim::{Claim, Counted, Judgement, Number, StudyError, Verdict, pool_uncertainty};
+use super::observe::Observations;
+use super::passing::{count_past, counted, falls, pulses, with_partners};
 use super::runs::{Run, heavy, light};
 use super::study::Study;
 use crate::figure::Figure;
 use crate::plots;
+use crate::pulses::Passage;
+use std::ops::Range;
 
 const SECTION: &str = "section 3";
 /// A gap as wide as this is one, as in the reference.
@@ -90,11 +92,11 @@ pub(super) const HEAVY: Study = Study {
 };
 
 fn light_runs() -> Vec<Run> {
-    both_steps(light())
+    with_partners(light())
 }
 
 fn heavy_runs() -> Vec<Run> {
-    both_steps(heavy())
+    with_partners(heavy())
 }
 
 fn judge_constant_speed(seen: &Observations) -> Result<Judgement, StudyError> {
@@ -115,6 +117,7 @@ fn judge_constant_speed(seen: &Observations) -> Result<Judgement, StudyError> {
         early_change = early_change.max((speeds[0] / speeds[3] - 1.0).abs());
         latest_change = latest_change.max((speeds[2] / speeds[3] - 1.0).abs());
     }
+    pool_uncertainty(&mut numbers);
     Ok(Judgement {
         verdict: Verdict::graded(latest_change < 1e-3, early_change > latest_change),
         why: format!(
@@ -129,43 +132,54 @@ fn judge_speeds(seen: &Observations) -> Result<Judgement, StudyError> {
     let speeds: Vec<f64> = pulses.iter().map(|pulse| pulse.fine.speed_beads_per_s).collect();
     let numbers = pulses.iter().enumerate();
     let numbers = numbers.map(|(index, pulse)| pulse.speed(format!("forward pulse {}: speed", index + 1)));
+    let mut numbers: Vec<Number> = numbers.collect();
+    pool_uncertainty(&mut numbers);
     Ok(Judgement {
         verdict: Verdict::of(falls(&speeds)),
         why: format!(
             "From {:.0} beads/s of the shock down to {:.0} of the pulse that comes fifth.",
             speeds[0], speeds[4]
         ),
-        numbers: numbers.collect(),
+        numbers,
     })
 }
 
-/// Gaps left and right of the impurity.
-fn gaps(seen: &Observed, kept: &KeptFrame) -> (usize, usize) {
-    let chain = seen.manifest.physics.chain();
-    let open = |contact: &usize| chain.overlap_m(&kept.u_m, *contact) < -GAP_M;
-    ((0..IMPURITY).filter(open).count(), (IMPURITY..chain.contact_count()).filter(open).count())
+/// Gaps on one side of the impurity in the kept frame number `frame`.
+fn gaps(seen: &Observations, run: Run, frame: usize, side: Range<usize>) -> Result<Counted, StudyError> {
+    counted(seen, run, |seen| {
+        let (chain, kept) = (seen.manifest.physics.chain(), seen.kept_frame(frame)?);
+        Ok(side.clone().filter(|contact| chain.overlap_m(&kept.u_m, *contact) < -GAP_M).count())
+    })
 }
 
-fn gap_numbers((left, right): (usize, usize), expected_left: f64, expected_right: f64) -> Vec<Number> {
-    // the reference's run ends up to a step later, in which a contact may open or close
-    let number = |side: &str, found: usize, expected: f64| {
+/// The gaps left and right of the impurity, and these as numbers beside those of the reference.
+fn gaps_against(
+    seen: &Observations,
+    run: &Run,
+    frame: usize,
+    expected: [f64; 2],
+) -> Result<([Counted; 2], Vec<Number>), StudyError> {
+    let contacts = seen.of(run)?.manifest.physics.chain().contact_count();
+    let found =
+        [gaps(seen, run.clone(), frame, 0..IMPURITY)?, gaps(seen, run.clone(), frame, IMPURITY..contacts)?];
+    let sides = ["left", "right"].into_iter().zip(&found).zip(expected);
+    let numbers = sides.map(|((side, found), expected)| {
         let what = format!("gaps above 1 nm {side} of the impurity at 80 ms");
-        Number::new(what, found as f64, "").against_within(expected, 1.0)
-    };
-    vec![number("left", left, expected_left), number("right", right, expected_right)]
+        // the reference's run ends up to a step later, in which a contact may open or close
+        Number::count(what, found).against_within(expected, 1.0)
+    });
+    Ok((found, numbers.collect()))
 }
 
 fn judge_light_gaps(seen: &Observations) -> Result<Judgement, StudyError> {
-    let light = seen.of(&light())?;
-    let (left, right) = gaps(light, light.kept_frame(3)?);
+    let ([left, right], numbers) = gaps_against(seen, &light(), 3, [78.0, 48.0])?;
     Ok(Judgement {
-        verdict: Verdict::of(left + right == 0),
+        verdict: Verdict::of(left.count + right.count == 0),
         why: format!(
-            "{} of the contacts that are not compressed are open, with gaps above 1 nm: there are three classes of contacts, \
-             not two.",
-            left + right
+            "Of the contacts that are not compressed {left} left of the impurity and {right} right of it are open, with gaps \
+             above 1 nm: there are three classes of contacts, not two."
         ),
-        numbers: gap_numbers((left, right), 78.0, 48.0),
+        numbers,
     })
 }
 
@@ -192,81 +206,86 @@ fn judge_halved(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn judge_heavy_gaps(seen: &Observations) -> Result<Judgement, StudyError> {
-    let heavy = seen.of(&heavy())?;
-    let kept = heavy.kept_frame(1)?;
-    let (left, right) = gaps(heavy, kept);
+    let ([left, right], numbers) = gaps_against(seen, &heavy(), 1, [31.0, 0.0])?;
     Ok(Judgement {
-        verdict: Verdict::graded(right <= 1, left + right <= 1),
+        verdict: Verdict::graded(right.count <= 1, left.count + right.count <= 1),
         why: format!(
             "Right of the impurity {right} contacts have a gap above 1 nm, so that they do touch there, but left of it \
              {left} have."
         ),
-        numbers: gap_numbers((left, right), 31.0, 0.0),
+        numbers,
     })
 }
 
 fn judge_slope(seen: &Observations) -> Result<Judgement, StudyError> {
     let back = pulses(seen, &heavy(), 300, false, 2)?;
     let ratio = back[0].fine.speed_beads_per_s / back[1].fine.speed_beads_per_s;
+    let mut numbers = vec![
+        back[0].speed("reflected pulse: speed"),
+        back[1].speed("first pulse of the second front: speed"),
+    ];
+    pool_uncertainty(&mut numbers);
     Ok(Judgement {
         verdict: Verdict::of(ratio > 1.0),
         why: format!("The reflected pulse is {ratio:.2} times as fast as the first of the second front."),
-        numbers: vec![
-            back[0].speed("reflected pulse: speed"),
-            back[1].speed("first pulse of the second front: speed"),
-        ],
+        numbers,
     })
 }
 
 fn judge_source(seen: &Observations) -> Result<Judgement, StudyError> {
-    let run = seen.of(&light())?;
-    let ahead = run.pulses_past(520, true);
-    let behind = run.pulses_past(300, false);
-    let (from_s, to_s) =
-        (ahead.first().map_or(0.0, |pulse| pulse.time_s), ahead.last().map_or(0.0, |pulse| pulse.time_s));
+    let first_and_last = seen.of(&light())?.pulses_past(520, true);
+    let time_ms = |pulse: Option<&Passage>| pulse.map_or(0.0, |pulse| pulse.time_s * 1e3);
+    let (ahead, behind) = (count_past(seen, light(), 520, true)?, count_past(seen, light(), 300, false)?);
     Ok(Judgement {
-        verdict: Verdict::of(ahead.len() > 3 && behind.len() > 3),
+        verdict: Verdict::of(ahead.least > 3 && behind.least > 3),
         why: format!(
-            "From {:.0} to {:.0} ms {} pulses above 5 mm/s pass bead 520; by the end of the run {} have passed bead 300 on their way back.",
-            from_s * 1e3,
-            to_s * 1e3,
-            ahead.len(),
-            behind.len()
+            "From {:.0} to {:.0} ms {ahead} pulses above 5 mm/s pass bead 520; by the end of the run {behind} have passed bead 300 on \
+             their way back.",
+            time_ms(first_and_last.first()),
+            time_ms(first_and_last.last()),
         ),
         numbers: vec![
-            Number::new("pulses past bead 520", ahead.len() as f64, ""),
-            Number::new("pulses past bead 300 on their way back", behind.len() as f64, ""),
+            Number::count("pulses past bead 520", &ahead),
+            Number::count("pulses past bead 300 on their way back", &behind),
         ],
     })
 }
 
 fn judge_second_front(seen: &Observations) -> Result<Judgement, StudyError> {
     let back = pulses(seen, &heavy(), 300, false, 2)?;
-    let heavy = seen.of(&heavy())?;
     // the compressed contacts of the zone, not those of the pulses that have left it
-    let zone = |kept: &KeptFrame| {
-        let compressed = |contact: &usize| kept.classes[*contact] == crate::contacts::COMPRESSED;
-        let first_behind =
-            (0..IMPURITY - 1).rev().take_while(|contact| compressed(contact) || *contact > IMPURITY - 8);
-        first_behind.count()
+    let zone = |frame: usize| {
+        counted(seen, heavy(), |seen| {
+            let kept = seen.kept_frame(frame)?;
+            let compressed = |contact: &usize| kept.classes[*contact] == crate::contacts::COMPRESSED;
+            let first_behind =
+                (0..IMPURITY - 1).rev().take_while(|contact| compressed(contact) || *contact > IMPURITY - 8);
+            Ok(first_behind.count())
+        })
     };
-    let (early, late) = (zone(heavy.kept_frame(0)?), zone(heavy.kept_frame(1)?));
+    let (early, late) = (zone(0)?, zone(1)?);
+    let mut numbers = vec![
+        back[0].speed("reflected pulse: speed"),
+        back[1].speed("first pulse of the second front: speed"),
+        back[1].amplitude("first pulse of the second front: peak velocity"),
+    ];
+    pool_uncertainty(&mut numbers);
+    numbers.extend([
+        Number::count("contacts in the zone at 60 ms", &early),
+        Number::count("contacts in the zone at 80 ms", &late),
+    ]);
     let separate = back[1].fine.time_s > back[0].fine.time_s;
     Ok(Judgement {
-        verdict: Verdict::graded(separate, late > early),
+        verdict: Verdict::graded(separate, late.least > early.most),
         why: format!(
             "A second pulse of {:.3} m/s passes bead 300 {:.0} ms after the reflected one; the zone next to the impurity is {} \
              contacts long at 60 ms and {} at 80 ms.",
             back[1].fine.v_peak_m_s,
             (back[1].fine.time_s - back[0].fine.time_s) * 1e3,
             early,
-            late
+            late,
         ),
-        numbers: vec![
-            back[0].speed("reflected pulse: speed"),
-            back[1].speed("first pulse of the second front: speed"),
-            back[1].amplitude("first pulse of the second front: peak velocity"),
-        ],
+        numbers,
     })
 }
 

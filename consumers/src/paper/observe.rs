@@ -56,8 +56,8 @@ pub struct Observed {
     pub tolerance_m: f64,
     /// The leading pulse in each frame.
     pub fronts: Vec<Front>,
-    /// `(E − E0)/E0` of the last frame.
-    pub relative_drift: f64,
+    /// The largest `|E − E0|/E0` of any frame.
+    pub max_abs_drift: f64,
 }
 
 /// Looks at the frames of one run.
@@ -69,6 +69,7 @@ pub struct Observer {
     deformations: Deformations,
     followed: Followed,
     contacts: Contacts,
+    summarizer: Summarizer,
     /// The step at which the map ends.
     map_until: u64,
     seen: Observed,
@@ -90,6 +91,7 @@ impl Observer {
             deformations: Deformations::new(manifest, &run.watch.deformed),
             followed: Followed::new(manifest, &run.watch.followed),
             contacts: Contacts::new(manifest, tolerance_m),
+            summarizer: Summarizer::new(physics),
             map_until,
             watch: run.watch.clone(),
             seen: Observed {
@@ -102,7 +104,7 @@ impl Observer {
                 map,
                 tolerance_m,
                 fronts: Vec::new(),
-                relative_drift: 0.0,
+                max_abs_drift: 0.0,
             },
         }
     }
@@ -153,10 +155,8 @@ impl Analysis for Observer {
                 self.seen.fronts.extend(happenings.iter().filter_map(Front::in_time));
             }
         }
-        if frame.step == self.seen.manifest.physics.step_count {
-            self.seen.relative_drift =
-                Summarizer::new(&self.seen.manifest.physics).summarize(frame).relative_drift;
-        }
+        let drift = self.summarizer.summarize(frame).relative_drift.abs();
+        self.seen.max_abs_drift = self.seen.max_abs_drift.max(drift);
         self.keep_due_frame(frame);
         Ok(())
     }

@@ -1,10 +1,10 @@
 //! Other masses and other exponents than those of the paper's figures.
 
-use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
+use super::claim::{Claim, Counted, Judgement, Number, StudyError, Verdict};
 use super::observe::Observations;
-use super::passing::falls;
+use super::passing::{count_past, counted, falls, with_partners};
 use super::rattle::flights;
-use super::runs::short;
+use super::runs::{Run, short};
 use super::study::Study;
 use crate::figure::{Axis, Figure, Panel};
 
@@ -17,7 +17,7 @@ pub(super) const OTHERS: Study = Study {
     slug: "other-parameters",
     title: "Impurities of other masses, and other exponents",
     place: "text of section 3",
-    runs: || LIGHT.iter().chain(&HEAVY).map(|(mass_g, alpha)| short(*mass_g, *alpha)).collect(),
+    runs,
     sweep: false,
     draw,
     claims: &[
@@ -47,18 +47,23 @@ pub(super) const OTHERS: Study = Study {
 /// Where transmitted pulses are counted.
 const BEAD: u64 = 225;
 
+fn runs() -> Vec<Run> {
+    LIGHT.iter().chain(&HEAVY).flat_map(|(mass_g, alpha)| with_partners(short(*mass_g, *alpha))).collect()
+}
+
 fn judge_light(seen: &Observations) -> Result<Judgement, StudyError> {
     let mut numbers = Vec::new();
     let (mut damped, mut steadily) = (0, 0);
     for (mass_g, alpha) in LIGHT {
-        let flights = flights(seen.of(&short(mass_g, alpha))?);
-        let speeds: Vec<f64> = flights.iter().map(|flight| flight.v_m_s).collect();
+        let found = flights(seen.of(&short(mass_g, alpha))?);
+        let speeds: Vec<f64> = found.iter().map(|flight| flight.v_m_s).collect();
         let (Some(first), Some(last)) = (speeds.first(), speeds.last()) else { continue };
         let to_and_fro = speeds.len() > 2 && speeds.windows(2).all(|pair| pair[0] * pair[1] < 0.0);
         damped += usize::from(to_and_fro && last.abs() < 0.5 * first.abs());
         steadily += usize::from(to_and_fro && falls(&speeds));
         let what = |quantity: &str| format!("{quantity}, {mass_g} g, α = {alpha}");
-        numbers.push(Number::new(what("flights to and fro by the end of the run"), speeds.len() as f64, ""));
+        let count = counted(seen, short(mass_g, alpha), |seen| Ok(flights(seen).len()))?;
+        numbers.push(Number::count(what("flights to and fro by the end of the run"), &count));
         numbers.push(Number::new(what("speed in the last over that in the first"), (last / first).abs(), ""));
     }
     let all = LIGHT.len();
@@ -82,10 +87,11 @@ fn judge_heavy(seen: &Observations) -> Result<Judgement, StudyError> {
     let mut same = 0;
     for (mass_g, alpha) in HEAVY {
         let train = train(seen, mass_g, alpha)?;
-        let reflected = seen.of(&short(mass_g, alpha))?.pulses_past(75, false).len();
-        same += u32::from(train.len() > 1 && falls(&train) && reflected > 0);
-        let what = format!("forward pulses past bead {BEAD}, {mass_g} g, α = {alpha}");
-        numbers.push(Number::new(what, train.len() as f64, ""));
+        let count = count_past(seen, short(mass_g, alpha), BEAD, true)?;
+        let reflected = count_past(seen, short(mass_g, alpha), 75, false)?;
+        same += u32::from(count.least > 1 && falls(&train) && reflected.least > 0);
+        numbers
+            .push(Number::count(format!("forward pulses past bead {BEAD}, {mass_g} g, α = {alpha}"), &count));
     }
     let all = HEAVY.len();
     Ok(Judgement {
@@ -99,20 +105,20 @@ fn judge_heavy(seen: &Observations) -> Result<Judgement, StudyError> {
 
 fn judge_number(seen: &Observations) -> Result<Judgement, StudyError> {
     let mut counts = Vec::new();
+    let mut numbers = Vec::new();
     for mass_g in [3.0, 5.0, 10.0] {
-        counts.push(train(seen, mass_g, 1.5)?.len());
+        let count = count_past(seen, short(mass_g, 1.5), BEAD, true)?;
+        numbers.push(Number::count(format!("forward pulses past bead {BEAD}, {mass_g} g, α = 1.5"), &count));
+        counts.push(count);
     }
-    let numbers = [3, 5, 10].iter().zip(&counts);
-    let numbers = numbers.map(|(mass_g, count)| {
-        Number::new(format!("forward pulses past bead {BEAD}, {mass_g} g, α = 1.5"), *count as f64, "")
-    });
+    let (grow, grow_in_all) = Counted::grow(&counts);
     Ok(Judgement {
-        verdict: Verdict::of(counts.windows(2).all(|pair| pair[0] < pair[1])),
+        verdict: Verdict::graded(grow, grow_in_all),
         why: format!(
             "By the same time {} pulses above 5 mm/s have passed bead {BEAD} behind impurities of 3, 5 and 10 g.",
-            counts.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")
+            counts.iter().map(Counted::to_string).collect::<Vec<_>>().join(", ")
         ),
-        numbers: numbers.collect(),
+        numbers,
     })
 }
 

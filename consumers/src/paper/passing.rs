@@ -1,7 +1,7 @@
-//! Pulses that pass a bead, in a run and in its partner with twice the step.
+//! Pulses that pass a bead, in a run and in its partners: with twice the step, and with another last digit.
 
-use super::claim::{Number, StudyError, pool_uncertainty};
-use super::observe::Observations;
+use super::claim::{Counted, Number, StudyError, pool_uncertainty};
+use super::observe::{Observations, Observed};
 use super::reference::ReferenceTable;
 use super::runs::Run;
 use crate::pulses::Passage;
@@ -11,24 +11,56 @@ use crate::pulses::Passage;
 pub(super) struct Passed {
     pub(super) fine: Passage,
     pub(super) coarse: Passage,
+    /// The largest relative error of the energy in the run.
+    pub(super) drift: f64,
 }
 
 impl Passed {
     /// Its amplitude (m/s).
     pub(super) fn amplitude(self, what: impl Into<String>) -> Number {
-        Number::stepped(what, self.fine.v_peak_m_s, self.coarse.v_peak_m_s, "m/s")
+        self.number(what, "m/s", |pulse| pulse.v_peak_m_s)
     }
 
     /// Its speed (beads/s).
     pub(super) fn speed(self, what: impl Into<String>) -> Number {
-        Number::stepped(what, self.fine.speed_beads_per_s, self.coarse.speed_beads_per_s, "beads/s")
+        self.number(what, "beads/s", |pulse| pulse.speed_beads_per_s)
+    }
+
+    fn number(self, what: impl Into<String>, unit: &'static str, of: fn(&Passage) -> f64) -> Number {
+        Number::stepped(what, (of(&self.fine), of(&self.coarse)), unit, self.drift)
     }
 }
 
-/// The run and its partner.
+/// The run, and the same with twice the step.
 pub(super) fn both_steps(run: Run) -> Vec<Run> {
-    let partner = run.clone().with_step_times(2);
-    vec![run, partner]
+    let coarse = run.clone().with_step_times(2);
+    vec![run, coarse]
+}
+
+/// The run and its partners.
+pub(super) fn with_partners(run: Run) -> Vec<Run> {
+    let (coarse, twin) = (run.clone().with_step_times(2), run.clone().twin());
+    vec![run, coarse, twin]
+}
+
+/// A count in a run, and in its partners.
+pub(super) fn counted(
+    seen: &Observations,
+    run: Run,
+    count: impl Fn(&Observed) -> Result<usize, StudyError>,
+) -> Result<Counted, StudyError> {
+    let counts = with_partners(run).iter().map(|run| count(seen.of(run)?)).collect::<Result<Vec<_>, _>>()?;
+    Ok(Counted::of(&counts))
+}
+
+/// How many pulses pass `bead` in one direction.
+pub(super) fn count_past(
+    seen: &Observations,
+    run: Run,
+    bead: u64,
+    forward: bool,
+) -> Result<Counted, StudyError> {
+    counted(seen, run, |seen| Ok(seen.pulses_past(bead, forward).len()))
 }
 
 /// The first `count` pulses that pass `bead` in one direction.
@@ -41,7 +73,8 @@ pub(super) fn pulses(
 ) -> Result<Vec<Passed>, StudyError> {
     let (fine, coarse) = (seen.of(run)?, seen.of(&run.clone().with_step_times(2))?);
     let pairs = fine.pulses_past(bead, forward).into_iter().zip(coarse.pulses_past(bead, forward));
-    let pulses: Vec<_> = pairs.map(|(fine, coarse)| Passed { fine, coarse }).take(count).collect();
+    let drift = fine.max_abs_drift;
+    let pulses: Vec<_> = pairs.map(|(fine, coarse)| Passed { fine, coarse, drift }).take(count).collect();
     if pulses.len() < count {
         return Err(fine.absent(format!("{} pulse {} at bead {bead}", direction(forward), pulses.len() + 1)));
     }

@@ -1,8 +1,8 @@
 //! The motion of a light impurity between its neighbours.
 
-use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
+use super::claim::{Claim, Counted, FROM_STEP, Judgement, Number, StudyError, Verdict};
 use super::observe::{Observations, Observed};
-use super::passing::{BACKWARD_BEAD, FORWARD_BEAD, both_steps, falls};
+use super::passing::{BACKWARD_BEAD, FORWARD_BEAD, count_past, counted, falls, with_partners};
 use super::reference::LIGHT_TURNS;
 use super::runs::{Run, light};
 use super::study::Study;
@@ -11,8 +11,6 @@ use crate::impurity::{Event, EventKind};
 use crate::plots;
 
 const SECTION: &str = "section 3";
-/// Where the uncertainties of this module come from.
-const FROM_STEP: &str = "a run with twice the step, recorded half as often";
 
 pub(super) const IMPURITY: Study = Study {
     slug: "impurity-light",
@@ -53,7 +51,7 @@ pub(super) const IMPURITY: Study = Study {
 };
 
 fn runs() -> Vec<Run> {
-    both_steps(light())
+    with_partners(light())
 }
 
 fn coarse() -> Run {
@@ -80,6 +78,7 @@ fn judge_oscillation(seen: &Observations) -> Result<Judgement, StudyError> {
         turns.iter().map(|(fine, coarse)| (of(fine) - of(coarse)).abs()).fold(0.0, f64::max)
     };
     let (worst_s, worst_m) = (worst(|turn| turn.time_s), worst(|turn| turn.u_m));
+    let drift = seen.of(&light())?.max_abs_drift;
     let mut numbers = Vec::new();
     for (index, ((fine, _), row)) in turns.iter().zip(LIGHT_TURNS.rows()).enumerate() {
         let reference = LIGHT_TURNS.values(&[row[0]])?;
@@ -89,12 +88,12 @@ fn judge_oscillation(seen: &Observations) -> Result<Judgement, StudyError> {
         let order = index + 1;
         numbers.push(
             Number::new(format!("turning point {order}: time"), fine.time_s * 1e3, "ms")
-                .give_or_take(worst_s * 1e3, FROM_STEP)
+                .give_or_take(worst_s.hypot(drift * fine.time_s) * 1e3, FROM_STEP)
                 .against_within(time_ms, 1e-4),
         );
         numbers.push(
             Number::new(format!("turning point {order}: displacement"), fine.u_m * 1e3, "mm")
-                .give_or_take(worst_m * 1e3, FROM_STEP)
+                .give_or_take(worst_m.hypot(drift * fine.u_m) * 1e3, FROM_STEP)
                 .against_within(reference[0], 1e-5),
         );
     }
@@ -166,7 +165,8 @@ fn judge_free_flight(seen: &Observations) -> Result<Judgement, StudyError> {
         flights.iter().map(|flight| flight.times_s.1 - flight.times_s.0).sum::<f64>() / (last_s - first_s)
     };
     let (fine, coarse): (Vec<Flight>, Vec<Flight>) = pairs.into_iter().unzip();
-    let part = Number::stepped("part of the time in free flight", share(&fine), share(&coarse), "");
+    let drift = seen.of(&light())?.max_abs_drift;
+    let part = Number::stepped("part of the time in free flight", (share(&fine), share(&coarse)), "", drift);
     Ok(Judgement {
         // without a contact there is no force: a flight is straight to the last bit, so what counts is
         // whether flights make up the motion
@@ -202,35 +202,34 @@ fn judge_slowing(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn judge_cycles(seen: &Observations) -> Result<Judgement, StudyError> {
-    let light = seen.of(&light())?;
-    let hits = |kind: EventKind, until_s: f64| {
-        light.events.iter().filter(|event| event.kind == kind && event.time_s < until_s).count() as f64
-    };
-    let passed = |forward: bool| {
-        let pulses = light.pulses_past(if forward { FORWARD_BEAD } else { BACKWARD_BEAD }, forward);
-        let last_s = pulses.last().map_or(0.0, |pulse| pulse.time_s);
+    // how often the impurity has hit a neighbour when the last pulse left that passes the probe
+    let hits = |seen: &Observed, kind: EventKind, forward: bool| {
+        let pulses = seen.pulses_past(if forward { FORWARD_BEAD } else { BACKWARD_BEAD }, forward);
         // the time that the weakest pulse takes over the 200 beads from the impurity
-        let travel_s = pulses.last().map_or(0.0, |pulse| 200.0 / pulse.speed_beads_per_s);
-        (pulses.len() as f64, last_s - travel_s)
+        let left_s = pulses.last().map_or(0.0, |pulse| pulse.time_s - 200.0 / pulse.speed_beads_per_s);
+        let events = seen.events.iter();
+        events.filter(|event| event.kind == kind && event.time_s < left_s + 1e-4).count()
     };
-    let ((forward, forward_s), (backward, backward_s)) = (passed(true), passed(false));
+    let forward = count_past(seen, light(), FORWARD_BEAD, true)?;
+    let backward = count_past(seen, light(), BACKWARD_BEAD, false)?;
+    let right = counted(seen, light(), |seen| Ok(hits(seen, EventKind::RightCloses, true)))?;
     // the shock itself comes through the left contact, and is the first of the forward pulses
-    let right = hits(EventKind::RightCloses, forward_s + 1e-4);
-    let left = hits(EventKind::LeftCloses, backward_s + 1e-4) - 1.0;
+    let left = counted(seen, light(), |seen| Ok(hits(seen, EventKind::LeftCloses, false).saturating_sub(1)))?;
+    let apart = |pulses: &Counted, hits: &Counted| pulses.count.abs_diff(hits.count);
     Ok(Judgement {
         verdict: Verdict::graded(
-            forward > 1.0 && backward > 1.0,
-            (forward - right).abs() + (backward - left).abs() <= 2.0,
+            forward.least > 1 && backward.least > 1,
+            apart(&forward, &right) + apart(&backward, &left) <= 2,
         ),
         why: format!(
-            "By then it has hit its right neighbour {right:.0} times for {forward:.0} forward pulses, and its left one \
-             {left:.0} times for {backward:.0} backward pulses."
+            "By then it has hit its right neighbour {right} times for {forward} forward pulses, and its left one {left} times for \
+             {backward} backward pulses."
         ),
         numbers: vec![
-            Number::new("forward pulses past bead 700", forward, ""),
-            Number::new("closures of the right contact that can have made them", right, ""),
-            Number::new("backward pulses past bead 300", backward, ""),
-            Number::new("closures of the left contact that can have made them", left, ""),
+            Number::count("forward pulses past bead 700", &forward),
+            Number::count("closures of the right contact that can have made them", &right),
+            Number::count("backward pulses past bead 300", &backward),
+            Number::count("closures of the left contact that can have made them", &left),
         ],
     })
 }

@@ -1,8 +1,10 @@
 //! Reflected energy over the mass of the impurity, for seven exponents.
 
 use super::claim::StudyError;
+use super::crossing::{Difference, wanting};
 use super::observe::Observations;
 use super::runs::until_end;
+use crate::uncertain::Uncertain;
 use std::fmt::Write;
 
 /// The exponents of the paper's figures.
@@ -23,19 +25,15 @@ pub struct Reflected {
     /// The mass of the impurity (g).
     pub mass_g: f64,
     /// Reflected over total energy, as the paper defines it.
-    pub over_total: f64,
+    pub over_total: Uncertain,
     /// Reflected over transmitted energy.
-    pub over_transmitted: f64,
-    /// What the reflected energy may yet change by, over the total energy.
-    pub uncertainty: f64,
+    pub over_transmitted: Uncertain,
     /// Since when the reflected energy is stationary (s); NaN if it is not.
     pub stationary_since_s: f64,
-    /// Energy that the struck end keeps, over the total energy.
-    pub recoil: f64,
-    /// What that may be off, over the total energy.
-    pub recoil_uncertainty: f64,
-    /// Reflected energy without the recoil, over the energy that arrives.
-    pub corrected: f64,
+    /// Reflected energy without what the struck end keeps, over the total energy.
+    pub corrected_over_total: Uncertain,
+    /// The same over the energy that arrives.
+    pub corrected: Uncertain,
     /// Velocity (m/s) of the strongest pulse back; NaN if there is none.
     pub backward_m_s: f64,
     /// Its speed (beads/s).
@@ -44,12 +42,31 @@ pub struct Reflected {
     pub drift: f64,
 }
 
-/// The sweep file of the points: 1000 beads, the impurity at bead 500, each until its energies are stationary.
+/// The sweep file of the points of the figures: 1000 beads, the impurity at bead 500, each until its energies are stationary.
 pub fn reflection_sweep() -> String {
-    let masses: Vec<String> = MASSES_G.iter().map(|mass_g| format!("{mass_g}e-3")).collect();
+    sweep("# The energy figures of the paper.\nuntil = \"stationary\"\n", &MASSES_G)
+}
+
+/// The sweep file of the masses (g) to add, until the shock comes to the end of the chain: what may still cross the
+/// impurity is least then. None if nothing in `points` asks for more.
+///
+/// Asked for are masses between which neighbouring curves may cross unseen, with the recoil or without.
+pub fn refined_sweep(points: &[Reflected]) -> Option<String> {
+    let mut masses_g = Vec::new();
+    for of in [over_total, corrected_over_total] {
+        for pair in ALPHAS.windows(2) {
+            masses_g.extend(wanting(&differences(points, pair, of)));
+        }
+    }
+    masses_g.sort_by(f64::total_cmp);
+    masses_g.dedup();
+    (!masses_g.is_empty()).then(|| sweep("# Where curves may cross unseen.\n", &masses_g))
+}
+
+fn sweep(head: &str, masses_g: &[f64]) -> String {
+    let masses: Vec<String> = masses_g.iter().map(|mass_g| format!("{mass_g}e-3")).collect();
     let mut text = format!(
-        "# The energy figures of the paper.\nuntil = \"stationary\"\n\n[base]\npreset = \"light-impurity\"\n\n[grid]\n\
-         \"chain.impurities[0].mass_kg\" = [{}]\n",
+        "{head}\n[base]\npreset = \"light-impurity\"\n\n[grid]\n\"chain.impurities[0].mass_kg\" = [{}]\n",
         masses.join(", ")
     );
     for alpha in ALPHAS {
@@ -61,6 +78,37 @@ pub fn reflection_sweep() -> String {
     text
 }
 
+/// Reflected over total energy.
+pub(super) fn over_total(point: &Reflected) -> Uncertain {
+    point.over_total
+}
+
+/// The same without the recoil.
+pub(super) fn corrected_over_total(point: &Reflected) -> Uncertain {
+    point.corrected_over_total
+}
+
+/// The points of an exponent, in the order of their masses.
+fn points_of(points: &[Reflected], alpha: f64) -> Vec<&Reflected> {
+    let mut points: Vec<&Reflected> = points.iter().filter(|point| point.alpha == alpha).collect();
+    points.sort_by(|a, b| a.mass_g.total_cmp(&b.mass_g));
+    points
+}
+
+/// The curve of the first of two exponents minus that of the second.
+pub(super) fn differences(
+    points: &[Reflected],
+    alphas: &[f64],
+    of: fn(&Reflected) -> Uncertain,
+) -> Vec<Difference> {
+    let pairs = points_of(points, alphas[0]).into_iter().zip(points_of(points, alphas[1]));
+    let difference = |(low, high): (&Reflected, &Reflected)| {
+        let (a, b) = (of(low), of(high));
+        Difference { mass_g: low.mass_g, value: a.value - b.value, off: a.plus_minus + b.plus_minus }
+    };
+    pairs.map(difference).collect()
+}
+
 /// The point of an exponent and a mass (g).
 pub(super) fn point(seen: &Observations, alpha: f64, mass_g: f64) -> Result<&Reflected, StudyError> {
     let same = |point: &&Reflected| point.alpha == alpha && (point.mass_g - mass_g).abs() < 1e-9;
@@ -68,36 +116,58 @@ pub(super) fn point(seen: &Observations, alpha: f64, mass_g: f64) -> Result<&Ref
     seen.reflected().iter().find(same).ok_or_else(missing)
 }
 
-/// A quantity over the mass (g) for one exponent.
+/// A quantity over all masses (g) for one exponent.
 pub(super) fn curve(
     seen: &Observations,
     alpha: f64,
-    of: fn(&Reflected) -> f64,
+    of: impl Fn(&Reflected) -> f64,
 ) -> Result<Vec<(f64, f64)>, StudyError> {
-    MASSES_G.iter().map(|mass_g| Ok((*mass_g, of(point(seen, alpha, *mass_g)?)))).collect()
-}
-
-/// The masses (g) at which two curves over the same masses cross, interpolated.
-pub(super) fn crossings(a: &[(f64, f64)], b: &[(f64, f64)]) -> Vec<f64> {
-    let difference: Vec<(f64, f64)> = a.iter().zip(b).map(|(a, b)| (a.0, a.1 - b.1)).collect();
-    let crossing = |pair: &[(f64, f64)]| {
-        let [(x0, d0), (x1, d1)] = [pair[0], pair[1]];
-        (d0 * d1 < 0.0).then(|| x0 + (x1 - x0) * d0 / (d0 - d1))
-    };
-    difference.windows(2).filter_map(crossing).collect()
+    // those of the figures must be there, others may
+    for mass_g in MASSES_G {
+        point(seen, alpha, mass_g)?;
+    }
+    Ok(points_of(seen.reflected(), alpha).into_iter().map(|point| (point.mass_g, of(point))).collect())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn point(alpha: f64, mass_g: f64, corrected: f64) -> Reflected {
+        let known = |value| Uncertain::new(value, 1e-8);
+        Reflected {
+            alpha,
+            mass_g,
+            over_total: known(corrected + 0.1 / alpha),
+            over_transmitted: known(corrected),
+            stationary_since_s: 0.0,
+            corrected_over_total: known(corrected),
+            corrected: known(corrected),
+            backward_m_s: 0.0,
+            backward_beads_per_s: 0.0,
+            drift: 0.0,
+        }
+    }
+
+    /// `c·(m − 1)²` with c growing with α: curves touch at 1 g and cross nowhere, but that is seen only from closer by.
     #[test]
-    fn crossings_are_between_points() {
-        let rising = [(1.0, 0.0), (2.0, 1.0), (3.0, 2.0)];
-        let falling = [(1.0, 1.5), (2.0, 0.5), (3.0, 0.0)];
-        // differences −1.5, 0.5, 2: zero at 1.75
-        assert_eq!(crossings(&rising, &falling), [1.75]);
-        assert!(crossings(&rising, &rising).is_empty());
+    fn masses_are_added_where_curves_meet_and_then_no_more() {
+        let value = |alpha: f64, mass_g: f64| alpha * (mass_g - BEAD_G).powi(2);
+        let add = |points: &mut Vec<Reflected>, masses_g: &[f64]| {
+            for alpha in ALPHAS {
+                points.extend(masses_g.iter().map(|mass_g| point(alpha, *mass_g, value(alpha, *mass_g))));
+            }
+        };
+        let mut points = Vec::new();
+        add(&mut points, &MASSES_G);
+        for masses_g in [[0.95, 1.05], [0.975, 1.025], [0.9875, 1.0125]] {
+            let text = refined_sweep(&points).unwrap();
+            let listed = masses_g.map(|mass_g| format!("{mass_g}e-3")).join(", ");
+            assert!(text.contains(&format!("mass_kg\" = [{listed}]\n")) && !text.contains("until"), "{text}");
+            add(&mut points, &masses_g);
+        }
+        assert_eq!(refined_sweep(&points), None);
+        assert_eq!(differences(&points, &ALPHAS[2..], corrected_over_total).len(), MASSES_G.len() + 6);
     }
 
     #[test]

@@ -104,6 +104,14 @@ impl Run {
         self
     }
 
+    /// The same run with a striker that is one unit in the last place faster: what differs more than that is not
+    /// determined by what is known of the start.
+    pub(super) fn twin(mut self) -> Self {
+        self.config.striker.velocity_m_s = self.config.striker.velocity_m_s.next_up();
+        self.config.name = Some(format!("{}-twin", self.name()));
+        self
+    }
+
     /// Its name.
     pub fn name(&self) -> &str {
         self.config.name.as_deref().unwrap_or_default()

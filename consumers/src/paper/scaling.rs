@@ -112,7 +112,7 @@ pub(super) fn stationary(seen: &Observations, alpha: f64) -> Result<Stationary, 
     };
     let measure = |of: fn(&Front) -> f64| {
         let (value, before) = (mean(&late, of), mean(&early, of));
-        (value, (value - before).abs() + spread(&late, of) + value * seen.relative_drift.abs())
+        (value, (value - before).abs() + spread(&late, of) + value * seen.max_abs_drift)
     };
     let (v_max, v_error) = measure(|front| front.v_max_m_s);
     Ok(Stationary {

@@ -70,14 +70,17 @@ fn judge_speed(seen: &Observations) -> Result<Judgement, StudyError> {
     for alpha in stationary() {
         let (fine, coarse) =
             (measured(seen, &homogeneous(alpha))?, measured(seen, &homogeneous(alpha).with_step_times(2))?);
+        let drift = seen.of(&homogeneous(alpha))?.max_abs_drift;
         let exact = SOLITARY_WAVE.numbers(&[alpha])?[0];
-        numbers.push(Number::stepped(format!("C_V, α = {alpha}"), fine, coarse, "").against(exact, 1e-6));
+        numbers.push(
+            Number::stepped(format!("C_V, α = {alpha}"), (fine, coarse), "", drift).against(exact, 1e-6),
+        );
         let continuum = theory(ContinuumWave::new(alpha)?.coefficients());
         numbers.push(Number::stepped(
             format!("speed over that of eq. (vf), α = {alpha}"),
-            fine / continuum,
-            coarse / continuum,
+            (fine / continuum, coarse / continuum),
             "",
+            drift,
         ));
         worst = worst.max((fine / continuum - 1.0).abs());
         let speeds = against_reference(seen, alpha)?;
@@ -113,7 +116,12 @@ fn judge_amplitude(seen: &Observations) -> Result<Judgement, StudyError> {
             fine.exponent
         ),
         numbers: vec![
-            Number::stepped("exponent of v_max in V, α = 1.5", fine.exponent, coarse.exponent, ""),
+            Number::stepped(
+                "exponent of v_max in V, α = 1.5",
+                (fine.exponent, coarse.exponent),
+                "",
+                pulses[0].drift,
+            ),
             Number::new(
                 "standard error of the exponent, from the scatter of the points",
                 fine.exponent_error,

@@ -1,8 +1,8 @@
 //! A heavy first bead: one shock becomes a train.
 
-use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
+use super::claim::{Claim, Counted, Judgement, Number, StudyError, Verdict, pool_uncertainty};
 use super::observe::Observations;
-use super::passing::falls;
+use super::passing::{count_past, falls, heights, pulses, with_partners};
 use super::runs::{Run, striker, striker_long};
 use super::study::Study;
 use crate::figure::{Axis, Colour, Curve, Figure, Panel};
@@ -55,65 +55,70 @@ pub(super) const TEN_GRAMS: Study = Study {
 };
 
 fn runs_3g() -> Vec<Run> {
-    vec![striker(3.0), striker_long(1.0), striker_long(3.0)]
+    [vec![striker(3.0)], with_partners(striker_long(1.0)), with_partners(striker_long(3.0))].concat()
 }
 
 fn runs_10g() -> Vec<Run> {
-    [striker(10.0)].into_iter().chain(MASSES_G.map(striker_long)).collect()
+    [
+        vec![striker(10.0)],
+        MASSES_G.into_iter().flat_map(|mass_g| with_partners(striker_long(mass_g))).collect(),
+    ]
+    .concat()
 }
 
-/// Amplitudes (m/s) of the pulses that pass bead 450 behind a first bead of `mass_g`.
-fn train(seen: &Observations, mass_g: f64) -> Result<Vec<f64>, StudyError> {
-    let pulses = seen.of(&striker_long(mass_g))?.pulses_past(BEAD, true);
-    Ok(pulses.iter().map(|pulse| pulse.v_peak_m_s).collect())
+/// How many pulses pass bead 450 behind a first bead of `mass_g`.
+fn emitted(seen: &Observations, mass_g: f64) -> Result<Counted, StudyError> {
+    count_past(seen, striker_long(mass_g), BEAD, true)
 }
 
 fn judge_train(seen: &Observations) -> Result<Judgement, StudyError> {
-    let amplitudes = train(seen, 3.0)?;
-    let falls = falls(&amplitudes);
-    let numbers = amplitudes.iter().enumerate().take(6);
+    /// Pulses whose amplitudes are told.
+    const TOLD: usize = 6;
+    let count = emitted(seen, 3.0)?;
+    let all = pulses(seen, &striker_long(3.0), BEAD, true, count.least)?;
+    let falls = falls(&heights(&all));
+    let told = all.iter().take(TOLD).enumerate();
+    let told = told.map(|(index, pulse)| pulse.amplitude(format!("pulse {}: peak velocity", index + 1)));
+    let mut numbers: Vec<Number> = told.collect();
+    pool_uncertainty(&mut numbers);
+    numbers.push(Number::count(format!("pulses above 5 mm/s past bead {BEAD}"), &count));
     Ok(Judgement {
-        verdict: Verdict::of(amplitudes.len() > 1 && falls),
+        verdict: Verdict::of(count.least > 1 && falls),
         why: format!(
-            "{} pulses pass bead {BEAD} of a longer chain within 120 ms, {} weaker than the one before.",
-            amplitudes.len(),
+            "{count} pulses pass bead {BEAD} of a longer chain within 120 ms, {} weaker than the one before.",
             if falls { "each" } else { "not all" }
         ),
-        numbers: numbers
-            .map(|(index, v)| Number::new(format!("pulse {}: peak velocity", index + 1), *v, "m/s"))
-            .collect(),
+        numbers,
     })
 }
 
 fn judge_single(seen: &Observations) -> Result<Judgement, StudyError> {
-    let amplitudes = train(seen, 1.0)?;
+    let count = emitted(seen, 1.0)?;
     Ok(Judgement {
-        verdict: Verdict::of(amplitudes.len() == 1),
-        why: format!("{} pulse above 5 mm/s passes bead {BEAD} within 120 ms.", amplitudes.len()),
-        numbers: vec![Number::new("pulses", amplitudes.len() as f64, "")],
+        verdict: Verdict::of(count.least == 1 && count.most == 1),
+        why: format!("{count} pulse above 5 mm/s passes bead {BEAD} within 120 ms."),
+        numbers: vec![Number::count("pulses", &count)],
     })
 }
 
 fn judge_numbers(seen: &Observations) -> Result<Judgement, StudyError> {
     let mut counts = Vec::new();
+    let mut numbers = Vec::new();
     for mass_g in MASSES_G {
-        counts.push(train(seen, mass_g)?.len());
+        let count = emitted(seen, mass_g)?;
+        let what = format!("pulses above 5 mm/s past bead {BEAD}, first bead of {mass_g} g");
+        numbers.push(Number::count(what, &count));
+        counts.push(count);
     }
-    let numbers = MASSES_G.iter().zip(&counts).map(|(mass_g, count)| {
-        Number::new(
-            format!("pulses above 5 mm/s past bead {BEAD}, first bead of {mass_g} g"),
-            *count as f64,
-            "",
-        )
-    });
+    let (grow, grow_in_all) = Counted::grow(&counts);
     Ok(Judgement {
-        verdict: Verdict::of(counts.windows(2).all(|pair| pair[0] < pair[1])),
+        verdict: Verdict::graded(grow, grow_in_all),
         why: format!(
             "Within 120 ms {} pulses pass bead {BEAD} for first beads of {} g.",
-            counts.iter().map(usize::to_string).collect::<Vec<_>>().join(", "),
+            counts.iter().map(Counted::to_string).collect::<Vec<_>>().join(", "),
             MASSES_G.map(|mass_g| mass_g.to_string()).join(", ")
         ),
-        numbers: numbers.collect(),
+        numbers,
     })
 }
 

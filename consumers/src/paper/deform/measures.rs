@@ -45,7 +45,7 @@ pub(in super::super) fn against_reference(
             .ok_or_else(|| found.absent("pulse at bead 100"))?;
         Ok([shape.peak_s * 1e3, shape.overlap_m * 1e6, shape.width_s * 1e6, speed, passage.v_peak_m_s])
     };
-    let (fine, coarse) = (values(&run)?, values(&partner)?);
+    let (fine, coarse, drift) = (values(&run)?, values(&partner)?, seen.of(&run)?.max_abs_drift);
     let reference = CONTACT_100.numbers(&[alpha])?;
     let units = [1e3, 1e6, 1e6, 1.0, 1.0];
     let names = [
@@ -56,7 +56,7 @@ pub(in super::super) fn against_reference(
         ("largest velocity of bead 100", "m/s"),
     ];
     let numbers = names.into_iter().enumerate().map(|(i, (what, unit))| {
-        Number::stepped(format!("{what}, α = {alpha}"), fine[i], coarse[i], unit)
+        Number::stepped(format!("{what}, α = {alpha}"), (fine[i], coarse[i]), unit, drift)
             .against(units[i] * reference[i], good_to)
     });
     Ok(numbers.collect())
@@ -77,8 +77,9 @@ fn speed_of_reference(seen: &Observed) -> Result<f64, StudyError> {
 pub(super) fn norms(seen: &Observations, alpha: f64) -> Result<Vec<Number>, StudyError> {
     let (run, partner) = (homogeneous(alpha), homogeneous(alpha).with_step_times(2));
     let (fine, coarse) = (continuum(seen, &run)?, continuum(seen, &partner)?);
+    let drift = seen.of(&run)?.max_abs_drift;
     let number = |what: &str, of: fn(&Comparison) -> f64| {
-        Number::stepped(format!("{what} of eq. (cos), α = {alpha}"), of(fine), of(coarse), "")
+        Number::stepped(format!("{what} of eq. (cos), α = {alpha}"), (of(fine), of(coarse)), "", drift)
     };
     Ok(vec![
         number("largest error", |theory| theory.l_infinity),
@@ -110,19 +111,21 @@ pub(super) fn tails(seen: &Observations, run: &Run) -> Result<(f64, f64), StudyE
 
 /// A quantity of the run of an exponent, and of its partner.
 pub(super) fn stepped(
+    seen: &Observations,
     alpha: f64,
     what: impl Into<String>,
     unit: &'static str,
     of: impl Fn(&Run) -> Result<f64, StudyError>,
 ) -> Result<Number, StudyError> {
     let run = homogeneous(alpha);
-    Ok(Number::stepped(what, of(&run)?, of(&run.with_step_times(2))?, unit))
+    let drift = seen.of(&run)?.max_abs_drift;
+    Ok(Number::stepped(what, (of(&run)?, of(&run.with_step_times(2))?), unit, drift))
 }
 
 /// The length of the pulse at [`TAIL`] of the peak over that of the theory.
 pub(super) fn longer(seen: &Observations, alpha: f64) -> Result<Number, StudyError> {
     let what = format!("length at a thousandth of the peak over that of eq. (cos), α = {alpha}");
-    stepped(alpha, what, "", |run| tails(seen, run).map(|(ours, theirs)| ours / theirs))
+    stepped(seen, alpha, what, "", |run| tails(seen, run).map(|(ours, theirs)| ours / theirs))
 }
 
 /// `∫k·δ^α dt` and `∫k·δ dt` over the momentum (kg·m/s) that contact 100 has handed on: that of all beads behind it.

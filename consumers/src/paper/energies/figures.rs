@@ -54,31 +54,31 @@ fn reference(transmitted: bool) -> Curve {
 
 pub(super) fn draw_total(seen: &Observations) -> Result<Figure, StudyError> {
     let label = "reflected/total energy";
-    let whole = panel(seen, label, |point| point.over_total)?.curve(reference(false)).height(1.5);
+    let whole = panel(seen, label, |point| point.over_total.value)?.curve(reference(false)).height(1.5);
     Ok(Figure::new()
         .caption(CAPTION)
         .panel(whole)
-        .panel(enlarged(seen, label, |point| point.over_total)?.height(1.2)))
+        .panel(enlarged(seen, label, |point| point.over_total.value)?.height(1.2)))
 }
 
 pub(super) fn draw_transmitted(seen: &Observations) -> Result<Figure, StudyError> {
     let label = "reflected/transmitted energy";
-    let whole = panel(seen, label, |point| point.over_transmitted)?.curve(reference(true)).height(1.5);
+    let whole = panel(seen, label, |point| point.over_transmitted.value)?.curve(reference(true)).height(1.5);
     Ok(Figure::new()
         .caption(CAPTION)
         .panel(whole)
-        .panel(enlarged(seen, label, |point| point.over_transmitted)?.height(1.2)))
+        .panel(enlarged(seen, label, |point| point.over_transmitted.value)?.height(1.2)))
 }
 
 pub(super) fn draw_corrected(seen: &Observations) -> Result<Figure, StudyError> {
     let label = "reflected/incident energy";
     let limit = (0..=100).map(|i| 1.0 + 0.04 * f64::from(i)).map(|mass_g| (mass_g, hard_limit(mass_g)));
     let limit = || Curve::line("", limit.clone()).colour(Colour::Grey).stroke(Stroke::Dashed);
-    let whole = panel(seen, label, |point| point.corrected)?
+    let whole = panel(seen, label, |point| point.corrected.value)?
         .curve(Curve::line("limit α → ∞", []).colour(Colour::Grey).stroke(Stroke::Dashed))
         .curve(limit())
         .height(1.5);
-    let enlarged = enlarged(seen, label, |point| point.corrected)?.curve(limit()).height(1.2);
+    let enlarged = enlarged(seen, label, |point| point.corrected.value)?.curve(limit()).height(1.2);
     let caption =
         format!("{CAPTION} Without the energy that stays at the struck end before the shock arrives.");
     Ok(Figure::new().caption(caption).panel(whole).panel(enlarged))
