@@ -3,8 +3,9 @@
 use crate::display::{self, count};
 use crate::failure::{BadInput, Failure};
 use crate::outputs::check_free;
+use crate::source::{Frames, Source, SourceFailure};
 use anyhow::anyhow;
-use producer::resimulation::check_kernel;
+use producer::resimulation::{Lend, check_kernel};
 use producer::state::ChainState;
 use schemas::bus::StatePublisher;
 use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
@@ -13,8 +14,12 @@ use schemas::recording::{
     InterruptedRecording, OtherChannels, RecordingInfo, RecordingSource, RecordingWriter, WriteOptions,
 };
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+
+/// Steps before the last state that are computed again at the most, times the beads: some ten seconds.
+const MOST_PROVEN: u64 = 1 << 34;
 
 /// How often progress is shown and consumers are answered meanwhile.
 const REFRESH: Duration = Duration::from_millis(100);
@@ -85,9 +90,13 @@ impl Resumption {
         mut self,
         options: &WriteOptions,
         publisher: &mut StatePublisher,
-        stop: &AtomicBool,
+        stop: &Arc<AtomicBool>,
     ) -> Result<Option<Rebuilt>, Failure> {
         let manifest = self.info().manifest.clone();
+        self.prove(publisher, stop)?;
+        if stop.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
         self.recording.set_aside()?;
         let mut recorder = match self.recording.write_again(options) {
             Ok(recorder) => recorder,
@@ -121,6 +130,51 @@ impl Resumption {
         }
     }
 
+    /// What is wrong with the recording, and what to do.
+    fn damaged(&self, what: &str) -> Failure {
+        let path = self.recording.path().display();
+        Failure::BadInput(anyhow!(
+            "{what}; `beadline recover {path} --out OTHER.mcap` keeps what is whole, which can be gone on with"
+        ))
+    }
+
+    /// Computes again how the run came to its last state, bit for bit, as far back as that takes some seconds: what a wrong
+    /// state leads to is wrong, and the old recording will be gone.
+    fn prove(&self, publisher: &mut StatePublisher, stop: &Arc<AtomicBool>) -> Result<(), Failure> {
+        let manifest = &self.info().manifest;
+        let Some(last_step) = self.info().last_step else { return Ok(()) };
+        let from = last_step.saturating_sub(MOST_PROVEN / manifest.physics.beads);
+        let mut source = Source::open(self.recording.path(), stop)?;
+        source.seek(from)?;
+        let mut frames = Frames::recomputed(source, Lend::Frames, from == 0, from, None)?;
+        let bar = display::progress_bar(last_step, "proving");
+        let mut refreshed = Instant::now();
+        loop {
+            match frames.receive() {
+                Ok(Received::Frame(frame)) if refreshed.elapsed() >= REFRESH => {
+                    refreshed = Instant::now();
+                    bar.set_position(frame.step);
+                    let _ = publisher.serve();
+                }
+                Ok(Received::Frame(_)) => {}
+                // copying finds what is missing
+                Ok(Received::Missed { .. } | Received::End(_)) => break,
+                Err(error @ (SourceFailure::Differs(_) | SourceFailure::File(_))) => {
+                    return Err(self.damaged(&error.to_string()));
+                }
+                Err(error) => return Err(error.into()),
+            }
+        }
+        bar.finish_and_clear();
+        if from > 0 {
+            let from = count(from);
+            display::notice(format_args!(
+                "the states from step {from} on were recomputed and proven; `beadline verify` proves all of them"
+            ));
+        }
+        Ok(())
+    }
+
     /// Copies the states that are due, and what belongs to them.
     fn copy(
         &self,
@@ -129,12 +183,7 @@ impl Resumption {
         stop: &AtomicBool,
     ) -> Result<Copied, Failure> {
         let path = self.recording.path();
-        let damaged = |what: String| {
-            let path = path.display();
-            Failure::BadInput(anyhow!(
-                "{what}; `beadline recover {path} --out OTHER.mcap` keeps what is whole, which can be gone on with"
-            ))
-        };
+        let damaged = |what: String| self.damaged(&what);
         let mut others = OtherChannels::open(path).bad_input()?;
         let mut states = RecordingSource::open(path).map_err(|error| damaged(error.to_string()))?;
         let manifest = states.manifest().clone();
@@ -174,6 +223,9 @@ impl Resumption {
         }
         others.copy_rest(recorder)?;
         bar.finish_and_clear();
+        if let (Some(step), None) = (last_step, &last) {
+            return Err(damaged(format!("{}: its last state, of step {step}, is not there", path.display())));
+        }
         Ok(Copied::All(last))
     }
 }

@@ -105,7 +105,10 @@ impl Frames {
             States::InParallel(Box::new(states))
         } else {
             let make = if from_start { Resimulation::from_start } else { Resimulation::new };
-            States::Recomputed(Box::new(make(source, lend).bad_input()?.lending_from(first_step)))
+            let states = make(source, lend).bad_input()?.lending_from(first_step);
+            // what a file says of its end is no work for us; a live run has made it
+            let states = if stop.is_some() { states.ending_with_the_last_state() } else { states };
+            States::Recomputed(Box::new(states))
         };
         Ok(Self { states, stop })
     }

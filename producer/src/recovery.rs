@@ -20,6 +20,10 @@ use std::collections::BTreeMap;
 /// The differences and ranges that are kept; more are only counted.
 pub const MOST_KEPT: usize = 20;
 
+/// A state takes at least as much in a file: its entry in a message index, and that of its summary. So no more of them
+/// were lost than that.
+const BYTES_OF_A_STATE: u64 = 32;
+
 /// What recovering a recording brought.
 #[derive(Debug)]
 pub struct Recovery {
@@ -103,7 +107,8 @@ pub fn recover(
     watch: &mut dyn FnMut(u64) -> bool,
 ) -> Result<Recovery, RecoveryError> {
     let manifest = audit.manifest().clone();
-    let mut salvager = Salvager::new(&manifest, begin, fill, writer, watch);
+    let fill_most = if fill { audit.file_bytes() / BYTES_OF_A_STATE } else { 0 };
+    let mut salvager = Salvager::new(&manifest, begin, fill_most, writer, watch);
     let mut others: BTreeMap<String, OtherCounts> = BTreeMap::new();
     let mut unchecked: BTreeMap<String, u64> = BTreeMap::new();
     let mut copier = OtherCopier::default();

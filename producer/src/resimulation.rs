@@ -41,8 +41,9 @@ impl Lend {
 
 /// A source that lends what its own source does not hold.
 ///
-/// Gaps are bridged from the state before them; with [`Resimulation::from_start`] also the frames before the
-/// first. Each state that the source delivers is compared bit for bit with the one computed up to there. What is
+/// Gaps are bridged from the state before them, that at the end, too, unless it is
+/// [`ending_with_the_last_state`](Self::ending_with_the_last_state); with [`Resimulation::from_start`] also the frames
+/// before the first. Each state that the source delivers is compared bit for bit with the one computed up to there. What is
 /// missing before the first state, without [`Resimulation::from_start`], stays missing.
 #[derive(Debug)]
 pub struct Resimulation<S> {
@@ -58,17 +59,20 @@ pub struct Resimulation<S> {
     /// The state that the source has delivered and that is not lent yet.
     target: ChainState,
     next: Next,
-    /// The step of the last frame that was missed.
-    missed_until: u64,
+    /// The frames that were missed since the last state.
+    missed: Option<(u64, u64)>,
+    /// What is missing after the last state stays missing.
+    ends_with_last_state: bool,
 }
 
 #[derive(Debug, Clone, Copy)]
 enum Next {
     Unknown,
-    /// Missing, with nothing to compute them from.
+    /// Missing, with nothing to compute them from, or to prove them by; then the end, if that is known.
     Missed {
         from: u64,
         to: u64,
+        then: Option<EndReason>,
     },
     /// Steps up to the state that was delivered.
     Target,
@@ -183,7 +187,8 @@ impl<S: FrameSource> Resimulation<S> {
             proven: None,
             target,
             next: Next::Unknown,
-            missed_until: 0,
+            missed: None,
+            ends_with_last_state: false,
         })
     }
 
@@ -204,6 +209,13 @@ impl<S: FrameSource> Resimulation<S> {
         Self { first_step, ..self }
     }
 
+    /// Computes nothing after the last state that the source delivers: for sources that are not believed, because what
+    /// a file says of its end costs nothing to say, and no state proves it.
+    #[must_use]
+    pub fn ending_with_the_last_state(self) -> Self {
+        Self { ends_with_last_state: true, ..self }
+    }
+
     /// The source.
     pub fn source(&self) -> &S {
         &self.source
@@ -215,6 +227,7 @@ impl<S: FrameSource> Resimulation<S> {
             match self.source.receive().map_err(ResimulationError::Source)? {
                 Received::Frame(frame) => {
                     self.target.copy_from(&frame);
+                    self.missed = None;
                     // the initial state was lent before
                     let Some(state) = self.state.as_ref().filter(|state| state.step == self.target.step)
                     else {
@@ -225,12 +238,17 @@ impl<S: FrameSource> Resimulation<S> {
                     self.prove(found)?;
                 }
                 Received::Missed { from, to } if self.state.is_none() => {
-                    self.next = Next::Missed { from, to };
+                    self.next = Next::Missed { from, to, then: None };
                     return Ok(());
                 }
-                Received::Missed { to, .. } => self.missed_until = self.source.manifest().step_of_frame(to),
+                Received::Missed { from, to } => self.missed = Some((from, to)),
                 Received::End(reason) => {
-                    self.next = Next::Tail(reason);
+                    self.next = match self.missed {
+                        Some((from, to)) if self.ends_with_last_state => {
+                            Next::Missed { from, to, then: Some(reason) }
+                        }
+                        _ => Next::Tail(reason),
+                    };
                     return Ok(());
                 }
             }
@@ -279,22 +297,24 @@ impl<S: FrameSource> FrameSource for Resimulation<S> {
         loop {
             match self.next {
                 Next::Unknown => self.look_ahead()?,
-                Next::Missed { from, to } => {
-                    self.next = Next::Unknown;
+                Next::Missed { from, to, then } => {
+                    self.next = then.map_or(Next::Unknown, Next::End);
                     return Ok(Received::Missed { from, to });
                 }
                 Next::End(reason) => return Ok(Received::End(reason)),
-                Next::Tail(reason) => match &mut self.state {
-                    Some(state) if state.step < self.missed_until => {
-                        let manifest = self.source.manifest();
-                        self.integrator
-                            .advance(state, self.lend.next(state.step, self.missed_until, manifest));
-                        if self.is_lent() {
-                            break;
+                Next::Tail(reason) => {
+                    let manifest = self.source.manifest();
+                    let until = self.missed.map_or(0, |(_, to)| manifest.step_of_frame(to));
+                    match &mut self.state {
+                        Some(state) if state.step < until => {
+                            self.integrator.advance(state, self.lend.next(state.step, until, manifest));
+                            if self.is_lent() {
+                                break;
+                            }
                         }
+                        _ => self.next = Next::End(reason),
                     }
-                    _ => self.next = Next::End(reason),
-                },
+                }
                 Next::Target => {
                     self.advance()?;
                     if self.is_lent() {

@@ -7,7 +7,8 @@
 mod batches;
 mod parts;
 
-pub use parts::{Follows, follows};
+pub(crate) use parts::is_affordable;
+pub use parts::{Follows, follows, follows_the_run};
 
 use crate::resimulation::{Difference, OtherKernel, check_kernel, difference};
 use crate::state::ChainState;
@@ -15,8 +16,10 @@ use batches::{Proof, prove_batches};
 use schemas::frame::EndReason;
 use schemas::manifest::RunManifest;
 use schemas::recording::{
-    Audit, Audited, BeginRecord, Damage, EncodedStates, EndRecord, ReadError, SummaryDifference, state_hash,
+    Audit, Audited, BeginRecord, Damage, EncodedStates, EndRecord, ReadError, RowsFound, SummaryDifference,
+    state_hash,
 };
+use std::collections::BTreeMap;
 use std::num::NonZero;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
@@ -49,6 +52,16 @@ pub struct Verification {
     pub last_state_hash: Option<String>,
     /// The dynamics that computed the run is not this program's, so that no step could be recomputed.
     pub other_kernel: Option<OtherKernel>,
+    /// Summaries that were compared with their states.
+    pub summary_count: u64,
+    /// Rows of results, by topic; they are in order, and the frames of the run. Their values were not looked at.
+    pub rows: BTreeMap<String, RowsFound>,
+    /// Messages of other channels, by topic: nothing is known of them.
+    pub foreign: BTreeMap<String, u64>,
+    /// The configuration as the user gave it, if it is there.
+    pub run_toml: Option<String>,
+    /// There is a summary section; it was compared with the rest of the file.
+    pub has_summary_section: bool,
     /// States that do not follow from the one before; the first ones, in order.
     pub differences: Vec<Difference>,
     /// How many there are.
@@ -78,7 +91,8 @@ pub struct Verification {
 }
 
 impl Verification {
-    /// Whether all is as it must be, from the first state to the end of the recording.
+    /// Whether all is as it must be, from the first state to the end of the recording. What the first state follows is
+    /// for [`follows`] or [`follows_the_run`] to say, if it is not that of step 0.
     pub fn is_proven(&self) -> bool {
         self.is_proven_so_far() && self.end.is_orderly()
     }
@@ -93,6 +107,7 @@ impl Verification {
         let cut_off = |damage: &Damage| damage.kind == schemas::recording::DamageKind::Torn;
         self.state_count > 0
             && self.difference_count + self.summary_difference_count + self.missing_count == 0
+            && self.rows.values().all(|rows| rows.missing_count == 0)
             && self.damage_count == self.damages.iter().filter(|damage| cut_off(damage)).count() as u64
             && self.wrong_end_hash.is_none()
     }
@@ -145,6 +160,7 @@ pub fn verify(
 /// What reading found.
 struct Read {
     state_count: u64,
+    summary_count: u64,
     first: Option<ChainState>,
     last: Option<ChainState>,
     /// The first state, if it is not the manifest's.
@@ -169,6 +185,11 @@ impl Read {
         Verification {
             manifest: manifest.clone(),
             state_count: self.state_count,
+            summary_count: self.summary_count,
+            rows: audit.rows().clone(),
+            foreign: audit.foreign_counts(),
+            run_toml: audit.run_toml().map(str::to_owned),
+            has_summary_section: audit.has_summary_section(),
             first: self.first,
             last: self.last,
             wrong_end_hash: said_hash.filter(|said| Some(said) != last_state_hash.as_ref()),
@@ -204,7 +225,8 @@ fn read(
     stop: &AtomicBool,
     watch: &mut impl FnMut(u64),
 ) -> Result<Read, ReadError> {
-    let mut found = Read { state_count: 0, first: None, last: None, initial: None, stopped: false };
+    let mut found =
+        Read { state_count: 0, summary_count: 0, first: None, last: None, initial: None, stopped: false };
     let mut batch = EncodedStates::default();
     loop {
         match audit.read_next()? {
@@ -231,7 +253,10 @@ fn read(
                     break;
                 }
             }
-            Audited::Summary(message) => batch.push_summary(message),
+            Audited::Summary(message) => {
+                found.summary_count += 1;
+                batch.push_summary(message);
+            }
             Audited::State(_) | Audited::Other(_) => {}
             Audited::End => break,
         }

@@ -10,7 +10,7 @@ use std::path::Path;
 
 pub(crate) fn info(path: &Path, as_json: bool) -> Result<Done, Failure> {
     let is_being_written = is_being_written(path);
-    let info = RecordingInfo::read(path).bad_input()?;
+    let info = RecordingInfo::glance(path).bad_input()?;
     display::notice_of_version(&info.manifest);
     if as_json {
         display::print_json(&to_json(&info, is_being_written))?;

@@ -1,7 +1,8 @@
 //! `beadline recover FILE --out FILE`: a whole recording from a damaged or unfinished one.
 
 use crate::args::RecoverArgs;
-use crate::commands::verify::{damage_json, damage_text, difference_json, frames};
+use crate::commands::verify::run_toml::RunToml;
+use crate::commands::verify::{Verified, damage_json, damage_text, difference_json, frames, verify_file};
 use crate::display::{self, bytes, count, counted};
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::check_place;
@@ -15,6 +16,7 @@ use serde_json::json;
 use std::ffi::OsString;
 use std::fmt::Write as _;
 use std::fs::{File, Metadata, TryLockError};
+use std::num::NonZero;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -29,7 +31,14 @@ pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
     let manifest = audit.manifest().clone();
     display::notice_of_version(&manifest);
     check_place(to, from, force)?;
-    let (begin, run_toml) = Audit::head(from).bad_input()?;
+    let (begin, mut run_toml) = Audit::head(from).bad_input()?;
+    let lying_toml = match RunToml::compare(run_toml.as_deref(), &manifest) {
+        RunToml::Differs(differs) => differs,
+        _ => Vec::new(),
+    };
+    if !lying_toml.is_empty() {
+        run_toml = None;
+    }
     let expected = Audit::expected_counts(from);
     if !locked.as_ref().is_some_and(|locked| is_at(locked, from)) {
         let message = format!("{} was replaced or moved meanwhile; nothing was written", from.display());
@@ -78,12 +87,27 @@ pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
         give_name(&place, to, force).with_context(|| format!("the result stays in {}", place.display()))?;
         to.clone_into(&mut finished.path);
     }
+    // what it was made of may lie in more ways than can be mended
+    let cores = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
+    let verified = verify_file(&finished.path, None, cores, &stop)?;
+    let outcome = Outcome { recovery, finished, lying_toml, verified };
     if args.output.json {
-        display::print_json(&to_json(&manifest, &recovery, &finished))?;
+        display::print_json(&to_json(&manifest, &outcome))?;
     } else {
-        display::print(text(from, &manifest, &recovery, &finished))?;
+        display::print(text(from, &manifest, &outcome))?;
     }
-    Ok(Done::whole_if(recovery.is_whole()))
+    let is_whole = outcome.recovery.is_whole() && outcome.lying_toml.is_empty();
+    Ok(Done::whole_if(is_whole && !outcome.verified.is_refuted()))
+}
+
+/// What came of it.
+struct Outcome {
+    recovery: Recovery,
+    finished: Finished,
+    /// How the configuration in the file differs from its manifest; it was left out then.
+    lying_toml: Vec<String>,
+    /// The new recording.
+    verified: Verified,
 }
 
 /// Whether a state of the run can be read in the file.
@@ -130,7 +154,8 @@ fn working_place(from: &Path, to: &Path) -> PathBuf {
     if is_source { with(".recovered") } else { to.to_owned() }
 }
 
-fn text(from: &Path, manifest: &RunManifest, recovery: &Recovery, finished: &Finished) -> String {
+fn text(from: &Path, manifest: &RunManifest, outcome: &Outcome) -> String {
+    let Outcome { recovery, finished, lying_toml, verified } = outcome;
     let mut rows = Vec::new();
     rows.push(("states", states(recovery)));
     if let Some(last) = recovery.last_step {
@@ -159,7 +184,10 @@ fn text(from: &Path, manifest: &RunManifest, recovery: &Recovery, finished: &Fin
     if recovery.is_whole() {
         rows.push(("lost", "nothing that was in the file".to_owned()));
     }
+    rows.extend(lying_toml.iter().map(|what| ("left out", format!("run.toml: {what}"))));
     rows.push(("size", bytes(finished.bytes).to_string()));
+    rows.push(("verified", verified.verdict().to_owned()));
+    rows.extend(verified.refutations());
     display::rows(&format!("{} recovered: {}", from.display(), finished.path.display()), &rows)
 }
 
@@ -183,7 +211,8 @@ fn states(recovery: &Recovery) -> String {
     text
 }
 
-fn to_json(manifest: &RunManifest, recovery: &Recovery, finished: &Finished) -> serde_json::Value {
+fn to_json(manifest: &RunManifest, outcome: &Outcome) -> serde_json::Value {
+    let Outcome { recovery, finished, lying_toml, verified } = outcome;
     let others: serde_json::Map<_, _> = recovery
         .others
         .iter()
@@ -212,5 +241,7 @@ fn to_json(manifest: &RunManifest, recovery: &Recovery, finished: &Finished) -> 
         "last_step": recovery.last_step,
         "end": recovery.end.as_str(),
         "end_was_read": recovery.end_was_read,
+        "run_toml_differences": lying_toml,
+        "verified": { "proven": verified.is_proven(), "verdict": verified.verdict() },
     })
 }

@@ -1,11 +1,19 @@
-//! `beadline verify FILE…`: whether every state of a recording is what the state before it leads to.
+//! `beadline verify FILE…`: whether every state of a recording is what the state before it leads to, and what else is
+//! known of it.
+
+mod lists;
+pub(crate) mod rows;
+pub(crate) mod run_toml;
 
 use crate::args::VerifyArgs;
 use crate::display::{self, bytes, count, seconds};
 use crate::failure::{BadInput, Done, Failure};
 use crate::signals;
+use lists::Lists;
 use producer::resimulation::Difference;
-use producer::verification::{Follows, Verification, follows, verify as verify_states};
+use producer::verification::{Follows, Verification, follows, follows_the_run, verify as verify_states};
+use rows::RowsChecked;
+use run_toml::RunToml;
 use schemas::frame::EndReason;
 use schemas::recording::{Audit, Damage, DamageKind, SummaryDifference};
 use schemas::whole_file::is_being_written;
@@ -13,18 +21,26 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// A recording and what it was found to be.
-struct Verified {
+pub(crate) struct Verified {
     path: PathBuf,
     file_bytes: u64,
     /// A process that lives goes on with it.
     is_being_written: bool,
     found: Verification,
-    /// Whether it is the part that follows the file before.
+    /// The file before it was named, too.
+    is_later_part: bool,
+    /// Whether it is the part that follows the file before or, if there is none and it begins later than the run, what
+    /// the run leads to.
     follows: Option<Follows>,
+    /// The rows of results, against the states.
+    rows: Vec<RowsChecked>,
+    /// The configuration, against the manifest.
+    toml: RunToml,
 }
 
 pub(crate) fn verify(args: &VerifyArgs) -> Result<Done, Failure> {
@@ -36,8 +52,7 @@ pub(crate) fn verify(args: &VerifyArgs) -> Result<Done, Failure> {
         if !files.is_empty() && stop.load(Ordering::Relaxed) {
             break;
         }
-        let mut file = verify_file(path, threads, &stop)?;
-        file.follows = files.last().map(|before| follows(&before.found, &file.found, &stop));
+        let file = verify_file(path, files.last(), threads, &stop)?;
         if !args.json {
             display::print(text(&file))?;
         }
@@ -53,7 +68,13 @@ pub(crate) fn verify(args: &VerifyArgs) -> Result<Done, Failure> {
     Ok(Done::whole_if(all))
 }
 
-fn verify_file(path: &Path, threads: NonZero<usize>, stop: &AtomicBool) -> Result<Verified, Failure> {
+/// Verifies the recording `path`, perhaps as the part that follows `before`.
+pub(crate) fn verify_file(
+    path: &Path,
+    before: Option<&Verified>,
+    threads: NonZero<usize>,
+    stop: &Arc<AtomicBool>,
+) -> Result<Verified, Failure> {
     let is_being_written = is_being_written(path);
     let audit = Audit::open(path).bad_input()?;
     let manifest = audit.manifest();
@@ -68,39 +89,98 @@ fn verify_file(path: &Path, threads: NonZero<usize>, stop: &AtomicBool) -> Resul
         }
     });
     bar.finish_and_clear();
-    Ok(Verified {
-        path: path.to_owned(),
-        file_bytes,
-        is_being_written,
-        found: found.bad_input()?,
-        follows: None,
-    })
+    let found = found.bad_input()?;
+    let follows = match before {
+        Some(before) => Some(follows(&before.found, &found, stop)),
+        None if found.step_range().is_some_and(|(first, _)| first > 0) => follows_the_run(&found, stop),
+        None => None,
+    };
+    let rows = if found.rows.is_empty() || stop.load(Ordering::Relaxed) {
+        Vec::new()
+    } else {
+        rows::check(path, &found, threads, stop)?
+    };
+    let toml = RunToml::compare(found.run_toml.as_deref(), &found.manifest);
+    let (path, is_later_part) = (path.to_owned(), before.is_some());
+    Ok(Verified { path, file_bytes, is_being_written, is_later_part, found, follows, rows, toml })
 }
 
 impl Verified {
-    fn is_proven(&self) -> bool {
-        self.found.is_proven() && self.follows.as_ref().is_none_or(Follows::is_proven)
+    pub(crate) fn is_proven(&self) -> bool {
+        self.found.is_proven() && self.is_sound() && self.follows.as_ref().is_none_or(Follows::is_proven)
     }
 
-    fn verdict(&self) -> &'static str {
+    /// Whether nothing is wrong with what there is, as far as this program can tell.
+    fn is_sound(&self) -> bool {
+        self.found.is_sound_so_far()
+            && self.rows.iter().all(|rows| rows.difference_count == 0)
+            && !matches!(self.toml, RunToml::Differs(_))
+    }
+
+    fn is_proven_so_far(&self) -> bool {
+        self.is_sound() && self.found.is_proven_so_far()
+    }
+
+    /// Whether something in it is wrong, rather than not known.
+    pub(crate) fn is_refuted(&self) -> bool {
+        !self.is_sound() || matches!(self.follows, Some(Follows::Differs(_) | Follows::Not(_)))
+    }
+
+    pub(crate) fn verdict(&self) -> &'static str {
         let found = &self.found;
         if self.is_proven() {
             "proven"
-        } else if found.is_proven() {
-            "proven by itself, but it does NOT FOLLOW the part before"
-        } else if found.is_sound_so_far() && found.stopped_after.is_some() {
+        } else if self.is_sound() && (found.stopped_after.is_some() || self.follows == Some(Follows::Stopped))
+        {
             "STOPPED before it was proven"
-        } else if found.is_proven_so_far() && self.is_being_written {
+        } else if found.is_proven() && self.is_sound() && self.is_later_part {
+            "proven by itself, but it does NOT FOLLOW the part before"
+        } else if found.is_proven() && self.is_sound() {
+            "proven from its first state on, but its BEGINNING IS NOT PROVEN"
+        } else if self.is_proven_so_far() && self.is_being_written {
             "proven as far as it is written"
-        } else if found.is_proven_so_far() {
+        } else if self.is_proven_so_far() {
             "proven as far as it goes, but it is NOT WHOLE"
-        } else if found.is_sound_so_far() && found.end.is_orderly() {
+        } else if self.is_sound() && found.end.is_orderly() {
             "whole, but it CANNOT BE PROVEN by this program"
-        } else if found.is_sound_so_far() {
+        } else if self.is_sound() {
             "sound as far as it goes, but it is NOT WHOLE and CANNOT BE PROVEN by this program"
         } else {
             "NOT PROVEN"
         }
+    }
+
+    /// What is wrong, for people.
+    pub(crate) fn refutations(&self) -> Vec<(&'static str, String)> {
+        let (found, mut rows) = (&self.found, Vec::new());
+        rows.extend(found.differences.iter().map(|difference| ("differs", difference.to_string())));
+        push_more(&mut rows, "differs", found.difference_count, found.differences.len(), "states");
+        rows.extend(found.summary_differences.iter().map(|difference| ("differs", difference.to_string())));
+        let shown = found.summary_differences.len();
+        push_more(&mut rows, "differs", found.summary_difference_count, shown, "summaries");
+        if let (Some(said), Some(hash)) = (&found.wrong_end_hash, &found.last_state_hash) {
+            rows.push((
+                "differs",
+                format!("the hash of the last state is {hash}, the end of the file says {said}"),
+            ));
+        }
+        for rows_of in &self.rows {
+            rows.extend(rows_of.differences.iter().map(|what| ("differs", what.clone())));
+            push_more(&mut rows, "differs", rows_of.difference_count, rows_of.differences.len(), "rows");
+        }
+        if let RunToml::Differs(differs) = &self.toml {
+            rows.extend(differs.iter().map(|what| ("differs", what.clone())));
+        }
+        rows.extend(found.missing.iter().map(|(from, to)| ("missing", frames(*from, Some(*to)))));
+        for (topic, found) in &found.rows {
+            let ranges = found.missing.iter().map(|(from, to)| frames(*from, Some(*to)));
+            rows.extend(ranges.map(|range| ("missing", format!("rows of `{topic}`: {range}"))));
+            push_more(&mut rows, "missing", found.missing_count, found.missing.len(), "ranges");
+        }
+        push_more(&mut rows, "missing", found.missing_count, found.missing.len(), "ranges");
+        rows.extend(self.damages().map(|damage| ("damaged", damage_text(damage))));
+        push_more(&mut rows, "damaged", found.damage_count, found.damages.len(), "places");
+        rows
     }
 
     /// What is damaged; that a file ends within a record while it is being written is no damage.
@@ -144,7 +224,7 @@ fn text(file: &Verified) -> String {
         ("steps recomputed", count(file.step_count()).to_string()),
     ];
     if let Some((first, last)) = found.step_range() {
-        rows.push(("begins", begin(found, first)));
+        rows.push(("begins", begin(file, first)));
         let end = format!("step {} of {}", count(last), count(manifest.physics.step_count));
         let reason = if file.is_being_written { "being written" } else { found.end.as_str() };
         rows.push(("ends", format!("at {end} ({reason})")));
@@ -153,26 +233,13 @@ fn text(file: &Verified) -> String {
         rows.push(("stopped", format!("nothing is known of what comes after step {}", count(step))));
     }
     if let Some(follows) = &file.follows {
-        rows.push(("follows", follows_text(follows)));
+        rows.push(("follows", follows_text(follows, file.is_later_part)));
     }
+    rows.extend(Lists::of(file).rows_of_text());
     if let Some(other) = &found.other_kernel {
         rows.push(("unproven", other.to_string()));
     }
-    rows.extend(found.differences.iter().map(|difference| ("differs", difference.to_string())));
-    push_more(&mut rows, "differs", found.difference_count, found.differences.len(), "states");
-    rows.extend(found.summary_differences.iter().map(|difference| ("differs", difference.to_string())));
-    let shown = found.summary_differences.len();
-    push_more(&mut rows, "differs", found.summary_difference_count, shown, "summaries");
-    if let (Some(said), Some(hash)) = (&found.wrong_end_hash, &found.last_state_hash) {
-        rows.push((
-            "differs",
-            format!("the hash of the last state is {hash}, the end of the file says {said}"),
-        ));
-    }
-    rows.extend(found.missing.iter().map(|(from, to)| ("missing", frames(*from, Some(*to)))));
-    push_more(&mut rows, "missing", found.missing_count, found.missing.len(), "ranges");
-    rows.extend(file.damages().map(|damage| ("damaged", damage_text(damage))));
-    push_more(&mut rows, "damaged", found.damage_count, found.damages.len(), "places");
+    rows.extend(file.refutations());
     rows.extend(file.advice().into_iter().map(|advice| ("next", advice)));
     display::rows(&format!("{}: {}", manifest.provenance.name, file.verdict()), &rows)
 }
@@ -185,12 +252,15 @@ fn push_more(rows: &mut Vec<(&'static str, String)>, name: &'static str, all: u6
 }
 
 /// What the first state follows.
-fn begin(found: &Verification, first: u64) -> String {
+fn begin(file: &Verified, first: u64) -> String {
+    let found = &file.found;
     if first == 0 {
         return "with the manifest's initial condition".to_owned();
     }
     let time = seconds(found.manifest.physics.time_s(first));
-    let begins = format!("with step {} ({time}), which is taken as it is", count(first));
+    let is_proven = file.follows.as_ref().is_some_and(Follows::is_proven);
+    let taken = if is_proven { "" } else { ", which is taken as it is" };
+    let begins = format!("with step {} ({time}){taken}", count(first));
     match &found.begin.previous_state_hash {
         Some(hash) => {
             format!("{begins}: it is part {}, which follows a state of hash {hash}", found.begin.part)
@@ -199,8 +269,16 @@ fn begin(found: &Verification, first: u64) -> String {
     }
 }
 
-fn follows_text(follows: &Follows) -> String {
+fn follows_text(follows: &Follows, is_later_part: bool) -> String {
     match follows {
+        Follows::Proven if !is_later_part => {
+            "the run: its initial condition leads to the first state here".to_owned()
+        }
+        Follows::Differs(difference) if !is_later_part => format!("NOT the run: {difference}"),
+        Follows::TooFar => {
+            "not known: it begins too late in the run to recompute that; name the parts before it, too"
+                .to_owned()
+        }
         Follows::Proven => "the part before: its last state leads to the first one here".to_owned(),
         Follows::ByHash => "the part before, by the hash of its last state; not recomputed".to_owned(),
         Follows::Not(why) => format!("NOT the file before: {why}"),
@@ -268,8 +346,13 @@ fn to_json(file: &Verified) -> Value {
         "end_state_hash": found.end_record.as_ref().and_then(|end| end.last_state_hash.clone()),
         "follows": file.follows.as_ref().map(|follows| json!({
             "proven": follows.is_proven(),
-            "what": follows_text(follows),
+            "what": follows_text(follows, file.is_later_part),
         })),
+        "checked": Lists::of(file).to_json(),
+        "rows": file.rows.iter().map(rows_json).collect::<Vec<_>>(),
+        "missing_rows": found.rows.iter().map(|(topic, rows)| (topic.clone(), json!(rows.missing)))
+            .collect::<serde_json::Map<_, _>>(),
+        "run_toml_differences": if let RunToml::Differs(differs) = &file.toml { json!(differs) } else { json!([]) },
         "other_kernel": found.other_kernel.map(|other| other.found),
         "difference_count": found.difference_count,
         "differences": found.differences.iter().map(difference_json).collect::<Vec<_>>(),
@@ -279,6 +362,16 @@ fn to_json(file: &Verified) -> Value {
         "missing_frames": found.missing,
         "damage_count": found.damage_count,
         "damages": found.damages.iter().map(damage_json).collect::<Vec<_>>(),
+    })
+}
+
+fn rows_json(rows: &RowsChecked) -> Value {
+    json!({
+        "topic": rows.topic,
+        "proven": rows.proven_count,
+        "difference_count": rows.difference_count,
+        "differences": rows.differences,
+        "not_checked": rows.not_checked,
     })
 }
 

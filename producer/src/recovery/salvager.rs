@@ -4,7 +4,7 @@ use super::{MOST_KEPT, Recovery, RecoveryError};
 use crate::integrator::Integrator;
 use crate::resimulation::{Difference, check_kernel, difference};
 use crate::state::ChainState;
-use crate::verification::hash_of;
+use crate::verification::{hash_of, is_affordable};
 use schemas::frame::{EndReason, Frame, FrameSink};
 use schemas::manifest::RunManifest;
 use schemas::recording::{BeginRecord, EndRecord, RecordingWriter};
@@ -22,7 +22,8 @@ pub(super) struct Salvager<'a> {
     manifest: &'a RunManifest,
     writer: &'a mut RecordingWriter,
     watch: &'a mut dyn FnMut(u64) -> bool,
-    fill: bool,
+    /// Lost states that are still recomputed.
+    fill_left: u64,
     /// Of another kernel version nothing is computed.
     integrator: Option<Integrator>,
     /// The last state that is proven, or believed until the next one shows; none before the first.
@@ -46,7 +47,7 @@ impl<'a> Salvager<'a> {
     pub(super) fn new(
         manifest: &'a RunManifest,
         begin: &BeginRecord,
-        fill: bool,
+        fill_most: u64,
         writer: &'a mut RecordingWriter,
         watch: &'a mut dyn FnMut(u64) -> bool,
     ) -> Self {
@@ -56,7 +57,7 @@ impl<'a> Salvager<'a> {
             manifest,
             writer,
             watch,
-            fill,
+            fill_left: fill_most,
             integrator: other_kernel.is_none().then(|| Integrator::new(&manifest.physics)),
             state: from_start.then(|| ChainState::initial(&manifest.physics)),
             is_believed: false,
@@ -238,11 +239,12 @@ impl<'a> Salvager<'a> {
 
     /// Writes a state that is not in the file, or says that it is lost.
     fn write_recomputed(&mut self, frame: &Frame<'_>) -> Result<(), RecoveryError> {
-        if !self.fill {
+        let Some(left) = self.fill_left.checked_sub(1) else {
             self.lose(frame.frame, Some(frame.frame));
             self.due_from = frame.step + 1;
             return Ok(());
-        }
+        };
+        self.fill_left = left;
         self.recovery.recomputed_count += 1;
         let goes_on = self.recovery.last_step.is_some_and(|step| self.is_recomputed(step));
         let ranges = &mut self.recovery.recomputed;
@@ -337,7 +339,10 @@ impl<'a> Salvager<'a> {
         let said = end.and_then(|end| Some((end.last_step?, end.last_state_hash.as_ref()?)));
         if let Some((step, hash)) = said.filter(|(step, _)| *step >= self.due_from && *step <= last_step) {
             // the hash of the last state proves what is computed up to there
-            let is_proven = self.probed(step)?.is_some_and(|probe| hash_of(probe) == *hash);
+            let due = step.saturating_sub(self.due_from) / self.manifest.provenance.record_every_steps;
+            let is_affordable =
+                due <= self.fill_left && is_affordable(self.cost_of(step), self.spare_steps, self.manifest);
+            let is_proven = is_affordable && self.probed(step)?.is_some_and(|probe| hash_of(probe) == *hash);
             if is_proven {
                 self.advance(step, None)?;
             } else {

@@ -41,8 +41,8 @@ impl Default for Limits {
     }
 }
 
-/// What a [`Resimulation`](super::Resimulation) is, computed ahead by several threads: the same states in the
-/// same order, the same gaps, errors and end.
+/// What a [`Resimulation`](super::Resimulation) that ends with the last state is, computed ahead by several threads: the
+/// same states in the same order, the same gaps, errors and end.
 ///
 /// It reads its source ahead, so that it suits files and not live runs. At most one stretch more than there
 /// are threads is in work. Memory is bounded: 128 MiB of recomputed states, or two blocks for each stretch if that
@@ -59,8 +59,8 @@ pub struct ParallelResimulation<S: FrameSource> {
     states: Vec<ChainState>,
     /// The first of them has not been handed out before.
     is_first: bool,
-    /// The step of the last frame that was missed.
-    missed_until: u64,
+    /// The frames that were missed since the last state.
+    missed: Option<(u64, u64)>,
     /// States to be lent, and how many of them have been.
     block: Block,
     lent_count: usize,
@@ -125,7 +125,7 @@ impl<S: FrameSource> ParallelResimulation<S> {
             workers,
             states: Vec::new(),
             is_first: true,
-            missed_until: 0,
+            missed: None,
             block: Block::default(),
             lent_count: 0,
         })
@@ -142,33 +142,36 @@ impl<S: FrameSource> ParallelResimulation<S> {
     fn read_ahead(&mut self) {
         while self.workers.have_room() && !matches!(self.upcoming.back(), Some(last) if last.ends_reading()) {
             match self.source.receive() {
-                Ok(Received::Frame(frame)) => match self.states.last() {
-                    // the initial state was lent before
-                    Some(last) if last.step == frame.step => {
-                        if let Some(difference) = difference(last, &frame, None) {
-                            self.hand_out(None);
-                            self.upcoming.push_back(Upcoming::Differs(difference));
+                Ok(Received::Frame(frame)) => {
+                    self.missed = None;
+                    match self.states.last() {
+                        // the initial state was lent before
+                        Some(last) if last.step == frame.step => {
+                            if let Some(difference) = difference(last, &frame, None) {
+                                self.hand_out();
+                                self.upcoming.push_back(Upcoming::Differs(difference));
+                            }
+                        }
+                        _ => {
+                            self.states.push(ChainState::of_frame(&frame));
+                            if self.is_enough() {
+                                self.hand_out();
+                            }
                         }
                     }
-                    _ => {
-                        self.states.push(ChainState::of_frame(&frame));
-                        if self.is_enough() {
-                            self.hand_out(None);
-                        }
-                    }
-                },
+                }
                 Ok(Received::Missed { from, to }) if self.states.is_empty() => {
                     self.upcoming.push_back(Upcoming::Missed { from, to });
                 }
-                Ok(Received::Missed { to, .. }) => {
-                    self.missed_until = self.source.manifest().step_of_frame(to);
-                }
+                Ok(Received::Missed { from, to }) => self.missed = Some((from, to)),
                 Ok(Received::End(reason)) => {
-                    self.hand_out(Some(self.missed_until));
+                    self.hand_out();
+                    let missed = self.missed.take();
+                    self.upcoming.extend(missed.map(|(from, to)| Upcoming::Missed { from, to }));
                     self.upcoming.push_back(Upcoming::End(reason));
                 }
                 Err(error) => {
-                    self.hand_out(None);
+                    self.hand_out();
                     self.upcoming.push_back(Upcoming::Failed(error));
                 }
             }
@@ -183,14 +186,13 @@ impl<S: FrameSource> ParallelResimulation<S> {
         many || last.step - first.step >= self.limits.stretch_steps
     }
 
-    /// Has the steps between the recorded states read so far computed, and those up to `until`.
-    fn hand_out(&mut self, until: Option<u64>) {
+    /// Has the steps between the recorded states read so far computed.
+    fn hand_out(&mut self) {
         let Some(last) = self.states.last() else { return };
-        let is_tail = until.is_some_and(|until| until > last.step);
-        if self.states.len() > 1 || self.is_first || is_tail {
-            let (until, next) = (until.unwrap_or(last.step), last.clone());
+        if self.states.len() > 1 || self.is_first {
+            let next = last.clone();
             let states = std::mem::replace(&mut self.states, vec![next]);
-            let stretch = Stretch { states, lends_first: self.is_first, until };
+            let stretch = Stretch { states, lends_first: self.is_first };
             self.upcoming.push_back(Upcoming::States(self.workers.take(stretch)));
             self.is_first = false;
         }

@@ -136,6 +136,22 @@ fn what_was_missed_at_the_end_is_recomputed_too() {
     assert_eq!(all.last().map(|(_, state)| state), states(&m).last());
 }
 
+/// A file may claim any end: nothing is computed that no state proves.
+#[test]
+fn what_was_missed_after_the_last_state_of_a_file_stays_missing() {
+    let m = manifest(20);
+    let mut source = script(&m, &[0, 20]);
+    source.items.insert(2, Item::Missed(2, 5));
+    let mut source =
+        Resimulation::new(source, Lend::Frames).expect("same kernel").ending_with_the_last_state();
+    for step in [0, 20] {
+        assert!(matches!(source.receive(), Ok(Received::Frame(frame)) if frame.step == step));
+    }
+    assert!(matches!(source.receive(), Ok(Received::Missed { from: 2, to: 5 })));
+    assert!(matches!(source.receive(), Ok(Received::End(EndReason::Complete))));
+    assert!(matches!(source.receive(), Ok(Received::End(EndReason::Complete))));
+}
+
 #[test]
 fn what_is_missing_before_the_first_state_stays_missing() {
     let m = manifest(20);

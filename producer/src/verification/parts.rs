@@ -4,22 +4,38 @@ use super::Verification;
 use super::batches::advance;
 use crate::integrator::Integrator;
 use crate::resimulation::{Difference, check_kernel, difference};
+use crate::state::ChainState;
 use schemas::frame::EndReason;
+use schemas::manifest::RunManifest;
 use schemas::recording::BeginRecord;
 use std::sync::atomic::AtomicBool;
 
-/// How a recording goes on in another one.
+/// Steps beyond the states of a file that are computed in any case, times the beads: some ten seconds.
+const MOST_BEYOND: u64 = 1 << 34;
+
+/// As many times the steps that the states of a file cover are computed beyond them.
+const TIMES_COVERED: u64 = 1024;
+
+/// Whether so many steps before or after the states of a file of this run, which cover `covered` steps, are worth
+/// computing: how far a file says that it goes costs nothing to say.
+pub(crate) fn is_affordable(steps: u64, covered: u64, run: &RunManifest) -> bool {
+    steps <= covered.saturating_mul(TIMES_COVERED).saturating_add(MOST_BEYOND / run.physics.beads)
+}
+
+/// How a recording begins that does not begin with the run, or how it goes on in another one.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Follows {
-    /// Its first state is what the last state of the part before leads to.
+    /// Its first state is what the last state of the part before leads to, or the initial condition.
     Proven,
+    /// It begins after so many steps that nothing was computed up to there.
+    TooFar,
     /// As far as hashes tell; nothing can be recomputed.
     ByHash,
     /// It does not.
     Not(String),
     /// We were asked to stop before that was known.
     Stopped,
-    /// Its first state is not what the last state of the part before leads to.
+    /// Its first state is not what the last state of the part before leads to, or the initial condition.
     Differs(Difference),
 }
 
@@ -28,6 +44,24 @@ impl Follows {
     pub fn is_proven(&self) -> bool {
         *self == Self::Proven
     }
+}
+
+/// Whether the first state of the recording `found` is what the manifest's initial condition leads to; none if it has no
+/// state, or nothing can be recomputed. `stop` ends the computation, which is bounded by what the file covers.
+pub fn follows_the_run(found: &Verification, stop: &AtomicBool) -> Option<Follows> {
+    let run = &found.manifest;
+    let (first, last) = (found.first.as_ref()?, found.last.as_ref()?);
+    check_kernel(run).ok()?;
+    if !is_affordable(first.step, last.step - first.step, run) {
+        return Some(Follows::TooFar);
+    }
+    let mut state = ChainState::initial(&run.physics);
+    let mut integrator = Integrator::new(&run.physics);
+    if !advance(&mut integrator, &mut state, first.step, stop) {
+        return Some(Follows::Stopped);
+    }
+    let frame = first.as_frame(run, run.frame_at(first.step));
+    Some(difference(&state, &frame, None).map_or(Follows::Proven, Follows::Differs))
 }
 
 /// Whether the recording `next` is the part that follows `before`. `stop` ends the computation.

@@ -14,6 +14,9 @@ use std::thread;
 /// Smaller chunks are decompressed sooner than handed over.
 const SMALLEST_CHUNK_BYTES: u64 = 1 << 16;
 
+/// Of larger ones there is one in memory at a time.
+const LARGEST_CHUNK_BYTES: u64 = 64 << 20;
+
 /// Records between two chunks that are passed over: an index for each channel of the first. After more the reader
 /// decompresses itself.
 const MOST_BETWEEN: usize = 256;
@@ -26,6 +29,8 @@ pub(super) struct Ahead {
     /// Chunks read since the last jump.
     in_sequence: usize,
     is_asked: bool,
+    /// Larger chunks are left to the reader.
+    most_bytes: u64,
     /// Given to the thread with the next request.
     spare: Vec<u8>,
     /// Chunks that came from the thread.
@@ -64,6 +69,11 @@ struct Ready {
 }
 
 impl Ahead {
+    /// One that decompresses no chunk of more than `most_bytes`.
+    pub(super) fn within(most_bytes: u64) -> Self {
+        Self { most_bytes: most_bytes.min(LARGEST_CHUNK_BYTES), ..Self::default() } // integers
+    }
+
     /// One that never starts a thread.
     #[cfg(test)]
     pub(super) fn off() -> Self {
@@ -113,7 +123,7 @@ impl Ahead {
             return;
         }
         if let Thread::NotStarted = self.thread {
-            self.thread = start(records).unwrap_or(Thread::None);
+            self.thread = start(records, self.most_bytes).unwrap_or(Thread::None);
         }
         if let Thread::Runs { requests, .. } = &self.thread {
             let from = offset + RECORD_HEAD_BYTES + records.body().len() as u64;
@@ -122,11 +132,12 @@ impl Ahead {
     }
 }
 
-fn start(records: &RecordReader) -> Option<Thread> {
+fn start(records: &RecordReader, most_bytes: u64) -> Option<Thread> {
     thread::available_parallelism().ok().filter(|cores| cores.get() > 1)?;
     let mut worker = Worker {
         file: records.clone_file().ok()?,
         body: Vec::new(),
+        most_bytes,
         zstd: zstd::bulk::Decompressor::new().ok()?,
     };
     let (requests, asked) = channel::<Request>();
@@ -146,6 +157,7 @@ struct Worker {
     file: File,
     /// The chunk record.
     body: Vec<u8>,
+    most_bytes: u64,
     zstd: zstd::bulk::Decompressor<'static>,
 }
 
@@ -157,7 +169,7 @@ impl Worker {
         let head = ChunkHead::parse(&self.body).filter(|head| head.is_compressed)?;
         let contents = self.body.get(head.bytes..)?;
         let data = contents.get(..usize::try_from(head.compressed_bytes).ok()?)?;
-        decompress(&mut self.zstd, data, head.uncompressed_bytes, &mut buffer).ok()?;
+        decompress(&mut self.zstd, data, head.uncompressed_bytes, self.most_bytes, &mut buffer).ok()?;
         let (crc_of_contents, crc_of_records) = (crc32fast::hash(contents), crc32fast::hash(&buffer));
         Some(Ready { offset, head, crc_of_contents, crc_of_records, buffer })
     }

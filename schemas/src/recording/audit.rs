@@ -1,6 +1,9 @@
 //! Reading all of a recording, whole or damaged, and checking what stands in it against the manifest.
 
 mod ends;
+mod rows;
+
+pub use rows::RowsFound;
 
 use super::decode::{self, StateHead, StateLengths};
 use super::encode;
@@ -12,12 +15,13 @@ use super::messages::{MessageReader, RawMessage};
 use super::others::OtherMessage;
 use super::proto;
 use super::records::RecordReader;
-use super::salvage::{Damage, LostFrames};
+use super::salvage::{Damage, DamageKind, LostFrames};
 use super::schedule::Schedule;
 use crate::frame::EndReason;
 use crate::manifest::{KERNEL_VERSION, RunManifest};
 use mcap::records::MessageHeader;
 use prost::Message;
+use rows::RowHead;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -49,6 +53,8 @@ pub struct Audit {
     /// Smallest and largest log time (ns) of them.
     times_ns: Option<(u64, u64)>,
     longest_summary: usize,
+    rows: BTreeMap<String, RowsFound>,
+    has_summary_section: bool,
 }
 
 /// What a recording has next.
@@ -89,7 +95,11 @@ enum Kind {
 enum Said {
     State(Result<StateHead, String>),
     Summary(Option<StateHead>),
-    Chain { is_ours: bool },
+    Chain {
+        is_ours: bool,
+    },
+    /// A row of results, if it is one.
+    Row(Option<RowHead>),
     Other,
 }
 
@@ -120,6 +130,8 @@ impl Audit {
             ended: false,
             counts: BTreeMap::new(),
             times_ns: None,
+            rows: BTreeMap::new(),
+            has_summary_section: false,
         })
     }
 
@@ -173,6 +185,37 @@ impl Audit {
     /// How many damages there are.
     pub fn damage_count(&self) -> u64 {
         self.messages.damage_count()
+    }
+
+    /// What rows of results there are, by topic; known at the end.
+    pub fn rows(&self) -> &BTreeMap<String, RowsFound> {
+        &self.rows
+    }
+
+    /// How many messages there are of each topic that is neither of the frames nor of results; known at the end.
+    pub fn foreign_counts(&self) -> BTreeMap<String, u64> {
+        let mut by_topic = BTreeMap::new();
+        for (id, channel) in &self.messages.contents().channels {
+            let topic = &channel.topic;
+            if !proto::OF_FRAMES.contains(&topic.as_str()) && !self.rows.contains_key(topic) {
+                *by_topic.entry(topic.clone()).or_insert(0) += self.counts.get(id).copied().unwrap_or(0);
+            }
+        }
+        by_topic
+    }
+
+    /// The configuration as the user gave it, if the file has it; known at the end.
+    pub fn run_toml(&self) -> Option<&str> {
+        self.messages.contents().run_toml.as_deref()
+    }
+
+    fn loss_count(&self) -> u64 {
+        self.messages.loss_count()
+    }
+
+    /// Whether it has a summary section, which was then compared with the rest; known at the end.
+    pub fn has_summary_section(&self) -> bool {
+        self.has_summary_section
     }
 
     /// Frames that should be there and are not, from and up to; the first ranges.
@@ -259,6 +302,7 @@ impl Audit {
                         self.chain_count > 0 || !self.is_resolved_by_us || is_chain(&self.manifest, data);
                     Said::Chain { is_ours: is_chain }
                 }
+                _ if rows::is_of_results(message.channel) => Said::Row(RowHead::decode(data).ok()),
                 _ => Said::Other,
             };
             let judged =
@@ -280,19 +324,29 @@ impl Audit {
                 let awaited = self.awaited.take().map(|(step, _)| step);
                 if awaited != Some(summary.step) {
                     // of a state that is damaged or was refused
-                    let is_known = self.damage_count() > 0;
+                    let is_known = self.loss_count() > 0;
                     return if is_known { Ok(None) } else { Err(no_state(summary.step)) };
                 }
                 check_times(head, summary.time_s)?;
+                check_sequence(head, self.manifest.frame_at(summary.step))?;
                 Ok(Some(Kind::Summary))
             }
             Said::Chain { is_ours } => {
                 self.chain_count += 1;
                 check_times(head, 0.0)?;
+                check_sequence(head, 0)?;
                 let allowed = is_ours && self.chain_count == 1 && self.last_step.is_none();
                 let what =
                     "a chain that is not the one that the manifest describes, or not once before the states";
                 if allowed { Ok(None) } else { Err(what.to_owned()) }
+            }
+            Said::Row(row) => {
+                let row = row.ok_or("a row of results that is none")?;
+                check_times(head, row.time_s)?;
+                check_sequence(head, row.frame)?;
+                let topic = self.messages.last().map(|message| message.channel.topic.clone());
+                self.rows.entry(topic.unwrap_or_default()).or_default().take(&row, &self.manifest)?;
+                Ok(Some(Kind::Other))
             }
             Said::Other => Ok(Some(Kind::Other)),
         }
@@ -314,9 +368,7 @@ impl Audit {
         if let Err(what) = check_times(head, time_s) {
             self.messages.note_message(what);
         }
-        #[expect(clippy::cast_possible_truncation, reason = "the low bits, as the writer has them")]
-        let sequence = frame as u32;
-        if head.sequence != sequence || !numbered {
+        if check_sequence(head, frame).is_err() || !numbered {
             let what = format!("the state of step {step} does not have the number of its frame, {frame}");
             self.messages.note_message(what);
         }
@@ -341,7 +393,9 @@ impl Audit {
         let damages = salvage.damages_mut();
         self.placed = damages.len();
         for damage in damages.iter_mut().skip(placed) {
-            damage.frames = frames;
+            if damage.kind != DamageKind::Description {
+                damage.frames = frames;
+            }
         }
     }
 
@@ -387,7 +441,7 @@ fn unchecked(manifest: &RunManifest, said: &Said) -> Option<Kind> {
             Some(Kind::State { frame, step, is_checked: false })
         }
         Said::State(_) | Said::Summary(_) | Said::Chain { .. } => None,
-        Said::Other => Some(Kind::Other),
+        Said::Row(_) | Said::Other => Some(Kind::Other),
     }
 }
 
@@ -405,6 +459,16 @@ fn is_chain(manifest: &RunManifest, message: &[u8]) -> bool {
 
 fn no_state(step: u64) -> String {
     format!("a summary of step {step} that does not follow the state of that step")
+}
+
+/// A message about a frame has its number.
+fn check_sequence(head: &MessageHeader, frame: u64) -> Result<(), String> {
+    #[expect(clippy::cast_possible_truncation, reason = "the low bits, as the writer has them")]
+    let expected = frame as u32;
+    if head.sequence == expected {
+        return Ok(());
+    }
+    Err(format!("a message of the number {} instead of {expected}, that of its frame", head.sequence))
 }
 
 /// A message of the frames has the time of its state.

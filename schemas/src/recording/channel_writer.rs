@@ -6,7 +6,7 @@
 
 mod block;
 mod chunks;
-mod framing;
+pub(super) mod framing;
 mod output;
 mod queue;
 mod threads;

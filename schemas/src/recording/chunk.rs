@@ -4,10 +4,14 @@ use super::ahead::Ahead;
 use super::error::ReadError;
 use super::parse::parse_record;
 use super::records::{MAX_RECORD_BYTES, RecordReader, check_crc, chunk_header_bytes};
+use crate::manifest::RunManifest;
 use mcap::records::{Record, op};
 use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
+
+/// Largest chunk before compression that is read, unless a state is larger: our writer closes one after 1 MiB.
+const MOST_CHUNK_BYTES: u64 = 64 << 20;
 
 /// Most bytes that zstd makes of one: a block of 128 KiB takes 4 bytes at least. So what is reserved for a chunk is
 /// bounded by what there is of it, and not by what it claims.
@@ -31,6 +35,8 @@ pub(super) struct Chunk {
     /// Where in the buffer the records end.
     end: usize,
     zstd: zstd::bulk::Decompressor<'static>,
+    /// Larger ones are not decompressed.
+    most_bytes: u64,
     pub(super) ahead: Ahead,
 }
 
@@ -42,6 +48,13 @@ pub(super) struct Inner {
 }
 
 impl Chunk {
+    /// None so far, of a recording of the run `manifest`: of its states one has a chunk to itself, however large it is.
+    pub(super) fn of_run(manifest: &RunManifest) -> Self {
+        let two_states = 16 * manifest.frame_doubles() as u64;
+        let most_bytes = MOST_CHUNK_BYTES.max(two_states); // integers
+        Self { most_bytes, ahead: Ahead::within(most_bytes), ..Self::default() }
+    }
+
     /// Replaces the contents by those of the chunk record that `records` has just read at `offset`.
     pub(super) fn load(&mut self, offset: u64, records: &mut RecordReader) -> Result<(), ReadError> {
         let path = records.path();
@@ -95,7 +108,7 @@ impl Chunk {
         let crc = if let Some(crc) = ready {
             crc
         } else {
-            decompress(&mut self.zstd, data, size, &mut self.buffer)?;
+            decompress(&mut self.zstd, data, size, self.most_bytes, &mut self.buffer)?;
             crc32fast::hash(&self.buffer)
         };
         (self.start, self.next, self.end) = (0, 0, self.buffer.len());
@@ -112,7 +125,7 @@ impl Chunk {
             let data =
                 usize::try_from(head.compressed_bytes).ok().and_then(|end| data.get(..end)).unwrap_or(data);
             if head.is_compressed {
-                stream(data, &mut self.buffer);
+                stream(data, self.most_bytes, &mut self.buffer);
             } else if self.buffer.try_reserve(data.len()).is_ok() {
                 self.buffer.extend_from_slice(data);
             }
@@ -173,6 +186,11 @@ impl Chunk {
         Ok(Some(Inner { opcode: record.opcode, body }))
     }
 
+    /// How far the byte `at` of the buffer is from the first record.
+    pub(super) fn place_of(&self, at: usize) -> u64 {
+        at.saturating_sub(self.start) as u64
+    }
+
     /// What the places of records refer to.
     pub(super) fn buffer(&self) -> &[u8] {
         &self.buffer
@@ -223,19 +241,20 @@ impl ChunkHead {
     }
 }
 
-/// Replaces the contents of `buffer` by `data` decompressed, which should be `size` bytes.
+/// Replaces the contents of `buffer` by `data` decompressed, which should be `size` bytes and no more than `most_bytes`.
 pub(super) fn decompress(
     zstd: &mut zstd::bulk::Decompressor<'_>,
     data: &[u8],
     size: u64,
+    most_bytes: u64,
     buffer: &mut Vec<u8>,
 ) -> Result<(), String> {
     buffer.clear();
-    let most = MAX_RECORD_BYTES.min(data.len() as u64 * MOST_COMPRESSED);
+    let most = most_bytes.min(data.len() as u64 * MOST_COMPRESSED); // integers
     let room = usize::try_from(size).ok().filter(|_| size <= most);
     if room.is_none_or(|room| buffer.try_reserve(room).is_err()) {
         return Err(format!(
-            "a chunk of {size} bytes, more than {MAX_RECORD_BYTES}, than its {} bytes can hold or than there is memory",
+            "a chunk of {size} bytes, more than {most_bytes}, than its {} bytes can hold or than there is memory",
             data.len()
         ));
     }
@@ -244,10 +263,10 @@ pub(super) fn decompress(
     Ok(())
 }
 
-/// Decompresses `data` as far as it goes, at most [`MAX_RECORD_BYTES`].
-fn stream(data: &[u8], buffer: &mut Vec<u8>) {
+/// Decompresses `data` as far as it goes, to at most `most_bytes`.
+fn stream(data: &[u8], most_bytes: u64, buffer: &mut Vec<u8>) {
     let Ok(decoder) = zstd::stream::read::Decoder::with_buffer(data) else { return };
-    let mut decoder = decoder.take(MAX_RECORD_BYTES);
+    let mut decoder = decoder.take(most_bytes);
     let mut part = vec![0; 1 << 17];
     while let Ok(count @ 1..) = decoder.read(&mut part) {
         if buffer.try_reserve(count).is_err() {

@@ -176,7 +176,11 @@ fn contact_count(manifest: &RunManifest) -> usize {
     usize::try_from(manifest.physics.beads).unwrap_or(usize::MAX).saturating_sub(1)
 }
 
-fn check_row(row: &proto::ContactClasses, contacts: usize, last_step: Option<u64>) -> Result<(), String> {
+pub(super) fn check_row(
+    row: &proto::ContactClasses,
+    contacts: usize,
+    last_step: Option<u64>,
+) -> Result<(), String> {
     let step = row.step;
     let count = usize::try_from(row.contact_count).unwrap_or(usize::MAX);
     if count != contacts || row.classes.len() != contacts.div_ceil(4) {
@@ -201,7 +205,7 @@ pub(super) fn pack(classes: &[u8], packed: &mut Vec<u8>) {
     packed.extend(classes.chunks(4).map(|four| four.iter().rev().fold(0, |byte, class| byte << 2 | class)));
 }
 
-fn unpack(packed: &[u8], contacts: usize, classes: &mut Vec<u8>) {
+pub(super) fn unpack(packed: &[u8], contacts: usize, classes: &mut Vec<u8>) {
     classes.clear();
     classes.extend(packed.iter().flat_map(|byte| [0, 2, 4, 6].map(|shift| (byte >> shift) & 3)));
     classes.truncate(contacts);

@@ -3,8 +3,7 @@
 use super::error::ReadError;
 use super::head::{self, BeginRecord, EndRecord};
 use super::parse::{MAX_STRUCTURE_BYTES, parse_record};
-use super::places::Places;
-use super::records::{RECORD_HEAD_BYTES, check_crc};
+use super::records::check_crc;
 use mcap::records::{Metadata, Record, op};
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -17,7 +16,7 @@ const MAX_DEFINITION_BYTES: usize = 16 << 20;
 /// What a file holds beside its messages, as far as it has been read.
 #[derive(Debug, Default)]
 pub(super) struct Contents {
-    schemas: BTreeMap<u16, Schema>,
+    schemas: BTreeMap<u16, Arc<Schema>>,
     /// Of all schemas and channels.
     definition_bytes: usize,
     /// By the number that messages give.
@@ -28,10 +27,6 @@ pub(super) struct Contents {
     pub(super) begin: BeginRecord,
     /// How the recording ended.
     pub(super) end: Option<EndRecord>,
-    /// Where its chunks are.
-    pub(super) places: Places,
-    /// Offset and length of that record in the file.
-    pub(super) end_place: Option<(u64, u64)>,
     /// The data section is closed.
     pub(super) data_end: bool,
     /// Size of the chunks before compression.
@@ -52,7 +47,8 @@ pub(super) struct Channel {
     pub(super) topic: String,
     pub(super) message_encoding: String,
     pub(super) metadata: BTreeMap<String, String>,
-    pub(super) schema: Schema,
+    /// Shared by all channels that have it, however long its name is.
+    pub(super) schema: Arc<Schema>,
 }
 
 impl Contents {
@@ -80,7 +76,6 @@ impl Contents {
                 if metadata.name == head::END {
                     let end = EndRecord::from_metadata(&metadata);
                     self.end = Some(end.map_err(|what| ReadError::damaged(path, offset, what))?);
-                    self.end_place = Some((offset, RECORD_HEAD_BYTES + body.len() as u64));
                 }
                 Ok(())
             }
@@ -107,7 +102,7 @@ impl Contents {
                     self.count(header.name.len() + header.encoding.len() + data.len())?;
                 }
                 let schema = Schema { name: header.name, encoding: header.encoding, text: data[..].into() };
-                insert(&mut self.schemas, header.id, schema, "schema")
+                insert(&mut self.schemas, header.id, Arc::new(schema), "schema")
             }
             Record::Channel(channel) => {
                 if !self.channels.contains_key(&channel.id) {
@@ -124,6 +119,16 @@ impl Contents {
             }
             _ => Ok(()),
         }
+    }
+
+    /// Whether both have the same schemas and channels under the same numbers.
+    pub(super) fn has_same_definitions(&self, other: &Self) -> bool {
+        self.schemas == other.schemas && self.channels == other.channels
+    }
+
+    /// How many schemas there are.
+    pub(super) fn schema_count(&self) -> usize {
+        self.schemas.len()
     }
 
     /// Takes over the schemas and channels of `other` that are new here.

@@ -17,6 +17,10 @@ use std::path::{Path, PathBuf};
 /// Opcode, length and contents of the footer, and the magic.
 const FOOTER_BYTES: u64 = 9 + 20 + 8;
 
+/// What a glance at a file without a summary reads of its chunks, before compression: so much, and as often the file.
+const GLANCE_BYTES: u64 = 4 << 30;
+const GLANCE_TIMES: u64 = 64;
+
 /// What is in a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordingInfo {
@@ -66,6 +70,19 @@ impl RecordingInfo {
     /// When it cannot be read, is no recording, or is of another major schema version. Damage further on
     /// is in [`damage`](Self::damage).
     pub fn read(path: &Path) -> Result<Self, ReadError> {
+        Self::within(path, |_| u64::MAX)
+    }
+
+    /// The same in a time that is bounded by the size of the file: 4 GiB of chunks before compression, and 64 times its
+    /// size, are looked at, if it has no summary.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read); what was not looked at is in [`damage`](Self::damage).
+    pub fn glance(path: &Path) -> Result<Self, ReadError> {
+        Self::within(path, |file_bytes| file_bytes.saturating_mul(GLANCE_TIMES).saturating_add(GLANCE_BYTES))
+    }
+
+    fn within(path: &Path, most_bytes: impl Fn(u64) -> u64) -> Result<Self, ReadError> {
         let mut messages = MessageReader::open(path)?;
         if messages.read_head().is_ok() {
             let (mut records, contents, manifest) = messages.into_parts();
@@ -73,7 +90,9 @@ impl RecordingInfo {
                 return Ok(summary.into_info(path, &records, contents, manifest));
             }
         }
-        scan(MessageReader::open(path)?)
+        let messages = MessageReader::open(path)?;
+        let most_bytes = most_bytes(messages.file_bytes());
+        scan(messages.expanding_to(most_bytes))
     }
 
     /// Number of recorded states.

@@ -5,13 +5,13 @@ mod going_on;
 mod tests;
 
 use super::PROFILE;
-use super::chunk::{Chunk, Inner};
+use super::chunk::{Chunk, ChunkHead, Inner};
 use super::contents::{Channel, Contents, parse_metadata};
 use super::error::ReadError;
 use super::head;
 use super::index::ChunkPlace;
 use super::parse::parse_record;
-use super::records::{RawRecord, RecordReader};
+use super::records::{RECORD_HEAD_BYTES, RawRecord, RecordReader};
 use super::salvage::{Damage, Salvage};
 use crate::manifest::RunManifest;
 use mcap::records::{MessageHeader, Record, op};
@@ -26,6 +26,10 @@ pub(super) struct MessageReader {
     in_chunk: bool,
     /// Not everything before was read.
     sought: bool,
+    /// Records within chunks that may still come: each takes some bytes of a file, if only those of its index.
+    inner_left: u64,
+    /// Chunks are read until they are so many bytes before compression.
+    most_expanded: u64,
     contents: Contents,
     manifest: RunManifest,
     /// Where the record read last begins.
@@ -61,6 +65,9 @@ struct Place {
     offset: u64,
 }
 
+/// Records in chunks that a file may have beside one for each of its bytes.
+const SPARE_RECORDS: u64 = 1 << 20;
+
 /// Channel, sequence, log and publish time.
 const MESSAGE_HEAD_BYTES: usize = 2 + 4 + 8 + 8;
 
@@ -80,10 +87,13 @@ impl MessageReader {
             path: path.to_owned(),
             what: format!("its first record is not the metadata `{}`", head::RUN),
         })?;
+        let manifest = head::read_run(path, &manifest)?;
         Ok(Self {
-            manifest: head::read_run(path, &manifest)?,
+            chunk: Chunk::of_run(&manifest),
+            manifest,
+            inner_left: records.file_bytes().saturating_add(SPARE_RECORDS),
+            most_expanded: u64::MAX,
             records,
-            chunk: Chunk::default(),
             in_chunk: false,
             sought: false,
             contents: Contents::default(),
@@ -101,7 +111,12 @@ impl MessageReader {
     pub(super) fn salvaging(path: &Path) -> Result<Self, ReadError> {
         let mut messages = Self::open(path)?;
         let records = &messages.records;
-        messages.salvage = Some(Box::new(Salvage::new(records.position(), records.file_bytes())));
+        let mut salvage = Box::new(Salvage::new(records.position(), records.file_bytes()));
+        // the manifest was read last
+        let run = records.body();
+        let offset = records.position() - RECORD_HEAD_BYTES - run.len() as u64;
+        salvage.layout.take(offset, op::METADATA, run);
+        messages.salvage = Some(salvage);
         Ok(messages)
     }
 
@@ -113,6 +128,11 @@ impl MessageReader {
     /// What a reader that goes on keeps.
     pub(super) fn salvage(&mut self) -> Option<&mut Salvage> {
         self.salvage.as_deref_mut()
+    }
+
+    /// Reads no more chunks than make `most_bytes` before compression.
+    pub(super) fn expanding_to(self, most_bytes: u64) -> Self {
+        Self { most_expanded: most_bytes, ..self }
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -145,6 +165,8 @@ impl MessageReader {
     /// messages of others are then passed over.
     pub(super) fn seek(&mut self, place: ChunkPlace, known: &Contents) -> Result<(), ReadError> {
         self.sought = true;
+        // whoever goes back and forth reads them again
+        self.inner_left = self.records.file_bytes().saturating_add(SPARE_RECORDS);
         self.contents.learn(known);
         (self.contents.data_end, self.contents.end) = (false, None);
         if self.in_chunk && self.chunk.offset() == place.offset {
@@ -217,11 +239,23 @@ impl MessageReader {
             return Ok(Step::Other);
         };
         let Inner { opcode, body: place } = inner;
+        let Some(left) = self.inner_left.checked_sub(1) else {
+            let what = "more records in its chunks than a file of its size holds";
+            return Err(ReadError::damaged(path, self.chunk.offset(), what));
+        };
+        self.inner_left = left;
         let start = place.start;
         let body = self.chunk.buffer().get(place).unwrap_or_default();
         let offset = self.chunk.offset();
         match opcode {
-            op::MESSAGE => message(path, offset, body).map(|place| Step::Message(place.within(start))),
+            op::MESSAGE => {
+                let place = message(path, offset, body)?;
+                if let Some(salvage) = self.salvage.as_mut().filter(|_| self.is_checked) {
+                    let at = self.chunk.place_of(start).saturating_sub(RECORD_HEAD_BYTES);
+                    salvage.layout.message(place.head.channel_id, place.head.log_time, at);
+                }
+                Ok(Step::Message(place.within(start)))
+            }
             op::SCHEMA | op::CHANNEL => {
                 self.contents.define(path, offset, opcode, body)?;
                 Ok(Step::Other)
@@ -245,12 +279,34 @@ impl MessageReader {
             self.records.seek(offset)?;
             return Err(ReadError::damaged(&path, offset, what));
         }
+        if let Some(salvage) = self.salvage.as_mut().filter(|_| !self.contents.data_end) {
+            let wrong = match opcode {
+                op::CHUNK => salvage.layout.close_chunk(),
+                _ => salvage.layout.take(offset, opcode, body),
+            };
+            if opcode == op::MESSAGE_INDEX && salvage.counts_lost {
+                salvage.count_lost(body);
+            } else {
+                self.note_descriptions(wrong);
+            }
+        }
+        let body = self.records.body();
         match opcode {
             op::FOOTER => return Ok(self.end()),
             // the summary, which repeats what was read
             _ if self.contents.data_end => {}
             op::CHUNK => {
-                self.contents.places.add_chunk(offset, body);
+                if let Some(salvage) = &mut self.salvage {
+                    salvage.layout.begin_chunk(offset, body);
+                }
+                let expanded = ChunkHead::parse(body).map_or(0, |head| head.uncompressed_bytes);
+                if self.contents.uncompressed_bytes.saturating_add(expanded) > self.most_expanded {
+                    let what = format!(
+                        "a chunk with which its chunks are more than {} bytes before compression",
+                        self.most_expanded
+                    );
+                    return Err(ReadError::damaged(&path, offset, what));
+                }
                 self.chunk.load(offset, &mut self.records)?;
                 self.contents.uncompressed_bytes += self.chunk.bytes();
                 (self.in_chunk, self.is_checked) = (true, true);
@@ -258,11 +314,7 @@ impl MessageReader {
             }
             op::MESSAGE => return message(&path, offset, body).map(Step::Message),
             op::DATA_END => self.contents.data_end = true,
-            op::MESSAGE_INDEX => {
-                if let Some(salvage) = self.salvage.as_mut().filter(|salvage| salvage.counts_lost) {
-                    salvage.count_lost(body);
-                }
-            }
+            op::MESSAGE_INDEX => {}
             _ => self.contents.define(&path, offset, opcode, body)?,
         }
         Ok(Step::Other)

@@ -6,7 +6,7 @@ use std::fs::{self, File};
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// Largest record, and largest chunk before compression, that is read.
+/// Largest record that is read.
 pub const MAX_RECORD_BYTES: u64 = 1 << 30;
 
 /// Opcode and length of a record.

@@ -3,6 +3,7 @@
 use super::chunk::ChunkHead;
 use super::error::ReadError;
 use super::head;
+use super::layout::Layout;
 use super::records::RecordReader;
 use mcap::records::op;
 use std::collections::BTreeMap;
@@ -58,6 +59,9 @@ pub enum DamageKind {
     Section,
     /// A message whose checksums hold, but which says what cannot be.
     Message,
+    /// What the file says of itself beside its messages: an index, its statistics, a second manifest. No message is
+    /// lost with it.
+    Description,
 }
 
 /// Frames that should be in a place.
@@ -79,6 +83,7 @@ impl DamageKind {
             Self::Record => "record",
             Self::Section => "section",
             Self::Message => "message",
+            Self::Description => "description",
         }
     }
 }
@@ -101,6 +106,10 @@ impl fmt::Display for Damage {
 pub(super) struct Salvage {
     damages: Vec<Damage>,
     count: u64,
+    /// Of them those that are only about how the file describes itself.
+    descriptions: u64,
+    /// What the summary section must say.
+    pub(super) layout: Layout,
     /// Everything before was read, or cannot be.
     pub(super) sound_end: u64,
     /// What searches, and candidates that prove to be no chunks, may still cost in bytes read and decompressed.
@@ -121,6 +130,8 @@ impl Salvage {
         Self {
             damages: Vec::new(),
             count: 0,
+            descriptions: 0,
+            layout: Layout::default(),
             sound_end,
             // so that a file full of what looks like chunks costs no more than a few times its size
             work_bytes: file_bytes.saturating_mul(2).saturating_add(64 << 20),
@@ -133,6 +144,7 @@ impl Salvage {
 
     pub(super) fn note(&mut self, damage: Damage) {
         self.count += 1;
+        self.descriptions += u64::from(damage.kind == DamageKind::Description);
         if self.damages.len() < MOST_DAMAGES {
             self.damages.push(damage);
         }
@@ -148,6 +160,10 @@ impl Salvage {
 
     pub(super) fn count(&self) -> u64 {
         self.count
+    }
+
+    pub(super) fn descriptions(&self) -> u64 {
+        self.descriptions
     }
 
     /// Pays for a search, or for reading what proved to be no chunk; false if too much was spent already.

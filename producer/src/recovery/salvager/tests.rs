@@ -47,7 +47,7 @@ fn recovered(
     let path = dir.path().join("recovered.mcap");
     let options = WriteOptions::default();
     let mut writer = RecordingWriter::create_from(&path, manifest, None, &begin, &options)?;
-    let mut salvager = Salvager::new(manifest, &begin, true, &mut writer, &mut watch);
+    let mut salvager = Salvager::new(manifest, &begin, u64::MAX, &mut writer, &mut watch);
     for found in found {
         match found {
             Found::Checked(state) => {

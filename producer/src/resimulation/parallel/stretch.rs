@@ -12,15 +12,13 @@ use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-/// Steps to be computed: those between recorded states, and on.
+/// Steps to be computed: those between recorded states.
 #[derive(Debug)]
 pub(super) struct Stretch {
     /// The recorded states; from each follows the next.
     pub(super) states: Vec<ChainState>,
     /// The first of them is lent, too.
     pub(super) lends_first: bool,
-    /// The last step, at or after that of the last recorded state.
-    pub(super) until: u64,
 }
 
 /// States one after the other, each `[u | v | extra]`.
@@ -209,11 +207,6 @@ impl Shared {
             }
             outlet.put(&state)?;
             from_step = target.step;
-        }
-        while state.step < stretch.until && !self.stop.load(Ordering::Relaxed) {
-            let next = self.lend.next(state.step, stretch.until, &self.manifest);
-            integrator.advance(&mut state, next);
-            outlet.put(&state)?;
         }
         Ok(None)
     }

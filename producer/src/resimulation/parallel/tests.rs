@@ -33,16 +33,19 @@ fn assert_same(make: impl Fn() -> Script) {
         for threads in [1, 2, 5].into_iter().filter_map(NonZero::new) {
             for lend in [Lend::Frames, Lend::Steps] {
                 let one = Resimulation::new(make(), lend).expect("same kernel");
+                let one = one.ending_with_the_last_state();
                 let several =
                     || ParallelResimulation::with_limits(make(), lend, threads, limits).expect("same kernel");
                 assert_eq!(events(several()), events(one), "{limits:?} {threads} {lend:?}");
                 let one = Resimulation::from_start(make(), lend).expect("same kernel");
+                let one = one.ending_with_the_last_state();
                 assert_eq!(
                     events(several().with_initial_state()),
                     events(one),
                     "{limits:?} {threads} {lend:?}"
                 );
                 let one = Resimulation::new(make(), lend).expect("same kernel").lending_from(37);
+                let one = one.ending_with_the_last_state();
                 assert_eq!(events(several().lending_from(37)), events(one), "{limits:?} {threads} {lend:?}");
             }
         }

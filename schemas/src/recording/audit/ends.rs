@@ -4,7 +4,7 @@ use super::Audit;
 use crate::frame::EndReason;
 use crate::manifest::SCHEMA_VERSION;
 use crate::recording::contents::Channel;
-use crate::recording::places;
+use crate::recording::layout::SummarySection;
 use crate::recording::proto;
 use crate::recording::records::RecordReader;
 
@@ -22,7 +22,7 @@ impl Audit {
         if matches!(end.reason, EndReason::Stopped | EndReason::Unfinished) {
             wrong.push(format!("its end has the reason `{}`, with which no recording ends", end.reason));
         }
-        if self.damage_count() == 0 && self.last_step.is_some() {
+        if self.loss_count() == 0 && self.last_step.is_some() {
             let ends = [("first", end.first_step, self.first_step), ("last", end.last_step, self.last_step)];
             for (which, said, found) in ends.into_iter().filter(|(_, said, found)| said != found) {
                 let text = |step: Option<u64>| step.map_or("none".to_owned(), |step| step.to_string());
@@ -50,14 +50,18 @@ impl Audit {
 
     /// The summary section says of the file what is so.
     pub(super) fn check_summary_section(&mut self) {
-        if self.damage_count() > 0 {
+        if self.loss_count() > 0 {
             return;
         }
         let Ok(mut records) = RecordReader::open(self.messages.path()) else { return };
-        let wrong =
-            places::disagreements(&mut records, self.messages.contents(), &self.counts, self.times_ns);
-        for what in wrong {
-            self.messages.note_about_file(what);
+        let Some(salvage) = self.messages.salvage() else { return };
+        let layout = std::mem::take(&mut salvage.layout);
+        match layout.compare(&mut records, self.messages.contents(), &self.counts, self.times_ns) {
+            SummarySection::Absent => {}
+            SummarySection::Compared(wrong) => {
+                self.has_summary_section = true;
+                self.messages.note_descriptions(wrong);
+            }
         }
     }
 
@@ -70,7 +74,7 @@ impl Audit {
         for what in wrong {
             self.messages.note_about_file(what);
         }
-        let is_whole = self.damage_count() == 0 && self.last_step.is_some();
+        let is_whole = self.loss_count() == 0 && self.last_step.is_some();
         if is_whole && self.chain_count == 0 {
             self.messages.note_about_file("there is no message of `/chain`".to_owned());
         }

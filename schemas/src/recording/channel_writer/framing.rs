@@ -50,14 +50,14 @@ fn numbers(bytes: &mut Vec<u8>, numbers: &[u64]) {
     }
 }
 
-pub(super) fn header(bytes: &mut Vec<u8>, profile: &str, library: &str) {
+pub(in crate::recording) fn header(bytes: &mut Vec<u8>, profile: &str, library: &str) {
     record(bytes, op::HEADER, |bytes| {
         text(bytes, profile);
         text(bytes, library);
     });
 }
 
-pub(super) fn schema(bytes: &mut Vec<u8>, id: u16, name: &str, encoding: &str, data: &[u8]) {
+pub(in crate::recording) fn schema(bytes: &mut Vec<u8>, id: u16, name: &str, encoding: &str, data: &[u8]) {
     record(bytes, op::SCHEMA, |bytes| {
         bytes.extend(id.to_le_bytes());
         text(bytes, name);
@@ -66,7 +66,7 @@ pub(super) fn schema(bytes: &mut Vec<u8>, id: u16, name: &str, encoding: &str, d
     });
 }
 
-pub(super) fn channel(
+pub(in crate::recording) fn channel(
     bytes: &mut Vec<u8>,
     id: u16,
     schema_id: u16,
@@ -83,7 +83,7 @@ pub(super) fn channel(
     });
 }
 
-pub(super) fn message(bytes: &mut Vec<u8>, head: &MessageHeader, data: &[u8]) {
+pub(in crate::recording) fn message(bytes: &mut Vec<u8>, head: &MessageHeader, data: &[u8]) {
     record(bytes, op::MESSAGE, |bytes| {
         bytes.extend(head.channel_id.to_le_bytes());
         bytes.extend(head.sequence.to_le_bytes());
@@ -93,15 +93,15 @@ pub(super) fn message(bytes: &mut Vec<u8>, head: &MessageHeader, data: &[u8]) {
 }
 
 /// What stands before the contents of a chunk.
-pub(super) struct ChunkHead<'a> {
+pub(in crate::recording) struct ChunkHead<'a> {
     /// Least and greatest log time of its messages (ns).
-    pub(super) times_ns: (u64, u64),
-    pub(super) uncompressed_bytes: u64,
-    pub(super) uncompressed_crc: u32,
-    pub(super) compression: &'a str,
+    pub(in crate::recording) times_ns: (u64, u64),
+    pub(in crate::recording) uncompressed_bytes: u64,
+    pub(in crate::recording) uncompressed_crc: u32,
+    pub(in crate::recording) compression: &'a str,
 }
 
-pub(super) fn chunk(bytes: &mut Vec<u8>, head: &ChunkHead<'_>, contents: &[u8]) {
+pub(in crate::recording) fn chunk(bytes: &mut Vec<u8>, head: &ChunkHead<'_>, contents: &[u8]) {
     record(bytes, op::CHUNK, |bytes| {
         numbers(bytes, &[head.times_ns.0, head.times_ns.1, head.uncompressed_bytes]);
         bytes.extend(head.uncompressed_crc.to_le_bytes());
@@ -111,7 +111,7 @@ pub(super) fn chunk(bytes: &mut Vec<u8>, head: &ChunkHead<'_>, contents: &[u8]) 
 }
 
 /// Times and places of a channel's messages in the chunk before.
-pub(super) fn message_index(bytes: &mut Vec<u8>, channel_id: u16, entries: &[(u64, u64)]) {
+pub(in crate::recording) fn message_index(bytes: &mut Vec<u8>, channel_id: u16, entries: &[(u64, u64)]) {
     record(bytes, op::MESSAGE_INDEX, |bytes| {
         bytes.extend(channel_id.to_le_bytes());
         sized::<4>(bytes, |bytes| {
@@ -122,7 +122,7 @@ pub(super) fn message_index(bytes: &mut Vec<u8>, channel_id: u16, entries: &[(u6
     });
 }
 
-pub(super) fn metadata(bytes: &mut Vec<u8>, metadata: &Metadata) {
+pub(in crate::recording) fn metadata(bytes: &mut Vec<u8>, metadata: &Metadata) {
     record(bytes, op::METADATA, |bytes| {
         text(bytes, &metadata.name);
         texts(bytes, &metadata.metadata);
@@ -130,7 +130,7 @@ pub(super) fn metadata(bytes: &mut Vec<u8>, metadata: &Metadata) {
 }
 
 /// An attachment, described by an index whose offset and length mean nothing yet.
-pub(super) fn attachment(bytes: &mut Vec<u8>, about: &AttachmentIndex, data: &[u8]) {
+pub(in crate::recording) fn attachment(bytes: &mut Vec<u8>, about: &AttachmentIndex, data: &[u8]) {
     record(bytes, op::ATTACHMENT, |bytes| {
         let start = bytes.len();
         numbers(bytes, &[about.log_time, about.create_time]);
@@ -142,11 +142,11 @@ pub(super) fn attachment(bytes: &mut Vec<u8>, about: &AttachmentIndex, data: &[u
     });
 }
 
-pub(super) fn data_end(bytes: &mut Vec<u8>, data_section_crc: u32) {
+pub(in crate::recording) fn data_end(bytes: &mut Vec<u8>, data_section_crc: u32) {
     record(bytes, op::DATA_END, |bytes| bytes.extend(data_section_crc.to_le_bytes()));
 }
 
-pub(super) fn statistics(bytes: &mut Vec<u8>, found: &Statistics) {
+pub(in crate::recording) fn statistics(bytes: &mut Vec<u8>, found: &Statistics) {
     record(bytes, op::STATISTICS, |bytes| {
         numbers(bytes, &[found.message_count]);
         bytes.extend(found.schema_count.to_le_bytes());
@@ -158,7 +158,7 @@ pub(super) fn statistics(bytes: &mut Vec<u8>, found: &Statistics) {
     });
 }
 
-pub(super) fn chunk_index(bytes: &mut Vec<u8>, index: &ChunkIndex) {
+pub(in crate::recording) fn chunk_index(bytes: &mut Vec<u8>, index: &ChunkIndex) {
     record(bytes, op::CHUNK_INDEX, |bytes| {
         numbers(bytes, &[index.message_start_time, index.message_end_time]);
         numbers(bytes, &[index.chunk_start_offset, index.chunk_length]);
@@ -169,7 +169,7 @@ pub(super) fn chunk_index(bytes: &mut Vec<u8>, index: &ChunkIndex) {
     });
 }
 
-pub(super) fn attachment_index(bytes: &mut Vec<u8>, index: &AttachmentIndex) {
+pub(in crate::recording) fn attachment_index(bytes: &mut Vec<u8>, index: &AttachmentIndex) {
     record(bytes, op::ATTACHMENT_INDEX, |bytes| {
         numbers(bytes, &[index.offset, index.length, index.log_time, index.create_time, index.data_size]);
         text(bytes, &index.name);
@@ -177,7 +177,7 @@ pub(super) fn attachment_index(bytes: &mut Vec<u8>, index: &AttachmentIndex) {
     });
 }
 
-pub(super) fn metadata_index(bytes: &mut Vec<u8>, index: &MetadataIndex) {
+pub(in crate::recording) fn metadata_index(bytes: &mut Vec<u8>, index: &MetadataIndex) {
     record(bytes, op::METADATA_INDEX, |bytes| {
         numbers(bytes, &[index.offset, index.length]);
         text(bytes, &index.name);
@@ -185,7 +185,7 @@ pub(super) fn metadata_index(bytes: &mut Vec<u8>, index: &MetadataIndex) {
 }
 
 /// Where the records of one kind stand in the summary section.
-pub(super) fn summary_offset(bytes: &mut Vec<u8>, opcode: u8, start: u64, length: u64) {
+pub(in crate::recording) fn summary_offset(bytes: &mut Vec<u8>, opcode: u8, start: u64, length: u64) {
     record(bytes, op::SUMMARY_OFFSET, |bytes| {
         bytes.push(opcode);
         numbers(bytes, &[start, length]);
@@ -193,7 +193,12 @@ pub(super) fn summary_offset(bytes: &mut Vec<u8>, opcode: u8, start: u64, length
 }
 
 /// The footer of a summary section, which is the end of `bytes` from `section` on.
-pub(super) fn footer(bytes: &mut Vec<u8>, section: usize, summary_start: u64, summary_offset_start: u64) {
+pub(in crate::recording) fn footer(
+    bytes: &mut Vec<u8>,
+    section: usize,
+    summary_start: u64,
+    summary_offset_start: u64,
+) {
     record(bytes, op::FOOTER, |bytes| {
         numbers(bytes, &[summary_start, summary_offset_start]);
         // the length is not patched in yet, but counts

@@ -13,6 +13,7 @@ use crate::recording::salvage::{
 };
 use mcap::records::op;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// So many zeros at the end of a chunk whose CRC is wrong were never written, if only zeros follow.
 const UNWRITTEN_BYTES: usize = 8;
@@ -25,6 +26,11 @@ impl MessageReader {
             return Err(error);
         }
         let what = describe(&error);
+        if self.inner_left == 0 {
+            self.note_in_chunk(DamageKind::Unreadable, what);
+            self.in_chunk = false;
+            return Ok(self.end());
+        }
         let (start, end) = (self.record_start, self.records.position());
         if self.in_chunk {
             self.go_on_in_chunk(what);
@@ -108,9 +114,21 @@ impl MessageReader {
         self.note(DamageKind::Message, self.record_start, 0, what);
     }
 
+    /// Notes that the file describes itself wrongly, with which no message is lost.
+    pub(in crate::recording) fn note_descriptions(&mut self, wrong: Vec<String>) {
+        for what in wrong {
+            self.note(DamageKind::Description, self.record_start, 0, what);
+        }
+    }
+
     /// How many damages there are.
     pub(in crate::recording) fn damage_count(&self) -> u64 {
         self.salvage.as_ref().map_or(0, |salvage| salvage.count())
+    }
+
+    /// How many damages there are with which something may be lost.
+    pub(in crate::recording) fn loss_count(&self) -> u64 {
+        self.salvage.as_ref().map_or(0, |salvage| salvage.count() - salvage.descriptions())
     }
 
     /// A record within a chunk is none, or does not fit to the others.
@@ -162,6 +180,7 @@ impl MessageReader {
         self.is_checked = false;
         if let Some(salvage) = &mut self.salvage {
             salvage.sound_end = offset_bytes + RECORD_HEAD_BYTES;
+            salvage.layout.forget_chunk();
         }
     }
 
@@ -198,6 +217,9 @@ impl MessageReader {
                 }
                 Candidate::Chunk { offset, head } => {
                     self.records.read_chunk(offset + RECORD_HEAD_BYTES, head.record_bytes())?;
+                    if let Some(salvage) = &mut self.salvage {
+                        salvage.layout.begin_chunk(offset, self.records.body());
+                    }
                     match self.chunk.load(offset, &mut self.records) {
                         Ok(()) => {
                             self.note_gap(bad, offset, what);
@@ -210,6 +232,9 @@ impl MessageReader {
                         Err(error @ ReadError::Io { .. }) => return Err(error),
                         Err(_) if self.spend(head.record_bytes() + head.uncompressed_bytes) => {}
                         Err(_) => break,
+                    }
+                    if let Some(salvage) = &mut self.salvage {
+                        salvage.layout.forget_chunk();
                     }
                     from = offset + 1;
                 }
@@ -298,10 +323,10 @@ fn state_channel() -> Channel {
         topic: proto::STATE.topic.to_owned(),
         message_encoding: encoding(),
         metadata: std::collections::BTreeMap::new(),
-        schema: Schema {
+        schema: Arc::new(Schema {
             name: proto::STATE.message.to_owned(),
             encoding: encoding(),
             text: proto::STATE.descriptor.into(),
-        },
+        }),
     }
 }

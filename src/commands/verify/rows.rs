@@ -1,0 +1,279 @@
+//! Rows of results of ours, against what the analyses make of the states, recomputed.
+
+mod energies;
+
+use crate::failure::{BadInput, Failure};
+use crate::source::{Frames, Source, SourceFailure};
+use consumers::contacts::Contacts;
+use consumers::impurity::{Followed, Motion};
+use energies::EnergyRows;
+use producer::resimulation::Lend;
+use producer::verification::Verification;
+use schemas::frame::{Frame, FrameSource, Received};
+use schemas::manifest::RunManifest;
+use schemas::recording::{RecordedRow, RecordedRows, RecordedValues};
+use std::num::NonZero;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// The differences that are kept; more are only counted.
+const MOST_DIFFERENCES: usize = 5;
+
+/// What the rows of one topic were found to be.
+#[derive(Debug, Default)]
+pub(crate) struct RowsChecked {
+    pub(crate) topic: String,
+    /// Rows that are what the states give.
+    pub(crate) proven_count: u64,
+    /// Rows that are not; the first ones.
+    pub(crate) differences: Vec<String>,
+    pub(crate) difference_count: u64,
+    /// What of them could not be compared.
+    pub(crate) not_checked: Vec<String>,
+}
+
+impl RowsChecked {
+    fn compare(&mut self, frame: u64, wrong: Option<String>) {
+        let Some(wrong) = wrong else {
+            self.proven_count += 1;
+            return;
+        };
+        self.difference_count += 1;
+        if self.differences.len() < MOST_DIFFERENCES {
+            self.differences.push(format!("the row of frame {frame} of {}: {wrong}", self.topic));
+        }
+    }
+}
+
+/// The rows of one topic, while the frames go by.
+struct Reader {
+    rows: RecordedRows,
+    next: Option<RecordedRow>,
+    /// Rows of frames of which there is no state.
+    stateless_count: u64,
+    checker: Checker,
+    found: RowsChecked,
+}
+
+enum Checker {
+    Energies(Box<EnergyRows>),
+    Impurity(Option<(Vec<u64>, Box<Followed>)>),
+    Contacts(Option<Box<Contacts>>),
+}
+
+/// Compares the rows of the recording `path`, in which `found` was found.
+pub(crate) fn check(
+    path: &Path,
+    found: &Verification,
+    threads: NonZero<usize>,
+    stop: &Arc<AtomicBool>,
+) -> Result<Vec<RowsChecked>, Failure> {
+    let (mut readers, mut checked) = (Vec::new(), Vec::new());
+    for (topic, rows) in &found.rows {
+        let not_checked = |why: String| RowsChecked {
+            topic: topic.clone(),
+            not_checked: vec![format!("{} rows of `{topic}`, {why}", rows.count)],
+            ..RowsChecked::default()
+        };
+        if let Some(other) = &found.other_kernel {
+            checked.push(not_checked(format!("which nothing is recomputed for: {other}")));
+            continue;
+        }
+        match RecordedRows::open(path, topic).bad_input()? {
+            Some(rows) => readers.push(Reader::new(rows, &found.manifest)?),
+            None => checked.push(not_checked("which this program does not make again".to_owned())),
+        }
+    }
+    if readers.is_empty() {
+        return Ok(checked);
+    }
+    let pass = |readers: &mut Vec<Reader>| -> Result<(), Failure> {
+        let source = Source::open(path, stop)?;
+        let mut frames = Frames::recomputed(source, Lend::Frames, false, 0, Some(threads))?;
+        follow(&mut frames, readers)
+    };
+    pass(&mut readers)?;
+    // rows of another split bead: made again with the one that they are of
+    let mut others = Vec::new();
+    for reader in &mut readers {
+        if let Checker::Energies(energies) = &reader.checker
+            && let Some(split) = energies.other_split(&found.manifest)
+            && let Some(rows) = RecordedRows::open(path, reader.rows.topic()).bad_input()?
+        {
+            let mut again = Reader::new(rows, &found.manifest)?;
+            again.checker = Checker::Energies(Box::new(EnergyRows::new(&found.manifest, split)));
+            others.push(again);
+        }
+    }
+    if !others.is_empty() {
+        pass(&mut others)?;
+        for other in others {
+            for reader in &mut readers {
+                let is_better = reader.rows.topic() == other.rows.topic()
+                    && other.found.difference_count < reader.found.difference_count;
+                if is_better {
+                    reader.found = other.found;
+                    break;
+                }
+            }
+        }
+    }
+    checked.extend(readers.into_iter().map(Reader::finish));
+    Ok(checked)
+}
+
+/// Hands every frame to the rows of it.
+fn follow(frames: &mut Frames, readers: &mut [Reader]) -> Result<(), Failure> {
+    let manifest = frames.manifest().clone();
+    loop {
+        match frames.receive() {
+            Ok(Received::Frame(frame)) => {
+                for reader in &mut *readers {
+                    reader.take(&frame, &manifest)?;
+                }
+            }
+            Ok(Received::Missed { .. }) => {}
+            // what is wrong with the states was found before; the rows after it have nothing to be compared with
+            Ok(Received::End(_)) | Err(SourceFailure::Differs(_) | SourceFailure::File(_)) => break,
+            Err(error) => return Err(error.into()),
+        }
+    }
+    for reader in readers {
+        while reader.next.is_some() {
+            reader.stateless_count += 1;
+            reader.advance();
+        }
+        reader.close();
+    }
+    Ok(())
+}
+
+impl Reader {
+    fn new(rows: RecordedRows, manifest: &RunManifest) -> Result<Self, Failure> {
+        let topic = rows.topic().to_owned();
+        let checker = match topic.as_str() {
+            "/energies" => Checker::Energies(Box::new(EnergyRows::of(manifest))),
+            "/impurity" => Checker::Impurity(None),
+            _ => Checker::Contacts(None),
+        };
+        let found = RowsChecked { topic, ..RowsChecked::default() };
+        let mut reader = Self { rows, next: None, stateless_count: 0, checker, found };
+        reader.advance();
+        Ok(reader)
+    }
+
+    /// Goes to the next row; what comes after one that is none is not looked at.
+    fn advance(&mut self) {
+        self.next = match self.rows.next_row() {
+            Ok(next) => next,
+            Err(error) => {
+                self.found.difference_count += 1;
+                self.found.differences.push(error.to_string());
+                None
+            }
+        };
+    }
+
+    fn take(&mut self, frame: &Frame<'_>, manifest: &RunManifest) -> Result<(), Failure> {
+        while self.next.as_ref().is_some_and(|row| row.frame < frame.frame) {
+            self.stateless_count += 1;
+            self.advance();
+        }
+        let row = self.next.as_ref().filter(|row| row.frame == frame.frame);
+        let wrong = match (&mut self.checker, row.map(|row| &row.values)) {
+            // they know what was before the first row
+            (Checker::Energies(energies), values) => {
+                let values = values.and_then(|values| match values {
+                    RecordedValues::Energies(values) => Some(values),
+                    _ => None,
+                });
+                energies.take(frame, values)
+            }
+            (Checker::Impurity(followed), Some(RecordedValues::Impurity { beads, values })) => {
+                motion(followed, manifest, frame, beads, values)
+            }
+            (Checker::Contacts(contacts), Some(RecordedValues::Contacts { tolerance_m, classes })) => {
+                classes_differ(contacts, manifest, frame, *tolerance_m, classes)
+            }
+            _ => return Ok(()),
+        };
+        if row.is_some() {
+            self.found.compare(frame.frame, wrong);
+            self.advance();
+        }
+        Ok(())
+    }
+
+    /// No more frames come.
+    fn close(&mut self) {
+        if let Checker::Energies(energies) = &self.checker
+            && let Some((frame, is_wrong)) = energies.inconsistent_from()
+        {
+            let what = format!("the corrected energies of `/energies` from frame {frame} on");
+            if is_wrong {
+                self.found.difference_count += 1;
+                self.found.differences.push(format!("{what} are those of no analysis"));
+            } else {
+                self.found
+                    .not_checked
+                    .push(format!("{what}: they depend on what was before the first state"));
+            }
+        }
+        let topic = &self.found.topic;
+        if self.stateless_count > 0 {
+            let count = self.stateless_count;
+            self.found
+                .not_checked
+                .push(format!("{count} rows of `{topic}`: of frames before or after the states"));
+        }
+    }
+
+    fn finish(self) -> RowsChecked {
+        self.found
+    }
+}
+
+fn motion(
+    followed: &mut Option<(Vec<u64>, Box<Followed>)>,
+    manifest: &RunManifest,
+    frame: &Frame<'_>,
+    beads: &[u64],
+    values: &[[f64; 4]],
+) -> Option<String> {
+    if let Some(bead) = beads.iter().find(|bead| **bead >= manifest.physics.beads) {
+        return Some(format!("there is no bead {bead}"));
+    }
+    if followed.as_ref().is_none_or(|(known, _)| known != beads) {
+        *followed = Some((beads.to_vec(), Box::new(Followed::new(manifest, beads))));
+    }
+    let (_, followed) = followed.as_mut()?;
+    let (motions, _) = followed.observe(frame);
+    motions.iter().map(Motion::values).zip(values).zip(beads).find_map(|((computed, found), bead)| {
+        let differs = (0..4).find(|quantity| !is_same(computed[*quantity], found[*quantity]))?;
+        let (name, unit) = Motion::QUANTITIES[differs];
+        let (found, computed) = (found[differs], computed[differs]);
+        Some(format!("{name}_{unit} of bead {bead} is {found:e}, the state gives {computed:e}"))
+    })
+}
+
+fn classes_differ(
+    contacts: &mut Option<Box<Contacts>>,
+    manifest: &RunManifest,
+    frame: &Frame<'_>,
+    tolerance_m: f64,
+    classes: &[u8],
+) -> Option<String> {
+    if contacts.as_ref().is_none_or(|known| known.tolerance_m().to_bits() != tolerance_m.to_bits()) {
+        *contacts = Some(Box::new(Contacts::new(manifest, tolerance_m)));
+    }
+    let computed = contacts.as_mut()?.observe(frame);
+    let contact = computed.iter().zip(classes).position(|(computed, found)| computed != found)?;
+    let (found, computed) = (classes[contact], computed[contact]);
+    Some(format!("the class of contact {contact} is {found}, the state gives {computed}"))
+}
+
+/// The same bits; one NaN is as good as another.
+fn is_same(a: f64, b: f64) -> bool {
+    a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan())
+}

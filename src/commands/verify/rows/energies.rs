@@ -1,0 +1,103 @@
+//! Rows of `/energies`: which bead divided the chain, and what the analysis had seen before, is not written in them.
+
+use super::is_same;
+use consumers::energies::{Energies, EnergyRow, default_split_bead};
+use producer::state::ChainState;
+use schemas::frame::Frame;
+use schemas::manifest::RunManifest;
+
+/// Where the columns stand that depend on the split bead: left, split, right, inbound.
+const OF_SPLIT: [usize; 4] = [3, 4, 5, 8];
+
+/// The one that depends on what was before, too.
+const CORRECTED: usize = 9;
+
+/// In longer chains another split bead is not looked for: that takes a time that grows with the square of them.
+const MOST_BEADS: u64 = 20_000;
+
+/// The analysis beside its rows.
+pub(super) struct EnergyRows {
+    split: u64,
+    /// Since the first frame there is, and since the first row.
+    since: [Energies; 2],
+    has_begun: bool,
+    /// Step of the first frame there is.
+    first_step: Option<u64>,
+    /// Which of the two the corrected energies may be of, or of an analysis that came after the pulse had arrived.
+    possible: [bool; 3],
+    inconsistent_from: Option<u64>,
+    /// Whether only columns that depend on the split bead have differed.
+    differs_in_split: bool,
+    differs_elsewhere: bool,
+    /// The last frame with a row, once one has differed.
+    last: Option<(ChainState, [f64; 10])>,
+}
+
+impl EnergyRows {
+    pub(super) fn of(manifest: &RunManifest) -> Self {
+        Self::new(manifest, default_split_bead(manifest))
+    }
+
+    pub(super) fn new(manifest: &RunManifest, split: u64) -> Self {
+        let energies = Energies::new(manifest, split);
+        Self {
+            split,
+            since: [energies.clone(), energies],
+            has_begun: false,
+            first_step: None,
+            possible: [true; 3],
+            inconsistent_from: None,
+            differs_in_split: false,
+            differs_elsewhere: false,
+            last: None,
+        }
+    }
+
+    /// What is wrong with the row of `frame`, if it has one.
+    pub(super) fn take(&mut self, frame: &Frame<'_>, found: Option<&[f64; 10]>) -> Option<String> {
+        self.has_begun |= found.is_some();
+        self.first_step.get_or_insert(frame.step);
+        let [first, second] = &mut self.since;
+        let computed = first.observe(frame).values();
+        let since_row = if self.has_begun { second.observe(frame).values() } else { computed };
+        let found = found?;
+        let corrected = found[CORRECTED];
+        let is = [computed[CORRECTED], since_row[CORRECTED], f64::NAN].map(|value| is_same(value, corrected));
+        for (possible, is) in self.possible.iter_mut().zip(is) {
+            *possible &= is;
+        }
+        if !self.possible.contains(&true) {
+            self.inconsistent_from.get_or_insert(frame.frame);
+        }
+        let column = (0..CORRECTED).find(|column| !is_same(computed[*column], found[*column]));
+        if let Some(column) = column {
+            self.differs_in_split |= OF_SPLIT.contains(&column);
+            self.differs_elsewhere |= !OF_SPLIT.contains(&column);
+        }
+        if self.differs_in_split {
+            self.last = Some((ChainState::of_frame(frame), *found));
+        }
+        let column = column?;
+        let (name, found, computed) = (EnergyRow::COLUMNS[column], found[column], computed[column]);
+        Some(format!("{name} is {found:e}, the state gives {computed:e} with split bead {}", self.split))
+    }
+
+    /// The first frame from which on the corrected energies are of no analysis that saw what we do; whether that is wrong,
+    /// because we saw all of the run.
+    pub(super) fn inconsistent_from(&self) -> Option<(u64, bool)> {
+        Some((self.inconsistent_from?, self.first_step == Some(0)))
+    }
+
+    /// Another bead that divides the last frame as its row has it, if rows differ as if there were one.
+    pub(super) fn other_split(&self, manifest: &RunManifest) -> Option<u64> {
+        let (state, found) = self.last.as_ref()?;
+        if self.differs_elsewhere || manifest.physics.beads > MOST_BEADS {
+            return None;
+        }
+        let frame = state.as_frame(manifest, manifest.frame_at(state.step));
+        (0..manifest.physics.beads).filter(|split| *split != self.split).find(|split| {
+            let computed = Energies::new(manifest, *split).observe(&frame).values();
+            (0..CORRECTED).all(|column| is_same(computed[column], found[column]))
+        })
+    }
+}
