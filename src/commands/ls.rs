@@ -5,9 +5,12 @@ use crate::failure::{Done, Failure};
 use schemas::bus::{Bus, RunInfo, list_runs};
 use serde_json::json;
 
-pub(crate) fn ls(as_json: bool) -> Result<Done, Failure> {
+pub(crate) fn ls(as_json: bool, names_only: bool) -> Result<Done, Failure> {
     let runs = list_runs(&Bus::from_env()?)?;
-    if as_json {
+    if names_only {
+        let names: String = runs.iter().map(|run| format!("{}\n", run.name)).collect();
+        display::print(names)?;
+    } else if as_json {
         display::print_json(&runs.iter().map(to_json).collect::<Vec<_>>())?;
     } else if runs.is_empty() {
         display::notice("no runs; start one with `beadline run`");

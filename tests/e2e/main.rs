@@ -14,6 +14,7 @@ mod guide;
 mod harness;
 mod hostile_files;
 mod lying;
+mod manners;
 mod mcap_readers;
 mod other_tools;
 mod own_consumer;

@@ -253,7 +253,7 @@ fn a_recording_that_is_not_whole_ends_as_a_failed_run() {
     let run = place.start(&format!("{SMALL} --out part.mcap --pace 0.002"));
     place.wait_for_run("small", |run| run.step > 100);
     run.signal("INT");
-    run.wait().exits(0);
+    run.wait().exits(3);
     let replay = place.start("replay part.mcap");
     assert_eq!(listen(&place, "small").0.end, EndReason::Interrupted);
     replay.wait().exits(0);
@@ -270,7 +270,7 @@ fn a_name_that_is_taken_is_an_error() {
     place.run("replay small.mcap").exits(1).says(&["small is being published already"]);
     place.run("replay small.mcap --name other --wait-for 0").exits(0);
     run.signal("INT");
-    run.wait().exits(0);
+    run.wait().exits(3);
 }
 
 #[test]
@@ -282,14 +282,14 @@ fn a_signal_ends_a_replay_in_order() {
         let consumer = place.start("energies --json");
         place.wait_for_run("small", |run| run.step > 10 && run.lossless == 1);
         replay.signal(signal);
-        let replay = replay.wait().exits(0).json();
+        let replay = replay.wait().exits(3).json();
         let consumer = consumer.wait().exits(0).json();
         assert_eq!((&replay["end"], &consumer["end"]), (&"interrupted".into(), &"interrupted".into()));
         assert_eq!(consumer["last_frame"], replay["last_step"]);
         let waiting = place.start("replay small.mcap --wait-for 2");
         place.wait_for_run("small", |run| run.state.as_str() == "waiting");
         waiting.signal(signal);
-        waiting.wait().exits(0).says(&["before the replay began"]);
+        waiting.wait().exits(3).says(&["before the replay began"]);
     }
 }
 
@@ -428,14 +428,14 @@ fn the_terminal_is_given_back_on_every_way_out() {
     let place = Place::new();
     place.run(SHORT).exits(0);
     // q, and Ctrl-C and Ctrl-\ as the terminal turns them into signals
-    for (keys, exit) in [("q", 0), (".q", 0), ("\x03", 0), ("\x1c", -3)] {
+    for (keys, exit) in [("q", 3), (".q", 3), ("\x03", 3), ("\x1c", -3)] {
         let mut terminal = Terminal::start(&place, BY_HAND);
         place.wait_for_run("small", |run| run.is_live() && run.frame == Some(0));
         terminal.press(keys);
         let told = terminal.ends(exit);
         assert_eq!(told["suspended"], Value::Array(Vec::new()));
     }
-    for (signal, exit) in [("TERM", 0), ("HUP", -1)] {
+    for (signal, exit) in [("TERM", 3), ("HUP", 3)] {
         let terminal = Terminal::start(&place, BY_HAND);
         let run = place.wait_for_run("small", |run| run.is_live() && run.frame == Some(0));
         let sent =
@@ -453,7 +453,7 @@ fn the_terminal_is_given_back_on_every_way_out() {
         run.frame > Some(2)
     });
     terminal.press("q");
-    assert_eq!(terminal.ends(0)["suspended"], serde_json::json!([true]));
+    assert_eq!(terminal.ends(3)["suspended"], serde_json::json!([true]));
     // an error after the terminal was taken
     Terminal::start(&place, "replay small.mcap --from 1").ends(2);
 }
