@@ -19,13 +19,18 @@ pub(crate) use values::{BeadRange, Pace};
 use crate::bench;
 use crate::sweep::directory::Shard;
 use crate::time_step::TimeStep;
+use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 use schemas::method::Method;
+use schemas::presets::PRESETS;
 use schemas::run_name::RunName;
 use std::num::NonZero;
 use std::path::PathBuf;
-use values::{parse_impurity, parse_jobs, parse_pace, parse_pair, parse_seconds, parse_shard};
+use values::{
+    parse_count, parse_impurity, parse_jobs, parse_number, parse_pace, parse_pair, parse_rounds,
+    parse_seconds, parse_shard, parse_whole,
+};
 
 /// Shocks in granular chains: simulated, streamed, recorded and analysed while they run.
 #[derive(Debug, Parser)]
@@ -36,7 +41,8 @@ use values::{parse_impurity, parse_jobs, parse_pace, parse_pair, parse_seconds, 
     allow_negative_numbers = true,
     subcommand_required = true,
     arg_required_else_help = true,
-    after_help = "Exit codes: 0 done (also when a signal ended a run or a live analysis in order), 1 failed, 2 bad usage, a bad input file or an output that is in the way, 3 finished, but something was lost or is missing.\n\
+    after_help = "Exit codes: 0 done, 1 failed, 2 bad usage, a bad input file or an output that is in the way, 3 finished, but something was lost or is missing, or it was asked to stop (Ctrl-C, SIGTERM, SIGHUP) before it was done; a second Ctrl-C ends at once, with 1.\n\
+                  With --json a failure is one line of JSON, the last one on stderr: {\"error\": {\"message\": …, \"causes\": […], \"exit_code\": N}}.\n\
                   Units are SI. Runs of one user meet under $BEADLINE_ROOT (else $XDG_RUNTIME_DIR/beadline or /tmp/beadline-<uid>).\n\n\
                   Examples:\n  \
                   beadline demo                         the whole pipeline once, with figures\n  \
@@ -63,6 +69,7 @@ pub(crate) enum Command {
     )]
     Preset {
         /// Its name, see `beadline presets`
+        #[arg(value_parser = presets())]
         name: String,
     },
     /// Where the energy is: left of the impurity, in it, right of it
@@ -95,6 +102,9 @@ pub(crate) enum Command {
         /// Print JSON
         #[arg(long)]
         json: bool,
+        /// Print the names alone, one a line: for scripts
+        #[arg(long, conflicts_with = "json")]
+        names: bool,
     },
     /// Keep every K-th state of a recording; the others can be recomputed bit for bit
     Thin(ThinArgs),
@@ -184,7 +194,7 @@ pub(crate) struct RunArgs {
     #[arg(value_name = "CONFIG.toml", conflicts_with = "preset")]
     pub(crate) config: Option<PathBuf>,
     /// Ready-made configuration; see `beadline presets`
-    #[arg(long, value_name = "NAME", default_value = "light-impurity")]
+    #[arg(long, value_name = "NAME", default_value = "light-impurity", value_parser = presets())]
     pub(crate) preset: String,
     /// Name of the run on the bus: a-z, 0-9 and -
     #[arg(long, value_name = "RUN")]
@@ -206,7 +216,7 @@ pub(crate) struct RunArgs {
     #[arg(long)]
     pub(crate) force: bool,
     /// Start when this many lossless consumers are ready
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_count)]
     pub(crate) wait_for: usize,
     /// How fast to go: `max`, or simulated seconds per second
     #[arg(long, value_name = "max|X", default_value = "max", value_parser = parse_pace)]
@@ -232,16 +242,16 @@ pub(crate) struct RunArgs {
 #[command(next_help_heading = "Instead of the configuration's values")]
 pub(crate) struct Overrides {
     /// Number of beads
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = parse_whole)]
     pub(crate) beads: Option<u64>,
     /// Exponent of the contact law F = k·δ^α, at least 1
-    #[arg(long)]
+    #[arg(long, value_parser = parse_number)]
     pub(crate) alpha: Option<f64>,
     /// Stiffness k (N·m^-α)
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", value_parser = parse_number)]
     pub(crate) stiffness: Option<f64>,
     /// Mass of a bead (kg)
-    #[arg(long, value_name = "KG")]
+    #[arg(long, value_name = "KG", value_parser = parse_number)]
     pub(crate) bead_mass: Option<f64>,
     /// A bead of another mass (kg), repeatable; `none` for no impurity
     #[arg(long, value_name = "BEAD=KG", value_parser = parse_impurity)]
@@ -250,7 +260,7 @@ pub(crate) struct Overrides {
     #[arg(long, value_name = "BEAD=M_S", value_parser = parse_pair)]
     pub(crate) striker: Option<(u64, f64)>,
     /// Simulated time (s)
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = parse_number)]
     pub(crate) duration: Option<f64>,
     /// Time step (s), or `auto:TOL` to find one with max|ΔE/E| ≤ TOL [default: a fraction of the collision time T]
     #[arg(long, value_name = "S|auto:TOL", value_parser = TimeStep::parse)]
@@ -259,10 +269,10 @@ pub(crate) struct Overrides {
     #[arg(long)]
     pub(crate) method: Option<Method>,
     /// Publish every K-th step
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", value_parser = parse_whole)]
     pub(crate) publish_every_steps: Option<u64>,
     /// Record every K-th step, the first and the last [default: every published one]
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", value_parser = parse_whole)]
     pub(crate) record_every_steps: Option<u64>,
 }
 
@@ -352,11 +362,16 @@ pub(crate) struct BenchArgs {
     #[arg(long, value_name = "WORD")]
     pub(crate) only: Option<String>,
     /// Times that each pair is measured
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = parse_rounds)]
     pub(crate) rounds: u32,
     /// Print the table as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// The names of the ready-made configurations, which shells can complete.
+fn presets() -> PossibleValuesParser {
+    PossibleValuesParser::new(PRESETS.map(|preset| preset.name))
 }
 
 /// A process of the bench.

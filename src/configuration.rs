@@ -1,10 +1,11 @@
 //! From the flags of `run` to a manifest.
 
 use crate::args::{Overrides, RunArgs};
+use crate::display;
 use crate::failure::{BadInput, Failure};
 use crate::time_step::{self, TimeStep};
 use anyhow::{Context, anyhow};
-use schemas::config::{Impurity, RunConfig, StrikerConfig};
+use schemas::config::{ConfigError, Impurity, RunConfig, StrikerConfig};
 use schemas::manifest::{Origin, RunManifest};
 use schemas::presets::{PRESETS, Preset};
 use schemas::recording::RecordingInfo;
@@ -38,13 +39,16 @@ pub(crate) fn configure(args: &RunArgs) -> Result<Configured, Failure> {
     };
     let written = config.clone();
     let replaced = apply(&args.overrides, args.name.as_ref(), &mut config);
-    let fallback = args.config.as_ref().and_then(|path| path.file_stem()).and_then(|stem| stem.to_str());
+    let stem = args.config.as_ref().and_then(|path| path.file_stem()).map(|stem| stem.to_string_lossy());
     let manifest_of = |config: &RunConfig| {
-        let manifest = RunManifest::new(config, fallback.unwrap_or("run"), origin()).map_err(|error| {
-            // a value that a flag set does not stand in the file
-            let from_flag = replaced.iter().any(|key| error.key.starts_with(key));
-            if from_flag { error } else { error.located(&text, args.config.as_deref()) }
-        });
+        let manifest =
+            RunManifest::new(config, stem.as_deref().unwrap_or("run"), origin()).map_err(|error| {
+                // a value that a flag set does not stand in the file
+                match replaced.iter().find(|(key, _)| error.key.starts_with(key)) {
+                    Some((_, flag)) => ConfigError { key: (*flag).to_owned(), ..error },
+                    None => error.located(&text, args.config.as_deref()),
+                }
+            });
         manifest.bad_input()
     };
     let mut manifest = manifest_of(&config)?;
@@ -54,6 +58,12 @@ pub(crate) fn configure(args: &RunArgs) -> Result<Configured, Failure> {
         config.time.dt_s = Some(found.dt_s);
         manifest = manifest_of(&config)?;
         chosen = Some(found.measured);
+    }
+    if let (None, Some(path), Some(stem)) = (&config.name, &args.config, &stem) {
+        let name = &manifest.provenance.name;
+        if name.as_str() != stem.as_ref() {
+            display::notice(format_args!("{}: the run is called {name}", path.display()));
+        }
     }
     let toml = if config == written { text } else { overridden(args, &config, chosen.as_deref()) };
     Ok(Configured { manifest, toml })
@@ -67,12 +77,15 @@ pub(crate) fn preset(name: &str) -> Result<Preset, Failure> {
         .bad_input()
 }
 
+/// A key of a configuration, and the flag that replaces its value.
+type Replaced = (&'static str, &'static str);
+
 /// Applies what the flags say, and names the keys that they replaced.
-fn apply(overrides: &Overrides, name: Option<&String>, config: &mut RunConfig) -> Vec<&'static str> {
-    fn set<T>(replaced: &mut Vec<&'static str>, key: &'static str, value: &mut T, with: Option<T>) {
+fn apply(overrides: &Overrides, name: Option<&String>, config: &mut RunConfig) -> Vec<Replaced> {
+    fn set<T>(replaced: &mut Vec<Replaced>, by: Replaced, value: &mut T, with: Option<T>) {
         if let Some(with) = with {
             *value = with;
-            replaced.push(key);
+            replaced.push(by);
         }
     }
     let mut replaced = Vec::new();
@@ -81,29 +94,34 @@ fn apply(overrides: &Overrides, name: Option<&String>, config: &mut RunConfig) -
     let impurities = overrides.impurity.iter().flatten().map(impurity).collect();
     let impurities = (!overrides.impurity.is_empty()).then_some(impurities);
     let striker = overrides.striker.map(|(bead, velocity_m_s)| StrikerConfig { bead, velocity_m_s });
-    set(r, "name", &mut config.name, name.map(|name| Some(name.clone())));
-    set(r, "chain.beads", &mut config.chain.beads, overrides.beads);
-    set(r, "chain.alpha", &mut config.chain.alpha, overrides.alpha);
-    set(r, "chain.stiffness", &mut config.chain.stiffness, overrides.stiffness);
-    set(r, "chain.bead_mass_kg", &mut config.chain.bead_mass_kg, overrides.bead_mass);
-    set(r, "chain.impurities", &mut config.chain.impurities, impurities);
-    set(r, "striker", &mut config.striker, striker);
-    set(r, "time.duration_s", &mut config.time.duration_s, overrides.duration);
+    set(r, ("name", "--name"), &mut config.name, name.map(|name| Some(name.clone())));
+    set(r, ("chain.beads", "--beads"), &mut config.chain.beads, overrides.beads);
+    set(r, ("chain.alpha", "--alpha"), &mut config.chain.alpha, overrides.alpha);
+    set(r, ("chain.stiffness", "--stiffness"), &mut config.chain.stiffness, overrides.stiffness);
+    set(r, ("chain.bead_mass_kg", "--bead-mass"), &mut config.chain.bead_mass_kg, overrides.bead_mass);
+    set(r, ("chain.impurities", "--impurity"), &mut config.chain.impurities, impurities);
+    set(r, ("striker", "--striker"), &mut config.striker, striker);
+    set(r, ("time.duration_s", "--duration"), &mut config.time.duration_s, overrides.duration);
     let dt_s = overrides.dt.map(|dt| match dt {
         TimeStep::Seconds(dt_s) => Some(dt_s),
         TimeStep::Auto(_) => None,
     });
-    set(r, "time.dt_s", &mut config.time.dt_s, dt_s);
-    set(r, "integrator.method", &mut config.integrator.method, overrides.method);
+    set(r, ("time.dt_s", "--dt"), &mut config.time.dt_s, dt_s);
+    set(r, ("integrator.method", "--method"), &mut config.integrator.method, overrides.method);
     let stream = &mut config.stream;
-    set(r, "stream.publish_every_steps", &mut stream.publish_every_steps, overrides.publish_every_steps);
+    set(
+        r,
+        ("stream.publish_every_steps", "--publish-every-steps"),
+        &mut stream.publish_every_steps,
+        overrides.publish_every_steps,
+    );
     // asking for fewer published frames asks for fewer recorded ones, unless both are given
     let published = stream.publish_every_steps.max(1);
     let follows =
         overrides.publish_every_steps.map(|_| stream.record_every_steps.next_multiple_of(published));
     set(
         r,
-        "stream.record_every_steps",
+        ("stream.record_every_steps", "--record-every-steps"),
         &mut stream.record_every_steps,
         overrides.record_every_steps.or(follows),
     );

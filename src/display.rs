@@ -23,7 +23,7 @@ pub(crate) fn notice(text: impl Display) {
 pub(crate) fn printable(text: &str) -> String {
     let mut printable = String::with_capacity(text.len());
     for character in text.chars() {
-        if is_obeyed(character) && character != '\n' {
+        if is_obeyed(character) && !matches!(character, '\n' | '\t') {
             printable.extend(character.escape_default());
         } else {
             printable.push(character);

@@ -150,3 +150,20 @@ fn is_broken_pipe(error: &Error) -> bool {
     let io = error.chain().find_map(|cause| cause.downcast_ref::<std::io::Error>());
     io.is_some_and(|error| error.kind() == std::io::ErrorKind::BrokenPipe)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::panic::catch_unwind;
+
+    #[test]
+    fn a_panic_of_a_library_says_what_to_do() {
+        for panic in
+            [catch_unwind(|| panic!("segment {} is\n gone", 7)), catch_unwind(|| panic!("segment 7 is gone"))]
+        {
+            let Failure::Failed(error) = of_panic(&*panic.unwrap_err()) else { panic!("no failure") };
+            let said = error.to_string();
+            assert!(said.contains("(segment 7 is gone)") && said.contains("report it"), "{said}");
+        }
+    }
+}

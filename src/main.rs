@@ -56,7 +56,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Replay(args) => commands::replay::replay(&args),
         Command::Bench(args) => commands::bench::bench(&args),
         Command::BenchPart(args) => bench::part::part(&args),
-        Command::Ls { json } => commands::ls::ls(json),
+        Command::Ls { json, names } => commands::ls::ls(json, names),
         Command::Thin(args) => commands::thin::thin(&args),
         Command::Expand(args) => commands::thin::expand(&args),
         Command::Export(args) => commands::export::export(&args),

@@ -23,6 +23,14 @@ struct State {
     /// What went wrong in a thread that records rows.
     failure: Option<WriteError>,
     end: Option<RowsEnd>,
+    /// The disk has no room for rows either.
+    is_full: bool,
+}
+
+/// What the indexes at the end of a recording take at the most (bytes), which are written when it ends: those of many
+/// small chunks.
+fn end_bytes(written_bytes: u64) -> u64 {
+    (64 << 10) + (written_bytes / 16).min(16 << 20) // integers
 }
 
 /// A recording under way.
@@ -90,7 +98,10 @@ impl Recorder {
             recording.parts.accept(frame)?;
         }
         let parts = &recording.parts;
-        Ok(!disk.is_short(parts.bytes_written(), || parts.pending_bytes())?)
+        let pending = || parts.pending_bytes() + end_bytes(parts.bytes_written());
+        let is_short = disk.is_short(parts.bytes_written(), pending)?;
+        state.is_full = is_short;
+        Ok(!is_short)
     }
 
     /// Records the last frame.
@@ -106,9 +117,14 @@ impl Recorder {
         kind: impl FnOnce(&RunManifest) -> Result<ResultKind, String>,
     ) -> Result<(RowFate, Option<ResultKind>), String> {
         let mut state = self.state();
+        let is_full = state.is_full;
         let last_frame = state.end.map_or(u64::MAX, |end| end.last_frame.unwrap_or(0));
         let Some(recording) = &mut state.recording else { return Ok((RowFate::TooEarly, None)) };
-        if stream != recording.stream || row.frame < recording.first_frame || row.frame > last_frame {
+        if is_full
+            || stream != recording.stream
+            || row.frame < recording.first_frame
+            || row.frame > last_frame
+        {
             return Ok((RowFate::NotOurs, None));
         }
         let kind = kind(&recording.manifest)?;

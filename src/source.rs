@@ -99,7 +99,9 @@ impl Frames {
         let cores = || std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
         let jobs = jobs.unwrap_or_else(cores);
         let pays = ParallelResimulation::<Source>::pays(source.manifest());
-        let states = if stop.is_some() && pays && jobs > NonZero::<usize>::MIN {
+        // where the system grants no thread, this one computes
+        let threads = || std::thread::Builder::new().spawn(|| ()).is_ok();
+        let states = if stop.is_some() && pays && jobs > NonZero::<usize>::MIN && threads() {
             let make = if from_start { ParallelResimulation::from_start } else { ParallelResimulation::new };
             let states = make(source, lend, jobs).bad_input()?.lending_from(first_step);
             States::InParallel(Box::new(states))

@@ -15,11 +15,12 @@ import struct
 import sys
 import time
 import zlib
-from typing import NamedTuple, Optional
+from dataclasses import dataclass
+from typing import Optional
 
 import numpy as np
 import zstandard
-from mcap.exceptions import EndOfFile
+from mcap.exceptions import EndOfFile, McapError
 from mcap.records import Channel, Chunk, Header, Metadata
 from mcap.stream_reader import StreamReader
 
@@ -30,7 +31,8 @@ FRAME, STEP, TIME, DISPLACEMENT, VELOCITY, EXTRA = range(1, 7)  # fields of bead
 EMPTY = np.empty(0)
 
 
-class State(NamedTuple):
+@dataclass(slots=True, eq=False)
+class State:
     """One recorded state. The arrays lie in the chunk that was read and cannot be written to."""
 
     frame: Optional[int]  # None of a step that was recomputed between two frames
@@ -41,8 +43,9 @@ class State(NamedTuple):
     extra: np.ndarray  # what else the method needs, see docs/FORMAT.md
 
 
-class Recording(NamedTuple):
-    """All states of a recording."""
+@dataclass(slots=True, eq=False)
+class Recording:
+    """All states of a recording; `len` says how many."""
 
     manifest: dict  # `physics` and `provenance`, see docs/FORMAT.md
     end: Optional[str]  # how it ended; None of a file that was not finished
@@ -51,6 +54,9 @@ class Recording(NamedTuple):
     u: np.ndarray  # displacements (m), (states, beads)
     v: np.ndarray  # velocities (m/s), (states, beads)
 
+    def __len__(self):
+        return len(self.step)
+
 
 class Reader:
     """The states of a file, one after the other; `manifest` is known at once, `end` after the last one."""
@@ -58,7 +64,11 @@ class Reader:
     def __init__(self, file):
         self._records = StreamReader(file, emit_chunks=True, record_size_limit=LARGEST_CHUNK).records
         self.end = None
-        header, run = next(self._records), next(self._records)
+        try:
+            header, run = next(self._records), next(self._records)
+        except (McapError, StopIteration) as error:
+            why = str(error) or "it ends before its manifest"
+            raise ValueError(f"this is no recording of Beadline: {why}") from None
         if not isinstance(header, Header) or header.profile != "beadline" or not isinstance(run, Metadata):
             raise ValueError("this is no recording of Beadline")
         version = run.metadata["schema_version"]
@@ -76,6 +86,8 @@ class Reader:
                     self.end = record.metadata["reason"]
         except EndOfFile:
             self.end = None  # it is being written, or was cut short
+        except McapError as error:
+            raise ValueError(f"the recording is damaged: {error}; see `beadline recover`") from error
 
 
 def states_in(chunk, channels):
@@ -99,7 +111,10 @@ def unpack(chunk):
     if chunk.compression:
         if chunk.compression != "zstd" or chunk.uncompressed_size > LARGEST_CHUNK:
             raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes, compressed with {chunk.compression}")
-        data = zstandard.decompress(data, chunk.uncompressed_size)
+        try:
+            data = zstandard.decompress(data, chunk.uncompressed_size)
+        except zstandard.ZstdError as error:
+            raise ValueError(f"a chunk is damaged: {error}; see `beadline recover`") from error
     if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
         raise ValueError("a chunk is damaged: its checksum is wrong; see `beadline recover`")
     return data

@@ -48,11 +48,21 @@ pub enum BeginError<E: std::error::Error + 'static> {
     #[error(transparent)]
     Source(E),
     /// Nothing was recorded in the window.
-    #[error("there is no frame from {} s to {} s", .0.from_s, .0.until_s)]
+    #[error("there is no frame {}", span(.0))]
     NoFrame(Window),
     /// We were asked to stop.
     #[error("stopped before the first frame")]
     Stopped,
+}
+
+/// A window in words; one that is open has no end.
+fn span(window: &Window) -> String {
+    let Window { from_s, until_s } = window;
+    if until_s.is_finite() {
+        format!("from {from_s} s to {until_s} s")
+    } else {
+        format!("at or after {from_s} s")
+    }
 }
 
 /// A frame that the publisher refused.

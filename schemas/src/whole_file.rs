@@ -106,6 +106,17 @@ pub enum WholeFileError {
         /// Where it was.
         partial: PathBuf,
     },
+    /// There is no room, and so nothing of the file stays: what is left of it would only fill the disk.
+    #[error(
+        "cannot write {}, and what was written of it is removed: make room, or name a file on another disk",
+        path.display()
+    )]
+    NoRoom {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system says.
+        source: io::Error,
+    },
     /// The operating system refused.
     #[error("cannot write {}", path.display())]
     Io {
@@ -122,10 +133,24 @@ impl WholeFileError {
         move |source| Self::Io { path: path.to_owned(), source }
     }
 
+    /// For `map_err`: the same of the file `path` that is removed if there is no room for all of it.
+    pub fn removed(path: &Path) -> impl Fn(io::Error) -> Self + '_ {
+        move |source| {
+            let path = path.to_owned();
+            if is_no_room(&source) { Self::NoRoom { path, source } } else { Self::Io { path, source } }
+        }
+    }
+
     /// Whether what was there before stands in the way: whoever named the file has to choose another name.
     pub fn is_in_the_way(&self) -> bool {
         matches!(self, Self::Exists { .. } | Self::PartialExists { .. } | Self::NotAFile { .. })
     }
+}
+
+/// Whether a disk, a quota or a limit is used up.
+fn is_no_room(error: &io::Error) -> bool {
+    use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
+    matches!(error.kind(), StorageFull | QuotaExceeded | FileTooLarge)
 }
 
 /// How long the lock of a new file may be held by somebody who only looks at it.
@@ -178,6 +203,13 @@ impl WholeFile {
     /// What was written is worth something: the `.partial` stays even if it is never finished.
     pub fn keep(&mut self) {
         self.keep = true;
+    }
+
+    /// After an error: what was written stays, as [`keep`](Self::keep) said, unless there was no room for it.
+    #[must_use]
+    pub fn refused(&mut self, source: io::Error) -> WholeFileError {
+        self.keep &= !is_no_room(&source);
+        WholeFileError::removed(&self.path)(source)
     }
 
     /// Removes the file, whatever is in it.

@@ -1,7 +1,7 @@
 //! The analyses.
 
 use super::figures::LookArgs;
-use super::values::{parse_jobs, parse_seconds, parse_time};
+use super::values::{parse_jobs, parse_number, parse_seconds, parse_time, parse_whole};
 use clap::Args;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -78,7 +78,7 @@ pub(crate) struct EnergiesArgs {
     #[arg(long, value_name = "FILE.csv|.parquet")]
     pub(crate) out: Option<PathBuf>,
     /// The bead that divides left from right [default: the first impurity that is not the striker, else the middle bead]
-    #[arg(long, value_name = "BEAD")]
+    #[arg(long, value_name = "BEAD", value_parser = parse_whole)]
     pub(crate) split: Option<u64>,
 }
 
@@ -102,7 +102,7 @@ pub(crate) struct ImpurityArgs {
     #[arg(long, value_name = "FILE.csv|.parquet")]
     pub(crate) events: Option<PathBuf>,
     /// A bead to follow, repeatable [default: every impurity, or the middle bead]
-    #[arg(long, value_name = "BEAD")]
+    #[arg(long, value_name = "BEAD", value_parser = parse_whole)]
     pub(crate) bead: Vec<u64>,
 }
 
@@ -121,7 +121,7 @@ pub(crate) struct ContactsArgs {
     #[arg(long, value_name = "FILE.csv|.parquet|.mcap")]
     pub(crate) out: Vec<PathBuf>,
     /// Largest overlap or gap (m) that counts as touching [default: 1e-6 of the collision length L]
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", value_parser = parse_number)]
     pub(crate) tolerance: Option<f64>,
 }
 
@@ -138,7 +138,7 @@ pub(crate) struct DeformationArgs {
     #[command(flatten)]
     pub(crate) common: AnalysisArgs,
     /// A contact to follow, repeatable
-    #[arg(long, value_name = "C", required = true)]
+    #[arg(long, value_name = "C", required = true, value_parser = parse_whole)]
     pub(crate) contact: Vec<u64>,
     /// Table of the pulse: overlap, exact wave and continuum in each frame
     #[arg(long, value_name = "FILE.csv|.parquet")]
@@ -172,6 +172,6 @@ pub(crate) struct PulsesArgs {
     #[arg(long, value_name = "FILE.csv|.parquet")]
     pub(crate) positions: Option<PathBuf>,
     /// Smallest peak velocity of a pulse, relative to the run's velocity scale (v0)
-    #[arg(long, value_name = "X", default_value_t = consumers::pulses::Pulses::DEFAULT_THRESHOLD)]
+    #[arg(long, value_name = "X", default_value_t = consumers::pulses::Pulses::DEFAULT_THRESHOLD, value_parser = parse_number)]
     pub(crate) threshold: f64,
 }

@@ -1,6 +1,6 @@
 //! States for other programs.
 
-use super::values::{BeadRange, parse_beads, parse_jobs, parse_time};
+use super::values::{BeadRange, parse_beads, parse_jobs, parse_positive, parse_time};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use consumers::export::Format;
@@ -41,13 +41,13 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_name = "A..B", value_parser = parse_beads)]
     pub(crate) beads: Option<BeadRange>,
     /// Only the steps that are a multiple of K; those that were not recorded are recomputed
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", value_parser = parse_positive)]
     pub(crate) every_steps: Option<NonZero<u64>>,
     /// Every step, recomputed from the recorded states, which are proven by it
     #[arg(long, conflicts_with = "every_steps")]
     pub(crate) every_step: bool,
     /// Point clouds of the chain, spread over that time, for `--to foxglove`
-    #[arg(long, value_name = "N", default_value = "300")]
+    #[arg(long, value_name = "N", default_value = "300", value_parser = parse_positive)]
     pub(crate) clouds: NonZero<u64>,
     /// Threads that recompute, if the recording is sparse [default: one for each core]
     #[arg(long, value_name = "N", value_parser = parse_jobs)]

@@ -1,7 +1,9 @@
 //! Figures: how they look, and one at a time.
 
 use super::analyses::FramesArgs;
-use super::values::{BeadRange, ColourRange, parse_beads, parse_dpi, parse_range, parse_time};
+use super::values::{
+    BeadRange, ColourRange, parse_beads, parse_dpi, parse_range, parse_time, parse_whole,
+};
 use clap::{Args, ValueEnum};
 use consumers::figure::{Options, Size};
 use std::path::PathBuf;
@@ -99,7 +101,7 @@ pub(crate) struct PlotArgs {
     #[arg(long, value_name = "S", value_parser = parse_time, conflicts_with_all = ["frame", "from", "until"])]
     pub(crate) at: Option<f64>,
     /// Along the chain, in this frame
-    #[arg(long, value_name = "N", conflicts_with_all = ["from", "until", "every_step"])]
+    #[arg(long, value_name = "N", value_parser = parse_whole, conflicts_with_all = ["from", "until", "every_step"])]
     pub(crate) frame: Option<u64>,
     /// Only these beads and the contacts between them: 100..200 is without bead 200, 100..=199 with bead 199
     #[arg(long, value_name = "A..B", value_parser = parse_beads)]

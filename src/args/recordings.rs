@@ -1,6 +1,9 @@
 //! The modes that write, read and publish recordings.
 
-use super::values::{Pace, parse_bytes, parse_jobs, parse_pace, parse_seconds, parse_split_size, parse_time};
+use super::values::{
+    Pace, parse_bytes, parse_count, parse_jobs, parse_pace, parse_seconds, parse_split_size, parse_time,
+    parse_whole,
+};
 use clap::Args;
 use schemas::run_name::RunName;
 use std::num::NonZero;
@@ -18,7 +21,8 @@ use std::path::PathBuf;
     is a recording by itself: `beadline info`, `verify` and every analysis read it. Results are those that \
     `beadline energies`, `impurity`, `contacts` and `pulses` publish, from the first row on if the analysis \
     starts after the recorder. SIGINT ends the recording in order, and the run goes on.\n\
-    Exit code 3: frames or rows of results were missed, the run vanished, or the disk is nearly full."
+    Exit code 3: frames or rows of results were missed, the run vanished, the disk is nearly full, or it was asked \
+    to stop before the run ended."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub(crate) struct RecordArgs {
@@ -38,7 +42,7 @@ pub(crate) struct RecordArgs {
     #[arg(long, value_name = "BYTES|500MB", value_parser = parse_bytes)]
     pub(crate) min_free: Option<u64>,
     /// Record every K-th step, the first and the last [default: as the run does]
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", value_parser = parse_whole)]
     pub(crate) record_every_steps: Option<u64>,
     /// Recompute the frames before the first one that arrives, from step 0 on
     #[arg(long)]
@@ -84,7 +88,7 @@ pub(crate) struct RecordArgs {
     the stream, for consumers as an interrupted run, and begins another. What is held up by a consumer or suspended \
     goes on at its rate. \
     The recording of a run that was not closed ends as a failed run does. Exit code 3: it was not closed, it is \
-    damaged, or a consumer was dropped."
+    damaged, a consumer was dropped, or it was asked to stop before its end, which is the only end of --loop."
 )]
 pub(crate) struct ReplayArgs {
     /// The recording
@@ -108,7 +112,7 @@ pub(crate) struct ReplayArgs {
     #[arg(long)]
     pub(crate) every_step: bool,
     /// Begin (each loop) when this many lossless consumers are ready [default: 1 at the rate max, else 0]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = parse_count)]
     pub(crate) wait_for: Option<usize>,
     /// Drop a lossless consumer that holds the replay back for this long (s)
     #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = parse_seconds)]
@@ -128,7 +132,7 @@ pub(crate) struct ThinArgs {
     /// The recording
     pub(crate) file: PathBuf,
     /// Keep every K-th step, the first and the last
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", value_parser = parse_whole)]
     pub(crate) every_steps: u64,
     #[command(flatten)]
     pub(crate) output: RewriteArgs,
@@ -145,7 +149,7 @@ pub(crate) struct ExpandArgs {
     /// The recording
     pub(crate) file: PathBuf,
     /// Write every K-th step, the first and the last [default: every frame]
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", value_parser = parse_whole)]
     pub(crate) every_steps: Option<u64>,
     #[command(flatten)]
     pub(crate) output: RewriteArgs,

@@ -14,6 +14,31 @@ pub(crate) enum Pace {
     PerSecond(f64),
 }
 
+/// A whole number, in words that a parser of numbers does not have.
+pub(super) fn parse_whole(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| "expected a whole number, 0 or more".to_owned())
+}
+
+/// A whole number that something is divided by.
+pub(super) fn parse_positive(text: &str) -> Result<NonZero<u64>, String> {
+    text.parse().map_err(|_| "expected a whole number, 1 or more".to_owned())
+}
+
+/// How many of something there are on this machine.
+pub(super) fn parse_count(text: &str) -> Result<usize, String> {
+    text.parse().map_err(|_| "expected a whole number, 0 or more".to_owned())
+}
+
+pub(super) fn parse_rounds(text: &str) -> Result<u32, String> {
+    let rounds = text.parse().ok().filter(|rounds| (1..=1000).contains(rounds));
+    rounds.ok_or_else(|| "expected a whole number from 1 to 1000".to_owned())
+}
+
+/// A number; what it may be is decided where it is used.
+pub(super) fn parse_number(text: &str) -> Result<f64, String> {
+    text.parse().map_err(|_| "expected a number, such as 0.5 or 1e-3".to_owned())
+}
+
 pub(super) fn parse_dpi(text: &str) -> Result<f64, String> {
     let dpi = text.parse().ok().filter(|dpi| Options::DPI.contains(dpi));
     let (least, most) = (Options::DPI.start(), Options::DPI.end());
@@ -64,9 +89,9 @@ pub(super) fn parse_split_size(text: &str) -> Result<u64, String> {
 }
 
 pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
-    let seconds: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
+    let seconds: f64 = text.parse().map_err(|_| "expected a positive number of seconds".to_owned())?;
     let allowed = seconds > 0.0 && seconds <= 1e9;
-    if allowed { Ok(seconds) } else { Err("expected a positive number, at most 1e9".to_owned()) }
+    if allowed { Ok(seconds) } else { Err("expected a positive number of seconds, at most 1e9".to_owned()) }
 }
 
 pub(super) fn parse_time(text: &str) -> Result<f64, String> {

@@ -129,6 +129,9 @@ fn to_json(info: &RecordingInfo, is_being_written: bool) -> serde_json::Value {
         .collect();
     json!({
         "path": info.path,
+        "schema_version": info.manifest.schema_version,
+        "physics": info.manifest.physics,
+        "provenance": info.manifest.provenance,
         "manifest": info.manifest,
         "run_toml": info.run_toml,
         "channels": channels,

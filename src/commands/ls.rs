@@ -5,11 +5,14 @@ use crate::failure::{Done, Failure};
 use schemas::bus::{Bus, ConsumerInfo, RunInfo, list_runs};
 use serde_json::json;
 
-pub(crate) fn ls(as_json: bool) -> Result<Done, Failure> {
+pub(crate) fn ls(as_json: bool, names_only: bool) -> Result<Done, Failure> {
     let bus = Bus::from_env()?;
     let runs = list_runs(&bus)?;
     display::notice_of_bus(&bus);
-    if as_json {
+    if names_only {
+        let names: String = runs.iter().map(|run| format!("{}\n", run.name)).collect();
+        display::print(names)?;
+    } else if as_json {
         display::print_json(&runs.iter().map(to_json).collect::<Vec<_>>())?;
     } else if runs.is_empty() {
         display::notice("no runs; start one with `beadline run`");

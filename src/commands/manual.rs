@@ -14,8 +14,25 @@ use std::path::Path;
 pub(crate) fn completions(shell: Shell) -> Result<Done, Failure> {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut args::command(), "beadline", &mut script);
-    display::print(String::from_utf8(script)?)?;
+    display::print(with_runs(shell, String::from_utf8(script)?))?;
     Ok(Done::Whole)
+}
+
+/// The script with what is not known before: the live runs, which `beadline ls --names` lists as they are then.
+fn with_runs(shell: Shell, script: String) -> String {
+    match shell {
+        Shell::Bash => script + include_str!("manual/runs.bash"),
+        Shell::Fish => script + include_str!("manual/runs.fish"),
+        Shell::Zsh => {
+            let script = script
+                .replace("or a recording:_default'", "or a recording:_beadline_sources'")
+                .replace("RUN`:_default'", "RUN`:_beadline_sources'");
+            let head = script.find("_beadline() {").unwrap_or(0);
+            let (before, after) = script.split_at(head);
+            format!("{before}{}\n{after}", include_str!("manual/runs.zsh"))
+        }
+        _ => script,
+    }
 }
 
 pub(crate) fn man(args: &ManArgs) -> Result<Done, Failure> {

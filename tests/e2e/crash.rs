@@ -182,5 +182,5 @@ fn a_slow_run_is_written_although_no_chunk_gets_full() {
         assert!(run.frame < Some(2000), "{run:?}: too late to tell");
     }
     run.signal("INT");
-    run.wait().exits(0);
+    run.wait().exits(3);
 }

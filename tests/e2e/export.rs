@@ -199,7 +199,7 @@ fn an_interrupt_leaves_nothing() {
             place.path(format!("e.{format}.partial")).exists().then_some(())
         });
         running.signal("INT");
-        running.wait().exits(1).says(&["stopped: nothing was written"]);
+        running.wait().exits(3).says(&["stopped: nothing was written"]);
         assert_eq!(listed(&place), before, "{format}");
     }
 }

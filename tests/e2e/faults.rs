@@ -90,7 +90,7 @@ fn a_second_producer_of_the_same_name_is_refused() {
     ]);
     assert!(!place.path("second.mcap").exists() && !place.path("second.mcap.partial").exists());
     run.signal("INT");
-    run.wait().exits(0);
+    run.wait().exits(3);
 }
 
 #[test]
@@ -114,7 +114,7 @@ fn with_several_runs_one_must_be_named() {
     place.run("energies").exits(2).says(&["one", "two", "live:NAME"]);
     for run in runs {
         run.signal("INT");
-        run.wait().exits(0);
+        run.wait().exits(3);
     }
 }
 
@@ -184,7 +184,7 @@ fn a_stop_while_a_consumer_holds_the_run_back_is_orderly() {
         same > 100
     });
     run.signal("INT");
-    let run = run.wait().exits(0).json();
+    let run = run.wait().exits(3).json();
     assert_eq!(run["end"], "interrupted");
     consumer.signal("CONT");
     let consumer = consumer.wait().exits(0).json();
@@ -200,7 +200,7 @@ fn a_stop_between_two_frames_is_obeyed() {
         .start("run --preset homogeneous --duration 1e6 --name run --publish-every-steps 1000000000 --json");
     place.wait_for_run("run", |run| run.frame == Some(0));
     run.signal("INT");
-    let run = run.wait().exits(0).json();
+    let run = run.wait().exits(3).json();
     assert_eq!((run["end"].as_str(), run["steps"].as_u64()), (Some("interrupted"), Some(0)));
     place.run("info run.mcap").exits(0);
 }

@@ -95,14 +95,14 @@ fn the_terminal_is_given_back_on_every_way_out() {
     let place = Place::new();
     place.run(SHORT).exits(0);
     // q, and Ctrl-C and Ctrl-\ as the terminal turns them into signals
-    for (keys, exit) in [("q", 0), (".q", 0), ("\x03", 0), ("\x1c", -3)] {
+    for (keys, exit) in [("q", 3), (".q", 3), ("\x03", 3), ("\x1c", -3)] {
         let mut terminal = Terminal::start(&place, BY_HAND);
         place.wait_for_run("small", |run| run.is_live() && run.frame == Some(0));
         terminal.press(keys);
         let told = terminal.ends(exit);
         assert_eq!(told["suspended"], Value::Array(Vec::new()));
     }
-    for (signal, exit) in [("TERM", 0), ("HUP", -1)] {
+    for (signal, exit) in [("TERM", 3), ("HUP", 3)] {
         let terminal = Terminal::start(&place, BY_HAND);
         let run = place.wait_for_run("small", |run| run.is_live() && run.frame == Some(0));
         let sent =
@@ -120,7 +120,7 @@ fn the_terminal_is_given_back_on_every_way_out() {
         run.frame > Some(2)
     });
     terminal.press("q");
-    assert_eq!(terminal.ends(0)["suspended"], serde_json::json!([true]));
+    assert_eq!(terminal.ends(3)["suspended"], serde_json::json!([true]));
     // an error after the terminal was taken
     Terminal::start(&place, "replay small.mcap --from 1").ends(2);
 }
@@ -210,7 +210,7 @@ fn a_replay_goes_back_and_forth_in_new_streams() {
     different.dedup();
     assert_eq!(different, streams, "a stream id comes twice");
     terminal.press("q");
-    let told = terminal.ends(0);
+    let told = terminal.ends(3);
     assert_eq!(told["stdout"]["jumps"], 6);
     assert_eq!(told["stdout"]["loops"], 1);
     let screen = told["screen"].as_str().unwrap();

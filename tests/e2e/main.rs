@@ -15,6 +15,7 @@ mod harness;
 mod hostile_files;
 mod keys;
 mod lying;
+mod manners;
 mod mcap_readers;
 mod other_tools;
 mod own_consumer;

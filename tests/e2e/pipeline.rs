@@ -83,7 +83,7 @@ fn a_stopped_demo_leaves_no_process_behind() {
     let demo = place.start("demo --out shock");
     place.wait_for_run("light-impurity", |run| run.step > 0);
     demo.signal("TERM");
-    demo.wait().exits(1).says(&["stopped"]);
+    demo.wait().exits(3).says(&["stopped"]);
     let runs = schemas::bus::list_runs(&place.bus()).unwrap();
     assert!(runs.iter().all(|run| !run.is_live()), "{runs:?}");
 }
@@ -146,7 +146,7 @@ fn ls_shows_a_run_while_it_goes() {
     let text = place.run("ls").exits(0).stdout();
     assert!(text.starts_with("NAME") && text.contains("homogeneous") && text.contains("running"), "{text}");
     run.signal("TERM");
-    run.wait();
+    run.wait().exits(3);
     consumer.wait();
 }
 
@@ -219,7 +219,7 @@ fn an_interrupted_run_leaves_a_finished_recording() {
         let consumer = place.start("impurity --out motion.csv --json");
         place.wait_for_run("homogeneous", |run| run.step > 100 && run.lossless == 1);
         run.signal(signal);
-        let run = run.wait().exits(0).json();
+        let run = run.wait().exits(3).json();
         assert_eq!(run["end"], "interrupted");
         let info = place.run("info homogeneous.mcap --json").exits(0).json();
         assert_eq!((info["finished"].as_bool(), info["complete"].as_bool()), (Some(true), Some(false)));
@@ -239,14 +239,14 @@ fn an_interrupted_consumer_keeps_what_it_has() {
     let consumer = place.start("energies --out e.csv --figure e.svg --json");
     place.wait_for_run("homogeneous", |run| run.step > 100 && run.lossless == 1);
     consumer.signal("INT");
-    let summary = consumer.wait().exits(0).json();
+    let summary = consumer.wait().exits(3).json();
     assert_eq!(summary["end"], "stopped");
     let rows = place.read("e.csv").lines().count() as u64;
     assert_eq!(rows, summary["frames_received"].as_u64().unwrap() + 1);
     assert!(place.path("e.svg").exists());
     place.wait_for_run("homogeneous", |run| run.lossless == 0);
     run.signal("INT");
-    run.wait().exits(0);
+    run.wait().exits(3);
 }
 
 /// `--wait-for` counts lossless consumers that are ready, and nothing is published before.
@@ -277,7 +277,7 @@ fn a_run_that_is_stopped_before_it_begins_leaves_nothing() {
     let consumer = place.start("energies --json");
     place.wait_for_run("homogeneous", |run| run.lossless == 1);
     run.signal("INT");
-    run.wait().exits(0).says(&["before the run began"]);
+    run.wait().exits(3).says(&["before the run began"]);
     assert_eq!(consumer.wait().exits(0).json()["frames_received"], 0);
     assert!(!place.path("homogeneous.mcap").exists() && !place.path("homogeneous.mcap.partial").exists());
 }
@@ -289,7 +289,7 @@ fn an_interrupted_sparse_recording_ends_with_the_last_published_frame() {
     let run = place.start("run --preset homogeneous --record-every-steps 1000 --pace 1e-3 --json");
     place.wait_for_run("homogeneous", |run| run.step > 10);
     run.signal("INT");
-    let run = run.wait().exits(0).json();
+    let run = run.wait().exits(3).json();
     let info = place.run("info homogeneous.mcap --json").exits(0).json();
     assert_eq!(info["last_step"], run["steps"]);
 }

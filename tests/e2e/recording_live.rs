@@ -280,7 +280,7 @@ fn a_stopped_recorder_leaves_a_finished_recording_and_the_run_alone() {
     let energies = place.start("energies");
     place.wait_for_run("small", |run| run.lossless == 2 && run.step > 200);
     recorder.signal("INT");
-    let recorded = recorder.wait().exits(0).says(&["the run goes on"]).json();
+    let recorded = recorder.wait().exits(3).says(&["the run goes on"]).json();
     assert_eq!(recorded["end"], "detached");
     place.wait_for_run("small", |run| run.lossless == 1);
     assert!(run.is_running());
@@ -288,7 +288,7 @@ fn a_stopped_recorder_leaves_a_finished_recording_and_the_run_alone() {
     place.run("verify run.mcap").exits(0);
     place.run("impurity run.mcap").exits(0).says(&["the recorder left"]);
     run.signal("INT");
-    run.wait().exits(0);
+    run.wait().exits(3);
     energies.wait().exits(0);
 }
 
@@ -332,7 +332,7 @@ fn a_killed_recorder_leaves_one_unfinished_part() {
     assert!(found["states"].as_u64().unwrap() > 0);
     assert!(run.is_running());
     run.signal("INT");
-    run.wait().exits(0);
+    run.wait().exits(3);
 }
 
 /// Before the disk is full the recording ends in order, and the run goes on.

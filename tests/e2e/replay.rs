@@ -250,7 +250,7 @@ fn a_recording_that_is_not_whole_ends_as_a_failed_run() {
     let run = place.start(&format!("{SMALL} --out part.mcap --pace 0.002"));
     place.wait_for_run("small", |run| run.step > 100);
     run.signal("INT");
-    run.wait().exits(0);
+    run.wait().exits(3);
     let replay = place.start("replay part.mcap");
     assert_eq!(listen(&place, "small").0.end, EndReason::Interrupted);
     replay.wait().exits(0);
@@ -267,7 +267,7 @@ fn a_name_that_is_taken_is_an_error() {
     place.run("replay small.mcap").exits(1).says(&["small is being published already"]);
     place.run("replay small.mcap --name other --wait-for 0").exits(0);
     run.signal("INT");
-    run.wait().exits(0);
+    run.wait().exits(3);
 }
 
 #[test]
@@ -279,14 +279,14 @@ fn a_signal_ends_a_replay_in_order() {
         let consumer = place.start("energies --json");
         place.wait_for_run("small", |run| run.step > 10 && run.lossless == 1);
         replay.signal(signal);
-        let replay = replay.wait().exits(0).json();
+        let replay = replay.wait().exits(3).json();
         let consumer = consumer.wait().exits(0).json();
         assert_eq!((&replay["end"], &consumer["end"]), (&"interrupted".into(), &"interrupted".into()));
         assert_eq!(consumer["last_frame"], replay["last_step"]);
         let waiting = place.start("replay small.mcap --wait-for 2");
         place.wait_for_run("small", |run| run.state.as_str() == "waiting");
         waiting.signal(signal);
-        waiting.wait().exits(0).says(&["before the replay began"]);
+        waiting.wait().exits(3).says(&["before the replay began"]);
     }
 }
 

@@ -12,7 +12,7 @@ fn interrupted(place: &Place, flags: &str, step: u64) -> RecordingInfo {
     let run = place.start(&format!("{CHAIN} --pace 1e-3 {flags}"));
     place.wait_for_run("run", |run| run.step >= step);
     run.signal("INT");
-    run.wait().exits(0);
+    run.wait().exits(3);
     let info = RecordingInfo::read(&place.path("run.mcap")).unwrap();
     assert_eq!(info.end.as_ref().map(|end| end.reason), Some(EndReason::Interrupted));
     info
@@ -75,7 +75,7 @@ fn a_run_that_is_interrupted_again_and_again_loses_nothing() {
         let run = place.start("run --resume run.mcap --pace 1e-3");
         place.wait_for_run("run", |run| Some(run.step) > last);
         run.signal("INT");
-        run.wait().exits(0);
+        run.wait().exits(3);
         let info = RecordingInfo::read(&place.path("run.mcap")).unwrap();
         assert!(info.last_step > last);
         last = info.last_step;
@@ -376,7 +376,7 @@ fn a_recording_that_is_being_written_is_not_taken_away() {
     place.wait_for_run("run", |run| run.step > 3);
     place.run("run --resume run.mcap.partial").exits(2).says(&["run.mcap.partial", "another process"]);
     run.signal("INT");
-    run.wait().exits(0);
+    run.wait().exits(3);
     assert_eq!(files(&place), ["run.mcap"]);
 }
 

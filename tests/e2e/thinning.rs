@@ -159,7 +159,7 @@ fn who_is_stopped_leaves_nothing_behind() {
     let thinning = place.start("thin long.mcap --every-steps 1000000 --out a.mcap");
     wait_until("the new file", || place.path("a.mcap.partial").exists().then_some(()));
     thinning.signal("INT");
-    thinning.wait().exits(1).says(&["stopped: nothing was written"]);
+    thinning.wait().exits(3).says(&["stopped: nothing was written"]);
     assert!(!place.path("a.mcap").exists() && !place.path("a.mcap.partial").exists());
 }
 
@@ -188,7 +188,7 @@ fn an_interrupted_run_keeps_its_last_state() {
     let run = place.start(&format!("{SMALL} --out part.mcap --pace 0.002"));
     place.wait_for_run("small", |run| run.step > 150);
     run.signal("INT");
-    run.wait().exits(0);
+    run.wait().exits(3);
     place.run("thin part.mcap --every-steps 100 --out sparse.mcap").exits(0);
     place.run("expand sparse.mcap --out back.mcap").exits(0);
     let (part, back) = (states(&place, "part.mcap"), states(&place, "back.mcap"));

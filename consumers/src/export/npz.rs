@@ -9,7 +9,7 @@ use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::whole_file::{WholeFile, WholeFileError};
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use zip::write::SimpleFileOptions;
@@ -106,22 +106,65 @@ impl Export for Npz {
 
     fn assemble(&mut self) -> Result<Option<f64>, ExportError> {
         let copied = self.copy_piece();
-        Ok(copied.map_err(WholeFileError::io(self.file.partial()))?)
+        Ok(copied.map_err(WholeFileError::removed(self.file.path()))?)
     }
 
     fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, ExportError> {
-        let partial = self.file.partial().to_owned();
-        let file = self.write_rest().map_err(WholeFileError::io(&partial))?;
+        let path = self.file.path().to_owned();
+        let file = self.write_rest().map_err(WholeFileError::removed(&path))?;
         Ok(vec![file.publish()?])
     }
 }
 
 /// The ZIP file.
-struct Zip(ZipWriter<BufWriter<Arc<File>>>);
+struct Zip(ZipWriter<UntilError>);
+
+/// Takes bytes until one is refused, and whatever comes after that: a ZIP file that is given up tries to write its end,
+/// and would say on stderr that it could not.
+struct UntilError {
+    out: BufWriter<Arc<File>>,
+    position: u64,
+    has_failed: bool,
+}
+
+impl UntilError {
+    fn checked<T>(&mut self, result: io::Result<T>) -> io::Result<T> {
+        self.has_failed |= result.is_err();
+        result
+    }
+}
+
+impl Write for UntilError {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = if self.has_failed { Ok(bytes.len()) } else { self.out.write(bytes) };
+        let count = self.checked(written)?;
+        self.position += count as u64;
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        let flushed = if self.has_failed { Ok(()) } else { self.out.flush() };
+        self.checked(flushed)
+    }
+}
+
+impl Seek for UntilError {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let sought = match to {
+            _ if !self.has_failed => self.out.seek(to),
+            SeekFrom::Start(position) => Ok(position),
+            SeekFrom::Current(by) => Ok(self.position.saturating_add_signed(by)),
+            SeekFrom::End(_) => Ok(self.position),
+        };
+        self.position = self.checked(sought)?;
+        Ok(self.position)
+    }
+}
 
 impl Zip {
     fn new(file: &WholeFile) -> Self {
-        Self(ZipWriter::new(BufWriter::with_capacity(1 << 18, Arc::clone(file.file()))))
+        let out = BufWriter::with_capacity(1 << 18, Arc::clone(file.file()));
+        Self(ZipWriter::new(UntilError { out, position: 0, has_failed: false }))
     }
 
     /// What does not change: one number for each bead and each contact.

@@ -41,7 +41,7 @@ impl Spool {
     }
 
     fn write_row(&mut self) -> Result<(), WholeFileError> {
-        self.out.write_all(&self.row).map_err(WholeFileError::io(&self.beside))?;
+        self.out.write_all(&self.row).map_err(WholeFileError::removed(&self.beside))?;
         self.bytes += self.row.len() as u64;
         Ok(())
     }

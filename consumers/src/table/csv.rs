@@ -48,7 +48,7 @@ impl Csv {
         self.line.push(b'\n');
         let written = self.out.write_all(&self.line);
         self.line.clear();
-        written.map_err(TableError::io(self.file.partial()))
+        written.map_err(|error| self.file.refused(error))
     }
 
     pub(super) fn discard(self) {
@@ -59,8 +59,12 @@ impl Csv {
     }
 
     pub(super) fn finish(self) -> Result<PathBuf, TableError> {
-        let Self { mut out, file, .. } = self;
-        out.flush().map_err(TableError::io(file.partial()))?;
+        let Self { mut out, mut file, .. } = self;
+        // some disks only say then that they are full
+        let synced = out.flush().and_then(|()| file.file().sync_all());
+        if let Err(error) = synced {
+            return Err(file.refused(error));
+        }
         file.publish()
     }
 }

@@ -80,7 +80,13 @@ impl Parquet {
     }
 
     fn error(&self, error: ParquetError) -> TableError {
-        TableError::io(self.file.partial())(io::Error::other(error))
+        let error = match error {
+            ParquetError::External(cause) => {
+                cause.downcast::<io::Error>().map_or_else(io::Error::other, |error| *error)
+            }
+            other => io::Error::other(other),
+        };
+        TableError::removed(self.file.path())(error)
     }
 }
 

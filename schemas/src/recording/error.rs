@@ -45,6 +45,12 @@ pub enum WriteError {
         /// What is free.
         free_bytes: u64,
     },
+    /// What stands there stores nothing.
+    #[error("{} has no room for any file, as /proc and /sys have not; choose another directory", directory.display())]
+    NoDisk {
+        /// Where the recording should go.
+        directory: PathBuf,
+    },
     /// The operating system refused.
     #[error("cannot write {}", path.display())]
     Io {
@@ -120,7 +126,7 @@ pub enum ReadError {
         source: io::Error,
     },
     /// Not an MCAP file.
-    #[error("{} is not an MCAP file, so it is no recording", path.display())]
+    #[error("{} is not an MCAP file, so it is no recording{}", path.display(), instead(path))]
     NotMcap {
         /// The file.
         path: PathBuf,
@@ -206,6 +212,21 @@ impl ReadError {
             self,
             Self::NotMcap { .. } | Self::NotBeadline { .. } | Self::NoChannel { .. } | Self::Manifest { .. }
         )
+    }
+}
+
+/// What to do with a file that is none of ours, by its name.
+fn instead(path: &Path) -> &'static str {
+    match path.extension().and_then(|end| end.to_str()).unwrap_or_default() {
+        "csv" | "parquet" => {
+            "; a table of a sweep, an analysis or an export is for pandas, Polars, DuckDB, gnuplot or a spreadsheet, and \
+             figures are drawn from the recording (.mcap) that it was made of"
+        }
+        "npz" | "h5" | "hdf5" | "h5md" => {
+            "; an export is for the programs that it was made for, the recording (.mcap) that it was made of for this one"
+        }
+        "toml" => "; a configuration makes one: `beadline run`, and a sweep file is for `beadline sweep`",
+        _ => "; recordings are what `beadline run` and `beadline record` write, as .mcap",
     }
 }
 

@@ -66,10 +66,13 @@ impl SpaceNeeded {
     /// caller's to mention.
     ///
     /// # Errors
-    /// [`WriteError::NoSpace`], or when the directory cannot be looked at.
+    /// [`WriteError::NoSpace`], [`WriteError::NoDisk`], or when the directory cannot be looked at.
     pub fn check(&self, path: &Path) -> Result<u64, WriteError> {
         let directory = directory_of(path);
         let disk = rustix::fs::statvfs(directory).map_err(|errno| WriteError::io(directory)(errno.into()))?;
+        if disk.f_blocks == 0 {
+            return Err(WriteError::NoDisk { directory: directory.to_owned() });
+        }
         let free_bytes = disk.f_bavail.saturating_mul(disk.f_frsize);
         self.fits(free_bytes).then_some(free_bytes).ok_or_else(|| WriteError::NoSpace {
             directory: directory.to_owned(),

@@ -83,11 +83,13 @@ impl Workers {
         });
         let (sender, receiver) = channel();
         let receiver = Arc::new(Mutex::new(receiver));
-        let start = |_| {
+        let work = || {
             let (shared, receiver) = (Arc::clone(&shared), Arc::clone(&receiver));
-            std::thread::spawn(move || shared.work(&receiver))
+            move || shared.work(&receiver)
         };
-        let threads = (0..threads.get()).map(start).collect();
+        let more = (1..threads.get()).map_while(|_| std::thread::Builder::new().spawn(work()).ok());
+        // where the system grants fewer, those that there are compute everything
+        let threads = std::iter::once(std::thread::spawn(work())).chain(more).collect();
         // one more is being filled
         let waiting_blocks = share.saturating_sub(1).max(1); // integers
         Self { stretches: Some(sender), threads, shared, waiting_blocks, in_work: 0 }
