@@ -174,7 +174,7 @@ impl<'a> Session<'a> {
             let name = &self.manifest().provenance.name;
             let Window { from_s, until_s } = self.window;
             let end = match tally.ended_as_asked {
-                true if from_s == until_s => format!("at {from_s} s"),
+                true if from_s == until_s => format!("at {}", display::quantity(from_s, "s")),
                 as_asked => display::end(tally.end, as_asked.then_some(until_s)),
             };
             display::print(display::rows(&format!("{title} of {name} ({end})"), &all))?;

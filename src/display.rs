@@ -239,14 +239,24 @@ pub(crate) fn number(value: f64) -> String {
 
 /// A result in six significant digits, with a prefix of the unit that makes it 1 to 1000: `-396.405 mm/s`.
 pub(crate) fn quantity(value: f64, unit: &str) -> String {
-    const PREFIXES: [(i32, &str); 6] = [(-15, "f"), (-12, "p"), (-9, "n"), (-6, "µ"), (-3, "m"), (0, "")];
+    let (prefix, one) = prefix(value);
+    format!("{} {prefix}{unit}", number(value / one))
+}
+
+/// Two results with the prefix of the larger one: `-0.396405 to 3.23870 m/s`.
+pub(crate) fn range([from, to]: [f64; 2], unit: &str) -> String {
+    let (prefix, one) = prefix(if to.abs() > from.abs() { to } else { from });
+    format!("{} to {} {prefix}{unit}", number(from / one), number(to / one))
+}
+
+/// The prefix that makes a number 1 to 1000, and what it stands for; none where there is no such prefix.
+fn prefix(value: f64) -> (&'static str, f64) {
+    const PREFIXES: [(i32, &str, f64); 5] =
+        [(-15, "f", 1e-15), (-12, "p", 1e-12), (-9, "n", 1e-9), (-6, "µ", 1e-6), (-3, "m", 1e-3)];
     let scientific = format!("{value:.5e}");
     let power: i32 = scientific.split_once('e').and_then(|(_, power)| power.parse().ok()).unwrap_or(0);
-    let wanted = if value == 0.0 { 0 } else { 3 * power.div_euclid(3) };
-    match PREFIXES.iter().find(|(prefix, _)| *prefix == wanted) {
-        Some((prefix, name)) => format!("{} {name}{unit}", number(value / 10_f64.powi(*prefix))),
-        None => format!("{} {unit}", number(value)),
-    }
+    let found = PREFIXES.iter().find(|(prefix, _, _)| value != 0.0 && *prefix == 3 * power.div_euclid(3));
+    found.map_or(("", 1.0), |(_, name, one)| (*name, *one))
 }
 
 /// A number with so many decimals; zero has no sign.
@@ -352,6 +362,8 @@ mod tests {
         for (value, expected) in cases {
             assert_eq!(quantity(value, "J"), expected);
         }
+        assert_eq!(range([-0.396_405, 3.2387], "m/s"), "-0.396405 to 3.23870 m/s");
+        assert_eq!(range([-0.010_166_1, 0.000_641_949], "m"), "-10.1661 to 0.641949 mm");
     }
 
     #[test]

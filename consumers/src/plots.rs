@@ -70,6 +70,17 @@ fn rounded(value: f64) -> f64 {
     format!("{value:.2e}").parse().unwrap_or(value)
 }
 
+/// Three digits, zeros among them.
+fn three(value: f64) -> String {
+    if value.abs() < 1e-2 {
+        return scientific(value).replace('-', "−");
+    }
+    let power = value.abs().log10().floor();
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 5")]
+    let decimals = (2.0 - power).clamp(0.0, 5.0) as usize;
+    format!("{value:.decimals$}").replace('-', "−")
+}
+
 /// A length in three digits, with a prefix.
 fn length(value_m: f64) -> String {
     let (prefix, factor) = prefix(value_m.abs());

@@ -226,7 +226,7 @@ fn report(
         }))?;
     } else {
         let physics = &manifest.physics;
-        let times = [first, last].map(|step| display::quantity(physics.time_s(*step), "s")).join(" to ");
+        let times = display::range([first, last].map(|step| physics.time_s(*step)), "s");
         let names: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();
         let end_text = display::end(tally.end, args.until.filter(|_| tally.ended_as_asked));
         let rows = [

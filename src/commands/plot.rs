@@ -274,8 +274,7 @@ impl Analysis for Map {
 }
 
 fn extent_text(field: Field, extremes: [f64; 2]) -> String {
-    let [least, largest] = extremes.map(|value| display::quantity(value, unit(field)));
-    format!("{least} to {largest}")
+    display::range(extremes, unit(field))
 }
 
 fn unit(field: Field) -> &'static str {

@@ -193,8 +193,8 @@ fn colours_end_where_they_are_told_to() {
     let place = Place::new();
     place.run(SMALL).exits(0);
     let plot = |range: &str, until: &str| {
-        let words = format!("plot small.mcap --what velocity --colours linear --until {until}");
-        place.run(&format!("{words} --range {range} --out map.svg --force")).exits(0);
+        let map = format!("plot small.mcap --what velocity --colours linear --until {until}");
+        place.run(&format!("{map} --range {range} --out map.svg --force")).exits(0);
         words(&place, "map.svg").join(" ").replace('\u{a0}', " ")
     };
     for until in ["0.004", "0.008"] {

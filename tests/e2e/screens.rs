@@ -50,5 +50,5 @@ fn impurities_are_named_by_their_bead() {
         assert!(!pulses.contains(other), "{pulses}");
     }
     let turns = place.run("impurity small.mcap --bead 150 --bead 100").exits(0).stdout();
-    assert!(turns.lines().any(|line| line.contains("turns  bead 150 at ")), "{turns}");
+    assert!(turns.lines().any(|line| line.contains("turns ") && line.contains("bead 150 at ")), "{turns}");
 }

@@ -200,7 +200,7 @@ impl Drawing<'_> {
             }
             let pen = self.look.curve_pen(ink, stroke);
             if has_ground && !path.is_empty() {
-                self.svg.path(&path, Pen::solid(Colour::White, pen.width + 2.0 * self.look.frame));
+                self.svg.path(&path, Pen::solid(Colour::White, pen.width + 0.8 * self.look.frame));
             }
             if !path.is_empty() {
                 self.svg.path(&path, pen);

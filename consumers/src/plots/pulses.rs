@@ -1,7 +1,7 @@
 //! Pulses over the space-time map of the velocities.
 
 use super::fields::{ColourSteps, map_of};
-use super::{caption, rounded, scientific, short};
+use super::{caption, scientific, three};
 use crate::fields::Field;
 use crate::figure::{Axis, Colour, Curve, Figure, FigureError, Panel};
 use crate::pulses::Strongest;
@@ -36,7 +36,7 @@ pub fn pulses(
     let (named, others) = found.split_at(found.len().min(NAMED));
     let drawn = &others[..others.len().min(OTHERS)];
     let named = named.iter().zip(colours).map(|(pulse, colour)| {
-        let v_m_s = short(rounded(pulse.measured.point.v_peak_m_s));
+        let v_m_s = three(pulse.measured.point.v_peak_m_s);
         (pulse, colour, format!("{}: {v_m_s} m/s", pulse.number))
     });
     let unnamed = drawn.iter().map(|pulse| (pulse, Colour::Grey, String::new()));
