@@ -158,7 +158,7 @@ fn a_file_of_many_records_is_read_no_longer_than_its_size_allows() {
 
 /// A schema with a name of a megabyte, and as many channels of it as there can be.
 #[test]
-fn channels_share_their_schema() {
+fn the_names_of_schemas_are_counted_with_each_channel() {
     let place = Place::new();
     let mut contents = vec![0x03];
     let mut schema = 900_u16.to_le_bytes().to_vec();
