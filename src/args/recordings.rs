@@ -177,11 +177,13 @@ pub(crate) struct RewriteArgs {
     beadline verify run.mcap                     `proven`, or what differs: frame, bead and quantity\n  \
     beadline verify run-part-*.mcap              each part, and that one follows from the other\n  \
     beadline verify run.mcap --json              the same for a program\n\n\
-    Checked: every CRC, the manifest's checksum, every index, the order of the states, each state against the \
-    one before by recomputing it, each summary against its state. Damage is named with its chunk and frames, \
-    and what follows is verified all the same; `beadline recover` brings the frames back.\n\
-    Exit code 3 if anything is not as it was written, frames are missing, the file is cut off, or the run was \
-    computed by another kernel version: then nothing is wrong, but nothing is proven.")]
+    Three lists: what was proven by making it again (each state from the one before and the first one from the \
+    manifest, summaries, rows of our analyses); what was compared (every checksum, index and number, schemas, \
+    `run.toml`); and what cannot be known (who made it, channels of others). Damage is named with its chunk and \
+    frames, and what follows is verified all the same; `beadline recover` brings the frames back.\n\
+    Exit code 3 if anything is not as it was written, frames or rows are missing, the file is cut off, its \
+    beginning is not proven, or the run was computed by another kernel version: then nothing is wrong, but \
+    nothing is proven.")]
 pub(crate) struct VerifyArgs {
     /// The recording, or consecutive parts of one
     #[arg(value_name = "FILE", required = true)]
@@ -202,7 +204,7 @@ pub(crate) struct VerifyArgs {
     recomputed from the state before, bit for bit, and proven by the next state of the file. A state without a \
     checksum that holds counts only if it is what the one before leads to. The file itself is left as it is.\n\
     Exit code 3 if something that was in the file is not in the new one, or was not what it must be; a last record \
-    that was never written to its end is no loss.")]
+    that was never written to its end is no loss. The new recording is verified; what that finds is said.")]
 pub(crate) struct RecoverArgs {
     /// The damaged or unfinished recording
     pub(crate) file: PathBuf,

@@ -1,9 +1,9 @@
 //! Recordings of versions that do not exist yet.
 
 use crate::harness::Place;
-use hostile::checksums;
 use hostile::metadata::{Metadata, put_string};
 use hostile::records::{Chunk, Parts, Record, op};
+use hostile::summary::rebuilt;
 use std::fs;
 use std::path::Path;
 
@@ -24,7 +24,7 @@ const COMMANDS: [&str; 11] = [
     "recover later.mcap --out recovered.mcap",
 ];
 
-/// The recording `full.mcap` of 1.0, its metadata as `change` leaves it, under `later.mcap`, with right checksums.
+/// The recording `full.mcap` of 1.0, its metadata as `change` leaves it, under `later.mcap`, with right checksums and indexes.
 fn later(place: &Place, change: impl Fn(&mut Metadata), add: impl FnOnce(&mut Parts)) {
     let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join(GOLDEN).join("full.mcap");
     let mut parts = Parts::of_file(&fs::read(golden).unwrap());
@@ -34,9 +34,7 @@ fn later(place: &Place, change: impl Fn(&mut Metadata), add: impl FnOnce(&mut Pa
         record.body = metadata.write();
     }
     add(&mut parts);
-    let mut bytes = parts.put_together();
-    checksums::correct(&mut bytes);
-    fs::write(place.path("later.mcap"), bytes).unwrap();
+    fs::write(place.path("later.mcap"), rebuilt(&parts.put_together())).unwrap();
 }
 
 fn set(metadata: &mut Metadata, key: &str, change: impl FnOnce(&str) -> String) {
@@ -82,21 +80,6 @@ fn add_channel(parts: &mut Parts) {
         contents.contents.extend(body);
     }
     chunk.body = contents.pack(true);
-    // the summary section says so, too: the channel, its messages among all and, at the end, by themselves
-    let summary = parts.records.iter().position(|record| record.opcode == op::DATA_END).unwrap();
-    let first =
-        summary + 1 + parts.records[summary + 1..].iter().position(|record| record.opcode == 0x04).unwrap();
-    parts.records.insert(first, Record { opcode: 0x04, body: channel, offset: usize::MAX });
-    let statistics = parts.records.iter_mut().find(|record| record.opcode == op::STATISTICS).unwrap();
-    add(&mut statistics.body, 0, 1);
-    add(&mut statistics.body, 42, 10);
-    statistics.body.extend([77, 0, 1, 0, 0, 0, 0, 0, 0, 0]);
-}
-
-/// Adds to the number whose lowest byte is at `at`.
-fn add(body: &mut [u8], at: usize, count: u32) {
-    let place = body[at..].first_chunk_mut::<4>().unwrap();
-    *place = (u32::from_le_bytes(*place) + count).to_le_bytes();
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use crate::harness::{Ended, Place, Running};
 use hostile::campaign::Campaign;
 use hostile::checksums;
-use hostile::metadata::Metadata;
+use hostile::metadata::{Metadata, put_string};
 use hostile::records::{Chunk, Parts, Record, op};
 use std::fs;
 use std::path::Path;
@@ -97,6 +97,122 @@ fn a_chunk_that_unpacks_to_much_takes_no_more_than_that() {
         let ended = run_within(&place, 768, command);
         assert!([0, 2, 3].contains(&ended.code().unwrap_or(-1)), "{command}: {}", ended.stderr());
     }
+}
+
+/// A chunk of `count` times `piece`, after the first one of `sparse.mcap`, in a file without an end.
+fn with_chunks(place: &Place, contents: &[u8], count: usize) -> usize {
+    let mut parts = Parts::of_file(&golden("sparse.mcap"));
+    let at = parts.records.iter().position(|record| record.opcode == op::CHUNK).unwrap();
+    let mut chunk = Chunk::unpack(&parts.records[at].body).unwrap();
+    chunk.contents = contents.to_vec();
+    let body = chunk.pack(true);
+    parts.records.truncate(at + 1);
+    parts.rest.clear();
+    let record = Record { opcode: op::CHUNK, body, offset: usize::MAX };
+    parts.records.extend(std::iter::repeat_n(record, count));
+    let bytes = parts.put_together();
+    fs::write(place.path("hostile.mcap"), &bytes).unwrap();
+    bytes.len()
+}
+
+/// A record that nobody knows, of so many zeros.
+fn zeros(length: usize) -> Vec<u8> {
+    let mut contents = vec![0x8f];
+    contents.extend((length as u64).to_le_bytes());
+    contents.resize(9 + length, 0);
+    contents
+}
+
+/// Nobody writes chunks of hundreds of megabytes: what one may expand to is bounded.
+#[test]
+fn a_chunk_that_expands_to_more_than_any_of_ours_is_damage() {
+    let place = Place::new();
+    with_chunks(&place, &zeros(65 << 20), 1);
+    let found = place.run("verify hostile.mcap").exits(3).stdout();
+    assert!(found.contains("more than 67108864"), "{found}");
+    with_chunks(&place, &zeros(63 << 20), 1);
+    let found = place.run("verify hostile.mcap").exits(3).stdout();
+    assert!(!found.contains("67108864"), "{found}");
+}
+
+/// 6 GB of zeros in 200 kB.
+#[test]
+fn a_glance_at_a_file_reads_a_bounded_part_of_it() {
+    let place = Place::new();
+    assert!(with_chunks(&place, &zeros(60 << 20), 100) < 1 << 20);
+    place.run("info hostile.mcap").exits(3);
+    let found = place.run("info hostile.mcap").exits(3).stdout();
+    assert!(found.contains("a chunk with which its chunks are more than"), "{found}");
+}
+
+/// Empty records, seven million of them in 7 kB: each takes time.
+#[test]
+fn a_file_of_many_records_is_read_no_longer_than_its_size_allows() {
+    let place = Place::new();
+    let mut contents = vec![0; 9 << 18];
+    contents.iter_mut().step_by(9).for_each(|opcode| *opcode = 0x8f);
+    with_chunks(&place, &contents, 50);
+    let found = place.run("verify hostile.mcap").exits(3).stdout();
+    assert!(found.contains("more records in its chunks than a file of its size holds"), "{found}");
+}
+
+/// A schema with a name of a megabyte, and as many channels of it as there can be.
+#[test]
+fn the_names_of_schemas_are_counted_with_each_channel() {
+    let place = Place::new();
+    let mut contents = vec![0x03];
+    let mut schema = 900_u16.to_le_bytes().to_vec();
+    put_string(&vec![b'a'; 1 << 20], &mut schema);
+    put_string(b"", &mut schema);
+    put_string(b"", &mut schema);
+    contents.extend((schema.len() as u64).to_le_bytes());
+    contents.extend(schema);
+    for id in 1000..20_000_u16 {
+        let mut channel = [id.to_le_bytes(), 900_u16.to_le_bytes()].concat();
+        (0..3).for_each(|_| put_string(b"", &mut channel));
+        contents.push(0x04);
+        contents.extend((channel.len() as u64).to_le_bytes());
+        contents.extend(channel);
+    }
+    with_chunks(&place, &contents, 1);
+    for command in COMMANDS {
+        let ended = run_within(&place, 768, command);
+        assert!([0, 2, 3].contains(&ended.code().unwrap_or(-1)), "{command}: {}", ended.stderr());
+    }
+}
+
+/// What is recovered verifies, or it is said why not.
+#[test]
+fn what_is_recovered_is_proven_or_it_says_why_not() {
+    let place = Place::new();
+    let recordings =
+        ["sparse.mcap", "results-part-0001.mcap", "partial.mcap.partial", "damped.mcap"].map(golden);
+    let campaign = Campaign {
+        program: Path::new(env!("CARGO_BIN_EXE_beadline")),
+        commands: &[],
+        recordings: &recordings,
+        seed: 0,
+        count: 0,
+        jobs: 1,
+        directory: &place.path("."),
+    };
+    let mut counts = [0; 2];
+    for seed in (1 << 41)..(1 << 41) + 80 {
+        fs::write(place.path("mutated.mcap"), campaign.mutation(seed)).unwrap();
+        let recovered = place.run("recover mutated.mcap --out saved.mcap --force --json");
+        let code = recovered.code().unwrap();
+        if code == 1 || code == 2 {
+            continue;
+        }
+        let verified = place.run("verify saved.mcap --json");
+        let said = &recovered.json()["verified"];
+        let is_proven = verified.code() == Some(0);
+        assert_eq!(said["proven"], is_proven, "mutation {seed}: {said}, then {}", verified.stdout());
+        assert_eq!(said["verdict"], verified.json()["verdict"], "mutation {seed}");
+        assert!(is_proven || said["verdict"].as_str().is_some_and(|verdict| !verdict.is_empty()));
+        counts[usize::from(is_proven)] += 1;
+    }
+    assert!(counts[1] > 10, "{counts:?}");
 }
 
 /// The numbers of a manifest at the ends of what is allowed: nothing overflows, nothing is reserved that the file

@@ -259,7 +259,7 @@ fn an_index_that_leads_elsewhere_is_damage() {
         // times, offset and length; messages and chunks; offset and length
         (0x08, &[0, 8, 16, 24][..], "chunk indexes"),
         (0x0b, &[0, 22, 26, 34], "statistics"),
-        (0x0d, &[0, 8], "metadata `beadline.end`"),
+        (0x0d, &[0, 8], "metadata indexes"),
     ] {
         for field in fields {
             let mut lie = bytes.clone();

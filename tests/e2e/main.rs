@@ -21,6 +21,7 @@ mod other_tools;
 mod own_consumer;
 mod pipeline;
 mod plot;
+mod proven;
 mod pulses;
 mod python;
 mod recomputing;

@@ -107,7 +107,9 @@ impl Contents {
             Record::Channel(channel) => {
                 if !self.channels.contains_key(&channel.id) {
                     let metadata = channel.metadata.iter().map(|(key, value)| key.len() + value.len());
-                    self.count(channel.topic.len() + metadata.sum::<usize>())?;
+                    // whoever lists channels names their schemas, too
+                    let schema = self.schemas.get(&channel.schema_id).map_or(0, |schema| schema.name.len());
+                    self.count(channel.topic.len() + metadata.sum::<usize>() + schema)?;
                 }
                 let definition = Channel {
                     topic: channel.topic,

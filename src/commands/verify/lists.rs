@@ -37,8 +37,8 @@ impl Lists {
         if found.difference_count + found.summary_difference_count == 0 && found.stopped_after.is_none() {
             let states = counted(found.state_count, "state");
             self.proven.push(format!("{states}: each is what the one before leads to"));
-            self.proven
-                .push(format!("{} of states, each by its state", counted(found.summary_count, "summary")));
+            let summaries = count(found.summary_count);
+            self.proven.push(format!("summaries: {summaries}, each what its state gives"));
         }
         let first = found.step_range().map_or(0, |(first, _)| first);
         match &file.follows {

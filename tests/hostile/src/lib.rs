@@ -10,4 +10,5 @@ pub mod metadata;
 pub mod mutation;
 pub mod random;
 pub mod records;
+pub mod summary;
 pub mod trial;

@@ -12,8 +12,11 @@ const HEAD_BYTES: usize = 9;
 pub mod op {
     #![allow(missing_docs, reason = "the names of the specification")]
     pub const FOOTER: u8 = 0x02;
+    pub const SCHEMA: u8 = 0x03;
+    pub const CHANNEL: u8 = 0x04;
     pub const MESSAGE: u8 = 0x05;
     pub const CHUNK: u8 = 0x06;
+    pub const MESSAGE_INDEX: u8 = 0x07;
     pub const CHUNK_INDEX: u8 = 0x08;
     pub const ATTACHMENT: u8 = 0x09;
     pub const ATTACHMENT_INDEX: u8 = 0x0a;
