@@ -2,6 +2,7 @@
 
 use crate::args::{Pace, RunArgs};
 use crate::configuration::{Configured, configure};
+use crate::determining::{self, Beside};
 use crate::display::{self, bytes, count, counted, duration, seconds};
 use crate::failure::{Done, Failure};
 use crate::outputs::check_free;
@@ -10,6 +11,7 @@ use crate::publishing::{self, Dropped};
 use crate::resumption::{self, Resumption};
 use crate::signals;
 use anyhow::anyhow;
+use consumers::determination::Outcome as Determined;
 use indicatif::ProgressBar;
 use producer::run::{Conductor, RunError, RunOutcome};
 use schemas::bus::{PublishCounts, PublishError, PublishOptions, StatePublisher};
@@ -91,6 +93,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         return Ok(Done::Whole);
     }
 
+    let beside = args.check.then(|| Beside::start(manifest, &stop)).transpose()?;
     let mut watch = Watch::new(&configured, args.pace, state.as_ref().map_or(0, |state| state.step), stop);
     let result = match state {
         Some(state) => producer::run::resume(manifest, state, &mut publisher, recorder.as_mut(), &mut watch),
@@ -116,8 +119,11 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         old.remove()?;
     }
     let Watch { start, first_step, dropped, .. } = watch;
-    let summary =
-        Summary { manifest, outcome, first_step, counts, dropped, recording, wall: start.elapsed() };
+    let wall = start.elapsed();
+    let compared = beside.map(Beside::finish).transpose()?;
+    let determined = compared.and_then(|compared| compared.determination.outcome());
+    let is_determined = determined.as_ref().is_none_or(|determined| determined.first_lost().is_none());
+    let summary = Summary { manifest, outcome, first_step, counts, dropped, recording, wall, determined };
     display::print(if args.json { summary.json()? } else { summary.text() })?;
     if let (EndReason::Interrupted, Some(recording)) = (reason, &summary.recording) {
         let path = recording.path.display();
@@ -129,7 +135,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
             outcome.relative_drift, manifest.physics.dt_s
         ));
     }
-    Ok(Done::whole_if(counts.evicted == 0))
+    Ok(Done::whole_if(counts.evicted == 0 && is_determined))
 }
 
 /// A run that begins: what it is, and where it is recorded.
@@ -299,6 +305,8 @@ struct Summary<'a> {
     dropped: Dropped,
     recording: Option<Finished>,
     wall: Duration,
+    /// Until when it is determined, if that was asked for.
+    determined: Option<Determined>,
 }
 
 impl Summary<'_> {
@@ -318,6 +326,9 @@ impl Summary<'_> {
             ("wall time", format!("{} ({:.0} k steps/s)", duration(self.wall), steps_per_s / 1e3)),
             ("held back by consumers", duration(self.counts.held_back)),
         ];
+        if let Some(determined) = &self.determined {
+            rows.push(("determined", determining::verdict(&self.manifest.physics, determined)));
+        }
         if self.counts.evicted > 0 {
             rows.push((
                 "consumers dropped",
@@ -356,6 +367,7 @@ impl Summary<'_> {
             "held_back_s": self.counts.held_back.as_secs_f64(),
             "consumers_dropped": self.dropped.names,
             "recording": recording,
+            "check": self.determined.as_ref().map(|it| determining::json(&self.manifest.physics, it)),
         });
         Ok(format!("{}\n", serde_json::to_string_pretty(&summary)?))
     }
