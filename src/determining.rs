@@ -99,7 +99,10 @@ pub(crate) fn verdict(physics: &Physics, outcome: &Outcome) -> String {
     let end = time(physics, outcome.compared_until.1);
     let tolerance = outcome.tolerance;
     match outcome.first_lost() {
-        None => format!("to the end, {end}, within {tolerance:e}"),
+        None if outcome.compared_until.0 == physics.step_count => {
+            format!("to the end, {end}, within {tolerance:e}")
+        }
+        None => format!("as far as it was compared, {end}, within {tolerance:e}"),
         Some(lost) => format!(
             "until {} of {end} within {tolerance:e}: {}, bounded by {}",
             time(physics, lost.until_s.unwrap_or_default()),

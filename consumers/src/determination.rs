@@ -2,8 +2,8 @@
 //! one that differs in the last place of what moves at first (`producer::twins` makes them).
 //!
 //! - The *error of the step* is taken as [`STEP_FACTOR`] times the difference to the twin with half the step. It is
-//!   exact where halving the step halves the error, the slowest fall that lets a shorter step help; where the
-//!   error falls as `dt^(α+1)`, it is `2·(1 − 2^−(α+1))` of the true one, 1.65 times for α = 1.5.
+//!   exact where halving the step halves the error; where the error falls as `dt^(α+1)`, it is `2·(1 − 2^−(α+1))` times
+//!   the true one, 1.65 times for α = 1.5. Errors that collisions have multiplied fall more slowly at first.
 //! - The *error of rounding* is the difference to the moved twin. Where motion is chaotic it grows exponentially,
 //!   until nothing of the run is left in its twin: no step and no solver helps there.
 //! - A quantity is *determined* until the last look before either error first exceeds the tolerance, in units of its
@@ -43,8 +43,9 @@ pub const WORTH_A_STEP: f64 = 1.25;
 /// Chaos is a difference that has grown by this factor, which motion that is not chaotic does not reach.
 pub const CHAOTIC: f64 = 1e6;
 
-/// Time between two looks in units of T: a pulse takes 1.5 T or more to pass a bead for α ≥ 1.5.
-const LOOK_INTERVAL: f64 = 0.1;
+/// Time between two looks in units of the longest step that a run may have, a quarter of the collision time of its
+/// lightest bead (or of the load): 0.1 T in a chain of equal beads, in which a pulse takes 1.5 T or more to pass one.
+const LOOK_INTERVAL: f64 = 0.4;
 
 /// Compares a run with its twins.
 #[derive(Debug, Clone)]
@@ -100,7 +101,7 @@ impl Determination {
     /// Steps between two looks.
     pub fn look_every_steps(physics: &Physics) -> u64 {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
-        let steps = (LOOK_INTERVAL * physics.scales().time_s / physics.dt_s).round() as u64;
+        let steps = (LOOK_INTERVAL * physics.longest_dt_s() / physics.dt_s).round() as u64;
         steps.max(1)
     }
 

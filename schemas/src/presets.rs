@@ -108,7 +108,7 @@ pub const PRESETS: [Preset; 11] = [
     Preset {
         name: "walls",
         about: "50 beads between two walls: the solitary wave runs to and fro, and breaks up",
-        determined_until: None,
+        determined_until: Some((16.0, "step")),
         beads: 50,
         duration_s: 0.02,
         change: |config| (config.ends.left, config.ends.right) = (End::Fixed, End::Fixed),
@@ -116,7 +116,7 @@ pub const PRESETS: [Preset; 11] = [
     Preset {
         name: "damped",
         about: "60 beads with a coefficient of restitution of 0.95: the pulse decays",
-        determined_until: None,
+        determined_until: Some((2.6, "step")),
         beads: 60,
         duration_s: 0.006,
         change: |config| {
