@@ -1,6 +1,7 @@
 //! The command line as it is written. Every mode turns its part once into validated values.
 
 mod analyses;
+mod check;
 mod contents;
 mod export;
 mod figures;
@@ -10,6 +11,7 @@ mod values;
 pub(crate) use analyses::{
     AnalysisArgs, ContactsArgs, DeformationArgs, EnergiesArgs, FramesArgs, ImpurityArgs, PulsesArgs,
 };
+pub(crate) use check::CheckArgs;
 pub(crate) use contents::command;
 pub(crate) use export::ExportArgs;
 pub(crate) use figures::{ColoursArg, LookArgs, PlotArgs, What};
@@ -61,6 +63,8 @@ pub(crate) enum Command {
     Demo(DemoArgs),
     /// Simulate a chain, publish every step, record it
     Run(Box<RunArgs>),
+    /// Until when a run is determined, and to which digits: the step, chaos
+    Check(Box<CheckArgs>),
     /// List the ready-made configurations
     Presets,
     /// Print a ready-made configuration as TOML, to be edited and run
@@ -173,6 +177,7 @@ pub(crate) struct DemoArgs {
 }
 
 #[derive(Debug, Args)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 #[command(
     allow_negative_numbers = true,
     after_help = "Examples:\n  \
@@ -230,6 +235,9 @@ pub(crate) struct RunArgs {
     /// Sync the file to the disk at least this often (s): what a power failure costs
     #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = parse_seconds, conflicts_with = "no_record")]
     pub(crate) sync_period: f64,
+    /// Find out beside the run until when it is determined, as `beadline check` does; exit code 3 if not to its end
+    #[arg(long)]
+    pub(crate) check: bool,
     /// Print the summary as JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -1,6 +1,7 @@
 //! One module for each mode; each reads from top to bottom.
 
 pub(crate) mod bench;
+pub(crate) mod check;
 pub(crate) mod contacts;
 pub(crate) mod deformation;
 pub(crate) mod demo;

@@ -1,6 +1,6 @@
 //! From the flags of `run` to a manifest.
 
-use crate::args::{Overrides, RunArgs};
+use crate::args::{CheckArgs, Overrides, RunArgs};
 use crate::display;
 use crate::failure::{BadInput, Failure};
 use crate::time_step::{self, TimeStep};
@@ -11,6 +11,7 @@ use schemas::presets::{PRESETS, Preset};
 use schemas::recording::RecordingInfo;
 use std::fmt::Write;
 use std::fs;
+use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// A run to be made, and the text of its configuration for the recording.
@@ -26,19 +27,40 @@ impl Configured {
     }
 }
 
+/// The flags that name and change a configuration.
+pub(crate) struct Asked<'a> {
+    config: &'a Option<PathBuf>,
+    preset: &'a str,
+    name: &'a Option<String>,
+    overrides: &'a Overrides,
+}
+
+impl<'a> From<&'a RunArgs> for Asked<'a> {
+    fn from(args: &'a RunArgs) -> Self {
+        Self { config: &args.config, preset: &args.preset, name: &args.name, overrides: &args.overrides }
+    }
+}
+
+impl<'a> From<&'a CheckArgs> for Asked<'a> {
+    fn from(args: &'a CheckArgs) -> Self {
+        Self { config: &args.source, preset: &args.preset, name: &None, overrides: &args.overrides }
+    }
+}
+
 /// Reads the configuration that `args` name and applies the overrides.
-pub(crate) fn configure(args: &RunArgs) -> Result<Configured, Failure> {
+pub(crate) fn configure<'a>(args: impl Into<Asked<'a>>) -> Result<Configured, Failure> {
+    let args = &args.into();
     let (text, mut config) = if let Some(path) = &args.config {
         let unreadable = || format!("{} cannot be read", path.display());
         let text = fs::read_to_string(path).with_context(unreadable).bad_input()?;
         let config = RunConfig::from_toml(&text).map_err(|e| e.located(&text, Some(path))).bad_input()?;
         (text, config)
     } else {
-        let config = preset(&args.preset)?.config();
+        let config = preset(args.preset)?.config();
         (config.to_toml(), config)
     };
     let written = config.clone();
-    let replaced = apply(&args.overrides, args.name.as_ref(), &mut config);
+    let replaced = apply(args.overrides, args.name.as_ref(), &mut config);
     let stem = args.config.as_ref().and_then(|path| path.file_stem()).map(|stem| stem.to_string_lossy());
     let manifest_of = |config: &RunConfig| {
         let manifest =
@@ -79,6 +101,11 @@ pub(crate) fn preset(name: &str) -> Result<Preset, Failure> {
 
 /// A key of a configuration, and the flag that replaces its value.
 type Replaced = (&'static str, &'static str);
+
+/// A key of a configuration that the flags replace, if there is one.
+pub(crate) fn replaced_key(overrides: &Overrides) -> Option<&'static str> {
+    apply(overrides, None, &mut PRESETS[0].config()).first().map(|(key, _)| *key)
+}
 
 /// Applies what the flags say, and names the keys that they replaced.
 fn apply(overrides: &Overrides, name: Option<&String>, config: &mut RunConfig) -> Vec<Replaced> {
@@ -130,7 +157,7 @@ fn apply(overrides: &Overrides, name: Option<&String>, config: &mut RunConfig) -
 
 /// The effective configuration, with a line that says what it was made from, and one about how a time step
 /// was `chosen`.
-fn overridden(args: &RunArgs, config: &RunConfig, chosen: Option<&str>) -> String {
+fn overridden(args: &Asked<'_>, config: &RunConfig, chosen: Option<&str>) -> String {
     let mut text = match &args.config {
         Some(path) => format!("# {}, with values replaced on the command line\n", path.display()),
         None => format!("# preset {}, with values replaced on the command line\n", args.preset),

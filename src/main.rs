@@ -5,6 +5,7 @@ mod args;
 mod bench;
 mod commands;
 mod configuration;
+mod determining;
 mod display;
 mod failure;
 mod keyboard;
@@ -42,6 +43,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
     match command {
         Command::Demo(args) => commands::demo::demo(&args),
         Command::Run(args) => commands::run::run(&args),
+        Command::Check(args) => commands::check::check(&args),
         Command::Presets => commands::presets::list(),
         Command::Preset { name } => commands::presets::print(&name),
         Command::Energies(args) => commands::energies::energies(&args),

@@ -7,6 +7,7 @@
 
 pub mod contacts;
 pub mod deformation;
+pub mod determination;
 pub mod energies;
 pub mod export;
 pub mod fields;

@@ -1,10 +1,12 @@
 //! What each analysis shows, drawn with [`crate::figure`].
 
 mod deformation;
+mod determination;
 mod fields;
 mod pulses;
 
 pub use deformation::deformations;
+pub use determination::determination;
 pub use fields::{ColourSteps, profile, profiles, space_time};
 pub use pulses::pulses;
 

@@ -15,4 +15,5 @@ pub mod run;
 mod splitting;
 pub mod state;
 pub mod sweep;
+pub mod twins;
 pub mod verification;

@@ -145,7 +145,7 @@ impl Sweep {
         if found > MAX_POINTS {
             return Err(SweepError::TooMany { path: path.to_owned(), found });
         }
-        sweep.identity = sweep.check()?;
+        sweep.identity = sweep.check_points()?;
         Ok(sweep)
     }
 
@@ -178,6 +178,11 @@ impl Sweep {
     /// Whether points are to be recorded.
     pub fn record(&self) -> bool {
         self.definition.record
+    }
+
+    /// Whether each row tells until when its run is determined.
+    pub fn check(&self) -> bool {
+        self.definition.check
     }
 
     /// The bead that divides left from right, if the file names one.
@@ -259,9 +264,12 @@ impl Sweep {
     }
 
     /// Makes every point once, and gives the identity of the sweep.
-    fn check(&self) -> Result<[u8; 32], ConfigError> {
+    fn check_points(&self) -> Result<[u8; 32], ConfigError> {
         let mut hash = Sha256::new();
         hash.update(format!("{:?} {:?} {:?}\n", self.parameters, self.until(), self.split_bead()));
+        if self.check() {
+            hash.update("check\n");
+        }
         for index in 0..self.point_count() {
             let point = self.point(index)?;
             let stream = point.config.stream;

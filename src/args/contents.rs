@@ -6,7 +6,7 @@ use std::fmt::Write;
 
 const CONTENTS: [(&str, &[&str]); 6] = [
     ("Begin", &["demo"]),
-    ("Simulate", &["run", "presets", "preset", "sweep"]),
+    ("Simulate", &["run", "check", "presets", "preset", "sweep"]),
     (
         "Analyse, while a run goes or from its recording",
         &["energies", "impurity", "contacts", "pulses", "deformation", "plot"],

@@ -94,6 +94,11 @@ pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
     if allowed { Ok(seconds) } else { Err("expected a positive number of seconds, at most 1e9".to_owned()) }
 }
 
+pub(super) fn parse_tolerance(text: &str) -> Result<f64, String> {
+    let tolerance = text.parse().ok().filter(|tolerance: &f64| (1e-15..=0.1).contains(tolerance));
+    tolerance.ok_or_else(|| "expected a number from 1e-15 to 0.1".to_owned())
+}
+
 pub(super) fn parse_time(text: &str) -> Result<f64, String> {
     let time_s = text.parse().ok().filter(|time_s: &f64| time_s.is_finite() && *time_s >= 0.0);
     time_s.ok_or_else(|| "expected a simulated time in seconds, 0 or more".to_owned())

@@ -2,6 +2,7 @@
 
 use crate::args::RunArgs;
 use crate::configuration::{Configured, configure};
+use crate::determining::{self, Beside};
 use crate::display::{self, bytes, count, counted, duration, seconds};
 use crate::failure::{Done, Failure};
 use crate::keyboard::Keyboard;
@@ -11,6 +12,7 @@ use crate::resumption::{self, Resumption};
 use crate::signals;
 use crate::stage::{Begin, Left, Stage};
 use anyhow::anyhow;
+use consumers::determination::Outcome as Determined;
 use producer::run::{Conductor, RunError, RunOutcome};
 use schemas::bus::{PublishCounts, PublishError, PublishOptions, StatePublisher};
 use schemas::frame::{EndReason, Frame};
@@ -93,6 +95,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
              analysis reads it"
         ));
     }
+    let beside = args.check.then(|| Beside::start(manifest, &stop)).transpose()?;
     let first_step = state.as_ref().map_or(0, |state| state.step);
     let begin = Begin { pace: args.pace, is_paused: false, step: first_step, can_seek: false };
     let mut stage = Stage::new(manifest, begin, keyboard.as_ref(), stop);
@@ -120,7 +123,10 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         // it had the state that the run was gone on from
         old.remove()?;
     }
-    let summary = Summary { manifest, outcome, first_step, counts, left, recording };
+    let compared = beside.map(Beside::finish).transpose()?;
+    let determined = compared.and_then(|compared| compared.determination.outcome());
+    let is_determined = determined.as_ref().is_none_or(|determined| determined.first_lost().is_none());
+    let summary = Summary { manifest, outcome, first_step, counts, left, recording, determined };
     if args.json {
         display::print_json(&summary.json())?;
     } else {
@@ -136,7 +142,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
             outcome.relative_drift, manifest.physics.dt_s
         ));
     }
-    Ok(Done::whole_if(counts.evicted == 0 && reason == EndReason::Complete))
+    Ok(Done::whole_if(counts.evicted == 0 && reason == EndReason::Complete && is_determined))
 }
 
 /// A run that begins: what it is, and where it is recorded.
@@ -219,6 +225,8 @@ struct Summary<'a> {
     counts: PublishCounts,
     left: Left,
     recording: Option<Finished>,
+    /// Until when it is determined, if that was asked for.
+    determined: Option<Determined>,
 }
 
 impl Summary<'_> {
@@ -242,6 +250,9 @@ impl Summary<'_> {
             ),
             ("held back by consumers", duration(self.counts.held_back)),
         ];
+        if let Some(determined) = &self.determined {
+            rows.push(("determined", determining::verdict(&self.manifest.physics, determined)));
+        }
         if self.left.paused > Duration::ZERO {
             rows.push(("paused", duration(self.left.paused)));
         }
@@ -284,6 +295,7 @@ impl Summary<'_> {
             "held_back_s": self.counts.held_back.as_secs_f64(),
             "consumers_dropped": self.left.dropped.names,
             "recording": recording,
+            "check": self.determined.as_ref().map(|it| determining::json(&self.manifest.physics, it)),
         })
     }
 }

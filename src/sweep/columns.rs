@@ -1,6 +1,7 @@
 //! The columns of a sweep's rows.
 
 use super::analyses::Leading;
+use consumers::determination::{Outcome, Quantity};
 use consumers::energies::{EnergyOutcome, Reflection};
 use consumers::pulses::{Counts, Measured};
 use consumers::table::{Cell, Column, Kind};
@@ -63,6 +64,14 @@ const RESULTS: [(&str, Kind); 48] = [
     (ERROR_COLUMN, Kind::Word),
 ];
 
+/// The columns that follow where a sweep asks for `check`.
+const CHECKED: [(&str, Kind); 4] = [
+    ("determined_until_s", Kind::Double),
+    ("bounded_by", Kind::Word),
+    ("reflected_step_error", Kind::Double),
+    ("reflected_rounding_error", Kind::Double),
+];
+
 /// The column of why a point has no results.
 pub(super) const ERROR_COLUMN: &str = "error";
 
@@ -74,26 +83,34 @@ pub(crate) fn columns(sweep: &Sweep) -> Vec<Column> {
         ParameterKind::Word => Kind::Word,
     };
     let parameters = sweep.parameters().iter().map(|p| Column::new(p.key.clone(), kind(p.kind)));
-    parameters.chain(RESULTS.map(|(name, kind)| Column::new(name, kind))).collect()
+    let results = results(sweep).map(|(name, kind)| Column::new(*name, *kind));
+    parameters.chain(results).collect()
 }
 
-/// The values of [`RESULTS`]; those that are not set do not exist.
+/// The columns of the results of `sweep`.
+fn results(sweep: &Sweep) -> impl Iterator<Item = &'static (&'static str, Kind)> + use<> {
+    RESULTS.iter().chain(CHECKED.iter().filter({
+        let asked = sweep.check();
+        move |_| asked
+    }))
+}
+
+/// The values of [`RESULTS`] and of [`CHECKED`], if the sweep asks for these; those that are not set do not exist.
 pub(super) struct Results(Vec<Cell>);
 
-impl Default for Results {
-    fn default() -> Self {
-        Self(vec![Cell::Empty; RESULTS.len()])
-    }
-}
-
 impl Results {
+    /// Nothing yet.
+    pub(super) fn of(sweep: &Sweep) -> Self {
+        Self(vec![Cell::Empty; results(sweep).count()])
+    }
+
     /// The row of `point`.
     pub(super) fn cells(self, point: &Point) -> Vec<Cell> {
         point.parameters.iter().map(|value| parameter(value.as_ref())).chain(self.0).collect()
     }
 
     fn set(&mut self, name: &str, cell: Cell) -> &mut Self {
-        let column = RESULTS.iter().position(|(column, _)| *column == name);
+        let column = RESULTS.iter().chain(&CHECKED).position(|(column, _)| *column == name);
         debug_assert!(column.is_some(), "there is no column `{name}`");
         if let Some(place) = column.and_then(|column| self.0.get_mut(column)) {
             *place = cell;
@@ -149,6 +166,18 @@ impl Results {
             self.uncertain("corrected_over_total", corrected.over_total);
             self.uncertain("corrected_over_transmitted", corrected.over_transmitted);
             self.uncertain("corrected_over_incident", corrected.over_incident);
+        }
+    }
+
+    /// Until when the run is determined; a run that is to its end is so until `end`.
+    pub(super) fn determined(&mut self, outcome: &Outcome) {
+        let lost = outcome.first_lost();
+        let until_s = lost.and_then(|lost| lost.until_s).unwrap_or(outcome.compared_until.1);
+        let bound = lost.and_then(|lost| lost.bound).map_or("end", |bound| bound.as_str());
+        self.double("determined_until_s", until_s).word("bounded_by", bound);
+        if let Some(reflected) = outcome.of(Quantity::Reflected) {
+            self.double("reflected_step_error", reflected.step.at_end);
+            self.double("reflected_rounding_error", reflected.rounding.at_end);
         }
     }
 

@@ -3,7 +3,9 @@
 use super::analyses::Analyses;
 use super::columns::{ERROR_COLUMN, Results};
 use crate::configuration::origin;
+use crate::determining::compare;
 use anyhow::Error;
+use consumers::determination::TOLERANCE;
 use consumers::energies::Energies;
 use consumers::table::Cell;
 use producer::run::{Conductor, RunError, RunOutcome};
@@ -60,7 +62,34 @@ pub(super) fn compute(
     analyses.finish();
     let reason = outcome.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
     recorder.map(|recorder| recorder.finish(reason)).transpose()?;
-    Ok(Some(row(&manifest, &point, &analyses, outcome.map(|outcome| (outcome, conduct.settled)))))
+    let mut results =
+        results(sweep, &manifest, &analyses, &outcome.map(|outcome| (outcome, conduct.settled)));
+    if sweep.check() && !determine(&mut results, sweep, &manifest, analyses.step, signals.stop) {
+        return Ok(None);
+    }
+    Ok(Some(results.cells(&point)))
+}
+
+/// Finds out until when the run up to `last_step` is determined; false if it was stopped.
+fn determine(
+    results: &mut Results,
+    sweep: &Sweep,
+    manifest: &RunManifest,
+    last_step: u64,
+    stop: &AtomicBool,
+) -> bool {
+    match compare(manifest, sweep.split_bead(), (last_step, TOLERANCE), stop, |_| ()) {
+        Ok(compared) => {
+            if let Some(outcome) = compared.determination.outcome() {
+                results.determined(&outcome);
+            }
+            !compared.stopped
+        }
+        Err(error) => {
+            results.word(ERROR_COLUMN, error.to_string());
+            true
+        }
+    }
 }
 
 fn record(
@@ -75,14 +104,14 @@ fn record(
     RecordingWriter::create(path, manifest, &(from + &point.config.to_toml()), &options)
 }
 
-fn row(
+fn results(
+    sweep: &Sweep,
     manifest: &RunManifest,
-    point: &Point,
     analyses: &Analyses,
-    outcome: Result<(RunOutcome, Option<Settled>), String>,
-) -> Vec<Cell> {
+    outcome: &Result<(RunOutcome, Option<Settled>), String>,
+) -> Results {
     let physics = &manifest.physics;
-    let mut results = Results::default();
+    let mut results = Results::of(sweep);
     results.double("dt_s", physics.dt_s).word("physics_sha256", hex(&physics.hash()));
     match outcome {
         Ok((outcome, settled)) => {
@@ -101,10 +130,10 @@ fn row(
             results.pulses(&analyses.pulses.counts(), &analyses.leading);
         }
         Err(error) => {
-            results.word("end", EndReason::Failed.as_str()).word(ERROR_COLUMN, error);
+            results.word("end", EndReason::Failed.as_str()).word(ERROR_COLUMN, error.as_str());
         }
     }
-    results.cells(point)
+    results
 }
 
 /// Why nothing more can be learnt of the reflected energy.
@@ -224,7 +253,8 @@ mod tests {
         let point = sweep.point(0).expect("point");
         let manifest = RunManifest::new(&point.config, "point", origin()).expect("valid");
         let analyses = Analyses::new(&manifest, None);
-        let cells = row(&manifest, &point, &analyses, Err("bead 3 is not finite".to_owned()));
+        let failed = Err("bead 3 is not finite".to_owned());
+        let cells = results(&sweep, &manifest, &analyses, &failed).cells(&point);
         let columns = columns(&sweep);
         assert_eq!(cells.len(), columns.len());
         let value = |name: &str| {

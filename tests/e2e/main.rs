@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs, reason = "a test that cannot go on says where")]
 
 mod bench;
+mod check;
 mod compatibility;
 mod configuration;
 mod crash;

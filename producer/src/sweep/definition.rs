@@ -57,6 +57,7 @@ pub(super) struct Definition {
     pub(super) axes: Vec<Vec<Setting>>,
     pub(super) until: Until,
     pub(super) record: bool,
+    pub(super) check: bool,
     pub(super) split_bead: Option<u64>,
 }
 
@@ -66,7 +67,7 @@ struct Reader<'a> {
     path: &'a Path,
 }
 
-const KNOWN: [&str; 6] = ["base", "grid", "case", "until", "record", "split_bead"];
+const KNOWN: [&str; 7] = ["base", "grid", "case", "until", "record", "check", "split_bead"];
 
 impl Definition {
     /// Reads the sweep file `path` with the contents `text`; `read` gives the contents of another file.
@@ -94,6 +95,7 @@ impl Definition {
             axes,
             until: reader.until(document.get("until"))?,
             record: reader.option(document.get("record"), "record", "true or false")?.unwrap_or(false),
+            check: reader.option(document.get("check"), "check", "true or false")?.unwrap_or(false),
             split_bead: reader.option(document.get("split_bead"), "split_bead", "the number of a bead")?,
         })
     }

@@ -1,0 +1,182 @@
+//! Until when a run is determined, and to which digits: the run is compared with two twins, one with half the step and
+//! one that differs in the last place of what moves at first (`producer::twins` makes them).
+//!
+//! - The *error of the step* is taken as [`STEP_FACTOR`] times the difference to the twin with half the step. It is
+//!   exact where halving the step halves the error; where the error falls as `dt^(α+1)`, it is `2·(1 − 2^−(α+1))` times
+//!   the true one, 1.65 times for α = 1.5. Errors that collisions have multiplied fall more slowly at first.
+//! - The *error of rounding* is the difference to the moved twin. Where motion is chaotic it grows exponentially,
+//!   until nothing of the run is left in its twin: no step and no solver helps there.
+//! - A quantity is *determined* until the last look before either error first exceeds the tolerance, in units of its
+//!   scale: L, v0, and `½·m·v0²`. What is counted is determined as long as all three count the same, or do so at the next
+//!   look: what happens a little earlier or later in a twin makes no other run. Of the classes of contacts, one in a
+//!   hundred may differ ([`CONTACTS_APART`]): some contacts are always about to touch.
+//! - *Chaos* bounds it where a step that is exact would win less than a quarter more time ([`WORTH_A_STEP`]);
+//!   otherwise the *step* does. Where the rounding error exceeds the tolerance without having grown by [`CHAOTIC`],
+//!   *rounding* itself bounds it: a kick too weak for the load that it meets.
+//!
+//! One pass, and memory that does not grow with the run: the [`Trail`] keeps at most [`Trail::CAPACITY`] samples.
+
+mod course;
+mod siblings;
+mod trail;
+
+pub use course::{Bound, Course, Determined, digits};
+pub use siblings::Quantity;
+pub use trail::{Sample, Trail};
+
+use schemas::frame::Frame;
+use schemas::manifest::{Physics, RunManifest};
+use siblings::Sibling;
+
+/// The tolerance unless another is asked for: four digits, more than a figure shows.
+pub const TOLERANCE: f64 = 1e-4;
+
+/// The part of the contacts that may be in another class.
+pub const CONTACTS_APART: f64 = 0.01;
+
+/// What the difference to the twin with half the step is multiplied by.
+pub const STEP_FACTOR: f64 = 2.0;
+
+/// A step so short that it does not count is worth it if it lengthens the determined time by this factor.
+pub const WORTH_A_STEP: f64 = 1.25;
+
+/// Chaos is a difference that has grown by this factor, which motion that is not chaotic does not reach.
+pub const CHAOTIC: f64 = 1e6;
+
+/// Time between two looks in units of the longest step that a run may have, a quarter of the collision time of its
+/// lightest bead (or of the load): 0.1 T in a chain of equal beads, in which a pulse takes 1.5 T or more to pass one.
+const LOOK_INTERVAL: f64 = 0.4;
+
+/// Compares a run with its twins.
+#[derive(Debug, Clone)]
+pub struct Determination {
+    physics: Physics,
+    tolerance: f64,
+    split_bead: u64,
+    /// By how much the moved twin was moved, in units of v0.
+    moved_by: f64,
+    /// The run, the halved twin, the moved twin.
+    siblings: [Sibling; 3],
+    /// Of each quantity, to the halved and to the moved twin.
+    courses: [[Course; 2]; Quantity::COUNT],
+    /// The differences at the last look.
+    before: [[f64; Quantity::COUNT]; 2],
+    trail: Trail,
+    last: Option<(u64, f64)>,
+}
+
+/// What was found out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// The tolerance, in units of the scales.
+    pub tolerance: f64,
+    /// The last step and its time (s) at which all three were compared.
+    pub compared_until: (u64, f64),
+    /// The bead that divides left from right.
+    pub split_bead: u64,
+    /// Each quantity that the run has.
+    pub quantities: Vec<Determined>,
+    /// Rate (1/s) at which the difference to the moved twin grows, where it grows exponentially.
+    pub growth_per_s: Option<f64>,
+}
+
+impl Determination {
+    /// For `manifest`'s run, which `split_bead` divides; `moved_by_m_s` is by how much the moved twin differs at first.
+    pub fn new(manifest: &RunManifest, split_bead: u64, tolerance: f64, moved_by_m_s: f64) -> Self {
+        let physics = &manifest.physics;
+        let sibling = Sibling::new(manifest, split_bead);
+        Self {
+            tolerance,
+            split_bead,
+            moved_by: moved_by_m_s / physics.scales().speed_m_s(),
+            siblings: [sibling.clone(), sibling.clone(), sibling],
+            courses: [[Course::default(); 2]; Quantity::COUNT],
+            before: [[0.0; Quantity::COUNT]; 2],
+            trail: Trail::default(),
+            last: None,
+            physics: physics.clone(),
+        }
+    }
+
+    /// Steps between two looks.
+    pub fn look_every_steps(physics: &Physics) -> u64 {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        let steps = (LOOK_INTERVAL * physics.longest_dt_s() / physics.dt_s).round() as u64;
+        steps.max(1)
+    }
+
+    /// Compares the states of the run, of the halved and of the moved twin at one time.
+    pub fn look(&mut self, run: &Frame<'_>, halved: &Frame<'_>, moved: &Frame<'_>) {
+        let [of_run, of_halved, of_moved] = &mut self.siblings;
+        of_run.look(run);
+        let differences = [(of_halved, halved), (of_moved, moved)].map(|(sibling, frame)| {
+            sibling.look(frame);
+            of_run.differences(run, sibling, frame)
+        });
+        let mut errors = [[0.0; Quantity::COUNT]; 2];
+        for (twin, factor) in [(0, STEP_FACTOR), (1, 1.0)] {
+            for (i, quantity) in Quantity::ALL.into_iter().enumerate() {
+                let (now, before) = (differences[twin][i], self.before[twin][i]);
+                errors[twin][i] = if quantity.is_count() { now.min(before) } else { factor * now };
+                self.courses[i][twin].take(run.time_s, errors[twin][i], self.tolerance_of(quantity));
+            }
+        }
+        self.before = differences;
+        let [step, rounding] = errors;
+        self.trail.push(Sample { time_s: run.time_s, step, rounding });
+        self.last = Some((run.step, run.time_s));
+    }
+
+    /// The largest error with which a quantity is determined.
+    fn tolerance_of(&self, quantity: Quantity) -> f64 {
+        match quantity {
+            Quantity::Contacts => CONTACTS_APART * (self.physics.beads - 1) as f64,
+            _ if quantity.is_count() => 0.0,
+            _ => self.tolerance,
+        }
+    }
+
+    /// How the errors went.
+    pub fn trail(&self) -> &Trail {
+        &self.trail
+    }
+
+    /// What was found out; none before the first look.
+    pub fn outcome(&self) -> Option<Outcome> {
+        let compared_until = self.last?;
+        let rules_out =
+            |quantity: &Quantity| *quantity == Quantity::Reflected && !self.siblings[0].reflects();
+        let quantities = Quantity::ALL.into_iter().zip(self.courses);
+        let quantities = quantities.filter(|(quantity, _)| !rules_out(quantity));
+        Some(Outcome {
+            tolerance: self.tolerance,
+            compared_until,
+            split_bead: self.split_bead,
+            quantities: quantities
+                .map(|(quantity, [step, rounding])| Determined::new(quantity, step, rounding, self.moved_by))
+                .collect(),
+            growth_per_s: self.trail.growth_per_s(CHAOTIC * self.moved_by),
+        })
+    }
+
+    /// The physics of the run.
+    pub fn physics(&self) -> &Physics {
+        &self.physics
+    }
+}
+
+impl Outcome {
+    /// The quantity that is determined for the shortest time, if one is not determined to the end.
+    pub fn first_lost(&self) -> Option<&Determined> {
+        let lost = self.quantities.iter().filter(|each| each.until_s.is_some());
+        lost.min_by(|a, b| a.until_s.partial_cmp(&b.until_s).unwrap_or(std::cmp::Ordering::Equal))
+    }
+
+    /// What was found out about one quantity, if the run has it.
+    pub fn of(&self, quantity: Quantity) -> Option<&Determined> {
+        self.quantities.iter().find(|each| each.quantity == quantity)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,50 @@
+//! Until when a run is determined.
+
+use super::Overrides;
+use super::figures::LookArgs;
+use super::values::parse_tolerance;
+use clap::Args;
+use std::path::PathBuf;
+
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
+    beadline check run.mcap                           a recording: its run is made again, from step 0\n  \
+    beadline check --preset walls --figure growth.png how the differences grow\n  \
+    beadline check chain.toml --dt 2e-7               a configuration, as for `beadline run`\n  \
+    beadline check --beads 1200 --impurity 0=10e-3 --tolerance 1e-3\n\n\
+    Energy that is conserved does not make a run right. Two twins are computed beside it: one with half the step, and one \
+    whose velocities differ in the last place at first. Each quantity is determined until one of them first differs \
+    by more than the tolerance, in units of L, v0 and ½·m·v0²; counts until they differ (of contacts, 1 in 100 may). The error of the step is taken \
+    as twice the difference to the first twin, that of rounding as the difference to the second. What \
+    ends the time is the step (a shorter one helps) or chaos (nothing helps).\n\
+    It takes four times as long as the run. Exit code 3: something is not determined to the end."
+)]
+pub(crate) struct CheckArgs {
+    /// A recording, or a configuration file
+    #[arg(value_name = "FILE.mcap|CONFIG.toml", conflicts_with = "preset")]
+    pub(crate) source: Option<PathBuf>,
+    /// Ready-made configuration; see `beadline presets`
+    #[arg(long, value_name = "NAME", default_value = "light-impurity")]
+    pub(crate) preset: String,
+    /// Largest error of what is determined, in units of L, v0 and ½·m·v0²
+    #[arg(long, value_name = "X", default_value_t = consumers::determination::TOLERANCE, value_parser = parse_tolerance)]
+    pub(crate) tolerance: f64,
+    /// Draw how the errors grow, repeatable
+    #[arg(long, value_name = "FILE.svg|.png")]
+    pub(crate) figure: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) look: LookArgs,
+    /// Table of the errors over time
+    #[arg(long, value_name = "FILE.csv|.parquet")]
+    pub(crate) out: Option<PathBuf>,
+    /// Replace files that exist
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) overrides: Overrides,
+}

@@ -1,0 +1,122 @@
+//! `beadline check`: until when a run is determined, and to which digits.
+
+use crate::args::CheckArgs;
+use crate::configuration::{configure, replaced_key};
+use crate::determining::{Compared, compare, explanation, json, table, verdict};
+use crate::display;
+use crate::failure::{BadInput, Done, Failure};
+use crate::outputs::{check_figures, check_place, check_tables, extension};
+use crate::signals;
+use anyhow::anyhow;
+use consumers::determination::{Determination, Outcome, Quantity};
+use consumers::plots;
+use consumers::table::Table;
+use schemas::manifest::RunManifest;
+use schemas::recording::RecordingInfo;
+use serde_json::Value;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// How often a person needs to see progress.
+const REFRESH: Duration = Duration::from_millis(100);
+
+/// A run to be compared with its twins.
+struct Subject {
+    manifest: RunManifest,
+    last_step: u64,
+    /// The hash of the last state, if it was recorded.
+    recorded_hash: Option<String>,
+}
+
+pub(crate) fn check(args: &CheckArgs) -> Result<Done, Failure> {
+    check_figures(&args.figure, args.look)?;
+    let tables: Vec<_> = args.out.iter().collect();
+    check_tables(&tables)?;
+    let outputs: Vec<_> = args.out.iter().chain(&args.figure).collect();
+    let source = args.source.as_deref().unwrap_or(Path::new(""));
+    outputs.iter().try_for_each(|path| check_place(path, source, args.force))?;
+    let subject = subject(args)?;
+    let (manifest, physics) = (&subject.manifest, &subject.manifest.physics);
+
+    let stop = signals::stop_flag()?;
+    let bar = display::progress_bar(subject.last_step, manifest.provenance.name.as_str());
+    let mut refreshed = Instant::now();
+    let compared = compare(manifest, None, (subject.last_step, args.tolerance), &stop, |step| {
+        if refreshed.elapsed() >= REFRESH {
+            refreshed = Instant::now();
+            bar.set_position(step);
+            bar.set_message(format!("t = {}", display::seconds(physics.time_s(step))));
+        }
+    });
+    bar.finish_and_clear();
+    let Compared { determination, last_state_hash, stopped } = compared?;
+    let outcome = determination.outcome().ok_or_else(|| anyhow!("nothing was compared"))?;
+
+    args.out.as_ref().map(|path| write_table(path, args.force, &determination)).transpose()?;
+    if !args.figure.is_empty() {
+        let figure = plots::determination(manifest, &determination);
+        args.figure.iter().try_for_each(|path| figure.write(path, args.look.options()))?;
+    }
+    let name = &manifest.provenance.name;
+    let differs = !stopped && subject.recorded_hash.is_some_and(|recorded| recorded != last_state_hash);
+    if args.json {
+        let mut all = json(physics, &outcome);
+        all["run"] = Value::from(name.as_str());
+        all["figures"] = serde_json::to_value(&args.figure)?;
+        display::print_json(&all)?;
+    } else {
+        let title = format!("{name} is determined {}\n", verdict(physics, &outcome));
+        display::print(title + &table(physics, &outcome) + &explanation(physics, &outcome))?;
+    }
+    if stopped {
+        display::notice("stopped before the end of the run; what comes after was not compared");
+    }
+    if differs {
+        display::notice(
+            "the last recorded state is not the one that this program computes; see `beadline verify`",
+        );
+    }
+    Ok(Done::whole_if(is_whole(&outcome) && !stopped && !differs))
+}
+
+/// Whether everything is determined to the end.
+fn is_whole(outcome: &Outcome) -> bool {
+    outcome.first_lost().is_none()
+}
+
+/// The run that `args` name: that of a recording up to where it ends, or a configuration.
+fn subject(args: &CheckArgs) -> Result<Subject, Failure> {
+    let recording = args.source.as_ref().filter(|path| extension(path) != "toml");
+    let Some(path) = recording else {
+        let manifest = configure(args)?.manifest;
+        return Ok(Subject { last_step: manifest.physics.step_count, recorded_hash: None, manifest });
+    };
+    if let Some(key) = replaced_key(&args.overrides) {
+        let path = path.display();
+        let message =
+            format!("{path}: a recording has its {key} already; values are replaced in a CONFIG.toml");
+        return Err(anyhow!(message)).bad_input();
+    }
+    let info = RecordingInfo::read(path).bad_input()?;
+    display::notice_of_version(&info.manifest);
+    let last_step = info.last_step.unwrap_or(info.manifest.physics.step_count);
+    let recorded_hash = info.end.and_then(|end| end.last_state_hash);
+    Ok(Subject { manifest: info.manifest, last_step, recorded_hash })
+}
+
+/// The errors over time.
+fn write_table(path: &Path, force: bool, determination: &Determination) -> Result<(), Failure> {
+    let names = Quantity::ALL.map(Quantity::as_str);
+    let columns = names.iter().flat_map(|name| [format!("{name}_step"), format!("{name}_rounding")]);
+    let columns: Vec<_> = std::iter::once("time_s".to_owned()).chain(columns).collect();
+    let mut table = Table::create(path, &columns, force)?;
+    for sample in determination.trail().samples() {
+        table.double(sample.time_s);
+        for (step, rounding) in sample.step.iter().zip(&sample.rounding) {
+            table.double(*step).double(*rounding);
+        }
+        table.end_row()?;
+    }
+    table.finish()?;
+    Ok(())
+}
