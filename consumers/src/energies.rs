@@ -15,7 +15,7 @@ use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::{Physics, RunManifest};
 use schemas::simd::{ordered_sum, vectorized};
-use schemas::summary::relative_drift;
+use schemas::summary::Drift;
 
 /// Energies (J) of one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,7 +36,7 @@ pub struct EnergyRow {
     pub right_j: f64,
     /// Work that damped contacts have dissipated so far; 0 without damping.
     pub dissipated_j: f64,
-    /// `(total + dissipated − E0)/E0`, with the energy E0 of the initial state that the manifest implies.
+    /// How far total and dissipated energy are off those of the initial state ([`Drift`]).
     pub relative_drift: f64,
     /// What may still cross the split bead: its energy, and what moves towards it on the incident side. NaN
     /// where nothing is reflected; see [`Undefined`].
@@ -83,7 +83,7 @@ impl EnergyRow {
 pub struct Energies {
     chain: Chain,
     physics: Physics,
-    initial_j: f64,
+    drift: Drift,
     split_bead: usize,
     contact_j: Vec<f64>,
     watch: Result<Watch, Undefined>,
@@ -128,7 +128,7 @@ impl Energies {
         let chain = manifest.physics.chain();
         Self {
             watch: incident_side(manifest, split_bead).map(|side| Watch::new(manifest, side)),
-            initial_j: manifest.physics.initial_energy().total_j(),
+            drift: Drift::new(&manifest.physics, &chain),
             split_bead: usize::try_from(split_bead).unwrap_or(usize::MAX).min(chain.bead_count() - 1),
             contact_j: vec![0.0; chain.contact_count()],
             physics: manifest.physics.clone(),
@@ -195,7 +195,7 @@ impl Energies {
             split_j: kinetic_split + 0.5 * (left_contact + right_contact),
             right_j: kinetic_right + potential_right + 0.5 * right_contact + right_wall,
             dissipated_j,
-            relative_drift: relative_drift(total_j + dissipated_j, self.initial_j),
+            relative_drift: self.drift.of(total_j + dissipated_j, v),
             inbound_j: f64::NAN,
             corrected_j: f64::NAN,
         }

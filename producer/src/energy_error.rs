@@ -3,12 +3,12 @@
 use crate::integrator::Integrator;
 use crate::state::ChainState;
 use schemas::manifest::Physics;
-use schemas::summary::relative_drift;
+use schemas::summary::Drift;
 
 /// What [`energy_error`] found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EnergyError {
-    /// The largest `|E − E0|/E0` of the states looked at, dissipated work included in E; infinite where a state
+    /// The largest |ΔE/E| ([`Drift`]) of the states looked at, dissipated work included in E; infinite where a state
     /// left the range of doubles.
     pub largest: f64,
     /// Steps made.
@@ -25,7 +25,7 @@ pub fn energy_error(
 ) -> EnergyError {
     let steps = if steps < physics.step_count { steps } else { physics.step_count };
     let chain = physics.chain();
-    let initial_j = physics.initial_energy().total_j();
+    let drift = Drift::new(physics, &chain);
     let mut contact_energy_j = vec![0.0; chain.contact_count()];
     let mut integrator = Integrator::new(physics);
     let mut state = ChainState::initial(physics);
@@ -39,7 +39,7 @@ pub fn energy_error(
         progress(state.step);
         let energy_j = chain.energy(&state.u_m, &state.v_m_s, &mut contact_energy_j).total_j();
         let dissipated_j = physics.dissipated_j(&state.extra);
-        let error = relative_drift(energy_j + dissipated_j, initial_j).abs();
+        let error = drift.of(energy_j + dissipated_j, &state.v_m_s).abs();
         if !error.is_finite() {
             return EnergyError { largest: f64::INFINITY, steps: state.step };
         }

@@ -3,8 +3,8 @@
 use crate::integrator::Integrator;
 use crate::state::ChainState;
 use schemas::frame::{EndReason, Frame, FrameSink};
-use schemas::manifest::RunManifest;
-use schemas::summary::Summarizer;
+use schemas::manifest::{Physics, RunManifest};
+use schemas::summary::Drift;
 use std::ops::ControlFlow;
 
 /// How a run went.
@@ -18,7 +18,7 @@ pub struct RunOutcome {
     pub recorded_count: u64,
     /// The last step reached.
     pub last_step: u64,
-    /// `(E − E0)/E0` of the last state.
+    /// ΔE/E of the last state ([`Drift`]).
     pub relative_drift: f64,
 }
 
@@ -167,14 +167,20 @@ fn simulate<P: FrameSink, R: FrameSink>(
         }
         number += 1;
     };
-    let frame = state.as_frame(manifest, number);
     Ok(RunOutcome {
         reason,
         published_count: end - first,
         recorded_count: recording.count,
         last_step: state.step,
-        relative_drift: Summarizer::new(&manifest.physics).summarize(&frame).relative_drift,
+        relative_drift: drift(&manifest.physics, &state),
     })
+}
+
+/// ΔE/E of `state`.
+fn drift(physics: &Physics, state: &ChainState) -> f64 {
+    let chain = physics.chain();
+    let energy = chain.energy(&state.u_m, &state.v_m_s, &mut vec![0.0; chain.contact_count()]);
+    Drift::new(physics, &chain).of(energy.total_j() + physics.dissipated_j(&state.extra), &state.v_m_s)
 }
 
 /// The recorder, if there is one, and what it has.
