@@ -324,11 +324,6 @@ mod tests {
         assert_eq!(json, "\"a\\u202eb\\u009bc\\u007fd\\u001be\\nα ±\"");
         assert_eq!(serde_json::from_str::<String>(&json).ok().as_deref(), Some(text));
     }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
 
     #[test]
     fn numbers_have_six_digits_and_zero_has_no_sign() {

@@ -9,7 +9,7 @@ use consumers::uncertain::Uncertain;
 use producer::sweep::{ParameterKind, ParameterValue, Point, Sweep};
 
 /// The columns of the results, with units.
-const RESULTS: [(&str, Kind); 48] = [
+const RESULTS: [(&str, Kind); 49] = [
     ("end", Kind::Word),
     ("steps", Kind::Integer),
     ("time_s", Kind::Double),

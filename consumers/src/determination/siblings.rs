@@ -159,7 +159,7 @@ impl Sibling {
         });
         self.seen = Seen {
             energies_j: [row.total_j, row.left_j, row.split_j, row.right_j],
-            reflected,
+            reflected: reflected.map(|fraction| fraction.value),
             peak_m_s: frame.v_m_s.iter().fold(0.0, |peak, v| if v.abs() > peak { v.abs() } else { peak }),
             front: self.summarizer.summarize(frame).front_bead,
             pulses: self.pulses.counts().pulses,
