@@ -1,6 +1,6 @@
 //! Pulses found in made-up frames, whose answers are known.
 
-use consumers::pulses::{Birth, Counts, Direction, Fate, Happening, Point, Pulse, Pulses};
+use consumers::pulses::{Birth, Counts, Direction, Fate, Happening, Point, Pulse, Pulses, Unfollowed};
 use schemas::frame::Frame;
 use schemas::manifest::{Origin, RunManifest};
 use schemas::presets::PRESETS;
@@ -40,6 +40,7 @@ impl Bump {
 struct Found {
     pulses: Vec<Pulse>,
     points: Vec<Point>,
+    unfollowed: Vec<Unfollowed>,
     counts: Counts,
 }
 
@@ -71,6 +72,7 @@ fn look(bumps: &[Bump], steps: impl IntoIterator<Item = Option<u32>>, loose: boo
     }
     take(analysis.finish());
     found.counts = analysis.counts();
+    found.unfollowed = analysis.unfollowed().to_vec();
     found
 }
 
@@ -172,4 +174,32 @@ fn frames_too_far_apart_give_no_invented_pulses() {
     assert!((fine.pulses[0].measured.point.v_peak_m_s - 2.0).abs() < 2e-4);
     let coarse = look(&[Bump::new(2.0, 20.0, 4000.0)], (0..3500).step_by(100).map(Some), false);
     assert_eq!((coarse.pulses.len(), coarse.counts.longest_interval_steps), (0, 100));
+}
+
+/// Frames 44 steps apart show a bump that passes in 88 too coarsely for a crest; that something passed is seen.
+#[test]
+fn what_no_pulse_follows_is_told() {
+    for sign in [1.0, -1.0] {
+        let bump = Bump::new(2.0 * sign, 100.0 - 80.0 * sign, 4000.0 * sign);
+        let found = look(&[bump], (0..3500).step_by(44).map(Some), false);
+        assert!(found.pulses.is_empty() && found.counts.unresolved_crests > 0, "{:?}", found.counts);
+        let [passed] = found.unfollowed[..] else { panic!("{:?}", found.unfollowed) };
+        assert_eq!(found.counts.unfollowed, 1);
+        let beads = passed.beads.map(|bead| bead as f64);
+        assert!((beads[1] - beads[0]) * sign > 100.0, "{passed:?}");
+        assert!((passed.v_peak_m_s * sign - 2.0).abs() < 0.1, "{passed:?}");
+        // 4000 beads/s, by frames of two beads
+        let speed = (beads[1] - beads[0]) / (passed.times_s[1] - passed.times_s[0]);
+        assert!((speed / (4000.0 * sign) - 1.0).abs() < 0.02, "{passed:?}");
+    }
+}
+
+#[test]
+fn what_is_followed_or_loose_or_stays_is_not_told_of() {
+    let pulse = Bump::new(2.0, 20.0, 4000.0);
+    assert_eq!(look(&[pulse], steps(0..3500), false).unfollowed, []);
+    assert_eq!(look(&[pulse], (0..3500).step_by(44).map(Some), true).unfollowed, []);
+    assert_eq!(look(&[pulse, Bump::new(-0.7, 180.0, -4000.0)], steps(0..3600), false).unfollowed, []);
+    // still on its way when the frames end
+    assert_eq!(look(&[Bump { ahead_sigma: 30.0, ..pulse }], steps(0..1000), false).unfollowed, []);
 }

@@ -1,8 +1,12 @@
 //! `beadline pulses`, against numbers that Beadline did not compute and against the exact solitary wave.
 
 use crate::harness::{Place, wait_until};
+use consumers::pulses::Probes;
 use consumers::theory::{SolitaryWave, Strength};
 use schemas::bus::{Delivery, ResultReceived, ResultSubscriber, Topic};
+use schemas::frame::{FrameSource, Received};
+use schemas::presets::PRESETS;
+use schemas::recording::RecordingSource;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -105,11 +109,133 @@ fn pulses_are_followed_through_each_other() {
     assert_eq!(went("forward", 1.0..3.0, 25.0..30.0), 1, "{pulses:?}");
 }
 
+/// A chain whose beads are not alike, struck with 1 m/s.
+fn uneven(place: &Place, name: &str, masses: &str, duration_s: f64) {
+    let text = format!(
+        "[chain]\nbeads = 201\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\nmasses = {masses}\n\
+         [striker]\nbead = 0\nvelocity_m_s = 1.0\n[time]\nduration_s = {duration_s}\n"
+    );
+    place.write(&format!("{name}.toml"), &text);
+    place.run(&format!("run {name}.toml --out {name}.mcap")).exits(0);
+}
+
+/// The largest velocity of a bead in a recording.
+fn largest_velocity(place: &Place, recording: &str, bead: usize) -> f64 {
+    let mut source = RecordingSource::open(&place.path(recording)).unwrap();
+    let mut largest = 0.0_f64;
+    while let Received::Frame(frame) = source.receive().unwrap() {
+        largest = largest.max(frame.v_m_s[bead]);
+    }
+    largest
+}
+
+/// Light beads rattle between heavy ones while a pulse passes, with contacts that open in between. The front is one
+/// pulse all the same, as fast as its beads ever are.
+#[test]
+fn the_front_of_a_chain_of_unlike_beads_is_one_pulse() {
+    let place = Place::new();
+    let disordered = (0..201).map(|i| format!("{:e}", 1e-3 * (1.0 + 0.4 * (2.3 * f64::from(i * i)).sin())));
+    let disordered = format!("{{ list_kg = [{}] }}", disordered.collect::<Vec<_>>().join(", "));
+    let chains = [
+        ("decorated", "{ pattern_kg = [1e-3, 0.1e-3] }", 0.02, 180),
+        ("two-to-one", "{ pattern_kg = [1e-3, 0.5e-3] }", 0.02, 150),
+        ("less", "{ pattern_kg = [1e-3, 0.6e-3] }", 0.02, 140),
+        ("heavy", "{ pattern_kg = [4.369e-3, 1e-3] }", 0.035, 180),
+        ("tapered", "{ taper = 0.95 }", 0.006, 180),
+        ("disordered", disordered.as_str(), 0.012, 60),
+    ];
+    for (name, masses, duration_s, reached) in chains {
+        uneven(&place, name, masses, duration_s);
+        let told = place.run(&format!("pulses {name}.mcap --json --positions {name}.csv")).exits(0);
+        let results = told.json()["results"].clone();
+        assert_eq!(
+            (&results["unfollowed_count"], &results["unresolved_crest_count"]),
+            (&0.into(), &0.into())
+        );
+        let points = rows(&place.read(&format!("{name}.csv")));
+        let first: Vec<_> = points.iter().filter(|row| number(row, "pulse") == 1.0).collect();
+        let beads: Vec<_> = first.iter().map(|row| number(row, "bead")).collect();
+        assert!(beads[0] < 6.0 && beads[beads.len() - 1] > f64::from(reached), "{name}: {beads:?}");
+        // no bead is skipped, but for a few
+        assert!(beads.len() as f64 > 0.9 * (beads[beads.len() - 1] - beads[0]), "{name}: {beads:?}");
+        let middle = first.iter().find(|row| number(row, "bead") == f64::from(reached / 4 * 2)).unwrap();
+        let largest =
+            largest_velocity(&place, &format!("{name}.mcap"), usize::try_from(reached / 4 * 2).unwrap());
+        // frames a fiftieth of a collision time apart, between which the peak lies
+        assert!((number(middle, "v_peak_m_s") / largest - 1.0).abs() < 1e-3, "{name}: {middle:?}, {largest}");
+    }
+}
+
+/// What is no pulse is told, and so is what none follows: nothing of that in the presets.
+#[test]
+fn every_preset_is_followed() {
+    let place = Place::new();
+    for preset in PRESETS {
+        let run = place.start(&format!("run --preset {} --no-record --wait-for 1", preset.name));
+        let told = place.run("pulses --json").exits(0);
+        run.wait().exits(0);
+        let results = told.json()["results"].clone();
+        for count in ["unfollowed_count", "unresolved_crest_count"] {
+            assert_eq!(results[count], 0, "{}: {count}", preset.name);
+        }
+        assert!(results["pulse_count"].as_u64() > Some(0), "{}", preset.name);
+    }
+}
+
+/// How many weak pulses there are is a matter of the threshold; of how many that is not so, the count says.
+#[test]
+fn the_count_says_what_depends_on_the_threshold() {
+    let place = Place::new();
+    place.run("run --preset striker-10g --beads 150 --duration 0.012 --name train").exits(0);
+    let count = |threshold: &str| {
+        let told = place.run(&format!("pulses train.mcap --json --threshold {threshold}")).exits(0);
+        let results = told.json()["results"].clone();
+        (results["pulse_count"].as_u64().unwrap(), results["clear_pulse_count"].as_u64().unwrap())
+    };
+    let ((all, clear), (twice, _)) = (count("0.001"), count("0.002"));
+    assert!(clear < all && clear <= twice, "{all}, {clear}, {twice}");
+    let told = place.run("pulses train.mcap").exits(0).stdout();
+    assert!(told.contains("above twice that over 10 beads"), "{told}");
+}
+
+/// By the definition of a pulse 4, 6 and 7 of them pass bead 225; loose beads, which move fastest at times, too, are
+/// no pulses.
+#[test]
+fn probes_count_pulses_and_not_loose_beads() {
+    let place = Place::new();
+    for (mass, pulses) in [("3e-3", 4), ("5e-3", 6), ("10e-3", 7)] {
+        let chain = format!("--beads 300 --impurity 150={mass} --duration 0.0264");
+        place
+            .run(&format!("run --preset heavy-impurity {chain} --publish-every-steps 5 --name train --force"))
+            .exits(0);
+        let mut source = RecordingSource::open(&place.path("train.mcap")).unwrap();
+        let mut probes = Probes::new(source.manifest(), &[225]);
+        while let Received::Frame(frame) = source.receive().unwrap() {
+            probes.observe(&frame);
+        }
+        let forward = probes.passages().iter().filter(|passage| passage.v_peak_m_s > 0.0).count();
+        assert_eq!(forward, pulses, "{mass}: {:?}", probes.passages());
+    }
+}
+
+/// Every 200th step shows nothing of a pulse that passes in 220.
+#[test]
+fn a_sparse_recording_is_followed_step_by_step() {
+    let place = Place::new();
+    place.run("run --preset homogeneous --record-every-steps 200 --name sparse").exits(0);
+    place.run("run --preset homogeneous --name full").exits(0);
+    place.run("pulses sparse.mcap --out sparse.csv").exits(0).says(&["every 200th step", "recomputed"]);
+    place.run("pulses full.mcap --out full.csv").exits(0);
+    assert_eq!(place.read("sparse.csv"), place.read("full.csv"));
+}
+
 #[test]
 fn coarse_frames_are_told_and_nonsense_is_refused() {
     let place = Place::new();
-    place.run("run --preset homogeneous --publish-every-steps 200").exits(0);
-    let told = place.run("pulses homogeneous.mcap --json").exits(0).says(&["200 steps apart", "are enough"]);
+    let run = place.start("run --preset homogeneous --publish-every-steps 200 --wait-for 1");
+    // what is live is over: steps between can be recomputed, but only if that is asked for
+    let told = place.run("pulses --json").exits(3).says(&["200 steps apart", "are enough", "--every-step"]);
+    run.wait().exits(0);
     assert_eq!(told.json()["results"]["pulses"].as_array().unwrap().len(), 0);
     place.run("pulses homogeneous.mcap --threshold 0").exits(2).says(&["--threshold 0", "above 0"]);
     place.run("pulses homogeneous.mcap --out a.txt").exits(2);

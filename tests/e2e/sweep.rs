@@ -304,3 +304,24 @@ fn parquet_has_the_bits_of_the_csv() {
         assert!(count >= rows, "{table}: {count} rows");
     }
 }
+
+/// The light beads of a decorated chain, from a twentieth to a fifth of the heavy ones: the front is found at each, and
+/// its speed and peak change little from one to the next.
+#[test]
+fn the_front_changes_smoothly_with_the_mass_of_light_beads() {
+    let place = place(
+        "[base]\nname = \"decorated\"\n[base.chain]\nbeads = 201\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n\
+         masses = { pattern_kg = [1e-3, 0.1e-3] }\n[base.striker]\nbead = 0\nvelocity_m_s = 1.0\n\
+         [base.time]\nduration_s = 0.016\n\
+         [grid]\n\"chain.masses.pattern_kg[1]\" = { from = 0.05e-3, to = 0.2e-3, count = 16 }\n",
+    );
+    place.run("sweep s.toml --out s").exits(0);
+    let (csv, _) = results(&place, "s");
+    let rows = rows(&csv);
+    for (column, change) in [("forward_v_peak_m_s", 0.05), ("forward_speed_beads_per_s", 0.02)] {
+        let values: Vec<f64> = rows.iter().map(|row| row[column].parse().expect(column)).collect();
+        let smooth = values.windows(2).all(|pair| (pair[1] / pair[0] - 1.0).abs() < change);
+        assert!(values.len() == 16 && smooth, "{column}: {values:?}");
+    }
+    assert!(rows.iter().all(|row| row["unfollowed"] == "0"), "{csv}");
+}

@@ -44,19 +44,12 @@ impl Edges {
 
     /// The level is half of `crest_m_s` from now on; edges that are no longer ones, or those of `several`
     /// crests, are looked for anew.
-    pub(super) fn renew(
-        &mut self,
-        history: &History,
-        head: i64,
-        crest_m_s: f64,
-        (several, uneven): (bool, bool),
-    ) {
-        // levels change a little from bead to bead, which moves an edge by a small part of a bead; from a light bead to
-        // a heavy one they change more
-        let slack = if uneven { 0.4 } else { 0.1 };
+    pub(super) fn renew(&mut self, history: &History, head: i64, crest_m_s: f64, several: bool) {
+        /// Levels change a little from bead to bead, which moves an edge by a small part of a bead.
+        const SLACK: f64 = 0.1;
         self.level_m_s = 0.5 * crest_m_s.abs();
-        let low = (1.0 - slack) * self.level_m_s;
-        let high = (1.0 + slack) * self.level_m_s;
+        let low = (1.0 - SLACK) * self.level_m_s;
+        let high = (1.0 + SLACK) * self.level_m_s;
         let front = self.height(history, self.front.bead).is_some_and(|height| height < low);
         let rear = self.height(history, self.rear.bead).is_some_and(|height| height > high);
         let behind = (head - self.front.bead) * self.ahead > 0 || (self.rear.bead - head) * self.ahead > 0;

@@ -117,7 +117,8 @@ mod tests {
         assert_eq!(obstacles(striker.collect()).beads, [0]);
         let dimers = (0..100).map(|bead| if bead % 2 == 0 { 1.0 } else { 2.0 });
         assert_eq!(obstacles(dimers.collect()).beads, [0; 0]);
-        let chance = |bead: u32| [1.0, 1.0, 1.0, 1.4, 0.8, 0.8, 1.2, 1.1, 0.9, 0.9, 0.9, 1.3][bead as usize % 12];
+        let chance =
+            |bead: u32| [1.0, 1.0, 1.0, 1.4, 0.8, 0.8, 1.2, 1.1, 0.9, 0.9, 0.9, 1.3][bead as usize % 12];
         assert_eq!(obstacles((0..100).map(chance).collect()).beads, [0; 0], "alike by chance");
         let tapered = (0..100).map(|bead| 0.95_f64.powi(bead));
         assert_eq!(obstacles(tapered.collect()).beads, [0; 0]);

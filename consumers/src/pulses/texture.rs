@@ -11,8 +11,9 @@ use std::ops::Range;
 /// fastest several times while one pulse passes.
 const DIFFERENT: f64 = 1.4;
 
-/// The most beads on either side that are looked at together: a pulse is not much wider.
-const WIDEST: usize = 5;
+/// Beads on either side that are looked at together where the chain is uneven. With weights that fall off as a cosine
+/// both kinds of beads of a chain of dimers count alike wherever one looks; a pulse is hardly narrower.
+const REACH: usize = 3;
 
 /// Beads on either side that say what the chain is like at a bead.
 const AROUND: usize = 8;
@@ -65,7 +66,6 @@ impl Texture {
         let heaviest = masses.iter().fold(0.0_f64, |heaviest, mass| heaviest.max(*mass));
         let contacts = if reach == 0 { bead..bead + 1 } else { beads.start..beads.end - 1 };
         let contacts = contacts.start.min(chain.stiffness.len() - 1)..contacts.end.min(chain.stiffness.len());
-        // a window that falls off to nothing weighs each bead of a cell alike, wherever it lies in it
         let falls = |other: usize| {
             1.0 + (std::f64::consts::PI * other.abs_diff(bead) as f64 / (reach + 1) as f64).cos()
         };
@@ -118,8 +118,7 @@ impl Texture {
     }
 }
 
-/// How many beads on either side are looked at together with each: as many as lie between one turn of the masses or
-/// stiffnesses and the next but one, and none where these are even.
+/// How many beads on either side are looked at together with each.
 fn reaches(chain: &Chain) -> Vec<usize> {
     let (masses, stiffnesses) = (turns(&chain.mass_kg), turns(&chain.stiffness));
     let count = chain.bead_count();
@@ -130,7 +129,7 @@ fn reaches(chain: &Chain) -> Vec<usize> {
             turns.partition_point(|turn| *turn < high) - turns.partition_point(|turn| *turn < low)
         };
         let turns = within(&masses).max(within(&stiffnesses));
-        if turns < FEWEST_TURNS { 0 } else { (2 * around.len()).div_ceil(turns).clamp(2, WIDEST) }
+        if turns < FEWEST_TURNS { 0 } else { REACH }
     };
     (0..count).map(reach).collect()
 }
@@ -154,4 +153,42 @@ fn turns(values: &[f64]) -> Vec<usize> {
         rose = Some(rises);
     }
     turns
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use schemas::chain::Walls;
+    use schemas::contact::ContactLaw;
+
+    fn texture(mass_kg: Vec<f64>) -> Option<Texture> {
+        let contacts = mass_kg.len() - 1;
+        let (stiffness, rest_overlap_m) = (vec![1.0; contacts], vec![0.0; contacts]);
+        Texture::of(&Chain::new(mass_kg, stiffness, rest_overlap_m, Walls::default(), ContactLaw::new(1.5)))
+    }
+
+    #[test]
+    fn dimers_are_uneven_and_impurities_steps_and_tapers_are_not() {
+        let masses = |mass: fn(i32) -> f64| (0..100).map(mass).collect::<Vec<_>>();
+        assert!(texture(masses(|bead| 0.9_f64.powi(bead))).is_none());
+        assert!(texture(masses(|bead| if bead < 30 { 1.0 } else { 2.0 })).is_none());
+        assert!(texture(masses(|bead| if bead == 50 || bead == 54 { 0.1 } else { 1.0 })).is_none());
+        let dimers = texture(masses(|bead| if bead % 2 == 0 { 1.0 } else { 0.1 })).unwrap();
+        assert!((0..100).all(|bead| dimers.is_uneven(bead) && dimers.carries(bead) == (bead % 2 == 0)));
+        let half = texture(masses(|bead| if bead % 2 == 0 || bead < 50 { 1.0 } else { 0.1 })).unwrap();
+        assert!(!half.is_uneven(40) && half.is_uneven(60));
+    }
+
+    /// By the weights 1 + cos(πd/4), of sum 4 for even distances d and of sum 4 for odd ones.
+    #[test]
+    fn rattling_is_no_mean_velocity() {
+        let dimers = texture((0..100).map(|bead| if bead % 2 == 0 { 1.0 } else { 0.1 }).collect()).unwrap();
+        // as much momentum one way as the other
+        let v: Vec<f64> = (0..100).map(|bead| if bead % 2 == 0 { 0.3 } else { -3.0 }).collect();
+        let mut means = Vec::new();
+        dimers.average(&v, 10..90, &mut means);
+        assert!(means.len() == 80 && means.iter().all(|mean| mean.abs() < 1e-15), "{means:?}");
+        dimers.average(&[0.7; 100], 0..100, &mut means);
+        assert!(means.iter().all(|mean| (mean - 0.7).abs() < 1e-15), "{means:?}");
+    }
 }

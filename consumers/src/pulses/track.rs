@@ -151,6 +151,13 @@ impl Track {
         }
     }
 
+    /// Height (m/s) of the crest at the last beads on average, over any two kinds of them.
+    pub(super) fn mean_crest_m_s(&self) -> f64 {
+        const BEADS: usize = 6;
+        let last = self.recent.iter().rev().take(BEADS);
+        last.clone().map(|passed| passed.crest_m_s.abs()).sum::<f64>() / last.len() as f64
+    }
+
     /// Speed (beads/s) over the last beads.
     pub(super) fn speed_beads_per_s(&self) -> Option<f64> {
         self.speed_over(REACH)

@@ -288,6 +288,8 @@ impl Pulses {
         let uneven = self.around.is_uneven(usize::try_from(bead).unwrap_or_default());
         let track = &mut self.tracks[i];
         track.pass(passed);
+        // from a light bead to a heavy one the crest changes more than from one heavy bead to the next
+        let crest_m_s = if uneven { track.mean_crest_m_s() } else { crest_m_s };
         if track.number == 0 && track.bead_count >= Self::SHORTEST_TRACK {
             self.counts.pulses += 1;
             track.number = self.counts.pulses;
@@ -295,7 +297,7 @@ impl Pulses {
         if track.number > 0 {
             let way = (track.sign, track.ahead);
             match &mut track.edges {
-                Some(edges) => edges.renew(&self.sight.history, bead, crest_m_s, (several, uneven)),
+                Some(edges) => edges.renew(&self.sight.history, bead, crest_m_s, several),
                 none => *none = Some(Edges::around(&self.sight.history, bead, way, 0.5 * crest_m_s.abs())),
             }
             while let Some(point) = track.next_point(false) {
