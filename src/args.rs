@@ -101,7 +101,7 @@ pub(crate) enum Command {
     /// What the bench runs in other processes
     #[command(subcommand, hide = true)]
     BenchPart(PartArgs),
-    /// List the live runs of this user
+    /// List the live runs of this user, when they end, and who listens
     Ls {
         /// Print JSON
         #[arg(long)]

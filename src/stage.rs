@@ -283,7 +283,8 @@ struct Clock {
 }
 
 impl Clock {
-    const MOST: u32 = 1 << 14;
+    /// So few that a look costs less than a hundredth of a step, and that slow frames are soon noticed.
+    const MOST: u32 = 64;
 
     fn new(now: Instant) -> Self {
         Self { looked: now, every: 1, calls: 0 }

@@ -248,8 +248,12 @@ fn no_status_line_is_cut() {
 /// with spaces.
 fn rows(screen: &str, columns: usize) -> Vec<String> {
     let pieces = screen.split(['\n', '\r', '\x1b']);
-    // what follows the escape is a letter with numbers before it
-    let texts = pieces.map(|piece| piece.strip_prefix("[2K").unwrap_or(piece).chars().collect::<Vec<_>>());
+    let texts = pieces.map(|piece| {
+        // what follows an escape is a letter with numbers before it
+        let rest =
+            piece.strip_prefix('[').map(|rest| rest.trim_start_matches(|c: char| !c.is_ascii_alphabetic()));
+        rest.map_or(piece, |rest| rest.get(1..).unwrap_or_default()).chars().collect::<Vec<_>>()
+    });
     let rows = texts.flat_map(|text| {
         text.chunks(columns)
             .map(|row| row.iter().collect::<String>().trim_end().to_owned())

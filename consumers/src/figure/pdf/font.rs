@@ -139,3 +139,32 @@ fn file(tables: &[([u8; 4], Vec<u8>)]) -> Vec<u8> {
     }
     file
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_subset_is_a_font_with_the_outlines_that_are_used() {
+        let whole = FontRef::new(text::FONT).expect("the bundled font");
+        let glyph = |character: char| whole.charmap().map(character).expect("a glyph");
+        let id = |character| u16::try_from(glyph(character).to_u32()).expect("few glyphs");
+        // an accent makes a letter of two others
+        let file = subset(&whole, [id('v'), id('é')].into_iter()).expect("made");
+        assert!(file.len() < text::FONT.len() / 4, "{} bytes", file.len());
+        let part = FontRef::new(&file).expect("a font");
+        let outline = |font: &FontRef<'_>, character| {
+            let (loca, glyf) = (font.loca(None).expect("places"), font.glyf().expect("outlines"));
+            let found = loca.get_glyf(glyph(character), &glyf).expect("in the file");
+            found.map(|found| found.offset_data().as_bytes().to_vec())
+        };
+        for (character, is_kept) in [('v', true), ('é', true), ('e', true), ('w', false)] {
+            let found = outline(&part, character);
+            assert_eq!(found.is_some(), is_kept, "{character}");
+            // filled up to four bytes
+            let same =
+                found.is_none_or(|found| found.starts_with(&outline(&whole, character).unwrap_or_default()));
+            assert!(same, "{character}: another outline");
+        }
+    }
+}
