@@ -71,7 +71,11 @@ pub(crate) fn choose(config: &RunConfig, tolerance: f64) -> Result<Chosen, Failu
         first_s: by_default.dt_s,
         longest_s: by_default.longest_dt_s().min(config.time.duration_s),
     };
-    let pilot = |dt_s: f64| Ok(measure(&with_step(Some(dt_s)).map_err(Refusal::Config)?));
+    let duration_s = config.time.duration_s;
+    let pilot = |dt_s: f64| {
+        let (dt_s, _) = by_default.whole_steps(duration_s, Some(dt_s)).map_err(Refusal::Config)?;
+        Ok(measure(&with_step(Some(dt_s)).map_err(Refusal::Config)?))
+    };
     let chosen = search.run(pilot).map_err(|refusal| refusal.explain(&by_default, tolerance)).bad_input()?;
     let measured = format!(
         "--dt auto:{tolerance:e} took dt = {:e} s: max|ΔE/E| = {:.1e} {}",

@@ -94,9 +94,7 @@ impl Physics {
         physics.impurities.sort_by_key(|impurity| impurity.bead);
         physics.contacts.sort_by_key(|odd| odd.contact);
         physics.check_chain(&chain.impurities, &chain.contacts)?;
-        physics.dt_s = config.time.dt_s.unwrap_or_else(|| physics.default_dt_s());
-        physics.check_dt()?;
-        physics.step_count = time_step::step_count(config.time.duration_s, physics.dt_s)?;
+        (physics.dt_s, physics.step_count) = physics.steps(config.time)?;
         Ok(physics)
     }
 

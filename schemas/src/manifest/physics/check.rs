@@ -11,7 +11,7 @@ impl Physics {
     pub(in crate::manifest) fn check(&self) -> Result<(), ConfigError> {
         self.check_chain(&self.impurities, &self.contacts)?;
         self.check_order()?;
-        self.check_dt()?;
+        self.check_dt(self.dt_s)?;
         if !(1..=MAX_STEPS).contains(&self.step_count) {
             return Err(ConfigError::value("step_count", self.step_count, "1 to 2^52 steps"));
         }

@@ -1,42 +1,89 @@
 //! Which time steps resolve a run, and which one it has by default.
 
 use super::Physics;
-use super::arrays::smaller;
-use crate::config::{ConfigError, End};
+use super::arrays::{larger, smaller};
+use crate::config::{ConfigError, End, TimeConfig};
 use crate::damping::Damping;
 use crate::manifest::MAX_STEPS;
 use crate::method::Method;
 use crate::power::power;
 
 impl Physics {
-    /// The step (s) with which the energy of the usual chains is conserved to 1e-7 for α from 1.1 to 3: the fraction
-    /// of [`Method::default_step_fraction`] of
-    /// `min(T_struck·walled, T_load, 4·T_settle)·min(1, 5/α)`.
+    /// The step (s) with which energy is conserved as `docs/NUMERICS.md` promises:
+    /// `min(struck·T_struck, fraction·T_load)·min(1, 5/α)` with the fraction of [`Method::default_step_fraction`],
+    /// and for `struck` what [`Physics::struck_fraction`] leaves of it. With damping it is a quarter of that, or
+    /// `fraction·T_settle` where that is less (0.4 of it for dashpots): the force jumps, or has a kink, where a damped
+    /// contact closes, and the balance of energies is of the order of `dt/T_settle`.
     ///
     /// `T_struck` is the shortest of T (of a bead of `bead_mass_kg`), of the striker's own collision time with the
     /// stiffest contact, and of `√2·T_fast` ([`Physics::fastest_s`]), which counts where a bead is less than about half
-    /// as heavy as the others. `walled` is [`Physics::walled_fraction`], and `T_load` is
-    /// [`Physics::fastest_loaded_s`]: where a load keeps contacts closed, the force is smooth and only the
-    /// frequency of the stiffest contact counts. `T_settle` is [`Physics::settling_s`] of damped contacts. The larger α,
-    /// the shorter the part of T in which a contact is stiff.
-    pub(super) fn default_dt_s(&self) -> f64 {
+    /// as heavy as the others. `T_load` is [`Physics::fastest_loaded_s`]: where a load keeps contacts closed, the force
+    /// is smooth and only the frequency of the stiffest contact counts. `T_settle` is [`Physics::settling_s`]. The larger α, the shorter the part of T in which a contact is stiff.
+    fn default_dt_s(&self) -> f64 {
+        let fraction = self.method.default_step_fraction(self.alpha);
         let usual_s = self.scales().time_s;
         let struck_s = match (self.fastest_s(), self.collision_s(self.striker_kg())) {
             (Some(fast_s), Some(striker_s)) => {
-                self.walled_fraction() * smaller(usual_s, smaller(2.0_f64.sqrt() * fast_s, striker_s))
+                self.struck_fraction() * smaller(usual_s, smaller(2.0_f64.sqrt() * fast_s, striker_s))
             }
-            _ => usual_s,
+            _ => fraction * usual_s,
         };
-        let time_s = self.fastest_loaded_s().map_or(struck_s, |loaded_s| smaller(struck_s, loaded_s));
-        let time_s = self.settling_s().map_or(time_s, |settling_s| smaller(time_s, 4.0 * settling_s));
-        self.method.default_step_fraction(self.alpha) * time_s * self.stiff_fraction()
+        let dt_s =
+            self.fastest_loaded_s().map_or(struck_s, |loaded_s| smaller(struck_s, fraction * loaded_s));
+        let dt_s = match (self.settling_s(), self.damping) {
+            (Some(settling_s), Some(Damping::ViscousNSPerM(_))) => {
+                smaller(0.25 * dt_s, 0.4 * fraction * settling_s)
+            }
+            (Some(settling_s), _) => smaller(0.25 * dt_s, fraction * settling_s),
+            (None, _) => dt_s,
+        };
+        dt_s * self.stiff_fraction()
     }
 
-    /// Half between two walls, where beads close and open contacts again and again, each time with an error of the
-    /// order `dt^(α+1)`. Velocity Verlet needs steps so short for its own second order that this does not matter.
-    fn walled_fraction(&self) -> f64 {
+    /// What is left of [`Method::default_step_fraction`] where contacts open and close at full speed, each time with an
+    /// error of the order `dt^(α+1)`.
+    ///
+    /// Half of it between two walls, where they do so again and again. With `rkn4` at most 0.0075 up to α = 1.5, and a
+    /// straight line to 0.02 at α = 2, but for the chains of the paper. Velocity Verlet needs steps so short for its own
+    /// second order that this does not matter.
+    fn struck_fraction(&self) -> f64 {
+        let usual = self.method.default_step_fraction(self.alpha);
+        let blunt = match self.method {
+            Method::VelocityVerlet => return usual,
+            Method::Rkn4 if !self.is_of_the_paper() => 0.0075 + 0.025 * larger(self.alpha - 1.5, 0.0),
+            Method::Rkn4 | Method::Gear5 => usual,
+        };
         let is_walled = self.ends.left == End::Fixed && self.ends.right == End::Fixed;
-        if is_walled && self.method != Method::VelocityVerlet { 0.5 } else { 1.0 }
+        smaller(usual, blunt) * if is_walled { 0.5 } else { 1.0 }
+    }
+
+    /// Whether it is a chain of equal beads and impurities with free ends that nothing loads: in these a contact
+    /// opens at full speed only where the shock reaches an end, or an impurity.
+    fn is_of_the_paper(&self) -> bool {
+        let is_even = self.masses.is_uniform() && self.stiffnesses.is_uniform() && self.contacts.is_empty();
+        is_even && self.ends.is_free() && self.load.is_none()
+    }
+
+    /// Step (s) and number of steps of a run: a step that was asked for is kept, another one divides the duration.
+    pub(super) fn steps(&self, time: TimeConfig) -> Result<(f64, u64), ConfigError> {
+        let Some(dt_s) = time.dt_s else { return self.whole_steps(time.duration_s, None) };
+        self.check_dt(dt_s)?;
+        Ok((dt_s, checked_count(time.duration_s, dt_s, (time.duration_s / dt_s).round())?))
+    }
+
+    /// Step (s) and number of steps of a run over `duration_s`: the step that divides it nearest to `wanted_s`, the
+    /// default if nothing is wanted.
+    ///
+    /// # Errors
+    /// When there is no such number of steps.
+    pub fn whole_steps(&self, duration_s: f64, wanted_s: Option<f64>) -> Result<(f64, u64), ConfigError> {
+        let wanted_s = wanted_s.unwrap_or_else(|| self.default_dt_s());
+        let nearest = (duration_s / wanted_s).round();
+        let step_count = checked_count(duration_s, wanted_s, larger(nearest, 1.0))?;
+        let dt_s = duration_s / step_count as f64;
+        // nearest, but not beyond what is allowed
+        let step_count = step_count + u64::from(dt_s > self.longest_dt_s());
+        Ok((duration_s / step_count as f64, step_count))
     }
 
     /// `T_fast = √(m_light/(k·L_s^(α−1)))` (s), with the overlap scale `L_s = (m_s·v0²/k)^(1/(α+1))` of the striker and
@@ -111,9 +158,9 @@ impl Physics {
         0.25 * fastest_s * self.stiff_fraction()
     }
 
-    pub(super) fn check_dt(&self) -> Result<(), ConfigError> {
+    pub(super) fn check_dt(&self, dt_s: f64) -> Result<(), ConfigError> {
         let longest = self.longest_dt_s();
-        if self.dt_s > 0.0 && self.dt_s <= longest {
+        if dt_s > 0.0 && dt_s <= longest {
             return Ok(());
         }
         let allowed = format!(
@@ -121,17 +168,75 @@ impl Physics {
              lightest bead (less for α > 5, and for strong damping); {:.3e} s is the default",
             self.default_dt_s()
         );
-        Err(ConfigError::number("time.dt_s", self.dt_s, &allowed))
+        Err(ConfigError::number("time.dt_s", dt_s, &allowed))
     }
 }
 
-/// `round(duration/dt)`, at least 1.
-pub(super) fn step_count(duration_s: f64, dt_s: f64) -> Result<u64, ConfigError> {
-    let steps = (duration_s / dt_s).round();
+/// `steps` as a number of steps of `dt_s`, if there can be so many.
+fn checked_count(duration_s: f64, dt_s: f64, steps: f64) -> Result<u64, ConfigError> {
     if duration_s > 0.0 && (1.0..=MAX_STEPS as f64).contains(&steps) {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
         return Ok(steps as u64);
     }
     let allowed = format!("a time of at least one step of {dt_s:.6e} s and at most 2^52 steps");
     Err(ConfigError::number("time.duration_s", duration_s, &allowed))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{MassRule, RunConfig};
+    use crate::presets::Preset;
+
+    fn light_impurity(change: impl FnOnce(&mut RunConfig)) -> Physics {
+        let mut config = Preset::find("light-impurity").expect("preset").config();
+        change(&mut config);
+        Physics::resolve(&config).expect("valid")
+    }
+
+    /// The time of the last step is the duration, to a unit in the last place.
+    #[test]
+    fn the_default_step_divides_the_duration() {
+        for duration_s in [0.08, 0.0101, 1e-3, 1.0 / 3.0, 7.77e-5, 2e-6, 1e-7, 12.3] {
+            let physics = light_impurity(|config| config.time.duration_s = duration_s);
+            let end_s = physics.time_s(physics.step_count);
+            assert!((end_s / duration_s - 1.0).abs() <= f64::EPSILON, "{end_s:e} s, not {duration_s:e} s");
+            let usual_s = physics.default_dt_s();
+            let nearest = physics.step_count == 1 || (physics.dt_s - usual_s).abs() <= usual_s / 2.0;
+            assert!(nearest, "{:e} s, not about {usual_s:e} s", physics.dt_s);
+        }
+        assert_eq!(light_impurity(|_| {}).step_count, 55_189);
+    }
+
+    #[test]
+    fn a_step_that_was_asked_for_is_kept() {
+        let physics = light_impurity(|config| config.time.dt_s = Some(1.7e-6));
+        assert_eq!((physics.dt_s, physics.step_count), (1.7e-6, 47_059));
+    }
+
+    /// 2.4 of the longest steps are two that are too long, or three.
+    #[test]
+    fn a_step_that_divides_is_never_longer_than_allowed() {
+        let physics = light_impurity(|_| {});
+        let longest_s = physics.longest_dt_s();
+        let (dt_s, steps) = physics.whole_steps(2.4 * longest_s, Some(longest_s)).expect("possible");
+        assert_eq!(steps, 3);
+        assert!(dt_s <= longest_s);
+    }
+
+    /// Where contacts open and close at full speed, `rkn4` has 0.0075 T, half of it between walls; the chains of the paper
+    /// keep their 0.02 T.
+    #[test]
+    fn what_opens_at_full_speed_has_shorter_steps() {
+        let part_of_t = |change: fn(&mut RunConfig)| {
+            let physics = light_impurity(change);
+            physics.default_dt_s() / physics.scales().time_s
+        };
+        let near = |found: f64, expected: f64| (found / expected - 1.0).abs() < 1e-12;
+        assert!(near(part_of_t(|_| {}), 0.02));
+        assert!(near(part_of_t(|c| c.ends.right = End::Fixed), 0.0075));
+        assert!(near(part_of_t(|c| (c.ends.left, c.ends.right) = (End::Fixed, End::Fixed)), 0.00375));
+        assert!(near(part_of_t(|c| c.chain.masses = MassRule::PatternKg(vec![1e-3, 2e-3])), 0.0075));
+        assert!(near(part_of_t(|c| (c.chain.alpha, c.ends.right) = (2.0, End::Fixed)), 0.02));
+    }
 }
