@@ -64,6 +64,9 @@ pub struct Deformation {
     pub later_pulse_count: u64,
     /// Speed of the pulse (beads/s) over [`BASELINE`] contacts on either side, if it passed both ends of them.
     pub speed_beads_per_s: Option<f64>,
+    /// The shape and the speed from every second frame alone, if that tells them: what differs is more than what lies
+    /// between frames costs.
+    pub halved: (Option<Shape>, Option<f64>),
     /// The exact solitary wave, or why there is none.
     pub exact: Result<Comparison, String>,
     /// The wave of the continuum, the paper's eq. (cos), or why there is none.
@@ -215,7 +218,8 @@ impl Deformations {
             contact: followed.contact,
             exact: compare(exact.map_err(|error| error.to_string())),
             continuum: compare(continuum.map_err(|error| error.to_string())),
-            speed_beads_per_s: speed(followed),
+            speed_beads_per_s: speed(followed, every_sample),
+            halved: (curve::shape(&every_second(samples), force).ok(), speed(followed, every_second)),
             later_pulse_count: followed.pulse.later_count(),
             samples: samples.to_vec(),
             measured,
@@ -273,9 +277,21 @@ impl Deformations {
     }
 }
 
-fn speed(followed: &Followed) -> Option<f64> {
+fn every_sample(samples: &[Sample]) -> Vec<Sample> {
+    samples.to_vec()
+}
+
+fn every_second(samples: &[Sample]) -> Vec<Sample> {
+    samples.iter().step_by(2).copied().collect()
+}
+
+/// The speed (beads/s) between the gauges, from the samples that `chosen` leaves of each.
+fn speed(followed: &Followed, chosen: fn(&[Sample]) -> Vec<Sample>) -> Option<f64> {
     let [(first, before), (last, behind)] = followed.gauges.as_ref()?;
-    let peak_s = |pulse: &FirstPulse| pulse.shape(|_| 0.0).ok().map(|shape| shape.peak_s);
+    let peak_s = |pulse: &FirstPulse| {
+        pulse.shape(|_| 0.0).ok()?;
+        curve::shape(&chosen(pulse.samples()), |_| 0.0).ok().map(|shape| shape.peak_s)
+    };
     let duration_s = (peak_s(behind)? - peak_s(before)?).abs();
     (duration_s > 0.0).then(|| (last - first) as f64 / duration_s)
 }

@@ -6,29 +6,38 @@ use crate::display;
 use crate::failure::{Done, Failure};
 use crate::outputs::check_tables;
 use anyhow::anyhow;
-use consumers::deformation::{Comparison, Deformation, Deformations};
+use consumers::deformation::{Comparison, Deformation, Deformations, Shape};
 use consumers::follow::Analysis;
 use consumers::plots;
 use consumers::table::{Table, TableError};
+use consumers::uncertain::Uncertain;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
+use schemas::summary::Summarizer;
 use serde_json::{Value, json};
 
 /// Frames that the upper half of a pulse needs for its shape: 20 are off by 1e-4 of the peak, 10 by 1e-3.
 const LEAST_SAMPLES: u64 = 16;
 
-struct Look(Deformations);
+struct Look {
+    deformations: Deformations,
+    summarizer: Summarizer,
+    /// The largest relative error of the energy.
+    max_abs_drift: f64,
+}
 
 impl Analysis for Look {
     type Error = AnalysisError;
 
     fn observe(&mut self, frame: &Frame<'_>) -> Result<(), AnalysisError> {
-        self.0.observe(frame);
+        self.deformations.observe(frame);
+        let drift = self.summarizer.summarize(frame).relative_drift.abs();
+        self.max_abs_drift = self.max_abs_drift.max(drift);
         Ok(())
     }
 
     fn gap(&mut self) {
-        self.0.gap();
+        self.deformations.gap();
     }
 }
 
@@ -41,22 +50,29 @@ pub(crate) fn deformation(args: &DeformationArgs) -> Result<Done, Failure> {
     let columns = ["contact", "time_s", "overlap_m", "exact_m", "continuum_m"].map(str::to_owned);
     let table =
         args.out.as_ref().map(|path| Table::create(path, &columns, args.common.frames.force)).transpose()?;
-    let mut look = Look(Deformations::new(&manifest, &args.contact));
+    let mut look = Look {
+        deformations: Deformations::new(&manifest, &args.contact),
+        summarizer: Summarizer::new(&manifest.physics),
+        max_abs_drift: 0.0,
+    };
     let tally = session.follow(&mut look)?;
 
-    let found = look.0.results();
+    let found = look.deformations.results();
     warn_of_coarse_frames(&found);
     if let Some(mut table) = table {
         found.iter().try_for_each(|deformation| write(&mut table, deformation))?;
         table.finish()?;
     }
     draw(&args.common, || Ok(plots::deformations(&manifest, &found)))?;
-    let rows = found.iter().flat_map(rows).collect();
+    let known = found.iter().map(|found| Known::new(found, &manifest, look.max_abs_drift));
+    let known: Vec<Option<Known>> = known.collect();
+    let each = || found.iter().zip(&known);
+    let rows = each().flat_map(|(found, known)| rows(found, known.as_ref())).collect();
     session.report(
         &tally,
         "deformation",
         rows,
-        json!({ "contacts": found.iter().map(json).collect::<Vec<_>>() }),
+        json!({ "contacts": each().map(|(found, known)| json(found, known.as_ref())).collect::<Vec<_>>() }),
     )
 }
 
@@ -106,57 +122,85 @@ fn write(table: &mut Table, deformation: &Deformation) -> Result<(), TableError>
     Ok(())
 }
 
-fn rows(deformation: &Deformation) -> Vec<(&'static str, String)> {
+/// What was measured of a pulse, with what it may be off by: what every second frame alone shows otherwise, and the error
+/// of the energy.
+struct Known {
+    peak_s: Uncertain,
+    overlap_m: Uncertain,
+    width_s: Uncertain,
+    asymmetry: Uncertain,
+    impulse_n_s: Uncertain,
+    speed_beads_per_s: Option<Uncertain>,
+    /// The part that velocities and momenta may be off, if told from the overlap.
+    scale: f64,
+}
+
+impl Known {
+    /// Of a pulse that could be measured.
+    fn new(deformation: &Deformation, manifest: &RunManifest, drift: f64) -> Option<Self> {
+        let shape = deformation.measured.as_ref().ok()?;
+        let (halved, halved_speed) = &deformation.halved;
+        let known = |value: f64, halved: Option<f64>| {
+            let frames = halved.map_or(f64::NAN, |halved| value - halved);
+            Uncertain::new(value, frames.hypot(drift * value))
+        };
+        let of = |of: fn(&Shape) -> f64| known(of(shape), halved.as_ref().map(of));
+        let overlap_m = of(|shape| shape.overlap_m);
+        // v_max ∝ δ^((α+1)/2)
+        let power = 0.5 * (manifest.physics.alpha + 1.0);
+        Some(Self {
+            peak_s: of(|shape| shape.peak_s),
+            width_s: of(|shape| shape.width_s),
+            asymmetry: of(|shape| shape.asymmetry),
+            impulse_n_s: of(|shape| shape.impulse_n_s),
+            speed_beads_per_s: deformation.speed_beads_per_s.map(|speed| known(speed, *halved_speed)),
+            scale: power * overlap_m.plus_minus / overlap_m.value,
+            overlap_m,
+        })
+    }
+}
+
+fn rows(deformation: &Deformation, known: Option<&Known>) -> Vec<(&'static str, String)> {
     let mut rows = vec![("contact", deformation.contact.to_string())];
-    let shape = match &deformation.measured {
-        Ok(shape) => shape,
-        Err(untold) => {
-            rows.push(("first pulse", untold.to_string()));
-            return rows;
-        }
+    let Some(known) = known else {
+        rows.extend(deformation.measured.as_ref().err().map(|untold| ("first pulse", untold.to_string())));
+        return rows;
     };
     let later = match deformation.later_pulse_count {
         0 => String::new(),
         count => format!("; {} more came later", display::count(count)),
     };
-    rows.push((
-        "first pulse",
-        format!(
-            "{} at {}{later}",
-            display::quantity(shape.overlap_m, "m"),
-            display::quantity(shape.peak_s, "s")
-        ),
-    ));
-    let speed =
-        deformation.speed_beads_per_s.map_or_else(String::new, |speed| format!(", {speed:.2} beads/s"));
+    rows.push(("first pulse", format!("{} µm at {} ms{later}", known.overlap_m / 1e-6, known.peak_s / 1e-3)));
+    let speed = known.speed_beads_per_s.map_or_else(String::new, |speed| format!(", {speed} beads/s"));
     rows.push((
         "measured",
         format!(
-            "width {}, asymmetry {:.2e}, impulse {}{speed}",
-            display::quantity(shape.width_s, "s"),
-            shape.asymmetry,
-            display::quantity(shape.impulse_n_s, "N s")
+            "width {} µs, asymmetry {}, impulse {} N s{speed}",
+            known.width_s / 1e-6,
+            known.asymmetry,
+            known.impulse_n_s
         ),
     ));
     for (name, theory) in [("exact wave", &deformation.exact), ("continuum", &deformation.continuum)] {
-        rows.push((name, theory.as_ref().map_or_else(Clone::clone, theory_text)));
+        rows.push((name, theory.as_ref().map_or_else(Clone::clone, |theory| theory_text(theory, known))));
     }
     rows
 }
 
-fn theory_text(theory: &Comparison) -> String {
+fn theory_text(theory: &Comparison, known: &Known) -> String {
+    let scaled = |value: f64| Uncertain::new(value, known.scale * value).value_text();
     format!(
-        "width {}, impulse {}, {:.2} beads/s; off by L1 {:.1e}, L2 {:.1e}, L∞ {:.1e}",
-        display::quantity(theory.width_s, "s"),
-        display::quantity(theory.impulse_n_s, "N s"),
-        theory.scale.speed_beads_per_s,
+        "width {} µs, impulse {} N s, {} beads/s; off by L1 {:.1e}, L2 {:.1e}, L∞ {:.1e}",
+        scaled(theory.width_s * 1e6),
+        scaled(theory.impulse_n_s),
+        scaled(theory.scale.speed_beads_per_s),
         theory.l1,
         theory.l2,
         theory.l_infinity
     )
 }
 
-fn json(deformation: &Deformation) -> Value {
+fn json(deformation: &Deformation, known: Option<&Known>) -> Value {
     json!({
         "contact": deformation.contact,
         "first_pulse": match &deformation.measured {
@@ -171,6 +215,14 @@ fn json(deformation: &Deformation) -> Value {
             }),
             Err(untold) => json!({ "untold": untold.to_string() }),
         },
+        "uncertainty": known.map(|known| json!({
+            "t_peak_s": known.peak_s.plus_minus,
+            "overlap_peak_m": known.overlap_m.plus_minus,
+            "overlap_fwhm_s": known.width_s.plus_minus,
+            "asymmetry": known.asymmetry.plus_minus,
+            "impulse_n_s": known.impulse_n_s.plus_minus,
+            "speed_beads_per_s": known.speed_beads_per_s.map(|speed| speed.plus_minus),
+        })),
         "later_pulse_count": deformation.later_pulse_count,
         "exact": theory_json(&deformation.exact),
         "continuum": theory_json(&deformation.continuum),

@@ -33,6 +33,9 @@ fn contact_100_is_deformed_as_in_the_reference() {
         {
             let error = number(&pulse[key]) / expected - 1.0;
             assert!(error.abs() < tolerance, "α = {alpha}: {key} is off by {error:e}");
+            // what it says of itself holds, and tells something
+            let says = number(&contact["uncertainty"][key]) / expected;
+            assert!(error.abs() < says + tolerance && says < 1e-3, "α = {alpha}: {key}: {says:e}, {error:e}");
         }
         check_theory(alpha, contact, [peak_m, fwhm_s, speed, v_max]);
     }

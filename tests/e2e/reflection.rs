@@ -84,6 +84,44 @@ fn stationary_reflections_agree_with_the_reference_at_alpha_3() {
     check_exponent("3.0");
 }
 
+/// Reflected energy without the recoil of α = 1.2 minus that of 1.5, of the total energy, at masses (g) of the impurity: the
+/// reference has these five, to the digits written.
+const RECOIL_DIFFERENCES: [(f64, f64); 5] =
+    [(0.92, -1.58e-5), (0.94, 1.11e-5), (0.96, 1.64e-5), (1.02, 4e-7), (1.05, -2.96e-5)];
+
+/// The curves cross twice within 0.1 g, and the uncertainty of each is small enough to tell.
+#[test]
+fn without_the_recoil_the_curves_of_1_2_and_1_5_still_cross() {
+    let place = Place::new();
+    let masses = RECOIL_DIFFERENCES.map(|(mass_g, _)| format!("{mass_g}e-3")).join(", ");
+    // until the shock is about to come to the end: what may still cross the impurity is least then
+    let case = |alpha: f64| {
+        let duration_s = 1100.0 * collision_time_s(alpha);
+        format!("[[case]]\n\"chain.alpha\" = {alpha}\n\"time.duration_s\" = {duration_s}\n")
+    };
+    let text = format!(
+        "[base]\npreset = \"light-impurity\"\nstream.publish_every_steps = 20\n[grid]\n\
+         \"chain.impurities[0].mass_kg\" = [{masses}]\n{}{}",
+        case(1.2),
+        case(1.5)
+    );
+    place.write("five.toml", &text);
+    place.run("sweep five.toml --out five").exits(0);
+    let table = place.read("five/results.csv");
+    let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let names = lines.next().unwrap();
+    let column = |name: &str| names.iter().position(|found| *found == name).unwrap();
+    let (value, off) = (column("corrected_over_total"), column("corrected_over_total_uncertainty"));
+    let rows: Vec<[f64; 2]> = lines.map(|row| [value, off].map(|at| row[at].parse().unwrap())).collect();
+    let (low, high) = rows.split_at(RECOIL_DIFFERENCES.len());
+    for ((mass_g, expected), (low, high)) in RECOIL_DIFFERENCES.into_iter().zip(low.iter().zip(high)) {
+        let (difference, off) = (low[0] - high[0], low[1] + high[1]);
+        // half a unit of the last digit of the reference
+        assert!((difference - expected).abs() < off + 5e-8, "{mass_g} g: {difference:e} ± {off:e}");
+        assert!(difference.abs() > off, "{mass_g} g: {difference:e} ± {off:e}");
+    }
+}
+
 /// Before bead 499 hits an impurity of 10 g again, at 60.94 ms, the reflected energy rests for 18 ms, and yet
 /// it is not stationary: 2e-4 of the energy is on its way back. Afterwards it is, and has changed by 8e-5.
 #[test]

@@ -62,6 +62,7 @@ struct Case {
     drift: f64,
 }
 
+#[expect(clippy::print_stdout, reason = "the table of docs/NUMERICS.md, with --nocapture")]
 fn case(alpha: f64, mass_g: f64, method: Method) -> Case {
     let config = config(alpha, mass_g, method);
     let ((coarse, drift), (fine, _)) = (reflection(&config, 1), reflection(&config, 4));

@@ -158,6 +158,11 @@ impl Number {
         self
     }
 
+    /// Its uncertainty as a part of it; 0 if it has none.
+    pub(super) fn relative_uncertainty(&self) -> f64 {
+        self.uncertainty.map_or(0.0, |found| found.plus_minus / self.value.abs())
+    }
+
     /// Whether it differs from its reference by more than three times what both may be off.
     pub fn contradicts_reference(&self) -> bool {
         let ours = self.uncertainty.map_or(0.0, |uncertainty| uncertainty.plus_minus);
@@ -214,9 +219,7 @@ impl fmt::Display for Counted {
 /// Gives each of several numbers of one kind the largest relative uncertainty of them: two runs may agree in one
 /// number by chance.
 pub(super) fn pool_uncertainty(numbers: &mut [Number]) {
-    let relative =
-        |number: &Number| number.uncertainty.map_or(0.0, |found| found.plus_minus / number.value.abs());
-    let largest = numbers.iter().map(relative).fold(0.0, f64::max);
+    let largest = numbers.iter().map(Number::relative_uncertainty).fold(0.0, f64::max);
     for number in numbers {
         if let Some(found) = &mut number.uncertainty {
             found.plus_minus = largest * number.value.abs();

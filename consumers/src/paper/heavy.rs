@@ -167,7 +167,7 @@ fn judge_asymmetry(seen: &Observations) -> Result<Judgement, StudyError> {
     })
 }
 
-/// Speeds of the forward pulses over those of exact solitary waves of their amplitudes, and the largest distance from 1.
+/// Speeds of the forward pulses over those of exact solitary waves of their amplitudes, and how far they may be from 1.
 fn solitary(seen: &Observations) -> Result<(Vec<Number>, f64), StudyError> {
     let physics = &seen.of(&heavy())?.manifest.physics;
     let wave = SolitaryWave::new(physics.alpha)?.coefficients();
@@ -183,7 +183,8 @@ fn solitary(seen: &Observations) -> Result<(Vec<Number>, f64), StudyError> {
         numbers.push(Number::stepped(what, (ratio(&pulse.fine)?, ratio(&pulse.coarse)?), "", pulse.drift));
     }
     pool_uncertainty(&mut numbers);
-    let worst = numbers.iter().map(|number| (number.value - 1.0).abs()).fold(0.0, f64::max);
+    let off = |number: &Number| (number.value - 1.0).abs() + number.relative_uncertainty() * number.value;
+    let worst = numbers.iter().map(off).fold(0.0, f64::max);
     Ok((numbers, worst))
 }
 
@@ -196,7 +197,7 @@ fn judge_fragments(seen: &Observations) -> Result<Judgement, StudyError> {
     Ok(Judgement {
         verdict: Verdict::graded(falls, worst < SOLITARY),
         why: format!(
-            "The amplitudes of the {} first fragments {}, and each has the speed of the exact solitary wave of its amplitude to {worst:.0e}.",
+            "The amplitudes of the {} first fragments {}, and each has the speed of the exact solitary wave of its amplitude within {worst:.0e}.",
             numbers.len(),
             if falls { "fall" } else { "do not fall" },
         ),
@@ -211,7 +212,7 @@ fn judge_solitons(seen: &Observations) -> Result<Judgement, StudyError> {
         verdict: Verdict::of(worst >= SOLITARY),
         why: if worst < SOLITARY {
             format!(
-                "The wave breaks up, but what it breaks up into are solitary waves: their speeds are those of such waves to {worst:.0e}."
+                "The wave breaks up, but what it breaks up into are solitary waves: their speeds are those of such waves within {worst:.0e}."
             )
         } else {
             format!("The fragments' speeds differ from those of solitary waves by up to {worst:.0e}.")

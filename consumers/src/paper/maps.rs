@@ -118,10 +118,17 @@ fn judge_constant_speed(seen: &Observations) -> Result<Judgement, StudyError> {
         latest_change = latest_change.max((speeds[2] / speeds[3] - 1.0).abs());
     }
     pool_uncertainty(&mut numbers);
+    // of the difference of two speeds
+    let known = 2.0 * numbers[0].relative_uncertainty();
     Ok(Judgement {
         verdict: Verdict::graded(latest_change < 1e-3, early_change > latest_change),
         why: format!(
-            "From bead 700 to 850 the speeds change by {latest_change:.1e}; at bead 520 they are still {early_change:.1e} away from that."
+            "From bead 700 to 850 the speeds change by {}; at bead 520 they are still {early_change:.1e} away from that.",
+            if latest_change < known {
+                format!("less than {known:.0e}")
+            } else {
+                format!("{latest_change:.1e}")
+            }
         ),
         numbers,
     })

@@ -1,7 +1,7 @@
 //! Other masses and other exponents than those of the paper's figures.
 
 use super::claim::{Claim, Counted, Judgement, Number, StudyError, Verdict};
-use super::observe::Observations;
+use super::observe::{Observations, Observed};
 use super::passing::{count_past, counted, falls, with_partners};
 use super::rattle::flights;
 use super::runs::{Run, short};
@@ -64,7 +64,14 @@ fn judge_light(seen: &Observations) -> Result<Judgement, StudyError> {
         let what = |quantity: &str| format!("{quantity}, {mass_g} g, α = {alpha}");
         let count = counted(seen, short(mass_g, alpha), |seen| Ok(flights(seen).len()))?;
         numbers.push(Number::count(what("flights to and fro by the end of the run"), &count));
-        numbers.push(Number::new(what("speed in the last over that in the first"), (last / first).abs(), ""));
+        let ratio = |seen: &Observed| {
+            let found = flights(seen);
+            found.last().zip(found.first()).map_or(f64::NAN, |(last, first)| (last.v_m_s / first.v_m_s).abs())
+        };
+        let (fine, coarse) =
+            (seen.of(&short(mass_g, alpha))?, seen.of(&short(mass_g, alpha).with_step_times(2))?);
+        let what = what("speed in the last over that in the first");
+        numbers.push(Number::stepped(what, (ratio(fine), ratio(coarse)), "", fine.max_abs_drift));
     }
     let all = LIGHT.len();
     Ok(Judgement {

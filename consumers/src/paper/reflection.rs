@@ -44,7 +44,7 @@ pub struct Reflected {
 
 /// The sweep file of the points of the figures: 1000 beads, the impurity at bead 500, each until its energies are stationary.
 pub fn reflection_sweep() -> String {
-    sweep("# The energy figures of the paper.\nuntil = \"stationary\"\n", &MASSES_G)
+    sweep("# The energy figures of the paper.\nuntil = \"stationary\"\n", "", &MASSES_G)
 }
 
 /// The sweep file of the masses (g) to add, until the shock comes to the end of the chain: what may still cross the
@@ -60,13 +60,15 @@ pub fn refined_sweep(points: &[Reflected]) -> Option<String> {
     }
     masses_g.sort_by(f64::total_cmp);
     masses_g.dedup();
-    (!masses_g.is_empty()).then(|| sweep("# Where curves may cross unseen.\n", &masses_g))
+    // energies alone are asked for, and these change little in ten steps
+    let stream = "stream.publish_every_steps = 10\n";
+    (!masses_g.is_empty()).then(|| sweep("# Where curves may cross unseen.\n", stream, &masses_g))
 }
 
-fn sweep(head: &str, masses_g: &[f64]) -> String {
+fn sweep(head: &str, stream: &str, masses_g: &[f64]) -> String {
     let masses: Vec<String> = masses_g.iter().map(|mass_g| format!("{mass_g}e-3")).collect();
     let mut text = format!(
-        "{head}\n[base]\npreset = \"light-impurity\"\n\n[grid]\n\"chain.impurities[0].mass_kg\" = [{}]\n",
+        "{head}\n[base]\npreset = \"light-impurity\"\n{stream}\n[grid]\n\"chain.impurities[0].mass_kg\" = [{}]\n",
         masses.join(", ")
     );
     for alpha in ALPHAS {

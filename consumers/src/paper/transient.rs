@@ -226,23 +226,22 @@ fn judge_15000(seen: &Observations) -> Result<Judgement, StudyError> {
     }
     let thousandth: Vec<f64> = places.iter().skip(1).step_by(2).copied().collect();
     let run = seen.of(&long(SHOWN[0]))?;
-    let last = stationary(seen, SHOWN[0])?.amplitude.0 * run.manifest.physics.striker.velocity_m_s;
-    let above = at(run, 15_000.0)?.v_max_m_s / last - 1.0;
-    numbers.push(Number::new(
-        "relative distance of the amplitude at bead 15000 from the last, α = 1.004",
-        above,
-        "",
-    ));
+    let (last, error) = stationary(seen, SHOWN[0])?.amplitude;
+    let v0 = run.manifest.physics.striker.velocity_m_s;
+    let above = at(run, 15_000.0)?.v_max_m_s / v0 / last - 1.0;
+    numbers.push(
+        Number::new("amplitude at bead 15000 over the stationary one, α = 1.004", above + 1.0, "")
+            .give_or_take(error / last, FROM_PATH),
+    );
     let longer = thousandth.windows(2).all(|pair| pair[0] > pair[1]);
     Ok(Judgement {
         verdict: Verdict::graded(longer, (0.5..=1.0).contains(&(thousandth[0] / 15_000.0))),
         why: format!(
             "A thousandth of the stationary amplitude is reached at beads {} for α = {}; at bead 15000 the amplitude of 1.004 is \
-             {:.0e} above that of the last {:.0} beads.",
+             the stationary one within {:.0e}.",
             thousandth.iter().map(|place| format!("{place:.0}")).collect::<Vec<_>>().join(", "),
             SHOWN.map(|alpha| alpha.to_string()).join(", "),
-            above,
-            0.08 * run.manifest.physics.beads as f64
+            above.abs() + error / last,
         ),
         numbers,
     })
