@@ -143,11 +143,13 @@ impl Bus {
     fn node(&self) -> Result<Node<Ipc>, BusError> {
         // before anything that may wait for others
         let warden = self.warden();
-        let _lock = self.lock()?;
+        let lock = self.lock()?;
         let node = self.node_with(&self.config)?;
-        let mut removed = leftovers::remove_orphans(&self.root, &self.prefix, &self.config);
-        removed.add(leftovers::remove_earlier(&self.prefix, &root::family(&self.root)));
-        warden.note(removed);
+        if lock.is_exclusive() {
+            let mut removed = leftovers::remove_orphans(&self.root, &self.prefix, &self.config);
+            removed.add(leftovers::remove_earlier(&self.prefix, &root::family(&self.root)));
+            warden.note(removed);
+        }
         Ok(node)
     }
 

@@ -18,6 +18,8 @@ use std::time::{Duration, Instant};
 const LOCK_FILE: &str = "creating.lock";
 /// How long others may hold the lock, all together.
 const LOCK_PATIENCE: Duration = Duration::from_secs(15);
+/// The same when who holds it was stopped, and may never go on.
+const PATIENCE_WITH_STOPPED: Duration = Duration::from_millis(500);
 /// How long a service may be in the middle of being created or removed.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// How old what is half-made must be, and how long it must have been seen: programs that are not ours do not
@@ -26,48 +28,81 @@ const STALE_AFTER: Duration = Duration::from_secs(1);
 const PAUSE: Duration = Duration::from_millis(2);
 
 /// Held while something is created on the bus. A thread that holds it may take it again.
-pub(super) struct CreationLock(#[expect(dead_code, reason = "closing it unlocks")] Rc<File>);
+pub(super) struct CreationLock(Rc<Held>);
+
+struct Held {
+    /// Closing it unlocks.
+    _file: File,
+    exclusive: bool,
+}
 
 thread_local! {
     /// What this thread holds.
-    static HELD: RefCell<Vec<(PathBuf, Weak<File>)>> = const { RefCell::new(Vec::new()) };
+    static HELD: RefCell<Vec<(PathBuf, Weak<Held>)>> = const { RefCell::new(Vec::new()) };
 }
 
 impl CreationLock {
     pub(super) fn take(root: &Path) -> Result<Self, BusError> {
         let path = root.join(LOCK_FILE);
-        HELD.with_borrow_mut(|held| {
-            held.retain(|(_, file)| file.strong_count() > 0);
-            let ours = held.iter().find(|(held, _)| *held == path).and_then(|(_, file)| file.upgrade());
-            if let Some(file) = ours {
-                return Ok(Self(file));
+        HELD.with_borrow_mut(|all| {
+            all.retain(|(_, held)| held.strong_count() > 0);
+            let ours = all.iter().find(|(held, _)| *held == path).and_then(|(_, held)| held.upgrade());
+            if let Some(held) = ours {
+                return Ok(Self(held));
             }
-            let file = Rc::new(Self::lock(&path)?);
-            held.push((path, Rc::downgrade(&file)));
-            Ok(Self(file))
+            let held = Rc::new(lock(&path)?);
+            all.push((path, Rc::downgrade(&held)));
+            Ok(Self(held))
         })
     }
 
-    fn lock(path: &Path) -> Result<File, BusError> {
-        let failed =
-            |e: &dyn std::fmt::Display| BusError::Locked { path: path.to_owned(), cause: e.to_string() };
-        let mut options = File::options();
-        let file = options.write(true).create(true).truncate(false).mode(0o600).open(path);
-        let file = file.map_err(|e| failed(&e))?;
-        let start = Instant::now();
-        loop {
-            match file.try_lock() {
-                Ok(()) => return Ok(file),
-                Err(TryLockError::WouldBlock) if start.elapsed() >= LOCK_PATIENCE => {
-                    return Err(failed(&format!("another process has held it for {LOCK_PATIENCE:?}")));
-                }
-                Err(TryLockError::Error(e)) if e.kind() != std::io::ErrorKind::Interrupted => {
-                    return Err(failed(&e));
-                }
-                Err(_) => std::thread::sleep(PAUSE),
+    /// Whether nobody else is creating anything: not when who holds the lock was stopped, and is not waited for.
+    /// Whatever is half-made may then be that one's.
+    pub(super) fn is_exclusive(&self) -> bool {
+        self.0.exclusive
+    }
+}
+
+fn lock(path: &Path) -> Result<Held, BusError> {
+    let failed = |e: &dyn std::fmt::Display| BusError::Locked { path: path.to_owned(), cause: e.to_string() };
+    let mut options = File::options();
+    let file = options.write(true).create(true).truncate(false).mode(0o600).open(path);
+    let file = file.map_err(|e| failed(&e))?;
+    let start = Instant::now();
+    loop {
+        match file.try_lock() {
+            Ok(()) => return Ok(Held { _file: file, exclusive: true }),
+            Err(TryLockError::WouldBlock) if start.elapsed() >= LOCK_PATIENCE => {
+                return Err(failed(&format!("another process has held it for {LOCK_PATIENCE:?}")));
             }
+            Err(TryLockError::WouldBlock)
+                if start.elapsed() >= PATIENCE_WITH_STOPPED && holder_is_stopped(&file) =>
+            {
+                return Ok(Held { _file: file, exclusive: false });
+            }
+            Err(TryLockError::Error(e)) if e.kind() != std::io::ErrorKind::Interrupted => {
+                return Err(failed(&e));
+            }
+            Err(_) => std::thread::sleep(PAUSE),
         }
     }
+}
+
+/// Whether the process that holds the lock was stopped (SIGSTOP, Ctrl-Z), as far as the kernel tells.
+fn holder_is_stopped(file: &File) -> bool {
+    let Ok(inode) = file.metadata().map(|found| found.ino()) else { return false };
+    let locks = std::fs::read_to_string("/proc/locks").unwrap_or_default();
+    // `1: FLOCK  ADVISORY  WRITE 4711 00:2a:123 0 EOF`
+    let holder = locks.lines().find_map(|line| {
+        let mut fields = line.split_ascii_whitespace().skip(1);
+        let is_flock = fields.next() == Some("FLOCK");
+        let holder = fields.nth(2)?;
+        let is_this = fields.next()?.rsplit(':').next()?.parse() == Ok(inode);
+        (is_flock && is_this).then(|| holder.to_owned())
+    });
+    let stat = holder.and_then(|holder| std::fs::read_to_string(format!("/proc/{holder}/stat")).ok());
+    let state = stat.as_ref().and_then(|stat| stat.rsplit(')').next()?.trim_start().chars().next());
+    matches!(state, Some('T' | 't'))
 }
 
 fn root_of(config: &Config) -> PathBuf {
@@ -108,7 +143,7 @@ impl Wanted<'_> {
             Err(e) if e.class() == Class::Refused => return Err(failed("open", &e)),
             Err(_) => {}
         }
-        let _lock = CreationLock::take(&root_of(self.node.config()))?;
+        let lock = CreationLock::take(&root_of(self.node.config()))?;
         let start = Instant::now();
         let mut broken_since: Option<Instant> = None;
         loop {
@@ -125,7 +160,7 @@ impl Wanted<'_> {
                 Class::Interrupted => broken_since = None,
                 Class::Missing | Class::Exists | Class::Broken => {
                     let since = *broken_since.get_or_insert_with(Instant::now);
-                    if since.elapsed() >= STALE_AFTER && self.remove_half_made() {
+                    if since.elapsed() >= STALE_AFTER && lock.is_exclusive() && self.remove_half_made() {
                         broken_since = None;
                     }
                 }

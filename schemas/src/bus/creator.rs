@@ -74,7 +74,7 @@ mod tests {
         assert_eq!(ids(&format!("blx_{hash}_{one}.dynamic")), [first]);
         assert_eq!(ids(&format!("blx_{hash}_{two}_{one}.connection")), [first, second]);
         assert_eq!(ids(&format!("blx_{hash}_node.0_10_0.global_mgmt")), [] as [u128; 0]);
-        assert_eq!(Id(first).process(), 8_590_008);
+        assert_eq!(Id(first).process(), 29_693);
     }
 
     #[test]

@@ -155,7 +155,10 @@ pub(super) fn secret(root: &Path) -> Result<String, RootError> {
     if let Some(secret) = read() {
         return Ok(secret);
     }
-    let _lock = CreationLock::take(root).map_err(|e| failed(&e))?;
+    let lock = CreationLock::take(root).map_err(|e| failed(&e))?;
+    if !lock.is_exclusive() {
+        return Err(failed(&"who is making it was stopped; let it go on, or end it"));
+    }
     if let Some(secret) = read() {
         return Ok(secret);
     }

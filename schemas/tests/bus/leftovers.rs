@@ -5,6 +5,7 @@ use crate::support::{TestBus, attach_to, drain, publish, publisher, wait_until};
 use schemas::bus::{Bus, ConsumerEvent, Delivery, PublishOptions, list_runs};
 use schemas::frame::EndReason;
 use std::fs::Permissions;
+use std::io::{Read as _, Write as _};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -228,4 +229,27 @@ fn a_bus_that_is_removed_under_a_run_is_noticed_and_cleaned_up_later() {
             std::fs::remove_file(path).unwrap();
         }
     }
+}
+
+/// A process that was stopped (Ctrl-Z) while it was creating something holds the lock, maybe for ever.
+#[test]
+fn a_stopped_process_does_not_keep_others_from_starting() {
+    let test = TestBus::new();
+    run_through(&test, "before");
+    let lock = test.bus.root().join("creating.lock");
+    let mut holder = std::process::Command::new("flock")
+        .args(["-x", "--no-fork", lock.to_str().unwrap(), "cat"])
+        .stdin(std::process::Stdio::piped())
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    // what it gives back it has got while it held the lock
+    holder.stdin.as_mut().unwrap().write_all(b"x").unwrap();
+    holder.stdout.as_mut().unwrap().read_exact(&mut [0]).unwrap();
+    let stopped =
+        std::process::Command::new("kill").args(["-STOP", &holder.id().to_string()]).status().unwrap();
+    assert!(stopped.success());
+    run_through(&test, "beside");
+    holder.kill().unwrap();
+    holder.wait().unwrap();
 }
