@@ -32,6 +32,8 @@ pub(crate) struct Verified {
     /// A process that lives goes on with it.
     is_being_written: bool,
     found: Verification,
+    /// It was asked to stop before the rows of results were compared.
+    is_stopped: bool,
     /// The file before it was named, too.
     is_later_part: bool,
     /// Whether it is the part that follows the file before or, if there is none and it begins later than the run, what
@@ -102,12 +104,17 @@ pub(crate) fn verify_file(
     };
     let toml = RunToml::compare(found.run_toml.as_deref(), &found.manifest);
     let (path, is_later_part) = (path.to_owned(), before.is_some());
-    Ok(Verified { path, file_bytes, is_being_written, is_later_part, found, follows, rows, toml })
+    let is_stopped = stop.load(Ordering::Relaxed) && !found.rows.is_empty();
+    Ok(Verified { path, file_bytes, is_being_written, found, is_stopped, is_later_part, follows, rows, toml })
 }
 
 impl Verified {
     pub(crate) fn is_proven(&self) -> bool {
-        self.found.is_proven() && self.is_sound() && self.follows.as_ref().is_none_or(Follows::is_proven)
+        let is_stopped = self.is_stopped;
+        !is_stopped
+            && self.found.is_proven()
+            && self.is_sound()
+            && self.follows.as_ref().is_none_or(Follows::is_proven)
     }
 
     /// Whether nothing is wrong with what there is, as far as this program can tell.
@@ -130,7 +137,8 @@ impl Verified {
         let found = &self.found;
         if self.is_proven() {
             "proven"
-        } else if self.is_sound() && (found.stopped_after.is_some() || self.follows == Some(Follows::Stopped))
+        } else if self.is_sound()
+            && (self.is_stopped || found.stopped_after.is_some() || self.follows == Some(Follows::Stopped))
         {
             "STOPPED before it was proven"
         } else if found.is_proven() && self.is_sound() && self.is_later_part {

@@ -19,6 +19,7 @@ use std::fs;
 const SMALL: &str = "run --beads 60 --impurity 30=0.6e-3 --duration 0.001 --name small --force";
 
 type States = Vec<(u64, Vec<f64>)>;
+type Lie = Box<dyn Fn(&mut Parts)>;
 
 /// The states of a run: step and `[u | v]`; and its configuration.
 fn run(place: &Place, flags: &str, name: &str) -> (RunManifest, States) {
@@ -177,7 +178,7 @@ fn a_summary_section_that_is_not_that_of_the_data_is_damage() {
             parts.records.remove(record);
         }
     };
-    let lies: Vec<(&str, Box<dyn Fn(&mut Parts)>, &str)> = vec![
+    let lies: Vec<(&str, Lie, &str)> = vec![
         (
             "fields of a schema exchanged",
             Box::new(|parts: &mut Parts| {

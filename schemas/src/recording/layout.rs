@@ -13,6 +13,9 @@ use mcap::records::{AttachmentIndex, Footer, MetadataIndex, Record, Statistics, 
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 
+/// Kinds of records in a summary section, at the most.
+const MOST_GROUPS: usize = 256;
+
 /// What the summary section must say, gathered while the data section is read. However long the file is, that is a few
 /// hashes and the places of the messages of one chunk.
 #[derive(Debug, Default)]
@@ -234,7 +237,7 @@ impl Said {
                 }
                 Record::SummaryOffset(said) => {
                     first_offset.get_or_insert(offset);
-                    if offsets.len() <= usize::from(u8::MAX) {
+                    if offsets.len() <= MOST_GROUPS {
                         offsets.push((said.group_opcode, said.group_start, said.group_length));
                     }
                     continue;
@@ -243,7 +246,7 @@ impl Said {
             }
             if let Some((_, _, bytes)) = groups.last_mut().filter(|(last, ..)| *last == opcode) {
                 *bytes += length;
-            } else if groups.len() > usize::from(u8::MAX) {
+            } else if groups.len() > MOST_GROUPS {
                 return Err("the summary section is not grouped by kinds of records".to_owned());
             } else {
                 groups.push((opcode, offset, length));

@@ -43,7 +43,7 @@ impl Lists {
         let first = found.step_range().map_or(0, |(first, _)| first);
         match &file.follows {
             None if first == 0 => {
-                self.proven.push("the first state: the manifest's initial condition".to_owned())
+                self.proven.push("the first state: the manifest's initial condition".to_owned());
             }
             Some(Follows::Proven) if file.is_later_part => {
                 self.proven.push("the first state: what the part before leads to".to_owned());

@@ -80,46 +80,41 @@ pub(crate) fn check(
             checked.push(not_checked(format!("which nothing is recomputed for: {other}")));
             continue;
         }
+        if !found.is_sound_so_far() {
+            checked.push(not_checked("because something is wrong with the file or its states".to_owned()));
+            continue;
+        }
         match RecordedRows::open(path, topic).bad_input()? {
-            Some(rows) => readers.push(Reader::new(rows, &found.manifest)?),
+            Some(rows) => readers.push(Reader::new(rows, &found.manifest)),
             None => checked.push(not_checked("which this program does not make again".to_owned())),
         }
     }
     if readers.is_empty() {
         return Ok(checked);
     }
-    let pass = |readers: &mut Vec<Reader>| -> Result<(), Failure> {
+    let pass = |readers: &mut [Reader]| -> Result<(), Failure> {
         let source = Source::open(path, stop)?;
         let mut frames = Frames::recomputed(source, Lend::Frames, false, 0, Some(threads))?;
         follow(&mut frames, readers)
     };
     pass(&mut readers)?;
     // rows of another split bead: made again with the one that they are of
-    let mut others = Vec::new();
     for reader in &mut readers {
         if let Checker::Energies(energies) = &reader.checker
             && let Some(split) = energies.other_split(&found.manifest)
             && let Some(rows) = RecordedRows::open(path, reader.rows.topic()).bad_input()?
         {
-            let mut again = Reader::new(rows, &found.manifest)?;
+            let mut again = Reader::new(rows, &found.manifest);
             again.checker = Checker::Energies(Box::new(EnergyRows::new(&found.manifest, split)));
-            others.push(again);
-        }
-    }
-    if !others.is_empty() {
-        pass(&mut others)?;
-        for other in others {
-            for reader in &mut readers {
-                let is_better = reader.rows.topic() == other.rows.topic()
-                    && other.found.difference_count < reader.found.difference_count;
-                if is_better {
-                    reader.found = other.found;
-                    break;
-                }
+            let mut again = [again];
+            pass(&mut again)?;
+            let [again] = again;
+            if again.found.difference_count < reader.found.difference_count {
+                *reader = again;
             }
         }
     }
-    checked.extend(readers.into_iter().map(Reader::finish));
+    checked.extend(readers.into_iter().map(|reader| reader.found));
     Ok(checked)
 }
 
@@ -130,7 +125,7 @@ fn follow(frames: &mut Frames, readers: &mut [Reader]) -> Result<(), Failure> {
         match frames.receive() {
             Ok(Received::Frame(frame)) => {
                 for reader in &mut *readers {
-                    reader.take(&frame, &manifest)?;
+                    reader.take(&frame, &manifest);
                 }
             }
             Ok(Received::Missed { .. }) => {}
@@ -150,7 +145,7 @@ fn follow(frames: &mut Frames, readers: &mut [Reader]) -> Result<(), Failure> {
 }
 
 impl Reader {
-    fn new(rows: RecordedRows, manifest: &RunManifest) -> Result<Self, Failure> {
+    fn new(rows: RecordedRows, manifest: &RunManifest) -> Self {
         let topic = rows.topic().to_owned();
         let checker = match topic.as_str() {
             "/energies" => Checker::Energies(Box::new(EnergyRows::of(manifest))),
@@ -160,7 +155,7 @@ impl Reader {
         let found = RowsChecked { topic, ..RowsChecked::default() };
         let mut reader = Self { rows, next: None, stateless_count: 0, checker, found };
         reader.advance();
-        Ok(reader)
+        reader
     }
 
     /// Goes to the next row; what comes after one that is none is not looked at.
@@ -175,7 +170,7 @@ impl Reader {
         };
     }
 
-    fn take(&mut self, frame: &Frame<'_>, manifest: &RunManifest) -> Result<(), Failure> {
+    fn take(&mut self, frame: &Frame<'_>, manifest: &RunManifest) {
         while self.next.as_ref().is_some_and(|row| row.frame < frame.frame) {
             self.stateless_count += 1;
             self.advance();
@@ -196,13 +191,12 @@ impl Reader {
             (Checker::Contacts(contacts), Some(RecordedValues::Contacts { tolerance_m, classes })) => {
                 classes_differ(contacts, manifest, frame, *tolerance_m, classes)
             }
-            _ => return Ok(()),
+            _ => return,
         };
         if row.is_some() {
             self.found.compare(frame.frame, wrong);
             self.advance();
         }
-        Ok(())
     }
 
     /// No more frames come.
@@ -227,10 +221,6 @@ impl Reader {
                 .not_checked
                 .push(format!("{count} rows of `{topic}`: of frames before or after the states"));
         }
-    }
-
-    fn finish(self) -> RowsChecked {
-        self.found
     }
 }
 

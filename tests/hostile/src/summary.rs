@@ -149,14 +149,18 @@ impl Described {
         let mut offsets = Vec::new();
         for (opcode, records) in groups {
             let start = self.bytes.len() as u64;
-            records.iter().for_each(|body| put_record(&mut self.bytes, opcode, body));
+            for body in &records {
+                put_record(&mut self.bytes, opcode, body);
+            }
             let length = self.bytes.len() as u64 - start;
             if length > 0 {
                 offsets.push([&[opcode][..], &numbers(&[start, length])].concat());
             }
         }
         let first_offset = self.bytes.len() as u64;
-        offsets.iter().for_each(|body| put_record(&mut self.bytes, op::SUMMARY_OFFSET, body));
+        for body in &offsets {
+            put_record(&mut self.bytes, op::SUMMARY_OFFSET, body);
+        }
         put_record(&mut self.bytes, op::FOOTER, &[numbers(&[summary, first_offset]), vec![0; 4]].concat());
         self.bytes.extend(MAGIC);
     }
