@@ -6,8 +6,7 @@ use schemas::chain::Chain;
 /// 1e-5 of its energy.
 const SAME: f64 = 0.01;
 
-/// The chain is even where so many beads are alike, or as many as there are: a few of a disordered chain are so by
-/// chance.
+/// The chain is even where so many beads are alike: a few of a disordered chain are so by chance.
 const EVEN: usize = 6;
 
 /// Beads where a pulse ends and others begin.
@@ -27,10 +26,12 @@ impl Obstacles {
     pub fn of(chain: &Chain) -> Self {
         let m = &chain.mass_kg;
         let same = |a: usize, b: usize| (m[a] - m[b]).abs() <= SAME * m[a];
-        let left = |bead: usize| (0..bead).rev().take(EVEN);
-        let right = |bead: usize| (bead + 1..m.len()).take(EVEN);
+        let even = EVEN.min((m.len() - 1) / 2);
+        let left = |bead: usize| (0..bead).rev().take(even);
+        let right = |bead: usize| (bead + 1..m.len()).take(even);
         let is_obstacle = |bead: usize| {
-            ends_at(bead, left(bead), right(bead), &same) || ends_at(bead, right(bead), left(bead), &same)
+            ends_at(bead, even, left(bead), right(bead), &same)
+                || ends_at(bead, even, right(bead), left(bead), &same)
         };
         let mut beads: Vec<i64> = (0..m.len()).filter(|bead| is_obstacle(*bead)).map(index).collect();
         if beads.len() * 10 > m.len() {
@@ -73,13 +74,16 @@ impl Obstacles {
 /// Whether `bead` differs from the two `ahead`, which are alike, and the chain is even ahead or `behind`.
 fn ends_at(
     bead: usize,
-    mut ahead: impl Iterator<Item = usize>,
-    mut behind: impl Iterator<Item = usize>,
+    even: usize,
+    ahead: impl ExactSizeIterator<Item = usize> + Clone,
+    mut behind: impl ExactSizeIterator<Item = usize>,
     same: &impl Fn(usize, usize) -> bool,
 ) -> bool {
-    let (Some(next), Some(second)) = (ahead.next(), ahead.next()) else { return false };
-    let mut even_ahead = || ahead.all(|other| same(next, other));
-    !same(next, bead) && same(next, second) && (even_ahead() || behind.all(|other| same(bead, other)))
+    let mut two = ahead.clone();
+    let (Some(next), Some(second)) = (two.next(), two.next()) else { return false };
+    let even_ahead = ahead.len() == even && ahead.clone().all(|other| same(next, other));
+    let mut even_behind = || behind.len() == even && behind.all(|other| same(bead, other));
+    !same(next, bead) && same(next, second) && (even_ahead || even_behind())
 }
 
 /// Bead numbers are at most 2e7.

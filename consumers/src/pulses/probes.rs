@@ -91,7 +91,7 @@ mod tests {
     use schemas::manifest::Origin;
     use schemas::presets::PRESETS;
 
-    /// A bump of fixed shape that moves at 1000 beads/s to the left passes bead 50.
+    /// A bump of fixed shape that moves at 4000 beads/s to the left passes bead 50.
     #[test]
     fn a_moving_bump_is_measured() {
         let mut config = PRESETS[2].config();
@@ -100,10 +100,10 @@ mod tests {
         let m = RunManifest::new(&config, "run", origin).expect("valid");
         let mut probes = Probes::new(&m, &[50]);
         for step in 0..1000_u32 {
-            let time_s = f64::from(step) * 1e-4;
+            let time_s = f64::from(step) * 2.5e-5;
             let v_m_s: Vec<f64> = (0..100_u32)
                 .map(|bead| {
-                    let x = (f64::from(bead) - (90.0 - 1000.0 * time_s)) / 5.0;
+                    let x = (f64::from(bead) - (90.0 - 4000.0 * time_s)) / 5.0;
                     -2.0 * (-x * x).exp()
                 })
                 .collect();
@@ -114,7 +114,7 @@ mod tests {
         let passages = probes.passages();
         let [passage] = passages[..] else { panic!("{passages:?}") };
         // steps of a 50th of the width: the quartic is off by far less than 1e-6
-        assert!((passage.v_peak_m_s + 2.0).abs() < 1e-6 && (passage.time_s - 0.04).abs() < 1e-8);
-        assert!((passage.speed_beads_per_s - 1000.0).abs() < 1e-3);
+        assert!((passage.v_peak_m_s + 2.0).abs() < 1e-6 && (passage.time_s - 0.01).abs() < 1e-8);
+        assert!((passage.speed_beads_per_s - 4000.0).abs() < 1e-3);
     }
 }
