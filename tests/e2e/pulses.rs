@@ -186,7 +186,7 @@ fn every_preset_is_followed() {
 #[test]
 fn the_count_says_what_depends_on_the_threshold() {
     let place = Place::new();
-    place.run("run --preset striker-10g --beads 150 --duration 0.012 --name train").exits(0);
+    place.run("run --preset striker-3g --name train").exits(0);
     let count = |threshold: &str| {
         let told = place.run(&format!("pulses train.mcap --json --threshold {threshold}")).exits(0);
         let results = told.json()["results"].clone();

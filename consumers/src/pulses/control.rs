@@ -15,6 +15,9 @@ const EVERY_STEPS: u64 = 8;
 /// A rise matters that is this part of the largest speed of its bead.
 const MATTERS: f64 = 0.1;
 
+/// The same where beads are not alike: behind every pulse comes a train of waves that are none.
+const MATTERS_UNEVEN: f64 = 0.5;
+
 /// And this many times the threshold: weaker ones may fall below it on their way.
 const ABOVE_THRESHOLD: f64 = 2.0;
 
@@ -138,18 +141,19 @@ impl Control {
 
     /// The bead behind the last one of the run in `direction` that `first` is the lowest bead of.
     fn end_of_run(&self, around: &Surroundings, first: usize, direction: Direction) -> usize {
-        let counts = |bead: &Bead| {
+        let counts = |number: usize, bead: &Bead| {
             let rise = &bead.unexplained;
+            let matters = if around.is_uneven(number) { MATTERS_UNEVEN } else { MATTERS };
             // in a chain without load beads move where the pulse goes
             let along = around.loaded || rise.v_m_s * direction.sign() as f64 > 0.0;
-            let least_m_s = (ABOVE_THRESHOLD * self.threshold_m_s).max(MATTERS * bead.largest_m_s);
+            let least_m_s = (ABOVE_THRESHOLD * self.threshold_m_s).max(matters * bead.largest_m_s);
             along && rise.by_m_s > least_m_s
         };
-        if !counts(&self.beads[first]) {
+        if !counts(first, &self.beads[first]) {
             return first;
         }
         let mut next = first + 1;
-        while let Some(bead) = self.beads.get(next).filter(|bead| counts(bead)) {
+        while let Some(bead) = self.beads.get(next).filter(|bead| counts(next, bead)) {
             let before = &self.beads[next - 1].unexplained;
             let took_s = (bead.unexplained.time_s - before.time_s) * direction.sign() as f64;
             if took_s < 0.0 || took_s > around.longest_step_s(signed(next as u64), bead.unexplained.v_m_s) {

@@ -70,9 +70,14 @@ impl Probes {
         self.probes.iter_mut().for_each(|probe| probe.pulses.gap());
     }
 
-    /// The pulses that have passed each probe and left it behind, in the order of arrival.
+    /// The pulses that have passed each probe, in the order of arrival. The speed of one that has not come
+    /// [`Passage::BASELINE`] beads farther is measured over as many as it has.
     pub fn passages(&self) -> Vec<Passage> {
         let mut passages = self.passages.clone();
+        for Probe { bead, pulses } in &self.probes {
+            let mut under_way = pulses.clone();
+            passages.extend(under_way.finish().iter().filter_map(|happening| passage(happening, *bead)));
+        }
         passages.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         passages
     }
