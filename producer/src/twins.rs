@@ -83,7 +83,9 @@ impl Twins {
         };
         let (u_m, mut v_m_s) = physics.initial_state();
         let at_rest_m_s = load_speed_m_s(physics);
-        v_m_s.iter_mut().for_each(|v| *v = moved(*v, at_rest_m_s));
+        for v in &mut v_m_s {
+            *v = moved(*v, at_rest_m_s);
+        }
         let moved = Sibling {
             which: "the twin with moved velocities",
             state: ChainState::starting_at(physics, &u_m, &v_m_s),
@@ -186,7 +188,9 @@ mod tests {
                 v_m_s[0] = velocity_m_s;
                 let mut state = ChainState::starting_at(physics, &u_m, &v_m_s);
                 let mut integrator = Integrator::new(physics);
-                (0..physics.step_count).for_each(|_| integrator.step(&mut state));
+                for _ in 0..physics.step_count {
+                    integrator.step(&mut state);
+                }
                 state
             };
             let mut half = physics.clone();

@@ -36,7 +36,7 @@ fn the_error_of_the_step_is_that_against_another_solver() {
 }
 
 /// 1200 beads struck by one of 10 g: solvers agree within 1e-3 L up to 570 T, and at 600 T differ by 5e-3 L, whether the
-/// step is 0.02 T, 0.01 T or 0.005 T, or the striker faster by one unit in the last place (an independent `rkn4` in NumPy).
+/// step is 0.02 T, 0.01 T or 0.005 T, or the striker faster by one unit in the last place (an independent `rkn4` in `NumPy`).
 #[test]
 fn chaos_is_told_from_the_step() {
     let place = Place::new();

@@ -75,7 +75,9 @@ fn a_trail_keeps_the_largest_errors() {
 fn only_what_grows_exponentially_has_a_rate() {
     let trail = |difference: fn(f64) -> f64| {
         let mut trail = Trail::default();
-        (1..1000).map(f64::from).for_each(|t| trail.push(sample(t, difference(t))));
+        for t in (1..1000).map(f64::from) {
+            trail.push(sample(t, difference(t)));
+        }
         trail.growth_per_s(1e-10)
     };
     let rate = trail(|t| (1e-16 * (0.05 * t).exp()).min(0.3)).expect("exponential");
