@@ -8,8 +8,9 @@ use serde_json::json;
 pub(crate) fn ls(as_json: bool, names_only: bool) -> Result<Done, Failure> {
     let runs = list_runs(&Bus::from_env()?)?;
     if names_only {
-        let names: String = runs.iter().map(|run| format!("{}\n", run.name)).collect();
-        display::print(names)?;
+        for run in &runs {
+            display::print(format_args!("{}\n", run.name))?;
+        }
     } else if as_json {
         display::print_json(&runs.iter().map(to_json).collect::<Vec<_>>())?;
     } else if runs.is_empty() {
