@@ -67,7 +67,7 @@ pub(crate) fn configure<'a>(args: impl Into<Asked<'a>>) -> Result<Configured, Fa
             RunManifest::new(config, stem.as_deref().unwrap_or("run"), origin()).map_err(|error| {
                 // a value that a flag set does not stand in the file
                 match replaced.iter().find(|(key, _)| error.key.starts_with(key)) {
-                    Some((_, flag)) => ConfigError { key: (*flag).to_owned(), ..error },
+                    Some((_, flag)) => ConfigError { key: format!("{flag} ({})", error.key), ..error },
                     None => error.located(&text, args.config.as_deref()),
                 }
             });

@@ -61,7 +61,7 @@ fn span(window: &Window) -> String {
     if until_s.is_finite() {
         format!("from {from_s} s to {until_s} s")
     } else {
-        format!("at or after {from_s} s")
+        format!("from {from_s} s on")
     }
 }
 

@@ -10,8 +10,9 @@ pub(crate) fn ls(as_json: bool, names_only: bool) -> Result<Done, Failure> {
     let runs = list_runs(&bus)?;
     display::notice_of_bus(&bus);
     if names_only {
-        let names: String = runs.iter().map(|run| format!("{}\n", run.name)).collect();
-        display::print(names)?;
+        for run in &runs {
+            display::print(format_args!("{}\n", run.name))?;
+        }
     } else if as_json {
         display::print_json(&runs.iter().map(to_json).collect::<Vec<_>>())?;
     } else if runs.is_empty() {

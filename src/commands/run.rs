@@ -20,7 +20,7 @@ use schemas::manifest::RunManifest;
 use schemas::recording::{Finished, RecordingWriter, SpaceNeeded, WriteError, WriteOptions};
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -89,11 +89,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     }
 
     if let Some(path) = &out {
-        let path = path.display();
-        signals::would_leave(format!(
-            "{path}.partial has what was recorded: `beadline run --resume {path}.partial` goes on with it, and every \
-             analysis reads it"
-        ));
+        signals::would_leave(what_stays(path));
     }
     let beside = args.check.then(|| Beside::start(manifest, &stop)).transpose()?;
     let first_step = state.as_ref().map_or(0, |state| state.step);
@@ -152,6 +148,15 @@ fn new_run(args: &RunArgs) -> Result<(Configured, Option<PathBuf>), Failure> {
     let out = || args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.mcap")));
     let out = (!args.no_record).then(out);
     Ok((configured, out))
+}
+
+/// Where the recording `path` is if the process is ended at once.
+fn what_stays(path: &Path) -> String {
+    let path = path.display();
+    format!(
+        "{path}.partial has what was recorded: `beadline run --resume {path}.partial` goes on with it, and every \
+         analysis reads it"
+    )
 }
 
 /// Whether a recording was begun that could not be written to its end.

@@ -103,7 +103,7 @@ impl WriteError {
     pub fn is_in_the_way(&self) -> bool {
         match self {
             Self::File(error) => error.is_in_the_way(),
-            Self::PartialExists { .. } | Self::InterruptedExists { .. } => true,
+            Self::PartialExists { .. } | Self::InterruptedExists { .. } | Self::NoDisk { .. } => true,
             _ => false,
         }
     }
