@@ -126,10 +126,11 @@ fn publish(
         stop: Arc::clone(stop),
         ..PublishOptions::default()
     };
-    let wait_for = match summary.seeks.is_empty() {
-        true => args.wait_for.unwrap_or(usize::from(args.rate == Pace::Max)),
+    let wait_for = if summary.seeks.is_empty() {
+        args.wait_for.unwrap_or(usize::from(args.rate == Pace::Max))
+    } else {
         // who was there has left with the stream before, and the person at the keys is still there
-        false => 0,
+        0
     };
     let mut publisher = publishing::open(replay.manifest(), &options, wait_for)?;
     if wait_for > 0 && args.wait_for.is_none() && summary.streams == 0 {

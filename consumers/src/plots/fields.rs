@@ -152,9 +152,10 @@ pub fn space_time(
         };
         let farthest = said(if largest > -least { largest } else { least });
         let symmetric = range.is_none_or(|[from, to]| from == -to);
-        let ends = match symmetric {
-            true => format!("beyond ±{}", said(ends[1].max(-ends[0]))),
-            false => format!("outside of {} to {}", said(ends[0]), said(ends[1])),
+        let ends = if symmetric {
+            format!("beyond ±{}", said(ends[1].max(-ends[0])))
+        } else {
+            format!("outside of {} to {}", said(ends[0]), said(ends[1]))
         };
         format!("; values {ends}, as far as {farthest}, have the darkest colours")
     };
