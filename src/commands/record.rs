@@ -38,6 +38,7 @@ pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
     let recorder = Arc::new(Recorder::default());
     let rows = Arc::new(RowThreads::default());
     let live = attach(args, &bus, name.as_ref(), &stop, (&recorder, &rows))?;
+    display::notice_of_bus(&bus);
     let manifest = manifest(args, live.manifest())?;
     display::notice_of_version(&manifest);
     let begins_at = if args.from_start { 0 } else { live.first_frame() };
