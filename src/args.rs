@@ -218,6 +218,9 @@ pub(crate) struct RunArgs {
     /// Sync the file to the disk at least this often (s): what a power failure costs
     #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = parse_seconds, conflicts_with = "no_record")]
     pub(crate) sync_period: f64,
+    /// Begin without a question, however long it takes
+    #[arg(long)]
+    pub(crate) yes: bool,
     /// Print the summary as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -291,7 +294,7 @@ pub(crate) struct SweepArgs {
     #[arg(long, value_name = "I/N", value_parser = parse_shard)]
     pub(crate) shard: Option<Shard>,
     /// Compute nothing; make tables of the rows that are there
-    #[arg(long, conflicts_with_all = ["shard", "jobs", "force", "record"])]
+    #[arg(long, conflicts_with_all = ["shard", "jobs", "force", "record", "yes"])]
     pub(crate) merge: bool,
     /// Record each point, also if the sweep file does not ask for it
     #[arg(long)]
@@ -299,6 +302,9 @@ pub(crate) struct SweepArgs {
     /// Remove what another sweep has left in DIR
     #[arg(long, conflicts_with = "shard")]
     pub(crate) force: bool,
+    /// Begin without a question, however long it takes
+    #[arg(long)]
+    pub(crate) yes: bool,
     /// Print the summary as JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -7,6 +7,7 @@ mod commands;
 mod configuration;
 mod display;
 mod failure;
+mod forecast;
 mod keyboard;
 mod outputs;
 mod pace;

@@ -14,5 +14,6 @@ pub mod resimulation;
 pub mod run;
 mod splitting;
 pub mod state;
+pub mod step_time;
 pub mod sweep;
 pub mod verification;

@@ -13,6 +13,7 @@ mod golden;
 mod guide;
 mod harness;
 mod hostile_files;
+mod long_runs;
 mod lying;
 mod mcap_readers;
 mod other_tools;
