@@ -177,6 +177,7 @@ pub(crate) struct DemoArgs {
     state; the result is what it would have been without the interruption. It takes .mcap.partial, or an .mcap \
     that ends early, and with --out leaves it as it is."
 )]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub(crate) struct RunArgs {
     /// Configuration file; see `beadline preset light-impurity` for one to start from
     #[arg(value_name = "CONFIG.toml", conflicts_with = "preset")]

@@ -91,7 +91,6 @@ impl Forecast {
     fn verdict(self, yes: bool, is_terminal: bool) -> Verdict {
         let is_long = self.wall_s > ASKED_S || self.disk > ASKED_DISK;
         match (yes, is_terminal) {
-            (true, _) => Verdict::GoOn,
             (false, true) if is_long => Verdict::Ask,
             (false, false) if self.wall_s > ABSURD_S => Verdict::Refuse,
             _ => Verdict::GoOn,
