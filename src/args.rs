@@ -194,6 +194,7 @@ pub(crate) struct DemoArgs {
     On a terminal: space pauses and goes on, → or . makes one more frame and pauses, + and - double and halve the \
     pace, q ends the run in order. Consumers of a paused run are served and wait."
 )]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub(crate) struct RunArgs {
     /// Configuration file; see `beadline preset light-impurity` for one to start from
     #[arg(value_name = "CONFIG.toml", conflicts_with = "preset")]
@@ -238,6 +239,9 @@ pub(crate) struct RunArgs {
     /// Find out beside the run until when it is determined, as `beadline check` does; exit code 3 if not to its end
     #[arg(long)]
     pub(crate) check: bool,
+    /// Begin without a question, however long it takes
+    #[arg(long)]
+    pub(crate) yes: bool,
     /// Print the summary as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -311,7 +315,7 @@ pub(crate) struct SweepArgs {
     #[arg(long, value_name = "I/N", value_parser = parse_shard)]
     pub(crate) shard: Option<Shard>,
     /// Compute nothing; make tables of the rows that are there
-    #[arg(long, conflicts_with_all = ["shard", "jobs", "force", "record"])]
+    #[arg(long, conflicts_with_all = ["shard", "jobs", "force", "record", "yes"])]
     pub(crate) merge: bool,
     /// Record each point, also if the sweep file does not ask for it
     #[arg(long)]
@@ -319,6 +323,9 @@ pub(crate) struct SweepArgs {
     /// Remove what another sweep has left in DIR
     #[arg(long, conflicts_with = "shard")]
     pub(crate) force: bool,
+    /// Begin without a question, however long it takes
+    #[arg(long)]
+    pub(crate) yes: bool,
     /// Print the summary as JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -18,12 +18,19 @@ use std::time::{SystemTime, UNIX_EPOCH};
 pub(crate) struct Configured {
     pub(crate) manifest: RunManifest,
     pub(crate) toml: String,
+    /// The duration (s) that was asked for.
+    pub(crate) duration_s: f64,
 }
 
 impl Configured {
     /// As it was recorded.
     pub(crate) fn recorded(info: &RecordingInfo) -> Self {
-        Self { manifest: info.manifest.clone(), toml: info.run_toml.clone().unwrap_or_default() }
+        let physics = &info.manifest.physics;
+        Self {
+            manifest: info.manifest.clone(),
+            toml: info.run_toml.clone().unwrap_or_default(),
+            duration_s: physics.time_s(physics.step_count),
+        }
     }
 }
 
@@ -88,7 +95,7 @@ pub(crate) fn configure<'a>(args: impl Into<Asked<'a>>) -> Result<Configured, Fa
         }
     }
     let toml = if config == written { text } else { overridden(args, &config, chosen.as_deref()) };
-    Ok(Configured { manifest, toml })
+    Ok(Configured { manifest, toml, duration_s: config.time.duration_s })
 }
 
 /// The preset of that name.

@@ -8,6 +8,7 @@ mod configuration;
 mod determining;
 mod display;
 mod failure;
+mod forecast;
 mod keyboard;
 mod limits;
 mod outputs;

@@ -14,6 +14,7 @@ mod work;
 
 use crate::configuration::origin;
 use crate::failure::Failure;
+use crate::forecast::Forecast;
 pub(crate) use columns::columns;
 use consumers::journal::Entry;
 use directory::{Directory, Shard};
@@ -37,13 +38,15 @@ pub(crate) struct Options {
     pub(crate) record: bool,
     /// Whether what another sweep has left in the directory is removed.
     pub(crate) force: bool,
+    /// Whether it begins without a question, however long it takes.
+    pub(crate) yes: bool,
 }
 
 impl Default for Options {
-    /// Every point, on all cores, not recorded.
+    /// Every point, on all cores, not recorded, without a question.
     fn default() -> Self {
         let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
-        Self { threads, shard: Shard::WHOLE, record: false, force: false }
+        Self { threads, shard: Shard::WHOLE, record: false, force: false, yes: true }
     }
 }
 
@@ -83,6 +86,11 @@ pub(crate) fn compute(
     if options.record {
         directory.make_recordings()?;
         check_space(sweep, &directory, &jobs)?;
+    }
+    if let (Some(job), Until::End) = (jobs.first(), sweep.until()) {
+        let physics = Physics::resolve(&sweep.point(job.index)?.config)?;
+        let bead_steps = jobs.iter().map(|job| job.cost() as f64).sum();
+        Forecast::of_many(&physics, bead_steps, options.threads.min(jobs.len())).confirm(options.yes)?;
     }
     let tally = work((sweep, &directory), &jobs, options, journal, stop)?;
     let left = jobs.len() as u64 - tally.computed;

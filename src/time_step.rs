@@ -205,6 +205,11 @@ impl Search {
         for _ in 0..MOST_PILOTS {
             let tried = pilot(dt_s)?;
             if !tried.is_telling {
+                // what is off in a part of the run is off in the whole of it
+                let part = Pilot { error: tried.error * tried.fraction, ..tried };
+                if let (None, Some(best)) = (good, bad.filter(|before| self.is_rounding(*before, part))) {
+                    return Err(Refusal::Rounding(best));
+                }
                 return good.ok_or(Refusal::TooMany(bad.unwrap_or(tried)));
             }
             if tried.error <= self.tolerance {

@@ -14,6 +14,7 @@ pub mod resimulation;
 pub mod run;
 mod splitting;
 pub mod state;
+pub mod step_time;
 pub mod sweep;
 pub mod twins;
 pub mod verification;

@@ -5,6 +5,7 @@ use crate::configuration::{Configured, configure};
 use crate::determining::{self, Beside};
 use crate::display::{self, bytes, count, counted, duration, seconds};
 use crate::failure::{Done, Failure};
+use crate::forecast::Forecast;
 use crate::keyboard::Keyboard;
 use crate::outputs::check_free;
 use crate::publishing;
@@ -16,8 +17,9 @@ use consumers::determination::Outcome as Determined;
 use producer::run::{Conductor, RunError, RunOutcome};
 use schemas::bus::{PublishCounts, PublishError, PublishOptions, StatePublisher};
 use schemas::frame::{EndReason, Frame};
-use schemas::manifest::RunManifest;
+use schemas::manifest::{Physics, RunManifest};
 use schemas::recording::{Finished, RecordingWriter, SpaceNeeded, WriteError, WriteOptions};
+use schemas::summary::Drift;
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -26,6 +28,15 @@ use std::time::Duration;
 
 /// A relative drift of the energy that a user should hear of.
 const LARGE_DRIFT: f64 = 1e-4;
+
+/// The same with damping, of which the default step promises 1e-3.
+const LARGE_DAMPED_DRIFT: f64 = 2e-3;
+
+/// A run may add up so many roundings, most of which cancel.
+const MANY_ROUNDINGS: f64 = 30.0;
+
+/// Durations that differ by less, relative, differ by rounding.
+const NEARLY: f64 = 1e-12;
 
 pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     let resumption = match &args.resume {
@@ -55,7 +66,9 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         (None, Some(path)) => check_free(path, args.force)?,
         (None, None) => {}
     }
-    announce(manifest, out.as_ref(), &options)?;
+    let disk = announce(&configured, out.as_ref(), &options)?;
+    let first_step = resumption.as_ref().map_or(0, |found| manifest.step_of_frame(found.first_frame()));
+    Forecast::of_run(manifest, first_step, args.pace, disk).confirm(args.yes)?;
 
     let (keyboard, stop) = Keyboard::open()?;
     let publish = PublishOptions {
@@ -132,13 +145,28 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         let path = recording.path.display();
         display::notice(format_args!("`beadline run --resume {path}` goes on with it"));
     }
-    if outcome.relative_drift.abs() > LARGE_DRIFT {
+    tell_drift(&manifest.physics, outcome.relative_drift);
+    Ok(Done::whole_if(counts.evicted == 0 && reason == EndReason::Complete && is_determined))
+}
+
+/// Says so if the energy has drifted far, and why: rounding, or the time step.
+fn tell_drift(physics: &Physics, drift: f64) {
+    let large = if physics.damping.is_some() { LARGE_DAMPED_DRIFT } else { LARGE_DRIFT };
+    if drift.abs() <= large {
+        return;
+    }
+    let rounding = Drift::new(physics, &physics.chain()).rounding();
+    if drift.abs() <= MANY_ROUNDINGS * rounding {
         display::notice(format_args!(
-            "the energy drifted by {:.1e}: dt = {:e} s is too long for this chain; pass a shorter --dt",
-            outcome.relative_drift, manifest.physics.dt_s
+            "the energy drifted by {drift:.1e}, from rounding: beside the load, or beside a heavy striker, so little moves that \
+             one rounding makes {rounding:.1e}; a shorter --dt does not help, a faster striker does"
+        ));
+    } else {
+        display::notice(format_args!(
+            "the energy drifted by {drift:.1e}: dt = {:e} s is too long for this chain; pass a shorter --dt",
+            physics.dt_s
         ));
     }
-    Ok(Done::whole_if(counts.evicted == 0 && reason == EndReason::Complete && is_determined))
 }
 
 /// A run that begins: what it is, and where it is recorded.
@@ -168,8 +196,9 @@ fn failed_to_record<P: std::error::Error, T>(
     matches!(result, Err(RunError::Record { .. })) || recording.as_ref().is_err_and(lost)
 }
 
-/// Says what the run will write, and refuses what cannot fit.
-fn announce(manifest: &RunManifest, out: Option<&PathBuf>, options: &WriteOptions) -> Result<(), Failure> {
+/// Says what the run will write, and refuses what cannot fit; the part of the free disk that it needs at least.
+fn announce(configured: &Configured, out: Option<&PathBuf>, options: &WriteOptions) -> Result<f64, Failure> {
+    let manifest = &configured.manifest;
     let frame_bytes = 8 * manifest.frame_doubles() as u64;
     let frames = format!(
         "{}: {} of {}, {} of {}",
@@ -181,7 +210,8 @@ fn announce(manifest: &RunManifest, out: Option<&PathBuf>, options: &WriteOption
     );
     let Some(path) = out else {
         display::notice(format_args!("{frames}; no recording"));
-        return Ok(());
+        tell_end(configured);
+        return Ok(0.0);
     };
     let needed = SpaceNeeded::new(manifest, options.compression);
     let free = needed.check(path)?;
@@ -193,7 +223,20 @@ fn announce(manifest: &RunManifest, out: Option<&PathBuf>, options: &WriteOption
         bytes(needed.at_most_bytes),
         bytes(free),
     ));
-    Ok(())
+    tell_end(configured);
+    Ok(needed.at_least_bytes as f64 / free.max(1) as f64)
+}
+
+/// Says so if a step that was asked for does not divide the duration.
+fn tell_end(configured: &Configured) {
+    let physics = &configured.manifest.physics;
+    let (asked_s, end_s) = (configured.duration_s, physics.time_s(physics.step_count));
+    if (end_s - asked_s).abs() > NEARLY * asked_s {
+        display::notice(format_args!(
+            "the last of these steps ends at {end_s:e} s, not at {asked_s:e} s; a step that is left to Beadline divides the \
+             duration"
+        ));
+    }
 }
 
 impl Conductor<StatePublisher, RecordingWriter> for Stage<'_> {

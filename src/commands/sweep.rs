@@ -40,6 +40,7 @@ pub(crate) fn sweep(args: &SweepArgs) -> Result<Done, Failure> {
             shard: args.shard.unwrap_or(default.shard),
             record: args.record || sweep.record(),
             force: args.force,
+            yes: args.yes,
         };
         sweep::compute(&sweep, out, &options, &stop)?
     };

@@ -33,7 +33,7 @@ pub(super) struct Job {
 
 impl Job {
     /// In steps of beads.
-    fn cost(self) -> u64 {
+    pub(super) fn cost(self) -> u64 {
         self.steps.saturating_mul(self.beads)
     }
 }

@@ -15,6 +15,7 @@ mod guide;
 mod harness;
 mod hostile_files;
 mod keys;
+mod long_runs;
 mod lying;
 mod manners;
 mod mcap_readers;

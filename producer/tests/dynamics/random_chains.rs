@@ -6,7 +6,7 @@ use schemas::manifest::Physics;
 use schemas::method::Method;
 use schemas::presets::Preset;
 
-/// Numbers in a fixed order, from a seed (SplitMix64).
+/// Numbers in a fixed order, from a seed (`SplitMix64`).
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
@@ -116,7 +116,7 @@ fn masses(random: &mut Random, config: &mut RunConfig) {
     let chain = &mut config.chain;
     let beads = usize::try_from(chain.beads).unwrap();
     chain.masses = match random.below(6) {
-        0 | 1 | 2 => MassRule::Uniform,
+        0..=2 => MassRule::Uniform,
         3 => {
             let count = 2 + random.below(2);
             MassRule::PatternKg((0..count).map(|_| random.ratio(0.1e-3, 3e-3)).collect())
@@ -201,6 +201,7 @@ pub(crate) fn error(config: &RunConfig) -> f64 {
 }
 
 /// Holds `count` chains of each of `kinds` to what is promised of them.
+#[expect(clippy::print_stdout, reason = "what was found, for who looks with --nocapture")]
 fn search(seed: u64, count: u64, method: Method, kinds: &[Kind]) {
     for kind in kinds {
         let mut random = Random(seed);
