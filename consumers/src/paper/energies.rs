@@ -8,8 +8,7 @@ use super::observe::Observations;
 use super::passing::both_steps;
 use super::reference::REFLECTED;
 use super::reflection::{
-    ALPHAS, BEAD_G, MASSES_G, Reflected, corrected_over_total, curve, differences, is_shown, over_total,
-    point,
+    ALPHAS, BEAD_G, Reflected, corrected_over_total, curve, differences, is_shown, over_total, point,
 };
 use super::runs::{Run, light};
 use super::study::Study;
