@@ -95,8 +95,7 @@ fn write_claim(page: &mut String, claim: &Claim, judgement: &Judgement) -> fmt::
         ranges = ranges.or(number.range.map(|range| range.from));
     }
     let origins = (!origins.is_empty()).then(|| format!("± from {}.", origins.join("; ")));
-    let ranges = ranges.map(|from| format!("{}{}.", from[..1].to_uppercase(), &from[1..]));
-    let notes: Vec<String> = origins.into_iter().chain(ranges).collect();
+    let notes: Vec<String> = origins.into_iter().chain(ranges.map(str::to_owned)).collect();
     if notes.is_empty() { writeln!(page) } else { writeln!(page, "\n{}\n", notes.join(" ")) }
 }
 
@@ -183,11 +182,20 @@ fn figures(number: &Number) -> Figures {
         Some(found) => Uncertain::new(number.value, found.plus_minus),
         // counts are exact, or in a range
         None if number.value.fract() == 0.0 => Uncertain::new(number.value, 0.0),
+        // what is left of a zero after rounding is one
+        None if number.value.abs() < 1e-12 => Uncertain::new(0.0, 0.0),
         None => Uncertain::unknown(number.value),
     };
     let range = number.range.filter(|range| range.least < range.most);
     let range = range.map(|range| format!(" ({}–{})", range.least, range.most));
-    let reference = number.reference.map(|found| Uncertain::new(found.value, found.good_to).value_text());
+    // no more digits than ours has; a reference of a count is one
+    let beside = match number.uncertainty {
+        Some(ours) => ours.plus_minus,
+        None if number.range.is_some() => 10.0,
+        None => 0.0,
+    };
+    let reference =
+        number.reference.map(|found| Uncertain::new(found.value, found.good_to.max(beside)).value_text());
     Figures {
         value: signed(ours.value_text()) + &range.unwrap_or_default(),
         plus_minus: number.uncertainty.map_or(String::new(), |_| signed(ours.plus_minus_text())),
@@ -228,13 +236,17 @@ mod tests {
         let mut number = number(2.000_04, Some(1e-7));
         number.reference = Some(Reference { value: 2.0, good_to: 1e-5 });
         assert_eq!(figures(&number).reference, "2.000000");
+        number.uncertainty = Some(Uncertainty { plus_minus: 0.03, from: "test" });
+        assert_eq!(figures(&number).reference, "2.000");
     }
 
     #[test]
     fn a_count_has_its_range_beside_it() {
         let mut count = number(21.0, None);
         count.range = Some(Range { least: 20.0, most: 22.0, from: "runs" });
-        assert_eq!(figures(&count).value, "21 (20–22)");
+        count.reference = Some(Reference { value: 22.0, good_to: 1.0 });
+        let Figures { value, reference, .. } = figures(&count);
+        assert_eq!((value.as_str(), reference.as_str()), ("21 (20–22)", "22"));
         count.range = Some(Range { least: 21.0, most: 21.0, from: "runs" });
         assert_eq!(figures(&count).value, "21");
     }

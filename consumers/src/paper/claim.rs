@@ -179,8 +179,8 @@ pub(super) const FROM_STEP: &str =
     "a run with twice the step, recorded half as often, and from the error of the energy";
 
 /// What [`Counted`] compares.
-pub(super) const FROM_PARTNERS: &str = "counts in brackets: the least and the most in this run, in one with twice the step, and in one whose striker is \
-     one unit in the last place faster";
+pub(super) const FROM_PARTNERS: &str = "Counts are the same in this run, in one with twice the step, and in one whose striker is one unit in the last place \
+     faster, unless brackets give the least and the most of them.";
 
 /// A count in a run and in its partners.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -11,6 +11,7 @@ use crate::deformation::{Comparison, Sample, Shape};
 use crate::figure::Figure;
 use crate::plots;
 use crate::theory::ContinuumWave;
+use crate::uncertain::Uncertain;
 pub(super) use measures::against_reference;
 use measures::{TAIL, continuum, deformation, from_triangle, handed_on, longer, norms, shape, stepped};
 use std::f64::consts::FRAC_PI_2;
@@ -408,9 +409,9 @@ fn judge_stationary(seen: &Observations) -> Result<Judgement, StudyError> {
     let asymmetry = number("asymmetry of the half-widths, contact 2000", |shape, _| shape.asymmetry)?;
     let error = number("largest error of eq. (cos)", |_, theory| theory.l_infinity)?;
     let why = format!(
-        "At contact 2000 the half-widths differ by {:.2} % of their sum, and eq. (cos) is off by at most {:.2} % of the peak.",
-        100.0 * asymmetry.value.abs(),
-        100.0 * error.value
+        "At contact 2000 the half-widths differ by {} % of their sum, and eq. (cos) is off by at most {} % of the peak.",
+        Uncertain::new(asymmetry.value.abs(), asymmetry.relative_uncertainty() * asymmetry.value) / 0.01,
+        Uncertain::new(error.value, error.relative_uncertainty() * error.value) / 0.01
     );
     Ok(Judgement {
         verdict: Verdict::of(asymmetry.value.abs() < 0.005 && error.value < SUPERIMPOSE),

@@ -8,7 +8,7 @@ use super::observe::Observations;
 use super::passing::both_steps;
 use super::reference::REFLECTED;
 use super::reflection::{
-    ALPHAS, BEAD_G, MASSES_G, Reflected, corrected_over_total, curve, differences, over_total, point,
+    ALPHAS, BEAD_G, Reflected, corrected_over_total, curve, differences, is_shown, over_total, point,
 };
 use super::runs::{Run, light};
 use super::study::Study;
@@ -407,9 +407,10 @@ fn hard_limit(mass_g: f64) -> f64 {
 fn amplitudes(seen: &Observations, of: fn(&Reflected) -> f64) -> Result<Vec<(f64, f64)>, StudyError> {
     let points = curve(seen, 1.5, of)?;
     // nearer to the bead's mass there is hardly a pulse to be found
-    let is_shown =
-        |mass_g: f64| mass_g != BEAD_G && MASSES_G.iter().any(|shown| (shown - mass_g).abs() < 1e-9);
-    Ok(points.into_iter().filter(|(mass_g, value)| is_shown(*mass_g) && value.is_finite()).collect())
+    Ok(points
+        .into_iter()
+        .filter(|(mass_g, value)| *mass_g != BEAD_G && is_shown(*mass_g) && value.is_finite())
+        .collect())
 }
 
 /// Whether values grow away from the bead's mass, on either side.

@@ -80,6 +80,11 @@ fn sweep(head: &str, stream: &str, masses_g: &[f64]) -> String {
     text
 }
 
+/// Whether a mass (g) is one of the figures', not one that was added.
+pub(super) fn is_shown(mass_g: f64) -> bool {
+    MASSES_G.iter().any(|shown| (shown - mass_g).abs() < 1e-9)
+}
+
 /// Reflected over total energy.
 pub(super) fn over_total(point: &Reflected) -> Uncertain {
     point.over_total

@@ -157,7 +157,7 @@ pub(super) fn homogeneous(alpha: f64) -> Run {
 
 /// The paper's chain of 3000 beads at α = 1.01, with a step of 0.04 T, until the pulse has passed contact 2000.
 pub(super) fn homogeneous_long() -> Run {
-    let run = Run::new("homogeneous-alpha-1p01-3000", 1.01, 3000, 1.0, 1).until_bead(2100).steps(0.04, 0.8);
+    let run = Run::new("homogeneous-alpha-1p01-3000", 1.01, 3000, 1.0, 1).until_bead(2100).steps(0.04, 0.4);
     run.watch(Watch { deformed: vec![2000], ..Watch::default() })
 }
 

@@ -3,7 +3,7 @@
 use super::super::claim::StudyError;
 use super::super::observe::Observations;
 use super::super::reference::REFLECTED;
-use super::super::reflection::{ALPHAS, BEAD_G, Reflected, curve};
+use super::super::reflection::{ALPHAS, BEAD_G, Reflected, curve, is_shown};
 use super::{amplitudes, hard_limit};
 use crate::figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};
 
@@ -36,7 +36,11 @@ fn enlarged(seen: &Observations, label: &str, of: fn(&Reflected) -> f64) -> Resu
         .x_axis(Axis::new("mass of the impurity (g)").limits(0.55, 2.05))
         .y_axis(Axis::new(label).limits(-0.003, 0.08));
     for (alpha, colour) in ALPHAS.iter().zip(COLOURS).rev() {
-        panel = panel.curve(Curve::line("", curve(seen, *alpha, of)?).colour(colour).mark(Mark::Circle));
+        let points = curve(seen, *alpha, of)?;
+        // masses that were added lie too close for circles
+        let shown = points.iter().copied().filter(|(mass_g, _)| is_shown(*mass_g)).collect::<Vec<_>>();
+        panel = panel.curve(Curve::line("", points).colour(colour));
+        panel = panel.curve(Curve::points("", shown).colour(colour).mark(Mark::Circle));
     }
     Ok(panel)
 }
