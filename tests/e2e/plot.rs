@@ -149,7 +149,7 @@ fn what_cannot_be_drawn_is_refused_with_what_can() {
     refuse("--what heat", &["heat", "velocity", "pulses"]);
     refuse("--what energies --at 0.005", &["--at is not for --what energies", "--from and --until"]);
     refuse("--what pulses --beads 1..5", &["--beads", "beadline pulses --figure"]);
-    refuse("--what velocity --at 0.02", &["--at 0.02", "the run ends at 0.01199"]);
+    refuse("--what velocity --at 0.02", &["--at 0.02", "the run ends at 0.012 s"]);
     // the run's own duration is a part of a step beyond its last frame
     place.run("plot small.mcap --what velocity --at 0.012").exits(0);
     refuse("--what velocity --frame 99999", &["--frame 99999", "frames 0 to"]);
