@@ -92,7 +92,8 @@ pub(super) fn default_root() -> PathBuf {
 /// In the user's runtime directory, if that is this user's alone and short enough; else in `/tmp`.
 fn root_of_user(runtime: Option<&Path>) -> PathBuf {
     let user = rustix::process::getuid().as_raw();
-    let is_ours = |found: Metadata| found.is_dir() && found.uid() == user && found.mode() & 0o077 == 0;
+    let is_private = |mode: u32| mode & 0o777 & !0o700 == 0;
+    let is_ours = |found: Metadata| found.is_dir() && found.uid() == user && is_private(found.mode());
     let runtime = runtime.filter(|path| path.is_absolute()).and_then(|path| path.canonicalize().ok());
     let runtime = runtime.filter(|path| std::fs::metadata(path).is_ok_and(is_ours));
     let root = runtime.map(|path| path.join("beadline"));
