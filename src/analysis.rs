@@ -306,7 +306,7 @@ pub(crate) fn window(from_s: f64, until_s: Option<f64>, manifest: &RunManifest) 
         return refuse(format!("expected a time before --until {}", window.until_s));
     }
     if window.from_s > end_s {
-        return refuse(format!("the run ends at {} s", display::number(end_s)));
+        return refuse(format!("the run ends at {} s", display::typed(end_s)));
     }
     Ok(window)
 }

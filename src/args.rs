@@ -102,6 +102,7 @@ pub(crate) enum Command {
     #[command(subcommand, hide = true)]
     BenchPart(PartArgs),
     /// List the live runs of this user, when they end, and who listens
+    #[command(after_help = "Example:\n  beadline ls --json | jq '.[].consumers'")]
     Ls {
         /// Print JSON
         #[arg(long)]

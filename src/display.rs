@@ -237,6 +237,15 @@ pub(crate) fn number(value: f64) -> String {
     }
 }
 
+/// The same as one would type it: no zeros at its end.
+pub(crate) fn typed(value: f64) -> String {
+    let number = number(value);
+    if number.contains('e') || !number.contains('.') {
+        return number;
+    }
+    number.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
 /// A result in six significant digits, with a prefix of the unit that makes it 1 to 1000: `-396.405 mm/s`.
 pub(crate) fn quantity(value: f64, unit: &str) -> String {
     let (prefix, one) = prefix(value);

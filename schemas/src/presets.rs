@@ -13,8 +13,6 @@ pub struct Preset {
     pub name: &'static str,
     /// What the run shows.
     pub about: &'static str,
-    /// Until when (ms) `beadline check` finds everything determined, and what bounds that; none if it is to the end.
-    pub determined_until: Option<(f64, &'static str)>,
     beads: u64,
     duration_s: f64,
     /// What else differs from equal beads with free ends.
@@ -26,7 +24,6 @@ pub const PRESETS: [Preset; 11] = [
     Preset {
         name: "light-impurity",
         about: "1000 beads, bead 500 of 0.6 g: the impurity rattles and emits solitary waves both ways",
-        determined_until: None,
         beads: 1000,
         duration_s: 0.08,
         change: |config| impurity(config, 500, 0.6e-3),
@@ -34,7 +31,6 @@ pub const PRESETS: [Preset; 11] = [
     Preset {
         name: "heavy-impurity",
         about: "1000 beads, bead 500 of 10 g: the transmitted wave breaks up into a train",
-        determined_until: None,
         beads: 1000,
         duration_s: 0.08,
         change: |config| impurity(config, 500, 10e-3),
@@ -42,7 +38,6 @@ pub const PRESETS: [Preset; 11] = [
     Preset {
         name: "homogeneous",
         about: "200 equal beads: one solitary wave",
-        determined_until: None,
         beads: 200,
         duration_s: 0.016,
         change: |_| {},
@@ -50,7 +45,6 @@ pub const PRESETS: [Preset; 11] = [
     Preset {
         name: "striker-3g",
         about: "100 beads struck by a first bead of 3 g: several solitary waves",
-        determined_until: None,
         beads: 100,
         duration_s: 0.007,
         change: |config| impurity(config, 0, 3e-3),
@@ -58,7 +52,6 @@ pub const PRESETS: [Preset; 11] = [
     Preset {
         name: "striker-10g",
         about: "100 beads struck by a first bead of 10 g: a longer train",
-        determined_until: None,
         beads: 100,
         duration_s: 0.007,
         change: |config| impurity(config, 0, 10e-3),
@@ -66,7 +59,6 @@ pub const PRESETS: [Preset; 11] = [
     Preset {
         name: "dimer",
         about: "beads of 1 g and 0.3428 g in turn: a solitary wave that leaves nothing behind",
-        determined_until: None,
         beads: 200,
         duration_s: 0.014,
         change: |config| config.chain.masses = MassRule::PatternKg(vec![1e-3, 0.3428e-3]),
@@ -74,7 +66,6 @@ pub const PRESETS: [Preset; 11] = [
     Preset {
         name: "tapered",
         about: "spheres that get smaller, stiffness by their radii: the pulse speeds up",
-        determined_until: None,
         beads: 100,
         duration_s: 0.006,
         change: |config| {
@@ -85,7 +76,6 @@ pub const PRESETS: [Preset; 11] = [
     Preset {
         name: "precompressed",
         about: "200 beads pressed together by 10 N, weakly struck: sound, with its dispersion",
-        determined_until: None,
         beads: 200,
         duration_s: 0.015,
         change: |config| {
@@ -96,7 +86,6 @@ pub const PRESETS: [Preset; 11] = [
     Preset {
         name: "gravity",
         about: "a column of 300 beads under its weight, weakly struck from above: sound speeds up with depth",
-        determined_until: None,
         beads: 300,
         duration_s: 0.035,
         change: |config| {
@@ -108,7 +97,6 @@ pub const PRESETS: [Preset; 11] = [
     Preset {
         name: "walls",
         about: "50 beads between two walls: the solitary wave runs to and fro, and breaks up",
-        determined_until: Some((16.0, "step")),
         beads: 50,
         duration_s: 0.02,
         change: |config| (config.ends.left, config.ends.right) = (End::Fixed, End::Fixed),
@@ -116,7 +104,6 @@ pub const PRESETS: [Preset; 11] = [
     Preset {
         name: "damped",
         about: "60 beads with a coefficient of restitution of 0.95: the pulse decays",
-        determined_until: Some((2.6, "step")),
         beads: 60,
         duration_s: 0.006,
         change: |config| {

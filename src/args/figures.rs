@@ -1,9 +1,7 @@
 //! Figures: how they look, and one at a time.
 
 use super::analyses::FramesArgs;
-use super::values::{
-    BeadRange, ColourRange, parse_beads, parse_dpi, parse_range, parse_time, parse_whole,
-};
+use super::values::{BeadRange, ColourRange, parse_beads, parse_dpi, parse_range, parse_time, parse_whole};
 use clap::{Args, ValueEnum};
 use consumers::figure::{Options, Size};
 use std::path::PathBuf;

@@ -137,7 +137,7 @@ impl Moment {
                 let end_s = physics.time_s(physics.step_count);
                 // the duration as it was asked for may be a part of a step longer
                 if time_s > end_s + physics.dt_s {
-                    let end = display::number(end_s);
+                    let end = display::typed(end_s);
                     return Err(anyhow!("--at {time_s}: the run ends at {end} s")).bad_input();
                 }
                 let step = physics.step_at_or_after(time_s).min(physics.step_count);

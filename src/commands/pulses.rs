@@ -136,8 +136,7 @@ pub(crate) fn pulses(args: &PulsesArgs) -> Result<Done, Failure> {
     let is_whole = warn(&manifest, &pulses);
     let results = json(threshold_m_s, &pulses, strongest.pulses());
     let listed = lines(&obstacles, strongest.pulses());
-    let mut rows =
-        vec![("pulses", counts_text(&pulses.counts(), threshold_m_s)), ("", HEADING.to_owned())];
+    let mut rows = vec![("pulses", counts_text(&pulses.counts(), threshold_m_s)), ("", HEADING.to_owned())];
     rows.extend(listed.iter().map(|(name, line)| (name.as_str(), line.clone())));
     let done = session.report(&tally, "pulses", rows, results)?;
     Ok(if is_whole { done } else { Done::Lossy })

@@ -132,7 +132,7 @@ fn a_run_is_paused_and_stepped_by_keys() {
         return;
     }
     let place = Place::new();
-    let mut terminal = Terminal::start(&place, &format!("{SHORT} --no-record --pace 1e-12 --json"));
+    let mut terminal = Terminal::start(&place, &format!("{SHORT} --no-record --pace 1e-12 --yes --json"));
     // a run waits behind a frame: its second one comes at once
     for (key, frame) in [("", 1), (".", 2), ("\x1b[C", 3), (".", 4)] {
         terminal.press(key);

@@ -139,7 +139,8 @@ fn the_front_of_a_chain_of_unlike_beads_is_one_pulse() {
     let chains = [
         ("decorated", "{ pattern_kg = [1e-3, 0.1e-3] }", 0.02, 180),
         ("two-to-one", "{ pattern_kg = [1e-3, 0.5e-3] }", 0.02, 150),
-        ("less", "{ pattern_kg = [1e-3, 0.6e-3] }", 0.02, 140),
+        // at bead 129 a wave behind it, which weakens less, has caught up with the front
+        ("less", "{ pattern_kg = [1e-3, 0.6e-3] }", 0.02, 120),
         ("heavy", "{ pattern_kg = [4.369e-3, 1e-3] }", 0.035, 180),
         ("tapered", "{ taper = 0.95 }", 0.006, 180),
         ("disordered", disordered.as_str(), 0.012, 60),

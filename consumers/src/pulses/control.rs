@@ -42,6 +42,8 @@ pub(super) struct Control {
     due_step: u64,
     /// When the frame was that was looked at last (s).
     seen_s: f64,
+    /// The longest time (s) between two frames that were looked at.
+    apart_s: f64,
     beads: Vec<Bead>,
 }
 
@@ -76,7 +78,7 @@ impl Control {
             rise: Rise::default(),
             unexplained: Rise::default(),
         };
-        Self { threshold_m_s, due_step: 0, seen_s: 0.0, beads: vec![bead; bead_count] }
+        Self { threshold_m_s, due_step: 0, seen_s: f64::NAN, apart_s: 0.0, beads: vec![bead; bead_count] }
     }
 
     /// Looks at the velocities of the next frame that is due.
@@ -85,6 +87,8 @@ impl Control {
             return;
         }
         self.due_step = frame.step + EVERY_STEPS;
+        // NaN where there was none before
+        self.apart_s = self.apart_s.max(frame.time_s - self.seen_s);
         self.seen_s = frame.time_s;
         for (number, (bead, v)) in self.beads.iter_mut().zip(v_m_s).enumerate() {
             let speed = v.abs();
@@ -117,6 +121,7 @@ impl Control {
             }
             bead.begin();
         }
+        self.seen_s = f64::NAN;
     }
 
     /// The disturbances that no pulse follows, the strongest first.
@@ -156,7 +161,9 @@ impl Control {
         while let Some(bead) = self.beads.get(next).filter(|bead| counts(next, bead)) {
             let before = &self.beads[next - 1].unexplained;
             let took_s = (bead.unexplained.time_s - before.time_s) * direction.sign() as f64;
-            if took_s < 0.0 || took_s > around.longest_step_s(signed(next as u64), bead.unexplained.v_m_s) {
+            // a rise is seen in the first frame that has it
+            let longest_s = around.longest_step_s(signed(next as u64), bead.unexplained.v_m_s) + self.apart_s;
+            if took_s < 0.0 || took_s > longest_s {
                 break;
             }
             next += 1;

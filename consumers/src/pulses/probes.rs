@@ -1,7 +1,7 @@
 //! Pulses that pass a bead: when, how fast the bead then moves, and how fast the pulse travels.
 
 use super::surroundings::Surroundings;
-use super::track::REACH;
+use super::track::{Point, REACH};
 use super::{Happening, Pulses};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
@@ -60,8 +60,7 @@ impl Probes {
     /// Looks at the next frame.
     pub fn observe(&mut self, frame: &Frame<'_>) {
         for Probe { bead, pulses } in &mut self.probes {
-            let passed = pulses.observe(frame).iter().filter_map(|happening| passage(happening, *bead));
-            self.passages.extend(passed);
+            self.passages.extend(passed(pulses.observe(frame), *bead));
         }
     }
 
@@ -71,23 +70,33 @@ impl Probes {
     }
 
     /// The pulses that have passed each probe, in the order of arrival. The speed of one that has not come
-    /// [`Passage::BASELINE`] beads farther is measured over as many as it has.
+    /// [`Passage::BASELINE`] beads farther is measured over as many as it has, or a bead before.
     pub fn passages(&self) -> Vec<Passage> {
         let mut passages = self.passages.clone();
         for Probe { bead, pulses } in &self.probes {
             let mut under_way = pulses.clone();
-            passages.extend(under_way.finish().iter().filter_map(|happening| passage(happening, *bead)));
+            passages.extend(passed(under_way.finish(), *bead));
         }
         passages.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         passages
     }
 }
 
-/// A pulse that passes `bead`, if that is what happened.
-fn passage(happening: &Happening, bead: u64) -> Option<Passage> {
-    let Happening::Passed(point) = happening else { return None };
-    let speed_beads_per_s = point.speed_beads_per_s.filter(|_| point.bead == bead)?;
-    Some(Passage { bead, time_s: point.time_s, v_peak_m_s: point.v_peak_m_s, speed_beads_per_s })
+/// The pulses that pass `bead` among the `happenings`.
+fn passed(happenings: &[Happening], bead: u64) -> Vec<Passage> {
+    let mut passages = Vec::new();
+    let mut before: Option<&Point> = None;
+    for happening in happenings {
+        let Happening::Passed(point) = happening else { continue };
+        let of_before = before.filter(|before| before.pulse == point.pulse);
+        let speed = point.speed_beads_per_s.or_else(|| of_before?.speed_beads_per_s);
+        if let Some(speed_beads_per_s) = speed.filter(|_| point.bead == bead) {
+            let Point { time_s, v_peak_m_s, .. } = *point;
+            passages.push(Passage { bead, time_s, v_peak_m_s, speed_beads_per_s });
+        }
+        before = Some(point);
+    }
+    passages
 }
 
 #[cfg(test)]
