@@ -258,6 +258,12 @@ pub(crate) fn range([from, to]: [f64; 2], unit: &str) -> String {
     format!("{} to {} {prefix}{unit}", number(from / one), number(to / one))
 }
 
+/// The unit with the prefix that makes `value` 1 to 1000, and what one of it is.
+pub(crate) fn unit(value: f64, unit: &str) -> (String, f64) {
+    let (prefix, one) = prefix(value);
+    (format!("{prefix}{unit}"), one)
+}
+
 /// The prefix that makes a number 1 to 1000, and what it stands for; none where there is no such prefix.
 fn prefix(value: f64) -> (&'static str, f64) {
     const PREFIXES: [(i32, &str, f64); 5] =

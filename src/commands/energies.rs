@@ -88,18 +88,20 @@ pub(crate) fn energies(args: &EnergiesArgs) -> Result<Done, Failure> {
 fn rows(outcome: Option<&EnergyOutcome>) -> Vec<(&'static str, String)> {
     let Some(outcome) = outcome else { return Vec::new() };
     let last = &outcome.last;
-    let energy = |energy_j: f64| Uncertain::new(energy_j, outcome.step_error_j());
+    // one unit for all, so that they can be compared
+    let (unit, one_j) = display::unit(last.total_j, "J");
+    let energy = |energy_j: f64| Uncertain::new(energy_j, outcome.step_error_j()) / one_j;
     let total = energy(last.total_j);
     let parts = [last.kinetic_j, last.potential_j].map(|energy_j| energy(energy_j).value_text());
     let mut rows = vec![
         ("split at bead", outcome.split_bead.to_string()),
-        ("total", format!("{total} J (kinetic {}, potential {})", parts[0], parts[1])),
-        ("left", format!("{} J", energy(last.left_j).value_text())),
-        ("split bead", format!("{} J", energy(last.split_j).value_text())),
-        ("right", format!("{} J", energy(last.right_j).value_text())),
+        ("total", format!("{total} {unit} (kinetic {}, potential {})", parts[0], parts[1])),
+        ("left", format!("{} {unit}", energy(last.left_j).value_text())),
+        ("split bead", format!("{} {unit}", energy(last.split_j).value_text())),
+        ("right", format!("{} {unit}", energy(last.right_j).value_text())),
     ];
     if last.dissipated_j != 0.0 {
-        rows.push(("dissipated", format!("{} J", energy(last.dissipated_j).value_text())));
+        rows.push(("dissipated", format!("{} {unit}", energy(last.dissipated_j).value_text())));
     }
     match &outcome.reflection {
         Ok(reflection) => rows.extend(reflection_rows(reflection, outcome.split_bead)),

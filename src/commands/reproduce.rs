@@ -41,7 +41,7 @@ pub(crate) fn reproduce(args: &ReproduceArgs) -> Result<Done, Failure> {
 
     let studied = studies.iter().map(|study| conclude(study, &done.observations, args));
     let studies = studied.collect::<Result<Vec<_>, _>>()?;
-    let report = Report { studies, runs: manifests, program: origin().program };
+    let report = Report { studies, runs: manifests, determined: &done.determined, program: origin().program };
     // refuse_to_overwrite has asked whether these may be replaced
     let write = |name: &str, text: &str| write_whole(&args.out.join(name), text.as_bytes(), true);
     write("REPORT.md", &markdown::report(&report))?;
@@ -148,7 +148,7 @@ fn write_figure(figure: &Figure, study: &Study, args: &ReproduceArgs) -> Result<
 
 /// What the command leaves behind, in numbers.
 struct Outcome<'a> {
-    report: &'a Report,
+    report: &'a Report<'a>,
     done: &'a workers::Done,
     args: &'a ReproduceArgs,
     start: Instant,

@@ -3,11 +3,10 @@
 use super::report::{PAPER, Report, Studied, figure_path};
 use consumers::paper::{Claim, Judgement, Number, Verdict};
 use consumers::uncertain::Uncertain;
-use schemas::manifest::RunManifest;
 use std::fmt::{self, Write};
 
 /// `REPORT.md`: a table of all claims, then figure by figure.
-pub(crate) fn report(report: &Report) -> String {
+pub(crate) fn report(report: &Report<'_>) -> String {
     let mut page = String::new();
     // writing to a String cannot fail
     let _ = write_report(&mut page, report);
@@ -15,14 +14,14 @@ pub(crate) fn report(report: &Report) -> String {
 }
 
 /// `GALLERY.md`: the figures alone.
-pub(crate) fn gallery(report: &Report) -> String {
+pub(crate) fn gallery(report: &Report<'_>) -> String {
     let mut page = String::new();
     // writing to a String cannot fail
     let _ = write_gallery(&mut page, report);
     page
 }
 
-fn write_report(page: &mut String, report: &Report) -> fmt::Result {
+fn write_report(page: &mut String, report: &Report<'_>) -> fmt::Result {
     writeln!(page, "# The paper, by command\n")?;
     writeln!(page, "{PAPER}: every figure and every claim, by `beadline reproduce` ({}).\n", report.program)?;
     let count = |verdict| report.count(verdict);
@@ -57,7 +56,7 @@ fn write_report(page: &mut String, report: &Report) -> fmt::Result {
     for studied in &report.studies {
         write_study(page, studied)?;
     }
-    write_runs(page, &report.runs)
+    write_runs(page, report)
 }
 
 fn write_study(page: &mut String, studied: &Studied) -> fmt::Result {
@@ -99,32 +98,37 @@ fn write_claim(page: &mut String, claim: &Claim, judgement: &Judgement) -> fmt::
     if notes.is_empty() { writeln!(page) } else { writeln!(page, "\n{}\n", notes.join(" ")) }
 }
 
-fn write_runs(page: &mut String, runs: &[RunManifest]) -> fmt::Result {
+fn write_runs(page: &mut String, report: &Report<'_>) -> fmt::Result {
     writeln!(
         page,
-        "## Runs\n\n| run | beads | α | impurities | method | dt (s) | steps |\n|---|---:|---:|---|---|---:|---:|"
+        "## Runs\n\nDetermined: until when every quantity is the same, within the tolerance, as in a run with half the step, and as \
+         in one with a striker that is one unit in the last place faster (`beadline check`). Runs that others are only \
+         compared with, and the longest, are not checked.\n\n\
+         | run | beads | α | impurities | method | dt (s) | steps | determined |\n|---|---:|---:|---|---|---:|---:|---|"
     )?;
-    for manifest in runs {
+    for manifest in &report.runs {
         let physics = &manifest.physics;
+        let determined = report.determined.get(manifest.provenance.name.as_str());
         let impurities = physics.impurities.iter();
         let impurities: Vec<String> =
             impurities.map(|found| format!("bead {}: {} g", found.bead, found.mass_kg * 1e3)).collect();
         writeln!(
             page,
-            "| {} | {} | {} | {} | {} | {:.3e} | {} |",
+            "| {} | {} | {} | {} | {} | {:.3e} | {} | {} |",
             manifest.provenance.name,
             physics.beads,
             physics.alpha,
             impurities.join(", "),
             physics.method,
             physics.dt_s,
-            physics.step_count
+            physics.step_count,
+            determined.map_or("–", String::as_str)
         )?;
     }
     Ok(())
 }
 
-fn write_gallery(page: &mut String, report: &Report) -> fmt::Result {
+fn write_gallery(page: &mut String, report: &Report<'_>) -> fmt::Result {
     writeln!(page, "# Gallery\n")?;
     writeln!(page, "The figures of {PAPER}, by `beadline reproduce` ({}).\n", report.program)?;
     for studied in &report.studies {

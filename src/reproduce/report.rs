@@ -3,12 +3,15 @@
 use consumers::paper::{Claim, Judgement, Number, Study, Verdict};
 use schemas::manifest::RunManifest;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 
 /// The paper by figures, with what we find.
-pub(crate) struct Report {
+pub(crate) struct Report<'a> {
     pub(crate) studies: Vec<Studied>,
     /// The runs behind it, in the order of their names.
     pub(crate) runs: Vec<RunManifest>,
+    /// Until when some of them are determined, by their names.
+    pub(crate) determined: &'a BTreeMap<String, String>,
     pub(crate) program: String,
 }
 
@@ -18,7 +21,7 @@ pub(crate) struct Studied {
     pub(crate) claims: Vec<(&'static Claim, Judgement)>,
 }
 
-impl Report {
+impl Report<'_> {
     /// How many claims got `verdict`.
     pub(crate) fn count(&self, verdict: Verdict) -> usize {
         self.claims().filter(|(_, judgement)| judgement.verdict == verdict).count()
@@ -44,10 +47,10 @@ impl Report {
 
     /// All of it for programs.
     pub(crate) fn json(&self) -> Value {
-        let runs = self
-            .runs
-            .iter()
-            .map(|manifest| json!({ "name": manifest.provenance.name, "physics": manifest.physics }));
+        let runs = self.runs.iter().map(|manifest| {
+            let name = &manifest.provenance.name;
+            json!({ "name": name, "determined": self.determined.get(name.as_str()), "physics": manifest.physics })
+        });
         json!({
             "program": self.program,
             "paper": PAPER,

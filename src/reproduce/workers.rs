@@ -2,11 +2,15 @@
 
 use super::cache::Cached;
 use super::progress::{Progress, work};
+use crate::determining::{self, compare};
 use crate::display;
 use crate::failure::Failure;
 use anyhow::anyhow;
+use consumers::determination::TOLERANCE;
 use consumers::paper::{Observations, Observed, Run};
 use indicatif::ProgressBar;
+use schemas::manifest::RunManifest;
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
@@ -14,6 +18,10 @@ use std::time::Duration;
 
 /// Looking at a frame costs about as much as so many steps.
 const STEPS_PER_FRAME_READ: f64 = 2.0;
+/// A run and its twins, and looking at them, cost about as much as the run so many times.
+const RUNS_PER_CHECK: f64 = 5.0;
+/// Runs of more steps times beads are not checked: that takes minutes.
+const MOST_CHECKED: f64 = 4e8;
 const REFRESH: Duration = Duration::from_millis(200);
 
 /// What the workers leave.
@@ -23,6 +31,8 @@ pub(crate) struct Done {
     pub(crate) simulated: Vec<String>,
     /// Runs whose recordings were there.
     pub(crate) reused: Vec<String>,
+    /// Until when runs are determined, by their names.
+    pub(crate) determined: BTreeMap<String, String>,
 }
 
 /// Simulates what is not recorded and observes all, with `jobs` workers; nothing if `stop` was set.
@@ -47,9 +57,15 @@ pub(crate) fn observe_all(
         let panicked = |_| Err(Failure::Failed(anyhow!("a worker panicked")));
         workers.into_iter().map(|worker| worker.join().unwrap_or_else(panicked)).collect::<Vec<_>>()
     });
-    let mut done = Done { observations: Observations::default(), simulated: Vec::new(), reused: Vec::new() };
+    let mut done = Done {
+        observations: Observations::default(),
+        simulated: Vec::new(),
+        reused: Vec::new(),
+        determined: BTreeMap::new(),
+    };
     for outcome in results {
-        for Outcome { run, observed, simulated } in outcome? {
+        for Outcome { run, observed, simulated, determined } in outcome? {
+            done.determined.extend(determined.map(|until| (run.name().to_owned(), until)));
             let names = if simulated { &mut done.simulated } else { &mut done.reused };
             names.push(run.name().to_owned());
             done.observations.insert(&run, observed);
@@ -63,13 +79,22 @@ pub(crate) fn observe_all(
 fn job_work(cached: &Cached) -> f64 {
     let manifest = &cached.manifest;
     let read = STEPS_PER_FRAME_READ * manifest.recorded_count() as f64 * manifest.physics.beads as f64;
-    read + if cached.recorded { 0.0 } else { work(manifest, manifest.physics.step_count) }
+    let run = work(manifest, manifest.physics.step_count);
+    read + if cached.recorded { 0.0 } else { run }
+        + if is_checked(cached) { RUNS_PER_CHECK * run } else { 0.0 }
+}
+
+/// Whether it is found out until when a run is determined: not of those that others are compared with.
+fn is_checked(cached: &Cached) -> bool {
+    let physics = &cached.manifest.physics;
+    !cached.run.is_partner && (physics.step_count * physics.beads) as f64 <= MOST_CHECKED
 }
 
 struct Outcome {
     run: Run,
     observed: Observed,
     simulated: bool,
+    determined: Option<String>,
 }
 
 /// What the workers share.
@@ -119,11 +144,24 @@ impl Shift {
         let path = cached.path().display();
         let observed = observed
             .ok_or_else(|| anyhow!("{path}: the recording just made cannot be read; is the disk sound?"))?;
-        self.progress.job_done();
         let manifest = &cached.manifest;
+        let determined = if is_checked(&cached) { self.determined(manifest)? } else { None };
+        self.progress.job_done();
         self.progress
             .add(STEPS_PER_FRAME_READ * manifest.recorded_count() as f64 * manifest.physics.beads as f64);
-        Ok(Some(Outcome { run: cached.run, observed, simulated }))
+        Ok(Some(Outcome { run: cached.run, observed, simulated, determined }))
+    }
+
+    /// Until when a run is determined, in words; none if that was stopped.
+    fn determined(&self, manifest: &RunManifest) -> Result<Option<String>, Failure> {
+        let physics = &manifest.physics;
+        let mut before = 0;
+        let compared = compare(manifest, None, (physics.step_count, TOLERANCE), &self.halt, |step| {
+            self.progress.add(RUNS_PER_CHECK * (work(manifest, step) - work(manifest, before)));
+            before = step;
+        })?;
+        let outcome = compared.determination.outcome().filter(|_| !compared.stopped);
+        Ok(outcome.map(|outcome| determining::verdict(physics, &outcome)))
     }
 
     fn simulate(&self, cached: &Cached) -> Result<bool, Failure> {

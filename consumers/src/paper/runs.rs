@@ -11,6 +11,8 @@ pub struct Run {
     pub config: RunConfig,
     /// What to look at.
     pub watch: Watch,
+    /// Whether it is there only to be compared with another one.
+    pub is_partner: bool,
 }
 
 /// What to look at in a run.
@@ -54,7 +56,7 @@ impl Run {
         config.chain.impurities.clear();
         config.time.duration_s = duration_s;
         config.stream = StreamConfig { publish_every_steps: record_every, record_every_steps: record_every };
-        Self { config, watch: Watch::default() }
+        Self { config, watch: Watch::default(), is_partner: false }
     }
 
     /// With one bead of another mass (kg).
@@ -101,6 +103,7 @@ impl Run {
             self.config.time.dt_s = Some(f64::from(factor) * physics.dt_s);
         }
         self.config.name = Some(format!("{}-step-x{factor}", self.name()));
+        self.is_partner = true;
         self
     }
 
@@ -109,6 +112,7 @@ impl Run {
     pub(super) fn twin(mut self) -> Self {
         self.config.striker.velocity_m_s = self.config.striker.velocity_m_s.next_up();
         self.config.name = Some(format!("{}-twin", self.name()));
+        self.is_partner = true;
         self
     }
 
