@@ -178,7 +178,6 @@ pub(crate) struct DemoArgs {
 }
 
 #[derive(Debug, Args)]
-#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 #[command(
     allow_negative_numbers = true,
     after_help = "Examples:\n  \

@@ -3,12 +3,13 @@
 use crate::display::{self, count, seconds};
 use crate::failure::Failure;
 use anyhow::anyhow;
-use consumers::determination::{Determination, Determined, Outcome, Quantity, TOLERANCE, digits};
+use consumers::determination::{Bound, Determination, Determined, Outcome, Quantity, TOLERANCE, digits};
 use consumers::energies::default_split_bead;
 use producer::twins::{NonFinite, Together, Twins, moved_by_m_s};
 use schemas::manifest::{Physics, RunManifest};
 use schemas::recording::state_hash;
 use serde_json::{Value, json};
+use std::fmt::Write as _;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{self, JoinHandle};
@@ -152,7 +153,8 @@ pub(crate) fn table(physics: &Physics, outcome: &Outcome) -> String {
     let mut text = String::new();
     for line in &lines {
         let cells = line.iter().zip(&widths).map(|(cell, width)| format!("{cell:width$}"));
-        text += &format!("  {}\n", cells.collect::<Vec<_>>().join("  ").trim_end());
+        // writing to a String cannot fail
+        let _ = writeln!(text, "  {}", cells.collect::<Vec<_>>().join("  ").trim_end());
     }
     text
 }
@@ -180,7 +182,8 @@ pub(crate) fn explanation(physics: &Physics, outcome: &Outcome) -> String {
     let mut text =
         format!("  dt = {:e} s = {:.4} T, {steps} steps", physics.dt_s, physics.dt_s / collision_s);
     if let Some(rate) = outcome.growth_per_s {
-        text += &format!("; what differs in the last place grows as exp({:.3} t/T)", rate * collision_s);
+        // writing to a String cannot fail
+        let _ = write!(text, "; what differs in the last place grows as exp({:.3} t/T)", rate * collision_s);
     }
     text + "\n"
 }
@@ -203,7 +206,7 @@ pub(crate) fn json(physics: &Physics, outcome: &Outcome) -> Value {
             "unit": each.quantity.scale(),
             "determined": each.until_s.is_none(),
             "determined_until_s": each.until_s,
-            "bounded_by": each.bound.map(|bound| bound.as_str()),
+            "bounded_by": each.bound.map(Bound::as_str),
             "digits_at_end": digits(each.at_end()),
             "digits_at_worst": digits(each.worst()),
             "step": course(each.step),
@@ -218,7 +221,7 @@ pub(crate) fn json(physics: &Physics, outcome: &Outcome) -> Value {
         "split_bead": outcome.split_bead,
         "determined": lost.is_none(),
         "determined_until_s": lost.and_then(|lost| lost.until_s),
-        "bounded_by": lost.and_then(|lost| lost.bound).map(|bound| bound.as_str()),
+        "bounded_by": lost.and_then(|lost| lost.bound).map(Bound::as_str),
         "growth_per_s": outcome.growth_per_s,
         "quantities": quantities.collect::<Vec<_>>(),
     })

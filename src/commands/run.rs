@@ -51,12 +51,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         None => new_run(args)?,
     };
     let manifest = &configured.manifest;
-    let options = WriteOptions {
-        force: args.force,
-        flush_period: Duration::from_secs_f64(args.flush_period),
-        sync_period: Duration::from_secs_f64(args.sync_period),
-        ..WriteOptions::default()
-    };
+    let options = write_options(args);
     if let Some(path) = out.as_ref().filter(|path| path.extension().is_none_or(|end| end != "mcap")) {
         let message = format!("{}: a recording is written as .mcap", path.display());
         return Err(Failure::BadInput(anyhow!(message)));
@@ -147,6 +142,15 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     }
     tell_drift(&manifest.physics, outcome.relative_drift);
     Ok(Done::whole_if(counts.evicted == 0 && reason == EndReason::Complete && is_determined))
+}
+
+fn write_options(args: &RunArgs) -> WriteOptions {
+    WriteOptions {
+        force: args.force,
+        flush_period: Duration::from_secs_f64(args.flush_period),
+        sync_period: Duration::from_secs_f64(args.sync_period),
+        ..WriteOptions::default()
+    }
 }
 
 /// Says so if the energy has drifted far, and why: rounding, or the time step.

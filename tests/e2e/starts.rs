@@ -161,7 +161,6 @@ fn campaign(user: User) {
             }
         }
     }
-    println!("{tries} tries, {} failures", failures.len());
     assert!(failures.is_empty(), "{tries} tries, {} failures:\n{}", failures.len(), failures.join("\n"));
 }
 

@@ -60,6 +60,7 @@ struct Bead {
 }
 
 /// How a bead got faster.
+#[expect(clippy::struct_field_names, reason = "they end with units")]
 #[derive(Debug, Clone, Copy, Default)]
 struct Rise {
     /// By how much (m/s).

@@ -30,8 +30,8 @@ impl Obstacles {
         let left = |bead: usize| (0..bead).rev().take(even);
         let right = |bead: usize| (bead + 1..m.len()).take(even);
         let is_obstacle = |bead: usize| {
-            ends_at(bead, even, left(bead), right(bead), &same)
-                || ends_at(bead, even, right(bead), left(bead), &same)
+            ends_at(bead, even, &left(bead), right(bead), &same)
+                || ends_at(bead, even, &right(bead), left(bead), &same)
         };
         let mut beads: Vec<i64> = (0..m.len()).filter(|bead| is_obstacle(*bead)).map(index).collect();
         if beads.len() * 10 > m.len() {
@@ -75,7 +75,7 @@ impl Obstacles {
 fn ends_at(
     bead: usize,
     even: usize,
-    ahead: impl ExactSizeIterator<Item = usize> + Clone,
+    ahead: &(impl ExactSizeIterator<Item = usize> + Clone),
     mut behind: impl ExactSizeIterator<Item = usize>,
     same: &impl Fn(usize, usize) -> bool,
 ) -> bool {

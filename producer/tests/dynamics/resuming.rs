@@ -91,7 +91,7 @@ fn drain(source: &mut impl FrameSource) -> Vec<ChainState> {
 /// Takes away the segment that iceoryx2 keeps for a bus, and its directory.
 fn remove_shared_memory(bus: &Bus, dir: TempDir) {
     for entry in std::fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
-        if entry.file_name().to_string_lossy().starts_with(&bus.prefix()) {
+        if entry.file_name().to_string_lossy().starts_with(bus.prefix()) {
             let _ = std::fs::remove_file(entry.path());
         }
     }
