@@ -201,10 +201,14 @@ impl Counted {
         Self { count: counts.first().copied().unwrap_or(0), least, most }
     }
 
-    /// Whether counts grow from each to the next, and whether they do so whichever of the runs is taken.
+    /// Whether counts grow from the first to the last, and from each to the next as far as their ranges tell them apart;
+    /// and whether they do so from each to the next whichever of the runs is taken.
     pub(super) fn grow(counts: &[Self]) -> (bool, bool) {
         let pairs = || counts.windows(2);
-        (pairs().all(|pair| pair[0].count < pair[1].count), pairs().all(|pair| pair[0].most < pair[1].least))
+        let overlap = |pair: &[Self]| pair[0].least <= pair[1].most && pair[0] != pair[1];
+        let in_all = counts.first().zip(counts.last()).is_some_and(|(first, last)| first.count < last.count);
+        let grow = in_all && pairs().all(|pair| pair[0].count < pair[1].count || overlap(pair));
+        (grow, pairs().all(|pair| pair[0].most < pair[1].least))
     }
 }
 
@@ -302,6 +306,10 @@ mod tests {
         assert_eq!(Counted::grow(&[same, other]), (true, true));
         assert_eq!(Counted::grow(&[other, Counted::of(&[22, 22, 23])]), (true, false));
         assert_eq!(Counted::grow(&[same, same]), (false, false));
+        // 18 to 19 and 17 to 18 may be the same, 6 and 6 are
+        let [more, fewer] = [Counted::of(&[18, 19]), Counted::of(&[17, 18])];
+        assert_eq!(Counted::grow(&[same, more, fewer]), (true, false));
+        assert_eq!(Counted::grow(&[more, same, fewer]), (false, false));
     }
 
     #[test]

@@ -114,9 +114,10 @@ fn judge_numbers(seen: &Observations) -> Result<Judgement, StudyError> {
     Ok(Judgement {
         verdict: Verdict::graded(grow, grow_in_all),
         why: format!(
-            "Within 120 ms {} pulses pass bead {BEAD} for first beads of {} g.",
+            "Within 120 ms {} pulses pass bead {BEAD} for first beads of {} g{}.",
             counts.iter().map(Counted::to_string).collect::<Vec<_>>().join(", "),
-            MASSES_G.map(|mass_g| mass_g.to_string()).join(", ")
+            MASSES_G.map(|mass_g| mass_g.to_string()).join(", "),
+            if grow_in_all { "" } else { "; counts whose ranges overlap are not told apart" }
         ),
         numbers,
     })
