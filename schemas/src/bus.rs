@@ -149,6 +149,7 @@ impl Bus {
             let mut removed = leftovers::remove_orphans(&self.root, &self.prefix, &self.config);
             removed.add(leftovers::remove_earlier(&self.prefix, &root::family(&self.root)));
             warden.note(removed);
+            position::remove_dead(&self.root);
         }
         Ok(node)
     }

@@ -114,6 +114,9 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     // in this order, so that whoever hears of the end finds the recording; neither is left out when the
     // other fails
     let recording = recorder.map(|recorder| recorder.finish(reason)).transpose();
+    if let Ok(Some(finished)) = &recording {
+        signals::would_leave(format!("{} is finished", finished.path.display()));
+    }
     let counts = publisher.finish(reason);
     if let (Some(path), true) = (&out, failed_to_record(&result, &recording)) {
         let path = path.display();

@@ -1,6 +1,7 @@
 //! Where a consumer is: told by itself in a small file, since nobody else knows what it has taken from its queue.
 
 use super::board::unix_ns;
+use super::creator::Id;
 use std::fs::{self, File};
 use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
@@ -8,8 +9,8 @@ use std::time::{Duration, Instant, SystemTime};
 
 /// How often a consumer tells.
 const TELL_PERIOD: Duration = Duration::from_millis(100);
-/// A file that was not written for so long belongs to a process that was killed.
-const STALE: Duration = Duration::from_hours(1);
+/// Where they lie in the root.
+const FOLDER: &str = "at";
 /// Longer ago a consumer is busy with a frame, and what it told is no longer all.
 const FRESH: Duration = Duration::from_millis(500);
 
@@ -50,7 +51,7 @@ impl Position {
 }
 
 fn path(root: &Path, id: u128) -> PathBuf {
-    root.join("at").join(format!("{id:032x}"))
+    root.join(FOLDER).join(format!("{id:032x}"))
 }
 
 /// Tells where a consumer is; says nothing more when it is dropped.
@@ -66,7 +67,7 @@ impl Teller {
         let path = path(root, id);
         let file = path.parent().and_then(|folder| {
             fs::create_dir_all(folder).ok()?;
-            remove_stale(folder);
+            remove_dead(root);
             File::create(&path).ok()
         });
         Self { file: file.map(|file| (file, path)), ..Self::none() }
@@ -96,11 +97,11 @@ impl Drop for Teller {
     }
 }
 
-/// Removes what consumers that were killed have left.
-fn remove_stale(folder: &Path) {
-    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-        let written = entry.metadata().and_then(|found| found.modified());
-        if written.is_ok_and(|at| at.elapsed().is_ok_and(|age| age > STALE)) {
+/// Removes what killed consumers have left.
+pub(super) fn remove_dead(root: &Path) {
+    for entry in fs::read_dir(root.join(FOLDER)).into_iter().flatten().flatten() {
+        let id = entry.file_name().to_str().and_then(|name| u128::from_str_radix(name, 16).ok());
+        if id.is_some_and(|id| !Id(id).creator_lives()) {
             let _ = fs::remove_file(entry.path());
         }
     }
@@ -122,6 +123,19 @@ mod tests {
         assert_eq!(Position::read(root.path(), 8, None), None);
         drop(teller);
         assert_eq!(Position::read(root.path(), id, None), None);
+    }
+
+    #[test]
+    fn what_killed_consumers_left_is_removed() {
+        let root = tempfile::tempdir().expect("a folder");
+        // numbers of processes end before 2^22
+        let id_of = |process: u32| u128::from(process) << 64 | u128::from(u32::MAX);
+        let [living, killed] =
+            [std::process::id(), 1 << 23].map(|process| Teller::new(root.path(), id_of(process)));
+        remove_dead(root.path());
+        let left = fs::read_dir(root.path().join(FOLDER)).expect("a folder").count();
+        assert_eq!(left, 1);
+        drop((living, killed));
     }
 
     #[test]
