@@ -5,9 +5,10 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "what this program is for")]
 
 use anyhow::{Result, ensure};
-use schemas::bus::{AttachOptions, ResultColumns};
+use bus::AttachOptions;
 use schemas::frame::{FrameSource as _, Received};
-use schemas::source::Source;
+use schemas::results::ResultColumns;
+use source::Source;
 
 fn main() -> Result<()> {
     let name = std::env::args().nth(1).unwrap_or_else(|| "live".to_owned());

@@ -2,20 +2,22 @@
 
 use crate::args::{AnalysisArgs, BeadRange, FramesArgs};
 use crate::display::{self, count, counted};
-use crate::failure::{Done, Failure};
+use crate::failure::{BadInput as _, Done, Failure};
+use crate::frames::{Frames, FramesError, is_of_a_file};
 use crate::outputs::check_outputs;
 use crate::signals;
-use crate::source::{Frames, Named, Source, SourceFailure};
 use anyhow::{Error, anyhow};
+use bus::{Bus, ResultElement, ResultPublisher, ResultsError, StreamId};
 use consumers::figure::Figure;
 use consumers::follow::{Analysis, FollowError, Tally, follow_within};
 use consumers::table::TableError;
-use schemas::bus::{Bus, ResultColumns, ResultElement, ResultPublisher, ResultsError, StreamId, Topic};
+use recording::WriteError;
 use schemas::frame::{EndReason, Frame, FrameSource, Window};
 use schemas::manifest::RunManifest;
-use schemas::recording::WriteError;
+use schemas::results::{ResultColumns, Topic};
 use schemas::whole_file::is_being_written;
 use serde_json::{Map, Value, json};
+use source::{Named, Source, SourceError};
 use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -65,19 +67,18 @@ impl<'a> Session<'a> {
         figures: &'a [PathBuf],
         part: impl FnOnce(&RunManifest) -> Result<Window, Failure>,
     ) -> Result<Self, Failure> {
-        let named = Named::parse(&args.source)?;
-        check_flags(args, &named)?;
+        check_flags(args)?;
         let stop = signals::stop_flag()?;
-        let (source, live) = match named {
+        let (source, live) = match &args.source {
             Named::Live(name) => {
                 let bus = Bus::from_env()?;
-                let live = crate::source::attach(&bus, name.as_ref(), args, label, &stop)?;
+                let live = crate::frames::attach(&bus, name.as_ref(), args, label, &stop)?;
                 display::notice_of_bus(&bus);
                 let stream = live.stream();
                 (Source::Live(Box::new(live)), Some((bus, stream)))
             }
-            Named::File(path) if args.every_step => (Source::open_all(&path, &stop)?, None),
-            Named::File(path) => (Source::open(&path, &stop)?, None),
+            Named::File(path) if args.every_step => (Source::all_states(path, &stop).bad_input()?, None),
+            Named::File(path) => (Source::recording(path, &stop).bad_input()?, None),
         };
         display::notice_of_version(source.manifest());
         let window = part(source.manifest())?;
@@ -145,13 +146,13 @@ impl<'a> Session<'a> {
         match followed {
             Ok(()) => Ok(tally),
             // what came before the damage stays a result, as in a file that was cut short
-            Err(FollowError::Source(error @ (SourceFailure::File(_) | SourceFailure::Differs(_))))
-                if tally.frame_count > 0 =>
-            {
+            Err(FollowError::Source(error)) if is_of_a_file(&error) && tally.frame_count > 0 => {
                 display::notice(format_args!("{:#}", Error::new(error)));
                 Ok(tally)
             }
-            Err(FollowError::Source(error @ SourceFailure::File(_))) => Err(Failure::BadInput(error.into())),
+            Err(FollowError::Source(error @ FramesError::Source(SourceError::File(_)))) => {
+                Err(Failure::BadInput(error.into()))
+            }
             Err(FollowError::Source(error)) => Err(error.into()),
             Err(FollowError::Analysis(error)) => Err(error.into()),
         }
@@ -220,7 +221,7 @@ impl<'a> Session<'a> {
                 display::notice("stopped: results end before the recording does");
             }
             EndReason::Stopped => display::notice("stopped: results end here, the run goes on"),
-            end => notice_of_end(end, Path::new(&self.args.source), "results"),
+            end => notice_of_end(end, self.args.source.file(), "results"),
         }
         let from = self.manifest().physics.step_at_or_after(self.window.from_s);
         let due = from.div_ceil(self.manifest().provenance.publish_every_steps);
@@ -243,10 +244,10 @@ impl<'a> Session<'a> {
 }
 
 /// Says what the end of the run or recording `source` means for what was `made` of it, such as results.
-pub(crate) fn notice_of_end(end: EndReason, source: &Path, made: &str) {
+pub(crate) fn notice_of_end(end: EndReason, recording: Option<&Path>, made: &str) {
     match end {
         EndReason::Failed => display::notice(format_args!("the run failed; {made} end at its last frame")),
-        EndReason::Unfinished if is_being_written(source) => {
+        EndReason::Unfinished if recording.is_some_and(is_being_written) => {
             display::notice(format_args!("the recording is being written; {made} end where it did"));
         }
         EndReason::Unfinished => display::notice(format_args!(
@@ -267,14 +268,14 @@ pub(crate) fn notice_of_end(end: EndReason, source: &Path, made: &str) {
 }
 
 /// Refuses flags that mean nothing to a source of this kind, which a user would believe to be obeyed.
-pub(crate) fn check_flags(args: &FramesArgs, named: &Named) -> Result<(), Failure> {
+pub(crate) fn check_flags(args: &FramesArgs) -> Result<(), Failure> {
     let of_live_runs = [
         ("--latest", args.latest, "attaches to a live run without holding it back"),
         ("--timeout", args.timeout.is_some(), "ends the wait for a live run"),
     ];
     let of_recordings =
         [("--jobs", args.jobs.is_some(), "says how many threads recompute the steps of a recording")];
-    let (flags, found) = match named {
+    let (flags, found) = match args.source {
         Named::File(_) => (&of_live_runs[..], "a recording"),
         Named::Live(_) => (&of_recordings[..], "a live run"),
     };
@@ -289,7 +290,7 @@ pub(crate) fn check_flags(args: &FramesArgs, named: &Named) -> Result<(), Failur
 /// The same for the flag that only analyses have.
 pub(crate) fn check_publishing(args: &AnalysisArgs) -> Result<(), Failure> {
     let source = &args.frames.source;
-    match Named::parse(source)? {
+    match source {
         Named::File(_) if args.no_publish => Err(Failure::BadInput(anyhow!(
             "--no-publish keeps results of a live run off the bus; {source} is a recording"
         ))),

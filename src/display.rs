@@ -3,8 +3,8 @@
 use crate::failure::Failure;
 use crate::limits;
 use anyhow::{Context as _, anyhow};
+use bus::Bus;
 use indicatif::{DecimalBytes, HumanCount, ProgressBar, ProgressStyle};
-use schemas::bus::Bus;
 use schemas::frame::EndReason;
 use schemas::manifest::{RunManifest, SCHEMA_VERSION};
 use serde::Serialize;

@@ -3,9 +3,9 @@
 use crate::display;
 use crate::limits;
 use anyhow::Error;
+use bus::{AttachError, PublishError};
 use consumers::export::ExportError;
-use schemas::bus::{AttachError, PublishError};
-use schemas::recording::WriteError;
+use recording::WriteError;
 use schemas::whole_file::WholeFileError;
 use serde_json::json;
 use std::any::Any;

@@ -36,7 +36,7 @@ pub(crate) fn check_places(outputs: &[&PathBuf], args: &FramesArgs) -> Result<()
         if outputs[..i].contains(path) {
             return Err(anyhow!("{} is named for two outputs", path.display())).bad_input();
         }
-        check_place(path, Path::new(&args.source), args.force)?;
+        check_place(path, args.source.file(), args.force)?;
     }
     Ok(())
 }
@@ -61,9 +61,9 @@ fn check_extension(path: &Path, allowed: &[&str], rule: &str) -> Result<(), Fail
 }
 
 /// Refuses a path that is the source itself, that is taken, or that has no directory.
-pub(crate) fn check_place(path: &Path, source: &Path, force: bool) -> Result<(), Failure> {
+pub(crate) fn check_place(path: &Path, source: Option<&Path>, force: bool) -> Result<(), Failure> {
     let resolved = |path: &Path| path.canonicalize().ok();
-    if resolved(path).is_some_and(|path| Some(path) == resolved(source)) {
+    if resolved(path).is_some_and(|path| Some(path) == source.and_then(resolved)) {
         return Err(anyhow!("{} is the source itself", path.display())).bad_input();
     }
     check_free(path, force)

@@ -3,8 +3,8 @@
 use crate::display::{self, counted, duration};
 use crate::failure::Failure;
 use anyhow::anyhow;
+use bus::{Bus, ConsumerEvent, PublishOptions, StatePublisher, WaitOutcome};
 use indicatif::ProgressBar;
-use schemas::bus::{Bus, ConsumerEvent, PublishOptions, StatePublisher, WaitOutcome};
 use schemas::manifest::RunManifest;
 use std::sync::atomic::AtomicBool;
 

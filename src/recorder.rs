@@ -3,11 +3,11 @@
 
 pub(crate) mod rows;
 
+use bus::StreamId;
 use producer::state::ChainState;
-use schemas::bus::StreamId;
+use recording::{DiskWatch, Finished, PartsWriter, ResultKind, ResultRow, WriteError};
 use schemas::frame::{EndReason, Frame, FrameSink as _};
 use schemas::manifest::RunManifest;
-use schemas::recording::{DiskWatch, Finished, PartsWriter, ResultKind, ResultRow, WriteError};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -220,9 +220,9 @@ impl<'a> DueFrames<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use recording::{RowValues, Split, WriteOptions};
     use schemas::manifest::{Origin, RunId};
     use schemas::presets::PRESETS;
-    use schemas::recording::{RowValues, Split, WriteOptions};
 
     /// Rows may come before the first frame, and are kept if none comes.
     #[test]

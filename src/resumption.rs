@@ -2,17 +2,18 @@
 
 use crate::display::{self, count};
 use crate::failure::{BadInput, Failure};
+use crate::frames::{Frames, is_of_a_file};
 use crate::outputs::check_free;
-use crate::source::{Frames, Source, SourceFailure};
 use anyhow::anyhow;
+use bus::StatePublisher;
 use producer::resimulation::{Lend, check_kernel};
 use producer::state::ChainState;
-use schemas::bus::StatePublisher;
-use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
-use schemas::manifest::RunManifest;
-use schemas::recording::{
+use recording::{
     InterruptedRecording, OtherChannels, RecordingInfo, RecordingSource, RecordingWriter, WriteOptions,
 };
+use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
+use schemas::manifest::RunManifest;
+use source::Source;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -144,8 +145,8 @@ impl Resumption {
         let manifest = &self.info().manifest;
         let Some(last_step) = self.info().last_step else { return Ok(()) };
         let from = last_step.saturating_sub(MOST_PROVEN / manifest.physics.beads);
-        let mut source = Source::open(self.recording.path(), stop)?;
-        source.seek(from)?;
+        let mut source = Source::recording(self.recording.path(), stop).bad_input()?;
+        source.seek(from).bad_input()?;
         let mut frames = Frames::recomputed(source, Lend::Frames, from == 0, from, None)?;
         let bar = display::progress_bar(last_step, "proving");
         let mut refreshed = Instant::now();
@@ -159,9 +160,7 @@ impl Resumption {
                 Ok(Received::Frame(_)) => {}
                 // copying finds what is missing
                 Ok(Received::Missed { .. } | Received::End(_)) => break,
-                Err(error @ (SourceFailure::Differs(_) | SourceFailure::File(_))) => {
-                    return Err(self.damaged(&error.to_string()));
-                }
+                Err(error) if is_of_a_file(&error) => return Err(self.damaged(&error.to_string())),
                 Err(error) => return Err(error.into()),
             }
         }

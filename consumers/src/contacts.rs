@@ -2,10 +2,10 @@
 
 use crate::space_time::Cell;
 use pulp::Arch;
+pub use recording::{COMPRESSED, OPEN, TOUCHING};
 use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
-pub use schemas::recording::{COMPRESSED, OPEN, TOUCHING};
 use schemas::simd::vectorized;
 
 /// The tolerance (m) unless another is asked for: 1e-6 of the collision length L, 0.36 nm for the

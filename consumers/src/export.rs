@@ -13,9 +13,9 @@ mod ros2;
 mod spool;
 
 use crate::table::{Column, Kind, Table};
+use recording::WriteError;
 use schemas::frame::{Frame, Window};
 use schemas::manifest::RunManifest;
-use schemas::recording::WriteError;
 use schemas::whole_file::WholeFileError;
 use std::fmt;
 use std::ops::Range;

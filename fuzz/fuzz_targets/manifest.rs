@@ -8,7 +8,7 @@ use libfuzzer_sys::fuzz_target;
 use producer::integrator::Integrator;
 use producer::state::ChainState;
 use schemas::manifest::{Physics, RunManifest};
-use schemas::recording::fuzzing;
+use recording::fuzzing;
 
 fuzz_target!(|bytes: &[u8]| {
     let read = match bytes.split_first() {

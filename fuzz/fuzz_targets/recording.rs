@@ -5,7 +5,7 @@
 use beadline_fuzz::{Place, mutate_recording};
 use libfuzzer_sys::{fuzz_mutator, fuzz_target};
 use schemas::frame::{EndReason, FrameSource, Received};
-use schemas::recording::{
+use recording::{
     Audit, Audited, ContactsReader, ReadError, RecordingInfo, RecordingSource, state_hash,
 };
 use std::cell::LazyCell;

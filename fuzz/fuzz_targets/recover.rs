@@ -6,7 +6,7 @@ use beadline_fuzz::{Place, mutate_recording};
 use libfuzzer_sys::{fuzz_mutator, fuzz_target};
 use producer::recovery::recover;
 use schemas::frame::{FrameSource, Received};
-use schemas::recording::{Audit, Compression, RecordingSource, RecordingWriter, WriteOptions};
+use recording::{Audit, Compression, RecordingSource, RecordingWriter, WriteOptions};
 use std::cell::LazyCell;
 use std::path::Path;
 

@@ -5,7 +5,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use schemas::recording::fuzzing::{state, state_by_prost, state_step};
+use recording::fuzzing::{state, state_by_prost, state_step};
 
 fuzz_target!(|bytes: &[u8]| {
     let Some((lengths, message)) = bytes.split_first() else { return };

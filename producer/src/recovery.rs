@@ -8,13 +8,13 @@
 mod salvager;
 
 use crate::resimulation::{Difference, OtherKernel};
-use salvager::Salvager;
-use schemas::frame::EndReason;
-use schemas::manifest::RunManifest;
-use schemas::recording::{
+use recording::{
     Audit, Audited, BeginRecord, Damage, DamageKind, EncodedStates, EndRecord, OtherCopier, ReadError,
     RecordingWriter, WriteError,
 };
+use salvager::Salvager;
+use schemas::frame::EndReason;
+use schemas::manifest::RunManifest;
 use std::collections::BTreeMap;
 
 /// The differences and ranges that are kept; more are only counted.

@@ -13,12 +13,12 @@ pub use parts::{Follows, follows, follows_the_run};
 use crate::resimulation::{Difference, OtherKernel, check_kernel, difference};
 use crate::state::ChainState;
 use batches::{Proof, prove_batches};
-use schemas::frame::EndReason;
-use schemas::manifest::RunManifest;
-use schemas::recording::{
+use recording::{
     Audit, Audited, BeginRecord, Damage, EncodedStates, EndRecord, ReadError, RowsFound, SummaryDifference,
     state_hash,
 };
+use schemas::frame::EndReason;
+use schemas::manifest::RunManifest;
 use std::collections::BTreeMap;
 use std::num::NonZero;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -104,7 +104,7 @@ impl Verification {
 
     /// Whether nothing is wrong with what there is, as far as this program can tell.
     pub fn is_sound_so_far(&self) -> bool {
-        let cut_off = |damage: &Damage| damage.kind == schemas::recording::DamageKind::Torn;
+        let cut_off = |damage: &Damage| damage.kind == recording::DamageKind::Torn;
         self.state_count > 0
             && self.difference_count + self.summary_difference_count + self.missing_count == 0
             && self.rows.values().all(|rows| rows.missing_count == 0)

@@ -4,23 +4,19 @@
 //! it consists of. The physics that producers and consumers must agree on to the bit is the
 //! [`contact`] law, with its own [`power`] function, over a resolved [`chain`].
 
-pub mod bus;
 pub mod chain;
 pub mod config;
 pub mod contact;
 pub mod damping;
 mod excess;
-pub mod foxglove;
 pub mod frame;
 pub mod manifest;
 pub mod method;
 pub mod power;
 pub mod presets;
-pub mod recording;
-pub mod ros2;
+pub mod results;
 pub mod run_name;
 pub mod scales;
 pub mod simd;
-pub mod source;
 pub mod summary;
 pub mod whole_file;

@@ -12,7 +12,7 @@ mod aside;
 mod naming;
 
 pub use aside::{LockedFile, Names};
-pub(crate) use naming::directory_of;
+pub use naming::directory_of;
 
 use rustix::fs::OFlags;
 use std::fs::{self, File, OpenOptions, TryLockError};

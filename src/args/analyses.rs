@@ -3,6 +3,7 @@
 use super::figures::LookArgs;
 use super::values::{parse_jobs, parse_number, parse_seconds, parse_time, parse_whole};
 use clap::Args;
+use source::Named;
 use std::num::NonZero;
 use std::path::PathBuf;
 
@@ -12,7 +13,7 @@ use std::path::PathBuf;
 pub(crate) struct FramesArgs {
     /// `live` (the only live run), `live:RUN`, or a recording
     #[arg(value_name = "SOURCE", default_value = "live")]
-    pub(crate) source: String,
+    pub(crate) source: Named,
     /// Attach without ever holding the run back: frames may be missed, and are counted
     #[arg(long)]
     pub(crate) latest: bool,

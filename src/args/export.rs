@@ -4,6 +4,7 @@ use super::values::{BeadRange, parse_beads, parse_jobs, parse_positive, parse_ti
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use consumers::export::Format;
+use source::Named;
 use std::num::NonZero;
 use std::path::PathBuf;
 
@@ -24,7 +25,7 @@ use std::path::PathBuf;
 pub(crate) struct ExportArgs {
     /// The recording
     #[arg(value_name = "FILE")]
-    pub(crate) file: String,
+    pub(crate) file: Named,
     /// Format [default: the one that the name of PATH ends with]
     #[arg(long, value_name = "FORMAT", value_parser = formats())]
     pub(crate) to: Option<Format>,

@@ -6,6 +6,7 @@ use super::values::{
 };
 use clap::Args;
 use schemas::run_name::RunName;
+use source::Named;
 use std::num::NonZero;
 use std::path::PathBuf;
 
@@ -28,7 +29,7 @@ use std::path::PathBuf;
 pub(crate) struct RecordArgs {
     /// `live` (the only live run) or `live:RUN`
     #[arg(value_name = "SOURCE", default_value = "live")]
-    pub(crate) source: String,
+    pub(crate) source: Named,
     /// Recording to write; parts of it are NAME-part-0001.mcap and so on
     #[arg(long, value_name = "FILE.mcap")]
     pub(crate) out: PathBuf,

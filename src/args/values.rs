@@ -2,7 +2,7 @@
 
 use crate::sweep::directory::Shard;
 use consumers::figure::Options;
-use schemas::recording::Split;
+use recording::Split;
 use std::num::NonZero;
 
 /// How fast a run goes.

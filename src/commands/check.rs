@@ -11,8 +11,8 @@ use anyhow::anyhow;
 use consumers::determination::{Determination, Outcome, Quantity};
 use consumers::plots;
 use consumers::table::Table;
+use recording::RecordingInfo;
 use schemas::manifest::RunManifest;
-use schemas::recording::RecordingInfo;
 use serde_json::Value;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -33,7 +33,7 @@ pub(crate) fn check(args: &CheckArgs) -> Result<Done, Failure> {
     let tables: Vec<_> = args.out.iter().collect();
     check_tables(&tables)?;
     let outputs: Vec<_> = args.out.iter().chain(&args.figure).collect();
-    let source = args.source.as_deref().unwrap_or(Path::new(""));
+    let source = args.source.as_deref();
     outputs.iter().try_for_each(|path| check_place(path, source, args.force))?;
     let subject = subject(args)?;
     let (manifest, physics) = (&subject.manifest, &subject.manifest.physics);

@@ -7,18 +7,19 @@ use crate::args::ContactsArgs;
 use crate::display::{self, count};
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::check_outputs;
-use crate::source::Named;
 use anyhow::anyhow;
+use bus::ResultPublisher;
 use consumers::contacts::{Class, ContactCounts, Contacts, default_tolerance_m};
 use consumers::follow::Analysis;
 use consumers::plots;
 use consumers::space_time::{Extent, Picture};
 use consumers::table::Table;
-use schemas::bus::{ResultColumns, ResultPublisher, Topic};
+use recording::{ContactsReader, ContactsRow, ContactsWriter, RecordingInfo, WriteOptions};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
-use schemas::recording::{ContactsReader, ContactsRow, ContactsWriter, RecordingInfo, WriteOptions};
+use schemas::results::{ResultColumns, Topic};
 use serde_json::{Value, json};
+use source::Named;
 use std::path::{Path, PathBuf};
 
 /// The analysis with everything that its results go to.
@@ -65,11 +66,10 @@ impl Analysis for Outputs {
 
 pub(crate) fn contacts(args: &ContactsArgs) -> Result<Done, Failure> {
     let (table, map) = outputs(args)?;
-    let named = Named::parse(&args.common.frames.source)?;
-    if let Named::File(path) = &named
+    if let Named::File(path) = &args.common.frames.source
         && is_contact_map(path)
     {
-        check_flags(&args.common.frames, &named)?;
+        check_flags(&args.common.frames)?;
         check_publishing(&args.common)?;
         return redraw(args, ContactsReader::open(path).bad_input()?);
     }

@@ -5,6 +5,7 @@ use crate::args::EnergiesArgs;
 use crate::display::{self, count};
 use crate::failure::{Done, Failure};
 use crate::outputs::check_tables;
+use bus::ResultPublisher;
 use consumers::energies::{
     Energies, EnergyOutcome, EnergyRow, Moment, Reflected, Reflection, default_split_bead,
 };
@@ -13,8 +14,8 @@ use consumers::plots;
 use consumers::series::Series;
 use consumers::table::Table;
 use consumers::uncertain::Uncertain;
-use schemas::bus::{ResultColumns, ResultPublisher, Topic};
 use schemas::frame::Frame;
+use schemas::results::{ResultColumns, Topic};
 use serde_json::{Value, json};
 
 /// The analysis with everything that its results go to.

@@ -4,9 +4,9 @@ use crate::analysis::{check_beads, notice_of_end, window};
 use crate::args::ExportArgs;
 use crate::display::{self, bytes, count, counted};
 use crate::failure::{BadInput, Done, Failure};
+use crate::frames::{Frames, is_of_a_file};
 use crate::outputs::{check_place, extension};
 use crate::signals;
-use crate::source::{Frames, Named, Source, SourceFailure};
 use anyhow::{Error, anyhow};
 use consumers::export::{Excerpt, Export, ExportError, Format};
 use consumers::follow::{Analysis, FollowError, Tally, follow_within};
@@ -14,6 +14,7 @@ use indicatif::ProgressBar;
 use producer::resimulation::Lend;
 use schemas::frame::{EndReason, Frame, FrameSource, Window};
 use serde_json::json;
+use source::{Named, Source};
 use std::num::NonZero;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -60,7 +61,7 @@ pub(crate) fn export(args: &ExportArgs) -> Result<Done, Failure> {
     let format = format(args)?;
     format.check_built().bad_input()?;
     let from = recording(args)?;
-    check_place(&args.out, &from, args.force)?;
+    check_place(&args.out, Some(&from), args.force)?;
     let stop = signals::stop_flag()?;
     let (mut frames, window) = open(args, &from, &stop)?;
     let manifest = frames.manifest().clone();
@@ -98,8 +99,8 @@ fn format(args: &ExportArgs) -> Result<Format, Failure> {
 
 /// The recording that is named.
 fn recording(args: &ExportArgs) -> Result<PathBuf, Failure> {
-    match Named::parse(&args.file)? {
-        Named::File(path) => Ok(path),
+    match &args.file {
+        Named::File(path) => Ok(path.clone()),
         Named::Live(_) => Err(Failure::BadInput(anyhow!(
             "{}: a live run cannot be exported; `beadline record {} --out FILE.mcap` makes a recording of it",
             args.file,
@@ -110,7 +111,7 @@ fn recording(args: &ExportArgs) -> Result<PathBuf, Failure> {
 
 /// The states that are asked for, and more.
 fn open(args: &ExportArgs, from: &Path, stop: &Arc<AtomicBool>) -> Result<(Frames, Window), Failure> {
-    let recorded = Source::open(from, stop)?;
+    let recorded = Source::recording(from, stop).bad_input()?;
     let window = window(args.from, args.until, recorded.manifest())?;
     let first_step = recorded.manifest().physics.step_at_or_after(window.from_s);
     let provenance = &recorded.manifest().provenance;
@@ -123,8 +124,9 @@ fn open(args: &ExportArgs, from: &Path, stop: &Arc<AtomicBool>) -> Result<(Frame
         Some(_) => Some(Lend::Steps),
         None => None,
     };
-    let mut source = if lend == Some(Lend::Steps) { Source::open_all(from, stop)? } else { recorded };
-    source.seek(first_step)?;
+    let mut source =
+        if lend == Some(Lend::Steps) { Source::all_states(from, stop).bad_input()? } else { recorded };
+    source.seek(first_step).bad_input()?;
     let frames = match lend {
         Some(lend) => Frames::recomputed(source, lend, false, first_step, args.jobs)?,
         None => Frames::as_they_come(source),
@@ -157,9 +159,7 @@ fn follow(frames: &mut Frames, exporting: &mut Exporting, window: Window) -> Res
     exporting.bar.finish_and_clear();
     match followed {
         Ok(()) => Ok(tally),
-        Err(FollowError::Source(error @ (SourceFailure::File(_) | SourceFailure::Differs(_))))
-            if exporting.states > 0 =>
-        {
+        Err(FollowError::Source(error)) if is_of_a_file(&error) && exporting.states > 0 => {
             display::notice(format_args!("{:#}", Error::new(error)));
             Ok(tally)
         }
@@ -241,6 +241,6 @@ fn report(
         let missed = counted(tally.missed_count, "frame");
         display::notice(format_args!("{missed} of the recording are missing in it, and in the export"));
     }
-    notice_of_end(tally.end, Path::new(&args.file), "the exported states");
+    notice_of_end(tally.end, args.file.file(), "the exported states");
     Ok(Done::whole_if(tally.end.is_orderly() && tally.missed_count == 0))
 }

@@ -5,15 +5,16 @@ use crate::args::ImpurityArgs;
 use crate::display::{self, counted};
 use crate::failure::{Done, Failure};
 use crate::outputs::check_tables;
+use bus::ResultPublisher;
 use consumers::energies::default_split_bead;
 use consumers::follow::Analysis;
 use consumers::impurity::{Event, EventKind, Followed, Motion};
 use consumers::plots;
 use consumers::series::Series;
 use consumers::table::Table;
-use schemas::bus::{ResultColumns, ResultPublisher, Topic};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
+use schemas::results::{ResultColumns, Topic};
 use serde_json::{Value, json};
 
 /// Events kept for the summary and the figure; the table has all of them.

@@ -2,8 +2,8 @@
 
 use crate::display::{self, bytes, count, seconds};
 use crate::failure::{BadInput, Done, Failure};
+use recording::RecordingInfo;
 use schemas::frame::EndReason;
-use schemas::recording::RecordingInfo;
 use schemas::whole_file::is_being_written;
 use serde_json::json;
 use std::path::Path;

@@ -2,7 +2,7 @@
 
 use crate::display;
 use crate::failure::{Done, Failure};
-use schemas::bus::{Bus, ConsumerInfo, RunInfo, list_runs};
+use bus::{Bus, ConsumerInfo, RunInfo, list_runs};
 use serde_json::json;
 
 pub(crate) fn ls(as_json: bool, names_only: bool) -> Result<Done, Failure> {

@@ -9,7 +9,6 @@ use crate::args::{
 use crate::display::{self, count};
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::{check_figures, check_places};
-use crate::source::Named;
 use anyhow::anyhow;
 use clap::ValueEnum;
 use consumers::fields::Field;
@@ -21,8 +20,9 @@ use schemas::chain::Chain;
 use schemas::frame::{EndReason, Frame, Window};
 use schemas::manifest::RunManifest;
 use serde_json::json;
+use source::Named;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 pub(crate) fn plot(args: &PlotArgs) -> Result<Done, Failure> {
     let out = args.out.clone().unwrap_or_else(|| default_out(args));
@@ -61,9 +61,9 @@ fn field(what: What) -> Option<Field> {
 
 /// `run-velocity.png`, `run-velocity-at-0.05s.png`, `run-velocity-frame-100.png`, in the current directory.
 fn default_out(args: &PlotArgs) -> PathBuf {
-    let source = match args.frames.source.strip_prefix("live:") {
-        Some(name) => name,
-        None => Path::new(&args.frames.source).file_name().and_then(|name| name.to_str()).unwrap_or("run"),
+    let source = match &args.frames.source {
+        Named::Live(name) => name.as_ref().map_or("live", |name| name.as_str()),
+        Named::File(path) => path.file_name().and_then(|name| name.to_str()).unwrap_or("run"),
     };
     let name = source.strip_suffix(".partial").unwrap_or(source);
     let name = name.strip_suffix(".mcap").unwrap_or(name);
@@ -99,7 +99,7 @@ fn check_kind(args: &PlotArgs) -> Result<(), Failure> {
 
 /// The analysis that draws the figure, and leaves nothing else.
 fn analysis(args: &PlotArgs, out: PathBuf) -> Result<AnalysisArgs, Failure> {
-    let is_live = matches!(Named::parse(&args.frames.source)?, Named::Live(_));
+    let is_live = matches!(args.frames.source, Named::Live(_));
     let frames = args.frames.clone();
     Ok(AnalysisArgs { frames, figure: vec![out], look: args.look, no_publish: is_live })
 }
@@ -170,7 +170,7 @@ impl Analysis for Waiting {
 
 /// Draws a quantity along the chain at one time.
 fn profile(args: &PlotArgs, field: Field, moment: Moment, out: &PathBuf) -> Result<Done, Failure> {
-    let is_file = matches!(Named::parse(&args.frames.source)?, Named::File(_));
+    let is_file = matches!(args.frames.source, Named::File(_));
     // a recording may be sparse there; of a live run nothing before the frame is of interest
     let frames = FramesArgs { fill_gaps: args.frames.fill_gaps || is_file, ..args.frames.clone() };
     let mut session = Session::of_part(&frames, "plot", std::slice::from_ref(out), |manifest| {

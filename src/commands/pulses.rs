@@ -5,8 +5,8 @@ use crate::args::{AnalysisArgs, PulsesArgs};
 use crate::display::{self, count, counted};
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::check_tables;
-use crate::source::Named;
 use anyhow::anyhow;
+use bus::ResultPublisher;
 use consumers::follow::Analysis;
 use consumers::plots;
 use consumers::pulses::{
@@ -14,11 +14,12 @@ use consumers::pulses::{
 };
 use consumers::space_time::{Extent, Picture, singles};
 use consumers::table::Table;
-use schemas::bus::{ResultColumns, ResultPublisher, Topic};
+use recording::RecordingSource;
 use schemas::frame::{Frame, FrameSource};
 use schemas::manifest::RunManifest;
-use schemas::recording::RecordingSource;
+use schemas::results::{ResultColumns, Topic};
 use serde_json::{Value, json};
+use source::Named;
 
 /// Pulses shown in the summary.
 const SHOWN: usize = 12;
@@ -145,11 +146,11 @@ pub(crate) fn pulses(args: &PulsesArgs) -> Result<Done, Failure> {
 /// The arguments, with every step where a recording has too few for the fastest pulses.
 fn with_enough_steps(args: &AnalysisArgs) -> Result<AnalysisArgs, Failure> {
     let mut args = args.clone();
-    let Named::File(path) = Named::parse(&args.frames.source)? else { return Ok(args) };
+    let Named::File(path) = &args.frames.source else { return Ok(args) };
     if args.frames.every_step {
         return Ok(args);
     }
-    let source = RecordingSource::open(&path).bad_input()?;
+    let source = RecordingSource::open(path).bad_input()?;
     let manifest = source.manifest();
     let interval = manifest.provenance.record_every_steps;
     if is_coarse(manifest, interval) {

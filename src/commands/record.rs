@@ -3,18 +3,19 @@
 use crate::args::RecordArgs;
 use crate::display::{self, bytes, count, counted};
 use crate::failure::{BadInput, Done, Failure};
+use crate::frames::{Frames, attach_with, tell};
 use crate::outputs::{check_directory, check_free};
 use crate::recorder::rows::{RowTally, RowThreads};
 use crate::recorder::{DueFrames, Recorder};
 use crate::signals;
-use crate::source::{Frames, Named, Source, attach_with, tell};
 use anyhow::anyhow;
+use bus::{AttachNotice, AttachOptions, Bus, Delivery, LiveSource};
 use producer::resimulation::Lend;
-use schemas::bus::{AttachNotice, AttachOptions, Bus, Delivery, LiveSource};
+use recording::{Disk, DiskWatch, Finished, PartsWriter, Split, WriteOptions, part_path};
 use schemas::frame::{EndReason, FrameSource, Received};
 use schemas::manifest::RunManifest;
-use schemas::recording::{Disk, DiskWatch, Finished, PartsWriter, Split, WriteOptions, part_path};
 use serde_json::{Value, json};
+use source::{Named, Source};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
@@ -26,7 +27,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 const PATIENCE_WHEN_LEAVING: Duration = Duration::from_secs(1);
 
 pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
-    let Named::Live(name) = Named::parse(&args.source)? else {
+    let Named::Live(name) = &args.source else {
         let message =
             format!("{}: expected `live` or `live:RUN`; what is in a file is recorded", args.source);
         return Err(anyhow!(message)).bad_input();

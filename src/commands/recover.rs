@@ -9,8 +9,8 @@ use crate::outputs::check_place;
 use crate::signals;
 use anyhow::{Context, anyhow};
 use producer::recovery::{Recovery, RecoveryError, recover as recover_states};
+use recording::{Audit, Audited, Finished, RecordingWriter, WriteOptions};
 use schemas::manifest::RunManifest;
-use schemas::recording::{Audit, Audited, Finished, RecordingWriter, WriteOptions};
 use schemas::whole_file::give_name;
 use serde_json::json;
 use std::ffi::OsString;
@@ -30,7 +30,7 @@ pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
     let audit = Audit::open(from).bad_input()?;
     let manifest = audit.manifest().clone();
     display::notice_of_version(&manifest);
-    check_place(to, from, force)?;
+    check_place(to, Some(from), force)?;
     let (begin, mut run_toml) = Audit::head(from).bad_input()?;
     let lying_toml = match RunToml::compare(run_toml.as_deref(), &manifest) {
         RunToml::Differs(differs) => differs,

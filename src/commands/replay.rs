@@ -6,16 +6,17 @@ mod summary;
 use crate::args::{Pace, ReplayArgs};
 use crate::display::{self, count, seconds};
 use crate::failure::{BadInput, Done, Failure};
+use crate::frames::{Frames, FramesError};
 use crate::keyboard::Keyboard;
 use crate::publishing;
-use crate::source::{Frames, Source, SourceFailure};
 use crate::stage::{Begin, Stage};
 use anyhow::{Context as _, anyhow};
+use bus::{PublishError, PublishOptions, StatePublisher};
 use producer::replay::{BeginError, Conductor, Replay, ReplayOutcome, is_sparse, published_manifest};
 use producer::resimulation::{Lend, check_kernel};
-use schemas::bus::{PublishError, PublishOptions, StatePublisher};
+use recording::RecordingInfo;
 use schemas::frame::{EndReason, Frame, FrameSource, Window};
-use schemas::recording::RecordingInfo;
+use source::Source;
 use std::num::NonZero;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -69,10 +70,10 @@ fn begin(
     window: Window,
     stop: &Arc<AtomicBool>,
 ) -> Result<Option<Replay<Frames>>, Failure> {
-    let mut source = Source::open(&args.file, stop)?;
+    let mut source = Source::recording(&args.file, stop).bad_input()?;
     let manifest = published_manifest(source.manifest(), args.name.clone(), args.every_step);
     let first_step = manifest.physics.step_at_or_after(window.from_s);
-    source.seek(first_step)?;
+    source.seek(first_step).bad_input()?;
     let frames = if is_sparse(source.manifest(), &manifest) {
         let context = || format!("{} does not hold every frame to be published", args.file.display());
         check_kernel(&manifest).with_context(context).bad_input()?;
@@ -119,7 +120,7 @@ fn publish(
     keyboard: Option<&Keyboard>,
     stop: &Arc<AtomicBool>,
     summary: &mut Summary,
-) -> Result<Option<ReplayOutcome<SourceFailure>>, Failure> {
+) -> Result<Option<ReplayOutcome<FramesError>>, Failure> {
     let options = PublishOptions {
         first_frame: replay.first_frame(),
         stuck_after: Duration::from_secs_f64(args.stall_timeout),

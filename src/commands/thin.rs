@@ -3,17 +3,16 @@
 use crate::args::{ExpandArgs, ThinArgs};
 use crate::display::{self, bytes, count};
 use crate::failure::{BadInput, Done, Failure};
+use crate::frames::Frames;
 use crate::outputs::check_place;
 use crate::signals;
-use crate::source::{Frames, Source};
 use anyhow::anyhow;
 use producer::resimulation::Lend;
+use recording::{Finished, OtherChannels, RecordingInfo, RecordingWriter, SpaceNeeded, WriteOptions};
 use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
 use schemas::manifest::RunManifest;
-use schemas::recording::{
-    Finished, OtherChannels, RecordingInfo, RecordingWriter, SpaceNeeded, WriteOptions,
-};
 use serde_json::json;
+use source::Source;
 use std::num::NonZero;
 use std::path::Path;
 use std::sync::atomic::Ordering;
@@ -84,7 +83,7 @@ impl Rewrite<'_> {
     }
 
     fn write(&self, info: &RecordingInfo) -> Result<Finished, Failure> {
-        check_place(self.to, self.from, self.force)?;
+        check_place(self.to, Some(self.from), self.force)?;
         let Some(end) = info.end.as_ref().filter(|_| info.finished) else {
             return Err(self.unfinished(info));
         };
@@ -92,7 +91,7 @@ impl Rewrite<'_> {
         let manifest = self.manifest(&info.manifest)?;
         let options = WriteOptions { force: self.force, ..WriteOptions::default() };
         SpaceNeeded::new(&manifest, options.compression).check(self.to)?;
-        let source = Source::open_all(self.from, &stop)?;
+        let source = Source::all_states(self.from, &stop).bad_input()?;
         let lend = if self.is_between_frames(&manifest) { Lend::Steps } else { Lend::Frames };
         let mut states = Frames::recomputed(source, lend, false, 0, self.jobs)?;
         let toml = info.run_toml.as_deref();

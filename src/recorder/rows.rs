@@ -1,12 +1,13 @@
 //! The results that analyses publish, each kind in a thread of its own.
 
 use super::{Recorder, RowFate};
-use schemas::bus::{
-    Bus, Delivery, OwnTopicsWatch, ResultColumns, ResultElement, ResultReceived, ResultSubscriber,
-    ResultWatch, ResultsError, Row, StreamId, Topic,
+use bus::{
+    Bus, Delivery, OwnTopicsWatch, ResultElement, ResultReceived, ResultSubscriber, ResultWatch,
+    ResultsError, Row, StreamId,
 };
+use recording::{ResultKind, ResultRow, RowValues};
 use schemas::frame::EndReason;
-use schemas::recording::{ResultKind, ResultRow, RowValues};
+use schemas::results::{ResultColumns, Topic};
 use schemas::run_name::RunName;
 use std::collections::VecDeque;
 use std::convert::Infallible;

@@ -38,7 +38,7 @@ fn points_of(
     let no_files = |path: &Path| Err(std::io::Error::other(format!("{} is not read", path.display())));
     let sweep = Sweep::from_toml(text, Path::new("reflection.toml"), no_files)?;
     // rows of another version of this program stay beside these
-    let identity = schemas::recording::hex(&sweep.identity()[..6]);
+    let identity = recording::hex(&sweep.identity()[..6]);
     let version = env!("CARGO_PKG_VERSION");
     let directory = out.join(format!("reflection-{identity}-{version}"));
     let outcome = sweep::compute(&sweep, &directory, &Options { threads, ..Options::default() }, stop)?;

@@ -10,7 +10,7 @@ use crate::failure::{BadInput, Failure};
 use anyhow::{Context, anyhow};
 use consumers::journal::{Journal, JournalError, JournalHead};
 use producer::sweep::Sweep;
-use schemas::recording::hex;
+use recording::hex;
 use schemas::whole_file::{WholeFile, WholeFileError};
 use serde::{Deserialize, Serialize};
 use std::fmt;

@@ -116,7 +116,7 @@ fn a_run_is_checked_while_it_goes() {
     assert_eq!(checked["check"]["quantities"], alone["quantities"]);
     assert_eq!(checked["relative_drift"], plain["relative_drift"]);
     let hash = |file: &str| {
-        let info = schemas::recording::RecordingInfo::read(&place.path(file)).unwrap();
+        let info = recording::RecordingInfo::read(&place.path(file)).unwrap();
         info.end.unwrap().last_state_hash
     };
     assert_eq!(hash("plain.mcap"), hash("checked.mcap"));

@@ -1,9 +1,9 @@
 //! Producers that are killed at any moment, and go on as if nothing had been.
 
 use crate::harness::{Place, Running, wait_until};
-use schemas::bus::list_runs;
+use bus::list_runs;
+use recording::{RecordingInfo, RecordingSource};
 use schemas::frame::{FrameSource, Received};
-use schemas::recording::{RecordingInfo, RecordingSource};
 use std::fs;
 
 /// A chain of 60 beads, 2,760 frames.

@@ -2,8 +2,8 @@
 
 use crate::harness::{Ended, Place, Running};
 use crate::recordings::in_a_namespace;
+use recording::RecordingInfo;
 use schemas::frame::EndReason;
-use schemas::recording::RecordingInfo;
 use std::fs;
 
 /// Some 20 MB of recording, which is not refused for less.

@@ -5,8 +5,8 @@
 //! and this test says what to write into its `expected.json`, to be looked at before it is believed.
 
 use crate::harness::Place;
+use recording::{RecordingSource, hex, state_hash};
 use schemas::frame::{FrameSource, Received};
-use schemas::recording::{RecordingSource, hex, state_hash};
 use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};

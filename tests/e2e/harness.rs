@@ -1,6 +1,6 @@
 //! Directories, buses and processes for tests.
 
-use schemas::bus::{Bus, RunInfo, list_runs};
+use bus::{Bus, RunInfo, list_runs};
 use serde_json::Value;
 use std::ffi::OsStr;
 use std::fs;

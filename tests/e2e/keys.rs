@@ -1,7 +1,7 @@
 //! Keys on a terminal, and what the terminal shows.
 
 use crate::harness::{Place, Running, skip, wait_until};
-use schemas::bus::{AttachOptions, Delivery, LiveSource};
+use bus::{AttachOptions, Delivery, LiveSource};
 use schemas::frame::{EndReason, FrameSource, Received};
 use serde_json::Value;
 use std::io::Write;

@@ -1,11 +1,9 @@
 //! Recordings that say of themselves what is not so, under checksums that hold, are not proven.
 
 use crate::harness::{Place, wait_until};
+use recording::{BeginRecord, Compression, RecordingSource, RecordingWriter, WriteOptions, state_hash};
 use schemas::frame::{EndReason, Frame, FrameSink, FrameSource, Received};
 use schemas::manifest::RunManifest;
-use schemas::recording::{
-    BeginRecord, Compression, RecordingSource, RecordingWriter, WriteOptions, state_hash,
-};
 use std::collections::BTreeMap;
 use std::fs;
 

@@ -1,7 +1,7 @@
 //! Files of ours in every reader of MCAP that others wrote: Python's, those for Node.js, Rerun's.
 
 use crate::harness::{Place, Running, python, skip, wait_until};
-use schemas::recording::RecordingInfo;
+use recording::RecordingInfo;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;

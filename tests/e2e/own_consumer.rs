@@ -1,10 +1,11 @@
 //! A consumer that is not ours: `examples/own_consumer.rs`, and what becomes of its results.
 
 use crate::harness::{Place, Running, python, skip};
+use bus::{AttachOptions, Delivery, LiveSource, ResultPublisher, StreamId};
 use mcap::MessageStream;
-use schemas::bus::{AttachOptions, Delivery, LiveSource, ResultColumns, ResultPublisher, StreamId, Topic};
 use schemas::frame::{FrameSource as _, Received};
 use schemas::manifest::RunId;
+use schemas::results::{ResultColumns, Topic};
 use serde_json::json;
 use std::fs;
 use std::path::{Path, PathBuf};

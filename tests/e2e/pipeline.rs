@@ -1,7 +1,8 @@
 //! Simulate, stream, record, analyse.
 
 use crate::harness::{Place, wait_until};
-use schemas::bus::{Delivery, ResultReceived, ResultSubscriber, Topic};
+use bus::{Delivery, ResultReceived, ResultSubscriber};
+use schemas::results::Topic;
 use std::fs;
 use std::sync::Arc;
 
@@ -84,7 +85,7 @@ fn a_stopped_demo_leaves_no_process_behind() {
     place.wait_for_run("light-impurity", |run| run.step > 0);
     demo.signal("TERM");
     demo.wait().exits(3).says(&["stopped"]);
-    let runs = schemas::bus::list_runs(&place.bus()).unwrap();
+    let runs = bus::list_runs(&place.bus()).unwrap();
     assert!(runs.iter().all(|run| !run.is_live()), "{runs:?}");
 }
 

@@ -6,13 +6,13 @@ use consumers::energies::{Energies, default_split_bead};
 use hostile::checksums;
 use hostile::records::{Chunk, Parts, op};
 use hostile::summary::rebuilt;
-use schemas::bus::{ResultColumns, Topic};
-use schemas::frame::{EndReason, Frame, FrameSink, FrameSource, Received};
-use schemas::manifest::RunManifest;
-use schemas::recording::{
+use recording::{
     BeginRecord, Compression, RecordingSource, RecordingWriter, ResultKind, ResultRow, RowValues,
     WriteOptions,
 };
+use schemas::frame::{EndReason, Frame, FrameSink, FrameSource, Received};
+use schemas::manifest::RunManifest;
+use schemas::results::{ResultColumns, Topic};
 use serde_json::Value;
 use std::fs;
 
@@ -338,7 +338,7 @@ fn the_configuration_is_that_of_the_manifest() {
     let found = verify(&place, "run.mcap", 0);
     assert!(lists(&found, "compared", "`run.toml`, resolved"), "{found}");
     place.run(&format!("{SMALL} --stiffness 1e9 --out other.mcap")).exits(0);
-    let info = schemas::recording::RecordingInfo::read(&place.path("other.mcap")).unwrap();
+    let info = recording::RecordingInfo::read(&place.path("other.mcap")).unwrap();
     let other = (info.run_toml.as_deref(), &BeginRecord::default());
     write(&place, "lie.mcap", &manifest, other, &states, |_, _| false, (None, EndReason::Complete));
     let found = verify(&place, "lie.mcap", 3);

@@ -1,12 +1,13 @@
 //! `beadline pulses`, against numbers that Beadline did not compute and against the exact solitary wave.
 
 use crate::harness::{Place, wait_until};
+use bus::{Delivery, ResultReceived, ResultSubscriber};
 use consumers::pulses::Probes;
 use consumers::theory::{SolitaryWave, Strength};
-use schemas::bus::{Delivery, ResultReceived, ResultSubscriber, Topic};
+use recording::RecordingSource;
 use schemas::frame::{FrameSource, Received};
 use schemas::presets::PRESETS;
-use schemas::recording::RecordingSource;
+use schemas::results::Topic;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 

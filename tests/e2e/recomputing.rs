@@ -150,7 +150,7 @@ fn nothing_is_missed_by_coming_late_or_by_losing_frames() {
     place.wait_for_run("small", |run| run.latest > 0 && run.lossless > 1);
     losing.signal("STOP");
     wait_until("the run's end", || {
-        let runs = schemas::bus::list_runs(&place.bus()).unwrap();
+        let runs = bus::list_runs(&place.bus()).unwrap();
         runs.iter().all(|run| !run.is_live()).then_some(())
     });
     losing.signal("CONT");

@@ -2,9 +2,10 @@
 
 use crate::harness::{Ended, Place, wait_until};
 use crate::recordings::in_a_namespace;
+use bus::{AttachOptions, Delivery, LiveSource, ResultPublisher};
 use mcap::MessageStream;
-use schemas::bus::{AttachOptions, Delivery, LiveSource, ResultColumns, ResultPublisher, Topic};
 use schemas::frame::FrameSource as _;
+use schemas::results::{ResultColumns, Topic};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;
@@ -244,7 +245,7 @@ fn parts_of_a_recording_are_recordings_and_together_all_of_it() {
             assert_eq!(found["first_step"].as_u64(), Some(last_step.map_or(0, |step: u64| step + 1)));
             last_step = found["last_step"].as_u64();
             place.run(&format!("energies {part} --out {number}.csv")).exits(0);
-            let info = schemas::recording::RecordingInfo::read(&place.path(part)).unwrap();
+            let info = recording::RecordingInfo::read(&place.path(part)).unwrap();
             let end = info.end.clone().unwrap();
             assert_eq!(end.part, number as u64 + 1);
             assert_eq!(end.previous_state_hash.unwrap_or_default(), hash);

@@ -1,10 +1,10 @@
 //! Damaged and unfinished recordings: what is wrong is named, and what can be had is had.
 
 use crate::harness::{Place, wait_until};
-use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
-use schemas::recording::{
+use recording::{
     BeginRecord, Compression, PartsWriter, RecordingSource, RecordingWriter, Split, WriteOptions,
 };
+use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
 use std::fs;
 use std::time::Duration;
 

@@ -3,8 +3,8 @@
 use crate::harness::Place;
 use consumers::follow::{Analysis, Tally, follow};
 use consumers::pulses::{Passage, Probes};
+use recording::RecordingSource;
 use schemas::frame::{Frame, FrameSource};
-use schemas::recording::RecordingSource;
 use std::convert::Infallible;
 
 /// What the issue asks for; the reference is good to 1e-5, the parabola through three frames to 1e-6.

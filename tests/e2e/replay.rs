@@ -1,11 +1,11 @@
 //! A recording that is published again is the run, as far as consumers can tell.
 
 use crate::harness::{Place, Running, wait_until};
-use schemas::bus::{AttachOptions, Delivery, LiveSource};
+use bus::{AttachOptions, Delivery, LiveSource};
+use recording::{RecordingSource, RecordingWriter, WriteOptions};
 use schemas::chain::Chain;
 use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
 use schemas::manifest::RunManifest;
-use schemas::recording::{RecordingSource, RecordingWriter, WriteOptions};
 use std::fs;
 use std::time::{Duration, Instant};
 
@@ -319,10 +319,10 @@ fn peak_memory_kb(place: &Place, file: &str) -> u64 {
     let replay = place.start(&format!("replay {file} --loop --wait-for 0 --rate 0.01"));
     let run = place.wait_for_run("small", |_| true);
     // until the second loop begins
-    let step = |run: &schemas::bus::RunInfo| run.step;
+    let step = |run: &bus::RunInfo| run.step;
     let mut furthest = 0;
     wait_until("the second loop", || {
-        let now = schemas::bus::list_runs(&place.bus()).unwrap().iter().map(step).next()?;
+        let now = bus::list_runs(&place.bus()).unwrap().iter().map(step).next()?;
         let again = now < furthest;
         furthest = furthest.max(now);
         again.then_some(())

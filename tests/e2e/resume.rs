@@ -1,8 +1,8 @@
 //! Runs that are gone on with.
 
 use crate::harness::{Place, wait_until};
+use recording::{BeginRecord, RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};
 use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
-use schemas::recording::{BeginRecord, RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};
 use std::fs;
 
 const CHAIN: &str = "run --preset homogeneous --beads 60 --duration 4e-3 --name run";

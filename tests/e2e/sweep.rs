@@ -3,7 +3,7 @@
 use crate::harness::{Place, Running, wait_until};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
-use schemas::recording::RecordingInfo;
+use recording::RecordingInfo;
 use serde_json::Value;
 use std::collections::HashMap;
 use std::fs::{self, File};

@@ -3,8 +3,8 @@
 use crate::harness::{Place, wait_until};
 use mcap::records::{MessageHeader, Record};
 use mcap::{MessageStream, read::LinearReader};
+use recording::{BeginRecord, RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};
 use schemas::frame::{EndReason, Frame, FrameSink, FrameSource, Received};
-use schemas::recording::{BeginRecord, RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::BufWriter;

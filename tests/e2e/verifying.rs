@@ -1,8 +1,8 @@
 //! A recording proves itself.
 
 use crate::harness::Place;
+use recording::{RecordingSource, RecordingWriter, WriteOptions};
 use schemas::frame::{EndReason, Frame, FrameSink, FrameSource, Received};
-use schemas::recording::{RecordingSource, RecordingWriter, WriteOptions};
 
 const SMALL: &str = "run --beads 120 --impurity 60=0.6e-3 --duration 0.012 --name small";
 

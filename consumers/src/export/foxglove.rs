@@ -8,10 +8,10 @@ use super::{Excerpt, Export, ExportError, Written};
 use crate::energies::default_split_bead;
 use crate::impurity::{Event, EventKind, Followed};
 use map::SpaceTime;
-use schemas::foxglove::{FoxgloveMessage, Level, Log, PointCloud, RawImage, timestamp};
+use recording::foxglove::{FoxgloveMessage, Level, Log, PointCloud, RawImage, timestamp};
+use recording::{ForeignChannel, ForeignWriter, Scalars, WriteOptions, log_time_ns};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
-use schemas::recording::{ForeignChannel, ForeignWriter, Scalars, WriteOptions, log_time_ns};
 use schemas::summary::Summarizer;
 use std::path::{Path, PathBuf};
 

@@ -4,11 +4,9 @@ mod cdr;
 
 use super::{Excerpt, Export, ExportError, Written};
 use cdr::Cdr;
+use recording::ros2::MessageType;
+use recording::{ForeignChannel, ForeignSchema, ForeignTopic, ForeignWriter, WriteOptions, log_time_ns};
 use schemas::frame::Frame;
-use schemas::recording::{
-    ForeignChannel, ForeignSchema, ForeignTopic, ForeignWriter, WriteOptions, log_time_ns,
-};
-use schemas::ros2::MessageType;
 use schemas::summary::{Summarizer, Summary};
 use std::path::{Path, PathBuf};
 

@@ -5,9 +5,9 @@ use crate::integrator::Integrator;
 use crate::resimulation::{Difference, check_kernel, difference};
 use crate::state::ChainState;
 use crate::verification::{hash_of, is_affordable};
+use recording::{BeginRecord, EndRecord, RecordingWriter};
 use schemas::frame::{EndReason, Frame, FrameSink};
 use schemas::manifest::RunManifest;
-use schemas::recording::{BeginRecord, EndRecord, RecordingWriter};
 use std::collections::BTreeMap;
 
 /// How many recorded states ahead one without a checksum is always looked for. Its step may be wrong like the rest of

@@ -5,9 +5,9 @@ use super::batches::advance;
 use crate::integrator::Integrator;
 use crate::resimulation::{Difference, check_kernel, difference};
 use crate::state::ChainState;
+use recording::BeginRecord;
 use schemas::frame::EndReason;
 use schemas::manifest::RunManifest;
-use schemas::recording::BeginRecord;
 use std::sync::atomic::AtomicBool;
 
 /// Steps beyond the states of a file that are computed in any case, times the beads: some ten seconds.

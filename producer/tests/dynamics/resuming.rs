@@ -1,15 +1,15 @@
 //! A run goes on with the bits it had from any frame, whether it comes from a recording or from the bus.
 
+use bus::{AttachOptions, Bus, Delivery, LiveSource, PublishOptions, StatePublisher, WaitOutcome};
 use producer::integrator::Integrator;
 use producer::run::{Conductor, run};
 use producer::state::ChainState;
-use schemas::bus::{AttachOptions, Bus, Delivery, LiveSource, PublishOptions, StatePublisher, WaitOutcome};
+use recording::{RecordingSource, RecordingWriter, WriteOptions};
 use schemas::config::{DampingConfig, RunConfig, StreamConfig};
 use schemas::frame::{EndReason, Frame, FrameSource, Received};
 use schemas::manifest::{Origin, RunManifest};
 use schemas::method::Method;
 use schemas::presets::PRESETS;
-use schemas::recording::{RecordingSource, RecordingWriter, WriteOptions};
 use std::ops::ControlFlow;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;

@@ -39,7 +39,7 @@ impl Names {
     }
 
     /// Of the file that will be called `whole`.
-    pub(crate) fn of_whole(whole: &Path) -> Self {
+    pub fn of_whole(whole: &Path) -> Self {
         let with = |ending| {
             let mut name = OsString::from(whole);
             name.push(ending);

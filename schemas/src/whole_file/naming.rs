@@ -63,7 +63,7 @@ pub(super) fn sync_directory(path: &Path) -> Result<(), WholeFileError> {
 }
 
 /// The directory that `path` is in.
-pub(crate) fn directory_of(path: &Path) -> &Path {
+pub fn directory_of(path: &Path) -> &Path {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),

@@ -4,11 +4,11 @@ use super::program::Outcome;
 use crate::failure::Failure;
 use producer::integrator::Integrator;
 use producer::state::ChainState;
+use recording::{RecordingWriter, WriteOptions};
 use schemas::frame::{EndReason, Frame, FrameSink as _};
 use schemas::manifest::{Origin, RunManifest};
 use schemas::method::Method;
 use schemas::presets::PRESETS;
-use schemas::recording::{RecordingWriter, WriteOptions};
 use std::path::Path;
 use std::time::Instant;
 

@@ -3,9 +3,9 @@
 use crate::args::ReplayArgs;
 use crate::failure::{BadInput, Failure};
 use crate::keyboard::Seek;
+use recording::RecordingInfo;
 use schemas::frame::Window;
 use schemas::manifest::RunManifest;
-use schemas::recording::RecordingInfo;
 
 /// Part of what is replayed that one key passes over.
 const JUMP: u64 = 20;

@@ -3,11 +3,11 @@
 use crate::args::{Pace, ReplayArgs};
 use crate::display::{self, count, duration};
 use crate::failure::{Done, Failure};
+use crate::frames::FramesError;
 use crate::keyboard::Seek;
-use crate::source::SourceFailure;
 use crate::stage::Left;
+use bus::PublishCounts;
 use producer::replay::{Broken, ReplayOutcome};
-use schemas::bus::PublishCounts;
 use schemas::frame::EndReason;
 use schemas::manifest::{RunId, RunManifest};
 use schemas::run_name::RunName;
@@ -31,7 +31,7 @@ pub(super) struct Summary {
     published_count: u64,
     reason: EndReason,
     ended_as_asked: bool,
-    broken: Option<Broken<SourceFailure>>,
+    broken: Option<Broken<FramesError>>,
     held_back: Duration,
     evicted: u64,
     dropped: Vec<String>,
@@ -91,7 +91,7 @@ impl Summary {
         self.evicted += counts.evicted;
     }
 
-    pub(super) fn add(&mut self, outcome: ReplayOutcome<SourceFailure>) {
+    pub(super) fn add(&mut self, outcome: ReplayOutcome<FramesError>) {
         self.streams += 1;
         self.first_frame.get_or_insert(outcome.first_frame);
         self.last_step = outcome.last_step;

@@ -3,15 +3,16 @@
 mod energies;
 
 use crate::failure::{BadInput, Failure};
-use crate::source::{Frames, Source, SourceFailure};
+use crate::frames::{Frames, is_of_a_file};
 use consumers::contacts::Contacts;
 use consumers::impurity::{Followed, Motion};
 use energies::EnergyRows;
 use producer::resimulation::Lend;
 use producer::verification::Verification;
+use recording::{RecordedRow, RecordedRows, RecordedValues};
 use schemas::frame::{Frame, FrameSource, Received};
 use schemas::manifest::RunManifest;
-use schemas::recording::{RecordedRow, RecordedRows, RecordedValues};
+use source::Source;
 use std::num::NonZero;
 use std::path::Path;
 use std::sync::Arc;
@@ -93,7 +94,7 @@ pub(crate) fn check(
         return Ok(checked);
     }
     let pass = |readers: &mut [Reader]| -> Result<(), Failure> {
-        let source = Source::open(path, stop)?;
+        let source = Source::recording(path, stop).bad_input()?;
         let mut frames = Frames::recomputed(source, Lend::Frames, false, 0, Some(threads))?;
         follow(&mut frames, readers)
     };
@@ -130,7 +131,8 @@ fn follow(frames: &mut Frames, readers: &mut [Reader]) -> Result<(), Failure> {
             }
             Ok(Received::Missed { .. }) => {}
             // what is wrong with the states was found before; the rows after it have nothing to be compared with
-            Ok(Received::End(_)) | Err(SourceFailure::Differs(_) | SourceFailure::File(_)) => break,
+            Ok(Received::End(_)) => break,
+            Err(error) if is_of_a_file(&error) => break,
             Err(error) => return Err(error.into()),
         }
     }

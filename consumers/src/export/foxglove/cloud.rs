@@ -2,9 +2,11 @@
 
 use super::colour;
 use crate::export::Excerpt;
-use schemas::foxglove::{NumericType, PackedElementField, PointCloud, Pose, Quaternion, Vector3, timestamp};
+use recording::foxglove::{
+    NumericType, PackedElementField, PointCloud, Pose, Quaternion, Vector3, timestamp,
+};
+use recording::log_time_ns;
 use schemas::frame::Frame;
-use schemas::recording::log_time_ns;
 
 /// Most points in a cloud.
 const MOST_POINTS: usize = 2000;

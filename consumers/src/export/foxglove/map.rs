@@ -3,9 +3,9 @@
 use super::colour;
 use crate::export::Excerpt;
 use crate::space_time::{Extent, Picture, singles};
-use schemas::foxglove::{RawImage, timestamp};
+use recording::foxglove::{RawImage, timestamp};
+use recording::log_time_ns;
 use schemas::frame::Frame;
-use schemas::recording::log_time_ns;
 
 /// The map of a part of a run: beads across, time down.
 pub(super) struct SpaceTime {

@@ -1,8 +1,8 @@
 use super::*;
+use recording::WriteOptions;
 use schemas::config::StreamConfig;
 use schemas::manifest::Origin;
 use schemas::presets::PRESETS;
-use schemas::recording::WriteOptions;
 
 /// 30 beads over `steps` steps, a frame of each, every `every`-th recorded.
 fn manifest(steps: u64, every: u64) -> RunManifest {

@@ -1,0 +1,181 @@
+//! The blackboard of a run: its manifest and how far it is.
+
+use super::creating::Wanted;
+use super::services::{BoardService, MAX_SUBSCRIBERS, attributes, open, service_name, text_of};
+use super::wire::{MANIFEST_BYTES, ManifestText, RunStatus, StreamId};
+use super::{BusError, Ipc};
+use iceoryx2::node::Node;
+use iceoryx2::port::reader::{EntryHandle, Reader};
+use iceoryx2::port::writer::{EntryHandleMut, Writer};
+use iceoryx2::prelude::{MessagingPattern, ZeroCopySend};
+use schemas::results::Topic;
+use schemas::run_name::RunName;
+use std::time::{Duration, Instant, SystemTime};
+
+const KEY_MANIFEST: u64 = 0;
+const KEY_STATUS: u64 = 1;
+const KEY_PREVIOUS: u64 = 2;
+const KEYS: [u64; 3] = [KEY_MANIFEST, KEY_STATUS, KEY_PREVIOUS];
+const MAX_READERS: usize = 4 * MAX_SUBSCRIBERS;
+/// How long the writer of a producer that is going away may stay registered.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// The producer's side.
+///
+/// An entry is held for no longer than one update: a producer that is killed while it holds one leaves it
+/// locked for as long as any consumer keeps the blackboard open, and the next producer could not take it over.
+pub(super) struct BoardWriter {
+    writer: Writer<Ipc, u64>,
+    service: BoardService,
+    text: String,
+    held: Option<EntryHandleMut<Ipc, u64, RunStatus>>,
+}
+
+impl BoardWriter {
+    /// Creates the blackboard, or takes over the one that an earlier producer left.
+    pub(super) fn create(
+        node: &Node<Ipc>,
+        run: &RunName,
+        manifest: &[u8],
+        status: RunStatus,
+    ) -> Result<Self, BusError> {
+        let (text, name, attributes) =
+            (text_of(run, Topic::Manifest), service_name(run, Topic::Manifest)?, attributes(&[])?);
+        let entry = manifest_text(manifest, status.stream());
+        let create = || {
+            let creator = node.service_builder(&name).blackboard_creator::<u64>();
+            let creator = creator.max_readers(MAX_READERS).max_nodes(MAX_READERS);
+            let creator = creator.add(KEY_MANIFEST, *entry).add(KEY_STATUS, status);
+            let creator = creator.add(KEY_PREVIOUS, RunStatus::default());
+            creator.create_with_attributes(&attributes)
+        };
+        let wanted = Wanted { node, text: &text, name: &name, pattern: MessagingPattern::Blackboard };
+        let opener = || node.service_builder(&name).blackboard_opener::<u64>().open();
+        let (service, new) = wanted.open_or_create(opener, create)?;
+        let start = Instant::now();
+        let writer = loop {
+            match service.writer_builder().create() {
+                Ok(writer) => break writer,
+                Err(e) if start.elapsed() >= PATIENCE => return Err(BusError::service(&text, "write", &e)),
+                Err(_) => {
+                    node.try_cleanup_dead_nodes();
+                    pause();
+                }
+            }
+        };
+        let board = Self { writer, service, text, held: None };
+        if !new {
+            board.take_over(&entry, status)?;
+        }
+        Ok(board)
+    }
+
+    fn take_over(&self, manifest: &ManifestText, status: RunStatus) -> Result<(), BusError> {
+        let readable = self.service.reader_builder().create();
+        let reader = readable.map_err(|e| BusError::service(&self.text, "read", &e))?;
+        if let Ok(old) = reader.entry::<RunStatus>(&KEY_STATUS) {
+            self.put(KEY_PREVIOUS, *old.get())?;
+        }
+        // readers check that manifest and status are of one stream, so the order does not matter to them
+        self.put(KEY_MANIFEST, *manifest)?;
+        self.put(KEY_STATUS, status)
+    }
+
+    fn put<T: Copy + ZeroCopySend + 'static>(&self, key: u64, value: T) -> Result<(), BusError> {
+        let entry = self.writer.entry::<T>(&key);
+        let entry = entry.map_err(|e| BusError::Service {
+            service: self.text.clone(),
+            doing: "take over",
+            cause: format!(
+                "{e:?}: its producer was killed while it wrote, and consumers still hold it; \
+                 end those consumers, or use another run name"
+            ),
+        })?;
+        entry.update_with_copy(value);
+        Ok(())
+    }
+
+    /// Writes how far the run is; the time of writing is filled in here.
+    pub(super) fn write(&self, status: &mut RunStatus) -> Result<(), BusError> {
+        status.written_unix_ns = unix_ns();
+        match &self.held {
+            Some(entry) => entry.update_with_copy(*status),
+            None => self.put(KEY_STATUS, *status)?,
+        }
+        Ok(())
+    }
+
+    /// For tests: keeps the entry, as a simpler program would.
+    pub(super) fn hold(&mut self) -> Result<(), BusError> {
+        let entry = self.writer.entry::<RunStatus>(&KEY_STATUS);
+        self.held = Some(entry.map_err(|e| BusError::service(&self.text, "hold", &e))?);
+        Ok(())
+    }
+}
+
+fn pause() {
+    std::thread::sleep(Duration::from_millis(2));
+}
+
+pub(super) fn unix_ns() -> u64 {
+    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
+}
+
+#[expect(clippy::large_stack_arrays, reason = "once a run; 64 KiB fit any stack")]
+fn manifest_text(manifest: &[u8], stream: StreamId) -> Box<ManifestText> {
+    let mut json = [0; MANIFEST_BYTES];
+    json[..manifest.len()].copy_from_slice(manifest);
+    Box::new(ManifestText {
+        run_id: stream.run_id.0,
+        stream_id: stream.stream_id,
+        length_bytes: manifest.len() as u64,
+        json,
+    })
+}
+
+/// A consumer's side.
+pub(super) struct BoardReader {
+    manifest: EntryHandle<Ipc, u64, ManifestText>,
+    status: EntryHandle<Ipc, u64, RunStatus>,
+    previous: EntryHandle<Ipc, u64, RunStatus>,
+    _reader: Reader<Ipc, u64>,
+    _service: BoardService,
+}
+
+impl BoardReader {
+    /// Opens the blackboard of `run`, if it is there.
+    pub(super) fn find(node: &Node<Ipc>, run: &RunName) -> Result<Option<Self>, BusError> {
+        let (text, name) = (text_of(run, Topic::Manifest), service_name(run, Topic::Manifest)?);
+        let opener = || node.service_builder(&name).blackboard_opener::<u64>().open();
+        let Some(service) = open(&text, opener)? else { return Ok(None) };
+        let unreadable = |e: &dyn std::fmt::Debug| BusError::service(&text, "read", &format!("{e:?}"));
+        let reader = service.reader_builder().create().map_err(|e| unreadable(&e))?;
+        Ok(Some(Self {
+            manifest: reader.entry(&KEYS[0]).map_err(|e| unreadable(&e))?,
+            status: reader.entry(&KEYS[1]).map_err(|e| unreadable(&e))?,
+            previous: reader.entry(&KEYS[2]).map_err(|e| unreadable(&e))?,
+            _reader: reader,
+            _service: service,
+        }))
+    }
+
+    /// How far the run is that was published last.
+    pub(super) fn status(&self) -> RunStatus {
+        *self.status.get()
+    }
+
+    /// How far `stream` is, if that is known: it may be the one before.
+    pub(super) fn status_of(&self, stream: StreamId) -> Option<RunStatus> {
+        let (now, before) = (self.status(), *self.previous.get());
+        [now, before].into_iter().find(|status| status.stream() == stream)
+    }
+
+    /// The manifest's bytes, if they are those of `stream`.
+    pub(super) fn manifest(&self, stream: StreamId) -> Option<Vec<u8>> {
+        let text = self.manifest.get();
+        let same = text.run_id == stream.run_id.0 && text.stream_id == stream.stream_id;
+        let length = usize::try_from(text.length_bytes).ok()?;
+        same.then(|| text.json.get(..length).map(<[u8]>::to_vec)).flatten()
+    }
+}

@@ -1,0 +1,249 @@
+//! Runs on the bus: frames through shared memory between processes of one user, over iceoryx2.
+//!
+//! A producer makes a [`StatePublisher`]; consumers attach a [`LiveSource`] whenever they like. What
+//! lies in shared memory, and the contract that programs in other languages follow, is described in
+//! `docs/FORMAT.md`; the code here is its only implementation in this project.
+//!
+//! Architecture invariant: nothing outside this module names iceoryx2. Nothing here prints.
+//!
+//! Signals: iceoryx2 is told to leave them alone, so the caller's handlers stay in charge; a flag in the
+//! options ends every wait.
+
+mod backpressure;
+pub mod bare;
+mod board;
+mod chain_values;
+mod creating;
+mod creator;
+mod leftovers;
+mod live;
+mod position;
+mod publisher;
+mod result_watch;
+mod results;
+mod room;
+mod root;
+mod runs;
+mod services;
+mod shared_segment;
+mod warden;
+mod wire;
+
+#[doc(hidden)]
+pub use backpressure::Remedies;
+pub use backpressure::{ConsumerEvent, Delivery};
+pub use live::{AttachError, AttachNotice, AttachOptions, LiveError, LiveSource};
+pub use publisher::{PublishCounts, PublishError, PublishOptions, StatePublisher, WaitOutcome};
+pub use result_watch::{OwnTopicsWatch, ResultWatch};
+pub use results::{ResultElement, ResultPublisher, ResultReceived, ResultSubscriber, ResultsError, Row};
+pub use room::RoomError;
+pub use root::RootError;
+pub use runs::{ConsumerInfo, RunInfo, RunState, list_runs};
+pub use services::BusError;
+pub use shared_segment::SharedSegmentError;
+pub use wire::{
+    FLAG_FOLLOWS, FLAG_LAST, JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, ManifestText, RunStatus,
+    STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, STATE_RUNNING, STATE_WAITING, StateHeader, StreamId,
+};
+
+use creating::CreationLock;
+use iceoryx2::node::{Node, NodeBuilder, NodeState};
+use iceoryx2::prelude::{
+    CallbackProgression, Config, LogLevel, PortFactory as _, SignalHandlingMode, set_log_level_from_env_or,
+};
+use leftovers::{HalfMade, Removed};
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
+use warden::Warden;
+
+/// Ports may be used from any thread; the same services as those of single-threaded programs.
+type Ipc = iceoryx2::prelude::ipc_threadsafe::Service;
+
+/// The bus of one user: a directory, and everything in shared memory that goes with it.
+#[derive(Clone)]
+pub struct Bus {
+    root: PathBuf,
+    prefix: String,
+    config: Config,
+    /// There is one as soon as something waits for others.
+    warden: Arc<OnceLock<Warden>>,
+}
+
+impl fmt::Debug for Bus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Bus").field("root", &self.root).field("prefix", &self.prefix).finish_non_exhaustive()
+    }
+}
+
+impl Bus {
+    /// The bus in `$BEADLINE_ROOT`, or else in `$XDG_RUNTIME_DIR/beadline` (if the runtime directory is this user's
+    /// alone), or else in `/tmp/beadline-<uid>`; the directory is created if it is missing.
+    ///
+    /// # Errors
+    /// When the directory is not ours alone, or its path is too long.
+    pub fn from_env() -> Result<Self, RootError> {
+        Self::at(&root::default_root())
+    }
+
+    /// The bus in `root`; the directory is created if it is missing, its parent is not.
+    ///
+    /// # Errors
+    /// As for [`Bus::from_env`].
+    pub fn at(root: &Path) -> Result<Self, RootError> {
+        // before anything else of iceoryx2, which otherwise prints about its missing configuration file
+        set_log_level_from_env_or(LogLevel::Error);
+        let root = root::prepare(root)?;
+        let prefix = root::prefix(&root, &root::secret(&root)?);
+        let config = root::config(&root, &prefix)?;
+        Ok(Self { root, prefix, config, warden: Arc::default() })
+    }
+
+    /// The directory, with links resolved.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// What the names of this bus in `/dev/shm` begin with: see `docs/FORMAT.md` for the rule.
+    pub fn prefix(&self) -> &str {
+        &self.prefix
+    }
+
+    /// What was found in the way of this process, and taken away, since the last call.
+    pub fn take_notice(&self) -> Option<BusNotice> {
+        let removed = self.warden.get()?.take_removed();
+        (removed != Removed::default()).then_some(BusNotice(removed))
+    }
+
+    /// Whether somebody has removed the directory, so that nobody finds what is published here any more.
+    fn is_gone(&self) -> bool {
+        self.warden.get().is_some_and(Warden::root_is_gone)
+    }
+
+    /// Held while something is created that others may find half-made.
+    fn lock(&self) -> Result<CreationLock, BusError> {
+        CreationLock::take(&self.root)
+    }
+
+    /// The directory in which every service is described.
+    fn services(&self) -> PathBuf {
+        PathBuf::from(self.config.global.service_dir().to_string())
+    }
+
+    fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Registers this process, and cleans up what dead ones left.
+    fn node(&self) -> Result<Node<Ipc>, BusError> {
+        // before anything that may wait for others
+        let warden = self.warden();
+        let lock = self.lock()?;
+        let node = self.node_with(&self.config)?;
+        if lock.is_exclusive() {
+            let mut removed = leftovers::remove_orphans(&self.root, &self.prefix, &self.config);
+            removed.add(leftovers::remove_earlier(&self.prefix, &root::family(&self.root)));
+            warden.note(removed);
+            position::remove_dead(&self.root);
+        }
+        Ok(node)
+    }
+
+    /// Registers this process and touches nothing else, so that what a dead producer left can be seen.
+    fn observer(&self) -> Result<Node<Ipc>, BusError> {
+        let mut config = self.config.clone();
+        config.global.node.cleanup_dead_nodes_on_creation = false;
+        config.global.node.cleanup_dead_nodes_on_destruction = false;
+        config.global.service.cleanup_dead_nodes_on_open = false;
+        self.node_with(&config)
+    }
+
+    fn warden(&self) -> &Warden {
+        self.warden.get_or_init(|| {
+            Warden::start(self.root.clone(), root::secret_path(&self.root), self.prefix.clone())
+        })
+    }
+
+    fn node_with(&self, config: &Config) -> Result<Node<Ipc>, BusError> {
+        room::check_least(room::free_bytes()?)?;
+        let start = Instant::now();
+        loop {
+            self.clear_the_way()?;
+            let builder =
+                NodeBuilder::new().config(config).signal_handling_mode(SignalHandlingMode::Disabled);
+            let error = match builder.create::<Ipc>() {
+                Ok(node) => return Ok(node),
+                Err(e) => e,
+            };
+            if start.elapsed() > Duration::from_secs(1) {
+                let root = self.root.display().to_string();
+                return Err(BusError::Node { root, cause: format!("{error:?}") });
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    /// Takes away what iceoryx2 would wait for; the warden takes what comes later.
+    fn clear_half_made(&self) {
+        self.warden().note(HalfMade::default().remove(&self.prefix));
+    }
+
+    /// The same, and puts right what all processes share.
+    fn clear_the_way(&self) -> Result<(), BusError> {
+        self.clear_half_made();
+        if !shared_segment::is_ready(&self.prefix) {
+            let _lock = self.lock()?;
+            let spoilt = shared_segment::ensure(&self.prefix, &root::secret_path(&self.root))?;
+            self.warden().note(Removed { half_made: u64::from(spoilt), ..Removed::default() });
+        }
+        Ok(())
+    }
+
+    /// Whether the process behind `node_id` lives.
+    fn is_alive(&self, node_id: [u8; 16]) -> bool {
+        let id = u128::from_le_bytes(node_id);
+        let mut alive = false;
+        let listed = Node::<Ipc>::list(&self.config, |node| {
+            let found = node.node_id().value() == id;
+            alive = alive || (found && !matches!(node, NodeState::Dead(_)));
+            if found { CallbackProgression::Stop } else { CallbackProgression::Continue }
+        });
+        // when the directory cannot be read we do not know better
+        alive || listed.is_err()
+    }
+
+    /// Whether a publisher of `service` belongs to a living process.
+    fn has_live_publisher<T>(&self, service: &services::SliceService<T>) -> bool
+    where
+        T: std::fmt::Debug + iceoryx2::prelude::ZeroCopySend,
+    {
+        let mut nodes = Vec::new();
+        service.dynamic_config().list_publishers(|publisher| {
+            nodes.push(publisher.node_id.value().to_le_bytes());
+            CallbackProgression::Continue
+        });
+        nodes.into_iter().any(|node| self.is_alive(node))
+    }
+}
+
+/// What was in the way, and is not any more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BusNotice(Removed);
+
+impl fmt::Display for BusNotice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Removed { half_made, orphans, bytes } = self.0;
+        let files = half_made + orphans;
+        let s = if files == 1 { "" } else { "s" };
+        write!(f, "removed {files} file{s} ({bytes} bytes) that killed processes had left on the bus")?;
+        match half_made {
+            0 => Ok(()),
+            _ => write!(f, ", {half_made} of them half-made, so that whoever needed it waited"),
+        }
+    }
+}
+
+fn node_bytes(node: &Node<Ipc>) -> [u8; 16] {
+    node.id().value().to_le_bytes()
+}

@@ -1,0 +1,422 @@
+//! Finding a run, and the handshake with its producer.
+
+use super::{LIVENESS_PERIOD, LiveSource, Ports, StateSample, StateSubscriber};
+use crate::backpressure::Delivery;
+use crate::board::BoardReader;
+use crate::position::Teller;
+use crate::runs::{RunInfo, look_at, run_names};
+use crate::services::{self, check_schema, text_of};
+use crate::wire::{JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, STATE_RUNNING, StreamId};
+use crate::{Bus, BusError, Ipc, chain_values};
+use iceoryx2::node::Node;
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::subscriber::SubscriberCreateError;
+use iceoryx2::port::update_connections::UpdateConnections as _;
+use iceoryx2::prelude::PortName;
+use schemas::chain::Chain;
+use schemas::manifest::{ManifestError, RunId, RunManifest};
+use schemas::results::Topic;
+use schemas::run_name::RunName;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant, SystemTime};
+
+/// Queue of a consumer that takes what there is: with a longer one it would see older frames.
+const LATEST_BUFFER: usize = 2;
+/// How often we look whether something has changed while the run is not there yet.
+const SEARCH_PERIOD: Duration = Duration::from_millis(50);
+/// The same right after the start.
+const EAGER_SEARCH_PERIOD: Duration = Duration::from_millis(20);
+/// How often we look at what is in the middle of being made.
+const UNSETTLED_PERIOD: Duration = Duration::from_millis(50);
+/// How long we are eager.
+const EAGER: Duration = Duration::from_secs(1);
+/// How often a consumer in the handshake looks for the answer.
+const ANSWER_WAIT: Duration = Duration::from_millis(10);
+
+/// What is going on while [`LiveSource::attach`] waits.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum AttachNotice {
+    /// No such run is being published; told once.
+    WaitingForRun {
+        /// Its name, if one was asked for.
+        name: Option<RunName>,
+    },
+    /// The run is there, and the handshake with its producer comes next. Told before each try.
+    Joining {
+        /// Its name.
+        name: RunName,
+    },
+    /// The run is there, but its producer does not answer yet: another consumer holds it back; told once.
+    WaitingForAnswer {
+        /// Its name.
+        name: RunName,
+    },
+}
+
+/// How to attach.
+#[derive(Clone)]
+pub struct AttachOptions {
+    /// What the consumer is called in messages, `energies` for instance; at most 30 characters count.
+    pub label: String,
+    /// How long to wait for a run. Default: for ever.
+    pub timeout: Option<Duration>,
+    /// When set, waiting ends, and the source ends with [`EndReason::Stopped`](schemas::frame::EndReason::Stopped).
+    pub stop: Arc<AtomicBool>,
+    /// Is told what we wait for.
+    pub notice: Arc<dyn Fn(&AttachNotice) + Send + Sync>,
+}
+
+impl Default for AttachOptions {
+    fn default() -> Self {
+        Self { label: "consumer".into(), timeout: None, stop: Arc::default(), notice: Arc::new(|_| {}) }
+    }
+}
+
+/// Why we could not attach.
+#[derive(Debug, thiserror::Error)]
+pub enum AttachError {
+    /// The bus.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// Nothing came.
+    #[error("no run{} was published within {:.1} s; start one with `beadline run`", named(.name.as_ref()), waited.as_secs_f64())]
+    Timeout {
+        /// The run asked for.
+        name: Option<RunName>,
+        /// How long we waited.
+        waited: Duration,
+    },
+    /// More than one run, and none was named.
+    #[error("several runs are being published, name one: {}", join_names(.names))]
+    SeveralRuns {
+        /// Their names.
+        names: Vec<RunName>,
+    },
+    /// We were asked to stop.
+    #[error("stopped while waiting for a run")]
+    Stopped,
+    /// The manifest that the producer published.
+    #[error("run {name} cannot be read")]
+    Manifest {
+        /// The run.
+        name: RunName,
+        /// What is wrong with it.
+        source: ManifestError,
+    },
+    /// No more consumers can attach.
+    #[error("run {name} has all the consumers it can have; end one, or record the run and read the file")]
+    Full {
+        /// The run.
+        name: RunName,
+    },
+}
+
+fn named(name: Option<&RunName>) -> String {
+    name.map(|name| format!(" {name}")).unwrap_or_default()
+}
+
+fn join_names(names: &[RunName]) -> String {
+    names.iter().map(RunName::as_str).collect::<Vec<_>>().join(", ")
+}
+
+impl LiveSource {
+    /// Attaches to `run`, or to the only run there is, and waits for it if it is not there.
+    ///
+    /// A lossless consumer then gets every frame from [`LiveSource::first_frame`] on.
+    ///
+    /// # Errors
+    /// When nothing comes in time, when it is not clear which run is meant, or when the run cannot be read.
+    pub fn attach(
+        bus: &Bus,
+        run: Option<&RunName>,
+        delivery: Delivery,
+        options: &AttachOptions,
+    ) -> Result<Self, AttachError> {
+        let search = Search { bus, delivery, options, start: Instant::now() };
+        let (mut told, mut watch) = (false, Watch::new(bus));
+        loop {
+            search.check()?;
+            if watch.is_worth_a_look() {
+                let found = search.find(run)?;
+                if let Some(name) = &found.live
+                    && let Attempt::Attached(source) = search.attach(name)?
+                {
+                    return Ok(*source);
+                }
+                watch.looked(&found);
+            }
+            if !told {
+                (options.notice)(&AttachNotice::WaitingForRun { name: run.cloned() });
+                told = true;
+            }
+            if options.timeout.is_some_and(|timeout| search.start.elapsed() >= timeout) {
+                return Err(AttachError::Timeout { name: run.cloned(), waited: search.start.elapsed() });
+            }
+            let eager = search.start.elapsed() < EAGER;
+            std::thread::sleep(if eager { EAGER_SEARCH_PERIOD } else { SEARCH_PERIOD });
+        }
+    }
+}
+
+/// Whether to look for runs again: a look takes milliseconds, and changes are rare.
+struct Watch {
+    services: PathBuf,
+    changed: Option<SystemTime>,
+    looked_at: Option<Instant>,
+    /// How long the last look is good when no service has come or gone since.
+    good_for: Duration,
+}
+
+impl Watch {
+    /// How long a new service may take until it is whole. Finishing it does not touch the directory.
+    const SETTLING: Duration = Duration::from_secs(1);
+
+    fn new(bus: &Bus) -> Self {
+        Self { services: bus.services(), changed: None, looked_at: None, good_for: Duration::ZERO }
+    }
+
+    fn is_worth_a_look(&mut self) -> bool {
+        // no directory: nobody was ever here
+        let changed = std::fs::metadata(&self.services).and_then(|found| found.modified()).ok();
+        let same = std::mem::replace(&mut self.changed, changed) == changed;
+        let settled = changed.is_none_or(|at| at.elapsed().is_ok_and(|age| age >= Self::SETTLING));
+        let good_for = if settled { self.good_for } else { self.good_for.min(UNSETTLED_PERIOD) };
+        !same || self.looked_at.is_none_or(|at| at.elapsed() >= good_for)
+    }
+
+    /// A run that is over, and that consumers still read, can come to life again without a new service.
+    fn looked(&mut self, found: &Found) {
+        self.looked_at = Some(Instant::now());
+        self.good_for = match found {
+            Found { live: Some(_), .. } => UNSETTLED_PERIOD,
+            Found { any: true, .. } => Duration::from_millis(500),
+            Found { .. } => Duration::from_secs(2),
+        };
+    }
+}
+
+/// What a look at the bus found.
+struct Found {
+    /// The run that was asked for, if it is being published.
+    live: Option<RunName>,
+    /// Whether there is such a run at all.
+    any: bool,
+}
+
+/// What a try to attach found.
+enum Attempt {
+    Attached(Box<LiveSource>),
+    NotYet,
+}
+
+/// One call of [`LiveSource::attach`].
+struct Search<'a> {
+    bus: &'a Bus,
+    delivery: Delivery,
+    options: &'a AttachOptions,
+    start: Instant,
+}
+
+impl Search<'_> {
+    fn check(&self) -> Result<(), AttachError> {
+        if self.options.stop.load(Ordering::Relaxed) { Err(AttachError::Stopped) } else { Ok(()) }
+    }
+
+    /// The run to attach to.
+    fn find(&self, run: Option<&RunName>) -> Result<Found, AttachError> {
+        let mut names = run_names(self.bus)?;
+        names.retain(|name| run.is_none_or(|run| run == name));
+        if names.is_empty() {
+            return Ok(Found { live: None, any: false });
+        }
+        for name in &names {
+            check_schema(self.bus, name, Topic::Manifest)?;
+            check_schema(self.bus, name, Topic::State)?;
+        }
+        let live = look_at(self.bus, names)?.into_iter().filter(RunInfo::is_live);
+        let mut names: Vec<RunName> = live.map(|info| info.name).collect();
+        if names.len() > 1 {
+            return Err(AttachError::SeveralRuns { names });
+        }
+        Ok(Found { live: names.pop(), any: true })
+    }
+
+    /// Tries to attach to `run`; it may be over before we are done.
+    fn attach(&self, run: &RunName) -> Result<Attempt, AttachError> {
+        let node = self.bus.node()?;
+        let Some(board) = BoardReader::find(&node, run)? else { return Ok(Attempt::NotYet) };
+        let status = board.status();
+        if status.state > STATE_RUNNING || !self.bus.is_alive(status.node_id) {
+            return Ok(Attempt::NotYet);
+        }
+        let stream = status.stream();
+        let Some(json) = board.manifest(stream) else { return Ok(Attempt::NotYet) };
+        let manifest = RunManifest::from_json(&json)
+            .map_err(|source| AttachError::Manifest { name: run.clone(), source })?;
+        (self.options.notice)(&AttachNotice::Joining { name: run.clone() });
+        let Some((subscriber, listener)) = self.ports(&node, run)? else { return Ok(Attempt::NotYet) };
+        let handshake = Handshake { search: self, run, node: &node, board: &board, stream };
+        let Some(joined) = handshake.run(&subscriber, &listener, &manifest)? else {
+            return Ok(Attempt::NotYet);
+        };
+        let teller = Teller::new(self.bus.root(), subscriber.id().value());
+        Ok(Attempt::Attached(Box::new(LiveSource {
+            sample: None,
+            stashed: joined.first_sample,
+            ports: Some(Ports { subscriber, listener, board, _node: node }),
+            bus: self.bus.clone(),
+            manifest,
+            chain: joined.chain,
+            stream,
+            node_id: status.node_id,
+            delivery: self.delivery,
+            first_frame: joined.first_frame,
+            expected: joined.first_frame,
+            missed_count: 0,
+            closing: None,
+            ended: None,
+            checked_at: Instant::now(),
+            teller,
+            stop: Arc::clone(&self.options.stop),
+        })))
+    }
+
+    fn ports(
+        &self,
+        node: &Node<Ipc>,
+        run: &RunName,
+    ) -> Result<Option<(StateSubscriber, Listener<Ipc>)>, AttachError> {
+        let text = text_of(run, Topic::State);
+        let failed = |e: &dyn std::fmt::Debug| BusError::service(&text, "subscribe to", &format!("{e:?}"));
+        let Some(state) = services::find_slices::<f64>(node, run, Topic::State)? else { return Ok(None) };
+        let label: String = self.options.label.chars().filter(char::is_ascii_graphic).take(30).collect();
+        let name = format!("{}.{label}.{}", self.delivery.as_str(), std::process::id());
+        let name = PortName::new(&name).map_err(|e| failed(&e))?;
+        let mut builder = state.subscriber_builder().name(&name);
+        if self.delivery == Delivery::Latest {
+            builder = builder.buffer_size(LATEST_BUFFER.min(services::limits_of(&state).buffer));
+        }
+        let subscriber = match builder.create() {
+            Err(SubscriberCreateError::ExceedsMaxSupportedSubscribers) => {
+                return Err(AttachError::Full { name: run.clone() });
+            }
+            other => other.map_err(|e| failed(&e))?,
+        };
+        let events = services::events(node, run, Topic::State)?;
+        let listener = events.listener_builder().create().map_err(|e| failed(&e))?;
+        Ok(Some((subscriber, listener)))
+    }
+}
+
+/// What the handshake gave.
+struct Joined {
+    first_frame: u64,
+    first_sample: Option<StateSample>,
+    chain: Chain,
+}
+
+/// The handshake of one consumer with one producer.
+struct Handshake<'a> {
+    search: &'a Search<'a>,
+    run: &'a RunName,
+    node: &'a Node<Ipc>,
+    board: &'a BoardReader,
+    stream: StreamId,
+}
+
+impl Handshake<'_> {
+    /// `None`: the producer left meanwhile.
+    fn run(
+        &self,
+        subscriber: &StateSubscriber,
+        listener: &Listener<Ipc>,
+        manifest: &RunManifest,
+    ) -> Result<Option<Joined>, AttachError> {
+        let text = text_of(self.run, Topic::Join);
+        let failed = |e: &dyn std::fmt::Debug| BusError::service(&text, "join through", &format!("{e:?}"));
+        let Some(join) = services::find_join(self.node, self.run)? else { return Ok(None) };
+        let client = join.client_builder().create().map_err(|e| failed(&e))?;
+        let events = services::events(self.node, self.run, Topic::Join)?;
+        let bell = events.notifier_builder().create().map_err(|e| failed(&e))?;
+        let chains = services::chain(self.node, self.run)?;
+        let chains = chains.subscriber_builder().create().map_err(|e| failed(&e))?;
+
+        let mut joined = None;
+        for phase in [JOIN_CONNECT, JOIN_READY] {
+            let request =
+                JoinRequest { subscriber_id: subscriber.id().value().to_le_bytes(), phase, reserved: 0 };
+            let pending = client.send_copy(request).map_err(|e| failed(&e))?;
+            let _ = bell.notify();
+            let answered = || -> Result<Option<JoinAnswer>, BusError> {
+                Ok(pending.receive().map_err(|e| failed(&e))?.map(|answer| *answer.payload()))
+            };
+            let Some((answer, sample)) = self.answer(answered, subscriber, listener)? else {
+                return Ok(None);
+            };
+            if (StreamId { run_id: RunId(answer.run_id), stream_id: answer.stream_id }) != self.stream {
+                return Ok(None);
+            }
+            subscriber.update_connections().map_err(|e| failed(&e))?;
+            joined = Some((answer.first_frame, sample));
+        }
+        let Some((first_frame, first_sample)) = joined else { return Ok(None) };
+        let Some(chain) = self.chain(&chains, manifest).map_err(|e| failed(&e))? else { return Ok(None) };
+        Ok(Some(Joined { first_frame, first_sample, chain }))
+    }
+
+    /// Waits for the answer, and keeps the queue empty so that the producer is not held back. A sample
+    /// that was taken from the queue when the answer is there already is handed on: it may be the first
+    /// that is guaranteed.
+    fn answer(
+        &self,
+        answered: impl Fn() -> Result<Option<JoinAnswer>, BusError>,
+        subscriber: &StateSubscriber,
+        listener: &Listener<Ipc>,
+    ) -> Result<Option<(JoinAnswer, Option<StateSample>)>, AttachError> {
+        let text = text_of(self.run, Topic::State);
+        let (mut checked_at, mut told) = (Instant::now(), false);
+        loop {
+            self.search.check()?;
+            if let Some(answer) = answered()? {
+                return Ok(Some((answer, None)));
+            }
+            let taken = subscriber.receive().map_err(|e| BusError::service(&text, "receive from", &e))?;
+            if let Some(sample) = taken {
+                if let Some(answer) = answered()? {
+                    return Ok(Some((answer, Some(sample))));
+                }
+                continue;
+            }
+            if checked_at.elapsed() >= LIVENESS_PERIOD {
+                checked_at = Instant::now();
+                let status = self.board.status();
+                if status.state > STATE_RUNNING || !self.search.bus.is_alive(status.node_id) {
+                    return Ok(None);
+                }
+                if !told {
+                    told = true;
+                    (self.search.options.notice)(&AttachNotice::WaitingForAnswer { name: self.run.clone() });
+                }
+            }
+            let _ = listener.timed_wait(|_| {}, ANSWER_WAIT);
+        }
+    }
+
+    /// The chain, which the producer's answer to the first request has delivered.
+    fn chain(
+        &self,
+        chains: &StateSubscriber,
+        manifest: &RunManifest,
+    ) -> Result<Option<Chain>, iceoryx2::port::ReceiveError> {
+        while let Some(sample) = chains.receive()? {
+            let is_ours = sample.user_header().stream_id == self.stream.stream_id;
+            let chain = is_ours.then(|| chain_values::from_values(&manifest.physics, sample.payload()));
+            if let Some(chain) = chain.flatten() {
+                return Ok(Some(chain));
+            }
+        }
+        Ok(None)
+    }
+}

@@ -1,0 +1,413 @@
+//! The producer's side of a run on the bus.
+
+mod offering;
+mod opening;
+
+use offering::Offering;
+pub use opening::PublishError;
+
+use super::backpressure::{Backpressure, ConsumerEvent, Delivery, Remedies};
+use super::board::{BoardWriter, unix_ns};
+use super::wire::{
+    FLAG_LAST, JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, RunStatus, STATE_DONE, STATE_FAILED,
+    STATE_INTERRUPTED, STATE_RUNNING, StateHeader, StreamId, fill,
+};
+use super::{Bus, Ipc, services};
+use iceoryx2::active_request::ActiveRequest;
+use iceoryx2::node::Node;
+use iceoryx2::port::SendError;
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::server::Server;
+use iceoryx2::port::update_connections::UpdateConnections as _;
+use iceoryx2::prelude::PortFactory as _;
+use schemas::frame::{EndReason, Frame, FrameSink};
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Frames between two wake-ups of consumers, when frames come fast.
+const WAKE_EVERY_FRAMES: u32 = 16;
+/// Longest time between two wake-ups while frames come.
+const WAKE_PERIOD: Duration = Duration::from_millis(1);
+/// How often consumers are counted for the status.
+const COUNT_PERIOD: Duration = Duration::from_millis(100);
+/// How often an idle producer looks around.
+const IDLE_WAIT: Duration = Duration::from_millis(50);
+/// How often a producer whose run is over looks whether consumers have left.
+const LEAVING_PERIOD: Duration = Duration::from_millis(5);
+
+/// How a run is published.
+#[derive(Debug, Clone)]
+pub struct PublishOptions {
+    /// Number of the first frame that will be published.
+    pub first_frame: u64,
+    /// How long a lossless consumer may take nothing before it is dropped. Default: 30 s.
+    pub stuck_after: Duration,
+    /// When set, a publish that is held back gives up with [`PublishError::Stopped`].
+    pub stop: Arc<AtomicBool>,
+    #[doc(hidden)]
+    pub remedies: Remedies,
+}
+
+impl Default for PublishOptions {
+    fn default() -> Self {
+        Self {
+            first_frame: 0,
+            stuck_after: Duration::from_secs(30),
+            stop: Arc::default(),
+            remedies: Remedies::default(),
+        }
+    }
+}
+
+/// How waiting for consumers ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WaitOutcome {
+    /// Enough lossless consumers are ready.
+    Ready,
+    /// We were asked to stop.
+    Stopped,
+    /// The time is over; this many are ready.
+    TimedOut {
+        /// Lossless consumers that are ready.
+        ready: usize,
+    },
+}
+
+/// What a publisher has done so far.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct PublishCounts {
+    /// Frames published.
+    pub frames: u64,
+    /// Lossless consumers that are ready.
+    pub lossless: usize,
+    /// Consumers that take what there is.
+    pub latest: usize,
+    /// Lossless consumers dropped because they were stuck.
+    pub evicted: u64,
+    /// Frames sent again because a signal interrupted the first time.
+    pub resent: u64,
+    /// Time spent waiting for lossless consumers.
+    pub held_back: Duration,
+}
+
+type JoinServer = Server<Ipc, JoinRequest, (), JoinAnswer, ()>;
+
+/// Publishes one run: every accepted frame reaches every lossless consumer, or the end says why not.
+///
+/// Dropping it without [`StatePublisher::finish`] tells consumers that the run failed.
+pub struct StatePublisher {
+    publisher: Publisher<Ipc, [f64], StateHeader>,
+    chain: Publisher<Ipc, [f64], StateHeader>,
+    server: JoinServer,
+    join: services::JoinService,
+    joiners: Listener<Ipc>,
+    backpressure: Arc<Backpressure<f64>>,
+    board: BoardWriter,
+    status: RunStatus,
+    stream: StreamId,
+    doubles: usize,
+    max_consumers: usize,
+    last_step: u64,
+    ready: HashSet<u128>,
+    counts: PublishCounts,
+    next_frame: u64,
+    since_wake: u32,
+    woke_at: Instant,
+    counted_at: Instant,
+    offering: Offering,
+    finished: bool,
+    remedies: Remedies,
+    told_gone: bool,
+    // last, so that everything on the node goes before it
+    node: Node<Ipc>,
+    bus: Bus,
+}
+
+impl StatePublisher {
+    /// Which publishing of which run this is: results carry it too.
+    pub fn stream(&self) -> StreamId {
+        self.stream
+    }
+
+    /// How many consumers can be attached at a time: fewer when frames are large and shared memory is short.
+    pub fn max_consumers(&self) -> usize {
+        self.max_consumers
+    }
+
+    /// Waits until `count` lossless consumers are ready, `stop` is set, or `timeout` is over.
+    ///
+    /// # Errors
+    /// When so many can never be attached, or when the bus cannot be used.
+    pub fn wait_for(
+        &mut self,
+        count: usize,
+        stop: &AtomicBool,
+        timeout: Option<Duration>,
+    ) -> Result<WaitOutcome, PublishError> {
+        if count > self.max_consumers {
+            return Err(PublishError::TooManyConsumers { asked: count, most: self.max_consumers });
+        }
+        let start = Instant::now();
+        loop {
+            // a consumer that died while it waited must not count
+            self.node.try_cleanup_dead_nodes();
+            self.serve()?;
+            let ready = self.ready_count();
+            if ready >= count {
+                return Ok(WaitOutcome::Ready);
+            }
+            if stop.load(Ordering::Relaxed) {
+                return Ok(WaitOutcome::Stopped);
+            }
+            if timeout.is_some_and(|timeout| start.elapsed() >= timeout) {
+                return Ok(WaitOutcome::TimedOut { ready });
+            }
+            // a signal ends the wait early; the loop looks at the flag
+            let _ = self.joiners.timed_wait(|_| {}, IDLE_WAIT);
+        }
+    }
+
+    /// Answers consumers that want to join, and renews the status: for a producer that has nothing to
+    /// publish for a while. Never waits.
+    ///
+    /// # Errors
+    /// When the bus cannot be used.
+    pub fn serve(&mut self) -> Result<(), PublishError> {
+        // joiners are found by their requests; their notifications only end a wait
+        let _ = self.joiners.try_wait(|_| {});
+        self.serve_joins()?;
+        if self.since_wake > 0 {
+            self.wake();
+        }
+        self.write_status(Instant::now())
+    }
+
+    fn serve_joins(&mut self) -> Result<(), PublishError> {
+        while self.join.dynamic_config().number_of_clients() > 0 {
+            let request = self.server.receive();
+            let Some(request) = request.map_err(|e| self.send_error(&e))? else { break };
+            self.answer(&request)?;
+        }
+        Ok(())
+    }
+
+    fn answer(
+        &mut self,
+        request: &ActiveRequest<Ipc, JoinRequest, (), JoinAnswer, ()>,
+    ) -> Result<(), PublishError> {
+        let JoinRequest { subscriber_id, phase, .. } = *request.payload();
+        let mut answer = JoinAnswer {
+            run_id: self.stream.run_id.0,
+            stream_id: self.stream.stream_id,
+            phase,
+            ..JoinAnswer::default()
+        };
+        match phase {
+            JOIN_CONNECT if self.remedies.connect_on_join => {
+                self.offering = Offering::default();
+                self.publisher.update_connections().map_err(|e| self.send_error(&e))?;
+                self.chain.update_connections().map_err(|e| self.send_error(&e))?;
+            }
+            JOIN_READY => {
+                self.offering = Offering::default();
+                let id = u128::from_le_bytes(subscriber_id);
+                answer.first_frame = self.next_frame;
+                if let Some((_, name)) = self.backpressure.consumers().remove(&id) {
+                    self.ready.insert(id);
+                    self.backpressure.joined(id, name);
+                }
+            }
+            _ => {}
+        }
+        // a consumer that left meanwhile needs no answer
+        let _ = request.send_copy(answer);
+        self.backpressure.wake();
+        Ok(())
+    }
+
+    fn ready_count(&self) -> usize {
+        let attached = self.backpressure.consumers();
+        let counts = |(id, (delivery, _)): &(&u128, &(Delivery, String))| {
+            *delivery == Delivery::Lossless && self.ready.contains(id) && !self.backpressure.is_ignored(**id)
+        };
+        attached.iter().filter(counts).count()
+    }
+
+    /// What happened so far.
+    pub fn counts(&self) -> PublishCounts {
+        let attached = self.backpressure.consumers();
+        PublishCounts {
+            lossless: self.ready_count(),
+            latest: attached.values().filter(|(delivery, _)| *delivery == Delivery::Latest).count(),
+            evicted: self.backpressure.evicted_count(),
+            ..self.counts
+        }
+    }
+
+    /// What happened to consumers since the last call.
+    pub fn take_events(&mut self) -> Vec<ConsumerEvent> {
+        let mut events = self.backpressure.take_events();
+        if self.bus.is_gone() && !std::mem::replace(&mut self.told_gone, true) {
+            events.push(ConsumerEvent::BusGone { root: self.bus.root().to_owned() });
+        }
+        events
+    }
+
+    /// Sends a frame; returns how many consumers got it.
+    fn send(&mut self, frame: &Frame<'_>) -> Result<usize, PublishError> {
+        let header = StateHeader {
+            run_id: self.stream.run_id.0,
+            stream_id: self.stream.stream_id,
+            frame: frame.frame,
+            step: frame.step,
+            time_s: frame.time_s,
+            flags: if frame.step == self.last_step { FLAG_LAST } else { 0 },
+            reserved: 0,
+        };
+        let (publisher, doubles, remedies) = (&self.publisher, self.doubles, self.remedies);
+        let mut interruptions = remedies.interruptions;
+        let mut send = || {
+            let slot = publisher.loan_slice_uninit(doubles)?;
+            // repeated: whoever has the frame already ignores the second one
+            let sent = fill(slot, header, &[frame.u_m, frame.v_m_s, frame.extra]).send()?;
+            match interruptions.checked_sub(1) {
+                Some(left) => {
+                    interruptions = left;
+                    Err(SendError::InternalError)
+                }
+                None => Ok(sent),
+            }
+        };
+        let sent =
+            if remedies.resend { self.backpressure.repeat(&mut self.counts.resent, send) } else { send() };
+        match sent {
+            Ok(recipients) => Ok(recipients),
+            Err(SendError::UnableToDeliver) => Err(PublishError::Stopped { frame: frame.frame }),
+            Err(e) => Err(self.send_error(&e)),
+        }
+    }
+
+    fn send_error(&self, cause: &dyn std::fmt::Debug) -> PublishError {
+        PublishError::Send { frame: self.next_frame, cause: format!("{cause:?}") }
+    }
+
+    fn wake(&mut self) {
+        self.backpressure.wake();
+        self.since_wake = 0;
+        self.woke_at = Instant::now();
+    }
+
+    /// Writes the status, and now and then counts the consumers for it.
+    fn write_status(&mut self, now: Instant) -> Result<(), PublishError> {
+        if now.duration_since(self.counted_at) >= COUNT_PERIOD {
+            let counts = self.counts();
+            self.counted_at = now;
+            self.status.lossless = counts.lossless as u64;
+            self.status.latest = counts.latest as u64;
+            self.status.evicted = counts.evicted;
+        }
+        Ok(self.board.write(&mut self.status)?)
+    }
+
+    /// Says how the run ended, and lets go of the bus. Consumers that are behind still get every frame
+    /// that was accepted, also after this process has exited.
+    ///
+    /// # Errors
+    /// When the end could not be written; consumers then find that the producer is gone.
+    pub fn finish(self, reason: EndReason) -> Result<PublishCounts, PublishError> {
+        self.finish_and_wait(reason, &AtomicBool::new(true), Duration::ZERO)
+    }
+
+    /// As [`finish`](Self::finish), but lets go of the bus only when every consumer has left, `stop` is set, or
+    /// `at_most` is over: for who publishes under the same name again, and must not outrun those who still read.
+    ///
+    /// # Errors
+    /// As [`finish`](Self::finish).
+    pub fn finish_and_wait(
+        mut self,
+        reason: EndReason,
+        stop: &AtomicBool,
+        at_most: Duration,
+    ) -> Result<PublishCounts, PublishError> {
+        let counts = self.counts(); // before consumers leave
+        self.end(match reason {
+            EndReason::Complete => STATE_DONE,
+            EndReason::Interrupted | EndReason::Stopped => STATE_INTERRUPTED,
+            _ => STATE_FAILED,
+        })?;
+        let start = Instant::now();
+        while self.backpressure.subscriber_count() > 0
+            && start.elapsed() < at_most
+            && !stop.load(Ordering::Relaxed)
+        {
+            self.node.try_cleanup_dead_nodes();
+            std::thread::sleep(LEAVING_PERIOD);
+        }
+        Ok(counts)
+    }
+
+    fn end(&mut self, state: u64) -> Result<(), PublishError> {
+        self.finished = true;
+        self.status.state = state;
+        self.counted_at = Instant::now().checked_sub(COUNT_PERIOD).unwrap_or(self.counted_at);
+        let written = self.write_status(Instant::now());
+        self.wake();
+        written
+    }
+}
+
+impl Drop for StatePublisher {
+    fn drop(&mut self) {
+        if !self.finished {
+            // consumers that cannot be told find out by themselves
+            let _ = self.end(STATE_FAILED);
+        }
+    }
+}
+
+impl FrameSink for StatePublisher {
+    type Error = PublishError;
+
+    fn accept(&mut self, frame: &Frame<'_>) -> Result<(), PublishError> {
+        let found = frame.u_m.len() + frame.v_m_s.len() + frame.extra.len();
+        if found != self.doubles {
+            return Err(PublishError::Shape { frame: frame.frame, expected: self.doubles, found });
+        }
+        if frame.frame != self.next_frame {
+            return Err(PublishError::Order { expected: self.next_frame, found: frame.frame });
+        }
+        self.serve_joins()?;
+        let start = Instant::now();
+        let mut now = start;
+        let rings =
+            self.since_wake + 1 >= WAKE_EVERY_FRAMES || start.duration_since(self.woke_at) >= WAKE_PERIOD;
+        // a frame that nobody takes need not be written
+        let is_last = frame.step == self.last_step;
+        if self.backpressure.subscriber_count() > 0 && (self.offering.is_due(start) || is_last) {
+            let sent = self.send(frame);
+            if self.backpressure.was_blocked() {
+                now = Instant::now();
+                self.counts.held_back += now.duration_since(start);
+            }
+            self.offering.offered(sent?, start);
+        }
+        self.next_frame += 1;
+        self.counts.frames += 1;
+        self.since_wake += 1;
+        if self.status.began_unix_ns == 0 {
+            self.status.began_unix_ns = unix_ns();
+        }
+        self.status.state = STATE_RUNNING;
+        self.status.frames = self.counts.frames;
+        (self.status.step, self.status.time_s) = (frame.step, frame.time_s);
+        if rings {
+            // after the frame: whoever wakes up on another core reads memory that is written to, and slows the writing down
+            self.wake();
+            self.write_status(now)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,264 @@
+//! Registering a run on the bus.
+
+use super::{JoinServer, Offering, PublishCounts, PublishOptions, StatePublisher};
+use crate::backpressure::Backpressure;
+use crate::board::{BoardReader, BoardWriter};
+use crate::services::{self, check_schema, text_of};
+use crate::wire::{MANIFEST_BYTES, RunStatus, STATE_WAITING, StateHeader, StreamId, fill};
+use crate::{Bus, BusError, Ipc, RoomError, chain_values, node_bytes, room};
+use iceoryx2::node::Node;
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
+use schemas::chain::Chain;
+use schemas::manifest::{RunId, RunManifest};
+use schemas::results::Topic;
+use schemas::run_name::RunName;
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::time::{Duration, Instant, SystemTime};
+
+/// How long a producer of the same name may take to vanish.
+const TAKE_OVER_PATIENCE: Duration = Duration::from_secs(1);
+
+/// Why a run cannot be published.
+#[derive(Debug, thiserror::Error)]
+pub enum PublishError {
+    /// The bus.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// Shared memory.
+    #[error(transparent)]
+    Room(#[from] RoomError),
+    /// Another producer has this name.
+    #[error(
+        "run {name} is being published already: run id {run_id}, process {pid}; use another name, or end it"
+    )]
+    NameTaken {
+        /// The name.
+        name: RunName,
+        /// The other run.
+        run_id: RunId,
+        /// The other producer's process.
+        pid: u64,
+        /// When the other run started.
+        started: SystemTime,
+    },
+    /// The manifest does not fit the blackboard.
+    #[error(
+        "the manifest has {bytes} bytes, at most {MANIFEST_BYTES} can be published; use fewer impurities"
+    )]
+    ManifestTooLong {
+        /// Its length.
+        bytes: usize,
+    },
+    /// A frame that is not one of this run.
+    #[error("frame {frame} has {found} values, the run's frames have {expected}")]
+    Shape {
+        /// Number of the frame.
+        frame: u64,
+        /// Values expected.
+        expected: usize,
+        /// Values found.
+        found: usize,
+    },
+    /// Frames must follow each other without a gap: consumers take a gap for a loss.
+    #[error("frame {found} was published where frame {expected} was expected")]
+    Order {
+        /// Expected.
+        expected: u64,
+        /// Found.
+        found: u64,
+    },
+    /// More consumers are waited for than can be attached.
+    #[error(
+        "{asked} lossless consumers are waited for, but at most {most} can attach to this run (fewer when frames \
+         are large and shared memory is short); wait for {most} or fewer"
+    )]
+    TooManyConsumers {
+        /// How many are waited for.
+        asked: usize,
+        /// How many can be attached at a time.
+        most: usize,
+    },
+    /// We were asked to stop while a consumer held the run back; not every consumer got the frame.
+    #[error("stopped while a consumer held the run back at frame {frame}")]
+    Stopped {
+        /// Number of the frame.
+        frame: u64,
+    },
+    /// The frame could not be sent.
+    #[error("frame {frame} could not be sent: {cause}")]
+    Send {
+        /// Number of the frame.
+        frame: u64,
+        /// What iceoryx2 says.
+        cause: String,
+    },
+}
+
+impl StatePublisher {
+    /// Registers the run under its name; consumers can attach from now on.
+    ///
+    /// # Errors
+    /// When the name is taken, shared memory is short, or the bus cannot be used.
+    pub fn create(
+        bus: &Bus,
+        manifest: &RunManifest,
+        chain: &Chain,
+        options: &PublishOptions,
+    ) -> Result<Self, PublishError> {
+        let (run, json) = (&manifest.provenance.name, manifest.to_json());
+        if json.len() > MANIFEST_BYTES {
+            return Err(PublishError::ManifestTooLong { bytes: json.len() });
+        }
+        let stream = StreamId::new(manifest.provenance.run_id);
+        let doubles = manifest.frame_doubles();
+        let slot_bytes = (doubles * size_of::<f64>()) as u64;
+        // until everything has its memory, so that nobody else takes what we have found free
+        let _lock = bus.lock()?;
+        let node = bus.node()?;
+        let free_bytes = room::free_bytes()?;
+        let limits = room::plan(slot_bytes, free_bytes);
+        check_schema(bus, run, Topic::Manifest)?;
+        check_schema(bus, run, Topic::State)?;
+        let state = services::slices::<f64>(&node, run, Topic::State, limits, &[])?;
+        // a service that consumers of an earlier run still hold keeps the limits it has
+        let limits = services::limits_of(&state);
+        room::check(slot_bytes, limits, free_bytes)?;
+        let events = services::events(&node, run, Topic::State)?;
+        let notifier = events.notifier_builder().create();
+        let notifier = notifier.map_err(|e| BusError::service(&text_of(run, Topic::State), "notify", &e))?;
+        let backpressure = Backpressure::new(
+            services::slices::<f64>(&node, run, Topic::State, limits, &[])?,
+            bus.config().clone(),
+            notifier,
+            Arc::clone(&options.stop),
+            options.stuck_after,
+            options.remedies,
+        );
+        backpressure.ignore_present();
+        let publisher = exclusive_publisher(bus, &node, run, &state, doubles, &backpressure)?;
+        room::reserve(bus.prefix(), publisher.id().value())?;
+
+        let mut status = RunStatus {
+            run_id: stream.run_id.0,
+            stream_id: stream.stream_id,
+            state: STATE_WAITING,
+            first_frame: options.first_frame,
+            pid: u64::from(std::process::id()),
+            node_id: node_bytes(&node),
+            ..RunStatus::default()
+        };
+        let (server, join, joiners) = join_server(&node, run)?;
+        let chain = publish_chain(bus, &node, run, chain, stream)?;
+        let mut board = BoardWriter::create(&node, run, json.as_bytes(), status)?;
+        if !options.remedies.release_board {
+            board.hold()?;
+        }
+        board.write(&mut status)?;
+        let now = Instant::now();
+        Ok(Self {
+            publisher,
+            chain,
+            server,
+            join,
+            joiners,
+            backpressure,
+            board,
+            status,
+            stream,
+            doubles,
+            max_consumers: limits.subscribers,
+            last_step: manifest.physics.step_count,
+            ready: HashSet::new(),
+            counts: PublishCounts::default(),
+            next_frame: options.first_frame,
+            since_wake: 0,
+            woke_at: now,
+            counted_at: now,
+            offering: Offering::default(),
+            finished: false,
+            remedies: options.remedies,
+            told_gone: false,
+            node,
+            bus: bus.clone(),
+        })
+    }
+}
+
+/// The publisher of `/state`: the one place where two producers of one name are told apart.
+fn exclusive_publisher(
+    bus: &Bus,
+    node: &Node<Ipc>,
+    run: &RunName,
+    state: &services::StateService,
+    doubles: usize,
+    backpressure: &Arc<Backpressure<f64>>,
+) -> Result<Publisher<Ipc, [f64], StateHeader>, PublishError> {
+    let start = Instant::now();
+    loop {
+        let handler = Arc::clone(backpressure);
+        let builder = state.publisher_builder().initial_max_slice_len(doubles).max_loaned_samples(1);
+        match builder.set_backpressure_handler(move |info| handler.decide(info)).create() {
+            Ok(publisher) => return Ok(publisher),
+            Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => {
+                node.try_cleanup_dead_nodes();
+                if start.elapsed() < TAKE_OVER_PATIENCE && !bus.has_live_publisher(state) {
+                    std::thread::sleep(Duration::from_millis(2));
+                    continue;
+                }
+                return Err(name_taken(node, run)?);
+            }
+            Err(e) => return Err(BusError::service(&text_of(run, Topic::State), "publish", &e).into()),
+        }
+    }
+}
+
+fn name_taken(node: &Node<Ipc>, run: &RunName) -> Result<PublishError, BusError> {
+    let board = BoardReader::find(node, run)?;
+    let status = board.as_ref().map(BoardReader::status).unwrap_or_default();
+    let manifest = board.and_then(|board| board.manifest(status.stream()));
+    let manifest = manifest.and_then(|json| RunManifest::from_json(&json).ok());
+    let started_unix_ns = manifest.map_or(status.written_unix_ns, |found| found.provenance.started_unix_ns);
+    Ok(PublishError::NameTaken {
+        name: run.clone(),
+        run_id: RunId(status.run_id),
+        pid: status.pid,
+        started: SystemTime::UNIX_EPOCH + Duration::from_nanos(started_unix_ns),
+    })
+}
+
+fn join_server(
+    node: &Node<Ipc>,
+    run: &RunName,
+) -> Result<(JoinServer, services::JoinService, Listener<Ipc>), BusError> {
+    let text = text_of(run, Topic::Join);
+    let join = services::join(node, run)?;
+    let server = join.server_builder().create().map_err(|e| BusError::service(&text, "serve", &e))?;
+    let events = services::events(node, run, Topic::Join)?;
+    let joiners = events.listener_builder().create().map_err(|e| BusError::service(&text, "listen", &e))?;
+    Ok((server, join, joiners))
+}
+
+/// Publishes the chain once; the history keeps it for whoever comes later.
+fn publish_chain(
+    bus: &Bus,
+    node: &Node<Ipc>,
+    run: &RunName,
+    chain: &Chain,
+    stream: StreamId,
+) -> Result<Publisher<Ipc, [f64], StateHeader>, BusError> {
+    let text = text_of(run, Topic::Chain);
+    let failed = |e: &dyn std::fmt::Debug| BusError::service(&text, "publish", &format!("{e:?}"));
+    let values = chain_values::to_values(chain);
+    let header =
+        StateHeader { run_id: stream.run_id.0, stream_id: stream.stream_id, ..StateHeader::default() };
+    let service = services::chain(node, run)?;
+    let builder = service.publisher_builder().initial_max_slice_len(values.len()).max_loaned_samples(1);
+    // it sends one sample, ever, and takes the memory of no more
+    let publisher = builder.override_sample_preallocation(|_| 1).create().map_err(|e| failed(&e))?;
+    room::reserve(bus.prefix(), publisher.id().value())?;
+    let slot = publisher.loan_slice_uninit(values.len()).map_err(|e| failed(&e))?;
+    fill(slot, header, &[&values]).send().map_err(|e| failed(&e))?;
+    Ok(publisher)
+}

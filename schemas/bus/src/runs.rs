@@ -1,0 +1,294 @@
+//! Which runs are on the bus.
+
+use super::backpressure::Delivery;
+use super::board::BoardReader;
+use super::position::Position;
+use super::services::{self};
+use super::wire::{RunStatus, STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, STATE_RUNNING, STATE_WAITING};
+use super::{Bus, BusError, Ipc};
+use iceoryx2::node::Node;
+use iceoryx2::prelude::{CallbackProgression, PortFactory as _, Service as _};
+use schemas::manifest::{RunId, RunManifest};
+use schemas::results::OwnTopic;
+use schemas::results::Topic;
+use schemas::run_name::RunName;
+use std::fmt;
+use std::time::{Duration, SystemTime};
+
+/// How far a run is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RunState {
+    /// Waits for consumers before it starts.
+    Waiting,
+    /// Publishes frames.
+    Running,
+    /// Reached its last step.
+    Done,
+    /// Was asked to stop, and ended in order.
+    Interrupted,
+    /// Ended because of an error.
+    Failed,
+    /// Its producer was killed.
+    Dead,
+}
+
+impl RunState {
+    /// The word for it.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Waiting => "waiting",
+            Self::Running => "running",
+            Self::Done => "done",
+            Self::Interrupted => "interrupted",
+            Self::Failed => "failed",
+            Self::Dead => "dead",
+        }
+    }
+}
+
+impl fmt::Display for RunState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+/// One run, as `beadline ls` shows it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunInfo {
+    /// Its name.
+    pub name: RunName,
+    /// Its identity.
+    pub run_id: RunId,
+    /// How far it is.
+    pub state: RunState,
+    /// The last frame published.
+    pub frame: Option<u64>,
+    /// The step of that frame.
+    pub step: u64,
+    /// Simulated time of that frame (s).
+    pub time_s: f64,
+    /// How long ago the producer last wrote its status.
+    pub age: Duration,
+    /// Lossless consumers that are ready.
+    pub lossless: u64,
+    /// Consumers that take what there is.
+    pub latest: u64,
+    /// Lossless consumers that were dropped.
+    pub evicted: u64,
+    /// Process of the producer.
+    pub pid: u64,
+    /// Steps of the whole run; none if its manifest cannot be read.
+    pub step_count: Option<u64>,
+    /// How long it takes from now on, if it goes on as it did from its first frame to the last one.
+    pub ends_in: Option<Duration>,
+    /// Who listens.
+    pub consumers: Vec<ConsumerInfo>,
+}
+
+/// A consumer of a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ConsumerInfo {
+    /// What it calls itself, `energies` for instance.
+    pub label: String,
+    /// How it wants its frames.
+    pub delivery: Delivery,
+    /// Its process, if its name says so.
+    pub pid: Option<u64>,
+    /// Frames that are published and that it does not have yet; none if it does not tell.
+    pub lag_frames: Option<u64>,
+    /// Frames that it has missed; none if it does not tell.
+    pub missed: Option<u64>,
+}
+
+impl ConsumerInfo {
+    /// The consumer of a subscriber named `lossless.energies.4711`.
+    fn new(name: &str, position: Option<Position>) -> Self {
+        let delivery = Delivery::of_name(name);
+        let rest = name.strip_prefix(delivery.as_str()).unwrap_or(name).trim_start_matches(['.', '-', '_']);
+        let (label, pid) = match rest.rsplit_once('.').map(|(label, pid)| (label, pid.parse().ok())) {
+            Some((label, Some(pid))) => (label, Some(pid)),
+            _ => (rest, None),
+        };
+        Self {
+            label: label.to_owned(),
+            delivery,
+            pid,
+            lag_frames: position.map(|position| position.behind),
+            missed: position.map(|position| position.missed),
+        }
+    }
+}
+
+impl RunInfo {
+    /// Whether a consumer can attach.
+    pub fn is_live(&self) -> bool {
+        matches!(self.state, RunState::Waiting | RunState::Running)
+    }
+
+    fn new(name: RunName, status: &RunStatus, alive: bool) -> Self {
+        let state = match status.state {
+            STATE_DONE => RunState::Done,
+            STATE_INTERRUPTED => RunState::Interrupted,
+            STATE_FAILED => RunState::Failed,
+            _ if !alive => RunState::Dead,
+            STATE_WAITING => RunState::Waiting,
+            STATE_RUNNING.. => RunState::Running,
+        };
+        let written = SystemTime::UNIX_EPOCH + Duration::from_nanos(status.written_unix_ns);
+        Self {
+            name,
+            run_id: RunId(status.run_id),
+            state,
+            frame: status.last_frame(),
+            step: status.step,
+            time_s: status.time_s,
+            age: SystemTime::now().duration_since(written).unwrap_or_default(),
+            lossless: status.lossless,
+            latest: status.latest,
+            evicted: status.evicted,
+            pid: status.pid,
+            step_count: None,
+            ends_in: None,
+            consumers: Vec::new(),
+        }
+    }
+
+    /// Adds what takes a longer look.
+    fn look_closer(&mut self, bus: &Bus, node: &Node<Ipc>, board: &BoardReader, status: &RunStatus) {
+        let manifest = board.manifest(status.stream()).and_then(|json| RunManifest::from_json(&json).ok());
+        if let Some(manifest) = manifest {
+            self.step_count = Some(manifest.physics.step_count);
+            let first_step = manifest.step_of_frame(status.first_frame);
+            self.ends_in = time_left(status, first_step, manifest.physics.step_count)
+                .filter(|_| self.state == RunState::Running);
+        }
+        self.consumers = consumers(bus, node, &self.name, status);
+    }
+}
+
+/// How long the rest takes at the mean speed from the first frame to the last one.
+fn time_left(status: &RunStatus, first_step: u64, step_count: u64) -> Option<Duration> {
+    let made = status.step.checked_sub(first_step).filter(|made| *made > 0)?;
+    let elapsed_ns = status.written_unix_ns.checked_sub(status.began_unix_ns)?;
+    let left = step_count.checked_sub(status.step)? as f64;
+    let seconds = elapsed_ns as f64 / 1e9 * left / made as f64;
+    Duration::try_from_secs_f64(seconds).ok().filter(|_| status.began_unix_ns > 0)
+}
+
+/// Who is attached to `run` and lives, in the order of their names.
+fn consumers(bus: &Bus, node: &Node<Ipc>, run: &RunName, status: &RunStatus) -> Vec<ConsumerInfo> {
+    // gone since it was listed: nobody listens
+    let Ok(Some(state)) = services::find_slices::<f64>(node, run, Topic::State) else { return Vec::new() };
+    let mut found = Vec::new();
+    state.dynamic_config().list_subscribers(|subscriber| {
+        let name = subscriber.subscriber_name.as_str().to_owned();
+        found.push((name, subscriber.subscriber_id.value(), subscriber.node_id.value().to_le_bytes()));
+        CallbackProgression::Continue
+    });
+    found.retain(|(_, _, node)| bus.is_alive(*node));
+    found.sort();
+    let position = |id| Position::read(bus.root(), id, status.last_frame());
+    found.iter().map(|(name, id, _)| ConsumerInfo::new(name, position(*id))).collect()
+}
+
+/// The names of the runs on the bus, in order.
+pub(super) fn run_names(bus: &Bus) -> Result<Vec<RunName>, BusError> {
+    let mut names: Vec<RunName> = Vec::new();
+    each_service(bus, |name| {
+        let run = name.strip_suffix("/manifest");
+        names.extend(run.and_then(|run| run.parse::<RunName>().ok()));
+    })?;
+    names.sort();
+    names.dedup();
+    Ok(names)
+}
+
+/// The topics of `run` that are not ours, in order.
+pub(super) fn own_topics(bus: &Bus, run: &RunName) -> Result<Vec<OwnTopic>, BusError> {
+    let mut topics: Vec<OwnTopic> = Vec::new();
+    each_service(bus, |name| {
+        let own = name.strip_prefix(run.as_str()).and_then(|topic| topic.strip_prefix("/own/"));
+        topics.extend(own.and_then(|own| own.parse::<OwnTopic>().ok()));
+    })?;
+    topics.sort_by(|one, other| one.as_str().cmp(other.as_str()));
+    topics.dedup();
+    Ok(topics)
+}
+
+/// Tells `see` the name of every service, without `beadline/`.
+fn each_service(bus: &Bus, mut see: impl FnMut(&str)) -> Result<(), BusError> {
+    bus.clear_half_made();
+    let listed = Ipc::list(bus.config(), |details| {
+        if let Some(name) = details.static_details.name().as_str().strip_prefix("beadline/") {
+            see(name);
+        }
+        CallbackProgression::Continue
+    });
+    listed.map_err(|e| BusError::service("beadline/*", "list", &e))
+}
+
+/// Every run on the bus, by name: also those that are over while consumers are still reading, and those
+/// whose producer was killed. Neither disturbs runs nor cleans anything up.
+///
+/// # Errors
+/// When the bus cannot be used.
+pub fn list_runs(bus: &Bus) -> Result<Vec<RunInfo>, BusError> {
+    each_run(bus, run_names(bus)?, |run, node, board, status| run.look_closer(bus, node, board, status))
+}
+
+/// Those of `names` that are on the bus, without what takes a longer look.
+pub(super) fn look_at(bus: &Bus, names: Vec<RunName>) -> Result<Vec<RunInfo>, BusError> {
+    each_run(bus, names, |_, _, _, _| {})
+}
+
+fn each_run(
+    bus: &Bus,
+    names: Vec<RunName>,
+    add: impl Fn(&mut RunInfo, &Node<Ipc>, &BoardReader, &RunStatus),
+) -> Result<Vec<RunInfo>, BusError> {
+    if names.is_empty() {
+        return Ok(Vec::new());
+    }
+    let node = bus.observer()?;
+    let mut runs = Vec::new();
+    for name in names {
+        // gone, or of another version, since it was listed: nothing to show
+        let Ok(Some(board)) = BoardReader::find(&node, &name) else { continue };
+        let status = board.status();
+        let alive = bus.is_alive(status.node_id);
+        let mut run = RunInfo::new(name, &status, alive);
+        add(&mut run, &node, &board, &status);
+        runs.push(run);
+    }
+    Ok(runs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_subscriber_says_by_its_name_who_it_is() {
+        let known = Position { next_frame: 9, behind: 2, missed: 1 };
+        let found = ConsumerInfo::new("lossless.energies.4711", Some(known));
+        assert_eq!((found.label.as_str(), found.pid), ("energies", Some(4711)));
+        assert_eq!((found.delivery, found.lag_frames, found.missed), (Delivery::Lossless, Some(2), Some(1)));
+        let found = ConsumerInfo::new("latest-my.python", None);
+        assert_eq!((found.label.as_str(), found.pid, found.lag_frames), ("my.python", None, None));
+        assert_eq!(ConsumerInfo::new("somebody", None).label, "somebody");
+    }
+
+    #[test]
+    fn the_rest_takes_as_long_for_each_step_as_those_before() {
+        let second = 1_000_000_000;
+        let status = RunStatus {
+            step: 300,
+            began_unix_ns: 100 * second,
+            written_unix_ns: 102 * second,
+            ..RunStatus::default()
+        };
+        assert_eq!(time_left(&status, 100, 700), Some(Duration::from_secs(4)));
+        assert_eq!(time_left(&status, 300, 700), None, "no step was made yet");
+        assert_eq!(time_left(&RunStatus { began_unix_ns: 0, ..status }, 100, 700), None);
+    }
+}

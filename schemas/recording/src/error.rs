@@ -1,0 +1,247 @@
+//! What goes wrong with recordings.
+
+use schemas::manifest::ManifestError;
+use schemas::whole_file::WholeFileError;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Why a recording cannot be written.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// The file cannot be created, or not be given its name.
+    #[error(transparent)]
+    File(WholeFileError),
+    /// There is an unfinished recording of this name.
+    #[error(
+        "{path} exists, an unfinished recording; read it as it is (`beadline info {path}`), move it away, or \
+         replace it with --force",
+        path = path.display()
+    )]
+    PartialExists {
+        /// The file in the way.
+        path: PathBuf,
+    },
+    /// There is the recording of a run that was being gone on with.
+    #[error(
+        "{path} exists, the recording of a run that was being gone on with: do that (`beadline run --resume {path}`), \
+         move it away, or choose another name; --force does not replace it",
+        path = path.display()
+    )]
+    InterruptedExists {
+        /// The file in the way.
+        path: PathBuf,
+    },
+    /// The disk cannot hold what a run will write.
+    #[error(
+        "not enough space in {}: this recording takes {} at the least, {} are free; record fewer \
+         steps (record_every_steps) or choose another directory",
+        directory.display(), Bytes(*needed_bytes), Bytes(*free_bytes)
+    )]
+    NoSpace {
+        /// Where the recording should go.
+        directory: PathBuf,
+        /// What it takes at the least.
+        needed_bytes: u64,
+        /// What is free.
+        free_bytes: u64,
+    },
+    /// What stands there stores nothing.
+    #[error("{} has no room for any file, as /proc and /sys have not; choose another directory", directory.display())]
+    NoDisk {
+        /// Where the recording should go.
+        directory: PathBuf,
+    },
+    /// The operating system refused.
+    #[error("cannot write {}", path.display())]
+    Io {
+        /// What was written.
+        path: PathBuf,
+        /// What the operating system says.
+        source: io::Error,
+    },
+    /// The operating system refused, and what was accepted after the last whole chunk is lost.
+    #[error("cannot write {}: frames that were accepted are not in it, the last {lost_frames}", path.display())]
+    Lost {
+        /// What was written.
+        path: PathBuf,
+        /// Frames accepted, but not written.
+        lost_frames: u64,
+        /// What the operating system says.
+        source: io::Error,
+    },
+    /// A frame that this recording cannot hold.
+    #[error("frame {frame} (step {step}) does not fit into {}: {what}", path.display())]
+    Frame {
+        /// The recording.
+        path: PathBuf,
+        /// The frame.
+        frame: u64,
+        /// Its step.
+        step: u64,
+        /// What was expected and found.
+        what: String,
+    },
+    /// Writing failed before; nothing more is taken.
+    #[error("{} was given up after a write error", path.display())]
+    GivenUp {
+        /// The recording.
+        path: PathBuf,
+    },
+}
+
+impl From<WholeFileError> for WriteError {
+    fn from(error: WholeFileError) -> Self {
+        match error {
+            WholeFileError::PartialExists { path } => Self::PartialExists { path },
+            other => Self::File(other),
+        }
+    }
+}
+
+impl WriteError {
+    /// Whether what was there before stands in the way: whoever named the recording has to choose another name.
+    pub fn is_in_the_way(&self) -> bool {
+        match self {
+            Self::File(error) => error.is_in_the_way(),
+            Self::PartialExists { .. } | Self::InterruptedExists { .. } | Self::NoDisk { .. } => true,
+            _ => false,
+        }
+    }
+
+    /// For `map_err`: an error of the operating system about `path`.
+    pub(super) fn io(path: &Path) -> impl Fn(io::Error) -> Self + '_ {
+        move |source| Self::Io { path: path.to_owned(), source }
+    }
+}
+
+/// Why a recording cannot be read. What was read before stays valid.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The operating system refused.
+    #[error("cannot read {}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system says.
+        source: io::Error,
+    },
+    /// Not an MCAP file.
+    #[error("{} is not an MCAP file, so it is no recording{}", path.display(), instead(path))]
+    NotMcap {
+        /// The file.
+        path: PathBuf,
+    },
+    /// MCAP, but not ours.
+    #[error("{} is an MCAP file, but no Beadline recording: {what}", path.display())]
+    NotBeadline {
+        /// The file.
+        path: PathBuf,
+        /// What was expected and found.
+        what: String,
+    },
+    /// Ours, but of other contents.
+    #[error("{} holds no `{topic}` channel, only {found}", path.display())]
+    NoChannel {
+        /// The file.
+        path: PathBuf,
+        /// What was looked for.
+        topic: &'static str,
+        /// What there is.
+        found: String,
+    },
+    /// The manifest is not one that we can use; names both versions if it is too new.
+    #[error("cannot read {}", path.display())]
+    Manifest {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: ManifestError,
+    },
+    /// The manifest is not what was written.
+    #[error(
+        "{} is damaged: the manifest's checksum is {found}, its contents give {computed}", path.display()
+    )]
+    ManifestChecksum {
+        /// The file.
+        path: PathBuf,
+        /// The checksum in the file.
+        found: String,
+        /// The checksum of what is in the file.
+        computed: String,
+    },
+    /// A checksum is wrong.
+    #[error(
+        "{} is damaged: the CRC of {part} is {computed:08x} instead of {found:08x}; copy it again \
+         from where it came, or see what `beadline recover` can save", path.display()
+    )]
+    Crc {
+        /// The file.
+        path: PathBuf,
+        /// Which part, with its offset.
+        part: String,
+        /// The checksum in the file.
+        found: u32,
+        /// The checksum of what is in the file.
+        computed: u32,
+    },
+    /// Something is not as it must be.
+    #[error("{} is damaged at byte {offset}: {what}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Where, from the start of the file: a record, or the chunk that holds the message.
+        offset: u64,
+        /// What was expected and found.
+        what: String,
+    },
+}
+
+impl ReadError {
+    /// For `map_err`: an error of the operating system about `path`.
+    pub(super) fn io(path: &Path) -> impl Fn(io::Error) -> Self + '_ {
+        move |source| Self::Io { path: path.to_owned(), source }
+    }
+
+    pub(super) fn damaged(path: &Path, offset: u64, what: impl Into<String>) -> Self {
+        Self::Damaged { path: path.to_owned(), offset, what: what.into() }
+    }
+
+    /// Whether the file is not what it should be, rather than damaged or out of reach.
+    pub fn is_wrong_file(&self) -> bool {
+        matches!(
+            self,
+            Self::NotMcap { .. } | Self::NotBeadline { .. } | Self::NoChannel { .. } | Self::Manifest { .. }
+        )
+    }
+}
+
+/// What to do with a file that is none of ours, by its name.
+fn instead(path: &Path) -> &'static str {
+    match path.extension().and_then(|end| end.to_str()).unwrap_or_default() {
+        "csv" | "parquet" => {
+            "; a table of a sweep, an analysis or an export is for pandas, Polars, DuckDB, gnuplot or a spreadsheet, and \
+             figures are drawn from the recording (.mcap) that it was made of"
+        }
+        "npz" | "h5" | "hdf5" | "h5md" => {
+            "; an export is for the programs that it was made for, the recording (.mcap) that it was made of for this one"
+        }
+        "toml" => "; a configuration makes one: `beadline run`, and a sweep file is for `beadline sweep`",
+        _ => "; recordings are what `beadline run` and `beadline record` write, as .mcap",
+    }
+}
+
+/// A size for a message, in decimal units as disks are sold and listed.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bytes(pub(super) u64);
+
+impl std::fmt::Display for Bytes {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self(bytes) = *self;
+        match bytes {
+            0..1000 => write!(f, "{bytes} B"),
+            1000..1_000_000 => write!(f, "{:.1} kB", bytes as f64 / 1e3),
+            1_000_000..1_000_000_000 => write!(f, "{:.1} MB", bytes as f64 / 1e6),
+            _ => write!(f, "{:.1} GB", bytes as f64 / 1e9),
+        }
+    }
+}

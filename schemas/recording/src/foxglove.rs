@@ -1,0 +1,49 @@
+//! Messages of the schemas that Foxglove publishes, which Lichtblick and Rerun know, too.
+
+use crate::{ForeignSchema, ForeignTopic};
+use prost::Message;
+pub use prost_types::Timestamp;
+
+/// As prost generates them; their fields are documented in `proto/foxglove`.
+mod messages {
+    #![allow(missing_docs, unreachable_pub, clippy::pedantic, reason = "generated code")]
+
+    include!(concat!(env!("OUT_DIR"), "/foxglove.rs"));
+}
+
+pub use messages::log::Level;
+pub use messages::packed_element_field::NumericType;
+pub use messages::{Log, PackedElementField, PointCloud, Pose, Quaternion, RawImage, Vector3};
+
+/// A message with a channel of its own.
+pub trait FoxgloveMessage: Message {
+    /// Its full name, and the descriptor set that describes it.
+    const SCHEMA: ForeignSchema<'static>;
+
+    /// The channel `topic` of such messages.
+    fn topic(topic: &str) -> ForeignTopic<'_> {
+        ForeignTopic { topic, schema: Self::SCHEMA, message_encoding: "protobuf", metadata: &[] }
+    }
+}
+
+macro_rules! described {
+    ($($message:ident),*) => {$(
+        impl FoxgloveMessage for $message {
+            const SCHEMA: ForeignSchema<'static> = ForeignSchema {
+                name: concat!("foxglove.", stringify!($message)),
+                encoding: "protobuf",
+                text: include_bytes!(concat!(env!("OUT_DIR"), "/", stringify!($message), ".binpb")),
+            };
+        }
+    )*};
+}
+
+described!(Log, PointCloud, RawImage);
+
+/// The simulated time `time_ns`, from 0.
+pub fn timestamp(time_ns: u64) -> Timestamp {
+    // less than 1e9 each
+    let seconds = i64::try_from(time_ns / 1_000_000_000).unwrap_or(i64::MAX);
+    let nanos = i32::try_from(time_ns % 1_000_000_000).unwrap_or(0);
+    Timestamp { seconds, nanos }
+}

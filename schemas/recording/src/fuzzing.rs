@@ -1,0 +1,47 @@
+//! What the fuzz targets need of private functions; no part of the interface.
+
+use super::contents::parse_metadata;
+use super::decode::{self, StateLengths};
+use super::head::{self, EndRecord};
+use schemas::manifest::RunManifest;
+use std::path::Path;
+
+/// Decodes a `ChainState` of `beads` beads with `extra` further values: its step and `[u | v | extra]`.
+///
+/// # Errors
+/// When it is none.
+pub fn state(message: &[u8], beads: usize, extra: usize) -> Result<(u64, Vec<f64>), String> {
+    let mut doubles = Vec::new();
+    let state = decode::state(message, StateLengths { beads, extra }, &mut doubles)?;
+    Ok((state.step, doubles))
+}
+
+/// The same without the fast way of the states that we write.
+///
+/// # Errors
+/// When it is none.
+pub fn state_by_prost(message: &[u8], beads: usize, extra: usize) -> Result<(u64, Vec<f64>), String> {
+    let mut doubles = Vec::new();
+    let state = decode::general(message, StateLengths { beads, extra }, &mut doubles)?;
+    Ok((state.step, doubles))
+}
+
+/// The step of a `ChainState` of any length.
+///
+/// # Errors
+/// When it is none.
+pub fn state_step(message: &[u8]) -> Result<u64, String> {
+    decode::head(message).map(|state| state.step)
+}
+
+/// The manifest in the contents of a metadata record `beadline.run`.
+///
+/// # Errors
+/// When it is none.
+pub fn manifest(record: &[u8]) -> Result<RunManifest, String> {
+    let path = Path::new("fuzzed.mcap");
+    let metadata = parse_metadata(path, 0, record).map_err(|error| error.to_string())?;
+    // any metadata may be read as an end
+    let _ = EndRecord::from_metadata(&metadata);
+    head::read_run(path, &metadata).map_err(|error| error.to_string())
+}

@@ -1,0 +1,89 @@
+//! Recordings: runs as MCAP files.
+//!
+//! [`RecordingWriter`] is a frame sink and [`RecordingSource`] a frame source; [`RecordingInfo`] says what
+//! is in a file, [`SpaceNeeded`] what one would take on the disk. [`ContactsWriter`] and
+//! [`ContactsReader`] keep the space-time map of the contacts in the same kind of file. [`ForeignWriter`] writes
+//! MCAP files for programs that know nothing of ours.
+//!
+//! A file is written as `<name>.mcap.partial` in whole chunks, so that what a crash leaves is a valid
+//! prefix, and becomes `<name>.mcap` when it is finished. Files come from other people: whatever the
+//! bytes are, reading ends in a value or an error, within a memory of two chunks (each at most
+//! [`MAX_RECORD_BYTES`], compressed and decompressed): the one that is read, and the next one,
+//! decompressed meanwhile.
+//!
+//! Architecture invariants: nothing else imports `mcap`. No double passes through text, and none is
+//! computed here: the bits of a frame are those that were accepted. `docs/FORMAT.md` describes every
+//! byte.
+
+mod ahead;
+mod audit;
+pub mod bare;
+mod channel_writer;
+mod chunk;
+mod contacts;
+mod contents;
+mod decode;
+mod disk;
+mod encode;
+mod encoded;
+mod error;
+mod foreign;
+pub mod foxglove;
+#[cfg(feature = "fuzzing")]
+#[doc(hidden)]
+pub mod fuzzing;
+mod head;
+mod index;
+mod info;
+mod interrupted;
+mod layout;
+mod messages;
+mod others;
+mod own_results;
+mod parse;
+mod parts;
+mod proto;
+mod recorded_rows;
+mod records;
+mod results;
+pub mod ros2;
+mod salvage;
+mod scalars;
+mod schedule;
+mod source;
+mod space;
+mod sync;
+mod writer;
+
+pub use audit::{Audit, Audited, RecordedState, RowsFound};
+pub use channel_writer::{Compression, Finished, WriteOptions};
+pub use contacts::{COMPRESSED, ContactsReader, ContactsRow, ContactsWriter, OPEN, TOUCHING};
+pub use disk::{Disk, DiskWatch};
+pub use encoded::{EncodedStates, SummaryChecker, SummaryDifference};
+pub use error::{ReadError, WriteError};
+pub use foreign::{ForeignChannel, ForeignSchema, ForeignTopic, ForeignWriter};
+pub use head::{BeginRecord, EndRecord, hex, state_hash};
+pub use info::{ChannelInfo, RecordingInfo};
+pub use interrupted::{InterruptedRecording, ResumeError};
+pub use others::{CopyError, OtherChannels, OtherCopier, OtherMessage};
+pub use own_results::OwnResults;
+pub use parts::{PartsWriter, Split, part_path};
+pub use recorded_rows::{RecordedRow, RecordedRows, RecordedValues};
+pub use records::MAX_RECORD_BYTES;
+pub use results::{ResultKind, ResultRow, RowValues};
+pub use salvage::{Damage, DamageKind, LostFrames, MOST_DAMAGES};
+pub use scalars::Scalars;
+pub use source::RecordingSource;
+pub use space::SpaceNeeded;
+pub use writer::RecordingWriter;
+
+/// Profile of our files in the MCAP header.
+pub const PROFILE: &str = "beadline";
+
+/// Simulated time in ns from 0, as in the log and publish times of messages: rounded, so neighbours may
+/// be equal.
+pub fn log_time_ns(time_s: f64) -> u64 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates, NaN is 0")]
+    let ns = (time_s * 1e9).round() as u64;
+    ns
+}

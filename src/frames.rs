@@ -1,0 +1,157 @@
+//! Where an analysis gets its frames from, as the user names it.
+
+use crate::args::FramesArgs;
+use crate::display;
+use crate::failure::{BadInput, Failure};
+use anyhow::anyhow;
+use bus::{AttachError, AttachNotice, AttachOptions, Bus, Delivery, LiveSource};
+use producer::resimulation::{Lend, ParallelResimulation, Resimulation, ResimulationError};
+use schemas::frame::{EndReason, FrameSource, Received};
+use schemas::manifest::RunManifest;
+use schemas::run_name::RunName;
+use source::{Source, SourceError};
+use std::num::NonZero;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// A source as it is, or with what it does not hold recomputed.
+pub(crate) struct Frames {
+    states: States,
+    /// Ends a recording early, also between recorded states.
+    stop: Option<Arc<AtomicBool>>,
+}
+
+enum States {
+    AsTheyCome(Source),
+    Recomputed(Box<Resimulation<Source>>),
+    InParallel(Box<ParallelResimulation<Source>>),
+}
+
+/// What goes wrong in any kind of source.
+pub(crate) type FramesError = ResimulationError<SourceError>;
+
+/// Whether a recording is to blame, and not a live run.
+pub(crate) fn is_of_a_file(error: &FramesError) -> bool {
+    matches!(error, ResimulationError::Source(SourceError::File(_)) | ResimulationError::Differs(_))
+}
+
+impl Frames {
+    /// What of `source` the flags ask for, at least from the time `from_s` on.
+    pub(crate) fn of(mut source: Source, args: &FramesArgs, from_s: f64) -> Result<Self, Failure> {
+        let first_step = source.manifest().physics.step_at_or_after(from_s);
+        source.seek(first_step).bad_input()?;
+        let lend = if args.every_step { Lend::Steps } else { Lend::Frames };
+        if args.from_start || args.every_step || args.fill_gaps {
+            return Self::recomputed(source, lend, args.from_start, first_step, args.jobs);
+        }
+        Ok(Self::as_they_come(source))
+    }
+
+    /// What `source` holds, and nothing else.
+    pub(crate) fn as_they_come(source: Source) -> Self {
+        Self { stop: source.stop().cloned(), states: States::AsTheyCome(source) }
+    }
+
+    /// What `source` holds and what lies between, from step `first_step` on, all of it proven. A sparse file
+    /// is recomputed by `jobs` threads, by default one for each core; a full one and a live run by this one.
+    pub(crate) fn recomputed(
+        source: Source,
+        lend: Lend,
+        from_start: bool,
+        first_step: u64,
+        jobs: Option<NonZero<usize>>,
+    ) -> Result<Self, Failure> {
+        let stop = source.stop().cloned();
+        let cores = || std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
+        let jobs = jobs.unwrap_or_else(cores);
+        let pays = ParallelResimulation::<Source>::pays(source.manifest());
+        // where the system grants no thread, this one computes
+        let threads = || std::thread::Builder::new().spawn(|| ()).is_ok();
+        let states = if stop.is_some() && pays && jobs > NonZero::<usize>::MIN && threads() {
+            let make = if from_start { ParallelResimulation::from_start } else { ParallelResimulation::new };
+            let states = make(source, lend, jobs).bad_input()?.lending_from(first_step);
+            States::InParallel(Box::new(states))
+        } else {
+            let make = if from_start { Resimulation::from_start } else { Resimulation::new };
+            let states = make(source, lend).bad_input()?.lending_from(first_step);
+            // what a file says of its end is no work for us; a live run has made it
+            let states = if stop.is_some() { states.ending_with_the_last_state() } else { states };
+            States::Recomputed(Box::new(states))
+        };
+        Ok(Self { states, stop })
+    }
+}
+
+impl FrameSource for Frames {
+    type Error = FramesError;
+
+    fn manifest(&self) -> &RunManifest {
+        match &self.states {
+            States::AsTheyCome(source) => source.manifest(),
+            States::Recomputed(resimulation) => resimulation.manifest(),
+            States::InParallel(resimulation) => resimulation.manifest(),
+        }
+    }
+
+    fn receive(&mut self) -> Result<Received<'_>, FramesError> {
+        if self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+            return Ok(Received::End(EndReason::Stopped));
+        }
+        match &mut self.states {
+            States::AsTheyCome(source) => source.receive().map_err(ResimulationError::Source),
+            States::Recomputed(resimulation) => resimulation.receive(),
+            States::InParallel(resimulation) => resimulation.receive(),
+        }
+    }
+}
+
+/// Attaches to a live run, with a notice while there is none.
+pub(crate) fn attach(
+    bus: &Bus,
+    name: Option<&RunName>,
+    args: &FramesArgs,
+    label: &str,
+    stop: &Arc<AtomicBool>,
+) -> Result<LiveSource, Failure> {
+    let options = AttachOptions {
+        label: label.to_owned(),
+        timeout: args.timeout.map(Duration::from_secs_f64),
+        stop: Arc::clone(stop),
+        notice: Arc::new(tell),
+    };
+    let delivery = if args.latest { Delivery::Latest } else { Delivery::Lossless };
+    attach_with(bus, name, delivery, &options)
+}
+
+/// Says what an attachment waits for.
+pub(crate) fn tell(notice: &AttachNotice) {
+    match notice {
+        AttachNotice::WaitingForRun { name: Some(name) } => {
+            display::notice(format_args!("waiting for the run {name}"));
+        }
+        AttachNotice::WaitingForRun { name: None } => {
+            display::notice("waiting for a run; start one with `beadline run`");
+        }
+        AttachNotice::Joining { .. } => {}
+        AttachNotice::WaitingForAnswer { name } => {
+            display::notice(format_args!("the run {name} does not answer yet: a consumer holds it back"));
+        }
+    }
+}
+
+/// Attaches to a live run.
+pub(crate) fn attach_with(
+    bus: &Bus,
+    name: Option<&RunName>,
+    delivery: Delivery,
+    options: &AttachOptions,
+) -> Result<LiveSource, Failure> {
+    match LiveSource::attach(bus, name, delivery, options) {
+        Ok(live) => Ok(live),
+        Err(error @ AttachError::SeveralRuns { .. }) => {
+            Err(Failure::BadInput(anyhow!("{error}, as in `beadline {} live:NAME`", options.label)))
+        }
+        Err(error) => Err(error.into()),
+    }
+}
