@@ -1,8 +1,8 @@
 //! What the fuzz targets need of private functions; no part of the interface.
 
-use super::contents::parse_metadata;
-use super::decode::{self, StateLengths};
-use super::head::{self, EndRecord};
+use crate::head::{self, EndRecord};
+use crate::read::contents::parse_metadata;
+use crate::read::decode::{self, StateLengths};
 use schemas::manifest::RunManifest;
 use std::path::Path;
 

@@ -15,67 +15,40 @@
 //! computed here: the bits of a frame are those that were accepted. `docs/FORMAT.md` describes every
 //! byte.
 
-mod ahead;
-mod audit;
 pub mod bare;
-mod channel_writer;
-mod chunk;
-mod contacts;
-mod contents;
-mod decode;
-mod disk;
-mod encode;
-mod encoded;
 mod error;
-mod foreign;
-pub mod foxglove;
 #[cfg(feature = "fuzzing")]
 #[doc(hidden)]
 pub mod fuzzing;
 mod head;
-mod index;
-mod info;
-mod interrupted;
-mod layout;
-mod messages;
-mod others;
-mod own_results;
-mod parse;
-mod parts;
 mod proto;
-mod recorded_rows;
-mod records;
+mod read;
+mod repair;
 mod results;
-pub mod ros2;
-mod salvage;
-mod scalars;
-mod schedule;
-mod source;
-mod space;
-mod sync;
-mod writer;
+mod write;
 
-pub use audit::{Audit, Audited, RecordedState, RowsFound};
-pub use channel_writer::{Compression, Finished, WriteOptions};
-pub use contacts::{COMPRESSED, ContactsReader, ContactsRow, ContactsWriter, OPEN, TOUCHING};
-pub use disk::{Disk, DiskWatch};
-pub use encoded::{EncodedStates, SummaryChecker, SummaryDifference};
 pub use error::{ReadError, WriteError};
-pub use foreign::{ForeignChannel, ForeignSchema, ForeignTopic, ForeignWriter};
 pub use head::{BeginRecord, EndRecord, hex, state_hash};
-pub use info::{ChannelInfo, RecordingInfo};
-pub use interrupted::{InterruptedRecording, ResumeError};
-pub use others::{CopyError, OtherChannels, OtherCopier, OtherMessage};
-pub use own_results::OwnResults;
-pub use parts::{PartsWriter, Split, part_path};
-pub use recorded_rows::{RecordedRow, RecordedRows, RecordedValues};
-pub use records::MAX_RECORD_BYTES;
-pub use results::{ResultKind, ResultRow, RowValues};
-pub use salvage::{Damage, DamageKind, LostFrames, MOST_DAMAGES};
-pub use scalars::Scalars;
-pub use source::RecordingSource;
-pub use space::SpaceNeeded;
-pub use writer::RecordingWriter;
+pub use read::encoded::{EncodedStates, SummaryChecker, SummaryDifference};
+pub use read::info::{ChannelInfo, RecordingInfo};
+pub use read::others::{CopyError, OtherChannels, OtherCopier, OtherMessage};
+pub use read::records::MAX_RECORD_BYTES;
+pub use read::salvage::{Damage, DamageKind, LostFrames, MOST_DAMAGES};
+pub use read::source::RecordingSource;
+pub use repair::audit::{Audit, Audited, RecordedState, RowsFound};
+pub use repair::interrupted::{InterruptedRecording, ResumeError};
+pub use results::contacts::{COMPRESSED, ContactsReader, ContactsRow, ContactsWriter, OPEN, TOUCHING};
+pub use results::kind::{ResultKind, ResultRow, RowValues};
+pub use results::own_results::OwnResults;
+pub use results::recorded_rows::{RecordedRow, RecordedRows, RecordedValues};
+pub use write::channel_writer::{Compression, Finished, WriteOptions};
+pub use write::disk::{Disk, DiskWatch};
+pub use write::foreign::{ForeignChannel, ForeignSchema, ForeignTopic, ForeignWriter};
+pub use write::parts::{PartsWriter, Split, part_path};
+pub use write::scalars::Scalars;
+pub use write::space::SpaceNeeded;
+pub use write::writer::RecordingWriter;
+pub use write::{foxglove, ros2};
 
 /// Profile of our files in the MCAP header.
 pub const PROFILE: &str = "beadline";

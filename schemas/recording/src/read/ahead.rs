@@ -1,0 +1,204 @@
+//! The next chunk, decompressed on another thread while the current one is read.
+//!
+//! What comes from here is a hint: the reader uses it only for a chunk that it has read itself, if that is the same.
+//! Problems are not reported: the reader meets them, too.
+
+use crate::read::chunk::{ChunkHead, decompress};
+use crate::read::records::{MAX_RECORD_BYTES, RECORD_HEAD_BYTES, RecordReader};
+use mcap::records::op;
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread;
+
+/// Smaller chunks are decompressed sooner than handed over.
+const SMALLEST_CHUNK_BYTES: u64 = 1 << 16;
+
+/// Of larger ones there is one in memory at a time.
+const LARGEST_CHUNK_BYTES: u64 = 64 << 20;
+
+/// Records between two chunks that are passed over: an index for each channel of the first. After more the reader
+/// decompresses itself.
+const MOST_BETWEEN: usize = 256;
+
+/// A thread that decompresses the next chunk. It is started by the second chunk that is read in sequence, and ends when
+/// this is dropped.
+#[derive(Default)]
+pub(crate) struct Ahead {
+    thread: Thread,
+    /// Chunks read since the last jump.
+    in_sequence: usize,
+    is_asked: bool,
+    /// Larger chunks are left to the reader.
+    most_bytes: u64,
+    /// Given to the thread with the next request.
+    spare: Vec<u8>,
+    /// Chunks that came from the thread.
+    #[cfg(test)]
+    pub(crate) taken_count: u64,
+}
+
+#[derive(Default)]
+enum Thread {
+    #[default]
+    NotStarted,
+    Runs {
+        requests: Sender<Request>,
+        answers: Receiver<Option<Ready>>,
+    },
+    /// There is no second core, or it could not be started, or it panicked.
+    None,
+}
+
+struct Request {
+    /// Where the record after a chunk starts.
+    from: u64,
+    buffer: Vec<u8>,
+}
+
+/// A chunk as it was found in the file.
+struct Ready {
+    /// Of the chunk record.
+    offset: u64,
+    head: ChunkHead,
+    /// Of what follows the header in the file.
+    crc_of_contents: u32,
+    crc_of_records: u32,
+    /// The records.
+    buffer: Vec<u8>,
+}
+
+impl Ahead {
+    /// One that decompresses no chunk of more than `most_bytes`.
+    pub(crate) fn within(most_bytes: u64) -> Self {
+        Self { most_bytes: most_bytes.min(LARGEST_CHUNK_BYTES), ..Self::default() } // integers
+    }
+
+    /// One that never starts a thread.
+    #[cfg(test)]
+    pub(crate) fn off() -> Self {
+        Self { thread: Thread::None, ..Self::default() }
+    }
+
+    /// The next chunk is not the one after the last.
+    pub(crate) fn jump(&mut self) {
+        self.in_sequence = 0;
+    }
+
+    /// Puts the records of the chunk at `offset`, which `records` has just read and whose header is `head`, into
+    /// `buffer` and returns their CRC, if the thread has them.
+    pub(crate) fn take(
+        &mut self,
+        offset: u64,
+        head: &ChunkHead,
+        records: &RecordReader,
+        buffer: &mut Vec<u8>,
+    ) -> Option<u32> {
+        let Thread::Runs { answers, .. } = &self.thread else { return None };
+        if !std::mem::take(&mut self.is_asked) {
+            return None;
+        }
+        let Ok(answer) = answers.recv() else {
+            self.thread = Thread::None;
+            return None;
+        };
+        let mut ready = answer?;
+        let is_same =
+            (ready.offset, ready.head, ready.crc_of_contents) == (offset, *head, records.chunk_crc());
+        if is_same {
+            #[cfg(test)]
+            {
+                self.taken_count += 1;
+            }
+            std::mem::swap(&mut ready.buffer, buffer);
+        }
+        self.spare = ready.buffer;
+        is_same.then_some(ready.crc_of_records)
+    }
+
+    /// Has the thread decompress the chunk after the one of `chunk_bytes` that `records` has just read at `offset`.
+    pub(crate) fn request_next(&mut self, offset: u64, chunk_bytes: u64, records: &RecordReader) {
+        self.in_sequence += 1;
+        if self.in_sequence < 2 || chunk_bytes < SMALLEST_CHUNK_BYTES || self.is_asked {
+            return;
+        }
+        if let Thread::NotStarted = self.thread {
+            self.thread = start(records, self.most_bytes).unwrap_or(Thread::None);
+        }
+        if let Thread::Runs { requests, .. } = &self.thread {
+            let from = offset + RECORD_HEAD_BYTES + records.body().len() as u64;
+            self.is_asked = requests.send(Request { from, buffer: std::mem::take(&mut self.spare) }).is_ok();
+        }
+    }
+}
+
+fn start(records: &RecordReader, most_bytes: u64) -> Option<Thread> {
+    thread::available_parallelism().ok().filter(|cores| cores.get() > 1)?;
+    let mut worker = Worker {
+        file: records.clone_file().ok()?,
+        body: Vec::new(),
+        most_bytes,
+        zstd: zstd::bulk::Decompressor::new().ok()?,
+    };
+    let (requests, asked) = channel::<Request>();
+    let (answer, answers) = channel();
+    let work = move || {
+        for Request { from, buffer } in asked {
+            if answer.send(worker.next_chunk(from, buffer)).is_err() {
+                return;
+            }
+        }
+    };
+    thread::Builder::new().name("beadline-read".into()).spawn(work).ok()?;
+    Some(Thread::Runs { requests, answers })
+}
+
+struct Worker {
+    file: File,
+    /// The chunk record.
+    body: Vec<u8>,
+    most_bytes: u64,
+    zstd: zstd::bulk::Decompressor<'static>,
+}
+
+impl Worker {
+    /// The first chunk at `from` or after message indexes there, none if anything is not as it should be.
+    fn next_chunk(&mut self, from: u64, mut buffer: Vec<u8>) -> Option<Ready> {
+        let (offset, length) = self.find_chunk(from)?;
+        self.read_body(offset + RECORD_HEAD_BYTES, length)?;
+        let head = ChunkHead::parse(&self.body).filter(|head| head.is_compressed)?;
+        let contents = self.body.get(head.bytes..)?;
+        let data = contents.get(..usize::try_from(head.compressed_bytes).ok()?)?;
+        decompress(&mut self.zstd, data, head.uncompressed_bytes, self.most_bytes, &mut buffer).ok()?;
+        let (crc_of_contents, crc_of_records) = (crc32fast::hash(contents), crc32fast::hash(&buffer));
+        Some(Ready { offset, head, crc_of_contents, crc_of_records, buffer })
+    }
+
+    /// Where the chunk record is, and how long its contents are.
+    fn find_chunk(&self, from: u64) -> Option<(u64, u64)> {
+        let mut offset = from;
+        for _ in 0..MOST_BETWEEN {
+            let mut head = [0; 9];
+            self.file.read_exact_at(&mut head, offset).ok()?;
+            let [opcode, length @ ..] = head;
+            let length = u64::from_le_bytes(length);
+            match opcode {
+                op::CHUNK => return Some((offset, length)),
+                op::MESSAGE_INDEX => {
+                    offset = offset.checked_add(RECORD_HEAD_BYTES)?.checked_add(length)?;
+                }
+                _ => return None,
+            }
+        }
+        None
+    }
+
+    fn read_body(&mut self, from: u64, length: u64) -> Option<()> {
+        let left = self.file.metadata().ok()?.len().checked_sub(from)?;
+        let room = usize::try_from(length).ok().filter(|_| length <= MAX_RECORD_BYTES.min(left))?; // integers
+        self.body.clear();
+        self.body.try_reserve(room).ok()?;
+        self.body.resize(room, 0);
+        self.file.read_exact_at(&mut self.body, from).ok()
+    }
+}

@@ -1,0 +1,285 @@
+//! One chunk: decompressed, checked, and taken apart.
+
+use crate::error::ReadError;
+use crate::read::ahead::Ahead;
+use crate::read::parse::parse_record;
+use crate::read::records::{MAX_RECORD_BYTES, RecordReader, check_crc, chunk_header_bytes};
+use mcap::records::{Record, op};
+use schemas::manifest::RunManifest;
+use std::io::Read;
+use std::ops::Range;
+use std::path::Path;
+
+/// Largest chunk before compression that is read, unless a state is larger: our writer closes one after 1 MiB.
+const MOST_CHUNK_BYTES: u64 = 64 << 20;
+
+/// Most bytes that zstd makes of one: a block of 128 KiB takes 4 bytes at least. So what is reserved for a chunk is
+/// bounded by what there is of it, and not by what it claims.
+const MOST_COMPRESSED: u64 = 1 << 15;
+
+/// The records of the current chunk. Keeps its buffer from chunk to chunk.
+#[derive(Default)]
+pub(crate) struct Chunk {
+    /// Of the chunk record in the file.
+    offset: u64,
+    /// Number of the chunk in the file, from 0.
+    number: u64,
+    /// The whole chunk record if it is not compressed, so that nothing is copied.
+    buffer: Vec<u8>,
+    /// Length of the chunk record without opcode and length.
+    record_bytes: u64,
+    /// Where in the buffer the records start.
+    start: usize,
+    /// Where in the buffer the next record starts.
+    next: usize,
+    /// Where in the buffer the records end.
+    end: usize,
+    zstd: zstd::bulk::Decompressor<'static>,
+    /// Larger ones are not decompressed.
+    most_bytes: u64,
+    pub(crate) ahead: Ahead,
+}
+
+/// A record in a chunk, by its place in the buffer.
+#[derive(Debug, Clone)]
+pub(crate) struct Inner {
+    pub(crate) opcode: u8,
+    pub(crate) body: Range<usize>,
+}
+
+impl Chunk {
+    /// None so far, of a recording of the run `manifest`: of its states one has a chunk to itself, however large it is.
+    pub(crate) fn of_run(manifest: &RunManifest) -> Self {
+        let two_states = 16 * manifest.frame_doubles() as u64;
+        let most_bytes = MOST_CHUNK_BYTES.max(two_states); // integers
+        Self { most_bytes, ahead: Ahead::within(most_bytes), ..Self::default() }
+    }
+
+    /// Replaces the contents by those of the chunk record that `records` has just read at `offset`.
+    pub(crate) fn load(&mut self, offset: u64, records: &mut RecordReader) -> Result<(), ReadError> {
+        let path = records.path();
+        let damaged = |what: String| ReadError::damaged(path, offset, what);
+        let Ok(Record::Chunk { header, data }) = parse_record(op::CHUNK, records.body()) else {
+            return Err(damaged("a chunk record without a chunk header".into()));
+        };
+        let computed = match header.compression.as_str() {
+            "" => {
+                self.start = chunk_header_bytes(records.body());
+                self.end = self.start + data.len();
+                self.next = self.start;
+                // later versions of MCAP may add fields after the records
+                let only_records = self.end == records.body().len();
+                if only_records { records.chunk_crc() } else { crc32fast::hash(&data) }
+            }
+            "zstd" => self.decompress(offset, &data, header.uncompressed_size, records).map_err(damaged)?,
+            other => {
+                return Err(ReadError::NotBeadline {
+                    path: path.to_owned(),
+                    what: format!("its chunks are compressed with `{other}` instead of zstd"),
+                });
+            }
+        };
+        if self.bytes() != header.uncompressed_size {
+            let (found, expected) = (self.bytes(), header.uncompressed_size);
+            return Err(damaged(format!("a chunk of {found} bytes instead of {expected}")));
+        }
+        let part = format!("chunk {} at byte {offset}", self.number);
+        check_crc(path, &part, header.uncompressed_crc, computed)?;
+        (self.offset, self.number) = (offset, self.number + 1);
+        self.record_bytes = chunk_header_bytes(records.body()) as u64 + header.compressed_size;
+        if header.compression.is_empty() {
+            records.swap_body(&mut self.buffer);
+        } else {
+            self.ahead.request_next(offset, header.uncompressed_size, records);
+        }
+        Ok(())
+    }
+
+    /// Takes the records from the thread that reads ahead, or decompresses them here. Returns their CRC.
+    fn decompress(
+        &mut self,
+        offset: u64,
+        data: &[u8],
+        size: u64,
+        records: &RecordReader,
+    ) -> Result<u32, String> {
+        let head = ChunkHead::parse(records.body());
+        let ready = head.and_then(|head| self.ahead.take(offset, &head, records, &mut self.buffer));
+        let crc = if let Some(crc) = ready {
+            crc
+        } else {
+            decompress(&mut self.zstd, data, size, self.most_bytes, &mut self.buffer)?;
+            crc32fast::hash(&self.buffer)
+        };
+        (self.start, self.next, self.end) = (0, 0, self.buffer.len());
+        Ok(crc)
+    }
+
+    /// Replaces the contents by what can be had of the chunk record `body`, which may be damaged or end early:
+    /// of an uncompressed one the bytes that are there, of zstd what comes before the first byte that
+    /// cannot be decompressed. Nothing in it is proven by a checksum. False if there is nothing.
+    pub(crate) fn load_unchecked(&mut self, offset: u64, body: &[u8]) -> bool {
+        self.buffer.clear();
+        if let Some(head) = ChunkHead::parse(body) {
+            let data = body.get(head.bytes..).unwrap_or_default();
+            let data =
+                usize::try_from(head.compressed_bytes).ok().and_then(|end| data.get(..end)).unwrap_or(data);
+            if head.is_compressed {
+                stream(data, self.most_bytes, &mut self.buffer);
+            } else if self.buffer.try_reserve(data.len()).is_ok() {
+                self.buffer.extend_from_slice(data);
+            }
+        }
+        (self.start, self.next, self.end) = (0, 0, self.buffer.len());
+        (self.offset, self.number) = (offset, self.number + 1);
+        !self.buffer.is_empty()
+    }
+
+    /// Whether the record that comes next is none that could be taken.
+    pub(crate) fn is_stuck(&self) -> bool {
+        take_record(self.buffer.get(self.next..self.end).unwrap_or_default()).is_none()
+    }
+
+    /// Length of the chunk record, as its header has it.
+    pub(crate) fn record_bytes(&self) -> u64 {
+        self.record_bytes
+    }
+
+    /// Number of the chunk that is loaded next, from 0.
+    pub(crate) fn next_number(&self) -> u64 {
+        self.number
+    }
+
+    /// Offset of the chunk in the file.
+    pub(crate) fn offset(&self) -> u64 {
+        self.offset
+    }
+
+    /// Says which chunk of the file is loaded next.
+    pub(crate) fn expect(&mut self, number: u64) {
+        self.number = number;
+        self.ahead.jump();
+    }
+
+    /// Goes back to the first record.
+    pub(crate) fn rewind(&mut self) {
+        self.next = self.start;
+    }
+
+    /// Size of what is left of the records in bytes: of all of them, before the first is taken.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.end.saturating_sub(self.next) as u64
+    }
+
+    /// The next record.
+    pub(crate) fn next(&mut self, path: &Path) -> Result<Option<Inner>, ReadError> {
+        let rest = self.buffer.get(self.next..self.end).unwrap_or_default();
+        if rest.is_empty() {
+            return Ok(None);
+        }
+        let record = take_record(rest).ok_or_else(|| {
+            let what = format!("a record that leaves its chunk, {} bytes before the end", rest.len());
+            ReadError::damaged(path, self.offset, what)
+        })?;
+        let body = self.next + record.body.start..self.next + record.body.end;
+        self.next = body.end;
+        Ok(Some(Inner { opcode: record.opcode, body }))
+    }
+
+    /// How far the byte `at` of the buffer is from the first record.
+    pub(crate) fn place_of(&self, at: usize) -> u64 {
+        at.saturating_sub(self.start) as u64
+    }
+
+    /// What the places of records refer to.
+    pub(crate) fn buffer(&self) -> &[u8] {
+        &self.buffer
+    }
+}
+
+/// Header of a chunk record, as far as it is there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct ChunkHead {
+    /// First and last log time (ns) of the messages.
+    pub(crate) time_range_ns: (u64, u64),
+    pub(crate) uncompressed_bytes: u64,
+    pub(crate) crc: u32,
+    pub(crate) is_compressed: bool,
+    /// Of what follows the header.
+    pub(crate) compressed_bytes: u64,
+    /// Of the header itself.
+    pub(crate) bytes: usize,
+}
+
+impl ChunkHead {
+    /// Longest header of a chunk that we read.
+    pub(crate) const MAX_BYTES: usize = 44;
+
+    /// The header at the beginning of the chunk record `body`; none if it cannot be one that we read.
+    pub(crate) fn parse(body: &[u8]) -> Option<Self> {
+        let number = |at: usize| Some(u64::from_le_bytes(*body.get(at..)?.first_chunk()?));
+        let word = |at: usize| Some(u32::from_le_bytes(*body.get(at..)?.first_chunk()?));
+        let name_bytes = usize::try_from(word(28)?).ok().filter(|bytes| [0, 4].contains(bytes))?;
+        let head = Self {
+            time_range_ns: (number(0)?, number(8)?),
+            uncompressed_bytes: number(16)?,
+            crc: word(24)?,
+            is_compressed: name_bytes > 0,
+            compressed_bytes: number(32 + name_bytes)?,
+            bytes: 40 + name_bytes,
+        };
+        let is_known = name_bytes == 0 || body.get(32..36)? == b"zstd";
+        let is_possible = head.time_range_ns.0 <= head.time_range_ns.1
+            && head.uncompressed_bytes <= MAX_RECORD_BYTES
+            && head.compressed_bytes <= MAX_RECORD_BYTES;
+        (is_known && is_possible).then_some(head)
+    }
+
+    /// Length of the whole record's contents.
+    pub(crate) fn record_bytes(&self) -> u64 {
+        self.bytes as u64 + self.compressed_bytes
+    }
+}
+
+/// Replaces the contents of `buffer` by `data` decompressed, which should be `size` bytes and no more than `most_bytes`.
+pub(crate) fn decompress(
+    zstd: &mut zstd::bulk::Decompressor<'_>,
+    data: &[u8],
+    size: u64,
+    most_bytes: u64,
+    buffer: &mut Vec<u8>,
+) -> Result<(), String> {
+    buffer.clear();
+    let most = most_bytes.min(data.len() as u64 * MOST_COMPRESSED); // integers
+    let room = usize::try_from(size).ok().filter(|_| size <= most);
+    if room.is_none_or(|room| buffer.try_reserve(room).is_err()) {
+        return Err(format!(
+            "a chunk of {size} bytes, more than {most_bytes}, than its {} bytes can hold or than there is memory",
+            data.len()
+        ));
+    }
+    zstd.decompress_to_buffer(data, buffer)
+        .map_err(|error| format!("a chunk that zstd cannot decompress: {error}"))?;
+    Ok(())
+}
+
+/// Decompresses `data` as far as it goes, to at most `most_bytes`.
+fn stream(data: &[u8], most_bytes: u64, buffer: &mut Vec<u8>) {
+    let Ok(decoder) = zstd::stream::read::Decoder::with_buffer(data) else { return };
+    let mut decoder = decoder.take(most_bytes);
+    let mut part = vec![0; 1 << 17];
+    while let Ok(count @ 1..) = decoder.read(&mut part) {
+        if buffer.try_reserve(count).is_err() {
+            return;
+        }
+        buffer.extend_from_slice(part.get(..count).unwrap_or_default());
+    }
+}
+
+/// The record at the beginning of `bytes`, if it is whole.
+fn take_record(bytes: &[u8]) -> Option<Inner> {
+    let (head, rest) = bytes.split_first_chunk::<9>()?;
+    let [opcode, length @ ..] = *head;
+    let length = usize::try_from(u64::from_le_bytes(length)).ok()?;
+    (length <= rest.len()).then(|| Inner { opcode, body: 9..9 + length })
+}

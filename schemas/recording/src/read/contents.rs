@@ -1,0 +1,202 @@
+//! What stands in a recording around its messages.
+
+use crate::error::ReadError;
+use crate::head::{self, BeginRecord, EndRecord};
+use crate::read::parse::{MAX_STRUCTURE_BYTES, parse_record};
+use crate::read::records::check_crc;
+use mcap::records::{Metadata, Record, op};
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Most bytes that all schemas and channels of a file may take: ours take 3 kB.
+const MAX_DEFINITION_BYTES: usize = 16 << 20;
+
+/// What a file holds beside its messages, as far as it has been read.
+#[derive(Debug, Default)]
+pub(crate) struct Contents {
+    schemas: BTreeMap<u16, Arc<Schema>>,
+    /// Of all schemas and channels.
+    definition_bytes: usize,
+    /// By the number that messages give.
+    pub(crate) channels: BTreeMap<u16, Channel>,
+    /// The configuration as the user gave it.
+    pub(crate) run_toml: Option<String>,
+    /// Where it begins.
+    pub(crate) begin: BeginRecord,
+    /// How the recording ended.
+    pub(crate) end: Option<EndRecord>,
+    /// The data section is closed.
+    pub(crate) data_end: bool,
+    /// Size of the chunks before compression.
+    pub(crate) uncompressed_bytes: u64,
+}
+
+/// A schema in the file; without a name if the channel has none.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(crate) struct Schema {
+    pub(crate) name: String,
+    pub(crate) encoding: String,
+    pub(crate) text: Arc<[u8]>,
+}
+
+/// A channel in the file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Channel {
+    pub(crate) topic: String,
+    pub(crate) message_encoding: String,
+    pub(crate) metadata: BTreeMap<String, String>,
+    /// Shared by all channels that have it, however long its name is.
+    pub(crate) schema: Arc<Schema>,
+}
+
+impl Contents {
+    /// Takes in a record that is neither chunk nor message.
+    pub(crate) fn define(
+        &mut self,
+        path: &Path,
+        offset: u64,
+        opcode: u8,
+        body: &[u8],
+    ) -> Result<(), ReadError> {
+        match opcode {
+            op::SCHEMA | op::CHANNEL => {
+                let record = parse_record(opcode, body).map_err(|error| {
+                    ReadError::damaged(path, offset, format!("a record that is none: {error}"))
+                })?;
+                self.add(record).map_err(|what| ReadError::damaged(path, offset, what))
+            }
+            op::METADATA => {
+                let metadata = parse_metadata(path, offset, body)?;
+                if metadata.name == head::BEGIN {
+                    let begin = BeginRecord::from_metadata(&metadata);
+                    self.begin = begin.map_err(|what| ReadError::damaged(path, offset, what))?;
+                }
+                if metadata.name == head::END {
+                    let end = EndRecord::from_metadata(&metadata);
+                    self.end = Some(end.map_err(|what| ReadError::damaged(path, offset, what))?);
+                }
+                Ok(())
+            }
+            op::ATTACHMENT => {
+                let (name, data) = parse_attachment(path, offset, body)?;
+                if name == head::RUN_TOML.as_bytes() {
+                    if data.len() > MAX_STRUCTURE_BYTES {
+                        let what = format!("a configuration of {} bytes", data.len());
+                        return Err(ReadError::damaged(path, offset, what));
+                    }
+                    self.run_toml = Some(String::from_utf8_lossy(data).into_owned());
+                }
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Adds a schema or a channel; the same number twice must be the same thing.
+    pub(crate) fn add(&mut self, record: Record<'_>) -> Result<(), String> {
+        match record {
+            Record::Schema { header, data } => {
+                if !self.schemas.contains_key(&header.id) {
+                    self.count(header.name.len() + header.encoding.len() + data.len())?;
+                }
+                let schema = Schema { name: header.name, encoding: header.encoding, text: data[..].into() };
+                insert(&mut self.schemas, header.id, Arc::new(schema), "schema")
+            }
+            Record::Channel(channel) => {
+                if !self.channels.contains_key(&channel.id) {
+                    let metadata = channel.metadata.iter().map(|(key, value)| key.len() + value.len());
+                    // whoever lists channels names their schemas, too
+                    let schema = self.schemas.get(&channel.schema_id).map_or(0, |schema| schema.name.len());
+                    self.count(channel.topic.len() + metadata.sum::<usize>() + schema)?;
+                }
+                let definition = Channel {
+                    topic: channel.topic,
+                    message_encoding: channel.message_encoding,
+                    metadata: channel.metadata,
+                    schema: self.schemas.get(&channel.schema_id).cloned().unwrap_or_default(),
+                };
+                insert(&mut self.channels, channel.id, definition, "channel")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether both have the same schemas and channels under the same numbers.
+    pub(crate) fn has_same_definitions(&self, other: &Self) -> bool {
+        self.schemas == other.schemas && self.channels == other.channels
+    }
+
+    /// How many schemas there are.
+    pub(crate) fn schema_count(&self) -> usize {
+        self.schemas.len()
+    }
+
+    /// Takes over the schemas and channels of `other` that are new here.
+    pub(crate) fn learn(&mut self, other: &Self) {
+        for (id, schema) in &other.schemas {
+            self.schemas.entry(*id).or_insert_with(|| schema.clone());
+        }
+        for (id, channel) in &other.channels {
+            self.channels.entry(*id).or_insert_with(|| channel.clone());
+        }
+    }
+
+    /// Counts a new schema or channel, so that a hostile file cannot fill the memory with them.
+    fn count(&mut self, bytes: usize) -> Result<(), String> {
+        self.definition_bytes = self.definition_bytes.saturating_add(bytes);
+        let bounded = self.definition_bytes <= MAX_DEFINITION_BYTES;
+        bounded
+            .then_some(())
+            .ok_or_else(|| format!("schemas and channels of more than {MAX_DEFINITION_BYTES} bytes"))
+    }
+
+    /// The topics, for messages.
+    pub(crate) fn topics(&self) -> String {
+        let topics: Vec<_> = self.channels.values().map(|channel| format!("`{}`", channel.topic)).collect();
+        if topics.is_empty() { "nothing".into() } else { topics.join(", ") }
+    }
+}
+
+fn insert<T: PartialEq>(map: &mut BTreeMap<u16, T>, id: u16, value: T, what: &str) -> Result<(), String> {
+    match map.entry(id) {
+        Entry::Occupied(known) if *known.get() != value => {
+            Err(format!("two different {what}s numbered {id}"))
+        }
+        Entry::Occupied(_) => Ok(()),
+        Entry::Vacant(place) => {
+            place.insert(value);
+            Ok(())
+        }
+    }
+}
+
+pub(crate) fn parse_metadata(path: &Path, offset: u64, body: &[u8]) -> Result<Metadata, ReadError> {
+    match parse_record(op::METADATA, body) {
+        Ok(Record::Metadata(metadata)) => Ok(metadata),
+        _ => Err(ReadError::damaged(path, offset, "metadata that is none")),
+    }
+}
+
+/// Name and contents of an attachment, after its CRC. By hand: mcap panics on short ones.
+fn parse_attachment<'a>(path: &Path, offset: u64, body: &'a [u8]) -> Result<(&'a [u8], &'a [u8]), ReadError> {
+    let parse = || {
+        let (content, crc) = body.split_last_chunk::<4>()?;
+        let (_times, rest) = content.split_first_chunk::<16>()?;
+        let (name, rest) = take_string(rest)?;
+        let (_media_type, rest) = take_string(rest)?;
+        let (length, data) = rest.split_first_chunk::<8>()?;
+        let whole = usize::try_from(u64::from_le_bytes(*length)).ok()? == data.len();
+        whole.then_some((name, data, content, u32::from_le_bytes(*crc)))
+    };
+    let (name, data, content, crc) =
+        parse().ok_or_else(|| ReadError::damaged(path, offset, "an attachment that is none"))?;
+    check_crc(path, &format!("the attachment at byte {offset}"), crc, crc32fast::hash(content))?;
+    Ok((name, data))
+}
+
+fn take_string(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let (length, rest) = bytes.split_first_chunk::<4>()?;
+    rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)
+}

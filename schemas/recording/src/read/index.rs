@@ -1,0 +1,150 @@
+//! Where the chunks of a file are, so that a state can be found without reading all that comes before.
+//!
+//! Places are hints: a state is looked for by its step, and every chunk and message is checked as it is read, so a place
+//! that is wrong by accident costs time. A place that was made to be wrong may lead to what looks like chunks of the run
+//! and is none, in an attachment for example. Only reading all of the file shows that, as an [`Audit`](crate::Audit) does.
+
+use crate::error::ReadError;
+use crate::log_time_ns;
+use crate::read::contents::Contents;
+use crate::read::info::{next_of_summary, seek_summary};
+use crate::read::records::RecordReader;
+use mcap::records::{ChunkIndex, Record, op};
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::path::Path;
+
+/// More places are thinned out: 12 MiB, and what lies between two of them is read through.
+const MOST_PLACES: usize = 1 << 19;
+
+/// A place in a file where reading may begin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct ChunkPlace {
+    /// Of a chunk record, or of the first record.
+    pub(crate) offset: u64,
+    /// Number of the next chunk from there on.
+    pub(crate) number: u64,
+    /// Smallest log time in it (ns).
+    start_ns: u64,
+}
+
+/// The places of a file in its order, at least its beginning.
+#[derive(Debug)]
+pub(crate) struct Index {
+    places: Vec<ChunkPlace>,
+    /// The channels of the file, if it has a summary.
+    pub(crate) known: Contents,
+    /// Every so many chunks have a place.
+    every: u64,
+}
+
+impl Index {
+    /// Of the file `path`: from its summary section if it has a valid one, else from the headers of its chunks,
+    /// which are not decompressed.
+    pub(crate) fn read(path: &Path) -> Result<Self, ReadError> {
+        let mut records = RecordReader::open(path)?;
+        match Self::from_summary(&mut records) {
+            Some(index) => Ok(index),
+            None => Self::from_headers(path, records.file_bytes()).map_err(ReadError::io(path)),
+        }
+    }
+
+    /// Of the beginning of a file and nothing else: everything is read through.
+    pub(crate) fn beginning() -> Self {
+        let first = ChunkPlace { offset: mcap::MAGIC.len() as u64, number: 0, start_ns: 0 };
+        Self { places: vec![first], known: Contents::default(), every: 1 }
+    }
+
+    fn from_summary(records: &mut RecordReader) -> Option<Self> {
+        let summary_start = seek_summary(records)?;
+        let mut index = Self::beginning();
+        let (mut chunks, mut statistics, mut end) = (0, None, 0);
+        loop {
+            match next_of_summary(records)? {
+                Record::Footer(_) => break,
+                Record::Statistics(found) => statistics = Some(found.chunk_count),
+                Record::ChunkIndex(chunk) => {
+                    end = checked_end(&chunk, end, summary_start)?;
+                    index.add(chunk.chunk_start_offset, chunks, chunk.message_start_time);
+                    chunks += 1;
+                }
+                record => index.known.add(record).ok()?,
+            }
+        }
+        (statistics == u32::try_from(chunks).ok()).then_some(index)
+    }
+
+    /// From record to record, as far as they are whole.
+    fn from_headers(path: &Path, size: u64) -> io::Result<Self> {
+        let mut file = BufReader::with_capacity(4096, File::open(path)?);
+        let (mut index, mut chunks) = (Self::beginning(), 0);
+        let mut offset = file.seek(SeekFrom::Start(mcap::MAGIC.len() as u64))?;
+        // opcode, length, and of a chunk its smallest log time
+        while size.saturating_sub(offset) >= 9 + 8 {
+            let mut head = [0; 9 + 8];
+            file.read_exact(&mut head)?;
+            let [opcode, l0, l1, l2, l3, l4, l5, l6, l7, start_ns @ ..] = head;
+            let length = u64::from_le_bytes([l0, l1, l2, l3, l4, l5, l6, l7]);
+            let next = offset.saturating_add(9).saturating_add(length);
+            if next > size || opcode == 0 || opcode == op::DATA_END {
+                break;
+            }
+            if opcode == op::CHUNK {
+                index.add(offset, chunks, u64::from_le_bytes(start_ns));
+                chunks += 1;
+            }
+            // both are within the file, so the difference fits
+            file.seek_relative(next.wrapping_sub(offset + 9 + 8).cast_signed())?;
+            offset = next;
+        }
+        Ok(index)
+    }
+
+    /// Adds chunk `number`; if there are too many, every second is dropped.
+    fn add(&mut self, offset: u64, number: u64, start_ns: u64) {
+        if self.places.len() == MOST_PLACES {
+            self.every *= 2;
+            self.places.retain(|place| place.number.is_multiple_of(self.every));
+        }
+        if number.is_multiple_of(self.every) {
+            self.places.push(ChunkPlace { offset, number, start_ns });
+        }
+    }
+
+    /// The last place from which the first state, as `first_step` finds it, is not after `step`; or the
+    /// beginning. Log times, if they are what they should be, spare all tries but one.
+    pub(crate) fn find(
+        &self,
+        step: u64,
+        time_s: f64,
+        mut first_step: impl FnMut(ChunkPlace) -> Result<Option<u64>, ReadError>,
+    ) -> Result<ChunkPlace, ReadError> {
+        let time_ns = log_time_ns(time_s);
+        let guess = self.places.iter().rposition(|place| place.start_ns <= time_ns).unwrap_or(0);
+        if guess > 0 && is_before(first_step(self.places[guess])?, step) {
+            return Ok(self.places[guess]);
+        }
+        // the beginning is at or before every step
+        let (mut from, mut to) = (0, guess);
+        while from + 1 < to {
+            let middle = usize::midpoint(from, to);
+            if is_before(first_step(self.places[middle])?, step) {
+                from = middle;
+            } else {
+                to = middle;
+            }
+        }
+        Ok(self.places[from])
+    }
+}
+
+fn is_before(first_step: Option<u64>, step: u64) -> bool {
+    first_step.is_some_and(|first| first <= step)
+}
+
+/// The end of a chunk that lies between `start` and `limit`.
+fn checked_end(chunk: &ChunkIndex, start: u64, limit: u64) -> Option<u64> {
+    let end = chunk.chunk_start_offset.checked_add(chunk.chunk_length)?;
+    let in_order = chunk.chunk_start_offset >= start && end <= limit;
+    (in_order && chunk.message_start_time <= chunk.message_end_time).then_some(end)
+}

@@ -1,0 +1,289 @@
+//! What is in a recording, without reading all of it where that can be helped.
+
+use crate::error::ReadError;
+use crate::head::{self, BeginRecord, EndRecord};
+use crate::proto;
+use crate::read::contents::{Channel, Contents, parse_metadata};
+use crate::read::decode;
+use crate::read::messages::MessageReader;
+use crate::read::parse::parse_record;
+use crate::read::records::{RawRecord, RecordReader};
+use mcap::records::{Footer, MetadataIndex, Record, Statistics, op};
+use schemas::frame::EndReason;
+use schemas::manifest::RunManifest;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Opcode, length and contents of the footer, and the magic.
+const FOOTER_BYTES: u64 = 9 + 20 + 8;
+
+/// What a glance at a file without a summary reads of its chunks, before compression: so much, and as often the file.
+const GLANCE_BYTES: u64 = 4 << 30;
+const GLANCE_TIMES: u64 = 64;
+
+/// What is in a recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RecordingInfo {
+    /// The file.
+    pub path: PathBuf,
+    /// The run.
+    pub manifest: RunManifest,
+    /// The configuration as the user gave it.
+    pub run_toml: Option<String>,
+    /// The channels, in the order of their numbers in the file.
+    pub channels: Vec<ChannelInfo>,
+    /// Step of the first recorded state, absent if there is none.
+    pub first_step: Option<u64>,
+    /// Step of the last recorded state, absent if there is none.
+    pub last_step: Option<u64>,
+    /// Size of the file.
+    pub file_bytes: u64,
+    /// Size of the chunks before compression.
+    pub uncompressed_bytes: u64,
+    /// Where it begins, if not with the run.
+    pub begin: BeginRecord,
+    /// How it ended, absent if it was not closed.
+    pub end: Option<EndRecord>,
+    /// It was closed properly.
+    pub finished: bool,
+    /// What is wrong with the file, if that showed; the numbers then hold up to there.
+    pub damage: Option<String>,
+}
+
+/// A channel of a recording.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ChannelInfo {
+    /// Its topic.
+    pub topic: String,
+    /// Full name of its schema.
+    pub schema: String,
+    /// Encoding of its messages, `protobuf` for ours.
+    pub encoding: String,
+    /// Number of its messages.
+    pub messages: u64,
+}
+
+impl RecordingInfo {
+    /// Looks at the recording `path`: at its summary if it has a valid one, else at all of it.
+    ///
+    /// # Errors
+    /// When it cannot be read, is no recording, or is of another major schema version. Damage further on
+    /// is in [`damage`](Self::damage).
+    pub fn read(path: &Path) -> Result<Self, ReadError> {
+        Self::within(path, |_| u64::MAX)
+    }
+
+    /// The same in a time that is bounded by the size of the file: 4 GiB of chunks before compression, and 64 times its
+    /// size, are looked at, if it has no summary.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read); what was not looked at is in [`damage`](Self::damage).
+    pub fn glance(path: &Path) -> Result<Self, ReadError> {
+        Self::within(path, |file_bytes| file_bytes.saturating_mul(GLANCE_TIMES).saturating_add(GLANCE_BYTES))
+    }
+
+    fn within(path: &Path, most_bytes: impl Fn(u64) -> u64) -> Result<Self, ReadError> {
+        let mut messages = MessageReader::open(path)?;
+        if messages.read_head().is_ok() {
+            let (mut records, contents, manifest) = messages.into_parts();
+            if let Some(summary) = SummarySection::read(&mut records) {
+                return Ok(summary.into_info(path, &records, contents, manifest));
+            }
+        }
+        let messages = MessageReader::open(path)?;
+        let most_bytes = most_bytes(messages.file_bytes());
+        scan(messages.expanding_to(most_bytes))
+    }
+
+    /// Number of recorded states.
+    pub fn frames(&self) -> u64 {
+        self.messages(proto::STATE.topic)
+    }
+
+    /// Number of messages of a topic.
+    pub fn messages(&self, topic: &str) -> u64 {
+        self.channels.iter().filter(|channel| channel.topic == topic).map(|channel| channel.messages).sum()
+    }
+
+    /// Whether the recording goes from the beginning of the run to its last step, with as many states as are due.
+    pub fn is_complete(&self) -> bool {
+        let ends =
+            self.reaches_the_end() && self.end.as_ref().is_some_and(|end| end.reason == EndReason::Complete);
+        ends && self.begin.first_step == 0 && self.frames() >= self.manifest.recorded_count()
+    }
+
+    /// Whether it was closed after the last step of the run.
+    pub fn reaches_the_end(&self) -> bool {
+        self.finished && self.last_step == Some(self.manifest.physics.step_count)
+    }
+
+    /// Simulated times (s) of the first and the last recorded state.
+    pub fn time_range_s(&self) -> Option<(f64, f64)> {
+        let physics = &self.manifest.physics;
+        Some((physics.time_s(self.first_step?), physics.time_s(self.last_step?)))
+    }
+
+    /// Size before compression over size of the file.
+    pub fn compression_ratio(&self) -> f64 {
+        self.uncompressed_bytes as f64 / self.file_bytes as f64
+    }
+}
+
+/// Counts everything.
+fn scan(mut messages: MessageReader) -> Result<RecordingInfo, ReadError> {
+    let path = messages.path().to_owned();
+    let mut counts = BTreeMap::new();
+    let (mut first_step, mut last_step) = (None, None);
+    let damage = loop {
+        match messages.next() {
+            Ok(Some(message)) => {
+                *counts.entry(message.head.channel_id).or_insert(0) += 1;
+                if message.channel.topic == proto::STATE.topic {
+                    match decode::head(message.data) {
+                        Ok(state) => {
+                            first_step.get_or_insert(state.step);
+                            last_step = Some(state.step);
+                        }
+                        Err(what) => break Some(ReadError::damaged(&path, message.offset, what)),
+                    }
+                }
+            }
+            Ok(None) => break None,
+            Err(error @ ReadError::Io { .. }) => return Err(error),
+            Err(error) => break Some(error),
+        }
+    };
+    let finished = damage.is_none() && messages.is_finished();
+    let (records, contents, manifest) = messages.into_parts();
+    Ok(RecordingInfo {
+        path,
+        channels: channels(&contents, &counts),
+        first_step,
+        last_step,
+        file_bytes: records.file_bytes(),
+        uncompressed_bytes: contents.uncompressed_bytes,
+        begin: contents.begin,
+        end: contents.end.filter(|_| finished),
+        run_toml: contents.run_toml,
+        manifest,
+        finished,
+        damage: damage.map(|error| error.to_string()),
+    })
+}
+
+fn channels(contents: &Contents, counts: &BTreeMap<u16, u64>) -> Vec<ChannelInfo> {
+    let info = |(id, channel): (&u16, &Channel)| ChannelInfo {
+        topic: channel.topic.clone(),
+        schema: channel.schema.name.clone(),
+        encoding: channel.message_encoding.clone(),
+        messages: counts.get(id).copied().unwrap_or(0),
+    };
+    contents.channels.iter().map(info).collect()
+}
+
+/// The channels that the summary section of a closed file has, if it has a valid one.
+pub(crate) fn channels_of_summary(records: &mut RecordReader) -> Option<BTreeMap<u16, Channel>> {
+    SummarySection::read(records).map(|summary| summary.contents.channels)
+}
+
+/// Messages of each topic, as the summary section of a closed file has them, if it has a valid one.
+pub(crate) fn counts_of_summary(records: &mut RecordReader) -> Option<BTreeMap<String, u64>> {
+    let SummarySection { contents, statistics, .. } = SummarySection::read(records)?;
+    let mut counts = BTreeMap::new();
+    for (id, channel) in contents.channels {
+        let count = statistics.channel_message_counts.get(&id).copied().unwrap_or(0);
+        *counts.entry(channel.topic).or_insert(0) += count;
+    }
+    Some(counts)
+}
+
+/// What the summary section of a closed file says.
+struct SummarySection {
+    contents: Contents,
+    statistics: Statistics,
+    uncompressed_bytes: u64,
+    end: EndRecord,
+}
+
+impl SummarySection {
+    /// Reads and validates the section; none if there is none that can be relied on.
+    fn read(records: &mut RecordReader) -> Option<Self> {
+        seek_summary(records)?;
+        let mut contents = Contents::default();
+        let (mut statistics, mut end_index) = (None, None);
+        let (mut uncompressed_bytes, mut chunks) = (0_u64, 0);
+        loop {
+            match next_of_summary(records)? {
+                Record::Footer(_) => break,
+                Record::Statistics(found) => statistics = Some(found),
+                Record::ChunkIndex(index) => {
+                    uncompressed_bytes = uncompressed_bytes.checked_add(index.uncompressed_size)?;
+                    chunks += 1;
+                }
+                Record::MetadataIndex(index) if index.name == head::END => end_index = Some(index),
+                record => contents.add(record).ok()?,
+            }
+        }
+        let statistics: Statistics = statistics.filter(|found: &Statistics| found.chunk_count == chunks)?;
+        let end = read_end(records, &end_index?)?;
+        Some(Self { contents, statistics, uncompressed_bytes, end })
+    }
+
+    fn into_info(
+        self,
+        path: &Path,
+        records: &RecordReader,
+        head: Contents,
+        manifest: RunManifest,
+    ) -> RecordingInfo {
+        RecordingInfo {
+            path: path.to_owned(),
+            manifest,
+            run_toml: head.run_toml,
+            channels: channels(&self.contents, &self.statistics.channel_message_counts),
+            first_step: self.end.first_step,
+            last_step: self.end.last_step,
+            file_bytes: records.file_bytes(),
+            uncompressed_bytes: self.uncompressed_bytes,
+            begin: head.begin,
+            end: Some(self.end),
+            finished: true,
+            damage: None,
+        }
+    }
+}
+
+/// Goes to the summary section of a closed file and returns where it starts, if it has one.
+pub(crate) fn seek_summary(records: &mut RecordReader) -> Option<u64> {
+    if !records.is_closed() {
+        return None;
+    }
+    let footer_offset = records.file_bytes().checked_sub(FOOTER_BYTES)?;
+    records.seek(footer_offset).ok()?;
+    let Record::Footer(Footer { summary_start, .. }) = next_of_summary(records)? else {
+        return None;
+    };
+    if summary_start == 0 || summary_start > footer_offset {
+        return None;
+    }
+    records.seek_summary(summary_start).ok()?;
+    Some(summary_start)
+}
+
+/// The next record, if it is one that a summary may hold. At the footer the section's CRC has been checked.
+pub(crate) fn next_of_summary(records: &mut RecordReader) -> Option<Record<'static>> {
+    let RawRecord { opcode, body, .. } = records.next().ok()??;
+    // chunks do not belong here
+    (opcode != op::CHUNK).then(|| parse_record(opcode, body).ok().map(Record::into_owned))?
+}
+
+fn read_end(records: &mut RecordReader, index: &MetadataIndex) -> Option<EndRecord> {
+    if index.offset >= records.file_bytes() {
+        return None;
+    }
+    records.seek(index.offset).ok()?;
+    let path = records.path().to_owned();
+    let RawRecord { opcode, offset, body } = records.next().ok()??;
+    let metadata = (opcode == op::METADATA).then(|| parse_metadata(&path, offset, body).ok())??;
+    (metadata.name == head::END).then(|| EndRecord::from_metadata(&metadata).ok())?
+}

@@ -1,0 +1,164 @@
+//! What a recording holds beside the frames of its run: results of analyses, channels of other programs.
+
+use crate::error::{ReadError, WriteError};
+use crate::read::messages::{MessageReader, RawMessage};
+use crate::write::channel_writer::{ChannelId, ChannelWriter};
+use crate::write::writer::RecordingWriter;
+use crate::{log_time_ns, proto};
+use mcap::records::MessageHeader;
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::path::Path;
+
+/// The messages of a recording that are not its chain, states or summaries, to be copied whole into
+/// another one, whatever they are.
+///
+/// They are copied in the order of the file and by their log times, so that they stand in the new file
+/// after the frames that they belong to. Reads the file by itself, beside whoever reads the states.
+pub struct OtherChannels {
+    messages: MessageReader,
+    copier: OtherCopier,
+    /// Read, but not copied, because it is later than what was asked for.
+    pending: Option<(ChannelId, MessageHeader)>,
+    /// Its contents.
+    pending_bytes: Vec<u8>,
+    copied_count: u64,
+    /// There are no more.
+    ended: bool,
+}
+
+/// Why messages could not be copied.
+#[derive(Debug, thiserror::Error)]
+pub enum CopyError {
+    /// The old file cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The new file cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+}
+
+impl OtherChannels {
+    /// Opens the recording `path`.
+    ///
+    /// # Errors
+    /// When it cannot be read, is no recording, or is of another major schema version.
+    pub fn open(path: &Path) -> Result<Self, ReadError> {
+        Ok(Self {
+            messages: MessageReader::open(path)?,
+            copier: OtherCopier::default(),
+            pending: None,
+            pending_bytes: Vec::new(),
+            copied_count: 0,
+            ended: false,
+        })
+    }
+
+    /// Copies what comes before the simulated time `time_s`: to be called before the frame of that time is
+    /// written, so that results of a frame come after it.
+    ///
+    /// # Errors
+    /// When the old file is damaged, or the new one cannot be written.
+    pub fn copy_before(&mut self, time_s: f64, writer: &mut RecordingWriter) -> Result<(), CopyError> {
+        self.copy(Some(log_time_ns(time_s)), writer.channels())
+    }
+
+    /// Copies what is left.
+    ///
+    /// # Errors
+    /// As [`copy_before`](Self::copy_before).
+    pub fn copy_rest(&mut self, writer: &mut RecordingWriter) -> Result<(), CopyError> {
+        self.copy(None, writer.channels())
+    }
+
+    /// Messages copied so far.
+    pub fn copied_count(&self) -> u64 {
+        self.copied_count
+    }
+
+    fn copy(&mut self, before_ns: Option<u64>, file: &mut ChannelWriter) -> Result<(), CopyError> {
+        let is_later = |head: &MessageHeader| before_ns.is_some_and(|end_ns| head.log_time >= end_ns);
+        if let Some((channel, head)) = self.pending {
+            if is_later(&head) {
+                return Ok(());
+            }
+            file.copy(channel, &head, &self.pending_bytes)?;
+            self.pending = None;
+            self.copied_count += 1;
+        }
+        while !self.ended {
+            let Some(message) = self.messages.next()? else {
+                // where a file is torn, the next attempt would find an error
+                self.ended = true;
+                break;
+            };
+            if proto::OF_FRAMES.contains(&message.channel.topic.as_str()) {
+                continue;
+            }
+            let channel = self.copier.id(&message, file)?;
+            if is_later(&message.head) {
+                self.pending = Some((channel, message.head));
+                self.pending_bytes.clear();
+                self.pending_bytes.extend_from_slice(message.data);
+                return Ok(());
+            }
+            file.copy(channel, &message.head, message.data)?;
+            self.copied_count += 1;
+        }
+        Ok(())
+    }
+}
+
+/// A message of another channel.
+#[derive(Debug)]
+pub struct OtherMessage<'a> {
+    message: RawMessage<'a>,
+}
+
+impl<'a> OtherMessage<'a> {
+    pub(crate) fn new(message: RawMessage<'a>) -> Self {
+        Self { message }
+    }
+
+    /// Its topic.
+    pub fn topic(&self) -> &str {
+        &self.message.channel.topic
+    }
+
+    /// Whether the CRC of its chunk holds.
+    pub fn is_checked(&self) -> bool {
+        self.message.is_checked
+    }
+}
+
+/// Copies messages of other channels into a new recording.
+#[derive(Debug, Default)]
+pub struct OtherCopier {
+    /// Number of the channel in the new file, for each in the old one that has had a message.
+    ids: BTreeMap<u16, ChannelId>,
+}
+
+impl OtherCopier {
+    /// Copies `message` as it is.
+    ///
+    /// # Errors
+    /// When writing fails.
+    pub fn copy(
+        &mut self,
+        message: &OtherMessage<'_>,
+        writer: &mut RecordingWriter,
+    ) -> Result<(), WriteError> {
+        let file = writer.channels();
+        let RawMessage { head, data, .. } = &message.message;
+        let id = self.id(&message.message, file)?;
+        file.copy(id, head, data)
+    }
+
+    /// Number of the channel of `message` in the new file, where it is defined with its first message.
+    fn id(&mut self, message: &RawMessage<'_>, file: &mut ChannelWriter) -> Result<ChannelId, WriteError> {
+        match self.ids.entry(message.head.channel_id) {
+            Entry::Occupied(known) => Ok(*known.get()),
+            Entry::Vacant(new) => Ok(*new.insert(file.copy_channel(message.channel)?)),
+        }
+    }
+}

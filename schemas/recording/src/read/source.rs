@@ -1,0 +1,268 @@
+//! A recording as a source of frames.
+
+use crate::error::ReadError;
+use crate::head;
+use crate::proto;
+use crate::read::decode::{self, StateHead, StateLengths};
+use crate::read::index::Index;
+use crate::read::messages::{MessageReader, RawMessage};
+use crate::write::schedule::Schedule;
+use schemas::frame::{EndReason, Frame, FrameSource, Received};
+use schemas::manifest::RunManifest;
+use std::path::Path;
+
+/// Reads the frames of a recording, finished or not, in the order of the file.
+///
+/// Frames come as they were recorded: one every `record_every_steps`, the first and the last. What lies
+/// between them is not missing and is not reported; [`Received::Missed`] names frames that the manifest's
+/// schedule says are recorded from the beginning of the file on, but that are not in it. What is before that
+/// beginning, in other parts or in none, is not missing either. A file that was not closed ends with
+/// [`EndReason::Unfinished`] after its last whole chunk. States without a frame number, which were
+/// recomputed between frames, are passed over by [`open`](Self::open), and lent by
+/// [`open_all`](Self::open_all) under the number of the frame before.
+///
+/// Every state is checked: CRC of its chunk, lengths, order, frame and time against the manifest; at the end
+/// the CRC of the data section, unless a part of it was skipped by [`seek_to_step`](Self::seek_to_step), and the
+/// hash of the last state.
+pub struct RecordingSource {
+    messages: MessageReader,
+    lengths: StateLengths,
+    /// Also states between frames.
+    all: bool,
+    /// Read when it is needed.
+    index: Option<Index>,
+    /// `[u | v | extra]` of the state read last.
+    doubles: Vec<f64>,
+    /// Read, but not lent.
+    next: Next,
+    /// Step up to which everything recorded has been lent or reported.
+    accounted: Option<u64>,
+    /// Step of the state in `doubles`.
+    read: Option<u64>,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Next {
+    Unknown,
+    Frame {
+        frame: u64,
+        step: u64,
+        time_s: f64,
+    },
+    /// No more frames; the recording should have reached `last_step`.
+    End {
+        reason: EndReason,
+        last_step: Option<u64>,
+    },
+}
+
+impl RecordingSource {
+    /// Opens the recording `path` and goes to its first state.
+    ///
+    /// # Errors
+    /// When it cannot be read, is no recording, is of another major schema version, holds no states, or
+    /// is damaged up to its first state.
+    pub fn open(path: &Path) -> Result<Self, ReadError> {
+        Self::of(MessageReader::open(path)?, false)
+    }
+
+    /// Opens the recording `path` with all of its states, also those that were recomputed between frames.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn open_all(path: &Path) -> Result<Self, ReadError> {
+        Self::of(MessageReader::open(path)?, true)
+    }
+
+    fn of(messages: MessageReader, all: bool) -> Result<Self, ReadError> {
+        let mut source = Self {
+            lengths: StateLengths::of(messages.manifest()),
+            messages,
+            all,
+            index: None,
+            doubles: Vec::new(),
+            next: Next::Unknown,
+            accounted: None,
+            read: None,
+        };
+        source.advance()?;
+        Ok(source)
+    }
+
+    /// Goes to the last state at or before `step`, or to the first state if all are after it; may be called at any
+    /// time. What is missing between `step` and the next state is reported, what lies before `step` is not.
+    ///
+    /// The chunk is found by the file's index, or by the headers of its chunks if it has none, so that this
+    /// costs about two chunks, wherever the state is.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or is damaged up to that state as far as it must be read.
+    pub fn seek_to_step(&mut self, step: u64) -> Result<(), ReadError> {
+        let index = match self.index.take() {
+            Some(index) => index,
+            None => Index::read(self.messages.path())?,
+        };
+        let mut found = self.seek_by(&index, step);
+        if matches!(&found, Err(error) if !matches!(error, ReadError::Io { .. })) {
+            // whatever is wrong, with the index or with a chunk: what can be read from the beginning is believed
+            found = self.seek_by(&Index::beginning(), step);
+        }
+        self.index = Some(index);
+        if found.is_err() {
+            self.next = Next::End { reason: EndReason::Unfinished, last_step: None };
+        }
+        found
+    }
+
+    fn seek_by(&mut self, index: &Index, step: u64) -> Result<(), ReadError> {
+        let time_s = self.messages.manifest().physics.time_s(step);
+        let place = index.find(step, time_s, |place| {
+            self.messages.seek(place, &index.known)?;
+            self.next_head().map(|head| head.map(|head| head.step))
+        })?;
+        self.messages.seek(place, &index.known)?;
+        let (mut before, mut last) = (0, step);
+        loop {
+            match self.next_head() {
+                Ok(Some(head)) if head.step <= step => (before, last) = (before + 1, head.step),
+                // what comes after the state does not matter here
+                Err(error) if before == 0 => return Err(error),
+                Ok(_) | Err(_) => break,
+            }
+        }
+        self.messages.seek(place, &index.known)?;
+        for _ in 1..before {
+            self.next_head()?;
+        }
+        let begin = self.messages.contents().begin.first_step;
+        (self.accounted, self.read) = (last.checked_sub(1).filter(|before| *before >= begin), None);
+        self.advance()
+    }
+
+    /// Step and frame of the next state that is to be lent, without its arrays.
+    fn next_head(&mut self) -> Result<Option<StateHead>, ReadError> {
+        let path = self.messages.path().to_owned();
+        while let Some(message) = self.messages.next()? {
+            if message.channel.topic == proto::STATE.topic {
+                let head = decode::head(message.data);
+                let head = head.map_err(|what| ReadError::damaged(&path, message.offset, what))?;
+                if self.all || head.frame.is_some() {
+                    return Ok(Some(head));
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    /// Reads the next state, or the end.
+    fn advance(&mut self) -> Result<(), ReadError> {
+        let next = self.read_next();
+        self.next = match &next {
+            Ok(next) => *next,
+            // what comes after damage is not trusted
+            Err(_) => Next::End { reason: EndReason::Unfinished, last_step: None },
+        };
+        next.map(|_| ())
+    }
+
+    fn read_next(&mut self) -> Result<Next, ReadError> {
+        while let Some(message) = self.messages.next()? {
+            if message.channel.topic != proto::STATE.topic {
+                continue;
+            }
+            let RawMessage { data, offset, .. } = message;
+            let state = decode::state(data, self.lengths, &mut self.doubles);
+            let checked = state.and_then(|state| Ok((state, self.check(&state)?)));
+            let (state, frame) =
+                checked.map_err(|what| ReadError::damaged(self.messages.path(), offset, what))?;
+            self.read = Some(state.step);
+            let between = || self.all.then(|| self.messages.manifest().frame_at(state.step));
+            if let Some(frame) = frame.or_else(between) {
+                return Ok(Next::Frame { frame, step: state.step, time_s: state.time_s });
+            }
+        }
+        self.read_end()
+    }
+
+    /// The frame number of a state that is one of this run and in order.
+    fn check(&self, state: &StateHead) -> Result<Option<u64>, String> {
+        self.schedule().check(self.accounted, state)
+    }
+
+    fn schedule(&self) -> Schedule<'_> {
+        Schedule::new(self.messages.manifest(), &self.messages.contents().begin)
+    }
+
+    fn read_end(&self) -> Result<Next, ReadError> {
+        let (contents, manifest) = (self.messages.contents(), self.messages.manifest());
+        let found = contents.channels.values().any(|channel| channel.topic == proto::STATE.topic);
+        let path = self.messages.path();
+        if !found && (!contents.channels.is_empty() || self.messages.is_finished()) {
+            let (topic, found) = (proto::STATE.topic, contents.topics());
+            return Err(ReadError::NoChannel { path: path.to_owned(), topic, found });
+        }
+        let Some(end) = contents.end.as_ref().filter(|_| self.messages.is_finished()) else {
+            return Ok(Next::End { reason: EndReason::Unfinished, last_step: None });
+        };
+        if let (Some(expected), Some(step)) = (&end.last_state_hash, self.read) {
+            let found = head::state_hash(step, &self.doubles);
+            if found != *expected {
+                let what =
+                    format!("the hash of the last state, of step {step}, is {found} instead of {expected}");
+                return Err(ReadError::damaged(path, self.messages.file_bytes(), what));
+            }
+        }
+        let last_step = match end.reason {
+            EndReason::Complete => Some(manifest.physics.step_count),
+            _ => end.last_step.filter(|step| *step <= manifest.physics.step_count),
+        };
+        Ok(Next::End { reason: end.reason, last_step })
+    }
+
+    /// The frames that should come before step `next` (or up to it, if `included`) but do not.
+    fn missed_before(&self, next: u64, included: bool) -> Option<(u64, u64)> {
+        self.schedule().missed(self.accounted, next, included)
+    }
+
+    fn lend(&self, frame: u64, step: u64, time_s: f64) -> Frame<'_> {
+        let beads = self.lengths.beads;
+        let (u_m, rest) = self.doubles.split_at(beads.min(self.doubles.len()));
+        let (v_m_s, extra) = rest.split_at(beads.min(rest.len()));
+        Frame { frame, step, time_s, u_m, v_m_s, extra }
+    }
+}
+
+impl FrameSource for RecordingSource {
+    type Error = ReadError;
+
+    fn manifest(&self) -> &RunManifest {
+        self.messages.manifest()
+    }
+
+    fn receive(&mut self) -> Result<Received<'_>, ReadError> {
+        if matches!(self.next, Next::Unknown) {
+            self.advance()?;
+        }
+        match self.next {
+            Next::Frame { frame, step, time_s } => {
+                if let Some((from, to)) = self.missed_before(step, false) {
+                    self.accounted = Some(step - 1);
+                    return Ok(Received::Missed { from, to });
+                }
+                self.accounted = Some(step);
+                self.next = Next::Unknown;
+                Ok(Received::Frame(self.lend(frame, step, time_s)))
+            }
+            Next::End { reason, last_step } => {
+                if let Some(step) = last_step
+                    && let Some((from, to)) = self.missed_before(step, true)
+                {
+                    self.accounted = Some(step);
+                    return Ok(Received::Missed { from, to });
+                }
+                Ok(Received::End(reason))
+            }
+            Next::Unknown => Ok(Received::End(EndReason::Unfinished)),
+        }
+    }
+}

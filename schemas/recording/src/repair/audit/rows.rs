@@ -1,0 +1,68 @@
+//! Rows of results: whose they are, and whether one follows the other.
+
+use crate::proto;
+use crate::read::contents::Channel;
+use schemas::manifest::RunManifest;
+
+/// The ranges of missing rows that are kept; more are only counted.
+const MOST_RANGES: usize = 20;
+
+/// What every row of results begins with, whatever follows.
+#[derive(Clone, Copy, PartialEq, prost::Message)]
+pub(super) struct RowHead {
+    #[prost(uint64, tag = "1")]
+    pub(super) frame: u64,
+    #[prost(uint64, tag = "2")]
+    pub(super) step: u64,
+    #[prost(double, tag = "3")]
+    pub(super) time_s: f64,
+}
+
+/// Whether the messages of `channel` are rows of results, ours or those of somebody else's analysis.
+pub(super) fn is_of_results(channel: &Channel) -> bool {
+    let is_known =
+        |known: &proto::Topic| known.topic == channel.topic && known.message == channel.schema.name;
+    let is_own = || channel.topic.starts_with("/own/") && channel.schema.name.starts_with("beadline.own.");
+    proto::ALL.iter().skip(proto::OF_FRAMES.len()).any(is_known) || is_own()
+}
+
+/// The rows of one topic.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct RowsFound {
+    /// How many there are.
+    pub count: u64,
+    /// Frame of the first one.
+    pub first_frame: u64,
+    /// Frame of the last one.
+    pub last_frame: u64,
+    /// Frames between those that have no row, from and up to; the first ranges.
+    pub missing: Vec<(u64, u64)>,
+    /// How many ranges there are.
+    pub missing_count: u64,
+}
+
+impl RowsFound {
+    /// Takes the next one, or says why it cannot be that.
+    pub(super) fn take(&mut self, row: &RowHead, manifest: &RunManifest) -> Result<(), String> {
+        let RowHead { frame, step, time_s } = *row;
+        let is_frame = frame < manifest.frame_count() && manifest.step_of_frame(frame) == step;
+        if !is_frame || time_s.to_bits() != manifest.physics.time_s(step).to_bits() {
+            return Err(format!(
+                "a row of frame {frame}, step {step}, at {time_s} s, which are not one frame of the run"
+            ));
+        }
+        if self.count == 0 {
+            self.first_frame = frame;
+        } else if frame <= self.last_frame {
+            return Err(format!("the row of frame {frame} after that of frame {}", self.last_frame));
+        } else if frame > self.last_frame + 1 {
+            self.missing_count += 1;
+            if self.missing.len() < MOST_RANGES {
+                self.missing.push((self.last_frame + 1, frame - 1));
+            }
+        }
+        self.count += 1;
+        self.last_frame = frame;
+        Ok(())
+    }
+}

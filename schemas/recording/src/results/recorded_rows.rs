@@ -1,0 +1,119 @@
+//! Rows of results of ours, read back.
+
+use crate::error::ReadError;
+use crate::proto;
+use crate::read::messages::MessageReader;
+use crate::results::contacts::{check_row, unpack};
+use prost::Message;
+use std::path::Path;
+
+/// Reads the rows of one topic of ours, in the order of the file.
+pub struct RecordedRows {
+    messages: MessageReader,
+    topic: String,
+}
+
+/// A row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RecordedRow {
+    /// Its frame.
+    pub frame: u64,
+    /// The values.
+    pub values: RecordedValues,
+}
+
+/// What a row says, as on the bus.
+#[derive(Debug, Clone, PartialEq)]
+pub enum RecordedValues {
+    /// The columns of `/energies`.
+    Energies([f64; 10]),
+    /// For each bead displacement, velocity, and overlap with both neighbours.
+    Impurity {
+        /// Their numbers.
+        beads: Vec<u64>,
+        /// Four values for each.
+        values: Vec<[f64; 4]>,
+    },
+    /// The class of each contact.
+    Contacts {
+        /// Largest overlap or gap that counted as touching (m).
+        tolerance_m: f64,
+        /// N − 1 classes.
+        classes: Vec<u8>,
+    },
+}
+
+impl RecordedRows {
+    /// The rows of `topic` in the recording `path`; none if they are of a kind that cannot be read back.
+    ///
+    /// # Errors
+    /// When it cannot be read, or is no recording.
+    pub fn open(path: &Path, topic: &str) -> Result<Option<Self>, ReadError> {
+        if ![proto::ENERGIES.topic, proto::IMPURITY.topic, proto::CONTACTS.topic].contains(&topic) {
+            return Ok(None);
+        }
+        Ok(Some(Self { messages: MessageReader::open(path)?, topic: topic.to_owned() }))
+    }
+
+    /// The topic.
+    pub fn topic(&self) -> &str {
+        &self.topic
+    }
+
+    /// The next row; none after the last.
+    ///
+    /// # Errors
+    /// When the file is damaged, or a message is none of the topic.
+    pub fn next_row(&mut self) -> Result<Option<RecordedRow>, ReadError> {
+        let contacts = self.messages.manifest().contact_count();
+        while let Some(message) = self.messages.next()? {
+            if message.channel.topic == self.topic {
+                let (offset, row) = (message.offset, decode(&self.topic, message.data, contacts));
+                return row.map(Some).map_err(|what| ReadError::damaged(self.messages.path(), offset, what));
+            }
+        }
+        Ok(None)
+    }
+}
+
+fn decode(topic: &str, message: &[u8], contacts: usize) -> Result<RecordedRow, String> {
+    let not = |error| format!("a row of {topic} that is none: {error}");
+    if topic == proto::ENERGIES.topic {
+        let row = proto::Energies::decode(message).map_err(not)?;
+        let values = [
+            row.kinetic_j,
+            row.potential_j,
+            row.total_j,
+            row.left_j,
+            row.split_j,
+            row.right_j,
+            row.dissipated_j,
+            row.relative_drift,
+            row.inbound_j,
+            row.corrected_j,
+        ];
+        if values.iter().any(Option::is_none) {
+            return Err(format!("the row of {topic} of frame {} lacks a value", row.frame));
+        }
+        let values = values.map(Option::unwrap_or_default);
+        return Ok(RecordedRow { frame: row.frame, values: RecordedValues::Energies(values) });
+    }
+    if topic == proto::IMPURITY.topic {
+        let row = proto::ImpurityMotion::decode(message).map_err(not)?;
+        let columns = [&row.displacement_m, &row.velocity_m_s, &row.overlap_left_m, &row.overlap_right_m];
+        if columns.iter().any(|column| column.len() != row.bead.len()) {
+            return Err(format!("the row of {topic} of frame {} has not a value for each bead", row.frame));
+        }
+        let values = (0..row.bead.len()).map(|bead| columns.map(|column| column[bead])).collect();
+        return Ok(RecordedRow {
+            frame: row.frame,
+            values: RecordedValues::Impurity { beads: row.bead, values },
+        });
+    }
+    let row = proto::ContactClasses::decode(message).map_err(not)?;
+    check_row(&row, contacts, None)?;
+    let mut classes = Vec::new();
+    unpack(&row.classes, contacts, &mut classes);
+    let values = RecordedValues::Contacts { tolerance_m: row.tolerance_m, classes };
+    Ok(RecordedRow { frame: row.frame, values })
+}

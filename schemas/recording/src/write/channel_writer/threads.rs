@@ -1,0 +1,186 @@
+//! The threads that compress and write.
+
+use super::WriteOptions;
+use super::block::Block;
+use super::chunks::Next;
+use super::output::{Encoded, Encoder, Output};
+use super::queue::{Queue, Refused};
+use crate::write::sync::BackgroundSync;
+use std::io;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+/// Threads that compress: one keeps up with a disk, two with a run that computes on a third core.
+const MOST_COMPRESSORS: usize = 2;
+
+/// A sync is asked for after so many bytes in the file: one of all that a run has written would hold up its end.
+const SYNC_BYTES: u64 = 16 << 20;
+
+/// Threads at work on a queue. Dropped, they write what was taken first.
+#[derive(Debug)]
+pub(super) struct Threads {
+    shared: Arc<Shared>,
+    handles: Vec<JoinHandle<()>>,
+}
+
+#[derive(Debug)]
+struct Shared {
+    queue: Queue,
+    writing: Mutex<Writing>,
+    /// Another chunk was written, or writing failed.
+    turn: Condvar,
+    slow_disk: Duration,
+}
+
+/// The file, to which chunks go in their order.
+#[derive(Debug)]
+struct Writing {
+    output: Output,
+    sync: BackgroundSync,
+    /// Bytes in the file when a sync was last asked for because of their number.
+    synced_bytes: u64,
+    /// Chunks written.
+    written: u64,
+    failed: bool,
+}
+
+impl Writing {
+    fn sync_if_much(&mut self) -> io::Result<()> {
+        if self.output.bytes() - self.synced_bytes < SYNC_BYTES {
+            return Ok(());
+        }
+        self.synced_bytes = self.output.bytes();
+        let file = Arc::clone(self.output.file());
+        self.sync.request(&file)
+    }
+}
+
+impl Threads {
+    pub(super) fn start(queue: Queue, output: Output, options: &WriteOptions) -> io::Result<Self> {
+        let writing =
+            Writing { output, sync: BackgroundSync::default(), synced_bytes: 0, written: 0, failed: false };
+        let shared = Arc::new(Shared {
+            queue,
+            writing: Mutex::new(writing),
+            turn: Condvar::new(),
+            slow_disk: options.slow_disk,
+        });
+        let mut this = Self { shared, handles: Vec::new() };
+        let cores = thread::available_parallelism().map_or(1, usize::from);
+        for _ in 0..cores.clamp(1, MOST_COMPRESSORS) {
+            let shared = Arc::clone(&this.shared);
+            let encoder = Encoder::new(options.compression)?;
+            let work = move || shared.work(encoder);
+            this.handles.push(thread::Builder::new().name("beadline-write".into()).spawn(work)?);
+        }
+        Ok(this)
+    }
+
+    pub(super) fn queue(&self) -> &Queue {
+        &self.shared.queue
+    }
+
+    /// Waits until what is in the file is on the disk.
+    pub(super) fn sync(&self) -> io::Result<()> {
+        let mut writing = self.shared.lock();
+        let file = Arc::clone(writing.output.file());
+        writing.sync.sync(&file)
+    }
+
+    /// Has everything written, waits until the threads have ended, and gives the file back.
+    pub(super) fn end(mut self) -> Result<(Output, BackgroundSync), Refused> {
+        self.shared.queue.end();
+        self.join();
+        self.shared.queue.check()?;
+        let shared = Arc::clone(&self.shared);
+        drop(self);
+        // the threads have ended and let go of it
+        let writing = Arc::into_inner(shared).ok_or(Refused::GivenUp)?.writing;
+        let writing = writing.into_inner().unwrap_or_else(PoisonError::into_inner);
+        Ok((writing.output, writing.sync))
+    }
+
+    fn join(&mut self) {
+        for handle in self.handles.drain(..) {
+            // one that panicked has said why, and marked the queue as failed
+            let _ = handle.join();
+        }
+    }
+}
+
+impl Drop for Threads {
+    fn drop(&mut self) {
+        self.shared.queue.end();
+        self.join();
+    }
+}
+
+impl Shared {
+    fn work(&self, mut encoder: Encoder) {
+        let _alarm = Alarm(self);
+        let mut encoded = Encoded::default();
+        while let Some(next) = self.queue.next() {
+            let done = match next {
+                Next::Write(number, block) => {
+                    encoder.encode(&block, &mut encoded).and_then(|()| self.write(number, block, &encoded))
+                }
+                Next::Sync => self.sync(),
+                Next::Nothing(_) => Ok(()),
+            };
+            if let Err(error) = done {
+                self.fail(error);
+            }
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Writing> {
+        // a thread that panicked has failed, and the flag says so
+        self.writing.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Writes a chunk when it is its turn.
+    fn write(&self, number: u64, block: Block, encoded: &Encoded) -> io::Result<()> {
+        let mut writing = self.lock();
+        while writing.written != number && !writing.failed {
+            writing = self.turn.wait(writing).unwrap_or_else(PoisonError::into_inner);
+        }
+        if writing.failed {
+            return Ok(());
+        }
+        if !self.slow_disk.is_zero() {
+            thread::sleep(self.slow_disk);
+        }
+        writing.output.chunk(&block, encoded)?;
+        writing.written += 1;
+        writing.sync_if_much()?;
+        // before anybody can report an error: it counts what was not written
+        self.queue.written(block);
+        drop(writing);
+        self.turn.notify_all();
+        Ok(())
+    }
+
+    fn sync(&self) -> io::Result<()> {
+        let mut writing = self.lock();
+        let file = Arc::clone(writing.output.file());
+        writing.sync.request(&file)
+    }
+
+    fn fail(&self, error: io::Error) {
+        self.lock().failed = true;
+        self.turn.notify_all();
+        self.queue.fail(error);
+    }
+}
+
+/// Nobody must wait for a thread that panicked.
+struct Alarm<'a>(&'a Shared);
+
+impl Drop for Alarm<'_> {
+    fn drop(&mut self) {
+        if thread::panicking() {
+            self.0.fail(io::Error::other("the thread that writes panicked"));
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! How much room is left on a disk, while a recording is written.
+
+use crate::error::WriteError;
+use schemas::whole_file::directory_of;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// The disk that a file is on, or will be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Disk {
+    /// Bytes that are free for us.
+    pub free_bytes: u64,
+    /// Its size.
+    pub total_bytes: u64,
+}
+
+impl Disk {
+    /// The disk of the file `path`.
+    ///
+    /// # Errors
+    /// When its directory cannot be looked at.
+    pub fn of(path: &Path) -> Result<Self, WriteError> {
+        let directory = directory_of(path);
+        let disk = rustix::fs::statvfs(directory).map_err(|errno| WriteError::io(directory)(errno.into()))?;
+        let bytes = |blocks: u64| blocks.saturating_mul(disk.f_frsize);
+        Ok(Self { free_bytes: bytes(disk.f_bavail), total_bytes: bytes(disk.f_blocks) })
+    }
+
+    /// What a recorder leaves free unless it is told otherwise: 100 MB, or 1 % of a disk below 10 GB.
+    pub fn default_reserve_bytes(&self) -> u64 {
+        (self.total_bytes / 100).min(100_000_000) // integers
+    }
+}
+
+/// Looks now and then whether a disk has less room left than is to be kept free.
+#[derive(Debug)]
+pub struct DiskWatch {
+    path: PathBuf,
+    reserve_bytes: u64,
+    looked_at: Option<Instant>,
+    /// Bytes that had been written then.
+    written_bytes: u64,
+    /// Bytes to be written until the next look.
+    stride_bytes: u64,
+}
+
+impl DiskWatch {
+    /// Longest time between two looks while bytes are written.
+    const PERIOD: Duration = Duration::from_millis(100);
+
+    /// Most bytes written between two looks; fewer where there is little room left.
+    const STRIDE_BYTES: u64 = 4 << 20;
+
+    /// Watches the disk of the file `path`, of which `reserve_bytes` are to be left.
+    pub fn new(path: &Path, reserve_bytes: u64) -> Self {
+        Self { path: path.to_owned(), reserve_bytes, looked_at: None, written_bytes: 0, stride_bytes: 0 }
+    }
+
+    /// Whether there would be less left than is to be kept free, once the `pending_bytes` are on the disk that
+    /// wait in memory, which are asked for only when it is time to look. `written_bytes` are on the disk already; there
+    /// are at least as many each time.
+    ///
+    /// # Errors
+    /// When the disk cannot be looked at.
+    pub fn is_short(
+        &mut self,
+        written_bytes: u64,
+        pending_bytes: impl FnOnce() -> u64,
+    ) -> Result<bool, WriteError> {
+        let is_due = self.looked_at.is_none_or(|at| at.elapsed() >= Self::PERIOD)
+            || written_bytes.saturating_sub(self.written_bytes) >= self.stride_bytes;
+        if !is_due {
+            return Ok(false);
+        }
+        self.looked_at = Some(Instant::now());
+        self.written_bytes = written_bytes;
+        let needed_bytes = self.reserve_bytes.saturating_add(pending_bytes());
+        let free_bytes = Disk::of(&self.path)?.free_bytes;
+        self.stride_bytes = (free_bytes.saturating_sub(needed_bytes) / 8).min(Self::STRIDE_BYTES); // integers
+        Ok(free_bytes < needed_bytes)
+    }
+}

@@ -1,0 +1,159 @@
+//! MCAP files for the programs of others: their channels, their schemas, their messages.
+
+use crate::error::WriteError;
+use crate::write::channel_writer::{ChannelId, ChannelWriter, Finished, WriteOptions};
+use mcap::records::Metadata;
+use schemas::manifest::RunManifest;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Metadata record that says which part of a run was exported.
+const EXPORT: &str = "beadline.export";
+
+/// Writes an MCAP file with channels of any kind, whole or not at all. The manifest of the run is in it as in a
+/// recording of ours, but it is none: without its profile our readers refuse it.
+pub struct ForeignWriter {
+    file: ChannelWriter,
+    messages: u64,
+}
+
+/// What describes the messages of a channel.
+#[derive(Debug, Clone, Copy)]
+pub struct ForeignSchema<'a> {
+    /// Name of the type.
+    pub name: &'a str,
+    /// How `text` is written, such as `protobuf` or `ros2msg`.
+    pub encoding: &'a str,
+    /// The definition of the type and of all that it needs.
+    pub text: &'a [u8],
+}
+
+/// A channel as its readers expect it.
+#[derive(Debug, Clone, Copy)]
+pub struct ForeignTopic<'a> {
+    /// Its name.
+    pub topic: &'a str,
+    /// What describes its messages.
+    pub schema: ForeignSchema<'a>,
+    /// How messages are encoded, such as `protobuf` or `cdr`.
+    pub message_encoding: &'a str,
+    /// What else its readers want to know.
+    pub metadata: &'a [(&'a str, &'a str)],
+}
+
+/// A channel of a [`ForeignWriter`].
+#[derive(Debug, Clone, Copy)]
+pub struct ForeignChannel(ChannelId);
+
+impl ForeignWriter {
+    /// Creates `<path>.partial` with the MCAP profile `profile` (or none: `""`) and the manifest.
+    ///
+    /// # Errors
+    /// When there is such a file or its `.partial` and `options.force` is not set, when another process
+    /// writes it, when something else than a file has its name, or when the operating system refuses.
+    pub fn create(
+        path: &Path,
+        profile: &str,
+        manifest: &RunManifest,
+        options: &WriteOptions,
+    ) -> Result<Self, WriteError> {
+        let file = ChannelWriter::create_for(profile, path, manifest, None, None, options)?;
+        Ok(Self { file, messages: 0 })
+    }
+
+    /// Adds a channel.
+    ///
+    /// # Errors
+    /// When there are too many, or writing fails.
+    pub fn add_channel(&mut self, topic: &ForeignTopic<'_>) -> Result<ForeignChannel, WriteError> {
+        let ForeignTopic { topic, schema, message_encoding, metadata } = *topic;
+        let schema = self.file.add_schema(schema.name, schema.encoding, schema.text)?;
+        let metadata: BTreeMap<_, _> =
+            metadata.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
+        self.file.define_channel(schema, topic, message_encoding, &metadata).map(ForeignChannel)
+    }
+
+    /// Writes a message about the simulated time `time_s`; `sequence` numbers those of its channel.
+    ///
+    /// # Errors
+    /// When writing this one or one before it fails; nothing more is taken then.
+    pub fn write(
+        &mut self,
+        ForeignChannel(channel): ForeignChannel,
+        sequence: u64,
+        time_s: f64,
+        message: &[u8],
+    ) -> Result<(), WriteError> {
+        self.messages += 1;
+        self.file.write(channel, sequence, time_s, message)
+    }
+
+    /// Writes what was taken so far; what comes next is in another chunk.
+    ///
+    /// # Errors
+    /// When writing fails.
+    pub fn flush(&mut self) -> Result<(), WriteError> {
+        self.file.flush()
+    }
+
+    /// Ends the file, with what `about` says of the part of the run that is in it, and gives it its name.
+    ///
+    /// # Errors
+    /// When writing fails, or when a file of this name appeared meanwhile.
+    pub fn finish(self, about: &[(&str, String)]) -> Result<Finished, WriteError> {
+        let metadata = about.iter().map(|(key, value)| ((*key).to_owned(), value.clone())).collect();
+        self.file.finish(&Metadata { name: EXPORT.to_owned(), metadata }, self.messages)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{ReadError, RecordingInfo};
+    use schemas::manifest::Origin;
+    use schemas::presets::PRESETS;
+
+    fn manifest() -> RunManifest {
+        let origin = Origin { program: "test".into(), host: "here".into(), started_unix_ns: 0 };
+        RunManifest::new(&PRESETS[0].config(), "test", origin).expect("preset")
+    }
+
+    #[test]
+    fn a_foreign_file_is_mcap_with_our_manifest_but_no_recording() {
+        let directory = tempfile::tempdir().expect("directory");
+        let path = directory.path().join("test.mcap");
+        let manifest = manifest();
+        let mut file =
+            ForeignWriter::create(&path, "ros2", &manifest, &WriteOptions::default()).expect("new");
+        let schema = ForeignSchema { name: "std_msgs/msg/String", encoding: "ros2msg", text: b"string data" };
+        let metadata = &[("offered_qos_profiles", "")];
+        let topic = ForeignTopic { topic: "/words", schema, message_encoding: "cdr", metadata };
+        let channel = file.add_channel(&topic).expect("channel");
+        file.write(channel, 7, 0.5, b"word").expect("written");
+        file.finish(&[("states", "0".into())]).expect("finished");
+
+        let bytes = std::fs::read(&path).expect("there");
+        let messages: Vec<_> =
+            mcap::MessageStream::new(&bytes).expect("MCAP").collect::<Result<_, _>>().expect("messages");
+        let [message] = &messages[..] else { panic!("{messages:?}") };
+        assert_eq!((message.sequence, message.log_time, &message.data[..]), (7, 500_000_000, &b"word"[..]));
+        let channel = &message.channel;
+        assert_eq!((channel.topic.as_str(), channel.message_encoding.as_str()), ("/words", "cdr"));
+        assert_eq!(channel.metadata.get("offered_qos_profiles").map(String::as_str), Some(""));
+        assert_eq!(channel.schema.as_ref().map(|schema| schema.name.as_str()), Some("std_msgs/msg/String"));
+        assert!(matches!(RecordingInfo::read(&path), Err(ReadError::NotBeadline { .. })));
+    }
+
+    #[test]
+    fn nothing_is_left_of_a_foreign_file_that_was_not_finished() {
+        let directory = tempfile::tempdir().expect("directory");
+        let path = directory.path().join("test.mcap");
+        let mut file = ForeignWriter::create(&path, "", &manifest(), &WriteOptions::default()).expect("new");
+        let schema = ForeignSchema { name: "a", encoding: "protobuf", text: b"" };
+        let topic = ForeignTopic { topic: "/a", schema, message_encoding: "protobuf", metadata: &[] };
+        let channel = file.add_channel(&topic).expect("channel");
+        file.write(channel, 0, 0.0, b"a").expect("written");
+        drop(file);
+        assert_eq!(std::fs::read_dir(directory.path()).expect("directory").count(), 0);
+    }
+}

@@ -1,0 +1,61 @@
+//! Our own messages of scalars in files for other programs.
+
+use crate::proto;
+use crate::write::encode;
+use crate::write::foreign::{ForeignSchema, ForeignTopic};
+use prost::Message;
+use schemas::frame::Frame;
+use schemas::summary::Summary;
+
+/// Encodes messages with flat, named numbers, which any tool that knows protobuf plots. Keeps its buffer.
+#[derive(Debug, Default)]
+pub struct Scalars {
+    message: Vec<u8>,
+}
+
+impl Scalars {
+    /// The channel of the summaries, as it is in recordings.
+    pub const SUMMARY: ForeignTopic<'static> = ForeignTopic {
+        topic: proto::SUMMARY.topic,
+        schema: ForeignSchema {
+            name: proto::SUMMARY.message,
+            encoding: "protobuf",
+            text: proto::SUMMARY.descriptor,
+        },
+        message_encoding: "protobuf",
+        metadata: &[],
+    };
+
+    /// The channel `topic` of the motion of one bead.
+    pub fn motion_topic(topic: &str) -> ForeignTopic<'_> {
+        let text = include_bytes!(concat!(env!("OUT_DIR"), "/bead_motion.binpb"));
+        let schema = ForeignSchema { name: "beadline.v1.BeadMotion", encoding: "protobuf", text };
+        ForeignTopic { topic, schema, message_encoding: "protobuf", metadata: &[] }
+    }
+
+    /// The message of the summary of `frame`.
+    pub fn summary(&mut self, frame: &Frame<'_>, summary: &Summary) -> &[u8] {
+        self.encode(&encode::summary(frame, summary))
+    }
+
+    /// The message of the motion of `bead` in `frame`: displacement (m), velocity (m/s), overlap with the left and with the
+    /// right neighbour (m).
+    pub fn motion(&mut self, frame: &Frame<'_>, bead: u64, values: [f64; 4]) -> &[u8] {
+        let [displacement_m, velocity_m_s, overlap_left_m, overlap_right_m] = values.map(Some);
+        self.encode(&proto::BeadMotion {
+            step: frame.step,
+            time_s: frame.time_s,
+            bead,
+            displacement_m,
+            velocity_m_s,
+            overlap_left_m,
+            overlap_right_m,
+        })
+    }
+
+    fn encode(&mut self, message: &impl Message) -> &[u8] {
+        self.message.clear();
+        message.encode_raw(&mut self.message);
+        &self.message
+    }
+}
