@@ -83,10 +83,10 @@ pub(crate) fn configure<'a>(args: impl Into<Asked<'a>>) -> Result<Configured, Fa
     let mut manifest = manifest_of(&config)?;
     let mut chosen = None;
     if let Some(TimeStep::Auto(tolerance)) = args.overrides.dt {
-        let found = time_step::choose(&config, tolerance)?;
-        config.time.dt_s = Some(found.dt_s);
+        let (dt_s, measured) = time_step::choose(&config, tolerance)?;
+        config.time.dt_s = Some(dt_s);
         manifest = manifest_of(&config)?;
-        chosen = Some(found.measured);
+        chosen = Some(measured);
     }
     if let (None, Some(path), Some(stem)) = (&config.name, &args.config, &stem) {
         let name = &manifest.provenance.name;

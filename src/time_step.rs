@@ -1,31 +1,10 @@
-//! `--dt auto:TOL`: the longest time step that keeps the energy well enough, found by trying.
-//!
-//! Pilot runs of the configured chain measure max|ΔE/E|; each step length follows from the error before it and
-//! the order of the method. Nothing depends on a clock, so that the same configuration gets the same step.
+//! `--dt`: a time step, or how well it has to keep the energy.
 
 use crate::display::{self, count, seconds};
 use crate::failure::{BadInput, Failure};
-use anyhow::anyhow;
-use producer::energy_error::energy_error;
-use schemas::config::{ConfigError, RunConfig};
-use schemas::manifest::Physics;
-use schemas::power::power;
-
-/// Pilot runs at most.
-const MOST_PILOTS: u32 = 10;
-
-/// Work of one pilot run at most, in force evaluations of one bead: some seconds.
-const MOST_WORK: f64 = 2e9;
-
-/// A pilot run that is cut short must still be this many collision times long, or it says nothing: the first
-/// collisions make the largest errors.
-const SHORTEST_PILOT_T: f64 = 10.0;
-
-/// An accepted error below the tolerance by this factor is worth a try of a longer step.
-const WASTEFUL: f64 = 10.0;
-
-/// How much the error of one run may differ from another's by where in a step its contacts open.
-const LUCK: f64 = 3.0;
+use indicatif::ProgressBar;
+use producer::time_step::{Pilot, Progress};
+use schemas::config::RunConfig;
 
 /// What `--dt` asks for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,34 +28,10 @@ impl TimeStep {
     }
 }
 
-/// A time step that was found, and how.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Chosen {
-    pub(crate) dt_s: f64,
-    /// What was measured, in words.
-    pub(crate) measured: String,
-}
-
-/// Finds the step for `config`, whatever step that has.
-pub(crate) fn choose(config: &RunConfig, tolerance: f64) -> Result<Chosen, Failure> {
-    let with_step = |dt_s: Option<f64>| {
-        let mut config = config.clone();
-        config.time.dt_s = dt_s;
-        Physics::resolve(&config)
-    };
-    let by_default = with_step(None).bad_input()?;
-    let search = Search {
-        tolerance,
-        order: order(&by_default),
-        first_s: by_default.dt_s,
-        longest_s: by_default.longest_dt_s().min(config.time.duration_s),
-    };
-    let duration_s = config.time.duration_s;
-    let pilot = |dt_s: f64| {
-        let (dt_s, _) = by_default.whole_steps(duration_s, Some(dt_s)).map_err(Refusal::Config)?;
-        Ok(measure(&with_step(Some(dt_s)).map_err(Refusal::Config)?))
-    };
-    let chosen = search.run(pilot).map_err(|refusal| refusal.explain(&by_default, tolerance)).bad_input()?;
+/// Finds the step for `config`, whatever step that has, and what was measured, in words.
+pub(crate) fn choose(config: &RunConfig, tolerance: f64) -> Result<(f64, String), Failure> {
+    let mut shown = Shown(ProgressBar::hidden());
+    let chosen = producer::time_step::choose(config, tolerance, &mut shown).bad_input()?;
     let measured = format!(
         "--dt auto:{tolerance:e} took dt = {:e} s: max|ΔE/E| = {:.1e} {}",
         chosen.dt_s,
@@ -84,224 +39,33 @@ pub(crate) fn choose(config: &RunConfig, tolerance: f64) -> Result<Chosen, Failu
         chosen.extent()
     );
     display::notice(&measured);
-    Ok(Chosen { dt_s: chosen.dt_s, measured })
+    Ok((chosen.dt_s, measured))
 }
 
-/// How the error falls with the step: where contacts open like dt^(α+1) at best, with damping that goes with δ^p
-/// like dt^(p+1).
-fn order(physics: &Physics) -> f64 {
-    let by_contacts = f64::from(physics.method.order()).min(physics.alpha + 1.0);
-    physics.damping.map_or(by_contacts, |damping| by_contacts.min(damping.exponent(physics.alpha) + 1.0))
-}
+/// A bar for each pilot run, and a line of what it found.
+struct Shown(ProgressBar);
 
-/// What a pilot run found.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Pilot {
-    dt_s: f64,
-    /// max|ΔE/E|, infinite where the run went astray.
-    error: f64,
-    /// The part of the run that was made.
-    fraction: f64,
-    /// Whether that was long enough to say something.
-    is_telling: bool,
-}
-
-impl Pilot {
-    fn extent(self) -> String {
-        if self.fraction < 1.0 {
-            format!("in the first {:.2} % of the run", 100.0 * self.fraction)
-        } else {
-            "in the whole run".to_owned()
-        }
-    }
-}
-
-/// Makes a pilot run: the whole run of `physics`, or as much of it as the bound on work allows.
-fn measure(physics: &Physics) -> Pilot {
-    let time_s = physics.scales().time_s;
-    let work_per_step = physics.beads as f64 * f64::from(physics.method.force_evaluations_per_step());
-    let most_steps = whole(MOST_WORK / work_per_step);
-    // a hundred looks in a collision time, which for α > 5 is shorter
-    let between_looks_s = 0.01 * time_s * (5.0 / physics.alpha).min(1.0);
-    let look_every = whole(between_looks_s / physics.dt_s).max(1);
-    let bar = display::progress_bar(most_steps.min(physics.step_count), "trying");
-    display::tell(&bar, &[&format!("dt = {}", seconds(physics.dt_s))]);
-    let found = energy_error(physics, most_steps, look_every, |step| bar.set_position(step));
-    bar.finish_and_clear();
-    let fraction = found.steps as f64 / physics.step_count as f64;
-    // the error of a symplectic method stays; that of others grows with time at most
-    let growth = if physics.method.is_symplectic() { 1.0 } else { 1.0 / fraction };
-    let is_long = found.steps as f64 * physics.dt_s >= SHORTEST_PILOT_T * time_s;
-    let pilot = Pilot {
-        dt_s: physics.dt_s,
-        error: found.largest * growth,
-        fraction,
-        is_telling: fraction == 1.0 || is_long || found.largest.is_infinite(),
-    };
-    let steps = count(physics.step_count);
-    let (dt, error) = (seconds(pilot.dt_s), pilot.error);
-    display::notice(format_args!(
-        "tried dt = {dt} ({steps} steps): max|ΔE/E| = {error:.1e} {}",
-        pilot.extent()
-    ));
-    pilot
-}
-
-/// The largest whole number up to `value`.
-fn whole(value: f64) -> u64 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates, as wanted")]
-    let whole = value as u64;
-    whole
-}
-
-/// Why there is no step for a tolerance.
-#[derive(Debug)]
-enum Refusal {
-    /// Not a run.
-    Config(ConfigError),
-    /// Shorter steps do not help any more.
-    Rounding(Pilot),
-    /// The steps that would help are too many to try.
-    TooMany(Pilot),
-}
-
-impl Refusal {
-    fn explain(self, physics: &Physics, tolerance: f64) -> anyhow::Error {
-        let best = |best: Pilot| {
-            format!("the best that was found is max|ΔE/E| = {:.1e} at dt = {:e} s", best.error, best.dt_s)
-        };
-        let refused = format!("--dt auto:{tolerance:e} is out of reach");
-        match self {
-            Self::Config(error) => error.into(),
-            Self::Rounding(pilot) => anyhow!(
-                "{refused}: shorter steps do not help any more, because of rounding; {}; ask for auto:{:.0e}",
-                best(pilot),
-                10.0 * pilot.error
-            ),
-            Self::TooMany(pilot) => anyhow!(
-                "{refused}: steps that short are too many to try with {}; {}; ask for less, take another --method, or \
-                 give --dt in seconds",
-                physics.method,
-                best(pilot)
-            ),
-        }
-    }
-}
-
-/// A search for the longest step whose error is within a tolerance, to within what is worth a further run.
-#[derive(Debug, Clone, Copy)]
-struct Search {
-    tolerance: f64,
-    /// The error is expected to fall like dt to this power.
-    order: f64,
-    first_s: f64,
-    longest_s: f64,
-}
-
-impl Search {
-    fn run(self, mut pilot: impl FnMut(f64) -> Result<Pilot, Refusal>) -> Result<Pilot, Refusal> {
-        let (mut good, mut bad): (Option<Pilot>, Option<Pilot>) = (None, None);
-        let mut dt_s = self.first_s;
-        for _ in 0..MOST_PILOTS {
-            let tried = pilot(dt_s)?;
-            if !tried.is_telling {
-                // what is off in a part of the run is off in the whole of it
-                let part = Pilot { error: tried.error * tried.fraction, ..tried };
-                if let (None, Some(best)) = (good, bad.filter(|before| self.is_rounding(*before, part))) {
-                    return Err(Refusal::Rounding(best));
-                }
-                return good.ok_or(Refusal::TooMany(bad.unwrap_or(tried)));
-            }
-            if tried.error <= self.tolerance {
-                good = Some(tried);
-                if tried.error * WASTEFUL >= self.tolerance || dt_s >= self.longest_s {
-                    return Ok(tried);
-                }
-            } else if let (None, Some(best)) = (good, bad.filter(|before| self.is_rounding(*before, tried))) {
-                return Err(Refusal::Rounding(if tried.error < best.error { tried } else { best }));
-            } else {
-                bad = Some(tried);
-            }
-            dt_s = (dt_s * self.factor(tried.error)).min(self.longest_s);
-            let (Some(good), Some(bad)) = (good, bad) else { continue };
-            if bad.dt_s < 1.5 * good.dt_s {
-                return Ok(good);
-            }
-            if dt_s <= good.dt_s || dt_s >= bad.dt_s {
-                dt_s = (good.dt_s * bad.dt_s).sqrt();
-            }
-        }
-        match (good, bad) {
-            (Some(good), _) => Ok(good),
-            (None, Some(bad)) => Err(Refusal::TooMany(bad)),
-            (None, None) => pilot(self.first_s),
-        }
+impl Progress for Shown {
+    fn trying(&mut self, dt_s: f64, steps: u64) {
+        self.0 = display::progress_bar(steps, "trying");
+        display::tell(&self.0, &[&format!("dt = {}", seconds(dt_s))]);
     }
 
-    /// By how much to change a step with this error, to come to half the tolerance.
-    fn factor(self, error: f64) -> f64 {
-        if error.is_infinite() {
-            return 0.25;
-        }
-        let ratio = (0.5 * self.tolerance / error).clamp(1e-12, 1e12);
-        power(ratio, 1.0 / self.order).clamp(1.0 / 32.0, 8.0)
+    fn at(&mut self, step: u64) {
+        self.0.set_position(step);
     }
 
-    /// Whether a much shorter step gains less than by half of the order, luck aside: then the error is not that
-    /// of the method.
-    fn is_rounding(self, before: Pilot, tried: Pilot) -> bool {
-        let shorter = before.dt_s / tried.dt_s;
-        shorter >= 2.0 && before.error / tried.error * LUCK < power(shorter, 0.5 * self.order)
+    fn tried(&mut self, pilot: &Pilot) {
+        self.0.finish_and_clear();
+        let (dt, steps, error) = (seconds(pilot.dt_s), count(pilot.step_count), pilot.error);
+        let extent = pilot.extent();
+        display::notice(format_args!("tried dt = {dt} ({steps} steps): max|ΔE/E| = {error:.1e} {extent}"));
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const SEARCH: Search = Search { tolerance: 1e-8, order: 2.5, first_s: 0.02, longest_s: 0.25 };
-
-    /// A run whose error is `coefficient·dt^2.5`, but for a `floor` that rounding leaves.
-    fn run(coefficient: f64, floor: f64, search: Search) -> (Result<Pilot, Refusal>, u32) {
-        let mut pilots = 0;
-        let found = search.run(|dt_s| {
-            pilots += 1;
-            let error = coefficient * dt_s.powf(2.5) + floor / dt_s.sqrt();
-            // steps below 1e-5 are too many
-            Ok(Pilot { dt_s, error, fraction: 1.0, is_telling: dt_s > 1e-5 })
-        });
-        (found, pilots)
-    }
-
-    #[test]
-    fn the_step_found_is_nearly_the_longest_that_will_do() {
-        for coefficient in [1e-9, 1e-6, 7e-4, 0.1, 30.0] {
-            let (found, pilots) = run(coefficient, 0.0, SEARCH);
-            let longest = (1e-8_f64 / coefficient).powf(0.4).min(0.25);
-            let dt_s = found.expect("reachable").dt_s;
-            assert!(dt_s <= longest && dt_s > 0.39 * longest, "{coefficient}: {dt_s}, not {longest}");
-            assert!(pilots <= 4, "{pilots} pilots");
-        }
-    }
-
-    #[test]
-    fn a_run_that_goes_astray_is_tried_with_shorter_steps() {
-        let found = SEARCH.run(|dt_s| {
-            let error = if dt_s > 1e-3 { f64::INFINITY } else { 1e-9 };
-            Ok(Pilot { dt_s, error, fraction: 1.0, is_telling: true })
-        });
-        let dt_s = found.expect("reachable").dt_s;
-        assert!(dt_s <= 1e-3 && dt_s > 0.24e-3, "{dt_s}");
-    }
-
-    #[test]
-    fn what_is_out_of_reach_is_refused_with_the_best_there_is() {
-        let (rounding, _) = run(1e-3, 1e-13, Search { tolerance: 1e-15, ..SEARCH });
-        let Err(Refusal::Rounding(best)) = rounding else { panic!("{rounding:?}") };
-        assert!(best.error < 1e-10, "{best:?}");
-        let (many, _) = run(1e3, 0.0, Search { tolerance: 1e-12, ..SEARCH });
-        assert!(matches!(many, Err(Refusal::TooMany(_))), "{many:?}");
-    }
 
     #[test]
     fn the_flag_takes_seconds_or_a_tolerance() {

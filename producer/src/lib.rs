@@ -16,5 +16,6 @@ mod splitting;
 pub mod state;
 pub mod step_time;
 pub mod sweep;
+pub mod time_step;
 pub mod twins;
 pub mod verification;
