@@ -3,10 +3,9 @@
 use crate::display::{self, count, seconds};
 use crate::failure::Failure;
 use anyhow::anyhow;
-use consumers::determination::{Bound, Determination, Determined, Outcome, Quantity, TOLERANCE, digits};
-use consumers::energies::default_split_bead;
-use producer::twins::{NonFinite, Together, Twins, moved_by_m_s};
-use recording::state_hash;
+use consumers::determination::{Bound, Determined, Outcome, Quantity, TOLERANCE, digits};
+use experiments::compare::{Compared, compare};
+use producer::twins::NonFinite;
 use schemas::manifest::{Physics, RunManifest};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -20,45 +19,6 @@ const REFRESH: Duration = Duration::from_millis(100);
 
 /// How much the thread beside a run gives way to others.
 const NICENESS: i32 = 10;
-
-/// A run that was compared with its twins.
-pub(crate) struct Compared {
-    pub(crate) determination: Determination,
-    /// The hash of the last state of the run, as recordings have it.
-    pub(crate) last_state_hash: String,
-    /// Whether that was asked to stop before the last step.
-    pub(crate) stopped: bool,
-}
-
-/// Makes `manifest`'s run up to `last_step`, and its twins, and compares them. `progress` is told the step.
-///
-/// The result is a pure function of the physics, `split_bead`, `last_step` and `tolerance`.
-pub(crate) fn compare(
-    manifest: &RunManifest,
-    split_bead: Option<u64>,
-    (last_step, tolerance): (u64, f64),
-    stop: &AtomicBool,
-    mut progress: impl FnMut(u64),
-) -> Result<Compared, NonFinite> {
-    let physics = &manifest.physics;
-    let split_bead = split_bead.unwrap_or_else(|| default_split_bead(manifest));
-    let mut determination = Determination::new(manifest, split_bead, tolerance, moved_by_m_s(physics));
-    let every = Determination::look_every_steps(physics);
-    let mut twins = Twins::new(physics);
-    let (mut step, mut stopped) = (0, false);
-    loop {
-        twins.advance_to(step)?;
-        let Together { run, halved, moved } = twins.together();
-        determination.look(&run, &halved, &moved);
-        progress(step);
-        stopped = stopped || stop.load(Ordering::Relaxed);
-        if step == last_step || stopped {
-            let state = [run.u_m, run.v_m_s, run.extra].concat();
-            return Ok(Compared { determination, last_state_hash: state_hash(step, &state), stopped });
-        }
-        step = last_step.min(step + every);
-    }
-}
 
 /// A comparison in a thread of its own, beside a run.
 pub(crate) struct Beside {

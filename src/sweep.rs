@@ -1,21 +1,17 @@
 //! A sweep in a directory: rows computed by any number of threads, processes and machines, and merged.
 //!
-//! - [`row`]: one point, a pure function of the sweep file and an index, from its [`analyses`] to its [`mod@columns`]
+//! - [`experiments::row`]: one point, a pure function of the sweep file and an index
 //! - [`directory`]: what is where
 //! - [`mod@work`]: the workers of one process
 //! - [`mod@merge`]: the results, the same bytes whoever computed them in whatever order
 
-mod analyses;
-mod columns;
 pub(crate) mod directory;
 mod merge;
-mod row;
 mod work;
 
 use crate::configuration::origin;
 use crate::failure::Failure;
 use crate::forecast::Forecast;
-pub(crate) use columns::columns;
 use consumers::journal::Entry;
 use directory::{Directory, Shard};
 use producer::sweep::{Sweep, Until};

@@ -2,7 +2,7 @@
 
 use crate::args::CheckArgs;
 use crate::configuration::{configure, replaced_key};
-use crate::determining::{Compared, compare, explanation, json, table, verdict};
+use crate::determining::{explanation, json, table, verdict};
 use crate::display;
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::{check_figures, check_place, check_tables, extension};
@@ -11,6 +11,7 @@ use anyhow::anyhow;
 use consumers::determination::{Determination, Outcome, Quantity};
 use consumers::plots;
 use consumers::table::Table;
+use experiments::compare::{Compared, compare};
 use recording::RecordingInfo;
 use schemas::manifest::RunManifest;
 use serde_json::Value;

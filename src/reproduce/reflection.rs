@@ -52,7 +52,7 @@ fn points_of(
     if outcome.missing > 0 {
         return Err(anyhow!("the sweep in {path} has no row of {}", counted(outcome.missing, "point")).into());
     }
-    let columns = sweep::columns(&sweep);
+    let columns = experiments::columns(&sweep);
     let points = outcome.rows.values().map(|entry| Row { columns: &columns, cells: &entry.cells }.point());
     points.collect::<Result<Vec<_>, _>>().map(Some)
 }

@@ -2,12 +2,13 @@
 
 use super::cache::Cached;
 use super::progress::{Progress, work};
-use crate::determining::{self, compare};
+use crate::determining;
 use crate::display;
 use crate::failure::Failure;
 use anyhow::anyhow;
 use consumers::determination::TOLERANCE;
 use consumers::paper::{Observations, Observed, Run};
+use experiments::compare::compare;
 use indicatif::ProgressBar;
 use schemas::manifest::RunManifest;
 use std::collections::BTreeMap;

@@ -5,10 +5,10 @@
 //! - `results.csv`, `results.parquet` the merged rows; `timings.csv` how long each took
 //! - `recordings/point-000123.mcap` where recordings are asked for
 
-use super::columns::columns;
 use crate::failure::{BadInput, Failure};
 use anyhow::{Context, anyhow};
 use consumers::journal::{Journal, JournalError, JournalHead};
+use experiments::columns;
 use producer::sweep::Sweep;
 use recording::hex;
 use schemas::whole_file::{WholeFile, WholeFileError};

@@ -1,12 +1,12 @@
 //! The results of a sweep, the same bytes whoever computed its rows in whatever order.
 
-use super::columns::ERROR_COLUMN;
 use super::directory::Directory;
 use crate::display::{self, counted};
 use crate::failure::Failure;
 use anyhow::anyhow;
 use consumers::journal::{self, Entry};
 use consumers::table::{Cell, Column, Kind, Table, TableError};
+use experiments::ERROR_COLUMN;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

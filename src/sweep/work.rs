@@ -2,11 +2,12 @@
 
 use super::Options;
 use super::directory::{Directory, Shard};
-use super::row::{self, Signals};
+use crate::configuration::origin;
 use crate::display::{self, count, counted};
 use crate::failure::Failure;
 use anyhow::Error;
 use consumers::journal::{Entry, Journal};
+use experiments::row::{self, Signals};
 use indicatif::ProgressBar;
 use producer::sweep::{Sweep, Until};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -147,8 +148,13 @@ impl Shared<'_> {
         beads.store(job.beads, Ordering::Relaxed);
         let start = Instant::now();
         let recording = self.record.then(|| self.directory.recording(job.index));
-        let row =
-            row::compute(self.sweep, job.index, recording.as_deref(), &Signals { stop: self.stop, step })?;
+        let row = row::compute(
+            self.sweep,
+            job.index,
+            origin(),
+            recording.as_deref(),
+            &Signals { stop: self.stop, step },
+        )?;
         let steps = step.swap(0, Ordering::Relaxed);
         let Some(cells) = row else { return Ok(None) };
         let entry = Entry { index: job.index, wall_s: start.elapsed().as_secs_f64(), cells };

@@ -8,18 +8,18 @@ use schemas::summary::Summarizer;
 use std::convert::Infallible;
 
 /// Everything that looks at the frames of a point.
-pub(super) struct Analyses {
-    pub(super) energies: Energies,
-    pub(super) pulses: Pulses,
+pub(crate) struct Analyses {
+    pub(crate) energies: Energies,
+    pub(crate) pulses: Pulses,
     /// Forward and backward.
-    pub(super) leading: [Leading; 2],
+    pub(crate) leading: [Leading; 2],
     /// The last state, `[u | v | extra]`, and its step.
-    pub(super) state: Vec<f64>,
-    pub(super) step: u64,
+    pub(crate) state: Vec<f64>,
+    pub(crate) step: u64,
 }
 
 impl Analyses {
-    pub(super) fn new(manifest: &RunManifest, split_bead: Option<u64>) -> Self {
+    pub(crate) fn new(manifest: &RunManifest, split_bead: Option<u64>) -> Self {
         let split_bead = split_bead.unwrap_or_else(|| default_split_bead(manifest));
         let threshold_m_s = Pulses::DEFAULT_THRESHOLD * Pulses::velocity_scale_m_s(manifest);
         Self {
@@ -32,12 +32,12 @@ impl Analyses {
     }
 
     /// There are no more frames.
-    pub(super) fn finish(&mut self) {
+    pub(crate) fn finish(&mut self) {
         take_pulses(&mut self.leading, self.pulses.finish(), self.energies.split_bead());
     }
 
     /// The front of the last state.
-    pub(super) fn front_bead(&self, manifest: &RunManifest) -> u64 {
+    pub(crate) fn front_bead(&self, manifest: &RunManifest) -> u64 {
         let (u_m, rest) = self.state.split_at(manifest.physics.chain().bead_count());
         let (v_m_s, extra) = rest.split_at(u_m.len());
         let time_s = manifest.physics.time_s(self.step);
@@ -73,11 +73,11 @@ impl FrameSink for Analyses {
 
 /// The pulses that leave the split bead in one direction: those that are measured beyond it.
 #[derive(Debug, Clone)]
-pub(super) struct Leading {
-    pub(super) direction: Direction,
-    pub(super) count: u64,
+pub(crate) struct Leading {
+    pub(crate) direction: Direction,
+    pub(crate) count: u64,
     /// The one of the largest peak velocity.
-    pub(super) strongest: Option<Measured>,
+    pub(crate) strongest: Option<Measured>,
 }
 
 impl Leading {

@@ -1,10 +1,8 @@
 //! The row of a point.
 
-use super::analyses::Analyses;
-use super::columns::{ERROR_COLUMN, Results};
-use crate::configuration::origin;
-use crate::determining::compare;
-use anyhow::Error;
+use crate::analyses::Analyses;
+use crate::columns::{ERROR_COLUMN, Results};
+use crate::compare::compare;
 use consumers::determination::TOLERANCE;
 use consumers::energies::Energies;
 use consumers::table::Cell;
@@ -12,8 +10,10 @@ use producer::run::{Conductor, RunError, RunOutcome};
 use producer::sweep::{Point, Sweep, Until};
 use recording::hex;
 use recording::{RecordingWriter, WriteError, WriteOptions, state_hash};
+use schemas::config::ConfigError;
 use schemas::frame::{EndReason, Frame};
-use schemas::manifest::RunManifest;
+use schemas::manifest::{Origin, RunManifest};
+use std::convert::Infallible;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -22,12 +22,26 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 /// when it is: the window in which the uncertainty of the reflected energy is measured.
 const STATIONARY_FOR: f64 = 100.0;
 
+/// Why a point has no row.
+#[derive(Debug, thiserror::Error)]
+pub enum RowError {
+    /// There is no such point.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A state could not be recorded.
+    #[error(transparent)]
+    Run(#[from] RunError<Infallible, WriteError>),
+    /// The recording could not be begun or ended.
+    #[error(transparent)]
+    Recording(#[from] WriteError),
+}
+
 /// What a worker tells and is told while it computes a point.
-pub(super) struct Signals<'a> {
+pub struct Signals<'a> {
     /// Set when the point is to be given up.
-    pub(super) stop: &'a AtomicBool,
+    pub stop: &'a AtomicBool,
     /// The step that was reached.
-    pub(super) step: &'a AtomicU64,
+    pub step: &'a AtomicU64,
 }
 
 /// Computes point `index` of `sweep`, and records it if there is a path for that. None if it was stopped.
@@ -36,14 +50,15 @@ pub(super) struct Signals<'a> {
 ///
 /// # Errors
 /// When the recording cannot be written.
-pub(super) fn compute(
+pub fn compute(
     sweep: &Sweep,
     index: u64,
+    origin: Origin,
     recording: Option<&Path>,
     signals: &Signals<'_>,
-) -> Result<Option<Vec<Cell>>, Error> {
+) -> Result<Option<Vec<Cell>>, RowError> {
     let point = sweep.point(index)?;
-    let manifest = RunManifest::new(&point.config, &format!("point-{index:06}"), origin())?;
+    let manifest = RunManifest::new(&point.config, &format!("point-{index:06}"), origin)?;
     let mut analyses = Analyses::new(&manifest, sweep.split_bead());
     let mut recorder = recording.map(|path| record(path, &manifest, sweep, &point)).transpose()?;
     let mut conduct = Conduct::new(sweep, &manifest, signals);
@@ -213,8 +228,12 @@ impl<R> Conductor<Analyses, R> for Conduct<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::columns::columns;
     use super::*;
+    use crate::columns::columns;
+
+    fn origin() -> Origin {
+        Origin { program: "test".into(), host: "here".into(), started_unix_ns: 1 }
+    }
 
     fn sweep(text: &str) -> Sweep {
         Sweep::from_toml(text, Path::new("s.toml"), |_| Err(std::io::ErrorKind::NotFound.into()))
@@ -231,7 +250,8 @@ mod tests {
         let columns = columns(&sweep);
         let signals = Signals { stop: &AtomicBool::new(false), step: &AtomicU64::new(0) };
         for (index, end, collision_times) in [(0, "met end", 0.0..10.0), (1, "stationary", 100.0..101.0)] {
-            let cells = compute(&sweep, index, None, &signals).expect("no recording").expect("not stopped");
+            let cells =
+                compute(&sweep, index, origin(), None, &signals).expect("no recording").expect("not stopped");
             let cell = |name| columns.iter().zip(&cells).find(|(c, _)| c.name == name).map(|(_, cell)| cell);
             let seconds = |name| match cell(name) {
                 Some(Cell::Double(value)) => *value,

@@ -1,6 +1,6 @@
 //! The columns of a sweep's rows.
 
-use super::analyses::Leading;
+use crate::analyses::Leading;
 use consumers::determination::{Outcome, Quantity};
 use consumers::energies::{EnergyOutcome, Reflection};
 use consumers::pulses::{Counts, Measured};
@@ -73,10 +73,10 @@ const CHECKED: [(&str, Kind); 4] = [
 ];
 
 /// The column of why a point has no results.
-pub(super) const ERROR_COLUMN: &str = "error";
+pub const ERROR_COLUMN: &str = "error";
 
 /// The columns of a sweep's rows: its parameters, then the results.
-pub(crate) fn columns(sweep: &Sweep) -> Vec<Column> {
+pub fn columns(sweep: &Sweep) -> Vec<Column> {
     let kind = |kind| match kind {
         ParameterKind::Integer => Kind::Integer,
         ParameterKind::Double => Kind::Double,
@@ -96,16 +96,16 @@ fn results(sweep: &Sweep) -> impl Iterator<Item = &'static (&'static str, Kind)>
 }
 
 /// The values of [`RESULTS`] and of [`CHECKED`], if the sweep asks for these; those that are not set do not exist.
-pub(super) struct Results(Vec<Cell>);
+pub(crate) struct Results(Vec<Cell>);
 
 impl Results {
     /// Nothing yet.
-    pub(super) fn of(sweep: &Sweep) -> Self {
+    pub(crate) fn of(sweep: &Sweep) -> Self {
         Self(vec![Cell::Empty; results(sweep).count()])
     }
 
     /// The row of `point`.
-    pub(super) fn cells(self, point: &Point) -> Vec<Cell> {
+    pub(crate) fn cells(self, point: &Point) -> Vec<Cell> {
         point.parameters.iter().map(|value| parameter(value.as_ref())).chain(self.0).collect()
     }
 
@@ -119,7 +119,7 @@ impl Results {
     }
 
     /// A double; a value that does not exist is NaN.
-    pub(super) fn double(&mut self, name: &str, value: f64) -> &mut Self {
+    pub(crate) fn double(&mut self, name: &str, value: f64) -> &mut Self {
         self.set(name, if value.is_nan() { Cell::Empty } else { Cell::Double(value) })
     }
 
@@ -128,15 +128,15 @@ impl Results {
         self.double(name, found.value).double(&format!("{name}_uncertainty"), found.plus_minus)
     }
 
-    pub(super) fn integer(&mut self, name: &str, value: u64) -> &mut Self {
+    pub(crate) fn integer(&mut self, name: &str, value: u64) -> &mut Self {
         self.set(name, Cell::Integer(value))
     }
 
-    pub(super) fn word(&mut self, name: &str, word: impl Into<String>) -> &mut Self {
+    pub(crate) fn word(&mut self, name: &str, word: impl Into<String>) -> &mut Self {
         self.set(name, Cell::Word(word.into()))
     }
 
-    pub(super) fn energies(&mut self, outcome: &EnergyOutcome) {
+    pub(crate) fn energies(&mut self, outcome: &EnergyOutcome) {
         let last = &outcome.last;
         self.integer("split_bead", outcome.split_bead);
         self.double("kinetic_j", last.kinetic_j).double("potential_j", last.potential_j);
@@ -170,7 +170,7 @@ impl Results {
     }
 
     /// Until when the run is determined; a run that is to its end is so until `end`.
-    pub(super) fn determined(&mut self, outcome: &Outcome) {
+    pub(crate) fn determined(&mut self, outcome: &Outcome) {
         let lost = outcome.first_lost();
         let until_s = lost.and_then(|lost| lost.until_s).unwrap_or(outcome.compared_until.1);
         let bound = lost.and_then(|lost| lost.bound).map_or("end", |bound| bound.as_str());
@@ -181,7 +181,7 @@ impl Results {
         }
     }
 
-    pub(super) fn pulses(&mut self, counts: &Counts, leading: &[Leading; 2]) {
+    pub(crate) fn pulses(&mut self, counts: &Counts, leading: &[Leading; 2]) {
         self.integer("pulses", counts.pulses);
         self.integer("coarse_crests", counts.coarse_crests);
         self.integer("unresolved_crests", counts.unresolved_crests);

@@ -1,0 +1,11 @@
+//! Runs and what looks at them, in one process and without a bus.
+//!
+//! - [`row`]: a point of a sweep, a pure function of the sweep file and an index
+//! - [`compare`]: a run and its twins, side by side
+
+mod analyses;
+mod columns;
+pub mod compare;
+pub mod row;
+
+pub use columns::{ERROR_COLUMN, columns};
