@@ -336,7 +336,7 @@ fn with_intervals(mut config: RunConfig, document: &Table) -> Result<RunConfig, 
         config.stream.publish_every_steps = (1..=steps).rev().find(divides).unwrap_or(1);
     }
     if !record_written {
-        let published = config.stream.publish_every_steps.max(1);
+        let published = config.stream.publish_every_steps.max(1); // integers
         config.stream.record_every_steps = RECORD_EVERY_STEPS.next_multiple_of(published);
     }
     Ok(config)

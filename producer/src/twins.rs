@@ -152,7 +152,7 @@ fn load_speed_m_s(physics: &Physics) -> f64 {
     let chain = physics.chain();
     let walls = [chain.walls.left.rest_overlap_m, chain.walls.right.rest_overlap_m];
     let rests_m = chain.rest_overlap_m.iter().chain(&walls);
-    let largest_m = rests_m.fold(0.0_f64, |largest, rest_m| largest.max(*rest_m));
+    let largest_m = rests_m.fold(0.0, |largest, rest_m| if *rest_m > largest { *rest_m } else { largest });
     if largest_m == 0.0 {
         return 0.0;
     }

@@ -349,7 +349,7 @@ impl RunConfig {
 
 /// The line, from 1, of byte `offset` of `text`.
 pub fn line_at(text: &str, offset: usize) -> usize {
-    let end = offset.min(text.len());
+    let end = offset.min(text.len()); // integers
     text.as_bytes()[..end].split(|byte| *byte == b'\n').count()
 }
 

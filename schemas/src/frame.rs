@@ -105,7 +105,7 @@ impl Window {
         let physics = &manifest.physics;
         let first = physics.step_at_or_after(self.from_s).div_ceil(manifest.provenance.publish_every_steps);
         let last = manifest.frame_at(physics.step_at_or_before(self.until_s));
-        let (from, to) = (from.max(first), to.min(last));
+        let (from, to) = (from.max(first), to.min(last)); // integers
         (from <= to).then_some((from, to))
     }
 

@@ -264,7 +264,7 @@ impl RunManifest {
 
     /// The step of frame `frame`.
     pub fn step_of_frame(&self, frame: u64) -> u64 {
-        frame.saturating_mul(self.provenance.publish_every_steps).min(self.physics.step_count)
+        frame.saturating_mul(self.provenance.publish_every_steps).min(self.physics.step_count) // integers
     }
 
     /// The frame at `step`; between two frames, the one before.

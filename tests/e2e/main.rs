@@ -14,6 +14,7 @@ mod golden;
 mod guide;
 mod harness;
 mod hostile_files;
+mod house;
 mod keys;
 mod long_runs;
 mod lying;

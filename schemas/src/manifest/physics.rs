@@ -146,7 +146,7 @@ impl Physics {
     pub fn step_at_or_after(&self, time_s: f64) -> u64 {
         // the quotient is rounded, the times of steps are what counts
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates, NaN is 0")]
-        let near = ((time_s / self.dt_s) as u64).saturating_sub(1).min(self.step_count);
+        let near = ((time_s / self.dt_s) as u64).saturating_sub(1).min(self.step_count); // integers
         (near..=self.step_count).find(|step| self.time_s(*step) >= time_s).unwrap_or(self.step_count + 1)
     }
 
