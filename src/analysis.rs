@@ -10,7 +10,7 @@ use anyhow::{Error, anyhow};
 use bus::{Bus, ResultElement, ResultPublisher, ResultsError, StreamId};
 use consumers::figure::Figure;
 use consumers::follow::{Analysis, FollowError, Tally, follow_within};
-use consumers::table::TableError;
+use consumers::table::{Table, TableError};
 use recording::WriteError;
 use schemas::frame::{EndReason, Frame, FrameSource, Window};
 use schemas::manifest::RunManifest;
@@ -366,8 +366,52 @@ pub(crate) fn check_beads(manifest: &RunManifest, asked: Option<BeadRange>) -> R
 pub(crate) const ROW_HEAD: [&str; 3] = ["frame", "step", "time_s"];
 
 /// Begins a row of `table`.
-pub(crate) fn begin_row(table: &mut consumers::table::Table, frame: &Frame<'_>) {
+pub(crate) fn begin_row(table: &mut Table, frame: &Frame<'_>) {
     table.integer(frame.frame).integer(frame.step).double(frame.time_s);
+}
+
+/// Where the rows of an analysis go whose results are numbers with names: a table and the bus.
+pub(crate) struct Rows {
+    table: Option<Table>,
+    publisher: Option<ResultPublisher<f64>>,
+}
+
+impl Rows {
+    /// Rows of these columns, as results on `topic`, and in the table `out`.
+    pub(crate) fn open(
+        session: &Session<'_>,
+        topic: Topic,
+        names: &[impl AsRef<str>],
+        out: Option<&PathBuf>,
+    ) -> Result<Self, Failure> {
+        let names: Vec<_> = names.iter().map(AsRef::as_ref).collect();
+        let columns: Vec<_> = ROW_HEAD.iter().chain(&names).map(|name| (*name).to_owned()).collect();
+        let table = out.map(|path| Table::create(path, &columns, session.args.force)).transpose()?;
+        Ok(Self { table, publisher: session.results(topic, &ResultColumns::named(&names))? })
+    }
+
+    /// Writes the row of `frame`; what is not defined there is NaN on the bus, and left out in the table.
+    pub(crate) fn write(&mut self, frame: &Frame<'_>, row: &[f64]) -> Result<(), AnalysisError> {
+        if let Some(table) = &mut self.table {
+            begin_row(table, frame);
+            for value in row {
+                if value.is_nan() {
+                    table.empty()
+                } else {
+                    table.double(*value)
+                };
+            }
+            table.end_row()?;
+        }
+        publish(self.publisher.as_mut(), frame, row)
+    }
+
+    /// Ends both.
+    pub(crate) fn finish(self) -> Result<(), Failure> {
+        finish(self.publisher)?;
+        self.table.map(Table::finish).transpose()?;
+        Ok(())
+    }
 }
 
 /// Publishes one row of results; a stop that comes meanwhile is no error.

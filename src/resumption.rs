@@ -12,7 +12,6 @@ use recording::{
     InterruptedRecording, OtherChannels, RecordingInfo, RecordingSource, RecordingWriter, WriteOptions,
 };
 use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
-use schemas::manifest::RunManifest;
 use source::Source;
 use std::path::Path;
 use std::sync::Arc;
@@ -278,7 +277,8 @@ fn most_states(info: &RecordingInfo) -> u64 {
 }
 
 /// Says where a run goes on.
-pub(crate) fn tell_begin(manifest: &RunManifest, info: &RecordingInfo) {
+pub(crate) fn tell_begin(info: &RecordingInfo) {
+    let manifest = &info.manifest;
     let step = info.last_step.map_or_else(
         || "from its beginning: no state was recorded".to_owned(),
         |step| format!("after step {} of {}", count(step), count(manifest.physics.step_count)),

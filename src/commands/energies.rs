@@ -1,21 +1,19 @@
 //! `beadline energies`.
 
-use crate::analysis::{AnalysisError, ROW_HEAD, Session, begin_row, check_bead, draw, finish, publish};
+use crate::analysis::{AnalysisError, Rows, Session, check_bead, draw};
 use crate::args::EnergiesArgs;
 use crate::display::{self, count};
 use crate::failure::{Done, Failure};
 use crate::outputs::check_tables;
-use bus::ResultPublisher;
 use consumers::energies::{
     Energies, EnergyOutcome, EnergyRow, Moment, Reflected, Reflection, default_split_bead,
 };
 use consumers::follow::Analysis;
 use consumers::plots;
 use consumers::series::Series;
-use consumers::table::Table;
 use consumers::uncertain::Uncertain;
 use schemas::frame::Frame;
-use schemas::results::{ResultColumns, Topic};
+use schemas::results::Topic;
 use serde_json::{Value, json};
 
 /// The analysis with everything that its results go to.
@@ -23,8 +21,7 @@ struct Outputs {
     energies: Energies,
     /// Kept only for a figure.
     curves: Option<Series<{ EnergyRow::COLUMNS.len() }>>,
-    table: Option<Table>,
-    publisher: Option<ResultPublisher<f64>>,
+    rows: Rows,
 }
 
 impl Analysis for Outputs {
@@ -35,19 +32,7 @@ impl Analysis for Outputs {
         if let Some(curves) = &mut self.curves {
             curves.push(frame.time_s, values);
         }
-        if let Some(table) = &mut self.table {
-            begin_row(table, frame);
-            for value in values {
-                // there is no inbound or corrected energy where nothing is reflected
-                if value.is_nan() {
-                    table.empty()
-                } else {
-                    table.double(value)
-                };
-            }
-            table.end_row()?;
-        }
-        publish(self.publisher.as_mut(), frame, &values)
+        self.rows.write(frame, &values)
     }
 }
 
@@ -60,24 +45,15 @@ pub(crate) fn energies(args: &EnergiesArgs) -> Result<Done, Failure> {
         Some(bead) => check_bead(&manifest, "--split", bead)?,
         None => default_split_bead(&manifest),
     };
-    let names = EnergyRow::COLUMNS;
-    let columns: Vec<_> = ROW_HEAD.iter().chain(&names).map(|name| (*name).to_owned()).collect();
-    let published = ResultColumns { width: names.len(), names: names.join(","), tolerance_m: None };
     let mut outputs = Outputs {
         energies: Energies::new(&manifest, split_bead),
         curves: (!args.common.figure.is_empty()).then(Series::default),
-        table: args
-            .out
-            .as_ref()
-            .map(|path| Table::create(path, &columns, args.common.frames.force))
-            .transpose()?,
-        publisher: session.results(Topic::Energies, &published)?,
+        rows: Rows::open(&session, Topic::Energies, &EnergyRow::COLUMNS, args.out.as_ref())?,
     };
     let tally = session.follow(&mut outputs)?;
 
-    let Outputs { energies, curves, table, publisher } = outputs;
-    finish(publisher)?;
-    table.map(Table::finish).transpose()?;
+    let Outputs { energies, curves, rows: written } = outputs;
+    written.finish()?;
     let outcome = energies.outcome();
     if let Some(curves) = curves {
         let reflection = outcome.and_then(|outcome| outcome.reflection.ok());

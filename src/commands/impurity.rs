@@ -1,11 +1,10 @@
 //! `beadline impurity`.
 
-use crate::analysis::{AnalysisError, ROW_HEAD, Session, begin_row, check_bead, draw, finish, publish};
+use crate::analysis::{AnalysisError, Rows, Session, check_bead, draw};
 use crate::args::ImpurityArgs;
 use crate::display::{self, counted};
 use crate::failure::{Done, Failure};
 use crate::outputs::check_tables;
-use bus::ResultPublisher;
 use consumers::energies::default_split_bead;
 use consumers::follow::Analysis;
 use consumers::impurity::{Event, EventKind, Followed, Motion};
@@ -14,8 +13,9 @@ use consumers::series::Series;
 use consumers::table::Table;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
-use schemas::results::{ResultColumns, Topic};
+use schemas::results::Topic;
 use serde_json::{Value, json};
+use std::path::PathBuf;
 
 /// Events kept for the summary and the figure; the table has all of them.
 const MAX_EVENTS: usize = 10_000;
@@ -29,9 +29,8 @@ struct Outputs {
     curves: Vec<Series<WIDTH>>,
     events: Vec<Event>,
     event_count: u64,
-    table: Option<Table>,
     event_table: Option<Table>,
-    publisher: Option<ResultPublisher<f64>>,
+    rows: Rows,
     row: Vec<f64>,
 }
 
@@ -55,19 +54,7 @@ impl Analysis for Outputs {
                 table.end_row()?;
             }
         }
-        if let Some(table) = &mut self.table {
-            begin_row(table, frame);
-            for value in &self.row {
-                // the beads at the ends have one neighbour
-                if value.is_nan() {
-                    table.empty()
-                } else {
-                    table.double(*value)
-                };
-            }
-            table.end_row()?;
-        }
-        publish(self.publisher.as_mut(), frame, &self.row)
+        self.rows.write(frame, &self.row)
     }
 
     fn gap(&mut self) {
@@ -85,25 +72,21 @@ pub(crate) fn impurity(args: &ImpurityArgs) -> Result<Done, Failure> {
         .iter()
         .flat_map(|bead| Motion::QUANTITIES.map(|(quantity, unit)| format!("{quantity}_{bead}_{unit}")))
         .collect();
-    let columns: Vec<_> = ROW_HEAD.iter().map(|name| (*name).to_owned()).chain(names.clone()).collect();
     let event_columns = ["time_s", "bead", "event", "u_m"].map(str::to_owned);
-    let create = |path, columns: &[String]| Table::create(path, columns, args.common.frames.force);
-    let published = ResultColumns { width: names.len(), names: names.join(","), tolerance_m: None };
+    let create = |path: &PathBuf| Table::create(path, &event_columns, args.common.frames.force);
     let mut outputs = Outputs {
         followed: Followed::new(&manifest, &beads),
         curves: vec![Series::default(); if args.common.figure.is_empty() { 0 } else { beads.len() }],
         events: Vec::new(),
         event_count: 0,
-        table: args.out.as_ref().map(|path| create(path, &columns)).transpose()?,
-        event_table: args.events.as_ref().map(|path| create(path, &event_columns)).transpose()?,
-        publisher: session.results(Topic::Impurity, &published)?,
+        event_table: args.events.as_ref().map(create).transpose()?,
+        rows: Rows::open(&session, Topic::Impurity, &names, args.out.as_ref())?,
         row: Vec::with_capacity(names.len()),
     };
     let tally = session.follow(&mut outputs)?;
 
-    let Outputs { curves, events, event_count, table, event_table, publisher, .. } = outputs;
-    finish(publisher)?;
-    table.map(Table::finish).transpose()?;
+    let Outputs { curves, events, event_count, event_table, rows: written, .. } = outputs;
+    written.finish()?;
     event_table.map(Table::finish).transpose()?;
     draw(&args.common, || Ok(plots::trajectories(&manifest, &beads, &curves, &events)))?;
     session.report(&tally, "motion", rows(&beads, &events, event_count), json(&beads, &events, event_count))

@@ -9,14 +9,15 @@ use crate::forecast::Forecast;
 use crate::keyboard::Keyboard;
 use crate::outputs::check_free;
 use crate::publishing;
-use crate::resumption::{self, Resumption};
+use crate::resumption::{self, Rebuilt, Resumption};
 use crate::signals;
 use crate::stage::{Begin, Left, Stage};
 use anyhow::anyhow;
 use bus::{PublishCounts, PublishError, PublishOptions, StatePublisher};
 use consumers::determination::Outcome as Determined;
 use producer::run::{Conductor, RunError, RunOutcome};
-use recording::{Finished, RecordingWriter, SpaceNeeded, WriteError, WriteOptions};
+use producer::state::ChainState;
+use recording::{Finished, InterruptedRecording, RecordingWriter, SpaceNeeded, WriteError, WriteOptions};
 use schemas::frame::{EndReason, Frame};
 use schemas::manifest::{Physics, RunManifest};
 use schemas::summary::Drift;
@@ -24,6 +25,7 @@ use serde_json::{Value, json};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 /// A relative drift of the energy that a user should hear of.
@@ -39,63 +41,20 @@ const MANY_ROUNDINGS: f64 = 30.0;
 const NEARLY: f64 = 1e-12;
 
 pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
-    let resumption = match &args.resume {
-        Some(path) => match Resumption::find(path, args.out.as_deref(), args.force)?.unless_complete()? {
-            None => return Ok(Done::Whole),
-            left => left,
-        },
-        None => None,
-    };
-    let (configured, out) = match &resumption {
-        Some(found) => (Configured::recorded(found.info()), Some(found.target().to_owned())),
-        None => new_run(args)?,
-    };
+    let Some((configured, start)) = Start::of(args)? else { return Ok(Done::Whole) };
     let manifest = &configured.manifest;
+    let out = start.check_out(args.force)?;
     let options = write_options(args);
-    if let Some(path) = out.as_ref().filter(|path| path.extension().is_none_or(|end| end != "mcap")) {
-        let message = format!("{}: a recording is written as .mcap", path.display());
-        return Err(Failure::BadInput(anyhow!(message)));
-    }
-    match (&resumption, &out) {
-        (Some(found), _) => resumption::tell_begin(manifest, found.info()),
-        (None, Some(path)) => check_free(path, args.force)?,
-        (None, None) => {}
-    }
-    let disk = announce(&configured, out.as_ref(), &options)?;
-    let first_step = resumption.as_ref().map_or(0, |found| manifest.step_of_frame(found.first_frame()));
+    let disk = announce(&configured, out.as_deref(), &options)?;
+    let first_step = start.first_frame().map_or(0, |frame| manifest.step_of_frame(frame));
     Forecast::of_run(manifest, first_step, args.pace, disk).confirm(args.yes)?;
 
     let (keyboard, stop) = Keyboard::open()?;
-    let publish = PublishOptions {
-        first_frame: resumption.as_ref().map_or(0, Resumption::first_frame),
-        stuck_after: Duration::from_secs_f64(args.stall_timeout),
-        stop: Arc::clone(&stop),
-        ..PublishOptions::default()
-    };
-    let mut publisher = publishing::open(manifest, &publish, args.wait_for)?;
-    let mut recorder = match &out {
-        Some(path) if resumption.is_none() => {
-            Some(RecordingWriter::create(path, manifest, &configured.toml, &options)?)
-        }
-        _ => None,
-    };
-    let mut stopped = !publishing::wait_for_consumers(args.wait_for, &mut publisher, &stop)?;
-    let (mut state, mut old) = (None, None);
-    if let Some(found) = resumption.filter(|_| !stopped) {
-        match found.rebuild(&options, &mut publisher, &stop)? {
-            Some(rebuilt) => (recorder, state, old) = (Some(rebuilt.recorder), rebuilt.state, rebuilt.old),
-            None => stopped = true,
-        }
-    }
-    if stopped {
-        publisher.finish(EndReason::Interrupted)?;
-        if let Some(recorder) = recorder {
-            recorder.discard();
-        }
+    let Some(prepared) = start.prepare(args, &configured, &options, &stop)? else {
         display::notice("stopped before the run began; nothing was recorded");
         return Ok(Done::Lossy);
-    }
-
+    };
+    let Prepared { mut publisher, mut recorder, state, old } = prepared;
     if let Some(path) = &out {
         signals::would_leave(what_stays(path));
     }
@@ -110,6 +69,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     let left = stage.leave(&mut publisher);
     // the terminal shows what is said from here on, and what is typed
     drop(keyboard);
+
     let reason = result.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
     // in this order, so that whoever hears of the end finds the recording; neither is left out when the
     // other fails
@@ -119,17 +79,14 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     }
     let counts = publisher.finish(reason);
     if let (Some(path), true) = (&out, failed_to_record(&result, &recording)) {
-        let path = path.display();
-        display::notice(format_args!(
-            "what was recorded before stays in {path}.partial, which every analysis reads; when there is room, \
-             `beadline run --resume {path}.partial` goes on, with --out in another place"
-        ));
+        tell_what_stays(path);
     }
     let (outcome, recording, counts) = (result?, recording?, counts?);
     if let Some(old) = old {
         // it had the state that the run was gone on from
         old.remove()?;
     }
+
     let compared = beside.map(Beside::finish).transpose()?;
     let determined = compared.and_then(|compared| compared.determination.outcome());
     let is_determined = determined.as_ref().is_none_or(|determined| determined.first_lost().is_none());
@@ -145,6 +102,102 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     }
     tell_drift(&manifest.physics, outcome.relative_drift);
     Ok(Done::whole_if(counts.evicted == 0 && reason == EndReason::Complete && is_determined))
+}
+
+/// What a run begins with.
+enum Start {
+    /// The chain at rest; where the run is recorded, if it is.
+    Fresh(Option<PathBuf>),
+    /// The recording of a run that was interrupted.
+    Resumed(Resumption),
+}
+
+/// Everything that is there before the first step.
+struct Prepared {
+    publisher: StatePublisher,
+    recorder: Option<RecordingWriter>,
+    /// The state to go on from; none for step 0.
+    state: Option<ChainState>,
+    /// The old recording, as long as it has a state that the new one has not.
+    old: Option<InterruptedRecording>,
+}
+
+impl Start {
+    /// The run that the arguments mean, and what it begins with; none if there is nothing left to be done.
+    fn of(args: &RunArgs) -> Result<Option<(Configured, Self)>, Failure> {
+        if let Some(path) = &args.resume {
+            let found = Resumption::find(path, args.out.as_deref(), args.force)?;
+            let found = found.unless_complete()?;
+            return Ok(found.map(|found| (Configured::recorded(found.info()), Self::Resumed(found))));
+        }
+        let configured = configure(args)?;
+        let name = &configured.manifest.provenance.name;
+        let out = || args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.mcap")));
+        let out = (!args.no_record).then(out);
+        Ok(Some((configured, Self::Fresh(out))))
+    }
+
+    /// The first frame that is not recorded, of a run that goes on.
+    fn first_frame(&self) -> Option<u64> {
+        match self {
+            Self::Fresh(_) => None,
+            Self::Resumed(found) => Some(found.first_frame()),
+        }
+    }
+
+    /// Where the run is recorded, if it is; refuses a name that is taken.
+    fn check_out(&self, force: bool) -> Result<Option<PathBuf>, Failure> {
+        let out = match self {
+            Self::Fresh(out) => out.as_deref(),
+            Self::Resumed(found) => Some(found.target()),
+        };
+        if let Some(path) = out.filter(|path| path.extension().is_none_or(|end| end != "mcap")) {
+            let message = format!("{}: a recording is written as .mcap", path.display());
+            return Err(Failure::BadInput(anyhow!(message)));
+        }
+        match self {
+            Self::Fresh(_) => out.map_or(Ok(()), |path| check_free(path, force))?,
+            Self::Resumed(found) => resumption::tell_begin(found.info()),
+        }
+        Ok(out.map(Path::to_owned))
+    }
+
+    /// Opens the run to its consumers, waits for those that it is to wait for, and begins its recording, with
+    /// what was recorded before. None if `stop` was set meanwhile.
+    fn prepare(
+        self,
+        args: &RunArgs,
+        configured: &Configured,
+        options: &WriteOptions,
+        stop: &Arc<AtomicBool>,
+    ) -> Result<Option<Prepared>, Failure> {
+        let publish = PublishOptions {
+            first_frame: self.first_frame().unwrap_or(0),
+            stuck_after: Duration::from_secs_f64(args.stall_timeout),
+            stop: Arc::clone(stop),
+            ..PublishOptions::default()
+        };
+        let mut publisher = publishing::open(&configured.manifest, &publish, args.wait_for)?;
+        let recorder = match &self {
+            Self::Fresh(Some(path)) => {
+                Some(RecordingWriter::create(path, &configured.manifest, &configured.toml, options)?)
+            }
+            _ => None,
+        };
+        if publishing::wait_for_consumers(args.wait_for, &mut publisher, stop)? {
+            let Self::Resumed(found) = self else {
+                return Ok(Some(Prepared { publisher, recorder, state: None, old: None }));
+            };
+            if let Some(Rebuilt { recorder, state, old }) = found.rebuild(options, &mut publisher, stop)? {
+                return Ok(Some(Prepared { publisher, recorder: Some(recorder), state, old }));
+            }
+        }
+        publisher.finish(EndReason::Interrupted)?;
+        if let Some(recorder) = recorder {
+            recorder.discard();
+        }
+        Ok(None)
+    }
 }
 
 fn write_options(args: &RunArgs) -> WriteOptions {
@@ -176,15 +229,6 @@ fn tell_drift(physics: &Physics, drift: f64) {
     }
 }
 
-/// A run that begins: what it is, and where it is recorded.
-fn new_run(args: &RunArgs) -> Result<(Configured, Option<PathBuf>), Failure> {
-    let configured = configure(args)?;
-    let name = &configured.manifest.provenance.name;
-    let out = || args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.mcap")));
-    let out = (!args.no_record).then(out);
-    Ok((configured, out))
-}
-
 /// Where the recording `path` is if the process is ended at once.
 fn what_stays(path: &Path) -> String {
     let path = path.display();
@@ -192,6 +236,15 @@ fn what_stays(path: &Path) -> String {
         "{path}.partial has what was recorded: `beadline run --resume {path}.partial` goes on with it, and every \
          analysis reads it"
     )
+}
+
+/// Says where what was recorded is, and how to go on, when the rest could not be written.
+fn tell_what_stays(path: &Path) {
+    let path = path.display();
+    display::notice(format_args!(
+        "what was recorded before stays in {path}.partial, which every analysis reads; when there is room, \
+         `beadline run --resume {path}.partial` goes on, with --out in another place"
+    ));
 }
 
 /// Whether a recording was begun that could not be written to its end.
@@ -204,7 +257,7 @@ fn failed_to_record<P: std::error::Error, T>(
 }
 
 /// Says what the run will write, and refuses what cannot fit; the part of the free disk that it needs at least.
-fn announce(configured: &Configured, out: Option<&PathBuf>, options: &WriteOptions) -> Result<f64, Failure> {
+fn announce(configured: &Configured, out: Option<&Path>, options: &WriteOptions) -> Result<f64, Failure> {
     let manifest = &configured.manifest;
     let frame_bytes = 8 * manifest.frame_doubles() as u64;
     let frames = format!(

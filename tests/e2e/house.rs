@@ -14,7 +14,8 @@ fn dependencies() -> BTreeMap<String, BTreeSet<String>> {
     let metadata: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     let text = |value: &Value| value.as_str().expect("a text").to_owned();
     let of = |package: &Value| {
-        let normal = package["dependencies"].as_array().expect("a list").iter().filter(|it| it["kind"].is_null());
+        let normal =
+            package["dependencies"].as_array().expect("a list").iter().filter(|it| it["kind"].is_null());
         normal.map(|it| text(&it["name"])).collect()
     };
     let packages = metadata["packages"].as_array().expect("a list").iter();
