@@ -5,6 +5,7 @@ use crate::display::{self, count, counted};
 use crate::failure::{BadInput as _, Done, Failure};
 use crate::frames::{Frames, FramesError, is_of_a_file};
 use crate::outputs::check_outputs;
+use crate::progress::Progress;
 use crate::signals;
 use anyhow::{Error, anyhow};
 use bus::{Bus, ResultElement, ResultPublisher, ResultsError, StreamId};
@@ -22,7 +23,6 @@ use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::time::{Duration, Instant};
 
 /// An open source and what goes with it.
 pub(crate) struct Session<'a> {
@@ -129,20 +129,19 @@ impl<'a> Session<'a> {
         analysis: &mut impl Analysis<Error = AnalysisError>,
     ) -> Result<Tally, Failure> {
         let manifest = self.source.manifest();
-        let bar = display::progress_bar(manifest.physics.step_count, manifest.provenance.name.as_str());
+        let mut progress = Progress::of_run(manifest);
         let publish_every = manifest.provenance.publish_every_steps;
-        let (mut seen, mut refreshed) = (0_u64, Instant::now());
+        let mut seen = 0_u64;
         let mut tally = Tally::default();
         let followed = follow_within(&mut self.source, analysis, self.window, &mut tally, |tally| {
             seen += 1;
-            if seen.is_multiple_of(64) && refreshed.elapsed() >= Duration::from_millis(100) {
-                refreshed = Instant::now();
-                bar.set_position(tally.last_frame.unwrap_or(0) * publish_every);
+            // a look at the clock costs as much as an analysis of a few beads
+            if seen.is_multiple_of(64) && progress.at(tally.last_frame.unwrap_or(0) * publish_every) {
                 let missed = format!("{} missed", count(tally.missed_count));
-                display::tell(&bar, &[&counted(tally.frame_count, "frame"), &missed]);
+                progress.tell(&[&counted(tally.frame_count, "frame"), &missed]);
             }
         });
-        bar.finish_and_clear();
+        progress.finish();
         match followed {
             Ok(()) => Ok(tally),
             // what came before the damage stays a result, as in a file that was cut short

@@ -2,6 +2,7 @@
 
 use crate::display::{self, count, seconds};
 use crate::failure::Failure;
+use crate::progress::REFRESH;
 use anyhow::anyhow;
 use consumers::determination::{Bound, Determined, Outcome, Quantity, TOLERANCE, digits};
 use experiments::compare::{Compared, compare};
@@ -12,10 +13,6 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
-
-/// How often a person needs to see progress.
-const REFRESH: Duration = Duration::from_millis(100);
 
 /// How much the thread beside a run gives way to others.
 const NICENESS: i32 = 10;

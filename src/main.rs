@@ -14,6 +14,7 @@ mod keyboard;
 mod limits;
 mod outputs;
 mod pace;
+mod progress;
 mod publishing;
 mod recorder;
 mod reproduce;

@@ -4,6 +4,7 @@ use crate::display::{self, count};
 use crate::failure::{BadInput, Failure};
 use crate::frames::{Frames, is_of_a_file};
 use crate::outputs::check_free;
+use crate::progress::Progress;
 use anyhow::anyhow;
 use bus::StatePublisher;
 use producer::resimulation::{Lend, check_kernel};
@@ -16,13 +17,9 @@ use source::Source;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
 
 /// Steps before the last state that are computed again at the most, times the beads: some ten seconds.
 const MOST_PROVEN: u64 = 1 << 34;
-
-/// How often progress is shown and consumers are answered meanwhile.
-const REFRESH: Duration = Duration::from_millis(100);
 
 /// An interrupted run that can be gone on with.
 pub(crate) struct Resumption {
@@ -147,23 +144,21 @@ impl Resumption {
         let mut source = Source::recording(self.recording.path(), stop).bad_input()?;
         source.seek(from).bad_input()?;
         let mut frames = Frames::recomputed(source, Lend::Frames, from == 0, from, None)?;
-        let bar = display::progress_bar(last_step, "proving");
-        let mut refreshed = Instant::now();
+        let mut progress = Progress::new(last_step, "proving");
         loop {
             match frames.receive() {
-                Ok(Received::Frame(frame)) if refreshed.elapsed() >= REFRESH => {
-                    refreshed = Instant::now();
-                    bar.set_position(frame.step);
-                    let _ = publisher.serve();
+                Ok(Received::Frame(frame)) => {
+                    if progress.at(frame.step) {
+                        let _ = publisher.serve();
+                    }
                 }
-                Ok(Received::Frame(_)) => {}
                 // copying finds what is missing
                 Ok(Received::Missed { .. } | Received::End(_)) => break,
                 Err(error) if is_of_a_file(&error) => return Err(self.damaged(&error.to_string())),
                 Err(error) => return Err(error.into()),
             }
         }
-        bar.finish_and_clear();
+        progress.finish();
         if from > 0 {
             let from = count(from);
             display::notice(format_args!(
@@ -187,8 +182,7 @@ impl Resumption {
         let manifest = states.manifest().clone();
         // of the last frame: states between frames were added by somebody else
         let last_step = self.info().last_step.map(|step| manifest.step_of_frame(manifest.frame_at(step)));
-        let bar = display::progress_bar(last_step.unwrap_or(0), "copying");
-        let mut refreshed = Instant::now();
+        let mut progress = Progress::new(last_step.unwrap_or(0), "copying");
         let mut last = None;
         loop {
             match states.receive().map_err(|error| damaged(error.to_string()))? {
@@ -200,9 +194,7 @@ impl Resumption {
                     if Some(frame.step) == last_step {
                         last = Some(ChainState::of_frame(&frame));
                     }
-                    if refreshed.elapsed() >= REFRESH {
-                        refreshed = Instant::now();
-                        bar.set_position(frame.step);
+                    if progress.at(frame.step) {
                         // a consumer that cannot be answered now is answered later
                         let _ = publisher.serve();
                     }
@@ -220,7 +212,7 @@ impl Resumption {
             }
         }
         others.copy_rest(recorder)?;
-        bar.finish_and_clear();
+        progress.finish();
         if let (Some(step), None) = (last_step, &last) {
             return Err(damaged(format!("{}: its last state, of step {step}, is not there", path.display())));
         }

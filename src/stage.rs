@@ -4,6 +4,7 @@ use crate::args::Pace;
 use crate::display::{self, count, seconds};
 use crate::keyboard::{Key, Keyboard, Seek};
 use crate::pace::{LONGEST_NAP, Pacer};
+use crate::progress::REFRESH;
 use crate::publishing::Dropped;
 use bus::StatePublisher;
 use indicatif::ProgressBar;
@@ -16,7 +17,6 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 /// How often a person needs to see progress.
-const REFRESH: Duration = Duration::from_millis(100);
 
 /// Between two looks at the clock.
 const CLOCK_EVERY: Duration = Duration::from_millis(1);

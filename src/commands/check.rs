@@ -6,6 +6,7 @@ use crate::determining::{explanation, json, table, verdict};
 use crate::display;
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::{check_figures, check_place, check_tables, extension};
+use crate::progress::Progress;
 use crate::signals;
 use anyhow::anyhow;
 use consumers::determination::{Determination, Outcome, Quantity};
@@ -16,10 +17,6 @@ use recording::RecordingInfo;
 use schemas::manifest::RunManifest;
 use serde_json::Value;
 use std::path::Path;
-use std::time::{Duration, Instant};
-
-/// How often a person needs to see progress.
-const REFRESH: Duration = Duration::from_millis(100);
 
 /// A run to be compared with its twins.
 struct Subject {
@@ -40,16 +37,13 @@ pub(crate) fn check(args: &CheckArgs) -> Result<Done, Failure> {
     let (manifest, physics) = (&subject.manifest, &subject.manifest.physics);
 
     let stop = signals::stop_flag()?;
-    let bar = display::progress_bar(subject.last_step, manifest.provenance.name.as_str());
-    let mut refreshed = Instant::now();
+    let mut progress = Progress::new(subject.last_step, manifest.provenance.name.as_str());
     let compared = compare(manifest, None, (subject.last_step, args.tolerance), &stop, |step| {
-        if refreshed.elapsed() >= REFRESH {
-            refreshed = Instant::now();
-            bar.set_position(step);
-            bar.set_message(format!("t = {}", display::seconds(physics.time_s(step))));
+        if progress.at(step) {
+            progress.tell(&[&format!("t = {}", display::seconds(physics.time_s(step)))]);
         }
     });
-    bar.finish_and_clear();
+    progress.finish();
     let Compared { determination, last_state_hash, stopped } = compared?;
     let outcome = determination.outcome().ok_or_else(|| anyhow!("nothing was compared"))?;
 

@@ -6,11 +6,11 @@ use crate::display::{self, bytes, count, counted};
 use crate::failure::{BadInput, Done, Failure};
 use crate::frames::{Frames, is_of_a_file};
 use crate::outputs::{check_place, extension};
+use crate::progress::Progress;
 use crate::signals;
 use anyhow::{Error, anyhow};
 use consumers::export::{Excerpt, Export, ExportError, Format};
 use consumers::follow::{Analysis, FollowError, Tally, follow_within};
-use indicatif::ProgressBar;
 use producer::resimulation::Lend;
 use schemas::frame::{EndReason, Frame, FrameSource, Window};
 use serde_json::json;
@@ -20,7 +20,6 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
 
 /// The states that are due, on their way into the file.
 struct Exporting {
@@ -30,8 +29,7 @@ struct Exporting {
     /// Steps of the first and the last state.
     steps: Option<(u64, u64)>,
     first_step: u64,
-    bar: ProgressBar,
-    refreshed: Instant,
+    progress: Progress,
 }
 
 impl Analysis for Exporting {
@@ -44,10 +42,8 @@ impl Analysis for Exporting {
             let first = self.steps.map_or(frame.step, |(first, _)| first);
             self.steps = Some((first, frame.step));
         }
-        if self.refreshed.elapsed() >= Duration::from_millis(100) {
-            self.refreshed = Instant::now();
-            self.bar.set_position(frame.step - self.first_step);
-            display::tell(&self.bar, &[&counted(self.states, "state")]);
+        if self.progress.at(frame.step - self.first_step) {
+            self.progress.tell(&[&counted(self.states, "state")]);
         }
         Ok(())
     }
@@ -146,8 +142,7 @@ impl Exporting {
             states: 0,
             steps: None,
             first_step,
-            bar: display::progress_bar(length, manifest.provenance.name.as_str()),
-            refreshed: Instant::now(),
+            progress: Progress::new(length, manifest.provenance.name.as_str()),
         }
     }
 }
@@ -156,7 +151,7 @@ impl Exporting {
 fn follow(frames: &mut Frames, exporting: &mut Exporting, window: Window) -> Result<Tally, Failure> {
     let mut tally = Tally::default();
     let followed = follow_within(frames, exporting, window, &mut tally, |_| {});
-    exporting.bar.finish_and_clear();
+    exporting.progress.finish();
     match followed {
         Ok(()) => Ok(tally),
         Err(FollowError::Source(error)) if is_of_a_file(&error) && exporting.states > 0 => {

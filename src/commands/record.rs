@@ -5,6 +5,7 @@ use crate::display::{self, bytes, count, counted};
 use crate::failure::{BadInput, Done, Failure};
 use crate::frames::{Frames, attach_with, tell};
 use crate::outputs::{check_directory, check_free};
+use crate::progress::Progress;
 use crate::recorder::rows::{RowTally, RowThreads};
 use crate::recorder::{DueFrames, Recorder};
 use crate::signals;
@@ -18,7 +19,7 @@ use serde_json::{Value, json};
 use source::{Named, Source};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// How long a publisher of results that still runs may be silent once the run is over.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -190,9 +191,7 @@ struct Session<'a> {
 impl Session<'_> {
     /// Records frames until they end, or the disk is nearly full.
     fn follow(&mut self, source: &mut Frames) -> Result<EndReason, Failure> {
-        let provenance = &self.manifest.provenance;
-        let bar = display::progress_bar(self.manifest.physics.step_count, provenance.name.as_str());
-        let mut refreshed = Instant::now();
+        let mut progress = Progress::of_run(&self.manifest);
         let end = loop {
             match source.receive()? {
                 Received::Frame(frame) => {
@@ -201,15 +200,13 @@ impl Session<'_> {
                         self.disk_is_short = true;
                         break EndReason::Detached;
                     }
-                    if refreshed.elapsed() >= Duration::from_millis(100) {
-                        refreshed = Instant::now();
+                    if progress.at(frame.step) {
                         let (written_bytes, finished_parts) = self.recorder.size();
-                        bar.set_position(frame.step);
                         let missed = format!("{} missed", count(self.missed_count));
                         let (size, part) = (bytes(written_bytes).to_string(), finished_parts + 1);
                         let said =
                             [&counted(self.frame_count, "frame"), &missed, &size, &format!("part {part}")];
-                        display::tell(&bar, &said.map(String::as_str));
+                        progress.tell(&said.map(String::as_str));
                     }
                 }
                 Received::Missed { from, to } => self.missed_count += to - from + 1,
@@ -218,7 +215,7 @@ impl Session<'_> {
                 Received::End(reason) => break reason,
             }
         };
-        bar.finish_and_clear();
+        progress.finish();
         Ok(end)
     }
 }

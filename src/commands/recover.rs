@@ -6,6 +6,7 @@ use crate::commands::verify::{Verified, damage_json, damage_text, difference_jso
 use crate::display::{self, bytes, count, counted};
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::check_place;
+use crate::progress::Progress;
 use crate::signals;
 use anyhow::{Context, anyhow};
 use producer::recovery::{Recovery, RecoveryError, recover as recover_states};
@@ -20,7 +21,6 @@ use std::num::NonZero;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
-use std::time::{Duration, Instant};
 
 pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
     let (from, to, force) = (args.file.as_path(), args.output.out.as_path(), args.output.force);
@@ -56,17 +56,13 @@ pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
     let place = working_place(from, to);
     let options = WriteOptions { force, ..WriteOptions::default() };
     let mut writer = RecordingWriter::create_from(&place, &manifest, run_toml.as_deref(), &begin, &options)?;
-    let bar = display::progress_bar(manifest.physics.step_count, manifest.provenance.name.as_str());
-    let mut refreshed = Instant::now();
+    let mut progress = Progress::of_run(&manifest);
     let mut watch = |step| {
-        if refreshed.elapsed() >= Duration::from_millis(100) {
-            refreshed = Instant::now();
-            bar.set_position(step);
-        }
+        progress.at(step);
         !stop.load(Ordering::Relaxed)
     };
     let recovered = recover_states(audit, &begin, !args.no_fill, expected.as_ref(), &mut writer, &mut watch);
-    bar.finish_and_clear();
+    progress.finish();
     let recovery = match recovered {
         Ok(recovery) => recovery,
         Err(error) => {

@@ -5,6 +5,7 @@ use crate::display::{self, bytes, count};
 use crate::failure::{BadInput, Done, Failure};
 use crate::frames::Frames;
 use crate::outputs::check_place;
+use crate::progress::Progress;
 use crate::signals;
 use anyhow::anyhow;
 use producer::resimulation::Lend;
@@ -16,7 +17,6 @@ use source::Source;
 use std::num::NonZero;
 use std::path::Path;
 use std::sync::atomic::Ordering;
-use std::time::{Duration, Instant};
 
 /// A recording to be written again with other states.
 struct Rewrite<'a> {
@@ -160,8 +160,7 @@ impl Rewrite<'_> {
         manifest: &RunManifest,
         last_step: Option<u64>,
     ) -> Result<EndReason, Failure> {
-        let bar = display::progress_bar(manifest.physics.step_count, manifest.provenance.name.as_str());
-        let mut refreshed = Instant::now();
+        let mut progress = Progress::of_run(manifest);
         let mut others = OtherChannels::open(self.from)?;
         let reason = loop {
             match states.receive().map_err(|error| Failure::Failed(error.into()))? {
@@ -174,10 +173,7 @@ impl Rewrite<'_> {
                     if is_due || is_first || Some(step) == last_step {
                         writer.accept(&frame)?;
                     }
-                    if refreshed.elapsed() >= Duration::from_millis(100) {
-                        refreshed = Instant::now();
-                        bar.set_position(step);
-                    }
+                    progress.at(step);
                 }
                 Received::Missed { from, to } => {
                     let message = format!("{}: the frames {from} to {to} are missing", self.from.display());
@@ -186,7 +182,7 @@ impl Rewrite<'_> {
                 Received::End(reason) => break reason,
             }
         };
-        bar.finish_and_clear();
+        progress.finish();
         if reason != EndReason::Stopped {
             others.copy_rest(writer)?;
         }

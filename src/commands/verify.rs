@@ -8,6 +8,7 @@ pub(crate) mod run_toml;
 use crate::args::VerifyArgs;
 use crate::display::{self, bytes, count, seconds};
 use crate::failure::{BadInput, Done, Failure};
+use crate::progress::Progress;
 use crate::signals;
 use lists::Lists;
 use producer::resimulation::Difference;
@@ -23,7 +24,6 @@ use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
 
 /// A recording and what it was found to be.
 pub(crate) struct Verified {
@@ -82,15 +82,11 @@ pub(crate) fn verify_file(
     let manifest = audit.manifest();
     display::notice_of_version(manifest);
     let file_bytes = audit.file_bytes();
-    let bar = display::progress_bar(manifest.physics.step_count, manifest.provenance.name.as_str());
-    let mut refreshed = Instant::now();
+    let mut progress = Progress::of_run(manifest);
     let found = verify_states(audit, threads, stop, |step| {
-        if refreshed.elapsed() >= Duration::from_millis(100) {
-            refreshed = Instant::now();
-            bar.set_position(step);
-        }
+        progress.at(step);
     });
-    bar.finish_and_clear();
+    progress.finish();
     let found = found.bad_input()?;
     let follows = match before {
         Some(before) => Some(follows(&before.found, &found, stop)),

@@ -5,6 +5,7 @@ use super::directory::{Directory, Shard};
 use crate::configuration::origin;
 use crate::display::{self, count, counted};
 use crate::failure::Failure;
+use crate::progress::REFRESH;
 use anyhow::Error;
 use consumers::journal::{Entry, Journal};
 use experiments::row::{self, Signals};
@@ -15,10 +16,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread;
-use std::time::{Duration, Instant};
-
-/// How often a person needs to see progress.
-const REFRESH: Duration = Duration::from_millis(100);
+use std::time::Instant;
 
 /// Most workers of one process: more than any machine has cores, fewer than the threads that systems grant.
 const MAX_WORKERS: usize = 1024;
