@@ -16,8 +16,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// How often a person needs to see progress.
-
 /// Between two looks at the clock.
 const CLOCK_EVERY: Duration = Duration::from_millis(1);
 
