@@ -13,6 +13,7 @@ mod naming;
 
 pub use aside::{LockedFile, Names};
 pub(crate) use naming::directory_of;
+pub use naming::{create_directory, sync_name};
 
 use rustix::fs::OFlags;
 use std::fs::{self, File, OpenOptions, TryLockError};
