@@ -54,6 +54,7 @@ mod svg;
 mod text;
 mod ticks;
 
+use schemas::whole_file::sync_name;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -250,8 +251,10 @@ fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     }
     let mut file = builder.prefix(".figure-").suffix(".partial").tempfile_in(folder)?;
     file.write_all(bytes)?;
+    // after a power failure, too, a name has the whole figure, or what was there before
+    file.as_file().sync_all()?;
     file.persist(path)?;
-    Ok(())
+    sync_name(path)
 }
 
 #[cfg(test)]

@@ -127,8 +127,7 @@ impl Journal {
         file.seek(SeekFrom::End(0)).map_err(&io)?;
         let mut journal = Self { path: path.to_owned(), file };
         if contents.whole_bytes == 0 {
-            let line = HeadLine { identity: head.identity.clone(), columns: names(head) };
-            journal.write(&line)?;
+            journal.write(&head_line(head))?;
             // the name must outlive a crash as well as the rows
             let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty());
             let synced = File::open(directory.unwrap_or(Path::new("."))).and_then(|file| file.sync_all());
@@ -143,13 +142,10 @@ impl Journal {
     /// When the disk does not take it.
     pub fn append(&mut self, entry: &Entry) -> Result<(), JournalError> {
         let cells = entry.cells.iter().map(to_json).collect();
-        self.write(&EntryLine { index: entry.index, wall_s: entry.wall_s, cells })
+        self.write(&line(&EntryLine { index: entry.index, wall_s: entry.wall_s, cells }))
     }
 
-    fn write(&mut self, line: &impl Serialize) -> Result<(), JournalError> {
-        // plain structs of numbers and words always serialise
-        let json = serde_json::to_string(line).unwrap_or_default();
-        let line = format!("{:08x} {json}\n", crc32fast::hash(json.as_bytes()));
+    fn write(&mut self, line: &str) -> Result<(), JournalError> {
         let written = self.file.write_all(line.as_bytes()).and_then(|()| self.file.sync_data());
         written.map_err(JournalError::io(&self.path))
     }
@@ -162,6 +158,17 @@ impl Journal {
 pub fn read(path: &Path, head: &JournalHead) -> Result<Contents, JournalError> {
     let file = File::open(path).map_err(JournalError::io(path))?;
     contents(&mut BufReader::new(file), path, head)
+}
+
+/// A line with its checksum.
+fn line(content: &impl Serialize) -> String {
+    // plain structs of numbers and words always serialise
+    let json = serde_json::to_string(content).unwrap_or_default();
+    format!("{:08x} {json}\n", crc32fast::hash(json.as_bytes()))
+}
+
+fn head_line(head: &JournalHead) -> String {
+    line(&HeadLine { identity: head.identity.clone(), columns: names(head) })
 }
 
 fn names(head: &JournalHead) -> Vec<String> {
@@ -178,7 +185,16 @@ fn contents(reader: &mut impl BufRead, path: &Path, head: &JournalHead) -> Resul
         // without its end it is torn, or endless
         let Some(line) = line.strip_suffix(b"\n") else { return Ok(contents) };
         if contents.whole_bytes == 0 {
-            check_head(line, path, head)?;
+            let found = check_head(line, path, head);
+            if matches!(found, Err(JournalError::Damaged { .. })) && checked(line).is_none() {
+                // a power failure may leave holes in a head that was not synced, and no row comes before that
+                let most = head_line(head).len() as u64;
+                let rest = io::copy(&mut reader.by_ref().take(most), &mut io::sink());
+                if position + rest.map_err(JournalError::io(path))? <= most {
+                    return Ok(contents);
+                }
+            }
+            found?;
         } else {
             match checked(line).and_then(|json| entry(json, &head.columns)) {
                 Some(entry) => contents.entries.push(entry),
@@ -292,16 +308,19 @@ mod tests {
         }
     }
 
-    /// A torn head is a journal that was never begun.
+    /// A torn head is a journal that was never begun, also with holes in it.
     #[test]
     fn a_torn_head_is_written_again() {
         let dir = tempfile::tempdir().expect("tempdir");
         let path = dir.path().join("rows");
         let whole = written(&path, 0);
         for length in 0..whole.len() {
-            fs::write(&path, &whole[..length]).expect("disk");
-            drop(Journal::open(&path, &head()).expect("repaired"));
-            assert_eq!(fs::read(&path).expect("whole"), whole);
+            let holes = [vec![b'\n'; length], whole[length..].to_vec()].concat();
+            for torn in [&whole[..length], &holes[..holes.len() - usize::from(length == 0)]] {
+                fs::write(&path, torn).expect("disk");
+                drop(Journal::open(&path, &head()).expect("repaired"));
+                assert_eq!(fs::read(&path).expect("whole"), whole);
+            }
         }
     }
 

@@ -12,7 +12,7 @@ mod aside;
 mod naming;
 
 pub use aside::{LockedFile, Names};
-pub use naming::directory_of;
+pub use naming::{create_directory, directory_of, sync_name};
 
 use rustix::fs::OFlags;
 use std::fs::{self, File, OpenOptions, TryLockError};

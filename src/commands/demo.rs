@@ -18,6 +18,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use schemas::frame::{Frame, FrameSource};
 use schemas::manifest::Physics;
 use schemas::run_name::RunName;
+use schemas::whole_file::create_directory;
 use serde_json::Value;
 use std::convert::Infallible;
 use std::fmt::Write;
@@ -71,7 +72,7 @@ const PROFILES: [&str; 2] = ["profiles.svg", "profiles.png"];
 pub(crate) fn demo(args: &DemoArgs) -> Result<Done, Failure> {
     let start = Instant::now();
     let dir = &args.out;
-    fs::create_dir_all(dir).with_context(|| format!("{} cannot be created", dir.display())).bad_input()?;
+    create_directory(dir).with_context(|| format!("{} cannot be created", dir.display())).bad_input()?;
     check_free(dir, args.force)?;
     let name = free_name()?;
 

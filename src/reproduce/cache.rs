@@ -10,6 +10,7 @@ use recording::hex;
 use recording::{RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};
 use schemas::frame::{EndReason, Frame, FrameSink};
 use schemas::manifest::RunManifest;
+use schemas::whole_file::create_directory;
 use std::convert::Infallible;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -86,8 +87,7 @@ impl Cached {
 /// Creates the directory of the cache.
 pub(crate) fn create(directory: &Path) -> Result<(), Failure> {
     let failed = || format!("{} cannot be created", directory.display());
-    std::fs::create_dir_all(directory).with_context(failed)?;
-    Ok(())
+    Ok(create_directory(directory).with_context(failed)?)
 }
 
 /// Nobody listens to these runs.

@@ -11,7 +11,7 @@ use consumers::journal::{Journal, JournalError, JournalHead};
 use experiments::columns;
 use producer::sweep::Sweep;
 use recording::hex;
-use schemas::whole_file::{WholeFile, WholeFileError};
+use schemas::whole_file::{WholeFile, WholeFileError, create_directory};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::fs;
@@ -68,7 +68,7 @@ impl Directory {
     /// removed with `force`.
     pub(super) fn open(path: &Path, sweep: &Sweep, force: bool) -> Result<Self, Failure> {
         let (directory, sign) = Self::of(path, sweep);
-        fs::create_dir_all(path.join(ROWS))
+        create_directory(&path.join(ROWS))
             .with_context(|| format!("cannot make {}", path.display()))
             .bad_input()?;
         if force {
@@ -225,7 +225,7 @@ impl Directory {
 
     /// Makes the directory of the recordings.
     pub(super) fn make_recordings(&self) -> Result<(), Failure> {
-        Ok(fs::create_dir_all(self.path.join(RECORDINGS))?)
+        Ok(create_directory(&self.path.join(RECORDINGS))?)
     }
 }
 

@@ -25,7 +25,8 @@ fn random_changes_of_a_recording_are_survived() {
         commands: &["info", "verify", "recover --force --out recovered.mcap", "energies"].map(str::to_owned),
         recordings: &["sparse.mcap", "contacts.mcap", "partial.mcap.partial"].map(golden),
         seed: 1 << 40,
-        count: 150,
+        // a thousand, each given to every command: more than 1 GiB, 10 s of a processor or two minutes is a failure
+        count: 1000,
         jobs: 2,
         directory: &place.path("."),
     };

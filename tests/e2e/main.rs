@@ -24,6 +24,7 @@ mod other_tools;
 mod own_consumer;
 mod pipeline;
 mod plot;
+mod power;
 mod proven;
 mod pulses;
 mod python;

@@ -99,6 +99,27 @@ fn a_damaged_chunk_is_named_with_its_frames_and_brought_back() {
     }
 }
 
+/// As a power failure leaves a chunk that was not synced, of which the last sector is missing; with more behind it.
+#[test]
+fn a_chunk_that_ends_in_zeros_is_not_where_the_file_ends() {
+    let place = Place::new();
+    let mut bytes = record(&place, "", Compression::Zstd { level: 1 });
+    let whole = states(&place, "small.mcap");
+    let chunks = chunks(&bytes);
+    let (at, length) = chunks[3];
+    bytes[at + length - 100..at + 9 + length].fill(0);
+    bytes.truncate(chunks[5].0);
+    fs::write(place.path("torn.mcap.partial"), &bytes).unwrap();
+    let found = place.run("verify torn.mcap.partial --json").exits(3).json();
+    assert_eq!(found["damages"][0]["chunk"], 3, "{found}");
+    place.run("recover torn.mcap.partial --out saved.mcap").exits(0);
+    let saved = states(&place, "saved.mcap");
+    assert!(!saved.is_empty() && whole.starts_with(&saved));
+    // the chunk after it is read
+    let after = place.run("verify saved.mcap --json").exits(0).json();
+    assert!(after["states"].as_u64() > found["states"].as_u64(), "{found} {after}");
+}
+
 #[test]
 fn without_filling_a_gap_stays_one() {
     let place = Place::new();

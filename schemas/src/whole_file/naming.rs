@@ -54,12 +54,36 @@ fn by_reservation(from: &Path, to: &Path) -> io::Result<()> {
 
 /// Makes the names in the directory of `path` durable.
 pub(super) fn sync_directory(path: &Path) -> Result<(), WholeFileError> {
-    let directory = directory_of(path);
-    match File::open(directory).and_then(|directory| directory.sync_all()) {
+    sync_name(path).map_err(WholeFileError::io(directory_of(path)))
+}
+
+/// Makes the name `path` durable, and all others in its directory.
+///
+/// # Errors
+/// When the operating system refuses.
+pub fn sync_name(path: &Path) -> io::Result<()> {
+    match File::open(directory_of(path)).and_then(|directory| directory.sync_all()) {
         // file systems that cannot sync directories do without
         Err(error) if error.kind() == io::ErrorKind::InvalidInput => Ok(()),
-        synced => synced.map_err(WholeFileError::io(directory)),
+        synced => synced,
     }
+}
+
+/// Makes the directory `path` and those above it that are missing, durably: a file that is synced is lost with a
+/// directory that is not.
+///
+/// # Errors
+/// When the operating system refuses.
+pub fn create_directory(path: &Path) -> io::Result<()> {
+    if path.as_os_str().is_empty() || path.is_dir() {
+        return Ok(());
+    }
+    create_directory(directory_of(path))?;
+    match fs::create_dir(path) {
+        Err(_) if path.is_dir() => {}
+        made => made?,
+    }
+    sync_name(path)
 }
 
 /// The directory that `path` is in.

@@ -9,10 +9,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 /// Address space that a process may have. Its memory is far smaller; threads reserve what they do not use.
-const MEMORY_BYTES: u64 = 2 << 30;
+const MEMORY_BYTES: u64 = 1 << 30;
 
 /// Processor time that a process may take.
-const PROCESSOR_S: u64 = 30;
+const PROCESSOR_S: u64 = 10;
 
 /// Time after which a process hangs, whatever it does.
 const HANGS_AFTER_S: i64 = 120;

@@ -8,7 +8,12 @@ use crate::repair::audit::{Audit, Audited};
 use crate::write::channel_writer::WriteOptions;
 use crate::write::writer::RecordingWriter;
 use schemas::whole_file::{LockedFile, Names, WholeFileError, directory_of};
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
+
+/// The head of a recording, which is on the disk before anything follows, is shorter; or nobody can tell.
+const MOST_BEGUN: u64 = 1 << 20;
 
 /// A recording that is written again from its beginning, so that its run can go on: in its place, or in another
 /// one.
@@ -18,7 +23,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug)]
 pub struct InterruptedRecording {
     file: LockedFile,
-    /// Of a former attempt, with nothing that this one has not; not of another run, and not damaged.
+    /// Of a former attempt, with nothing that this one has not; not of another run.
     leftover: Option<LockedFile>,
     names: Names,
     target: PathBuf,
@@ -190,7 +195,7 @@ fn best_of(
             Ok(_) | Err(ResumeError::Read(_)) => Err(in_the_way(&names.aside, &names.whole)),
             Err(error) => Err(error),
         },
-        (_, true) if is_empty(&names.partial) => Ok((old, info, Some(LockedFile::open(&names.partial)?))),
+        (_, true) if is_begun(names) => Ok((old, info, Some(LockedFile::open(&names.partial)?))),
         (_, true) => match read_locked(&names.partial) {
             Ok((new, found)) if has_all_of(&info, &found) => Ok((old, info, Some(new))),
             Ok((new, found)) if has_all_of(&found, &info) => Ok((new, found, Some(old))),
@@ -203,9 +208,13 @@ fn best_of(
 
 /// Whether `one` has everything that `other` has: both are of the same run and undamaged, it has come as far, and it has
 /// as many messages of each channel that does not belong to the states.
+///
+/// `other` may be damaged, as what was not synced is after a power failure, unless the run may have gone on in it: the two
+/// are then beside each other only until the last state, which is due, is in both.
 fn has_all_of(one: &RecordingInfo, other: &RecordingInfo) -> bool {
     let same = one.manifest.provenance.run_id == other.manifest.provenance.run_id;
-    let is_sound = one.damage.is_none() && other.damage.is_none();
+    let is_due = one.last_step.is_none_or(|step| one.manifest.is_recorded(step));
+    let is_sound = one.damage.is_none() && (other.damage.is_none() || is_due);
     let is_of_states = |topic: &str| [proto::STATE.topic, proto::SUMMARY.topic].contains(&topic);
     let has_others = other
         .channels
@@ -219,9 +228,17 @@ fn in_the_way(path: &Path, other: &Path) -> ResumeError {
     ResumeError::InTheWay { path: path.to_owned(), other: other.to_owned() }
 }
 
-/// Nothing was written to it.
-fn is_empty(path: &Path) -> bool {
-    path.symlink_metadata().is_ok_and(|found| found.is_file() && found.len() == 0)
+/// Whether nothing was written to the new one but the first bytes of the old one, or zeros where a power failure kept them
+/// from the disk.
+fn is_begun(names: &Names) -> bool {
+    let read = |path: &Path| -> io::Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        File::open(path)?.take(MOST_BEGUN).read_to_end(&mut bytes).map(|_| bytes)
+    };
+    let is_file =
+        names.partial.symlink_metadata().is_ok_and(|found| found.is_file() && found.len() < MOST_BEGUN);
+    let (Ok(new), Ok(old), true) = (read(&names.partial), read(&names.aside), is_file) else { return false };
+    new.len() <= old.len() && new.iter().zip(&old).all(|(new, old)| new == old || *new == 0)
 }
 
 /// Locks the recording `path` and reads all of it.
@@ -230,16 +247,27 @@ fn read_locked(path: &Path) -> Result<(LockedFile, RecordingInfo), ResumeError> 
     path.metadata().map_err(ReadError::io(path))?;
     let file = LockedFile::open(path)?;
     let mut info = RecordingInfo::read(path)?;
-    if info.damage.is_none() {
-        info.damage = damage_within(path, info.frames() > 0)?;
+    let is_damaged = info.damage.is_some();
+    let (damage, last_step) = damage_within(path, info.frames() > 0)?;
+    info.damage = info.damage.or(damage);
+    if is_damaged {
+        info.last_step = last_step;
     }
     Ok((file, info))
 }
 
-/// What is wrong with the recording `path`, or missing in it if it has states, other than that it ends early.
-fn damage_within(path: &Path, has_states: bool) -> Result<Option<String>, ReadError> {
+/// What is wrong with the recording `path`, or missing in it if it has states, other than that it ends early; and the last
+/// step in it, also after damage.
+fn damage_within(path: &Path, has_states: bool) -> Result<(Option<String>, Option<u64>), ReadError> {
     let mut audit = Audit::open(path)?;
-    while !matches!(audit.read_next()?, Audited::End) {}
+    let mut last_step = None;
+    loop {
+        match audit.read_next()? {
+            Audited::State(state) => last_step = last_step.max(Some(state.step)),
+            Audited::End => break,
+            Audited::Summary(_) | Audited::Other(_) => {}
+        }
+    }
     let (has_end, file_bytes) = (audit.end().is_some(), audit.file_bytes());
     let is_torn_end = |damage: &Damage| match damage.kind {
         DamageKind::Torn => true,
@@ -251,5 +279,5 @@ fn damage_within(path: &Path, has_states: bool) -> Result<Option<String>, ReadEr
     let damaged = within.map(|damage| format!("{} is damaged: {damage}", path.display()));
     let missing = audit.missing().first().filter(|_| has_states);
     let incomplete = missing.map(|(from, to)| format!("its frames {from} to {to} are missing"));
-    Ok(damaged.or(incomplete))
+    Ok((damaged.or(incomplete), last_step))
 }

@@ -143,18 +143,15 @@ impl MessageReader {
         let mut body = Vec::new();
         self.records.swap_body(&mut body);
         let end = self.records.position();
-        let was_never_whole = !self.records.is_closed()
-            && body.ends_with(&[0; UNWRITTEN_BYTES])
-            && is_zero_from(&mut self.records, end)?;
+        let may_be_unwritten = !self.records.is_closed() && body.ends_with(&[0; UNWRITTEN_BYTES]);
+        let was_never_whole = may_be_unwritten && is_zero_from(&mut self.records, end)?;
         let kind = if was_never_whole { DamageKind::Torn } else { DamageKind::Chunk };
         self.take_unchecked(kind, offset_bytes, length_bytes, what, &body);
         if let Some(salvage) = &mut self.salvage {
             salvage.counts_lost = true;
         }
-        if self.records.position() == end {
-            return Ok(());
-        }
-        self.records.seek(end)
+        // what follows was looked at
+        if may_be_unwritten { self.records.seek(end) } else { Ok(()) }
     }
 
     fn take_unchecked(
