@@ -1,8 +1,9 @@
 //! Registering a run on the bus.
 
-use super::{JoinServer, Offering, PublishCounts, PublishOptions, StatePublisher};
+use super::{JoinServer, PublishCounts, PublishOptions, StatePublisher};
 use crate::bus::backpressure::Backpressure;
 use crate::bus::board::{BoardReader, BoardWriter};
+use crate::bus::delivery::Publishing;
 use crate::bus::services::{self, Topic, check_schema, text_of};
 use crate::bus::wire::{MANIFEST_BYTES, RunStatus, STATE_WAITING, StateHeader, StreamId, fill};
 use crate::bus::{Bus, BusError, Ipc, RoomError, chain_values, node_bytes, room};
@@ -12,7 +13,6 @@ use crate::run_name::RunName;
 use iceoryx2::node::Node;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
-use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
@@ -164,18 +164,13 @@ impl StatePublisher {
             joiners,
             backpressure,
             board,
-            status,
+            publishing: Publishing::new(status, now),
             stream,
             doubles,
             max_consumers: limits.subscribers,
             last_step: manifest.physics.step_count,
-            ready: HashSet::new(),
             counts: PublishCounts::default(),
-            next_frame: options.first_frame,
-            since_wake: 0,
-            woke_at: now,
             counted_at: now,
-            offering: Offering::default(),
             finished: false,
             remedies: options.remedies,
             told_gone: false,
