@@ -131,7 +131,7 @@ impl Holding {
 ///
 /// A signal that ends a wait for a consumer fails the send. Such a one is repeated for as long as the
 /// consumer may hold us back: [`Holding::judge`] bounds that over all repetitions. Any other
-/// failure is repeated [`MAX_FAILURES`] times in a row, and not at all once we were asked to stop.
+/// failure is repeated a hundred times in a row, and not at all once we were asked to stop.
 #[derive(Debug, Default)]
 pub struct Repeats {
     failures: u32,
