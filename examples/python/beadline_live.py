@@ -323,7 +323,7 @@ class Run:
         self.bus, self.latest, self.label = Bus(root), latest, label
         self.name = self.manifest = self.chain = self.first_frame = None
         self.end, self.missed = None, 0
-        self._stashed = self._closing = None
+        self._stashed = self._closing = self._last = None
         start = time.monotonic()
         while not self._attach(name):
             if timeout is not None and time.monotonic() - start >= timeout:
@@ -436,7 +436,9 @@ class Run:
                 continue
             if time.monotonic() - checked_at >= LIVENESS_PERIOD_S:
                 checked_at = time.monotonic()
-                if not self.bus.is_live(self._board.status()):
+                status = self._board.status()
+                # of another stream: nobody answers what its producer was not asked
+                if stream_of(status) != self._stream or not self.bus.is_live(status):
                     return None
             self._listen(ANSWER_WAIT)
 
@@ -486,6 +488,7 @@ class Run:
     def _look_for_the_end(self):
         """Called when the queue was empty. What is found counts after the queue was emptied once more."""
         status = self.status()
+        self._last = status or self._last
         if status is None:
             return "producer lost"
         if status.state not in ENDS and time.monotonic() - self._checked_at >= LIVENESS_PERIOD_S:
@@ -496,7 +499,9 @@ class Run:
 
     def _close_with(self, end, at_least=None):
         """The stream is over: counts what is missing at its end, and leaves the loop."""
-        status = self.status()
+        status = self.status() or self._last  # later producers push ours out
+        if end == "producer lost":  # or it has ended in order just before
+            end = ENDS.get(status.state if status else None, end)
         last = status.first_frame + status.frames - 1 if status and status.frames else self._expected - 1
         tail = max(last, self._expected - 1 if at_least is None else at_least) - self._expected + 1
         if tail > 0 and not self.latest and end != "producer lost":

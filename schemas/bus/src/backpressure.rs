@@ -1,12 +1,13 @@
 //! Who may hold a publisher back, for how long, and what is done meanwhile.
 
 use super::Ipc;
+use super::delivery::{Full, Holding, Repeats, Verdict};
 use super::services::SliceService;
 use iceoryx2::node::{Node, NodeState};
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::{BackpressureAction, BackpressureInfo, SendError};
 use iceoryx2::prelude::{CallbackProgression, Config, PortFactory as _, ZeroCopySend};
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::fmt::Debug;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -96,20 +97,12 @@ impl Default for Remedies {
     }
 }
 
-const CLEAN_AFTER: Duration = Duration::from_millis(50);
-const CLEAN_PERIOD: Duration = Duration::from_millis(100);
-/// What a healthy consumer needs to make room, once we were asked to stop.
-const STOP_GRACE: Duration = Duration::from_millis(250);
-/// How often in a row a send may fail in iceoryx2 although it did not wait for anybody.
-const MAX_FAILURES: u32 = 100;
-
 /// State shared by a publisher and its handler.
 pub(super) struct Backpressure<T: Debug + ZeroCopySend + 'static> {
     service: SliceService<T>,
     config: Config,
     notifier: Notifier<Ipc>,
     pub(super) stop: Arc<AtomicBool>,
-    stuck_after: Duration,
     remedies: Remedies,
     blocked: AtomicBool,
     /// Whether the send that is going on has waited for anybody.
@@ -122,16 +115,10 @@ pub(super) struct Backpressure<T: Debug + ZeroCopySend + 'static> {
     memory: Mutex<Memory>,
 }
 
-#[derive(Default)]
 struct Memory {
     consumers: HashMap<u128, (Delivery, String)>,
-    /// Lossless consumers that nobody waits for (any more).
-    ignored: HashSet<u128>,
     events: Vec<ConsumerEvent>,
-    /// Since when consumers hold back what is being sent, over all its repetitions.
-    held_since: HashMap<u128, Instant>,
-    cleaned_at: Option<Instant>,
-    stopped_at: Option<Instant>,
+    holding: Holding,
 }
 
 impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
@@ -148,14 +135,17 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
             config,
             notifier,
             stop,
-            stuck_after,
             remedies,
             blocked: AtomicBool::new(false),
             waited: AtomicBool::new(false),
             resending: AtomicBool::new(false),
             evicted_count: AtomicU64::new(0),
             ending: AtomicBool::new(false),
-            memory: Mutex::default(),
+            memory: Mutex::new(Memory {
+                consumers: HashMap::new(),
+                events: Vec::new(),
+                holding: Holding::new(stuck_after),
+            }),
         })
     }
 
@@ -166,43 +156,37 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
         if !memory.consumers.contains_key(&id) {
             memory.consumers = self.consumers();
         }
-        if info.retries == 0 && !self.resending.load(Ordering::Relaxed) {
-            memory.held_since.clear();
+        let full = Full {
+            id,
+            delivery: memory.consumers.get(&id).map(|(delivery, _)| *delivery),
+            is_first: info.retries == 0,
+            repeats: self.resending.load(Ordering::Relaxed),
+            stopping: self.stop.load(Ordering::Relaxed),
+            ending: self.ending.load(Ordering::Relaxed),
+        };
+        let verdict = memory.holding.judge(&full, Instant::now());
+        if full.delivery == Some(Delivery::Lossless) && verdict != Verdict::LeaveOut {
+            self.blocked.store(true, Ordering::Relaxed);
         }
-        let held = memory.held_since.entry(id).or_insert_with(Instant::now).elapsed();
-        match memory.consumers.get(&id).map(|(delivery, _)| *delivery) {
-            None => return BackpressureAction::DiscardData, // it has just left
-            Some(Delivery::Latest) => {
+        match verdict {
+            Verdict::LeaveOut => BackpressureAction::DiscardData,
+            Verdict::Evict(held) => {
+                self.evict(&mut memory, id, held);
+                BackpressureAction::DiscardData
+            }
+            Verdict::GiveUp => BackpressureAction::DiscardDataAndFail,
+            Verdict::Wait { clean } => {
+                if clean && self.remedies.clean_while_blocked {
+                    self.clean(&mut memory);
+                }
                 drop(memory);
-                let wait = self.ending.load(Ordering::Relaxed) && held < STOP_GRACE;
-                return if wait { self.retry(info) } else { BackpressureAction::DiscardData };
-            }
-            Some(Delivery::Lossless) if memory.ignored.contains(&id) => {
-                return BackpressureAction::DiscardData;
-            }
-            Some(Delivery::Lossless) => {}
-        }
-        self.blocked.store(true, Ordering::Relaxed);
-        if held >= self.stuck_after {
-            self.evict(&mut memory, id, held);
-            return BackpressureAction::DiscardData;
-        }
-        if self.stop.load(Ordering::Relaxed) {
-            let stopped_at = *memory.stopped_at.get_or_insert_with(Instant::now);
-            if stopped_at.elapsed() >= STOP_GRACE {
-                return BackpressureAction::DiscardDataAndFail;
+                self.retry(info)
             }
         }
-        if held >= CLEAN_AFTER && self.remedies.clean_while_blocked {
-            self.clean(&mut memory);
-        }
-        drop(memory);
-        self.retry(info)
     }
 
     fn evict(&self, memory: &mut Memory, id: u128, held: Duration) {
         let name = memory.consumers.get(&id).map(|(_, name)| name.clone()).unwrap_or_default();
-        memory.ignored.insert(id);
         memory.events.push(ConsumerEvent::Evicted { name, held });
         self.evicted_count.fetch_add(1, Ordering::Relaxed);
     }
@@ -211,13 +195,13 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
     /// only after it has joined it.
     pub(super) fn ignore_present(&self) {
         let present = self.consumers().into_keys();
-        self.memory().ignored.extend(present);
+        self.memory().holding.ignore(present);
     }
 
     /// A consumer has joined; from now on it is waited for.
     pub(super) fn joined(&self, id: u128, name: String) {
         let mut memory = self.memory();
-        memory.ignored.remove(&id);
+        memory.holding.joined(id);
         memory.events.push(ConsumerEvent::Joined { name });
     }
 
@@ -234,17 +218,13 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
         BackpressureAction::Retry
     }
 
-    /// Sends by `send` until it does not fail inside iceoryx2; `repeated` counts.
-    ///
-    /// A signal that ends a wait for a consumer fails the send. Such a one is repeated for as long as the
-    /// consumer may hold us back: [`decide`](Self::decide) bounds that over all repetitions. Any other
-    /// failure is repeated [`MAX_FAILURES`] times in a row, and not at all once we were asked to stop.
+    /// Sends by `send` until it does not fail inside iceoryx2, or [`Repeats`] has enough; `repeated` counts.
     pub(super) fn repeat<R>(
         &self,
         repeated: &mut u64,
         mut send: impl FnMut() -> Result<R, SendError>,
     ) -> Result<R, SendError> {
-        let mut failures = 0;
+        let mut repeats = Repeats::default();
         self.resending.store(false, Ordering::Relaxed);
         loop {
             self.waited.store(false, Ordering::Relaxed);
@@ -252,20 +232,16 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
             if !matches!(sent, Err(SendError::InternalError)) {
                 return sent;
             }
-            failures = if self.waited.load(Ordering::Relaxed) { 0 } else { failures + 1 };
-            if failures > MAX_FAILURES || (failures > 0 && self.stop.load(Ordering::Relaxed)) {
+            if !repeats.once_more(self.waited.load(Ordering::Relaxed), self.stop.load(Ordering::Relaxed)) {
                 return sent;
             }
             self.resending.store(true, Ordering::Relaxed);
+            self.memory().holding.repeats();
             *repeated += 1;
         }
     }
 
     fn clean(&self, memory: &mut Memory) {
-        if memory.cleaned_at.is_some_and(|at| at.elapsed() < CLEAN_PERIOD) {
-            return;
-        }
-        memory.cleaned_at = Some(Instant::now());
         let dead = clean_dead(&self.config);
         if dead > 0 {
             memory.events.push(ConsumerEvent::CleanedUp { dead });
@@ -290,7 +266,7 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
     }
 
     pub(super) fn is_ignored(&self, id: u128) -> bool {
-        self.memory().ignored.contains(&id)
+        self.memory().holding.ignores(id)
     }
 
     pub(super) fn evicted_count(&self) -> u64 {

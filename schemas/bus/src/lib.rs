@@ -15,6 +15,8 @@ mod board;
 mod chain_values;
 mod creating;
 mod creator;
+#[doc(hidden)]
+pub mod delivery;
 mod leftovers;
 mod live;
 mod position;

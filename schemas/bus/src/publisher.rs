@@ -1,16 +1,15 @@
 //! The producer's side of a run on the bus.
 
-mod offering;
 mod opening;
 
-use offering::Offering;
 pub use opening::PublishError;
 
 use super::backpressure::{Backpressure, ConsumerEvent, Delivery, Remedies};
 use super::board::{BoardWriter, unix_ns};
+use super::delivery::Publishing;
 use super::wire::{
-    FLAG_LAST, JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, RunStatus, STATE_DONE, STATE_FAILED,
-    STATE_INTERRUPTED, STATE_RUNNING, StateHeader, StreamId, fill,
+    FLAG_LAST, JoinAnswer, JoinRequest, STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, StateHeader, StreamId,
+    fill,
 };
 use super::{Bus, Ipc, services};
 use iceoryx2::active_request::ActiveRequest;
@@ -21,16 +20,10 @@ use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::server::Server;
 use iceoryx2::port::update_connections::UpdateConnections as _;
 use iceoryx2::prelude::PortFactory as _;
-use schemas::frame::{EndReason, Frame, FrameSink};
-use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Frames between two wake-ups of consumers, when frames come fast.
-const WAKE_EVERY_FRAMES: u32 = 16;
-/// Longest time between two wake-ups while frames come.
-const WAKE_PERIOD: Duration = Duration::from_millis(1);
 /// How often consumers are counted for the status.
 const COUNT_PERIOD: Duration = Duration::from_millis(100);
 /// How often an idle producer looks around.
@@ -106,18 +99,13 @@ pub struct StatePublisher {
     joiners: Listener<Ipc>,
     backpressure: Arc<Backpressure<f64>>,
     board: BoardWriter,
-    status: RunStatus,
+    publishing: Publishing,
     stream: StreamId,
     doubles: usize,
     max_consumers: usize,
     last_step: u64,
-    ready: HashSet<u128>,
     counts: PublishCounts,
-    next_frame: u64,
-    since_wake: u32,
-    woke_at: Instant,
     counted_at: Instant,
-    offering: Offering,
     finished: bool,
     remedies: Remedies,
     told_gone: bool,
@@ -179,7 +167,7 @@ impl StatePublisher {
         // joiners are found by their requests; their notifications only end a wait
         let _ = self.joiners.try_wait(|_| {});
         self.serve_joins()?;
-        if self.since_wake > 0 {
+        if self.publishing.has_news() {
             self.wake();
         }
         self.write_status(Instant::now())
@@ -198,32 +186,20 @@ impl StatePublisher {
         &mut self,
         request: &ActiveRequest<Ipc, JoinRequest, (), JoinAnswer, ()>,
     ) -> Result<(), PublishError> {
-        let JoinRequest { subscriber_id, phase, .. } = *request.payload();
-        let mut answer = JoinAnswer {
-            run_id: self.stream.run_id.0,
-            stream_id: self.stream.stream_id,
-            phase,
-            ..JoinAnswer::default()
-        };
-        match phase {
-            JOIN_CONNECT if self.remedies.connect_on_join => {
-                self.offering = Offering::default();
-                self.publisher.update_connections().map_err(|e| self.send_error(&e))?;
-                self.chain.update_connections().map_err(|e| self.send_error(&e))?;
-            }
-            JOIN_READY => {
-                self.offering = Offering::default();
-                let id = u128::from_le_bytes(subscriber_id);
-                answer.first_frame = self.next_frame;
-                if let Some((_, name)) = self.backpressure.consumers().remove(&id) {
-                    self.ready.insert(id);
-                    self.backpressure.joined(id, name);
-                }
-            }
-            _ => {}
+        let id = u128::from_le_bytes(request.payload().subscriber_id);
+        let mut attached = self.backpressure.consumers();
+        let asked = self.publishing.asked(*request.payload(), |id| attached.contains_key(&id));
+        if asked.connect && self.remedies.connect_on_join {
+            self.publisher.update_connections().map_err(|e| self.send_error(&e))?;
+            self.chain.update_connections().map_err(|e| self.send_error(&e))?;
+        }
+        if asked.joined
+            && let Some((_, name)) = attached.remove(&id)
+        {
+            self.backpressure.joined(id, name);
         }
         // a consumer that left meanwhile needs no answer
-        let _ = request.send_copy(answer);
+        let _ = request.send_copy(asked.answer);
         self.backpressure.wake();
         Ok(())
     }
@@ -231,7 +207,9 @@ impl StatePublisher {
     fn ready_count(&self) -> usize {
         let attached = self.backpressure.consumers();
         let counts = |(id, (delivery, _)): &(&u128, &(Delivery, String))| {
-            *delivery == Delivery::Lossless && self.ready.contains(id) && !self.backpressure.is_ignored(**id)
+            *delivery == Delivery::Lossless
+                && self.publishing.ready().contains(id)
+                && !self.backpressure.is_ignored(**id)
         };
         attached.iter().filter(counts).count()
     }
@@ -291,13 +269,12 @@ impl StatePublisher {
     }
 
     fn send_error(&self, cause: &dyn std::fmt::Debug) -> PublishError {
-        PublishError::Send { frame: self.next_frame, cause: format!("{cause:?}") }
+        PublishError::Send { frame: self.publishing.next_frame(), cause: format!("{cause:?}") }
     }
 
     fn wake(&mut self) {
         self.backpressure.wake();
-        self.since_wake = 0;
-        self.woke_at = Instant::now();
+        self.publishing.woke(Instant::now());
     }
 
     /// Writes the status, and now and then counts the consumers for it.
@@ -305,11 +282,11 @@ impl StatePublisher {
         if now.duration_since(self.counted_at) >= COUNT_PERIOD {
             let counts = self.counts();
             self.counted_at = now;
-            self.status.lossless = counts.lossless as u64;
-            self.status.latest = counts.latest as u64;
-            self.status.evicted = counts.evicted;
+            let status = self.publishing.status();
+            (status.lossless, status.latest) = (counts.lossless as u64, counts.latest as u64);
+            status.evicted = counts.evicted;
         }
-        Ok(self.board.write(&mut self.status)?)
+        Ok(self.board.write(self.publishing.status())?)
     }
 
     /// Says how the run ended, and lets go of the bus. Consumers that are behind still get every frame
@@ -351,7 +328,7 @@ impl StatePublisher {
 
     fn end(&mut self, state: u64) -> Result<(), PublishError> {
         self.finished = true;
-        self.status.state = state;
+        self.publishing.status().state = state;
         self.counted_at = Instant::now().checked_sub(COUNT_PERIOD).unwrap_or(self.counted_at);
         let written = self.write_status(Instant::now());
         self.wake();
@@ -376,33 +353,29 @@ impl FrameSink for StatePublisher {
         if found != self.doubles {
             return Err(PublishError::Shape { frame: frame.frame, expected: self.doubles, found });
         }
-        if frame.frame != self.next_frame {
-            return Err(PublishError::Order { expected: self.next_frame, found: frame.frame });
+        let expected = self.publishing.next_frame();
+        if frame.frame != expected {
+            return Err(PublishError::Order { expected, found: frame.frame });
         }
         self.serve_joins()?;
         let start = Instant::now();
         let mut now = start;
-        let rings =
-            self.since_wake + 1 >= WAKE_EVERY_FRAMES || start.duration_since(self.woke_at) >= WAKE_PERIOD;
-        // a frame that nobody takes need not be written
+        let rings = self.publishing.rings(start);
         let is_last = frame.step == self.last_step;
-        if self.backpressure.subscriber_count() > 0 && (self.offering.is_due(start) || is_last) {
+        if self.publishing.offers(self.backpressure.subscriber_count(), is_last, start) {
             let sent = self.send(frame);
             if self.backpressure.was_blocked() {
                 now = Instant::now();
                 self.counts.held_back += now.duration_since(start);
             }
-            self.offering.offered(sent?, start);
+            self.publishing.offered(sent?, start);
         }
-        self.next_frame += 1;
+        self.publishing.published(frame.step, frame.time_s);
         self.counts.frames += 1;
-        self.since_wake += 1;
-        if self.status.began_unix_ns == 0 {
-            self.status.began_unix_ns = unix_ns();
+        let status = self.publishing.status();
+        if status.began_unix_ns == 0 {
+            status.began_unix_ns = unix_ns();
         }
-        self.status.state = STATE_RUNNING;
-        self.status.frames = self.counts.frames;
-        (self.status.step, self.status.time_s) = (frame.step, frame.time_s);
         if rings {
             // after the frame: whoever wakes up on another core reads memory that is written to, and slows the writing down
             self.wake();

@@ -1,13 +1,17 @@
 //! Finding a run, and the handshake with its producer.
 
-use super::{LIVENESS_PERIOD, LiveSource, Ports, StateSample, StateSubscriber};
+use super::{LiveSource, Ports, StateSample, StateSubscriber};
 use crate::backpressure::Delivery;
 use crate::board::BoardReader;
+use crate::delivery::{Following, JoinTurn, Joining};
 use crate::position::Teller;
 use crate::runs::{RunInfo, look_at, run_names};
 use crate::services::{self, check_schema, text_of};
-use crate::wire::{JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, STATE_RUNNING, StreamId};
+use crate::wire::{JoinRequest, STATE_RUNNING, StreamId};
 use crate::{Bus, BusError, Ipc, chain_values};
+use schemas::chain::Chain;
+use schemas::manifest::{ManifestError, RunManifest};
+use schemas::run_name::RunName;
 use iceoryx2::node::Node;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::subscriber::SubscriberCreateError;
@@ -261,23 +265,21 @@ impl Search<'_> {
         let Some(joined) = handshake.run(&subscriber, &listener, &manifest)? else {
             return Ok(Attempt::NotYet);
         };
+        let now = Instant::now();
+        let mut following = Following::new(stream, self.delivery, joined.first_frame, now);
+        if let Some(sample) = &joined.first_sample {
+            following.took(Some(sample.user_header()), now);
+        }
         let teller = Teller::new(self.bus.root(), subscriber.id().value());
         Ok(Attempt::Attached(Box::new(LiveSource {
-            sample: None,
-            stashed: joined.first_sample,
+            sample: joined.first_sample,
             ports: Some(Ports { subscriber, listener, board, _node: node }),
             bus: self.bus.clone(),
             manifest,
             chain: joined.chain,
-            stream,
+            following,
             node_id: status.node_id,
-            delivery: self.delivery,
             first_frame: joined.first_frame,
-            expected: joined.first_frame,
-            missed_count: 0,
-            closing: None,
-            ended: None,
-            checked_at: Instant::now(),
             teller,
             stop: Arc::clone(&self.options.stop),
         })))
@@ -343,65 +345,55 @@ impl Handshake<'_> {
         let chains = services::chain(self.node, self.run)?;
         let chains = chains.subscriber_builder().create().map_err(|e| failed(&e))?;
 
-        let mut joined = None;
-        for phase in [JOIN_CONNECT, JOIN_READY] {
-            let request =
-                JoinRequest { subscriber_id: subscriber.id().value().to_le_bytes(), phase, reserved: 0 };
-            let pending = client.send_copy(request).map_err(|e| failed(&e))?;
-            let _ = bell.notify();
-            let answered = || -> Result<Option<JoinAnswer>, BusError> {
-                Ok(pending.receive().map_err(|e| failed(&e))?.map(|answer| *answer.payload()))
-            };
-            let Some((answer, sample)) = self.answer(answered, subscriber, listener)? else {
-                return Ok(None);
-            };
-            if (StreamId { run_id: RunId(answer.run_id), stream_id: answer.stream_id }) != self.stream {
-                return Ok(None);
-            }
-            subscriber.update_connections().map_err(|e| failed(&e))?;
-            joined = Some((answer.first_frame, sample));
-        }
-        let Some((first_frame, first_sample)) = joined else { return Ok(None) };
-        let Some(chain) = self.chain(&chains, manifest).map_err(|e| failed(&e))? else { return Ok(None) };
-        Ok(Some(Joined { first_frame, first_sample, chain }))
-    }
-
-    /// Waits for the answer, and keeps the queue empty so that the producer is not held back. A sample
-    /// that was taken from the queue when the answer is there already is handed on: it may be the first
-    /// that is guaranteed.
-    fn answer(
-        &self,
-        answered: impl Fn() -> Result<Option<JoinAnswer>, BusError>,
-        subscriber: &StateSubscriber,
-        listener: &Listener<Ipc>,
-    ) -> Result<Option<(JoinAnswer, Option<StateSample>)>, AttachError> {
-        let text = text_of(self.run, Topic::State);
-        let (mut checked_at, mut told) = (Instant::now(), false);
-        loop {
+        let state = text_of(self.run, Topic::State);
+        let mut joining = Joining::new(self.stream, Instant::now());
+        let (mut pending, mut sample, mut told) = (None, None, false);
+        let first_frame = loop {
             self.search.check()?;
-            if let Some(answer) = answered()? {
-                return Ok(Some((answer, None)));
-            }
-            let taken = subscriber.receive().map_err(|e| BusError::service(&text, "receive from", &e))?;
-            if let Some(sample) = taken {
-                if let Some(answer) = answered()? {
-                    return Ok(Some((answer, Some(sample))));
+            match joining.turn() {
+                JoinTurn::Request(phase) => {
+                    let subscriber_id = subscriber.id().value().to_le_bytes();
+                    let request = JoinRequest { subscriber_id, phase, reserved: 0 };
+                    pending = Some(client.send_copy(request).map_err(|e| failed(&e))?);
+                    let _ = bell.notify();
+                    joining.requested(Instant::now());
+                    told = false;
                 }
-                continue;
-            }
-            if checked_at.elapsed() >= LIVENESS_PERIOD {
-                checked_at = Instant::now();
-                let status = self.board.status();
-                if status.state > STATE_RUNNING || !self.search.bus.is_alive(status.node_id) {
-                    return Ok(None);
+                JoinTurn::Answer => {
+                    let answer = match &pending {
+                        Some(pending) => pending.receive().map_err(|e| failed(&e))?,
+                        None => None,
+                    };
+                    joining.answered(answer.as_deref());
                 }
-                if !told {
-                    told = true;
-                    (self.search.options.notice)(&AttachNotice::WaitingForAnswer { name: self.run.clone() });
+                JoinTurn::Take => {
+                    drop(sample.take());
+                    let taken = subscriber.receive();
+                    sample = taken.map_err(|e| BusError::service(&state, "receive from", &e))?;
+                    joining.took(sample.is_some(), Instant::now());
                 }
+                JoinTurn::Connect => {
+                    subscriber.update_connections().map_err(|e| failed(&e))?;
+                    joining.connected();
+                }
+                JoinTurn::Look => {
+                    let status = self.board.status();
+                    joining.looked(&status, self.search.bus.is_alive(status.node_id));
+                    if joining.turn() == JoinTurn::Wait && !std::mem::replace(&mut told, true) {
+                        let notice = AttachNotice::WaitingForAnswer { name: self.run.clone() };
+                        (self.search.options.notice)(&notice);
+                    }
+                }
+                JoinTurn::Wait => {
+                    let _ = listener.timed_wait(|_| {}, ANSWER_WAIT);
+                    joining.waited();
+                }
+                JoinTurn::Joined { first_frame } => break first_frame,
+                JoinTurn::Left => return Ok(None),
             }
-            let _ = listener.timed_wait(|_| {}, ANSWER_WAIT);
-        }
+        };
+        let Some(chain) = self.chain(&chains, manifest).map_err(|e| failed(&e))? else { return Ok(None) };
+        Ok(Some(Joined { first_frame, first_sample: sample, chain }))
     }
 
     /// The chain, which the producer's answer to the first request has delivered.

@@ -1,19 +1,19 @@
 //! Registering a run on the bus.
 
-use super::{JoinServer, Offering, PublishCounts, PublishOptions, StatePublisher};
+use super::{JoinServer, PublishCounts, PublishOptions, StatePublisher};
 use crate::backpressure::Backpressure;
 use crate::board::{BoardReader, BoardWriter};
+use crate::delivery::Publishing;
 use crate::services::{self, check_schema, text_of};
+use schemas::results::Topic;
 use crate::wire::{MANIFEST_BYTES, RunStatus, STATE_WAITING, StateHeader, StreamId, fill};
 use crate::{Bus, BusError, Ipc, RoomError, chain_values, node_bytes, room};
+use schemas::chain::Chain;
+use schemas::manifest::{RunId, RunManifest};
+use schemas::run_name::RunName;
 use iceoryx2::node::Node;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
-use schemas::chain::Chain;
-use schemas::manifest::{RunId, RunManifest};
-use schemas::results::Topic;
-use schemas::run_name::RunName;
-use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
@@ -165,18 +165,13 @@ impl StatePublisher {
             joiners,
             backpressure,
             board,
-            status,
+            publishing: Publishing::new(status, now),
             stream,
             doubles,
             max_consumers: limits.subscribers,
             last_step: manifest.physics.step_count,
-            ready: HashSet::new(),
             counts: PublishCounts::default(),
-            next_frame: options.first_frame,
-            since_wake: 0,
-            woke_at: now,
             counted_at: now,
-            offering: Offering::default(),
             finished: false,
             remedies: options.remedies,
             told_gone: false,

@@ -13,5 +13,6 @@ mod faults;
 mod foreign;
 mod leftovers;
 mod results;
+mod simulation;
 mod support;
 mod traps;

@@ -1,0 +1,123 @@
+//! How far a run is, who has joined it, and what is offered to whom has.
+
+use super::offering::Offering;
+use crate::wire::{JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, RunStatus, STATE_RUNNING};
+use std::collections::HashSet;
+use std::time::{Duration, Instant};
+
+/// Frames between two wake-ups of consumers, when frames come fast.
+const WAKE_EVERY_FRAMES: u32 = 16;
+/// Longest time between two wake-ups while frames come.
+const WAKE_PERIOD: Duration = Duration::from_millis(1);
+
+/// What to do about a request to join.
+#[derive(Debug, Clone, Copy)]
+pub struct Asked {
+    /// The answer, once the rest is done.
+    pub answer: JoinAnswer,
+    /// Update the connections to all subscribers.
+    pub connect: bool,
+    /// Wait for this one from now on.
+    pub joined: bool,
+}
+
+/// A run that is being published.
+#[derive(Debug)]
+pub struct Publishing {
+    status: RunStatus,
+    next_frame: u64,
+    ready: HashSet<u128>,
+    offering: Offering,
+    since_wake: u32,
+    woke_at: Instant,
+}
+
+impl Publishing {
+    /// A run that begins with this status.
+    pub fn new(status: RunStatus, now: Instant) -> Self {
+        Self {
+            next_frame: status.first_frame,
+            status,
+            ready: HashSet::new(),
+            offering: Offering::default(),
+            since_wake: 0,
+            woke_at: now,
+        }
+    }
+
+    /// The frame to be published next.
+    pub fn next_frame(&self) -> u64 {
+        self.next_frame
+    }
+
+    /// How far the run is.
+    pub fn status(&mut self) -> &mut RunStatus {
+        &mut self.status
+    }
+
+    /// A consumer asks; `is_attached` says whose subscriber is there.
+    ///
+    /// Between two frames: what is being sent belongs to nobody who joins meanwhile.
+    pub fn asked(&mut self, request: JoinRequest, is_attached: impl Fn(u128) -> bool) -> Asked {
+        let mut answer = JoinAnswer {
+            run_id: self.status.run_id,
+            stream_id: self.status.stream_id,
+            phase: request.phase,
+            ..JoinAnswer::default()
+        };
+        let (connect, ready) = (request.phase == JOIN_CONNECT, request.phase == JOIN_READY);
+        if connect || ready {
+            // frames are not left out for whom has just come
+            self.offering = Offering::default();
+        }
+        if ready {
+            answer.first_frame = self.next_frame;
+        }
+        let id = u128::from_le_bytes(request.subscriber_id);
+        let joined = ready && is_attached(id);
+        if joined {
+            self.ready.retain(|id| is_attached(*id));
+            self.ready.insert(id);
+        }
+        Asked { answer, connect, joined }
+    }
+
+    /// Who has joined; some may have left since the last one came.
+    pub fn ready(&self) -> &HashSet<u128> {
+        &self.ready
+    }
+
+    /// Whether the next frame is to be sent: one that nobody takes need not be written.
+    pub fn offers(&mut self, subscribers: usize, is_last: bool, now: Instant) -> bool {
+        subscribers > 0 && (self.offering.is_due(now) || is_last)
+    }
+
+    /// The next frame was sent, and so many took it.
+    pub fn offered(&mut self, recipients: usize, now: Instant) {
+        self.offering.offered(recipients, now);
+    }
+
+    /// The next frame is out.
+    pub fn published(&mut self, step: u64, time_s: f64) {
+        self.next_frame += 1;
+        self.since_wake += 1;
+        self.status.state = STATE_RUNNING;
+        self.status.frames += 1;
+        (self.status.step, self.status.time_s) = (step, time_s);
+    }
+
+    /// Whether consumers are woken, and the status is written, after the next frame.
+    pub fn rings(&self, now: Instant) -> bool {
+        self.since_wake + 1 >= WAKE_EVERY_FRAMES || now.duration_since(self.woke_at) >= WAKE_PERIOD
+    }
+
+    /// Whether consumers have not been woken since the last frame.
+    pub fn has_news(&self) -> bool {
+        self.since_wake > 0
+    }
+
+    /// Consumers were woken.
+    pub fn woke(&mut self, now: Instant) {
+        (self.since_wake, self.woke_at) = (0, now);
+    }
+}
