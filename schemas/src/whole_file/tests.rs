@@ -1,5 +1,4 @@
 use super::*;
-use std::io::Write as _;
 use std::sync::Barrier;
 use tempfile::TempDir;
 
