@@ -3,9 +3,7 @@
 use crate::args::{AnalysisArgs, FramesArgs, LookArgs};
 use crate::failure::{BadInput, Failure};
 use anyhow::{Context, anyhow};
-use schemas::whole_file::WholeFile;
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Refuses outputs of an analysis that could not be written in the end.
@@ -81,15 +79,6 @@ pub(crate) fn check_free(path: &Path, force: bool) -> Result<(), Failure> {
         return Err(anyhow!(message)).bad_input();
     }
     check_directory(path)
-}
-
-/// Writes a file that appears whole; one that is there is replaced if `force`.
-pub(crate) fn write_whole(path: &Path, contents: &[u8], force: bool) -> Result<(), Failure> {
-    let file = WholeFile::create(path, force)?;
-    let written = (&**file.file()).write_all(contents);
-    written.with_context(|| format!("{} cannot be written", path.display()))?;
-    file.publish()?;
-    Ok(())
 }
 
 /// Refuses a path that has no directory.

@@ -54,8 +54,7 @@ mod svg;
 mod text;
 mod ticks;
 
-use schemas::whole_file::sync_name;
-use std::io::Write;
+use schemas::whole_file::{self, WholeFileError};
 use std::path::{Path, PathBuf};
 
 pub use colour_scale::ColourScale;
@@ -122,13 +121,8 @@ pub enum FigureError {
         path: PathBuf,
     },
     /// The file could not be written.
-    #[error("{path}: the figure could not be written")]
-    Write {
-        /// The path asked for.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] WholeFileError),
     /// The resolution is outside of what can be drawn.
     #[error("a figure is drawn at 36 to 2400 dpi, not at {dpi}")]
     Resolution {
@@ -222,7 +216,7 @@ impl Figure {
     ///
     /// # Errors
     /// [`FigureError::Format`] where the name ends in none of them, before anything is drawn;
-    /// [`FigureError::Resolution`] as in [`Figure::to_png`]; [`FigureError::Write`] where the system
+    /// [`FigureError::Resolution`] as in [`Figure::to_png`]; [`FigureError::File`] where the system
     /// refuses.
     pub fn write(&self, path: &Path, options: Options) -> Result<(), FigureError> {
         let extension = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
@@ -232,29 +226,8 @@ impl Figure {
             Some("png") => self.to_png(options)?,
             _ => return Err(FigureError::Format { path: path.into() }),
         };
-        write_whole(path, &bytes).map_err(|source| FigureError::Write { path: path.into(), source })
+        Ok(whole_file::write(path, &bytes, true)?)
     }
-}
-
-/// Writes beside `path` and renames, so that no reader sees half a file.
-fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    {
-        // What the user's umask leaves, as for any other file; tempfile's own choice is owner only.
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
-    let mut file = builder.prefix(".figure-").suffix(".partial").tempfile_in(folder)?;
-    file.write_all(bytes)?;
-    // after a power failure, too, a name has the whole figure, or what was there before
-    file.as_file().sync_all()?;
-    file.persist(path)?;
-    sync_name(path)
 }
 
 #[cfg(test)]
@@ -307,7 +280,7 @@ mod tests {
         assert!(message.starts_with("run.eps: ") && message.contains(".svg, .pdf or .png"));
         let error = figure().write(Path::new("/nowhere/at/all.png"), Options::default());
         let message = error.expect_err("no such folder").to_string();
-        assert!(message.starts_with("/nowhere/at/all.png: "));
+        assert!(message.contains("/nowhere/at/all.png"));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Files that have their name only once they are whole.
 //!
 //! What is being written is `<name>.partial`; [`WholeFile::publish`] syncs it and gives it its name, by one
-//! rename. Recordings, contacts maps and tables are written in this way.
+//! rename. Recordings, contacts maps, tables and figures are written in this way.
 //!
 //! Architecture invariants: a file of either name that was there before is replaced only if that was asked
 //! for, one that appears meanwhile never; a `.partial` that a living process writes is never taken from it.
@@ -16,7 +16,7 @@ pub use naming::{create_directory, directory_of, sync_name};
 
 use rustix::fs::OFlags;
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io;
+use std::io::{self, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -259,6 +259,16 @@ impl Drop for WholeFile {
     }
 }
 
+/// Writes a file of these bytes, whole. What has its name is in the way unless `replace`.
+///
+/// # Errors
+/// As for [`WholeFile::create`] and [`WholeFile::publish`].
+pub fn write(path: &Path, bytes: &[u8], replace: bool) -> Result<(), WholeFileError> {
+    let mut file = WholeFile::create(path, replace)?;
+    (&**file.file()).write_all(bytes).map_err(|source| file.refused(source))?;
+    file.publish().map(drop)
+}
+
 /// Gives the finished file `from` the name `to`, durably. What has that name is in the way unless `replace`.
 ///
 /// # Errors
@@ -340,13 +350,16 @@ fn make_room(partial: &Path, replace: bool) -> Result<(), WholeFileError> {
         Err(error) => return Err(WholeFileError::io(partial)(error)),
     };
     // held until it is removed, so that nobody begins to write it
-    if let Err(TryLockError::WouldBlock) = found.try_lock() {
+    let locked = found.try_lock();
+    if let Err(TryLockError::WouldBlock) = locked {
         return Err(WholeFileError::Busy { path: partial.to_owned() });
     }
     if !is_at(&found, partial) {
         return Ok(()); // its writer has finished it
     }
-    if !replace {
+    // of one that was killed before it wrote anything nothing is lost
+    let is_empty = locked.is_ok() && found.metadata().is_ok_and(|found| found.len() == 0);
+    if !replace && !is_empty {
         return Err(WholeFileError::PartialExists { path: partial.to_owned() });
     }
     fs::remove_file(partial).map_err(WholeFileError::io(partial))

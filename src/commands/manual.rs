@@ -3,11 +3,12 @@
 use crate::args::{self, ManArgs};
 use crate::display;
 use crate::failure::{BadInput, Done, Failure};
-use crate::outputs::{check_free, write_whole};
+use crate::outputs::check_free;
 use anyhow::{Context, anyhow};
 use clap::Command;
 use clap_complete::Shell;
 use clap_mangen::Man;
+use schemas::whole_file;
 use std::fs;
 use std::path::Path;
 
@@ -66,7 +67,7 @@ fn write_all(command: &Command, directory: &Path, force: bool) -> Result<Done, F
     let message = || format!("{}: this directory cannot be made", directory.display());
     fs::create_dir_all(directory).with_context(message)?;
     for command in &commands {
-        write_whole(&path(command), &page(command)?, force)?;
+        whole_file::write(&path(command), &page(command)?, force)?;
     }
     display::print(format_args!("{} pages in {}\n", commands.len(), directory.display()))?;
     Ok(Done::Whole)

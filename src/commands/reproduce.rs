@@ -4,7 +4,6 @@ use crate::args::ReproduceArgs;
 use crate::configuration::origin;
 use crate::display::{self, counted};
 use crate::failure::{BadInput, Done, Failure};
-use crate::outputs::write_whole;
 use crate::reproduce::cache::{self, Cached};
 use crate::reproduce::report::{Report, Studied, figure_path};
 use crate::reproduce::{markdown, reflection, workers};
@@ -13,6 +12,7 @@ use anyhow::{Context, anyhow};
 use consumers::figure::Figure;
 use consumers::paper::{Observations, Run, STUDIES, Study, Verdict};
 use schemas::manifest::RunManifest;
+use schemas::whole_file;
 use std::collections::BTreeMap;
 use std::num::NonZero;
 use std::sync::atomic::AtomicBool;
@@ -43,7 +43,7 @@ pub(crate) fn reproduce(args: &ReproduceArgs) -> Result<Done, Failure> {
     let studies = studied.collect::<Result<Vec<_>, _>>()?;
     let report = Report { studies, runs: manifests, determined: &done.determined, program: origin().program };
     // refuse_to_overwrite has asked whether these may be replaced
-    let write = |name: &str, text: &str| write_whole(&args.out.join(name), text.as_bytes(), true);
+    let write = |name: &str, text: &str| whole_file::write(&args.out.join(name), text.as_bytes(), true);
     write("REPORT.md", &markdown::report(&report))?;
     write("GALLERY.md", &markdown::gallery(&report))?;
     let json = serde_json::to_string_pretty(&report.json())?;

@@ -39,6 +39,7 @@ mod reproduce;
 mod resume;
 mod screens;
 mod starts;
+mod stops;
 mod sweep;
 mod thinning;
 mod time_step;

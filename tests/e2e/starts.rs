@@ -4,9 +4,9 @@
 
 use crate::harness::{Ended, Place, Running, skip};
 use crate::recordings::in_a_namespace;
-use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -16,17 +16,17 @@ const PROGRAM: &str = env!("CARGO_BIN_EXE_beadline");
 /// 20 beads, 70 frames.
 const CHAIN: &str = "run --preset homogeneous --beads 20 --duration 1e-4 --name z --no-record";
 
-/// What a start and an end do that others can see.
+/// What a start and an end do that others can see; those with a `?` are not everywhere.
 const CALLS: [&str; 12] = [
     "ftruncate",
     "openat",
-    "link",
+    "?link",
     "linkat",
-    "rename",
+    "?rename",
     "bind",
     "fchmod",
-    "mkdir",
-    "unlink",
+    "?mkdir",
+    "?unlink",
     "flock",
     "fallocate",
     "fcntl",
@@ -35,25 +35,31 @@ const CALLS: [&str; 12] = [
 /// What is injected: a kill, and errors as a system at its limits returns them.
 const FAULTS: [&str; 5] = ["signal=KILL", "error=EIO", "error=ENOSPC", "error=EINTR", "error=EMFILE"];
 
-/// After whatever happened, the next run of that name has begun and ended within this time; only what hangs meets it.
+/// Whatever happens, a command ends within this time; only what hangs meets it.
 const BOUND: Duration = Duration::from_mins(1);
 
 /// Who runs `beadline`: who runs the tests, or another user that these can become.
 #[derive(Clone, Copy, PartialEq)]
-enum User {
+pub(crate) enum User {
     Own,
     Nobody,
 }
 
 /// A directory that the user can use, with a program that they can read.
-struct Scene {
-    place: Place,
+pub(crate) struct Scene {
+    pub(crate) place: Place,
     user: User,
     program: PathBuf,
 }
 
 impl Scene {
-    fn new(user: User) -> Self {
+    /// None if there is no strace, and that is said.
+    pub(crate) fn new(user: User) -> Option<Self> {
+        let trace = ["-o", "/dev/null", "true"];
+        if !there_is("strace", &trace, "no strace here: nothing is stopped at system calls (see tests/setup)")
+        {
+            return None;
+        }
         let place = Place::new();
         let program = place.path("beadline");
         if user == User::Nobody {
@@ -63,21 +69,37 @@ impl Scene {
         } else {
             std::os::unix::fs::symlink(PROGRAM, &program).unwrap();
         }
-        Self { place, user, program }
+        Some(Self { place, user, program })
     }
 
-    /// `beadline CHAIN`, behind these words; killed after the bound.
-    fn run(&self, before: &[&str]) -> Ended {
-        let mut words = vec!["timeout", "--signal=KILL"];
+    /// `beadline WORDS`, behind these words.
+    pub(crate) fn run(&self, before: &[&str], words: &str) -> Ended {
         let bound = BOUND.as_secs().to_string();
-        words.push(&bound);
+        let mut all = vec!["timeout", "--signal=KILL", &bound];
         if self.user == User::Nobody {
-            words.extend(["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]);
+            all.extend(["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]);
         }
-        words.extend(before);
-        words.push(self.program.to_str().unwrap());
-        words.extend(CHAIN.split(' '));
-        Running::start(&words.join(" "), self.place.foreign(words[0], &words[1..])).wait()
+        all.extend(before);
+        all.push(self.program.to_str().unwrap());
+        all.extend(words.split(' '));
+        let start = Instant::now();
+        let ended = Running::start(&all.join(" "), self.place.foreign(all[0], &all[1..])).wait();
+        assert!(start.elapsed() < BOUND, "{words}: did not end");
+        ended
+    }
+
+    /// `beadline WORDS` with `inject` among the calls that `of` selects, both as strace has them; none if it made no such call.
+    pub(crate) fn stopped(&self, inject: &str, of: &[&str], words: &str) -> Option<Ended> {
+        let trace = self.place.path("trace");
+        let before = [&["strace", "-f", "-o", trace.to_str().unwrap(), "-e", inject], of].concat();
+        let ended = self.run(&before, words);
+        let trace = self.trace();
+        (trace.contains("(INJECTED)") || trace.contains("killed by SIGKILL")).then_some(ended)
+    }
+
+    /// The calls of what was stopped last.
+    pub(crate) fn trace(&self) -> String {
+        String::from_utf8_lossy(&fs::read(self.place.path("trace")).unwrap()).into_owned()
     }
 
     /// What there is of this bus in shared memory, and in its root.
@@ -94,34 +116,55 @@ impl Scene {
         found.sort();
         found
     }
+}
 
-    /// How often a run that nothing happens to makes each of the calls.
-    fn counts(&self) -> BTreeMap<&'static str, usize> {
-        let trace = self.place.path("trace");
-        let filter = format!("trace=?{}", CALLS.join(",?"));
-        self.run(&["strace", "-f", "-o", trace.to_str().unwrap(), "-e", &filter]).exits(0);
-        let trace = fs::read_to_string(trace).unwrap();
-        let of = |call: &str| trace.lines().filter(|line| line.contains(&format!(" {call}("))).count();
-        CALLS.into_iter().map(|call| (call, of(call))).filter(|(_, count)| *count > 0).collect()
+/// Whether all calls are tried.
+pub(crate) fn all() -> bool {
+    std::env::var("BEADLINE_CRASH_POINTS").is_ok_and(|value| value == "all")
+}
+
+/// What was tried, and what failed.
+#[derive(Default)]
+pub(crate) struct Tries {
+    count: usize,
+    failures: Vec<String>,
+}
+
+impl Tries {
+    /// Has `attempt` meet `fault` at every `stride`-th of these calls, until it says that there are no more; a `+` is for
+    /// a fault that stays.
+    pub(crate) fn each(
+        &mut self,
+        calls: &str,
+        fault: &str,
+        (first, stride): (usize, usize),
+        attempt: impl Fn(&str) -> Option<()>,
+    ) {
+        let (fault, stays) = fault.strip_suffix('+').map_or((fault, ""), |fault| (fault, "+"));
+        for number in (first..).step_by(stride) {
+            if self.failures.len() > 99 {
+                break; // nothing works here
+            }
+            let inject = format!("inject={calls}:{fault}:when={number}{stays}");
+            match catch_unwind(AssertUnwindSafe(|| attempt(&inject))) {
+                Ok(None) => break,
+                Ok(Some(())) => {}
+                Err(panic) => {
+                    let said = panic.downcast_ref().map_or("", String::as_str);
+                    self.failures.push(format!("{inject}: {said}"));
+                }
+            }
+            self.count += 1;
+        }
     }
 
-    /// Injects `fault` into the call, and looks at what the next run meets and leaves.
-    fn stop_at(&self, call: &str, number: usize, fault: &str, clean: &[PathBuf]) -> Result<(), String> {
-        let inject = format!("inject={call}:{fault}:when={number}");
-        let before = ["strace", "-f", "-o", "/dev/null", "-e", &format!("trace={call}"), "-e", &inject];
-        let start = Instant::now();
-        self.run(&before);
-        let stopped = start.elapsed();
-        let next = self.run(&[]);
-        let left: Vec<_> = self.traces().into_iter().filter(|path| !clean.contains(path)).collect();
-        if stopped >= BOUND {
-            return Err(format!("{inject}: the run itself did not end"));
-        }
-        match next.code() {
-            Some(0) if left.is_empty() => Ok(()),
-            Some(0) => Err(format!("{inject}: left behind: {left:?}")),
-            code => Err(format!("{inject}: the next run ended with {code:?}\n{}", next.stderr())),
-        }
+    /// Nothing failed, and at least so much was tried.
+    #[expect(clippy::print_stdout, reason = "the numbers of a campaign, with --nocapture")]
+    pub(crate) fn end(self, least: usize) {
+        let Self { count, failures } = self;
+        println!("{count} tries, {} failures", failures.len());
+        assert!(failures.is_empty(), "{count} tries, {} failures:\n{}", failures.len(), failures.join("\n"));
+        assert!(count >= least, "{count} tries");
     }
 }
 
@@ -135,33 +178,30 @@ fn there_is(command: &str, arguments: &[&str], what: &str) -> bool {
 }
 
 fn campaign(user: User) {
-    let trace = ["-o", "/dev/null", "true"];
-    if !there_is("strace", &trace, "no strace here: runs are not stopped at system calls (see tests/setup)") {
-        return;
-    }
-    let scene = Scene::new(user);
-    scene.run(&[]).exits(0);
+    let Some(scene) = Scene::new(user) else { return };
+    scene.run(&[], CHAIN).exits(0);
     let clean = scene.traces();
     assert_eq!(clean.len(), 5, "one segment, a lock, a secret and two directories: {clean:?}");
-    let counts = scene.counts();
-    assert!(counts["ftruncate"] >= 12 && counts["openat"] > 50, "{counts:?}");
-    let all = std::env::var("BEADLINE_CRASH_POINTS").is_ok_and(|value| value == "all");
-    let (mut tries, mut failures) = (0, Vec::new());
+    let mut tries = Tries::default();
     for (at, fault) in FAULTS.into_iter().enumerate() {
-        for (call, count) in &counts {
+        for call in CALLS {
             // kills at each of the calls that iceoryx2 trips over, a sample of the rest
-            let stride = match (all, at, *call) {
-                (true, ..) | (_, 0, "ftruncate" | "bind" | "rename" | "link" | "linkat" | "flock") => 1,
+            let stride = match (all(), at, call) {
+                (true, ..) | (_, 0, "ftruncate" | "bind" | "?rename" | "?link" | "linkat" | "flock") => 1,
                 (_, 0, _) => 9,
                 _ => 37,
             };
-            for number in (1 + at % stride..=*count).step_by(stride) {
-                tries += 1;
-                failures.extend(scene.stop_at(call, number, fault, &clean).err());
-            }
+            let traced = format!("trace={call}");
+            tries.each(call, fault, (1 + at % stride, stride), |inject| {
+                scene.stopped(inject, &["-e", &traced], CHAIN)?;
+                let next = scene.run(&[], CHAIN).exits(0);
+                let left: Vec<_> = scene.traces().into_iter().filter(|path| !clean.contains(path)).collect();
+                assert!(left.is_empty(), "left behind: {left:?}\n{}", next.stderr());
+                Some(())
+            });
         }
     }
-    assert!(failures.is_empty(), "{tries} tries, {} failures:\n{}", failures.len(), failures.join("\n"));
+    tries.end(40);
 }
 
 /// As root a segment that a killed process left without a size was waited for, for ever.

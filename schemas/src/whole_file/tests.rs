@@ -1,5 +1,4 @@
 use super::*;
-use std::io::Write as _;
 use std::sync::Barrier;
 use tempfile::TempDir;
 
@@ -34,6 +33,9 @@ fn what_is_there_is_replaced_only_if_that_was_asked_for() {
     fs::rename(&path, &partial).expect("renamed");
     assert!(matches!(WholeFile::create(&path, false), Err(WholeFileError::PartialExists { .. })));
     assert_eq!(fs::read_to_string(&partial).expect("kept"), "mine");
+    // nothing is lost of one that was killed before it wrote anything
+    fs::write(&partial, "").expect("written");
+    drop(WholeFile::create(&path, false).expect("empty"));
     fs::write(&path, "mine").expect("written");
     let file = WholeFile::create(&path, true).expect("asked for");
     assert_eq!(fs::read_to_string(&path).expect("until there is another"), "mine");
