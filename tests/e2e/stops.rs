@@ -4,8 +4,8 @@
 
 use crate::harness::Ended;
 use crate::starts::{Scene, Tries, User, all};
+use recording::{RecordingInfo, RecordingSource};
 use schemas::frame::{FrameSource, Received};
-use schemas::recording::{RecordingInfo, RecordingSource};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};

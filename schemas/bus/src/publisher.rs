@@ -20,6 +20,7 @@ use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::server::Server;
 use iceoryx2::port::update_connections::UpdateConnections as _;
 use iceoryx2::prelude::PortFactory as _;
+use schemas::frame::{EndReason, Frame, FrameSink};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};

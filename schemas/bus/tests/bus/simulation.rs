@@ -9,8 +9,8 @@ mod consumer;
 mod producer;
 mod transport;
 
-use producer::Schedule;
 use bus::Remedies;
+use producer::Schedule;
 
 /// What breaks a promise in the schedule of `seed`, with all that happened.
 fn broken(seed: u64, remedies: Remedies) -> Option<String> {
