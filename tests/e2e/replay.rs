@@ -41,7 +41,7 @@ fn live_replay_and_file_give_the_same_results() {
     for every in [1, 7] {
         let place = Place::new();
         let run = place.start(&format!(
-            "{SMALL} --publish-every-steps {every} --out full.mcap --wait-for 4 --pace 0.02"
+            "{SMALL} --publish-every-steps {every} --out full.mcap --wait-for 4 --pace 0.005"
         ));
         let early = analyse(&place, "live", "live");
         place.wait_for_run("small", |run| run.step > 100);
@@ -53,7 +53,7 @@ fn live_replay_and_file_give_the_same_results() {
         all_exit_0(analyse(&place, "live:small", "replay").into_iter().chain([whole]));
 
         place.run("thin full.mcap --every-steps 70 --out sparse.mcap").exits(0);
-        let sparse = place.start("replay sparse.mcap --wait-for 4 --rate 0.02");
+        let sparse = place.start("replay sparse.mcap --wait-for 4 --rate 0.005");
         let early = analyse(&place, "live", "sparse");
         place.wait_for_run("small", |run| run.step > 100);
         let late = place.start("energies --from-start --no-publish --out energies-late-replay.csv");
