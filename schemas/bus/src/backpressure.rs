@@ -66,8 +66,8 @@ pub enum ConsumerEvent {
 }
 
 /// The remedies against known traps; tests switch one off to see that it is needed.
-#[doc(hidden)]
 #[derive(Debug, Clone, Copy)]
+#[cfg_attr(not(feature = "faults"), expect(unreachable_pub, reason = "tests reach it"))]
 #[expect(clippy::struct_excessive_bools, reason = "independent switches")]
 pub struct Remedies {
     /// Clean up dead processes while blocked.

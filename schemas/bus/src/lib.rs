@@ -32,6 +32,7 @@ mod warden;
 mod wire;
 
 #[doc(hidden)]
+#[cfg(feature = "faults")]
 pub use backpressure::Remedies;
 pub use backpressure::{ConsumerEvent, Delivery};
 pub use live::{AttachError, AttachNotice, AttachOptions, LiveError, LiveSource};

@@ -41,7 +41,8 @@ pub struct PublishOptions {
     pub stuck_after: Duration,
     /// When set, a publish that is held back gives up with [`PublishError::Stopped`].
     pub stop: Arc<AtomicBool>,
-    #[doc(hidden)]
+    /// What tests switch off.
+    #[cfg(feature = "faults")]
     pub remedies: Remedies,
 }
 
@@ -51,8 +52,22 @@ impl Default for PublishOptions {
             first_frame: 0,
             stuck_after: Duration::from_secs(30),
             stop: Arc::default(),
+            #[cfg(feature = "faults")]
             remedies: Remedies::default(),
         }
+    }
+}
+
+impl PublishOptions {
+    #[cfg(feature = "faults")]
+    fn remedies(&self) -> Remedies {
+        self.remedies
+    }
+
+    #[cfg(not(feature = "faults"))]
+    #[expect(clippy::unused_self, reason = "all of them, whatever the options are")]
+    fn remedies(&self) -> Remedies {
+        Remedies::default()
     }
 }
 

@@ -134,7 +134,7 @@ impl StatePublisher {
             notifier,
             Arc::clone(&options.stop),
             options.stuck_after,
-            options.remedies,
+            options.remedies(),
         );
         backpressure.ignore_present();
         let publisher = exclusive_publisher(bus, &node, run, &state, doubles, &backpressure)?;
@@ -152,7 +152,7 @@ impl StatePublisher {
         let (server, join, joiners) = join_server(&node, run)?;
         let chain = publish_chain(bus, &node, run, chain, stream)?;
         let mut board = BoardWriter::create(&node, run, json.as_bytes(), status)?;
-        if !options.remedies.release_board {
+        if !options.remedies().release_board {
             board.hold()?;
         }
         board.write(&mut status)?;
@@ -173,7 +173,7 @@ impl StatePublisher {
             counts: PublishCounts::default(),
             counted_at: now,
             finished: false,
-            remedies: options.remedies,
+            remedies: options.remedies(),
             told_gone: false,
             node,
             bus: bus.clone(),

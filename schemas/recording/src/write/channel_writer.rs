@@ -49,7 +49,7 @@ pub struct WriteOptions {
     /// Longest time between two syncs to the disk: what a power failure costs. Default: 5 s.
     pub sync_period: Duration,
     /// For tests: how much longer a disk takes for a chunk.
-    #[doc(hidden)]
+    #[cfg(feature = "faults")]
     pub slow_disk: Duration,
 }
 
@@ -62,6 +62,7 @@ impl Default for WriteOptions {
             queue_bytes: 8 << 20,
             flush_period: Duration::from_secs(1),
             sync_period: Duration::from_secs(5),
+            #[cfg(feature = "faults")]
             slow_disk: Duration::ZERO,
         }
     }

@@ -9,6 +9,7 @@ use crate::write::sync::BackgroundSync;
 use std::io;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
+#[cfg(feature = "faults")]
 use std::time::Duration;
 
 /// Threads that compress: one keeps up with a disk, two with a run that computes on a third core.
@@ -30,6 +31,7 @@ struct Shared {
     writing: Mutex<Writing>,
     /// Another chunk was written, or writing failed.
     turn: Condvar,
+    #[cfg(feature = "faults")]
     slow_disk: Duration,
 }
 
@@ -64,6 +66,7 @@ impl Threads {
             queue,
             writing: Mutex::new(writing),
             turn: Condvar::new(),
+            #[cfg(feature = "faults")]
             slow_disk: options.slow_disk,
         });
         let mut this = Self { shared, handles: Vec::new() };
@@ -148,9 +151,8 @@ impl Shared {
         if writing.failed {
             return Ok(());
         }
-        if !self.slow_disk.is_zero() {
-            thread::sleep(self.slow_disk);
-        }
+        #[cfg(feature = "faults")]
+        thread::sleep(self.slow_disk);
         writing.output.chunk(&block, encoded)?;
         writing.written += 1;
         writing.sync_if_much()?;
