@@ -11,7 +11,6 @@ pub mod determination;
 pub mod energies;
 pub mod export;
 pub mod fields;
-pub mod figure;
 pub mod follow;
 pub mod held;
 pub mod impurity;

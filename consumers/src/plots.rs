@@ -1,4 +1,4 @@
-//! What each analysis shows, drawn with [`crate::figure`].
+//! What each analysis shows, drawn with [`figure`].
 
 mod deformation;
 mod determination;
@@ -12,10 +12,10 @@ pub use pulses::pulses;
 
 use crate::contacts::{COMPRESSED, Class, OPEN, TOUCHING};
 use crate::energies::{EnergyRow, Reflection, STATIONARY};
-use crate::figure::{Axis, Colour, Curve, Figure, FigureError, Panel, Raster};
 use crate::impurity::{Event, EventKind, Motion};
 use crate::series::Series;
 use crate::space_time::{Cell, Extent, Picture};
+use figure::{Axis, Colour, Curve, Figure, FigureError, Panel, Raster};
 use schemas::manifest::RunManifest;
 use std::fmt::Write;
 

@@ -270,8 +270,8 @@ pub enum StudyError {
     },
 }
 
-impl From<crate::figure::FigureError> for StudyError {
-    fn from(error: crate::figure::FigureError) -> Self {
+impl From<figure::FigureError> for StudyError {
+    fn from(error: figure::FigureError) -> Self {
         Self::Figure { reason: error.to_string() }
     }
 }

@@ -10,11 +10,11 @@ use super::profile::velocity_figure;
 use super::reference::HEAVY_PULSES;
 use super::runs::{Run, heavy};
 use super::study::Study;
-use crate::figure::{Axis, Colour, Curve, Figure, Panel};
 use crate::impurity::{Event, EventKind};
 use crate::plots;
 use crate::pulses::Passage;
 use crate::theory::{SolitaryWave, Strength};
+use figure::{Axis, Colour, Curve, Figure, Panel};
 
 const SECTION: &str = "section 3";
 /// What the reference of the pulses is good to.

@@ -10,9 +10,9 @@ use super::profile::velocity_figure;
 use super::reference::LIGHT_PULSES;
 use super::runs::{Run, light};
 use super::study::Study;
-use crate::figure::{Axis, Colour, Curve, Figure, Panel};
 use crate::plots;
 use crate::pulses::Passage;
+use figure::{Axis, Colour, Curve, Figure, Panel};
 use std::ops::Range;
 
 const SECTION: &str = "section 3";

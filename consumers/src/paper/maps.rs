@@ -5,9 +5,9 @@ use super::observe::Observations;
 use super::passing::{count_past, counted, falls, pulses, with_partners};
 use super::runs::{Run, heavy, light};
 use super::study::Study;
-use crate::figure::Figure;
 use crate::plots;
 use crate::pulses::Passage;
+use figure::Figure;
 use std::ops::Range;
 
 const SECTION: &str = "section 3";

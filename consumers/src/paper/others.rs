@@ -6,7 +6,7 @@ use super::passing::{count_past, counted, falls, with_partners};
 use super::rattle::flights;
 use super::runs::{Run, short};
 use super::study::Study;
-use crate::figure::{Axis, Figure, Panel};
+use figure::{Axis, Figure, Panel};
 
 const SECTION: &str = "section 3";
 /// Masses (g) and exponents of light and of heavy impurities.

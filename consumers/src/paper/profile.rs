@@ -1,8 +1,8 @@
 //! The velocities of all beads in one frame, whole and enlarged.
 
 use super::observe::KeptFrame;
-use crate::figure::{Axis, Colour, Curve, Figure, Panel};
 use crate::plots;
+use figure::{Axis, Colour, Curve, Figure, Panel};
 use schemas::manifest::RunManifest;
 
 /// Velocities of the 1000 beads with an impurity at bead 500; the second panel shows those within `enlarged_m_s`.

@@ -6,9 +6,9 @@ use super::passing::{BACKWARD_BEAD, FORWARD_BEAD, count_past, counted, falls, wi
 use super::reference::LIGHT_TURNS;
 use super::runs::{Run, light};
 use super::study::Study;
-use crate::figure::{Axis, Colour, Curve, Figure, Mark, Panel};
 use crate::impurity::{Event, EventKind};
 use crate::plots;
+use figure::{Axis, Colour, Curve, Figure, Mark, Panel};
 
 const SECTION: &str = "section 3";
 

@@ -6,8 +6,8 @@ use super::front::Front;
 use super::observe::{Observations, Observed};
 use super::runs::{Run, long};
 use super::study::Study;
-use crate::figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};
 use crate::theory::{GaussianLimit, SolitaryWave};
+use figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};
 
 const SECTION: &str = "section 2";
 /// Exponents of the figures.

@@ -8,9 +8,9 @@ use super::passing::{Passed, both_steps, pulses_of_table};
 use super::reference::{LIGHT_PULSES, SOLITARY_WAVE};
 use super::runs::{Run, homogeneous, light};
 use super::study::Study;
-use crate::figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};
 use crate::pulses::Passage;
 use crate::theory::{Coefficients, ContinuumWave, SolitaryWave};
+use figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};
 
 /// Of the exponents of the deformation curves, those whose pulse is stationary at contact 100.
 fn stationary() -> impl Iterator<Item = f64> {

@@ -5,8 +5,8 @@ use super::observe::Observations;
 use super::passing::{count_past, falls, heights, pulses, with_partners};
 use super::runs::{Run, striker, striker_long};
 use super::study::Study;
-use crate::figure::{Axis, Colour, Curve, Figure, Panel};
 use crate::plots;
+use figure::{Axis, Colour, Curve, Figure, Panel};
 
 const SECTION: &str = "section 3";
 /// The masses (g) of the first bead over which pulses are counted.

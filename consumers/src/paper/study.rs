@@ -4,7 +4,7 @@ use super::claim::{Claim, StudyError};
 use super::observe::Observations;
 use super::runs::Run;
 use super::{deform, energies, heavy, light, maps, others, rattle, scaling, speed, strikers, transient};
-use crate::figure::Figure;
+use figure::Figure;
 
 /// One figure with its claims.
 #[derive(Debug, Clone, Copy)]

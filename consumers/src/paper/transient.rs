@@ -7,8 +7,8 @@ use super::observe::{KeptFrame, Observations, Observed};
 use super::runs::{Run, long};
 use super::scaling::{FROM_PATH, stationary};
 use super::study::Study;
-use crate::figure::{Axis, Colour, Curve, Figure, Panel, Stroke};
 use crate::theory::GaussianLimit;
+use figure::{Axis, Colour, Curve, Figure, Panel, Stroke};
 use schemas::frame::Frame;
 
 const SECTION: &str = "section 2";

@@ -2,7 +2,7 @@
 
 use super::{caption, prefix};
 use crate::deformation::{Comparison, Deformation, Sample, Shape};
-use crate::figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};
+use figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};
 use schemas::manifest::RunManifest;
 
 /// Half the time shown, in measured widths.

@@ -2,7 +2,7 @@
 
 use super::caption;
 use crate::determination::{Determination, Quantity, Sample};
-use crate::figure::{Axis, Curve, Figure, Panel};
+use figure::{Axis, Curve, Figure, Panel};
 use schemas::manifest::RunManifest;
 
 /// What is drawn: the state, and the energies that are told.

@@ -2,8 +2,8 @@
 
 use super::{caption, length, map_panel, prefix, rounded, short, sides};
 use crate::fields::Field;
-use crate::figure::{Axis, Colour, ColourScale, Curve, Figure, FigureError, Mark, Panel, Raster, Stroke};
 use crate::space_time::Picture;
+use figure::{Axis, Colour, ColourScale, Curve, Figure, FigureError, Mark, Panel, Raster, Stroke};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use std::ops::Range;

@@ -3,9 +3,9 @@
 use super::fields::{ColourSteps, map_of};
 use super::{caption, scientific, three};
 use crate::fields::Field;
-use crate::figure::{Axis, Colour, Curve, Figure, FigureError, Panel};
 use crate::pulses::Strongest;
 use crate::space_time::Picture;
+use figure::{Axis, Colour, Curve, Figure, FigureError, Panel};
 use schemas::manifest::RunManifest;
 
 /// Pulses that have a colour and a name of their own in a figure.

@@ -1,7 +1,7 @@
 //! Colours of velocities, as figures have them: white at rest, redder the faster towards larger bead numbers, bluer
 //! the other way.
 
-use crate::figure::diverging;
+use figure::diverging;
 
 /// Velocities of less than this part of the scale are white; the colours span the decades from there to the scale.
 const LEAST: f64 = 1e-3;

@@ -5,7 +5,7 @@ use super::super::observe::Observations;
 use super::super::reference::REFLECTED;
 use super::super::reflection::{ALPHAS, BEAD_G, Reflected, curve, is_shown};
 use super::{amplitudes, hard_limit};
-use crate::figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};
+use figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};
 
 const CAPTION: &str =
     "1000 beads of 1 g, impurity at bead 500, k = 10^{7} N m^{−α}, v_{0} = 5 m/s on bead 0.";

@@ -121,7 +121,7 @@ impl ColourScale {
 ///
 /// # Source
 /// B. Ottosson, *A perceptual color space for image processing* (2020): the space `OKLab`, in which it is even.
-pub(crate) fn diverging(shade: f64) -> Colour {
+pub fn diverging(shade: f64) -> Colour {
     const DARKEST: f64 = 0.4;
     const CHROMA: f64 = 0.13;
     const BLUE: f64 = 255.0;

@@ -40,7 +40,7 @@ impl Colour {
         [Self::Blue, Self::Vermillion, Self::Green, Self::Purple, Self::Orange, Self::Sky, Self::Black];
 
     /// Red, green and blue.
-    pub(crate) fn rgb(self) -> [u8; 3] {
+    pub fn rgb(self) -> [u8; 3] {
         match self {
             Self::Black => [0, 0, 0],
             Self::Blue => [0x00, 0x72, 0xB2],

@@ -1,12 +1,10 @@
 //! Draws one figure of each kind, at every size, from made-up data: to look at after a change of the look.
 //!
-//! `cargo run -p beadline-consumers --example figure_gallery -- DIR`
+//! `cargo run -p beadline-figure --example figure_gallery -- DIR`
 
 use std::path::PathBuf;
 
-use consumers::figure::{
-    Axis, Colour, ColourScale, Curve, Figure, FigureError, Options, Panel, Raster, Size, Stroke,
-};
+use figure::{Axis, Colour, ColourScale, Curve, Figure, FigureError, Options, Panel, Raster, Size, Stroke};
 
 type Figures = Vec<(&'static str, Figure)>;
 
@@ -167,7 +165,7 @@ fn widths() -> Figure {
         .x_axis(Axis::new("α − 1").log())
         .y_axis(Axis::new("width (beads)").log())
         .points("full width", measured)
-        .curve(Curve::points("width at half height", other).mark(consumers::figure::Mark::Square))
+        .curve(Curve::points("width at half height", other).mark(figure::Mark::Square))
         .curve(Curve::line("4.6 (α − 1)^{−0.5}", fit).colour(Colour::Black))
         .note("slope −0.497 ± 0.004");
     Figure::new().caption("27 runs of 1000 equal beads").panel(panel)

@@ -258,8 +258,8 @@ pub(super) fn label_with_factor(label: &str, exponent: i32) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::figure::Axis;
-    use crate::figure::scale::Room;
+    use crate::Axis;
+    use crate::scale::Room;
 
     fn labels(axis: &Axis, count: usize) -> Vec<String> {
         let ticks = Scale::new(axis, std::iter::empty(), Room::Nothing).ticks(count);

@@ -6,7 +6,7 @@ use skrifa::instance::{LocationRef, Size};
 use skrifa::{FontRef, MetadataProvider};
 
 /// Liberation Sans: the metrics of Arial, with Greek and mathematical signs, under the SIL Open Font License.
-pub(super) const FONT: &[u8] = include_bytes!("../../fonts/LiberationSans-Regular.ttf");
+pub(super) const FONT: &[u8] = include_bytes!("../fonts/LiberationSans-Regular.ttf");
 /// Families by preference; the fallbacks have the same metrics.
 pub(super) const FAMILIES: &str = "Liberation Sans, Arial, Helvetica, sans-serif";
 /// Height of capitals and figures, in units of the font's size.

@@ -304,7 +304,7 @@ fn line_path(places: &[(f64, f64)]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::figure::{Axis, Options, Panel, picture};
+    use crate::{Axis, Options, Panel, picture};
 
     const RED: Colour = Colour::Rgb(255, 0, 0);
     const GREEN: Colour = Colour::Rgb(0, 255, 0);

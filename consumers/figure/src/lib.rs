@@ -10,7 +10,7 @@
 //! neither images nor an axis that runs downwards, and measures text in another font than the one drawn.
 //!
 //! ```
-//! use consumers::figure::{Axis, Colour, Curve, Figure, Options, Panel, Raster, Stroke};
+//! use figure::{Axis, Colour, Curve, Figure, Options, Panel, Raster, Stroke};
 //!
 //! let wave = (0..1000).map(|bead| (f64::from(bead), (f64::from(bead) * 0.01).sin()));
 //! let profile = Panel::new()
@@ -35,7 +35,7 @@
 //! # let folder = tempfile::tempdir().unwrap();
 //! # let path = folder.path().join("figure.svg");
 //! figure.write(&path, Options::default())?;
-//! # Ok::<(), consumers::figure::FigureError>(())
+//! # Ok::<(), figure::FigureError>(())
 //! ```
 
 mod colour_scale;
@@ -57,8 +57,7 @@ mod ticks;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-pub use colour_scale::ColourScale;
-pub(crate) use colour_scale::diverging;
+pub use colour_scale::{ColourScale, diverging};
 pub use panel::{Axis, Curve, Panel};
 pub use raster::Raster;
 pub use style::{Colour, Mark, Stroke};
