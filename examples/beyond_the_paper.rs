@@ -4,7 +4,6 @@
 //! `cargo run --example beyond_the_paper -- docs/img/examples`
 
 use anyhow::Context;
-use consumers::plots;
 use figure::{Axis, Colour, Curve, Figure, Options, Panel, Stroke};
 use producer::integrator::Integrator;
 use producer::state::ChainState;

@@ -4,7 +4,7 @@ use crate::display;
 use crate::limits;
 use anyhow::Error;
 use bus::{AttachError, PublishError};
-use consumers::export::ExportError;
+use exports::ExportError;
 use recording::WriteError;
 use schemas::whole_file::WholeFileError;
 use serde_json::json;

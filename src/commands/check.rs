@@ -10,7 +10,6 @@ use crate::progress::Progress;
 use crate::signals;
 use anyhow::anyhow;
 use consumers::determination::{Determination, Outcome, Quantity};
-use consumers::plots;
 use consumers::table::Table;
 use experiments::compare::{Compared, compare};
 use recording::RecordingInfo;

@@ -4,7 +4,7 @@ use crate::configuration::origin;
 use crate::failure::Failure;
 use anyhow::{Context, anyhow};
 use consumers::follow::{Tally, follow};
-use consumers::paper::{Observed, Observer, Run};
+use paper::{Observed, Observer, Run};
 use producer::run::{Conductor, RunError};
 use recording::hex;
 use recording::{RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};

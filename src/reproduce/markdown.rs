@@ -1,8 +1,8 @@
 //! The report as pages to read.
 
 use super::report::{PAPER, Report, Studied, figure_path};
-use consumers::paper::{Claim, Judgement, Number, Verdict};
 use consumers::uncertain::Uncertain;
+use paper::{Claim, Judgement, Number, Verdict};
 use std::fmt::{self, Write};
 
 /// `REPORT.md`: a table of all claims, then figure by figure.
@@ -210,7 +210,7 @@ fn figures(number: &Number) -> Figures {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use consumers::paper::{Range, Reference, Uncertainty};
+    use paper::{Range, Reference, Uncertainty};
 
     fn number(value: f64, plus_minus: Option<f64>) -> Number {
         let uncertainty = plus_minus.map(|plus_minus| Uncertainty { plus_minus, from: "test" });

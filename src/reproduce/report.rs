@@ -1,6 +1,6 @@
 //! What was found, as one value, and as JSON.
 
-use consumers::paper::{Claim, Judgement, Number, Study, Verdict};
+use paper::{Claim, Judgement, Number, Study, Verdict};
 use schemas::manifest::RunManifest;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
