@@ -17,7 +17,6 @@ mod pace;
 mod progress;
 mod publishing;
 mod recorder;
-mod reproduce;
 mod resumption;
 mod signals;
 mod stage;

@@ -262,6 +262,12 @@ pub enum StudyError {
         /// What was looked for.
         row: String,
     },
+    /// The rows of a sweep are not those of this program.
+    #[error("a sweep's rows have no column `{name}` of doubles; this is a fault of ours")]
+    NoColumn {
+        /// The column.
+        name: String,
+    },
     /// A figure's raster is broken.
     #[error("the figure cannot be drawn: {reason}")]
     Figure {

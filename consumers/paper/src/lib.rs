@@ -3,11 +3,15 @@
 //! A [`Study`] is one figure with the claims that go with it. It says which [`Run`]s it needs; whoever
 //! simulates them feeds their frames to an [`Observer`]; from what was [`Observed`] the study draws its figure and
 //! judges its claims. A [`Verdict`] is always computed: from our numbers, and from a criterion or an
-//! independent reference. Nothing here knows of files or buses.
+//! independent reference.
+//!
+//! [`cache`] keeps recordings of the runs, [`workers`] simulates and observes several at a time, and [`report`] and
+//! [`markdown`] say what was found.
 //!
 //! # Source
 //! E. Hascoët and H. J. Herrmann, *Shocks in non-loaded bead chains with impurities*.
 
+pub mod cache;
 mod claim;
 mod crossing;
 mod deform;
@@ -17,19 +21,23 @@ mod front;
 mod heavy;
 mod light;
 mod maps;
+pub mod markdown;
 mod observe;
 mod others;
 mod passing;
 mod profile;
+pub mod progress;
 mod rattle;
 mod reference;
 mod reflection;
+pub mod report;
 mod runs;
 mod scaling;
 mod speed;
 mod strikers;
 mod study;
 mod transient;
+pub mod workers;
 
 pub use claim::{Claim, Judgement, Number, Range, Reference, StudyError, Uncertainty, Verdict};
 pub use front::Front;

@@ -4,6 +4,7 @@ use super::claim::StudyError;
 use super::crossing::{Difference, wanting};
 use super::observe::Observations;
 use super::runs::until_end;
+use consumers::table::{Cell, Column};
 use consumers::uncertain::Uncertain;
 use std::fmt::Write;
 
@@ -40,6 +41,51 @@ pub struct Reflected {
     pub backward_beads_per_s: f64,
     /// Largest relative error of the energy.
     pub drift: f64,
+}
+
+/// A row with the names of its cells.
+struct Row<'a> {
+    columns: &'a [Column],
+    cells: &'a [Cell],
+}
+
+impl Reflected {
+    /// The point of a row of [`reflection_sweep`] or [`refined_sweep`].
+    ///
+    /// # Errors
+    /// When the row has not the columns of a sweep.
+    pub fn of_row(columns: &[Column], cells: &[Cell]) -> Result<Self, StudyError> {
+        let row = Row { columns, cells };
+        Ok(Self {
+            alpha: row.double("chain.alpha")?,
+            mass_g: row.double("chain.impurities[0].mass_kg")? * 1e3,
+            over_total: row.uncertain("reflected_over_total")?,
+            over_transmitted: row.uncertain("reflected_over_transmitted")?,
+            stationary_since_s: row.double("stationary_since_s")?,
+            corrected_over_total: row.uncertain("corrected_over_total")?,
+            corrected: row.uncertain("corrected_over_incident")?,
+            backward_m_s: row.double("backward_v_peak_m_s")?,
+            backward_beads_per_s: row.double("backward_speed_beads_per_s")?,
+            drift: row.double("max_abs_relative_drift")?,
+        })
+    }
+}
+
+impl Row<'_> {
+    /// A double with what it may be off by.
+    fn uncertain(&self, name: &str) -> Result<Uncertain, StudyError> {
+        Ok(Uncertain::new(self.double(name)?, self.double(&format!("{name}_uncertainty"))?))
+    }
+
+    /// A double; NaN where there is none in this row.
+    fn double(&self, name: &str) -> Result<f64, StudyError> {
+        let place = self.columns.iter().position(|column| column.name == name);
+        match place.and_then(|place| self.cells.get(place)) {
+            Some(Cell::Double(value)) => Ok(*value),
+            Some(Cell::Empty) => Ok(f64::NAN),
+            _ => Err(StudyError::NoColumn { name: name.to_owned() }),
+        }
+    }
 }
 
 /// The sweep file of the points of the figures: 1000 beads, the impurity at bead 500, each until its energies are stationary.

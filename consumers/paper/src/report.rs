@@ -1,34 +1,38 @@
 //! What was found, as one value, and as JSON.
 
-use paper::{Claim, Judgement, Number, Study, Verdict};
+use crate::{Claim, Judgement, Number, Study, Verdict};
 use schemas::manifest::RunManifest;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 /// The paper by figures, with what we find.
-pub(crate) struct Report<'a> {
-    pub(crate) studies: Vec<Studied>,
+pub struct Report<'a> {
+    /// In the order of the paper.
+    pub studies: Vec<Studied>,
     /// The runs behind it, in the order of their names.
-    pub(crate) runs: Vec<RunManifest>,
+    pub runs: Vec<RunManifest>,
     /// Until when some of them are determined, by their names.
-    pub(crate) determined: &'a BTreeMap<String, String>,
-    pub(crate) program: String,
+    pub determined: &'a BTreeMap<String, String>,
+    /// What found it.
+    pub program: String,
 }
 
 /// One study with its verdicts.
-pub(crate) struct Studied {
-    pub(crate) study: &'static Study,
-    pub(crate) claims: Vec<(&'static Claim, Judgement)>,
+pub struct Studied {
+    /// The figure.
+    pub study: &'static Study,
+    /// What the paper says about it, and what we say about that.
+    pub claims: Vec<(&'static Claim, Judgement)>,
 }
 
 impl Report<'_> {
     /// How many claims got `verdict`.
-    pub(crate) fn count(&self, verdict: Verdict) -> usize {
+    pub fn count(&self, verdict: Verdict) -> usize {
         self.claims().filter(|(_, judgement)| judgement.verdict == verdict).count()
     }
 
     /// The numbers that contradict their references, with their claims.
-    pub(crate) fn contradictions(&self) -> Vec<(&'static Claim, &Number)> {
+    pub fn contradictions(&self) -> Vec<(&'static Claim, &Number)> {
         let numbers = self
             .claims()
             .flat_map(|(claim, judgement)| judgement.numbers.iter().map(move |number| (*claim, number)));
@@ -36,7 +40,7 @@ impl Report<'_> {
     }
 
     /// How many numbers have a reference.
-    pub(crate) fn reference_count(&self) -> usize {
+    pub fn reference_count(&self) -> usize {
         let numbers = self.claims().flat_map(|(_, judgement)| &judgement.numbers);
         numbers.filter(|number| number.reference.is_some()).count()
     }
@@ -46,7 +50,7 @@ impl Report<'_> {
     }
 
     /// All of it for programs.
-    pub(crate) fn json(&self) -> Value {
+    pub fn json(&self) -> Value {
         let runs = self.runs.iter().map(|manifest| {
             let name = &manifest.provenance.name;
             json!({ "name": name, "determined": self.determined.get(name.as_str()), "physics": manifest.physics })
@@ -61,7 +65,7 @@ impl Report<'_> {
     }
 
     /// How many claims have which verdict.
-    pub(crate) fn summary(&self) -> Value {
+    pub fn summary(&self) -> Value {
         json!({
             "figures": self.studies.len(),
             "claims": self.claims().count(),
@@ -75,11 +79,10 @@ impl Report<'_> {
 }
 
 /// The paper.
-pub(crate) const PAPER: &str =
-    "E. Hascoët and H. J. Herrmann, Shocks in non-loaded bead chains with impurities";
+pub const PAPER: &str = "E. Hascoët and H. J. Herrmann, Shocks in non-loaded bead chains with impurities";
 
 /// Where the figure of a study is, below the directory of the report.
-pub(crate) fn figure_path(study: &Study, extension: &str) -> String {
+pub fn figure_path(study: &Study, extension: &str) -> String {
     format!("img/paper/{}.{extension}", study.slug)
 }
 

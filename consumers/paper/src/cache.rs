@@ -1,15 +1,13 @@
 //! Recordings of the paper's runs, made once.
 
-use crate::configuration::origin;
-use crate::failure::Failure;
-use anyhow::{Context, anyhow};
+use crate::{Observed, Observer, Run};
+use anyhow::{Context as _, Error};
 use consumers::follow::{Tally, follow};
-use paper::{Observed, Observer, Run};
 use producer::run::{Conductor, RunError};
 use recording::hex;
 use recording::{RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};
 use schemas::frame::{EndReason, Frame, FrameSink};
-use schemas::manifest::RunManifest;
+use schemas::manifest::{Origin, RunManifest};
 use std::convert::Infallible;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -17,19 +15,24 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A run with its place in the cache.
 #[derive(Debug)]
-pub(crate) struct Cached {
-    pub(crate) run: Run,
-    pub(crate) manifest: RunManifest,
+pub struct Cached {
+    /// What is simulated, and what is looked at.
+    pub run: Run,
+    /// The run, resolved.
+    pub manifest: RunManifest,
     path: PathBuf,
     /// A whole recording of it is there.
-    pub(crate) recorded: bool,
+    pub recorded: bool,
 }
 
 impl Cached {
     /// Looks for the recording of `run` in `directory`. It is used only if it is finished, complete and has
     /// the same physics and the same frames.
-    pub(crate) fn look(run: Run, directory: &Path) -> Result<Self, Failure> {
-        let manifest = RunManifest::new(&run.config, "paper", origin())?;
+    ///
+    /// # Errors
+    /// When the run is none.
+    pub fn look(run: Run, directory: &Path, origin: Origin) -> Result<Self, Error> {
+        let manifest = RunManifest::new(&run.config, "paper", origin)?;
         let hash = manifest.physics.hash();
         let prefix = hex(&hash[..6]);
         let path = directory.join(format!("{}-{prefix}.mcap", run.name()));
@@ -47,7 +50,10 @@ impl Cached {
 
     /// Simulates and records the run, telling `progress` each step that it has reached. `false` if `stop`
     /// ended it early; nothing is kept then.
-    pub(crate) fn simulate(&self, stop: &AtomicBool, progress: impl Fn(u64)) -> Result<bool, Failure> {
+    ///
+    /// # Errors
+    /// When a state leaves the range of doubles, or the recording cannot be written.
+    pub fn simulate(&self, stop: &AtomicBool, progress: impl Fn(u64)) -> Result<bool, Error> {
         // what stands there is of no use, see `look`
         let options = WriteOptions { force: true, ..WriteOptions::default() };
         let mut recorder =
@@ -57,7 +63,7 @@ impl Cached {
         let outcome = match outcome {
             Ok(outcome) => outcome,
             Err(RunError::Publish { source, .. }) => match source {},
-            Err(error) => return Err(anyhow!(error).context(self.run.name().to_owned()).into()),
+            Err(error) => return Err(Error::new(error).context(self.run.name().to_owned())),
         };
         if outcome.reason != EndReason::Complete {
             recorder.discard();
@@ -68,7 +74,7 @@ impl Cached {
     }
 
     /// Looks at every frame of the recording; nothing if it is damaged.
-    pub(crate) fn observe(&self) -> Option<Observed> {
+    pub fn observe(&self) -> Option<Observed> {
         let mut source = RecordingSource::open(&self.path).ok()?;
         let mut observer = Observer::new(&self.run, &self.manifest);
         let mut tally = Tally::default();
@@ -78,16 +84,17 @@ impl Cached {
     }
 
     /// For messages: the recording.
-    pub(crate) fn path(&self) -> &Path {
+    pub fn path(&self) -> &Path {
         &self.path
     }
 }
 
 /// Creates the directory of the cache.
-pub(crate) fn create(directory: &Path) -> Result<(), Failure> {
-    let failed = || format!("{} cannot be created", directory.display());
-    std::fs::create_dir_all(directory).with_context(failed)?;
-    Ok(())
+///
+/// # Errors
+/// When the operating system refuses.
+pub fn create(directory: &Path) -> Result<(), Error> {
+    std::fs::create_dir_all(directory).with_context(|| format!("{} cannot be created", directory.display()))
 }
 
 /// Nobody listens to these runs.

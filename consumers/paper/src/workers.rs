@@ -1,15 +1,11 @@
 //! Simulates and observes runs, several at a time.
 
-use super::cache::Cached;
-use super::progress::{Progress, work};
-use crate::determining;
-use crate::display;
-use crate::failure::Failure;
-use anyhow::anyhow;
-use consumers::determination::TOLERANCE;
+use crate::cache::Cached;
+use crate::progress::{Progress, work};
+use crate::{Observations, Observed, Run};
+use anyhow::{Error, anyhow};
+use consumers::determination::{TOLERANCE, verdict};
 use experiments::compare::compare;
-use indicatif::ProgressBar;
-use paper::{Observations, Observed, Run};
 use schemas::manifest::RunManifest;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -26,36 +22,42 @@ const MOST_CHECKED: f64 = 4e8;
 const REFRESH: Duration = Duration::from_millis(200);
 
 /// What the workers leave.
-pub(crate) struct Done {
-    pub(crate) observations: Observations,
+pub struct Done {
+    /// What was seen in the runs.
+    pub observations: Observations,
     /// Runs that were simulated, because there was no whole recording of them.
-    pub(crate) simulated: Vec<String>,
+    pub simulated: Vec<String>,
     /// Runs whose recordings were there.
-    pub(crate) reused: Vec<String>,
+    pub reused: Vec<String>,
     /// Until when runs are determined, by their names.
-    pub(crate) determined: BTreeMap<String, String>,
+    pub determined: BTreeMap<String, String>,
 }
 
-/// Simulates what is not recorded and observes all, with `jobs` workers; nothing if `stop` was set.
-pub(crate) fn observe_all(
+/// Simulates what is not recorded and observes all, with `jobs` workers, and tells now and then how far they are; nothing if `stop`
+/// was set.
+///
+/// # Errors
+/// When a run cannot be made, recorded or read.
+pub fn observe_all(
     mut runs: Vec<Cached>,
     jobs: usize,
     stop: &AtomicBool,
-) -> Result<Option<Done>, Failure> {
+    tell: impl FnMut(&Progress),
+) -> Result<Option<Done>, Error> {
     // the longest first, so that the workers finish together
     runs.sort_by(|a, b| job_work(b).total_cmp(&job_work(a)));
     let progress = Progress::new(runs.iter().map(job_work).sum(), runs.len());
     let shift = Shift { next: Mutex::new(runs.into_iter()), progress, halt: AtomicBool::new(false) };
-    let display = thread::current();
+    let watcher = thread::current();
     let results = thread::scope(|scope| {
         let worker = || {
             let outcomes = shift.work();
-            display.unpark();
+            watcher.unpark();
             outcomes
         };
         let workers: Vec<_> = (0..jobs).map(|_| scope.spawn(worker)).collect();
-        shift.show(stop, || workers.iter().all(thread::ScopedJoinHandle::is_finished));
-        let panicked = |_| Err(Failure::Failed(anyhow!("a worker panicked")));
+        shift.watch(stop, || workers.iter().all(thread::ScopedJoinHandle::is_finished), tell);
+        let panicked = |_| Err(anyhow!("a worker panicked"));
         workers.into_iter().map(|worker| worker.join().unwrap_or_else(panicked)).collect::<Vec<_>>()
     });
     let mut done = Done {
@@ -108,7 +110,7 @@ struct Shift {
 
 impl Shift {
     /// Takes one run after the other until there are no more.
-    fn work(&self) -> Result<Vec<Outcome>, Failure> {
+    fn work(&self) -> Result<Vec<Outcome>, Error> {
         let mut outcomes = Vec::new();
         while !self.halt.load(Ordering::Relaxed) {
             let next = self.next.lock().unwrap_or_else(PoisonError::into_inner).next();
@@ -125,7 +127,7 @@ impl Shift {
         Ok(outcomes)
     }
 
-    fn one(&self, cached: Cached) -> Result<Option<Outcome>, Failure> {
+    fn one(&self, cached: Cached) -> Result<Option<Outcome>, Error> {
         let mut simulated = false;
         if !cached.recorded {
             simulated = true;
@@ -154,7 +156,7 @@ impl Shift {
     }
 
     /// Until when a run is determined, in words; none if that was stopped.
-    fn determined(&self, manifest: &RunManifest) -> Result<Option<String>, Failure> {
+    fn determined(&self, manifest: &RunManifest) -> Result<Option<String>, Error> {
         let physics = &manifest.physics;
         let mut before = 0;
         let compared = compare(manifest, None, (physics.step_count, TOLERANCE), &self.halt, |step| {
@@ -162,10 +164,10 @@ impl Shift {
             before = step;
         })?;
         let outcome = compared.determination.outcome().filter(|_| !compared.stopped);
-        Ok(outcome.map(|outcome| determining::verdict(physics, &outcome)))
+        Ok(outcome.map(|outcome| verdict(physics, &outcome)))
     }
 
-    fn simulate(&self, cached: &Cached) -> Result<bool, Failure> {
+    fn simulate(&self, cached: &Cached) -> Result<bool, Error> {
         let before = AtomicU64::new(0);
         cached.simulate(&self.halt, |step| {
             let from = before.swap(step, Ordering::Relaxed);
@@ -173,25 +175,14 @@ impl Shift {
         })
     }
 
-    /// Shows the progress until `finished`, and passes on a request to stop.
-    fn show(&self, stop: &AtomicBool, finished: impl Fn() -> bool) {
-        const PARTS: f64 = 1000.0;
-        let bar: ProgressBar = display::progress_bar(1000, "reproduce");
-        let mut tenths = 0;
+    /// Tells how far it is until `finished`, and passes on a request to stop.
+    fn watch(&self, stop: &AtomicBool, finished: impl Fn() -> bool, mut tell: impl FnMut(&Progress)) {
         while !finished() {
             if stop.load(Ordering::Relaxed) {
                 self.halt.store(true, Ordering::Relaxed);
             }
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 1000")]
-            bar.set_position((PARTS * self.progress.part()) as u64);
-            let [done, left] = self.progress.parts();
-            display::tell(&bar, &[&done, &left]);
-            if bar.is_hidden() && self.progress.tenths() > tenths {
-                tenths = self.progress.tenths();
-                display::notice(format_args!("reproduce: {}", display::joined(&[&done, &left])));
-            }
+            tell(&self.progress);
             thread::park_timeout(REFRESH);
         }
-        bar.finish_and_clear();
     }
 }

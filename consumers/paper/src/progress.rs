@@ -1,6 +1,6 @@
 //! How much work there is, how much is done, and how long the rest may take.
 
-use crate::display;
+use schemas::amounts;
 use schemas::manifest::RunManifest;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 ///
 /// Only beads that have moved are computed: at the time t about t/T of them, for a shock passes about one bead in
 /// the collision time T. Other powers than that of Hertz take longer.
-pub(crate) fn work(manifest: &RunManifest, step: u64) -> f64 {
+pub(super) fn work(manifest: &RunManifest, step: u64) -> f64 {
     /// The beads that a shock passes in T, and what a general power costs; both measured.
     const BEADS_PER_T: f64 = 0.9;
     const GENERAL_POWER: f64 = 3.0;
@@ -24,7 +24,7 @@ pub(crate) fn work(manifest: &RunManifest, step: u64) -> f64 {
 
 /// What all workers have done.
 #[derive(Debug)]
-pub(crate) struct Progress {
+pub struct Progress {
     start: Instant,
     total: f64,
     jobs: usize,
@@ -39,34 +39,34 @@ struct State {
 
 impl Progress {
     /// Of `jobs` jobs with `total` work.
-    pub(crate) fn new(total: f64, jobs: usize) -> Self {
+    pub(super) fn new(total: f64, jobs: usize) -> Self {
         Self { start: Instant::now(), total, jobs, state: Mutex::default() }
     }
 
     /// Adds work done.
-    pub(crate) fn add(&self, work: f64) {
+    pub(super) fn add(&self, work: f64) {
         self.with(|state| state.done += work);
     }
 
     /// A job is done.
-    pub(crate) fn job_done(&self) {
+    pub(super) fn job_done(&self) {
         self.with(|state| state.jobs_done += 1);
     }
 
     /// The part done, from 0 to 1.
-    pub(crate) fn part(&self) -> f64 {
+    pub fn part(&self) -> f64 {
         if self.total > 0.0 { (self.state().done / self.total).clamp(0.0, 1.0) } else { 1.0 }
     }
 
     /// `12 of 31 runs`, and `2 min 10 s left` if that can be told.
-    pub(crate) fn parts(&self) -> [String; 2] {
+    pub fn parts(&self) -> [String; 2] {
         let left = time_left(self.start.elapsed(), self.part());
-        let left = left.map_or(String::new(), |left| format!("{} left", display::left(left.as_secs_f64())));
+        let left = left.map_or(String::new(), |left| format!("{} left", amounts::left(left.as_secs_f64())));
         [format!("{} of {} runs", self.state().jobs_done, self.jobs), left]
     }
 
     /// Tenths of the work done.
-    pub(crate) fn tenths(&self) -> u32 {
+    pub fn tenths(&self) -> u32 {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 10")]
         let tenths = (10.0 * self.part()) as u32;
         tenths

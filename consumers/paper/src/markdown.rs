@@ -1,12 +1,12 @@
 //! The report as pages to read.
 
-use super::report::{PAPER, Report, Studied, figure_path};
+use crate::report::{PAPER, Report, Studied, figure_path};
+use crate::{Claim, Judgement, Number, Verdict};
 use consumers::uncertain::Uncertain;
-use paper::{Claim, Judgement, Number, Verdict};
 use std::fmt::{self, Write};
 
 /// `REPORT.md`: a table of all claims, then figure by figure.
-pub(crate) fn report(report: &Report<'_>) -> String {
+pub fn report(report: &Report<'_>) -> String {
     let mut page = String::new();
     // writing to a String cannot fail
     let _ = write_report(&mut page, report);
@@ -14,7 +14,7 @@ pub(crate) fn report(report: &Report<'_>) -> String {
 }
 
 /// `GALLERY.md`: the figures alone.
-pub(crate) fn gallery(report: &Report<'_>) -> String {
+pub fn gallery(report: &Report<'_>) -> String {
     let mut page = String::new();
     // writing to a String cannot fail
     let _ = write_gallery(&mut page, report);
@@ -210,7 +210,7 @@ fn figures(number: &Number) -> Figures {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use paper::{Range, Reference, Uncertainty};
+    use crate::{Range, Reference, Uncertainty};
 
     fn number(value: f64, plus_minus: Option<f64>) -> Number {
         let uncertainty = plus_minus.map(|plus_minus| Uncertainty { plus_minus, from: "test" });
