@@ -1,7 +1,7 @@
 //! A piece of the run that everybody simulates.
 
 use super::program::Outcome;
-use crate::failure::Failure;
+use anyhow::Error;
 use producer::integrator::Integrator;
 use producer::state::ChainState;
 use recording::{RecordingWriter, WriteOptions};
@@ -22,21 +22,21 @@ pub(super) struct Piece {
 }
 
 impl Piece {
-    pub(super) fn whole() -> Result<Self, Failure> {
+    pub(super) fn whole() -> Result<Self, Error> {
         let manifest = manifest(1)?;
         let (start, steps) = (ChainState::initial(&manifest.physics), manifest.physics.step_count);
         Ok(Self { manifest, start, steps, every: 0 })
     }
 
     /// A quarter of the run.
-    pub(super) fn one_in_100() -> Result<Self, Failure> {
+    pub(super) fn one_in_100() -> Result<Self, Error> {
         let manifest = manifest(100)?;
         let steps = manifest.physics.step_count / 400 * 100;
         Ok(Self { start: middle(&manifest), manifest, steps, every: 100 })
     }
 
     /// As many steps as others can write in some seconds.
-    pub(super) fn every_state() -> Result<Self, Failure> {
+    pub(super) fn every_state() -> Result<Self, Error> {
         let manifest = manifest(1)?;
         Ok(Self { start: middle(&manifest), manifest, steps: 4000, every: 1 })
     }
@@ -51,7 +51,7 @@ impl Piece {
     }
 
     /// Makes the steps as a run does, recording in `directory` what is to be kept.
-    pub(super) fn simulate(&self, directory: &Path) -> Result<Outcome, Failure> {
+    pub(super) fn simulate(&self, directory: &Path) -> Result<Outcome, Error> {
         let began = Instant::now();
         let mut state = self.start.clone();
         let mut integrator = Integrator::new(&self.manifest.physics);
@@ -73,7 +73,7 @@ impl Piece {
     }
 
     /// A recording with the first state.
-    fn recording(&self, directory: &Path) -> Result<RecordingWriter, Failure> {
+    fn recording(&self, directory: &Path) -> Result<RecordingWriter, Error> {
         let options = WriteOptions { force: true, ..WriteOptions::default() };
         let mut writer =
             RecordingWriter::create(&directory.join("states.mcap"), &self.manifest, "", &options)?;
@@ -86,7 +86,7 @@ impl Piece {
     }
 }
 
-fn manifest(record_every_steps: u64) -> Result<RunManifest, Failure> {
+fn manifest(record_every_steps: u64) -> Result<RunManifest, Error> {
     let mut config = PRESETS[0].config();
     config.integrator.method = Method::VelocityVerlet;
     let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };

@@ -1,10 +1,7 @@
-//! What other processes of the bench do: each does one thing, and says on stdout what came of it.
+//! What other processes of the bench do: each does one thing, and says on stdout, through `say`, what came of it.
 
-use crate::args::PartArgs;
-use crate::display;
-use crate::failure::{Done, Failure};
-use anyhow::anyhow;
-use bus::bare::{BareListener, BareSubscriber};
+use crate::bare_bus::{BareListener, BareSubscriber};
+use anyhow::{Error, anyhow};
 use bus::{AttachOptions, Bus, Delivery, LiveSource};
 use rustix::time::{ClockId, clock_gettime};
 use schemas::frame::{FrameSource as _, Received};
@@ -20,37 +17,33 @@ const SILENCE: Duration = Duration::from_secs(2);
 pub(super) const ATTACHED: &str = "attached";
 pub(super) const READY: &str = "ready";
 
-/// Does what `args` say.
-pub(crate) fn part(args: &PartArgs) -> Result<Done, Failure> {
-    let bus = Bus::from_env()?;
-    match args {
-        PartArgs::Sum { name, count } => sum_slices(&bus, name, *count)?,
-        PartArgs::Listen { name } => listen(&bus, name)?,
-        PartArgs::Receive { name } => receive(&bus, name)?,
-    }
-    Ok(Done::Whole)
-}
+/// Prints a line at once.
+pub type Say<'a> = &'a mut dyn FnMut(&str) -> Result<(), Error>;
 
 /// Nanoseconds of a clock that all processes share.
-pub(super) fn now_ns() -> Result<u64, Failure> {
+pub(super) fn now_ns() -> Result<u64, Error> {
     let now = Duration::try_from(clock_gettime(ClockId::Monotonic))?;
     Ok(u64::try_from(now.as_nanos())?)
 }
 
-/// Sums up `count` slices from a bare publisher.
-fn sum_slices(bus: &Bus, name: &str, count: u64) -> Result<(), Failure> {
-    let subscriber = BareSubscriber::create(bus, name)?;
+/// Says the sum of `count` slices from a bare publisher.
+///
+/// # Errors
+/// When they do not come, or nobody listens.
+pub fn sum_slices(name: &str, count: u64, say: Say<'_>) -> Result<(), Error> {
+    let bus = Bus::from_env()?;
+    let subscriber = BareSubscriber::create(&bus, name)?;
     say(ATTACHED)?;
     io::stdin().read_line(&mut String::new())?;
     if subscriber.receive(|_| {})? {
-        return Err(anyhow!("a slice came before its time").into());
+        return Err(anyhow!("a slice came before its time"));
     }
     say(READY)?;
     let mut total = 0.0;
     for _ in 0..count {
         subscriber.await_next(|doubles| total += sum(doubles))?;
     }
-    say(total)
+    say(&total.to_string())
 }
 
 /// In eight sums, as one would wait for itself.
@@ -64,31 +57,35 @@ fn sum(doubles: &[f64]) -> f64 {
 }
 
 /// Says when it was woken, each time.
-fn listen(bus: &Bus, name: &str) -> Result<(), Failure> {
-    let listener = BareListener::create(bus, name)?;
+///
+/// # Errors
+/// When there is no event, or nobody listens.
+pub fn listen(name: &str, say: Say<'_>) -> Result<(), Error> {
+    let bus = Bus::from_env()?;
+    let listener = BareListener::create(&bus, name)?;
     say(READY)?;
     let mut times = String::new();
     while listener.wait(SILENCE)? {
         writeln!(times, "{}", now_ns()?)?;
     }
-    display::print(times)
+    say(times.trim_end())
 }
 
 /// Says when each frame of a run came.
-fn receive(bus: &Bus, name: &RunName) -> Result<(), Failure> {
-    let mut source = LiveSource::attach(bus, Some(name), Delivery::Lossless, &AttachOptions::default())?;
+///
+/// # Errors
+/// When frames are lost, or nobody listens.
+pub fn receive(name: &RunName, say: Say<'_>) -> Result<(), Error> {
+    let bus = Bus::from_env()?;
+    let mut source = LiveSource::attach(&bus, Some(name), Delivery::Lossless, &AttachOptions::default())?;
     let mut times = String::new();
     loop {
         match source.receive()? {
             Received::Frame(_) => writeln!(times, "{}", now_ns()?)?,
-            Received::Missed { .. } => return Err(anyhow!("the bench lost frames").into()),
-            Received::End(_) => return display::print(times),
+            Received::Missed { .. } => return Err(anyhow!("the bench lost frames")),
+            Received::End(_) => return say(times.trim_end()),
         }
     }
-}
-
-fn say(what: impl std::fmt::Display) -> Result<(), Failure> {
-    display::print(format_args!("{what}\n"))
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! What recordings are measured against: the same bytes through the bare mcap crate.
 
-use super::{Compression, PROFILE};
 use mcap::records::MessageHeader;
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use recording::{Compression, PROFILE};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter, Read};
@@ -10,7 +10,7 @@ use std::path::Path;
 
 /// Writes messages of one channel to a new MCAP file, by nothing but mcap's writer in this thread: chunks of a
 /// MiB, no syncing, no checks of ours.
-pub struct BareWriter {
+pub(crate) struct BareWriter {
     writer: mcap::Writer<BufWriter<File>>,
     channel_id: u16,
     sequence: u32,
@@ -18,10 +18,7 @@ pub struct BareWriter {
 
 impl BareWriter {
     /// Creates the file `path`, or empties it.
-    ///
-    /// # Errors
-    /// When the operating system refuses.
-    pub fn create(path: &Path, compression: Compression) -> io::Result<Self> {
+    pub(crate) fn create(path: &Path, compression: Compression) -> io::Result<Self> {
         let (compression, level) = match compression {
             Compression::None => (None, 0),
             Compression::Zstd { level } => (Some(mcap::Compression::Zstd), level),
@@ -38,10 +35,7 @@ impl BareWriter {
     }
 
     /// Writes a message.
-    ///
-    /// # Errors
-    /// When the operating system refuses.
-    pub fn write(&mut self, message: &[u8]) -> io::Result<()> {
+    pub(crate) fn write(&mut self, message: &[u8]) -> io::Result<()> {
         let (channel_id, sequence) = (self.channel_id, self.sequence);
         self.sequence += 1;
         let header = MessageHeader { channel_id, sequence, log_time: 0, publish_time: 0 };
@@ -49,20 +43,14 @@ impl BareWriter {
     }
 
     /// Ends the file.
-    ///
-    /// # Errors
-    /// When the operating system refuses.
-    pub fn finish(mut self) -> io::Result<()> {
+    pub(crate) fn finish(mut self) -> io::Result<()> {
         self.writer.finish().map(drop).map_err(io::Error::other)
     }
 }
 
 /// Reads all messages of the MCAP file `path` by nothing but mcap's streaming reader, with every CRC checked, and
 /// returns how many bytes they have.
-///
-/// # Errors
-/// When the operating system refuses, or a CRC is wrong.
-pub fn read_all(path: &Path) -> io::Result<u64> {
+pub(crate) fn read_all(path: &Path) -> io::Result<u64> {
     let options = LinearReaderOptions::default()
         .with_validate_chunk_crcs(true)
         .with_validate_data_section_crc(true)

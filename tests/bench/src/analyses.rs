@@ -1,8 +1,8 @@
 //! The analyses, receiving apart, against copying the frame once.
 
 use super::recordings::Frames;
-use super::{Bench, Floor, Report, Rounds, Row, timed};
-use crate::failure::Failure;
+use super::{Audience, Bench, Floor, Rounds, Row, timed};
+use anyhow::Error;
 use consumers::contacts::{Contacts, default_tolerance_m};
 use consumers::energies::{Energies, default_split_bead};
 use consumers::impurity::Followed;
@@ -10,8 +10,8 @@ use schemas::frame::Frame;
 use std::hint::black_box;
 
 /// Energies, impurity and contacts of each frame.
-pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Failure> {
-    let (frames, rounds) = (bench.frames()?, bench.rounds);
+pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
+    let (frames, rounds) = (bench.frames(report)?, bench.rounds);
     let manifest = frames.manifest();
     let split_bead = default_split_bead(manifest);
     report.row(row("energies of a frame", 3.0, frames, rounds, || {
@@ -40,7 +40,7 @@ fn row<O: FnMut(&Frame<'_>)>(
     frames: &Frames,
     rounds: u32,
     analysis: impl Fn() -> O,
-) -> Result<Row, Failure> {
+) -> Result<Row, Error> {
     let analyse = || {
         let mut observe = analysis();
         timed(|| {

@@ -2,9 +2,8 @@
 
 use super::super::part::{READY, now_ns};
 use super::{Floor, Process, Rounds, Row, Streams, wait};
-use crate::failure::Failure;
-use anyhow::anyhow;
-use bus::bare::BareNotifier;
+use crate::bare_bus::BareNotifier;
+use anyhow::{Error, anyhow};
 use producer::integrator::Integrator;
 use producer::state::ChainState;
 use schemas::frame::{EndReason, FrameSink as _};
@@ -17,7 +16,7 @@ const POKES: usize = 1000;
 /// Time between a frame and a wake-up: whoever was woken sleeps again, and each frame wakes by itself.
 const GAP: Duration = Duration::from_millis(1);
 
-pub(super) fn rows(streams: &Streams<'_>, rounds: u32) -> Result<[Row; 2], Failure> {
+pub(super) fn rows(streams: &Streams<'_>, rounds: u32) -> Result<[Row; 2], Error> {
     let (ours, theirs) = measure(streams, (rounds as usize + 1) * POKES)?;
     let row = |what, part| {
         let each_round =
@@ -36,7 +35,7 @@ pub(super) fn rows(streams: &Streams<'_>, rounds: u32) -> Result<[Row; 2], Failu
 
 /// `count` delays (s) of frames and of bare wake-ups, in turns, each right after a step: as in a run that
 /// keeps a pace.
-fn measure(streams: &Streams<'_>, count: usize) -> Result<(Vec<f64>, Vec<f64>), Failure> {
+fn measure(streams: &Streams<'_>, count: usize) -> Result<(Vec<f64>, Vec<f64>), Error> {
     let event = format!("wake-{}", streams.name());
     let notifier = BareNotifier::create(&streams.bus, &event)?;
     let mut publisher = streams.publisher()?;
@@ -62,7 +61,7 @@ fn measure(streams: &Streams<'_>, count: usize) -> Result<(Vec<f64>, Vec<f64>), 
 }
 
 /// From each sending to the first arrival after it, of those that the process tells.
-fn delays(sent_ns: &[u64], process: Process) -> Result<Vec<f64>, Failure> {
+fn delays(sent_ns: &[u64], process: Process) -> Result<Vec<f64>, Error> {
     let text = process.finish()?;
     let came_ns: Vec<u64> = text.lines().map(str::parse).collect::<Result<_, _>>()?;
     let delay = |sent: &u64| {
@@ -70,7 +69,7 @@ fn delays(sent_ns: &[u64], process: Process) -> Result<Vec<f64>, Failure> {
         came_ns.get(first).map(|came| (came - sent) as f64 * 1e-9)
     };
     let delays: Option<Vec<_>> = sent_ns.iter().map(delay).collect();
-    delays.ok_or_else(|| anyhow!("something was sent that did not come").into())
+    delays.ok_or_else(|| anyhow!("something was sent that did not come"))
 }
 
 fn quantile(delays: &[f64], part: f64) -> f64 {

@@ -1,8 +1,8 @@
 //! The dynamics: against a plain loop, and along the length of the chain.
 
-use super::{Bench, Floor, Report, Rounds, Row};
-use crate::failure::Failure;
-use producer::baseline::ScalarLoop;
+use super::{Audience, Bench, Floor, Rounds, Row};
+use crate::baseline::ScalarLoop;
+use anyhow::Error;
 use producer::integrator::Integrator;
 use producer::state::ChainState;
 use schemas::config::RunConfig;
@@ -28,7 +28,7 @@ struct Moments {
 }
 
 impl Moments {
-    fn of(config: &RunConfig, steps: u64) -> Result<Self, Failure> {
+    fn of(config: &RunConfig, steps: u64) -> Result<Self, Error> {
         let physics = Physics::resolve(config)?;
         let (mut state, mut integrator) = (ChainState::initial(&physics), Integrator::new(&physics));
         let mut states = Vec::new();
@@ -42,7 +42,7 @@ impl Moments {
     }
 
     /// One state in which every contact is closed and every bead moves: all of the work, all of the time.
-    fn all_closed(config: &RunConfig, steps: u64) -> Result<Self, Failure> {
+    fn all_closed(config: &RunConfig, steps: u64) -> Result<Self, Error> {
         let physics = Physics::resolve(config)?;
         let overlap_m = 0.1 * physics.scales().length_m;
         let u_m: Vec<f64> = (0..physics.beads).rev().map(|i| i as f64 * overlap_m).collect();
@@ -89,7 +89,7 @@ impl Moments {
         })
     }
 
-    fn against_plain(&self, rounds: u32) -> Result<(Rounds, String), Failure> {
+    fn against_plain(&self, rounds: u32) -> Result<(Rounds, String), Error> {
         let rounds = Rounds::alternate(rounds, || Ok(self.ours()), || Ok(self.plain()))?;
         let figure = format!("{:.2} ns a bead-step", rounds.ours_s() / self.bead_steps() * 1e9);
         Ok((rounds, figure))
@@ -97,7 +97,7 @@ impl Moments {
 }
 
 /// A step against a plain loop, for two exponents, and along the length of the chain.
-pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Failure> {
+pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
     report.row(step(bench.rounds)?)?;
     report.row(general_alpha(bench.rounds)?)?;
     report.row(length(bench.rounds)?)
@@ -111,7 +111,7 @@ fn light_impurity() -> RunConfig {
 }
 
 /// Velocity-Verlet against the plain loop, over the light-impurity run.
-fn step(rounds: u32) -> Result<Row, Failure> {
+fn step(rounds: u32) -> Result<Row, Error> {
     let (rounds, figure) = Moments::of(&light_impurity(), STEPS)?.against_plain(rounds)?;
     Ok(Row {
         what: "velocity-Verlet step, no output",
@@ -123,7 +123,7 @@ fn step(rounds: u32) -> Result<Row, Failure> {
 }
 
 /// The same for a general exponent with all contacts closed.
-fn general_alpha(rounds: u32) -> Result<Row, Failure> {
+fn general_alpha(rounds: u32) -> Result<Row, Error> {
     let mut config = light_impurity();
     config.chain.alpha = 1.3;
     let (rounds, figure) = Moments::all_closed(&config, STEPS)?.against_plain(rounds)?;
@@ -137,7 +137,7 @@ fn general_alpha(rounds: u32) -> Result<Row, Failure> {
 }
 
 /// Cost of a bead-step in a chain of a million beads against one of a thousand.
-fn length(rounds: u32) -> Result<Row, Failure> {
+fn length(rounds: u32) -> Result<Row, Error> {
     let moments = |beads: u64, steps: u64| {
         let mut config = light_impurity();
         (config.chain.beads, config.chain.impurities[0].bead) = (beads, beads / 2);

@@ -1,16 +1,15 @@
 //! Recording, reading and verifying, against mcap by itself and against simulating.
 
-use super::{Bench, Floor, Report, Rounds, Row, timed};
-use crate::display::bytes;
-use crate::failure::Failure;
-use anyhow::anyhow;
+use super::{Audience, Bench, Floor, Rounds, Row, timed};
+use crate::bare_mcap::{self, BareWriter};
+use anyhow::{Error, anyhow};
 use consumers::energies::{Energies, default_split_bead};
 use producer::integrator::Integrator;
 use producer::resimulation::{Lend, Resimulation};
 use producer::state::ChainState;
 use producer::verification::verify;
-use recording::bare::{self, BareWriter};
 use recording::{Audit, Compression, RecordingSource, RecordingWriter, WriteOptions};
+use schemas::amounts::bytes;
 use schemas::frame::{EndReason, Frame, FrameSink, FrameSource, Received};
 use schemas::manifest::{Origin, RunManifest};
 use schemas::presets::PRESETS;
@@ -37,7 +36,7 @@ pub(crate) struct Frames {
 
 impl Frames {
     /// Records the run in `directory`, every frame and one in 100.
-    pub(crate) fn record_in(directory: &Path) -> Result<Self, Failure> {
+    pub(crate) fn record_in(directory: &Path) -> Result<Self, Error> {
         let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
         let manifest = RunManifest::new(&PRESETS[0].config(), "bench", origin)?;
         let (full, sparse) = (directory.join("full.mcap"), directory.join("sparse.mcap"));
@@ -89,8 +88,8 @@ impl Frames {
 /// Makes every step of a run.
 pub(super) fn simulate(
     manifest: &RunManifest,
-    mut take: impl FnMut(&Frame<'_>) -> Result<(), Failure>,
-) -> Result<(), Failure> {
+    mut take: impl FnMut(&Frame<'_>) -> Result<(), Error>,
+) -> Result<(), Error> {
     let (mut integrator, mut state) =
         (Integrator::new(&manifest.physics), ChainState::initial(&manifest.physics));
     loop {
@@ -103,8 +102,8 @@ pub(super) fn simulate(
 }
 
 /// Simulates the run and records one frame in `every`.
-fn record(manifest: &RunManifest, path: &Path, every: u64) -> Result<(), Failure> {
-    let manifest = manifest.clone().recorded_every(every).map_err(anyhow::Error::from)?;
+fn record(manifest: &RunManifest, path: &Path, every: u64) -> Result<(), Error> {
+    let manifest = manifest.clone().recorded_every(every)?;
     let options = WriteOptions { force: true, ..WriteOptions::default() };
     let mut writer = RecordingWriter::create(path, &manifest, "", &options)?;
     simulate(&manifest, |frame| {
@@ -118,19 +117,19 @@ fn record(manifest: &RunManifest, path: &Path, every: u64) -> Result<(), Failure
 }
 
 /// Recording, reading and verifying.
-pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Failure> {
-    let (frames, rounds) = (bench.frames()?, bench.rounds);
+pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
+    let (frames, rounds) = (bench.frames(report)?, bench.rounds);
     writing(frames, rounds, report)?;
     reading(frames, rounds, report)?;
     recomputing(frames, rounds, report)
 }
 
 /// Recording every frame, with and without compression, and one in 100.
-fn writing(frames: &Frames, rounds: u32, report: &mut Report) -> Result<(), Failure> {
+fn writing(frames: &Frames, rounds: u32, report: &mut dyn Audience) -> Result<(), Error> {
     let message =
         |(_, _, doubles): &(u64, u64, Vec<f64>)| doubles.iter().flat_map(|x| x.to_le_bytes()).collect();
     let messages: Vec<Vec<u8>> = frames.kept.iter().map(message).collect();
-    let every = |what, against, floor, compression, times| -> Result<Row, Failure> {
+    let every = |what, against, floor, compression, times| -> Result<Row, Error> {
         let path = frames.directory.join("written.mcap");
         let ours = || timed(|| write(frames, times, &path, compression));
         let theirs = || timed(|| write_bare(&messages, times, &path, compression));
@@ -174,7 +173,7 @@ fn steps_per_s(frames: &Frames, rounds: &Rounds) -> String {
 }
 
 /// Records all frames, and that so many `times` over.
-fn write(frames: &Frames, times: usize, path: &Path, compression: Compression) -> Result<(), Failure> {
+fn write(frames: &Frames, times: usize, path: &Path, compression: Compression) -> Result<(), Error> {
     let options = WriteOptions { force: true, compression, ..WriteOptions::default() };
     let mut writer = RecordingWriter::create(path, &frames.manifest, "", &options)?;
     let again = std::iter::repeat_n(frames.iter(), times).flatten();
@@ -191,7 +190,7 @@ fn write_bare(
     times: usize,
     path: &Path,
     compression: Compression,
-) -> Result<(), Failure> {
+) -> Result<(), Error> {
     let mut writer = BareWriter::create(path, compression)?;
     for message in std::iter::repeat_n(messages, times).flatten() {
         writer.write(message)?;
@@ -200,9 +199,9 @@ fn write_bare(
 }
 
 /// Reading a full log into an analysis, and verifying it, against mcap's reader with CRCs checked.
-fn reading(frames: &Frames, rounds: u32, report: &mut Report) -> Result<(), Failure> {
+fn reading(frames: &Frames, rounds: u32, report: &mut dyn Audience) -> Result<(), Error> {
     let size = std::fs::metadata(&frames.full)?.len() as f64;
-    let bare = || timed(|| Ok(black_box(bare::read_all(&frames.full)?)));
+    let bare = || timed(|| Ok(black_box(bare_mcap::read_all(&frames.full)?)));
     let row = |what, floor, rounds: &Rounds| Row {
         what,
         against: "mcap's reader, CRCs checked",
@@ -217,7 +216,7 @@ fn reading(frames: &Frames, rounds: u32, report: &mut Report) -> Result<(), Fail
 }
 
 /// Proving and reading a log of one frame in 100, against simulating the run once on one core.
-fn recomputing(frames: &Frames, rounds: u32, report: &mut Report) -> Result<(), Failure> {
+fn recomputing(frames: &Frames, rounds: u32, report: &mut dyn Audience) -> Result<(), Error> {
     let simulating = || timed(|| simulate(&frames.manifest, |_| Ok(())));
     let row = |what, floor, rounds: &Rounds| Row {
         what,
@@ -232,7 +231,7 @@ fn recomputing(frames: &Frames, rounds: u32, report: &mut Report) -> Result<(), 
     report.row(row("every step of a 1:100 log on one core", 1.2, &read))
 }
 
-fn read_energies(path: &Path) -> Result<(), Failure> {
+fn read_energies(path: &Path) -> Result<(), Error> {
     let mut source = RecordingSource::open(path)?;
     let manifest = source.manifest().clone();
     let mut energies = Energies::new(&manifest, default_split_bead(&manifest));
@@ -241,25 +240,25 @@ fn read_energies(path: &Path) -> Result<(), Failure> {
     })
 }
 
-fn read_every_step(path: &Path) -> Result<(), Failure> {
+fn read_every_step(path: &Path) -> Result<(), Error> {
     let mut steps = Resimulation::new(RecordingSource::open(path)?, Lend::Steps)?;
     for_each_frame(&mut steps, |frame| {
         black_box(frame.u_m[0]);
     })
 }
 
-fn for_each_frame<S: FrameSource>(source: &mut S, mut take: impl FnMut(&Frame<'_>)) -> Result<(), Failure> {
+fn for_each_frame<S: FrameSource>(source: &mut S, mut take: impl FnMut(&Frame<'_>)) -> Result<(), Error> {
     loop {
         match source.receive()? {
             Received::Frame(frame) => take(&frame),
-            Received::Missed { from, to } => return Err(anyhow!("frames {from} to {to} are missing").into()),
+            Received::Missed { from, to } => return Err(anyhow!("frames {from} to {to} are missing")),
             Received::End(_) => return Ok(()),
         }
     }
 }
 
-fn prove(path: &Path) -> Result<(), Failure> {
+fn prove(path: &Path) -> Result<(), Error> {
     let threads = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
     let found = verify(Audit::open(path)?, threads, &AtomicBool::new(false), |_| {})?;
-    if found.is_proven() { Ok(()) } else { Err(anyhow!("a recording of the bench does not verify").into()) }
+    if found.is_proven() { Ok(()) } else { Err(anyhow!("a recording of the bench does not verify")) }
 }

@@ -2,8 +2,7 @@
 
 use super::inputs::DIAMETER_M;
 use super::piece::Piece;
-use crate::failure::Failure;
-use anyhow::{Context as _, anyhow};
+use anyhow::{Context as _, Error, anyhow};
 use std::fs;
 use std::io;
 use std::path::Path;
@@ -52,7 +51,7 @@ impl Program {
     }
 
     /// Makes the steps of `piece`, whose inputs are in `directory`.
-    pub(super) fn run(self, directory: &Path, piece: &Piece) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, directory: &Path, piece: &Piece) -> Result<Outcome, Error> {
         let end = directory.join("final.dump");
         if end.exists() {
             fs::remove_file(&end)?;
@@ -66,13 +65,13 @@ impl Program {
         if !ended.status.success() {
             let said = format!("{printed}{}", String::from_utf8_lossy(&ended.stderr));
             let last = said.lines().rfind(|line| !line.trim().is_empty()).unwrap_or_default();
-            return Err(anyhow!("{command:?}: {}: {last}", ended.status).into());
+            return Err(anyhow!("{command:?}: {}: {last}", ended.status));
         }
         let outcome = match self {
             Self::Lammps { .. } => lammps_outcome(&printed, &fs::read_to_string(end)?),
             Self::Numba { .. } | Self::NumPy => python_outcome(&printed),
         };
-        Ok(outcome.with_context(|| format!("{command:?}: not what was expected"))?)
+        outcome.with_context(|| format!("{command:?}: not what was expected"))
     }
 
     fn command(self, piece: &Piece) -> Command {
@@ -86,11 +85,9 @@ impl Program {
 
 impl Outcome {
     /// Fails unless the velocities are those of `expected` within `tolerance_m_s`: another motion would be no measure.
-    pub(super) fn check(&self, who: &str, expected: &Self, tolerance_m_s: f64) -> Result<(), Failure> {
+    pub(super) fn check(&self, who: &str, expected: &Self, tolerance_m_s: f64) -> Result<(), Error> {
         if self.v_m_s.len() != expected.v_m_s.len() {
-            return Err(
-                anyhow!("{who}: {} beads, {} expected", self.v_m_s.len(), expected.v_m_s.len()).into()
-            );
+            return Err(anyhow!("{who}: {} beads, {} expected", self.v_m_s.len(), expected.v_m_s.len()));
         }
         // NaN is not close to anything
         let is_close = |theirs: f64, ours: f64| (theirs - ours).abs() <= tolerance_m_s;
@@ -99,8 +96,7 @@ impl Outcome {
             None => Ok(()),
             Some((bead, (theirs, ours))) => Err(anyhow!(
                 "{who} makes another motion: bead {bead} ends at {theirs:e} m/s, at {ours:e} m/s here"
-            )
-            .into()),
+            )),
         }
     }
 }

@@ -4,9 +4,8 @@ mod inputs;
 mod piece;
 mod program;
 
-use super::{Bench, Floor, Ratio, Report, Rounds, Row};
-use crate::display;
-use crate::failure::Failure;
+use super::{Audience, Bench, Floor, Ratio, Rounds, Row};
+use anyhow::Error;
 use piece::Piece;
 use program::{Outcome, Program};
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
@@ -38,13 +37,13 @@ const WITH_OUTPUT: [Peer; 4] = [
 ];
 
 /// The light-impurity run without output, and pieces of it with one state in 100 and with every state.
-pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Failure> {
-    let found: Vec<_> = Program::ALL.into_iter().filter(is_there).collect();
+pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
+    let found: Vec<_> = Program::ALL.into_iter().filter(|program| is_there(*program, report)).collect();
     if found.is_empty() {
         return Ok(());
     }
     let rounds = bench.rounds;
-    let mut measure = || -> Result<(), Failure> {
+    let mut measure = || -> Result<(), Error> {
         stay_on_one_core()?;
         series("the whole run, no output", &Piece::whole()?, &SIMULATING, &found, rounds, report)?;
         series("one state in 100 recorded", &Piece::one_in_100()?, &WITH_OUTPUT, &found, rounds, report)?;
@@ -55,18 +54,18 @@ pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Failure> {
 }
 
 /// Says which version was found, or what is missing.
-fn is_there(program: &Program) -> bool {
+fn is_there(program: Program, report: &mut dyn Audience) -> bool {
     match program.version() {
-        Ok(version) => display::notice(format_args!("measuring against {version}")),
+        Ok(version) => report.notice(&format!("measuring against {version}")),
         Err(missing) => {
-            display::notice(format_args!("not measured: {missing}"));
+            report.notice(&format!("not measured: {missing}"));
             return false;
         }
     }
     true
 }
 
-fn stay_on_one_core() -> Result<(), Failure> {
+fn stay_on_one_core() -> Result<(), Error> {
     let allowed = sched_getaffinity(None)?;
     let mut core = CpuSet::new();
     // the first ones have more to do with devices
@@ -81,8 +80,8 @@ fn series(
     peers: &[Peer],
     found: &[Program],
     rounds: u32,
-    report: &mut Report,
-) -> Result<(), Failure> {
+    report: &mut dyn Audience,
+) -> Result<(), Error> {
     let directory = tempfile::tempdir()?;
     inputs::write(directory.path(), piece)?;
     let expected = piece.simulate(directory.path())?;
@@ -101,9 +100,9 @@ fn row(
     directory: &Path,
     expected: &Outcome,
     rounds: u32,
-) -> Result<Row, Failure> {
+) -> Result<Row, Error> {
     let ours = || Ok(piece.simulate(directory)?.time);
-    let theirs = || -> Result<Duration, Failure> {
+    let theirs = || -> Result<Duration, Error> {
         let outcome = program.run(directory, piece)?;
         outcome.check(against, expected, TOLERANCE * piece.striker_m_s())?;
         Ok(outcome.time)

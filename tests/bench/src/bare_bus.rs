@@ -1,8 +1,6 @@
 //! What the bus is measured against: the same frames, and a wake-up, through nothing but iceoryx2.
 
-use super::room::MAX_BUFFER;
-use super::services::BORROWED;
-use super::{Bus, BusError};
+use bus::{BORROWED, Bus, BusError, MAX_BUFFER};
 use iceoryx2::node::{Node, NodeBuilder};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
@@ -16,36 +14,36 @@ use std::thread::yield_now;
 use std::time::Duration;
 
 /// Slices of doubles from one publisher to one subscriber; nothing is overwritten and nothing is dropped.
-pub struct BarePublisher {
+pub(crate) struct BarePublisher {
     publisher: Publisher<ipc::Service, [f64], ()>,
     _node: Node<ipc::Service>,
 }
 
 /// The other end.
-pub struct BareSubscriber {
+pub(crate) struct BareSubscriber {
     subscriber: Subscriber<ipc::Service, [f64], ()>,
     _node: Node<ipc::Service>,
 }
 
 /// Wakes a [`BareListener`].
-pub struct BareNotifier {
+pub(crate) struct BareNotifier {
     notifier: Notifier<ipc::Service>,
     _node: Node<ipc::Service>,
 }
 
 /// Sleeps until it is woken.
-pub struct BareListener {
+pub(crate) struct BareListener {
     listener: Listener<ipc::Service>,
     _node: Node<ipc::Service>,
 }
 
 fn failed(name: &str, doing: &'static str) -> impl Fn(&dyn Debug) -> BusError {
-    move |cause| BusError::service(name, doing, &format!("{cause:?}"))
+    move |cause| BusError::Service { service: name.to_owned(), doing, cause: format!("{cause:?}") }
 }
 
 fn node(bus: &Bus, name: &str) -> Result<Node<ipc::Service>, BusError> {
-    bus.clear_the_way()?;
-    let builder = NodeBuilder::new().config(bus.config()).signal_handling_mode(SignalHandlingMode::Disabled);
+    let builder =
+        NodeBuilder::new().config(bus.bare_config()?).signal_handling_mode(SignalHandlingMode::Disabled);
     builder.create().map_err(|e| failed(name, "register for")(&e))
 }
 
@@ -71,10 +69,7 @@ fn events(node: &Node<ipc::Service>, name: &str) -> Result<event::PortFactory<ip
 
 impl BarePublisher {
     /// A publisher of slices of `doubles`.
-    ///
-    /// # Errors
-    /// When iceoryx2 refuses.
-    pub fn create(bus: &Bus, name: &str, doubles: usize) -> Result<Self, BusError> {
+    pub(crate) fn create(bus: &Bus, name: &str, doubles: usize) -> Result<Self, BusError> {
         let node = node(bus, name)?;
         let service = slices(&node, name)?;
         let builder = service.publisher_builder().initial_max_slice_len(doubles).max_loaned_samples(1);
@@ -83,18 +78,12 @@ impl BarePublisher {
     }
 
     /// Connects to the subscriber, which connects in turn when it receives for the first time.
-    ///
-    /// # Errors
-    /// When iceoryx2 refuses.
-    pub fn connect(&self) -> Result<(), BusError> {
+    pub(crate) fn connect(&self) -> Result<(), BusError> {
         self.publisher.update_connections().map_err(|e| failed("a bare service", "connect")(&e))
     }
 
     /// Copies a slice into shared memory and hands it over, when there is room.
-    ///
-    /// # Errors
-    /// When iceoryx2 refuses.
-    pub fn send(&self, doubles: &[f64]) -> Result<(), BusError> {
+    pub(crate) fn send(&self, doubles: &[f64]) -> Result<(), BusError> {
         let failed = failed("a bare service", "send through");
         let slot = self.publisher.loan_slice_uninit(doubles.len()).map_err(|e| failed(&e))?;
         slot.write_from_slice(doubles).send().map_err(|e| failed(&e))?;
@@ -104,20 +93,14 @@ impl BarePublisher {
 
 impl BareSubscriber {
     /// A subscriber to the publisher's slices.
-    ///
-    /// # Errors
-    /// When iceoryx2 refuses.
-    pub fn create(bus: &Bus, name: &str) -> Result<Self, BusError> {
+    pub(crate) fn create(bus: &Bus, name: &str) -> Result<Self, BusError> {
         let node = node(bus, name)?;
         let subscriber = slices(&node, name)?.subscriber_builder().create();
         Ok(Self { subscriber: subscriber.map_err(|e| failed(name, "subscribe to")(&e))?, _node: node })
     }
 
     /// Lends the next slice to `take`, if there is one.
-    ///
-    /// # Errors
-    /// When iceoryx2 refuses.
-    pub fn receive(&self, take: impl FnOnce(&[f64])) -> Result<bool, BusError> {
+    pub(crate) fn receive(&self, take: impl FnOnce(&[f64])) -> Result<bool, BusError> {
         let sample = self.subscriber.receive().map_err(|e| failed("a bare service", "receive from")(&e))?;
         if let Some(sample) = &sample {
             take(sample.payload());
@@ -126,10 +109,7 @@ impl BareSubscriber {
     }
 
     /// Lends the next slice to `take`; looks for it again and again, the fastest way to get it.
-    ///
-    /// # Errors
-    /// When iceoryx2 refuses.
-    pub fn await_next(&self, mut take: impl FnMut(&[f64])) -> Result<(), BusError> {
+    pub(crate) fn await_next(&self, mut take: impl FnMut(&[f64])) -> Result<(), BusError> {
         while !self.receive(&mut take)? {
             yield_now();
         }
@@ -139,20 +119,14 @@ impl BareSubscriber {
 
 impl BareNotifier {
     /// A notifier of the event `name`.
-    ///
-    /// # Errors
-    /// When iceoryx2 refuses.
-    pub fn create(bus: &Bus, name: &str) -> Result<Self, BusError> {
+    pub(crate) fn create(bus: &Bus, name: &str) -> Result<Self, BusError> {
         let node = node(bus, name)?;
         let notifier = events(&node, name)?.notifier_builder().create();
         Ok(Self { notifier: notifier.map_err(|e| failed(name, "notify")(&e))?, _node: node })
     }
 
     /// Wakes the listener.
-    ///
-    /// # Errors
-    /// When iceoryx2 refuses.
-    pub fn notify(&self) -> Result<(), BusError> {
+    pub(crate) fn notify(&self) -> Result<(), BusError> {
         self.notifier.notify().map_err(|e| failed("a bare event", "notify")(&e))?;
         Ok(())
     }
@@ -160,20 +134,14 @@ impl BareNotifier {
 
 impl BareListener {
     /// A listener to the event `name`.
-    ///
-    /// # Errors
-    /// When iceoryx2 refuses.
-    pub fn create(bus: &Bus, name: &str) -> Result<Self, BusError> {
+    pub(crate) fn create(bus: &Bus, name: &str) -> Result<Self, BusError> {
         let node = node(bus, name)?;
         let listener = events(&node, name)?.listener_builder().create();
         Ok(Self { listener: listener.map_err(|e| failed(name, "listen to")(&e))?, _node: node })
     }
 
     /// Sleeps until it is woken, or `timeout` is over; says whether it was woken.
-    ///
-    /// # Errors
-    /// When iceoryx2 refuses.
-    pub fn wait(&self, timeout: Duration) -> Result<bool, BusError> {
+    pub(crate) fn wait(&self, timeout: Duration) -> Result<bool, BusError> {
         let mut woken = false;
         let waited = self.listener.timed_wait(|_| woken = true, timeout);
         waited.map_err(|e| failed("a bare event", "wait for")(&e))?;

@@ -1,7 +1,7 @@
 //! What other programs read: their own scripts, and the chain with the state to start from.
 
 use super::piece::Piece;
-use crate::failure::Failure;
+use anyhow::Error;
 use serde_json::json;
 use std::f64::consts::PI;
 use std::fmt::Write as _;
@@ -13,11 +13,11 @@ use std::path::Path;
 pub(super) const DIAMETER_M: f64 = 1.0 / 256.0;
 
 /// Writes all inputs into `directory`.
-pub(super) fn write(directory: &Path, piece: &Piece) -> Result<(), Failure> {
+pub(super) fn write(directory: &Path, piece: &Piece) -> Result<(), Error> {
     let files = [
-        ("chain.lmp", include_str!("chain.lmp").to_owned()),
-        ("chain_numba.py", include_str!("chain_numba.py").to_owned()),
-        ("chain_numpy.py", include_str!("chain_numpy.py").to_owned()),
+        ("chain.lmp", include_str!("../../peers/chain.lmp").to_owned()),
+        ("chain_numba.py", include_str!("../../peers/chain_numba.py").to_owned()),
+        ("chain_numpy.py", include_str!("../../peers/chain_numpy.py").to_owned()),
         ("chain.data", lammps_data(piece)),
         ("chain.json", json(piece)),
     ];

@@ -1,14 +1,14 @@
 //! What the dynamics is measured against: the loop that everybody writes first.
 
-use crate::state::ChainState;
+use producer::state::ChainState;
 use schemas::manifest::Physics;
 
 /// Velocity-Verlet as a plain scalar loop over all contacts and beads, with the platform's power function.
 ///
-/// For chains without loads, walls and damping. It is kept for `beadline bench`, which measures our kernel against
-/// it, and computes nothing that anybody uses: the platform's `pow` may differ between machines in its last bit.
+/// For chains without loads, walls and damping. It computes nothing that anybody uses: the platform's `pow` may differ
+/// between machines in its last bit.
 #[derive(Debug, Clone)]
-pub struct ScalarLoop {
+pub(crate) struct ScalarLoop {
     alpha: f64,
     dt_s: f64,
     inverse_mass: Vec<f64>,
@@ -18,7 +18,7 @@ pub struct ScalarLoop {
 
 impl ScalarLoop {
     /// The loop for the chain of `physics`, whose method it ignores, at the accelerations of `state`.
-    pub fn new(physics: &Physics, state: &ChainState) -> Self {
+    pub(crate) fn new(physics: &Physics, state: &ChainState) -> Self {
         let chain = physics.chain();
         let mut this = Self {
             alpha: chain.law.alpha(),
@@ -32,7 +32,7 @@ impl ScalarLoop {
     }
 
     /// Advances `state` by one step: half a kick, a drift, the forces, half a kick.
-    pub fn step(&mut self, state: &mut ChainState) {
+    pub(crate) fn step(&mut self, state: &mut ChainState) {
         let half_s = 0.5 * self.dt_s;
         for i in 0..state.u_m.len() {
             state.v_m_s[i] += half_s * self.acceleration[i];
@@ -61,7 +61,7 @@ impl ScalarLoop {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::integrator::Integrator;
+    use producer::integrator::Integrator;
     use schemas::method::Method;
     use schemas::presets::PRESETS;
 

@@ -1,9 +1,9 @@
 //! Memory of a producer and its consumers, along the length of the run and of the chain.
 
 use super::child::Process;
-use super::{Bench, Floor, Report, Rounds, Row};
-use crate::display::{bytes, count};
-use crate::failure::Failure;
+use super::{Audience, Bench, Floor, Rounds, Row};
+use anyhow::Error;
+use schemas::amounts::{bytes, count};
 use std::time::Duration;
 
 /// Steps of the short and of the long run, each a frame.
@@ -25,7 +25,7 @@ const ANALYSES: [&str; 3] = ["energies", "impurity", "contacts"];
 /// How often a process is asked how much it has had.
 const LOOK: Duration = Duration::from_millis(5);
 
-pub(super) fn rows(_: &Bench, report: &mut Report) -> Result<(), Failure> {
+pub(super) fn rows(_: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
     let (long, short) = (Followed::run(BEADS, LONG)?, Followed::run(BEADS, SHORT)?);
     let what = [
         "producer's peak memory, 10,000,000 frames",
@@ -69,7 +69,7 @@ struct Followed {
 }
 
 impl Followed {
-    fn run(beads: u64, steps: u64) -> Result<Self, Failure> {
+    fn run(beads: u64, steps: u64) -> Result<Self, Error> {
         let name = format!("bench-{}", std::process::id());
         let words = format!(
             "run --no-record --json --wait-for {} --preset homogeneous --name {name} --beads {beads} \

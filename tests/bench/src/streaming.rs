@@ -5,10 +5,9 @@ mod latency;
 use super::child::Process;
 use super::part::{ATTACHED, READY};
 use super::recordings::{Frames, simulate};
-use super::{Bench, Floor, Report, Rounds, Row, timed};
-use crate::failure::Failure;
-use anyhow::anyhow;
-use bus::bare::BarePublisher;
+use super::{Audience, Bench, Floor, Rounds, Row, timed};
+use crate::bare_bus::BarePublisher;
+use anyhow::{Error, anyhow};
 use bus::{Bus, ConsumerEvent, PublishOptions, StatePublisher, WaitOutcome};
 use schemas::frame::{EndReason, Frame, FrameSink as _};
 use schemas::manifest::RunManifest;
@@ -24,8 +23,8 @@ const PATIENCE: Duration = Duration::from_secs(30);
 /// How long a consumer is watched that has nothing to do.
 const IDLE: Duration = Duration::from_secs(1);
 
-pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Failure> {
-    let streams = Streams::new(bench.frames()?)?;
+pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
+    let streams = Streams::new(bench.frames(report)?)?;
     let rounds = bench.rounds;
     report.row(streams.nobody_attached(rounds)?)?;
     report.row(streams.stalled_consumer(rounds)?)?;
@@ -46,7 +45,7 @@ struct Streams<'a> {
 }
 
 impl<'a> Streams<'a> {
-    fn new(frames: &'a Frames) -> Result<Self, Failure> {
+    fn new(frames: &'a Frames) -> Result<Self, Error> {
         let mut manifest = frames.manifest().clone();
         let name = format!("bench-{}", std::process::id());
         manifest.provenance.name = name.parse().map_err(|error: String| anyhow!(error))?;
@@ -57,19 +56,19 @@ impl<'a> Streams<'a> {
         self.manifest.provenance.name.as_str()
     }
 
-    fn publisher(&self) -> Result<StatePublisher, Failure> {
+    fn publisher(&self) -> Result<StatePublisher, Error> {
         let chain = self.manifest.physics.chain();
         Ok(StatePublisher::create(&self.bus, &self.manifest, &chain, &PublishOptions::default())?)
     }
 
     /// An analysis of the run, which is a process of its own.
-    fn consumer(&self, analysis: &str, more: &[&str]) -> Result<Process, Failure> {
+    fn consumer(&self, analysis: &str, more: &[&str]) -> Result<Process, Error> {
         let source = format!("live:{}", self.name());
         Process::start([analysis, &source, "--json"].iter().chain(more))
     }
 
     /// A publisher that these analyses are ready for.
-    fn followed_by(&self, analyses: &[&str]) -> Result<(StatePublisher, Vec<Process>), Failure> {
+    fn followed_by(&self, analyses: &[&str]) -> Result<(StatePublisher, Vec<Process>), Error> {
         let mut publisher = self.publisher()?;
         let started: Result<Vec<_>, _> = analyses.iter().map(|name| self.consumer(name, &[])).collect();
         let consumers = started?;
@@ -86,7 +85,7 @@ impl<'a> Streams<'a> {
     }
 
     /// Publishes the frames that are in memory to lossless analyses, none of which may lose any.
-    fn stream(&self, analyses: &[&str]) -> Result<Duration, Failure> {
+    fn stream(&self, analyses: &[&str]) -> Result<Duration, Error> {
         let (mut publisher, consumers) = self.followed_by(analyses)?;
         let took = timed(|| self.publish(&mut publisher))?;
         publisher.finish(EndReason::Complete)?;
@@ -97,7 +96,7 @@ impl<'a> Streams<'a> {
     }
 
     /// The same with frames as the dynamics make them.
-    fn run_to(&self, analyses: &[&str]) -> Result<Duration, Failure> {
+    fn run_to(&self, analyses: &[&str]) -> Result<Duration, Error> {
         let (mut publisher, consumers) = self.followed_by(analyses)?;
         let took = self.run(&mut publisher)?;
         publisher.finish(EndReason::Complete)?;
@@ -107,7 +106,7 @@ impl<'a> Streams<'a> {
         Ok(took)
     }
 
-    fn publish(&self, publisher: &mut StatePublisher) -> Result<(), Failure> {
+    fn publish(&self, publisher: &mut StatePublisher) -> Result<(), Error> {
         for (number, frame) in (0..).zip(self.frames.iter().cycle().take(self.count())) {
             publisher.accept(&Frame { frame: number, step: number, ..frame })?;
         }
@@ -115,7 +114,7 @@ impl<'a> Streams<'a> {
     }
 
     /// The same frames through nothing but iceoryx2 to a process that sums them up.
-    fn stream_bare(&self) -> Result<Duration, Failure> {
+    fn stream_bare(&self) -> Result<Duration, Error> {
         let (name, count) = (format!("bare-{}", self.name()), self.count().to_string());
         let publisher = BarePublisher::create(&self.bus, &name, self.manifest.frame_doubles())?;
         let mut consumer = Process::start(["bench-part", "sum", &name, &count])?;
@@ -132,11 +131,11 @@ impl<'a> Streams<'a> {
     }
 
     /// Simulates all of the run and publishes every step.
-    fn run(&self, publisher: &mut StatePublisher) -> Result<Duration, Failure> {
+    fn run(&self, publisher: &mut StatePublisher) -> Result<Duration, Error> {
         timed(|| simulate(&self.manifest, |frame| Ok(publisher.accept(frame)?)))
     }
 
-    fn run_alone(&self) -> Result<Duration, Failure> {
+    fn run_alone(&self) -> Result<Duration, Error> {
         let mut publisher = self.publisher()?;
         let took = self.run(&mut publisher)?;
         publisher.finish(EndReason::Complete)?;
@@ -147,7 +146,7 @@ impl<'a> Streams<'a> {
         format!("{:.0} k steps/s", self.manifest.physics.step_count as f64 / rounds.ours_s() / 1e3)
     }
 
-    fn nobody_attached(&self, rounds: u32) -> Result<Row, Failure> {
+    fn nobody_attached(&self, rounds: u32) -> Result<Row, Error> {
         let stepping = || timed(|| simulate(&self.manifest, |_| Ok(())));
         let rounds = Rounds::alternate(rounds, || self.run_alone(), stepping)?;
         Ok(Row {
@@ -160,8 +159,8 @@ impl<'a> Streams<'a> {
     }
 
     /// A consumer that takes what there is, and has stopped to take anything.
-    fn stalled_consumer(&self, rounds: u32) -> Result<Row, Failure> {
-        let stalled = || -> Result<Duration, Failure> {
+    fn stalled_consumer(&self, rounds: u32) -> Result<Row, Error> {
+        let stalled = || -> Result<Duration, Error> {
             let mut publisher = self.publisher()?;
             let consumer = self.consumer("energies", &["--latest"])?;
             await_join(&mut publisher)?;
@@ -181,7 +180,7 @@ impl<'a> Streams<'a> {
         })
     }
 
-    fn one_consumer(&self, rounds: u32) -> Result<Row, Failure> {
+    fn one_consumer(&self, rounds: u32) -> Result<Row, Error> {
         let rounds = Rounds::alternate(rounds, || self.stream(&["energies"]), || self.stream_bare())?;
         let whole = self.manifest.physics.step_count as f64 / self.run_to(&["energies"])?.as_secs_f64();
         Ok(Row {
@@ -193,9 +192,9 @@ impl<'a> Streams<'a> {
         })
     }
 
-    fn three_consumers(&self, rounds: u32) -> Result<Row, Failure> {
+    fn three_consumers(&self, rounds: u32) -> Result<Row, Error> {
         let analyses = ["energies", "impurity", "contacts"];
-        let slowest_alone = || -> Result<Duration, Failure> {
+        let slowest_alone = || -> Result<Duration, Error> {
             let mut slowest = Duration::ZERO;
             for analysis in analyses {
                 slowest = slowest.max(self.stream(&[analysis])?);
@@ -213,7 +212,7 @@ impl<'a> Streams<'a> {
     }
 
     /// A consumer that is attached while nothing is published.
-    fn idle_consumer(&self, rounds: u32) -> Result<Row, Failure> {
+    fn idle_consumer(&self, rounds: u32) -> Result<Row, Error> {
         let (mut publisher, consumers) = self.followed_by(&["energies"])?;
         let mut idle = Rounds::default();
         for _ in 0..rounds {
@@ -235,15 +234,15 @@ impl<'a> Streams<'a> {
 }
 
 /// Waits until so many lossless consumers are ready.
-fn wait(publisher: &mut StatePublisher, count: usize) -> Result<(), Failure> {
+fn wait(publisher: &mut StatePublisher, count: usize) -> Result<(), Error> {
     match publisher.wait_for(count, &AtomicBool::new(false), Some(PATIENCE))? {
         WaitOutcome::Ready => Ok(()),
-        _ => Err(anyhow!("{count} consumers did not attach within {} s", PATIENCE.as_secs()).into()),
+        _ => Err(anyhow!("{count} consumers did not attach within {} s", PATIENCE.as_secs())),
     }
 }
 
 /// Waits until a consumer of any kind has joined.
-fn await_join(publisher: &mut StatePublisher) -> Result<(), Failure> {
+fn await_join(publisher: &mut StatePublisher) -> Result<(), Error> {
     let start = Instant::now();
     while start.elapsed() < PATIENCE {
         publisher.serve()?;
@@ -252,14 +251,14 @@ fn await_join(publisher: &mut StatePublisher) -> Result<(), Failure> {
         }
         std::thread::sleep(Duration::from_millis(1));
     }
-    Err(anyhow!("no consumer attached within {} s", PATIENCE.as_secs()).into())
+    Err(anyhow!("no consumer attached within {} s", PATIENCE.as_secs()))
 }
 
 /// Whether a consumer that has ended got every frame.
-fn got_all(consumer: Process, count: u64) -> Result<(), Failure> {
+fn got_all(consumer: Process, count: u64) -> Result<(), Error> {
     let summary = consumer.finish_json()?;
     if summary["frames_received"] == count && summary["frames_missed"] == 0 {
         return Ok(());
     }
-    Err(anyhow!("a lossless consumer did not get all of {count} frames: {summary}").into())
+    Err(anyhow!("a lossless consumer did not get all of {count} frames: {summary}"))
 }

@@ -1,20 +1,20 @@
 //! A grid of reflected energies on all cores against one.
 
 use super::child::Process;
-use super::{Bench, Floor, Report, Rounds, Row, timed};
-use crate::failure::Failure;
+use super::{Audience, Bench, Floor, Rounds, Row, timed};
+use anyhow::Error;
 use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
 /// The grid of `beadline sweep --example` with shorter chains: how much an impurity reflects, over its mass
 /// and the contact law.
-const GRID: &str = include_str!("sweep/grid.toml");
+const GRID: &str = include_str!("../grid.toml");
 
 /// Two workers, whatever there is: the floor is one for two.
 const WORKERS: [&str; 2] = ["2", "1"];
 
-pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Failure> {
+pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
     let directory = bench.directory.path();
     let file = directory.join("grid.toml");
     fs::write(&file, GRID)?;
@@ -34,7 +34,7 @@ pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Failure> {
 }
 
 /// All of the grid, from nothing to the tables.
-fn sweep(file: &Path, out: &Path, workers: &str) -> Result<Duration, Failure> {
+fn sweep(file: &Path, out: &Path, workers: &str) -> Result<Duration, Error> {
     if out.exists() {
         fs::remove_dir_all(out)?;
     }

@@ -1,8 +1,9 @@
 //! The table, as it grows.
 
-use super::{Floor, Group, Row};
 use crate::display;
 use crate::failure::Failure;
+use anyhow::Error;
+use bench::{Audience, Floor, Group, Row};
 use serde::Serialize;
 use serde_json::json;
 use std::io::IsTerminal as _;
@@ -12,7 +13,7 @@ const WHAT: usize = 46;
 const AGAINST: usize = 40;
 
 /// Prints rows when they are there, and remembers them.
-pub(crate) struct Report {
+pub(super) struct Report {
     json: bool,
     group: &'static str,
     rows: Vec<Measured>,
@@ -28,25 +29,35 @@ struct Measured {
 
 impl Report {
     /// An empty table; as JSON it is printed at its end only.
-    pub(crate) fn new(json: bool) -> Self {
+    pub(super) fn new(json: bool) -> Self {
         Self { json, group: "", rows: Vec::new() }
     }
 
-    /// What comes now belongs to `group`.
-    pub(super) fn begin(&mut self, group: &Group) -> Result<(), Failure> {
+    /// Whether every row keeps to its floor.
+    pub(super) fn is_met(&self) -> bool {
+        self.rows.iter().all(|row| row.met)
+    }
+
+    /// Ends the table.
+    pub(super) fn finish(&self, rounds: u32) -> Result<(), Failure> {
+        if self.json { display::print_json(&json!({ "rounds": rounds, "rows": self.rows })) } else { Ok(()) }
+    }
+}
+
+impl Audience for Report {
+    fn begin(&mut self, group: &Group) -> Result<(), Error> {
         self.group = group.name;
         if self.json {
             display::notice(format_args!("measuring {}", group.name));
             return Ok(());
         }
         let above = if self.rows.is_empty() { "" } else { "\n" };
-        display::print(format_args!("{above}{}\n", group.name))
+        display::print(format_args!("{above}{}\n", group.name)).map_err(Failure::into_error)
     }
 
-    /// A row is finished.
-    pub(super) fn row(&mut self, row: Row) -> Result<(), Failure> {
+    fn row(&mut self, row: Row) -> Result<(), Error> {
         if !self.json {
-            display::print(line(&row))?;
+            display::print(line(&row)).map_err(Failure::into_error)?;
         } else if std::io::stderr().is_terminal() {
             display::notice(row.what);
         }
@@ -54,14 +65,8 @@ impl Report {
         Ok(())
     }
 
-    /// Whether every row keeps to its floor.
-    pub(crate) fn is_met(&self) -> bool {
-        self.rows.iter().all(|row| row.met)
-    }
-
-    /// Ends the table.
-    pub(crate) fn finish(&self, rounds: u32) -> Result<(), Failure> {
-        if self.json { display::print_json(&json!({ "rounds": rounds, "rows": self.rows })) } else { Ok(()) }
+    fn notice(&mut self, text: &str) {
+        display::notice(text);
     }
 }
 

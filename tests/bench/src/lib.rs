@@ -1,20 +1,24 @@
 //! Measuring this machine: each figure beside its limit, alternately in one run, as ratios.
+//!
+//! The other sides are here, too: `baseline`, the loop that everybody writes first; `bare_bus` and `bare_mcap`, the
+//! same bytes through nothing but iceoryx2 and mcap; `peers`, other people's programs. Whoever runs a [`Bench`] is a program
+//! that has the commands of `beadline`: it is started again for what needs processes of their own ([`mod@part`]).
 
 mod analyses;
+mod bare_bus;
+mod bare_mcap;
+mod baseline;
 mod child;
 mod dynamics;
 mod memory;
-pub(crate) mod part;
+pub mod part;
 mod peers;
 mod recordings;
-mod report;
 mod streaming;
 mod sweep;
 
-use crate::display;
-use crate::failure::Failure;
+use anyhow::Error;
 use recordings::Frames;
-pub(crate) use report::Report;
 use serde::Serialize;
 use std::cell::OnceCell;
 use std::fmt::Write as _;
@@ -22,15 +26,16 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// Rows that belong together.
-pub(crate) struct Group {
-    pub(crate) name: &'static str,
+pub struct Group {
+    /// One word.
+    pub name: &'static str,
     /// What it measures, for the help.
     about: &'static str,
-    measure: fn(&Bench, &mut Report) -> Result<(), Failure>,
+    measure: fn(&Bench, &mut dyn Audience) -> Result<(), Error>,
 }
 
 /// Every group, in the order of the table.
-pub(crate) const GROUPS: [Group; 7] = [
+pub const GROUPS: [Group; 7] = [
     Group {
         name: "dynamics",
         about: "steps of the chain against a plain loop, and along its length",
@@ -61,7 +66,7 @@ pub(crate) const GROUPS: [Group; 7] = [
 ];
 
 /// The groups as the help lists them.
-pub(crate) fn list_of_groups() -> String {
+pub fn list_of_groups() -> String {
     let mut text = String::from("Groups:\n");
     for group in &GROUPS {
         // writing to a String cannot fail
@@ -70,30 +75,55 @@ pub(crate) fn list_of_groups() -> String {
     text
 }
 
+/// Who hears of what is measured, as soon as it is.
+pub trait Audience: Send {
+    /// What comes now belongs to `group`.
+    ///
+    /// # Errors
+    /// When nobody listens any more.
+    fn begin(&mut self, group: &Group) -> Result<(), Error>;
+
+    /// A row is finished.
+    ///
+    /// # Errors
+    /// When nobody listens any more.
+    fn row(&mut self, row: Row) -> Result<(), Error>;
+
+    /// Something to know beside the rows.
+    fn notice(&mut self, text: &str);
+}
+
 /// What the groups share.
-pub(crate) struct Bench {
+pub struct Bench {
     rounds: u32,
     directory: TempDir,
     frames: OnceCell<Frames>,
 }
 
 impl Bench {
-    pub(crate) fn new(rounds: u32) -> Result<Self, Failure> {
+    /// A bench that measures each pair in so many rounds.
+    ///
+    /// # Errors
+    /// When there is no room for its files.
+    pub fn new(rounds: u32) -> Result<Self, Error> {
         Ok(Self { rounds, directory: tempfile::tempdir()?, frames: OnceCell::new() })
     }
 
     /// Measures the rows of `group`.
-    pub(crate) fn measure(&self, group: &Group, report: &mut Report) -> Result<(), Failure> {
+    ///
+    /// # Errors
+    /// When something cannot be measured, or nobody listens.
+    pub fn measure(&self, group: &Group, report: &mut dyn Audience) -> Result<(), Error> {
         report.begin(group)?;
         (group.measure)(self, report)
     }
 
     /// The light-impurity run, recorded when a group first asks for it.
-    fn frames(&self) -> Result<&Frames, Failure> {
+    fn frames(&self, report: &mut dyn Audience) -> Result<&Frames, Error> {
         if let Some(frames) = self.frames.get() {
             return Ok(frames);
         }
-        display::notice("recording the light-impurity run");
+        report.notice("recording the light-impurity run");
         let frames = Frames::record_in(self.directory.path())?;
         Ok(self.frames.get_or_init(|| frames))
     }
@@ -101,16 +131,19 @@ impl Bench {
 
 /// A ratio measured in several rounds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub(crate) struct Ratio {
-    pub(crate) median: f64,
-    pub(crate) least: f64,
-    pub(crate) most: f64,
+pub struct Ratio {
+    /// Of the rounds.
+    pub median: f64,
+    /// The least of them.
+    pub least: f64,
+    /// The most of them.
+    pub most: f64,
 }
 
 /// What a ratio has to be.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum Floor {
+pub enum Floor {
     /// A speed in that of the other.
     AtLeast(f64),
     /// A time in that of the other.
@@ -121,15 +154,17 @@ pub(crate) enum Floor {
 
 /// One figure beside its limit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub(crate) struct Row {
+pub struct Row {
     /// What is measured.
-    pub(crate) what: &'static str,
+    pub what: &'static str,
     /// What it is measured against.
-    pub(crate) against: &'static str,
-    pub(crate) floor: Floor,
-    pub(crate) ratio: Ratio,
+    pub against: &'static str,
+    /// What the ratio has to be.
+    pub floor: Floor,
+    /// What it is.
+    pub ratio: Ratio,
     /// Our figure in a unit of its own, of the median round: of this machine today.
-    pub(crate) figure: String,
+    pub figure: String,
 }
 
 /// Times of the two sides of a row, one for each round.
@@ -141,7 +176,7 @@ pub(crate) struct Rounds {
 
 impl Row {
     /// Whether the median keeps to the floor.
-    pub(crate) fn is_met(&self) -> bool {
+    pub fn is_met(&self) -> bool {
         match self.floor {
             Floor::AtLeast(floor) => self.ratio.median >= floor,
             Floor::AtMost(floor) => self.ratio.median <= floor,
@@ -154,9 +189,9 @@ impl Rounds {
     /// Measures both sides `count` times, in turns, after one turn that only warms up.
     pub(crate) fn alternate(
         count: u32,
-        mut ours: impl FnMut() -> Result<Duration, Failure>,
-        mut theirs: impl FnMut() -> Result<Duration, Failure>,
-    ) -> Result<Self, Failure> {
+        mut ours: impl FnMut() -> Result<Duration, Error>,
+        mut theirs: impl FnMut() -> Result<Duration, Error>,
+    ) -> Result<Self, Error> {
         let mut rounds = Self::default();
         for round in 0..=count {
             // who comes first changes, so that neither always finds the other's heat
@@ -201,7 +236,7 @@ impl Ratio {
 }
 
 /// How long `work` takes.
-pub(crate) fn timed<T>(work: impl FnOnce() -> Result<T, Failure>) -> Result<Duration, Failure> {
+pub(crate) fn timed<T>(work: impl FnOnce() -> Result<T, Error>) -> Result<Duration, Error> {
     let start = Instant::now();
     work()?;
     Ok(start.elapsed())

@@ -1,7 +1,6 @@
 //! Processes of this program beside the bench.
 
-use crate::failure::Failure;
-use anyhow::{Context as _, anyhow};
+use anyhow::{Context as _, Error, anyhow};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 use std::ffi::OsStr;
@@ -19,7 +18,7 @@ pub(super) struct Process {
 
 impl Process {
     /// Starts `beadline` with these words.
-    pub(super) fn start<S: AsRef<OsStr>>(words: impl IntoIterator<Item = S>) -> Result<Self, Failure> {
+    pub(super) fn start<S: AsRef<OsStr>>(words: impl IntoIterator<Item = S>) -> Result<Self, Error> {
         let words: Vec<_> = words.into_iter().map(|word| word.as_ref().to_owned()).collect();
         let mut command = Command::new(std::env::current_exe()?);
         command.args(&words).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -30,7 +29,7 @@ impl Process {
     }
 
     /// The next line that it says.
-    pub(super) fn line(&mut self) -> Result<String, Failure> {
+    pub(super) fn line(&mut self) -> Result<String, Error> {
         let mut line = String::new();
         if self.out.read_line(&mut line)? == 0 {
             return Err(self.failed());
@@ -39,31 +38,31 @@ impl Process {
     }
 
     /// Waits until it says `word`.
-    pub(super) fn expect(&mut self, word: &str) -> Result<(), Failure> {
+    pub(super) fn expect(&mut self, word: &str) -> Result<(), Error> {
         let line = self.line()?;
-        if line == word { Ok(()) } else { Err(anyhow!("{}: said {line}, not {word}", self.words).into()) }
+        if line == word { Ok(()) } else { Err(anyhow!("{}: said {line}, not {word}", self.words)) }
     }
 
     /// Tells it to go on.
-    pub(super) fn go_on(&mut self) -> Result<(), Failure> {
+    pub(super) fn go_on(&mut self) -> Result<(), Error> {
         let stdin = self.child.stdin.as_mut().ok_or_else(|| anyhow!("{}: no stdin", self.words))?;
         Ok(stdin.write_all(b"\n")?)
     }
 
     /// What it still says until it ends.
-    pub(super) fn finish(mut self) -> Result<String, Failure> {
+    pub(super) fn finish(mut self) -> Result<String, Error> {
         let mut text = String::new();
         self.out.read_to_string(&mut text)?;
         if self.child.wait()?.success() { Ok(text) } else { Err(self.failed()) }
     }
 
     /// The same as JSON.
-    pub(super) fn finish_json(self) -> Result<Value, Failure> {
+    pub(super) fn finish_json(self) -> Result<Value, Error> {
         Ok(serde_json::from_str(&self.finish()?)?)
     }
 
     /// Stops it without its doing, and waits until it stands still.
-    pub(super) fn stall(&self) -> Result<(), Failure> {
+    pub(super) fn stall(&self) -> Result<(), Error> {
         kill_process(self.pid()?, Signal::STOP)?;
         while self.read("stat")?.rsplit(')').next().is_none_or(|rest| !rest.starts_with(" T")) {
             std::thread::sleep(Duration::from_millis(1));
@@ -72,12 +71,12 @@ impl Process {
     }
 
     /// Lets it run again.
-    pub(super) fn resume(&self) -> Result<(), Failure> {
+    pub(super) fn resume(&self) -> Result<(), Error> {
         Ok(kill_process(self.pid()?, Signal::CONT)?)
     }
 
     /// Time that its threads have spent on a core.
-    pub(super) fn busy(&self) -> Result<Duration, Failure> {
+    pub(super) fn busy(&self) -> Result<Duration, Error> {
         let mut busy_ns = 0;
         for thread in fs::read_dir(self.proc("task"))? {
             let text = fs::read_to_string(thread?.path().join("schedstat"))?;
@@ -94,7 +93,7 @@ impl Process {
         Some(1024 * line.trim().strip_suffix(" kB")?.trim().parse::<u64>().ok()?)
     }
 
-    fn read(&self, what: &str) -> Result<String, Failure> {
+    fn read(&self, what: &str) -> Result<String, Error> {
         Ok(fs::read_to_string(self.proc(what))?)
     }
 
@@ -102,19 +101,19 @@ impl Process {
         format!("/proc/{}/{what}", self.child.id())
     }
 
-    fn pid(&self) -> Result<Pid, Failure> {
+    fn pid(&self) -> Result<Pid, Error> {
         let id = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw);
-        Ok(id.ok_or_else(|| anyhow!("{}: no process", self.words))?)
+        id.ok_or_else(|| anyhow!("{}: no process", self.words))
     }
 
     /// Why it did not do what it should, in its own words.
-    fn failed(&mut self) -> Failure {
+    fn failed(&mut self) -> Error {
         let mut said = String::new();
         if let Some(mut stderr) = self.child.stderr.take() {
             // what cannot be read is not told
             let _ = stderr.read_to_string(&mut said);
         }
-        anyhow!("`beadline {}` failed: {}", self.words, said.trim_end()).into()
+        anyhow!("`beadline {}` failed: {}", self.words, said.trim_end())
     }
 }
 
