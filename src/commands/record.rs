@@ -191,7 +191,7 @@ struct Session<'a> {
 impl Session<'_> {
     /// Records frames until they end, or the disk is nearly full.
     fn follow(&mut self, source: &mut Frames) -> Result<EndReason, Failure> {
-        let mut progress = Progress::of_run(&self.manifest);
+        let mut progress = Progress::of_run(self.manifest);
         let end = loop {
             match source.receive()? {
                 Received::Frame(frame) => {

@@ -110,7 +110,7 @@ enum Start {
     /// The chain at rest; where the run is recorded, if it is.
     Fresh(Option<PathBuf>),
     /// The recording of a run that was interrupted.
-    Resumed(Resumption),
+    Resumed(Box<Resumption>),
 }
 
 /// Everything that is there before the first step.
@@ -129,7 +129,9 @@ impl Start {
         if let Some(path) = &args.resume {
             let found = Resumption::find(path, args.out.as_deref(), args.force)?;
             let found = found.unless_complete()?;
-            return Ok(found.map(|found| (Configured::recorded(found.info()), Self::Resumed(found))));
+            return Ok(
+                found.map(|found| (Configured::recorded(found.info()), Self::Resumed(Box::new(found))))
+            );
         }
         let configured = configure(args)?;
         let name = &configured.manifest.provenance.name;
