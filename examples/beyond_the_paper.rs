@@ -4,8 +4,7 @@
 //! `cargo run --example beyond_the_paper -- docs/img/examples`
 
 use anyhow::Context;
-use consumers::figure::{Axis, Colour, Curve, Figure, Options, Panel, Stroke};
-use consumers::plots;
+use figure::{Axis, Colour, Curve, Figure, Options, Panel, Stroke};
 use producer::integrator::Integrator;
 use producer::state::ChainState;
 use schemas::config::{MassRule, RunConfig};

@@ -8,7 +8,7 @@
 #![expect(clippy::print_stdout, reason = "its results go to stdout")]
 
 use anyhow::{Context, Result, bail};
-use consumers::figure::{Axis, Colour, Curve, Figure, Options, Panel, Size, Stroke};
+use figure::{Axis, Colour, Curve, Figure, Options, Panel, Size, Stroke};
 use producer::energy_error::energy_error;
 use producer::integrator::Integrator;
 use producer::state::ChainState;

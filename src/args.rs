@@ -18,7 +18,6 @@ pub(crate) use figures::{ColoursArg, LookArgs, PlotArgs, What};
 pub(crate) use recordings::{ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, ThinArgs, VerifyArgs};
 pub(crate) use values::{BeadRange, Pace};
 
-use crate::bench;
 use crate::sweep::directory::Shard;
 use crate::time_step::TimeStep;
 use clap::builder::PossibleValuesParser;

@@ -1,17 +1,19 @@
-//! What a person sees: progress bars, notices, numbers.
+//! What a person sees: progress bars, notices, results.
 
 use crate::failure::Failure;
 use crate::limits;
 use anyhow::{Context as _, anyhow};
 use bus::Bus;
-use indicatif::{DecimalBytes, HumanCount, ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressStyle};
+pub(crate) use schemas::amounts::{
+    bytes, count, counted, duration, fixed, left, number, per_second, quantity, range, seconds, typed, unit,
+};
 use schemas::frame::EndReason;
 use schemas::manifest::{RunManifest, SCHEMA_VERSION};
 use serde::Serialize;
 use std::fmt::{Display, Write as _};
 use std::io::{self, Write as _};
 use std::os::fd::AsFd;
-use std::time::Duration;
 
 /// Prints a notice or a warning on stderr.
 pub(crate) fn notice(text: impl Display) {
@@ -187,135 +189,6 @@ pub(crate) fn end_word(reason: EndReason, as_asked: bool) -> &'static str {
     if as_asked { "as asked" } else { reason.as_str() }
 }
 
-/// `1,234,567`
-pub(crate) fn count(value: u64) -> HumanCount {
-    HumanCount(value)
-}
-
-/// `1 frame`, `1,234 frames`
-pub(crate) fn counted(value: u64, one: &str) -> String {
-    let ending = if value == 1 { "" } else { "s" };
-    format!("{} {one}{ending}", count(value))
-}
-
-/// `139.2 MB`
-pub(crate) fn bytes(value: u64) -> DecimalBytes {
-    DecimalBytes(value)
-}
-
-/// Seconds with three digits and a fitting unit.
-pub(crate) fn seconds(value: f64) -> String {
-    let (scaled, unit) = match value.abs() {
-        0.0 => return "0 s".to_owned(),
-        v if v >= 1.0 => (value, "s"),
-        v if v >= 1e-3 => (value * 1e3, "ms"),
-        v if v >= 1e-6 => (value * 1e6, "µs"),
-        v if v >= 1e-9 => (value * 1e9, "ns"),
-        _ => return format!("{value:.2e} s"),
-    };
-    let decimals = if scaled.abs() >= 100.0 {
-        0
-    } else if scaled.abs() >= 10.0 {
-        1
-    } else {
-        2
-    };
-    format!("{scaled:.decimals$} {unit}")
-}
-
-/// A result in six significant digits, `0.0104820` or `3.96405e-7`; zero has no sign.
-pub(crate) fn number(value: f64) -> String {
-    const DIGITS: i32 = 6;
-    // of the rounded number: 9.9999996 has two digits before the point
-    let scientific = format!("{value:.5e}");
-    let Some((mantissa, power)) = scientific.split_once('e') else { return scientific };
-    let power = power.parse().unwrap_or(0);
-    match power {
-        _ if value == 0.0 => "0".to_owned(),
-        -4..DIGITS => fixed(value, usize::try_from(DIGITS - 1 - power).unwrap_or(0)),
-        _ => format!("{mantissa}e{power}"),
-    }
-}
-
-/// The same as one would type it: no zeros at its end.
-pub(crate) fn typed(value: f64) -> String {
-    let number = number(value);
-    if number.contains('e') || !number.contains('.') {
-        return number;
-    }
-    number.trim_end_matches('0').trim_end_matches('.').to_owned()
-}
-
-/// A result in six significant digits, with a prefix of the unit that makes it 1 to 1000: `-396.405 mm/s`.
-pub(crate) fn quantity(value: f64, unit: &str) -> String {
-    let (prefix, one) = prefix(value);
-    format!("{} {prefix}{unit}", number(value / one))
-}
-
-/// Two results with the prefix of the larger one: `-0.396405 to 3.23870 m/s`.
-pub(crate) fn range([from, to]: [f64; 2], unit: &str) -> String {
-    let (prefix, one) = prefix(if to.abs() > from.abs() { to } else { from });
-    format!("{} to {} {prefix}{unit}", number(from / one), number(to / one))
-}
-
-/// The unit with the prefix that makes `value` 1 to 1000, and what one of it is.
-pub(crate) fn unit(value: f64, unit: &str) -> (String, f64) {
-    let (prefix, one) = prefix(value);
-    (format!("{prefix}{unit}"), one)
-}
-
-/// The prefix that makes a number 1 to 1000, and what it stands for; none where there is no such prefix.
-fn prefix(value: f64) -> (&'static str, f64) {
-    const PREFIXES: [(i32, &str, f64); 5] =
-        [(-15, "f", 1e-15), (-12, "p", 1e-12), (-9, "n", 1e-9), (-6, "µ", 1e-6), (-3, "m", 1e-3)];
-    let scientific = format!("{value:.5e}");
-    let power: i32 = scientific.split_once('e').and_then(|(_, power)| power.parse().ok()).unwrap_or(0);
-    let found = PREFIXES.iter().find(|(prefix, _, _)| value != 0.0 && *prefix == 3 * power.div_euclid(3));
-    found.map_or(("", 1.0), |(_, name, one)| (*name, *one))
-}
-
-/// A number with so many decimals; zero has no sign.
-pub(crate) fn fixed(value: f64, decimals: usize) -> String {
-    let text = format!("{value:.decimals$}");
-    match text.strip_prefix('-') {
-        Some(digits) if digits.chars().all(|digit| matches!(digit, '0' | '.')) => digits.to_owned(),
-        _ => text,
-    }
-}
-
-/// `123 steps/s`, `1.23 k steps/s`, `12.3 M steps/s`
-pub(crate) fn per_second(rate: f64, what: &str) -> String {
-    let (scaled, prefix) = match rate {
-        rate if rate >= 1e6 => (rate / 1e6, "M "),
-        rate if rate >= 1e3 => (rate / 1e3, "k "),
-        rate => (rate, ""),
-    };
-    let decimals = if scaled >= 100.0 || prefix.is_empty() {
-        0
-    } else if scaled >= 10.0 {
-        1
-    } else {
-        2
-    };
-    format!("{scaled:.decimals$} {prefix}{what}/s")
-}
-
-/// A duration like [`seconds`].
-pub(crate) fn duration(value: Duration) -> String {
-    seconds(value.as_secs_f64())
-}
-
-/// A rough time: `40 s`, `3 min 20 s`, `2 h 5 min`.
-pub(crate) fn left(seconds: f64) -> String {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
-    let seconds = seconds.ceil() as u64;
-    match seconds {
-        0..60 => format!("{seconds} s"),
-        60..3600 => format!("{} min {} s", seconds / 60, seconds % 60),
-        _ => format!("{} h {} min", seconds / 3600, seconds % 3600 / 60),
-    }
-}
-
 /// Rows of a name and a value, aligned.
 pub(crate) fn rows(title: &str, rows: &[(&str, String)]) -> String {
     let width = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
@@ -338,42 +211,6 @@ mod tests {
         let json = printable_json(&serde_json::json!(text).to_string());
         assert_eq!(json, "\"a\\u202eb\\u009bc\\u007fd\\u001be\\nα ±\"");
         assert_eq!(serde_json::from_str::<String>(&json).ok().as_deref(), Some(text));
-    }
-
-    #[test]
-    fn numbers_have_six_digits_and_zero_has_no_sign() {
-        let cases = [
-            (20.001_019_598_849_677, "20.0010"),
-            (0.010_482, "0.0104820"),
-            (-0.396_405, "-0.396405"),
-            (9.999_999_6, "10.0000"),
-            (123_456.7, "123457"),
-            (1e6, "1.00000e6"),
-            (-3.964_05e-7, "-3.96405e-7"),
-            (-0.0, "0"),
-            (f64::NAN, "NaN"),
-        ];
-        for (value, expected) in cases {
-            assert_eq!(number(value), expected);
-        }
-        assert_eq!((fixed(-1e-9, 6), fixed(-0.5, 1)), ("0.000000".to_owned(), "-0.5".to_owned()));
-    }
-
-    #[test]
-    fn units_have_the_prefix_that_fits() {
-        let cases = [
-            (0.0125, "12.5000 mJ"),
-            (-3.964_05e-7, "-396.405 nJ"),
-            (0.999_999_9, "1.00000 J"),
-            (0.0, "0 J"),
-            (1500.0, "1500.00 J"),
-            (2e-20, "2.00000e-20 J"),
-        ];
-        for (value, expected) in cases {
-            assert_eq!(quantity(value, "J"), expected);
-        }
-        assert_eq!(range([-0.396_405, 3.2387], "m/s"), "-0.396405 to 3.23870 m/s");
-        assert_eq!(range([-0.010_166_1, 0.000_641_949], "m"), "-10.1661 to 0.641949 mm");
     }
 
     #[test]

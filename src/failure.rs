@@ -4,7 +4,7 @@ use crate::display;
 use crate::limits;
 use anyhow::Error;
 use bus::{AttachError, PublishError};
-use consumers::export::ExportError;
+use exports::ExportError;
 use recording::WriteError;
 use schemas::whole_file::WholeFileError;
 use serde_json::json;
@@ -36,6 +36,14 @@ pub(crate) enum Failure {
     Stopped(Error),
     /// Anything else.
     Failed(Error),
+}
+
+impl Failure {
+    /// What went wrong, whoever is to blame: for libraries that are lent what this command does.
+    pub(crate) fn into_error(self) -> Error {
+        let (Self::BadInput(error) | Self::Stopped(error) | Self::Failed(error)) = self;
+        error
+    }
 }
 
 impl<E: Into<Error>> From<E> for Failure {

@@ -2,8 +2,8 @@
 
 use crate::failure::Form;
 use anyhow::Error;
-use indicatif::DecimalBytes;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use schemas::amounts::bytes;
 use signal_hook::consts::SIGABRT;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -75,7 +75,7 @@ fn no_memory(limit: u64) -> String {
     format!(
         "there is not enough memory: this process may have {} (`ulimit -v`); allow more, or ask for less at a time \
          (fewer --jobs, a part by --from and --until)",
-        DecimalBytes(limit)
+        bytes(limit)
     )
 }
 
@@ -91,7 +91,7 @@ pub(crate) fn explain(error: Error) -> Error {
     match getrlimit(Resource::As).current.filter(|limit| *limit < MEMORY_OF_A_COMMAND) {
         Some(limit) => Error::msg(format!(
             "{error:#}; this process may have only {} of memory (`ulimit -v`), which may be the cause: allow more",
-            DecimalBytes(limit)
+            bytes(limit)
         )),
         None => error,
     }

@@ -2,7 +2,6 @@
 
 mod analysis;
 mod args;
-mod bench;
 mod commands;
 mod configuration;
 mod determining;
@@ -17,7 +16,6 @@ mod pace;
 mod progress;
 mod publishing;
 mod recorder;
-mod reproduce;
 mod resumption;
 mod signals;
 mod stage;
@@ -59,7 +57,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Record(args) => commands::record::record(&args),
         Command::Replay(args) => commands::replay::replay(&args),
         Command::Bench(args) => commands::bench::bench(&args),
-        Command::BenchPart(args) => bench::part::part(&args),
+        Command::BenchPart(args) => commands::bench::part(&args),
         Command::Ls { json, names } => commands::ls::ls(json, names),
         Command::Thin(args) => commands::thin::thin(&args),
         Command::Expand(args) => commands::thin::expand(&args),

@@ -19,10 +19,12 @@
 mod course;
 mod siblings;
 mod trail;
+mod words;
 
 pub use course::{Bound, Course, Determined, digits};
 pub use siblings::Quantity;
 pub use trail::{Sample, Trail};
+pub use words::{label, time, verdict};
 
 use schemas::frame::Frame;
 use schemas::manifest::{Physics, RunManifest};

@@ -2,22 +2,17 @@
 //!
 //! An analysis takes frames one by one and cannot tell a live run, a replay, a file or a
 //! re-simulation apart: [`follow::follow`] is the one loop that reads a source. Each analysis is a
-//! module: [`deformation`], [`energies`], [`impurity`], [`contacts`], [`pulses`]. What theory expects is in [`theory`], and
-//! [`export`] has the formats of other programs.
+//! module: [`deformation`], [`energies`], [`impurity`], [`contacts`], [`pulses`]. What theory expects is in [`theory`].
 
 pub mod contacts;
 pub mod deformation;
 pub mod determination;
 pub mod energies;
-pub mod export;
 pub mod fields;
-pub mod figure;
 pub mod follow;
 pub mod held;
 pub mod impurity;
 pub mod journal;
-pub mod paper;
-pub mod plots;
 pub mod pulses;
 pub mod series;
 pub mod space_time;

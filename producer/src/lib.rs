@@ -3,7 +3,6 @@
 //! Start with [`run::run`], the one path of a frame: advance → publish → record. The dynamics is
 //! [`integrator::Integrator`], which works on a [`state::ChainState`] with the forces of [`kernel`].
 
-pub mod baseline;
 pub mod energy_error;
 mod gear;
 pub mod integrator;

@@ -4,6 +4,7 @@
 //! it consists of. The physics that producers and consumers must agree on to the bit is the
 //! [`contact`] law, with its own [`power`] function, over a resolved [`chain`].
 
+pub mod amounts;
 pub mod chain;
 pub mod config;
 pub mod contact;

@@ -3,7 +3,7 @@
 use super::values::{BeadRange, parse_beads, parse_jobs, parse_positive, parse_time};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use consumers::export::Format;
+use exports::Format;
 use source::Named;
 use std::num::NonZero;
 use std::path::PathBuf;

@@ -3,7 +3,7 @@
 use super::analyses::FramesArgs;
 use super::values::{BeadRange, ColourRange, parse_beads, parse_dpi, parse_range, parse_time, parse_whole};
 use clap::{Args, ValueEnum};
-use consumers::figure::{Options, Size};
+use figure::{Options, Size};
 use std::path::PathBuf;
 
 /// How figures look: what everything takes that draws.

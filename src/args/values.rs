@@ -1,7 +1,7 @@
 //! Values as they are written on the command line.
 
 use crate::sweep::directory::Shard;
-use consumers::figure::Options;
+use figure::Options;
 use recording::Split;
 use std::num::NonZero;
 

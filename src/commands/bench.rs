@@ -1,9 +1,13 @@
 //! `beadline bench`: this machine's figures, each beside its limit.
 
-use crate::args::BenchArgs;
-use crate::bench::{Bench, GROUPS, Group, Report};
+mod report;
+
+use crate::args::{BenchArgs, PartArgs};
+use crate::display;
 use crate::failure::{Done, Failure};
-use anyhow::anyhow;
+use anyhow::{Error, anyhow};
+use bench::{Bench, GROUPS, Group, part};
+use report::Report;
 
 pub(crate) fn bench(args: &BenchArgs) -> Result<Done, Failure> {
     let wanted = |group: &&Group| args.only.as_ref().is_none_or(|word| group.name.contains(word.as_str()));
@@ -20,4 +24,17 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<Done, Failure> {
     }
     report.finish(args.rounds)?;
     Ok(Done::whole_if(report.is_met()))
+}
+
+/// One of the bench's other processes.
+pub(crate) fn part(args: &PartArgs) -> Result<Done, Failure> {
+    let mut say = |line: &str| -> Result<(), Error> {
+        display::print(format_args!("{line}\n")).map_err(Failure::into_error)
+    };
+    match args {
+        PartArgs::Sum { name, count } => part::sum_slices(name, *count, &mut say)?,
+        PartArgs::Listen { name } => part::listen(name, &mut say)?,
+        PartArgs::Receive { name } => part::receive(name, &mut say)?,
+    }
+    Ok(Done::Whole)
 }

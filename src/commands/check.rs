@@ -2,15 +2,14 @@
 
 use crate::args::CheckArgs;
 use crate::configuration::{configure, replaced_key};
-use crate::determining::{explanation, json, table, verdict};
+use crate::determining::{explanation, json, table};
 use crate::display;
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::{check_figures, check_place, check_tables, extension};
 use crate::progress::Progress;
 use crate::signals;
 use anyhow::anyhow;
-use consumers::determination::{Determination, Outcome, Quantity};
-use consumers::plots;
+use consumers::determination::{Determination, Outcome, Quantity, verdict};
 use consumers::table::Table;
 use experiments::compare::{Compared, compare};
 use recording::RecordingInfo;

@@ -11,7 +11,6 @@ use anyhow::anyhow;
 use bus::ResultPublisher;
 use consumers::contacts::{Class, ContactCounts, Contacts, default_tolerance_m};
 use consumers::follow::Analysis;
-use consumers::plots;
 use consumers::space_time::{Extent, Picture};
 use consumers::table::Table;
 use recording::{ContactsReader, ContactsRow, ContactsWriter, RecordingInfo, WriteOptions};

@@ -8,7 +8,6 @@ use crate::outputs::check_tables;
 use anyhow::anyhow;
 use consumers::deformation::{Comparison, Deformation, Deformations, Shape};
 use consumers::follow::Analysis;
-use consumers::plots;
 use consumers::table::{Table, TableError};
 use consumers::uncertain::Uncertain;
 use schemas::frame::Frame;

@@ -10,7 +10,6 @@ use anyhow::{Context, anyhow};
 use bus::{Bus, list_runs};
 use consumers::follow::{Analysis, Tally, follow};
 use consumers::held::HeldFrame;
-use consumers::plots;
 use consumers::pulses::{Passage, Probes};
 use consumers::uncertain::Uncertain;
 use recording::{Finished, RecordingSource};

@@ -9,7 +9,6 @@ use consumers::energies::{
     Energies, EnergyOutcome, EnergyRow, Moment, Reflected, Reflection, default_split_bead,
 };
 use consumers::follow::Analysis;
-use consumers::plots;
 use consumers::series::Series;
 use consumers::uncertain::Uncertain;
 use schemas::frame::Frame;

@@ -8,7 +8,6 @@ use crate::outputs::check_tables;
 use consumers::energies::default_split_bead;
 use consumers::follow::Analysis;
 use consumers::impurity::{Event, EventKind, Followed, Motion};
-use consumers::plots;
 use consumers::series::Series;
 use consumers::table::Table;
 use schemas::frame::Frame;

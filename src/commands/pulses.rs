@@ -8,7 +8,6 @@ use crate::outputs::check_tables;
 use anyhow::anyhow;
 use bus::ResultPublisher;
 use consumers::follow::Analysis;
-use consumers::plots;
 use consumers::pulses::{
     Birth, Counts, Fate, Happening, Obstacles, Point, Pulse, Pulses, Strongest, UnderWay, Unfollowed,
 };

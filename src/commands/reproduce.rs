@@ -1,16 +1,19 @@
 //! `beadline reproduce`: the paper, figure by figure, claim by claim.
 
+mod reflection;
+
 use crate::args::ReproduceArgs;
 use crate::configuration::origin;
 use crate::display::{self, counted};
 use crate::failure::{BadInput, Done, Failure};
-use crate::reproduce::cache::{self, Cached};
-use crate::reproduce::report::{Report, Studied, figure_path};
-use crate::reproduce::{markdown, reflection, workers};
 use crate::signals;
 use anyhow::{Context, anyhow};
-use consumers::figure::Figure;
-use consumers::paper::{Observations, Run, STUDIES, Study, Verdict};
+use figure::Figure;
+use indicatif::ProgressBar;
+use paper::cache::{self, Cached};
+use paper::progress::Progress;
+use paper::report::{Report, Studied, figure_path};
+use paper::{Observations, Run, STUDIES, Study, Verdict, markdown, workers};
 use schemas::manifest::RunManifest;
 use schemas::whole_file;
 use std::collections::BTreeMap;
@@ -27,7 +30,7 @@ pub(crate) fn reproduce(args: &ReproduceArgs) -> Result<Done, Failure> {
     let start = Instant::now();
     let recordings = args.out.join("recordings");
     cache::create(&recordings)?;
-    let runs = runs_of(&studies).into_values().map(|run| Cached::look(run, &recordings));
+    let runs = runs_of(&studies).into_values().map(|run| Cached::look(run, &recordings, origin()));
     let runs = runs.collect::<Result<Vec<_>, _>>()?;
     let manifests: Vec<RunManifest> = runs.iter().map(|cached| cached.manifest.clone()).collect();
     let stop = signals::stop_flag()?;
@@ -108,7 +111,10 @@ fn observe(
     jobs: usize,
     stop: &AtomicBool,
 ) -> Result<Option<workers::Done>, Failure> {
-    let Some(mut done) = workers::observe_all(runs, jobs, stop)? else { return Ok(None) };
+    let mut shown = Shown { bar: display::progress_bar(1000, "reproduce"), tenths: 0 };
+    let done = workers::observe_all(runs, jobs, stop, |progress| shown.show(progress));
+    shown.bar.finish_and_clear();
+    let Some(mut done) = done? else { return Ok(None) };
     if studies.iter().any(|study| study.sweep) {
         let Some(points) = reflection::points(&args.out, jobs, stop)? else { return Ok(None) };
         done.observations.insert_reflected(points);
@@ -144,6 +150,25 @@ fn write_figure(figure: &Figure, study: &Study, args: &ReproduceArgs) -> Result<
         figure.write(&path, args.look.options())?;
     }
     Ok(())
+}
+
+/// How far the runs are: a bar on a terminal, a line for each tenth elsewhere.
+struct Shown {
+    bar: ProgressBar,
+    tenths: u32,
+}
+
+impl Shown {
+    fn show(&mut self, progress: &Progress) {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 1000")]
+        self.bar.set_position((1000.0 * progress.part()) as u64);
+        let [done, left] = progress.parts();
+        display::tell(&self.bar, &[&done, &left]);
+        if self.bar.is_hidden() && progress.tenths() > self.tenths {
+            self.tenths = progress.tenths();
+            display::notice(format_args!("reproduce: {}", display::joined(&[&done, &left])));
+        }
+    }
 }
 
 /// What the command leaves behind, in numbers.

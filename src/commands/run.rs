@@ -15,6 +15,7 @@ use crate::stage::{Begin, Left, Stage};
 use anyhow::anyhow;
 use bus::{PublishCounts, PublishError, PublishOptions, StatePublisher};
 use consumers::determination::Outcome as Determined;
+use consumers::determination::verdict;
 use producer::run::{Conductor, RunError, RunOutcome};
 use producer::state::ChainState;
 use recording::{Finished, InterruptedRecording, RecordingWriter, SpaceNeeded, WriteError, WriteOptions};
@@ -359,7 +360,7 @@ impl Summary<'_> {
             ("held back by consumers", duration(self.counts.held_back)),
         ];
         if let Some(determined) = &self.determined {
-            rows.push(("determined", determining::verdict(&self.manifest.physics, determined)));
+            rows.push(("determined", verdict(&self.manifest.physics, determined)));
         }
         if self.left.paused > Duration::ZERO {
             rows.push(("paused", duration(self.left.paused)));

@@ -10,7 +10,6 @@
 //! options ends every wait.
 
 mod backpressure;
-pub mod bare;
 mod board;
 mod chain_values;
 mod creating;
@@ -48,6 +47,8 @@ pub use wire::{
     FLAG_FOLLOWS, FLAG_LAST, JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, ManifestText, RunStatus,
     STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, STATE_RUNNING, STATE_WAITING, StateHeader, StreamId,
 };
+#[doc(hidden)]
+pub use {room::MAX_BUFFER, services::BORROWED};
 
 use creating::CreationLock;
 use iceoryx2::node::{Node, NodeBuilder, NodeState};
@@ -136,6 +137,14 @@ impl Bus {
 
     fn config(&self) -> &Config {
         &self.config
+    }
+
+    /// What programs need that use this bus through nothing but iceoryx2, to measure ours against: its configuration,
+    /// with nothing in their way.
+    #[doc(hidden)]
+    pub fn bare_config(&self) -> Result<&Config, BusError> {
+        self.clear_the_way()?;
+        Ok(&self.config)
     }
 
     /// Registers this process, and cleans up what dead ones left.

@@ -7,7 +7,7 @@ use rustix::io::Errno;
 use std::path::{Path, PathBuf};
 
 /// Most frames that wait for one consumer. More does not help: the ring should stay in the cache.
-pub(super) const MAX_BUFFER: usize = 64;
+pub const MAX_BUFFER: usize = 64;
 /// Fewest, so that a consumer can hold one and have the next.
 const LEAST_BUFFER: usize = 2;
 /// Memory that all queues of a run use together at most, if there is that much. All of it is taken at once.

@@ -30,7 +30,7 @@ pub(super) type BoardService = blackboard::PortFactory<Ipc, u64>;
 /// Most consumers of one topic; fewer for big frames when shared memory is short.
 pub(super) const MAX_SUBSCRIBERS: usize = 16;
 /// Samples that one consumer may hold at a time.
-pub(super) const BORROWED: usize = 2;
+pub const BORROWED: usize = 2;
 /// Most processes that have a service open.
 const MAX_NODES: usize = 64;
 /// How long who only opens waits for a service that is being created or removed. iceoryx2 has waited already.

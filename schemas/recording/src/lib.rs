@@ -15,7 +15,6 @@
 //! computed here: the bits of a frame are those that were accepted. `docs/FORMAT.md` describes every
 //! byte.
 
-pub mod bare;
 mod error;
 #[cfg(feature = "fuzzing")]
 #[doc(hidden)]

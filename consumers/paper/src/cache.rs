@@ -1,0 +1,137 @@
+//! Recordings of the paper's runs, made once.
+
+use crate::{Observed, Observer, Run};
+use anyhow::{Context as _, Error};
+use consumers::follow::{Tally, follow};
+use producer::run::{Conductor, RunError};
+use recording::hex;
+use recording::{RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};
+use schemas::frame::{EndReason, Frame, FrameSink};
+use schemas::manifest::{Origin, RunManifest};
+use schemas::whole_file::create_directory;
+use std::convert::Infallible;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// A run with its place in the cache.
+#[derive(Debug)]
+pub struct Cached {
+    /// What is simulated, and what is looked at.
+    pub run: Run,
+    /// The run, resolved.
+    pub manifest: RunManifest,
+    path: PathBuf,
+    /// A whole recording of it is there.
+    pub recorded: bool,
+}
+
+impl Cached {
+    /// Looks for the recording of `run` in `directory`. It is used only if it is finished, complete and has
+    /// the same physics and the same frames.
+    ///
+    /// # Errors
+    /// When the run is none.
+    pub fn look(run: Run, directory: &Path, origin: Origin) -> Result<Self, Error> {
+        let manifest = RunManifest::new(&run.config, "paper", origin)?;
+        let hash = manifest.physics.hash();
+        let prefix = hex(&hash[..6]);
+        let path = directory.join(format!("{}-{prefix}.mcap", run.name()));
+        let recorded = RecordingInfo::read(&path).is_ok_and(|info| {
+            let frames = |manifest: &RunManifest| {
+                (manifest.provenance.publish_every_steps, manifest.provenance.record_every_steps)
+            };
+            info.is_complete()
+                && info.damage.is_none()
+                && info.manifest.physics.hash() == hash
+                && frames(&info.manifest) == frames(&manifest)
+        });
+        Ok(Self { run, manifest, path, recorded })
+    }
+
+    /// Simulates and records the run, telling `progress` each step that it has reached. `false` if `stop`
+    /// ended it early; nothing is kept then.
+    ///
+    /// # Errors
+    /// When a state leaves the range of doubles, or the recording cannot be written.
+    pub fn simulate(&self, stop: &AtomicBool, progress: impl Fn(u64)) -> Result<bool, Error> {
+        // what stands there is of no use, see `look`
+        let options = WriteOptions { force: true, ..WriteOptions::default() };
+        let mut recorder =
+            RecordingWriter::create(&self.path, &self.manifest, &self.run.config.to_toml(), &options)?;
+        let mut watch = Watch { stop, progress };
+        let outcome = producer::run::run(&self.manifest, &mut Unpublished, Some(&mut recorder), &mut watch);
+        let outcome = match outcome {
+            Ok(outcome) => outcome,
+            Err(RunError::Publish { source, .. }) => match source {},
+            Err(error) => return Err(Error::new(error).context(self.run.name().to_owned())),
+        };
+        if outcome.reason != EndReason::Complete {
+            recorder.discard();
+            return Ok(false);
+        }
+        recorder.finish(outcome.reason)?;
+        Ok(true)
+    }
+
+    /// Looks at every frame of the recording; nothing if it is damaged.
+    pub fn observe(&self) -> Option<Observed> {
+        let mut source = RecordingSource::open(&self.path).ok()?;
+        let mut observer = Observer::new(&self.run, &self.manifest);
+        let mut tally = Tally::default();
+        let followed = follow(&mut source, &mut observer, &mut tally, |_| {});
+        let whole = followed.is_ok() && tally.missed_count == 0 && tally.end == EndReason::Complete;
+        whole.then(|| observer.finish())
+    }
+
+    /// For messages: the recording.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+/// Creates the directory of the cache.
+///
+/// # Errors
+/// When the operating system refuses.
+pub fn create(directory: &Path) -> Result<(), Error> {
+    create_directory(directory).with_context(|| format!("{} cannot be created", directory.display()))
+}
+
+/// Nobody listens to these runs.
+struct Unpublished;
+
+impl FrameSink for Unpublished {
+    type Error = Infallible;
+
+    fn accept(&mut self, _: &Frame<'_>) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+struct Watch<'a, P> {
+    stop: &'a AtomicBool,
+    progress: P,
+}
+
+impl<P: Fn(u64)> Watch<'_, P> {
+    fn go_on(&self) -> ControlFlow<()> {
+        if self.stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+impl<P: Fn(u64)> Conductor<Unpublished, RecordingWriter> for Watch<'_, P> {
+    fn after_frame(
+        &mut self,
+        frame: &Frame<'_>,
+        _: &mut Unpublished,
+        _: Option<&mut RecordingWriter>,
+    ) -> ControlFlow<()> {
+        (self.progress)(frame.step);
+        self.go_on()
+    }
+
+    fn between_steps(&mut self, _: &mut Unpublished) -> ControlFlow<()> {
+        self.go_on()
+    }
+}

@@ -1,0 +1,131 @@
+//! What was found, as one value, and as JSON.
+
+use crate::{Claim, Judgement, Number, Study, Verdict};
+use schemas::manifest::RunManifest;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+
+/// The paper by figures, with what we find.
+pub struct Report<'a> {
+    /// In the order of the paper.
+    pub studies: Vec<Studied>,
+    /// The runs behind it, in the order of their names.
+    pub runs: Vec<RunManifest>,
+    /// Until when some of them are determined, by their names.
+    pub determined: &'a BTreeMap<String, String>,
+    /// What found it.
+    pub program: String,
+}
+
+/// One study with its verdicts.
+pub struct Studied {
+    /// The figure.
+    pub study: &'static Study,
+    /// What the paper says about it, and what we say about that.
+    pub claims: Vec<(&'static Claim, Judgement)>,
+}
+
+impl Report<'_> {
+    /// How many claims got `verdict`.
+    pub fn count(&self, verdict: Verdict) -> usize {
+        self.claims().filter(|(_, judgement)| judgement.verdict == verdict).count()
+    }
+
+    /// The numbers that contradict their references, with their claims.
+    pub fn contradictions(&self) -> Vec<(&'static Claim, &Number)> {
+        let numbers = self
+            .claims()
+            .flat_map(|(claim, judgement)| judgement.numbers.iter().map(move |number| (*claim, number)));
+        numbers.filter(|(_, number)| number.contradicts_reference()).collect()
+    }
+
+    /// How many numbers have a reference.
+    pub fn reference_count(&self) -> usize {
+        let numbers = self.claims().flat_map(|(_, judgement)| &judgement.numbers);
+        numbers.filter(|number| number.reference.is_some()).count()
+    }
+
+    fn claims(&self) -> impl Iterator<Item = &(&'static Claim, Judgement)> {
+        self.studies.iter().flat_map(|studied| &studied.claims)
+    }
+
+    /// All of it for programs.
+    pub fn json(&self) -> Value {
+        let runs = self.runs.iter().map(|manifest| {
+            let name = &manifest.provenance.name;
+            json!({ "name": name, "determined": self.determined.get(name.as_str()), "physics": manifest.physics })
+        });
+        json!({
+            "program": self.program,
+            "paper": PAPER,
+            "summary": self.summary(),
+            "figures": self.studies.iter().map(Studied::json).collect::<Vec<_>>(),
+            "runs": runs.collect::<Vec<_>>(),
+        })
+    }
+
+    /// How many claims have which verdict.
+    pub fn summary(&self) -> Value {
+        json!({
+            "figures": self.studies.len(),
+            "claims": self.claims().count(),
+            "reproduced": self.count(Verdict::Reproduced),
+            "reproduced_with_a_correction": self.count(Verdict::Corrected),
+            "not_so": self.count(Verdict::NotSo),
+            "numbers_with_a_reference": self.reference_count(),
+            "numbers_that_contradict_it": self.contradictions().len(),
+        })
+    }
+}
+
+/// The paper.
+pub const PAPER: &str = "E. Hascoët and H. J. Herrmann, Shocks in non-loaded bead chains with impurities";
+
+/// Where the figure of a study is, below the directory of the report.
+pub fn figure_path(study: &Study, extension: &str) -> String {
+    format!("img/paper/{}.{extension}", study.slug)
+}
+
+impl Studied {
+    fn json(&self) -> Value {
+        let claims = self.claims.iter().map(|(claim, judgement)| {
+            json!({
+                "id": claim.id,
+                "place": claim.place,
+                "quote": claim.quote,
+                "verdict": judgement.verdict.as_str(),
+                "why": judgement.why,
+                "numbers": judgement.numbers.iter().map(number_json).collect::<Vec<_>>(),
+            })
+        });
+        json!({
+            "figure": self.study.slug,
+            "title": self.study.title,
+            "place": self.study.place,
+            "files": [figure_path(self.study, "svg"), figure_path(self.study, "png")],
+            "claims": claims.collect::<Vec<_>>(),
+        })
+    }
+}
+
+fn number_json(number: &Number) -> Value {
+    let uncertainty =
+        number.uncertainty.map(|found| json!({ "plus_minus": found.plus_minus, "from": found.from }));
+    let range =
+        number.range.map(|found| json!({ "least": found.least, "most": found.most, "from": found.from }));
+    let reference = number.reference.map(|found| {
+        json!({
+            "value": found.value,
+            "good_to": found.good_to,
+            "contradicted": number.contradicts_reference(),
+        })
+    });
+    json!({
+        "what": number.what,
+        "value": number.value,
+        "unit": number.unit,
+        "uncertainty": uncertainty,
+        "range": range,
+        "reference": reference,
+    })
+}

@@ -1,0 +1,298 @@
+//! What every bead or contact has: at one time, and over space and time.
+
+use super::{caption, length, map_panel, prefix, rounded, short, sides};
+use consumers::fields::Field;
+use consumers::space_time::Picture;
+use figure::{Axis, Colour, ColourScale, Curve, Figure, FigureError, Mark, Panel, Raster, Stroke};
+use schemas::frame::Frame;
+use schemas::manifest::RunManifest;
+use std::ops::Range;
+
+/// Impurities that are marked in a profile.
+const MARKED: usize = 8;
+
+/// How colours follow numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ColourSteps {
+    /// In proportion: what is strong is compared well, what is weak disappears.
+    Linear,
+    /// By the logarithm, from a size on that the numbers themselves suggest.
+    Log,
+    /// As it suits the quantity: displacements linear, the others by the logarithm.
+    Fitting,
+    /// By the logarithm, beyond this number.
+    LogBeyond(f64),
+}
+
+/// Velocity and displacement of every bead in one frame.
+pub fn profiles(manifest: &RunManifest, frame: &Frame<'_>) -> Figure {
+    let beads = 0..manifest.contact_count() + 1;
+    let of = |field| profile_panel(manifest, frame, field, &beads);
+    let velocity = mark_impurities(of(Field::Velocity), manifest, Field::Velocity, &beads, true);
+    let displacement = mark_impurities(of(Field::Displacement), manifest, Field::Displacement, &beads, false);
+    at(manifest, frame).shared_x().panel(velocity).panel(displacement)
+}
+
+/// A quantity along the chain in one frame, for the beads or contacts `places`.
+pub fn profile(manifest: &RunManifest, frame: &Frame<'_>, field: Field, places: &Range<usize>) -> Figure {
+    let panel = mark_impurities(profile_panel(manifest, frame, field, places), manifest, field, places, true);
+    let figure = at(manifest, frame).shared_x().panel(panel);
+    if is_loaded(manifest, field) { figure.panel(beyond_rest(manifest, frame, places)) } else { figure }
+}
+
+/// Whether the values at rest are not 0.
+fn is_loaded(manifest: &RunManifest, field: Field) -> bool {
+    field == Field::Overlap && manifest.physics.chain().is_loaded()
+}
+
+/// How far the overlaps of a loaded chain are from those at rest, which is far less than these.
+fn beyond_rest(manifest: &RunManifest, frame: &Frame<'_>, places: &Range<usize>) -> Panel {
+    let chain = manifest.physics.chain();
+    let values: Vec<f64> = Field::Overlap.deviations(&chain, frame).collect();
+    let values = &values[places.clone()];
+    let largest = values.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+    let (prefix, factor) = prefix(largest);
+    let curve = places.clone().zip(values).map(|(place, value)| (place as f64, value * factor));
+    let x = profile_axis(Field::Overlap, places);
+    let label = format!("overlap beyond rest ({prefix}m)");
+    let panel = Panel::new().x_axis(x).y_axis(label).curve(marked(Curve::line("", curve), places));
+    mark_impurities(panel, manifest, Field::Overlap, places, false)
+}
+
+/// Whether each bead is marked, so that a chain of few is seen to be one.
+fn is_marked(places: &Range<usize>) -> bool {
+    places.len() <= 60
+}
+
+fn marked(curve: Curve, places: &Range<usize>) -> Curve {
+    if is_marked(places) { curve.mark(Mark::Circle) } else { curve }
+}
+
+/// From the first place to the last, with room for their marks.
+fn profile_axis(field: Field, places: &Range<usize>) -> Axis {
+    let room = if is_marked(places) { 0.5 } else { 0.0 };
+    Axis::new(field.place()).limits(places.start as f64 - room, places.end as f64 - 1.0 + room)
+}
+
+fn at(manifest: &RunManifest, frame: &Frame<'_>) -> Figure {
+    let (time_ms, step) = (short(frame.time_s * 1e3), frame.step);
+    Figure::new().caption(format!("{}; t = {time_ms}\u{a0}ms (step {step})", caption(manifest)))
+}
+
+fn profile_panel(manifest: &RunManifest, frame: &Frame<'_>, field: Field, places: &Range<usize>) -> Panel {
+    let chain = manifest.physics.chain();
+    let values: Vec<f64> = field.values(&chain, frame).collect();
+    let values = &values[places.clone()];
+    let shown = shown_range(field, values);
+    let (label, factor) = label(field, shown[0].abs().max(shown[1].abs()));
+    let points = |values: &[f64]| -> Vec<(f64, f64)> {
+        places.clone().zip(values).map(|(place, value)| (place as f64, value * factor)).collect()
+    };
+    let mut y = Axis::new(label);
+    if field != Field::Velocity {
+        y = y.limits(shown[0] * factor, shown[1] * factor);
+    }
+    let x = profile_axis(field, places);
+    let is_loaded = is_loaded(manifest, field);
+    let name = if is_loaded { field_name(field) } else { "" };
+    let curve = marked(Curve::line(name, points(values)), places);
+    let mut panel = Panel::new().x_axis(x).y_axis(y).curve(curve).note(beyond_note(field, values, shown));
+    if is_loaded {
+        let rest = points(&chain.rest_overlap_m[places.clone()]);
+        panel = panel.curve(Curve::line("at rest", rest).colour(Colour::Grey).stroke(Stroke::Dashed).thin());
+    }
+    panel
+}
+
+/// Vertical lines at the impurities; between the contacts of one. Of several panels the first names them.
+fn mark_impurities(
+    panel: Panel,
+    manifest: &RunManifest,
+    field: Field,
+    places: &Range<usize>,
+    named: bool,
+) -> Panel {
+    let half = if field == Field::Overlap { 0.5 } else { 0.0 };
+    let impurities = manifest.physics.impurities.iter().map(|impurity| impurity.bead as f64 - half);
+    let shown = impurities.filter(|x| (places.start as f64..places.end as f64).contains(x));
+    let shown: Vec<f64> = shown.collect();
+    if shown.len() > MARKED {
+        return panel;
+    }
+    let name = |index: usize| match (index, shown.len()) {
+        _ if !named => "",
+        (0, 1) => "impurity",
+        (0, _) => "impurities",
+        _ => "",
+    };
+    shown.iter().enumerate().fold(panel, |panel, (index, x)| panel.vertical(name(index), *x))
+}
+
+/// A quantity over space and time, as far as `picture` goes, time running down. Colours end at the limits `range`
+/// (SI), which have 0 between them, or where the values suggest.
+///
+/// # Errors
+/// When the map cannot be drawn, which is a mistake of ours.
+pub fn space_time(
+    manifest: &RunManifest,
+    field: Field,
+    picture: &Picture<f32>,
+    steps: ColourSteps,
+    range: Option<[f64; 2]>,
+) -> Result<Figure, FigureError> {
+    let ends = range.unwrap_or_else(|| coloured(field, picture, steps));
+    let panel = map_within(manifest, field, picture, steps, ends)?.height(1.35);
+    let [least, largest] = extremes(picture);
+    let beyond = if least >= ends[0] && largest <= ends[1] {
+        String::new()
+    } else {
+        let said = |value: f64| match field {
+            Field::Velocity => format!("{}\u{a0}m/s", short(rounded(value))),
+            Field::Displacement | Field::Overlap => length(value),
+        };
+        let farthest = said(if largest > -least { largest } else { least });
+        let symmetric = range.is_none_or(|[from, to]| from == -to);
+        let ends = if symmetric {
+            format!("beyond ±{}", said(ends[1].max(-ends[0])))
+        } else {
+            format!("outside of {} to {}", said(ends[0]), said(ends[1]))
+        };
+        format!("; values {ends}, as far as {farthest}, have the darkest colours")
+    };
+    Ok(Figure::new().caption(format!("{}{beyond}", caption(manifest))).panel(panel))
+}
+
+/// The least and the largest value, and 0.
+fn extremes(picture: &Picture<f32>) -> [f64; 2] {
+    let widened = |[low, high]: [f32; 2], value: f32| {
+        [if value < low { value } else { low }, if value > high { value } else { high }]
+    };
+    picture.cells().flatten().fold([0.0; 2], widened).map(f64::from)
+}
+
+/// The values that have colours of their own: all of them if colours follow the logarithm.
+fn coloured(field: Field, picture: &Picture<f32>, steps: ColourSteps) -> [f64; 2] {
+    let [least, largest] = extremes(picture);
+    let linear =
+        steps == ColourSteps::Linear || steps == ColourSteps::Fitting && field == Field::Displacement;
+    if !linear {
+        return [least, largest];
+    }
+    let values: Vec<f64> = picture.cells().flatten().map(f64::from).collect();
+    let [low, high] = bulk(field, &values);
+    // what is cut off by a little is not worth a word
+    if 1.2 * low <= least && 1.2 * high >= largest {
+        return [least, largest];
+    }
+    let end = high.max(-low);
+    [if -end > least { -end } else { least }, if end < largest { end } else { largest }]
+}
+
+pub(super) fn map_of(
+    manifest: &RunManifest,
+    field: Field,
+    picture: &Picture<f32>,
+    steps: ColourSteps,
+) -> Result<Panel, FigureError> {
+    map_within(manifest, field, picture, steps, coloured(field, picture, steps))
+}
+
+fn map_within(
+    manifest: &RunManifest,
+    field: Field,
+    picture: &Picture<f32>,
+    steps: ColourSteps,
+    [low, high]: [f64; 2],
+) -> Result<Panel, FigureError> {
+    let (mut label, factor) = label(field, high.max(-low));
+    if is_loaded(manifest, field) {
+        label = label.replace("overlap", "overlap beyond rest");
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for a colour")]
+    let [single, low_shown, high_shown] = [factor, low * factor, high * factor].map(|value| value as f32);
+    let shown = |value: f32| {
+        let value = value * single;
+        if value < low_shown {
+            low_shown
+        } else if value > high_shown {
+            high_shown
+        } else {
+            value
+        }
+    };
+    let cells: Vec<Option<f32>> = picture.cells().map(|cell| cell.map(shown)).collect();
+    let mut scale = ColourScale::new(label, low * factor, high * factor);
+    scale = match steps {
+        ColourSteps::Linear => scale,
+        ColourSteps::Fitting if field == Field::Displacement => scale,
+        ColourSteps::Log | ColourSteps::Fitting => scale.log_beyond(linear_within(low, high) * factor),
+        ColourSteps::LogBeyond(value) => scale.log_beyond(value * factor),
+    };
+    let (columns, rows) = sides(picture);
+    let raster = Raster::values(columns, rows, &cells, scale)?;
+    Ok(map_panel(manifest, field.place(), picture.extent(), raster))
+}
+
+/// Three decades below the sign that reaches less far, or four below the other if that is more.
+fn linear_within(low: f64, high: f64) -> f64 {
+    let (less, more) = if high < -low { (high, -low) } else { (-low, high) };
+    (1e-3 * less).max(1e-4 * more)
+}
+
+fn field_name(field: Field) -> &'static str {
+    match field {
+        Field::Velocity => "velocity",
+        Field::Displacement => "displacement",
+        Field::Overlap => "overlap",
+    }
+}
+
+/// The label of an axis on which `largest` is shown as 1 to 1000, and the factor from SI units.
+fn label(field: Field, largest: f64) -> (String, f64) {
+    let name = field_name(field);
+    match field {
+        Field::Velocity => (format!("{name} (m/s)"), 1.0),
+        Field::Displacement | Field::Overlap => {
+            let (prefix, factor) = prefix(largest);
+            (format!("{name} ({prefix}m)"), factor)
+        }
+    }
+}
+
+/// What of the values is shown: of displacements all but a fiftieth at either end, since the struck end of a
+/// chain flies off, and the rest would be a flat line beside it; of overlaps no gap that is wider than the largest
+/// overlap, if there is one.
+fn bulk(field: Field, values: &[f64]) -> [f64; 2] {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let Some(last) = sorted.len().checked_sub(1) else { return [0.0; 2] };
+    let few = if field == Field::Displacement { sorted.len() / 50 } else { 0 };
+    let (mut low, high) = (sorted[few], sorted[last - few]);
+    if field == Field::Overlap && high > 0.0 && low < -high {
+        low = -high;
+    }
+    [low, high]
+}
+
+/// The same with some room on both sides.
+fn shown_range(field: Field, values: &[f64]) -> [f64; 2] {
+    let [low, high] = bulk(field, values);
+    let room = 0.15 * (high - low);
+    [low - room, high + room]
+}
+
+/// Says what lies outside of the range shown.
+fn beyond_note(field: Field, values: &[f64], shown: [f64; 2]) -> String {
+    let outside = values.iter().copied().filter(|value| *value < shown[0] || *value > shown[1]);
+    let outside: Vec<f64> = outside.collect();
+    let farthest = outside.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
+    match (farthest, field) {
+        (None, _) | (_, Field::Velocity) => String::new(),
+        (Some(farthest), Field::Displacement) => {
+            format!("{} beads beyond the frame,\nas far as {}", outside.len(), length(farthest))
+        }
+        (Some(farthest), Field::Overlap) => {
+            format!("{} wider gaps,\nup to {}", outside.len(), length(-farthest))
+        }
+    }
+}

@@ -1,0 +1,266 @@
+//! What each analysis shows, drawn with [`figure`].
+
+mod deformation;
+mod determination;
+mod fields;
+mod pulses;
+
+pub use deformation::deformations;
+pub use determination::determination;
+pub use fields::{ColourSteps, profile, profiles, space_time};
+pub use pulses::pulses;
+
+use consumers::contacts::{COMPRESSED, Class, OPEN, TOUCHING};
+use consumers::energies::{EnergyRow, Reflection, STATIONARY};
+use consumers::impurity::{Event, EventKind, Motion};
+use consumers::series::Series;
+use consumers::space_time::{Cell, Extent, Picture};
+use figure::{Axis, Colour, Curve, Figure, FigureError, Panel, Raster};
+use schemas::manifest::RunManifest;
+use std::fmt::Write;
+
+/// Columns of an [`EnergyRow`] in a series of them.
+const TOTAL: usize = 2;
+const LEFT: usize = 3;
+const SPLIT: usize = 4;
+const RIGHT: usize = 5;
+const DRIFT: usize = 7;
+const INBOUND: usize = 8;
+const CORRECTED: usize = 9;
+
+/// The parameters of a run as one line of text.
+pub fn caption(manifest: &RunManifest) -> String {
+    let physics = &manifest.physics;
+    let mut text = format!(
+        "{}: N = {}, m = {}\u{a0}g, α = {}, k = {}\u{a0}N\u{a0}m^{{−α}}",
+        manifest.provenance.name,
+        physics.beads,
+        short(physics.bead_mass_kg * 1e3),
+        short(physics.alpha),
+        scientific(physics.stiffness),
+    );
+    // writing to a String cannot fail
+    for impurity in physics.impurities.iter().take(4) {
+        let _ = write!(text, ", bead {}: {}\u{a0}g", impurity.bead, short(impurity.mass_kg * 1e3));
+    }
+    if physics.impurities.len() > 4 {
+        let _ = write!(text, ", … ({} impurities)", physics.impurities.len());
+    }
+    for phrase in physics.particulars() {
+        let _ = write!(text, ", {}", phrase.replace('-', "−"));
+    }
+    let striker = physics.striker;
+    let dt = scientific(physics.dt_s);
+    let _ = write!(
+        text,
+        ", v_{{0}} = {}\u{a0}m/s on bead {}; {}, dt = {dt}\u{a0}s",
+        short(striker.velocity_m_s),
+        striker.bead,
+        physics.method
+    );
+    text
+}
+
+/// A number in at most six digits.
+fn short(value: f64) -> String {
+    let rounded = format!("{value:.5e}").parse::<f64>().unwrap_or(value);
+    format!("{rounded}").replace('-', "−")
+}
+
+/// Three digits.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
+}
+
+/// Three digits, zeros among them.
+fn three(value: f64) -> String {
+    if value.abs() < 1e-2 {
+        return scientific(value).replace('-', "−");
+    }
+    let power = value.abs().log10().floor();
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 5")]
+    let decimals = (2.0 - power).clamp(0.0, 5.0) as usize;
+    format!("{value:.decimals$}").replace('-', "−")
+}
+
+/// A length in three digits, with a prefix.
+fn length(value_m: f64) -> String {
+    let (prefix, factor) = prefix(value_m.abs());
+    format!("{}\u{a0}{prefix}m", short(rounded(value_m * factor)))
+}
+
+/// A number as `1.45×10^{−6}`.
+fn scientific(value: f64) -> String {
+    let text = format!("{value:.2e}");
+    let (digits, exponent) = text.split_once('e').unwrap_or((&text, "0"));
+    let digits =
+        if digits.contains('.') { digits.trim_end_matches('0').trim_end_matches('.') } else { digits };
+    let power = format!("10^{{{}}}", exponent.replace('-', "−"));
+    if digits == "1" { power } else { format!("{digits}×{power}") }
+}
+
+/// A prefix of a unit and how many of it make one, so that `largest` is shown as 1 to 1000 of them.
+fn prefix(largest: f64) -> (&'static str, f64) {
+    match largest {
+        value if value >= 1.0 => ("", 1.0),
+        value if value >= 1e-3 => ("m", 1e3),
+        value if value >= 1e-6 => ("µ", 1e6),
+        _ => ("n", 1e9),
+    }
+}
+
+/// The energies left of, in and right of the split bead, what of them may still cross it, and the drift of
+/// their sum. Where something is reflected, also when the pulse arrived and since when that is stationary.
+pub fn energies(
+    manifest: &RunManifest,
+    split_bead: u64,
+    rows: &Series<{ EnergyRow::COLUMNS.len() }>,
+    reflection: Option<&Reflection>,
+) -> Figure {
+    let times_s = rows.times_s();
+    let curve = |column: usize, factor: f64| -> Vec<(f64, f64)> {
+        times_s.iter().zip(rows.column(column)).map(|(t, value)| (t * 1e3, value * factor)).collect()
+    };
+    let panel = || Panel::new().x_axis("time (ms)");
+    let parts = panel()
+        .y_axis("energy (mJ)")
+        .line(format!("left of bead {split_bead}"), curve(LEFT, 1e3))
+        .line(format!("bead {split_bead}"), curve(SPLIT, 1e3))
+        .line(format!("right of bead {split_bead}"), curve(RIGHT, 1e3));
+    let drift = panel()
+        .y_axis("(E−E_{0})/E_{0}")
+        .curve(Curve::line("", curve(DRIFT, 1.0)).colour(Colour::Black))
+        .height(0.6);
+    let figure = Figure::new().shared_x().caption(caption(manifest)).panel(parts);
+    match reflection {
+        Some(reflection) => figure.panel(scattering(panel(), &times_s, rows, reflection)).panel(drift),
+        None => figure.panel(drift),
+    }
+}
+
+/// What is left on the incident side without the recoil, and what may still cross, both as parts of the
+/// total energy.
+fn scattering(
+    panel: Panel,
+    times_s: &[f64],
+    rows: &Series<{ EnergyRow::COLUMNS.len() }>,
+    reflection: &Reflection,
+) -> Panel {
+    let part = |column: usize| -> Vec<(f64, f64)> {
+        let parts = rows.column(column).into_iter().zip(rows.column(TOTAL));
+        times_s.iter().zip(parts).map(|(t, (value, total))| (t * 1e3, value / total)).collect()
+    };
+    let mut panel = panel
+        .y_axis(Axis::new("energy/total").log().limits(1e-7, 2.0))
+        .line("reflected, without recoil", part(CORRECTED))
+        .line("may still cross", part(INBOUND))
+        .horizontal("", STATIONARY);
+    if let Some(since) = reflection.stationary_since {
+        let last_s = times_s.last().copied().unwrap_or(since.time_s);
+        let until_s = reflection.met_end.map_or(last_s, |(_, met)| met.time_s);
+        panel = panel.band_x("stationary", since.time_s * 1e3, until_s * 1e3);
+    }
+    panel
+}
+
+/// Most turning points that are marked: more would hide the curves.
+const MOST_TURNS: usize = 60;
+
+/// Displacement and velocity of the beads that were followed; `motions` holds one series a bead.
+pub fn trajectories(
+    manifest: &RunManifest,
+    beads: &[u64],
+    motions: &[Series<{ Motion::QUANTITIES.len() }>],
+    events: &[Event],
+) -> Figure {
+    let (from_ms, to_ms) = shown_ms(motions, events);
+    let panel =
+        |label: &str| Panel::new().x_axis(Axis::new("time (ms)").limits(from_ms, to_ms)).y_axis(label);
+    let (mut displacement, mut velocity) = (panel("displacement (mm)"), panel("velocity (m/s)").height(0.7));
+    for (bead, series) in beads.iter().zip(motions) {
+        let times_s = series.times_s();
+        let curve = |column: usize, factor: f64| -> Vec<(f64, f64)> {
+            times_s.iter().zip(series.column(column)).map(|(t, value)| (t * 1e3, value * factor)).collect()
+        };
+        displacement = displacement.line(format!("bead {bead}"), curve(0, 1e3));
+        velocity = velocity.line("", curve(1, 1.0));
+    }
+    let turns = events.iter().filter(|event| event.kind == EventKind::Turns);
+    let turns: Vec<_> = turns.map(|event| (event.time_s * 1e3, event.u_m * 1e3)).collect();
+    if turns.len() > MOST_TURNS {
+        displacement = displacement.note(format!("{} turning points", turns.len()));
+    } else if !turns.is_empty() {
+        displacement = displacement.curve(Curve::points("turning points", turns).colour(Colour::Black));
+    }
+    Figure::new().shared_x().caption(caption(manifest)).panel(displacement).panel(velocity)
+}
+
+/// The times (ms) from a little before the first event to the end, or all of them.
+fn shown_ms(motions: &[Series<{ Motion::QUANTITIES.len() }>], events: &[Event]) -> (f64, f64) {
+    let times_s = motions.first().map(Series::times_s).unwrap_or_default();
+    let (Some(first), Some(last)) = (times_s.first(), times_s.last()) else { return (0.0, 1.0) };
+    let begin = events.first().map_or(*first, |event| event.time_s - 0.04 * (last - event.time_s));
+    (if begin > *first { begin } else { *first } * 1e3, last * 1e3)
+}
+
+/// The space-time map of the contacts, time running down as in the paper.
+///
+/// # Errors
+/// When the cells hold something else than classes of contacts.
+pub fn contact_map(
+    manifest: &RunManifest,
+    tolerance_m: f64,
+    picture: &Picture<Class>,
+) -> Result<Figure, FigureError> {
+    const NOTHING: u8 = 3;
+    let mut classes = vec![("", Colour::White); 3];
+    classes[usize::from(TOUCHING)] = ("touching", Colour::White);
+    classes[usize::from(COMPRESSED)] = ("compressed", Colour::Black);
+    classes[usize::from(OPEN)] = ("open", Colour::Orange);
+    let cells: Vec<u8> = picture.cells().map(|class| class.map_or(NOTHING, |class| class.0)).collect();
+    if cells.contains(&NOTHING) {
+        classes.push(("no frames", Colour::LightGrey));
+    }
+    let (columns, rows) = sides(picture);
+    let map = Raster::classes(columns, rows, cells, &classes)?;
+    let panel = map_panel(manifest, "contact", picture.extent(), map);
+    let text = format!("{}; touching: |δ| ≤ {} m", caption(manifest), scientific(tolerance_m));
+    Ok(Figure::new().caption(text).panel(panel))
+}
+
+/// Columns and rows, of which there are at most [`Cell::MOST`].
+fn sides<T: Cell>(picture: &Picture<T>) -> (u32, u32) {
+    let side = |cells: usize| u32::try_from(cells).unwrap_or(u32::MAX);
+    (side(picture.columns()), side(picture.rows()))
+}
+
+/// A panel with a raster over places and times, time running down.
+fn map_panel(manifest: &RunManifest, place: &str, extent: &Extent, raster: Raster) -> Panel {
+    let (first, last) = (*extent.steps.start(), *extent.steps.end());
+    let time_ms = |step: u64| manifest.physics.time_s(step) * 1e3;
+    let end_ms = time_ms(last.max(first + 1));
+    let edges = (extent.places.start as f64 - 0.5, extent.places.end as f64 - 0.5);
+    Panel::new()
+        .x_axis(Axis::new(place).limits(edges.0, edges.1))
+        .y_axis(Axis::new("time (ms)").limits(time_ms(first), end_ms).reversed())
+        .raster(raster.over(edges, (time_ms(first), end_ms)))
+        .height(1.6)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use schemas::manifest::Origin;
+    use schemas::presets::PRESETS;
+
+    #[test]
+    fn a_caption_names_every_parameter() {
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        let m = RunManifest::new(&PRESETS[0].config(), "run", origin).expect("valid");
+        assert_eq!(
+            caption(&m).replace('\u{a0}', " "),
+            "light-impurity: N = 1000, m = 1 g, α = 1.5, k = 10^{7} N m^{−α}, bead 500: 0.6 g, \
+             v_{0} = 5 m/s on bead 0; rkn4, dt = 1.45×10^{−6} s"
+        );
+    }
+}

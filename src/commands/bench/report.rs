@@ -1,0 +1,95 @@
+//! The table, as it grows.
+
+use crate::display;
+use crate::failure::Failure;
+use anyhow::Error;
+use bench::{Audience, Floor, Group, Row};
+use serde::Serialize;
+use serde_json::json;
+use std::io::IsTerminal as _;
+
+/// Widths of the columns: rows are printed before the others are known.
+const WHAT: usize = 46;
+const AGAINST: usize = 40;
+
+/// Prints rows when they are there, and remembers them.
+pub(super) struct Report {
+    json: bool,
+    group: &'static str,
+    rows: Vec<Measured>,
+}
+
+#[derive(Debug, Serialize)]
+struct Measured {
+    group: &'static str,
+    #[serde(flatten)]
+    row: Row,
+    met: bool,
+}
+
+impl Report {
+    /// An empty table; as JSON it is printed at its end only.
+    pub(super) fn new(json: bool) -> Self {
+        Self { json, group: "", rows: Vec::new() }
+    }
+
+    /// Whether every row keeps to its floor.
+    pub(super) fn is_met(&self) -> bool {
+        self.rows.iter().all(|row| row.met)
+    }
+
+    /// Ends the table.
+    pub(super) fn finish(&self, rounds: u32) -> Result<(), Failure> {
+        if self.json { display::print_json(&json!({ "rounds": rounds, "rows": self.rows })) } else { Ok(()) }
+    }
+}
+
+impl Audience for Report {
+    fn begin(&mut self, group: &Group) -> Result<(), Error> {
+        self.group = group.name;
+        if self.json {
+            display::notice(format_args!("measuring {}", group.name));
+            return Ok(());
+        }
+        let above = if self.rows.is_empty() { "" } else { "\n" };
+        display::print(format_args!("{above}{}\n", group.name)).map_err(Failure::into_error)
+    }
+
+    fn row(&mut self, row: Row) -> Result<(), Error> {
+        if !self.json {
+            display::print(line(&row)).map_err(Failure::into_error)?;
+        } else if std::io::stderr().is_terminal() {
+            display::notice(row.what);
+        }
+        self.rows.push(Measured { group: self.group, met: row.is_met(), row });
+        Ok(())
+    }
+
+    fn notice(&mut self, text: &str) {
+        display::notice(text);
+    }
+}
+
+fn line(row: &Row) -> String {
+    let floor = match row.floor {
+        Floor::AtLeast(floor) => format!("≥ {floor}"),
+        Floor::AtMost(floor) => format!("≤ {floor}"),
+        Floor::Any => String::new(),
+    };
+    let mark = match row.floor {
+        Floor::Any => "",
+        _ if row.is_met() => "met",
+        _ => "NOT met",
+    };
+    let [median, least, most] = [row.ratio.median, row.ratio.least, row.ratio.most].map(short);
+    let spread = format!("({least} to {most})");
+    format!(
+        "  {:WHAT$}  {:AGAINST$}  {median:>6} {spread:16} {floor:7} {mark:8} {}\n",
+        row.what, row.against, row.figure
+    )
+}
+
+/// Two decimals, or more where they would all be 0.
+fn short(ratio: f64) -> String {
+    if ratio.abs() < 0.05 { format!("{ratio:.4}") } else { format!("{ratio:.2}") }
+}

@@ -1,0 +1,150 @@
+//! What the bus is measured against: the same frames, and a wake-up, through nothing but iceoryx2.
+
+use bus::{BORROWED, Bus, BusError, MAX_BUFFER};
+use iceoryx2::node::{Node, NodeBuilder};
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::update_connections::UpdateConnections as _;
+use iceoryx2::prelude::{ServiceName, SignalHandlingMode, ipc};
+use iceoryx2::service::port_factory::{event, publish_subscribe};
+use std::fmt::Debug;
+use std::thread::yield_now;
+use std::time::Duration;
+
+/// Slices of doubles from one publisher to one subscriber; nothing is overwritten and nothing is dropped.
+pub(crate) struct BarePublisher {
+    publisher: Publisher<ipc::Service, [f64], ()>,
+    _node: Node<ipc::Service>,
+}
+
+/// The other end.
+pub(crate) struct BareSubscriber {
+    subscriber: Subscriber<ipc::Service, [f64], ()>,
+    _node: Node<ipc::Service>,
+}
+
+/// Wakes a [`BareListener`].
+pub(crate) struct BareNotifier {
+    notifier: Notifier<ipc::Service>,
+    _node: Node<ipc::Service>,
+}
+
+/// Sleeps until it is woken.
+pub(crate) struct BareListener {
+    listener: Listener<ipc::Service>,
+    _node: Node<ipc::Service>,
+}
+
+fn failed(name: &str, doing: &'static str) -> impl Fn(&dyn Debug) -> BusError {
+    move |cause| BusError::Service { service: name.to_owned(), doing, cause: format!("{cause:?}") }
+}
+
+fn node(bus: &Bus, name: &str) -> Result<Node<ipc::Service>, BusError> {
+    let builder =
+        NodeBuilder::new().config(bus.bare_config()?).signal_handling_mode(SignalHandlingMode::Disabled);
+    builder.create().map_err(|e| failed(name, "register for")(&e))
+}
+
+fn service_name(name: &str) -> Result<ServiceName, BusError> {
+    ServiceName::new(name).map_err(|e| failed(name, "name")(&e))
+}
+
+/// With the queue that a run has as long as its frames are not too big for that.
+fn slices(
+    node: &Node<ipc::Service>,
+    name: &str,
+) -> Result<publish_subscribe::PortFactory<ipc::Service, [f64], ()>, BusError> {
+    let builder = node.service_builder(&service_name(name)?).publish_subscribe::<[f64]>();
+    let builder = builder.enable_safe_overflow(false).history_size(0).max_publishers(1);
+    let builder = builder.subscriber_max_buffer_size(MAX_BUFFER).subscriber_max_borrowed_samples(BORROWED);
+    builder.open_or_create().map_err(|e| failed(name, "open")(&e))
+}
+
+fn events(node: &Node<ipc::Service>, name: &str) -> Result<event::PortFactory<ipc::Service>, BusError> {
+    let builder = node.service_builder(&service_name(name)?).event();
+    builder.open_or_create().map_err(|e| failed(name, "open")(&e))
+}
+
+impl BarePublisher {
+    /// A publisher of slices of `doubles`.
+    pub(crate) fn create(bus: &Bus, name: &str, doubles: usize) -> Result<Self, BusError> {
+        let node = node(bus, name)?;
+        let service = slices(&node, name)?;
+        let builder = service.publisher_builder().initial_max_slice_len(doubles).max_loaned_samples(1);
+        let publisher = builder.create();
+        Ok(Self { publisher: publisher.map_err(|e| failed(name, "publish")(&e))?, _node: node })
+    }
+
+    /// Connects to the subscriber, which connects in turn when it receives for the first time.
+    pub(crate) fn connect(&self) -> Result<(), BusError> {
+        self.publisher.update_connections().map_err(|e| failed("a bare service", "connect")(&e))
+    }
+
+    /// Copies a slice into shared memory and hands it over, when there is room.
+    pub(crate) fn send(&self, doubles: &[f64]) -> Result<(), BusError> {
+        let failed = failed("a bare service", "send through");
+        let slot = self.publisher.loan_slice_uninit(doubles.len()).map_err(|e| failed(&e))?;
+        slot.write_from_slice(doubles).send().map_err(|e| failed(&e))?;
+        Ok(())
+    }
+}
+
+impl BareSubscriber {
+    /// A subscriber to the publisher's slices.
+    pub(crate) fn create(bus: &Bus, name: &str) -> Result<Self, BusError> {
+        let node = node(bus, name)?;
+        let subscriber = slices(&node, name)?.subscriber_builder().create();
+        Ok(Self { subscriber: subscriber.map_err(|e| failed(name, "subscribe to")(&e))?, _node: node })
+    }
+
+    /// Lends the next slice to `take`, if there is one.
+    pub(crate) fn receive(&self, take: impl FnOnce(&[f64])) -> Result<bool, BusError> {
+        let sample = self.subscriber.receive().map_err(|e| failed("a bare service", "receive from")(&e))?;
+        if let Some(sample) = &sample {
+            take(sample.payload());
+        }
+        Ok(sample.is_some())
+    }
+
+    /// Lends the next slice to `take`; looks for it again and again, the fastest way to get it.
+    pub(crate) fn await_next(&self, mut take: impl FnMut(&[f64])) -> Result<(), BusError> {
+        while !self.receive(&mut take)? {
+            yield_now();
+        }
+        Ok(())
+    }
+}
+
+impl BareNotifier {
+    /// A notifier of the event `name`.
+    pub(crate) fn create(bus: &Bus, name: &str) -> Result<Self, BusError> {
+        let node = node(bus, name)?;
+        let notifier = events(&node, name)?.notifier_builder().create();
+        Ok(Self { notifier: notifier.map_err(|e| failed(name, "notify")(&e))?, _node: node })
+    }
+
+    /// Wakes the listener.
+    pub(crate) fn notify(&self) -> Result<(), BusError> {
+        self.notifier.notify().map_err(|e| failed("a bare event", "notify")(&e))?;
+        Ok(())
+    }
+}
+
+impl BareListener {
+    /// A listener to the event `name`.
+    pub(crate) fn create(bus: &Bus, name: &str) -> Result<Self, BusError> {
+        let node = node(bus, name)?;
+        let listener = events(&node, name)?.listener_builder().create();
+        Ok(Self { listener: listener.map_err(|e| failed(name, "listen to")(&e))?, _node: node })
+    }
+
+    /// Sleeps until it is woken, or `timeout` is over; says whether it was woken.
+    pub(crate) fn wait(&self, timeout: Duration) -> Result<bool, BusError> {
+        let mut woken = false;
+        let waited = self.listener.timed_wait(|_| woken = true, timeout);
+        waited.map_err(|e| failed("a bare event", "wait for")(&e))?;
+        Ok(woken)
+    }
+}

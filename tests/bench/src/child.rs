@@ -1,0 +1,126 @@
+//! Processes of this program beside the bench.
+
+use anyhow::{Context as _, Error, anyhow};
+use rustix::process::{Pid, Signal, kill_process};
+use serde_json::Value;
+use std::ffi::OsStr;
+use std::fs;
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::time::Duration;
+
+/// A process of this program; killed when dropped.
+pub(super) struct Process {
+    words: String,
+    child: Child,
+    out: BufReader<ChildStdout>,
+}
+
+impl Process {
+    /// Starts `beadline` with these words.
+    pub(super) fn start<S: AsRef<OsStr>>(words: impl IntoIterator<Item = S>) -> Result<Self, Error> {
+        let words: Vec<_> = words.into_iter().map(|word| word.as_ref().to_owned()).collect();
+        let mut command = Command::new(std::env::current_exe()?);
+        command.args(&words).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let words = words.join(OsStr::new(" ")).display().to_string();
+        let mut child = command.spawn().with_context(|| words.clone())?;
+        let out = child.stdout.take().ok_or_else(|| anyhow!("{words}: no stdout"))?;
+        Ok(Self { words, child, out: BufReader::new(out) })
+    }
+
+    /// The next line that it says.
+    pub(super) fn line(&mut self) -> Result<String, Error> {
+        let mut line = String::new();
+        if self.out.read_line(&mut line)? == 0 {
+            return Err(self.failed());
+        }
+        Ok(line.trim_end().to_owned())
+    }
+
+    /// Waits until it says `word`.
+    pub(super) fn expect(&mut self, word: &str) -> Result<(), Error> {
+        let line = self.line()?;
+        if line == word { Ok(()) } else { Err(anyhow!("{}: said {line}, not {word}", self.words)) }
+    }
+
+    /// Tells it to go on.
+    pub(super) fn go_on(&mut self) -> Result<(), Error> {
+        let stdin = self.child.stdin.as_mut().ok_or_else(|| anyhow!("{}: no stdin", self.words))?;
+        Ok(stdin.write_all(b"\n")?)
+    }
+
+    /// What it still says until it ends.
+    pub(super) fn finish(mut self) -> Result<String, Error> {
+        let mut text = String::new();
+        self.out.read_to_string(&mut text)?;
+        if self.child.wait()?.success() { Ok(text) } else { Err(self.failed()) }
+    }
+
+    /// The same as JSON.
+    pub(super) fn finish_json(self) -> Result<Value, Error> {
+        Ok(serde_json::from_str(&self.finish()?)?)
+    }
+
+    /// Stops it without its doing, and waits until it stands still.
+    pub(super) fn stall(&self) -> Result<(), Error> {
+        kill_process(self.pid()?, Signal::STOP)?;
+        while self.read("stat")?.rsplit(')').next().is_none_or(|rest| !rest.starts_with(" T")) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Ok(())
+    }
+
+    /// Lets it run again.
+    pub(super) fn resume(&self) -> Result<(), Error> {
+        Ok(kill_process(self.pid()?, Signal::CONT)?)
+    }
+
+    /// Time that its threads have spent on a core.
+    pub(super) fn busy(&self) -> Result<Duration, Error> {
+        let mut busy_ns = 0;
+        for thread in fs::read_dir(self.proc("task"))? {
+            let text = fs::read_to_string(thread?.path().join("schedstat"))?;
+            let field = text.split_whitespace().next().and_then(|field| field.parse::<u64>().ok());
+            busy_ns += field.ok_or_else(|| anyhow!("/proc does not tell how busy a thread was: {text}"))?;
+        }
+        Ok(Duration::from_nanos(busy_ns))
+    }
+
+    /// The most memory that it has had so far, what it shares included (bytes); none when it has ended.
+    pub(super) fn peak_bytes(&self) -> Option<u64> {
+        let status = self.read("status").ok()?;
+        let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+        Some(1024 * line.trim().strip_suffix(" kB")?.trim().parse::<u64>().ok()?)
+    }
+
+    fn read(&self, what: &str) -> Result<String, Error> {
+        Ok(fs::read_to_string(self.proc(what))?)
+    }
+
+    fn proc(&self, what: &str) -> String {
+        format!("/proc/{}/{what}", self.child.id())
+    }
+
+    fn pid(&self) -> Result<Pid, Error> {
+        let id = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw);
+        id.ok_or_else(|| anyhow!("{}: no process", self.words))
+    }
+
+    /// Why it did not do what it should, in its own words.
+    fn failed(&mut self) -> Error {
+        let mut said = String::new();
+        if let Some(mut stderr) = self.child.stderr.take() {
+            // what cannot be read is not told
+            let _ = stderr.read_to_string(&mut said);
+        }
+        anyhow!("`beadline {}` failed: {}", self.words, said.trim_end())
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // it may have ended by itself
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

@@ -1,0 +1,156 @@
+//! The dynamics: against a plain loop, and along the length of the chain.
+
+use super::{Audience, Bench, Floor, Rounds, Row};
+use crate::baseline::ScalarLoop;
+use anyhow::Error;
+use producer::integrator::Integrator;
+use producer::state::ChainState;
+use schemas::config::RunConfig;
+use schemas::manifest::Physics;
+use schemas::method::Method;
+use schemas::presets::PRESETS;
+use std::time::{Duration, Instant};
+
+/// Moments of a run from which steps are measured, spread over all of it.
+const MOMENTS: u64 = 10;
+
+/// Steps measured from each moment, together: nobody looks at the states between.
+const STEPS: u64 = 400;
+
+/// Steps of the long chain, which one sweep makes.
+const LONG_STEPS: u64 = 16;
+
+/// States of a run, from the first to the last, from which a number of steps can be made.
+struct Moments {
+    physics: Physics,
+    states: Vec<ChainState>,
+    steps: u64,
+}
+
+impl Moments {
+    fn of(config: &RunConfig, steps: u64) -> Result<Self, Error> {
+        let physics = Physics::resolve(config)?;
+        let (mut state, mut integrator) = (ChainState::initial(&physics), Integrator::new(&physics));
+        let mut states = Vec::new();
+        for moment in 0..MOMENTS {
+            while state.step < moment * (physics.step_count - steps) / (MOMENTS - 1) {
+                integrator.step(&mut state);
+            }
+            states.push(state.clone());
+        }
+        Ok(Self { physics, states, steps })
+    }
+
+    /// One state in which every contact is closed and every bead moves: all of the work, all of the time.
+    fn all_closed(config: &RunConfig, steps: u64) -> Result<Self, Error> {
+        let physics = Physics::resolve(config)?;
+        let overlap_m = 0.1 * physics.scales().length_m;
+        let u_m: Vec<f64> = (0..physics.beads).rev().map(|i| i as f64 * overlap_m).collect();
+        let v_m_s: Vec<f64> = (0..physics.beads).map(|i| 1e-3 * (i % 7) as f64).collect();
+        let states = vec![ChainState::starting_at(&physics, &u_m, &v_m_s)];
+        Ok(Self { physics, states, steps })
+    }
+
+    fn bead_steps(&self) -> f64 {
+        (self.physics.beads * self.steps) as f64 * self.states.len() as f64
+    }
+
+    /// How long all steps take, without the preparations.
+    fn time(&self, mut advance: impl FnMut(&ChainState) -> Duration) -> Duration {
+        self.states.iter().map(&mut advance).sum()
+    }
+
+    fn ours(&self) -> Duration {
+        let mut integrator = Integrator::new(&self.physics);
+        self.time(|start| {
+            let mut state = start.clone();
+            // the first step from a new state looks at all beads, which a run does once
+            integrator.clone_from(&Integrator::new(&self.physics));
+            integrator.step(&mut state);
+            let began = Instant::now();
+            let last = state.step + self.steps;
+            while state.step < last {
+                integrator.advance(&mut state, last);
+            }
+            began.elapsed()
+        })
+    }
+
+    fn plain(&self) -> Duration {
+        self.time(|start| {
+            let mut state = start.clone();
+            let mut scalar = ScalarLoop::new(&self.physics, &state);
+            let began = Instant::now();
+            for _ in 0..self.steps {
+                scalar.step(&mut state);
+            }
+            std::hint::black_box(&state);
+            began.elapsed()
+        })
+    }
+
+    fn against_plain(&self, rounds: u32) -> Result<(Rounds, String), Error> {
+        let rounds = Rounds::alternate(rounds, || Ok(self.ours()), || Ok(self.plain()))?;
+        let figure = format!("{:.2} ns a bead-step", rounds.ours_s() / self.bead_steps() * 1e9);
+        Ok((rounds, figure))
+    }
+}
+
+/// A step against a plain loop, for two exponents, and along the length of the chain.
+pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
+    report.row(step(bench.rounds)?)?;
+    report.row(general_alpha(bench.rounds)?)?;
+    report.row(length(bench.rounds)?)
+}
+
+/// The light-impurity run by velocity-Verlet.
+fn light_impurity() -> RunConfig {
+    let mut config = PRESETS[0].config();
+    config.integrator.method = Method::VelocityVerlet;
+    config
+}
+
+/// Velocity-Verlet against the plain loop, over the light-impurity run.
+fn step(rounds: u32) -> Result<Row, Error> {
+    let (rounds, figure) = Moments::of(&light_impurity(), STEPS)?.against_plain(rounds)?;
+    Ok(Row {
+        what: "velocity-Verlet step, no output",
+        against: "a plain scalar loop with powf",
+        floor: Floor::AtLeast(6.0),
+        ratio: rounds.speed(),
+        figure,
+    })
+}
+
+/// The same for a general exponent with all contacts closed.
+fn general_alpha(rounds: u32) -> Result<Row, Error> {
+    let mut config = light_impurity();
+    config.chain.alpha = 1.3;
+    let (rounds, figure) = Moments::all_closed(&config, STEPS)?.against_plain(rounds)?;
+    Ok(Row {
+        what: "the same, α = 1.3, all contacts closed",
+        against: "a plain scalar loop with powf",
+        floor: Floor::AtLeast(5.0),
+        ratio: rounds.speed(),
+        figure,
+    })
+}
+
+/// Cost of a bead-step in a chain of a million beads against one of a thousand.
+fn length(rounds: u32) -> Result<Row, Error> {
+    let moments = |beads: u64, steps: u64| {
+        let mut config = light_impurity();
+        (config.chain.beads, config.chain.impurities[0].bead) = (beads, beads / 2);
+        Moments::all_closed(&config, steps)
+    };
+    let (long, short) = (moments(1_000_000, LONG_STEPS)?, moments(1000, STEPS)?);
+    let per_bead_step = |moments: &Moments| moments.ours().div_f64(moments.bead_steps() / 1e6);
+    let rounds = Rounds::alternate(rounds, || Ok(per_bead_step(&long)), || Ok(per_bead_step(&short)))?;
+    Ok(Row {
+        what: "cost of a bead-step, N = 1,000,000",
+        against: "N = 1000",
+        floor: Floor::AtMost(2.5),
+        ratio: rounds.time(),
+        figure: format!("{:.2} ns a bead-step", rounds.ours_s() * 1e3),
+    })
+}

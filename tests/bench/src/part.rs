@@ -1,0 +1,100 @@
+//! What other processes of the bench do: each does one thing, and says on stdout, through `say`, what came of it.
+
+use crate::bare_bus::{BareListener, BareSubscriber};
+use anyhow::{Error, anyhow};
+use bus::{AttachOptions, Bus, Delivery, LiveSource};
+use rustix::time::{ClockId, clock_gettime};
+use schemas::frame::{FrameSource as _, Received};
+use schemas::run_name::RunName;
+use std::fmt::Write as _;
+use std::io;
+use std::time::Duration;
+
+/// How long a listener waits before it takes the bench for ended.
+const SILENCE: Duration = Duration::from_secs(2);
+
+/// What both sides say when a process can be measured.
+pub(super) const ATTACHED: &str = "attached";
+pub(super) const READY: &str = "ready";
+
+/// Prints a line at once.
+pub type Say<'a> = &'a mut dyn FnMut(&str) -> Result<(), Error>;
+
+/// Nanoseconds of a clock that all processes share.
+pub(super) fn now_ns() -> Result<u64, Error> {
+    let now = Duration::try_from(clock_gettime(ClockId::Monotonic))?;
+    Ok(u64::try_from(now.as_nanos())?)
+}
+
+/// Says the sum of `count` slices from a bare publisher.
+///
+/// # Errors
+/// When they do not come, or nobody listens.
+pub fn sum_slices(name: &str, count: u64, say: Say<'_>) -> Result<(), Error> {
+    let bus = Bus::from_env()?;
+    let subscriber = BareSubscriber::create(&bus, name)?;
+    say(ATTACHED)?;
+    io::stdin().read_line(&mut String::new())?;
+    if subscriber.receive(|_| {})? {
+        return Err(anyhow!("a slice came before its time"));
+    }
+    say(READY)?;
+    let mut total = 0.0;
+    for _ in 0..count {
+        subscriber.await_next(|doubles| total += sum(doubles))?;
+    }
+    say(&total.to_string())
+}
+
+/// In eight sums, as one would wait for itself.
+fn sum(doubles: &[f64]) -> f64 {
+    let (chunks, rest) = doubles.as_chunks::<8>();
+    let mut sums = [0.0; 8];
+    for chunk in chunks {
+        sums.iter_mut().zip(chunk).for_each(|(sum, x)| *sum += x);
+    }
+    sums.iter().chain(rest).sum()
+}
+
+/// Says when it was woken, each time.
+///
+/// # Errors
+/// When there is no event, or nobody listens.
+pub fn listen(name: &str, say: Say<'_>) -> Result<(), Error> {
+    let bus = Bus::from_env()?;
+    let listener = BareListener::create(&bus, name)?;
+    say(READY)?;
+    let mut times = String::new();
+    while listener.wait(SILENCE)? {
+        writeln!(times, "{}", now_ns()?)?;
+    }
+    say(times.trim_end())
+}
+
+/// Says when each frame of a run came.
+///
+/// # Errors
+/// When frames are lost, or nobody listens.
+pub fn receive(name: &RunName, say: Say<'_>) -> Result<(), Error> {
+    let bus = Bus::from_env()?;
+    let mut source = LiveSource::attach(&bus, Some(name), Delivery::Lossless, &AttachOptions::default())?;
+    let mut times = String::new();
+    loop {
+        match source.receive()? {
+            Received::Frame(_) => writeln!(times, "{}", now_ns()?)?,
+            Received::Missed { .. } => return Err(anyhow!("the bench lost frames")),
+            Received::End(_) => return say(times.trim_end()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_are_of_all_doubles() {
+        let doubles: Vec<_> = (1..=19).map(f64::from).collect();
+        assert_eq!(sum(&doubles), 190.0);
+    }
+}
