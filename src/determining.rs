@@ -26,7 +26,7 @@ pub(crate) struct Compared {
     pub(crate) determination: Determination,
     /// The hash of the last state of the run, as recordings have it.
     pub(crate) last_state_hash: String,
-    /// Whether that was asked to stop before the last step.
+    /// Whether it was stopped before the last step.
     pub(crate) stopped: bool,
 }
 
@@ -90,7 +90,7 @@ impl Beside {
             thread::sleep(REFRESH);
         }
         bar.finish_and_clear();
-        let ended = self.thread.join().map_err(|_| anyhow!("the check went wrong, see above"))?;
+        let ended = self.thread.join().map_err(|_| anyhow!("the check panicked, see above"))?;
         Ok(ended?)
     }
 }
@@ -175,7 +175,7 @@ fn line(physics: &Physics, outcome: &Outcome, each: &Determined) -> [String; 8] 
     ]
 }
 
-/// What the table does not say: the step, how differences grow, what helps.
+/// The rows beside the table: the step, how differences grow, what helps.
 pub(crate) fn explanation(physics: &Physics, outcome: &Outcome) -> String {
     let collision_s = physics.scales().time_s;
     let steps = count(physics.step_count);

@@ -2,7 +2,7 @@
 //!
 //! A figure is described once and drawn at the width of a journal column, of a page, or of a slide,
 //! always in the same look: one font (bundled), colours that colour-blind readers can tell apart, ticks
-//! on round numbers. The same figure gives the same bytes. Nothing here knows what the numbers mean:
+//! on round numbers. The same figure gives the same bytes. Nothing here knows the meaning of the numbers:
 //! labels carry the units. In every text `^{…}` raises and `_{…}` lowers (Unicode's ², ⁻¹ and ₀ are drawn
 //! the same way).
 //!
@@ -128,7 +128,7 @@ pub enum FigureError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// The resolution is outside of what can be drawn.
+    /// The resolution cannot be drawn.
     #[error("a figure is drawn at 36 to 2400 dpi, not at {dpi}")]
     Resolution {
         /// The resolution asked for, in dots per inch.

@@ -1,6 +1,6 @@
 //! The contact law: force and energy of two beads that overlap by `δ`.
 //!
-//! Force and energy share one power so that they are consistent to rounding, whoever evaluates
+//! Force and energy share one power so that they are consistent to rounding, in every loop that evaluates
 //! them: the dynamics, the analyses, or a re-simulation.
 
 use crate::power::power;

@@ -69,7 +69,7 @@ pub(crate) fn check(args: &CheckArgs) -> Result<Done, Failure> {
         display::print(title + &table(physics, &outcome) + &explanation(physics, &outcome))?;
     }
     if stopped {
-        display::notice("stopped before the end of the run; what comes after was not compared");
+        display::notice("stopped before the end of the run; the rest was not compared");
     }
     if differs {
         display::notice(
@@ -84,7 +84,7 @@ fn is_whole(outcome: &Outcome) -> bool {
     outcome.first_lost().is_none()
 }
 
-/// The run that `args` name: that of a recording up to where it ends, or a configuration.
+/// The run that `args` name: a recording's up to its end, or a configuration's.
 fn subject(args: &CheckArgs) -> Result<Subject, Failure> {
     let recording = args.source.as_ref().filter(|path| extension(path) != "toml");
     let Some(path) = recording else {

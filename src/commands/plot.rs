@@ -49,7 +49,7 @@ pub(crate) fn plot(args: &PlotArgs) -> Result<Done, Failure> {
     }
 }
 
-/// The quantity along the chain, if that is what is drawn.
+/// The quantity along the chain, if one is drawn.
 fn field(what: What) -> Option<Field> {
     match what {
         What::Velocity => Some(Field::Velocity),
@@ -79,7 +79,7 @@ fn name_of(what: What) -> String {
     what.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }
 
-/// Refuses what means something for a quantity along the chain only.
+/// Refuses flags that only have a meaning for a quantity along the chain.
 fn check_kind(args: &PlotArgs) -> Result<(), Failure> {
     let what = name_of(args.what);
     let moment = "these are drawn over time; --from and --until choose a part of it";
@@ -97,7 +97,7 @@ fn check_kind(args: &PlotArgs) -> Result<(), Failure> {
     }
 }
 
-/// The analysis that draws the figure, and leaves nothing else.
+/// The analysis that draws the figure, without other outputs.
 fn analysis(args: &PlotArgs, out: PathBuf) -> Result<AnalysisArgs, Failure> {
     let is_live = matches!(args.frames.source, Named::Live(_));
     let frames = args.frames.clone();
@@ -129,7 +129,7 @@ impl Moment {
         args.at.map(Self::Time).or(args.frame.map(Self::Frame))
     }
 
-    /// The step that is drawn: that of a frame, or any.
+    /// The step that is drawn: a frame's, or any.
     fn step(self, manifest: &RunManifest, every_step: bool) -> Result<u64, Failure> {
         let (physics, every) = (&manifest.physics, manifest.provenance.publish_every_steps);
         match self {
@@ -171,7 +171,7 @@ impl Analysis for Waiting {
 /// Draws a quantity along the chain at one time.
 fn profile(args: &PlotArgs, field: Field, moment: Moment, out: &PathBuf) -> Result<Done, Failure> {
     let is_file = matches!(args.frames.source, Named::File(_));
-    // a recording may be sparse there; of a live run nothing before the frame is of interest
+    // a recording may be sparse there; frames of a live run before this one are not needed
     let frames = FramesArgs { fill_gaps: args.frames.fill_gaps || is_file, ..args.frames.clone() };
     let mut session = Session::of_part(&frames, "plot", std::slice::from_ref(out), |manifest| {
         let time_s = manifest.physics.time_s(moment.step(manifest, frames.every_step)?);

@@ -26,13 +26,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A relative drift of the energy that a user should hear of.
+/// Relative energy drift above which the user is told.
 const LARGE_DRIFT: f64 = 1e-4;
 
-/// The same with damping, of which the default step promises 1e-3.
+/// The same with damping, for which the default step promises 1e-3.
 const LARGE_DAMPED_DRIFT: f64 = 2e-3;
 
-/// A run may add up so many roundings, most of which cancel.
+/// Roundings that a run may add up; most of them cancel.
 const MANY_ROUNDINGS: f64 = 30.0;
 
 /// Durations that differ by less, relative, differ by rounding.
@@ -108,11 +108,10 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         None => producer::run::run(manifest, &mut publisher, recorder.as_mut(), &mut stage),
     };
     let left = stage.leave(&mut publisher);
-    // the terminal shows what is said from here on, and what is typed
+    // from here on the terminal shows messages and typed keys again
     drop(keyboard);
     let reason = result.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
-    // in this order, so that whoever hears of the end finds the recording; neither is left out when the
-    // other fails
+    // the recording first, so that it is there when consumers hear of the end; both are finished even if one fails
     let recording = recorder.map(|recorder| recorder.finish(reason)).transpose();
     if let Ok(Some(finished)) = &recording {
         signals::would_leave(format!("{} is finished", finished.path.display()));
@@ -127,7 +126,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     }
     let (outcome, recording, counts) = (result?, recording?, counts?);
     if let Some(old) = old {
-        // it had the state that the run was gone on from
+        // it held the state from which the run was resumed
         old.remove()?;
     }
     let compared = beside.map(Beside::finish).transpose()?;
@@ -185,7 +184,7 @@ fn new_run(args: &RunArgs) -> Result<(Configured, Option<PathBuf>), Failure> {
     Ok((configured, out))
 }
 
-/// Where the recording `path` is if the process is ended at once.
+/// What stays of the recording `path` if the process is ended at once.
 fn what_stays(path: &Path) -> String {
     let path = path.display();
     format!(
@@ -194,7 +193,7 @@ fn what_stays(path: &Path) -> String {
     )
 }
 
-/// Whether a recording was begun that could not be written to its end.
+/// Whether a recording could not be written to its end.
 fn failed_to_record<P: std::error::Error, T>(
     result: &Result<RunOutcome, RunError<P, WriteError>>,
     recording: &Result<T, WriteError>,
@@ -203,7 +202,7 @@ fn failed_to_record<P: std::error::Error, T>(
     matches!(result, Err(RunError::Record { .. })) || recording.as_ref().is_err_and(lost)
 }
 
-/// Says what the run will write, and refuses what cannot fit; the part of the free disk that it needs at least.
+/// Says what the run will write, and refuses it if it cannot fit. Returns the least part of the free disk that it needs.
 fn announce(configured: &Configured, out: Option<&PathBuf>, options: &WriteOptions) -> Result<f64, Failure> {
     let manifest = &configured.manifest;
     let frame_bytes = 8 * manifest.frame_doubles() as u64;
@@ -234,7 +233,7 @@ fn announce(configured: &Configured, out: Option<&PathBuf>, options: &WriteOptio
     Ok(needed.at_least_bytes as f64 / free.max(1) as f64)
 }
 
-/// Says so if a step that was asked for does not divide the duration.
+/// Says so if the given step does not divide the duration.
 fn tell_end(configured: &Configured) {
     let physics = &configured.manifest.physics;
     let (asked_s, end_s) = (configured.duration_s, physics.time_s(physics.step_count));
@@ -280,7 +279,7 @@ struct Summary<'a> {
     counts: PublishCounts,
     left: Left,
     recording: Option<Finished>,
-    /// Until when it is determined, if that was asked for.
+    /// Until when the run is determined, if asked.
     determined: Option<Determined>,
 }
 

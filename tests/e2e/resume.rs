@@ -1,4 +1,4 @@
-//! Runs that are gone on with.
+//! Runs that are resumed.
 
 use crate::harness::{Place, wait_until};
 use recording::{BeginRecord, RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};

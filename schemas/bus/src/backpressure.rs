@@ -1,4 +1,4 @@
-//! Who may hold a publisher back, for how long, and what is done meanwhile.
+//! Which consumers may hold a publisher back, for how long, and what happens meanwhile.
 
 use super::Ipc;
 use super::services::SliceService;
@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 pub enum Delivery {
     /// Every frame: holds the producer back.
     Lossless,
-    /// What there is: never holds the producer back, keeps a short queue, and counts what it misses.
+    /// Never holds the producer back, keeps a short queue, and counts the frames that it misses.
     Latest,
 }
 
@@ -36,7 +36,7 @@ impl Delivery {
     }
 }
 
-/// What a producer may want to say about its consumers.
+/// Something about consumers that a producer may report.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ConsumerEvent {
     /// A consumer finished its handshake.
@@ -51,7 +51,7 @@ pub enum ConsumerEvent {
         /// How long it held the run back.
         held: Duration,
     },
-    /// Somebody removed the directory of the bus, or put another in its place: those who are attached read on, and
+    /// Somebody removed or replaced the directory of the bus: attached consumers read on, and
     /// nobody else can attach.
     BusGone {
         /// The directory.
@@ -79,7 +79,7 @@ pub struct Remedies {
     pub connect_on_join: bool,
     /// Pause between two looks at a full queue, so that no core is kept busy.
     pub pause: bool,
-    /// Not a remedy: take every send for interrupted so many times, after it was delivered.
+    /// Not a remedy: take every send for interrupted this many times, after it was delivered.
     pub interruptions: u32,
 }
 
@@ -98,9 +98,9 @@ impl Default for Remedies {
 
 const CLEAN_AFTER: Duration = Duration::from_millis(50);
 const CLEAN_PERIOD: Duration = Duration::from_millis(100);
-/// What a healthy consumer needs to make room, once we were asked to stop.
+/// Time in which a healthy consumer makes room, once we were asked to stop.
 const STOP_GRACE: Duration = Duration::from_millis(250);
-/// How often in a row a send may fail in iceoryx2 although it did not wait for anybody.
+/// How often in a row a send may fail in iceoryx2 without having waited for a consumer.
 const MAX_FAILURES: u32 = 100;
 
 /// State shared by a publisher and its handler.
@@ -112,7 +112,7 @@ pub(super) struct Backpressure<T: Debug + ZeroCopySend + 'static> {
     stuck_after: Duration,
     remedies: Remedies,
     blocked: AtomicBool,
-    /// Whether the send that is going on has waited for anybody.
+    /// Whether the present send has waited for a consumer.
     waited: AtomicBool,
     /// Whether it repeats one that failed.
     resending: AtomicBool,
@@ -125,7 +125,7 @@ pub(super) struct Backpressure<T: Debug + ZeroCopySend + 'static> {
 #[derive(Default)]
 struct Memory {
     consumers: HashMap<u128, (Delivery, String)>,
-    /// Lossless consumers that nobody waits for (any more).
+    /// Lossless consumers that the producer does not wait for (any more).
     ignored: HashSet<u128>,
     events: Vec<ConsumerEvent>,
     /// Since when consumers hold back what is being sent, over all its repetitions.
@@ -207,7 +207,7 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
         self.evicted_count.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Whoever is attached already belongs to an earlier producer of this name, and holds back this one
+    /// Consumers attached before belong to an earlier producer of this name, and hold back this one
     /// only after it has joined it.
     pub(super) fn ignore_present(&self) {
         let present = self.consumers().into_keys();
@@ -221,7 +221,7 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
         memory.events.push(ConsumerEvent::Joined { name });
     }
 
-    /// Wakes whoever has to make room, and lets it run.
+    /// Wakes the consumer that has to make room, and lets it run.
     fn retry(&self, info: &BackpressureInfo) -> BackpressureAction {
         self.waited.store(true, Ordering::Relaxed);
         if info.retries == 0 {
@@ -236,7 +236,7 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
 
     /// Sends by `send` until it does not fail inside iceoryx2; `repeated` counts.
     ///
-    /// A signal that ends a wait for a consumer fails the send. Such a one is repeated for as long as the
+    /// A signal that ends a wait for a consumer fails the send. Such a send is repeated for as long as the
     /// consumer may hold us back: [`decide`](Self::decide) bounds that over all repetitions. Any other
     /// failure is repeated [`MAX_FAILURES`] times in a row, and not at all once we were asked to stop.
     pub(super) fn repeat<R>(
@@ -315,7 +315,7 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
     }
 }
 
-/// Removes what dead processes left on this bus; returns how many were removed.
+/// Removes the remains of dead processes on this bus; returns how many.
 pub(super) fn clean_dead(config: &Config) -> u64 {
     let mut dead = 0;
     // a list that is incomplete is completed the next time

@@ -55,7 +55,7 @@ pub enum LiveError {
 type StateSample = Sample<Ipc, [f64], StateHeader>;
 type StateSubscriber = Subscriber<Ipc, [f64], StateHeader>;
 
-/// What is let go as soon as the stream has ended, so that a new producer is not held back by us.
+/// Dropped as soon as the stream has ended, so that we do not hold a new producer back.
 struct Ports {
     subscriber: StateSubscriber,
     listener: Listener<Ipc>,
@@ -114,7 +114,7 @@ impl LiveSource {
         ResultPublisher::create(&self.bus, &self.name(), topic, self.stream, columns, stop)
     }
 
-    /// How many frames were published but did not reach us.
+    /// How many published frames did not reach us.
     pub fn missed_count(&self) -> u64 {
         self.missed_count
     }
@@ -135,7 +135,7 @@ impl LiveSource {
         Received::Missed { from, to }
     }
 
-    /// The producer has dropped us. What it has published without us is missed as far as that is known, at
+    /// The producer has dropped us. The frames that it is known to have published without us are missed, at
     /// least up to `last`; then comes the end.
     fn dropped(&mut self, last: u64) -> Received<'static> {
         let status = self.ports.as_ref().and_then(|ports| ports.board.status_of(self.stream));
@@ -199,7 +199,7 @@ impl LiveSource {
         Ok(Received::Frame(Frame { frame, step, time_s, u_m, v_m_s, extra }))
     }
 
-    /// Called when the queue was empty: how the stream ended, if it did. What is found is believed only
+    /// Called when the queue was empty: how the stream ended, if it did. The result is believed only
     /// after the queue was emptied once more.
     fn look_for_the_end(&mut self) -> Option<EndReason> {
         let ports = self.ports.as_ref()?;

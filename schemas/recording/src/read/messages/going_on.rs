@@ -283,8 +283,8 @@ impl MessageReader {
         Ok(Step::Other)
     }
 
-    /// Finds out what an unknown channel is whose definition was in a damaged chunk: from the summary section, or from
-    /// a message of it, if that is a state of this run. False if it stays unknown.
+    /// Identifies a channel whose definition was in a damaged chunk: by the summary section, or by a message of it that
+    /// is a state of this run. False if it stays unknown.
     pub(super) fn learn_channel(&mut self, id: u16, message: Range<usize>) -> bool {
         let Some(salvage) = &mut self.salvage else { return false };
         if !std::mem::replace(&mut salvage.asked_summary, true)
