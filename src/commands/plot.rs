@@ -35,7 +35,7 @@ pub(crate) fn plot(args: &PlotArgs) -> Result<Done, Failure> {
         };
     }
     check_kind(args)?;
-    let common = analysis(args, out)?;
+    let common = analysis(args, out);
     match args.what {
         What::Energies => energies::energies(&EnergiesArgs { common, out: None, split: None }),
         What::Impurity => {
@@ -98,10 +98,10 @@ fn check_kind(args: &PlotArgs) -> Result<(), Failure> {
 }
 
 /// The analysis that draws the figure, without other outputs.
-fn analysis(args: &PlotArgs, out: PathBuf) -> Result<AnalysisArgs, Failure> {
+fn analysis(args: &PlotArgs, out: PathBuf) -> AnalysisArgs {
     let is_live = matches!(args.frames.source, Named::Live(_));
     let frames = args.frames.clone();
-    Ok(AnalysisArgs { frames, figure: vec![out], look: args.look, no_publish: is_live })
+    AnalysisArgs { frames, figure: vec![out], look: args.look, no_publish: is_live }
 }
 
 /// The beads or contacts that are drawn.

@@ -119,8 +119,8 @@ impl Export for Npz {
 /// The ZIP file.
 struct Zip(ZipWriter<UntilError>);
 
-/// Takes bytes until one is refused, and then pretends to take the rest: a ZIP file that is given up tries to write its end,
-/// and would say on stderr that it could not.
+/// Takes bytes until one is refused, and then pretends to take the rest: a ZIP file that is given up tries to write its
+/// end, and would say on stderr that it could not.
 struct UntilError {
     out: BufWriter<Arc<File>>,
     position: u64,

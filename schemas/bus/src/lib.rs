@@ -1,7 +1,8 @@
 //! Runs on the bus: frames through shared memory between processes of one user, over iceoryx2.
 //!
 //! A producer makes a [`StatePublisher`]; consumers attach a [`LiveSource`] whenever they like. `docs/FORMAT.md`
-//! describes the contents of shared memory, and the contract that programs in other languages follow; the code here is its only implementation in this project.
+//! describes the contents of shared memory, and the contract that programs in other languages follow; the code here is its
+//! only implementation in this project.
 //!
 //! Architecture invariant: nothing outside this crate names iceoryx2. Nothing here prints.
 //!
