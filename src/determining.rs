@@ -26,7 +26,7 @@ pub(crate) struct Compared {
     pub(crate) determination: Determination,
     /// The hash of the last state of the run, as recordings have it.
     pub(crate) last_state_hash: String,
-    /// Whether it was stopped before the last step.
+    /// Whether that was asked to stop before the last step.
     pub(crate) stopped: bool,
 }
 

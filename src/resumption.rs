@@ -25,7 +25,7 @@ const MOST_PROVEN: u64 = 1 << 34;
 /// How often progress is shown and consumers are answered meanwhile.
 const REFRESH: Duration = Duration::from_millis(100);
 
-/// An interrupted run that can be resumed.
+/// An interrupted run that can be gone on with.
 pub(crate) struct Resumption {
     recording: InterruptedRecording,
 }

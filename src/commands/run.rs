@@ -184,7 +184,7 @@ fn new_run(args: &RunArgs) -> Result<(Configured, Option<PathBuf>), Failure> {
     Ok((configured, out))
 }
 
-/// What stays of the recording `path` if the process is ended at once.
+/// Where the recording `path` is if the process is ended at once.
 fn what_stays(path: &Path) -> String {
     let path = path.display();
     format!(
@@ -193,7 +193,7 @@ fn what_stays(path: &Path) -> String {
     )
 }
 
-/// Whether a recording could not be written to its end.
+/// Whether a recording was begun that could not be written to its end.
 fn failed_to_record<P: std::error::Error, T>(
     result: &Result<RunOutcome, RunError<P, WriteError>>,
     recording: &Result<T, WriteError>,
@@ -202,7 +202,7 @@ fn failed_to_record<P: std::error::Error, T>(
     matches!(result, Err(RunError::Record { .. })) || recording.as_ref().is_err_and(lost)
 }
 
-/// Says what the run will write, and refuses it if it cannot fit. Returns the least part of the free disk that it needs.
+/// Says what the run will write, and refuses what cannot fit; the part of the free disk that it needs at least.
 fn announce(configured: &Configured, out: Option<&PathBuf>, options: &WriteOptions) -> Result<f64, Failure> {
     let manifest = &configured.manifest;
     let frame_bytes = 8 * manifest.frame_doubles() as u64;
