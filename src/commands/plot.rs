@@ -97,7 +97,7 @@ fn check_kind(args: &PlotArgs) -> Result<(), Failure> {
     }
 }
 
-/// The analysis that draws the figure, without other outputs.
+/// The analysis that draws the figure, and leaves nothing else.
 fn analysis(args: &PlotArgs, out: PathBuf) -> AnalysisArgs {
     let is_live = matches!(args.frames.source, Named::Live(_));
     let frames = args.frames.clone();

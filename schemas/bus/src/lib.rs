@@ -135,7 +135,7 @@ impl Bus {
         &self.config
     }
 
-    /// Registers this process, and cleans up after dead ones.
+    /// Registers this process, and cleans up what dead ones left.
     fn node(&self) -> Result<Node<Ipc>, BusError> {
         // before anything that may wait for others
         let warden = self.warden();
