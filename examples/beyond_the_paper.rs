@@ -23,7 +23,7 @@ fn main() -> anyhow::Result<()> {
         ("tapered", tapered()?),
         ("damped", damped()?),
     ] {
-        figure.write(&folder.join(format!("{name}.png")), Options::default())?;
+        figure.write(&folder.join(format!("{name}.png")), Options::default(), true)?;
     }
     Ok(())
 }

@@ -134,7 +134,7 @@ fn figure(folder: &Path) -> Result<()> {
         }
     }
     for name in ["work-precision.svg", "work-precision.png"] {
-        figure.write(&folder.join(name), Options { size: Size::Page, dpi: 150.0 })?;
+        figure.write(&folder.join(name), Options { size: Size::Page, dpi: 150.0 }, true)?;
     }
     Ok(())
 }

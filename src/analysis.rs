@@ -1,4 +1,4 @@
-//! What every analysis command does around its analysis: open the source, follow it, say how it went.
+//! Shared by the analysis commands: open the source, follow it, report.
 
 use crate::args::{AnalysisArgs, BeadRange, FramesArgs};
 use crate::display::{self, count, counted};
@@ -50,7 +50,7 @@ pub(crate) enum AnalysisError {
 }
 
 impl<'a> Session<'a> {
-    /// Opens the source that `args` name; `label` is what the producer calls this consumer.
+    /// Opens the source that `args` name; `label` is this consumer's name for the producer.
     pub(crate) fn open(args: &'a AnalysisArgs, label: &str, outputs: &[&PathBuf]) -> Result<Self, Failure> {
         check_outputs(args, outputs)?;
         check_publishing(args)?;
@@ -144,7 +144,7 @@ impl<'a> Session<'a> {
         progress.finish();
         match followed {
             Ok(()) => Ok(tally),
-            // what came before the damage stays a result, as in a file that was cut short
+            // results before the damage are kept, as with a file that was cut short
             Err(FollowError::Source(error)) if is_of_a_file(&error) && tally.frame_count > 0 => {
                 display::notice(format_args!("{:#}", Error::new(error)));
                 Ok(tally)
@@ -242,7 +242,7 @@ impl<'a> Session<'a> {
     }
 }
 
-/// Says what the end of the run or recording `source` means for what was `made` of it, such as results.
+/// Says what the end of the run or recording `source` means for the things `made` from it, such as results.
 pub(crate) fn notice_of_end(end: EndReason, recording: Option<&Path>, made: &str) {
     match end {
         EndReason::Failed => display::notice(format_args!("the run failed; {made} end at its last frame")),
@@ -266,7 +266,7 @@ pub(crate) fn notice_of_end(end: EndReason, recording: Option<&Path>, made: &str
     }
 }
 
-/// Refuses flags that mean nothing to a source of this kind, which a user would believe to be obeyed.
+/// Refuses flags that have no meaning for this kind of source.
 pub(crate) fn check_flags(args: &FramesArgs) -> Result<(), Failure> {
     let of_live_runs = [
         ("--latest", args.latest, "attaches to a live run without holding it back"),
@@ -286,7 +286,7 @@ pub(crate) fn check_flags(args: &FramesArgs) -> Result<(), Failure> {
     }
 }
 
-/// The same for the flag that only analyses have.
+/// The same for the flag of analyses.
 pub(crate) fn check_publishing(args: &AnalysisArgs) -> Result<(), Failure> {
     let source = &args.frames.source;
     match source {
@@ -297,7 +297,7 @@ pub(crate) fn check_publishing(args: &AnalysisArgs) -> Result<(), Failure> {
     }
 }
 
-/// The part of the run from the time `from_s` until `until_s`, as they were asked for.
+/// The part of the run from the time `from_s` until `until_s`, as given.
 pub(crate) fn window(from_s: f64, until_s: Option<f64>, manifest: &RunManifest) -> Result<Window, Failure> {
     let window = Window { from_s, until_s: until_s.unwrap_or(f64::INFINITY) };
     let end_s = manifest.physics.time_s(manifest.physics.step_count);
@@ -329,7 +329,7 @@ pub(crate) fn draw(
     }
     let figure = figure()?;
     for path in &args.figure {
-        figure.write(path, args.look.options())?;
+        figure.write(path, args.look.options(), args.frames.force)?;
     }
     Ok(())
 }

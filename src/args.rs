@@ -152,7 +152,7 @@ pub(crate) enum Command {
 pub(crate) struct ManArgs {
     /// The command that the page is about [default: beadline itself]
     pub(crate) command: Option<String>,
-    /// Write the pages of all commands into this directory, which is made if it is missing
+    /// Write the pages of all commands into this directory, which is created if missing
     #[arg(long, value_name = "DIR", conflicts_with = "command")]
     pub(crate) out: Option<PathBuf>,
     /// Replace pages that exist
@@ -235,7 +235,7 @@ pub(crate) struct RunArgs {
     /// Sync the file to the disk at least this often (s): what a power failure costs
     #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = parse_seconds, conflicts_with = "no_record")]
     pub(crate) sync_period: f64,
-    /// Find out beside the run until when it is determined, as `beadline check` does; exit code 3 if not to its end
+    /// Check beside the run until when it is determined, as `beadline check` does; exit code 3 if not to its end
     #[arg(long)]
     pub(crate) check: bool,
     /// Begin without a question, however long it takes
@@ -304,7 +304,7 @@ pub(crate) struct SweepArgs {
     /// What to sweep: a base, a grid, cases
     #[arg(value_name = "SWEEP.toml", required_unless_present = "example")]
     pub(crate) file: Option<PathBuf>,
-    /// Directory for the results; finished points in it are not computed again
+    /// Directory for the results; its finished points are not computed again
     #[arg(long, value_name = "DIR", required_unless_present = "example")]
     pub(crate) out: Option<PathBuf>,
     /// Points computed at the same time [default: the cores of this machine]
@@ -313,7 +313,7 @@ pub(crate) struct SweepArgs {
     /// Compute only the points whose index leaves the remainder I by N
     #[arg(long, value_name = "I/N", value_parser = parse_shard)]
     pub(crate) shard: Option<Shard>,
-    /// Compute nothing; make tables of the rows that are there
+    /// Compute nothing; make tables of the existing rows
     #[arg(long, conflicts_with_all = ["shard", "jobs", "force", "record", "yes"])]
     pub(crate) merge: bool,
     /// Record each point, also if the sweep file does not ask for it

@@ -72,7 +72,7 @@ pub(crate) fn configure<'a>(args: impl Into<Asked<'a>>) -> Result<Configured, Fa
     let manifest_of = |config: &RunConfig| {
         let manifest =
             RunManifest::new(config, stem.as_deref().unwrap_or("run"), origin()).map_err(|error| {
-                // a value that a flag set does not stand in the file
+                // a value set by a flag is not in the file
                 match replaced.iter().find(|(key, _)| error.key.starts_with(key)) {
                     Some((_, flag)) => ConfigError { key: format!("{flag} ({})", error.key), ..error },
                     None => error.located(&text, args.config.as_deref()),
@@ -114,7 +114,7 @@ pub(crate) fn replaced_key(overrides: &Overrides) -> Option<&'static str> {
     apply(overrides, None, &mut PRESETS[0].config()).first().map(|(key, _)| *key)
 }
 
-/// Applies what the flags say, and names the keys that they replaced.
+/// Applies the flags, and names the keys that they replaced.
 fn apply(overrides: &Overrides, name: Option<&String>, config: &mut RunConfig) -> Vec<Replaced> {
     fn set<T>(replaced: &mut Vec<Replaced>, by: Replaced, value: &mut T, with: Option<T>) {
         if let Some(with) = with {

@@ -47,7 +47,7 @@ impl Beside {
             thread::sleep(REFRESH);
         }
         bar.finish_and_clear();
-        let ended = self.thread.join().map_err(|_| anyhow!("the check went wrong, see above"))?;
+        let ended = self.thread.join().map_err(|_| anyhow!("the check panicked, see above"))?;
         Ok(ended?)
     }
 }
@@ -85,7 +85,7 @@ fn line(physics: &Physics, outcome: &Outcome, each: &Determined) -> [String; 8] 
     ]
 }
 
-/// What the table does not say: the step, how differences grow, what helps.
+/// The rows beside the table: the step, how differences grow, what helps.
 pub(crate) fn explanation(physics: &Physics, outcome: &Outcome) -> String {
     let collision_s = physics.scales().time_s;
     let steps = count(physics.step_count);

@@ -17,11 +17,11 @@ use std::os::fd::AsFd;
 
 /// Prints a notice or a warning on stderr.
 pub(crate) fn notice(text: impl Display) {
-    // nobody may be listening, and that is no reason to fail
+    // a closed stderr is no reason to fail
     let _ = writeln!(io::stderr(), "beadline: {}", printable(&text.to_string()));
 }
 
-/// A text without what a terminal would obey: names come out of files, and files from other people.
+/// A text without characters that a terminal obeys: names come from files, and files from other people.
 pub(crate) fn printable(text: &str) -> String {
     let mut printable = String::with_capacity(text.len());
     for character in text.chars() {
@@ -34,8 +34,8 @@ pub(crate) fn printable(text: &str) -> String {
     printable
 }
 
-/// Whether a terminal does something else with a character than show it: controls, also those of 8 bits, and what
-/// turns the direction of writing or shows nothing.
+/// Whether a terminal obeys a character instead of showing it: controls, also those of 8 bits, and characters that
+/// change the direction of writing or are invisible.
 fn is_obeyed(character: char) -> bool {
     let turns = matches!(character, '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}');
     character.is_control() || turns || matches!(character, '\u{2060}'..='\u{206f}' | '\u{feff}')
@@ -57,7 +57,7 @@ fn printable_json(json: &str) -> String {
 
 /// Prints a value as one line of JSON on stderr.
 pub(crate) fn tell_json(value: &serde_json::Value) {
-    // nobody may be listening, and that is no reason to fail
+    // a closed stderr is no reason to fail
     let _ = writeln!(io::stderr(), "{}", printable_json(&value.to_string()));
 }
 
@@ -71,7 +71,7 @@ pub(crate) fn notice_of_version(manifest: &RunManifest) {
     }
 }
 
-/// Says what was in the way on the bus and is not any more.
+/// Says what was removed on the bus because it was in the way.
 pub(crate) fn notice_of_bus(bus: &Bus) {
     if let Some(found) = bus.take_notice() {
         notice(found);
@@ -90,7 +90,7 @@ pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
 
 fn put(text: &str) -> Result<(), Failure> {
     if limits::stdout_was_closed() {
-        return Err(Failure::Failed(anyhow!("results cannot be printed: stdout is closed")));
+        return Err(Failure::Failed(anyhow!("cannot print results: stdout is closed")));
     }
     let mut out = io::stdout().lock();
     let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
@@ -120,7 +120,7 @@ pub(crate) fn tell(bar: &ProgressBar, parts: &[&str]) {
     bar.set_message(fitting(parts, columns.saturating_sub(taken)));
 }
 
-/// What `bar_template` puts around the bar: three spaces, the number, its sign, and the terminal's last column.
+/// Columns that `bar_template` takes beside the bar: three spaces, the number, its sign, and the terminal's last column.
 const PERCENT_WIDTH: usize = 9;
 
 fn bar_template(columns: usize) -> String {
@@ -139,7 +139,7 @@ fn columns() -> usize {
     }
 }
 
-/// Columns of a terminal; without bound if it is none, or does not say.
+/// Columns of a terminal; unbounded if stderr is not one, or does not say.
 pub(crate) fn columns_of(stream: impl AsFd) -> usize {
     match rustix::termios::tcgetwinsize(stream) {
         Ok(size) if size.ws_col > 0 => size.ws_col.into(),
@@ -179,7 +179,7 @@ fn style(template: &str) -> ProgressStyle {
     style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("━╸ ")
 }
 
-/// Why there are no more frames; `until_s` is the time (s) up to which they were asked for, if that is why.
+/// Why there are no more frames; `until_s` is the time (s) at which the user let them end, if that is the reason.
 pub(crate) fn end(reason: EndReason, until_s: Option<f64>) -> String {
     until_s.map_or_else(|| reason.to_string(), |until_s| format!("until {until_s} s, as asked"))
 }

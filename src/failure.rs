@@ -74,7 +74,7 @@ pub(crate) enum Form {
 }
 
 impl Form {
-    /// What the command line asks for, also where it is wrong otherwise.
+    /// The form that the command line asks for, even if it is otherwise wrong.
     pub(crate) fn asked_for() -> Self {
         let mut arguments = std::env::args_os().skip(1).take_while(|argument| argument != "--");
         if arguments.any(|argument| argument == "--json") { Self::Json } else { Self::Words }
@@ -101,13 +101,13 @@ pub(crate) fn exit(result: Result<Done, Failure>, form: Form) -> ExitCode {
     ExitCode::from(code)
 }
 
-/// Tells that the command line makes no sense, and ends; or prints the help that it asks for.
+/// Reports a wrong command line and ends, or prints the help that was asked for.
 pub(crate) fn exit_of_usage(error: &clap::Error, form: Form) -> ! {
     if form == Form::Words || !error.use_stderr() {
         error.exit();
     }
     let text = error.render().to_string();
-    // the first paragraph says what is wrong, the others how it would be right
+    // the first paragraph says what is wrong, the others how to write it
     let paragraphs: Vec<String> = text.split("\n\n").map(one_line).filter(|text| !text.is_empty()).collect();
     let message = paragraphs.first().map_or("", |text| text.strip_prefix("error: ").unwrap_or(text));
     tell_json(message, paragraphs.get(1..).unwrap_or_default(), 2);
@@ -123,7 +123,7 @@ fn tell_json(message: &str, causes: &[String], code: u8) {
     display::tell_json(&json!({ "error": { "message": message, "causes": causes, "exit_code": code } }));
 }
 
-/// A bug of ours or of a library, told like any failure.
+/// A bug of ours or of a library, reported like any failure.
 pub(crate) fn of_panic(panic: &(dyn Any + Send)) -> Failure {
     let said = panic.downcast_ref::<String>().map(String::as_str);
     let said = said.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no reason was given");
@@ -136,7 +136,7 @@ pub(crate) fn of_panic(panic: &(dyn Any + Send)) -> Failure {
     Failure::Failed(bug)
 }
 
-/// Another name was to be chosen for an output, whichever command found that, and how late.
+/// Whether an output needs another name, whichever command found that, and however late.
 fn is_in_the_way(error: &Error) -> bool {
     error.chain().any(|cause| {
         cause.downcast_ref().is_some_and(WriteError::is_in_the_way)
@@ -153,7 +153,7 @@ fn is_stop(error: &Error) -> bool {
     })
 }
 
-/// A reader that went away, as in `beadline presets | head -1`, is no failure.
+/// A reader that leaves early, as in `beadline presets | head -1`, is not a failure.
 fn is_broken_pipe(error: &Error) -> bool {
     let io = error.chain().find_map(|cause| cause.downcast_ref::<std::io::Error>());
     io.is_some_and(|error| error.kind() == std::io::ErrorKind::BrokenPipe)

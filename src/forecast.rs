@@ -1,4 +1,4 @@
-//! What a long run or sweep will take, said before it begins, and asked about on a terminal.
+//! Says before a long run or sweep how much time and disk it will take, and asks on a terminal.
 
 use crate::args::Pace;
 use crate::display;
@@ -9,7 +9,7 @@ use schemas::manifest::{Physics, RunManifest};
 use std::io::{self, BufRead, IsTerminal, Write};
 use std::time::Duration;
 
-/// Steps of beads that take some seconds at most: about fewer nobody needs to hear.
+/// Bead-steps that take some seconds at most; a shorter run has no forecast.
 const SHORT_WORK: f64 = 1e9;
 
 /// For how long a step is timed.
@@ -59,7 +59,7 @@ impl Forecast {
         Self { wall_s: computing_s.max(paced_s), disk }
     }
 
-    /// For runs of `bead_steps` steps of beads altogether, each like that of `physics`, on `threads` cores.
+    /// For runs of `bead_steps` bead-steps altogether, each like that of `physics`, on `threads` cores.
     pub(crate) fn of_many(physics: &Physics, bead_steps: f64, threads: usize) -> Self {
         let work = bead_steps * f64::from(physics.method.force_evaluations_per_step());
         let per_step_s = per_step_s(physics, 1, work);
@@ -67,8 +67,8 @@ impl Forecast {
         Self { wall_s, disk: 0.0 }
     }
 
-    /// Says so if it is long, and asks on a terminal whether that is wanted, unless `yes` answers. Without a terminal what
-    /// is long goes on; only what would take more than a year needs that `yes`.
+    /// Says so if it is long, and asks on a terminal whether to begin, unless `yes` answers. Without a terminal a long
+    /// run begins; only one of more than a year needs `yes`.
     ///
     /// # Errors
     /// When it is not wanted.
@@ -103,7 +103,7 @@ fn work_per_step(physics: &Physics) -> f64 {
     physics.beads as f64 * f64::from(physics.method.force_evaluations_per_step())
 }
 
-/// Time (s) of a step, measured if there is `work` enough to be worth it; else 0.
+/// Time (s) of a step, measured if there is enough `work`; else 0.
 fn per_step_s(physics: &Physics, together: u64, work: f64) -> f64 {
     if work > SHORT_WORK { step_time_s(physics, together, PILOT) } else { 0.0 }
 }

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// A source as it is, or with what it does not hold recomputed.
+/// A source as it is, or with missing steps recomputed.
 pub(crate) struct Frames {
     states: States,
     /// Ends a recording early, also between recorded states.
@@ -37,7 +37,7 @@ pub(crate) fn is_of_a_file(error: &FramesError) -> bool {
 }
 
 impl Frames {
-    /// What of `source` the flags ask for, at least from the time `from_s` on.
+    /// The part of `source` that the flags ask for, at least from the time `from_s` on.
     pub(crate) fn of(mut source: Source, args: &FramesArgs, from_s: f64) -> Result<Self, Failure> {
         let first_step = source.manifest().physics.step_at_or_after(from_s);
         source.seek(first_step).bad_input()?;
@@ -53,7 +53,7 @@ impl Frames {
         Self { stop: source.stop().cloned(), states: States::AsTheyCome(source) }
     }
 
-    /// What `source` holds and what lies between, from step `first_step` on, all of it proven. A sparse file
+    /// The states of `source` and those between, from step `first_step` on, all of them proven. A sparse file
     /// is recomputed by `jobs` threads, by default one for each core; a full one and a live run by this one.
     pub(crate) fn recomputed(
         source: Source,
@@ -75,7 +75,7 @@ impl Frames {
         } else {
             let make = if from_start { Resimulation::from_start } else { Resimulation::new };
             let states = make(source, lend).bad_input()?.lending_from(first_step);
-            // what a file says of its end is no work for us; a live run has made it
+            // compute nothing for a file's claim about its end; a live run has really reached it
             let states = if stop.is_some() { states.ending_with_the_last_state() } else { states };
             States::Recomputed(Box::new(states))
         };

@@ -1,7 +1,7 @@
 //! Keys pressed on the terminal while a run or a replay goes on.
 //!
-//! The terminal hands out each key at once and shows none of them until the [`Keyboard`] is dropped. It is given
-//! back as it was found on every way out: a return, a panic, a signal that ends or suspends the process.
+//! The terminal hands out each key at once and shows none of them until the [`Keyboard`] is dropped. The terminal is
+//! restored on every way out: a return, a panic, a signal that ends or suspends the process.
 
 use crate::signals;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -63,7 +63,7 @@ pub(crate) struct Keyboard {
 }
 
 impl Keyboard {
-    /// Takes the keys of the terminal on stdin, and the signals that would leave it as it must not be left. None
+    /// Takes the keys of the terminal on stdin, and the signals that would leave it unrestored. None
     /// if stdin or stderr is no terminal, or if it belongs to another process at the moment.
     ///
     /// `stop` is set by the first SIGINT or SIGTERM, by SIGHUP and by the key that ends; a second signal ends at once.
@@ -94,12 +94,12 @@ impl Keyboard {
         Ok((Some(Self { keys, terminal, end: Some(end), thread: Some(thread) }), stop))
     }
 
-    /// The next key, waiting for it at most so long.
+    /// The next key, waiting at most this long.
     pub(crate) fn wait(&self, at_most: Duration) -> Option<Key> {
         self.keys
             .recv_timeout(at_most)
             .inspect_err(|error| {
-                // the thread has nothing more to say, and waiting is still waiting
+                // the thread has ended; wait all the same
                 if *error == RecvTimeoutError::Disconnected {
                     thread::sleep(at_most);
                 }
@@ -126,7 +126,7 @@ impl Drop for Keyboard {
 
 /// Whether the terminal on stdin answers to us: another process in its foreground may not be disturbed.
 fn is_ours() -> bool {
-    // a terminal that does not control us asks for no order
+    // a terminal that does not control us needs no check
     tcgetpgrp(io::stdin()).map_or(true, |foreground| foreground == getpgrp())
 }
 
@@ -147,14 +147,14 @@ impl Terminal {
         Some(Self { found, keys, taken: AtomicBool::new(false) })
     }
 
-    /// Has it hand out each key at once, if it is ours.
+    /// Makes it hand out each key at once, if it is ours.
     fn take(&self) -> bool {
         let taken = is_ours() && tcsetattr(io::stdin(), OptionalActions::Now, &self.keys).is_ok();
         self.taken.store(taken, Ordering::SeqCst);
         taken
     }
 
-    /// Has it do what it did before. In the background that is the shell's business.
+    /// Restores it. In the background the shell does that.
     fn give_back(&self) {
         if self.taken.swap(false, Ordering::SeqCst) && is_ours() {
             // keys that were pressed for us are not left to the shell
@@ -263,7 +263,7 @@ impl Watch {
     }
 }
 
-/// The keys that a terminal tells by these bytes.
+/// The keys that these bytes of a terminal mean.
 fn keys_in(mut bytes: &[u8]) -> Vec<Key> {
     let mut keys = Vec::new();
     while let [first, rest @ ..] = bytes {

@@ -1,4 +1,4 @@
-//! What the system grants this process, and what is said when that is not enough.
+//! What the system grants this process, and the messages when that is not enough.
 
 use crate::failure::Form;
 use anyhow::Error;
@@ -19,7 +19,7 @@ const MEMORY_OF_A_COMMAND: u64 = 1 << 30;
 /// Whether stdout was closed when the process was started.
 static STDOUT_WAS_CLOSED: AtomicBool = AtomicBool::new(false);
 
-/// Looks at stdout before the standard library opens `/dev/null` in its place, where results would vanish without a
+/// Looks at stdout before the standard library replaces it by `/dev/null`, where results would vanish without a
 /// word.
 extern "C" fn look_at_stdout() {
     let closed = rustix::io::fcntl_getfd(rustix::stdio::stdout()).is_err();
@@ -38,17 +38,17 @@ extern "C" fn look_at_stdout() {
 #[unsafe(link_section = ".init_array")]
 static BEFORE_MAIN: extern "C" fn() = look_at_stdout;
 
-/// Whether there is nobody to whom results could be printed.
+/// Whether stdout is closed, so that results cannot be printed.
 pub(crate) fn stdout_was_closed() -> bool {
     STDOUT_WAS_CLOSED.load(Ordering::Relaxed)
 }
 
-/// Takes as many open files as there may be, and has memory that runs out end in a sentence.
+/// Raises the limit of open files, and makes running out of memory end in a sentence.
 pub(crate) fn prepare(form: Form) {
     let files = getrlimit(Resource::Nofile);
     let wanted = files.maximum.map_or(MOST_FILES, |maximum| maximum.min(MOST_FILES));
     if files.current.is_some_and(|files| files < wanted) {
-        // consumers cost files; what is not granted is explained when it is missed
+        // consumers need files; a limit that is too low is explained when it is met
         let _ = setrlimit(Resource::Nofile, Rlimit { current: Some(wanted), ..files });
     }
     let Some(limit) = getrlimit(Resource::As).current else { return };
@@ -79,7 +79,7 @@ fn no_memory(limit: u64) -> String {
     )
 }
 
-/// A failure with the limit that may be its cause, where that is a tight one.
+/// Adds to a failure the limit that may be its cause, if that is tight.
 pub(crate) fn explain(error: Error) -> Error {
     let files = getrlimit(Resource::Nofile).current.filter(|files| *files < FILES_OF_A_RUN);
     if let Some(files) = files {

@@ -1,4 +1,4 @@
-//! Where results go: refused before any work is done if it cannot be written in the end, in all commands alike.
+//! Outputs: every command refuses before any work those that could not be written in the end.
 
 use crate::args::{AnalysisArgs, FramesArgs, LookArgs};
 use crate::failure::{BadInput, Failure};
@@ -13,7 +13,7 @@ pub(crate) fn check_outputs(args: &AnalysisArgs, outputs: &[&PathBuf]) -> Result
     check_places(&outputs, &args.frames)
 }
 
-/// Refuses figures in other formats than SVG, PDF and PNG, and a look that none of them can have.
+/// Refuses figures in other formats than SVG, PDF and PNG, and a size or resolution without a figure that has it.
 pub(crate) fn check_figures(figures: &[PathBuf], look: LookArgs) -> Result<(), Failure> {
     for path in figures {
         check_extension(path, &["svg", "pdf", "png"], "a figure is written as .svg, .pdf or .png")?;
@@ -22,8 +22,7 @@ pub(crate) fn check_figures(figures: &[PathBuf], look: LookArgs) -> Result<(), F
         return Err(anyhow!("--size and --dpi are for a figure; name one with --figure")).bad_input();
     }
     if look.dpi.is_some() && !figures.iter().any(|path| extension(path) == "png") {
-        return Err(anyhow!("--dpi is for PNG files; an SVG or a PDF is as sharp as what shows it"))
-            .bad_input();
+        return Err(anyhow!("--dpi is for PNG files; an SVG or a PDF has no resolution")).bad_input();
     }
     Ok(())
 }

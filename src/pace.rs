@@ -3,17 +3,17 @@
 use crate::args::Pace;
 use std::time::{Duration, Instant};
 
-/// Whoever waits for the clock looks around after this long.
+/// Longest time to wait for the clock at once.
 pub(crate) const LONGEST_NAP: Duration = Duration::from_millis(20);
 
-/// Delays up to this one are made up for; nobody sees a race that is so short.
+/// Shorter delays are caught up; nobody sees that.
 const SLACK: Duration = Duration::from_millis(100);
 
 /// Says how far simulated time is ahead of where it may be.
 ///
-/// Times are compared with one moment at which both clocks were read, so that small delays do not add up. What is
-/// behind by more than [`SLACK`], after a stalled consumer or a suspended process, does not race: that moment moves, and
-/// the pace counts from where the simulated time is.
+/// Times are compared with one moment at which both clocks were read, so that small delays do not add up. A run
+/// that is behind by more than [`SLACK`], after a stalled consumer or a suspended process, does not race: that moment
+/// moves, and the pace counts from the present simulated time.
 #[derive(Debug)]
 pub(crate) struct Pacer {
     pace: Pace,

@@ -1,4 +1,4 @@
-//! What a run and a replay have in common: a publisher, its consumers, and what is said about them.
+//! Shared by runs and replays: a publisher, its consumers, and the notices about them.
 
 use crate::display::{self, counted, duration};
 use crate::failure::Failure;
@@ -26,7 +26,7 @@ pub(crate) fn open(
     Ok(publisher)
 }
 
-/// Whether frames may be published: `count` consumers are ready, and no signal came meanwhile.
+/// Waits for `count` consumers. False if a signal came meanwhile.
 pub(crate) fn wait_for_consumers(
     count: usize,
     publisher: &mut StatePublisher,

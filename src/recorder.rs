@@ -27,7 +27,7 @@ struct State {
     is_full: bool,
 }
 
-/// What the indexes at the end of a recording take at the most (bytes), which are written when it ends: those of many
+/// Most bytes of the indexes that are written when a recording ends: those of many
 /// small chunks.
 fn end_bytes(written_bytes: u64) -> u64 {
     (64 << 10) + (written_bytes / 16).min(16 << 20) // integers
@@ -168,18 +168,18 @@ impl Recorder {
 }
 
 impl State {
-    /// The recording under way, unless a thread that records rows has failed: each failure is an error once.
+    /// The recording under way, unless a thread that records rows has failed: each failure is reported once.
     fn recording(&mut self) -> Result<Option<&mut Recording>, WriteError> {
         self.failure.take().map_or(Ok(self.recording.as_mut()), Err)
     }
 }
 
-/// Records those frames of a run that are due, the first and the last one.
+/// Records the frames of a run that are due, and the first and the last one.
 pub(crate) struct DueFrames<'a> {
     recorder: &'a Recorder,
     manifest: &'a RunManifest,
     disk: DiskWatch,
-    /// A frame that was not due, in memory that the next one takes over.
+    /// The last frame that was not due, in reused memory.
     passed: Option<ChainState>,
     /// It is the last frame.
     ends_with_passed: bool,

@@ -1,4 +1,4 @@
-//! What is needed to go on with an interrupted run: its recording, written again up to where it ends.
+//! Resumes an interrupted run: writes its recording again up to where it ends.
 
 use crate::display::{self, count};
 use crate::failure::{BadInput, Failure};
@@ -18,7 +18,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Steps before the last state that are computed again at the most, times the beads: some ten seconds.
+/// Most bead-steps before the last state that are computed again: some ten seconds.
 const MOST_PROVEN: u64 = 1 << 34;
 
 /// An interrupted run that can be gone on with.
@@ -26,17 +26,17 @@ pub(crate) struct Resumption {
     recording: InterruptedRecording,
 }
 
-/// A recording that has everything that there was, and what to go on from.
+/// A recording with everything from the old one, and the state to go on from.
 pub(crate) struct Rebuilt {
     pub(crate) recorder: RecordingWriter,
     /// The last state; none if there was none yet.
     pub(crate) state: Option<ChainState>,
-    /// The old recording, as long as it has a state that the new one has not.
+    /// The old recording, as long as the new one lacks one of its states.
     pub(crate) old: Option<InterruptedRecording>,
 }
 
 impl Resumption {
-    /// Finds the recording `path` of a run that can be gone on with, into `out` or in its place.
+    /// Finds the recording `path` of a run that can be resumed, into `out` or in its place.
     pub(crate) fn find(path: &Path, out: Option<&Path>, force: bool) -> Result<Self, Failure> {
         let recording = InterruptedRecording::find(path, out, force).bad_input()?;
         if !recording.is_in_place() {
@@ -55,7 +55,7 @@ impl Resumption {
         self.recording.info()
     }
 
-    /// What is left to be done. Of a complete recording only its name may be missing, which it is given here.
+    /// What is left to do. A complete recording may lack only its name, and gets it here.
     pub(crate) fn unless_complete(self) -> Result<Option<Self>, Failure> {
         if !(self.recording.is_in_place() && self.info().is_complete()) {
             return Ok(Some(self));
@@ -131,12 +131,12 @@ impl Resumption {
     fn damaged(&self, what: &str) -> Failure {
         let path = self.recording.path().display();
         Failure::BadInput(anyhow!(
-            "{what}; `beadline recover {path} --out OTHER.mcap` keeps what is whole, which can be gone on with"
+            "{what}; `beadline recover {path} --out OTHER.mcap` keeps what is whole, and that can be resumed"
         ))
     }
 
-    /// Computes again how the run came to its last state, bit for bit, as far back as that takes some seconds: what a wrong
-    /// state leads to is wrong, and the old recording will be gone.
+    /// Computes the run's last states again and compares bits, as far back as some seconds allow: everything that
+    /// follows from a wrong state is wrong, and the old recording will be gone.
     fn prove(&self, publisher: &mut StatePublisher, stop: &Arc<AtomicBool>) -> Result<(), Failure> {
         let manifest = &self.info().manifest;
         let Some(last_step) = self.info().last_step else { return Ok(()) };
@@ -168,7 +168,7 @@ impl Resumption {
         Ok(())
     }
 
-    /// Copies the states that are due, and what belongs to them.
+    /// Copies the states that are due, and the messages that belong to them.
     fn copy(
         &self,
         recorder: &mut RecordingWriter,
@@ -235,22 +235,22 @@ enum Copied {
     Stopped,
 }
 
-/// Why a recording cannot be gone on with.
+/// Why a recording cannot be resumed.
 fn hindrance(info: &RecordingInfo) -> Option<String> {
     let no_states = info.frames() == 0;
     let first_step = info.first_step.unwrap_or(0);
     if let Some(damage) = &info.damage {
         let path = info.path.display();
         Some(format!(
-            "{damage}; `beadline recover {path} --out OTHER.mcap` keeps what is whole, which can be gone on with"
+            "{damage}; `beadline recover {path} --out OTHER.mcap` keeps what is whole, and that can be resumed"
         ))
     } else if no_states && (info.run_toml.is_none() || info.messages("/contacts") > 0) {
-        Some("it holds no states of a run, which alone can be gone on with".to_owned())
+        Some("it holds no states of a run: only a recording of states can be resumed".to_owned())
     } else if info.begin.first_step > 0 || info.begin.part > 1 || first_step > 0 {
         let step = count(info.begin.first_step.max(first_step)).to_string();
-        Some(format!("it begins with step {step}: only a recording from step 0 can be gone on with"))
+        Some(format!("it begins with step {step}: only a recording from step 0 can be resumed"))
     } else if info.end.as_ref().is_some_and(|end| end.reason == EndReason::Continued) {
-        Some("it goes on in its next part: only a recording in one part can be gone on with".to_owned())
+        Some("it goes on in its next part: only a recording in one part can be resumed".to_owned())
     } else if info.frames() > most_states(info) {
         let path = info.path.display();
         Some(format!(

@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 
-/// What an end at once leaves. Signals are the process's, and so is this.
+/// What stays behind if a second signal ends the process; one for the process, like signals.
 static LEFT: Mutex<String> = Mutex::new(String::new());
 
 /// A flag that the first signal sets. The second one ends the process.
@@ -38,7 +38,7 @@ pub(crate) fn stop_flag() -> io::Result<Arc<AtomicBool>> {
     Ok(stop)
 }
 
-/// A flag that every signal sets: for whoever has something to do before a second one ends the process.
+/// A flag that every signal sets, for code that must act before a second one ends the process.
 pub(crate) fn patient_stop_flag() -> io::Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {

@@ -36,12 +36,12 @@ pub(crate) struct Begin {
     pub(crate) can_seek: bool,
 }
 
-/// What a stage leaves behind for the next one and for the summary.
+/// What a stage hands on to the next one and to the summary.
 pub(crate) struct Left {
     /// The pace that was set last.
     pub(crate) pace: Pace,
     pub(crate) is_paused: bool,
-    /// Where the keys lead to from where it ended, one after the other.
+    /// The seeks that keys asked for at its end, in order.
     pub(crate) seeks: Vec<Seek>,
     /// Consumers that were dropped.
     pub(crate) dropped: Dropped,

@@ -32,7 +32,7 @@ pub(crate) struct Options {
     pub(crate) shard: Shard,
     /// Whether each point is recorded.
     pub(crate) record: bool,
-    /// Whether what another sweep has left in the directory is removed.
+    /// Whether the files of another sweep in the directory are removed.
     pub(crate) force: bool,
     /// Whether it begins without a question, however long it takes.
     pub(crate) yes: bool,
@@ -55,7 +55,7 @@ pub(crate) struct Outcome {
     pub(crate) failed: Vec<u64>,
     /// Points that have no row.
     pub(crate) missing: u64,
-    /// Points that were to be computed now and have no row.
+    /// Points without a row that should have been computed.
     pub(crate) left: u64,
     /// What was computed now.
     pub(crate) tally: Tally,
@@ -93,7 +93,7 @@ pub(crate) fn compute(
     outcome(sweep, &directory, tally, left, false)
 }
 
-/// Merges the rows that there are in the directory `out` of `sweep`, whether or not that is all.
+/// Merges the existing rows in the directory `out` of `sweep`, complete or not.
 ///
 /// # Errors
 /// When the directory is not one of this sweep, or the results cannot be written.

@@ -1,4 +1,4 @@
-//! The deformation of a contact while the first pulse passes it, against what theory expects.
+//! The deformation of a contact while the first pulse passes it, compared with theory.
 //!
 //! The first pulse at a contact begins with the first frame in which its overlap is above [`CLOSED`] L. It ends
 //! when the overlap is back below that, or, in a train whose pulses overlap, where it is smallest between
@@ -56,7 +56,7 @@ struct Followed {
 pub struct Deformation {
     /// The contact.
     pub contact: u64,
-    /// Its shape as measured, or why it cannot be told.
+    /// Its shape as measured, or why there is none.
     pub measured: Result<Shape, Untold>,
     /// Overlaps with their rates over time, at most [`FirstPulse::CAPACITY`].
     pub samples: Vec<Sample>,
@@ -126,7 +126,7 @@ impl Wave {
         }
     }
 
-    /// Half the length (beads) of what is not zero.
+    /// Half the length (beads) of the nonzero part.
     fn half_length_beads(&self) -> f64 {
         match self {
             Self::Exact(wave) => wave.half_length_beads(),

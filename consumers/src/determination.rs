@@ -143,7 +143,7 @@ impl Determination {
         &self.trail
     }
 
-    /// What was found out; none before the first look.
+    /// The result; none before the first look.
     pub fn outcome(&self) -> Option<Outcome> {
         let compared_until = self.last?;
         let rules_out =

@@ -38,7 +38,7 @@ pub struct EnergyRow {
     pub dissipated_j: f64,
     /// How far total and dissipated energy are off those of the initial state ([`Drift`]).
     pub relative_drift: f64,
-    /// What may still cross the split bead: its energy, and what moves towards it on the incident side. NaN
+    /// Energy that may still cross the split bead: its own, and that moving towards it on the incident side. NaN
     /// where nothing is reflected; see [`Undefined`].
     pub inbound_j: f64,
     /// The reflected energy without the recoil. NaN before the pulse has arrived at the split bead, and where
@@ -314,7 +314,7 @@ mod tests {
         assert_eq!(energies.over_transmitted().value, 6.5 / 9.0625);
         // beads 0 and 1 and their contact move to the right, and so does contact 1 on average, ½·(2 − 1) m/s
         assert_eq!(row.inbound_j, row.split_j + 5.0 + 1.0 + 0.5);
-        // the pulse was there in the first frame: nobody knows what it had left behind
+        // the pulse was there in the first frame: the energy that it left behind is unknown
         assert!(row.corrected_j.is_nan() && reflection.recoil.is_none());
     }
 

@@ -51,7 +51,7 @@ impl Default for Tally {
 /// Why a source could not be followed to its end.
 #[derive(Debug, thiserror::Error)]
 pub enum FollowError<S: std::error::Error + 'static, A: std::error::Error + 'static> {
-    /// The source failed; what was analysed before stays valid.
+    /// The source failed; results before stay valid.
     #[error(transparent)]
     Source(S),
     /// The analysis failed.

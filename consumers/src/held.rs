@@ -22,7 +22,7 @@ impl HeldFrame {
         self.v_m_s.extend_from_slice(frame.v_m_s);
     }
 
-    /// The frame, without what else its method needs to go on.
+    /// The frame, without the further values of its method.
     pub fn frame(&self) -> Frame<'_> {
         let (u_m, v_m_s) = (&self.u_m[..], &self.v_m_s[..]);
         Frame { frame: self.frame, step: self.step, time_s: self.time_s, u_m, v_m_s, extra: &[] }

@@ -17,7 +17,7 @@ const MAX_LINE_BYTES: u64 = 1 << 20;
 /// What table a journal belongs to.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JournalHead {
-    /// Identity of what the rows are computed from; two tables of one identity have the same rows.
+    /// Identity of the rows' origin; two tables of one identity have the same rows.
     pub identity: String,
     /// The columns, each of a kind.
     pub columns: Vec<Column>,
@@ -56,9 +56,9 @@ pub enum JournalError {
         /// The identity in it.
         found: String,
     },
-    /// Its first line, which says to which table its rows belong, is not what was written there.
+    /// Its first line, which says to which table its rows belong, was changed.
     #[error(
-        "the first line of {} is damaged, and nobody knows what its rows belong to: put the first line of another \
+        "the first line of {} is damaged, so that the table of its rows is unknown: put the first line of another \
          journal of the same table in its place, or move the file away to compute its rows again",
         path.display()
     )]
@@ -344,7 +344,7 @@ mod tests {
         }
     }
 
-    /// Rows that are whole are not lost because nobody can tell any more what they belong to.
+    /// Whole rows are not lost when the line that names their table is damaged.
     #[test]
     fn a_damaged_head_is_refused_and_nothing_is_lost() {
         let dir = tempfile::tempdir().expect("tempdir");

@@ -61,7 +61,7 @@ impl Direction {
     }
 }
 
-/// Where a pulse comes from, by what is near the first bead that it passes.
+/// Where a pulse comes from: the obstacle near the first bead that it passes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Birth {
     /// It was there when the frames began, or began again after a gap.

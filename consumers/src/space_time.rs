@@ -124,7 +124,7 @@ impl<T: Cell> Picture<T> {
         self.rows
     }
 
-    /// The values, row by row, the earliest row first; nothing where nothing is known.
+    /// The values, row by row, the earliest row first; none where unknown.
     pub fn cells(&self) -> impl Iterator<Item = Option<T>> {
         self.shown.iter().flat_map(move |shown| {
             let columns = 0..self.columns;

@@ -39,7 +39,7 @@ pub enum Kind {
 pub struct Column {
     /// The name.
     pub name: String,
-    /// What its values are; if it is not said, what the first of them is.
+    /// The type of its values; if not given, that of the first of them.
     pub kind: Option<Kind>,
 }
 
@@ -73,7 +73,7 @@ enum Form {
 
 impl Table {
     /// Creates the table `path` with `columns`. Existing files, also what another table left unfinished, are
-    /// replaced only with `replace`; what a living process writes never is.
+    /// replaced only with `replace`; a file that a living process writes is never replaced.
     ///
     /// # Errors
     /// When something is in the way, or the file cannot be created.
@@ -135,7 +135,7 @@ impl Table {
         written
     }
 
-    /// Removes the file, whatever is in it.
+    /// Removes the file.
     pub fn discard(self) {
         match self.form {
             Form::Csv(csv) => csv.discard(),

@@ -1,4 +1,4 @@
-//! Numbers with what they may be off by, and with no digit beyond it.
+//! Numbers with their uncertainty, and no digit beyond it.
 
 use std::fmt;
 use std::ops::Div;
@@ -21,7 +21,7 @@ pub struct Uncertain {
 /// Digits of what a number may be off by.
 const DIGITS: i32 = 2;
 
-/// Digits of a number of which nobody knows how good it is.
+/// Digits of a number of unknown uncertainty.
 const DIGITS_UNKNOWN: i32 = 3;
 
 /// Digits of a double that mean something.
@@ -33,12 +33,12 @@ impl Uncertain {
         Self { value, plus_minus: plus_minus.abs() }
     }
 
-    /// A value of which nobody knows how good it is.
+    /// A value of unknown uncertainty.
     pub fn unknown(value: f64) -> Self {
         Self { value, plus_minus: f64::NAN }
     }
 
-    /// The value, down to the second digit of what it may be off by; three digits if that is not known, and all of
+    /// The value, down to the second digit of its uncertainty; three digits if that is unknown, and all of
     /// them if it is exact.
     pub fn value_text(self) -> String {
         if !self.value.is_finite() {

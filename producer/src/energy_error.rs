@@ -16,7 +16,7 @@ pub struct EnergyError {
 }
 
 /// Makes the first `steps` steps of a run (at most all of them), looking at the energy after every
-/// `look_every`-th and after the last. `progress` is told the step at each look.
+/// `look_every`-th and after the last. `progress` is called with the step at each look.
 pub fn energy_error(
     physics: &Physics,
     steps: u64,

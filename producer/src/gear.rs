@@ -147,7 +147,7 @@ impl<'a> Terms<'a> {
     }
 }
 
-/// Replaces displacements and velocities by the predicted ones; the other terms are still those of before.
+/// Replaces displacements and velocities by the predicted ones; the other terms stay as they were.
 #[inline(always)]
 fn predict(dt_s: f64, terms: Terms<'_>) {
     let Terms { u_m, v_m_s, q2, q3, q4, q5 } = terms;

@@ -43,7 +43,7 @@ impl Integrator {
 
     /// Advances `state` by one step.
     ///
-    /// The states passed in successive calls must be those that the calls left behind.
+    /// Pass each call the state that the call before left.
     pub fn step(&mut self, state: &mut ChainState) {
         self.advance(state, state.step + 1);
     }
@@ -51,7 +51,7 @@ impl Integrator {
     /// Advances `state` by some steps, at least by one and at most to step `last`: by as many as can be made while the
     /// chain is fetched once. Where nobody looks at the states between, this is faster than step by step.
     ///
-    /// As for [`Integrator::step`], the states passed must be those that were left behind.
+    /// As for [`Integrator::step`], pass each call the state that the call before left.
     pub fn advance(&mut self, state: &mut ChainState, last: u64) {
         match &mut self.by_method {
             ByMethod::Splitting(splitting) => splitting.advance(state, last),

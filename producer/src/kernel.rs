@@ -46,7 +46,7 @@ impl Activity {
     }
 }
 
-/// The active beads and what pushes them, with slices over just these beads.
+/// The active beads and their forces, with slices over just these beads.
 #[derive(Debug, Clone)]
 pub(crate) struct Pushed<'a> {
     /// The window of active beads.

@@ -35,13 +35,13 @@ pub struct Recovery {
     pub recomputed: Vec<(u64, u64)>,
     /// How many states were recomputed.
     pub recomputed_count: u64,
-    /// States of the file that are not what the states before them lead to: recomputed or left out.
+    /// States of the file that do not follow from the states before them: recomputed or left out.
     pub differences: Vec<Difference>,
     /// How many there are.
     pub difference_count: u64,
     /// States without a checksum that holds and that could not be proven: left out, unless recomputed.
     pub unproven_count: u64,
-    /// Frames that should be in the file and are not in the new one, from and up to; up to an unknown one where the
+    /// Frames missing in the new file, from and up to; up to an unknown one where the
     /// file was cut off after damage. The first ranges.
     pub lost: Vec<(u64, Option<u64>)>,
     /// How many ranges there are.
@@ -72,7 +72,7 @@ pub struct OtherCounts {
 }
 
 impl Recovery {
-    /// Whether everything that was in the file is in the new one, and was what it must be.
+    /// Whether everything in the file was right, and is in the new one.
     pub fn is_whole(&self) -> bool {
         self.lost_count + self.difference_count == 0 && self.others.values().all(|counts| counts.lost == 0)
     }
@@ -92,7 +92,7 @@ pub enum RecoveryError {
     Stopped,
 }
 
-/// Writes what can be had of the recording `audit`, which begins as `begin` says, to `writer`, and leaves it to be
+/// Writes everything that can be saved of the recording `audit`, which begins as `begin` says, to `writer`, which must still be
 /// finished. With `fill` frames that are lost are recomputed. Of each topic the file should have `expected` messages,
 /// if that is known. `watch` sees the step of each state, and says whether to go on.
 ///

@@ -1,4 +1,4 @@
-//! Publishing a recording again: the frames of a source go to a publisher as those of a run do.
+//! Publishes a recording again: the frames of a source go to a publisher like those of a run.
 
 use crate::state::ChainState;
 use schemas::frame::{EndReason, Frame, FrameSink, FrameSource, Received, Window};
@@ -22,7 +22,7 @@ pub trait Conductor<P: FrameSink> {
     }
 }
 
-/// The manifest under which a recording is published: that of the run, so that nobody can tell.
+/// The manifest under which a recording is published: the run's, so that consumers see no difference.
 ///
 /// With another `name` it carries that one. With `every_step` each step is a frame, and has its own number.
 pub fn published_manifest(recorded: &RunManifest, name: Option<RunName>, every_step: bool) -> RunManifest {
@@ -81,7 +81,7 @@ pub enum Broken<E: std::error::Error + 'static> {
     /// The source failed.
     #[error(transparent)]
     Source(E),
-    /// Frames are not there; consumers would take what comes after them for frames that they have lost.
+    /// Frames are missing; consumers would think that they had lost them.
     #[error(
         "the frames {from} to {to} are not in the recording; `beadline expand` recomputes what is missing"
     )]
@@ -96,7 +96,7 @@ pub enum Broken<E: std::error::Error + 'static> {
 /// How a replay went.
 #[derive(Debug)]
 pub struct ReplayOutcome<E: std::error::Error + 'static> {
-    /// What consumers are to be told: the end of the recording; [`EndReason::Interrupted`] when the window ended
+    /// The end for consumers: the end of the recording; [`EndReason::Interrupted`] when the window ended
     /// before it or the conductor ended the replay; [`EndReason::Failed`] when it broke off.
     pub reason: EndReason,
     /// It ended because no more was asked for: the window ended before the recording.
@@ -144,7 +144,7 @@ impl<S: FrameSource> Replay<S> {
                         break ChainState::of_frame(&frame);
                     }
                 }
-                // what comes before the first frame is like what comes before one attaches
+                // frames before the first one are like those before attaching
                 Received::Missed { .. } => {}
                 Received::End(EndReason::Stopped) => return Err(BeginError::Stopped),
                 Received::End(_) => return Err(BeginError::NoFrame(window)),

@@ -1,4 +1,4 @@
-//! Recomputing what a source does not hold: the steps between recorded states, the frames before one
+//! Recomputes steps that a source does not hold: those between recorded states, the frames before one
 //! attached, the frames that were missed.
 //!
 //! A step is a pure function of the state before, so every state that a source does deliver is the
@@ -68,7 +68,7 @@ pub struct Resimulation<S> {
 #[derive(Debug, Clone, Copy)]
 enum Next {
     Unknown,
-    /// Missing, with nothing to compute them from, or to prove them by; then the end, if that is known.
+    /// Frames that cannot be computed, or not be proven; then the end, if known.
     Missed {
         from: u64,
         to: u64,
@@ -198,19 +198,19 @@ impl<S: FrameSource> Resimulation<S> {
     /// As [`Resimulation::new`].
     pub fn from_start(source: S, lend: Lend) -> Result<Self, OtherKernel> {
         let mut all = Self::new(source, lend)?;
-        // the initial state is lent like a state that the source delivers, and what comes is compared with it
+        // the initial state is lent like one of the source's, and the source's is compared with it
         all.next = Next::Target;
         Ok(all)
     }
 
-    /// Lends nothing before step `first_step`: what the source delivers before it is only computed on from.
+    /// Lends nothing before step `first_step`: earlier states of the source only serve to compute.
     #[must_use]
     pub fn lending_from(self, first_step: u64) -> Self {
         Self { first_step, ..self }
     }
 
-    /// Computes nothing after the last state that the source delivers: for sources that are not believed, because what
-    /// a file says of its end costs nothing to say, and no state proves it.
+    /// Computes nothing after the last state that the source delivers. For files: their claim about the end costs nothing
+    /// to make, and no state proves it.
     #[must_use]
     pub fn ending_with_the_last_state(self) -> Self {
         Self { ends_with_last_state: true, ..self }

@@ -14,7 +14,7 @@ pub struct RunOutcome {
     pub reason: EndReason,
     /// Frames published.
     pub published_count: u64,
-    /// Frames recorded; of a run that was gone on with, the new ones.
+    /// Frames recorded; only the new ones if the run was resumed.
     pub recorded_count: u64,
     /// The last step reached.
     pub last_step: u64,
@@ -22,7 +22,7 @@ pub struct RunOutcome {
     pub relative_drift: f64,
 }
 
-/// Why a run could not go on. What was published and recorded before stays valid.
+/// Why a run could not go on. Frames published and recorded before stay valid.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError<P: std::error::Error + 'static, R: std::error::Error + 'static> {
     /// The publisher refused a frame.
@@ -295,7 +295,7 @@ mod tests {
         assert_eq!((outcome.reason, outcome.last_step), (EndReason::Interrupted, 4));
     }
 
-    /// Ends the run after so many steps that are not published.
+    /// Ends the run after this many unpublished steps.
     struct StopBetween(u64);
 
     impl<P: FrameSink, R> Conductor<P, R> for StopBetween {
@@ -388,7 +388,7 @@ mod tests {
         }
     }
 
-    /// A stop that comes with the last frame changes nothing: the run is complete.
+    /// A stop at the last frame changes nothing: the run is complete.
     #[test]
     fn a_stop_at_the_last_frame_leaves_the_run_complete() {
         let (published, recorded, outcome) = steps(8);

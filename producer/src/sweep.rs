@@ -159,7 +159,7 @@ impl Sweep {
         &self.path
     }
 
-    /// SHA-256 over what decides the results: the physics of every point, its parameters, its analysed frames and
+    /// SHA-256 of everything that decides the results: the physics of every point, its parameters, its analysed frames and
     /// when it ends. Comments, layout and `record` are not in it.
     pub fn identity(&self) -> [u8; 32] {
         self.identity
@@ -296,7 +296,7 @@ impl Parameter {
     }
 }
 
-/// The keys of all settings, each once, with what its values are.
+/// The keys of all settings, each once, with the type of its values.
 fn parameters(definition: &Definition) -> Vec<Parameter> {
     let settings = || definition.cases.iter().chain(&definition.axes).flatten();
     let mut parameters: Vec<Parameter> = Vec::new();

@@ -1,4 +1,4 @@
-//! Twins of a run: what differs between them and the run is what its step and its rounding decide.
+//! Twins of a run: they differ from it by as much as its step and its rounding decide.
 //!
 //! The energy of a symplectic method stays where it is while the motion itself goes wrong, so its drift says nothing
 //! about that. Two more runs do:
@@ -135,7 +135,7 @@ impl Sibling {
     }
 }
 
-/// `v` moved away from zero by one unit in its last place, or in that of `least`; zero stays zero.
+/// `v` moved away from zero by one unit in the last place of `v` or of `least`; zero stays zero.
 fn moved(v: f64, least: f64) -> f64 {
     let size = if v.abs() > least { v.abs() } else { least };
     if v == 0.0 { v } else { v + (size.next_up() - size).copysign(v) }
@@ -147,7 +147,7 @@ pub fn moved_by_m_s(physics: &Physics) -> f64 {
     (moved(v, load_speed_m_s(physics)) - v).abs()
 }
 
-/// `L/T` (m/s) of the load, 0 in a chain that nothing loads.
+/// `L/T` (m/s) of the load, 0 in an unloaded chain.
 fn load_speed_m_s(physics: &Physics) -> f64 {
     let chain = physics.chain();
     let walls = [chain.walls.left.rest_overlap_m, chain.walls.right.rest_overlap_m];
@@ -174,7 +174,7 @@ mod tests {
         Physics::resolve(&config).expect("valid")
     }
 
-    /// The bits of the run are those of the run; each twin has those of a run of its own.
+    /// The run has the bits of the run alone, and each twin those of a run of its own.
     #[test]
     fn twins_are_runs() {
         for method in [Method::Rkn4, Method::VelocityVerlet, Method::Gear5] {

@@ -1,4 +1,4 @@
-//! Proving a recording: every state must be what the state before it leads to, every summary that of its state, and the
+//! Proves a recording: every state must follow from the state before it, every summary must match its state, and the
 //! file what was written.
 //!
 //! The file is read once, in order; its states are handed as they are, in batches, to threads that decode them and
@@ -56,7 +56,7 @@ pub struct Verification {
     pub summary_count: u64,
     /// Rows of results, by topic; they are in order, and the frames of the run. Their values were not looked at.
     pub rows: BTreeMap<String, RowsFound>,
-    /// Messages of other channels, by topic: nothing is known of them.
+    /// Messages of other channels by topic, which are not checked.
     pub foreign: BTreeMap<String, u64>,
     /// The configuration as the user gave it, if it is there.
     pub run_toml: Option<String>,
@@ -66,7 +66,7 @@ pub struct Verification {
     pub differences: Vec<Difference>,
     /// How many there are.
     pub difference_count: u64,
-    /// Summaries that are not those of their states; the first ones, in order.
+    /// The first summaries, in order, that do not match their states.
     pub summary_differences: Vec<SummaryDifference>,
     /// How many there are.
     pub summary_difference_count: u64,
@@ -74,7 +74,7 @@ pub struct Verification {
     pub damages: Vec<Damage>,
     /// How many there are.
     pub damage_count: u64,
-    /// The hash of the last state that the end of the file names, if it is not that of the last state.
+    /// The hash that the end of the file names, if it is not that of the last state.
     pub wrong_end_hash: Option<String>,
     /// Frames that should be there but are not, from and up to; the first ranges.
     pub missing: Vec<(u64, u64)>,
@@ -86,7 +86,7 @@ pub struct Verification {
     pub end_record: Option<EndRecord>,
     /// Why the states end.
     pub end: EndReason,
-    /// It was asked to stop: nothing is known of the states after this step.
+    /// It was asked to stop: states after this step are unchecked.
     pub stopped_after: Option<u64>,
 }
 
@@ -102,7 +102,7 @@ impl Verification {
         self.is_sound_so_far() && self.other_kernel.is_none()
     }
 
-    /// Whether nothing is wrong with what there is, as far as this program can tell.
+    /// Whether this program finds nothing wrong with the file.
     pub fn is_sound_so_far(&self) -> bool {
         let cut_off = |damage: &Damage| damage.kind == recording::DamageKind::Torn;
         self.state_count > 0
@@ -122,7 +122,7 @@ impl Verification {
 /// step of each state that was read; `stop` ends it early.
 ///
 /// # Errors
-/// When the operating system refuses, or the recording is none of states.
+/// When the operating system refuses, or the recording holds no states.
 pub fn verify(
     mut audit: Audit,
     threads: NonZero<usize>,
@@ -179,7 +179,7 @@ impl Read {
         }
         proof.differences.truncate(MOST_DIFFERENCES);
         let end_record = audit.end().cloned();
-        // what comes after the last state that can be read may be what was lost
+        // the end of the run may be among the states that were lost
         let is_last = |end: &&EndRecord| end.last_step == self.last.as_ref().map(|last| last.step);
         let said_hash = end_record.as_ref().filter(is_last).and_then(|end| end.last_state_hash.clone());
         Verification {

@@ -1,6 +1,6 @@
 //! The contact law: force and energy of two beads that overlap by `δ`.
 //!
-//! Force and energy share one power so that they are consistent to rounding, whoever evaluates
+//! Force and energy share one power so that they are consistent to rounding, in every loop that evaluates
 //! them: the dynamics, the analyses, or a re-simulation.
 
 use crate::power::power;
@@ -156,11 +156,11 @@ pub struct Contacts<'a> {
 }
 
 impl Contacts<'_> {
-    /// Sets the value of each contact that overlaps by more than `zero_below_m` to `value(overlap, stiffness)`, of others
-    /// to 0. In blocks of contacts of which none does nothing is computed; `note(number, any_closed)` is told of each
-    /// block, counted from 0.
+    /// Sets the value of each contact that overlaps by more than `zero_below_m` to `value(overlap, stiffness)`, that of each
+    /// other contact to 0. Blocks with no closed contact are skipped; `note(number, any_closed)` is called for each block,
+    /// counted from 0.
     ///
-    /// Wants to be [`vectorized`](crate::simd::vectorized).
+    /// Call it through [`vectorized`](crate::simd::vectorized).
     #[inline(always)]
     pub fn evaluate_closed(
         self,

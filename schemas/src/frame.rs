@@ -16,7 +16,7 @@ pub struct Frame<'a> {
     pub u_m: &'a [f64],
     /// Velocity of each bead (m/s), N values.
     pub v_m_s: &'a [f64],
-    /// What else the method needs to go on, `E·N` values (none for symplectic methods).
+    /// Further values that the method needs, `E·N` of them (none for symplectic methods).
     pub extra: &'a [f64],
 }
 
@@ -109,7 +109,7 @@ impl Window {
         (from <= to).then_some((from, to))
     }
 
-    /// Whether nothing that comes after `step` lies within, though the run goes on.
+    /// Whether no later step than `step` lies within, though the run goes on.
     pub fn ends_at(&self, manifest: &RunManifest, step: u64) -> bool {
         step < manifest.physics.step_count && manifest.physics.time_s(step + 1) > self.until_s
     }
@@ -117,7 +117,7 @@ impl Window {
 
 /// Where an analysis gets its frames from: a live run, a replay, a file or a re-simulation.
 ///
-/// A source never skips silently: what is not delivered is reported as [`Received::Missed`], in
+/// A source never skips silently: undelivered frames are reported as [`Received::Missed`], in
 /// order, and after [`Received::End`] it only repeats the end.
 pub trait FrameSource {
     /// What goes wrong in this kind of source.

@@ -41,7 +41,7 @@ impl fmt::Display for SchemaVersion {
     }
 }
 
-/// Where a run comes from, and what of it is published; decides no bit of a state.
+/// The origin of a run, and which of its frames are published; decides no bit of a state.
 ///
 /// [`RunManifest::from_json`] decides about unknown keys: a later minor version may have some.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -111,15 +111,15 @@ pub enum ManifestError {
     #[error("the manifest cannot be read")]
     Json(#[from] serde_json::Error),
     /// Of our version, but with something that no manifest of this version has.
-    #[error("the manifest has the unknown key `{key}`; it was changed, or is none of ours")]
+    #[error("the manifest has the unknown key `{key}`; it was changed, or another program wrote it")]
     UnknownKey {
         /// The key, such as `provenance.colour`.
         key: String,
     },
     /// Written by a later minor version, with contents that may not be left out.
     #[error(
-        "the manifest has schema version {found}, this program reads {SCHEMA_VERSION}, and what it says of the \
-         run goes beyond that; use a Beadline that reads {found}"
+        "the manifest has schema version {found}, this program reads {SCHEMA_VERSION}, and it has contents \
+         that cannot be left out; use a Beadline that reads {found}"
     )]
     Newer {
         /// The version found.

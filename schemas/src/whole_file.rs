@@ -24,7 +24,7 @@ use std::time::{Duration, Instant};
 
 /// A file on its way to its name.
 ///
-/// Dropped before [`publish`](Self::publish) it is removed, unless [`keep`](Self::keep) said that it is worth
+/// If it is dropped before [`publish`](Self::publish) it is removed, unless [`keep`](Self::keep) said that it is worth
 /// something: a start that failed must not stand in the way of the next one.
 #[derive(Debug)]
 pub struct WholeFile {
@@ -68,7 +68,7 @@ pub enum WholeFileError {
     },
     /// There is an unfinished file of this name.
     #[error(
-        "{} exists, the part of a file that an earlier command wrote; move it away, or replace it with --force",
+        "{} exists: a part of a file, left by an earlier command; move it away, or replace it with --force",
         path.display()
     )]
     PartialExists {
@@ -106,9 +106,9 @@ pub enum WholeFileError {
         /// Where it was.
         partial: PathBuf,
     },
-    /// There is no room, and so nothing of the file stays: what is left of it would only fill the disk.
+    /// There is no room, and the file was removed: a part of it would only fill the disk.
     #[error(
-        "cannot write {}, and what was written of it is removed: make room, or name a file on another disk",
+        "cannot write {}: there is no room, and the part that was written is removed; make room, or name a file on another disk",
         path.display()
     )]
     NoRoom {
@@ -141,7 +141,7 @@ impl WholeFileError {
         }
     }
 
-    /// Whether what was there before stands in the way: whoever named the file has to choose another name.
+    /// Whether an existing file is in the way, so that another name must be chosen.
     pub fn is_in_the_way(&self) -> bool {
         matches!(self, Self::Exists { .. } | Self::PartialExists { .. } | Self::NotAFile { .. })
     }
@@ -153,7 +153,7 @@ fn is_no_room(error: &io::Error) -> bool {
     matches!(error.kind(), StorageFull | QuotaExceeded | FileTooLarge)
 }
 
-/// How long the lock of a new file may be held by somebody who only looks at it.
+/// How long another process that only looks may hold the lock of a new file.
 const LOCK_PATIENCE: Duration = Duration::from_secs(1);
 
 /// How often a `.partial` may come or go while we try to create it.
@@ -175,7 +175,7 @@ impl WholeFile {
                 return Ok(Self {
                     path: path.to_owned(),
                     partial,
-                    // looked at under the lock: what another writer has finished before is there
+                    // looked at under the lock: another writer's finished file is there
                     replaced: if replace { Replaced::at(path) } else { None },
                     keep: false,
                     file: Arc::new(file),
@@ -205,14 +205,14 @@ impl WholeFile {
         self.keep = true;
     }
 
-    /// After an error: what was written stays, as [`keep`](Self::keep) said, unless there was no room for it.
+    /// After an error: the written part stays, as [`keep`](Self::keep) said, unless there was no room.
     #[must_use]
     pub fn refused(&mut self, source: io::Error) -> WholeFileError {
         self.keep &= !is_no_room(&source);
         WholeFileError::removed(&self.path)(source)
     }
 
-    /// Removes the file, whatever is in it.
+    /// Removes the file.
     pub fn discard(mut self) {
         self.keep = false;
     }
@@ -301,7 +301,7 @@ fn regular_file_at(path: &Path) -> Result<bool, WholeFileError> {
         return refuse("not the name of a file");
     }
     match path.symlink_metadata().map(|found| found.file_type()) {
-        // what is out of reach is refused by the operating system when it is created
+        // the operating system refuses an unreachable path when it is created
         Err(_) => Ok(false),
         Ok(found) if found.is_file() => Ok(true),
         Ok(found) if found.is_dir() => refuse("a directory"),

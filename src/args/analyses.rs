@@ -7,7 +7,7 @@ use source::Named;
 use std::num::NonZero;
 use std::path::PathBuf;
 
-/// Where frames come from, and which of them: what everything takes that reads them.
+/// Where frames come from, and which of them: for all commands that read frames.
 #[derive(Debug, Clone, Args)]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub(crate) struct FramesArgs {
@@ -99,7 +99,7 @@ pub(crate) struct ImpurityArgs {
     /// Table of the motion in each frame
     #[arg(long, value_name = "FILE.csv|.parquet")]
     pub(crate) out: Option<PathBuf>,
-    /// Table of what happened: contacts that close or open, turning points
+    /// Table of events: contacts that close or open, turning points
     #[arg(long, value_name = "FILE.csv|.parquet")]
     pub(crate) events: Option<PathBuf>,
     /// A bead to follow, repeatable [default: every impurity, or the middle bead]

@@ -28,7 +28,7 @@ pub(crate) struct CheckArgs {
     /// Ready-made configuration; see `beadline presets`
     #[arg(long, value_name = "NAME", default_value = "light-impurity")]
     pub(crate) preset: String,
-    /// Largest error of what is determined, in units of L, v0 and ½·m·v0²
+    /// Largest error of a determined quantity, in units of L, v0 and ½·m·v0²
     #[arg(long, value_name = "X", default_value_t = consumers::determination::TOLERANCE, value_parser = parse_tolerance)]
     pub(crate) tolerance: f64,
     /// Draw how the errors grow, repeatable

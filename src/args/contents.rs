@@ -1,4 +1,4 @@
-//! `beadline --help` as a table of contents: the commands under headings, in the order in which they are met.
+//! `beadline --help` as a table of contents: the commands under headings, in the order of use.
 
 use super::Cli;
 use clap::{Command, CommandFactory};

@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use figure::{Options, Size};
 use std::path::PathBuf;
 
-/// How figures look: what everything takes that draws.
+/// How figures look: for all commands that draw.
 #[derive(Debug, Clone, Copy, Args)]
 pub(crate) struct LookArgs {
     /// Size of figures: a column of a journal (86 mm), a page (178 mm), or a slide (254 mm, 16:9) [default: column]
@@ -29,7 +29,7 @@ impl LookArgs {
         Options { dpi: self.dpi.unwrap_or(default.dpi), ..default }
     }
 
-    /// The same as it is written, for another process.
+    /// The same as command-line words, for another process.
     pub(crate) fn flags(&self) -> Vec<String> {
         let size = self.size.and_then(|size| size.to_possible_value());
         let size = size.map(|size| format!("--size={}", size.get_name()));

@@ -14,7 +14,7 @@ pub(crate) enum Pace {
     PerSecond(f64),
 }
 
-/// A whole number, in words that a parser of numbers does not have.
+/// A whole number, with an error in plain words.
 pub(super) fn parse_whole(text: &str) -> Result<u64, String> {
     text.parse().map_err(|_| "expected a whole number, 0 or more".to_owned())
 }
@@ -24,7 +24,7 @@ pub(super) fn parse_positive(text: &str) -> Result<NonZero<u64>, String> {
     text.parse().map_err(|_| "expected a whole number, 1 or more".to_owned())
 }
 
-/// How many of something there are on this machine.
+/// A count for this machine, such as threads.
 pub(super) fn parse_count(text: &str) -> Result<usize, String> {
     text.parse().map_err(|_| "expected a whole number, 0 or more".to_owned())
 }
@@ -34,7 +34,7 @@ pub(super) fn parse_rounds(text: &str) -> Result<u32, String> {
     rounds.ok_or_else(|| "expected a whole number from 1 to 1000".to_owned())
 }
 
-/// A number; what it may be is decided where it is used.
+/// A number; its user checks the range.
 pub(super) fn parse_number(text: &str) -> Result<f64, String> {
     text.parse().map_err(|_| "expected a number, such as 0.5 or 1e-3".to_owned())
 }
@@ -114,7 +114,7 @@ pub(super) fn parse_impurity(text: &str) -> Result<Option<(u64, f64)>, String> {
     if text == "none" { Ok(None) } else { parse_pair(text).map(Some) }
 }
 
-/// A range of beads; an end that is not said is that of the chain.
+/// A range of beads; an end that is not given is the chain's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct BeadRange {
     /// The first bead.

@@ -49,7 +49,7 @@ pub(crate) fn check(args: &CheckArgs) -> Result<Done, Failure> {
     args.out.as_ref().map(|path| write_table(path, args.force, &determination)).transpose()?;
     if !args.figure.is_empty() {
         let figure = plots::determination(manifest, &determination);
-        args.figure.iter().try_for_each(|path| figure.write(path, args.look.options()))?;
+        args.figure.iter().try_for_each(|path| figure.write(path, args.look.options(), args.force))?;
     }
     let name = &manifest.provenance.name;
     let differs = !stopped && subject.recorded_hash.is_some_and(|recorded| recorded != last_state_hash);
@@ -63,7 +63,7 @@ pub(crate) fn check(args: &CheckArgs) -> Result<Done, Failure> {
         display::print(title + &table(physics, &outcome) + &explanation(physics, &outcome))?;
     }
     if stopped {
-        display::notice("stopped before the end of the run; what comes after was not compared");
+        display::notice("stopped before the end of the run; the rest was not compared");
     }
     if differs {
         display::notice(
@@ -78,7 +78,7 @@ fn is_whole(outcome: &Outcome) -> bool {
     outcome.first_lost().is_none()
 }
 
-/// The run that `args` name: that of a recording up to where it ends, or a configuration.
+/// The run that `args` name: a recording's up to its end, or a configuration's.
 fn subject(args: &CheckArgs) -> Result<Subject, Failure> {
     let recording = args.source.as_ref().filter(|path| extension(path) != "toml");
     let Some(path) = recording else {

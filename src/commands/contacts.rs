@@ -21,7 +21,7 @@ use serde_json::{Value, json};
 use source::Named;
 use std::path::{Path, PathBuf};
 
-/// The analysis with everything that its results go to.
+/// The analysis and its outputs.
 struct Outputs {
     contacts: Contacts,
     picture: Option<Picture<Class>>,
@@ -106,7 +106,7 @@ pub(crate) fn contacts(args: &ContactsArgs) -> Result<Done, Failure> {
     session.report(&tally, "contacts", summary(tolerance_m, &last), results(tolerance_m, &last))
 }
 
-/// Whether a file holds contacts and no states. What cannot be read is told when it is opened.
+/// Whether a file holds contacts and no states. An unreadable file is reported when it is opened.
 fn is_contact_map(path: &Path) -> bool {
     let info = RecordingInfo::read(path);
     info.is_ok_and(|info| info.messages("/contacts") > 0 && info.messages("/state") == 0)

@@ -75,7 +75,7 @@ pub(crate) fn deformation(args: &DeformationArgs) -> Result<Done, Failure> {
     )
 }
 
-/// Says so where the pulse is told from so few frames that its shape is their interpolation.
+/// Says so if so few frames hold the pulse that its shape is their interpolation.
 fn warn_of_coarse_frames(found: &[Deformation]) {
     for deformation in found {
         if let Some(samples) = samples_in_width(deformation).filter(|samples| *samples < LEAST_SAMPLES) {
@@ -121,7 +121,7 @@ fn write(table: &mut Table, deformation: &Deformation) -> Result<(), TableError>
     Ok(())
 }
 
-/// What was measured of a pulse, with what it may be off by: what every second frame alone shows otherwise, and the error
+/// The measured pulse with its uncertainty: the difference to the result of every second frame alone, and the error
 /// of the energy.
 struct Known {
     peak_s: Uncertain,
@@ -130,7 +130,7 @@ struct Known {
     asymmetry: Uncertain,
     impulse_n_s: Uncertain,
     speed_beads_per_s: Option<Uncertain>,
-    /// The part that velocities and momenta may be off, if told from the overlap.
+    /// The relative uncertainty of velocities and momenta, derived from the overlap.
     scale: f64,
 }
 

@@ -114,7 +114,7 @@ fn sparse_path(dir: &Path) -> PathBuf {
     dir.join(format!("{PRESET}-sparse.mcap"))
 }
 
-/// Refuses to start when results of before are in the way.
+/// Refuses to start when earlier results are in the way.
 fn check_free(dir: &Path, force: bool) -> Result<(), Failure> {
     let outputs = CONSUMERS.iter().flat_map(|(_, outputs)| outputs.iter().map(|(_, file)| *file));
     let outputs = outputs.chain(PROFILES).map(|file| dir.join(file));
@@ -129,13 +129,13 @@ fn check_free(dir: &Path, force: bool) -> Result<(), Failure> {
     }
 }
 
-/// The producer and its consumers; whatever still runs when this is dropped is told to end, and does so in
+/// The producer and its consumers. Those that still run when this is dropped are asked to end, and do so in
 /// order.
 struct Processes {
     running: Vec<Process>,
 }
 
-/// A process and the thread that collects what it says.
+/// A process and the thread that collects its output.
 struct Process {
     role: &'static str,
     pid: Pid,
@@ -255,7 +255,7 @@ impl Drop for Processes {
     }
 }
 
-/// What the demo takes from the recording itself: pulses, and the last frame.
+/// The demo's results from the recording: pulses, and the last frame.
 struct Look {
     probes: Probes,
     last: HeldFrame,
@@ -281,7 +281,7 @@ fn look_at_recording(args: &DemoArgs) -> Result<Vec<Passage>, Failure> {
     follow(&mut source, &mut look, &mut Tally::default(), |_| {})?;
     let figure = plots::profiles(&manifest, &look.last.frame());
     for file in PROFILES {
-        figure.write(&dir.join(file), args.look.options())?;
+        figure.write(&dir.join(file), args.look.options(), args.force)?;
     }
     Ok(look.probes.passages())
 }

@@ -15,7 +15,7 @@ use schemas::frame::Frame;
 use schemas::results::Topic;
 use serde_json::{Value, json};
 
-/// The analysis with everything that its results go to.
+/// The analysis and its outputs.
 struct Outputs {
     energies: Energies,
     /// Kept only for a figure.

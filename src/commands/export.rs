@@ -75,7 +75,7 @@ pub(crate) fn export(args: &ExportArgs) -> Result<Done, Failure> {
     report(args, format, &excerpt, &Exported { states, steps, tally, paths })
 }
 
-/// The format asked for, or that of the output's name.
+/// The format of --to, or of the output's name.
 fn format(args: &ExportArgs) -> Result<Format, Failure> {
     let end = extension(&args.out);
     let named = Format::ALL.into_iter().find(|format| format.extensions().contains(&end.as_str()));
@@ -147,7 +147,7 @@ impl Exporting {
     }
 }
 
-/// Takes every state of `window`; what comes before damage stays worth something.
+/// Takes every state of `window`; states before damage are kept.
 fn follow(frames: &mut Frames, exporting: &mut Exporting, window: Window) -> Result<Tally, Failure> {
     let mut tally = Tally::default();
     let followed = follow_within(frames, exporting, window, &mut tally, |_| {});
@@ -163,7 +163,7 @@ fn follow(frames: &mut Frames, exporting: &mut Exporting, window: Window) -> Res
     }
 }
 
-/// Does what takes long after the last state; says whether it came to its end.
+/// Does the long work after the last state; says whether it was finished.
 fn assemble(export: &mut dyn Export, excerpt: &Excerpt, stop: &AtomicBool) -> Result<bool, Failure> {
     let bar = display::progress_bar(1000, excerpt.manifest.provenance.name.as_str());
     display::tell(&bar, &["putting the file together"]);

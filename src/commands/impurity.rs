@@ -21,7 +21,7 @@ const MAX_EVENTS: usize = 10_000;
 
 const WIDTH: usize = Motion::QUANTITIES.len();
 
-/// The analysis with everything that its results go to.
+/// The analysis and its outputs.
 struct Outputs {
     followed: Followed,
     /// One a bead, kept only for a figure.
@@ -91,7 +91,7 @@ pub(crate) fn impurity(args: &ImpurityArgs) -> Result<Done, Failure> {
     session.report(&tally, "motion", rows(&beads, &events, event_count), json(&beads, &events, event_count))
 }
 
-/// The beads asked for, or every impurity, or the middle bead.
+/// The beads named, or every impurity, or the middle bead.
 fn beads(args: &ImpurityArgs, manifest: &RunManifest) -> Result<Vec<u64>, Failure> {
     if !args.bead.is_empty() {
         return args.bead.iter().map(|bead| check_bead(manifest, "--bead", *bead)).collect();

@@ -20,14 +20,14 @@ pub(crate) fn info(path: &Path, as_json: bool) -> Result<Done, Failure> {
     Ok(Done::whole_if(info.finished && info.damage.is_none()))
 }
 
-/// Whether it was closed, and whether it reaches the end of the run.
+/// One line: finished, damaged or being written, and which step of the run it reaches.
 fn state(info: &RecordingInfo, is_being_written: bool) -> String {
     let steps = info.manifest.physics.step_count;
     let reached = info.last_step.map_or("no step".to_owned(), |step| format!("step {}", count(step)));
     match &info.end {
         _ if info.damage.is_some() => format!("damaged: {}", info.damage.as_deref().unwrap_or_default()),
         None if is_being_written => {
-            format!("being written by a process that lives; so far it reaches {reached} of {}", count(steps))
+            format!("being written by a running process; so far it reaches {reached} of {}", count(steps))
         }
         None => format!("unfinished: it was not closed; it reaches {reached} of {}", count(steps)),
         Some(_) if info.is_complete() => format!("finished and complete: all {} steps", count(steps)),

@@ -19,7 +19,7 @@ pub(crate) fn completions(shell: Shell) -> Result<Done, Failure> {
     Ok(Done::Whole)
 }
 
-/// The script with what is not known before: the live runs, which `beadline ls --names` lists as they are then.
+/// The script, which asks `beadline ls --names` for the live runs each time.
 fn with_runs(shell: Shell, script: String) -> String {
     match shell {
         Shell::Bash => script + include_str!("manual/runs.bash"),

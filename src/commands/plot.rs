@@ -49,7 +49,7 @@ pub(crate) fn plot(args: &PlotArgs) -> Result<Done, Failure> {
     }
 }
 
-/// The quantity along the chain, if that is what is drawn.
+/// The quantity along the chain, if one is drawn.
 fn field(what: What) -> Option<Field> {
     match what {
         What::Velocity => Some(Field::Velocity),
@@ -79,7 +79,7 @@ fn name_of(what: What) -> String {
     what.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }
 
-/// Refuses what means something for a quantity along the chain only.
+/// Refuses flags that only have a meaning for a quantity along the chain.
 fn check_kind(args: &PlotArgs) -> Result<(), Failure> {
     let what = name_of(args.what);
     let moment = "these are drawn over time; --from and --until choose a part of it";
@@ -129,7 +129,7 @@ impl Moment {
         args.at.map(Self::Time).or(args.frame.map(Self::Frame))
     }
 
-    /// The step that is drawn: that of a frame, or any.
+    /// The step that is drawn: a frame's, or any.
     fn step(self, manifest: &RunManifest, every_step: bool) -> Result<u64, Failure> {
         let (physics, every) = (&manifest.physics, manifest.provenance.publish_every_steps);
         match self {
@@ -171,7 +171,7 @@ impl Analysis for Waiting {
 /// Draws a quantity along the chain at one time.
 fn profile(args: &PlotArgs, field: Field, moment: Moment, out: &PathBuf) -> Result<Done, Failure> {
     let is_file = matches!(args.frames.source, Named::File(_));
-    // a recording may be sparse there; of a live run nothing before the frame is of interest
+    // a recording may be sparse there; frames of a live run before this one are not needed
     let frames = FramesArgs { fill_gaps: args.frames.fill_gaps || is_file, ..args.frames.clone() };
     let mut session = Session::of_part(&frames, "plot", std::slice::from_ref(out), |manifest| {
         let time_s = manifest.physics.time_s(moment.step(manifest, frames.every_step)?);
@@ -184,7 +184,7 @@ fn profile(args: &PlotArgs, field: Field, moment: Moment, out: &PathBuf) -> Resu
     let step = *session.steps().start();
     let held = waiting.0.ok_or_else(|| absent(&manifest, step, &tally))?;
     let frame = held.frame();
-    plots::profile(&manifest, &frame, field, &places).write(out, args.look.options())?;
+    plots::profile(&manifest, &frame, field, &places).write(out, args.look.options(), args.frames.force)?;
     let chain = manifest.physics.chain();
     let values = field.values(&chain, &frame).skip(places.start).take(places.len());
     let extremes = extremes(values);
@@ -241,7 +241,11 @@ fn space_time(args: &PlotArgs, field: Field, out: &PathBuf) -> Result<Done, Fail
         Some(ColoursArg::Linear) => ColourSteps::Linear,
     };
     let range = args.range.map(|range| [range.from, range.to]);
-    plots::space_time(&manifest, field, &map.picture, steps, range)?.write(out, args.look.options())?;
+    plots::space_time(&manifest, field, &map.picture, steps, range)?.write(
+        out,
+        args.look.options(),
+        args.frames.force,
+    )?;
     let extremes = extremes(map.picture.cells().flatten().map(f64::from));
     let rows = vec![("values", extent_text(field, extremes))];
     let results = json!({

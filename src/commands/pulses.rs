@@ -23,7 +23,7 @@ use source::Named;
 /// Pulses shown in the summary.
 const SHOWN: usize = 12;
 
-/// Disturbances without a pulse that are told of, on the screen and in JSON.
+/// Most disturbances without a pulse that are listed, on the screen and in JSON.
 const TOLD: usize = 3;
 const MOST_IN_JSON: usize = 100;
 
@@ -56,7 +56,7 @@ const PULSE_COLUMNS: [&str; 19] = [
 const POINT_COLUMNS: [&str; 7] =
     ["pulse", "bead", "time_s", "v_peak_m_s", "speed_beads_per_s", "fwhm_beads", "asymmetry"];
 
-/// The analysis with everything that its results go to.
+/// The analysis and its outputs.
 struct Outputs {
     pulses: Pulses,
     strongest: Strongest,
@@ -161,12 +161,12 @@ fn with_enough_steps(args: &AnalysisArgs) -> Result<AnalysisArgs, Failure> {
     Ok(args)
 }
 
-/// Whether frames so many steps apart show the fastest pulses too coarsely.
+/// Whether frames this many steps apart show the fastest pulses too coarsely.
 fn is_coarse(manifest: &RunManifest, interval_steps: u64) -> bool {
     Pulses::longest_fine_interval_steps(manifest).is_some_and(|needed| interval_steps > needed)
 }
 
-/// How many pulses there are, and how many of them whatever the threshold.
+/// How many pulses there are, and how many of them at any threshold.
 fn counts_text(counts: &Counts, threshold_m_s: f64) -> String {
     let all = format!("{} with peaks above {threshold_m_s:.3e} m/s", count(counts.pulses));
     if counts.clear_pulses == counts.pulses {
@@ -250,7 +250,7 @@ fn published_row(row: &mut Vec<f64>, under_way: impl Iterator<Item = UnderWay>) 
     row.resize(PUBLISHED * PUBLISHED_COLUMNS.len(), f64::NAN);
 }
 
-/// Says what could not be followed; whether that is nothing.
+/// Says what could not be followed. True if everything was.
 fn warn(manifest: &RunManifest, pulses: &Pulses) -> bool {
     let counts = pulses.counts();
     let coarse = is_coarse(manifest, counts.longest_interval_steps);

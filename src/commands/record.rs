@@ -21,7 +21,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// How long a publisher of results that still runs may be silent once the run is over.
+/// How long a living publisher of results may be silent once the run is over.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// The same when it is we who leave.
@@ -98,7 +98,7 @@ pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
     summary.report(args.json)
 }
 
-/// Refuses an output that could not be written in the end; and says how much of its disk is to be left free.
+/// Refuses an output that could not be written in the end. Returns how much of its disk must stay free.
 fn check_output(args: &RecordArgs, split: &Split) -> Result<u64, Failure> {
     if args.out.extension().is_none_or(|end| end != "mcap") {
         let message = format!("--out {}: a recording is written as .mcap", args.out.display());
@@ -146,7 +146,7 @@ fn attach(
     attach_with(bus, name, delivery, &options)
 }
 
-/// The manifest of the recording: that of the run, which may be recorded at other steps.
+/// The manifest of the recording: the run's, perhaps with other recorded steps.
 fn manifest(args: &RecordArgs, manifest: &RunManifest) -> Result<RunManifest, Failure> {
     let Some(steps) = args.record_every_steps else { return Ok(manifest.clone()) };
     let published = manifest.provenance.publish_every_steps;
@@ -157,7 +157,7 @@ fn manifest(args: &RecordArgs, manifest: &RunManifest) -> Result<RunManifest, Fa
     })
 }
 
-/// The frames as they come, or with those recomputed that do not.
+/// The frames as they come, with missing ones recomputed if asked.
 fn frames(args: &RecordArgs, live: LiveSource) -> Result<Frames, Failure> {
     let source = Source::Live(Box::new(live));
     if args.from_start || args.fill_gaps {
@@ -243,7 +243,7 @@ impl Summary<'_> {
             display::print(self.text())?;
         }
         self.warn();
-        // a part that the next one goes on from is no end of ours
+        // a part that is continued is not the end
         let ended_well = self.end.is_orderly() && self.end != EndReason::Detached;
         let rows_are_whole = self.results.iter().all(RowTally::is_whole);
         Ok(Done::whole_if(ended_well && rows_are_whole && self.missed_count == 0))

@@ -49,7 +49,7 @@ pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
             format!("{} has no state that can be read, so there is nothing to recover", from.display());
         Failure::BadInput(anyhow!(message))
     };
-    // before anything of the size is made that the manifest claims
+    // before anything is allocated in the size that the manifest claims
     if !has_a_state(from)? {
         return Err(no_state());
     }
@@ -83,7 +83,7 @@ pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
         give_name(&place, to, force).with_context(|| format!("the result stays in {}", place.display()))?;
         to.clone_into(&mut finished.path);
     }
-    // what it was made of may lie in more ways than can be mended
+    // the file that it was made from may be wrong in more ways than can be repaired
     let cores = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
     let verified = verify_file(&finished.path, None, cores, &stop)?;
     let outcome = Outcome { recovery, finished, lying_toml, verified };
@@ -118,7 +118,7 @@ fn has_a_state(path: &Path) -> Result<bool, Failure> {
     }
 }
 
-/// Locks the source against writers; one that lives keeps us away.
+/// Locks the source against writers; fails while one lives.
 fn lock(path: &Path) -> Result<File, Failure> {
     let file = File::open(path).with_context(|| path.display().to_string()).map_err(Failure::BadInput)?;
     match file.try_lock_shared() {
@@ -132,7 +132,7 @@ fn lock(path: &Path) -> Result<File, Failure> {
     }
 }
 
-/// Whether `file` is what stands at `path`, so that whatever was opened there since it was locked is the same.
+/// Whether `file` is still the file at `path`, so that anything opened there since it was locked is the same file.
 fn is_at(file: &File, path: &Path) -> bool {
     let identity = |found: Metadata| (found.dev(), found.ino());
     let (ours, there) = (file.metadata().map(identity).ok(), path.metadata().map(identity).ok());

@@ -49,7 +49,7 @@ pub(crate) fn replay(args: &ReplayArgs) -> Result<Done, Failure> {
             (seeks, _) => Window { from_s: seek::target_s(args, &manifest, whole, step, seeks)?, ..whole },
         };
     }
-    // the terminal shows what is said from here on, and what is typed
+    // from here on the terminal shows messages and typed keys again
     drop(keyboard);
     summary.report(args, stop.load(Ordering::Relaxed))
 }
@@ -64,7 +64,7 @@ fn window(args: &ReplayArgs) -> Result<Window, Failure> {
     Ok(window)
 }
 
-/// The recording at the first frame to be published; none if we were stopped before.
+/// The recording at the first frame to publish; none if stopped before.
 fn begin(
     args: &ReplayArgs,
     window: Window,
@@ -130,7 +130,7 @@ fn publish(
     let wait_for = if summary.seeks.is_empty() {
         args.wait_for.unwrap_or(usize::from(args.rate == Pace::Max))
     } else {
-        // who was there has left with the stream before, and the person at the keys is still there
+        // consumers have left with the stream before, and the person at the keys is still there
         0
     };
     let mut publisher = publishing::open(replay.manifest(), &options, wait_for)?;

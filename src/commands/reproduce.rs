@@ -85,7 +85,7 @@ fn runs_of(studies: &[&'static Study]) -> BTreeMap<String, Run> {
     studies.iter().flat_map(|study| (study.runs)()).map(|run| (run.name().to_owned(), run)).collect()
 }
 
-/// Before anything is computed: what would be written must not be there, unless it may be replaced.
+/// Refuses before anything is computed to overwrite existing files, unless they may be replaced.
 fn refuse_to_overwrite(args: &ReproduceArgs, studies: &[&'static Study]) -> Result<(), Failure> {
     let figures = studies.iter().flat_map(|study| ["svg", "png"].map(|end| figure_path(study, end)));
     let pages = ["REPORT.md", "GALLERY.md", "report.json"].map(str::to_owned);
@@ -103,7 +103,7 @@ fn refuse_to_overwrite(args: &ReproduceArgs, studies: &[&'static Study]) -> Resu
     Ok(())
 }
 
-/// Simulates and looks at all that the studies need; nothing if `stop` was set.
+/// Simulates and observes everything that the studies need; none if `stop` was set.
 fn observe(
     args: &ReproduceArgs,
     studies: &[&'static Study],
@@ -147,7 +147,7 @@ fn write_figure(figure: &Figure, study: &Study, args: &ReproduceArgs) -> Result<
         if let Some(directory) = path.parent() {
             cache::create(directory)?;
         }
-        figure.write(&path, args.look.options())?;
+        figure.write(&path, args.look.options(), true)?;
     }
     Ok(())
 }

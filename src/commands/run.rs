@@ -29,13 +29,13 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// A relative drift of the energy that a user should hear of.
+/// Relative energy drift above which the user is told.
 const LARGE_DRIFT: f64 = 1e-4;
 
-/// The same with damping, of which the default step promises 1e-3.
+/// The same with damping, for which the default step promises 1e-3.
 const LARGE_DAMPED_DRIFT: f64 = 2e-3;
 
-/// A run may add up so many roundings, most of which cancel.
+/// Roundings that a run may add up; most of them cancel.
 const MANY_ROUNDINGS: f64 = 30.0;
 
 /// Durations that differ by less, relative, differ by rounding.
@@ -68,12 +68,11 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         None => producer::run::run(manifest, &mut publisher, recorder.as_mut(), &mut stage),
     };
     let left = stage.leave(&mut publisher);
-    // the terminal shows what is said from here on, and what is typed
+    // from here on the terminal shows messages and typed keys again
     drop(keyboard);
 
     let reason = result.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
-    // in this order, so that whoever hears of the end finds the recording; neither is left out when the
-    // other fails
+    // the recording first, so that it is there when consumers hear of the end; both are finished even if one fails
     let recording = recorder.map(|recorder| recorder.finish(reason)).transpose();
     if let Ok(Some(finished)) = &recording {
         signals::would_leave(format!("{} is finished", finished.path.display()));
@@ -84,7 +83,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     }
     let (outcome, recording, counts) = (result?, recording?, counts?);
     if let Some(old) = old {
-        // it had the state that the run was gone on from
+        // it held the state from which the run was resumed
         old.remove()?;
     }
 
@@ -129,7 +128,9 @@ impl Start {
         if let Some(path) = &args.resume {
             let found = Resumption::find(path, args.out.as_deref(), args.force)?;
             let found = found.unless_complete()?;
-            return Ok(found.map(|found| (Configured::recorded(found.info()), Self::Resumed(Box::new(found)))));
+            return Ok(
+                found.map(|found| (Configured::recorded(found.info()), Self::Resumed(Box::new(found))))
+            );
         }
         let configured = configure(args)?;
         let name = &configured.manifest.provenance.name;
@@ -288,7 +289,7 @@ fn announce(configured: &Configured, out: Option<&Path>, options: &WriteOptions)
     Ok(needed.at_least_bytes as f64 / free.max(1) as f64)
 }
 
-/// Says so if a step that was asked for does not divide the duration.
+/// Says so if the given step does not divide the duration.
 fn tell_end(configured: &Configured) {
     let physics = &configured.manifest.physics;
     let (asked_s, end_s) = (configured.duration_s, physics.time_s(physics.step_count));
@@ -334,7 +335,7 @@ struct Summary<'a> {
     counts: PublishCounts,
     left: Left,
     recording: Option<Finished>,
-    /// Until when it is determined, if that was asked for.
+    /// Until when the run is determined, if asked.
     determined: Option<Determined>,
 }
 

@@ -96,7 +96,9 @@ impl Summary<'_> {
 
     fn warn(&self, args: &SweepArgs) {
         for index in &self.outcome.tally.broken {
-            display::notice(format_args!("point {index}: this program went wrong, see above; it has no row"));
+            display::notice(format_args!(
+                "point {index}: the program panicked, see above; the point has no row"
+            ));
         }
         if !self.outcome.failed.is_empty() {
             let failed = counted(self.outcome.failed.len() as u64, "run");

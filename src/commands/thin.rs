@@ -44,7 +44,7 @@ pub(crate) fn thin(args: &ThinArgs) -> Result<Done, Failure> {
     rewrite.run("thinned")
 }
 
-/// Keeps every `every_steps`-th state of the recording `from` in `to`, and says nothing.
+/// Keeps every `every_steps`-th state of the recording `from` in `to`, silently.
 pub(crate) fn thin_quietly(
     from: &Path,
     to: &Path,
@@ -116,7 +116,7 @@ impl Rewrite<'_> {
         Err(Failure::Failed(what))
     }
 
-    /// What is said of a recording that was not closed.
+    /// The failure for a recording that was not closed.
     fn unfinished(&self, info: &RecordingInfo) -> Failure {
         let from = self.from.display();
         let why = info.damage.as_ref().map_or_else(String::new, |damage| format!(" ({damage})"));

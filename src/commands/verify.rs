@@ -113,7 +113,7 @@ impl Verified {
             && self.follows.as_ref().is_none_or(Follows::is_proven)
     }
 
-    /// Whether nothing is wrong with what there is, as far as this program can tell.
+    /// Whether this program finds nothing wrong with the file.
     fn is_sound(&self) -> bool {
         self.found.is_sound_so_far()
             && self.rows.iter().all(|rows| rows.difference_count == 0)
@@ -187,7 +187,7 @@ impl Verified {
         rows
     }
 
-    /// What is damaged; that a file ends within a record while it is being written is no damage.
+    /// The damages. A file that ends within a record while it is being written is not damaged.
     fn damages(&self) -> impl Iterator<Item = &Damage> {
         let is_open_end = |damage: &&Damage| self.is_being_written && damage.kind == DamageKind::Torn;
         self.found.damages.iter().filter(move |damage| !is_open_end(damage))

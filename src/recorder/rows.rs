@@ -38,9 +38,9 @@ pub(crate) struct RowTally {
     pub(crate) first_frame: Option<u64>,
     /// Frame of the last one.
     pub(crate) last_frame: Option<u64>,
-    /// Rows published, but missed: frames from and up to.
+    /// Missed rows: frames from and up to.
     pub(crate) missed: Vec<(u64, u64)>,
-    /// Why no more rows were taken, if that was not their end.
+    /// Why recording rows stopped, if before their end.
     pub(crate) trouble: Option<String>,
 }
 
@@ -202,7 +202,7 @@ struct Rows<'a, T: ResultElement> {
     columns: ResultColumns,
     /// What the columns are, once there is a row.
     kind: Option<ResultKind>,
-    /// The last row that was published, but has not come.
+    /// The last published row, which has not arrived.
     owed: Option<u64>,
     heard_at: Instant,
     tally: RowTally,
@@ -272,7 +272,7 @@ impl<'a, T: ResultElement> Rows<'a, T> {
             return Ok(true);
         }
         if !attached {
-            // an analysis that joined late may be about to begin
+            // an analysis that joined late may be about to publish
             return Ok(self.tally.count > 0 || end.since.elapsed() >= end.patience.min(LAST_LOOK));
         }
         if self.heard_at.max(end.since).elapsed() < end.patience {

@@ -1,6 +1,6 @@
 //! The directory of a sweep.
 //!
-//! - `sweep.toml` the sweep file as it was given, `sweep.json` what it is
+//! - `sweep.toml` the sweep file as given, `sweep.json` its identity
 //! - `rows/I-of-N.rows` the journal of each shard
 //! - `results.csv`, `results.parquet` the merged rows; `timings.csv` how long each took
 //! - `recordings/point-000123.mcap` where recordings are asked for
@@ -127,7 +127,7 @@ impl Directory {
         )))
     }
 
-    /// Refuses a directory that somebody uses for something else.
+    /// Refuses a directory that is used for something else.
     fn check_empty(&self, sign: &Sign) -> Result<(), Failure> {
         for entry in fs::read_dir(&self.path)? {
             let name = entry?.file_name();
@@ -153,7 +153,7 @@ impl Directory {
         }
         let journals = self.journals()?;
         for path in &journals {
-            // whatever else is wrong with it ends here
+            // anything else that is wrong with it is reported here
             if let Err(error @ JournalError::Busy { .. }) = Journal::open(path, &self.head) {
                 return Err(Failure::Failed(error.into()));
             }

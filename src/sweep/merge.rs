@@ -10,7 +10,7 @@ use experiments::ERROR_COLUMN;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// The rows that there are, by index, from every journal of the sweep of `point_count` points.
+/// The existing rows by index, from every journal of the sweep of `point_count` points.
 ///
 /// # Errors
 /// When a journal cannot be read, or when a row was computed twice with different results.
@@ -102,7 +102,7 @@ fn table(
     rows: &BTreeMap<u64, Entry>,
     cells: impl Fn(&Entry) -> Vec<Cell>,
 ) -> Result<PathBuf, TableError> {
-    // what is there was merged from the same sweep
+    // the existing tables were merged from the same sweep
     let mut table = Table::create(path, columns, true)?;
     for entry in rows.values() {
         table.integer(entry.index);

@@ -143,7 +143,7 @@ fn wrong_flags_are_refused_in_plain_words() {
         ("run --striker=99999=1", "--striker"),
         ("run --publish-every-steps=0", "--publish-every-steps"),
         ("run --record-every-steps=0", "--record-every-steps"),
-        ("run --out=/proc/x.mcap", "has no room for any file"),
+        ("run --out=/proc/x.mcap", "stores no files"),
         ("run --out=x.txt", ".mcap"),
         ("energies run.mcap --split=99", "--split 99: the chain has beads 0 to 19"),
         ("energies run.mcap --from=1", "--from 1: the run ends at"),
@@ -300,8 +300,12 @@ fn a_full_disk_is_not_kept_full() {
             "mount -t tmpfs -o size=512k tmpfs small && {{ {PROGRAM} {command} small/{file}; code=$?; ls small >left.txt; exit $code; }}"
         );
         let Some(ended) = in_a_namespace(&place, &script) else { return };
-        let ended =
-            ended.exits(1).says(&[file, "what was written of it is removed", "make room", "No space left"]);
+        let ended = ended.exits(1).says(&[
+            file,
+            "the part that was written is removed",
+            "make room",
+            "No space left",
+        ]);
         assert!(
             !ended.stderr().contains("ZipWriter") && !ended.stderr().contains("Os {"),
             "{}",

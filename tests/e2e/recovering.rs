@@ -458,7 +458,7 @@ fn a_living_run_is_left_alone() {
     assert!(!place.path("out.mcap").exists());
     // what is being written is not broken
     let said = place.run("info run.mcap.partial").exits(3).stdout();
-    assert!(said.contains("being written by a process that lives; so far it reaches step"), "{said}");
+    assert!(said.contains("being written by a running process; so far it reaches step"), "{said}");
     let said = place.run("verify run.mcap.partial").exits(3).stdout();
     assert!(said.contains("proven as far as it is written") && said.contains("wait for its end"), "{said}");
     assert!(!said.contains("NOT WHOLE") && !said.contains("recover"), "{said}");

@@ -1,4 +1,4 @@
-//! Runs that are gone on with.
+//! Runs that are resumed.
 
 use crate::harness::{Place, wait_until};
 use recording::{BeginRecord, RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};
@@ -204,7 +204,10 @@ fn what_a_killed_resume_left_is_not_taken_for_something_else() {
     fs::remove_file(place.path("run.mcap.partial")).unwrap();
     fs::write(place.path("run.mcap"), &other).unwrap();
     for name in ["run.mcap", "run.mcap.partial", "run.mcap.interrupted"] {
-        place.run(&format!("run --resume {name}")).exits(2).says(&["run.mcap,", "move one of them away"]);
+        place
+            .run(&format!("run --resume {name}"))
+            .exits(2)
+            .says(&["while run.mcap exists", "move one of them away"]);
     }
     assert!(fs::read(place.path("run.mcap")).unwrap() == other);
     fs::remove_file(place.path("run.mcap")).unwrap();
@@ -351,7 +354,7 @@ fn what_cannot_be_gone_on_with_is_refused_and_stays() {
 
     fs::write(place.path("run.mcap.partial"), &recording[..recording.len() / 2]).unwrap();
     refused("run.mcap", &["run.mcap.partial", "move one of them away"]);
-    refused("run.mcap.partial", &["run.mcap,", "move one of them away"]);
+    refused("run.mcap.partial", &["while run.mcap exists", "move one of them away"]);
     fs::remove_file(place.path("run.mcap.partial")).unwrap();
 
     let info = RecordingInfo::read(&place.path("run.mcap")).unwrap();

@@ -32,7 +32,7 @@ impl Csv {
                 return Err(error);
             }
         };
-        // from here on whatever goes wrong removes both
+        // from here on an error removes both
         csv.tables = Some(Tables { states, chain });
         csv.manifest = Some(WholeFile::create(&beside("manifest.json"), replace)?);
         Ok(csv)

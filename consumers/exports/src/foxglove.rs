@@ -1,4 +1,4 @@
-//! For Foxglove, Lichtblick and Rerun: an MCAP file with messages that they show without being told how.
+//! For Foxglove, Lichtblick and Rerun: an MCAP file with messages that they show without any setting.
 
 mod cloud;
 mod colour;
@@ -148,7 +148,7 @@ impl Export for Foxglove {
         self.space_time.gap();
     }
 
-    /// The map, known only now, stands at the begin of the time, so that it is there whatever moment is shown.
+    /// The map, known only now, is stamped with the first time, so that it is there at every moment that is shown.
     fn finish(mut self: Box<Self>) -> Result<Vec<PathBuf>, ExportError> {
         let begin_s = self.excerpt.begin_s();
         // in chunks of their own: those before keep to the order of time

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// What a chunk of a dataset has at most, unless a single state has more.
 const CHUNK_BYTES: usize = 1 << 20;
 
-/// Values of a chunk of what has one value for each state.
+/// Values in a chunk of a dataset with one value for each state.
 const CHUNK_STATES: usize = 1 << 13;
 
 /// The file, with a dataset that grows for each quantity.
@@ -99,11 +99,11 @@ fn error_of(file: &WholeFile, error: &Hdf5Error) -> WholeFileError {
     WholeFileError::io(file.partial())(io::Error::other(error.to_string()))
 }
 
-/// The group `h5md`, which says what layout this is.
+/// The group `h5md`, which names the layout.
 fn describe_file(h5: &H5File) -> Result<(), Hdf5Error> {
     let h5md = h5.create_group("h5md")?;
     h5md.set_attr_array_numeric("version", &[1_i32, 1])?;
-    // whoever ran the command is not known, and needs not be
+    // the user is unknown, and need not be known
     h5md.create_group("author")?.set_attr_string("name", "unknown")?;
     let creator = h5md.create_group("creator")?;
     creator.set_attr_string("name", "beadline")?;
@@ -113,7 +113,7 @@ fn describe_file(h5: &H5File) -> Result<(), Hdf5Error> {
     units.set_attr_string("system", "SI")
 }
 
-/// The group `parameters`: the manifest, and what of it is looked up most.
+/// The group `parameters`: the manifest, and its values that are looked up most.
 fn describe_run(h5: &H5File, excerpt: &Excerpt) -> Result<(), Hdf5Error> {
     let parameters = h5.create_group("parameters")?;
     parameters.write_vlen_strings("manifest", &[&excerpt.manifest.to_json()])?;

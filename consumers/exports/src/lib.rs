@@ -1,7 +1,7 @@
 //! States for other people's tools, each format in a module of its own.
 //!
 //! An [`Export`] takes states one by one and keeps none of them in memory. Its file has its name only when
-//! [`Export::finish`] has given it; dropped before that, nothing of it is left.
+//! [`Export::finish`] has given it; if dropped before that, it leaves nothing.
 
 mod csv;
 mod foxglove;
@@ -21,7 +21,7 @@ use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// What is exported of a run.
+/// The part of a run that is exported.
 #[derive(Debug, Clone)]
 pub struct Excerpt {
     /// The run.
@@ -99,8 +99,8 @@ pub trait Export {
     /// States that were recorded are missing before the next one.
     fn gap(&mut self) {}
 
-    /// Does a part of what is left to do when there are no more states, if that takes long, and gives the fraction that is
-    /// done, none when it is all. What nobody has asked for is done by [`finish`](Self::finish).
+    /// Does a part of the long work after the last state, and returns the fraction done; none when all is done.
+    /// [`finish`](Self::finish) does the rest.
     ///
     /// # Errors
     /// When the disk does not take it.
@@ -135,7 +135,7 @@ pub enum ExportError {
 }
 
 impl ExportError {
-    /// Whether what was there before stands in the way.
+    /// Whether an existing file is in the way.
     pub fn is_in_the_way(&self) -> bool {
         match self {
             Self::File(error) => error.is_in_the_way(),

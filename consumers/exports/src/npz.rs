@@ -61,7 +61,7 @@ impl Npz {
         Ok(Self { excerpt: excerpt.clone(), states: 0, rows, done: 0, copied_bytes: 0, zip, file })
     }
 
-    /// Copies a piece of the spools into the ZIP file, and gives the fraction that is there, none if it is all.
+    /// Copies a piece of the spools into the ZIP file, and returns the fraction done; none when all is done.
     fn copy_piece(&mut self) -> io::Result<Option<f64>> {
         let total: u64 = self.rows.iter().map(|rows| rows.spool.bytes()).sum();
         let Some(Rows { name, dtype, of_beads, spool }) = self.rows.get_mut(self.done) else {
@@ -119,8 +119,8 @@ impl Export for Npz {
 /// The ZIP file.
 struct Zip(ZipWriter<UntilError>);
 
-/// Takes bytes until one is refused, and whatever comes after that: a ZIP file that is given up tries to write its end,
-/// and would say on stderr that it could not.
+/// Takes bytes until one is refused, and then pretends to take the rest: a ZIP file that is given up tries to write its
+/// end, and would say on stderr that it could not.
 struct UntilError {
     out: BufWriter<Arc<File>>,
     position: u64,
@@ -193,7 +193,7 @@ impl Zip {
         self.0.write_all(values)
     }
 
-    /// Begins an array; its values, so many bytes, come next.
+    /// Begins an array; this many bytes of values come next.
     fn begin(&mut self, name: &str, dtype: &str, shape: &[u64], bytes: u64) -> io::Result<()> {
         let options = SimpleFileOptions::default()
             .compression_method(CompressionMethod::Stored)

@@ -56,7 +56,7 @@ impl Spool {
         self.is_being_read
     }
 
-    /// Copies what comes next, from the beginning on, and says how many bytes that were: 0 at the end. Nothing can be
+    /// Copies the next piece, from the beginning on, and returns its size in bytes: 0 at the end. Nothing can be
     /// added any more.
     pub(super) fn copy(&mut self, to: &mut impl Write, at_most: u64) -> io::Result<u64> {
         if !self.is_being_read {

@@ -17,8 +17,8 @@ fn main() -> Result<(), FigureError> {
     for (name, figure) in figures()? {
         for (size, label, dpi) in sizes {
             let options = Options { size, dpi };
-            figure.write(&folder.join(format!("{name}-{label}.png")), options)?;
-            figure.write(&folder.join(format!("{name}-{label}.svg")), options)?;
+            figure.write(&folder.join(format!("{name}-{label}.png")), options, true)?;
+            figure.write(&folder.join(format!("{name}-{label}.svg")), options, true)?;
         }
     }
     Ok(())

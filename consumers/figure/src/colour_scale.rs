@@ -1,4 +1,4 @@
-//! Colours for signed numbers, and what the bar beside a raster says of them.
+//! Colours for signed numbers, and the bar beside a raster that explains them.
 
 use super::panel::Axis;
 use super::scale::{Room, Scale};

@@ -1,4 +1,4 @@
-//! Thins what is too dense to be seen, so that files stay small and no peak disappears.
+//! Thins curves that are too dense to be seen, so that files stay small and no peak disappears.
 
 /// Finest detail kept, in points: a dot at 300 dots per inch.
 const DOT: f64 = 72.0 / 300.0;

@@ -2,7 +2,7 @@
 //!
 //! A figure is described once and drawn at the width of a journal column, of a page, or of a slide,
 //! always in the same look: one font (bundled), colours that colour-blind readers can tell apart, ticks
-//! on round numbers. The same figure gives the same bytes. Nothing here knows what the numbers mean:
+//! on round numbers. The same figure gives the same bytes. Nothing here knows the meaning of the numbers:
 //! labels carry the units. In every text `^{…}` raises and `_{…}` lowers (Unicode's ², ⁻¹ and ₀ are drawn
 //! the same way).
 //!
@@ -34,7 +34,7 @@
 //!     .panel(space_time);
 //! # let folder = tempfile::tempdir().unwrap();
 //! # let path = folder.path().join("figure.svg");
-//! figure.write(&path, Options::default())?;
+//! figure.write(&path, Options::default(), false)?;
 //! # Ok::<(), figure::FigureError>(())
 //! ```
 
@@ -211,13 +211,13 @@ impl Figure {
     }
 
     /// Writes the figure to `path`, as SVG, PDF or PNG by the end of the name. The file appears whole or not
-    /// at all; one that is there is replaced.
+    /// at all; one that is there is replaced if `force`.
     ///
     /// # Errors
     /// [`FigureError::Format`] where the name ends in none of them, before anything is drawn;
     /// [`FigureError::Resolution`] as in [`Figure::to_png`]; [`FigureError::File`] where the system
     /// refuses.
-    pub fn write(&self, path: &Path, options: Options) -> Result<(), FigureError> {
+    pub fn write(&self, path: &Path, options: Options, force: bool) -> Result<(), FigureError> {
         let extension = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
         let bytes = match extension.as_ref().and_then(|end| end.to_str()) {
             Some("svg") => self.to_svg(options.size)?.into_bytes(),
@@ -225,7 +225,7 @@ impl Figure {
             Some("png") => self.to_png(options)?,
             _ => return Err(FigureError::Format { path: path.into() }),
         };
-        Ok(whole_file::write(path, &bytes, true)?)
+        Ok(whole_file::write(path, &bytes, force)?)
     }
 }
 
@@ -266,7 +266,9 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("a.SVG");
         std::fs::write(&path, "old").expect("writes");
-        figure().write(&path, Options::default()).expect("replaces");
+        let refused = figure().write(&path, Options::default(), false);
+        assert!(matches!(refused, Err(FigureError::File(_))), "{refused:?}");
+        figure().write(&path, Options::default(), true).expect("replaces");
         let written = std::fs::read_to_string(&path).expect("reads");
         assert_eq!(written, figure().to_svg(Size::Column).expect("draws"));
         assert_eq!(std::fs::read_dir(folder.path()).expect("lists").count(), 1);
@@ -274,10 +276,10 @@ mod tests {
 
     #[test]
     fn refusals_name_the_path_and_what_is_possible() {
-        let error = figure().write(Path::new("run.eps"), Options::default());
+        let error = figure().write(Path::new("run.eps"), Options::default(), false);
         let message = error.expect_err("not a format of ours").to_string();
         assert!(message.starts_with("run.eps: ") && message.contains(".svg, .pdf or .png"));
-        let error = figure().write(Path::new("/nowhere/at/all.png"), Options::default());
+        let error = figure().write(Path::new("/nowhere/at/all.png"), Options::default(), false);
         let message = error.expect_err("no such folder").to_string();
         assert!(message.contains("/nowhere/at/all.png"));
     }

@@ -15,7 +15,7 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// An axis over the range of what is drawn. Put the unit at the end in brackets, `velocity (m/s)`: a
+    /// An axis over the range of the curves. Put the unit at the end in brackets, `velocity (m/s)`: a
     /// common factor of the numbers is written there, `velocity (10⁻³ m/s)`.
     pub fn new(label: impl Into<String>) -> Self {
         Self { label: label.into(), ..Self::default() }
@@ -130,7 +130,7 @@ impl Reference {
     }
 }
 
-/// One pair of axes and what is drawn over it: first bands, then the raster, reference lines, curves.
+/// One pair of axes and its contents: first bands, then the raster, reference lines, curves.
 ///
 /// The legend stands in rows above the axes, where it can hide nothing.
 #[derive(Debug, Clone)]

@@ -1,4 +1,4 @@
-//! What the paper says, what we find, and whether these agree.
+//! The paper's claims, our findings, and whether they agree.
 
 use super::observe::Observations;
 use std::fmt;
@@ -12,7 +12,7 @@ pub struct Claim {
     pub place: &'static str,
     /// The paper's words, with its formulas in plain text.
     pub quote: &'static str,
-    /// Compares the statement with what was observed.
+    /// Compares the statement with the observations.
     pub judge: fn(&Observations) -> Result<Judgement, StudyError>,
 }
 
@@ -81,7 +81,7 @@ pub struct Number {
     pub unit: &'static str,
     /// How far it may be off; absent for counts, and where nobody knows.
     pub uncertainty: Option<Uncertainty>,
-    /// For a count: what it is in runs that ought to give the same.
+    /// For a count: its values in runs that ought to give the same.
     pub range: Option<Range>,
     /// What others computed.
     pub reference: Option<Reference>,
@@ -117,7 +117,7 @@ pub struct Reference {
 }
 
 impl Number {
-    /// A number of which nobody says how good it is.
+    /// A number of unknown uncertainty.
     pub(super) fn new(what: impl Into<String>, value: f64, unit: &'static str) -> Self {
         Self { what: what.into(), value, unit, uncertainty: None, range: None, reference: None }
     }
@@ -163,7 +163,7 @@ impl Number {
         self.uncertainty.map_or(0.0, |found| found.plus_minus / self.value.abs())
     }
 
-    /// Whether it differs from its reference by more than three times what both may be off.
+    /// Whether it differs from its reference by more than three times their uncertainties.
     pub fn contradicts_reference(&self) -> bool {
         let ours = self.uncertainty.map_or(0.0, |uncertainty| uncertainty.plus_minus);
         self.reference.is_some_and(|reference| {
@@ -231,7 +231,7 @@ pub(super) fn pool_uncertainty(numbers: &mut [Number]) {
     }
 }
 
-/// Why a study cannot be made from what was observed.
+/// Why a study cannot be made from the observations.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StudyError {
     /// A run of the study was not observed.

@@ -1,12 +1,12 @@
 //! Where two curves over the same masses cross, and where that cannot be told yet.
 //!
-//! A difference has a sign only where it is larger than what it may be off by. That two curves do not cross is claimed
+//! A difference has a sign only where it is larger than its uncertainty. That two curves do not cross is claimed
 //! only where the masses lie close enough: [`wanting`] names the masses to add first.
 
 /// Masses (g) are not put closer together than this.
 const FINEST_G: f64 = 0.0125;
 
-/// One curve minus another at a mass (g), and what that may be off by.
+/// One curve minus another at a mass (g), and its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Difference {
     pub(super) mass_g: f64,

@@ -93,7 +93,7 @@ fn runs() -> Vec<Run> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stationary {
     pub(super) alpha: f64,
-    /// `v_max/v0` and the full width at half maximum (beads), each with what it may be off.
+    /// `v_max/v0` and the full width at half maximum (beads), each with its uncertainty.
     pub(super) amplitude: (f64, f64),
     pub(super) fwhm_beads: (f64, f64),
 }

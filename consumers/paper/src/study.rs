@@ -13,7 +13,7 @@ pub struct Study {
     pub slug: &'static str,
     /// What it shows.
     pub title: &'static str,
-    /// The label of the figure in the paper, or what of the text it stands for.
+    /// The label of the figure in the paper, or the passage that it stands for.
     pub place: &'static str,
     /// The runs that it needs.
     pub runs: fn() -> Vec<Run>,

@@ -5,7 +5,7 @@ use consumers::determination::{Determination, Quantity, Sample};
 use figure::{Axis, Curve, Figure, Panel};
 use schemas::manifest::RunManifest;
 
-/// What is drawn: the state, and the energies that are told.
+/// The curves: the state, and the reported energies.
 const SHOWN: [(Quantity, &str); 4] = [
     (Quantity::Displacement, "displacement (L)"),
     (Quantity::Velocity, "velocity (v_{0})"),

@@ -1,4 +1,4 @@
-//! A pulse as samples of overlap and rate, and what can be read off it.
+//! A pulse as samples of overlap and rate, and its measures.
 
 use super::Untold;
 

@@ -7,7 +7,7 @@ use super::curve::{self, Sample, Shape};
 /// rounding, which is 1e-14 of it, and far below what a comparison shows.
 pub const CLOSED: f64 = 1e-9;
 
-/// A pulse that stays below this part of L is none.
+/// A disturbance below this part of L is not a pulse.
 pub const COUNTED: f64 = 1e-6;
 
 /// Between two pulses of a train the overlap falls below this part of the first peak …
@@ -149,7 +149,7 @@ impl FirstPulse {
         }
     }
 
-    /// Ends the pulse with an open contact; what never became a pulse is forgotten.
+    /// Ends the pulse with an open contact; anything smaller is forgotten.
     fn end(&mut self, sample: Sample) {
         if self.peak_m > self.counted_m {
             self.phase = Phase::After { another: false };

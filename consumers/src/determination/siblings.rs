@@ -7,7 +7,7 @@ use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use schemas::summary::Summarizer;
 
-/// What is told of a run, and compared with its twins.
+/// The quantities of a run that are reported and compared with its twins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// Of the bead that differs most, in L.
@@ -42,7 +42,7 @@ impl Quantity {
     /// How many there are.
     pub const COUNT: usize = 13;
 
-    /// All of them, in the order in which they are told.
+    /// All of them, in the order of the report.
     pub const ALL: [Self; Self::COUNT] = [
         Self::Displacement,
         Self::Velocity,
@@ -78,7 +78,7 @@ impl Quantity {
         }
     }
 
-    /// What its errors are measured in; nothing where they are counted.
+    /// The unit of its errors; empty where they are counted.
     pub fn scale(self) -> &'static str {
         match self {
             Self::Displacement | Self::Position => "L",
@@ -95,7 +95,7 @@ impl Quantity {
     }
 }
 
-/// The run or a twin, and what was seen of it last.
+/// The run or a twin, and its last values.
 #[derive(Debug, Clone)]
 pub(super) struct Sibling {
     energies: Energies,

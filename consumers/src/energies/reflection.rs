@@ -156,7 +156,7 @@ fn share(part_j: f64, off_j: f64, whole_j: f64) -> Uncertain {
     Uncertain::new(part_j / whole_j, off_j / whole_j)
 }
 
-/// A part (J) over the rest: what the one lacks the other has, `d(p/r) = (dp/r)·(1 + p/r)`.
+/// A part (J) over the rest: energy that the one lacks the other has, `d(p/r) = (dp/r)·(1 + p/r)`.
 fn over_rest(part_j: f64, off_j: f64, rest_j: f64) -> Uncertain {
     let ratio = part_j / rest_j;
     Uncertain::new(ratio, off_j / rest_j * (1.0 + ratio.abs()))
@@ -169,7 +169,7 @@ pub struct Corrected {
     pub reflected_j: f64,
     /// Its uncertainty (J): that of both.
     pub uncertainty_j: f64,
-    /// Total energy minus recoil (J): what the incident pulse brings.
+    /// Total energy minus recoil (J): the incident pulse's.
     pub incident_j: f64,
     /// Reflected over total energy of the chain, to be compared with [`Reflected::over_total`].
     pub over_total: Uncertain,
@@ -186,7 +186,7 @@ pub struct Reflection {
     pub incident: Side,
     /// When the pulse arrived; the first frame, if it was there already.
     pub arrival: Option<Moment>,
-    /// What the pulse had left behind; none if no frame was seen in the 10 T before it arrived.
+    /// The energy that the pulse had left behind; none if no frame was seen in the 10 T before it arrived.
     pub recoil: Option<Recoil>,
     /// Since when the reflected energy is stationary, if it became so and stayed so.
     pub stationary_since: Option<Moment>,
@@ -222,7 +222,7 @@ pub(super) struct Parts {
     pub(super) split_j: f64,
     pub(super) beyond_j: f64,
     pub(super) total_j: f64,
-    /// Of the incident side alone, what moves towards the split bead.
+    /// The energy of the incident side that moves towards the split bead.
     pub(super) towards_j: f64,
     pub(super) end_velocities_m_s: [f64; 2],
     /// The largest relative error of the total energy so far.

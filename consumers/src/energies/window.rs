@@ -27,7 +27,7 @@ impl Window {
         match &mut self.block {
             Some(block) if time_s - block.from_s < self.length_s => block.range = joined(block.range, value),
             block => {
-                // what lies more than a block back is forgotten
+                // values more than a block back are forgotten
                 self.before = block
                     .filter(|block| time_s - block.from_s < 2.0 * self.length_s)
                     .map(|block| block.range);

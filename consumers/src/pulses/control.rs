@@ -102,7 +102,7 @@ impl Control {
         }
     }
 
-    /// A pulse has passed a bead: what rose there within `around_s` of it is explained.
+    /// A pulse has passed a bead: velocities that rose there within `around_s` of it are explained.
     pub(super) fn explain(&mut self, point: &Point, around_s: f64) {
         let bead = usize::try_from(point.bead).ok().and_then(|bead| self.beads.get_mut(bead));
         let Some(bead) = bead else { return };
@@ -139,7 +139,7 @@ impl Control {
                 first = next.max(first + 1);
             }
         }
-        // what rises everywhere at the same time goes nowhere
+        // a rise everywhere at the same time does not travel
         found.retain(|found: &Unfollowed| found.times_s[0] < found.times_s[1]);
         found.sort_by(|a, b| b.v_peak_m_s.abs().total_cmp(&a.v_peak_m_s.abs()));
         found

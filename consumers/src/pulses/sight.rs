@@ -114,7 +114,7 @@ impl Sight {
         }
     }
 
-    /// The velocity (m/s) of `bead` itself in a `crest` of what is followed there.
+    /// The velocity (m/s) of `bead` itself in a `crest` that is followed there.
     pub(super) fn own_velocity_m_s(&self, around: &Surroundings, bead: usize, crest: &Crest) -> f64 {
         match &self.own {
             Some(own) if around.is_uneven(bead) => {

@@ -1,4 +1,4 @@
-//! The strongest pulses of a run and their paths, in bounded memory: what a summary and a figure need.
+//! The strongest pulses of a run and their paths, in bounded memory, for summaries and figures.
 
 use super::{Happening, Point, Pulse};
 use std::collections::BTreeMap;

@@ -1,4 +1,4 @@
-//! The chain that pulses travel in, and what it says about them.
+//! The chain that pulses travel in, and its effect on them.
 
 use super::Obstacles;
 use super::crest::History;

@@ -15,7 +15,7 @@ const DIFFERENT: f64 = 1.4;
 /// both kinds of beads of a chain of dimers count alike wherever one looks; a pulse is hardly narrower.
 const REACH: usize = 3;
 
-/// Beads on either side that say what the chain is like at a bead.
+/// Beads on either side that decide the texture at a bead.
 const AROUND: usize = 8;
 
 /// With so many changes from up to down or back among them it is not even: two impurities that are near each other

@@ -192,7 +192,7 @@ impl Pulses {
         }
     }
 
-    /// There are no more frames: what is still under way ends here.
+    /// There are no more frames: pulses under way end here.
     pub fn finish(&mut self) -> &[Happening] {
         self.happenings.clear();
         self.tracks.sort_by_key(|track| track.number);

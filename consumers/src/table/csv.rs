@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 #[derive(Debug)]
 pub(super) struct Csv {
-    // before the file: what is buffered is written first
+    // before the file: buffered rows are written first
     out: BufWriter<Arc<File>>,
     file: WholeFile,
     line: Vec<u8>,
@@ -53,7 +53,7 @@ impl Csv {
 
     pub(super) fn discard(self) {
         let Self { out, file, .. } = self;
-        // what is still buffered needs not be written any more
+        // buffered rows need not be written any more
         let _ = out.into_parts();
         file.discard();
     }

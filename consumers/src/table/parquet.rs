@@ -90,7 +90,7 @@ impl Parquet {
     }
 }
 
-/// Settles what the columns are, and writes the head of the file.
+/// Settles the types of the columns, and writes the head of the file.
 fn begin(
     file: &WholeFile,
     columns: &mut [Column],

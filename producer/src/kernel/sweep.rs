@@ -75,7 +75,7 @@ impl Kernel {
         start - start % BLOCK..if end < count { end } else { count }
     }
 
-    /// Widens the window of active beads over those of `beads` that are pushed or no longer at rest.
+    /// Widens the window of active beads over the pushed or moving ones among `beads`.
     pub(super) fn widen(&mut self, beads: &Range<usize>, u_m: &[f64], v_m_s: &[f64]) {
         let force = &self.force;
         let is_active = |i: &usize| {
@@ -157,7 +157,7 @@ impl Sweep<'_> {
         self.kick_each(kick_s, rest.start, rest.len());
     }
 
-    /// Whether a force acts on a bead of the block that begins with bead `start`. Where none does a kick adds zero, which
+    /// Whether a force acts on a bead of the block that begins with bead `start`. Without a force a kick adds zero, which
     /// changes no velocity: none is `-0`, see [`Splitting::step`](crate::splitting::Splitting::step).
     #[inline(always)]
     fn is_pushed(&self, start: usize) -> bool {

@@ -1,4 +1,4 @@
-//! States of a damaged file, measured against those that are computed.
+//! States of a damaged file, compared with computed ones.
 
 use super::{MOST_KEPT, Recovery, RecoveryError};
 use crate::integrator::Integrator;
@@ -14,10 +14,10 @@ use std::collections::BTreeMap;
 /// it, so that farther ones are only looked for if that costs no more than what has been computed to an end.
 const NEAR_STATES: u64 = 64;
 
-/// How often we ask whether to go on, while nothing is written.
+/// How often to ask whether to go on, while nothing is written.
 const WATCH_STEPS: u64 = 1024;
 
-/// Takes the states of a file in order and writes those that are to be had.
+/// Takes the states of a file in order and writes those that can be saved.
 pub(super) struct Salvager<'a> {
     manifest: &'a RunManifest,
     writer: &'a mut RecordingWriter,
@@ -36,7 +36,7 @@ pub(super) struct Salvager<'a> {
     due_from: u64,
     /// Ahead of the last proven state, for states without a checksum.
     probe: Option<ChainState>,
-    /// Steps that were computed to an end, less those that were computed in vain.
+    /// Steps computed with success, less those computed in vain.
     spare_steps: u64,
     /// Frames that are lost from here on belong to the last range.
     lost_until: Option<u64>,
@@ -113,7 +113,7 @@ impl<'a> Salvager<'a> {
         self.advance(frame.step, Some(frame))
     }
 
-    /// Takes a state that may be anything: it counts if it is what the states before it lead to.
+    /// Takes a state that may be anything: it counts if it follows from the states before it.
     pub(super) fn take_unchecked(&mut self, frame: &Frame<'_>) -> Result<(), RecoveryError> {
         let is_later =
             self.state.as_ref().is_some_and(|state| state.step < frame.step || self.due_from == frame.step);

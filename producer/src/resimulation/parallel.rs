@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 use stretch::{Block, Piece, Stretch, Workers};
 
-/// A recording with a state in so many steps, or more, is recomputed faster by several threads. Where states are
+/// A recording with at most one state in this many steps is recomputed faster by several threads. Where states are
 /// closer, reading them and handing them over takes longer than computing them.
 const FEW_STATES_STEPS: u64 = 8;
 
@@ -131,14 +131,14 @@ impl<S: FrameSource> ParallelResimulation<S> {
         })
     }
 
-    /// Lends nothing before step `first_step`: what the source delivers before it is only computed on from.
+    /// Lends nothing before step `first_step`: earlier states of the source only serve to compute.
     #[must_use]
     pub fn lending_from(mut self, first_step: u64) -> Self {
         self.workers.lend_from(first_step);
         self
     }
 
-    /// Reads until all threads have enough to do, or nothing more is to be read for now.
+    /// Reads until all threads have enough to do, or there is nothing to read for now.
     fn read_ahead(&mut self) {
         while self.workers.have_room() && !matches!(self.upcoming.back(), Some(last) if last.ends_reading()) {
             match self.source.receive() {
@@ -198,7 +198,7 @@ impl<S: FrameSource> ParallelResimulation<S> {
         }
     }
 
-    /// Gets the next states to be lent, or what there is instead.
+    /// Gets the next states to lend, or the reason why there are none.
     fn advance(&mut self) -> Result<Option<Received<'static>>, ResimulationError<S::Error>> {
         self.workers.give_back(std::mem::take(&mut self.block));
         self.lent_count = 0;
@@ -212,7 +212,7 @@ impl<S: FrameSource> ParallelResimulation<S> {
                 Ok(Piece::Differs(difference)) => return self.refuse(difference),
                 Ok(Piece::Done) => self.workers.done(),
                 Err(_) => {
-                    // no thread waits for room in what nobody receives any more
+                    // so that no thread waits for room in a queue that nobody reads any more
                     self.workers.stop();
                     self.upcoming.clear();
                     self.workers.resume_panic();

@@ -201,7 +201,7 @@ impl Reader<'_> {
                 format!("found `{name}`; allowed: {}", PRESETS.map(|preset| preset.name).join(", "));
             self.refuse(base.get("preset").map_or(0, |value| value.span().start), "base.preset", message)
         })?;
-        // what is written out of a configuration is always a table
+        // a configuration written as TOML is always a table
         let mut table: Table = config.to_toml().parse().unwrap_or_default();
         // of frames and of the method a preset has no wish of its own, and its name is that of another run
         for key in ["stream", "integrator", "name"] {

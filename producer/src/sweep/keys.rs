@@ -25,7 +25,7 @@ pub(super) fn check(path: &Path, cases: &[Vec<Setting>], axes: &[Vec<Setting>]) 
     Ok(())
 }
 
-/// What is wrong with `setting`, of which `earlier` sets a part, or which is a part of that.
+/// The conflict between `setting` and `earlier`, of which one is a part of the other.
 fn mistake(setting: &Setting, earlier: Option<&Setting>) -> Option<String> {
     match earlier {
         Some(Setting { key, line, .. }) if *key == setting.key => {

@@ -17,17 +17,17 @@ const MOST_BEYOND: u64 = 1 << 34;
 const TIMES_COVERED: u64 = 1024;
 
 /// Whether so many steps before or after the states of a file of this run, which cover `covered` steps, are worth
-/// computing: how far a file says that it goes costs nothing to say.
+/// computing: a file's claim of its length costs nothing to make.
 pub(crate) fn is_affordable(steps: u64, covered: u64, run: &RunManifest) -> bool {
     steps <= covered.saturating_mul(TIMES_COVERED).saturating_add(MOST_BEYOND / run.physics.beads)
 }
 
-/// How a recording begins that does not begin with the run, or how it goes on in another one.
+/// How a recording begins that does not begin with the run, or that continues another one.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Follows {
-    /// Its first state is what the last state of the part before leads to, or the initial condition.
+    /// Its first state follows from the last state of the part before, or from the initial condition.
     Proven,
-    /// It begins after so many steps that nothing was computed up to there.
+    /// It begins too many steps later to be computed.
     TooFar,
     /// As far as hashes tell; nothing can be recomputed.
     ByHash,
@@ -35,7 +35,7 @@ pub enum Follows {
     Not(String),
     /// We were asked to stop before that was known.
     Stopped,
-    /// Its first state is not what the last state of the part before leads to, or the initial condition.
+    /// Its first state does not follow from the last state of the part before, or from the initial condition.
     Differs(Difference),
 }
 
@@ -46,7 +46,7 @@ impl Follows {
     }
 }
 
-/// Whether the first state of the recording `found` is what the manifest's initial condition leads to; none if it has no
+/// Whether the first state of the recording `found` follows from the manifest's initial condition; none if it has no
 /// state, or nothing can be recomputed. `stop` ends the computation, which is bounded by what the file covers.
 pub fn follows_the_run(found: &Verification, stop: &AtomicBool) -> Option<Follows> {
     let run = &found.manifest;

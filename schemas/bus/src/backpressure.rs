@@ -1,4 +1,4 @@
-//! Who may hold a publisher back, for how long, and what is done meanwhile.
+//! Which consumers may hold a publisher back, for how long, and what happens meanwhile.
 
 use super::Ipc;
 use super::delivery::{Full, Holding, Repeats, Verdict};
@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 pub enum Delivery {
     /// Every frame: holds the producer back.
     Lossless,
-    /// What there is: never holds the producer back, keeps a short queue, and counts what it misses.
+    /// Never holds the producer back, keeps a short queue, and counts the frames that it misses.
     Latest,
 }
 
@@ -37,7 +37,7 @@ impl Delivery {
     }
 }
 
-/// What a producer may want to say about its consumers.
+/// Something about consumers that a producer may report.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ConsumerEvent {
     /// A consumer finished its handshake.
@@ -52,7 +52,7 @@ pub enum ConsumerEvent {
         /// How long it held the run back.
         held: Duration,
     },
-    /// Somebody removed the directory of the bus, or put another in its place: those who are attached read on, and
+    /// Somebody removed or replaced the directory of the bus: attached consumers read on, and
     /// nobody else can attach.
     BusGone {
         /// The directory.
@@ -80,7 +80,7 @@ pub struct Remedies {
     pub connect_on_join: bool,
     /// Pause between two looks at a full queue, so that no core is kept busy.
     pub pause: bool,
-    /// Not a remedy: take every send for interrupted so many times, after it was delivered.
+    /// Not a remedy: take every send for interrupted this many times, after it was delivered.
     pub interruptions: u32,
 }
 
@@ -105,7 +105,7 @@ pub(super) struct Backpressure<T: Debug + ZeroCopySend + 'static> {
     pub(super) stop: Arc<AtomicBool>,
     remedies: Remedies,
     blocked: AtomicBool,
-    /// Whether the send that is going on has waited for anybody.
+    /// Whether the present send has waited for a consumer.
     waited: AtomicBool,
     /// Whether it repeats one that failed.
     resending: AtomicBool,
@@ -191,7 +191,7 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
         self.evicted_count.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Whoever is attached already belongs to an earlier producer of this name, and holds back this one
+    /// Consumers attached before belong to an earlier producer of this name, and hold back this one
     /// only after it has joined it.
     pub(super) fn ignore_present(&self) {
         let present = self.consumers().into_keys();
@@ -205,7 +205,7 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
         memory.events.push(ConsumerEvent::Joined { name });
     }
 
-    /// Wakes whoever has to make room, and lets it run.
+    /// Wakes the consumer that has to make room, and lets it run.
     fn retry(&self, info: &BackpressureInfo) -> BackpressureAction {
         self.waited.store(true, Ordering::Relaxed);
         if info.retries == 0 {
@@ -291,7 +291,7 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
     }
 }
 
-/// Removes what dead processes left on this bus; returns how many were removed.
+/// Removes the remains of dead processes on this bus; returns how many.
 pub(super) fn clean_dead(config: &Config) -> u64 {
     let mut dead = 0;
     // a list that is incomplete is completed the next time

@@ -1,4 +1,4 @@
-//! The blackboard of a run: its manifest and how far it is.
+//! The blackboard of a run: its manifest and its progress.
 
 use super::creating::Wanted;
 use super::services::{BoardService, MAX_SUBSCRIBERS, attributes, open, service_name, text_of};
@@ -105,7 +105,7 @@ impl BoardWriter {
         Ok(())
     }
 
-    /// For tests: keeps the entry, as a simpler program would.
+    /// For tests: holds the entry, as a simpler program would.
     pub(super) fn hold(&mut self) -> Result<(), BusError> {
         let entry = self.writer.entry::<RunStatus>(&KEY_STATUS);
         self.held = Some(entry.map_err(|e| BusError::service(&self.text, "hold", &e))?);
@@ -165,13 +165,13 @@ impl BoardReader {
         *self.status.get()
     }
 
-    /// How far `stream` is, if that is known: it may be the one before.
+    /// The progress of `stream`, this one or the one before, if known.
     pub(super) fn status_of(&self, stream: StreamId) -> Option<RunStatus> {
         let (now, before) = (self.status(), *self.previous.get());
         [now, before].into_iter().find(|status| status.stream() == stream)
     }
 
-    /// The manifest's bytes, if they are those of `stream`.
+    /// The manifest's bytes, if they belong to `stream`.
     pub(super) fn manifest(&self, stream: StreamId) -> Option<Vec<u8>> {
         let text = self.manifest.get();
         let same = text.run_id == stream.run_id.0 && text.stream_id == stream.stream_id;

@@ -1,7 +1,7 @@
-//! Creating what processes share, one creator at a time, and taking away what a killed one left half-made.
+//! Creates shared resources, one creator at a time, and removes half-made ones of killed creators.
 //!
-//! iceoryx2 waits for whoever is creating a service, and cannot know that nobody is. Here every creator holds a
-//! lock that the kernel takes away from the dead: what is half-made while we hold it has no creator.
+//! iceoryx2 waits for the creator of a service, and cannot know that it is dead. Here every creator holds a
+//! lock that the kernel takes away from the dead: a half-made service has no creator while we hold the lock.
 
 use super::services::{Class, Classify};
 use super::{BusError, Ipc};
@@ -16,13 +16,13 @@ use std::rc::{Rc, Weak};
 use std::time::{Duration, Instant};
 
 const LOCK_FILE: &str = "creating.lock";
-/// How long others may hold the lock, all together.
+/// How long all others together may hold the lock.
 const LOCK_PATIENCE: Duration = Duration::from_secs(15);
-/// The same when who holds it was stopped, and may never go on.
+/// The same if its holder was stopped, and may never go on.
 const PATIENCE_WITH_STOPPED: Duration = Duration::from_millis(500);
 /// How long a service may be in the middle of being created or removed.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// How old what is half-made must be, and how long it must have been seen: programs that are not ours do not
+/// How old a half-made service must be, and how long it must have been seen: other people's programs do not
 /// take the lock, but need only milliseconds.
 const STALE_AFTER: Duration = Duration::from_secs(1);
 const PAUSE: Duration = Duration::from_millis(2);
@@ -56,8 +56,8 @@ impl CreationLock {
         })
     }
 
-    /// Whether nobody else is creating anything: not when who holds the lock was stopped, and is not waited for.
-    /// Whatever is half-made may then be that one's.
+    /// Whether nobody else is creating anything. False if the lock's holder was stopped and is not waited for:
+    /// anything half-made may be its own.
     pub(super) fn is_exclusive(&self) -> bool {
         self.0.exclusive
     }
@@ -126,7 +126,7 @@ pub(super) struct Wanted<'a> {
 }
 
 impl Wanted<'_> {
-    /// Opens what is there, or creates it; whether it is new. An existing service keeps the limits it was
+    /// Opens the service, or creates it; returns whether it is new. An existing service keeps the limits it was
     /// created with.
     pub(super) fn open_or_create<T, O: Classify, C: Classify>(
         &self,
@@ -172,7 +172,7 @@ impl Wanted<'_> {
         }
     }
 
-    /// Removes the description of the service, by which it exists; everything else of it has names of its own.
+    /// Removes the description of the service, by which it exists; its other parts have their own names.
     fn remove_half_made(&self) -> bool {
         let path = self.description();
         is_stale(&path, STALE_AFTER) && std::fs::remove_file(path).is_ok()

@@ -35,7 +35,7 @@ impl Id {
         u64::from(self.0 as u32)
     }
 
-    /// Whether the process lives that made this id, as far as can be seen from here: when in doubt, it does.
+    /// Whether the process that made this id lives; in doubt, it does.
     pub(super) fn creator_lives(self) -> bool {
         let Ok(stat) = std::fs::read_to_string(format!("/proc/{}/stat", self.process())) else {
             return !Path::new("/proc/self/stat").exists();
@@ -52,7 +52,7 @@ fn began_at_s(stat: &str) -> Option<u64> {
         return None;
     }
     let ticks: u64 = fields.nth(18)?.parse().ok()?;
-    // that clock counts the time that the machine slept, too
+    // that clock also counts the time that the machine slept
     let slept = clock_gettime(ClockId::Boottime).tv_sec - clock_gettime(ClockId::Monotonic).tv_sec;
     Some((ticks / TICKS_PER_S).saturating_sub(u64::try_from(slept).unwrap_or(0)))
 }

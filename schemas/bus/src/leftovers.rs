@@ -1,6 +1,6 @@
-//! What processes leave that are killed: found by its name, and taken away.
+//! Finds the remains of killed processes by their names, and removes them.
 //!
-//! iceoryx2 cleans up after a process that had registered everything it made. It does not find what was made before
+//! iceoryx2 cleans up after a process that had registered everything it made. It does not find things made before
 //! that, and waits for ever for a segment of size 0 whose creator is dead, if it may open it (as root it may).
 
 use super::creator::Id;
@@ -14,20 +14,20 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 pub(super) const SEGMENTS: &str = "/dev/shm";
-/// How long a segment may be half-made while one of those that may be making it lives; they need microseconds.
+/// How long a segment may be half-made while a possible creator lives; creating takes microseconds.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// The same once one of them is dead.
 const PATIENCE_WITH_ONE: Duration = Duration::from_secs(1);
-/// How often another process may be found cleaning up, and how long is waited for it each time.
+/// How often another process may be found cleaning up, and how long to wait for it each time.
 const CLEANERS: u32 = 5;
 const CLEANER_PAUSE: Duration = Duration::from_millis(20);
 
 /// What was taken away.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Removed {
-    /// Segments that nobody had finished: whoever opened one waited.
+    /// Unfinished segments, on which every opener waited.
     pub(super) half_made: u64,
-    /// Segments and files that belonged to nothing any more.
+    /// Segments and files without an owner.
     pub(super) orphans: u64,
     /// What these took.
     pub(super) bytes: u64,
@@ -88,7 +88,7 @@ fn segments(prefix: &str) -> Vec<Found> {
 pub(super) struct HalfMade(HashMap<(PathBuf, u64), Instant>);
 
 impl HalfMade {
-    /// Removes segments that nobody will finish: at once if everybody is dead who may have made them.
+    /// Removes segments that nobody will finish: at once if all possible creators are dead.
     pub(super) fn remove(&mut self, prefix: &str) -> Removed {
         let (mut removed, mut seen) = (Removed::default(), HashMap::new());
         for segment in segments(prefix).into_iter().filter(Found::is_half_made) {
@@ -110,7 +110,7 @@ impl HalfMade {
     }
 }
 
-/// Removes what belongs to no living node and to no service. To be called with the lock held, so that nobody is
+/// Removes everything that belongs to no living node and to no service. Call it with the lock held, so that nobody is
 /// in the middle of creating a service, and after a node was made, which cleans up after the dead it knows.
 pub(super) fn remove_orphans(root: &Path, prefix: &str, config: &Config) -> Removed {
     let mut removed = Removed::default();
@@ -123,7 +123,7 @@ pub(super) fn remove_orphans(root: &Path, prefix: &str, config: &Config) -> Remo
     needed.extend(remove_dead_services(&services, prefix, config, &mut removed));
     for file in files {
         let in_use = file.ids.iter().any(|id| needed.contains(id) || id.creator_lives());
-        // what replaces a file has no id: it is made with the lock held, and renamed at once
+        // a replacement file has no id: it is made with the lock held, and renamed at once
         let is_new = Path::new(&file.name).extension().is_some_and(|extension| extension == "new");
         if !in_use && (is_new || !file.ids.is_empty()) {
             removed.orphan(&file.path, Some(&file.metadata));
@@ -182,8 +182,8 @@ fn port_ids(nodes: &Path, prefix: &str) -> HashSet<Id> {
     tags.filter(|tag| tag.name.ends_with(".port_tag")).flat_map(|tag| tag.ids).collect()
 }
 
-/// Removes what describes a service that nobody can use any more: half-made, without what it describes, or without a
-/// node that lives. Returns the ids of the others. Nobody who holds the lock is making one.
+/// Removes descriptions of services that nobody can use any more: half-made, without the service, or without a
+/// node that lives. Returns the ids of the others. The lock's holder is making none.
 fn remove_dead_services(directory: &Path, prefix: &str, config: &Config, removed: &mut Removed) -> Vec<Id> {
     // a description can be written to until it is whole
     let half_made = |file: &Found| file.metadata.len() == 0 || file.metadata.mode() & 0o777 != 0o400;
@@ -191,7 +191,7 @@ fn remove_dead_services(directory: &Path, prefix: &str, config: &Config, removed
         removed.orphan(&description.path, None);
     }
     let (mut ids, mut dead) = (Vec::new(), Vec::new());
-    // whatever cannot be read is removed by who creates that service
+    // the creator of that service removes an unreadable description
     let _ = Ipc::list(config, |service| {
         let id = Id(service.static_details.unique_service_id().value());
         let lives = match service.dynamic_details {
@@ -213,7 +213,7 @@ fn remove_dead_services(directory: &Path, prefix: &str, config: &Config, removed
     ids
 }
 
-/// Removes what belongs to an earlier secret of the same root, once nobody lives who made any of it: the root was
+/// Removes everything of an earlier secret of the same root, once all its makers are dead: the root was
 /// cleaned away, and its secret with it.
 pub(super) fn remove_earlier(prefix: &str, family: &str) -> Removed {
     let mut removed = Removed::default();

@@ -1,10 +1,10 @@
 //! Runs on the bus: frames through shared memory between processes of one user, over iceoryx2.
 //!
-//! A producer makes a [`StatePublisher`]; consumers attach a [`LiveSource`] whenever they like. What
-//! lies in shared memory, and the contract that programs in other languages follow, is described in
-//! `docs/FORMAT.md`; the code here is its only implementation in this project.
+//! A producer makes a [`StatePublisher`]; consumers attach a [`LiveSource`] whenever they like. `docs/FORMAT.md`
+//! describes the contents of shared memory, and the contract that programs in other languages follow; the code here is its
+//! only implementation in this project.
 //!
-//! Architecture invariant: nothing outside this module names iceoryx2. Nothing here prints.
+//! Architecture invariant: nothing outside this crate names iceoryx2. Nothing here prints.
 //!
 //! Signals: iceoryx2 is told to leave them alone, so the caller's handlers stay in charge; a flag in the
 //! options ends every wait.
@@ -71,7 +71,7 @@ pub struct Bus {
     root: PathBuf,
     prefix: String,
     config: Config,
-    /// There is one as soon as something waits for others.
+    /// Started as soon as something waits for others.
     warden: Arc<OnceLock<Warden>>,
 }
 
@@ -114,18 +114,18 @@ impl Bus {
         &self.prefix
     }
 
-    /// What was found in the way of this process, and taken away, since the last call.
+    /// What was in this process's way, and was removed, since the last call.
     pub fn take_notice(&self) -> Option<BusNotice> {
         let removed = self.warden.get()?.take_removed();
         (removed != Removed::default()).then_some(BusNotice(removed))
     }
 
-    /// Whether somebody has removed the directory, so that nobody finds what is published here any more.
+    /// Whether somebody has removed the directory, so that nobody finds the runs published here any more.
     fn is_gone(&self) -> bool {
         self.warden.get().is_some_and(Warden::root_is_gone)
     }
 
-    /// Held while something is created that others may find half-made.
+    /// Held while creating things that others may find half-made.
     fn lock(&self) -> Result<CreationLock, BusError> {
         CreationLock::take(&self.root)
     }
@@ -162,7 +162,7 @@ impl Bus {
         Ok(node)
     }
 
-    /// Registers this process and touches nothing else, so that what a dead producer left can be seen.
+    /// Registers this process and touches nothing else, so that the remains of a dead producer can be seen.
     fn observer(&self) -> Result<Node<Ipc>, BusError> {
         let mut config = self.config.clone();
         config.global.node.cleanup_dead_nodes_on_creation = false;
@@ -196,12 +196,12 @@ impl Bus {
         }
     }
 
-    /// Takes away what iceoryx2 would wait for; the warden takes what comes later.
+    /// Removes everything that iceoryx2 would wait for; the warden removes what appears later.
     fn clear_half_made(&self) {
         self.warden().note(HalfMade::default().remove(&self.prefix));
     }
 
-    /// The same, and puts right what all processes share.
+    /// The same, and repairs the segment that all processes share.
     fn clear_the_way(&self) -> Result<(), BusError> {
         self.clear_half_made();
         if !shared_segment::is_ready(&self.prefix) {
@@ -221,7 +221,7 @@ impl Bus {
             alive = alive || (found && !matches!(node, NodeState::Dead(_)));
             if found { CallbackProgression::Stop } else { CallbackProgression::Continue }
         });
-        // when the directory cannot be read we do not know better
+        // the directory cannot be read: assume nothing
         alive || listed.is_err()
     }
 

@@ -53,7 +53,7 @@ pub enum LiveError {
 type StateSample = Sample<Ipc, [f64], StateHeader>;
 type StateSubscriber = Subscriber<Ipc, [f64], StateHeader>;
 
-/// What is let go as soon as the stream has ended, so that a new producer is not held back by us.
+/// Dropped as soon as the stream has ended, so that we do not hold a new producer back.
 struct Ports {
     subscriber: StateSubscriber,
     listener: Listener<Ipc>,
@@ -105,7 +105,7 @@ impl LiveSource {
         ResultPublisher::create(&self.bus, &self.name(), topic, self.stream(), columns, stop)
     }
 
-    /// How many frames were published but did not reach us.
+    /// How many published frames did not reach us.
     pub fn missed_count(&self) -> u64 {
         self.following.missed_count()
     }

@@ -1,4 +1,4 @@
-//! Where a consumer is: told by itself in a small file, since nobody else knows what it has taken from its queue.
+//! Each consumer writes its position to a small file, since nobody else knows what it has taken from its queue.
 
 use super::board::unix_ns;
 use super::creator::Id;
@@ -11,7 +11,7 @@ use std::time::{Duration, Instant, SystemTime};
 const TELL_PERIOD: Duration = Duration::from_millis(100);
 /// Where they lie in the root.
 const FOLDER: &str = "at";
-/// Longer ago a consumer is busy with a frame, and what it told is no longer all.
+/// An older position is out of date: the consumer is busy with a frame.
 const FRESH: Duration = Duration::from_millis(500);
 
 /// What a consumer tells about itself.
@@ -19,7 +19,7 @@ const FRESH: Duration = Duration::from_millis(500);
 pub(super) struct Position {
     /// The first frame that it does not have.
     pub(super) next_frame: u64,
-    /// Frames that were published and that it did not have, when it told.
+    /// Published frames that it did not have when it wrote.
     pub(super) behind: u64,
     /// Frames that it has missed.
     pub(super) missed: u64,
@@ -35,7 +35,7 @@ impl Position {
         bytes
     }
 
-    /// What the consumer of the subscriber `id` has told last, with the frames that it lacks of those up to
+    /// The last position of the consumer with the subscriber `id`, with the frames that it lacks of those up to
     /// `last_frame`; none if it tells nothing.
     pub(super) fn read(root: &Path, id: u128, last_frame: Option<u64>) -> Option<Self> {
         let bytes: [u8; 32] = fs::read(path(root, id)).ok()?.try_into().ok()?;
@@ -54,7 +54,7 @@ fn path(root: &Path, id: u128) -> PathBuf {
     root.join(FOLDER).join(format!("{id:032x}"))
 }
 
-/// Tells where a consumer is; says nothing more when it is dropped.
+/// Writes the position of a consumer; removes it when dropped.
 #[derive(Debug)]
 pub(super) struct Teller {
     /// None if it could not be made: consumers work without it.
@@ -78,7 +78,7 @@ impl Teller {
         Self { file: None, told_at: None }
     }
 
-    /// Tells what `position` says, if it is time to.
+    /// Writes `position`, if it is time to.
     pub(super) fn tell(&mut self, now: Instant, position: impl FnOnce() -> Position) {
         let Some((file, _)) = &self.file else { return };
         if self.told_at.is_none_or(|at| now.duration_since(at) >= TELL_PERIOD) {

@@ -29,7 +29,7 @@ use std::time::{Duration, Instant};
 const COUNT_PERIOD: Duration = Duration::from_millis(100);
 /// How often an idle producer looks around.
 const IDLE_WAIT: Duration = Duration::from_millis(50);
-/// How often a producer whose run is over looks whether consumers have left.
+/// How often a finished producer looks whether consumers have left.
 const LEAVING_PERIOD: Duration = Duration::from_millis(5);
 
 /// How a run is published.
@@ -174,7 +174,7 @@ impl StatePublisher {
         }
     }
 
-    /// Answers consumers that want to join, and renews the status: for a producer that has nothing to
+    /// Answers joining consumers, and renews the status: for a producer that has nothing to
     /// publish for a while. Never waits.
     ///
     /// # Errors
@@ -265,7 +265,7 @@ impl StatePublisher {
         let mut interruptions = remedies.interruptions;
         let mut send = || {
             let slot = publisher.loan_slice_uninit(doubles)?;
-            // repeated: whoever has the frame already ignores the second one
+            // repeated: consumers that have the frame already ignore the second one
             let sent = fill(slot, header, &[frame.u_m, frame.v_m_s, frame.extra]).send()?;
             match interruptions.checked_sub(1) {
                 Some(left) => {
@@ -305,17 +305,17 @@ impl StatePublisher {
         Ok(self.board.write(self.publishing.status())?)
     }
 
-    /// Says how the run ended, and lets go of the bus. Consumers that are behind still get every frame
-    /// that was accepted, also after this process has exited.
+    /// Says how the run ended, and leaves the bus. Consumers that are behind still get every accepted frame,
+    /// also after this process has exited.
     ///
     /// # Errors
-    /// When the end could not be written; consumers then find that the producer is gone.
+    /// When the end could not be written; consumers then notice that the producer is gone.
     pub fn finish(self, reason: EndReason) -> Result<PublishCounts, PublishError> {
         self.finish_and_wait(reason, &AtomicBool::new(true), Duration::ZERO)
     }
 
-    /// As [`finish`](Self::finish), but lets go of the bus only when every consumer has left, `stop` is set, or
-    /// `at_most` is over: for who publishes under the same name again, and must not outrun those who still read.
+    /// As [`finish`](Self::finish), but leaves the bus only when every consumer has left, `stop` is set, or
+    /// `at_most` is over. Use it before publishing under the same name again, so that present consumers can read to the end.
     ///
     /// # Errors
     /// As [`finish`](Self::finish).
@@ -393,7 +393,7 @@ impl FrameSink for StatePublisher {
             status.began_unix_ns = unix_ns();
         }
         if rings {
-            // after the frame: whoever wakes up on another core reads memory that is written to, and slows the writing down
+            // after the frame: a consumer that wakes up earlier reads the memory being written, and slows the writing down
             self.wake();
             self.write_status(now)?;
         }

@@ -1,4 +1,4 @@
-//! Who waits for publishers of results, and how these wait for them.
+//! Subscribers that wait for publishers of results, and how publishers wait for them.
 
 use super::backpressure::{Backpressure, Delivery};
 use super::results::{ResultElement, ResultSubscriber, ResultsError, new_listener};
@@ -14,25 +14,25 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// How long a new publisher waits for those to subscribe who listen already, as long as they live.
+/// How long a new publisher waits for living listeners to subscribe.
 const WATCHER_PATIENCE: Duration = Duration::from_secs(10);
-/// How often it looks meanwhile whether they live.
+/// How often it checks meanwhile that they live.
 const WATCHER_PERIOD: Duration = Duration::from_millis(200);
 
-/// Looks out for publishers of one kind of results: a publisher that comes while it is there gives it the time to
-/// subscribe before its first row.
+/// Waits for publishers of one kind of results. A publisher that comes meanwhile lets this subscribe before its
+/// first row.
 pub struct ResultWatch {
     bus: Bus,
     run: RunName,
     topic: Topic,
-    /// None of a topic that is not ours: publishers count those who watch all of these.
+    /// None for somebody else's topic: its publisher counts the [`OwnTopicsWatch`]es.
     listener: Option<Arc<Listener<Ipc>>>,
     node: Node<Ipc>,
 }
 
 impl ResultWatch {
-    /// Looks out for `topic` of `run`. For one that is not ours hold an [`OwnTopicsWatch`] besides, or publishers will
-    /// not wait.
+    /// Waits for publishers of `topic` of `run`. For somebody else's topic hold an [`OwnTopicsWatch`] as well, or
+    /// publishers will not wait.
     ///
     /// # Errors
     /// When the bus cannot be used.
@@ -43,12 +43,12 @@ impl ResultWatch {
         Ok(Self { bus: bus.clone(), run: run.clone(), topic, listener, node })
     }
 
-    /// What it looks out for.
+    /// The topic that it waits for.
     pub fn topic(&self) -> Topic {
         self.topic
     }
 
-    /// Attaches to the publisher; none if there is none yet.
+    /// Attaches to the publisher, if there is one.
     ///
     /// # Errors
     /// When the bus cannot be used.
@@ -77,7 +77,7 @@ impl ResultWatch {
     }
 }
 
-/// Looks out for publishers of any topic that is not ours: they give whoever has one of these the time to subscribe
+/// Waits for publishers of any topic of somebody else's. They let its holder subscribe
 /// before their first row.
 pub struct OwnTopicsWatch {
     bus: Bus,
@@ -99,7 +99,7 @@ impl OwnTopicsWatch {
         Ok(Self { bus: bus.clone(), run: run.clone(), listener, _node: node })
     }
 
-    /// The topics that there are, in order, with publishers or without.
+    /// The existing topics in order, with publishers or without.
     ///
     /// # Errors
     /// When the bus cannot be used.
@@ -107,7 +107,7 @@ impl OwnTopicsWatch {
         Ok(own_topics(&self.bus, &self.run)?.into_iter().map(Topic::Own).collect())
     }
 
-    /// Waits until a publisher comes, or for `patience`; whether one came.
+    /// Waits until a publisher comes, or for `patience`; returns whether one came.
     pub fn wait(&self, patience: Duration) -> bool {
         let mut came = false;
         // a signal ends the wait early; the caller looks again
@@ -116,15 +116,15 @@ impl OwnTopicsWatch {
     }
 }
 
-/// Who listens for a publisher to come, and is to subscribe before its first row.
+/// Listeners for a publisher, which must subscribe before its first row.
 pub(super) struct Watchers {
     events: EventService,
-    /// Those of the topic when its publisher came, and whoever watches all topics that are not ours.
+    /// The listeners of the topic when its publisher came, and those of all topics of somebody else's.
     own: Option<(usize, EventService)>,
 }
 
 impl Watchers {
-    /// Tells those who watch all topics that are not ours that there is one.
+    /// Tells the listeners of all topics of somebody else's about this one.
     pub(super) fn call(
         node: &Node<Ipc>,
         run: &RunName,
@@ -150,7 +150,7 @@ impl Watchers {
     }
 }
 
-/// Waits until whoever listens already has subscribed, and then has every row.
+/// Waits until every present listener has subscribed, so that it gets every row.
 pub(super) fn wait_for_watchers<T: ResultElement>(
     node: &Node<Ipc>,
     backpressure: &Backpressure<T>,

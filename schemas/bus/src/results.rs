@@ -28,7 +28,7 @@ const LIVENESS_PERIOD: Duration = Duration::from_millis(500);
 /// How long a lossless subscriber to results may take nothing.
 const STUCK_AFTER: Duration = Duration::from_secs(10);
 const TAKE_OVER_PATIENCE: Duration = Duration::from_millis(500);
-/// How often a publisher looks whether those who read have left.
+/// How often a publisher looks whether its subscribers have left.
 const LEAVING_PERIOD: Duration = Duration::from_millis(2);
 const COLUMNS_KEY: &str = "beadline.columns";
 const WIDTH_KEY: &str = "beadline.width";
@@ -36,7 +36,7 @@ const TOLERANCE_KEY: &str = "beadline.tolerance_m";
 
 /// What a row consists of: `f64` for numbers, `u8` for classes, one byte a contact.
 pub trait ResultElement: Copy + Debug + ZeroCopySend + Send + Sync + 'static {
-    /// Whether these are numbers, as rows of topics that are not ours must be.
+    /// Whether these are numbers, as rows of somebody else's topics must be.
     const ARE_NUMBERS: bool;
 }
 impl ResultElement for f64 {
@@ -61,7 +61,7 @@ pub enum ResultsError {
     #[error(transparent)]
     Bus(#[from] BusError),
     /// Another process publishes them already; this one can go on without.
-    #[error("{topic} of run {name} are being published by another process already")]
+    #[error("{topic} of run {name} are already published by another process")]
     AlreadyPublished {
         /// The run.
         name: RunName,
@@ -71,10 +71,10 @@ pub enum ResultsError {
     /// Shared memory.
     #[error(transparent)]
     Room(#[from] RoomError),
-    /// Subscribers of earlier results, whose rows were other ones, keep the service as it was.
+    /// Subscribers to earlier results with other columns keep the service as it was.
     #[error(
-        "{topic} of run {name} had other columns before ({found}, now {expected}), and subscribers to those are \
-         still there; end them"
+        "{topic} of run {name} had other columns before ({found}, now {expected}), and still has subscribers \
+         to those; end them"
     )]
     OtherColumns {
         /// The run.
@@ -120,7 +120,7 @@ pub struct ResultPublisher<T: ResultElement> {
     topic: Topic,
     width: usize,
     last: StateHeader,
-    /// There were rows, whether anybody got them or not.
+    /// Rows were published, whether anybody got them or not.
     follows: bool,
     finished: bool,
     node: Node<Ipc>,
@@ -266,13 +266,14 @@ impl<T: ResultElement> ResultPublisher<T> {
     /// Tells subscribers that no more rows come: a row of length 0 with [`FLAG_LAST`].
     ///
     /// # Errors
-    /// When it cannot be sent; subscribers then find that the publisher is gone.
+    /// When it cannot be sent; subscribers then notice that the publisher is gone.
     pub fn finish(self) -> Result<(), ResultsError> {
         self.finish_and_wait(Duration::ZERO)
     }
 
-    /// As [`finish`](Self::finish), but lets go of the bus only when every lossless subscriber of now has left, it is
-    /// stopped, or `at_most` is over: for who publishes under the same topic again, and must not be gone before those who still read have seen it.
+    /// As [`finish`](Self::finish), but leaves the bus only when every present lossless subscriber has left, it is
+    /// stopped, or `at_most` is over. Use it before publishing the same topic again, so that present subscribers can
+    /// read to the end.
     ///
     /// # Errors
     /// As [`finish`](Self::finish).
@@ -339,7 +340,7 @@ pub enum ResultReceived<'a, T> {
     End(EndReason),
 }
 
-/// What a subscriber has next, before it is lent.
+/// The next thing for a subscriber, before it is lent.
 #[derive(Debug, Clone, Copy)]
 enum Next {
     Row,
@@ -495,7 +496,7 @@ impl<T: ResultElement> ResultSubscriber<T> {
         ResultsError::Port { topic: self.topic, cause: format!("{cause:?}") }
     }
 
-    /// Sorts one sample in; none if it says nothing new.
+    /// Classifies one sample; none if it has no news.
     fn take(&mut self, sample: Sample<Ipc, [T], StateHeader>) -> Option<Next> {
         let header = *sample.user_header();
         let stream = StreamId { run_id: RunId(header.run_id), stream_id: header.stream_id };

@@ -1,4 +1,4 @@
-//! How much shared memory a run may touch, and whether there is that much.
+//! How much shared memory a run may touch, and whether that much is free.
 
 use super::leftovers::SEGMENTS;
 use super::services::{BORROWED, Limits, MAX_SUBSCRIBERS};
@@ -10,16 +10,16 @@ use std::path::{Path, PathBuf};
 pub const MAX_BUFFER: usize = 64;
 /// Fewest, so that a consumer can hold one and have the next.
 const LEAST_BUFFER: usize = 2;
-/// Memory that all queues of a run use together at most, if there is that much. All of it is taken at once.
+/// Most memory that all queues of a run use together, if that much is free. All of it is taken at once.
 const BUDGET_BYTES: u64 = 1 << 30;
 /// The same for queues that are longer than they have to be.
 const COMFORT_BYTES: u64 = 256 << 20;
-/// What a sample needs besides its payload: headers, reference counts, alignment.
+/// Bytes of a sample besides its payload: headers, reference counts, alignment.
 const OVERHEAD_BYTES: u64 = 512;
-/// What the small services of a run need: blackboard, queues, tags.
+/// Bytes of the small services of a run: blackboard, queues, tags.
 const FIXED_BYTES: u64 = 2 << 20;
 
-/// What a process needs that registers itself, and attaches to a run as it is.
+/// Bytes that a process needs to register itself and attach to a run.
 const LEAST_BYTES: u64 = 1 << 20;
 
 /// Why a run does not fit into shared memory.
@@ -78,7 +78,7 @@ pub(super) fn free_bytes() -> Result<u64, RoomError> {
     }
 }
 
-/// What queues of `limits` for slots of `slot_bytes` may touch when every consumer is behind.
+/// Bytes that queues of `limits` for slots of `slot_bytes` touch when every consumer is behind.
 fn needed_bytes(slot_bytes: u64, limits: Limits) -> u64 {
     let slots = limits.subscribers * (limits.buffer + BORROWED) + BORROWED;
     (slots as u64).saturating_mul(slot_bytes.saturating_add(OVERHEAD_BYTES))
@@ -114,7 +114,7 @@ pub(super) fn reserve(prefix: &str, port_id: u128) -> Result<(), RoomError> {
         let needed_bytes = file.metadata().map_err(io)?.len();
         loop {
             match rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, needed_bytes) {
-                // a kernel that cannot do it leaves us with having looked
+                // a kernel that cannot do it: the check of the free space must do
                 Ok(()) | Err(Errno::OPNOTSUPP | Errno::NOSYS) => break,
                 Err(Errno::INTR) => {}
                 Err(Errno::NOSPC) => {
@@ -128,7 +128,7 @@ pub(super) fn reserve(prefix: &str, port_id: u128) -> Result<(), RoomError> {
     Ok(())
 }
 
-/// Refuses what does not fit, before any of it is made. To be called with the lock held, so that nobody else takes what
+/// Refuses a run that does not fit, before any of it is made. Call it with the lock held, so that nobody else takes what
 /// is counted on.
 pub(super) fn check(slot_bytes: u64, limits: Limits, free_bytes: u64) -> Result<(), RoomError> {
     // the chain is kept for consumers that come later; it has at most five numbers where a frame has two

@@ -21,7 +21,7 @@ const SECRET_LENGTH: usize = 8;
 pub enum RootError {
     /// The paths of the sockets in it would be too long for the kernel.
     #[error(
-        "the bus directory {path} has a name of {length} bytes, at most {MAX_ROOT_BYTES} fit a socket's path; \
+        "the path of the bus directory {path} has {length} bytes, at most {MAX_ROOT_BYTES} fit a socket's path; \
          set BEADLINE_ROOT to a shorter one"
     )]
     TooLong {
@@ -144,7 +144,7 @@ pub(super) fn secret_path(root: &Path) -> PathBuf {
     root.join("secret")
 }
 
-/// The secret of this root, which nobody else can read: a name that nobody can know cannot be taken beforehand. It is
+/// The secret of this root, which nobody else can read: nobody can take a name beforehand without knowing it. It is
 /// made if there is none.
 pub(super) fn secret(root: &Path) -> Result<String, RootError> {
     let path = secret_path(root);
@@ -175,7 +175,7 @@ fn is_secret(text: &str) -> bool {
     text.len() == SECRET_LENGTH && text.bytes().all(|byte| SECRET_LETTERS.contains(&byte))
 }
 
-/// What the names in `/dev/shm` of a root begin with, whatever its secret is: `bl`, and the first 6 hexadecimal
+/// Prefix of the names in `/dev/shm` of a root with any secret: `bl`, and the first 6 hexadecimal
 /// digits of the SHA-256 of the root's real path.
 pub(super) fn family(root: &Path) -> String {
     let hash = Sha256::digest(root.as_os_str().as_encoded_bytes());
@@ -187,7 +187,7 @@ pub(super) fn family(root: &Path) -> String {
     family
 }
 
-/// What every file in `/dev/shm` of this root begins with: its family, its secret, `_`.
+/// Prefix of every file in `/dev/shm` of this root: its family, its secret, `_`.
 pub(super) fn prefix(root: &Path, secret: &str) -> String {
     format!("{}{secret}_", family(root))
 }

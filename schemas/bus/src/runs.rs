@@ -79,7 +79,7 @@ pub struct RunInfo {
     pub pid: u64,
     /// Steps of the whole run; none if its manifest cannot be read.
     pub step_count: Option<u64>,
-    /// How long it takes from now on, if it goes on as it did from its first frame to the last one.
+    /// The remaining time at the mean speed since the first frame.
     pub ends_in: Option<Duration>,
     /// Who listens.
     pub consumers: Vec<ConsumerInfo>,
@@ -88,15 +88,15 @@ pub struct RunInfo {
 /// A consumer of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ConsumerInfo {
-    /// What it calls itself, `energies` for instance.
+    /// Its label, `energies` for instance.
     pub label: String,
     /// How it wants its frames.
     pub delivery: Delivery,
     /// Its process, if its name says so.
     pub pid: Option<u64>,
-    /// Frames that are published and that it does not have yet; none if it does not tell.
+    /// Published frames that it does not have yet; none if it does not say.
     pub lag_frames: Option<u64>,
-    /// Frames that it has missed; none if it does not tell.
+    /// Frames that it has missed; none if it does not say.
     pub missed: Option<u64>,
 }
 
@@ -175,7 +175,7 @@ fn time_left(status: &RunStatus, first_step: u64, step_count: u64) -> Option<Dur
     Duration::try_from_secs_f64(seconds).ok().filter(|_| status.began_unix_ns > 0)
 }
 
-/// Who is attached to `run` and lives, in the order of their names.
+/// The living consumers of `run`, in the order of their names.
 fn consumers(bus: &Bus, node: &Node<Ipc>, run: &RunName, status: &RunStatus) -> Vec<ConsumerInfo> {
     // gone since it was listed: nobody listens
     let Ok(Some(state)) = services::find_slices::<f64>(node, run, Topic::State) else { return Vec::new() };
@@ -203,7 +203,7 @@ pub(super) fn run_names(bus: &Bus) -> Result<Vec<RunName>, BusError> {
     Ok(names)
 }
 
-/// The topics of `run` that are not ours, in order.
+/// Somebody else's topics of `run`, in order.
 pub(super) fn own_topics(bus: &Bus, run: &RunName) -> Result<Vec<OwnTopic>, BusError> {
     let mut topics: Vec<OwnTopic> = Vec::new();
     each_service(bus, |name| {
@@ -215,7 +215,7 @@ pub(super) fn own_topics(bus: &Bus, run: &RunName) -> Result<Vec<OwnTopic>, BusE
     Ok(topics)
 }
 
-/// Tells `see` the name of every service, without `beadline/`.
+/// Calls `see` with the name of every service, without `beadline/`.
 fn each_service(bus: &Bus, mut see: impl FnMut(&str)) -> Result<(), BusError> {
     bus.clear_half_made();
     let listed = Ipc::list(bus.config(), |details| {
@@ -236,7 +236,7 @@ pub fn list_runs(bus: &Bus) -> Result<Vec<RunInfo>, BusError> {
     each_run(bus, run_names(bus)?, |run, node, board, status| run.look_closer(bus, node, board, status))
 }
 
-/// Those of `names` that are on the bus, without what takes a longer look.
+/// The runs among `names` that are on the bus, without the fields that take longer to find.
 pub(super) fn look_at(bus: &Bus, names: Vec<RunName>) -> Result<Vec<RunInfo>, BusError> {
     each_run(bus, names, |_, _, _, _| {})
 }

@@ -33,7 +33,7 @@ pub(super) const MAX_SUBSCRIBERS: usize = 16;
 pub const BORROWED: usize = 2;
 /// Most processes that have a service open.
 const MAX_NODES: usize = 64;
-/// How long who only opens waits for a service that is being created or removed. iceoryx2 has waited already.
+/// How long opening waits for a service that is being created or removed, after iceoryx2 has waited.
 const PATIENCE: Duration = Duration::from_millis(200);
 const SCHEMA_KEY: &str = "beadline.schema";
 
@@ -53,7 +53,7 @@ pub(super) enum Class {
     Exists,
     /// By a signal.
     Interrupted,
-    /// In the middle of being created or removed, or left so.
+    /// Being created or removed, or left half-way.
     Broken,
     Refused,
 }
@@ -96,7 +96,7 @@ classify! {
     RequestResponseOpenError, RequestResponseCreateError, HangsInCreation;
 }
 
-/// Opens what is there, while others may be creating or removing it. `None`: there is none that is whole.
+/// Opens a service, which others may be creating or removing. `None`: there is no whole one.
 pub(super) fn open<T, E: Classify>(
     text: &str,
     open: impl Fn() -> Result<T, E>,
@@ -108,7 +108,7 @@ pub(super) fn open<T, E: Classify>(
             Ok(service) => return Ok(Some(service)),
             Err(e) => match e.class() {
                 Class::Missing => return Ok(None),
-                // its creator may have been killed; the next one takes it away
+                // its creator may have been killed; the next creator removes it
                 Class::Broken if waited >= PATIENCE => return Ok(None),
                 Class::Broken => {}
                 Class::Interrupted if waited < 10 * PATIENCE => {}
@@ -286,7 +286,7 @@ pub(super) fn events(node: &Node<Ipc>, run: &RunName, topic: Topic) -> Result<Ev
     event_service(node, &text_of(run, topic))
 }
 
-/// The event service by which publishers of topics that are not ours announce themselves.
+/// The event service by which publishers of somebody else's topics announce themselves.
 pub(super) fn announcements(node: &Node<Ipc>, run: &RunName) -> Result<EventService, BusError> {
     event_service(node, &format!("beadline/{run}/own"))
 }

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 /// Its name after the prefix: a hash of the type in it, and the version of iceoryx2.
 const NAME: &str = "9204dd183d1c4d8e1ff592a30766ffa6765aa8b5_node.0_10_0.global_mgmt";
-/// What it holds: the version (three numbers of 16 bits, the lowest last), and a counter.
+/// Its contents: the version (three numbers of 16 bits, the lowest last), and a counter.
 const VERSION: u64 = 10 << 16;
 const BYTES: usize = 16;
 
@@ -65,7 +65,7 @@ fn is_whole(path: &Path) -> bool {
     read().unwrap_or(false)
 }
 
-/// Makes it if it is not there, and anew if it is not what it must be; whether there was such a one. Processes look
+/// Makes it if it is missing, and again if it is wrong; returns whether a wrong one was there. Processes look
 /// into it only while they register, so those that did already lose nothing.
 pub(super) fn ensure(prefix: &str, secret: &Path) -> Result<bool, SharedSegmentError> {
     let path = path_of(prefix);
@@ -84,7 +84,7 @@ pub(super) fn ensure(prefix: &str, secret: &Path) -> Result<bool, SharedSegmentE
             return Ok(false);
         }
     }
-    // whole at once: whoever comes meanwhile finds the old one, none, or the new one
+    // whole at once: other processes find the old one, none, or the new one
     let new = Path::new(SEGMENTS).join(format!("{prefix}{}.new", uuid::Uuid::new_v4().simple()));
     make(&new).and_then(|()| fs::rename(&new, &path)).map_err(|e| {
         let _ = fs::remove_file(&new);

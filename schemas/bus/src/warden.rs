@@ -1,4 +1,4 @@
-//! Looks after the bus while a process uses it: frees it from what it may wait for, and notices when the root is gone.
+//! Looks after the bus while a process uses it: removes things that it could wait for, and notices a missing root.
 
 use super::leftovers::{HalfMade, Removed};
 use std::os::unix::fs::MetadataExt;
@@ -22,7 +22,7 @@ struct State {
     removed: Removed,
 }
 
-/// What tells one root from another that has its path.
+/// Tells a root from another one at the same path.
 #[derive(PartialEq, Eq)]
 struct Identity(Option<(u64, u64)>, Option<u64>);
 
@@ -34,7 +34,7 @@ impl Identity {
 }
 
 impl Warden {
-    /// None if there can be no thread: then nobody looks, as before there was one.
+    /// None if no thread could be started; then nobody looks.
     pub(super) fn start(root: PathBuf, secret: PathBuf, prefix: String) -> Self {
         let shared: Arc<(Mutex<State>, Condvar)> = Arc::default();
         let watched = Arc::clone(&shared);
@@ -52,7 +52,7 @@ impl Warden {
         self.state().root_is_gone
     }
 
-    /// Counts what others in this process took away.
+    /// Adds things that others in this process removed.
     pub(super) fn note(&self, removed: Removed) {
         self.state().removed.add(removed);
     }

@@ -12,7 +12,7 @@ use schemas::manifest::RunId;
 use std::fmt::Debug;
 use std::mem::MaybeUninit;
 
-/// What goes with each frame and with each row of results.
+/// Goes with each frame and with each row of results.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]
 #[type_name("beadline.StateHeader.v1")]
@@ -36,7 +36,7 @@ pub struct StateHeader {
 /// [`StateHeader::flags`]: the last frame of the run, or the end of a stream of results.
 pub const FLAG_LAST: u64 = 1;
 
-/// [`StateHeader::flags`] of a row of results: its publisher had rows before this one, whoever got them.
+/// [`StateHeader::flags`] of a row of results: its publisher had rows before this one, received or not.
 pub const FLAG_FOLLOWS: u64 = 2;
 
 /// Which publishing of which run.
@@ -58,7 +58,7 @@ impl StreamId {
     }
 }
 
-/// A consumer asks to be connected, then says that it is.
+/// A consumer asks to be connected, then confirms it.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]
 #[type_name("beadline.JoinRequest.v1")]

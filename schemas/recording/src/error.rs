@@ -8,12 +8,12 @@ use std::path::{Path, PathBuf};
 /// Why a recording cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
-    /// The file cannot be created, or not be given its name.
+    /// The file cannot be created or renamed.
     #[error(transparent)]
     File(WholeFileError),
-    /// There is an unfinished recording of this name.
+    /// An unfinished recording has this name.
     #[error(
-        "{path} exists, an unfinished recording; read it as it is (`beadline info {path}`), move it away, or \
+        "{path} exists: an unfinished recording; read it as it is (`beadline info {path}`), move it away, or \
          replace it with --force",
         path = path.display()
     )]
@@ -21,10 +21,10 @@ pub enum WriteError {
         /// The file in the way.
         path: PathBuf,
     },
-    /// There is the recording of a run that was being gone on with.
+    /// The interrupted recording of a run that was being resumed has this name.
     #[error(
-        "{path} exists, the recording of a run that was being gone on with: do that (`beadline run --resume {path}`), \
-         move it away, or choose another name; --force does not replace it",
+        "{path} exists: the recording of an interrupted run. Finish the run (`beadline run --resume {path}`), move the \
+         file away, or choose another name; --force does not replace it",
         path = path.display()
     )]
     InterruptedExists {
@@ -33,20 +33,20 @@ pub enum WriteError {
     },
     /// The disk cannot hold what a run will write.
     #[error(
-        "not enough space in {}: this recording takes {} at the least, {} are free; record fewer \
+        "not enough space in {}: this recording takes at least {}, {} are free; record fewer \
          steps (record_every_steps) or choose another directory",
         directory.display(), Bytes(*needed_bytes), Bytes(*free_bytes)
     )]
     NoSpace {
         /// Where the recording should go.
         directory: PathBuf,
-        /// What it takes at the least.
+        /// The least that it takes.
         needed_bytes: u64,
         /// What is free.
         free_bytes: u64,
     },
-    /// What stands there stores nothing.
-    #[error("{} has no room for any file, as /proc and /sys have not; choose another directory", directory.display())]
+    /// The file system there stores no files.
+    #[error("{} is on a file system that stores no files, like /proc or /sys; choose another directory", directory.display())]
     NoDisk {
         /// Where the recording should go.
         directory: PathBuf,
@@ -59,8 +59,8 @@ pub enum WriteError {
         /// What the operating system says.
         source: io::Error,
     },
-    /// The operating system refused, and what was accepted after the last whole chunk is lost.
-    #[error("cannot write {}: frames that were accepted are not in it, the last {lost_frames}", path.display())]
+    /// The operating system refused, and frames accepted after the last whole chunk are lost.
+    #[error("cannot write {}: the last {lost_frames} accepted frames are lost", path.display())]
     Lost {
         /// What was written.
         path: PathBuf,
@@ -99,7 +99,7 @@ impl From<WholeFileError> for WriteError {
 }
 
 impl WriteError {
-    /// Whether what was there before stands in the way: whoever named the recording has to choose another name.
+    /// Whether an existing file is in the way, so that another name must be chosen.
     pub fn is_in_the_way(&self) -> bool {
         match self {
             Self::File(error) => error.is_in_the_way(),
@@ -114,7 +114,7 @@ impl WriteError {
     }
 }
 
-/// Why a recording cannot be read. What was read before stays valid.
+/// Why a recording cannot be read. Everything read before stays valid.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// The operating system refused.
@@ -126,13 +126,13 @@ pub enum ReadError {
         source: io::Error,
     },
     /// Not an MCAP file.
-    #[error("{} is not an MCAP file, so it is no recording{}", path.display(), instead(path))]
+    #[error("{} is not an MCAP file, so it is not a recording{}", path.display(), instead(path))]
     NotMcap {
         /// The file.
         path: PathBuf,
     },
     /// MCAP, but not ours.
-    #[error("{} is an MCAP file, but no Beadline recording: {what}", path.display())]
+    #[error("{} is an MCAP file, but not a Beadline recording: {what}", path.display())]
     NotBeadline {
         /// The file.
         path: PathBuf,
@@ -149,7 +149,7 @@ pub enum ReadError {
         /// What there is.
         found: String,
     },
-    /// The manifest is not one that we can use; names both versions if it is too new.
+    /// The manifest cannot be used; the message names both versions if it is too new.
     #[error("cannot read {}", path.display())]
     Manifest {
         /// The file.
@@ -157,7 +157,7 @@ pub enum ReadError {
         /// What is wrong with it.
         source: ManifestError,
     },
-    /// The manifest is not what was written.
+    /// The manifest was changed after it was written.
     #[error(
         "{} is damaged: the manifest's checksum is {found}, its contents give {computed}", path.display()
     )]
@@ -166,13 +166,13 @@ pub enum ReadError {
         path: PathBuf,
         /// The checksum in the file.
         found: String,
-        /// The checksum of what is in the file.
+        /// The checksum of the file's contents.
         computed: String,
     },
     /// A checksum is wrong.
     #[error(
         "{} is damaged: the CRC of {part} is {computed:08x} instead of {found:08x}; copy it again \
-         from where it came, or see what `beadline recover` can save", path.display()
+         from its source, or save what is left with `beadline recover`", path.display()
     )]
     Crc {
         /// The file.
@@ -181,10 +181,10 @@ pub enum ReadError {
         part: String,
         /// The checksum in the file.
         found: u32,
-        /// The checksum of what is in the file.
+        /// The checksum of the file's contents.
         computed: u32,
     },
-    /// Something is not as it must be.
+    /// Something in the file is wrong.
     #[error("{} is damaged at byte {offset}: {what}", path.display())]
     Damaged {
         /// The file.
@@ -206,7 +206,7 @@ impl ReadError {
         Self::Damaged { path: path.to_owned(), offset, what: what.into() }
     }
 
-    /// Whether the file is not what it should be, rather than damaged or out of reach.
+    /// Whether this is the wrong kind of file, rather than a damaged or unreadable one.
     pub fn is_wrong_file(&self) -> bool {
         matches!(
             self,
@@ -215,18 +215,18 @@ impl ReadError {
     }
 }
 
-/// What to do with a file that is none of ours, by its name.
+/// What to do with a file that is not a recording, judged by its name.
 fn instead(path: &Path) -> &'static str {
     match path.extension().and_then(|end| end.to_str()).unwrap_or_default() {
         "csv" | "parquet" => {
             "; a table of a sweep, an analysis or an export is for pandas, Polars, DuckDB, gnuplot or a spreadsheet, and \
-             figures are drawn from the recording (.mcap) that it was made of"
+             figures are drawn from the recording (.mcap) that it was made from"
         }
         "npz" | "h5" | "hdf5" | "h5md" => {
-            "; an export is for the programs that it was made for, the recording (.mcap) that it was made of for this one"
+            "; an export is for other programs; name the recording (.mcap) that it was made from"
         }
-        "toml" => "; a configuration makes one: `beadline run`, and a sweep file is for `beadline sweep`",
-        _ => "; recordings are what `beadline run` and `beadline record` write, as .mcap",
+        "toml" => "; give a configuration to `beadline run`, a sweep file to `beadline sweep`",
+        _ => "; recordings are the .mcap files that `beadline run` and `beadline record` write",
     }
 }
 

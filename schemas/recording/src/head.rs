@@ -60,11 +60,11 @@ pub struct EndRecord {
 
 /// `manifest` as a metadata record.
 pub(super) fn run_metadata(manifest: &RunManifest) -> Metadata {
-    // of a newer run we write only what we know, which is not its version any more
+    // we write only what we know of a newer run, which is then no longer of its version
     let version = if manifest.is_newer_minor() { SCHEMA_VERSION } else { manifest.schema_version };
     let version = version.to_string();
     let physics = manifest.physics.to_json();
-    // a plain struct of numbers and strings always serialises
+    // a struct of numbers and strings always serialises
     let provenance = serde_json::to_string(&manifest.provenance).unwrap_or_default();
     let checksum = checksum(RUN, [&version, &physics, &provenance]);
     let entries = [

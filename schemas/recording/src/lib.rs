@@ -1,18 +1,18 @@
 //! Recordings: runs as MCAP files.
 //!
 //! [`RecordingWriter`] is a frame sink and [`RecordingSource`] a frame source; [`RecordingInfo`] says what
-//! is in a file, [`SpaceNeeded`] what one would take on the disk. [`ContactsWriter`] and
+//! a file holds, [`SpaceNeeded`] how much disk space one would take. [`ContactsWriter`] and
 //! [`ContactsReader`] keep the space-time map of the contacts in the same kind of file. [`ForeignWriter`] writes
-//! MCAP files for programs that know nothing of ours.
+//! MCAP files for other people's programs.
 //!
-//! A file is written as `<name>.mcap.partial` in whole chunks, so that what a crash leaves is a valid
+//! A file is written as `<name>.mcap.partial` in whole chunks, so that a crash leaves a valid
 //! prefix, and becomes `<name>.mcap` when it is finished. Files come from other people: whatever the
 //! bytes are, reading ends in a value or an error, within a memory of two chunks (each at most
 //! [`MAX_RECORD_BYTES`], compressed and decompressed): the one that is read, and the next one,
 //! decompressed meanwhile.
 //!
 //! Architecture invariants: nothing else imports `mcap`. No double passes through text, and none is
-//! computed here: the bits of a frame are those that were accepted. `docs/FORMAT.md` describes every
+//! computed here: a frame keeps the bits with which it was accepted. `docs/FORMAT.md` describes every
 //! byte.
 
 mod error;

@@ -4,7 +4,7 @@
 
 include!(concat!(env!("OUT_DIR"), "/beadline.v1.rs"));
 
-/// A channel of ours: where its messages go and what describes them.
+/// One of our channels: its topic, and the descriptor of its messages.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Topic {
     /// Topic of the channel.
@@ -33,7 +33,7 @@ pub(super) const SUMMARY: Topic = Topic {
     descriptor: include_bytes!(concat!(env!("OUT_DIR"), "/summary.binpb")),
 };
 
-/// The topics that frames are written to, and which are made anew when frames are.
+/// The topics of frames, which are written anew whenever frames are.
 pub(super) const OF_FRAMES: [&str; 3] = [CHAIN.topic, STATE.topic, SUMMARY.topic];
 
 pub(super) const CONTACTS: Topic = Topic {
@@ -60,7 +60,7 @@ pub(super) const PULSES: Topic = Topic {
     descriptor: include_bytes!(concat!(env!("OUT_DIR"), "/pulses.binpb")),
 };
 
-/// Every topic of ours, those of the frames first.
+/// All our topics, those of frames first.
 pub(super) const ALL: [Topic; 7] = [CHAIN, STATE, SUMMARY, CONTACTS, ENERGIES, IMPURITY, PULSES];
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Bytes → records → messages → frames, within bounds; what a file claims is checked before it is used.
+//! Bytes → records → messages → frames, within bounds; claims of a file are checked before they are used.
 
 pub(crate) mod ahead;
 pub(crate) mod chunk;

@@ -1,4 +1,4 @@
-//! Frames by the name of where they come from: what a consumer of one's own begins with.
+//! Opens a live run or a recording by its name: the beginning of every consumer.
 
 use bus::{
     AttachError, AttachOptions, Bus, Delivery, LiveError, LiveSource, ResultPublisher, ResultsError,
@@ -56,7 +56,7 @@ impl fmt::Display for Named {
     }
 }
 
-/// A live run or a recording: a consumer need not tell them apart.
+/// A live run or a recording; consumers need not tell them apart.
 ///
 /// ```no_run
 /// use schemas::frame::{FrameSource, Received};
@@ -100,8 +100,8 @@ pub enum SourceError {
 }
 
 impl Source {
-    /// Opens `live` (the only live run), `live:RUN`, or else the recording of this name. A live run is waited for,
-    /// and every frame of it comes, from the one on with which it was joined; see [`AttachOptions`].
+    /// Opens `live` (the only live run), `live:RUN`, or else the recording of this name. Waits for a live
+    /// run, and then gives every frame from the one at which it joined; see [`AttachOptions`].
     ///
     /// # Errors
     /// When nothing comes in time, when it is not clear which run is meant, or when it cannot be read.
@@ -153,7 +153,7 @@ impl Source {
     /// A publisher of results called `name`, as `own/NAME` on the bus of a live run; none for a recording.
     ///
     /// # Errors
-    /// When this is no name, when the columns are none ([`ResultColumns::fields`]), when another process publishes
+    /// When the name or the columns ([`ResultColumns::fields`]) are invalid, when another process publishes
     /// these results, or when the bus cannot be used.
     pub fn results(
         &self,

@@ -1,4 +1,4 @@
-//! What is wrong with a TOML text, in the words of a configuration instead of those of a parser.
+//! Says in plain words what is wrong with a TOML text, instead of the parser's.
 
 use super::{ConfigError, line_at};
 use std::ops::Range;
@@ -32,7 +32,7 @@ impl ConfigError {
     }
 }
 
-/// Key and message for what a parser says of the value `written` at `key`.
+/// Key and message for a parser's error about the value `written` at `key`.
 fn in_words(said: &str, key: String, written: &str) -> (String, String) {
     let said = said.trim().replace('\n', ", ");
     if let Some(name) = said.strip_prefix("missing field `").and_then(|rest| rest.strip_suffix('`')) {

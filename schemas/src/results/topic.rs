@@ -27,7 +27,7 @@ pub enum Topic {
 }
 
 impl Topic {
-    /// The topic of results of one's own, called `name`.
+    /// The topic of somebody's own results, called `name`.
     ///
     /// # Errors
     /// What is allowed, when that is no name.
@@ -61,7 +61,7 @@ const HEAD: &str = "own/";
 const LONGEST_NAME: usize = 32;
 const LONGEST: usize = HEAD.len() + LONGEST_NAME;
 
-/// The topic of results of one's own, `own/NAME`: apart from those of ours, also of ours to come.
+/// The topic of somebody's own results, `own/NAME`, which no topic of ours will ever meet.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct OwnTopic {
     text: [u8; LONGEST],

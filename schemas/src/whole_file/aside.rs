@@ -1,4 +1,4 @@
-//! Writing an unfinished file again, in the place where it is, without ever having less of it.
+//! Writes an unfinished file again, in its place, without ever having less of it.
 //!
 //! It is renamed to `<name>.interrupted`, read there while `<name>.partial` is written anew, and removed when that has
 //! everything that it had. Whatever happens in between, one of the two is whole.
@@ -60,7 +60,7 @@ impl LockedFile {
     /// Locks the file at `path`.
     ///
     /// # Errors
-    /// When there is none, when it is none that could be replaced, or when another process writes it.
+    /// When there is none, when it cannot be replaced, or when another process writes it.
     pub fn open(path: &Path) -> Result<Self, WholeFileError> {
         let io = WholeFileError::io(path);
         if !regular_file_at(path)? {
@@ -83,7 +83,7 @@ impl LockedFile {
         &self.path
     }
 
-    /// Syncs what is in it: nobody knows whether its writer had the time to.
+    /// Syncs its contents, since its writer may not have.
     ///
     /// # Errors
     /// When the operating system refuses.

@@ -1,4 +1,4 @@
-//! Giving a file its name so that nothing of that name is replaced, and making names durable.
+//! Gives a file its name without replacing another, and makes names durable.
 
 use super::WholeFileError;
 use rustix::fs::{CWD, RenameFlags};
@@ -47,7 +47,7 @@ fn by_link(from: &Path, to: &Path) -> io::Result<()> {
 fn by_reservation(from: &Path, to: &Path) -> io::Result<()> {
     OpenOptions::new().write(true).create_new(true).open(to)?;
     fs::rename(from, to).inspect_err(|_| {
-        // at best: the error of the rename is what the user has to know
+        // best effort: the user has to know of the rename's error
         let _ = fs::remove_file(to);
     })
 }

@@ -7,7 +7,7 @@ use recording::RecordingInfo;
 use schemas::frame::Window;
 use schemas::manifest::RunManifest;
 
-/// Part of what is replayed that one key passes over.
+/// Part of the replayed time that one key skips.
 const JUMP: u64 = 20;
 
 /// The time (s) of the frame at which the stream after this one begins, if `seeks` were asked for behind `step`, one

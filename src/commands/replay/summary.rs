@@ -19,7 +19,7 @@ pub(super) struct Summary {
     /// Streams published: one a loop, and one more after each seek.
     pub(super) streams: u64,
     seek_count: u64,
-    /// Where the keys lead to from the end of the last stream.
+    /// Where the keys lead from the end of the last stream.
     pub(super) seeks: Vec<Seek>,
     /// The pace for the next stream.
     pub(super) pace: Pace,
@@ -67,7 +67,7 @@ impl Summary {
         self.run = Some((manifest.provenance.name.clone(), manifest.provenance.run_id));
     }
 
-    /// Times that it was published from its beginning.
+    /// How often it was published from its beginning.
     fn loops(&self) -> u64 {
         self.streams - self.seek_count
     }

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 pub(super) struct Lists {
     /// Made again, with the same bits.
     proven: Vec<String>,
-    /// Found to agree with other places of the file.
+    /// Agrees with other places of the file.
     compared: Vec<String>,
     /// Believed, or not looked at.
     unknown: Vec<String>,

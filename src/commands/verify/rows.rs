@@ -1,4 +1,4 @@
-//! Rows of results of ours, against what the analyses make of the states, recomputed.
+//! Rows of our results, compared with the analyses of the recomputed states.
 
 mod energies;
 
@@ -130,7 +130,7 @@ fn follow(frames: &mut Frames, readers: &mut [Reader]) -> Result<(), Failure> {
                 }
             }
             Ok(Received::Missed { .. }) => {}
-            // what is wrong with the states was found before; the rows after it have nothing to be compared with
+            // the wrong state was found before; the rows after it cannot be compared with anything
             Ok(Received::End(_)) => break,
             Err(error) if is_of_a_file(&error) => break,
             Err(error) => return Err(error.into()),
@@ -160,7 +160,7 @@ impl Reader {
         reader
     }
 
-    /// Goes to the next row; what comes after one that is none is not looked at.
+    /// Goes to the next row; nothing after an invalid row is looked at.
     fn advance(&mut self) {
         self.next = match self.rows.next_row() {
             Ok(next) => next,

@@ -4,7 +4,7 @@ use schemas::config::RunConfig;
 use schemas::manifest::{Physics, RunManifest};
 use serde_json::Value;
 
-/// What the attachment `run.toml` was found to say.
+/// The result for the attachment `run.toml`.
 #[derive(Debug)]
 pub(crate) enum RunToml {
     /// There is none.

@@ -14,7 +14,7 @@ const MOST_POINTS: usize = 2000;
 /// Length of the whole chain in the picture; the velocity scale has the length 1.
 const CHAIN_LENGTH: f64 = 10.0;
 
-/// Name, offset and type of what a point consists of.
+/// Name, offset and type of a point's fields.
 const FIELDS: [(&str, u32, NumericType); 10] = [
     ("x", 0, NumericType::Float32),
     ("y", 4, NumericType::Float32),

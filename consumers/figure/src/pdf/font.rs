@@ -17,7 +17,7 @@ pub(super) const OBJECTS: i32 = 5;
 /// Units in which the font's outlines are drawn.
 pub(super) const UNITS_PER_EM: f32 = 2048.0;
 
-/// The glyphs that are used, and what they stand for.
+/// The used glyphs and their characters.
 pub(super) type Used = BTreeMap<u16, String>;
 
 /// A subset has six letters before its name.

@@ -1,4 +1,4 @@
-//! Threads that compute stretches of a run, and what they hand over.
+//! Threads that compute stretches of a run, and their results.
 
 use super::Limits;
 use crate::integrator::Integrator;
@@ -88,7 +88,7 @@ impl Workers {
             move || shared.work(&receiver)
         };
         let more = (1..threads.get()).map_while(|_| std::thread::Builder::new().spawn(work()).ok());
-        // where the system grants fewer, those that there are compute everything
+        // where the system grants fewer threads, those compute everything
         let threads = std::iter::once(std::thread::spawn(work())).chain(more).collect();
         // one more is being filled
         let waiting_blocks = share.saturating_sub(1).max(1); // integers
@@ -105,7 +105,7 @@ impl Workers {
         self.in_work <= self.threads.len()
     }
 
-    /// Has a stretch computed and returns where its states come out.
+    /// Starts computing a stretch and returns the receiver of its states.
     pub(super) fn take(&mut self, stretch: Stretch) -> Receiver<Piece> {
         let (sender, receiver) = sync_channel(self.waiting_blocks);
         self.in_work += 1;
@@ -151,7 +151,7 @@ impl Drop for Workers {
         self.stretches = None;
         // each ends with its step, or with its block, which nobody receives any more
         for thread in self.threads.drain(..) {
-            // a panic has been said by the thread, or resumed by whoever waited for it
+            // the thread has reported its panic, or its waiter has resumed it
             let _ = thread.join();
         }
     }

@@ -1,8 +1,8 @@
-//! When to offer frames that nobody had room for.
+//! When to offer frames although no consumer has room.
 
 use std::time::{Duration, Instant};
 
-/// Most frames that are left out between two that are offered.
+/// Most frames left out between two that are offered.
 const MOST_LEFT_OUT: u32 = 31;
 /// Longest time without an offer.
 const LONGEST: Duration = Duration::from_millis(1);
@@ -15,7 +15,7 @@ const LONGEST: Duration = Duration::from_millis(1);
 /// more than it would anyway.
 #[derive(Debug, Default)]
 pub(super) struct Offering {
-    /// Frames to be left out after one that nobody took.
+    /// Frames to leave out after one that nobody took.
     pause: u32,
     /// Of these, how many are still to come.
     left: u32,
@@ -48,7 +48,7 @@ impl Offering {
 mod tests {
     use super::*;
 
-    /// Which of so many frames are offered, when nobody takes any.
+    /// Which of this many frames are offered while nobody takes any.
     fn offered(offering: &mut Offering, frames: u32, now: Instant) -> Vec<u32> {
         let mut offer = |_: &u32| {
             let due = offering.is_due(now);

@@ -23,20 +23,20 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 
-/// Queue of a consumer that takes what there is: with a longer one it would see older frames.
+/// Queue of a `latest` consumer: with a longer one it would see older frames.
 const LATEST_BUFFER: usize = 2;
-/// How often we look whether something has changed while the run is not there yet.
+/// How often we look for changes while the run is not there yet.
 const SEARCH_PERIOD: Duration = Duration::from_millis(50);
 /// The same right after the start.
 const EAGER_SEARCH_PERIOD: Duration = Duration::from_millis(20);
-/// How often we look at what is in the middle of being made.
+/// How often we look at a service that is being made.
 const UNSETTLED_PERIOD: Duration = Duration::from_millis(50);
 /// How long we are eager.
 const EAGER: Duration = Duration::from_secs(1);
 /// How often a consumer in the handshake looks for the answer.
 const ANSWER_WAIT: Duration = Duration::from_millis(10);
 
-/// What is going on while [`LiveSource::attach`] waits.
+/// Why [`LiveSource::attach`] is waiting.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum AttachNotice {
     /// No such run is being published; told once.
@@ -107,7 +107,9 @@ pub enum AttachError {
         source: ManifestError,
     },
     /// No more consumers can attach.
-    #[error("run {name} has all the consumers it can have; end one, or record the run and read the file")]
+    #[error(
+        "run {name} already has as many consumers as it can; end one, or record the run and read the file"
+    )]
     Full {
         /// The run.
         name: RunName,
@@ -166,7 +168,7 @@ struct Watch {
     services: PathBuf,
     changed: Option<SystemTime>,
     looked_at: Option<Instant>,
-    /// How long the last look is good when no service has come or gone since.
+    /// How long the last look is valid if no service has come or gone since.
     good_for: Duration,
 }
 
@@ -187,7 +189,7 @@ impl Watch {
         !same || self.looked_at.is_none_or(|at| at.elapsed() >= good_for)
     }
 
-    /// A run that is over, and that consumers still read, can come to life again without a new service.
+    /// A run that is over but still read can come to life again without a new service.
     fn looked(&mut self, found: &Found) {
         self.looked_at = Some(Instant::now());
         self.good_for = match found {

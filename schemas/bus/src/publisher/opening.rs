@@ -69,9 +69,9 @@ pub enum PublishError {
         /// Found.
         found: u64,
     },
-    /// More consumers are waited for than can be attached.
+    /// Waits for more consumers than can attach.
     #[error(
-        "{asked} lossless consumers are waited for, but at most {most} can attach to this run (fewer when frames \
+        "this run cannot wait for {asked} lossless consumers: at most {most} can attach (fewer when frames \
          are large and shared memory is short); wait for {most} or fewer"
     )]
     TooManyConsumers {
@@ -114,7 +114,7 @@ impl StatePublisher {
         let stream = StreamId::new(manifest.provenance.run_id);
         let doubles = manifest.frame_doubles();
         let slot_bytes = (doubles * size_of::<f64>()) as u64;
-        // until everything has its memory, so that nobody else takes what we have found free
+        // until everything has its memory, so that nobody else takes the free space that we found
         let _lock = bus.lock()?;
         let node = bus.node()?;
         let free_bytes = room::free_bytes()?;
@@ -235,7 +235,7 @@ fn join_server(
     Ok((server, join, joiners))
 }
 
-/// Publishes the chain once; the history keeps it for whoever comes later.
+/// Publishes the chain once; the history keeps it for later consumers.
 fn publish_chain(
     bus: &Bus,
     node: &Node<Ipc>,
@@ -250,7 +250,7 @@ fn publish_chain(
         StateHeader { run_id: stream.run_id.0, stream_id: stream.stream_id, ..StateHeader::default() };
     let service = services::chain(node, run)?;
     let builder = service.publisher_builder().initial_max_slice_len(values.len()).max_loaned_samples(1);
-    // it sends one sample, ever, and takes the memory of no more
+    // it sends a single sample, and takes memory for one
     let publisher = builder.override_sample_preallocation(|_| 1).create().map_err(|e| failed(&e))?;
     room::reserve(bus.prefix(), publisher.id().value())?;
     let slot = publisher.loan_slice_uninit(values.len()).map_err(|e| failed(&e))?;

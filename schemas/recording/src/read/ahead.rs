@@ -1,7 +1,7 @@
 //! The next chunk, decompressed on another thread while the current one is read.
 //!
-//! What comes from here is a hint: the reader uses it only for a chunk that it has read itself, if that is the same.
-//! Problems are not reported: the reader meets them, too.
+//! The result is a hint: the reader takes it only for a chunk that it has read itself and found to be the same.
+//! Problems are not reported here, because the reader meets them, too.
 
 use crate::read::chunk::{ChunkHead, decompress};
 use crate::read::records::{MAX_RECORD_BYTES, RECORD_HEAD_BYTES, RecordReader};
@@ -11,18 +11,17 @@ use std::os::unix::fs::FileExt;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 
-/// Smaller chunks are decompressed sooner than handed over.
+/// Handing a smaller chunk over takes longer than decompressing it.
 const SMALLEST_CHUNK_BYTES: u64 = 1 << 16;
 
-/// Of larger ones there is one in memory at a time.
+/// The reader decompresses larger chunks itself, so that memory holds only one.
 const LARGEST_CHUNK_BYTES: u64 = 64 << 20;
 
-/// Records between two chunks that are passed over: an index for each channel of the first. After more the reader
-/// decompresses itself.
+/// Most records between two chunks that are skipped: the first chunk's index for each channel. After more of them the
+/// reader decompresses the chunk itself.
 const MOST_BETWEEN: usize = 256;
 
-/// A thread that decompresses the next chunk. It is started by the second chunk that is read in sequence, and ends when
-/// this is dropped.
+/// A thread that decompresses the next chunk. The second chunk read in sequence starts it; dropping this ends it.
 #[derive(Default)]
 pub(crate) struct Ahead {
     thread: Thread,
@@ -46,7 +45,7 @@ enum Thread {
         requests: Sender<Request>,
         answers: Receiver<Option<Ready>>,
     },
-    /// There is no second core, or it could not be started, or it panicked.
+    /// There is no second core, or the thread could not be started, or it panicked.
     None,
 }
 
@@ -69,7 +68,7 @@ struct Ready {
 }
 
 impl Ahead {
-    /// One that decompresses no chunk of more than `most_bytes`.
+    /// Decompresses no chunk of more than `most_bytes`.
     pub(crate) fn within(most_bytes: u64) -> Self {
         Self { most_bytes: most_bytes.min(LARGEST_CHUNK_BYTES), ..Self::default() } // integers
     }
@@ -80,7 +79,7 @@ impl Ahead {
         Self { thread: Thread::None, ..Self::default() }
     }
 
-    /// The next chunk is not the one after the last.
+    /// Tells that reading jumps: the next chunk does not follow the last one.
     pub(crate) fn jump(&mut self) {
         self.in_sequence = 0;
     }
@@ -162,7 +161,7 @@ struct Worker {
 }
 
 impl Worker {
-    /// The first chunk at `from` or after message indexes there, none if anything is not as it should be.
+    /// The first chunk at `from` or after message indexes there, none if anything is wrong.
     fn next_chunk(&mut self, from: u64, mut buffer: Vec<u8>) -> Option<Ready> {
         let (offset, length) = self.find_chunk(from)?;
         self.read_body(offset + RECORD_HEAD_BYTES, length)?;

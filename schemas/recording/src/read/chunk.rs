@@ -10,11 +10,11 @@ use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
 
-/// Largest chunk before compression that is read, unless a state is larger: our writer closes one after 1 MiB.
+/// Largest chunk, before compression, that is read unless a state is larger: our writer closes one after 1 MiB.
 const MOST_CHUNK_BYTES: u64 = 64 << 20;
 
-/// Most bytes that zstd makes of one: a block of 128 KiB takes 4 bytes at least. So what is reserved for a chunk is
-/// bounded by what there is of it, and not by what it claims.
+/// Most bytes that zstd makes of one: a block of 128 KiB takes at least 4 bytes. So the size of the compressed chunk
+/// bounds the memory reserved for it, not the size that it claims.
 const MOST_COMPRESSED: u64 = 1 << 15;
 
 /// The records of the current chunk. Keeps its buffer from chunk to chunk.
@@ -48,7 +48,7 @@ pub(crate) struct Inner {
 }
 
 impl Chunk {
-    /// None so far, of a recording of the run `manifest`: of its states one has a chunk to itself, however large it is.
+    /// No chunk yet, of a recording of the run `manifest`. A state of that run may have a chunk to itself, however large it is.
     pub(crate) fn of_run(manifest: &RunManifest) -> Self {
         let two_states = 16 * manifest.frame_doubles() as u64;
         let most_bytes = MOST_CHUNK_BYTES.max(two_states); // integers
@@ -115,9 +115,9 @@ impl Chunk {
         Ok(crc)
     }
 
-    /// Replaces the contents by what can be had of the chunk record `body`, which may be damaged or end early:
-    /// of an uncompressed one the bytes that are there, of zstd what comes before the first byte that
-    /// cannot be decompressed. Nothing in it is proven by a checksum. False if there is nothing.
+    /// Replaces the contents by as much as can be read of the chunk record `body`, which may be damaged or end early:
+    /// the bytes that are there, or with zstd everything before the first byte that cannot be decompressed.
+    /// No checksum proves any of it. False if nothing can be read.
     pub(crate) fn load_unchecked(&mut self, offset: u64, body: &[u8]) -> bool {
         self.buffer.clear();
         if let Some(head) = ChunkHead::parse(body) {
@@ -135,12 +135,12 @@ impl Chunk {
         !self.buffer.is_empty()
     }
 
-    /// Whether the record that comes next is none that could be taken.
+    /// Whether the next record cannot be taken.
     pub(crate) fn is_stuck(&self) -> bool {
         take_record(self.buffer.get(self.next..self.end).unwrap_or_default()).is_none()
     }
 
-    /// Length of the chunk record, as its header has it.
+    /// Length of the chunk record according to its header.
     pub(crate) fn record_bytes(&self) -> u64 {
         self.record_bytes
     }
@@ -166,7 +166,7 @@ impl Chunk {
         self.next = self.start;
     }
 
-    /// Size of what is left of the records in bytes: of all of them, before the first is taken.
+    /// Bytes of the records that were not taken yet.
     pub(crate) fn bytes(&self) -> u64 {
         self.end.saturating_sub(self.next) as u64
     }
@@ -197,7 +197,7 @@ impl Chunk {
     }
 }
 
-/// Header of a chunk record, as far as it is there.
+/// Header of a chunk record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ChunkHead {
     /// First and last log time (ns) of the messages.
@@ -215,7 +215,7 @@ impl ChunkHead {
     /// Longest header of a chunk that we read.
     pub(crate) const MAX_BYTES: usize = 44;
 
-    /// The header at the beginning of the chunk record `body`; none if it cannot be one that we read.
+    /// The header at the beginning of the chunk record `body`; none if we cannot read such a chunk.
     pub(crate) fn parse(body: &[u8]) -> Option<Self> {
         let number = |at: usize| Some(u64::from_le_bytes(*body.get(at..)?.first_chunk()?));
         let word = |at: usize| Some(u32::from_le_bytes(*body.get(at..)?.first_chunk()?));

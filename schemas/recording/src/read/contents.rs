@@ -1,4 +1,4 @@
-//! What stands in a recording around its messages.
+//! The contents of a recording other than its messages.
 
 use crate::error::ReadError;
 use crate::head::{self, BeginRecord, EndRecord};
@@ -10,10 +10,10 @@ use std::collections::btree_map::Entry;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Most bytes that all schemas and channels of a file may take: ours take 3 kB.
+/// Most bytes that all schemas and channels of a file may take; ours take 3 kB.
 const MAX_DEFINITION_BYTES: usize = 16 << 20;
 
-/// What a file holds beside its messages, as far as it has been read.
+/// What was read of a file beside its messages.
 #[derive(Debug, Default)]
 pub(crate) struct Contents {
     schemas: BTreeMap<u16, Arc<Schema>>,
@@ -52,7 +52,7 @@ pub(crate) struct Channel {
 }
 
 impl Contents {
-    /// Takes in a record that is neither chunk nor message.
+    /// Takes a record that is neither a chunk nor a message.
     pub(crate) fn define(
         &mut self,
         path: &Path,
@@ -107,7 +107,7 @@ impl Contents {
             Record::Channel(channel) => {
                 if !self.channels.contains_key(&channel.id) {
                     let metadata = channel.metadata.iter().map(|(key, value)| key.len() + value.len());
-                    // whoever lists channels names their schemas, too
+                    // a list of channels names their schemas, too
                     let schema = self.schemas.get(&channel.schema_id).map_or(0, |schema| schema.name.len());
                     self.count(channel.topic.len() + metadata.sum::<usize>() + schema)?;
                 }

@@ -1,4 +1,4 @@
-//! From protobuf messages to states, whoever wrote them.
+//! From protobuf messages to states, in any valid encoding.
 
 use crate::proto;
 use prost::Message;
@@ -32,7 +32,7 @@ pub(crate) struct StateHead {
 
 /// Decodes a `ChainState`, its arrays `[u | v | extra]` into `doubles`.
 ///
-/// What our writer writes is parsed here, with one copy of each double; every other valid encoding of the
+/// Messages of our writer are parsed here, with one copy of each double; every other valid encoding of the
 /// same message goes through prost.
 pub(crate) fn state(
     message: &[u8],
@@ -56,7 +56,7 @@ pub(crate) fn state(
     }
 }
 
-/// Step and frame only, whatever the arrays are.
+/// Step and frame only; the arrays may be of any length.
 pub(crate) fn head(message: &[u8]) -> Result<StateHead, String> {
     if let Some(head) = canonical_of_any_length(message) {
         return Ok(head);
@@ -65,7 +65,7 @@ pub(crate) fn head(message: &[u8]) -> Result<StateHead, String> {
     Ok(StateHead { frame: state.frame, step: state.step, time_s: state.time_s })
 }
 
-/// The head of a `ChainState` whose arrays have these `lengths`, which are not copied if our writer wrote them.
+/// The head of a `ChainState` whose arrays have these `lengths`. The arrays are not copied if our writer wrote them.
 pub(crate) fn checked_head(message: &[u8], lengths: StateLengths) -> Result<StateHead, String> {
     match canonical(message, lengths) {
         Some((head, _)) => Ok(head),
@@ -73,8 +73,8 @@ pub(crate) fn checked_head(message: &[u8], lengths: StateLengths) -> Result<Stat
     }
 }
 
-/// Longest `Summary` of the run `manifest` that is read, in bytes: a few times what one takes, however it is encoded.
-/// An entry of it takes two bytes at least in a message, and many times that in memory.
+/// Longest `Summary` (bytes) that is read of the run `manifest`: a few times what one takes in any encoding.
+/// An entry takes at least two bytes in a message, and many times that in memory.
 pub(crate) fn longest_summary(manifest: &RunManifest) -> usize {
     1024 + 128 * manifest.physics.impurities.len()
 }
@@ -84,7 +84,7 @@ pub(crate) fn longest_summary(manifest: &RunManifest) -> usize {
 pub(crate) fn summary_head(mut message: &[u8]) -> Option<StateHead> {
     let whole = message;
     let head = canonical_head(&mut message)?;
-    // kinetic_j, or nothing but zeros
+    // kinetic_j follows, or all numbers are 0
     if message.first().is_none_or(|tag| *tag >= 0x21) {
         return Some(head);
     }
@@ -92,12 +92,12 @@ pub(crate) fn summary_head(mut message: &[u8]) -> Option<StateHead> {
     Some(StateHead { frame: Some(frame), step, time_s })
 }
 
-/// Whether `message` is a state of a run with these lengths, as our writer writes it.
+/// Whether `message` is a state with arrays of these lengths, encoded as our writer does.
 pub(crate) fn is_canonical(message: &[u8], lengths: StateLengths) -> bool {
     canonical(message, lengths).is_some()
 }
 
-/// The head of a state after whose arrays nothing follows, which might say it again.
+/// The head of a state with arrays of any length. Nothing may follow the arrays: it could repeat the head.
 fn canonical_of_any_length(message: &[u8]) -> Option<StateHead> {
     let mut rest = message;
     let head = canonical_head(&mut rest)?;

@@ -1,4 +1,4 @@
-//! States and summaries as they are in a file, to be decoded and compared on another thread.
+//! States and summaries as bytes of a file, to be decoded and compared on another thread.
 
 use crate::proto;
 use crate::read::decode::{self, StateLengths};
@@ -52,7 +52,7 @@ impl EncodedStates {
         self.entries.clear();
     }
 
-    /// Forgets all of them, and begins with the last state of `before`, without its summary.
+    /// Forgets them all and begins with the last state of `before`, without its summary.
     pub fn begin_after(&mut self, before: &Self) {
         self.clear();
         if let Some(Entry { frame, step, state, .. }) = before.entries.last() {
@@ -112,7 +112,7 @@ pub struct SummaryDifference {
     pub step: u64,
     /// Its frame, or the frame before it.
     pub frame: u64,
-    /// Which number of it, by its name in the schema.
+    /// The number's name in the schema.
     pub field: String,
     /// The value in the summary.
     pub found: f64,
@@ -148,7 +148,7 @@ impl SummaryChecker {
         }
     }
 
-    /// The first number in which the summary `found`, encoded, is not that of `frame`.
+    /// The first number in which the encoded summary `found` differs from that of `frame`.
     pub fn check(&mut self, frame: &Frame<'_>, found: &[u8]) -> Option<SummaryDifference> {
         let computed = encode::summary(frame, &self.summarizer.summarize(frame));
         self.message.clear();

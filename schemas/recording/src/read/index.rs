@@ -1,8 +1,8 @@
-//! Where the chunks of a file are, so that a state can be found without reading all that comes before.
+//! Where the chunks of a file are, so that a state can be found without reading the file up to it.
 //!
-//! Places are hints: a state is looked for by its step, and every chunk and message is checked as it is read, so a place
-//! that is wrong by accident costs time. A place that was made to be wrong may lead to what looks like chunks of the run
-//! and is none, in an attachment for example. Only reading all of the file shows that, as an [`Audit`](crate::Audit) does.
+//! Places are hints: a state is found by its step, and every chunk and message is checked when it is read, so a place
+//! that is wrong by accident only costs time. A forged place may lead to bytes that look like chunks of the run,
+//! in an attachment for example. Only reading the whole file shows that, as an [`Audit`](crate::Audit) does.
 
 use crate::error::ReadError;
 use crate::log_time_ns;
@@ -14,7 +14,7 @@ use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// More places are thinned out: 12 MiB, and what lies between two of them is read through.
+/// More places are thinned out; these take 12 MiB. A reader goes through everything between two of them.
 const MOST_PLACES: usize = 1 << 19;
 
 /// A place in a file where reading may begin.
@@ -28,7 +28,7 @@ pub(crate) struct ChunkPlace {
     start_ns: u64,
 }
 
-/// The places of a file in its order, at least its beginning.
+/// The places of a file in its order; at least the beginning of the file.
 #[derive(Debug)]
 pub(crate) struct Index {
     places: Vec<ChunkPlace>,
@@ -49,7 +49,7 @@ impl Index {
         }
     }
 
-    /// Of the beginning of a file and nothing else: everything is read through.
+    /// Only the beginning of the file: everything is read through.
     pub(crate) fn beginning() -> Self {
         let first = ChunkPlace { offset: mcap::MAGIC.len() as u64, number: 0, start_ns: 0 };
         Self { places: vec![first], known: Contents::default(), every: 1 }
@@ -74,7 +74,7 @@ impl Index {
         (statistics == u32::try_from(chunks).ok()).then_some(index)
     }
 
-    /// From record to record, as far as they are whole.
+    /// Goes from record to record, as long as they are whole.
     fn from_headers(path: &Path, size: u64) -> io::Result<Self> {
         let mut file = BufReader::with_capacity(4096, File::open(path)?);
         let (mut index, mut chunks) = (Self::beginning(), 0);
@@ -112,7 +112,7 @@ impl Index {
     }
 
     /// The last place from which the first state, as `first_step` finds it, is not after `step`; or the
-    /// beginning. Log times, if they are what they should be, spare all tries but one.
+    /// beginning. Correct log times spare all tries but one.
     pub(crate) fn find(
         &self,
         step: u64,

@@ -1,4 +1,4 @@
-//! What is in a recording, without reading all of it where that can be helped.
+//! What a recording holds, found without reading all of it where possible.
 
 use crate::error::ReadError;
 use crate::head::{self, BeginRecord, EndRecord};
@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 /// Opcode, length and contents of the footer, and the magic.
 const FOOTER_BYTES: u64 = 9 + 20 + 8;
 
-/// What a glance at a file without a summary reads of its chunks, before compression: so much, and as often the file.
+/// A glance at a file without a summary reads this much of its chunks, before compression, plus a multiple of the file.
 const GLANCE_BYTES: u64 = 4 << 30;
 const GLANCE_TIMES: u64 = 64;
 
@@ -46,7 +46,7 @@ pub struct RecordingInfo {
     pub end: Option<EndRecord>,
     /// It was closed properly.
     pub finished: bool,
-    /// What is wrong with the file, if that showed; the numbers then hold up to there.
+    /// The damage that was met, if any; the numbers then hold up to it.
     pub damage: Option<String>,
 }
 
@@ -64,10 +64,10 @@ pub struct ChannelInfo {
 }
 
 impl RecordingInfo {
-    /// Looks at the recording `path`: at its summary if it has a valid one, else at all of it.
+    /// Reads the summary of the recording `path` if it has a valid one, else the whole file.
     ///
     /// # Errors
-    /// When it cannot be read, is no recording, or is of another major schema version. Damage further on
+    /// When it cannot be read, is not a recording, or is of another major schema version. Damage further on
     /// is in [`damage`](Self::damage).
     pub fn read(path: &Path) -> Result<Self, ReadError> {
         Self::within(path, |_| u64::MAX)
@@ -77,7 +77,7 @@ impl RecordingInfo {
     /// size, are looked at, if it has no summary.
     ///
     /// # Errors
-    /// As [`read`](Self::read); what was not looked at is in [`damage`](Self::damage).
+    /// As [`read`](Self::read); [`damage`](Self::damage) says what was not looked at.
     pub fn glance(path: &Path) -> Result<Self, ReadError> {
         Self::within(path, |file_bytes| file_bytes.saturating_mul(GLANCE_TIMES).saturating_add(GLANCE_BYTES))
     }
@@ -206,7 +206,7 @@ struct SummarySection {
 }
 
 impl SummarySection {
-    /// Reads and validates the section; none if there is none that can be relied on.
+    /// Reads and validates the section; none if it is missing or invalid.
     fn read(records: &mut RecordReader) -> Option<Self> {
         seek_summary(records)?;
         let mut contents = Contents::default();
@@ -270,7 +270,7 @@ pub(crate) fn seek_summary(records: &mut RecordReader) -> Option<u64> {
     Some(summary_start)
 }
 
-/// The next record, if it is one that a summary may hold. At the footer the section's CRC has been checked.
+/// The next record, if a summary may hold it. At the footer the section's CRC has been checked.
 pub(crate) fn next_of_summary(records: &mut RecordReader) -> Option<Record<'static>> {
     let RawRecord { opcode, body, .. } = records.next().ok()??;
     // chunks do not belong here

@@ -1,4 +1,4 @@
-//! The messages of a recording in the order of the file, with what stands around them.
+//! The messages of a recording in the order of the file, and the other contents of the file.
 
 mod going_on;
 #[cfg(test)]
@@ -18,17 +18,17 @@ use schemas::manifest::RunManifest;
 use std::ops::Range;
 use std::path::Path;
 
-/// Reads the messages of a file. Memory is bounded by two chunks, compressed and decompressed: of
-/// a compressed file the next one is decompressed while one is read.
+/// Reads the messages of a file. Memory is bounded by two chunks, compressed and decompressed: while
+/// one chunk of a compressed file is read, the next one is decompressed.
 pub(crate) struct MessageReader {
     records: RecordReader,
     chunk: Chunk,
     in_chunk: bool,
     /// Not everything before was read.
     sought: bool,
-    /// Records within chunks that may still come: each takes some bytes of a file, if only those of its index.
+    /// How many more records chunks may hold: each takes some bytes of the file, if only in an index.
     inner_left: u64,
-    /// Chunks are read until they are so many bytes before compression.
+    /// Chunks are read up to this many bytes before compression.
     most_expanded: u64,
     contents: Contents,
     manifest: RunManifest,
@@ -53,7 +53,7 @@ pub(crate) struct RawMessage<'a> {
     pub(crate) data: &'a [u8],
     /// Of the chunk or record in the file.
     pub(crate) offset: u64,
-    /// No checksum is known to be wrong. Without it the message may be anything.
+    /// No checksum is known to be wrong. Otherwise the message may be anything.
     pub(crate) is_checked: bool,
 }
 
@@ -65,7 +65,7 @@ struct Place {
     offset: u64,
 }
 
-/// Records in chunks that a file may have beside one for each of its bytes.
+/// Records that chunks may hold beyond one for each byte of the file.
 const SPARE_RECORDS: u64 = 1 << 20;
 
 /// Channel, sequence, log and publish time.
@@ -105,9 +105,9 @@ impl MessageReader {
         })
     }
 
-    /// Opens the recording `path` to read all of it that can be read, whatever is damaged after its manifest.
-    /// What is damaged is noted, see [`damages`](Self::damages), and reading goes on after it; only an error of the
-    /// operating system is one. Takes time in proportion to the size of the file.
+    /// Opens the recording `path` to read as much of it as possible, however damaged it is after its manifest.
+    /// Damage is noted, see [`damages`](Self::damages), and reading goes on after it; only an error of the
+    /// operating system ends it. Takes time in proportion to the size of the file.
     pub(crate) fn salvaging(path: &Path) -> Result<Self, ReadError> {
         let mut messages = Self::open(path)?;
         let records = &messages.records;
@@ -120,7 +120,7 @@ impl MessageReader {
         Ok(messages)
     }
 
-    /// The damages found so far by a reader that goes on, the first ones.
+    /// The first damages found so far by a reader that goes on.
     pub(crate) fn damages(&self) -> &[Damage] {
         self.salvage.as_ref().map(|salvage| salvage.damages()).unwrap_or_default()
     }
@@ -130,7 +130,7 @@ impl MessageReader {
         self.salvage.as_deref_mut()
     }
 
-    /// Reads no more chunks than make `most_bytes` before compression.
+    /// Reads chunks up to `most_bytes` before compression, and no more.
     pub(crate) fn expanding_to(self, most_bytes: u64) -> Self {
         Self { most_expanded: most_bytes, ..self }
     }
@@ -161,7 +161,7 @@ impl MessageReader {
         self.records.is_closed() && self.contents.data_end && self.contents.end.is_some()
     }
 
-    /// Goes on reading at `place`. `known` has the channels that are defined before it, as far as they are known;
+    /// Goes on reading at `place`. `known` has the channels known to be defined before it;
     /// messages of others are then passed over.
     pub(crate) fn seek(&mut self, place: ChunkPlace, known: &Contents) -> Result<(), ReadError> {
         self.sought = true;
@@ -240,7 +240,7 @@ impl MessageReader {
         };
         let Inner { opcode, body: place } = inner;
         let Some(left) = self.inner_left.checked_sub(1) else {
-            let what = "more records in its chunks than a file of its size holds";
+            let what = "its chunks claim more records than a file of this size can hold";
             return Err(ReadError::damaged(path, self.chunk.offset(), what));
         };
         self.inner_left = left;
@@ -350,13 +350,13 @@ enum Step {
 }
 
 impl Place {
-    /// From a place in a record to one in the chunk, where the record starts at `start`.
+    /// Turns a place in a record into one in the chunk; the record starts at `start`.
     fn within(self, start: usize) -> Self {
         Self { data: start + self.data.start..start + self.data.end, ..self }
     }
 }
 
-/// Whether a record may stand where it does, in the data section or after it.
+/// Whether a record may stand in this place, in the data section or after it.
 fn is_expected(opcode: u8, body: &[u8], data_end: bool) -> bool {
     const PRIVATE: u8 = 0x80;
     match opcode {
@@ -383,7 +383,7 @@ fn check_profile(path: &Path, first: Option<RawRecord<'_>>) -> Result<(), ReadEr
     }
 }
 
-/// Where the contents of the message record `body` are.
+/// The place of the contents in the message record `body`.
 fn message(path: &Path, offset: u64, body: &[u8]) -> Result<Place, ReadError> {
     let head =
         message_head(body).ok_or_else(|| ReadError::damaged(path, offset, "a message without its header"))?;

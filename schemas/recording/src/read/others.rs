@@ -1,4 +1,4 @@
-//! What a recording holds beside the frames of its run: results of analyses, channels of other programs.
+//! Channels beside the frames of a run: results of analyses, messages of other programs.
 
 use crate::error::{ReadError, WriteError};
 use crate::read::messages::{MessageReader, RawMessage};
@@ -14,11 +14,11 @@ use std::path::Path;
 /// another one, whatever they are.
 ///
 /// They are copied in the order of the file and by their log times, so that they stand in the new file
-/// after the frames that they belong to. Reads the file by itself, beside whoever reads the states.
+/// after the frames that they belong to. Reads the file apart from the reader of states.
 pub struct OtherChannels {
     messages: MessageReader,
     copier: OtherCopier,
-    /// Read, but not copied, because it is later than what was asked for.
+    /// Read, but not copied yet, because it is later than the time asked for.
     pending: Option<(ChannelId, MessageHeader)>,
     /// Its contents.
     pending_bytes: Vec<u8>,
@@ -54,8 +54,8 @@ impl OtherChannels {
         })
     }
 
-    /// Copies what comes before the simulated time `time_s`: to be called before the frame of that time is
-    /// written, so that results of a frame come after it.
+    /// Copies the messages before the simulated time `time_s`. Call it before the frame of that time is written, so that
+    /// results of a frame come after it.
     ///
     /// # Errors
     /// When the old file is damaged, or the new one cannot be written.

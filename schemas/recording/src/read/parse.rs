@@ -1,4 +1,4 @@
-//! Records whose lengths are checked before `mcap` believes them: it reserves what a string claims to hold, up to
+//! Records whose lengths are checked before `mcap` believes them: it reserves the length that a string claims, up to
 //! 4 GiB, and panics on short attachments.
 
 use mcap::records::{Record, op};

@@ -1,4 +1,4 @@
-//! The records of an MCAP file, one after the other, with their places.
+//! The records of an MCAP file in order, with their places.
 
 use crate::error::ReadError;
 use mcap::records::op;
@@ -125,8 +125,8 @@ impl RecordReader {
         self.position
     }
 
-    /// Goes on reading at `offset`, somewhere within a section: the CRC of what is left of it is not checked,
-    /// that of each chunk and of the next section is.
+    /// Goes on reading at `offset`, somewhere within a section: the CRC of the rest of that section is not checked,
+    /// those of each chunk and of the next section are.
     pub(crate) fn seek(&mut self, offset: u64) -> Result<(), ReadError> {
         self.section = Section::Part;
         self.position = offset;
@@ -166,8 +166,8 @@ impl RecordReader {
         Ok(Some(RawRecord { opcode, offset, body: &self.body }))
     }
 
-    /// Reads up to `bytes` bytes from `offset` on in place of a record, or as many as there are. Where reading goes on
-    /// is for the caller to say, with [`seek`](Self::seek).
+    /// Reads `bytes` bytes from `offset` on in place of a record, or as many as there are. The caller then says with
+    /// [`seek`](Self::seek) where reading goes on.
     pub(crate) fn read_part(&mut self, offset: u64, bytes: u64) -> Result<&[u8], ReadError> {
         self.seek(offset)?;
         let room = bytes.min(self.size.saturating_sub(offset)).min(MAX_RECORD_BYTES);

@@ -24,7 +24,7 @@ const MAX_METADATA_BYTES: u64 = 1 << 16;
 /// Opcode and length of a record.
 pub(crate) const RECORD_HEAD_BYTES: u64 = 9;
 
-/// A place in a file that is not as it was written.
+/// A damaged place in a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Damage {
     /// What it is a place of.
@@ -39,7 +39,7 @@ pub struct Damage {
     pub what: String,
     /// Log times (ns) of the first and the last message, as the chunk's header has them.
     pub time_range_ns: Option<(u64, u64)>,
-    /// Frames that should be there and are not: between the last state before and the first one after it.
+    /// Missing frames: between the last state before and the first one after it.
     /// Known once that is read.
     pub frames: Option<LostFrames>,
 }
@@ -57,9 +57,9 @@ pub enum DamageKind {
     Record,
     /// Somewhere in a section of the file, by the section's CRC.
     Section,
-    /// A message whose checksums hold, but which says what cannot be.
+    /// A message with correct checksums and impossible contents.
     Message,
-    /// What the file says of itself beside its messages: an index, its statistics, a second manifest. No message is
+    /// The file's description of itself: an index, its statistics, a second manifest. No message is
     /// lost with it.
     Description,
 }
@@ -106,13 +106,13 @@ impl fmt::Display for Damage {
 pub(crate) struct Salvage {
     damages: Vec<Damage>,
     count: u64,
-    /// Of them those that are only about how the file describes itself.
+    /// How many of them concern only the file's description of itself.
     descriptions: u64,
     /// What the summary section must say.
     pub(crate) layout: Layout,
     /// Everything before was read, or cannot be.
     pub(crate) sound_end: u64,
-    /// What searches, and candidates that prove to be no chunks, may still cost in bytes read and decompressed.
+    /// Bytes that searches, and candidates that prove not to be chunks, may still read and decompress.
     work_bytes: u64,
     /// Nothing more comes.
     pub(crate) ended: bool,
@@ -125,7 +125,7 @@ pub(crate) struct Salvage {
 }
 
 impl Salvage {
-    /// From the end of the head on, in a file of `file_bytes`.
+    /// Begins after the head of a file of `file_bytes`.
     pub(crate) fn new(sound_end: u64, file_bytes: u64) -> Self {
         Self {
             damages: Vec::new(),
@@ -133,7 +133,7 @@ impl Salvage {
             descriptions: 0,
             layout: Layout::default(),
             sound_end,
-            // so that a file full of what looks like chunks costs no more than a few times its size
+            // so that a file full of false chunks costs no more than a few times its size
             work_bytes: file_bytes.saturating_mul(2).saturating_add(64 << 20),
             ended: false,
             counts_lost: false,
@@ -166,7 +166,7 @@ impl Salvage {
         self.descriptions
     }
 
-    /// Pays for a search, or for reading what proved to be no chunk; false if too much was spent already.
+    /// Pays for a search, or for reading a false chunk; false if too much was spent already.
     pub(crate) fn spend(&mut self, bytes: u64) -> bool {
         let left = self.work_bytes.checked_sub(bytes.saturating_add(WINDOW_BYTES as u64));
         self.work_bytes = left.unwrap_or(0);
@@ -213,7 +213,7 @@ pub(crate) fn find(records: &mut RecordReader, from: u64, bad: u64) -> Result<Op
     }
 }
 
-/// What `bytes`, those of the file from `offset` on, may be the beginning of.
+/// What may begin with `bytes`, which the file has from `offset` on.
 fn candidate(bytes: &[u8], offset: u64, bad: u64, file_bytes: u64) -> Option<Candidate> {
     let opcode = bytes.first()?;
     if ![op::CHUNK, op::METADATA].contains(opcode) {
@@ -233,7 +233,7 @@ fn candidate(bytes: &[u8], offset: u64, bad: u64, file_bytes: u64) -> Option<Can
         .then_some(Candidate::Chunk { offset, head })
 }
 
-/// Whether nothing but zeros follows `from`, as some file systems leave it after a power failure.
+/// Whether only zeros follow `from`, as some file systems leave it after a power failure.
 pub(crate) fn is_zero_from(records: &mut RecordReader, from: u64) -> Result<bool, ReadError> {
     let mut start = from;
     loop {
@@ -248,7 +248,7 @@ pub(crate) fn is_zero_from(records: &mut RecordReader, from: u64) -> Result<bool
     }
 }
 
-/// What an error says of a file, without its path.
+/// The message of an error about a file, without its path.
 pub(crate) fn describe(error: &ReadError) -> String {
     match error {
         ReadError::Crc { found, computed, .. } => {

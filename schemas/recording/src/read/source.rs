@@ -15,8 +15,8 @@ use std::path::Path;
 ///
 /// Frames come as they were recorded: one every `record_every_steps`, the first and the last. What lies
 /// between them is not missing and is not reported; [`Received::Missed`] names frames that the manifest's
-/// schedule says are recorded from the beginning of the file on, but that are not in it. What is before that
-/// beginning, in other parts or in none, is not missing either. A file that was not closed ends with
+/// schedule says are recorded from the beginning of the file on, but that are not in it. Frames before that
+/// beginning, in other parts or in none, are not missing either. A file that was not closed ends with
 /// [`EndReason::Unfinished`] after its last whole chunk. States without a frame number, which were
 /// recomputed between frames, are passed over by [`open`](Self::open), and lent by
 /// [`open_all`](Self::open_all) under the number of the frame before.
@@ -35,7 +35,7 @@ pub struct RecordingSource {
     doubles: Vec<f64>,
     /// Read, but not lent.
     next: Next,
-    /// Step up to which everything recorded has been lent or reported.
+    /// Everything recorded up to this step has been lent or reported.
     accounted: Option<u64>,
     /// Step of the state in `doubles`.
     read: Option<u64>,
@@ -90,7 +90,7 @@ impl RecordingSource {
     }
 
     /// Goes to the last state at or before `step`, or to the first state if all are after it; may be called at any
-    /// time. What is missing between `step` and the next state is reported, what lies before `step` is not.
+    /// time. Frames missing between `step` and the next state are reported, those before `step` are not.
     ///
     /// The chunk is found by the file's index, or by the headers of its chunks if it has none, so that this
     /// costs about two chunks, wherever the state is.
@@ -104,7 +104,7 @@ impl RecordingSource {
         };
         let mut found = self.seek_by(&index, step);
         if matches!(&found, Err(error) if !matches!(error, ReadError::Io { .. })) {
-            // whatever is wrong, with the index or with a chunk: what can be read from the beginning is believed
+            // the index or a chunk is wrong: believe what can be read from the beginning
             found = self.seek_by(&Index::beginning(), step);
         }
         self.index = Some(index);
@@ -125,7 +125,7 @@ impl RecordingSource {
         loop {
             match self.next_head() {
                 Ok(Some(head)) if head.step <= step => (before, last) = (before + 1, head.step),
-                // what comes after the state does not matter here
+                // damage after the state does not matter here
                 Err(error) if before == 0 => return Err(error),
                 Ok(_) | Err(_) => break,
             }
@@ -184,7 +184,7 @@ impl RecordingSource {
         self.read_end()
     }
 
-    /// The frame number of a state that is one of this run and in order.
+    /// The frame number of a state, which must be one of this run and in order.
     fn check(&self, state: &StateHead) -> Result<Option<u64>, String> {
         self.schedule().check(self.accounted, state)
     }

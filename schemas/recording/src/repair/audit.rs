@@ -1,4 +1,4 @@
-//! Reading all of a recording, whole or damaged, and checking what stands in it against the manifest.
+//! Reads a recording from end to end, whole or damaged, and checks it against the manifest.
 
 mod ends;
 mod rows;
@@ -28,13 +28,13 @@ use std::path::Path;
 /// The ranges of missing frames that are kept; more are only counted.
 const MOST_RANGES: usize = 100;
 
-/// Reads every message of a recording that can be read, and notes whatever is not as it must be: damage to the file,
-/// and messages that cannot be of this run under checksums that hold. Memory is bounded by two chunks.
+/// Reads every readable message of a recording and notes everything wrong: damage to the file, and messages with
+/// correct checksums that cannot be of this run. Memory is bounded by two chunks.
 pub struct Audit {
     messages: MessageReader,
     manifest: RunManifest,
     lengths: StateLengths,
-    /// The chain must be the one that we make of the manifest; another version may have resolved it in another way.
+    /// The chain must be ours of this manifest; another version may have resolved it in another way.
     is_resolved_by_us: bool,
     chain_count: u64,
     /// Step of the first checked state.
@@ -64,7 +64,7 @@ pub enum Audited<'a> {
     State(RecordedState<'a>),
     /// The summary of the last state, encoded.
     Summary(&'a [u8]),
-    /// A message that does not belong to the frames.
+    /// A message of another channel than those of frames.
     Other(OtherMessage<'a>),
     /// Nothing more.
     End,
@@ -77,9 +77,9 @@ pub struct RecordedState<'a> {
     pub frame: u64,
     /// Its step.
     pub step: u64,
-    /// The CRC of its chunk holds. If not, its step may be any, and its doubles too.
+    /// The CRC of its chunk holds. If not, its step and its doubles may be anything.
     pub is_checked: bool,
-    /// The encoded `ChainState`, whose arrays have the lengths that they must have.
+    /// The encoded `ChainState`, whose arrays have the right lengths.
     pub message: &'a [u8],
 }
 
@@ -108,7 +108,7 @@ impl Audit {
     ///
     /// # Errors
     /// When it cannot be read, is no recording, is of another major schema version, or its manifest is damaged:
-    /// without it nothing in the file means anything.
+    /// nothing in the file has a meaning without it.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         let messages = MessageReader::salvaging(path)?;
         let manifest = messages.manifest().clone();
@@ -135,7 +135,7 @@ impl Audit {
         })
     }
 
-    /// What stands in the head of the recording `path`: where it begins, and the configuration as the user gave it.
+    /// The head of the recording `path`: where it begins, and the configuration as the user gave it.
     ///
     /// # Errors
     /// As [`open`](Self::open).
@@ -177,7 +177,7 @@ impl Audit {
         end.map_or(EndReason::Unfinished, |end| end.reason)
     }
 
-    /// What is wrong with the file, as far as it has been read; at most [`MOST_DAMAGES`](crate::MOST_DAMAGES).
+    /// The damages of the file, as far as it has been read; at most [`MOST_DAMAGES`](crate::MOST_DAMAGES).
     pub fn damages(&self) -> &[Damage] {
         self.messages.damages()
     }
@@ -187,7 +187,7 @@ impl Audit {
         self.messages.damage_count()
     }
 
-    /// What rows of results there are, by topic; known at the end.
+    /// The rows of results by topic; known at the end.
     pub fn rows(&self) -> &BTreeMap<String, RowsFound> {
         &self.rows
     }
@@ -218,7 +218,7 @@ impl Audit {
         self.has_summary_section
     }
 
-    /// Frames that should be there and are not, from and up to; the first ranges.
+    /// The first ranges of missing frames, from and up to.
     pub fn missing(&self) -> &[(u64, u64)] {
         &self.missing
     }
@@ -315,7 +315,7 @@ impl Audit {
         }
     }
 
-    /// What a message under checksums that hold is, or what is wrong with it.
+    /// What a message with correct checksums is, or what is wrong with it.
     fn judge(&mut self, head: &MessageHeader, said: Said) -> Result<Option<Kind>, String> {
         match said {
             Said::State(state) => self.judge_state(head, &state?).map(Some),
@@ -385,7 +385,7 @@ impl Audit {
         }
     }
 
-    /// The damages since the last state are where these frames should be.
+    /// These frames should be where the damages since the last state are.
     fn place_damages(&mut self, range: Option<(u64, Option<u64>)>) {
         let placed = self.placed;
         let Some(salvage) = self.messages.salvage() else { return };
@@ -432,7 +432,7 @@ impl Audit {
     }
 }
 
-/// What a message is whose checksum is wrong: states and others may be of use to whoever can prove them.
+/// What a message with a wrong checksum is: a state may still be proven by computing it.
 fn unchecked(manifest: &RunManifest, said: &Said) -> Option<Kind> {
     match said {
         Said::State(Ok(StateHead { frame, step, .. })) if *step <= manifest.physics.step_count => {

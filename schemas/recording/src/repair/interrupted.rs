@@ -1,4 +1,4 @@
-//! A recording that ended before its run did, to be gone on with.
+//! The recording of an interrupted run, which is to be resumed.
 
 use crate::error::{ReadError, WriteError};
 use crate::proto;
@@ -19,7 +19,7 @@ const MOST_BEGUN: u64 = 1 << 20;
 /// one.
 ///
 /// In its place it is renamed to `<name>.mcap.interrupted` until the new `<name>.mcap.partial` has everything that it
-/// has. Whoever was killed in between finds it there the next time.
+/// has. After a kill in between, the next attempt finds it there.
 #[derive(Debug)]
 pub struct InterruptedRecording {
     file: LockedFile,
@@ -32,7 +32,7 @@ pub struct InterruptedRecording {
     replace: bool,
 }
 
-/// Why a recording cannot be gone on with.
+/// Why a run cannot be resumed from a recording.
 #[derive(Debug, thiserror::Error)]
 pub enum ResumeError {
     /// It cannot be read.
@@ -41,9 +41,9 @@ pub enum ResumeError {
     /// A file cannot be locked, renamed or removed.
     #[error(transparent)]
     File(#[from] WholeFileError),
-    /// There is another file that the recording would have to replace.
+    /// Another file is in the recording's way.
     #[error(
-        "{} cannot be gone on with while there is {}, too: move one of them away, or write to another place with --out",
+        "{} cannot be resumed while {} exists: move one of them away, or write to another place with --out",
         path.display(), other.display()
     )]
     InTheWay {
@@ -120,7 +120,7 @@ impl InterruptedRecording {
         self.file.rename(&self.names.aside, false)
     }
 
-    /// Starts the recording that is to have everything that this one has.
+    /// Starts the recording that will take over everything from this one.
     ///
     /// # Errors
     /// As for [`RecordingWriter::create_from`].
@@ -137,7 +137,7 @@ impl InterruptedRecording {
     /// Gives a complete one its name, if it was killed before it had it, and returns where it is.
     ///
     /// # Errors
-    /// When the operating system refuses, or when there is something of that name.
+    /// When the operating system refuses, or when a file has that name.
     pub fn give_name(mut self) -> Result<PathBuf, WholeFileError> {
         self.file.sync()?;
         if self.file.path() != self.names.whole {
@@ -149,10 +149,10 @@ impl InterruptedRecording {
         Ok(self.names.whole)
     }
 
-    /// Gives it a name under which it is found, after the new one came to nothing.
+    /// Gives it back a name under which it is found, after the new one failed.
     ///
     /// # Errors
-    /// When the operating system refuses, or when there is something of that name; it then stays where it is.
+    /// When the operating system refuses, or when a file has that name; it then stays where it is.
     pub fn put_back(mut self) -> Result<(), WholeFileError> {
         if self.file.path() != self.names.aside {
             return Ok(());
@@ -161,7 +161,7 @@ impl InterruptedRecording {
         self.file.rename(&name.clone(), false)
     }
 
-    /// Removes it, because the new one has everything that it has. In another place than the new one it stays.
+    /// Removes it, because the new one has all of its contents. It stays if the new one is in another place.
     ///
     /// # Errors
     /// When the operating system refuses.

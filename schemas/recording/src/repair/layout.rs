@@ -1,4 +1,4 @@
-//! What a file says of its own layout, against what is there: the message indexes behind each chunk, the times in its
+//! Compares a file's description of its layout with the file: the message indexes behind each chunk, the times in its
 //! header, and the summary section, which is made again from the data.
 
 mod chunk_indexes;
@@ -53,7 +53,7 @@ impl Group {
 pub(crate) enum SummarySection {
     /// There is none.
     Absent,
-    /// What is wrong with it; nothing if it is what the data section leads to.
+    /// What is wrong with it; nothing if it agrees with the data section.
     Compared(Vec<String>),
 }
 
@@ -63,12 +63,12 @@ impl Layout {
         self.chunk.begin(offset, body);
     }
 
-    /// A message in that chunk: the so-many-th byte of the records is where its record begins.
+    /// A message in that chunk, whose record begins at this byte of the records.
     pub(crate) fn message(&mut self, channel_id: u16, log_time: u64, place: u64) {
         self.chunk.message(channel_id, log_time, place);
     }
 
-    /// Takes the next record of the data section that is no chunk: what is wrong with what it says of others.
+    /// Takes the next record of the data section other than a chunk, and says what it gets wrong about others.
     pub(crate) fn take(&mut self, offset: u64, opcode: u8, body: &[u8]) -> Vec<String> {
         let length = RECORD_HEAD_BYTES + body.len() as u64;
         match opcode {
@@ -115,7 +115,7 @@ impl Layout {
         self.metadata.add(&record);
     }
 
-    /// What is wrong with a record of ours that is there a second time, or where a reader does not look for it.
+    /// What is wrong with a record of ours that is repeated, or misplaced so that readers do not find it.
     fn repeated(&mut self, opcode: u8, body: &[u8]) -> Option<String> {
         let name = match opcode {
             op::METADATA => body,

@@ -38,7 +38,7 @@ pub struct ContactsWriter {
     file: ChannelWriter,
     channel: ChannelId,
     contacts: usize,
-    /// Reused from row to row; without rows yet, its frame means nothing.
+    /// Reused from row to row; its frame means nothing before the first row.
     row: proto::ContactClasses,
     message: Vec<u8>,
     first_step: Option<u64>,
@@ -50,7 +50,7 @@ impl ContactsWriter {
     ///
     /// # Errors
     /// When there is such a file or its `.partial` and `options.force` is not set, when another process
-    /// writes it, when something else than a file has its name, or when the operating system refuses.
+    /// writes it, when something other than a file has its name, or when the operating system refuses.
     pub fn create(path: &Path, manifest: &RunManifest, options: &WriteOptions) -> Result<Self, WriteError> {
         let mut file = ChannelWriter::create(path, manifest, None, None, options)?;
         let channel = file.add_channel(proto::CONTACTS)?;

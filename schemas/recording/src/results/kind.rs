@@ -63,10 +63,10 @@ pub enum RowValues<'a> {
 }
 
 impl ResultKind {
-    /// What the rows of `topic` with these columns are.
+    /// The kind of rows that `topic` has with these columns.
     ///
     /// # Errors
-    /// What was expected and found, when they are no rows that a recording can hold.
+    /// What was expected and found, when a recording cannot hold such rows.
     pub fn new(topic: Topic, columns: &ResultColumns, manifest: &RunManifest) -> Result<Self, String> {
         let ResultColumns { width, names, tolerance_m } = columns;
         match topic {
@@ -107,7 +107,7 @@ impl ResultKind {
     /// Encodes `row` into `message`, which is empty.
     ///
     /// # Errors
-    /// What was expected and found, when it is no row of this kind.
+    /// What was expected and found, when the row is of another kind.
     pub(crate) fn encode(&self, row: &ResultRow<'_>, message: &mut Vec<u8>) -> Result<(), String> {
         match (self, row.values) {
             (Self::Energies, RowValues::Numbers(values)) => energies(row, values, message),
@@ -211,7 +211,7 @@ fn contacts(
     Ok(())
 }
 
-/// Only the pulses that there are: the bus fills a row up with NaN.
+/// Only existing pulses: the bus fills a row up with NaN.
 fn pulses(row: &ResultRow<'_>, values: &[f64], message: &mut Vec<u8>) -> Result<(), String> {
     let (pulses, rest) = values.as_chunks::<PULSE_WIDTH>();
     if !rest.is_empty() {

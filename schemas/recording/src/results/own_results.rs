@@ -1,4 +1,4 @@
-//! Rows of topics that are not ours, as messages that describe themselves.
+//! Rows of somebody else's topics, as messages that describe themselves.
 
 use crate::results::kind::{ResultRow, RowValues};
 use prost::Message as _;
@@ -15,7 +15,7 @@ const STEP: u32 = 2;
 const TIME: u32 = 3;
 const FIRST_COLUMN: u32 = 4;
 
-/// What the rows of a topic of somebody else's are.
+/// The rows of somebody else's topic.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OwnResults {
     /// With a slash in front, as in a file.
@@ -81,7 +81,7 @@ impl OwnResults {
         FileDescriptorSet { file: vec![file] }.encode_to_vec()
     }
 
-    /// Encodes `row` into `message`, which is empty. Nothing is left out, so that −0 stays what it is.
+    /// Encodes `row` into `message`, which is empty. No zero is left out, so that −0 keeps its sign.
     pub(crate) fn encode(&self, row: &ResultRow<'_>, message: &mut Vec<u8>) -> Result<(), String> {
         let RowValues::Numbers(values) = row.values else {
             return Err("its values are of another type".to_owned());

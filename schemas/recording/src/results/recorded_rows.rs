@@ -7,7 +7,7 @@ use crate::results::contacts::{check_row, unpack};
 use prost::Message;
 use std::path::Path;
 
-/// Reads the rows of one topic of ours, in the order of the file.
+/// Reads the rows of one of our topics, in the order of the file.
 pub struct RecordedRows {
     messages: MessageReader,
     topic: String,
@@ -63,7 +63,7 @@ impl RecordedRows {
     /// The next row; none after the last.
     ///
     /// # Errors
-    /// When the file is damaged, or a message is none of the topic.
+    /// When the file is damaged, or a message is not of the topic.
     pub fn next_row(&mut self) -> Result<Option<RecordedRow>, ReadError> {
         let contacts = self.messages.manifest().contact_count();
         while let Some(message) = self.messages.next()? {

@@ -40,7 +40,7 @@ pub struct WriteOptions {
     pub compression: Compression,
     /// A chunk is closed once it holds more than this, uncompressed. Default: 1 MiB.
     pub chunk_bytes: u64,
-    /// What may wait for the disk beside the open chunk, uncompressed; one chunk always may. More holds the
+    /// Bytes that may wait for the disk beside the open chunk, uncompressed; one chunk always may. More holds the
     /// recording thread back. Default: 8 MiB.
     pub queue_bytes: u64,
     /// Longest time that a frame waits for others in its chunk: what a kill costs. With zero every frame is in
@@ -101,8 +101,7 @@ pub(crate) struct ChannelId(u16);
 
 /// Writes messages of several channels under one manifest.
 ///
-/// After an error the file ends with the last whole chunk, and nothing more is taken. Dropped, it has everything
-/// written that was taken.
+/// After an error the file ends with the last whole chunk, and nothing more is taken. Dropping it writes everything that was accepted.
 pub(crate) struct ChannelWriter {
     /// None once the threads have ended.
     threads: Option<Threads>,
@@ -123,7 +122,7 @@ struct Definitions {
 }
 
 impl ChannelWriter {
-    /// Creates `<path>.partial` with its head: manifest, where it begins if that is said, and configuration; on the disk.
+    /// Creates `<path>.partial` and syncs its head: manifest, beginning if given, and configuration.
     pub(crate) fn create(
         path: &Path,
         manifest: &RunManifest,
@@ -264,7 +263,7 @@ impl ChannelWriter {
         Ok(())
     }
 
-    /// Something was recorded: without [`finish`](Self::finish) the file stays as it is, else it goes.
+    /// Something was recorded, so the file stays even without [`finish`](Self::finish).
     pub(crate) fn keep(&mut self) {
         self.file.keep();
     }
@@ -286,12 +285,12 @@ impl ChannelWriter {
         }
     }
 
-    /// Writes what was taken so far, and waits until it is in the file.
+    /// Writes everything accepted so far, and waits until it is in the file.
     pub(crate) fn flush(&mut self) -> Result<(), WriteError> {
         self.queue()?.flush().map_err(|refused| self.refused(refused))
     }
 
-    /// Writes what was taken so far, and waits until it is on the disk.
+    /// Writes everything accepted so far, and waits until it is on the disk.
     pub(crate) fn sync(&mut self) -> Result<(), WriteError> {
         self.flush()?;
         let threads = self.threads.as_ref().ok_or_else(|| self.refused(Refused::GivenUp))?;
@@ -303,7 +302,7 @@ impl ChannelWriter {
         self.position.load(Ordering::Relaxed)
     }
 
-    /// Bytes that were taken and are not in the file, before compression.
+    /// Bytes accepted and not yet in the file, before compression.
     pub(crate) fn pending_bytes(&self) -> u64 {
         self.queue().map_or(0, Queue::pending_bytes)
     }

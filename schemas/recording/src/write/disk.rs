@@ -26,13 +26,13 @@ impl Disk {
         Ok(Self { free_bytes: bytes(disk.f_bavail), total_bytes: bytes(disk.f_blocks) })
     }
 
-    /// What a recorder leaves free unless it is told otherwise: 100 MB, or 1 % of a disk below 10 GB.
+    /// Free space that a recorder leaves by default: 100 MB, or 1 % of a disk below 10 GB.
     pub fn default_reserve_bytes(&self) -> u64 {
         (self.total_bytes / 100).min(100_000_000) // integers
     }
 }
 
-/// Looks now and then whether a disk has less room left than is to be kept free.
+/// Looks now and then whether less room is left on a disk than must stay free.
 #[derive(Debug)]
 pub struct DiskWatch {
     path: PathBuf,
@@ -51,12 +51,12 @@ impl DiskWatch {
     /// Most bytes written between two looks; fewer where there is little room left.
     const STRIDE_BYTES: u64 = 4 << 20;
 
-    /// Watches the disk of the file `path`, of which `reserve_bytes` are to be left.
+    /// Watches the disk of the file `path`, on which `reserve_bytes` must stay free.
     pub fn new(path: &Path, reserve_bytes: u64) -> Self {
         Self { path: path.to_owned(), reserve_bytes, looked_at: None, written_bytes: 0, stride_bytes: 0 }
     }
 
-    /// Whether there would be less left than is to be kept free, once the `pending_bytes` are on the disk that
+    /// Whether less would be left than must stay free, once the `pending_bytes` are on the disk that
     /// wait in memory, which are asked for only when it is time to look. `written_bytes` are on the disk already; there
     /// are at least as many each time.
     ///

@@ -1,4 +1,4 @@
-//! MCAP files for the programs of others: their channels, their schemas, their messages.
+//! MCAP files for other people's programs: their channels, schemas and messages.
 
 use crate::error::WriteError;
 use crate::write::channel_writer::{ChannelId, ChannelWriter, Finished, WriteOptions};
@@ -10,8 +10,8 @@ use std::path::Path;
 /// Metadata record that says which part of a run was exported.
 const EXPORT: &str = "beadline.export";
 
-/// Writes an MCAP file with channels of any kind, whole or not at all. The manifest of the run is in it as in a
-/// recording of ours, but it is none: without its profile our readers refuse it.
+/// Writes an MCAP file with channels of any kind, whole or not at all. It holds the manifest of the run
+/// like a recording, but is not one: our readers refuse it for its profile.
 pub struct ForeignWriter {
     file: ChannelWriter,
     messages: u64,
@@ -24,7 +24,7 @@ pub struct ForeignSchema<'a> {
     pub name: &'a str,
     /// How `text` is written, such as `protobuf` or `ros2msg`.
     pub encoding: &'a str,
-    /// The definition of the type and of all that it needs.
+    /// The definitions of the type and of the types that it needs.
     pub text: &'a [u8],
 }
 
@@ -50,7 +50,7 @@ impl ForeignWriter {
     ///
     /// # Errors
     /// When there is such a file or its `.partial` and `options.force` is not set, when another process
-    /// writes it, when something else than a file has its name, or when the operating system refuses.
+    /// writes it, when something other than a file has its name, or when the operating system refuses.
     pub fn create(
         path: &Path,
         profile: &str,
@@ -88,7 +88,7 @@ impl ForeignWriter {
         self.file.write(channel, sequence, time_s, message)
     }
 
-    /// Writes what was taken so far; what comes next is in another chunk.
+    /// Closes the chunk: the next message begins another one.
     ///
     /// # Errors
     /// When writing fails.

@@ -1,10 +1,10 @@
-//! Messages of the schemas that Foxglove publishes, which Lichtblick and Rerun know, too.
+//! Messages that Foxglove, Lichtblick and Rerun draw by themselves.
 
 use crate::{ForeignSchema, ForeignTopic};
 use prost::Message;
 pub use prost_types::Timestamp;
 
-/// As prost generates them; their fields are documented in `proto/foxglove`.
+/// As prost generates them from `proto/foxglove`.
 mod messages {
     #![allow(missing_docs, unreachable_pub, clippy::pedantic, reason = "generated code")]
 

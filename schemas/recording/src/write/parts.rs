@@ -15,9 +15,9 @@ use std::path::{Path, PathBuf};
 /// When a recording goes on in another part.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Split {
-    /// With the first frame after the part has at least so many bytes on the disk.
+    /// At the first frame after the part has at least this many bytes on the disk.
     pub bytes: Option<u64>,
-    /// With the first frame at or after each multiple of this simulated time (s).
+    /// At the first frame at or after each multiple of this simulated time (s).
     pub duration_s: Option<f64>,
 }
 
@@ -47,7 +47,7 @@ fn stem(path: &Path) -> OsString {
     path.file_stem().unwrap_or_default().to_owned()
 }
 
-/// The parts of a recording `path` that are there, finished or not, by their numbers.
+/// The existing parts of a recording `path`, finished or not, by their numbers.
 fn parts_there(path: &Path) -> Result<Vec<(u64, PathBuf)>, WriteError> {
     let directory = directory_of(path);
     let mut parts = Vec::new();
@@ -87,7 +87,7 @@ pub struct PartsWriter {
 }
 
 impl PartsWriter {
-    /// Refuses a recording `path` one of whose parts is there already, unless they may be replaced. To be asked
+    /// Refuses a recording `path` if one of its parts exists, unless parts may be replaced. To be called
     /// before there is anything to record.
     ///
     /// # Errors
@@ -153,7 +153,7 @@ impl PartsWriter {
         self.open.as_mut().ok_or(WriteError::GivenUp { path })
     }
 
-    /// Begins another part with the state of `step`, and finishes the open one. If none can be begun that stays open.
+    /// Begins another part with the state of `step`, and finishes the open one. If that fails, the open part stays open.
     fn next_part(&mut self, step: u64) -> Result<(), WriteError> {
         let previous_state_hash = self.open()?.last_state_hash();
         let begin = BeginRecord { first_step: step, part: self.begin.part + 1, previous_state_hash };
@@ -195,7 +195,7 @@ impl PartsWriter {
         self.open.as_ref().map_or(0, RecordingWriter::pending_bytes)
     }
 
-    /// Removes the open part: for a recorder that got nothing.
+    /// Removes the open part, for a recorder that got no frame.
     pub fn discard(mut self) {
         if let Some(part) = self.open.take() {
             part.discard();

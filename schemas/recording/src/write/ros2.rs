@@ -3,7 +3,7 @@
 const HEADER: (&str, &str) = ("std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id\n");
 const TIME: (&str, &str) = ("builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n");
 
-/// What stands between the definitions of a type and of those it needs.
+/// Separates the definition of a type from those of the types that it needs.
 const DELIMITER: &str = "================================================================================";
 
 /// A message type.

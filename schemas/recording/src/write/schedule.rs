@@ -1,4 +1,4 @@
-//! Which states a recording has: what the manifest says of each, and which ones are missing.
+//! Which states a recording should have according to its manifest, and which are missing.
 
 use crate::head::BeginRecord;
 use crate::read::decode::StateHead;
@@ -70,7 +70,7 @@ impl<'a> Schedule<'a> {
         let every = manifest.provenance.record_every_steps;
         let due = self.due_after(before)?;
         if included {
-            // a state between frames is none of the schedule
+            // a state between frames is not in the schedule
             let is_last =
                 manifest.is_frame(next) && before.map_or(self.first_step <= next, |before| before < next);
             let due = if is_last { due.min(next) } else { due };

@@ -1,4 +1,4 @@
-//! What a recording will take on the disk, and whether there is room.
+//! How much disk space a recording will take, and whether there is enough.
 
 use crate::error::WriteError;
 use crate::write::channel_writer::Compression;
@@ -19,10 +19,10 @@ const CHUNK_BYTES: u64 = 512;
 /// Head, schemas, metadata, attachment and footer, rounded up.
 const FILE_BYTES: u64 = 32 << 10;
 
-/// Beads that a shock reaches in a time T, at the least: 0.76 (α = 3) to 1.03 (α = 1) in uniform chains.
+/// Fewest beads that a shock reaches in a time T: 0.76 (α = 3) to 1.03 (α = 1) in uniform chains.
 const FRONT_BEADS_PER_T: f64 = 0.5;
 
-/// Ratio at which zstd shrinks the moving part of a chain, at the most: about 4 while half of it moves, 3
+/// Largest ratio at which zstd shrinks the moving part of a chain: about 4 while half of it moves, 3
 /// when all does.
 const BEST_RATIO: f64 = 8.0;
 
@@ -60,10 +60,9 @@ impl SpaceNeeded {
         Self { at_most_bytes, at_least_bytes }
     }
 
-    /// Refuses a recording `path` that cannot fit on its disk, and returns what is free there (bytes).
+    /// Refuses a recording `path` that cannot fit on its disk, and returns the free space there (bytes).
     ///
-    /// The rule: refused is what does not fit even at the lower bound. What may or may not fit is the
-    /// caller's to mention.
+    /// The rule: a recording is refused if even its lower bound does not fit. The caller may warn of one that might not fit.
     ///
     /// # Errors
     /// [`WriteError::NoSpace`], [`WriteError::NoDisk`], or when the directory cannot be looked at.

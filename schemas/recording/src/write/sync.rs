@@ -20,7 +20,7 @@ struct Worker {
 }
 
 impl BackgroundSync {
-    /// Asks for what is in `file` now to be synced. Fails if an earlier request failed.
+    /// Asks for a sync of the present contents of `file`. Fails if an earlier request failed.
     pub(crate) fn request(&mut self, file: &Arc<File>) -> io::Result<()> {
         let worker = match self.worker.take() {
             Some(worker) => worker,
@@ -36,7 +36,7 @@ impl BackgroundSync {
         }
     }
 
-    /// Syncs what is in `file` now, and waits for it. An error that an earlier request met is told once, to whoever
+    /// Syncs the present contents of `file`, and waits for it. An error that an earlier request met is told once, to whoever
     /// synced then: it is this one's, too.
     pub(crate) fn sync(&mut self, file: &File) -> io::Result<()> {
         self.finish()?;

@@ -25,7 +25,7 @@ pub struct RecordingWriter {
     manifest: RunManifest,
     state: ChannelId,
     summary: ChannelId,
-    /// One for each kind of results that has come, by its topic.
+    /// One for each kind of results received, by its topic.
     rows: BTreeMap<String, RowChannel>,
     summarizer: Summarizer,
     encoder: StateEncoder,
@@ -48,7 +48,7 @@ impl RecordingWriter {
     ///
     /// # Errors
     /// When there is such a file or its `.partial` and `options.force` is not set, when there is its `.interrupted`,
-    /// when another process writes it, when something else than a file has its name, or when the operating system refuses.
+    /// when another process writes it, when something other than a file has its name, or when the operating system refuses.
     pub fn create(
         path: &Path,
         manifest: &RunManifest,
@@ -77,7 +77,7 @@ impl RecordingWriter {
         Self::create_beside_old(path, manifest, run_toml, begin, options)
     }
 
-    /// Like [`create_from`](Self::create_from), for whoever goes on with what is set aside.
+    /// Like [`create_from`](Self::create_from), to resume a recording that was set aside.
     pub(crate) fn create_beside_old(
         path: &Path,
         manifest: &RunManifest,
@@ -134,7 +134,7 @@ impl RecordingWriter {
     /// Records a row of results, in the order of frames within each kind. Its channel is added with the first row.
     ///
     /// # Errors
-    /// When it is no row of this run or not after the row before, or when writing fails.
+    /// When the row is not of this run or not after the row before, or when writing fails.
     pub fn write_row(&mut self, kind: &ResultKind, row: &ResultRow<'_>) -> Result<(), WriteError> {
         let before = self.rows.get(kind.topic()).copied();
         self.message.clear();

@@ -256,7 +256,7 @@ fn what_cannot_fit_is_refused_with_what_to_do() {
     let error = SpaceNeeded::new(&manifest, Compression::None).check(&path).err().unwrap();
     assert!(matches!(error, WriteError::NoSpace { .. }));
     let text = error.to_string();
-    assert!(text.contains("at the least") && text.contains("record_every_steps"), "{text}");
+    assert!(text.contains("at least") && text.contains("record_every_steps"), "{text}");
 }
 
 /// The command prints an error with its causes, so a text that repeats its cause says it twice.

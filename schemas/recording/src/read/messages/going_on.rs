@@ -13,11 +13,11 @@ use mcap::records::op;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// So many zeros at the end of a chunk whose CRC is wrong were never written, if only zeros follow.
+/// This many zeros at the end of a chunk with a wrong CRC, with only zeros after it, mean that it was never fully written.
 const UNWRITTEN_BYTES: usize = 8;
 
 impl MessageReader {
-    /// Notes what is wrong and goes on after it. Without salvaging, and if the operating system refused, the error
+    /// Notes a damage and goes on after it. Without salvaging, or if the operating system refused, the error
     /// stays one.
     pub(super) fn go_on_after(&mut self, error: ReadError) -> Result<Step, ReadError> {
         if self.salvage.is_none() || matches!(error, ReadError::Io { .. }) {
@@ -82,7 +82,7 @@ impl MessageReader {
         }
     }
 
-    /// Notes something that is in the chunk loaded last, wherever it is there.
+    /// Notes a damage somewhere in the chunk loaded last.
     fn note_in_chunk(&mut self, kind: DamageKind, what: String) {
         self.note_with(Damage {
             kind,
@@ -106,7 +106,7 @@ impl MessageReader {
         self.note(DamageKind::Message, self.record_start, 0, what);
     }
 
-    /// Notes that the file describes itself wrongly, with which no message is lost.
+    /// Notes that the file describes itself wrongly, which loses no message.
     pub(crate) fn note_descriptions(&mut self, wrong: Vec<String>) {
         for what in wrong {
             self.note(DamageKind::Description, self.record_start, 0, what);
@@ -118,22 +118,22 @@ impl MessageReader {
         self.salvage.as_ref().map_or(0, |salvage| salvage.count())
     }
 
-    /// How many damages there are with which something may be lost.
+    /// How many damages may have lost something.
     pub(crate) fn loss_count(&self) -> u64 {
         self.salvage.as_ref().map_or(0, |salvage| salvage.count() - salvage.descriptions())
     }
 
-    /// A record within a chunk is none, or does not fit to the others.
+    /// A record within a chunk is invalid, or does not fit the others.
     fn go_on_in_chunk(&mut self, what: String) {
         // the records after one that leaves the chunk cannot be found
         self.in_chunk = !self.chunk.is_stuck();
-        // that a damaged chunk has such records is no news
+        // a damaged chunk is expected to have such records
         if self.is_checked {
             self.note_in_chunk(DamageKind::Record, what);
         }
     }
 
-    /// The record read last is a chunk that is damaged: it gives what it has, unchecked.
+    /// The record read last is a damaged chunk: its contents are given unchecked.
     fn take_damaged_chunk(
         &mut self,
         offset_bytes: u64,
@@ -251,7 +251,7 @@ impl MessageReader {
         self.note(DamageKind::Unreadable, from, bytes, what);
     }
 
-    /// No record follows `bad`: what there is may be the beginning of a chunk.
+    /// No record follows `bad`: the rest of the file may be the beginning of a chunk.
     fn take_tail(&mut self, bad: u64, what: String) -> Result<Step, ReadError> {
         let file_bytes = self.records.file_bytes();
         let left = file_bytes - bad;
@@ -280,8 +280,8 @@ impl MessageReader {
         Ok(Step::Other)
     }
 
-    /// Finds out what an unknown channel is whose definition was in a damaged chunk: from the summary section, or from
-    /// a message of it, if that is a state of this run. False if it stays unknown.
+    /// Identifies a channel whose definition was in a damaged chunk: by the summary section, or by a message of it that
+    /// is a state of this run. False if it stays unknown.
     pub(super) fn learn_channel(&mut self, id: u16, message: Range<usize>) -> bool {
         let Some(salvage) = &mut self.salvage else { return false };
         if !std::mem::replace(&mut salvage.asked_summary, true)

@@ -48,7 +48,7 @@ impl Audit {
         }
     }
 
-    /// The summary section says of the file what is so.
+    /// The summary section describes the file correctly.
     pub(super) fn check_summary_section(&mut self) {
         if self.loss_count() > 0 {
             return;
@@ -65,7 +65,7 @@ impl Audit {
         }
     }
 
-    /// Channels of ours have the schemas that they must have.
+    /// Our channels have the right schemas.
     pub(super) fn check_definitions(&mut self) {
         if self.manifest.schema_version != SCHEMA_VERSION {
             return;

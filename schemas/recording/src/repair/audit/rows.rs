@@ -1,4 +1,4 @@
-//! Rows of results: whose they are, and whether one follows the other.
+//! Rows of results: whose they are, and whether they are in order.
 
 use crate::proto;
 use crate::read::contents::Channel;
@@ -7,7 +7,7 @@ use schemas::manifest::RunManifest;
 /// The ranges of missing rows that are kept; more are only counted.
 const MOST_RANGES: usize = 20;
 
-/// What every row of results begins with, whatever follows.
+/// The fields that begin every row of results.
 #[derive(Clone, Copy, PartialEq, prost::Message)]
 pub(super) struct RowHead {
     #[prost(uint64, tag = "1")]
@@ -18,7 +18,7 @@ pub(super) struct RowHead {
     pub(super) time_s: f64,
 }
 
-/// Whether the messages of `channel` are rows of results, ours or those of somebody else's analysis.
+/// Whether the messages of `channel` are rows of results, of our analyses or of somebody else's.
 pub(super) fn is_of_results(channel: &Channel) -> bool {
     let is_known =
         |known: &proto::Topic| known.topic == channel.topic && known.message == channel.schema.name;
@@ -42,7 +42,7 @@ pub struct RowsFound {
 }
 
 impl RowsFound {
-    /// Takes the next one, or says why it cannot be that.
+    /// Takes the next row, or says why it cannot be the next one.
     pub(super) fn take(&mut self, row: &RowHead, manifest: &RunManifest) -> Result<(), String> {
         let RowHead { frame, step, time_s } = *row;
         let is_frame = frame < manifest.frame_count() && manifest.step_of_frame(frame) == step;

@@ -1,4 +1,4 @@
-//! The chunks on their way from the run to the disk: what is to be done next, and when.
+//! The chunks on their way from the run to the disk: what to do next, and when.
 
 use super::block::Block;
 use std::collections::VecDeque;
@@ -9,36 +9,36 @@ use std::time::{Duration, Instant};
 pub(super) struct Rules {
     /// A chunk with more than this is closed.
     pub(super) chunk_bytes: u64,
-    /// What may wait to be written, beside the open chunk; one chunk always may.
+    /// Bytes that may wait to be written, beside the open chunk; one chunk always may.
     pub(super) queue_bytes: u64,
     /// Longest time that a chunk stays open.
     pub(super) flush_period: Duration,
-    /// Longest time that what was recorded is not synced.
+    /// Longest time that recorded bytes stay unsynced.
     pub(super) sync_period: Duration,
 }
 
-/// The chunks that are not on the disk yet. Knows no clock but the times that it is told.
+/// The chunks that are not on the disk yet. It has no clock: callers pass the time.
 #[derive(Debug)]
 pub(super) struct Chunks {
     rules: Rules,
     open: Block,
     closed: VecDeque<Block>,
-    /// Taken, but not written: how many, and their bytes.
+    /// Chunks handed out but not written yet: how many, and their bytes.
     in_work: (usize, u64),
     /// Empty ones, to be used again.
     spare: Vec<Block>,
     /// Number of the next one to be taken.
     next_number: u64,
-    /// Since when something was recorded that no sync was asked for yet.
+    /// When the first bytes were recorded for which no sync was asked yet.
     unsynced: Option<Instant>,
     accepted_frames: u64,
     written_frames: u64,
 }
 
-/// What is to be done next.
+/// What to do next.
 #[derive(Debug)]
 pub(super) enum Next {
-    /// Write this chunk, the so-many-th of the file.
+    /// Write this chunk, which has this number in the file.
     Write(u64, Block),
     /// Sync what was written.
     Sync,
@@ -107,12 +107,12 @@ impl Chunks {
         self.waiting_count() > 1 && self.waiting_bytes() > self.rules.queue_bytes
     }
 
-    /// Bytes that were recorded and are not in the file, before compression.
+    /// Bytes recorded and not yet in the file, before compression.
     pub(super) fn pending_bytes(&self) -> u64 {
         self.open.bytes() + self.waiting_bytes()
     }
 
-    /// What to do at the time `now`. Who is handed a chunk says [`written`](Self::written) about it later.
+    /// What to do at the time `now`. The receiver of a chunk calls [`written`](Self::written) later.
     pub(super) fn next(&mut self, now: Instant) -> Next {
         let Rules { flush_period, sync_period, .. } = self.rules;
         let flush_at =
@@ -145,7 +145,7 @@ impl Chunks {
         self.spare.push(block);
     }
 
-    /// Lets go of what waits, which will never be written.
+    /// Drops the waiting chunks, which will never be written.
     pub(super) fn give_up(&mut self) {
         self.open.clear();
         self.closed.clear();
@@ -245,7 +245,7 @@ mod tests {
         assert!(chunks.is_full());
     }
 
-    /// What is handed out still counts until it is written.
+    /// A chunk that is handed out counts until it is written.
     #[test]
     fn chunks_in_work_take_room() {
         let (mut chunks, start) = (chunks(), Instant::now());

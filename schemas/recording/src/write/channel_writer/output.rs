@@ -1,4 +1,4 @@
-//! The file as it grows: whole chunks, one after the other, and in the end what closes it.
+//! The growing file: whole chunks, one after the other, and at the end the records that close it.
 
 use super::Compression;
 use super::block::Block;
@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 #[derive(Debug)]
 pub(super) struct Output {
     file: Arc<File>,
-    /// Bytes handed to the operating system, for whoever wants to look.
+    /// Bytes handed to the operating system, readable by other threads.
     position: Arc<AtomicU64>,
     bytes: u64,
     crc: crc32fast::Hasher,
@@ -122,7 +122,7 @@ impl Output {
     /// Appends whole records; if that fails, the file ends where it ended before.
     fn append(&mut self, records: &[u8]) -> io::Result<()> {
         if let Err(error) = (&*self.file).write_all(records) {
-            // at best: the write error is what the user has to know
+            // best effort: the user has to know of the write error
             let _ = self.file.set_len(self.bytes);
             return Err(error);
         }

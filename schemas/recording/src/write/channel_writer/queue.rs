@@ -37,7 +37,7 @@ enum Phase {
 /// Why nothing more is taken.
 #[derive(Debug)]
 pub(super) enum Refused {
-    /// Writing failed, and this is the first to hear of it.
+    /// Writing failed, and this caller hears of it first.
     Failed {
         /// What the operating system says.
         source: io::Error,
@@ -59,7 +59,7 @@ impl Queue {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits while too much waits to be written, and then has `append` put records into the open chunk.
+    /// Waits while the queue is full, and then has `append` put records into the open chunk.
     pub(super) fn record(&self, append: impl FnOnce(&mut Chunks, Instant)) -> Result<(), Refused> {
         let mut now = Instant::now();
         let mut state = self.lock();
@@ -73,7 +73,7 @@ impl Queue {
         let was_open = state.chunks.is_open();
         append(&mut state.chunks, now);
         let closed = state.chunks.waiting_count() > waiting;
-        // a chunk that was opened needs somebody who closes it in time
+        // a thread must close the opened chunk in time
         if closed || !was_open {
             self.work.notify_one();
         }
@@ -113,7 +113,7 @@ impl Queue {
         self.work.notify_all();
     }
 
-    /// Has the threads end without writing what there is.
+    /// Ends the threads without writing the waiting chunks.
     pub(super) fn give_up(&self) {
         let mut state = self.lock();
         state.chunks.give_up();
@@ -122,7 +122,7 @@ impl Queue {
         self.progress.notify_all();
     }
 
-    /// What to do next, as soon as there is something; none when a thread is to end.
+    /// Waits for the next thing to do; none when a thread is to end.
     pub(super) fn next(&self) -> Option<Next> {
         let mut state = self.lock();
         loop {
@@ -168,7 +168,7 @@ impl Queue {
         self.lock().check()
     }
 
-    /// Bytes that were recorded and are not in the file.
+    /// Bytes recorded and not yet in the file.
     pub(super) fn pending_bytes(&self) -> u64 {
         self.lock().chunks.pending_bytes()
     }

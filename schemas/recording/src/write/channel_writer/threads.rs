@@ -15,10 +15,10 @@ use std::time::Duration;
 /// Threads that compress: one keeps up with a disk, two with a run that computes on a third core.
 const MOST_COMPRESSORS: usize = 2;
 
-/// A sync is asked for after so many bytes in the file: one of all that a run has written would hold up its end.
+/// A sync is asked for after this many bytes: syncing everything at the end would hold the end up.
 const SYNC_BYTES: u64 = 16 << 20;
 
-/// Threads at work on a queue. Dropped, they write what was taken first.
+/// Threads at work on a queue. When this is dropped they first write everything accepted.
 #[derive(Debug)]
 pub(super) struct Threads {
     shared: Arc<Shared>,
@@ -91,7 +91,7 @@ impl Threads {
         writing.sync.sync(&file)
     }
 
-    /// Has everything written, waits until the threads have ended, and gives the file back.
+    /// Writes everything, waits for the threads to end, and gives the file back.
     pub(super) fn end(mut self) -> Result<(Output, BackgroundSync), Refused> {
         self.shared.queue.end();
         self.join();
@@ -156,7 +156,7 @@ impl Shared {
         writing.output.chunk(&block, encoded)?;
         writing.written += 1;
         writing.sync_if_much()?;
-        // before anybody can report an error: it counts what was not written
+        // before anybody can report an error, which counts the frames not written
         self.queue.written(block);
         drop(writing);
         self.turn.notify_all();
