@@ -380,13 +380,13 @@ impl Rows {
     pub(crate) fn open(
         session: &Session<'_>,
         topic: Topic,
-        names: &[impl AsRef<str>],
+        published: &ResultColumns,
         out: Option<&PathBuf>,
     ) -> Result<Self, Failure> {
-        let names: Vec<_> = names.iter().map(AsRef::as_ref).collect();
-        let columns: Vec<_> = ROW_HEAD.iter().chain(&names).map(|name| (*name).to_owned()).collect();
+        let columns: Vec<_> =
+            ROW_HEAD.into_iter().chain(published.names.split(',')).map(str::to_owned).collect();
         let table = out.map(|path| Table::create(path, &columns, session.args.force)).transpose()?;
-        Ok(Self { table, publisher: session.results(topic, &ResultColumns::named(&names))? })
+        Ok(Self { table, publisher: session.results(topic, published)? })
     }
 
     /// Writes the row of `frame`; what is not defined there is NaN on the bus, and left out in the table.

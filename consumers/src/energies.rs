@@ -14,6 +14,7 @@ use reflection::{Parts, Watch, incident_side};
 use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::{Physics, RunManifest};
+use schemas::results::ENERGIES;
 use schemas::simd::{ordered_sum, vectorized};
 use schemas::summary::Drift;
 
@@ -48,18 +49,7 @@ pub struct EnergyRow {
 
 impl EnergyRow {
     /// Names of the columns, with units, in the order of [`EnergyRow::values`].
-    pub const COLUMNS: [&'static str; 10] = [
-        "kinetic_j",
-        "potential_j",
-        "total_j",
-        "left_j",
-        "split_j",
-        "right_j",
-        "dissipated_j",
-        "relative_drift",
-        "inbound_j",
-        "corrected_j",
-    ];
+    pub const COLUMNS: [&'static str; 10] = ENERGIES;
 
     /// The values in the order of [`EnergyRow::COLUMNS`].
     pub fn values(&self) -> [f64; 10] {

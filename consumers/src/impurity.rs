@@ -4,6 +4,7 @@ use crate::contacts::default_tolerance_m;
 use schemas::chain::{Chain, Wall, Walls};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
+use schemas::results::MOTION;
 
 /// Motion of one bead in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,8 +21,7 @@ pub struct Motion {
 
 impl Motion {
     /// Names of the quantities with their units, in the order of [`Motion::values`].
-    pub const QUANTITIES: [(&'static str, &'static str); 4] =
-        [("u", "m"), ("v", "m_s"), ("overlap_left", "m"), ("overlap_right", "m")];
+    pub const QUANTITIES: [(&'static str, &'static str); 4] = MOTION;
 
     /// The values in the order of [`Motion::QUANTITIES`].
     pub fn values(&self) -> [f64; 4] {

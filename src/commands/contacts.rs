@@ -80,8 +80,7 @@ pub(crate) fn contacts(args: &ContactsArgs) -> Result<Done, Failure> {
     let columns: Vec<_> =
         ROW_HEAD.iter().chain(&ContactCounts::COLUMNS).map(|name| (*name).to_owned()).collect();
     let force = args.common.frames.force;
-    let names = "one class a contact: 0 touching, 1 compressed, 2 open".to_owned();
-    let published = ResultColumns { width: contact_count, names, tolerance_m: Some(tolerance_m) };
+    let published = ResultColumns::contacts(contact_count, tolerance_m);
     let mut outputs = Outputs {
         contacts: Contacts::new(&manifest, tolerance_m),
         picture: drawn.then(|| Picture::new(Extent { places: 0..contact_count, steps: session.steps() })),

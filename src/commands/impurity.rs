@@ -12,7 +12,7 @@ use consumers::series::Series;
 use consumers::table::Table;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
-use schemas::results::Topic;
+use schemas::results::{ResultColumns, Topic};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -67,10 +67,7 @@ pub(crate) fn impurity(args: &ImpurityArgs) -> Result<Done, Failure> {
     let mut session = Session::open(&args.common, "impurity", &tables)?;
     let manifest = session.manifest().clone();
     let beads = beads(args, &manifest)?;
-    let names: Vec<_> = beads
-        .iter()
-        .flat_map(|bead| Motion::QUANTITIES.map(|(quantity, unit)| format!("{quantity}_{bead}_{unit}")))
-        .collect();
+    let published = ResultColumns::motion(&beads);
     let event_columns = ["time_s", "bead", "event", "u_m"].map(str::to_owned);
     let create = |path: &PathBuf| Table::create(path, &event_columns, args.common.frames.force);
     let mut outputs = Outputs {
@@ -79,8 +76,8 @@ pub(crate) fn impurity(args: &ImpurityArgs) -> Result<Done, Failure> {
         events: Vec::new(),
         event_count: 0,
         event_table: args.events.as_ref().map(create).transpose()?,
-        rows: Rows::open(&session, Topic::Impurity, &names, args.out.as_ref())?,
-        row: Vec::with_capacity(names.len()),
+        rows: Rows::open(&session, Topic::Impurity, &published, args.out.as_ref())?,
+        row: Vec::with_capacity(published.width),
     };
     let tally = session.follow(&mut outputs)?;
 

@@ -16,7 +16,7 @@ use consumers::table::Table;
 use recording::RecordingSource;
 use schemas::frame::{Frame, FrameSource};
 use schemas::manifest::RunManifest;
-use schemas::results::{ResultColumns, Topic};
+use schemas::results::{PULSE, ResultColumns, Topic};
 use serde_json::{Value, json};
 use source::Named;
 
@@ -27,9 +27,8 @@ const SHOWN: usize = 12;
 const TOLD: usize = 3;
 const MOST_IN_JSON: usize = 100;
 
-/// Pulses in a published row, and numbers for each.
+/// Pulses in a published row.
 const PUBLISHED: usize = 16;
-const PUBLISHED_COLUMNS: [&str; 5] = ["pulse", "bead", "v_peak_m_s", "velocity_beads_per_s", "fwhm_beads"];
 
 const PULSE_COLUMNS: [&str; 19] = [
     "pulse",
@@ -108,9 +107,7 @@ pub(crate) fn pulses(args: &PulsesArgs) -> Result<Done, Failure> {
     let manifest = session.manifest().clone();
     let threshold_m_s = args.threshold * Pulses::velocity_scale_m_s(&manifest);
     let drawn = !args.common.figure.is_empty();
-    let names =
-        format!("for each of {PUBLISHED} pulses: {}; nan where there is none", PUBLISHED_COLUMNS.join(","));
-    let published = ResultColumns { width: PUBLISHED * PUBLISHED_COLUMNS.len(), names, tolerance_m: None };
+    let published = ResultColumns::pulses(PUBLISHED);
     let bead_count = manifest.contact_count() + 1;
     let mut outputs = Outputs {
         pulses: Pulses::new(&manifest, threshold_m_s),
@@ -247,7 +244,7 @@ fn published_row(row: &mut Vec<f64>, under_way: impl Iterator<Item = UnderWay>) 
         let (position, velocity) = (pulse.position_beads, pulse.velocity_beads_per_s);
         row.extend([pulse.number as f64, position, pulse.v_peak_m_s, velocity, fwhm_beads]);
     }
-    row.resize(PUBLISHED * PUBLISHED_COLUMNS.len(), f64::NAN);
+    row.resize(PUBLISHED * PULSE.len(), f64::NAN);
 }
 
 /// Says what could not be followed. True if everything was.

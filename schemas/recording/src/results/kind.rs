@@ -7,17 +7,10 @@ use crate::results::own_results::OwnResults;
 use crate::write::channel_writer::{ChannelId, ChannelWriter};
 use prost::Message as _;
 use schemas::manifest::RunManifest;
-use schemas::results::{ResultColumns, Topic};
+use schemas::results::{ENERGIES, MOTION, PULSE, ResultColumns, Topic};
 
-/// The columns of `/energies`, in the order of a row.
-const ENERGIES: &str =
-    "kinetic_j,potential_j,total_j,left_j,split_j,right_j,dissipated_j,relative_drift,inbound_j,corrected_j";
-
-/// Values of a bead in a row of `/impurity`: displacement, velocity, overlaps with both neighbours.
-const MOTION_WIDTH: usize = 4;
-
-/// Values of a pulse in a row of `/pulses`: number, crest, peak velocity, velocity, width.
-const PULSE_WIDTH: usize = 5;
+const MOTION_WIDTH: usize = MOTION.len();
+const PULSE_WIDTH: usize = PULSE.len();
 
 /// A kind of results, and what its rows mean.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,7 +63,7 @@ impl ResultKind {
     pub fn new(topic: Topic, columns: &ResultColumns, manifest: &RunManifest) -> Result<Self, String> {
         let ResultColumns { width, names, tolerance_m } = columns;
         match topic {
-            Topic::Energies if names == ENERGIES => Ok(Self::Energies),
+            Topic::Energies if *names == ENERGIES.join(",") => Ok(Self::Energies),
             Topic::Impurity => Ok(Self::Impurity { beads: beads(names, *width, manifest)? }),
             Topic::Contacts if *width == manifest.contact_count() => {
                 Ok(Self::Contacts { tolerance_m: tolerance_m.unwrap_or(f64::NAN) })
