@@ -77,7 +77,7 @@ impl Keyboard {
         let stop = signals::patient_stop_flag()?;
         let (sender, keys) = channel();
         let (end, ended) = UnixStream::pair()?;
-        let watch = Watch {
+        let watch = Listener {
             ended,
             stopping: Signals::of(&[SIGINT, SIGTERM])?,
             suspending: Signals::of(&[SIGTSTP])?,
@@ -183,7 +183,7 @@ impl Signals {
 }
 
 /// What the thread watches.
-struct Watch {
+struct Listener {
     ended: UnixStream,
     stopping: Signals,
     suspending: Signals,
@@ -193,7 +193,7 @@ struct Watch {
     sender: Sender<Key>,
 }
 
-impl Watch {
+impl Listener {
     fn run(self) {
         let (mut stops, mut listening) = (0, true);
         loop {

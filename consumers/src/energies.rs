@@ -10,7 +10,7 @@ pub use reflection::{
 pub use step_error::{STEP_SAFETY, step_error_j};
 
 use pulp::Arch;
-use reflection::{Parts, Watch, incident_side};
+use reflection::{Parts, ReflectionWatch, incident_side};
 use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::{Physics, RunManifest};
@@ -76,7 +76,7 @@ pub struct Energies {
     drift: Drift,
     split_bead: usize,
     contact_j: Vec<f64>,
-    watch: Result<Watch, Undefined>,
+    watch: Result<ReflectionWatch, Undefined>,
     max_abs_drift: f64,
     last: Option<EnergyRow>,
 }
@@ -117,7 +117,7 @@ impl Energies {
     pub fn new(manifest: &RunManifest, split_bead: u64) -> Self {
         let chain = manifest.physics.chain();
         Self {
-            watch: incident_side(manifest, split_bead).map(|side| Watch::new(manifest, side)),
+            watch: incident_side(manifest, split_bead).map(|side| ReflectionWatch::new(manifest, side)),
             drift: Drift::new(&manifest.physics, &chain),
             split_bead: usize::try_from(split_bead).unwrap_or(usize::MAX).min(chain.bead_count() - 1),
             contact_j: vec![0.0; chain.contact_count()],
@@ -202,7 +202,7 @@ impl Energies {
             split_bead: self.split_bead(),
             beads: self.chain.bead_count() as u64,
             last,
-            reflection: self.watch.as_ref().map(Watch::found).map_err(|undefined| *undefined),
+            reflection: self.watch.as_ref().map(ReflectionWatch::found).map_err(|undefined| *undefined),
             max_abs_drift: self.max_abs_drift,
         })
     }

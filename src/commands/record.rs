@@ -56,7 +56,7 @@ pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
 
     signals::would_leave(what_stays(args, &split));
     let mut source = frames(args, live)?;
-    let mut session = Session {
+    let mut session = Following {
         due: DueFrames::new(&recorder, &manifest, DiskWatch::new(&args.out, reserve_bytes)),
         manifest: &manifest,
         recorder: &recorder,
@@ -66,7 +66,7 @@ pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
     };
     let followed = session.follow(&mut source);
     drop(source);
-    let Session { due, missed_count, frame_count, disk_is_short, .. } = session;
+    let Following { due, missed_count, frame_count, disk_is_short, .. } = session;
     let range = due.finish();
     let end = followed.as_ref().map_or(EndReason::Detached, |end| *end);
     let patience = match end {
@@ -179,7 +179,7 @@ fn what_stays(args: &RecordArgs, split: &Split) -> String {
 }
 
 /// The frames of one run on their way.
-struct Session<'a> {
+struct Following<'a> {
     due: DueFrames<'a>,
     manifest: &'a RunManifest,
     recorder: &'a Recorder,
@@ -188,7 +188,7 @@ struct Session<'a> {
     disk_is_short: bool,
 }
 
-impl Session<'_> {
+impl Following<'_> {
     /// Records frames until they end, or the disk is nearly full.
     fn follow(&mut self, source: &mut Frames) -> Result<EndReason, Failure> {
         let mut progress = Progress::of_run(self.manifest);

@@ -165,7 +165,7 @@ impl Shared<'_> {
 
 /// Counts what the workers tell, and shows it, until they are done.
 fn watch(shared: &Shared<'_>, told: &Receiver<Told>) -> Result<Tally, Failure> {
-    let mut progress = Progress::new(shared);
+    let mut progress = Overview::new(shared);
     let mut tally = Tally::default();
     let mut failure = None;
     loop {
@@ -192,7 +192,7 @@ fn watch(shared: &Shared<'_>, told: &Receiver<Told>) -> Result<Tally, Failure> {
 
 /// How far all workers are: a bar on a terminal, a line for each tenth elsewhere. Work is counted in steps of
 /// beads.
-struct Progress<'a> {
+struct Overview<'a> {
     shared: &'a Shared<'a>,
     bar: ProgressBar,
     start: Instant,
@@ -205,7 +205,7 @@ struct Progress<'a> {
     tenths: u64,
 }
 
-impl<'a> Progress<'a> {
+impl<'a> Overview<'a> {
     fn new(shared: &'a Shared<'a>) -> Self {
         let unfinished = shared.jobs.iter().fold(0_u64, |sum, job| sum.saturating_add(job.cost()));
         let bar = display::progress_bar(unfinished, "sweep");

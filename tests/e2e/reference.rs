@@ -7,7 +7,7 @@ use recording::RecordingSource;
 use schemas::frame::{Frame, FrameSource};
 use std::convert::Infallible;
 
-/// What the issue asks for; the reference is good to 1e-5, the parabola through three frames to 1e-6.
+/// Ten times what `tests/reference` is good to; the parabola through three frames is to 1e-6.
 const TOLERANCE: f64 = 1e-4;
 
 struct Look(Probes);

@@ -1,7 +1,7 @@
 //! Colours for signed numbers, and the bar beside a raster that explains them.
 
 use super::panel::Axis;
-use super::scale::{Room, Scale};
+use super::scale::{Margin, Scale};
 use super::style::Colour;
 use super::ticks::{is_plain, power_label, signed};
 
@@ -72,7 +72,7 @@ impl ColourScale {
             return BarTicks { numbers: decades, exponent: 0 };
         }
         let axis = Axis::new("").limits(self.from, self.to);
-        let ticks = Scale::new(&axis, std::iter::empty(), Room::Nothing).ticks(most.div_ceil(2) + 1);
+        let ticks = Scale::new(&axis, std::iter::empty(), Margin::Nothing).ticks(most.div_ceil(2) + 1);
         let numbers = match self.log_beyond {
             None => ticks.major,
             // less than a decade: the ends are enough

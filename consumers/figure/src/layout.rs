@@ -3,7 +3,7 @@
 use super::colour_scale::BarTicks;
 use super::legend::{self, Row};
 use super::panel::{Axis, Panel};
-use super::scale::{Room, Scale};
+use super::scale::{Margin, Scale};
 use super::style::{Colour, Ink, Stroke};
 use super::svg::{Pen, Rect};
 use super::text::{CAP_HEIGHT, width, wrap};
@@ -332,8 +332,9 @@ fn shared_x_scale(figure: &Figure, own: &Axis) -> Scale {
     let values = figure.panels.iter().flat_map(Panel::x_values);
     // A raster's edges are the axes' edges; else the panel with markers, if any, needs the most room.
     let rooms = || figure.panels.iter().map(Panel::x_room);
-    let room = [Room::Nothing, Room::Part(0.04)].into_iter().find(|room| rooms().any(|other| other == *room));
-    Scale::new(&axis, values, room.unwrap_or(Room::ToRound))
+    let room =
+        [Margin::Nothing, Margin::Part(0.04)].into_iter().find(|room| rooms().any(|other| other == *room));
+    Scale::new(&axis, values, room.unwrap_or(Margin::ToRound))
 }
 
 /// How many numbers a y axis of this height holds in comfort.

@@ -1,7 +1,7 @@
 //! What a panel shows, as its caller describes it: axes, curves, reference lines, a raster, a note.
 
 use super::raster::Raster;
-use super::scale::Room;
+use super::scale::Margin;
 use super::style::{Colour, Ink, Mark, Stroke};
 
 /// An axis: its label with the unit, and how values lie along it. A `&str` is an axis with that label.
@@ -266,19 +266,19 @@ impl Panel {
         raster.chain(points.map(|point| point.1))
     }
 
-    pub(super) fn x_room(&self) -> Room {
+    pub(super) fn x_room(&self) -> Margin {
         let marked = self.curves.iter().any(|curve| curve.mark.is_some());
         match (&self.raster, marked) {
-            (Some(_), _) => Room::Nothing,
-            (None, true) => Room::Part(0.04),
-            (None, false) => Room::ToRound,
+            (Some(_), _) => Margin::Nothing,
+            (None, true) => Margin::Part(0.04),
+            (None, false) => Margin::ToRound,
         }
     }
 
-    pub(super) fn y_room(&self) -> Room {
+    pub(super) fn y_room(&self) -> Margin {
         match self.raster {
-            Some(_) => Room::Nothing,
-            None => Room::Part(0.06),
+            Some(_) => Margin::Nothing,
+            None => Margin::Part(0.06),
         }
     }
 }

@@ -9,7 +9,7 @@ const LARGEST: f64 = 1e290;
 
 /// What an axis leaves free beyond the values on it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Room {
+pub(super) enum Margin {
     /// Nothing.
     Nothing,
     /// Nothing, but an end just short of a round number goes on to it.
@@ -29,7 +29,7 @@ pub(super) struct Scale {
 
 impl Scale {
     /// The axis' own limits, or the extent of `values` with some room.
-    pub(super) fn new(axis: &Axis, values: impl Iterator<Item = f64>, room: Room) -> Self {
+    pub(super) fn new(axis: &Axis, values: impl Iterator<Item = f64>, room: Margin) -> Self {
         let scale = |from, to| Self { from, to, log: axis.log, reversed: axis.reversed };
         if let Some((a, b)) = axis.limits {
             let usable = scale(a, b);
@@ -43,11 +43,11 @@ impl Scale {
             let (low, high) = extent.unwrap_or((value, value));
             Some((low.min(value), high.max(value)))
         });
-        let margin = if let Room::Part(part) = room { part } else { 0.0 };
+        let margin = if let Margin::Part(part) = room { part } else { 0.0 };
         let (from, to) = match (extent, axis.log) {
             (None, false) => (0.0, 1.0),
             (None, true) => (1.0, 10.0),
-            (Some((low, high)), false) if room == Room::ToRound => {
+            (Some((low, high)), false) if room == Margin::ToRound => {
                 let (low, high) = widen(low, high, 0.0);
                 to_round(low, high)
             }
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn an_end_just_short_of_a_round_number_reaches_it() {
-        let range = |to| Scale::new(&Axis::new(""), [0.0, to].into_iter(), Room::ToRound).to;
+        let range = |to| Scale::new(&Axis::new(""), [0.0, to].into_iter(), Margin::ToRound).to;
         assert_eq!(range(999.0), 1000.0);
         assert_eq!(range(79.998), 80.0);
         assert_eq!(range(87.0), 87.0);
@@ -121,7 +121,7 @@ mod tests {
     #[test]
     fn a_reversed_axis_starts_at_its_end() {
         let axis = Axis::new("t").limits(0.0, 8.0).reversed();
-        let scale = Scale::new(&axis, std::iter::empty(), Room::Nothing);
+        let scale = Scale::new(&axis, std::iter::empty(), Margin::Nothing);
         assert_eq!(scale.place(2.0), Some(0.75));
         assert_eq!(scale.place(f64::NAN), None);
     }

@@ -259,10 +259,10 @@ pub(super) fn label_with_factor(label: &str, exponent: i32) -> String {
 mod tests {
     use super::*;
     use crate::Axis;
-    use crate::scale::Room;
+    use crate::scale::Margin;
 
     fn labels(axis: &Axis, count: usize) -> Vec<String> {
-        let ticks = Scale::new(axis, std::iter::empty(), Room::Nothing).ticks(count);
+        let ticks = Scale::new(axis, std::iter::empty(), Margin::Nothing).ticks(count);
         ticks.major.into_iter().map(|(_, label)| label).collect()
     }
 
@@ -270,7 +270,7 @@ mod tests {
     fn linear_ticks_are_round_and_at_their_places() {
         let axis = Axis::new("x").limits(-0.13, 0.31);
         assert_eq!(labels(&axis, 5), ["−0.1", "0.0", "0.1", "0.2", "0.3"]);
-        let scale = Scale::new(&Axis::new("x").limits(0.0, 1000.0), std::iter::empty(), Room::Nothing);
+        let scale = Scale::new(&Axis::new("x").limits(0.0, 1000.0), std::iter::empty(), Margin::Nothing);
         let ticks = scale.ticks(5);
         assert_eq!(ticks.major[1], (0.2, "200".to_owned()));
         assert_eq!(ticks.major.last().map(|tick| tick.0), Some(1.0));
@@ -286,7 +286,7 @@ mod tests {
     #[test]
     fn small_and_large_numbers_share_a_factor_in_the_label() {
         let axis = Axis::new("x").limits(0.0, 4.1e-6);
-        let ticks = Scale::new(&axis, std::iter::empty(), Room::Nothing).ticks(4);
+        let ticks = Scale::new(&axis, std::iter::empty(), Margin::Nothing).ticks(4);
         assert_eq!(ticks.exponent, -6);
         assert_eq!(ticks.major[2].1, "2");
         assert_eq!(label_with_factor("u (%)", -6), "u (10⁻⁶\u{a0}%)");
@@ -338,7 +338,7 @@ mod tests {
         ];
         for values in cases {
             for axis in [Axis::new(""), Axis::new("").log(), Axis::new("").reversed()] {
-                let scale = Scale::new(&axis, values.iter().copied(), Room::Part(0.05));
+                let scale = Scale::new(&axis, values.iter().copied(), Margin::Part(0.05));
                 let ticks = scale.ticks(5);
                 assert!(ticks.major.len() >= 2, "{values:?} {axis:?} {scale:?}");
                 assert!(ticks.major.len() <= 13, "{values:?} {axis:?}");

@@ -59,7 +59,7 @@ impl Cached {
         let options = WriteOptions { force: true, ..WriteOptions::default() };
         let mut recorder =
             RecordingWriter::create(&self.path, &self.manifest, &self.run.config.to_toml(), &options)?;
-        let mut watch = Watch { stop, progress };
+        let mut watch = Conduct { stop, progress };
         let outcome = producer::run::run(&self.manifest, &mut Unpublished, Some(&mut recorder), &mut watch);
         let outcome = match outcome {
             Ok(outcome) => outcome,
@@ -109,18 +109,18 @@ impl FrameSink for Unpublished {
     }
 }
 
-struct Watch<'a, P> {
+struct Conduct<'a, P> {
     stop: &'a AtomicBool,
     progress: P,
 }
 
-impl<P: Fn(u64)> Watch<'_, P> {
+impl<P: Fn(u64)> Conduct<'_, P> {
     fn go_on(&self) -> ControlFlow<()> {
         if self.stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 }
 
-impl<P: Fn(u64)> Conductor<Unpublished, RecordingWriter> for Watch<'_, P> {
+impl<P: Fn(u64)> Conductor<Unpublished, RecordingWriter> for Conduct<'_, P> {
     fn after_frame(
         &mut self,
         frame: &Frame<'_>,

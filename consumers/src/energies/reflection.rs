@@ -238,7 +238,7 @@ impl Parts {
 
 /// Watches one reflection, frame by frame.
 #[derive(Debug, Clone)]
-pub(super) struct Watch {
+pub(super) struct ReflectionWatch {
     moved_m_s: f64,
     end_beads: [u64; 2],
     end_velocities_m_s: [f64; 2],
@@ -275,7 +275,7 @@ pub(super) fn incident_side(manifest: &RunManifest, split_bead: u64) -> Result<S
     }
 }
 
-impl Watch {
+impl ReflectionWatch {
     pub(super) fn new(manifest: &RunManifest, incident: Side) -> Self {
         let physics = &manifest.physics;
         let collision_s = physics.scales().time_s;
@@ -385,7 +385,7 @@ mod tests {
 
     /// A frame `collisions` T after the start, of 1 J in all, with these parts on the incident side, in the
     /// split bead, and of the first what moves towards the second.
-    fn frame(watch: &Watch, collisions: u64, [incident_j, split_j, towards_j]: [f64; 3]) -> Parts {
+    fn frame(watch: &ReflectionWatch, collisions: u64, [incident_j, split_j, towards_j]: [f64; 3]) -> Parts {
         Parts {
             at: Moment {
                 frame: collisions,
@@ -401,8 +401,8 @@ mod tests {
         }
     }
 
-    fn watched(frames: &[(u64, [f64; 3])]) -> Watch {
-        let mut watch = Watch::new(&manifest(|_| {}), Side::Left);
+    fn watched(frames: &[(u64, [f64; 3])]) -> ReflectionWatch {
+        let mut watch = ReflectionWatch::new(&manifest(|_| {}), Side::Left);
         for (collisions, parts) in frames {
             watch.push(&frame(&watch, *collisions, *parts));
         }
@@ -437,7 +437,7 @@ mod tests {
 
     #[test]
     fn the_error_of_the_step_is_part_of_every_uncertainty() {
-        let mut watch = Watch::new(&manifest(|_| {}), Side::Left);
+        let mut watch = ReflectionWatch::new(&manifest(|_| {}), Side::Left);
         for (collisions, parts, max_abs_drift) in [
             (9, [1.0, 0.0, 0.9375], (2.0_f64).powi(-20)),
             (12, [0.25, 0.0, 0.0], (2.0_f64).powi(-19)),

@@ -138,7 +138,7 @@ impl LiveSource {
         options: &AttachOptions,
     ) -> Result<Self, AttachError> {
         let search = Search { bus, delivery, options, start: Instant::now() };
-        let (mut told, mut watch) = (false, Watch::new(bus));
+        let (mut told, mut watch) = (false, Rescan::new(bus));
         loop {
             search.check()?;
             if watch.is_worth_a_look() {
@@ -164,7 +164,7 @@ impl LiveSource {
 }
 
 /// Whether to look for runs again: a look takes milliseconds, and changes are rare.
-struct Watch {
+struct Rescan {
     services: PathBuf,
     changed: Option<SystemTime>,
     looked_at: Option<Instant>,
@@ -172,7 +172,7 @@ struct Watch {
     good_for: Duration,
 }
 
-impl Watch {
+impl Rescan {
     /// How long a new service may take until it is whole. Finishing it does not touch the directory.
     const SETTLING: Duration = Duration::from_secs(1);
 
