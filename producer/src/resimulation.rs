@@ -12,6 +12,7 @@ use crate::integrator::Integrator;
 use crate::state::ChainState;
 use schemas::frame::{EndReason, Frame, FrameSource, Received};
 use schemas::manifest::{KERNEL_VERSION, RunManifest};
+use serde::{Serialize, Serializer};
 use std::fmt;
 
 /// Which states a [`Resimulation`] lends.
@@ -92,6 +93,12 @@ pub enum Quantity {
     Extra(usize),
 }
 
+impl Serialize for Quantity {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
 impl fmt::Display for Quantity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -103,7 +110,7 @@ impl fmt::Display for Quantity {
 }
 
 /// A state that is not what the state before it leads to.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error, Serialize)]
 #[error(
     "the {quantity} of bead {bead} at step {step} (frame {frame}) is {found:e}, but {from} leads to {computed:e} there: \
      the state was changed, or was not computed by this dynamics",

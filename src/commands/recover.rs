@@ -2,7 +2,7 @@
 
 use crate::args::RecoverArgs;
 use crate::commands::verify::run_toml::RunToml;
-use crate::commands::verify::{Verified, damage_json, damage_text, difference_json, frames, verify_file};
+use crate::commands::verify::{Verified, damage_text, frames, verify_file};
 use crate::display::{self, bytes, count, counted};
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::check_place;
@@ -227,12 +227,12 @@ fn to_json(manifest: &RunManifest, outcome: &Outcome) -> serde_json::Value {
         "recomputed_frames": recovery.recomputed,
         "states_unproven": recovery.unproven_count,
         "difference_count": recovery.difference_count,
-        "differences": recovery.differences.iter().map(difference_json).collect::<Vec<_>>(),
+        "differences": recovery.differences,
         "lost_count": recovery.lost_count,
         "lost_frames": recovery.lost,
         "other_channels": others,
         "damage_count": recovery.damage_count,
-        "damages": recovery.damages.iter().map(damage_json).collect::<Vec<_>>(),
+        "damages": recovery.damages,
         "other_kernel": recovery.other_kernel.map(|other| other.found),
         "last_step": recovery.last_step,
         "end": recovery.end.as_str(),

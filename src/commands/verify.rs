@@ -11,9 +11,8 @@ use crate::failure::{BadInput, Done, Failure};
 use crate::progress::Progress;
 use crate::signals;
 use lists::Lists;
-use producer::resimulation::Difference;
 use producer::verification::{Follows, Verification, follows, follows_the_run, verify as verify_states};
-use recording::{Audit, Damage, DamageKind, SummaryDifference};
+use recording::{Audit, Damage, DamageKind};
 use rows::RowsChecked;
 use run_toml::RunToml;
 use schemas::frame::EndReason;
@@ -314,19 +313,6 @@ pub(crate) fn damage_text(damage: &Damage) -> String {
     text
 }
 
-/// A damage for a program.
-pub(crate) fn damage_json(damage: &Damage) -> Value {
-    json!({
-        "kind": damage.kind.as_str(),
-        "chunk": damage.chunk,
-        "offset_bytes": damage.offset_bytes,
-        "length_bytes": damage.length_bytes,
-        "what": damage.what,
-        "time_range_ns": damage.time_range_ns,
-        "frames": damage.frames.map(|lost| (lost.from, lost.to)),
-    })
-}
-
 fn to_json(file: &Verified) -> Value {
     let found = &file.found;
     let range = found.step_range();
@@ -353,51 +339,18 @@ fn to_json(file: &Verified) -> Value {
             "what": follows_text(follows, file.is_later_part),
         })),
         "checked": Lists::of(file).to_json(),
-        "rows": file.rows.iter().map(rows_json).collect::<Vec<_>>(),
+        "rows": file.rows,
         "missing_rows": found.rows.iter().map(|(topic, rows)| (topic.clone(), json!(rows.missing)))
             .collect::<serde_json::Map<_, _>>(),
         "run_toml_differences": if let RunToml::Differs(differs) = &file.toml { json!(differs) } else { json!([]) },
         "other_kernel": found.other_kernel.map(|other| other.found),
         "difference_count": found.difference_count,
-        "differences": found.differences.iter().map(difference_json).collect::<Vec<_>>(),
+        "differences": found.differences,
         "summary_difference_count": found.summary_difference_count,
-        "summary_differences": found.summary_differences.iter().map(summary_json).collect::<Vec<_>>(),
+        "summary_differences": found.summary_differences,
         "missing_count": found.missing_count,
         "missing_frames": found.missing,
         "damage_count": found.damage_count,
-        "damages": found.damages.iter().map(damage_json).collect::<Vec<_>>(),
-    })
-}
-
-fn rows_json(rows: &RowsChecked) -> Value {
-    json!({
-        "topic": rows.topic,
-        "proven": rows.proven_count,
-        "difference_count": rows.difference_count,
-        "differences": rows.differences,
-        "not_checked": rows.not_checked,
-    })
-}
-
-/// A difference for a program.
-pub(crate) fn difference_json(difference: &Difference) -> Value {
-    json!({
-        "step": difference.step,
-        "frame": difference.frame,
-        "from_step": difference.from_step,
-        "bead": difference.bead,
-        "quantity": difference.quantity.to_string(),
-        "found": difference.found,
-        "computed": difference.computed,
-    })
-}
-
-fn summary_json(difference: &SummaryDifference) -> Value {
-    json!({
-        "step": difference.step,
-        "frame": difference.frame,
-        "field": difference.field,
-        "found": difference.found,
-        "computed": difference.computed,
+        "damages": found.damages,
     })
 }

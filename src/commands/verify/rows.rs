@@ -12,6 +12,7 @@ use producer::verification::Verification;
 use recording::{RecordedRow, RecordedRows, RecordedValues};
 use schemas::frame::{Frame, FrameSource, Received};
 use schemas::manifest::RunManifest;
+use serde::Serialize;
 use source::Source;
 use std::num::NonZero;
 use std::path::Path;
@@ -22,10 +23,11 @@ use std::sync::atomic::AtomicBool;
 const MOST_DIFFERENCES: usize = 5;
 
 /// What the rows of one topic were found to be.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize)]
 pub(crate) struct RowsChecked {
     pub(crate) topic: String,
     /// Rows that are what the states give.
+    #[serde(rename = "proven")]
     pub(crate) proven_count: u64,
     /// Rows that are not; the first ones.
     pub(crate) differences: Vec<String>,

@@ -7,6 +7,7 @@ use prost::Message;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use schemas::summary::Summarizer;
+use serde::Serialize;
 use std::fmt;
 use std::ops::Range;
 
@@ -106,7 +107,7 @@ impl EncodedStates {
 }
 
 /// A summary that is not that of its state.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SummaryDifference {
     /// Step of the state.
     pub step: u64,

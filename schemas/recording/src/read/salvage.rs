@@ -6,6 +6,7 @@ use crate::read::chunk::ChunkHead;
 use crate::read::records::RecordReader;
 use crate::repair::layout::Layout;
 use mcap::records::op;
+use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -25,7 +26,7 @@ const MAX_METADATA_BYTES: u64 = 1 << 16;
 pub(crate) const RECORD_HEAD_BYTES: u64 = 9;
 
 /// A damaged place in a file.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Damage {
     /// What it is a place of.
     pub kind: DamageKind,
@@ -45,7 +46,8 @@ pub struct Damage {
 }
 
 /// What is damaged.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum DamageKind {
     /// A whole chunk: its CRC, its compression, its header.
     Chunk,
@@ -71,6 +73,13 @@ pub struct LostFrames {
     pub from: u64,
     /// The last one; not known where a file was cut off.
     pub to: Option<u64>,
+}
+
+/// As a pair.
+impl Serialize for LostFrames {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        (self.from, self.to).serialize(serializer)
+    }
 }
 
 impl DamageKind {
