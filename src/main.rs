@@ -15,7 +15,6 @@ mod outputs;
 mod pace;
 mod progress;
 mod publishing;
-mod recorder;
 mod resumption;
 mod signals;
 mod stage;

@@ -10,7 +10,6 @@ pub mod determination;
 pub mod energies;
 pub mod fields;
 pub mod follow;
-pub mod held;
 pub mod impurity;
 pub mod journal;
 pub mod pulses;

@@ -144,3 +144,28 @@ pub trait FrameSink {
     /// When the frame could not be taken; the sink has not kept a part of it.
     fn accept(&mut self, frame: &Frame<'_>) -> Result<(), Self::Error>;
 }
+/// A copy of a frame, which outlives the call that lent it.
+#[derive(Debug, Clone, Default)]
+pub struct HeldFrame {
+    frame: u64,
+    step: u64,
+    time_s: f64,
+    parts: [Vec<f64>; 3],
+}
+
+impl HeldFrame {
+    /// Replaces what is held, in the same memory.
+    pub fn hold(&mut self, frame: &Frame<'_>) {
+        (self.frame, self.step, self.time_s) = (frame.frame, frame.step, frame.time_s);
+        for (held, part) in self.parts.iter_mut().zip([frame.u_m, frame.v_m_s, frame.extra]) {
+            held.clear();
+            held.extend_from_slice(part);
+        }
+    }
+
+    /// The frame.
+    pub fn frame(&self) -> Frame<'_> {
+        let [u_m, v_m_s, extra] = &self.parts;
+        Frame { frame: self.frame, step: self.step, time_s: self.time_s, u_m, v_m_s, extra }
+    }
+}

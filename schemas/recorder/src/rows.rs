@@ -30,18 +30,19 @@ const LAST_LOOK: Duration = Duration::from_millis(300);
 
 /// What came of one kind of results.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct RowTally {
-    pub(crate) topic: Topic,
+pub struct RowTally {
+    /// Of which results.
+    pub topic: Topic,
     /// Rows recorded.
-    pub(crate) count: u64,
+    pub count: u64,
     /// Frame of the first one.
-    pub(crate) first_frame: Option<u64>,
+    pub first_frame: Option<u64>,
     /// Frame of the last one.
-    pub(crate) last_frame: Option<u64>,
+    pub last_frame: Option<u64>,
     /// Missed rows: frames from and up to.
-    pub(crate) missed: Vec<(u64, u64)>,
+    pub missed: Vec<(u64, u64)>,
     /// Why recording rows stopped, if before their end.
-    pub(crate) trouble: Option<String>,
+    pub trouble: Option<String>,
 }
 
 impl RowTally {
@@ -50,24 +51,24 @@ impl RowTally {
     }
 
     /// Whether it has every row from its first to its last one, as far as is known.
-    pub(crate) fn is_whole(&self) -> bool {
+    pub fn is_whole(&self) -> bool {
         self.missed.is_empty() && self.trouble.is_none()
     }
 
     /// Whether anything of this kind was published.
-    pub(crate) fn is_worth_telling(&self) -> bool {
+    pub fn is_worth_telling(&self) -> bool {
         self.count > 0 || !self.is_whole()
     }
 
     /// Rows missed.
-    pub(crate) fn missed_count(&self) -> u64 {
+    pub fn missed_count(&self) -> u64 {
         self.missed.iter().map(|(from, to)| to - from + 1).sum()
     }
 }
 
 /// The threads that record rows.
 #[derive(Default)]
-pub(crate) struct RowThreads {
+pub struct RowThreads {
     started: Mutex<Started>,
 }
 
@@ -83,7 +84,7 @@ struct Started {
 impl RowThreads {
     /// Starts recording the results of `run`, once: before the run is joined, so that no row is missed. On return those
     /// who publish already have us as a subscriber, and those who come wait for us.
-    pub(crate) fn start(&self, bus: &Bus, run: &RunName, recorder: &Arc<Recorder>) {
+    pub fn start(&self, bus: &Bus, run: &RunName, recorder: &Arc<Recorder>) {
         let mut started = self.started.lock().unwrap_or_else(PoisonError::into_inner);
         if started.run.as_ref() == Some(run) {
             return;
@@ -117,7 +118,7 @@ impl RowThreads {
 
     /// Waits for the threads, which end after the frames have: what each has recorded, and why results could not be
     /// recorded at all.
-    pub(crate) fn finish(&self) -> (Vec<RowTally>, Option<ResultsError>) {
+    pub fn finish(&self) -> (Vec<RowTally>, Option<ResultsError>) {
         let started = std::mem::take(&mut *self.started.lock().unwrap_or_else(PoisonError::into_inner));
         let mut tallies: Vec<_> = started.threads.into_iter().map(join).collect();
         let own = started.lookout.map(join);

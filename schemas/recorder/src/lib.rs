@@ -1,19 +1,20 @@
 //! The frames and the results of a live run on their way into one recording: one thread for the frames, one for each
 //! kind of results.
 
-pub(crate) mod rows;
+mod rows;
+
+pub use rows::{RowTally, RowThreads};
 
 use bus::StreamId;
-use producer::state::ChainState;
 use recording::{DiskWatch, Finished, PartsWriter, ResultKind, ResultRow, WriteError};
-use schemas::frame::{EndReason, Frame, FrameSink as _};
+use schemas::frame::{EndReason, Frame, FrameSink as _, HeldFrame};
 use schemas::manifest::RunManifest;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// What the threads share. Rows may come before the run was joined, and after its last frame.
 #[derive(Default)]
-pub(crate) struct Recorder {
+pub struct Recorder {
     state: Mutex<State>,
 }
 
@@ -72,7 +73,7 @@ impl Recorder {
 
     /// Begins with `parts`, which record the frames of `stream` from `first_frame` on, of which those before
     /// `joined_at` are recomputed.
-    pub(crate) fn begin(
+    pub fn begin(
         &self,
         parts: PartsWriter,
         manifest: &RunManifest,
@@ -86,7 +87,7 @@ impl Recorder {
 
     /// Says that the frames are over, `last_frame` being the last one recorded, and that a publisher of results may be
     /// silent for `patience` before it is given up.
-    pub(crate) fn end_frames(&self, last_frame: Option<u64>, patience: Duration) {
+    pub fn end_frames(&self, last_frame: Option<u64>, patience: Duration) {
         self.state().end = Some(RowsEnd { last_frame, since: Instant::now(), patience });
     }
 
@@ -143,7 +144,7 @@ impl Recorder {
     }
 
     /// Bytes on the disk, and parts finished.
-    pub(crate) fn size(&self) -> (u64, usize) {
+    pub fn size(&self) -> (u64, usize) {
         self.state()
             .recording
             .as_ref()
@@ -151,7 +152,10 @@ impl Recorder {
     }
 
     /// Ends the recording for `reason`; without any frame or row there is none.
-    pub(crate) fn finish(&self, reason: EndReason) -> Result<Vec<Finished>, WriteError> {
+    ///
+    /// # Errors
+    /// When the disk does not take it.
+    pub fn finish(&self, reason: EndReason) -> Result<Vec<Finished>, WriteError> {
         let mut state = self.state();
         state.recording()?;
         match state.recording.take() {
@@ -175,12 +179,12 @@ impl State {
 }
 
 /// Records the frames of a run that are due, and the first and the last one.
-pub(crate) struct DueFrames<'a> {
+pub struct DueFrames<'a> {
     recorder: &'a Recorder,
     manifest: &'a RunManifest,
     disk: DiskWatch,
     /// The last frame that was not due, in reused memory.
-    passed: Option<ChainState>,
+    passed: HeldFrame,
     /// It is the last frame.
     ends_with_passed: bool,
     first: Option<u64>,
@@ -188,19 +192,28 @@ pub(crate) struct DueFrames<'a> {
 }
 
 impl<'a> DueFrames<'a> {
-    pub(crate) fn new(recorder: &'a Recorder, manifest: &'a RunManifest, disk: DiskWatch) -> Self {
-        Self { recorder, manifest, disk, passed: None, ends_with_passed: false, first: None, last: None }
+    /// Of the run of `manifest`, as long as `disk` has room.
+    pub fn new(recorder: &'a Recorder, manifest: &'a RunManifest, disk: DiskWatch) -> Self {
+        Self {
+            recorder,
+            manifest,
+            disk,
+            passed: HeldFrame::default(),
+            ends_with_passed: false,
+            first: None,
+            last: None,
+        }
     }
 
     /// Takes the next frame, and says whether the disk has room for more.
-    pub(crate) fn take(&mut self, frame: &Frame<'_>) -> Result<bool, WriteError> {
+    ///
+    /// # Errors
+    /// When the disk does not take it.
+    pub fn take(&mut self, frame: &Frame<'_>) -> Result<bool, WriteError> {
         let is_due = self.first.is_none() || self.manifest.is_recorded(frame.step);
         self.ends_with_passed = !is_due;
         if !is_due {
-            match &mut self.passed {
-                Some(passed) => passed.copy_from(frame),
-                None => self.passed = Some(ChainState::of_frame(frame)),
-            }
+            self.passed.hold(frame);
         }
         self.first.get_or_insert(frame.frame);
         self.last = Some(frame.frame);
@@ -208,10 +221,12 @@ impl<'a> DueFrames<'a> {
     }
 
     /// Records the last frame, if it was not due, and returns the first and the last one.
-    pub(crate) fn finish(self) -> Result<Option<(u64, u64)>, WriteError> {
-        let passed = self.passed.as_ref().filter(|_| self.ends_with_passed);
-        if let (Some(state), Some(last)) = (passed, self.last) {
-            self.recorder.take_last(&state.as_frame(self.manifest, last))?;
+    ///
+    /// # Errors
+    /// When the disk does not take it.
+    pub fn finish(self) -> Result<Option<(u64, u64)>, WriteError> {
+        if self.ends_with_passed {
+            self.recorder.take_last(&self.passed.frame())?;
         }
         Ok(self.first.zip(self.last))
     }
