@@ -1,8 +1,7 @@
 //! What a person sees: progress bars, notices, results.
 
-use crate::failure::Failure;
 use crate::limits;
-use anyhow::{Context as _, anyhow};
+use anyhow::{Context as _, Error, anyhow};
 use bus::Bus;
 use indicatif::{ProgressBar, ProgressStyle};
 pub(crate) use schemas::amounts::{
@@ -79,22 +78,22 @@ pub(crate) fn notice_of_bus(bus: &Bus) {
 }
 
 /// Prints results on stdout.
-pub(crate) fn print(text: impl Display) -> Result<(), Failure> {
+pub(crate) fn print(text: impl Display) -> Result<(), Error> {
     put(&printable(&text.to_string()))
 }
 
 /// Prints results on stdout for a program.
-pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
+pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Error> {
     put(&printable_json(&format!("{}\n", serde_json::to_string_pretty(value)?)))
 }
 
-fn put(text: &str) -> Result<(), Failure> {
+fn put(text: &str) -> Result<(), Error> {
     if limits::stdout_was_closed() {
-        return Err(Failure::Failed(anyhow!("cannot print results: stdout is closed")));
+        return Err(anyhow!("cannot print results: stdout is closed"));
     }
     let mut out = io::stdout().lock();
     let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
-    Ok(written.context("results cannot be printed on stdout")?)
+    written.context("results cannot be printed on stdout")
 }
 
 /// A progress bar over `length` units, on a terminal only.

@@ -38,14 +38,6 @@ pub(crate) enum Failure {
     Failed(Error),
 }
 
-impl Failure {
-    /// What went wrong, whoever is to blame: for libraries that are lent what this command does.
-    pub(crate) fn into_error(self) -> Error {
-        let (Self::BadInput(error) | Self::Stopped(error) | Self::Failed(error)) = self;
-        error
-    }
-}
-
 impl<E: Into<Error>> From<E> for Failure {
     fn from(error: E) -> Self {
         Self::Failed(error.into())

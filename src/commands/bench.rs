@@ -28,9 +28,7 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<Done, Failure> {
 
 /// One of the bench's other processes.
 pub(crate) fn part(args: &PartArgs) -> Result<Done, Failure> {
-    let mut say = |line: &str| -> Result<(), Error> {
-        display::print(format_args!("{line}\n")).map_err(Failure::into_error)
-    };
+    let mut say = |line: &str| -> Result<(), Error> { display::print(format_args!("{line}\n")) };
     match args {
         PartArgs::Sum { name, count } => part::sum_slices(name, *count, &mut say)?,
         PartArgs::Listen { name } => part::listen(name, &mut say)?,

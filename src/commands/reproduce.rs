@@ -180,7 +180,7 @@ struct Outcome<'a> {
 }
 
 impl Outcome<'_> {
-    fn print(&self) -> Result<(), Failure> {
+    fn print(&self) -> Result<(), anyhow::Error> {
         if self.args.json {
             let mut summary = self.report.summary();
             summary["simulated"] = self.done.simulated.clone().into();

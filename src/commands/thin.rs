@@ -189,7 +189,7 @@ impl Rewrite<'_> {
         Ok(reason)
     }
 
-    fn report(&self, done: &str, info: &RecordingInfo, finished: &Finished) -> Result<(), Failure> {
+    fn report(&self, done: &str, info: &RecordingInfo, finished: &Finished) -> Result<(), anyhow::Error> {
         if self.json {
             return display::print_json(&json!({
                 "path": finished.path,

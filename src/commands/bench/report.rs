@@ -1,7 +1,6 @@
 //! The table, as it grows.
 
 use crate::display;
-use crate::failure::Failure;
 use anyhow::Error;
 use bench::{Audience, Floor, Group, Row};
 use serde::Serialize;
@@ -39,7 +38,7 @@ impl Report {
     }
 
     /// Ends the table.
-    pub(super) fn finish(&self, rounds: u32) -> Result<(), Failure> {
+    pub(super) fn finish(&self, rounds: u32) -> Result<(), anyhow::Error> {
         if self.json { display::print_json(&json!({ "rounds": rounds, "rows": self.rows })) } else { Ok(()) }
     }
 }
@@ -52,12 +51,12 @@ impl Audience for Report {
             return Ok(());
         }
         let above = if self.rows.is_empty() { "" } else { "\n" };
-        display::print(format_args!("{above}{}\n", group.name)).map_err(Failure::into_error)
+        display::print(format_args!("{above}{}\n", group.name))
     }
 
     fn row(&mut self, row: Row) -> Result<(), Error> {
         if !self.json {
-            display::print(line(&row)).map_err(Failure::into_error)?;
+            display::print(line(&row))?;
         } else if std::io::stderr().is_terminal() {
             display::notice(row.what);
         }
