@@ -5,17 +5,13 @@ use super::directory::{Directory, Shard};
 use crate::configuration::origin;
 use crate::display::{self, count, counted};
 use crate::failure::Failure;
-use crate::progress::REFRESH;
-use anyhow::Error;
-use consumers::journal::{Entry, Journal};
-use experiments::row::{self, Signals};
+use consumers::journal::{Entry, Journal, JournalError};
+use experiments::pool::{PoolError, Told, share};
+use experiments::row::{self, RowError, Signals};
 use indicatif::ProgressBar;
 use producer::sweep::{Sweep, Until};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
-use std::thread;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
 /// Most workers of one process: more than any machine has cores, fewer than the threads that systems grant.
@@ -52,21 +48,19 @@ struct Shared<'a> {
     directory: &'a Directory,
     record: bool,
     jobs: &'a [Job],
-    next: AtomicUsize,
     journal: Mutex<Journal>,
     stop: &'a AtomicBool,
     /// The step that each worker has reached, and how many beads it steps.
     at: Vec<(AtomicU64, AtomicU64)>,
 }
 
-/// What a worker tells.
-enum Told {
-    /// A point has its row; so many steps were made for it.
-    Done(Job, u64),
-    /// Computing a point ended in a panic.
-    Broken(Job),
-    /// The disk does not take rows or recordings: no use to go on.
-    Failed(Error),
+/// Why the rows of points cannot be had: no use to go on.
+#[derive(Debug, thiserror::Error)]
+enum PointError {
+    #[error(transparent)]
+    Row(#[from] RowError),
+    #[error(transparent)]
+    Journal(#[from] JournalError),
 }
 
 /// Says what is about to be computed.
@@ -98,50 +92,46 @@ pub(super) fn work(
         directory,
         record: options.record,
         jobs,
-        next: AtomicUsize::new(0),
         journal: Mutex::new(journal),
         stop,
         at: (0..threads).map(|_| Default::default()).collect(),
     };
-    let (tell, told) = mpsc::channel();
-    thread::scope(|scope| {
-        for worker in 0..threads {
-            let (shared, tell) = (&shared, tell.clone());
-            let work = move || shared.work(worker, &tell);
-            if let Err(error) = thread::Builder::new().spawn_scoped(scope, work) {
-                if worker == 0 {
-                    return Err(Failure::Failed(Error::new(error).context("no thread to compute in")));
-                }
-                // those that there are compute everything
-                display::notice(format_args!("{worker} of {threads} workers could be started: {error}"));
-                break;
+    let mut progress = Overview::new(&shared);
+    let mut tally = Tally::default();
+    let shared_out = share(
+        jobs.len(),
+        threads,
+        stop,
+        |worker, job| shared.compute(worker, jobs[job]),
+        |told| match told {
+            Told::Done(job, steps) => {
+                tally.computed += 1;
+                progress.finished(jobs[job], steps, tally.computed);
             }
-        }
-        drop(tell);
-        watch(&shared, &told)
-    })
+            Told::Broken(job) => {
+                tally.broken.push(jobs[job].index);
+                progress.finished(jobs[job], jobs[job].steps, tally.computed);
+            }
+            Told::Fewer(started, error) => {
+                display::notice(format_args!("{started} of {threads} workers could be started: {error}"));
+            }
+            Told::Nothing => progress.refresh(tally.computed),
+        },
+    );
+    progress.bar.finish_and_clear();
+    match shared_out {
+        Ok(()) => Ok(tally),
+        // as they are, so that what they mean for the exit code is seen
+        Err(PoolError::Job(PointError::Row(RowError::Recording(error)))) => Err(error.into()),
+        Err(PoolError::Job(PointError::Row(RowError::Run(error)))) => Err(error.into()),
+        Err(PoolError::Job(PointError::Journal(error))) => Err(error.into()),
+        Err(error) => Err(error.into()),
+    }
 }
 
 impl Shared<'_> {
-    /// One worker: takes the next job until there is none.
-    fn work(&self, worker: usize, tell: &Sender<Told>) {
-        while !self.stop.load(Ordering::Relaxed) {
-            let Some(job) = self.jobs.get(self.next.fetch_add(1, Ordering::Relaxed)) else { return };
-            // a bug at one point is no reason to lose the others
-            let told = match catch_unwind(AssertUnwindSafe(|| self.compute(worker, *job))) {
-                Ok(Ok(Some(steps))) => Told::Done(*job, steps),
-                Ok(Ok(None)) => return,
-                Ok(Err(error)) => Told::Failed(error),
-                Err(_) => Told::Broken(*job),
-            };
-            if tell.send(told).is_err() {
-                return;
-            }
-        }
-    }
-
     /// Computes a point, writes its row, and gives the number of its steps; none if it was stopped.
-    fn compute(&self, worker: usize, job: Job) -> Result<Option<u64>, Error> {
+    fn compute(&self, worker: usize, job: Job) -> Result<Option<u64>, PointError> {
         let (step, beads) = &self.at[worker];
         beads.store(job.beads, Ordering::Relaxed);
         let start = Instant::now();
@@ -161,33 +151,6 @@ impl Shared<'_> {
         journal.append(&entry)?;
         Ok(Some(steps))
     }
-}
-
-/// Counts what the workers tell, and shows it, until they are done.
-fn watch(shared: &Shared<'_>, told: &Receiver<Told>) -> Result<Tally, Failure> {
-    let mut progress = Overview::new(shared);
-    let mut tally = Tally::default();
-    let mut failure = None;
-    loop {
-        match told.recv_timeout(REFRESH) {
-            Ok(Told::Done(job, steps)) => {
-                tally.computed += 1;
-                progress.finished(job, steps, tally.computed);
-            }
-            Ok(Told::Broken(job)) => {
-                tally.broken.push(job.index);
-                progress.finished(job, job.steps, tally.computed);
-            }
-            Ok(Told::Failed(error)) => {
-                shared.stop.store(true, Ordering::Relaxed);
-                failure.get_or_insert(error);
-            }
-            Err(RecvTimeoutError::Timeout) => progress.refresh(tally.computed),
-            Err(RecvTimeoutError::Disconnected) => break,
-        }
-    }
-    progress.bar.finish_and_clear();
-    failure.map_or(Ok(tally), |error| Err(Failure::Failed(error)))
 }
 
 /// How far all workers are: a bar on a terminal, a line for each tenth elsewhere. Work is counted in steps of

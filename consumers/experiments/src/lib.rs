@@ -2,10 +2,12 @@
 //!
 //! - [`row`]: a point of a sweep, a pure function of the sweep file and an index
 //! - [`compare`]: a run and its twins, side by side
+//! - [`pool`]: jobs shared out among threads
 
 mod analyses;
 mod columns;
 pub mod compare;
+pub mod pool;
 pub mod row;
 
 pub use columns::{ERROR_COLUMN, columns};

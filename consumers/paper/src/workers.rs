@@ -2,16 +2,14 @@
 
 use crate::cache::Cached;
 use crate::progress::{Progress, work};
-use crate::{Observations, Observed, Run};
+use crate::{Observations, Observed};
 use anyhow::{Error, anyhow};
 use consumers::determination::{TOLERANCE, verdict};
 use experiments::compare::compare;
+use experiments::pool::{PoolError, Told, share};
 use schemas::manifest::RunManifest;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
-use std::thread;
-use std::time::Duration;
 
 /// Looking at a frame costs about as much as so many steps.
 const STEPS_PER_FRAME_READ: f64 = 2.0;
@@ -19,7 +17,6 @@ const STEPS_PER_FRAME_READ: f64 = 2.0;
 const RUNS_PER_CHECK: f64 = 5.0;
 /// Runs of more steps times beads are not checked: that takes minutes.
 const MOST_CHECKED: f64 = 4e8;
-const REFRESH: Duration = Duration::from_millis(200);
 
 /// What the workers leave.
 pub struct Done {
@@ -42,42 +39,57 @@ pub fn observe_all(
     mut runs: Vec<Cached>,
     jobs: usize,
     stop: &AtomicBool,
-    tell: impl FnMut(&Progress),
+    mut tell: impl FnMut(&Progress),
 ) -> Result<Option<Done>, Error> {
     // the longest first, so that the workers finish together
     runs.sort_by(|a, b| job_work(b).total_cmp(&job_work(a)));
     let progress = Progress::new(runs.iter().map(job_work).sum(), runs.len());
-    let shift = Shift { next: Mutex::new(runs.into_iter()), progress, halt: AtomicBool::new(false) };
-    let watcher = thread::current();
-    let results = thread::scope(|scope| {
-        let worker = || {
-            let outcomes = shift.work();
-            watcher.unpark();
-            outcomes
-        };
-        let workers: Vec<_> = (0..jobs).map(|_| scope.spawn(worker)).collect();
-        shift.watch(stop, || workers.iter().all(thread::ScopedJoinHandle::is_finished), tell);
-        let panicked = |_| Err(anyhow!("a worker panicked"));
-        workers.into_iter().map(|worker| worker.join().unwrap_or_else(panicked)).collect::<Vec<_>>()
-    });
+    let shift = Shift { progress, stop };
+    let mut outcomes: Vec<Option<Outcome>> = runs.iter().map(|_| None).collect();
+    let mut broken = false;
+    let shared = share(
+        runs.len(),
+        jobs,
+        stop,
+        |_, run| shift.one(&runs[run]).map_err(RunFailed),
+        |told| {
+            match told {
+                Told::Done(run, outcome) => outcomes[run] = Some(outcome),
+                Told::Broken(_) => broken = true,
+                Told::Fewer(..) | Told::Nothing => {}
+            }
+            tell(&shift.progress);
+        },
+    );
+    match shared {
+        Ok(()) if broken => return Err(anyhow!("a worker panicked")),
+        Ok(()) => {}
+        Err(PoolError::Job(RunFailed(error))) => return Err(error),
+        Err(error) => return Err(error.into()),
+    }
     let mut done = Done {
         observations: Observations::default(),
         simulated: Vec::new(),
         reused: Vec::new(),
         determined: BTreeMap::new(),
     };
-    for outcome in results {
-        for Outcome { run, observed, simulated, determined } in outcome? {
-            done.determined.extend(determined.map(|until| (run.name().to_owned(), until)));
-            let names = if simulated { &mut done.simulated } else { &mut done.reused };
-            names.push(run.name().to_owned());
-            done.observations.insert(&run, observed);
-        }
+    for (cached, outcome) in runs.into_iter().zip(outcomes) {
+        let Some(Outcome { observed, simulated, determined }) = outcome else { continue };
+        let name = cached.run.name().to_owned();
+        done.determined.extend(determined.map(|until| (name.clone(), until)));
+        let names = if simulated { &mut done.simulated } else { &mut done.reused };
+        names.push(name);
+        done.observations.insert(&cached.run, observed);
     }
     done.simulated.sort();
     done.reused.sort();
     Ok((!stop.load(Ordering::Relaxed)).then_some(done))
 }
+
+/// Why a run could not be made, recorded or read.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+struct RunFailed(Error);
 
 fn job_work(cached: &Cached) -> f64 {
     let manifest = &cached.manifest;
@@ -94,44 +106,24 @@ fn is_checked(cached: &Cached) -> bool {
 }
 
 struct Outcome {
-    run: Run,
     observed: Observed,
     simulated: bool,
     determined: Option<String>,
 }
 
 /// What the workers share.
-struct Shift {
-    next: Mutex<std::vec::IntoIter<Cached>>,
+struct Shift<'a> {
     progress: Progress,
     /// Set when a worker failed or the user asked to stop: no more work is wanted.
-    halt: AtomicBool,
+    stop: &'a AtomicBool,
 }
 
-impl Shift {
-    /// Takes one run after the other until there are no more.
-    fn work(&self) -> Result<Vec<Outcome>, Error> {
-        let mut outcomes = Vec::new();
-        while !self.halt.load(Ordering::Relaxed) {
-            let next = self.next.lock().unwrap_or_else(PoisonError::into_inner).next();
-            let Some(cached) = next else { break };
-            match self.one(cached) {
-                Ok(Some(outcome)) => outcomes.push(outcome),
-                Ok(None) => break,
-                Err(error) => {
-                    self.halt.store(true, Ordering::Relaxed);
-                    return Err(error);
-                }
-            }
-        }
-        Ok(outcomes)
-    }
-
-    fn one(&self, cached: Cached) -> Result<Option<Outcome>, Error> {
+impl Shift<'_> {
+    fn one(&self, cached: &Cached) -> Result<Option<Outcome>, Error> {
         let mut simulated = false;
         if !cached.recorded {
             simulated = true;
-            if !self.simulate(&cached)? {
+            if !self.simulate(cached)? {
                 return Ok(None);
             }
         }
@@ -139,7 +131,7 @@ impl Shift {
         if observed.is_none() && !simulated {
             // its end looked whole, its middle is not
             simulated = true;
-            if !self.simulate(&cached)? {
+            if !self.simulate(cached)? {
                 return Ok(None);
             }
             observed = cached.observe();
@@ -148,18 +140,18 @@ impl Shift {
         let observed = observed
             .ok_or_else(|| anyhow!("{path}: the recording just made cannot be read; is the disk sound?"))?;
         let manifest = &cached.manifest;
-        let determined = if is_checked(&cached) { self.determined(manifest)? } else { None };
+        let determined = if is_checked(cached) { self.determined(manifest)? } else { None };
         self.progress.job_done();
         self.progress
             .add(STEPS_PER_FRAME_READ * manifest.recorded_count() as f64 * manifest.physics.beads as f64);
-        Ok(Some(Outcome { run: cached.run, observed, simulated, determined }))
+        Ok(Some(Outcome { observed, simulated, determined }))
     }
 
     /// Until when a run is determined, in words; none if that was stopped.
     fn determined(&self, manifest: &RunManifest) -> Result<Option<String>, Error> {
         let physics = &manifest.physics;
         let mut before = 0;
-        let compared = compare(manifest, None, (physics.step_count, TOLERANCE), &self.halt, |step| {
+        let compared = compare(manifest, None, (physics.step_count, TOLERANCE), self.stop, |step| {
             self.progress.add(RUNS_PER_CHECK * (work(manifest, step) - work(manifest, before)));
             before = step;
         })?;
@@ -169,20 +161,9 @@ impl Shift {
 
     fn simulate(&self, cached: &Cached) -> Result<bool, Error> {
         let before = AtomicU64::new(0);
-        cached.simulate(&self.halt, |step| {
+        cached.simulate(self.stop, |step| {
             let from = before.swap(step, Ordering::Relaxed);
             self.progress.add(work(&cached.manifest, step) - work(&cached.manifest, from));
         })
-    }
-
-    /// Tells how far it is until `finished`, and passes on a request to stop.
-    fn watch(&self, stop: &AtomicBool, finished: impl Fn() -> bool, mut tell: impl FnMut(&Progress)) {
-        while !finished() {
-            if stop.load(Ordering::Relaxed) {
-                self.halt.store(true, Ordering::Relaxed);
-            }
-            tell(&self.progress);
-            thread::park_timeout(REFRESH);
-        }
     }
 }

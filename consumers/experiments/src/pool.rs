@@ -1,0 +1,142 @@
+//! Jobs shared out among threads.
+
+use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::thread;
+use std::time::Duration;
+
+/// How often the listener hears something, whatever the workers do.
+const PERIOD: Duration = Duration::from_millis(100);
+
+/// What a listener hears.
+#[derive(Debug)]
+pub enum Told<T> {
+    /// A job is done.
+    Done(usize, T),
+    /// A job ended in a panic, which has said why; the others go on.
+    Broken(usize),
+    /// The system granted this many threads only, and why; they do everything.
+    Fewer(usize, io::Error),
+    /// Nothing has happened for a while.
+    Nothing,
+}
+
+/// Why jobs were not done.
+#[derive(Debug, thiserror::Error)]
+pub enum PoolError<E: std::error::Error + 'static> {
+    /// There is no thread at all.
+    #[error("no thread to compute in")]
+    NoThread(#[source] io::Error),
+    /// A job failed, after which no other was begun.
+    #[error(transparent)]
+    Job(E),
+}
+
+enum Message<T, E> {
+    Done(usize, T),
+    Broken(usize),
+    Failed(E),
+}
+
+/// Has `work(worker, job)` done for each job from 0 to `jobs`, in this order, by so many threads, and tells `hear`. A job
+/// that gives nothing was stopped.
+///
+/// # Errors
+/// When there is no thread, or when a job fails: then `stop` is set, and the first failure is returned.
+pub fn share<T: Send, E: std::error::Error + Send>(
+    jobs: usize,
+    threads: usize,
+    stop: &AtomicBool,
+    work: impl Fn(usize, usize) -> Result<Option<T>, E> + Sync,
+    mut hear: impl FnMut(Told<T>),
+) -> Result<(), PoolError<E>> {
+    let next = AtomicUsize::new(0);
+    let take = |worker: usize, tell: &Sender<Message<T, E>>| {
+        while !stop.load(Ordering::Relaxed) {
+            let job = next.fetch_add(1, Ordering::Relaxed);
+            if job >= jobs {
+                return;
+            }
+            // a bug in one job is no reason to lose the others
+            let message = match catch_unwind(AssertUnwindSafe(|| work(worker, job))) {
+                Ok(Ok(Some(done))) => Message::Done(job, done),
+                Ok(Ok(None)) => return,
+                Ok(Err(error)) => Message::Failed(error),
+                Err(_) => Message::Broken(job),
+            };
+            if tell.send(message).is_err() {
+                return;
+            }
+        }
+    };
+    let (tell, told) = mpsc::channel();
+    thread::scope(|scope| {
+        for worker in 0..threads.max(1) {
+            let (take, tell) = (&take, tell.clone());
+            if let Err(error) = thread::Builder::new().spawn_scoped(scope, move || take(worker, &tell)) {
+                if worker == 0 {
+                    return Err(PoolError::NoThread(error));
+                }
+                hear(Told::Fewer(worker, error));
+                break;
+            }
+        }
+        drop(tell);
+        let mut failure = None;
+        loop {
+            match told.recv_timeout(PERIOD) {
+                Ok(Message::Done(job, done)) => hear(Told::Done(job, done)),
+                Ok(Message::Broken(job)) => hear(Told::Broken(job)),
+                Ok(Message::Failed(error)) => {
+                    stop.store(true, Ordering::Relaxed);
+                    failure.get_or_insert(error);
+                }
+                Err(RecvTimeoutError::Timeout) => hear(Told::Nothing),
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+        }
+        failure.map_or(Ok(()), |error| Err(PoolError::Job(error)))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What each of ten jobs came to, with two workers.
+    fn outcomes(work: impl Fn(usize) -> Result<Option<usize>, io::Error> + Sync) -> (Vec<String>, bool) {
+        let (mut heard, stop) = (Vec::new(), AtomicBool::new(false));
+        let ended = share(
+            10,
+            2,
+            &stop,
+            |_, job| work(job),
+            |told| match told {
+                Told::Done(job, square) => heard.push(format!("{job}: {square}")),
+                Told::Broken(job) => heard.push(format!("{job}: broken")),
+                Told::Fewer(..) | Told::Nothing => {}
+            },
+        );
+        heard.sort();
+        (heard, ended.is_ok())
+    }
+
+    #[test]
+    fn each_job_is_done_once_and_a_broken_one_costs_no_other() {
+        let (heard, whole) = outcomes(|job| {
+            assert!(job != 3, "a bug");
+            Ok(Some(job * job))
+        });
+        assert!(whole && heard.len() == 10);
+        assert_eq!(heard[2..5], ["2: 4", "3: broken", "4: 16"]);
+    }
+
+    #[test]
+    fn after_a_failure_no_job_is_begun() {
+        let fails = |job| if job < 2 { Err(io::Error::other("full")) } else { Ok(Some(job)) };
+        let (heard, whole) = outcomes(fails);
+        assert!(!whole && heard.len() < 9, "{heard:?}");
+    }
+}
