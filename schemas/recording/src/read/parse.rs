@@ -56,7 +56,8 @@ fn after(part: Part, bytes: &[u8]) -> Option<&[u8]> {
     if let Part::Texts = part {
         let mut content = content;
         while !content.is_empty() {
-            content = after(Part::Text, content)?;
+            // a key without a value in the map would be given one from behind it
+            content = after(Part::Text, after(Part::Text, content)?)?;
         }
     }
     Some(rest)
@@ -105,5 +106,9 @@ mod tests {
             let error = parse_record(opcode, &body).expect_err("not whole");
             assert!(error.contains("longer than the record"), "{error}");
         }
+        // nor a value that stands behind the map, in which its key is the last
+        let body = [&[0; 4][..], &[5, 0, 0, 0, 1, 0, 0, 0, b'k'], &[0xff; 8]].concat();
+        let error = parse_record(op::METADATA, &body).expect_err("not whole");
+        assert!(error.contains("longer than the record"), "{error}");
     }
 }
