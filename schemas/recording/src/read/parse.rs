@@ -18,17 +18,19 @@ enum Part {
     Texts,
     /// Bytes with their length in four bytes before them.
     Bytes,
+    /// Pairs of two and eight bytes, with the length of them all before them.
+    Pairs,
 }
 
 /// The record, or why it is none.
 pub(crate) fn parse_record(opcode: u8, body: &[u8]) -> Result<Record<'_>, String> {
-    use Part::{Bytes, Fixed, Text, Texts};
+    use Part::{Bytes, Fixed, Pairs, Text, Texts};
     let parts: &[Part] = match opcode {
         op::HEADER => &[Text, Text],
         op::SCHEMA => &[Fixed(2), Text, Text, Bytes],
         op::CHANNEL => &[Fixed(4), Text, Text, Texts],
         op::CHUNK => &[Fixed(28), Text],
-        op::CHUNK_INDEX => &[Fixed(32), Bytes, Fixed(8), Text],
+        op::CHUNK_INDEX => &[Fixed(32), Pairs, Fixed(8), Text],
         op::ATTACHMENT_INDEX => &[Fixed(40), Text, Text],
         op::METADATA => &[Text, Texts],
         op::METADATA_INDEX => &[Fixed(16), Text],
@@ -41,7 +43,7 @@ pub(crate) fn parse_record(opcode: u8, body: &[u8]) -> Result<Record<'_>, String
     }
     let mut rest = body;
     for part in parts {
-        rest = after(*part, rest).ok_or("a text in it is longer than the record")?;
+        rest = after(*part, rest).ok_or("a text or a map in it is longer than the record")?;
     }
     mcap::parse_record(opcode, body).map_err(|error| error.to_string())
 }
@@ -53,12 +55,16 @@ fn after(part: Part, bytes: &[u8]) -> Option<&[u8]> {
     }
     let (length, rest) = bytes.split_first_chunk::<4>()?;
     let (content, rest) = rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)?;
-    if let Part::Texts = part {
-        let mut content = content;
-        while !content.is_empty() {
-            // a key without a value in the map would be given one from behind it
-            content = after(Part::Text, after(Part::Text, content)?)?;
+    match part {
+        // half a pair would be completed from what is behind the map, and all that follows misread
+        Part::Pairs if !content.len().is_multiple_of(10) => return None,
+        Part::Texts => {
+            let mut content = content;
+            while !content.is_empty() {
+                content = after(Part::Text, after(Part::Text, content)?)?;
+            }
         }
+        Part::Pairs | Part::Text | Part::Bytes | Part::Fixed(_) => {}
     }
     Some(rest)
 }
@@ -104,11 +110,17 @@ mod tests {
             body.extend([0xff; 4]);
             body.extend([0; 40]);
             let error = parse_record(opcode, &body).expect_err("not whole");
-            assert!(error.contains("longer than the record"), "{error}");
+            assert!(error.contains("longer than"), "{error}");
         }
-        // nor a value that stands behind the map, in which its key is the last
-        let body = [&[0; 4][..], &[5, 0, 0, 0, 1, 0, 0, 0, b'k'], &[0xff; 8]].concat();
-        let error = parse_record(op::METADATA, &body).expect_err("not whole");
-        assert!(error.contains("longer than the record"), "{error}");
+    }
+
+    #[test]
+    fn a_pair_that_its_map_cuts_off_is_not_completed_from_behind() {
+        let metadata = [&[0; 4][..], &[5, 0, 0, 0, 1, 0, 0, 0, b'k'], &[0xff; 8]].concat();
+        let chunk_index = [&[0; 32][..], &[4, 0, 0, 0], &[0; 12], &[0; 4], &[0xff; 24]].concat();
+        for (opcode, body) in [(op::METADATA, metadata), (op::CHUNK_INDEX, chunk_index)] {
+            let error = parse_record(opcode, &body).expect_err("not whole");
+            assert!(error.contains("longer than"), "{error}");
+        }
     }
 }
