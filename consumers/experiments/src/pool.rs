@@ -23,16 +23,10 @@ pub enum Told<T> {
     Nothing,
 }
 
-/// Why jobs were not done.
+/// The operating system grants no thread at all.
 #[derive(Debug, thiserror::Error)]
-pub enum PoolError<E: std::error::Error + 'static> {
-    /// There is no thread at all.
-    #[error("no thread to compute in")]
-    NoThread(#[source] io::Error),
-    /// A job failed, after which no other was begun.
-    #[error(transparent)]
-    Job(E),
-}
+#[error("no thread to compute in")]
+pub struct NoThread(#[source] io::Error);
 
 enum Message<T, E> {
     Done(usize, T),
@@ -45,13 +39,13 @@ enum Message<T, E> {
 ///
 /// # Errors
 /// When there is no thread, or when a job fails: then `stop` is set, and the first failure is returned.
-pub fn share<T: Send, E: std::error::Error + Send>(
+pub fn share<T: Send, E: From<NoThread> + Send>(
     jobs: usize,
     threads: usize,
     stop: &AtomicBool,
     work: impl Fn(usize, usize) -> Result<Option<T>, E> + Sync,
     mut hear: impl FnMut(Told<T>),
-) -> Result<(), PoolError<E>> {
+) -> Result<(), E> {
     let next = AtomicUsize::new(0);
     let take = |worker: usize, tell: &Sender<Message<T, E>>| {
         while !stop.load(Ordering::Relaxed) {
@@ -77,7 +71,7 @@ pub fn share<T: Send, E: std::error::Error + Send>(
             let (take, tell) = (&take, tell.clone());
             if let Err(error) = thread::Builder::new().spawn_scoped(scope, move || take(worker, &tell)) {
                 if worker == 0 {
-                    return Err(PoolError::NoThread(error));
+                    return Err(NoThread(error).into());
                 }
                 hear(Told::Fewer(worker, error));
                 break;
@@ -97,7 +91,7 @@ pub fn share<T: Send, E: std::error::Error + Send>(
                 Err(RecvTimeoutError::Disconnected) => break,
             }
         }
-        failure.map_or(Ok(()), |error| Err(PoolError::Job(error)))
+        failure.map_or(Ok(()), Err)
     })
 }
 
@@ -106,7 +100,7 @@ mod tests {
     use super::*;
 
     /// What each of ten jobs came to, with two workers.
-    fn outcomes(work: impl Fn(usize) -> Result<Option<usize>, io::Error> + Sync) -> (Vec<String>, bool) {
+    fn outcomes(work: impl Fn(usize) -> Result<Option<usize>, NoThread> + Sync) -> (Vec<String>, bool) {
         let (mut heard, stop) = (Vec::new(), AtomicBool::new(false));
         let ended = share(
             10,
@@ -135,7 +129,7 @@ mod tests {
 
     #[test]
     fn after_a_failure_no_job_is_begun() {
-        let fails = |job| if job < 2 { Err(io::Error::other("full")) } else { Ok(Some(job)) };
+        let fails = |job| if job < 2 { Err(NoThread(io::Error::other("full"))) } else { Ok(Some(job)) };
         let (heard, whole) = outcomes(fails);
         assert!(!whole && heard.len() < 9, "{heard:?}");
     }
