@@ -8,7 +8,7 @@ mod analyses;
 mod bare_bus;
 mod bare_mcap;
 mod baseline;
-mod child;
+pub mod child;
 mod dynamics;
 mod memory;
 pub mod part;
