@@ -111,5 +111,5 @@ fn row(
     let theirs_s = Ratio::of(rounds.theirs_s.iter().copied()).median;
     let millions = |time_s: f64| piece.bead_steps() / time_s / 1e6;
     let figure = format!("{:.0} against {:.1} M bead-steps/s", millions(rounds.ours_s()), millions(theirs_s));
-    Ok(Row { what, against, floor, ratio: rounds.speed(), figure })
+    Ok(rounds.row(what, against, floor, figure))
 }

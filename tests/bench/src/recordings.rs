@@ -135,7 +135,7 @@ fn writing(frames: &Frames, rounds: u32, report: &mut dyn Audience) -> Result<()
         let theirs = || timed(|| write_bare(&messages, times, &path, compression));
         let rounds = Rounds::alternate(rounds, ours, theirs)?;
         let figure = per_second(times as f64 * frames.state_bytes(), &rounds);
-        Ok(Row { what, against, floor: Floor::AtLeast(floor), ratio: rounds.speed(), figure })
+        Ok(rounds.row(what, against, Floor::AtLeast(floor), figure))
     };
     let uncompressed = "record every frame, uncompressed";
     report.row(every(uncompressed, "mcap's writer, the same bytes", 0.85, Compression::None, 1)?)?;
@@ -153,13 +153,8 @@ fn writing(frames: &Frames, rounds: u32, report: &mut dyn Audience) -> Result<()
         || timed(|| record(&frames.manifest, &sparse, 100)),
         || timed(|| simulate(&frames.manifest, |_| Ok(()))),
     )?;
-    report.row(Row {
-        what: "record one frame in 100",
-        against: "not recording",
-        floor: Floor::AtMost(1.05),
-        ratio: one_in_100.time(),
-        figure: steps_per_s(frames, &one_in_100),
-    })
+    let figure = steps_per_s(frames, &one_in_100);
+    report.row(one_in_100.row("record one frame in 100", "not recording", Floor::AtMost(1.05), figure))
 }
 
 fn per_second(size: f64, rounds: &Rounds) -> String {
@@ -202,33 +197,25 @@ fn write_bare(
 fn reading(frames: &Frames, rounds: u32, report: &mut dyn Audience) -> Result<(), Error> {
     let size = std::fs::metadata(&frames.full)?.len() as f64;
     let bare = || timed(|| Ok(black_box(bare_mcap::read_all(&frames.full)?)));
-    let row = |what, floor, rounds: &Rounds| Row {
-        what,
-        against: "mcap's reader, CRCs checked",
-        floor: Floor::AtLeast(floor),
-        ratio: rounds.speed(),
-        figure: format!("{} of the file", per_second(size, rounds)),
+    let row = |what, floor, read: fn(&Path) -> Result<(), Error>| -> Result<Row, Error> {
+        let rounds = Rounds::alternate(rounds, || timed(|| read(&frames.full)), bare)?;
+        let figure = format!("{} of the file", per_second(size, &rounds));
+        Ok(rounds.row(what, "mcap's reader, CRCs checked", Floor::AtLeast(floor), figure))
     };
-    let energies = Rounds::alternate(rounds, || timed(|| read_energies(&frames.full)), bare)?;
-    report.row(row("read a full log into energies", 0.8, &energies))?;
-    let verified = Rounds::alternate(rounds, || timed(|| prove(&frames.full)), bare)?;
-    report.row(row("verify a full log", 0.7, &verified))
+    report.row(row("read a full log into energies", 0.8, read_energies)?)?;
+    report.row(row("verify a full log", 0.7, prove)?)
 }
 
 /// Proving and reading a log of one frame in 100, against simulating the run once on one core.
 fn recomputing(frames: &Frames, rounds: u32, report: &mut dyn Audience) -> Result<(), Error> {
     let simulating = || timed(|| simulate(&frames.manifest, |_| Ok(())));
-    let row = |what, floor, rounds: &Rounds| Row {
-        what,
-        against: "simulating the run once",
-        floor: Floor::AtMost(floor),
-        ratio: rounds.time(),
-        figure: steps_per_s(frames, rounds),
+    let row = |what, floor, read: fn(&Path) -> Result<(), Error>| -> Result<Row, Error> {
+        let rounds = Rounds::alternate(rounds, || timed(|| read(&frames.sparse)), simulating)?;
+        let figure = steps_per_s(frames, &rounds);
+        Ok(rounds.row(what, "simulating the run once", Floor::AtMost(floor), figure))
     };
-    let verified = Rounds::alternate(rounds, || timed(|| prove(&frames.sparse)), simulating)?;
-    report.row(row("verify a 1:100 log on all cores", 0.65, &verified))?;
-    let read = Rounds::alternate(rounds, || timed(|| read_every_step(&frames.sparse)), simulating)?;
-    report.row(row("every step of a 1:100 log on one core", 1.2, &read))
+    report.row(row("verify a 1:100 log on all cores", 0.65, prove)?)?;
+    report.row(row("every step of a 1:100 log on one core", 1.2, read_every_step)?)
 }
 
 fn read_energies(path: &Path) -> Result<(), Error> {
