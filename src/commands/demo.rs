@@ -111,12 +111,17 @@ fn sparse_path(dir: &Path) -> PathBuf {
     dir.join(format!("{PRESET}-sparse.mcap"))
 }
 
+/// The tables and figures.
+fn outputs(dir: &Path) -> impl Iterator<Item = PathBuf> {
+    let of_consumers = CONSUMERS.iter().flat_map(|(_, outputs)| outputs.iter().map(|(_, file)| *file));
+    of_consumers.chain(PROFILES).map(|file| dir.join(file))
+}
+
 /// Refuses to start when earlier results are in the way.
 fn check_free(dir: &Path, force: bool) -> Result<(), Failure> {
-    let outputs = CONSUMERS.iter().flat_map(|(_, outputs)| outputs.iter().map(|(_, file)| *file));
-    let outputs = outputs.chain(PROFILES).map(|file| dir.join(file));
     let partial = recording_path(dir).with_extension("mcap.partial");
-    let taken = outputs.chain([recording_path(dir), partial, sparse_path(dir)]).find(|path| path.exists());
+    let taken =
+        outputs(dir).chain([recording_path(dir), partial, sparse_path(dir)]).find(|path| path.exists());
     match taken {
         Some(path) if !force => {
             let message = format!("{} exists already; choose another --out or pass --force", path.display());
@@ -315,11 +320,8 @@ fn pulses_table(passages: &[Passage]) -> String {
 
 /// The files that the demo left, with their sizes.
 fn files_table(dir: &Path) -> Result<String, Failure> {
-    let mut files = vec![recording_path(dir), sparse_path(dir)];
-    files.extend(CONSUMERS.iter().flat_map(|(_, outputs)| outputs.iter().map(|(_, file)| dir.join(file))));
-    files.extend(PROFILES.map(|file| dir.join(file)));
     let mut text = String::from("\nfiles\n");
-    for path in files {
+    for path in [recording_path(dir), sparse_path(dir)].into_iter().chain(outputs(dir)) {
         let size = fs::metadata(&path).with_context(|| format!("{} is missing", path.display()))?.len();
         let _ = writeln!(text, "  {:>10}  {}", bytes(size).to_string(), path.display());
     }

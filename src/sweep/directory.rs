@@ -12,10 +12,10 @@ use consumers::journal::{Journal, JournalError, JournalHead};
 use experiments::columns;
 use producer::sweep::Sweep;
 use recording::hex;
-use schemas::whole_file::{WholeFile, WholeFileError, create_directory};
+use schemas::whole_file::{self, WholeFileError, create_directory};
 use serde::{Deserialize, Serialize};
 use std::fs;
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
 const SWEEP_JSON: &str = "sweep.json";
@@ -154,16 +154,11 @@ impl Directory {
         if fs::read(&path).is_ok_and(|found| found == bytes) {
             return Ok(());
         }
-        let file = match WholeFile::create(&path, true) {
-            Ok(file) => file,
+        match whole_file::write(&path, bytes, true) {
             // another process of the sweep is writing it
-            Err(WholeFileError::Busy { .. }) => return Ok(()),
-            Err(error) => return Err(error.into()),
-        };
-        let mut out: &fs::File = file.file();
-        out.write_all(bytes).with_context(|| path.display().to_string())?;
-        file.publish()?;
-        Ok(())
+            Err(WholeFileError::Busy { .. }) => Ok(()),
+            written => Ok(written?),
+        }
     }
 
     /// A file of the sweep.

@@ -28,12 +28,6 @@ pub enum Told<T> {
 #[error("no thread to compute in")]
 pub struct NoThread(#[source] io::Error);
 
-enum Message<T, E> {
-    Done(usize, T),
-    Broken(usize),
-    Failed(E),
-}
-
 /// Has `work(worker, job)` done for each job from 0 to `jobs`, in this order, by so many threads, and tells `hear`. A job
 /// that gives nothing was stopped.
 ///
@@ -47,7 +41,7 @@ pub fn share<T: Send, E: From<NoThread> + Send>(
     mut hear: impl FnMut(Told<T>),
 ) -> Result<(), E> {
     let next = AtomicUsize::new(0);
-    let take = |worker: usize, tell: &Sender<Message<T, E>>| {
+    let take = |worker: usize, tell: &Sender<Result<Told<T>, E>>| {
         while !stop.load(Ordering::Relaxed) {
             let job = next.fetch_add(1, Ordering::Relaxed);
             if job >= jobs {
@@ -55,10 +49,10 @@ pub fn share<T: Send, E: From<NoThread> + Send>(
             }
             // a bug in one job is no reason to lose the others
             let message = match catch_unwind(AssertUnwindSafe(|| work(worker, job))) {
-                Ok(Ok(Some(done))) => Message::Done(job, done),
+                Ok(Ok(Some(done))) => Ok(Told::Done(job, done)),
                 Ok(Ok(None)) => return,
-                Ok(Err(error)) => Message::Failed(error),
-                Err(_) => Message::Broken(job),
+                Ok(Err(error)) => Err(error),
+                Err(_) => Ok(Told::Broken(job)),
             };
             if tell.send(message).is_err() {
                 return;
@@ -81,9 +75,8 @@ pub fn share<T: Send, E: From<NoThread> + Send>(
         let mut failure = None;
         loop {
             match told.recv_timeout(PERIOD) {
-                Ok(Message::Done(job, done)) => hear(Told::Done(job, done)),
-                Ok(Message::Broken(job)) => hear(Told::Broken(job)),
-                Ok(Message::Failed(error)) => {
+                Ok(Ok(told)) => hear(told),
+                Ok(Err(error)) => {
                     stop.store(true, Ordering::Relaxed);
                     failure.get_or_insert(error);
                 }

@@ -73,15 +73,11 @@ impl Audience for Report {
 }
 
 fn line(row: &Row) -> String {
-    let floor = match row.floor {
-        Floor::AtLeast(floor) => format!("≥ {floor}"),
-        Floor::AtMost(floor) => format!("≤ {floor}"),
-        Floor::Any => String::new(),
-    };
-    let mark = match row.floor {
-        Floor::Any => "",
-        _ if row.is_met() => "met",
-        _ => "NOT met",
+    let mark = if row.is_met() { "met" } else { "NOT met" };
+    let (floor, mark) = match row.floor {
+        Floor::AtLeast(floor) => (format!("≥ {floor}"), mark),
+        Floor::AtMost(floor) => (format!("≤ {floor}"), mark),
+        Floor::Any => (String::new(), ""),
     };
     let [median, least, most] = [row.ratio.median, row.ratio.least, row.ratio.most].map(short);
     let spread = format!("({least} to {most})");

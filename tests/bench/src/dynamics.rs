@@ -109,7 +109,7 @@ pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error
 }
 
 /// The light-impurity run by velocity-Verlet.
-fn light_impurity() -> RunConfig {
+pub(super) fn light_impurity() -> RunConfig {
     let mut config = PRESETS[0].config();
     config.integrator.method = Method::VelocityVerlet;
     config

@@ -10,6 +10,7 @@ use producer::state::ChainState;
 use producer::verification::verify;
 use recording::{Audit, Compression, RecordingSource, RecordingWriter, WriteOptions};
 use schemas::amounts::bytes;
+use schemas::config::RunConfig;
 use schemas::frame::{EndReason, Frame, FrameSink, FrameSource, Received};
 use schemas::manifest::{Origin, RunManifest};
 use schemas::presets::PRESETS;
@@ -37,8 +38,7 @@ pub(crate) struct Frames {
 impl Frames {
     /// Records the run in `directory`, every frame and one in 100.
     pub(crate) fn record_in(directory: &Path) -> Result<Self, Error> {
-        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
-        let manifest = RunManifest::new(&PRESETS[0].config(), "bench", origin)?;
+        let manifest = manifest(&PRESETS[0].config())?;
         let (full, sparse) = (directory.join("full.mcap"), directory.join("sparse.mcap"));
         let half = manifest.physics.step_count / 2;
         let mut kept = Vec::new();
@@ -83,6 +83,12 @@ impl Frames {
     fn state_bytes(&self) -> f64 {
         8.0 * self.manifest.frame_doubles() as f64 * self.count() as f64
     }
+}
+
+/// The manifest of a run of the bench.
+pub(super) fn manifest(config: &RunConfig) -> Result<RunManifest, Error> {
+    let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+    Ok(RunManifest::new(config, "bench", origin)?)
 }
 
 /// Makes every step of a run.
