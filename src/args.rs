@@ -16,9 +16,8 @@ pub(crate) use contents::command;
 pub(crate) use export::ExportArgs;
 pub(crate) use figures::{ColoursArg, LookArgs, PlotArgs, What};
 pub(crate) use recordings::{ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, ThinArgs, VerifyArgs};
-pub(crate) use values::{BeadRange, Pace};
+pub(crate) use values::{BeadRange, Pace, Shard};
 
-use crate::sweep::directory::Shard;
 use crate::time_step::TimeStep;
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand};

@@ -26,10 +26,11 @@ pub(crate) struct Resumption {
     recording: InterruptedRecording,
 }
 
-/// A recording with everything from the old one, and the state to go on from.
-pub(crate) struct Rebuilt {
-    pub(crate) recorder: RecordingWriter,
-    /// The last state; none if there was none yet.
+/// A recording that is begun, with everything from the old one if there is one, and the state to go on from.
+pub(crate) struct Begun {
+    /// None if the run is not recorded.
+    pub(crate) recorder: Option<RecordingWriter>,
+    /// The last state that was recorded, if any.
     pub(crate) state: Option<ChainState>,
     /// The old recording, as long as the new one lacks one of its states.
     pub(crate) old: Option<InterruptedRecording>,
@@ -88,7 +89,7 @@ impl Resumption {
         options: &WriteOptions,
         publisher: &mut StatePublisher,
         stop: &Arc<AtomicBool>,
-    ) -> Result<Option<Rebuilt>, Failure> {
+    ) -> Result<Option<Begun>, Failure> {
         let manifest = self.info().manifest.clone();
         self.prove(publisher, stop)?;
         if stop.load(Ordering::Relaxed) {
@@ -106,25 +107,15 @@ impl Resumption {
             recorder.sync()?;
             Ok(state)
         });
-        match copied {
-            Ok(Copied::All(state)) => {
-                // the state of a run that was stopped between two that are due is recorded by nobody else so far
-                let is_there = state.as_ref().is_none_or(|state| manifest.is_recorded(state.step));
-                let old =
-                    if is_there { self.recording.remove().map(|()| None)? } else { Some(self.recording) };
-                Ok(Some(Rebuilt { recorder, state, old }))
-            }
-            Ok(Copied::Stopped) => {
-                recorder.discard();
-                put_back(self.recording);
-                Ok(None)
-            }
-            Err(failure) => {
-                recorder.discard();
-                put_back(self.recording);
-                Err(failure)
-            }
-        }
+        let Ok(Copied::All(state)) = copied else {
+            recorder.discard();
+            put_back(self.recording);
+            return copied.map(|_| None);
+        };
+        // the state of a run that was stopped between two that are due is recorded by nobody else so far
+        let is_there = state.as_ref().is_none_or(|state| manifest.is_recorded(state.step));
+        let old = if is_there { self.recording.remove().map(|()| None)? } else { Some(self.recording) };
+        Ok(Some(Begun { recorder: Some(recorder), state, old }))
     }
 
     /// What is wrong with the recording, and what to do.

@@ -5,18 +5,20 @@
 //! - [`mod@work`]: the workers of one process
 //! - [`mod@merge`]: the results, the same bytes whoever computed them in whatever order
 
-pub(crate) mod directory;
+mod directory;
 mod merge;
 mod work;
 
+use crate::args::Shard;
 use crate::configuration::origin;
 use crate::failure::Failure;
 use crate::forecast::Forecast;
 use consumers::journal::Entry;
-use directory::{Directory, Shard};
+use directory::Directory;
 use producer::sweep::{Sweep, Until};
 use recording::{SpaceNeeded, WriteOptions};
 use schemas::manifest::{Physics, RunManifest};
+use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
@@ -47,20 +49,28 @@ impl Default for Options {
 }
 
 /// What there is of a sweep.
-#[derive(Debug)]
+#[derive(Debug, Serialize)]
 pub(crate) struct Outcome {
     /// The rows, by index.
+    #[serde(serialize_with = "as_count")]
     pub(crate) rows: BTreeMap<u64, Entry>,
     /// Points whose runs failed: their rows say why.
     pub(crate) failed: Vec<u64>,
     /// Points that have no row.
     pub(crate) missing: u64,
     /// Points without a row that should have been computed.
+    #[serde(skip)]
     pub(crate) left: u64,
     /// What was computed now.
+    #[serde(flatten)]
     pub(crate) tally: Tally,
     /// The merged tables; none while rows are missing, or if another process is just writing them.
+    #[serde(rename = "results")]
     pub(crate) files: Option<Vec<PathBuf>>,
+}
+
+fn as_count<S: Serializer>(rows: &BTreeMap<u64, Entry>, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_u64(rows.len() as u64)
 }
 
 /// Computes the points of `sweep` that have no row in the directory `out`, and merges the results when all

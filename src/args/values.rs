@@ -1,8 +1,8 @@
 //! Values as they are written on the command line.
 
-use crate::sweep::directory::Shard;
 use figure::Options;
 use recording::Split;
+use std::fmt;
 use std::num::NonZero;
 
 /// How fast a run goes.
@@ -155,6 +155,29 @@ pub(super) fn parse_range(text: &str) -> Result<ColourRange, String> {
     range.map(|(from, to)| ColourRange { from, to }).ok_or_else(|| {
         "expected a number above 0, or two as in -0.1..0.5 with 0, which is white, between them".to_owned()
     })
+}
+
+/// A part of the points of a sweep: those whose index leaves the remainder `number` by `count`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Shard {
+    pub(crate) number: u64,
+    pub(crate) count: u64,
+}
+
+impl Shard {
+    /// Every point.
+    pub(crate) const WHOLE: Self = Self { number: 0, count: 1 };
+
+    /// Whether point `index` is in it.
+    pub(crate) fn has(self, index: u64) -> bool {
+        index % self.count == self.number
+    }
+}
+
+impl fmt::Display for Shard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.number, self.count)
+    }
 }
 
 pub(super) fn parse_shard(text: &str) -> Result<Shard, String> {

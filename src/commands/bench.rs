@@ -18,11 +18,11 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<Done, Failure> {
         return Err(Failure::BadInput(anyhow!(message)));
     }
     let bench = Bench::new(args.rounds)?;
-    let mut report = Report::new(args.json);
+    let mut report = Report::new(args.json, args.rounds);
     for group in groups {
         bench.measure(group, &mut report)?;
     }
-    report.finish(args.rounds)?;
+    report.finish()?;
     Ok(Done::whole_if(report.is_met()))
 }
 

@@ -7,26 +7,24 @@ use crate::display::{self, bytes, count, seconds};
 use crate::failure::{BadInput, Done, Failure};
 use crate::signals;
 use anyhow::{Context, anyhow};
+use bench::child::Process;
 use bus::{Bus, list_runs};
 use consumers::follow::{Analysis, Tally, follow};
 use consumers::pulses::{Passage, Probes};
 use consumers::uncertain::Uncertain;
 use recording::{Finished, RecordingSource};
-use rustix::process::{Pid, Signal, kill_process};
 use schemas::frame::{Frame, FrameSource, HeldFrame};
 use schemas::manifest::Physics;
 use schemas::run_name::RunName;
 use schemas::whole_file::create_directory;
 use serde_json::Value;
 use std::convert::Infallible;
+use std::ffi::OsString;
 use std::fmt::Write;
 use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::{self, JoinHandle};
+use std::thread;
 use std::time::{Duration, Instant};
 
 /// The run that the demo shows.
@@ -75,7 +73,7 @@ pub(crate) fn demo(args: &DemoArgs) -> Result<Done, Failure> {
     let name = free_name()?;
 
     let stop = signals::stop_flag()?;
-    let processes = Processes::start(args, &name)?;
+    let mut processes = Processes::start(args, &name)?;
     processes.watch(&name, step_count()?, &stop)?;
     let [run, consumers @ ..] = processes.finish()?;
     let passages = look_at_recording(args)?;
@@ -113,12 +111,17 @@ fn sparse_path(dir: &Path) -> PathBuf {
     dir.join(format!("{PRESET}-sparse.mcap"))
 }
 
+/// The tables and figures.
+fn outputs(dir: &Path) -> impl Iterator<Item = PathBuf> {
+    let of_consumers = CONSUMERS.iter().flat_map(|(_, outputs)| outputs.iter().map(|(_, file)| *file));
+    of_consumers.chain(PROFILES).map(|file| dir.join(file))
+}
+
 /// Refuses to start when earlier results are in the way.
 fn check_free(dir: &Path, force: bool) -> Result<(), Failure> {
-    let outputs = CONSUMERS.iter().flat_map(|(_, outputs)| outputs.iter().map(|(_, file)| *file));
-    let outputs = outputs.chain(PROFILES).map(|file| dir.join(file));
     let partial = recording_path(dir).with_extension("mcap.partial");
-    let taken = outputs.chain([recording_path(dir), partial, sparse_path(dir)]).find(|path| path.exists());
+    let taken =
+        outputs(dir).chain([recording_path(dir), partial, sparse_path(dir)]).find(|path| path.exists());
     match taken {
         Some(path) if !force => {
             let message = format!("{} exists already; choose another --out or pass --force", path.display());
@@ -134,78 +137,32 @@ struct Processes {
     running: Vec<Process>,
 }
 
-/// A process and the thread that collects its output.
-struct Process {
-    role: &'static str,
-    pid: Pid,
-    failed: Arc<AtomicBool>,
-    collector: JoinHandle<io::Result<Output>>,
-}
-
-impl Process {
-    fn start(role: &'static str, command: &mut Command) -> Result<Self, Failure> {
-        let command = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let child = command.spawn().with_context(|| format!("{role} cannot be started"))?;
-        let pid = Pid::from_child(&child);
-        let failed = Arc::new(AtomicBool::new(false));
-        let failure = Arc::clone(&failed);
-        let collector = thread::spawn(move || {
-            let output = child.wait_with_output();
-            let succeeded = output.as_ref().is_ok_and(|output| output.status.success());
-            failure.store(!succeeded, Ordering::Relaxed);
-            output
-        });
-        Ok(Self { role, pid, failed, collector })
-    }
-
-    /// Asks a process that still runs to end.
-    fn stop(&self) {
-        if !self.collector.is_finished() {
-            // it may have ended meanwhile
-            let _ = kill_process(self.pid, Signal::TERM);
-        }
-    }
-
-    fn output(self) -> Result<Output, Failure> {
-        let output = self.collector.join().map_err(|_| anyhow!("{} was not waited for", self.role))?;
-        Ok(output?)
-    }
-}
-
 impl Processes {
     fn start(args: &DemoArgs, name: &RunName) -> Result<Self, Failure> {
         let dir = &args.out;
-        let program = std::env::current_exe().context("the program cannot find itself")?;
         let mut processes = Self { running: Vec::new() };
-        let mut start = |role: &'static str, command: &mut Command| -> Result<(), Failure> {
-            command.arg("--json");
-            if args.force {
-                command.arg("--force");
-            }
-            processes.running.push(Process::start(role, command)?);
+        let mut start = |role: &str, mut words: Vec<OsString>| -> Result<(), Failure> {
+            words.push("--json".into());
+            words.extend(args.force.then(|| "--force".into()));
+            processes.running.push(Process::named(role.to_owned(), words)?);
             Ok(())
         };
-        let mut run = Command::new(&program);
-        run.args(["run", "--preset", PRESET, "--name", name.as_str(), "--wait-for", "3", "--out"]);
-        start("run", run.arg(recording_path(dir)))?;
+        let run = ["run", "--preset", PRESET, "--name", name.as_str(), "--wait-for", "3", "--out"];
+        start("run", run.map(OsString::from).into_iter().chain([recording_path(dir).into()]).collect())?;
         for (role, outputs) in CONSUMERS {
-            let mut consumer = Command::new(&program);
-            consumer.args([role, &format!("live:{name}"), "--timeout", "60"]);
-            for (flag, file) in outputs {
-                consumer.arg(flag).arg(dir.join(file));
-            }
-            consumer.args(args.look.flags());
-            start(role, &mut consumer)?;
+            let mut words = [role, &format!("live:{name}"), "--timeout", "60"].map(OsString::from).to_vec();
+            words.extend(outputs.iter().flat_map(|(flag, file)| [flag.into(), dir.join(file).into()]));
+            words.extend(args.look.flags().into_iter().map(Into::into));
+            start(role, words)?;
         }
         Ok(processes)
     }
 
     /// Shows how far the run is until every process has ended, or one has failed.
-    fn watch(&self, name: &RunName, step_count: u64, stop: &AtomicBool) -> Result<(), Failure> {
+    fn watch(&mut self, name: &RunName, step_count: u64, stop: &AtomicBool) -> Result<(), Failure> {
         let bus = Bus::from_env()?;
         let bar = display::progress_bar(step_count, PRESET);
-        let failed = || self.running.iter().any(|process| process.failed.load(Ordering::Relaxed));
-        while self.running.iter().any(|process| !process.collector.is_finished()) && !failed() {
+        while self.is_under_way()? {
             if stop.load(Ordering::Relaxed) {
                 bar.finish_and_clear();
                 return Err(Failure::Stopped(anyhow!(
@@ -224,21 +181,27 @@ impl Processes {
         Ok(())
     }
 
+    /// Whether processes run, and none has failed. One that has comes first from then on: the others may be waiting for it.
+    fn is_under_way(&mut self) -> Result<bool, Failure> {
+        let mut runs = false;
+        for index in 0..self.running.len() {
+            match self.running[index].ended()? {
+                None => runs = true,
+                Some(status) if status.success() => {}
+                Some(_) => {
+                    self.running.swap(0, index);
+                    return Ok(false);
+                }
+            }
+        }
+        Ok(runs)
+    }
+
     /// The summaries of all processes, the producer's first.
     fn finish(mut self) -> Result<[Value; 4], Failure> {
         let mut summaries = Vec::new();
-        // a process that failed first: the others may still be waiting for it
-        self.running.sort_by_key(|process| !process.failed.load(Ordering::Relaxed));
         while !self.running.is_empty() {
-            let process = self.running.remove(0);
-            let role = process.role;
-            let Output { status, stdout, stderr } = process.output()?;
-            if !status.success() {
-                let said = String::from_utf8_lossy(&stderr).trim().to_owned();
-                return Err(Failure::Failed(anyhow!("{role} failed ({status}): {said}")));
-            }
-            summaries
-                .push(serde_json::from_slice(&stdout).with_context(|| format!("{role} gave no summary"))?);
+            summaries.push(self.running.remove(0).finish_json()?);
         }
         summaries.try_into().map_err(|_| Failure::Failed(anyhow!("a process is missing")))
     }
@@ -246,10 +209,10 @@ impl Processes {
 
 impl Drop for Processes {
     fn drop(&mut self) {
-        self.running.iter().for_each(Process::stop);
+        self.running.iter_mut().for_each(Process::stop);
         for process in self.running.drain(..) {
             // what they said no longer matters
-            let _ = process.output();
+            let _ = process.finish_json();
         }
     }
 }
@@ -357,11 +320,8 @@ fn pulses_table(passages: &[Passage]) -> String {
 
 /// The files that the demo left, with their sizes.
 fn files_table(dir: &Path) -> Result<String, Failure> {
-    let mut files = vec![recording_path(dir), sparse_path(dir)];
-    files.extend(CONSUMERS.iter().flat_map(|(_, outputs)| outputs.iter().map(|(_, file)| dir.join(file))));
-    files.extend(PROFILES.map(|file| dir.join(file)));
     let mut text = String::from("\nfiles\n");
-    for path in files {
+    for path in [recording_path(dir), sparse_path(dir)].into_iter().chain(outputs(dir)) {
         let size = fs::metadata(&path).with_context(|| format!("{} is missing", path.display()))?.len();
         let _ = writeln!(text, "  {:>10}  {}", bytes(size).to_string(), path.display());
     }

@@ -9,7 +9,7 @@ use crate::forecast::Forecast;
 use crate::keyboard::Keyboard;
 use crate::outputs::check_free;
 use crate::publishing;
-use crate::resumption::{self, Rebuilt, Resumption};
+use crate::resumption::{self, Begun, Resumption};
 use crate::signals;
 use crate::stage::{Begin, Left, Stage};
 use anyhow::anyhow;
@@ -17,8 +17,7 @@ use bus::{PublishCounts, PublishError, PublishOptions, StatePublisher};
 use consumers::determination::Outcome as Determined;
 use consumers::determination::verdict;
 use producer::run::{Conductor, RunError, RunOutcome};
-use producer::state::ChainState;
-use recording::{Finished, InterruptedRecording, RecordingWriter, SpaceNeeded, WriteError, WriteOptions};
+use recording::{Finished, RecordingWriter, SpaceNeeded, WriteError, WriteOptions};
 use schemas::frame::{EndReason, Frame};
 use schemas::manifest::{Physics, RunManifest};
 use schemas::summary::Drift;
@@ -51,11 +50,11 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     Forecast::of_run(manifest, first_step, args.pace, disk).confirm(args.yes)?;
 
     let (keyboard, stop) = Keyboard::open()?;
-    let Some(prepared) = start.prepare(args, &configured, &options, &stop)? else {
+    let Some((mut publisher, begun)) = start.prepare(args, &configured, &options, &stop)? else {
         display::notice("stopped before the run began; nothing was recorded");
         return Ok(Done::Lossy);
     };
-    let Prepared { mut publisher, mut recorder, state, old } = prepared;
+    let Begun { mut recorder, state, old } = begun;
     if let Some(path) = &out {
         signals::would_leave(what_stays(path));
     }
@@ -112,16 +111,6 @@ enum Start {
     Resumed(Box<Resumption>),
 }
 
-/// Everything that is there before the first step.
-struct Prepared {
-    publisher: StatePublisher,
-    recorder: Option<RecordingWriter>,
-    /// The state to go on from; none for step 0.
-    state: Option<ChainState>,
-    /// The old recording, as long as it has a state that the new one has not.
-    old: Option<InterruptedRecording>,
-}
-
 impl Start {
     /// The run that the arguments mean, and what it begins with; none if there is nothing left to be done.
     fn of(args: &RunArgs) -> Result<Option<(Configured, Self)>, Failure> {
@@ -172,7 +161,7 @@ impl Start {
         configured: &Configured,
         options: &WriteOptions,
         stop: &Arc<AtomicBool>,
-    ) -> Result<Option<Prepared>, Failure> {
+    ) -> Result<Option<(StatePublisher, Begun)>, Failure> {
         let publish = PublishOptions {
             first_frame: self.first_frame().unwrap_or(0),
             stuck_after: Duration::from_secs_f64(args.stall_timeout),
@@ -188,10 +177,10 @@ impl Start {
         };
         if publishing::wait_for_consumers(args.wait_for, &mut publisher, stop)? {
             let Self::Resumed(found) = self else {
-                return Ok(Some(Prepared { publisher, recorder, state: None, old: None }));
+                return Ok(Some((publisher, Begun { recorder, state: None, old: None })));
             };
-            if let Some(Rebuilt { recorder, state, old }) = found.rebuild(options, &mut publisher, stop)? {
-                return Ok(Some(Prepared { publisher, recorder: Some(recorder), state, old }));
+            if let Some(begun) = found.rebuild(options, &mut publisher, stop)? {
+                return Ok(Some((publisher, begun)));
             }
         }
         publisher.finish(EndReason::Interrupted)?;

@@ -7,7 +7,7 @@ use crate::signals;
 use crate::sweep::{self, Options, Outcome};
 use anyhow::anyhow;
 use producer::sweep::Sweep;
-use serde_json::{Value, json};
+use serde::Serialize;
 use std::num::NonZero;
 use std::path::Path;
 use std::sync::atomic::Ordering;
@@ -44,10 +44,16 @@ pub(crate) fn sweep(args: &SweepArgs) -> Result<Done, Failure> {
         };
         sweep::compute(&sweep, out, &options, &stop)?
     };
-    let stopped = stop.load(Ordering::Relaxed);
-    let summary = Summary { sweep: &sweep, out, outcome, stopped, wall: start.elapsed() };
+    let summary = Summary {
+        sweep: sweep.path(),
+        out,
+        points: sweep.point_count(),
+        outcome,
+        stopped: stop.load(Ordering::Relaxed),
+        wall_s: start.elapsed().as_secs_f64(),
+    };
     if args.json {
-        display::print_json(&summary.json())?;
+        display::print_json(&serde_json::to_value(&summary)?)?;
     } else {
         display::print(summary.text())?;
     }
@@ -56,42 +62,29 @@ pub(crate) fn sweep(args: &SweepArgs) -> Result<Done, Failure> {
 }
 
 /// What a sweep leaves behind, in numbers.
+#[derive(Serialize)]
 struct Summary<'a> {
-    sweep: &'a Sweep,
+    /// The sweep file.
+    sweep: &'a Path,
     out: &'a Path,
+    points: u64,
+    #[serde(flatten)]
     outcome: Outcome,
     stopped: bool,
-    wall: Duration,
+    wall_s: f64,
 }
 
 impl Summary<'_> {
     fn text(&self) -> String {
-        let points = self.sweep.point_count();
         let mut rows = vec![
             ("computed now", count(self.outcome.tally.computed).to_string()),
-            ("rows", format!("{} of {}", count(self.outcome.rows.len() as u64), count(points))),
+            ("rows", format!("{} of {}", count(self.outcome.rows.len() as u64), count(self.points))),
             ("failed runs", count(self.outcome.failed.len() as u64).to_string()),
-            ("wall time", duration(self.wall)),
+            ("wall time", duration(Duration::from_secs_f64(self.wall_s))),
         ];
         let files = self.outcome.files.iter().flatten();
         rows.extend(files.map(|file| ("results", file.display().to_string())));
-        display::rows(&format!("sweep {} in {}", self.sweep.path().display(), self.out.display()), &rows)
-    }
-
-    fn json(&self) -> Value {
-        json!({
-            "sweep": self.sweep.path(),
-            "out": self.out,
-            "points": self.sweep.point_count(),
-            "rows": self.outcome.rows.len(),
-            "computed": self.outcome.tally.computed,
-            "failed": self.outcome.failed,
-            "broken": self.outcome.tally.broken,
-            "missing": self.outcome.missing,
-            "stopped": self.stopped,
-            "results": self.outcome.files,
-            "wall_s": self.wall.as_secs_f64(),
-        })
+        display::rows(&format!("sweep {} in {}", self.sweep.display(), self.out.display()), &rows)
     }
 
     fn warn(&self, args: &SweepArgs) {

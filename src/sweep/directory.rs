@@ -5,17 +5,17 @@
 //! - `results.csv`, `results.parquet` the merged rows; `timings.csv` how long each took
 //! - `recordings/point-000123.mcap` where recordings are asked for
 
+use crate::args::Shard;
 use crate::failure::{BadInput, Failure};
 use anyhow::{Context, anyhow};
 use consumers::journal::{Journal, JournalError, JournalHead};
 use experiments::columns;
 use producer::sweep::Sweep;
 use recording::hex;
-use schemas::whole_file::{WholeFile, WholeFileError, create_directory};
+use schemas::whole_file::{self, WholeFileError, create_directory};
 use serde::{Deserialize, Serialize};
-use std::fmt;
 use std::fs;
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
 const SWEEP_JSON: &str = "sweep.json";
@@ -23,33 +23,11 @@ const SWEEP_TOML: &str = "sweep.toml";
 const ROWS: &str = "rows";
 const RECORDINGS: &str = "recordings";
 
-/// A part of the points: those whose index leaves the remainder `number` by `count`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Shard {
-    pub(crate) number: u64,
-    pub(crate) count: u64,
-}
-
-impl Shard {
-    /// Every point.
-    pub(crate) const WHOLE: Self = Self { number: 0, count: 1 };
-
-    /// Whether point `index` is in it.
-    pub(crate) fn has(self, index: u64) -> bool {
-        index % self.count == self.number
-    }
-}
-
-impl fmt::Display for Shard {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}/{}", self.number, self.count)
-    }
-}
-
 /// The directory of one sweep.
 #[derive(Debug)]
 pub(super) struct Directory {
     path: PathBuf,
+    sign: Sign,
     head: JournalHead,
 }
 
@@ -67,31 +45,31 @@ impl Directory {
     /// Makes `path` the directory of `sweep`, or finds that it is; what belongs to another sweep is refused, or
     /// removed with `force`.
     pub(super) fn open(path: &Path, sweep: &Sweep, force: bool) -> Result<Self, Failure> {
-        let (directory, sign) = Self::of(path, sweep);
+        let directory = Self::of(path, sweep);
         create_directory(&path.join(ROWS))
             .with_context(|| format!("cannot make {}", path.display()))
             .bad_input()?;
         if force {
             directory.clear()?;
         }
-        directory.check(&sign)?;
+        directory.check()?;
         // the sweep may be the same and be written otherwise
         directory.write(SWEEP_TOML, sweep.text().as_bytes())?;
-        directory.write(SWEEP_JSON, &serde_json::to_vec_pretty(&sign)?)?;
+        directory.write(SWEEP_JSON, &serde_json::to_vec_pretty(&directory.sign)?)?;
         Ok(directory)
     }
 
     /// The directory `path` in which `sweep` was computed.
     pub(super) fn existing(path: &Path, sweep: &Sweep) -> Result<Self, Failure> {
-        let (directory, sign) = Self::of(path, sweep);
+        let directory = Self::of(path, sweep);
         if !path.join(SWEEP_JSON).exists() {
             return Err(Failure::BadInput(anyhow!("{} holds no sweep", path.display())));
         }
-        directory.check(&sign)?;
+        directory.check()?;
         Ok(directory)
     }
 
-    fn of(path: &Path, sweep: &Sweep) -> (Self, Sign) {
+    fn of(path: &Path, sweep: &Sweep) -> Self {
         let columns = columns(sweep);
         let sign = Sign {
             identity: hex(&sweep.identity()),
@@ -100,26 +78,26 @@ impl Directory {
             columns: columns.iter().map(|column| column.name.clone()).collect(),
         };
         let head = JournalHead { identity: format!("{} {}", sign.identity, sign.program), columns };
-        (Self { path: path.to_owned(), head }, sign)
+        Self { path: path.to_owned(), sign, head }
     }
 
     /// Refuses a directory of another sweep.
-    fn check(&self, sign: &Sign) -> Result<(), Failure> {
+    fn check(&self) -> Result<(), Failure> {
         let path = self.path.join(SWEEP_JSON);
-        let found = match fs::read(&path) {
-            Ok(bytes) => serde_json::from_slice::<Sign>(&bytes)
-                .with_context(|| format!("{} cannot be read", path.display()))
-                .bad_input()?,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return self.check_empty(sign),
-            Err(error) => return Err(Failure::Failed(anyhow!(error).context(path.display().to_string()))),
+        let bytes = match fs::read(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return self.check_empty(),
+            read => read.with_context(|| path.display().to_string())?,
         };
-        if found == *sign {
+        let found: Sign = serde_json::from_slice(&bytes)
+            .with_context(|| format!("{} cannot be read", path.display()))
+            .bad_input()?;
+        if found == self.sign {
             return Ok(());
         }
-        let why = if found.program == sign.program {
+        let why = if found.program == self.sign.program {
             format!("another sweep, of {} points", found.points)
         } else {
-            format!("a sweep of {}, this is {}", found.program, sign.program)
+            format!("a sweep of {}, this is {}", found.program, self.sign.program)
         };
         Err(Failure::BadInput(anyhow!(
             "{} holds {why}; choose another directory, or remove its rows, results and recordings with --force",
@@ -128,19 +106,19 @@ impl Directory {
     }
 
     /// Refuses a directory that is used for something else.
-    fn check_empty(&self, sign: &Sign) -> Result<(), Failure> {
+    fn check_empty(&self) -> Result<(), Failure> {
         for entry in fs::read_dir(&self.path)? {
             let name = entry?.file_name();
-            let ours = [ROWS, SWEEP_TOML].map(std::ffi::OsStr::new).contains(&name.as_os_str());
-            if !ours && !name.to_string_lossy().ends_with(".partial") {
+            if name != ROWS && name != SWEEP_TOML && !name.to_string_lossy().ends_with(".partial") {
                 if self.path.join(SWEEP_JSON).exists() {
                     // another process has just begun
-                    return self.check(sign);
+                    return self.check();
                 }
-                let (path, name) = (self.path.display(), name.display());
-                let message =
-                    format!("{path} holds no sweep, but has `{name}` in it; choose another directory");
-                return Err(Failure::BadInput(anyhow!(message)));
+                return Err(Failure::BadInput(anyhow!(
+                    "{} holds no sweep, but has `{}` in it; choose another directory",
+                    self.path.display(),
+                    name.display()
+                )));
             }
         }
         Ok(())
@@ -163,10 +141,8 @@ impl Directory {
         let others = others.iter().map(|name| self.path.join(name));
         for path in journals.into_iter().chain(recordings).chain(others) {
             match fs::remove_file(&path) {
-                Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                    return Err(Failure::Failed(anyhow!(error).context(path.display().to_string())));
-                }
-                _ => {}
+                Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+                removed => removed.with_context(|| path.display().to_string())?,
             }
         }
         Ok(())
@@ -178,16 +154,11 @@ impl Directory {
         if fs::read(&path).is_ok_and(|found| found == bytes) {
             return Ok(());
         }
-        let file = match WholeFile::create(&path, true) {
-            Ok(file) => file,
+        match whole_file::write(&path, bytes, true) {
             // another process of the sweep is writing it
-            Err(WholeFileError::Busy { .. }) => return Ok(()),
-            Err(error) => return Err(error.into()),
-        };
-        let mut out: &fs::File = file.file();
-        out.write_all(bytes).with_context(|| path.display().to_string())?;
-        file.publish()?;
-        Ok(())
+            Err(WholeFileError::Busy { .. }) => Ok(()),
+            written => Ok(written?),
+        }
     }
 
     /// A file of the sweep.
@@ -232,17 +203,11 @@ impl Directory {
 /// The files in `directory` with names that `wanted` picks, in the order of their names.
 fn files(directory: &Path, wanted: impl Fn(&str) -> bool) -> Result<Vec<PathBuf>, Failure> {
     let entries = match fs::read_dir(directory) {
-        Ok(entries) => entries,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
-        Err(error) => return Err(Failure::Failed(anyhow!(error).context(directory.display().to_string()))),
+        entries => entries.with_context(|| directory.display().to_string())?,
     };
-    let mut found = Vec::new();
-    for entry in entries {
-        let entry = entry?;
-        if wanted(&entry.file_name().to_string_lossy()) {
-            found.push(entry.path());
-        }
-    }
+    let mut found = entries.map(|entry| Ok(entry?.path())).collect::<io::Result<Vec<_>>>()?;
+    found.retain(|path| path.file_name().is_some_and(|name| wanted(&name.to_string_lossy())));
     found.sort();
     Ok(found)
 }

@@ -34,23 +34,22 @@ pub(super) fn rows(directory: &Directory, point_count: u64) -> Result<BTreeMap<u
         }
         for entry in entries {
             match rows.get(&entry.index) {
+                Some(found) if !is_same(&found.cells, &entry.cells) => {
+                    return Err(Failure::Failed(anyhow!(
+                        "point {} was computed twice with different results, once in {}: two programs differ, or a \
+                         machine computes wrongly",
+                        entry.index,
+                        path.display()
+                    )));
+                }
+                Some(_) => {}
                 None => {
                     rows.insert(entry.index, entry);
                 }
-                Some(found) if is_same(&found.cells, &entry.cells) => {}
-                Some(_) => return Err(disagreement(&path, entry.index)),
             }
         }
     }
     Ok(rows)
-}
-
-fn disagreement(path: &Path, index: u64) -> Failure {
-    Failure::Failed(anyhow!(
-        "point {index} was computed twice with different results, once in {}: two programs differ, or a machine \
-         computes wrongly",
-        path.display()
-    ))
 }
 
 /// Whether two rows have the same bits.
@@ -75,19 +74,17 @@ pub(super) fn write(
     directory: &Directory,
     rows: &BTreeMap<u64, Entry>,
 ) -> Result<Option<Vec<PathBuf>>, Failure> {
-    let index = Column::new("index", Kind::Integer);
-    let columns: Vec<_> =
-        [index.clone()].into_iter().chain(directory.head().columns.iter().cloned()).collect();
-    let timing = [index, Column::new("wall_s", Kind::Double)];
+    let index = || Column::new("index", Kind::Integer);
+    let columns = [vec![index()], directory.head().columns.clone()].concat();
+    let timing = [index(), Column::new("wall_s", Kind::Double)];
     let written = || -> Result<Vec<PathBuf>, TableError> {
-        let mut paths = Vec::new();
-        for name in ["results.csv", "results.parquet"] {
-            let cells = |entry: &Entry| entry.cells.clone();
-            paths.push(table(&directory.file(name), &columns, rows, cells)?);
-        }
+        let results = |name| table(&directory.file(name), &columns, rows, |entry| entry.cells.clone());
         let wall = |entry: &Entry| vec![Cell::Double(entry.wall_s)];
-        paths.push(table(&directory.file("timings.csv"), &timing, rows, wall)?);
-        Ok(paths)
+        Ok(vec![
+            results("results.csv")?,
+            results("results.parquet")?,
+            table(&directory.file("timings.csv"), &timing, rows, wall)?,
+        ])
     };
     match written() {
         Ok(paths) => Ok(Some(paths)),
@@ -117,7 +114,7 @@ fn table(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sweep::directory::Shard;
+    use crate::args::Shard;
     use producer::sweep::Sweep;
 
     #[test]

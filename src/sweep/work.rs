@@ -1,17 +1,19 @@
 //! The workers of one process.
 
 use super::Options;
-use super::directory::{Directory, Shard};
+use super::directory::Directory;
+use crate::args::Shard;
 use crate::configuration::origin;
 use crate::display::{self, count, counted};
 use crate::failure::Failure;
-use consumers::journal::{Entry, Journal, JournalError};
-use experiments::pool::{PoolError, Told, share};
-use experiments::row::{self, RowError, Signals};
+use consumers::journal::{Entry, Journal};
+use experiments::pool::{Told, share};
+use experiments::row::{self, Signals};
 use indicatif::ProgressBar;
 use producer::sweep::{Sweep, Until};
-use std::sync::Mutex;
+use serde::Serialize;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 /// Most workers of one process: more than any machine has cores, fewer than the threads that systems grant.
@@ -34,7 +36,7 @@ impl Job {
 }
 
 /// How the work went.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize)]
 pub(crate) struct Tally {
     /// Points that have a row now.
     pub(crate) computed: u64,
@@ -42,26 +44,8 @@ pub(crate) struct Tally {
     pub(crate) broken: Vec<u64>,
 }
 
-/// What all workers share.
-struct Shared<'a> {
-    sweep: &'a Sweep,
-    directory: &'a Directory,
-    record: bool,
-    jobs: &'a [Job],
-    journal: Mutex<Journal>,
-    stop: &'a AtomicBool,
-    /// The step that each worker has reached, and how many beads it steps.
-    at: Vec<(AtomicU64, AtomicU64)>,
-}
-
-/// Why the rows of points cannot be had: no use to go on.
-#[derive(Debug, thiserror::Error)]
-enum PointError {
-    #[error(transparent)]
-    Row(#[from] RowError),
-    #[error(transparent)]
-    Journal(#[from] JournalError),
-}
+/// The step that a worker has reached, and how many beads it steps.
+type At = (AtomicU64, AtomicU64);
 
 /// Says what is about to be computed.
 pub(super) fn announce(sweep: &Sweep, jobs: &[Job], shard: Shard) {
@@ -87,76 +71,52 @@ pub(super) fn work(
     stop: &AtomicBool,
 ) -> Result<Tally, Failure> {
     let threads = options.threads.min(jobs.len()).clamp(1, MAX_WORKERS);
-    let shared = Shared {
-        sweep,
-        directory,
-        record: options.record,
-        jobs,
-        journal: Mutex::new(journal),
-        stop,
-        at: (0..threads).map(|_| Default::default()).collect(),
-    };
-    let mut progress = Overview::new(&shared);
-    let mut tally = Tally::default();
-    let shared_out = share(
-        jobs.len(),
-        threads,
-        stop,
-        |worker, job| shared.compute(worker, jobs[job]),
-        |told| match told {
-            Told::Done(job, steps) => {
-                tally.computed += 1;
-                progress.finished(jobs[job], steps, tally.computed);
-            }
-            Told::Broken(job) => {
-                tally.broken.push(jobs[job].index);
-                progress.finished(jobs[job], jobs[job].steps, tally.computed);
-            }
-            Told::Fewer(started, error) => {
-                display::notice(format_args!("{started} of {threads} workers could be started: {error}"));
-            }
-            Told::Nothing => progress.refresh(tally.computed),
-        },
-    );
-    progress.bar.finish_and_clear();
-    match shared_out {
-        Ok(()) => Ok(tally),
-        // as they are, so that what they mean for the exit code is seen
-        Err(PoolError::Job(PointError::Row(RowError::Recording(error)))) => Err(error.into()),
-        Err(PoolError::Job(PointError::Row(RowError::Run(error)))) => Err(error.into()),
-        Err(PoolError::Job(PointError::Journal(error))) => Err(error.into()),
-        Err(error) => Err(error.into()),
-    }
-}
-
-impl Shared<'_> {
-    /// Computes a point, writes its row, and gives the number of its steps; none if it was stopped.
-    fn compute(&self, worker: usize, job: Job) -> Result<Option<u64>, PointError> {
-        let (step, beads) = &self.at[worker];
-        beads.store(job.beads, Ordering::Relaxed);
+    let at: Vec<At> = (0..threads).map(|_| At::default()).collect();
+    let journal = Mutex::new(journal);
+    // the number of steps; none if it was stopped
+    let compute = |worker: usize, job: usize| -> Result<Option<u64>, Failure> {
+        let (Job { index, beads, .. }, (step, stepped_beads)) = (jobs[job], &at[worker]);
+        stepped_beads.store(beads, Ordering::Relaxed);
         let start = Instant::now();
-        let recording = self.record.then(|| self.directory.recording(job.index));
-        let row = row::compute(
-            self.sweep,
-            job.index,
-            origin(),
-            recording.as_deref(),
-            &Signals { stop: self.stop, step },
-        )?;
+        let recording = options.record.then(|| directory.recording(index));
+        let row =
+            row::compute::<Failure>(sweep, index, origin(), recording.as_deref(), &Signals { stop, step })?;
         let steps = step.swap(0, Ordering::Relaxed);
         let Some(cells) = row else { return Ok(None) };
-        let entry = Entry { index: job.index, wall_s: start.elapsed().as_secs_f64(), cells };
+        let entry = Entry { index, wall_s: start.elapsed().as_secs_f64(), cells };
         // whoever panicked while holding it has not written half a row that the next would not notice
-        let mut journal = self.journal.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut journal = journal.lock().unwrap_or_else(PoisonError::into_inner);
         journal.append(&entry)?;
         Ok(Some(steps))
-    }
+    };
+    let mut progress = Overview::new(sweep, jobs, &at);
+    let mut tally = Tally::default();
+    let shared = share(jobs.len(), threads, stop, compute, |told| match told {
+        Told::Done(job, steps) => {
+            tally.computed += 1;
+            progress.finished(jobs[job], steps, tally.computed);
+        }
+        Told::Broken(job) => {
+            tally.broken.push(jobs[job].index);
+            progress.finished(jobs[job], jobs[job].steps, tally.computed);
+        }
+        Told::Fewer(started, error) => {
+            display::notice(format_args!("{started} of {threads} workers could be started: {error}"));
+        }
+        Told::Nothing => progress.refresh(tally.computed),
+    });
+    progress.bar.finish_and_clear();
+    shared.map(|()| tally)
 }
 
 /// How far all workers are: a bar on a terminal, a line for each tenth elsewhere. Work is counted in steps of
 /// beads.
 struct Overview<'a> {
-    shared: &'a Shared<'a>,
+    at: &'a [At],
+    /// Points in all.
+    points: u64,
+    /// Whether points end before the time of their runs.
+    ends_early: bool,
     bar: ProgressBar,
     start: Instant,
     /// Of the points that are not finished, if they all took their whole time.
@@ -169,10 +129,19 @@ struct Overview<'a> {
 }
 
 impl<'a> Overview<'a> {
-    fn new(shared: &'a Shared<'a>) -> Self {
-        let unfinished = shared.jobs.iter().fold(0_u64, |sum, job| sum.saturating_add(job.cost()));
-        let bar = display::progress_bar(unfinished, "sweep");
-        Self { shared, bar, start: Instant::now(), unfinished, expected: 0, finished: 0, tenths: 0 }
+    fn new(sweep: &Sweep, jobs: &[Job], at: &'a [At]) -> Self {
+        let unfinished = jobs.iter().fold(0_u64, |sum, job| sum.saturating_add(job.cost()));
+        Self {
+            at,
+            points: jobs.len() as u64,
+            ends_early: sweep.until() == Until::Stationary,
+            bar: display::progress_bar(unfinished, "sweep"),
+            start: Instant::now(),
+            unfinished,
+            expected: 0,
+            finished: 0,
+            tenths: 0,
+        }
     }
 
     fn finished(&mut self, job: Job, steps: u64, computed: u64) {
@@ -180,7 +149,7 @@ impl<'a> Overview<'a> {
         self.expected = self.expected.saturating_add(job.cost());
         self.finished = self.finished.saturating_add(Job { steps, ..job }.cost());
         self.refresh(computed);
-        let tenths = 10 * computed / self.shared.jobs.len().max(1) as u64;
+        let tenths = 10 * computed / self.points.max(1);
         if self.bar.is_hidden() && tenths > self.tenths {
             self.tenths = tenths;
             let [points, left] = self.parts(computed);
@@ -198,10 +167,10 @@ impl<'a> Overview<'a> {
 
     /// What is done, and what there is in all: points to come end as early as those before did.
     fn work(&self) -> (u64, u64) {
-        let under_way =
-            self.shared.at.iter().map(|(step, beads)| {
-                step.load(Ordering::Relaxed).saturating_mul(beads.load(Ordering::Relaxed))
-            });
+        let under_way = self
+            .at
+            .iter()
+            .map(|(step, beads)| step.load(Ordering::Relaxed).saturating_mul(beads.load(Ordering::Relaxed)));
         let done = under_way.fold(self.finished, u64::saturating_add);
         let part = if self.expected == 0 { 1.0 } else { self.finished as f64 / self.expected as f64 };
         #[expect(
@@ -214,10 +183,10 @@ impl<'a> Overview<'a> {
     }
 
     fn parts(&self, computed: u64) -> [String; 2] {
-        let points = format!("{} of {}", count(computed), counted(self.shared.jobs.len() as u64, "point"));
+        let points = format!("{} of {}", count(computed), counted(self.points, "point"));
         let (done, total) = self.work();
         // before the first point that ends early nobody knows how early
-        let unknown = self.expected == 0 && self.shared.sweep.until() == Until::Stationary;
+        let unknown = self.expected == 0 && self.ends_early;
         if done == 0 || done == total || unknown {
             return [points, String::new()];
         }

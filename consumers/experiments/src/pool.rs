@@ -23,37 +23,25 @@ pub enum Told<T> {
     Nothing,
 }
 
-/// Why jobs were not done.
+/// The operating system grants no thread at all.
 #[derive(Debug, thiserror::Error)]
-pub enum PoolError<E: std::error::Error + 'static> {
-    /// There is no thread at all.
-    #[error("no thread to compute in")]
-    NoThread(#[source] io::Error),
-    /// A job failed, after which no other was begun.
-    #[error(transparent)]
-    Job(E),
-}
-
-enum Message<T, E> {
-    Done(usize, T),
-    Broken(usize),
-    Failed(E),
-}
+#[error("no thread to compute in")]
+pub struct NoThread(#[source] io::Error);
 
 /// Has `work(worker, job)` done for each job from 0 to `jobs`, in this order, by so many threads, and tells `hear`. A job
 /// that gives nothing was stopped.
 ///
 /// # Errors
 /// When there is no thread, or when a job fails: then `stop` is set, and the first failure is returned.
-pub fn share<T: Send, E: std::error::Error + Send>(
+pub fn share<T: Send, E: From<NoThread> + Send>(
     jobs: usize,
     threads: usize,
     stop: &AtomicBool,
     work: impl Fn(usize, usize) -> Result<Option<T>, E> + Sync,
     mut hear: impl FnMut(Told<T>),
-) -> Result<(), PoolError<E>> {
+) -> Result<(), E> {
     let next = AtomicUsize::new(0);
-    let take = |worker: usize, tell: &Sender<Message<T, E>>| {
+    let take = |worker: usize, tell: &Sender<Result<Told<T>, E>>| {
         while !stop.load(Ordering::Relaxed) {
             let job = next.fetch_add(1, Ordering::Relaxed);
             if job >= jobs {
@@ -61,10 +49,10 @@ pub fn share<T: Send, E: std::error::Error + Send>(
             }
             // a bug in one job is no reason to lose the others
             let message = match catch_unwind(AssertUnwindSafe(|| work(worker, job))) {
-                Ok(Ok(Some(done))) => Message::Done(job, done),
+                Ok(Ok(Some(done))) => Ok(Told::Done(job, done)),
                 Ok(Ok(None)) => return,
-                Ok(Err(error)) => Message::Failed(error),
-                Err(_) => Message::Broken(job),
+                Ok(Err(error)) => Err(error),
+                Err(_) => Ok(Told::Broken(job)),
             };
             if tell.send(message).is_err() {
                 return;
@@ -77,7 +65,7 @@ pub fn share<T: Send, E: std::error::Error + Send>(
             let (take, tell) = (&take, tell.clone());
             if let Err(error) = thread::Builder::new().spawn_scoped(scope, move || take(worker, &tell)) {
                 if worker == 0 {
-                    return Err(PoolError::NoThread(error));
+                    return Err(NoThread(error).into());
                 }
                 hear(Told::Fewer(worker, error));
                 break;
@@ -87,9 +75,8 @@ pub fn share<T: Send, E: std::error::Error + Send>(
         let mut failure = None;
         loop {
             match told.recv_timeout(PERIOD) {
-                Ok(Message::Done(job, done)) => hear(Told::Done(job, done)),
-                Ok(Message::Broken(job)) => hear(Told::Broken(job)),
-                Ok(Message::Failed(error)) => {
+                Ok(Ok(told)) => hear(told),
+                Ok(Err(error)) => {
                     stop.store(true, Ordering::Relaxed);
                     failure.get_or_insert(error);
                 }
@@ -97,7 +84,7 @@ pub fn share<T: Send, E: std::error::Error + Send>(
                 Err(RecvTimeoutError::Disconnected) => break,
             }
         }
-        failure.map_or(Ok(()), |error| Err(PoolError::Job(error)))
+        failure.map_or(Ok(()), Err)
     })
 }
 
@@ -106,7 +93,7 @@ mod tests {
     use super::*;
 
     /// What each of ten jobs came to, with two workers.
-    fn outcomes(work: impl Fn(usize) -> Result<Option<usize>, io::Error> + Sync) -> (Vec<String>, bool) {
+    fn outcomes(work: impl Fn(usize) -> Result<Option<usize>, NoThread> + Sync) -> (Vec<String>, bool) {
         let (mut heard, stop) = (Vec::new(), AtomicBool::new(false));
         let ended = share(
             10,
@@ -135,7 +122,7 @@ mod tests {
 
     #[test]
     fn after_a_failure_no_job_is_begun() {
-        let fails = |job| if job < 2 { Err(io::Error::other("full")) } else { Ok(Some(job)) };
+        let fails = |job| if job < 2 { Err(NoThread(io::Error::other("full"))) } else { Ok(Some(job)) };
         let (heard, whole) = outcomes(fails);
         assert!(!whole && heard.len() < 9, "{heard:?}");
     }

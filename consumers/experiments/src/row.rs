@@ -22,20 +22,6 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 /// when it is: the window in which the uncertainty of the reflected energy is measured.
 const STATIONARY_FOR: f64 = 100.0;
 
-/// Why a point has no row.
-#[derive(Debug, thiserror::Error)]
-pub enum RowError {
-    /// There is no such point.
-    #[error(transparent)]
-    Config(#[from] ConfigError),
-    /// A state could not be recorded.
-    #[error(transparent)]
-    Run(#[from] RunError<Infallible, WriteError>),
-    /// The recording could not be begun or ended.
-    #[error(transparent)]
-    Recording(#[from] WriteError),
-}
-
 /// What a worker tells and is told while it computes a point.
 pub struct Signals<'a> {
     /// Set when the point is to be given up.
@@ -49,14 +35,17 @@ pub struct Signals<'a> {
 /// The row depends on the sweep and the index alone. A run that fails has a row, too, which says why.
 ///
 /// # Errors
-/// When the recording cannot be written.
-pub fn compute(
+/// When there is no such point, or the recording cannot be written.
+pub fn compute<E>(
     sweep: &Sweep,
     index: u64,
     origin: Origin,
     recording: Option<&Path>,
     signals: &Signals<'_>,
-) -> Result<Option<Vec<Cell>>, RowError> {
+) -> Result<Option<Vec<Cell>>, E>
+where
+    E: From<ConfigError> + From<RunError<Infallible, WriteError>> + From<WriteError>,
+{
     let point = sweep.point(index)?;
     let manifest = RunManifest::new(&point.config, &format!("point-{index:06}"), origin)?;
     let mut analyses = Analyses::new(&manifest, sweep.split_bead());
@@ -250,8 +239,8 @@ mod tests {
         let columns = columns(&sweep);
         let signals = Signals { stop: &AtomicBool::new(false), step: &AtomicU64::new(0) };
         for (index, end, collision_times) in [(0, "met end", 0.0..10.0), (1, "stationary", 100.0..101.0)] {
-            let cells =
-                compute(&sweep, index, origin(), None, &signals).expect("no recording").expect("not stopped");
+            let row = compute::<Box<dyn std::error::Error>>(&sweep, index, origin(), None, &signals);
+            let cells = row.expect("no recording").expect("not stopped");
             let cell = |name| columns.iter().zip(&cells).find(|(c, _)| c.name == name).map(|(_, cell)| cell);
             let seconds = |name| match cell(name) {
                 Some(Cell::Double(value)) => *value,

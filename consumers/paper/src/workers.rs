@@ -6,7 +6,7 @@ use crate::{Observations, Observed};
 use anyhow::{Error, anyhow};
 use consumers::determination::{TOLERANCE, verdict};
 use experiments::compare::compare;
-use experiments::pool::{PoolError, Told, share};
+use experiments::pool::{Told, share};
 use schemas::manifest::RunManifest;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -47,11 +47,11 @@ pub fn observe_all(
     let shift = Shift { progress, stop };
     let mut outcomes: Vec<Option<Outcome>> = runs.iter().map(|_| None).collect();
     let mut broken = false;
-    let shared = share(
+    share(
         runs.len(),
         jobs,
         stop,
-        |_, run| shift.one(&runs[run]).map_err(RunFailed),
+        |_, run| shift.one(&runs[run]),
         |told| {
             match told {
                 Told::Done(run, outcome) => outcomes[run] = Some(outcome),
@@ -60,12 +60,9 @@ pub fn observe_all(
             }
             tell(&shift.progress);
         },
-    );
-    match shared {
-        Ok(()) if broken => return Err(anyhow!("a worker panicked")),
-        Ok(()) => {}
-        Err(PoolError::Job(RunFailed(error))) => return Err(error),
-        Err(error) => return Err(error.into()),
+    )?;
+    if broken {
+        return Err(anyhow!("a worker panicked"));
     }
     let mut done = Done {
         observations: Observations::default(),
@@ -85,11 +82,6 @@ pub fn observe_all(
     done.reused.sort();
     Ok((!stop.load(Ordering::Relaxed)).then_some(done))
 }
-
-/// Why a run could not be made, recorded or read.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-struct RunFailed(Error);
 
 fn job_work(cached: &Cached) -> f64 {
     let manifest = &cached.manifest;

@@ -4,7 +4,6 @@ use crate::display;
 use anyhow::Error;
 use bench::{Audience, Floor, Group, Row};
 use serde::Serialize;
-use serde_json::json;
 use std::io::IsTerminal as _;
 
 /// Widths of the columns: rows are printed before the others are known.
@@ -12,9 +11,13 @@ const WHAT: usize = 46;
 const AGAINST: usize = 40;
 
 /// Prints rows when they are there, and remembers them.
+#[derive(Serialize)]
 pub(super) struct Report {
+    #[serde(skip)]
     json: bool,
+    #[serde(skip)]
     group: &'static str,
+    rounds: u32,
     rows: Vec<Measured>,
 }
 
@@ -28,8 +31,8 @@ struct Measured {
 
 impl Report {
     /// An empty table; as JSON it is printed at its end only.
-    pub(super) fn new(json: bool) -> Self {
-        Self { json, group: "", rows: Vec::new() }
+    pub(super) fn new(json: bool, rounds: u32) -> Self {
+        Self { json, group: "", rounds, rows: Vec::new() }
     }
 
     /// Whether every row keeps to its floor.
@@ -38,8 +41,8 @@ impl Report {
     }
 
     /// Ends the table.
-    pub(super) fn finish(&self, rounds: u32) -> Result<(), anyhow::Error> {
-        if self.json { display::print_json(&json!({ "rounds": rounds, "rows": self.rows })) } else { Ok(()) }
+    pub(super) fn finish(&self) -> Result<(), Error> {
+        if self.json { display::print_json(&serde_json::to_value(self)?) } else { Ok(()) }
     }
 }
 
@@ -70,15 +73,11 @@ impl Audience for Report {
 }
 
 fn line(row: &Row) -> String {
-    let floor = match row.floor {
-        Floor::AtLeast(floor) => format!("≥ {floor}"),
-        Floor::AtMost(floor) => format!("≤ {floor}"),
-        Floor::Any => String::new(),
-    };
-    let mark = match row.floor {
-        Floor::Any => "",
-        _ if row.is_met() => "met",
-        _ => "NOT met",
+    let mark = if row.is_met() { "met" } else { "NOT met" };
+    let (floor, mark) = match row.floor {
+        Floor::AtLeast(floor) => (format!("≥ {floor}"), mark),
+        Floor::AtMost(floor) => (format!("≤ {floor}"), mark),
+        Floor::Any => (String::new(), ""),
     };
     let [median, least, most] = [row.ratio.median, row.ratio.least, row.ratio.most].map(short);
     let spread = format!("({least} to {most})");

@@ -48,7 +48,7 @@ fn row<O: FnMut(&Frame<'_>)>(
             Ok(())
         })
     };
-    let mut copy = vec![0.0; manifest_doubles(frames)];
+    let mut copy = vec![0.0; frames.manifest().frame_doubles()];
     let copying = || {
         timed(|| {
             for doubles in frames.in_one_piece() {
@@ -59,15 +59,6 @@ fn row<O: FnMut(&Frame<'_>)>(
         })
     };
     let rounds = Rounds::alternate(rounds, analyse, copying)?;
-    Ok(Row {
-        what,
-        against: "one memcpy of the frame",
-        floor: Floor::AtMost(floor),
-        ratio: rounds.time(),
-        figure: format!("{:.0} ns a frame", rounds.ours_s() / frames.count() as f64 * 1e9),
-    })
-}
-
-fn manifest_doubles(frames: &Frames) -> usize {
-    frames.manifest().frame_doubles()
+    let figure = format!("{:.0} ns a frame", rounds.ours_s() / frames.count() as f64 * 1e9);
+    Ok(rounds.row(what, "one memcpy of the frame", Floor::AtMost(floor), figure))
 }

@@ -13,42 +13,36 @@ use std::fmt::Debug;
 use std::thread::yield_now;
 use std::time::Duration;
 
-/// Slices of doubles from one publisher to one subscriber; nothing is overwritten and nothing is dropped.
-pub(crate) struct BarePublisher {
-    publisher: Publisher<ipc::Service, [f64], ()>,
+/// A port of a service, with the node that it is on.
+pub(crate) struct Bare<P> {
+    port: P,
     _node: Node<ipc::Service>,
 }
+
+/// Slices of doubles from one publisher to one subscriber; nothing is overwritten and nothing is dropped.
+pub(crate) type BarePublisher = Bare<Publisher<ipc::Service, [f64], ()>>;
 
 /// The other end.
-pub(crate) struct BareSubscriber {
-    subscriber: Subscriber<ipc::Service, [f64], ()>,
-    _node: Node<ipc::Service>,
-}
+pub(crate) type BareSubscriber = Bare<Subscriber<ipc::Service, [f64], ()>>;
 
 /// Wakes a [`BareListener`].
-pub(crate) struct BareNotifier {
-    notifier: Notifier<ipc::Service>,
-    _node: Node<ipc::Service>,
-}
+pub(crate) type BareNotifier = Bare<Notifier<ipc::Service>>;
 
 /// Sleeps until it is woken.
-pub(crate) struct BareListener {
-    listener: Listener<ipc::Service>,
-    _node: Node<ipc::Service>,
-}
+pub(crate) type BareListener = Bare<Listener<ipc::Service>>;
 
-fn failed(name: &str, doing: &'static str) -> impl Fn(&dyn Debug) -> BusError {
+fn failed<E: Debug>(name: &str, doing: &'static str) -> impl FnOnce(E) -> BusError {
     move |cause| BusError::Service { service: name.to_owned(), doing, cause: format!("{cause:?}") }
 }
 
 fn node(bus: &Bus, name: &str) -> Result<Node<ipc::Service>, BusError> {
     let builder =
         NodeBuilder::new().config(bus.bare_config()?).signal_handling_mode(SignalHandlingMode::Disabled);
-    builder.create().map_err(|e| failed(name, "register for")(&e))
+    builder.create().map_err(failed(name, "register for"))
 }
 
 fn service_name(name: &str) -> Result<ServiceName, BusError> {
-    ServiceName::new(name).map_err(|e| failed(name, "name")(&e))
+    ServiceName::new(name).map_err(failed(name, "name"))
 }
 
 /// With the queue that a run has as long as its frames are not too big for that.
@@ -59,12 +53,12 @@ fn slices(
     let builder = node.service_builder(&service_name(name)?).publish_subscribe::<[f64]>();
     let builder = builder.enable_safe_overflow(false).history_size(0).max_publishers(1);
     let builder = builder.subscriber_max_buffer_size(MAX_BUFFER).subscriber_max_borrowed_samples(BORROWED);
-    builder.open_or_create().map_err(|e| failed(name, "open")(&e))
+    builder.open_or_create().map_err(failed(name, "open"))
 }
 
 fn events(node: &Node<ipc::Service>, name: &str) -> Result<event::PortFactory<ipc::Service>, BusError> {
     let builder = node.service_builder(&service_name(name)?).event();
-    builder.open_or_create().map_err(|e| failed(name, "open")(&e))
+    builder.open_or_create().map_err(failed(name, "open"))
 }
 
 impl BarePublisher {
@@ -74,20 +68,19 @@ impl BarePublisher {
         let service = slices(&node, name)?;
         let builder = service.publisher_builder().initial_max_slice_len(doubles).max_loaned_samples(1);
         let publisher = builder.create();
-        Ok(Self { publisher: publisher.map_err(|e| failed(name, "publish")(&e))?, _node: node })
+        Ok(Self { port: publisher.map_err(failed(name, "publish"))?, _node: node })
     }
 
     /// Connects to the subscriber, which connects in turn when it receives for the first time.
     pub(crate) fn connect(&self) -> Result<(), BusError> {
-        self.publisher.update_connections().map_err(|e| failed("a bare service", "connect")(&e))
+        self.port.update_connections().map_err(failed("a bare service", "connect"))
     }
 
     /// Copies a slice into shared memory and hands it over, when there is room.
     pub(crate) fn send(&self, doubles: &[f64]) -> Result<(), BusError> {
-        let failed = failed("a bare service", "send through");
-        let slot = self.publisher.loan_slice_uninit(doubles.len()).map_err(|e| failed(&e))?;
-        slot.write_from_slice(doubles).send().map_err(|e| failed(&e))?;
-        Ok(())
+        let (name, doing) = ("a bare service", "send through");
+        let slot = self.port.loan_slice_uninit(doubles.len()).map_err(failed(name, doing))?;
+        slot.write_from_slice(doubles).send().map_err(failed(name, doing)).map(drop)
     }
 }
 
@@ -96,12 +89,12 @@ impl BareSubscriber {
     pub(crate) fn create(bus: &Bus, name: &str) -> Result<Self, BusError> {
         let node = node(bus, name)?;
         let subscriber = slices(&node, name)?.subscriber_builder().create();
-        Ok(Self { subscriber: subscriber.map_err(|e| failed(name, "subscribe to")(&e))?, _node: node })
+        Ok(Self { port: subscriber.map_err(failed(name, "subscribe to"))?, _node: node })
     }
 
     /// Lends the next slice to `take`, if there is one.
     pub(crate) fn receive(&self, take: impl FnOnce(&[f64])) -> Result<bool, BusError> {
-        let sample = self.subscriber.receive().map_err(|e| failed("a bare service", "receive from")(&e))?;
+        let sample = self.port.receive().map_err(failed("a bare service", "receive from"))?;
         if let Some(sample) = &sample {
             take(sample.payload());
         }
@@ -122,13 +115,12 @@ impl BareNotifier {
     pub(crate) fn create(bus: &Bus, name: &str) -> Result<Self, BusError> {
         let node = node(bus, name)?;
         let notifier = events(&node, name)?.notifier_builder().create();
-        Ok(Self { notifier: notifier.map_err(|e| failed(name, "notify")(&e))?, _node: node })
+        Ok(Self { port: notifier.map_err(failed(name, "notify"))?, _node: node })
     }
 
     /// Wakes the listener.
     pub(crate) fn notify(&self) -> Result<(), BusError> {
-        self.notifier.notify().map_err(|e| failed("a bare event", "notify")(&e))?;
-        Ok(())
+        self.port.notify().map_err(failed("a bare event", "notify")).map(drop)
     }
 }
 
@@ -137,14 +129,14 @@ impl BareListener {
     pub(crate) fn create(bus: &Bus, name: &str) -> Result<Self, BusError> {
         let node = node(bus, name)?;
         let listener = events(&node, name)?.listener_builder().create();
-        Ok(Self { listener: listener.map_err(|e| failed(name, "listen to")(&e))?, _node: node })
+        Ok(Self { port: listener.map_err(failed(name, "listen to"))?, _node: node })
     }
 
     /// Sleeps until it is woken, or `timeout` is over; says whether it was woken.
     pub(crate) fn wait(&self, timeout: Duration) -> Result<bool, BusError> {
         let mut woken = false;
-        let waited = self.listener.timed_wait(|_| woken = true, timeout);
-        waited.map_err(|e| failed("a bare event", "wait for")(&e))?;
+        let waited = self.port.timed_wait(|_| woken = true, timeout);
+        waited.map_err(failed("a bare event", "wait for"))?;
         Ok(woken)
     }
 }

@@ -1,4 +1,4 @@
-//! Processes of this program beside the bench.
+//! Processes of this program beside this one.
 
 use anyhow::{Context as _, Error, anyhow};
 use rustix::process::{Pid, Signal, kill_process};
@@ -6,26 +6,54 @@ use serde_json::Value;
 use std::ffi::OsStr;
 use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 use std::time::Duration;
 
-/// A process of this program; killed when dropped.
-pub(super) struct Process {
-    words: String,
+/// A process of this program; killed when dropped. What it says is read when it is asked for, so it must not say more than
+/// a pipe holds before that.
+pub struct Process {
+    name: String,
     child: Child,
     out: BufReader<ChildStdout>,
 }
 
 impl Process {
-    /// Starts `beadline` with these words.
-    pub(super) fn start<S: AsRef<OsStr>>(words: impl IntoIterator<Item = S>) -> Result<Self, Error> {
+    /// Starts this program with these words.
+    ///
+    /// # Errors
+    /// When it cannot be started.
+    pub fn start<S: AsRef<OsStr>>(words: impl IntoIterator<Item = S>) -> Result<Self, Error> {
         let words: Vec<_> = words.into_iter().map(|word| word.as_ref().to_owned()).collect();
-        let mut command = Command::new(std::env::current_exe()?);
-        command.args(&words).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let words = words.join(OsStr::new(" ")).display().to_string();
-        let mut child = command.spawn().with_context(|| words.clone())?;
-        let out = child.stdout.take().ok_or_else(|| anyhow!("{words}: no stdout"))?;
-        Ok(Self { words, child, out: BufReader::new(out) })
+        let name = format!("`beadline {}`", words.join(OsStr::new(" ")).display());
+        Self::named(name, words)
+    }
+
+    /// The same by a name, which errors say.
+    ///
+    /// # Errors
+    /// When it cannot be started.
+    pub fn named<S: AsRef<OsStr>>(name: String, words: impl IntoIterator<Item = S>) -> Result<Self, Error> {
+        let mut command = Command::new(std::env::current_exe().context("the program cannot find itself")?);
+        command.args(words).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().with_context(|| format!("{name} cannot be started"))?;
+        let out = child.stdout.take().ok_or_else(|| anyhow!("{name}: no stdout"))?;
+        Ok(Self { name, child, out: BufReader::new(out) })
+    }
+
+    /// How it has ended, if it has.
+    ///
+    /// # Errors
+    /// When the operating system does not say.
+    pub fn ended(&mut self) -> Result<Option<ExitStatus>, Error> {
+        Ok(self.child.try_wait()?)
+    }
+
+    /// Asks it to end, if it still runs.
+    pub fn stop(&mut self) {
+        if let Ok(None) = self.ended() {
+            // it may have ended meanwhile
+            let _ = self.signal(Signal::TERM);
+        }
     }
 
     /// The next line that it says.
@@ -40,12 +68,12 @@ impl Process {
     /// Waits until it says `word`.
     pub(super) fn expect(&mut self, word: &str) -> Result<(), Error> {
         let line = self.line()?;
-        if line == word { Ok(()) } else { Err(anyhow!("{}: said {line}, not {word}", self.words)) }
+        if line == word { Ok(()) } else { Err(anyhow!("{}: said {line}, not {word}", self.name)) }
     }
 
     /// Tells it to go on.
     pub(super) fn go_on(&mut self) -> Result<(), Error> {
-        let stdin = self.child.stdin.as_mut().ok_or_else(|| anyhow!("{}: no stdin", self.words))?;
+        let stdin = self.child.stdin.as_mut().ok_or_else(|| anyhow!("{}: no stdin", self.name))?;
         Ok(stdin.write_all(b"\n")?)
     }
 
@@ -57,13 +85,17 @@ impl Process {
     }
 
     /// The same as JSON.
-    pub(super) fn finish_json(self) -> Result<Value, Error> {
-        Ok(serde_json::from_str(&self.finish()?)?)
+    ///
+    /// # Errors
+    /// When it fails, or says something else.
+    pub fn finish_json(self) -> Result<Value, Error> {
+        let unexpected = format!("{} gave no summary", self.name);
+        serde_json::from_str(&self.finish()?).context(unexpected)
     }
 
     /// Stops it without its doing, and waits until it stands still.
     pub(super) fn stall(&self) -> Result<(), Error> {
-        kill_process(self.pid()?, Signal::STOP)?;
+        self.signal(Signal::STOP)?;
         while self.read("stat")?.rsplit(')').next().is_none_or(|rest| !rest.starts_with(" T")) {
             std::thread::sleep(Duration::from_millis(1));
         }
@@ -72,7 +104,7 @@ impl Process {
 
     /// Lets it run again.
     pub(super) fn resume(&self) -> Result<(), Error> {
-        Ok(kill_process(self.pid()?, Signal::CONT)?)
+        self.signal(Signal::CONT)
     }
 
     /// Time that its threads have spent on a core.
@@ -93,17 +125,16 @@ impl Process {
         Some(1024 * line.trim().strip_suffix(" kB")?.trim().parse::<u64>().ok()?)
     }
 
+    fn signal(&self, signal: Signal) -> Result<(), Error> {
+        Ok(kill_process(Pid::from_child(&self.child), signal)?)
+    }
+
     fn read(&self, what: &str) -> Result<String, Error> {
         Ok(fs::read_to_string(self.proc(what))?)
     }
 
     fn proc(&self, what: &str) -> String {
         format!("/proc/{}/{what}", self.child.id())
-    }
-
-    fn pid(&self) -> Result<Pid, Error> {
-        let id = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw);
-        id.ok_or_else(|| anyhow!("{}: no process", self.words))
     }
 
     /// Why it did not do what it should, in its own words.
@@ -113,7 +144,8 @@ impl Process {
             // what cannot be read is not told
             let _ = stderr.read_to_string(&mut said);
         }
-        anyhow!("`beadline {}` failed: {}", self.words, said.trim_end())
+        let status = self.child.wait().map_or_else(|error| error.to_string(), |status| status.to_string());
+        anyhow!("{} failed ({status}): {}", self.name, said.trim())
     }
 }
 

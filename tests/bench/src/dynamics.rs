@@ -89,51 +89,30 @@ impl Moments {
         })
     }
 
-    fn against_plain(&self, rounds: u32) -> Result<(Rounds, String), Error> {
+    fn against_plain(&self, what: &'static str, floor: f64, rounds: u32) -> Result<Row, Error> {
         let rounds = Rounds::alternate(rounds, || Ok(self.ours()), || Ok(self.plain()))?;
         let figure = format!("{:.2} ns a bead-step", rounds.ours_s() / self.bead_steps() * 1e9);
-        Ok((rounds, figure))
+        Ok(rounds.row(what, "a plain scalar loop with powf", Floor::AtLeast(floor), figure))
     }
 }
 
 /// A step against a plain loop, for two exponents, and along the length of the chain.
 pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
-    report.row(step(bench.rounds)?)?;
-    report.row(general_alpha(bench.rounds)?)?;
-    report.row(length(bench.rounds)?)
+    let rounds = bench.rounds;
+    let run = Moments::of(&light_impurity(), STEPS)?;
+    report.row(run.against_plain("velocity-Verlet step, no output", 6.0, rounds)?)?;
+    let mut general = light_impurity();
+    general.chain.alpha = 1.3;
+    let closed = Moments::all_closed(&general, STEPS)?;
+    report.row(closed.against_plain("the same, α = 1.3, all contacts closed", 5.0, rounds)?)?;
+    report.row(length(rounds)?)
 }
 
 /// The light-impurity run by velocity-Verlet.
-fn light_impurity() -> RunConfig {
+pub(super) fn light_impurity() -> RunConfig {
     let mut config = PRESETS[0].config();
     config.integrator.method = Method::VelocityVerlet;
     config
-}
-
-/// Velocity-Verlet against the plain loop, over the light-impurity run.
-fn step(rounds: u32) -> Result<Row, Error> {
-    let (rounds, figure) = Moments::of(&light_impurity(), STEPS)?.against_plain(rounds)?;
-    Ok(Row {
-        what: "velocity-Verlet step, no output",
-        against: "a plain scalar loop with powf",
-        floor: Floor::AtLeast(6.0),
-        ratio: rounds.speed(),
-        figure,
-    })
-}
-
-/// The same for a general exponent with all contacts closed.
-fn general_alpha(rounds: u32) -> Result<Row, Error> {
-    let mut config = light_impurity();
-    config.chain.alpha = 1.3;
-    let (rounds, figure) = Moments::all_closed(&config, STEPS)?.against_plain(rounds)?;
-    Ok(Row {
-        what: "the same, α = 1.3, all contacts closed",
-        against: "a plain scalar loop with powf",
-        floor: Floor::AtLeast(5.0),
-        ratio: rounds.speed(),
-        figure,
-    })
 }
 
 /// Cost of a bead-step in a chain of a million beads against one of a thousand.
@@ -146,11 +125,6 @@ fn length(rounds: u32) -> Result<Row, Error> {
     let (long, short) = (moments(1_000_000, LONG_STEPS)?, moments(1000, STEPS)?);
     let per_bead_step = |moments: &Moments| moments.ours().div_f64(moments.bead_steps() / 1e6);
     let rounds = Rounds::alternate(rounds, || Ok(per_bead_step(&long)), || Ok(per_bead_step(&short)))?;
-    Ok(Row {
-        what: "cost of a bead-step, N = 1,000,000",
-        against: "N = 1000",
-        floor: Floor::AtMost(2.5),
-        ratio: rounds.time(),
-        figure: format!("{:.2} ns a bead-step", rounds.ours_s() * 1e3),
-    })
+    let figure = format!("{:.2} ns a bead-step", rounds.ours_s() * 1e3);
+    Ok(rounds.row("cost of a bead-step, N = 1,000,000", "N = 1000", Floor::AtMost(2.5), figure))
 }

@@ -8,7 +8,7 @@ mod analyses;
 mod bare_bus;
 mod bare_mcap;
 mod baseline;
-mod child;
+pub mod child;
 mod dynamics;
 mod memory;
 pub mod part;
@@ -195,13 +195,9 @@ impl Rounds {
         let mut rounds = Self::default();
         for round in 0..=count {
             // who comes first changes, so that neither always finds the other's heat
-            let (ours, theirs) = if round % 2 == 0 {
-                let first = ours()?;
-                (first, theirs()?)
-            } else {
-                let first = theirs()?;
-                (ours()?, first)
-            };
+            let early = (round % 2 == 0).then(&mut ours).transpose()?;
+            let theirs = theirs()?;
+            let ours = early.map_or_else(&mut ours, Ok)?;
             if round > 0 {
                 rounds.ours_s.push(ours.as_secs_f64());
                 rounds.theirs_s.push(theirs.as_secs_f64());
@@ -210,8 +206,14 @@ impl Rounds {
         Ok(rounds)
     }
 
+    /// A row whose ratio is what its floor asks for.
+    pub(crate) fn row(&self, what: &'static str, against: &'static str, floor: Floor, figure: String) -> Row {
+        let ratio = if let Floor::AtMost(_) = floor { self.time() } else { self.speed() };
+        Row { what, against, floor, ratio, figure }
+    }
+
     /// Our speed in theirs.
-    pub(crate) fn speed(&self) -> Ratio {
+    fn speed(&self) -> Ratio {
         Ratio::of(self.theirs_s.iter().zip(&self.ours_s).map(|(theirs, ours)| theirs / ours))
     }
 

@@ -1,7 +1,7 @@
 //! Memory of a producer and its consumers, along the length of the run and of the chain.
 
 use super::child::Process;
-use super::{Audience, Bench, Floor, Rounds, Row};
+use super::{Audience, Bench, Floor, Rounds};
 use anyhow::Error;
 use schemas::amounts::{bytes, count};
 use std::time::Duration;
@@ -34,30 +34,23 @@ pub(super) fn rows(_: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
         "that of `contacts`",
     ];
     for (what, (long, short)) in what.into_iter().zip(long.peaks_bytes.into_iter().zip(short.peaks_bytes)) {
-        let against = "100,000 frames";
-        report.row(row(what, against, Floor::AtMost(1.05), (long, short), bytes(long).to_string()))?;
+        let figure = bytes(long).to_string();
+        report.row(once(long, short).row(what, "100,000 frames", Floor::AtMost(1.05), figure))?;
     }
     let big = Followed::run(MANY_BEADS, FEW)?;
     let peaks = big.peaks_bytes.map(|peak| bytes(peak).to_string()).join(", ");
-    report.row(row(
+    // the more the better: a speed
+    report.row(once(FEW + 1, big.fewest_received).row(
         "frames of 1,000,000 beads to three analyses",
         "frames published",
         Floor::AtLeast(1.0),
-        (big.fewest_received, FEW + 1),
         format!("{} frames; {peaks}", count(big.fewest_received)),
     ))
 }
 
 /// Measured once: neither a count nor a peak depends on what else the machine does.
-fn row(
-    what: &'static str,
-    against: &'static str,
-    floor: Floor,
-    (ours, theirs): (u64, u64),
-    figure: String,
-) -> Row {
-    let rounds = Rounds { ours_s: vec![ours as f64], theirs_s: vec![theirs as f64] };
-    Row { what, against, floor, ratio: rounds.time(), figure }
+fn once(ours: u64, theirs: u64) -> Rounds {
+    Rounds { ours_s: vec![ours as f64], theirs_s: vec![theirs as f64] }
 }
 
 /// A run that three analyses have followed, four processes.
@@ -98,7 +91,7 @@ impl Followed {
         let mut fewest_received = u64::MAX;
         for consumer in consumers {
             let received = consumer.finish_json()?["frames_received"].as_u64().unwrap_or(0);
-            fewest_received = if received < fewest_received { received } else { fewest_received };
+            fewest_received = fewest_received.min(received);
         }
         Ok(Self { peaks_bytes, fewest_received })
     }

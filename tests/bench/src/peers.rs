@@ -22,6 +22,9 @@ const TOLERANCE: f64 = 1e-5;
 /// Someone to measure against, and how many times as fast we have to be.
 type Peer = (Program, &'static str, Floor);
 
+/// What is simulated, and against whom.
+type Series = (&'static str, fn() -> Result<Piece, Error>, [Peer; 4]);
+
 const SIMULATING: [Peer; 4] = [
     (Program::Lammps { states: "" }, "LAMMPS, gran/hertz/history", Floor::AtLeast(20.0)),
     (Program::Numba { loops: "fused" }, "Numba, one fused loop", Floor::AtLeast(3.0)),
@@ -37,6 +40,13 @@ const WITH_OUTPUT: [Peer; 4] = [
 ];
 
 /// The light-impurity run without output, and pieces of it with one state in 100 and with every state.
+const SERIES: [Series; 3] = [
+    ("the whole run, no output", Piece::whole, SIMULATING),
+    ("one state in 100 recorded", Piece::one_in_100, WITH_OUTPUT),
+    ("every state recorded", Piece::every_state, WITH_OUTPUT),
+];
+
+/// Every piece of the run against every program that is found.
 pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
     let found: Vec<_> = Program::ALL.into_iter().filter(|program| is_there(*program, report)).collect();
     if found.is_empty() {
@@ -45,9 +55,15 @@ pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error
     let rounds = bench.rounds;
     let mut measure = || -> Result<(), Error> {
         stay_on_one_core()?;
-        series("the whole run, no output", &Piece::whole()?, &SIMULATING, &found, rounds, report)?;
-        series("one state in 100 recorded", &Piece::one_in_100()?, &WITH_OUTPUT, &found, rounds, report)?;
-        series("every state recorded", &Piece::every_state()?, &WITH_OUTPUT, &found, rounds, report)
+        for (what, piece, peers) in SERIES {
+            let (piece, directory) = (piece()?, tempfile::tempdir()?);
+            inputs::write(directory.path(), &piece)?;
+            let expected = piece.simulate(directory.path())?;
+            for peer in peers.iter().filter(|peer| found.iter().any(|found| found.is_same_as(&peer.0))) {
+                report.row(row(what, &piece, *peer, directory.path(), &expected, rounds)?)?;
+            }
+        }
+        Ok(())
     };
     // a thread and what it starts share one core; the rest of the program keeps all of them
     thread::scope(|scope| scope.spawn(&mut measure).join().unwrap_or_else(|panic| resume_unwind(panic)))
@@ -73,26 +89,6 @@ fn stay_on_one_core() -> Result<(), Error> {
     Ok(sched_setaffinity(None, &core)?)
 }
 
-/// One piece of the run against every one of `peers` that was found.
-fn series(
-    what: &'static str,
-    piece: &Piece,
-    peers: &[Peer],
-    found: &[Program],
-    rounds: u32,
-    report: &mut dyn Audience,
-) -> Result<(), Error> {
-    let directory = tempfile::tempdir()?;
-    inputs::write(directory.path(), piece)?;
-    let expected = piece.simulate(directory.path())?;
-    for peer in peers {
-        if found.iter().any(|found| found.is_same_as(&peer.0)) {
-            report.row(row(what, piece, *peer, directory.path(), &expected, rounds)?)?;
-        }
-    }
-    Ok(())
-}
-
 fn row(
     what: &'static str,
     piece: &Piece,
@@ -111,5 +107,5 @@ fn row(
     let theirs_s = Ratio::of(rounds.theirs_s.iter().copied()).median;
     let millions = |time_s: f64| piece.bead_steps() / time_s / 1e6;
     let figure = format!("{:.0} against {:.1} M bead-steps/s", millions(rounds.ours_s()), millions(theirs_s));
-    Ok(Row { what, against, floor, ratio: rounds.speed(), figure })
+    Ok(rounds.row(what, against, floor, figure))
 }

@@ -10,6 +10,7 @@ use producer::state::ChainState;
 use producer::verification::verify;
 use recording::{Audit, Compression, RecordingSource, RecordingWriter, WriteOptions};
 use schemas::amounts::bytes;
+use schemas::config::RunConfig;
 use schemas::frame::{EndReason, Frame, FrameSink, FrameSource, Received};
 use schemas::manifest::{Origin, RunManifest};
 use schemas::presets::PRESETS;
@@ -37,8 +38,7 @@ pub(crate) struct Frames {
 impl Frames {
     /// Records the run in `directory`, every frame and one in 100.
     pub(crate) fn record_in(directory: &Path) -> Result<Self, Error> {
-        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
-        let manifest = RunManifest::new(&PRESETS[0].config(), "bench", origin)?;
+        let manifest = manifest(&PRESETS[0].config())?;
         let (full, sparse) = (directory.join("full.mcap"), directory.join("sparse.mcap"));
         let half = manifest.physics.step_count / 2;
         let mut kept = Vec::new();
@@ -83,6 +83,12 @@ impl Frames {
     fn state_bytes(&self) -> f64 {
         8.0 * self.manifest.frame_doubles() as f64 * self.count() as f64
     }
+}
+
+/// The manifest of a run of the bench.
+pub(super) fn manifest(config: &RunConfig) -> Result<RunManifest, Error> {
+    let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+    Ok(RunManifest::new(config, "bench", origin)?)
 }
 
 /// Makes every step of a run.
@@ -135,7 +141,7 @@ fn writing(frames: &Frames, rounds: u32, report: &mut dyn Audience) -> Result<()
         let theirs = || timed(|| write_bare(&messages, times, &path, compression));
         let rounds = Rounds::alternate(rounds, ours, theirs)?;
         let figure = per_second(times as f64 * frames.state_bytes(), &rounds);
-        Ok(Row { what, against, floor: Floor::AtLeast(floor), ratio: rounds.speed(), figure })
+        Ok(rounds.row(what, against, Floor::AtLeast(floor), figure))
     };
     let uncompressed = "record every frame, uncompressed";
     report.row(every(uncompressed, "mcap's writer, the same bytes", 0.85, Compression::None, 1)?)?;
@@ -153,13 +159,8 @@ fn writing(frames: &Frames, rounds: u32, report: &mut dyn Audience) -> Result<()
         || timed(|| record(&frames.manifest, &sparse, 100)),
         || timed(|| simulate(&frames.manifest, |_| Ok(()))),
     )?;
-    report.row(Row {
-        what: "record one frame in 100",
-        against: "not recording",
-        floor: Floor::AtMost(1.05),
-        ratio: one_in_100.time(),
-        figure: steps_per_s(frames, &one_in_100),
-    })
+    let figure = steps_per_s(frames, &one_in_100);
+    report.row(one_in_100.row("record one frame in 100", "not recording", Floor::AtMost(1.05), figure))
 }
 
 fn per_second(size: f64, rounds: &Rounds) -> String {
@@ -202,33 +203,25 @@ fn write_bare(
 fn reading(frames: &Frames, rounds: u32, report: &mut dyn Audience) -> Result<(), Error> {
     let size = std::fs::metadata(&frames.full)?.len() as f64;
     let bare = || timed(|| Ok(black_box(bare_mcap::read_all(&frames.full)?)));
-    let row = |what, floor, rounds: &Rounds| Row {
-        what,
-        against: "mcap's reader, CRCs checked",
-        floor: Floor::AtLeast(floor),
-        ratio: rounds.speed(),
-        figure: format!("{} of the file", per_second(size, rounds)),
+    let row = |what, floor, read: fn(&Path) -> Result<(), Error>| -> Result<Row, Error> {
+        let rounds = Rounds::alternate(rounds, || timed(|| read(&frames.full)), bare)?;
+        let figure = format!("{} of the file", per_second(size, &rounds));
+        Ok(rounds.row(what, "mcap's reader, CRCs checked", Floor::AtLeast(floor), figure))
     };
-    let energies = Rounds::alternate(rounds, || timed(|| read_energies(&frames.full)), bare)?;
-    report.row(row("read a full log into energies", 0.8, &energies))?;
-    let verified = Rounds::alternate(rounds, || timed(|| prove(&frames.full)), bare)?;
-    report.row(row("verify a full log", 0.7, &verified))
+    report.row(row("read a full log into energies", 0.8, read_energies)?)?;
+    report.row(row("verify a full log", 0.7, prove)?)
 }
 
 /// Proving and reading a log of one frame in 100, against simulating the run once on one core.
 fn recomputing(frames: &Frames, rounds: u32, report: &mut dyn Audience) -> Result<(), Error> {
     let simulating = || timed(|| simulate(&frames.manifest, |_| Ok(())));
-    let row = |what, floor, rounds: &Rounds| Row {
-        what,
-        against: "simulating the run once",
-        floor: Floor::AtMost(floor),
-        ratio: rounds.time(),
-        figure: steps_per_s(frames, rounds),
+    let row = |what, floor, read: fn(&Path) -> Result<(), Error>| -> Result<Row, Error> {
+        let rounds = Rounds::alternate(rounds, || timed(|| read(&frames.sparse)), simulating)?;
+        let figure = steps_per_s(frames, &rounds);
+        Ok(rounds.row(what, "simulating the run once", Floor::AtMost(floor), figure))
     };
-    let verified = Rounds::alternate(rounds, || timed(|| prove(&frames.sparse)), simulating)?;
-    report.row(row("verify a 1:100 log on all cores", 0.65, &verified))?;
-    let read = Rounds::alternate(rounds, || timed(|| read_every_step(&frames.sparse)), simulating)?;
-    report.row(row("every step of a 1:100 log on one core", 1.2, &read))
+    report.row(row("verify a 1:100 log on all cores", 0.65, prove)?)?;
+    report.row(row("every step of a 1:100 log on one core", 1.2, read_every_step)?)
 }
 
 fn read_energies(path: &Path) -> Result<(), Error> {

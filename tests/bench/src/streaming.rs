@@ -84,26 +84,30 @@ impl<'a> Streams<'a> {
         format!("{:.0} k frames/s", self.count() as f64 / rounds.ours_s() / 1e3)
     }
 
-    /// Publishes the frames that are in memory to lossless analyses, none of which may lose any.
-    fn stream(&self, analyses: &[&str]) -> Result<Duration, Error> {
+    /// Has `publish` send `count` frames to lossless analyses, none of which may lose any.
+    fn send(
+        &self,
+        analyses: &[&str],
+        count: u64,
+        publish: impl FnOnce(&mut StatePublisher) -> Result<Duration, Error>,
+    ) -> Result<Duration, Error> {
         let (mut publisher, consumers) = self.followed_by(analyses)?;
-        let took = timed(|| self.publish(&mut publisher))?;
+        let took = publish(&mut publisher)?;
         publisher.finish(EndReason::Complete)?;
         for consumer in consumers {
-            got_all(consumer, self.count() as u64)?;
+            got_all(consumer, count)?;
         }
         Ok(took)
     }
 
-    /// The same with frames as the dynamics make them.
+    /// The frames that are in memory.
+    fn stream(&self, analyses: &[&str]) -> Result<Duration, Error> {
+        self.send(analyses, self.count() as u64, |publisher| timed(|| self.publish(publisher)))
+    }
+
+    /// Frames as the dynamics make them.
     fn run_to(&self, analyses: &[&str]) -> Result<Duration, Error> {
-        let (mut publisher, consumers) = self.followed_by(analyses)?;
-        let took = self.run(&mut publisher)?;
-        publisher.finish(EndReason::Complete)?;
-        for consumer in consumers {
-            got_all(consumer, self.manifest.frame_count())?;
-        }
-        Ok(took)
+        self.send(analyses, self.manifest.frame_count(), |publisher| self.run(publisher))
     }
 
     fn publish(&self, publisher: &mut StatePublisher) -> Result<(), Error> {
@@ -149,13 +153,8 @@ impl<'a> Streams<'a> {
     fn nobody_attached(&self, rounds: u32) -> Result<Row, Error> {
         let stepping = || timed(|| simulate(&self.manifest, |_| Ok(())));
         let rounds = Rounds::alternate(rounds, || self.run_alone(), stepping)?;
-        Ok(Row {
-            what: "step and publish, nobody attached",
-            against: "step alone",
-            floor: Floor::AtMost(1.5),
-            ratio: rounds.time(),
-            figure: self.steps_per_s(&rounds),
-        })
+        let figure = self.steps_per_s(&rounds);
+        Ok(rounds.row("step and publish, nobody attached", "step alone", Floor::AtMost(1.5), figure))
     }
 
     /// A consumer that takes what there is, and has stopped to take anything.
@@ -171,44 +170,38 @@ impl<'a> Streams<'a> {
             Ok(took)
         };
         let rounds = Rounds::alternate(rounds, stalled, || self.run_alone())?;
-        Ok(Row {
-            what: "the same, one stalled `latest` consumer",
-            against: "nobody attached",
-            floor: Floor::AtMost(1.1),
-            ratio: rounds.time(),
-            figure: self.steps_per_s(&rounds),
-        })
+        let figure = self.steps_per_s(&rounds);
+        Ok(rounds.row(
+            "the same, one stalled `latest` consumer",
+            "nobody attached",
+            Floor::AtMost(1.1),
+            figure,
+        ))
     }
 
     fn one_consumer(&self, rounds: u32) -> Result<Row, Error> {
         let rounds = Rounds::alternate(rounds, || self.stream(&["energies"]), || self.stream_bare())?;
         let whole = self.manifest.physics.step_count as f64 / self.run_to(&["energies"])?.as_secs_f64();
-        Ok(Row {
-            what: "stream to one consumer that computes energies",
-            against: "bare iceoryx2, the same frames summed up",
-            floor: Floor::AtLeast(0.85),
-            ratio: rounds.speed(),
-            figure: format!("{}; a run {:.0} k", self.per_second(&rounds), whole / 1e3),
-        })
+        Ok(rounds.row(
+            "stream to one consumer that computes energies",
+            "bare iceoryx2, the same frames summed up",
+            Floor::AtLeast(0.85),
+            format!("{}; a run {:.0} k", self.per_second(&rounds), whole / 1e3),
+        ))
     }
 
     fn three_consumers(&self, rounds: u32) -> Result<Row, Error> {
         let analyses = ["energies", "impurity", "contacts"];
-        let slowest_alone = || -> Result<Duration, Error> {
-            let mut slowest = Duration::ZERO;
-            for analysis in analyses {
-                slowest = slowest.max(self.stream(&[analysis])?);
-            }
-            Ok(slowest)
+        let slowest_alone = || {
+            analyses.iter().try_fold(Duration::ZERO, |slowest, name| Ok(slowest.max(self.stream(&[name])?)))
         };
         let rounds = Rounds::alternate(rounds, || self.stream(&analyses), slowest_alone)?;
-        Ok(Row {
-            what: "stream to energies, impurity and contacts",
-            against: "the slowest of them alone",
-            floor: Floor::AtMost(2.0),
-            ratio: rounds.time(),
-            figure: format!("{}, none lost", self.per_second(&rounds)),
-        })
+        Ok(rounds.row(
+            "stream to energies, impurity and contacts",
+            "the slowest of them alone",
+            Floor::AtMost(2.0),
+            format!("{}, none lost", self.per_second(&rounds)),
+        ))
     }
 
     /// A consumer that is attached while nothing is published.
@@ -223,13 +216,8 @@ impl<'a> Streams<'a> {
             idle.theirs_s.push(start.elapsed().as_secs_f64());
         }
         publisher.finish(EndReason::Complete)?;
-        Ok(Row {
-            what: "a consumer while nothing is published",
-            against: "one core",
-            floor: Floor::AtMost(0.01),
-            ratio: idle.time(),
-            figure: format!("{:.3} % of a core", 100.0 * idle.time().median),
-        })
+        let figure = format!("{:.3} % of a core", 100.0 * idle.time().median);
+        Ok(idle.row("a consumer while nothing is published", "one core", Floor::AtMost(0.01), figure))
     }
 }
 

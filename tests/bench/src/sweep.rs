@@ -1,7 +1,7 @@
 //! A grid of reflected energies on all cores against one.
 
 use super::child::Process;
-use super::{Audience, Bench, Floor, Rounds, Row, timed};
+use super::{Audience, Bench, Floor, Rounds, timed};
 use anyhow::Error;
 use std::fs;
 use std::path::Path;
@@ -11,26 +11,15 @@ use std::time::Duration;
 /// and the contact law.
 const GRID: &str = include_str!("../grid.toml");
 
-/// Two workers, whatever there is: the floor is one for two.
-const WORKERS: [&str; 2] = ["2", "1"];
-
 pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
     let directory = bench.directory.path();
     let file = directory.join("grid.toml");
     fs::write(&file, GRID)?;
     let out = directory.join("sweep");
-    let [two, one] = WORKERS.map(|workers| {
-        let (file, out) = (&file, &out);
-        move || sweep(file, out, workers)
-    });
-    let rounds = Rounds::alternate(bench.rounds, two, one)?;
-    report.row(Row {
-        what: "sweep of reflected energies, 2 workers",
-        against: "1 worker",
-        floor: Floor::AtLeast(1.9),
-        ratio: rounds.speed(),
-        figure: format!("{:.2} s", rounds.ours_s()),
-    })
+    // two workers, whatever there is: the floor is one for two
+    let rounds = Rounds::alternate(bench.rounds, || sweep(&file, &out, "2"), || sweep(&file, &out, "1"))?;
+    let figure = format!("{:.2} s", rounds.ours_s());
+    report.row(rounds.row("sweep of reflected energies, 2 workers", "1 worker", Floor::AtLeast(1.9), figure))
 }
 
 /// All of the grid, from nothing to the tables.

@@ -1,14 +1,14 @@
 //! A piece of the run that everybody simulates.
 
 use super::program::Outcome;
+use crate::dynamics::light_impurity;
+use crate::recordings;
 use anyhow::Error;
 use producer::integrator::Integrator;
 use producer::state::ChainState;
 use recording::{RecordingWriter, WriteOptions};
 use schemas::frame::{EndReason, Frame, FrameSink as _};
-use schemas::manifest::{Origin, RunManifest};
-use schemas::method::Method;
-use schemas::presets::PRESETS;
+use schemas::manifest::RunManifest;
 use std::path::Path;
 use std::time::Instant;
 
@@ -87,11 +87,7 @@ impl Piece {
 }
 
 fn manifest(record_every_steps: u64) -> Result<RunManifest, Error> {
-    let mut config = PRESETS[0].config();
-    config.integrator.method = Method::VelocityVerlet;
-    let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
-    let manifest = RunManifest::new(&config, "bench", origin)?;
-    Ok(manifest.recorded_every(record_every_steps)?)
+    Ok(recordings::manifest(&light_impurity())?.recorded_every(record_every_steps)?)
 }
 
 /// A state from the middle of the run, when the impurity rattles and waves travel both ways.

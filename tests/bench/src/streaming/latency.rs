@@ -22,13 +22,8 @@ pub(super) fn rows(streams: &Streams<'_>, rounds: u32) -> Result<[Row; 2], Error
         let each_round =
             |delays: &[f64]| delays.chunks(POKES).skip(1).map(|round| quantile(round, part)).collect();
         let rounds = Rounds { ours_s: each_round(&ours), theirs_s: each_round(&theirs) };
-        Row {
-            what,
-            against: "a bare iceoryx2 wake-up",
-            floor: Floor::AtMost(1.2),
-            ratio: rounds.time(),
-            figure: format!("{:.1} µs", rounds.ours_s() * 1e6),
-        }
+        let figure = format!("{:.1} µs", rounds.ours_s() * 1e6);
+        rounds.row(what, "a bare iceoryx2 wake-up", Floor::AtMost(1.2), figure)
     };
     Ok([row("publish to a waiting consumer, p50", 0.5), row("publish to a waiting consumer, p99", 0.99)])
 }
