@@ -24,6 +24,9 @@ pub(crate) struct RowHead {
 
 const HEAD: [(&str, Type); 3] = [("frame", Type::Uint64), ("step", Type::Uint64), ("time_s", Type::Double)];
 
+/// The frame of a row, its whole numbers, and the values of each column.
+type DecodedRow = (u64, Vec<u64>, Vec<Vec<f64>>);
+
 /// The columns of one of our messages, which begin with [`RowHead`].
 #[derive(Debug)]
 pub(crate) struct Columns {
@@ -91,8 +94,8 @@ impl Columns {
         }
     }
 
-    /// The frame of a row in any valid encoding, its whole numbers, and the values of each column.
-    pub(crate) fn decode(&self, mut message: &[u8]) -> Result<(u64, Vec<u64>, Vec<Vec<f64>>), DecodeError> {
+    /// A row in any valid encoding.
+    pub(crate) fn decode(&self, mut message: &[u8]) -> Result<DecodedRow, DecodeError> {
         let (mut head, mut numbers) = (RowHead::default(), Vec::new());
         let mut columns = vec![Vec::new(); self.names.len()];
         while !message.is_empty() {
