@@ -20,6 +20,15 @@ pub struct Frame<'a> {
     pub extra: &'a [f64],
 }
 
+impl<'a> Frame<'a> {
+    /// The frame whose arrays stand one after the other in `doubles`: `[u | v | extra]`.
+    pub fn of_doubles((frame, step, time_s): (u64, u64, f64), beads: usize, doubles: &'a [f64]) -> Self {
+        let (u_m, rest) = doubles.split_at(beads.min(doubles.len())); // integers
+        let (v_m_s, extra) = rest.split_at(beads.min(rest.len())); // integers
+        Self { frame, step, time_s, u_m, v_m_s, extra }
+    }
+}
+
 /// Why no more frames come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EndReason {

@@ -5,5 +5,5 @@ mod kinds;
 mod topic;
 
 pub use columns::{MOST_NAMES_BYTES, ResultColumns};
-pub use kinds::{ENERGIES, MOTION, PULSE};
+pub use kinds::{ENERGIES, MOTION, MOTION_FIELDS, PULSE};
 pub use topic::{OwnTopic, Topic};

@@ -1,10 +1,12 @@
 //! Which consumers may hold a publisher back, for how long, and what happens meanwhile.
 
-use super::Ipc;
 use super::delivery::{Full, Holding, Repeats, Verdict};
 use super::services::SliceService;
+use super::wire::StateHeader;
+use super::{Bus, Ipc};
 use iceoryx2::node::{Node, NodeState};
 use iceoryx2::port::notifier::Notifier;
+use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
 use iceoryx2::port::{BackpressureAction, BackpressureInfo, SendError};
 use iceoryx2::prelude::{CallbackProgression, Config, PortFactory as _, ZeroCopySend};
 use std::collections::HashMap;
@@ -147,6 +149,33 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
                 holding: Holding::new(stuck_after),
             }),
         })
+    }
+
+    /// A publisher of rows of up to `most` elements that this decides for; none if a living process has one. A dead one may
+    /// take `patience` to vanish.
+    pub(super) fn publisher(
+        self: &Arc<Self>,
+        bus: &Bus,
+        node: &Node<Ipc>,
+        service: &SliceService<T>,
+        most: usize,
+        patience: Duration,
+    ) -> Result<Option<Publisher<Ipc, [T], StateHeader>>, PublisherCreateError> {
+        let start = Instant::now();
+        loop {
+            let handler = Arc::clone(self);
+            let builder = service.publisher_builder().initial_max_slice_len(most).max_loaned_samples(1);
+            match builder.set_backpressure_handler(move |info| handler.decide(info)).create() {
+                Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => {
+                    node.try_cleanup_dead_nodes();
+                    if start.elapsed() >= patience || bus.has_live_publisher(service) {
+                        return Ok(None);
+                    }
+                    std::thread::sleep(Duration::from_millis(2));
+                }
+                created => return created.map(Some),
+            }
+        }
     }
 
     /// Called by iceoryx2, in the middle of a send, for a consumer whose queue is full.

@@ -15,7 +15,6 @@ use std::time::{Duration, Instant, SystemTime};
 const KEY_MANIFEST: u64 = 0;
 const KEY_STATUS: u64 = 1;
 const KEY_PREVIOUS: u64 = 2;
-const KEYS: [u64; 3] = [KEY_MANIFEST, KEY_STATUS, KEY_PREVIOUS];
 const MAX_READERS: usize = 4 * MAX_SUBSCRIBERS;
 /// How long the writer of a producer that is going away may stay registered.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -59,7 +58,7 @@ impl BoardWriter {
                 Err(e) if start.elapsed() >= PATIENCE => return Err(BusError::service(&text, "write", &e)),
                 Err(_) => {
                     node.try_cleanup_dead_nodes();
-                    pause();
+                    std::thread::sleep(Duration::from_millis(2));
                 }
             }
         };
@@ -113,10 +112,6 @@ impl BoardWriter {
     }
 }
 
-fn pause() {
-    std::thread::sleep(Duration::from_millis(2));
-}
-
 pub(super) fn unix_ns() -> u64 {
     let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
@@ -152,9 +147,9 @@ impl BoardReader {
         let unreadable = |e: &dyn std::fmt::Debug| BusError::service(&text, "read", &format!("{e:?}"));
         let reader = service.reader_builder().create().map_err(|e| unreadable(&e))?;
         Ok(Some(Self {
-            manifest: reader.entry(&KEYS[0]).map_err(|e| unreadable(&e))?,
-            status: reader.entry(&KEYS[1]).map_err(|e| unreadable(&e))?,
-            previous: reader.entry(&KEYS[2]).map_err(|e| unreadable(&e))?,
+            manifest: reader.entry(&KEY_MANIFEST).map_err(|e| unreadable(&e))?,
+            status: reader.entry(&KEY_STATUS).map_err(|e| unreadable(&e))?,
+            previous: reader.entry(&KEY_PREVIOUS).map_err(|e| unreadable(&e))?,
             _reader: reader,
             _service: service,
         }))

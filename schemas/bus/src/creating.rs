@@ -133,11 +133,7 @@ impl Wanted<'_> {
         try_open: impl Fn() -> Result<T, O>,
         try_create: impl Fn() -> Result<T, C>,
     ) -> Result<(T, bool), BusError> {
-        let failed = |doing, e: &dyn std::fmt::Debug| BusError::Service {
-            service: self.text.to_owned(),
-            doing,
-            cause: format!("{e:?}"),
-        };
+        let failed = |doing, e: &dyn std::fmt::Debug| BusError::service(self.text, doing, e);
         match try_open() {
             Ok(service) => return Ok((service, false)),
             Err(e) if e.class() == Class::Refused => return Err(failed("open", &e)),

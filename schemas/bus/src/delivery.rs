@@ -18,4 +18,4 @@ pub use publishing::{Asked, Publishing};
 use std::time::Duration;
 
 /// How long nothing comes before a consumer asks whether the producer lives.
-const LIVENESS_PERIOD: Duration = Duration::from_millis(500);
+pub(crate) const LIVENESS_PERIOD: Duration = Duration::from_millis(500);

@@ -2,6 +2,7 @@
 
 mod attach;
 
+pub(super) use attach::LATEST_BUFFER;
 pub use attach::{AttachError, AttachNotice, AttachOptions};
 
 use super::board::BoardReader;
@@ -145,9 +146,7 @@ impl LiveSource {
         if found != expected {
             return Err(LiveError::Shape { name: self.name(), frame, expected, found });
         }
-        let (u_m, rest) = sample.payload().split_at(beads);
-        let (v_m_s, extra) = rest.split_at(beads);
-        Ok(Received::Frame(Frame { frame, step, time_s, u_m, v_m_s, extra }))
+        Ok(Received::Frame(Frame::of_doubles((frame, step, time_s), beads, sample.payload())))
     }
 
     /// Tells others how far we are.

@@ -253,13 +253,11 @@ impl StatePublisher {
     /// Sends a frame; returns how many consumers got it.
     fn send(&mut self, frame: &Frame<'_>) -> Result<usize, PublishError> {
         let header = StateHeader {
-            run_id: self.stream.run_id.0,
-            stream_id: self.stream.stream_id,
             frame: frame.frame,
             step: frame.step,
             time_s: frame.time_s,
             flags: if frame.step == self.last_step { FLAG_LAST } else { 0 },
-            reserved: 0,
+            ..StateHeader::of(self.stream)
         };
         let (publisher, doubles, remedies) = (&self.publisher, self.doubles, self.remedies);
         let mut interruptions = remedies.interruptions;

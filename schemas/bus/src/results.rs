@@ -1,6 +1,8 @@
 //! Results of analyses on the bus: one row per frame.
 
 use super::backpressure::{Backpressure, Delivery, Remedies};
+use super::delivery::LIVENESS_PERIOD;
+use super::live::LATEST_BUFFER;
 use super::result_watch::{Watchers, wait_for_watchers};
 use super::services::{self, SliceService, attribute, check_schema, text_of};
 use super::wire::{FLAG_FOLLOWS, FLAG_LAST, StateHeader, StreamId, fill};
@@ -8,12 +10,11 @@ use super::{Bus, BusError, Ipc, RoomError, room};
 use iceoryx2::node::Node;
 use iceoryx2::port::SendError;
 use iceoryx2::port::listener::Listener;
-use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
+use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{PortFactory as _, PortName, ZeroCopySend};
 use iceoryx2::sample::Sample;
 use schemas::frame::{EndReason, Frame};
-use schemas::manifest::RunId;
 use schemas::results::Topic;
 use schemas::results::{MOST_NAMES_BYTES, ResultColumns};
 use schemas::run_name::RunName;
@@ -22,9 +23,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-const LATEST_BUFFER: usize = 2;
 const WAIT: Duration = Duration::from_millis(50);
-const LIVENESS_PERIOD: Duration = Duration::from_millis(500);
 /// How long a lossless subscriber to results may take nothing.
 const STUCK_AFTER: Duration = Duration::from_secs(10);
 const TAKE_OVER_PATIENCE: Duration = Duration::from_millis(500);
@@ -179,30 +178,17 @@ impl<T: ResultElement> ResultPublisher<T> {
         let config = bus.config().clone();
         let backpressure =
             Backpressure::new(watched, config, notifier, stop, STUCK_AFTER, Remedies::default());
-        let start = Instant::now();
-        let publisher = loop {
-            let handler = Arc::clone(&backpressure);
-            let builder = service.publisher_builder().initial_max_slice_len(columns.width.max(1));
-            let builder = builder.max_loaned_samples(1);
-            match builder.set_backpressure_handler(move |info| handler.decide(info)).create() {
-                Ok(publisher) => break publisher,
-                Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => {
-                    node.try_cleanup_dead_nodes();
-                    if start.elapsed() >= TAKE_OVER_PATIENCE || bus.has_live_publisher(&service) {
-                        return Err(ResultsError::AlreadyPublished { name: run.clone(), topic });
-                    }
-                    std::thread::sleep(Duration::from_millis(2));
-                }
-                Err(e) => return Err(BusError::service(&text, "publish", &e).into()),
-            }
-        };
+        let elements = columns.width.max(1); // integers
+        let publisher = backpressure.publisher(bus, &node, &service, elements, TAKE_OVER_PATIENCE);
+        let publisher = publisher.map_err(|e| BusError::service(&text, "publish", &e))?;
+        let taken = || ResultsError::AlreadyPublished { name: run.clone(), topic };
+        let publisher = publisher.ok_or_else(taken)?;
         room::reserve(bus.prefix(), publisher.id().value())?;
         drop(lock);
         backpressure.wake();
         let watchers = Watchers::call(&node, run, topic, events)?;
         wait_for_watchers(&node, &backpressure, || watchers.count());
-        let last =
-            StateHeader { run_id: stream.run_id.0, stream_id: stream.stream_id, ..StateHeader::default() };
+        let last = StateHeader::of(stream);
         let width = columns.width;
         let (follows, finished) = (false, false);
         Ok(Self {
@@ -228,13 +214,11 @@ impl<T: ResultElement> ResultPublisher<T> {
             return Err(ResultsError::Width { frame, expected: self.width, found: row.len() });
         }
         self.last = StateHeader {
-            run_id: self.stream.run_id.0,
-            stream_id: self.stream.stream_id,
             frame,
             step,
             time_s,
             flags: if self.follows { FLAG_FOLLOWS } else { 0 },
-            reserved: 0,
+            ..StateHeader::of(self.stream)
         };
         self.follows = true;
         if self.backpressure.subscriber_count() == 0 {
@@ -499,7 +483,7 @@ impl<T: ResultElement> ResultSubscriber<T> {
     /// Classifies one sample; none if it has no news.
     fn take(&mut self, sample: Sample<Ipc, [T], StateHeader>) -> Option<Next> {
         let header = *sample.user_header();
-        let stream = StreamId { run_id: RunId(header.run_id), stream_id: header.stream_id };
+        let stream = header.stream();
         if *self.stream.get_or_insert(stream) != stream {
             self.closing.get_or_insert(EndReason::ProducerLost);
             return None;
@@ -526,9 +510,9 @@ impl<T: ResultElement> ResultSubscriber<T> {
     fn lend(&self, next: Next) -> ResultReceived<'_, T> {
         match (next, &self.sample) {
             (Next::Row, Some(sample)) => {
-                let StateHeader { run_id, stream_id, frame, step, time_s, flags, .. } = *sample.user_header();
-                let follows = flags & FLAG_FOLLOWS != 0;
-                let stream = StreamId { run_id: RunId(run_id), stream_id };
+                let header = *sample.user_header();
+                let StateHeader { frame, step, time_s, flags, .. } = header;
+                let (stream, follows) = (header.stream(), flags & FLAG_FOLLOWS != 0);
                 ResultReceived::Row(Row { stream, frame, step, time_s, follows, values: sample.payload() })
             }
             (Next::Missed { from, to }, _) => ResultReceived::Missed { from, to },

@@ -161,7 +161,7 @@ pub(super) fn check_schema(bus: &Bus, run: &RunName, topic: Topic) -> Result<(),
 }
 
 impl BusError {
-    pub(super) fn service(service: &str, doing: &'static str, cause: &impl Debug) -> Self {
+    pub(super) fn service(service: &str, doing: &'static str, cause: &dyn Debug) -> Self {
         Self::Service { service: service.to_owned(), doing, cause: format!("{cause:?}") }
     }
 }

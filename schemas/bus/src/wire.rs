@@ -58,6 +58,17 @@ impl StreamId {
     }
 }
 
+impl StateHeader {
+    /// Of `stream`, of no frame yet.
+    pub(super) fn of(stream: StreamId) -> Self {
+        Self { run_id: stream.run_id.0, stream_id: stream.stream_id, ..Self::default() }
+    }
+
+    pub(super) fn stream(&self) -> StreamId {
+        StreamId { run_id: RunId(self.run_id), stream_id: self.stream_id }
+    }
+}
+
 /// A consumer asks to be connected, then confirms it.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]

@@ -92,14 +92,8 @@ impl RowThreads {
         started.run = Some(run.clone());
         let (looking, looked) = channel();
         for topic in [Topic::Energies, Topic::Impurity, Topic::Contacts, Topic::Pulses] {
-            let (recorder, looking) = (Arc::clone(recorder), looking.clone());
             match ResultWatch::create(bus, run, topic) {
-                Ok(watch) if topic == Topic::Contacts => started.threads.push(thread::spawn(move || {
-                    Rows::<u8>::new(&recorder, &watch, |classes| RowValues::Classes(classes)).record(looking)
-                })),
-                Ok(watch) => started.threads.push(thread::spawn(move || {
-                    Rows::<f64>::new(&recorder, &watch, |numbers| RowValues::Numbers(numbers)).record(looking)
-                })),
+                Ok(watch) => started.threads.push(spawn(watch, recorder, looking.clone())),
                 Err(error) => started.failure = Some(error),
             }
         }
@@ -129,6 +123,17 @@ impl RowThreads {
         }
         (tallies, failure)
     }
+}
+
+/// A thread that records the rows for which `watch` waits; see [`Rows::record`].
+fn spawn(watch: ResultWatch, recorder: &Arc<Recorder>, looking: Sender<Infallible>) -> JoinHandle<RowTally> {
+    let recorder = Arc::clone(recorder);
+    thread::spawn(move || match watch.topic() {
+        Topic::Contacts => {
+            Rows::new(&recorder, &watch, |classes| RowValues::Classes(classes)).record(looking)
+        }
+        _ => Rows::new(&recorder, &watch, |numbers| RowValues::Numbers(numbers)).record(looking),
+    })
 }
 
 fn join<T>(thread: JoinHandle<T>) -> T {
@@ -171,12 +176,8 @@ impl OwnThreads {
                     continue;
                 }
                 let watch = ResultWatch::create(&self.bus, &self.run, topic)?;
-                let recorder = Arc::clone(&self.recorder);
                 let looking = looking.cloned().unwrap_or_else(|| channel().0);
-                let record = move || {
-                    Rows::<f64>::new(&recorder, &watch, |numbers| RowValues::Numbers(numbers)).record(looking)
-                };
-                self.threads.push((topic, thread::spawn(record)));
+                self.threads.push((topic, spawn(watch, &self.recorder, looking)));
             }
             Ok(())
         });

@@ -1,6 +1,9 @@
-//! The messages of `proto/beadline/v1`, as prost generates them, and their descriptors.
+//! The messages of `proto/beadline/v1`, as prost generates them, and the descriptors of all of our messages.
 
 #![allow(missing_docs, unreachable_pub, clippy::pedantic, reason = "generated code")]
+
+use crate::results::columns;
+use std::sync::LazyLock;
 
 include!(concat!(env!("OUT_DIR"), "/beadline.v1.rs"));
 
@@ -12,26 +15,25 @@ pub(super) struct Topic {
     /// Full name of the message.
     pub(super) message: &'static str,
     /// Self-contained `FileDescriptorSet` of the message.
-    pub(super) descriptor: &'static [u8],
+    pub(super) descriptor: fn() -> &'static [u8],
 }
 
 pub(super) const STATE: Topic = Topic {
     topic: "/state",
     message: "beadline.v1.ChainState",
-    descriptor: include_bytes!(concat!(env!("OUT_DIR"), "/chain_state.binpb")),
+    descriptor: || include_bytes!(concat!(env!("OUT_DIR"), "/chain_state.binpb")),
 };
 
 pub(super) const CHAIN: Topic = Topic {
     topic: "/chain",
     message: "beadline.v1.Chain",
-    descriptor: include_bytes!(concat!(env!("OUT_DIR"), "/chain.binpb")),
+    descriptor: || include_bytes!(concat!(env!("OUT_DIR"), "/chain.binpb")),
 };
 
-pub(super) const SUMMARY: Topic = Topic {
-    topic: "/summary",
-    message: "beadline.v1.Summary",
-    descriptor: include_bytes!(concat!(env!("OUT_DIR"), "/summary.binpb")),
-};
+pub(super) const SUMMARY: Topic =
+    Topic { topic: "/summary", message: "beadline.v1.Summary", descriptor: || SUMMARY_DESCRIPTOR };
+
+pub(super) const SUMMARY_DESCRIPTOR: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/summary.binpb"));
 
 /// The topics of frames, which are written anew whenever frames are.
 pub(super) const OF_FRAMES: [&str; 3] = [CHAIN.topic, STATE.topic, SUMMARY.topic];
@@ -39,25 +41,34 @@ pub(super) const OF_FRAMES: [&str; 3] = [CHAIN.topic, STATE.topic, SUMMARY.topic
 pub(super) const CONTACTS: Topic = Topic {
     topic: "/contacts",
     message: "beadline.v1.ContactClasses",
-    descriptor: include_bytes!(concat!(env!("OUT_DIR"), "/contact_classes.binpb")),
+    descriptor: || include_bytes!(concat!(env!("OUT_DIR"), "/contact_classes.binpb")),
 };
 
 pub(super) const ENERGIES: Topic = Topic {
     topic: "/energies",
     message: "beadline.v1.Energies",
-    descriptor: include_bytes!(concat!(env!("OUT_DIR"), "/energies.binpb")),
+    descriptor: || {
+        static MADE: LazyLock<Vec<u8>> = LazyLock::new(|| columns::ENERGY_COLUMNS.descriptor());
+        &MADE
+    },
 };
 
 pub(super) const IMPURITY: Topic = Topic {
     topic: "/impurity",
     message: "beadline.v1.ImpurityMotion",
-    descriptor: include_bytes!(concat!(env!("OUT_DIR"), "/impurity_motion.binpb")),
+    descriptor: || {
+        static MADE: LazyLock<Vec<u8>> = LazyLock::new(|| columns::MOTION_COLUMNS.descriptor());
+        &MADE
+    },
 };
 
 pub(super) const PULSES: Topic = Topic {
     topic: "/pulses",
     message: "beadline.v1.Pulses",
-    descriptor: include_bytes!(concat!(env!("OUT_DIR"), "/pulses.binpb")),
+    descriptor: || {
+        static MADE: LazyLock<Vec<u8>> = LazyLock::new(|| columns::PULSE_COLUMNS.descriptor());
+        &MADE
+    },
 };
 
 /// All our topics, those of frames first.
@@ -71,7 +82,7 @@ mod tests {
     #[test]
     fn each_descriptor_set_holds_its_message_and_needs_no_other_file() {
         for topic in ALL {
-            let set = prost_types::FileDescriptorSet::decode(topic.descriptor).expect("descriptor set");
+            let set = prost_types::FileDescriptorSet::decode((topic.descriptor)()).expect("descriptor set");
             assert_eq!(set.file.len(), 1, "{}", topic.message);
             let file = &set.file[0];
             assert!(file.dependency.is_empty());
@@ -83,7 +94,7 @@ mod tests {
 
     #[test]
     fn the_state_keeps_its_numbers_and_reserves_the_rest_of_one_byte_tags() {
-        let set = prost_types::FileDescriptorSet::decode(STATE.descriptor).expect("descriptor set");
+        let set = prost_types::FileDescriptorSet::decode((STATE.descriptor)()).expect("descriptor set");
         let message = &set.file[0].message_type[0];
         let fields: Vec<_> = message.field.iter().map(|f| (f.number(), f.name())).collect();
         let expected = ["frame", "step", "time_s", "displacement_m", "velocity_m_s", "extra"];

@@ -20,6 +20,10 @@ pub const ENERGIES: [&str; 10] = [
 pub const MOTION: [(&str, &str); 4] =
     [("u", "m"), ("v", "m_s"), ("overlap_left", "m"), ("overlap_right", "m")];
 
+/// The same as fields of a message, for beads that it names.
+pub const MOTION_FIELDS: [&str; MOTION.len()] =
+    ["displacement_m", "velocity_m_s", "overlap_left_m", "overlap_right_m"];
+
 /// A pulse under way.
 pub const PULSE: [&str; 5] = ["pulse", "bead", "v_peak_m_s", "velocity_beads_per_s", "fwhm_beads"];
 

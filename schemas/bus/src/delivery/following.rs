@@ -149,7 +149,7 @@ impl Following {
             self.at = self.closing.map_or(At::Empty, At::Emptied);
             return;
         };
-        if header.stream_id != self.stream.stream_id || header.run_id != self.stream.run_id.0 {
+        if header.stream() != self.stream {
             self.succeeded = true;
         } else if header.frame >= self.expected {
             self.checked_at = now;

@@ -24,7 +24,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 
 /// Queue of a `latest` consumer: with a longer one it would see older frames.
-const LATEST_BUFFER: usize = 2;
+pub(crate) const LATEST_BUFFER: usize = 2;
 /// How often we look for changes while the run is not there yet.
 const SEARCH_PERIOD: Duration = Duration::from_millis(50);
 /// The same right after the start.
@@ -144,7 +144,7 @@ impl LiveSource {
             if watch.is_worth_a_look() {
                 let found = search.find(run)?;
                 if let Some(name) = &found.live
-                    && let Attempt::Attached(source) = search.attach(name)?
+                    && let Some(source) = search.attach(name)?
                 {
                     return Ok(*source);
                 }
@@ -208,12 +208,6 @@ struct Found {
     any: bool,
 }
 
-/// What a try to attach found.
-enum Attempt {
-    Attached(Box<LiveSource>),
-    NotYet,
-}
-
 /// One call of [`LiveSource::attach`].
 struct Search<'a> {
     bus: &'a Bus,
@@ -246,23 +240,23 @@ impl Search<'_> {
         Ok(Found { live: names.pop(), any: true })
     }
 
-    /// Tries to attach to `run`; it may be over before we are done.
-    fn attach(&self, run: &RunName) -> Result<Attempt, AttachError> {
+    /// Attaches to `run`, unless it is over before we are done.
+    fn attach(&self, run: &RunName) -> Result<Option<Box<LiveSource>>, AttachError> {
         let node = self.bus.node()?;
-        let Some(board) = BoardReader::find(&node, run)? else { return Ok(Attempt::NotYet) };
+        let Some(board) = BoardReader::find(&node, run)? else { return Ok(None) };
         let status = board.status();
         if status.state > STATE_RUNNING || !self.bus.is_alive(status.node_id) {
-            return Ok(Attempt::NotYet);
+            return Ok(None);
         }
         let stream = status.stream();
-        let Some(json) = board.manifest(stream) else { return Ok(Attempt::NotYet) };
+        let Some(json) = board.manifest(stream) else { return Ok(None) };
         let manifest = RunManifest::from_json(&json)
             .map_err(|source| AttachError::Manifest { name: run.clone(), source })?;
         (self.options.notice)(&AttachNotice::Joining { name: run.clone() });
-        let Some((subscriber, listener)) = self.ports(&node, run)? else { return Ok(Attempt::NotYet) };
+        let Some((subscriber, listener)) = self.ports(&node, run)? else { return Ok(None) };
         let handshake = Handshake { search: self, run, node: &node, board: &board, stream };
         let Some(joined) = handshake.run(&subscriber, &listener, &manifest)? else {
-            return Ok(Attempt::NotYet);
+            return Ok(None);
         };
         let now = Instant::now();
         let mut following = Following::new(stream, self.delivery, joined.first_frame, now);
@@ -270,7 +264,7 @@ impl Search<'_> {
             following.took(Some(sample.user_header()), now);
         }
         let teller = Teller::new(self.bus.root(), subscriber.id().value());
-        Ok(Attempt::Attached(Box::new(LiveSource {
+        Ok(Some(Box::new(LiveSource {
             sample: joined.first_sample,
             ports: Some(Ports { subscriber, listener, board, _node: node }),
             bus: self.bus.clone(),

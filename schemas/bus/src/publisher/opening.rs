@@ -9,7 +9,7 @@ use crate::wire::{MANIFEST_BYTES, RunStatus, STATE_WAITING, StateHeader, StreamI
 use crate::{Bus, BusError, Ipc, RoomError, chain_values, node_bytes, room};
 use iceoryx2::node::Node;
 use iceoryx2::port::listener::Listener;
-use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
+use iceoryx2::port::publisher::Publisher;
 use schemas::chain::Chain;
 use schemas::manifest::{RunId, RunManifest};
 use schemas::results::Topic;
@@ -137,7 +137,11 @@ impl StatePublisher {
             options.remedies(),
         );
         backpressure.ignore_present();
-        let publisher = exclusive_publisher(bus, &node, run, &state, doubles, &backpressure)?;
+        // the one place where two producers of one name are told apart
+        let publisher = backpressure.publisher(bus, &node, &state, doubles, TAKE_OVER_PATIENCE);
+        let publisher =
+            publisher.map_err(|e| BusError::service(&text_of(run, Topic::State), "publish", &e))?;
+        let Some(publisher) = publisher else { return Err(name_taken(&node, run)?) };
         room::reserve(bus.prefix(), publisher.id().value())?;
 
         let mut status = RunStatus {
@@ -181,34 +185,6 @@ impl StatePublisher {
     }
 }
 
-/// The publisher of `/state`: the one place where two producers of one name are told apart.
-fn exclusive_publisher(
-    bus: &Bus,
-    node: &Node<Ipc>,
-    run: &RunName,
-    state: &services::StateService,
-    doubles: usize,
-    backpressure: &Arc<Backpressure<f64>>,
-) -> Result<Publisher<Ipc, [f64], StateHeader>, PublishError> {
-    let start = Instant::now();
-    loop {
-        let handler = Arc::clone(backpressure);
-        let builder = state.publisher_builder().initial_max_slice_len(doubles).max_loaned_samples(1);
-        match builder.set_backpressure_handler(move |info| handler.decide(info)).create() {
-            Ok(publisher) => return Ok(publisher),
-            Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => {
-                node.try_cleanup_dead_nodes();
-                if start.elapsed() < TAKE_OVER_PATIENCE && !bus.has_live_publisher(state) {
-                    std::thread::sleep(Duration::from_millis(2));
-                    continue;
-                }
-                return Err(name_taken(node, run)?);
-            }
-            Err(e) => return Err(BusError::service(&text_of(run, Topic::State), "publish", &e).into()),
-        }
-    }
-}
-
 fn name_taken(node: &Node<Ipc>, run: &RunName) -> Result<PublishError, BusError> {
     let board = BoardReader::find(node, run)?;
     let status = board.as_ref().map(BoardReader::status).unwrap_or_default();
@@ -246,14 +222,12 @@ fn publish_chain(
     let text = text_of(run, Topic::Chain);
     let failed = |e: &dyn std::fmt::Debug| BusError::service(&text, "publish", &format!("{e:?}"));
     let values = chain_values::to_values(chain);
-    let header =
-        StateHeader { run_id: stream.run_id.0, stream_id: stream.stream_id, ..StateHeader::default() };
     let service = services::chain(node, run)?;
     let builder = service.publisher_builder().initial_max_slice_len(values.len()).max_loaned_samples(1);
     // it sends a single sample, and takes memory for one
     let publisher = builder.override_sample_preallocation(|_| 1).create().map_err(|e| failed(&e))?;
     room::reserve(bus.prefix(), publisher.id().value())?;
     let slot = publisher.loan_slice_uninit(values.len()).map_err(|e| failed(&e))?;
-    fill(slot, header, &[&values]).send().map_err(|e| failed(&e))?;
+    fill(slot, StateHeader::of(stream), &[&values]).send().map_err(|e| failed(&e))?;
     Ok(publisher)
 }

@@ -85,8 +85,9 @@ fn waiting_beside_another_run_costs_next_to_nothing() {
     let _other = publisher(&test.bus, "other", 10, &PublishOptions::default());
     let waited = Duration::from_secs(4);
     let options = AttachOptions { timeout: Some(waited), ..AttachOptions::default() };
-    // right after the other run came we look often
-    std::thread::sleep(Duration::from_millis(1200));
+    // while the services of the other run are new we look often
+    let services = std::fs::metadata(test.bus.root().join("services")).unwrap().modified().unwrap();
+    wait_until(|| services.elapsed().is_ok_and(|age| age > Duration::from_secs(1)));
     let before = busy();
     let result = LiveSource::attach(&test.bus, Some(&run_name("mine")), Delivery::Latest, &options);
     let busy = busy().saturating_sub(before);

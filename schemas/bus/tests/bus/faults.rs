@@ -262,13 +262,17 @@ fn a_send_that_always_fails_is_an_error() {
     assert_eq!(run.counts().resent, 100);
 }
 
-/// Sends SIGUSR1 to the thread `pid/task/tid`.
+/// Sends SIGUSR1 to the thread `pid/task/tid` as it sleeps, and waits until it was taken: one after the other, not all
+/// at once.
 #[expect(unsafe_code, reason = "only libc can signal one thread")]
 fn signal(thread: &str) {
+    let status = || std::fs::read_to_string(format!("/proc/{thread}/status")).unwrap();
+    wait_until(|| status().contains("State:\tS"));
     let ids: Vec<libc::pid_t> = thread.split('/').filter_map(|id| id.parse().ok()).collect();
     // SAFETY: takes and returns numbers.
     let sent = unsafe { libc::syscall(libc::SYS_tgkill, ids[0], ids[1], libc::SIGUSR1) };
     assert_eq!(sent, 0);
+    wait_until(|| status().contains("SigPnd:\t0000000000000000"));
 }
 
 /// Signals rain on a producer that waits for a consumer; without its own pauses it soon sleeps in iceoryx2.
@@ -280,9 +284,9 @@ fn signals_in_the_middle_of_a_publish_lose_no_frame() {
         let mut child = Child::start(&test.bus, "produce", "rain", &settings);
         let mut source = attach(&test.bus, "rain", Delivery::Lossless);
         let thread = child.expect("thread");
-        for _ in 0..100 {
+        // without pauses iceoryx2 looks thousands of times before it sleeps
+        for _ in 0..10 {
             signal(&thread);
-            std::thread::sleep(Duration::from_millis(1)); // one after the other, not all at once
         }
         let got = drain(&mut source);
         assert_eq!(got, Got { first: Some(0), frames: 200, missed: 0, end: EndReason::Complete });
@@ -306,7 +310,6 @@ fn signals_do_not_keep_a_stuck_consumer_from_being_dropped() {
     let thread = child.expect("thread");
     wait_until(|| {
         signal(&thread);
-        std::thread::sleep(Duration::from_millis(1)); // one after the other, not all at once
         child.said("published")
     });
     child.kill();

@@ -8,7 +8,6 @@ use std::fs::Permissions;
 use std::io::{Read as _, Write as _};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::PathBuf;
-use std::time::Duration;
 
 const BEADS: u64 = 20;
 
@@ -60,12 +59,19 @@ fn descriptions_of_nothing_do_not_stop_the_next_run() {
 #[test]
 fn a_producer_killed_at_any_moment_of_its_start_does_not_stop_the_next() {
     let test = TestBus::new();
-    // a start takes about ten milliseconds; `sleep` only chooses the moment
-    for at_us in [1000, 4000, 7000, 10_000, 15_000] {
+    let mut finished = false;
+    // in the middle of making one of its segments, or just after it; and at last when all are there
+    for made in (1..).step_by(3) {
         let mut child = Child::start(&test.bus, "produce", "start", &[("BL_END", "hang")]);
-        std::thread::sleep(Duration::from_micros(at_us));
+        wait_until(|| {
+            finished = finished || child.said("published");
+            finished || segments(&test).len() > made
+        });
         child.kill();
         run_through(&test, "start");
+        if finished {
+            break;
+        }
     }
     assert_eq!(segments(&test).len(), 1, "nothing but what all share");
 }

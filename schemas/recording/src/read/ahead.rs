@@ -4,10 +4,8 @@
 //! Problems are not reported here, because the reader meets them, too.
 
 use crate::read::chunk::{ChunkHead, decompress};
-use crate::read::records::{MAX_RECORD_BYTES, RECORD_HEAD_BYTES, RecordReader};
+use crate::read::records::{RECORD_HEAD_BYTES, RawRecord, RecordReader};
 use mcap::records::op;
-use std::fs::File;
-use std::os::unix::fs::FileExt;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 
@@ -134,8 +132,7 @@ impl Ahead {
 fn start(records: &RecordReader, most_bytes: u64) -> Option<Thread> {
     thread::available_parallelism().ok().filter(|cores| cores.get() > 1)?;
     let mut worker = Worker {
-        file: records.clone_file().ok()?,
-        body: Vec::new(),
+        records: RecordReader::open(records.path()).ok()?,
         most_bytes,
         zstd: zstd::bulk::Decompressor::new().ok()?,
     };
@@ -153,9 +150,8 @@ fn start(records: &RecordReader, most_bytes: u64) -> Option<Thread> {
 }
 
 struct Worker {
-    file: File,
-    /// The chunk record.
-    body: Vec<u8>,
+    /// With a position of its own.
+    records: RecordReader,
     most_bytes: u64,
     zstd: zstd::bulk::Decompressor<'static>,
 }
@@ -163,41 +159,25 @@ struct Worker {
 impl Worker {
     /// The first chunk at `from` or after message indexes there, none if anything is wrong.
     fn next_chunk(&mut self, from: u64, mut buffer: Vec<u8>) -> Option<Ready> {
-        let (offset, length) = self.find_chunk(from)?;
-        self.read_body(offset + RECORD_HEAD_BYTES, length)?;
-        let head = ChunkHead::parse(&self.body).filter(|head| head.is_compressed)?;
-        let contents = self.body.get(head.bytes..)?;
-        let data = contents.get(..usize::try_from(head.compressed_bytes).ok()?)?;
+        let offset = self.find_chunk(from)?;
+        let body = self.records.body();
+        let head = ChunkHead::parse(body).filter(|head| head.is_compressed)?;
+        let data = body.get(head.bytes..)?.get(..usize::try_from(head.compressed_bytes).ok()?)?;
         decompress(&mut self.zstd, data, head.uncompressed_bytes, self.most_bytes, &mut buffer).ok()?;
-        let (crc_of_contents, crc_of_records) = (crc32fast::hash(contents), crc32fast::hash(&buffer));
+        let (crc_of_contents, crc_of_records) = (self.records.chunk_crc(), crc32fast::hash(&buffer));
         Some(Ready { offset, head, crc_of_contents, crc_of_records, buffer })
     }
 
-    /// Where the chunk record is, and how long its contents are.
-    fn find_chunk(&self, from: u64) -> Option<(u64, u64)> {
-        let mut offset = from;
+    /// Reads on up to the chunk record, and returns where it is.
+    fn find_chunk(&mut self, from: u64) -> Option<u64> {
+        self.records.seek(from).ok()?;
         for _ in 0..MOST_BETWEEN {
-            let mut head = [0; 9];
-            self.file.read_exact_at(&mut head, offset).ok()?;
-            let [opcode, length @ ..] = head;
-            let length = u64::from_le_bytes(length);
-            match opcode {
-                op::CHUNK => return Some((offset, length)),
-                op::MESSAGE_INDEX => {
-                    offset = offset.checked_add(RECORD_HEAD_BYTES)?.checked_add(length)?;
-                }
+            match self.records.next().ok()?? {
+                RawRecord { opcode: op::CHUNK, offset, .. } => return Some(offset),
+                RawRecord { opcode: op::MESSAGE_INDEX, .. } => {}
                 _ => return None,
             }
         }
         None
-    }
-
-    fn read_body(&mut self, from: u64, length: u64) -> Option<()> {
-        let left = self.file.metadata().ok()?.len().checked_sub(from)?;
-        let room = usize::try_from(length).ok().filter(|_| length <= MAX_RECORD_BYTES.min(left))?; // integers
-        self.body.clear();
-        self.body.try_reserve(room).ok()?;
-        self.body.resize(room, 0);
-        self.file.read_exact_at(&mut self.body, from).ok()
     }
 }

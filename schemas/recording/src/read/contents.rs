@@ -60,31 +60,30 @@ impl Contents {
         opcode: u8,
         body: &[u8],
     ) -> Result<(), ReadError> {
+        let damaged = |what| ReadError::damaged(path, offset, what);
         match opcode {
             op::SCHEMA | op::CHANNEL => {
-                let record = parse_record(opcode, body).map_err(|error| {
-                    ReadError::damaged(path, offset, format!("a record that is none: {error}"))
-                })?;
-                self.add(record).map_err(|what| ReadError::damaged(path, offset, what))
+                let record = parse_record(opcode, body);
+                let record = record.map_err(|error| damaged(format!("a record that is none: {error}")))?;
+                self.add(record).map_err(damaged)
             }
             op::METADATA => {
                 let metadata = parse_metadata(path, offset, body)?;
                 if metadata.name == head::BEGIN {
-                    let begin = BeginRecord::from_metadata(&metadata);
-                    self.begin = begin.map_err(|what| ReadError::damaged(path, offset, what))?;
+                    self.begin = BeginRecord::from_metadata(&metadata).map_err(damaged)?;
                 }
                 if metadata.name == head::END {
-                    let end = EndRecord::from_metadata(&metadata);
-                    self.end = Some(end.map_err(|what| ReadError::damaged(path, offset, what))?);
+                    self.end = Some(EndRecord::from_metadata(&metadata).map_err(damaged)?);
                 }
                 Ok(())
             }
             op::ATTACHMENT => {
-                let (name, data) = parse_attachment(path, offset, body)?;
+                let Attachment { name, data, content, crc, .. } = Attachment::parse(body)
+                    .ok_or_else(|| damaged("an attachment that is none".to_owned()))?;
+                check_crc(path, &format!("the attachment at byte {offset}"), crc, crc32fast::hash(content))?;
                 if name == head::RUN_TOML.as_bytes() {
                     if data.len() > MAX_STRUCTURE_BYTES {
-                        let what = format!("a configuration of {} bytes", data.len());
-                        return Err(ReadError::damaged(path, offset, what));
+                        return Err(damaged(format!("a configuration of {} bytes", data.len())));
                     }
                     self.run_toml = Some(String::from_utf8_lossy(data).into_owned());
                 }
@@ -152,6 +151,17 @@ impl Contents {
             .ok_or_else(|| format!("schemas and channels of more than {MAX_DEFINITION_BYTES} bytes"))
     }
 
+    /// The sums of what `count` gives for the channels of each topic, if it gives anything.
+    pub(crate) fn by_topic(&self, count: impl Fn(u16, &str) -> Option<u64>) -> BTreeMap<String, u64> {
+        let mut by_topic = BTreeMap::new();
+        for (id, Channel { topic, .. }) in &self.channels {
+            if let Some(count) = count(*id, topic) {
+                *by_topic.entry(topic.clone()).or_insert(0) += count;
+            }
+        }
+        by_topic
+    }
+
     /// The topics, for messages.
     pub(crate) fn topics(&self) -> String {
         let topics: Vec<_> = self.channels.values().map(|channel| format!("`{}`", channel.topic)).collect();
@@ -179,21 +189,32 @@ pub(crate) fn parse_metadata(path: &Path, offset: u64, body: &[u8]) -> Result<Me
     }
 }
 
-/// Name and contents of an attachment, after its CRC. By hand: mcap panics on short ones.
-fn parse_attachment<'a>(path: &Path, offset: u64, body: &'a [u8]) -> Result<(&'a [u8], &'a [u8]), ReadError> {
-    let parse = || {
+/// An attachment record. By hand: mcap panics on short ones.
+pub(crate) struct Attachment<'a> {
+    pub(crate) log_time: u64,
+    pub(crate) create_time: u64,
+    pub(crate) name: &'a [u8],
+    pub(crate) media_type: &'a [u8],
+    pub(crate) data: &'a [u8],
+    /// What stands before the CRC, and the CRC.
+    content: &'a [u8],
+    crc: u32,
+}
+
+impl<'a> Attachment<'a> {
+    /// The attachment in the record `body`, if it is one; its CRC may be wrong.
+    pub(crate) fn parse(body: &'a [u8]) -> Option<Self> {
         let (content, crc) = body.split_last_chunk::<4>()?;
-        let (_times, rest) = content.split_first_chunk::<16>()?;
+        let (log_time, rest) = content.split_first_chunk::<8>()?;
+        let (create_time, rest) = rest.split_first_chunk::<8>()?;
         let (name, rest) = take_string(rest)?;
-        let (_media_type, rest) = take_string(rest)?;
+        let (media_type, rest) = take_string(rest)?;
         let (length, data) = rest.split_first_chunk::<8>()?;
         let whole = usize::try_from(u64::from_le_bytes(*length)).ok()? == data.len();
-        whole.then_some((name, data, content, u32::from_le_bytes(*crc)))
-    };
-    let (name, data, content, crc) =
-        parse().ok_or_else(|| ReadError::damaged(path, offset, "an attachment that is none"))?;
-    check_crc(path, &format!("the attachment at byte {offset}"), crc, crc32fast::hash(content))?;
-    Ok((name, data))
+        let (log_time, create_time) = (u64::from_le_bytes(*log_time), u64::from_le_bytes(*create_time));
+        let crc = u32::from_le_bytes(*crc);
+        whole.then_some(Self { log_time, create_time, name, media_type, data, content, crc })
+    }
 }
 
 fn take_string(bytes: &[u8]) -> Option<(&[u8], &[u8])> {

@@ -95,9 +95,7 @@ impl EncodedStates {
         let lengths = StateLengths::of(manifest);
         let message = self.bytes.get(state.clone()).unwrap_or_default();
         let time_s = decode::state(message, lengths, doubles)?.time_s;
-        let (u_m, rest) = doubles.split_at(lengths.beads.min(doubles.len()));
-        let (v_m_s, extra) = rest.split_at(lengths.beads.min(rest.len()));
-        Ok(Frame { frame: *frame, step: *step, time_s, u_m, v_m_s, extra })
+        Ok(Frame::of_doubles((*frame, *step, time_s), lengths.beads, doubles))
     }
 
     /// The encoded summary of the state at `index`, if it has one.

@@ -189,12 +189,8 @@ pub(crate) fn channels_of_summary(records: &mut RecordReader) -> Option<BTreeMap
 /// Messages of each topic, as the summary section of a closed file has them, if it has a valid one.
 pub(crate) fn counts_of_summary(records: &mut RecordReader) -> Option<BTreeMap<String, u64>> {
     let SummarySection { contents, statistics, .. } = SummarySection::read(records)?;
-    let mut counts = BTreeMap::new();
-    for (id, channel) in contents.channels {
-        let count = statistics.channel_message_counts.get(&id).copied().unwrap_or(0);
-        *counts.entry(channel.topic).or_insert(0) += count;
-    }
-    Some(counts)
+    let count = |id| statistics.channel_message_counts.get(&id).copied().unwrap_or(0);
+    Some(contents.by_topic(|id, _| Some(count(id))))
 }
 
 /// What the summary section of a closed file says.

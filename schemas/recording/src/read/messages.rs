@@ -14,6 +14,7 @@ use crate::read::parse::parse_record;
 use crate::read::records::{RECORD_HEAD_BYTES, RawRecord, RecordReader};
 use crate::read::salvage::{Damage, Salvage};
 use mcap::records::{MessageHeader, Record, op};
+use schemas::frame::EndReason;
 use schemas::manifest::RunManifest;
 use std::ops::Range;
 use std::path::Path;
@@ -161,6 +162,21 @@ impl MessageReader {
         self.records.is_closed() && self.contents.data_end && self.contents.end.is_some()
     }
 
+    /// Why no more messages come, known at the end.
+    pub(crate) fn end_reason(&self) -> EndReason {
+        let end = self.contents.end.as_ref().filter(|_| self.is_finished());
+        end.map_or(EndReason::Unfinished, |end| end.reason)
+    }
+
+    /// Fails if there is no channel of `topic`, known at the end.
+    pub(crate) fn check_has(&self, topic: &'static str) -> Result<(), ReadError> {
+        if self.contents.channels.values().any(|channel| channel.topic == topic) {
+            return Ok(());
+        }
+        let (path, found) = (self.path().to_owned(), self.contents.topics());
+        Err(ReadError::NoChannel { path, topic, found })
+    }
+
     /// Goes on reading at `place`. `known` has the channels known to be defined before it;
     /// messages of others are then passed over.
     pub(crate) fn seek(&mut self, place: ChunkPlace, known: &Contents) -> Result<(), ReadError> {
@@ -181,11 +197,7 @@ impl MessageReader {
     /// The next message of any channel; none at the end or where an unfinished file is torn.
     pub(crate) fn next(&mut self) -> Result<Option<RawMessage<'_>>, ReadError> {
         loop {
-            let step = match self.step() {
-                Err(error) => self.go_on_after(error)?,
-                Ok(step) => step,
-            };
-            match step {
+            match self.step().or_else(|error| self.go_on_after(error))? {
                 Step::Message(place) => {
                     self.last = Some(place.clone());
                     return self.lend(place).map(Some);
@@ -220,11 +232,7 @@ impl MessageReader {
     /// Reads up to the first chunk: the attachment with the configuration comes before it.
     pub(crate) fn read_head(&mut self) -> Result<(), ReadError> {
         while !self.in_chunk {
-            let step = match self.next_in_file() {
-                Err(error) => self.go_on_after(error)?,
-                Ok(step) => step,
-            };
-            match step {
+            match self.next_in_file().or_else(|error| self.go_on_after(error))? {
                 Step::Other => {}
                 Step::Message(_) | Step::End => break,
             }
@@ -296,9 +304,6 @@ impl MessageReader {
             // the summary, which repeats what was read
             _ if self.contents.data_end => {}
             op::CHUNK => {
-                if let Some(salvage) = &mut self.salvage {
-                    salvage.layout.begin_chunk(offset, body);
-                }
                 let expanded = ChunkHead::parse(body).map_or(0, |head| head.uncompressed_bytes);
                 if self.contents.uncompressed_bytes.saturating_add(expanded) > self.most_expanded {
                     let what = format!(
@@ -307,10 +312,7 @@ impl MessageReader {
                     );
                     return Err(ReadError::damaged(&path, offset, what));
                 }
-                self.chunk.load(offset, &mut self.records)?;
-                self.contents.uncompressed_bytes += self.chunk.bytes();
-                (self.in_chunk, self.is_checked) = (true, true);
-                self.chunk_is_sound(offset);
+                self.load_chunk(offset)?;
             }
             op::MESSAGE => return message(&path, offset, body).map(Step::Message),
             op::DATA_END => self.contents.data_end = true,

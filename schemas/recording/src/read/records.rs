@@ -105,11 +105,6 @@ impl RecordReader {
         self.chunk_crc
     }
 
-    /// Another handle of the file, to read at offsets: the position is the same one.
-    pub(crate) fn clone_file(&self) -> io::Result<File> {
-        self.file.get_ref().try_clone()
-    }
-
     /// Whether the file ends as a closed MCAP file does.
     pub(crate) fn is_closed(&self) -> bool {
         self.closed
@@ -178,7 +173,7 @@ impl RecordReader {
     /// Reads the `bytes` bytes from `offset` on as the contents of a chunk record.
     pub(crate) fn read_chunk(&mut self, offset: u64, bytes: u64) -> Result<(), ReadError> {
         self.read_part(offset, bytes)?;
-        self.chunk_crc = crc32fast::hash(self.body.get(chunk_header_bytes(&self.body)..).unwrap_or_default());
+        self.chunk_crc = crc_of_contents(&self.body);
         Ok(())
     }
 
@@ -211,8 +206,7 @@ impl RecordReader {
     fn check_section(&mut self, opcode: u8, head: &[u8]) -> Result<(), ReadError> {
         match (opcode, self.section) {
             (op::CHUNK, Section::Part) => {
-                self.chunk_crc =
-                    crc32fast::hash(self.body.get(chunk_header_bytes(&self.body)..).unwrap_or_default());
+                self.chunk_crc = crc_of_contents(&self.body);
                 Ok(())
             }
             (op::DATA_END, Section::Part) => {
@@ -272,6 +266,11 @@ pub(crate) fn chunk_header_bytes(body: &[u8]) -> usize {
     let name = body.get(COMPRESSION..).and_then(|rest| rest.first_chunk::<4>());
     let name_bytes = name.and_then(|length| usize::try_from(u32::from_le_bytes(*length)).ok());
     (COMPRESSION + 4 + 8).saturating_add(name_bytes.unwrap_or(0)).min(body.len())
+}
+
+/// Of what follows the header of the chunk record `body`.
+fn crc_of_contents(body: &[u8]) -> u32 {
+    crc32fast::hash(body.get(chunk_header_bytes(body)..).unwrap_or_default())
 }
 
 /// Compares a CRC with the one in the file, where 0 stands for none.

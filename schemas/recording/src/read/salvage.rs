@@ -3,7 +3,7 @@
 use crate::error::ReadError;
 use crate::head;
 use crate::read::chunk::ChunkHead;
-use crate::read::records::RecordReader;
+use crate::read::records::{RECORD_HEAD_BYTES, RecordReader};
 use crate::repair::layout::Layout;
 use mcap::records::op;
 use serde::{Serialize, Serializer};
@@ -21,9 +21,6 @@ const CANDIDATE_BYTES: usize = 9 + ChunkHead::MAX_BYTES;
 
 /// Metadata longer than this is not looked for.
 const MAX_METADATA_BYTES: u64 = 1 << 16;
-
-/// Opcode and length of a record.
-pub(crate) const RECORD_HEAD_BYTES: u64 = 9;
 
 /// A damaged place in a file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -94,6 +91,19 @@ impl DamageKind {
             Self::Message => "message",
             Self::Description => "description",
         }
+    }
+}
+
+impl Damage {
+    /// What is known at first.
+    pub(crate) fn at(
+        kind: DamageKind,
+        chunk: Option<u64>,
+        offset_bytes: u64,
+        length_bytes: u64,
+        what: String,
+    ) -> Self {
+        Self { kind, chunk, offset_bytes, length_bytes, what, time_range_ns: None, frames: None }
     }
 }
 

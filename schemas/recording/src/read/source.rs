@@ -195,11 +195,8 @@ impl RecordingSource {
 
     fn read_end(&self) -> Result<Next, ReadError> {
         let (contents, manifest) = (self.messages.contents(), self.messages.manifest());
-        let found = contents.channels.values().any(|channel| channel.topic == proto::STATE.topic);
-        let path = self.messages.path();
-        if !found && (!contents.channels.is_empty() || self.messages.is_finished()) {
-            let (topic, found) = (proto::STATE.topic, contents.topics());
-            return Err(ReadError::NoChannel { path: path.to_owned(), topic, found });
+        if !contents.channels.is_empty() || self.messages.is_finished() {
+            self.messages.check_has(proto::STATE.topic)?;
         }
         let Some(end) = contents.end.as_ref().filter(|_| self.messages.is_finished()) else {
             return Ok(Next::End { reason: EndReason::Unfinished, last_step: None });
@@ -209,7 +206,7 @@ impl RecordingSource {
             if found != *expected {
                 let what =
                     format!("the hash of the last state, of step {step}, is {found} instead of {expected}");
-                return Err(ReadError::damaged(path, self.messages.file_bytes(), what));
+                return Err(ReadError::damaged(self.messages.path(), self.messages.file_bytes(), what));
             }
         }
         let last_step = match end.reason {
@@ -222,13 +219,6 @@ impl RecordingSource {
     /// The frames that should come before step `next` (or up to it, if `included`) but do not.
     fn missed_before(&self, next: u64, included: bool) -> Option<(u64, u64)> {
         self.schedule().missed(self.accounted, next, included)
-    }
-
-    fn lend(&self, frame: u64, step: u64, time_s: f64) -> Frame<'_> {
-        let beads = self.lengths.beads;
-        let (u_m, rest) = self.doubles.split_at(beads.min(self.doubles.len()));
-        let (v_m_s, extra) = rest.split_at(beads.min(rest.len()));
-        Frame { frame, step, time_s, u_m, v_m_s, extra }
     }
 }
 
@@ -251,7 +241,8 @@ impl FrameSource for RecordingSource {
                 }
                 self.accounted = Some(step);
                 self.next = Next::Unknown;
-                Ok(Received::Frame(self.lend(frame, step, time_s)))
+                let frame = Frame::of_doubles((frame, step, time_s), self.lengths.beads, &self.doubles);
+                Ok(Received::Frame(frame))
             }
             Next::End { reason, last_step } => {
                 if let Some(step) = last_step

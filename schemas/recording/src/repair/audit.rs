@@ -15,11 +15,11 @@ use crate::read::messages::{MessageReader, RawMessage};
 use crate::read::others::OtherMessage;
 use crate::read::records::RecordReader;
 use crate::read::salvage::{Damage, DamageKind, LostFrames};
+use crate::results::columns::RowHead;
 use crate::write::encode;
 use crate::write::schedule::Schedule;
 use mcap::records::MessageHeader;
 use prost::Message;
-use rows::RowHead;
 use schemas::frame::EndReason;
 use schemas::manifest::{KERNEL_VERSION, RunManifest};
 use std::collections::BTreeMap;
@@ -173,8 +173,7 @@ impl Audit {
 
     /// Why no more comes; known at the end.
     pub fn end_reason(&self) -> EndReason {
-        let end = self.end().filter(|_| self.messages.is_finished());
-        end.map_or(EndReason::Unfinished, |end| end.reason)
+        self.messages.end_reason()
     }
 
     /// The damages of the file, as far as it has been read; at most [`MOST_DAMAGES`](crate::MOST_DAMAGES).
@@ -194,14 +193,10 @@ impl Audit {
 
     /// How many messages there are of each topic that is neither of the frames nor of results; known at the end.
     pub fn foreign_counts(&self) -> BTreeMap<String, u64> {
-        let mut by_topic = BTreeMap::new();
-        for (id, channel) in &self.messages.contents().channels {
-            let topic = &channel.topic;
-            if !proto::OF_FRAMES.contains(&topic.as_str()) && !self.rows.contains_key(topic) {
-                *by_topic.entry(topic.clone()).or_insert(0) += self.counts.get(id).copied().unwrap_or(0);
-            }
-        }
-        by_topic
+        self.messages.contents().by_topic(|id, topic| {
+            let is_foreign = !proto::OF_FRAMES.contains(&topic) && !self.rows.contains_key(topic);
+            is_foreign.then(|| self.counts.get(&id).copied().unwrap_or(0))
+        })
     }
 
     /// The configuration as the user gave it, if the file has it; known at the end.
@@ -233,29 +228,16 @@ impl Audit {
     /// # Errors
     /// [`ReadError::NoChannel`] if it is a recording of something else.
     pub fn check_has_states(&self) -> Result<(), ReadError> {
-        let contents = self.messages.contents();
-        let mut topics = contents.channels.values().map(|channel| channel.topic.as_str());
-        if self.last_step.is_some()
-            || contents.channels.is_empty()
-            || topics.any(|topic| topic == proto::STATE.topic)
-        {
+        if self.last_step.is_some() || self.messages.contents().channels.is_empty() {
             return Ok(());
         }
-        let path = self.messages.path().to_owned();
-        Err(ReadError::NoChannel { path, topic: proto::STATE.topic, found: contents.topics() })
+        self.messages.check_has(proto::STATE.topic)
     }
 
     /// Messages of damaged chunks by topic, as far as the indexes behind them count them; known at the end.
     pub fn lost_counts(&mut self) -> BTreeMap<String, u64> {
         let lost = self.messages.salvage().map(|salvage| salvage.lost.clone()).unwrap_or_default();
-        let channels = &self.messages.contents().channels;
-        let mut by_topic = BTreeMap::new();
-        for (id, count) in lost {
-            if let Some(channel) = channels.get(&id) {
-                *by_topic.entry(channel.topic.clone()).or_insert(0) += count;
-            }
-        }
-        by_topic
+        self.messages.contents().by_topic(|id, _| lost.get(&id).copied())
     }
 
     /// Reads on.

@@ -4,7 +4,7 @@
 mod chunk_indexes;
 
 use crate::head;
-use crate::read::contents::Contents;
+use crate::read::contents::{Attachment, Contents};
 use crate::read::parse::parse_record;
 use crate::read::records::{RECORD_HEAD_BYTES, RawRecord, RecordReader};
 use crate::write::channel_writer::framing;
@@ -38,9 +38,13 @@ struct Group {
 }
 
 impl Group {
-    fn add(&mut self, record: &[u8]) {
+    /// Adds the record that `append` writes, and returns its length.
+    fn add(&mut self, append: impl FnOnce(&mut Vec<u8>)) -> usize {
+        let mut record = Vec::new();
+        append(&mut record);
         self.count += 1;
-        self.hash.update(record);
+        self.hash.update(&record);
+        record.len()
     }
 
     fn is(&self, other: &Self) -> bool {
@@ -94,25 +98,20 @@ impl Layout {
     pub(crate) fn close_chunk(&mut self) -> Vec<String> {
         let mut wrong = Vec::new();
         if let Some(index) = self.chunk.close(&mut wrong) {
-            let mut record = Vec::new();
-            framing::chunk_index(&mut record, &index);
-            self.chunks.add(&record);
+            self.chunks.add(|record| framing::chunk_index(record, &index));
         }
         wrong
     }
 
     fn add_attachment(&mut self, offset: u64, length: u64, body: &[u8]) {
         let Some(about) = attachment_index(offset, length, body) else { return };
-        let mut record = Vec::new();
-        framing::attachment_index(&mut record, &about);
-        self.attachments.add(&record);
+        self.attachments.add(|record| framing::attachment_index(record, &about));
     }
 
     fn add_metadata(&mut self, offset: u64, length: u64, body: &[u8]) {
         let Ok(Record::Metadata(metadata)) = parse_record(op::METADATA, body) else { return };
-        let mut record = Vec::new();
-        framing::metadata_index(&mut record, &MetadataIndex { offset, length, name: metadata.name });
-        self.metadata.add(&record);
+        let index = MetadataIndex { offset, length, name: metadata.name };
+        self.metadata.add(|record| framing::metadata_index(record, &index));
     }
 
     /// What is wrong with a record of ours that is repeated, or misplaced so that readers do not find it.
@@ -173,30 +172,11 @@ impl Layout {
             let what = "its summary section does not repeat the schemas and channels as its chunks have them";
             wrong.push(what.to_owned());
         }
-        let expected = self.statistics(contents, counts, times_ns);
+        let (schemas, channels) = (contents.schema_count() as u64, contents.channels.len() as u64);
+        let of = [schemas, channels, self.attachments.count, self.metadata.count, self.chunks.count];
+        let expected = framing::count_statistics(counts, times_ns, of);
         wrong.extend(wrong_statistics(said.statistics.as_ref(), &expected, contents));
         SummarySection::Compared(wrong)
-    }
-
-    fn statistics(
-        &self,
-        contents: &Contents,
-        counts: &BTreeMap<u16, u64>,
-        times_ns: Option<(u64, u64)>,
-    ) -> Statistics {
-        let count = |count: u64| u32::try_from(count).unwrap_or(u32::MAX);
-        let (message_start_time, message_end_time) = times_ns.unwrap_or_default();
-        Statistics {
-            message_count: counts.values().sum(),
-            schema_count: u16::try_from(contents.schema_count()).unwrap_or(u16::MAX),
-            channel_count: count(contents.channels.len() as u64),
-            attachment_count: count(self.attachments.count),
-            metadata_count: count(self.metadata.count),
-            chunk_count: count(self.chunks.count),
-            message_start_time,
-            message_end_time,
-            channel_message_counts: counts.clone(),
-        }
     }
 }
 
@@ -275,37 +255,29 @@ impl Said {
 
     /// Takes a record of `length` bytes; one that says more than we know is not taken.
     fn add(&mut self, record: Record<'_>, length: u64) -> Result<(), String> {
-        let mut again = Vec::new();
-        let group = match record {
+        let again = match record {
             Record::Schema { .. } | Record::Channel(_) => return self.contents.add(record),
             Record::Statistics(found) => {
+                let mut again = Vec::new();
                 framing::statistics(&mut again, &found);
                 if self.statistics.replace(found).is_some() {
                     return Err("there is a second one".to_owned());
                 }
-                None
+                again.len()
             }
-            Record::ChunkIndex(index) => {
-                framing::chunk_index(&mut again, &index);
-                Some(&mut self.chunks)
-            }
+            Record::ChunkIndex(index) => self.chunks.add(|record| framing::chunk_index(record, &index)),
             Record::AttachmentIndex(index) => {
-                framing::attachment_index(&mut again, &index);
-                Some(&mut self.attachments)
+                self.attachments.add(|record| framing::attachment_index(record, &index))
             }
             Record::MetadataIndex(index) => {
-                framing::metadata_index(&mut again, &index);
-                Some(&mut self.metadata)
+                self.metadata.add(|record| framing::metadata_index(record, &index))
             }
             // of a kind that nobody defined: nobody reads it
             Record::Unknown { .. } => return Ok(()),
             _ => return Err("it has no place there".to_owned()),
         };
-        if again.len() as u64 != length {
-            return Err(format!("{length} bytes instead of {}", again.len()));
-        }
-        if let Some(group) = group {
-            group.add(&again);
+        if again as u64 != length {
+            return Err(format!("{length} bytes instead of {again}"));
         }
         Ok(())
     }
@@ -348,16 +320,8 @@ fn wrong_statistics(said: Option<&Statistics>, found: &Statistics, contents: &Co
 
 /// The index of the attachment record `body`.
 fn attachment_index(offset: u64, length: u64, body: &[u8]) -> Option<AttachmentIndex> {
-    let number = |at: usize| Some(u64::from_le_bytes(*body.get(at..)?.first_chunk()?));
-    let text = |bytes: &mut &[u8]| {
-        let (length, rest) = bytes.split_first_chunk::<4>()?;
-        let (text, rest) = rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)?;
-        *bytes = rest;
-        Some(String::from_utf8_lossy(text).into_owned())
-    };
-    let mut rest = body.get(16..)?;
-    let (name, media_type) = (text(&mut rest)?, text(&mut rest)?);
-    let data_size = u64::from_le_bytes(*rest.first_chunk()?);
-    let (log_time, create_time) = (number(0)?, number(8)?);
+    let Attachment { log_time, create_time, name, media_type, data, .. } = Attachment::parse(body)?;
+    let text = |bytes| String::from_utf8_lossy(bytes).into_owned();
+    let (name, media_type, data_size) = (text(name), text(media_type), data.len() as u64);
     Some(AttachmentIndex { offset, length, log_time, create_time, data_size, name, media_type })
 }

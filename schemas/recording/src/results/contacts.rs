@@ -32,6 +32,16 @@ pub struct ContactsRow<'a> {
     pub classes: &'a [u8],
 }
 
+impl ContactsRow<'_> {
+    /// As a message, with the memory of `packed`.
+    pub(crate) fn message(&self, mut packed: Vec<u8>) -> proto::ContactClasses {
+        let Self { frame, step, time_s, tolerance_m, classes } = *self;
+        pack(classes, &mut packed);
+        let contact_count = u32::try_from(classes.len()).unwrap_or(u32::MAX);
+        proto::ContactClasses { frame, step, time_s, contact_count, tolerance_m, classes: packed }
+    }
+}
+
 /// Writes a map to a file of its own, `.partial` until it is finished like a recording. Dropped without that
 /// it stays as it is, unless it has no row.
 pub struct ContactsWriter {
@@ -54,7 +64,7 @@ impl ContactsWriter {
     pub fn create(path: &Path, manifest: &RunManifest, options: &WriteOptions) -> Result<Self, WriteError> {
         let mut file = ChannelWriter::create(path, manifest, None, None, options)?;
         let channel = file.add_channel(proto::CONTACTS)?;
-        let contacts = contact_count(manifest);
+        let contacts = manifest.contact_count();
         let row = proto::ContactClasses::default();
         Ok(Self { file, channel, contacts, row, message: Vec::new(), first_step: None, rows: 0 })
     }
@@ -65,11 +75,8 @@ impl ContactsWriter {
     /// When the row is not one of this run or not after the row before, or when writing fails.
     pub fn write(&mut self, row: &ContactsRow<'_>) -> Result<(), WriteError> {
         self.check(row)?;
-        let ContactsRow { frame, step, time_s, tolerance_m, classes } = *row;
-        let mut packed = std::mem::take(&mut self.row.classes);
-        pack(classes, &mut packed);
-        let contact_count = u32::try_from(classes.len()).unwrap_or(u32::MAX);
-        self.row = proto::ContactClasses { frame, step, time_s, contact_count, tolerance_m, classes: packed };
+        let ContactsRow { frame, step, time_s, .. } = *row;
+        self.row = row.message(std::mem::take(&mut self.row.classes));
         self.message.clear();
         self.row.encode_raw(&mut self.message);
         self.file.write_frame(frame, time_s, [(self.channel, &self.message)])?;
@@ -129,7 +136,7 @@ impl ContactsReader {
     /// When it cannot be read, is no recording, or is of another major schema version.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         let messages = MessageReader::open(path)?;
-        let contacts = contact_count(messages.manifest());
+        let contacts = messages.manifest().contact_count();
         Ok(Self { messages, contacts, classes: Vec::new(), last_step: None })
     }
 
@@ -157,23 +164,13 @@ impl ContactsReader {
             let proto::ContactClasses { frame, step, time_s, tolerance_m, .. } = row;
             return Ok(Some(ContactsRow { frame, step, time_s, tolerance_m, classes: &self.classes }));
         }
-        let contents = self.messages.contents();
-        if contents.channels.values().any(|channel| channel.topic == proto::CONTACTS.topic) {
-            return Ok(None);
-        }
-        let (path, topic) = (self.messages.path().to_owned(), proto::CONTACTS.topic);
-        Err(ReadError::NoChannel { path, topic, found: contents.topics() })
+        self.messages.check_has(proto::CONTACTS.topic).map(|()| None)
     }
 
     /// How the map ended, known after its last row: unfinished if it was not closed.
     pub fn end_reason(&self) -> EndReason {
-        let end = self.messages.contents().end.as_ref().filter(|_| self.messages.is_finished());
-        end.map_or(EndReason::Unfinished, |end| end.reason)
+        self.messages.end_reason()
     }
-}
-
-fn contact_count(manifest: &RunManifest) -> usize {
-    usize::try_from(manifest.physics.beads).unwrap_or(usize::MAX).saturating_sub(1)
 }
 
 pub(crate) fn check_row(
@@ -200,7 +197,7 @@ pub(crate) fn check_row(
 }
 
 /// Four classes in a byte, the first in the lowest bits.
-pub(crate) fn pack(classes: &[u8], packed: &mut Vec<u8>) {
+fn pack(classes: &[u8], packed: &mut Vec<u8>) {
     packed.clear();
     packed.extend(classes.chunks(4).map(|four| four.iter().rev().fold(0, |byte, class| byte << 2 | class)));
 }

@@ -2,7 +2,8 @@
 
 use crate::error::WriteError;
 use crate::proto;
-use crate::results::contacts::pack;
+use crate::results::columns::{MOTION_COLUMNS, PULSE_COLUMNS, RowHead, encode_numbers};
+use crate::results::contacts::ContactsRow;
 use crate::results::own_results::OwnResults;
 use crate::write::channel_writer::{ChannelId, ChannelWriter};
 use prost::Message as _;
@@ -74,27 +75,28 @@ impl ResultKind {
         }
     }
 
+    /// The topic of one of our analyses, or somebody else's results.
+    fn ours(&self) -> Result<proto::Topic, &OwnResults> {
+        match self {
+            Self::Energies => Ok(proto::ENERGIES),
+            Self::Impurity { .. } => Ok(proto::IMPURITY),
+            Self::Contacts { .. } => Ok(proto::CONTACTS),
+            Self::Pulses => Ok(proto::PULSES),
+            Self::Own(own) => Err(own),
+        }
+    }
+
     /// The topic of its channel.
     pub(crate) fn topic(&self) -> &str {
-        match self {
-            Self::Energies => proto::ENERGIES.topic,
-            Self::Impurity { .. } => proto::IMPURITY.topic,
-            Self::Contacts { .. } => proto::CONTACTS.topic,
-            Self::Pulses => proto::PULSES.topic,
-            Self::Own(own) => own.topic(),
-        }
+        self.ours().map_or_else(OwnResults::topic, |ours| ours.topic)
     }
 
     /// Adds its channel to `file`.
     pub(crate) fn add_to(&self, file: &mut ChannelWriter) -> Result<ChannelId, WriteError> {
-        let topic = match self {
-            Self::Energies => proto::ENERGIES,
-            Self::Impurity { .. } => proto::IMPURITY,
-            Self::Contacts { .. } => proto::CONTACTS,
-            Self::Pulses => proto::PULSES,
-            Self::Own(own) => return file.add_described(own.topic(), &own.message(), &own.descriptor()),
-        };
-        file.add_channel(topic)
+        match self.ours() {
+            Ok(topic) => file.add_channel(topic),
+            Err(own) => file.add_described(own.topic(), &own.message(), &own.descriptor()),
+        }
     }
 
     /// Encodes `row` into `message`, which is empty.
@@ -121,14 +123,10 @@ fn beads(names: &str, width: usize, manifest: &RunManifest) -> Result<Vec<u64>, 
     let number = |name: &str| name.strip_prefix("u_")?.strip_suffix("_m")?.parse().ok();
     let named: Option<Vec<u64>> = names.split(',').step_by(MOTION_WIDTH).map(number).collect();
     let impurities: Vec<u64> = manifest.physics.impurities.iter().map(|impurity| impurity.bead).collect();
-    let columns = impurities.iter().flat_map(|bead| {
-        [("u", "m"), ("v", "m_s"), ("overlap_left", "m"), ("overlap_right", "m")]
-            .map(|(quantity, unit)| format!("{quantity}_{bead}_{unit}"))
-    });
     match named {
         Some(beads) if beads.len() * MOTION_WIDTH == width => Ok(beads),
         _ if impurities.len() * MOTION_WIDTH == width
-            && columns.collect::<Vec<_>>().join(",").starts_with(names) =>
+            && ResultColumns::motion(&impurities).names.starts_with(names) =>
         {
             Ok(impurities)
         }
@@ -137,27 +135,11 @@ fn beads(names: &str, width: usize, manifest: &RunManifest) -> Result<Vec<u64>, 
 }
 
 fn energies(row: &ResultRow<'_>, values: &[f64], message: &mut Vec<u8>) -> Result<(), String> {
-    let Ok([kinetic, potential, total, left, split, right, dissipated, drift, inbound, corrected]) =
-        <[f64; 10]>::try_from(values)
-    else {
-        return Err(format!("it has {} values, not 10", values.len()));
-    };
-    let encoded = proto::Energies {
-        frame: row.frame,
-        step: row.step,
-        time_s: row.time_s,
-        kinetic_j: Some(kinetic),
-        potential_j: Some(potential),
-        total_j: Some(total),
-        left_j: Some(left),
-        split_j: Some(split),
-        right_j: Some(right),
-        dissipated_j: Some(dissipated),
-        relative_drift: Some(drift),
-        inbound_j: Some(inbound),
-        corrected_j: Some(corrected),
-    };
-    encoded.encode_raw(message);
+    if values.len() != ENERGIES.len() {
+        return Err(format!("it has {} values, not {}", values.len(), ENERGIES.len()));
+    }
+    head(row).encode_raw(message);
+    encode_numbers(values, message);
     Ok(())
 }
 
@@ -166,18 +148,8 @@ fn motion(row: &ResultRow<'_>, beads: &[u64], values: &[f64], message: &mut Vec<
     if motions.len() != beads.len() || !rest.is_empty() {
         return Err(format!("it has {} values for {} beads", values.len(), beads.len()));
     }
-    let column = |which: usize| motions.iter().map(|motion| motion[which]).collect();
-    let encoded = proto::ImpurityMotion {
-        frame: row.frame,
-        step: row.step,
-        time_s: row.time_s,
-        bead: beads.to_vec(),
-        displacement_m: column(0),
-        velocity_m_s: column(1),
-        overlap_left_m: column(2),
-        overlap_right_m: column(3),
-    };
-    encoded.encode_raw(message);
+    head(row).encode_raw(message);
+    MOTION_COLUMNS.encode_arrays(beads, motions, message);
     Ok(())
 }
 
@@ -190,17 +162,9 @@ fn contacts(
     if let Some(class) = classes.iter().find(|class| **class > crate::OPEN) {
         return Err(format!("{class} is no class of a contact"));
     }
-    let mut packed = Vec::new();
-    pack(classes, &mut packed);
-    let encoded = proto::ContactClasses {
-        frame: row.frame,
-        step: row.step,
-        time_s: row.time_s,
-        contact_count: u32::try_from(classes.len()).unwrap_or(u32::MAX),
-        tolerance_m,
-        classes: packed,
-    };
-    encoded.encode_raw(message);
+    let ResultRow { frame, step, time_s, .. } = *row;
+    let row = ContactsRow { frame, step, time_s, tolerance_m, classes };
+    row.message(Vec::new()).encode_raw(message);
     Ok(())
 }
 
@@ -210,39 +174,35 @@ fn pulses(row: &ResultRow<'_>, values: &[f64], message: &mut Vec<u8>) -> Result<
     if !rest.is_empty() {
         return Err(format!("it has {} values, not {PULSE_WIDTH} a pulse", values.len()));
     }
-    let pulses: Vec<_> = pulses.iter().filter(|pulse| !pulse[0].is_nan()).collect();
+    let pulses: Vec<_> = pulses.iter().copied().filter(|pulse| !pulse[0].is_nan()).collect();
     let whole = |number: f64| number >= 0.0 && number < 2.0_f64.powi(53) && number.fract() == 0.0;
     if let Some([number, ..]) = pulses.iter().find(|pulse| !whole(pulse[0])) {
         return Err(format!("{number} is no number of a pulse"));
     }
-    let column = |which: usize| pulses.iter().map(|pulse| pulse[which]).collect();
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers below 2^53")]
-    let numbers = pulses.iter().map(|pulse| pulse[0] as u64).collect();
-    let encoded = proto::Pulses {
-        frame: row.frame,
-        step: row.step,
-        time_s: row.time_s,
-        pulse: numbers,
-        bead: column(1),
-        v_peak_m_s: column(2),
-        velocity_beads_per_s: column(3),
-        fwhm_beads: column(4),
-    };
-    encoded.encode_raw(message);
+    let numbers: Vec<_> = pulses.iter().map(|pulse| pulse[0] as u64).collect();
+    head(row).encode_raw(message);
+    PULSE_COLUMNS.encode_arrays(&numbers, &pulses, message);
     Ok(())
+}
+
+fn head(row: &ResultRow<'_>) -> RowHead {
+    let ResultRow { frame, step, time_s, .. } = *row;
+    RowHead { frame, step, time_s }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::results::columns::ENERGY_COLUMNS;
     use schemas::manifest::Origin;
     use schemas::presets::PRESETS;
 
-    fn encoded<M: prost::Message + Default>(kind: &ResultKind, values: RowValues<'_>) -> M {
+    fn encoded(kind: &ResultKind, values: RowValues<'_>) -> Vec<u8> {
         let mut message = Vec::new();
         let row = ResultRow { frame: 7, step: 70, time_s: 0.5, values };
         kind.encode(&row, &mut message).expect("a row of that kind");
-        M::decode(message.as_slice()).expect("a message")
+        message
     }
 
     fn bits(values: &[f64]) -> Vec<u64> {
@@ -265,32 +225,24 @@ mod tests {
 
     #[test]
     fn doubles_of_results_keep_their_bits() {
-        let energies: proto::Energies = encoded(&ResultKind::Energies, RowValues::Numbers(&DOUBLES));
-        assert_eq!((energies.frame, energies.step, energies.time_s), (7, 70, 0.5));
-        let found = [
-            energies.kinetic_j,
-            energies.potential_j,
-            energies.total_j,
-            energies.left_j,
-            energies.split_j,
-            energies.right_j,
-            energies.dissipated_j,
-            energies.relative_drift,
-            energies.inbound_j,
-            energies.corrected_j,
-        ];
-        assert_eq!(bits(&found.map(|value| value.expect("present"))), bits(&DOUBLES));
+        let energies = encoded(&ResultKind::Energies, RowValues::Numbers(&DOUBLES));
+        let head = RowHead::decode(&*energies).expect("a row");
+        assert_eq!((head.frame, head.step, head.time_s), (7, 70, 0.5));
+        let (frame, _, columns) = ENERGY_COLUMNS.decode(&energies).expect("a row");
+        assert_eq!((frame, bits(&columns.concat())), (7, bits(&DOUBLES)));
 
         let kind = ResultKind::Impurity { beads: vec![3, 5] };
-        let motion: proto::ImpurityMotion = encoded(&kind, RowValues::Numbers(&DOUBLES[..8]));
-        assert_eq!(motion.bead, [3, 5]);
-        assert_eq!(bits(&motion.displacement_m), bits(&[DOUBLES[0], DOUBLES[4]]));
-        assert_eq!(bits(&motion.overlap_right_m), bits(&[DOUBLES[3], DOUBLES[7]]));
+        let motion = encoded(&kind, RowValues::Numbers(&DOUBLES[..8]));
+        let (_, beads, columns) = MOTION_COLUMNS.decode(&motion).expect("a row");
+        assert_eq!(beads, [3, 5]);
+        assert_eq!(bits(&columns[0]), bits(&[DOUBLES[0], DOUBLES[4]]));
+        assert_eq!(bits(&columns[3]), bits(&[DOUBLES[3], DOUBLES[7]]));
 
         let row = [2.0, -0.0, 5e-324, -1.5, f64::NAN, f64::NAN, f64::NAN, f64::NAN, f64::NAN, f64::NAN];
-        let pulses: proto::Pulses = encoded(&ResultKind::Pulses, RowValues::Numbers(&row));
-        assert_eq!(pulses.pulse, [2]);
-        assert_eq!((bits(&pulses.bead), pulses.fwhm_beads.len()), (bits(&[-0.0]), 1));
+        let pulses = encoded(&ResultKind::Pulses, RowValues::Numbers(&row));
+        let (_, numbers, columns) = PULSE_COLUMNS.decode(&pulses).expect("a row");
+        assert_eq!(numbers, [2]);
+        assert_eq!((bits(&columns[0]), columns[3].len()), (bits(&[-0.0]), 1));
     }
 
     #[test]

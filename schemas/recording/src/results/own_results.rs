@@ -1,19 +1,12 @@
 //! Rows of somebody else's topics, as messages that describe themselves.
 
+use crate::results::columns::{FIRST_COLUMN, described, encode_numbers, field, head};
 use crate::results::kind::{ResultRow, RowValues};
-use prost::Message as _;
 use prost::encoding::{double, uint64};
 use prost_types::field_descriptor_proto::{Label, Type};
-use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
 use schemas::results::{OwnTopic, ResultColumns};
 
 const PACKAGE: &str = "beadline.own";
-/// Fields that every row begins with, numbered from 1; the columns follow.
-const HEAD: [(&str, Type); 3] = [("frame", Type::Uint64), ("step", Type::Uint64), ("time_s", Type::Double)];
-const FRAME: u32 = 1;
-const STEP: u32 = 2;
-const TIME: u32 = 3;
-const FIRST_COLUMN: u32 = 4;
 
 /// The rows of somebody else's topic.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,31 +47,12 @@ impl OwnResults {
 
     /// Self-contained `FileDescriptorSet` of the message.
     pub(crate) fn descriptor(&self) -> Vec<u8> {
-        let field = |name: &str, number: u32, kind: Type, label: Label| FieldDescriptorProto {
-            name: Some(name.to_owned()),
-            number: i32::try_from(number).ok(),
-            label: Some(label.into()),
-            r#type: Some(kind.into()),
-            ..FieldDescriptorProto::default()
-        };
         let label = if self.is_array() { Label::Repeated } else { Label::Optional };
-        let head =
-            (FRAME..).zip(HEAD).map(|(number, (name, kind))| field(name, number, kind, Label::Optional));
+        let mut fields = head();
         let columns = (FIRST_COLUMN..).zip(&self.fields);
-        let columns = columns.map(|(number, name)| field(name, number, Type::Double, label));
-        let message = DescriptorProto {
-            name: Some(self.message.clone()),
-            field: head.chain(columns).collect(),
-            ..DescriptorProto::default()
-        };
-        let file = FileDescriptorProto {
-            name: Some(format!("beadline/own/{}.proto", self.message)),
-            package: Some(PACKAGE.to_owned()),
-            message_type: vec![message],
-            syntax: Some("proto3".to_owned()),
-            ..FileDescriptorProto::default()
-        };
-        FileDescriptorSet { file: vec![file] }.encode_to_vec()
+        fields.extend(columns.map(|(number, name)| field(number, name, Type::Double, label)));
+        let file = format!("beadline/own/{}.proto", self.message);
+        described(file, PACKAGE, &self.message, fields, Vec::new())
     }
 
     /// Encodes `row` into `message`, which is empty. No zero is left out, so that −0 keeps its sign.
@@ -89,13 +63,13 @@ impl OwnResults {
         if values.len() != self.width {
             return Err(format!("it has {} values, not {}", values.len(), self.width));
         }
-        uint64::encode(FRAME, &row.frame, message);
-        uint64::encode(STEP, &row.step, message);
-        double::encode(TIME, &row.time_s, message);
+        uint64::encode(1, &row.frame, message);
+        uint64::encode(2, &row.step, message);
+        double::encode(3, &row.time_s, message);
         if self.is_array() {
             double::encode_packed(FIRST_COLUMN, values, message);
         } else {
-            (FIRST_COLUMN..).zip(values).for_each(|(number, value)| double::encode(number, value, message));
+            encode_numbers(values, message);
         }
         Ok(())
     }
@@ -104,6 +78,8 @@ impl OwnResults {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use prost::Message as _;
+    use prost_types::FileDescriptorSet;
 
     fn results(columns: &ResultColumns) -> OwnResults {
         OwnResults::new("2d-map".parse().expect("a name"), columns).expect("columns")

@@ -3,8 +3,10 @@
 use crate::error::ReadError;
 use crate::proto;
 use crate::read::messages::MessageReader;
+use crate::results::columns::{ENERGY_COLUMNS, MOTION_COLUMNS};
 use crate::results::contacts::{check_row, unpack};
 use prost::Message;
+use schemas::results::{ENERGIES, MOTION};
 use std::path::Path;
 
 /// Reads the rows of one of our topics, in the order of the file.
@@ -26,13 +28,13 @@ pub struct RecordedRow {
 #[derive(Debug, Clone, PartialEq)]
 pub enum RecordedValues {
     /// The columns of `/energies`.
-    Energies([f64; 10]),
+    Energies([f64; ENERGIES.len()]),
     /// For each bead displacement, velocity, and overlap with both neighbours.
     Impurity {
         /// Their numbers.
         beads: Vec<u64>,
-        /// Four values for each.
-        values: Vec<[f64; 4]>,
+        /// The values of each.
+        values: Vec<[f64; MOTION.len()]>,
     },
     /// The class of each contact.
     Contacts {
@@ -79,36 +81,19 @@ impl RecordedRows {
 fn decode(topic: &str, message: &[u8], contacts: usize) -> Result<RecordedRow, String> {
     let not = |error| format!("a row of {topic} that is none: {error}");
     if topic == proto::ENERGIES.topic {
-        let row = proto::Energies::decode(message).map_err(not)?;
-        let values = [
-            row.kinetic_j,
-            row.potential_j,
-            row.total_j,
-            row.left_j,
-            row.split_j,
-            row.right_j,
-            row.dissipated_j,
-            row.relative_drift,
-            row.inbound_j,
-            row.corrected_j,
-        ];
-        if values.iter().any(Option::is_none) {
-            return Err(format!("the row of {topic} of frame {} lacks a value", row.frame));
-        }
-        let values = values.map(Option::unwrap_or_default);
-        return Ok(RecordedRow { frame: row.frame, values: RecordedValues::Energies(values) });
+        let (frame, _, columns) = ENERGY_COLUMNS.decode(message).map_err(not)?;
+        let values = columns.concat().try_into();
+        let values = values.map_err(|_| format!("the row of {topic} of frame {frame} lacks a value"))?;
+        return Ok(RecordedRow { frame, values: RecordedValues::Energies(values) });
     }
     if topic == proto::IMPURITY.topic {
-        let row = proto::ImpurityMotion::decode(message).map_err(not)?;
-        let columns = [&row.displacement_m, &row.velocity_m_s, &row.overlap_left_m, &row.overlap_right_m];
-        if columns.iter().any(|column| column.len() != row.bead.len()) {
-            return Err(format!("the row of {topic} of frame {} has not a value for each bead", row.frame));
+        let (frame, beads, columns) = MOTION_COLUMNS.decode(message).map_err(not)?;
+        if columns.iter().any(|column| column.len() != beads.len()) {
+            return Err(format!("the row of {topic} of frame {frame} has not a value for each bead"));
         }
-        let values = (0..row.bead.len()).map(|bead| columns.map(|column| column[bead])).collect();
-        return Ok(RecordedRow {
-            frame: row.frame,
-            values: RecordedValues::Impurity { beads: row.bead, values },
-        });
+        let of_bead = |bead: usize| std::array::from_fn(|column| columns[column][bead]);
+        let values = (0..beads.len()).map(of_bead).collect();
+        return Ok(RecordedRow { frame, values: RecordedValues::Impurity { beads, values } });
     }
     let row = proto::ContactClasses::decode(message).map_err(not)?;
     check_row(&row, contacts, None)?;

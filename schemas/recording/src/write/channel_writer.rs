@@ -168,7 +168,7 @@ impl ChannelWriter {
 
     /// Adds the channel of `topic`.
     pub(crate) fn add_channel(&mut self, topic: Topic) -> Result<ChannelId, WriteError> {
-        self.add_described(topic.topic, topic.message, topic.descriptor)
+        self.add_described(topic.topic, topic.message, (topic.descriptor)())
     }
 
     /// Adds the channel `topic` of protobuf messages called `message`, which `descriptor` describes.

@@ -20,7 +20,7 @@ impl Scalars {
         schema: ForeignSchema {
             name: proto::SUMMARY.message,
             encoding: "protobuf",
-            text: proto::SUMMARY.descriptor,
+            text: proto::SUMMARY_DESCRIPTOR,
         },
         message_encoding: "protobuf",
         metadata: &[],

@@ -2,6 +2,7 @@
 
 use crate::error::WriteError;
 use crate::write::channel_writer::Compression;
+use crate::write::disk::Disk;
 use crate::write::encode::STATE_HEAD_BYTES;
 use schemas::manifest::RunManifest;
 use schemas::whole_file::directory_of;
@@ -68,20 +69,15 @@ impl SpaceNeeded {
     /// [`WriteError::NoSpace`], [`WriteError::NoDisk`], or when the directory cannot be looked at.
     pub fn check(&self, path: &Path) -> Result<u64, WriteError> {
         let directory = directory_of(path);
-        let disk = rustix::fs::statvfs(directory).map_err(|errno| WriteError::io(directory)(errno.into()))?;
-        if disk.f_blocks == 0 {
+        let Disk { free_bytes, total_bytes } = Disk::of(path)?;
+        if total_bytes == 0 {
             return Err(WriteError::NoDisk { directory: directory.to_owned() });
         }
-        let free_bytes = disk.f_bavail.saturating_mul(disk.f_frsize);
-        self.fits(free_bytes).then_some(free_bytes).ok_or_else(|| WriteError::NoSpace {
+        (self.at_least_bytes <= free_bytes).then_some(free_bytes).ok_or_else(|| WriteError::NoSpace {
             directory: directory.to_owned(),
             needed_bytes: self.at_least_bytes,
             free_bytes,
         })
-    }
-
-    fn fits(&self, free_bytes: u64) -> bool {
-        self.at_least_bytes <= free_bytes
     }
 }
 

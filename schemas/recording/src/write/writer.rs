@@ -155,11 +155,7 @@ impl RecordingWriter {
             Some(rows) => rows.id,
             None => kind.add_to(&mut self.file)?,
         };
-        if let Some(rows) = self.rows.get_mut(kind.topic()) {
-            rows.last_step = row.step;
-        } else {
-            self.rows.insert(kind.topic().to_owned(), RowChannel { id, last_step: row.step });
-        }
+        self.rows.insert(kind.topic().to_owned(), RowChannel { id, last_step: row.step });
         self.file.write(id, row.frame, row.time_s, &self.message)?;
         self.file.keep();
         Ok(())

@@ -7,8 +7,8 @@ use crate::read::chunk::ChunkHead;
 use crate::read::contents::{Channel, Schema};
 use crate::read::decode::{self, StateLengths};
 use crate::read::info;
-use crate::read::records::RecordReader;
-use crate::read::salvage::{Candidate, Damage, DamageKind, RECORD_HEAD_BYTES, describe, find, is_zero_from};
+use crate::read::records::{RECORD_HEAD_BYTES, RecordReader};
+use crate::read::salvage::{Candidate, Damage, DamageKind, describe, find, is_zero_from};
 use mcap::records::op;
 use std::ops::Range;
 use std::sync::Arc;
@@ -52,25 +52,24 @@ impl MessageReader {
         Step::End
     }
 
-    /// The chunk at `offset` has been loaded, and its CRC holds.
-    pub(super) fn chunk_is_sound(&mut self, offset: u64) {
+    /// Loads the chunk that has just been read at `offset`, if it is sound.
+    pub(super) fn load_chunk(&mut self, offset: u64) -> Result<(), ReadError> {
+        if let Some(salvage) = &mut self.salvage {
+            salvage.layout.begin_chunk(offset, self.records.body());
+        }
+        self.chunk.load(offset, &mut self.records)?;
+        self.contents.uncompressed_bytes += self.chunk.bytes();
+        (self.in_chunk, self.is_checked) = (true, true);
         if let Some(salvage) = &mut self.salvage {
             // by its header rather than by the length of its record, which no CRC covers before the end
             salvage.sound_end = offset + RECORD_HEAD_BYTES + self.chunk.record_bytes();
             salvage.counts_lost = false;
         }
+        Ok(())
     }
 
     pub(crate) fn note(&mut self, kind: DamageKind, offset_bytes: u64, length_bytes: u64, what: String) {
-        self.note_with(Damage {
-            kind,
-            chunk: None,
-            offset_bytes,
-            length_bytes,
-            what,
-            time_range_ns: None,
-            frames: None,
-        });
+        self.note_with(Damage::at(kind, None, offset_bytes, length_bytes, what));
     }
 
     /// Notes something about the message read last.
@@ -84,15 +83,8 @@ impl MessageReader {
 
     /// Notes a damage somewhere in the chunk loaded last.
     fn note_in_chunk(&mut self, kind: DamageKind, what: String) {
-        self.note_with(Damage {
-            kind,
-            chunk: self.chunk.next_number().checked_sub(1),
-            offset_bytes: self.chunk.offset(),
-            length_bytes: 0,
-            what,
-            time_range_ns: None,
-            frames: None,
-        });
+        let chunk = self.chunk.next_number().checked_sub(1);
+        self.note_with(Damage::at(kind, chunk, self.chunk.offset(), 0, what));
     }
 
     fn note_with(&mut self, damage: Damage) {
@@ -164,7 +156,8 @@ impl MessageReader {
     ) {
         let chunk = Some(self.chunk.next_number());
         let time_range_ns = ChunkHead::parse(body).map(|head| head.time_range_ns);
-        self.note_with(Damage { kind, chunk, offset_bytes, length_bytes, what, time_range_ns, frames: None });
+        let damage = Damage::at(kind, chunk, offset_bytes, length_bytes, what);
+        self.note_with(Damage { time_range_ns, ..damage });
         self.in_chunk = self.chunk.load_unchecked(offset_bytes, body);
         self.is_checked = false;
         if let Some(salvage) = &mut self.salvage {
@@ -206,15 +199,9 @@ impl MessageReader {
                 }
                 Candidate::Chunk { offset, head } => {
                     self.records.read_chunk(offset + RECORD_HEAD_BYTES, head.record_bytes())?;
-                    if let Some(salvage) = &mut self.salvage {
-                        salvage.layout.begin_chunk(offset, self.records.body());
-                    }
-                    match self.chunk.load(offset, &mut self.records) {
+                    match self.load_chunk(offset) {
                         Ok(()) => {
                             self.note_gap(bad, offset, what);
-                            self.contents.uncompressed_bytes += self.chunk.bytes();
-                            (self.in_chunk, self.is_checked) = (true, true);
-                            self.chunk_is_sound(offset);
                             let end = offset + RECORD_HEAD_BYTES + head.record_bytes();
                             return self.go_on_at(end, end);
                         }
@@ -315,7 +302,7 @@ fn state_channel() -> Channel {
         schema: Arc::new(Schema {
             name: proto::STATE.message.to_owned(),
             encoding: encoding(),
-            text: proto::STATE.descriptor.into(),
+            text: (proto::STATE.descriptor)().into(),
         }),
     }
 }

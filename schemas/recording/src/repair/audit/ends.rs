@@ -89,7 +89,7 @@ fn wrong_definition(channel: &Channel) -> Option<String> {
     let is_right = channel.schema.name == known.message
         && channel.message_encoding == "protobuf"
         && channel.schema.encoding == "protobuf"
-        && *channel.schema.text == *known.descriptor;
+        && *channel.schema.text == *(known.descriptor)();
     (!is_right).then(|| {
         format!("the channel `{}` has not the schema of {} that we know", channel.topic, known.message)
     })

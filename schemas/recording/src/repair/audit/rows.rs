@@ -2,21 +2,11 @@
 
 use crate::proto;
 use crate::read::contents::Channel;
+use crate::results::columns::RowHead;
 use schemas::manifest::RunManifest;
 
 /// The ranges of missing rows that are kept; more are only counted.
 const MOST_RANGES: usize = 20;
-
-/// The fields that begin every row of results.
-#[derive(Clone, Copy, PartialEq, prost::Message)]
-pub(super) struct RowHead {
-    #[prost(uint64, tag = "1")]
-    pub(super) frame: u64,
-    #[prost(uint64, tag = "2")]
-    pub(super) step: u64,
-    #[prost(double, tag = "3")]
-    pub(super) time_s: f64,
-}
 
 /// Whether the messages of `channel` are rows of results, of our analyses or of somebody else's.
 pub(super) fn is_of_results(channel: &Channel) -> bool {

@@ -146,6 +146,28 @@ pub(crate) fn data_end(bytes: &mut Vec<u8>, data_section_crc: u32) {
     record(bytes, op::DATA_END, |bytes| bytes.extend(data_section_crc.to_le_bytes()));
 }
 
+/// Of messages by channel, between these log times (ns), and of so many schemas, channels, attachments, metadata records
+/// and chunks.
+pub(crate) fn count_statistics(
+    messages: &BTreeMap<u16, u64>,
+    times_ns: Option<(u64, u64)>,
+    [schemas, channels, attachments, metadata, chunks]: [u64; 5],
+) -> Statistics {
+    let count = |count: u64| u32::try_from(count).unwrap_or(u32::MAX);
+    let (message_start_time, message_end_time) = times_ns.unwrap_or_default();
+    Statistics {
+        message_count: messages.values().sum(),
+        schema_count: u16::try_from(schemas).unwrap_or(u16::MAX),
+        channel_count: count(channels),
+        attachment_count: count(attachments),
+        metadata_count: count(metadata),
+        chunk_count: count(chunks),
+        message_start_time,
+        message_end_time,
+        channel_message_counts: messages.clone(),
+    }
+}
+
 pub(crate) fn statistics(bytes: &mut Vec<u8>, found: &Statistics) {
     record(bytes, op::STATISTICS, |bytes| {
         numbers(bytes, &[found.message_count]);

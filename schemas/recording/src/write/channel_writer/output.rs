@@ -3,7 +3,7 @@
 use super::Compression;
 use super::block::Block;
 use super::framing::{self, ChunkHead};
-use mcap::records::{AttachmentIndex, ChunkIndex, Metadata, MetadataIndex, Statistics, op};
+use mcap::records::{AttachmentIndex, ChunkIndex, Metadata, MetadataIndex, op};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Write};
@@ -226,7 +226,11 @@ impl Output {
                 groups.push((opcode, start, at(bytes) - start));
             }
         };
-        let statistics = self.statistics(schemas.len(), channels.len());
+        let (attachments, metadata) = (&self.attachment_indexes, &self.metadata_indexes);
+        let counts =
+            [schemas.len(), channels.len(), attachments.len(), metadata.len(), self.chunk_indexes.len()];
+        let counts = counts.map(|count| count as u64);
+        let statistics = framing::count_statistics(&self.message_counts, self.times_ns, counts);
         group(bytes, op::SCHEMA, &|bytes| bytes.extend(schemas.concat()));
         group(bytes, op::CHANNEL, &|bytes| bytes.extend(channels.concat()));
         group(bytes, op::STATISTICS, &|bytes| framing::statistics(bytes, &statistics));
@@ -244,21 +248,5 @@ impl Output {
             framing::summary_offset(bytes, opcode, start, length);
         }
         framing::footer(bytes, section, self.bytes + section as u64, summary_offset_start);
-    }
-
-    fn statistics(&self, schemas: usize, channels: usize) -> Statistics {
-        let count = |count: usize| u32::try_from(count).unwrap_or(u32::MAX);
-        let (message_start_time, message_end_time) = self.times_ns.unwrap_or_default();
-        Statistics {
-            message_count: self.message_counts.values().sum(),
-            schema_count: u16::try_from(schemas).unwrap_or(u16::MAX),
-            channel_count: count(channels),
-            attachment_count: count(self.attachment_indexes.len()),
-            metadata_count: count(self.metadata_indexes.len()),
-            chunk_count: count(self.chunk_indexes.len()),
-            message_start_time,
-            message_end_time,
-            channel_message_counts: self.message_counts.clone(),
-        }
     }
 }

@@ -66,7 +66,7 @@ fn write_theirs(manifest: &RunManifest, compression: Option<mcap::Compression>) 
     };
     writer.attach(&attachment).expect("written");
     for topic in [proto::STATE, proto::SUMMARY, proto::CHAIN] {
-        let schema = writer.add_schema(topic.message, "protobuf", topic.descriptor).expect("new");
+        let schema = writer.add_schema(topic.message, "protobuf", (topic.descriptor)()).expect("new");
         writer.add_channel(schema, topic.topic, "protobuf", &BTreeMap::new()).expect("new");
     }
     for (channel, frame, time_s, contents) in messages() {

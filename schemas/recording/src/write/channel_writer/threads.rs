@@ -53,8 +53,11 @@ impl Writing {
             return Ok(());
         }
         self.synced_bytes = self.output.bytes();
-        let file = Arc::clone(self.output.file());
-        self.sync.request(&file)
+        self.request_sync()
+    }
+
+    fn request_sync(&mut self) -> io::Result<()> {
+        self.sync.request(self.output.file())
     }
 }
 
@@ -86,9 +89,8 @@ impl Threads {
 
     /// Waits until what is in the file is on the disk.
     pub(super) fn sync(&self) -> io::Result<()> {
-        let mut writing = self.shared.lock();
-        let file = Arc::clone(writing.output.file());
-        writing.sync.sync(&file)
+        let writing = &mut *self.shared.lock();
+        writing.sync.sync(writing.output.file())
     }
 
     /// Writes everything, waits for the threads to end, and gives the file back.
@@ -128,7 +130,7 @@ impl Shared {
                 Next::Write(number, block) => {
                     encoder.encode(&block, &mut encoded).and_then(|()| self.write(number, block, &encoded))
                 }
-                Next::Sync => self.sync(),
+                Next::Sync => self.lock().request_sync(),
                 Next::Nothing(_) => Ok(()),
             };
             if let Err(error) = done {
@@ -161,12 +163,6 @@ impl Shared {
         drop(writing);
         self.turn.notify_all();
         Ok(())
-    }
-
-    fn sync(&self) -> io::Result<()> {
-        let mut writing = self.lock();
-        let file = Arc::clone(writing.output.file());
-        writing.sync.request(&file)
     }
 
     fn fail(&self, error: io::Error) {
