@@ -1,10 +1,11 @@
 //! `beadline impurity`.
 
-use crate::analysis::{AnalysisError, Rows, Session, check_bead, draw};
+use crate::analysis::{AnalysisError, ResultRows, Session, check_bead, draw};
 use crate::args::ImpurityArgs;
 use crate::display::{self, counted};
 use crate::failure::{Done, Failure};
 use crate::outputs::check_tables;
+use crate::report::Rows;
 use consumers::energies::default_split_bead;
 use consumers::follow::Analysis;
 use consumers::impurity::{Event, EventKind, Followed, Motion};
@@ -29,7 +30,7 @@ struct Outputs {
     events: Vec<Event>,
     event_count: u64,
     event_table: Option<Table>,
-    rows: Rows,
+    rows: ResultRows,
     row: Vec<f64>,
 }
 
@@ -76,7 +77,7 @@ pub(crate) fn impurity(args: &ImpurityArgs) -> Result<Done, Failure> {
         events: Vec::new(),
         event_count: 0,
         event_table: args.events.as_ref().map(create).transpose()?,
-        rows: Rows::open(&session, Topic::Impurity, &published, args.out.as_ref())?,
+        rows: ResultRows::open(&session, Topic::Impurity, &published, args.out.as_ref())?,
         row: Vec::with_capacity(published.width),
     };
     let tally = session.follow(&mut outputs)?;
@@ -97,22 +98,17 @@ fn beads(args: &ImpurityArgs, manifest: &RunManifest) -> Result<Vec<u64>, Failur
     Ok(if impurities.is_empty() { vec![default_split_bead(manifest)] } else { impurities })
 }
 
-fn rows(beads: &[u64], events: &[Event], event_count: u64) -> Vec<(&'static str, String)> {
+fn rows(beads: &[u64], events: &[Event], event_count: u64) -> Rows {
     let listed: Vec<_> = beads.iter().map(u64::to_string).collect();
     let turns: Vec<_> = events.iter().filter(|event| event.kind == EventKind::Turns).collect();
-    let shown: Vec<_> = turns
-        .iter()
-        .take(8)
-        .map(|turn| {
-            let (place, time) = (display::quantity(turn.u_m, "m"), display::quantity(turn.time_s, "s"));
-            format!("bead {} at {place}, {time}", turn.bead)
-        })
-        .collect();
-    let mut rows = vec![
-        ("beads", listed.join(", ")),
-        ("events", format!("{event_count}, {}", counted(turns.len() as u64, "turning point"))),
-    ];
-    rows.extend(shown.into_iter().map(|turn| ("turns", turn)));
+    let shown = turns.iter().take(8).map(|turn| {
+        let (place, time) = (display::quantity(turn.u_m, "m"), display::quantity(turn.time_s, "s"));
+        format!("bead {} at {place}, {time}", turn.bead)
+    });
+    let mut rows = Rows::default();
+    rows.add("beads", listed.join(", "));
+    rows.add("events", format_args!("{event_count}, {}", counted(turns.len() as u64, "turning point")));
+    rows.each("turns", shown);
     rows
 }
 
