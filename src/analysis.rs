@@ -348,6 +348,12 @@ pub(crate) fn check_beads(manifest: &RunManifest, asked: Option<BeadRange>) -> R
 /// The frame, step and time with which every row of a table begins.
 pub(crate) const ROW_HEAD: [&str; 3] = ["frame", "step", "time_s"];
 
+/// The table `path` with these columns, if it is asked for.
+pub(crate) fn table(path: Option<&PathBuf>, columns: &[&str], force: bool) -> Result<Option<Table>, Failure> {
+    let columns: Vec<_> = columns.iter().map(|name| (*name).to_owned()).collect();
+    Ok(path.map(|path| Table::create(path, &columns, force)).transpose()?)
+}
+
 /// Begins a row of `table`.
 pub(crate) fn begin_row(table: &mut Table, frame: &Frame<'_>) {
     table.integer(frame.frame).integer(frame.step).double(frame.time_s);
@@ -367,9 +373,8 @@ impl ResultRows {
         published: &ResultColumns,
         out: Option<&PathBuf>,
     ) -> Result<Self, Failure> {
-        let columns: Vec<_> =
-            ROW_HEAD.into_iter().chain(published.names.split(',')).map(str::to_owned).collect();
-        let table = out.map(|path| Table::create(path, &columns, session.args.force)).transpose()?;
+        let columns: Vec<_> = ROW_HEAD.into_iter().chain(published.names.split(',')).collect();
+        let table = table(out, &columns, session.args.force)?;
         Ok(Self { table, publisher: session.results(topic, published)? })
     }
 
@@ -378,11 +383,7 @@ impl ResultRows {
         if let Some(table) = &mut self.table {
             begin_row(table, frame);
             for value in row {
-                if value.is_nan() {
-                    table.empty()
-                } else {
-                    table.double(*value)
-                };
+                table.optional(Some(*value).filter(|value| !value.is_nan()));
             }
             table.end_row()?;
         }

@@ -1,7 +1,7 @@
 //! `beadline contacts`.
 
 use crate::analysis::{
-    AnalysisError, ROW_HEAD, Session, begin_row, check_flags, check_publishing, draw, finish, publish,
+    self, AnalysisError, ROW_HEAD, Session, begin_row, check_flags, check_publishing, draw, finish, publish,
 };
 use crate::args::ContactsArgs;
 use crate::display::{self, count};
@@ -77,14 +77,13 @@ pub(crate) fn contacts(args: &ContactsArgs) -> Result<Done, Failure> {
     let tolerance_m = tolerance_m(args, &manifest)?;
     let contact_count = manifest.contact_count();
     let drawn = !args.common.figure.is_empty();
-    let columns: Vec<_> =
-        ROW_HEAD.iter().chain(&ContactCounts::COLUMNS).map(|name| (*name).to_owned()).collect();
+    let columns = [&ROW_HEAD[..], &ContactCounts::COLUMNS].concat();
     let force = args.common.frames.force;
     let published = ResultColumns::contacts(contact_count, tolerance_m);
     let mut outputs = Outputs {
         contacts: Contacts::new(&manifest, tolerance_m),
         picture: drawn.then(|| Picture::new(Extent { places: 0..contact_count, steps: session.steps() })),
-        table: table.map(|path| Table::create(path, &columns, force)).transpose()?,
+        table: analysis::table(table, &columns, force)?,
         map: map
             .map(|path| {
                 ContactsWriter::create(path, &manifest, &WriteOptions { force, ..WriteOptions::default() })

@@ -1,6 +1,6 @@
 //! `beadline deformation`.
 
-use crate::analysis::{AnalysisError, Session, draw};
+use crate::analysis::{AnalysisError, Session, draw, table};
 use crate::args::DeformationArgs;
 use crate::display;
 use crate::failure::{Done, Failure};
@@ -46,9 +46,8 @@ pub(crate) fn deformation(args: &DeformationArgs) -> Result<Done, Failure> {
     let mut session = Session::open(&args.common, "deformation", &tables)?;
     let manifest = session.manifest().clone();
     check_contacts(&manifest, &args.contact)?;
-    let columns = ["contact", "time_s", "overlap_m", "exact_m", "continuum_m"].map(str::to_owned);
-    let table =
-        args.out.as_ref().map(|path| Table::create(path, &columns, args.common.frames.force)).transpose()?;
+    let columns = ["contact", "time_s", "overlap_m", "exact_m", "continuum_m"];
+    let table = table(args.out.as_ref(), &columns, args.common.frames.force)?;
     let mut look = Look {
         deformations: Deformations::new(&manifest, &args.contact),
         summarizer: Summarizer::new(&manifest.physics),
@@ -106,10 +105,7 @@ fn write(table: &mut Table, deformation: &Deformation) -> Result<(), TableError>
     for sample in &deformation.samples {
         table.integer(deformation.contact).double(sample.time_s).double(sample.overlap_m);
         for theory in [&deformation.exact, &deformation.continuum] {
-            match theory {
-                Ok(theory) => table.double(theory.overlap_m(sample.time_s)),
-                Err(_) => table.empty(),
-            };
+            table.optional(theory.as_ref().ok().map(|theory| theory.overlap_m(sample.time_s)));
         }
         table.end_row()?;
     }

@@ -1,6 +1,6 @@
 //! `beadline impurity`.
 
-use crate::analysis::{AnalysisError, ResultRows, Session, check_bead, draw};
+use crate::analysis::{AnalysisError, ResultRows, Session, check_bead, draw, table};
 use crate::args::ImpurityArgs;
 use crate::display::{self, counted};
 use crate::failure::{Done, Failure};
@@ -15,7 +15,6 @@ use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use schemas::results::{ResultColumns, Topic};
 use serde_json::{Value, json};
-use std::path::PathBuf;
 
 /// Events kept for the summary and the figure; the table has all of them.
 const MAX_EVENTS: usize = 10_000;
@@ -69,14 +68,13 @@ pub(crate) fn impurity(args: &ImpurityArgs) -> Result<Done, Failure> {
     let manifest = session.manifest().clone();
     let beads = beads(args, &manifest)?;
     let published = ResultColumns::motion(&beads);
-    let event_columns = ["time_s", "bead", "event", "u_m"].map(str::to_owned);
-    let create = |path: &PathBuf| Table::create(path, &event_columns, args.common.frames.force);
+    let event_columns = ["time_s", "bead", "event", "u_m"];
     let mut outputs = Outputs {
         followed: Followed::new(&manifest, &beads),
         curves: vec![Series::default(); if args.common.figure.is_empty() { 0 } else { beads.len() }],
         events: Vec::new(),
         event_count: 0,
-        event_table: args.events.as_ref().map(create).transpose()?,
+        event_table: table(args.events.as_ref(), &event_columns, args.common.frames.force)?,
         rows: ResultRows::open(&session, Topic::Impurity, &published, args.out.as_ref())?,
         row: Vec::with_capacity(published.width),
     };

@@ -1,6 +1,6 @@
 //! `beadline pulses`.
 
-use crate::analysis::{AnalysisError, Session, draw, finish, publish};
+use crate::analysis::{AnalysisError, Session, draw, finish, publish, table};
 use crate::args::{AnalysisArgs, PulsesArgs};
 use crate::display::{self, count, counted};
 use crate::failure::{BadInput, Done, Failure};
@@ -176,14 +176,9 @@ fn counts_text(counts: &Counts, threshold_m_s: f64) -> String {
 
 impl Tables {
     fn create(args: &PulsesArgs) -> Result<Self, Failure> {
-        let create = |path, names: &[&str]| {
-            let columns: Vec<_> = names.iter().map(|name| (*name).to_owned()).collect();
-            Table::create(path, &columns, args.common.frames.force)
-        };
-        Ok(Self {
-            pulses: args.out.as_ref().map(|path| create(path, &PULSE_COLUMNS)).transpose()?,
-            points: args.positions.as_ref().map(|path| create(path, &POINT_COLUMNS)).transpose()?,
-        })
+        let force = args.common.frames.force;
+        let pulses = table(args.out.as_ref(), &PULSE_COLUMNS, force)?;
+        Ok(Self { pulses, points: table(args.positions.as_ref(), &POINT_COLUMNS, force)? })
     }
 
     fn write(&mut self, happening: &Happening) -> Result<(), AnalysisError> {
@@ -211,24 +206,15 @@ fn write_pulse(table: &mut Table, pulse: &Pulse) -> Result<(), AnalysisError> {
     table.double(pulse.end_time_s).integer(pulse.end_bead).word(pulse.fate.as_str());
     table.integer(pulse.bead_count);
     write_point(table, &pulse.measured.point);
-    optional(table, pulse.speed_over_solitary);
-    optional(table, pulse.fwhm_over_solitary);
+    table.optional(pulse.speed_over_solitary).optional(pulse.fwhm_over_solitary);
     table.double(pulse.measured.momentum_kg_m_s).double(pulse.measured.energy_j);
     Ok(table.end_row()?)
 }
 
 fn write_point(table: &mut Table, point: &Point) {
-    table.integer(point.bead).double(point.time_s).double(point.v_peak_m_s);
-    optional(table, point.speed_beads_per_s);
-    optional(table, point.shape.map(|shape| shape.fwhm_beads));
-    optional(table, point.shape.map(|shape| shape.asymmetry));
-}
-
-fn optional(table: &mut Table, value: Option<f64>) {
-    match value {
-        Some(value) => table.double(value),
-        None => table.empty(),
-    };
+    table.integer(point.bead).double(point.time_s).double(point.v_peak_m_s).optional(point.speed_beads_per_s);
+    table.optional(point.shape.map(|shape| shape.fwhm_beads));
+    table.optional(point.shape.map(|shape| shape.asymmetry));
 }
 
 /// The strongest pulses under way, in the order of their numbers.
