@@ -56,7 +56,7 @@ fn text(info: &RecordingInfo, is_being_written: bool) -> String {
     let particulars = physics.particulars();
     let time = info.time_range_s().map_or("none".to_owned(), |(first, last)| {
         let every = match provenance.record_every_steps {
-            steps if steps > 1 && info.frames() != last_steps(info) + 1 => {
+            steps if steps != 1 && info.frames() != last_steps(info) + 1 => {
                 format!("every {} steps", count(steps))
             }
             _ => "every step".to_owned(),
