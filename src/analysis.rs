@@ -6,18 +6,20 @@ use crate::failure::{BadInput as _, Done, Failure};
 use crate::frames::{Frames, FramesError, is_of_a_file};
 use crate::outputs::check_outputs;
 use crate::progress::Progress;
+use crate::report::{Rows, report};
 use crate::signals;
-use anyhow::{Error, anyhow};
+use anyhow::Error;
 use bus::{Bus, ResultElement, ResultPublisher, ResultsError, StreamId};
 use consumers::follow::{Analysis, FollowError, Tally, follow_within};
 use consumers::table::{Table, TableError};
 use figure::Figure;
 use recording::WriteError;
 use schemas::frame::{EndReason, Frame, FrameSource, Window};
-use schemas::manifest::RunManifest;
+use schemas::manifest::{Provenance, RunManifest};
 use schemas::results::{ResultColumns, Topic};
 use schemas::whole_file::is_being_written;
-use serde_json::{Map, Value, json};
+use serde::Serialize;
+use serde_json::json;
 use source::{Named, Source, SourceError};
 use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
@@ -116,7 +118,7 @@ impl<'a> Session<'a> {
         match ResultPublisher::create(bus, run, topic, *stream, columns, Arc::clone(&self.stop)) {
             Ok(publisher) => Ok(Some(publisher)),
             Err(error @ (ResultsError::AlreadyPublished { .. } | ResultsError::OtherColumns { .. })) => {
-                display::notice(format_args!("{error}: these results are not published"));
+                notice!("{error}: these results are not published");
                 Ok(None)
             }
             Err(error) => Err(error.into()),
@@ -146,7 +148,7 @@ impl<'a> Session<'a> {
             Ok(()) => Ok(tally),
             // results before the damage are kept, as with a file that was cut short
             Err(FollowError::Source(error)) if is_of_a_file(&error) && tally.frame_count > 0 => {
-                display::notice(format_args!("{:#}", Error::new(error)));
+                notice!("{:#}", Error::new(error));
                 Ok(tally)
             }
             Err(FollowError::Source(error @ FramesError::Source(SourceError::File(_)))) => {
@@ -162,82 +164,69 @@ impl<'a> Session<'a> {
         &self,
         tally: &Tally,
         title: &str,
-        rows: Vec<(&str, String)>,
-        results: Value,
+        rows: Rows,
+        results: impl Serialize,
     ) -> Result<Done, Failure> {
-        if self.args.json {
-            display::print_json(&self.json(tally, results))?;
-        } else {
-            let mut all = vec![("frames", frames_text(tally))];
-            all.extend(rows);
-            all.extend(self.figures.iter().map(|path| ("figure", path.display().to_string())));
-            let name = &self.manifest().provenance.name;
+        let Provenance { name, run_id, .. } = &self.manifest().provenance;
+        let all = json!({
+            "run": name,
+            "run_id": run_id,
+            "frames_received": tally.frame_count,
+            "frames_missed": tally.missed_count,
+            "first_frame": tally.first_frame,
+            "last_frame": tally.last_frame,
+            "end": display::end_word(tally.end, tally.ended_as_asked),
+            "figures": self.figures,
+            "results": results,
+        });
+        report(self.args.json, &all, || {
+            let mut all = Rows::default();
+            all.add("frames", frames_text(tally));
+            all.append(rows);
+            all.each("figure", self.figures.iter().map(|path| path.display()));
             let Window { from_s, until_s } = self.window;
             let end = match tally.ended_as_asked {
                 true if from_s == until_s => format!("at {}", display::quantity(from_s, "s")),
                 as_asked => display::end(tally.end, as_asked.then_some(until_s)),
             };
-            display::print(display::rows(&format!("{title} of {name} ({end})"), &all))?;
-        }
+            all.under(format_args!("{title} of {name} ({end})"))
+        })?;
         self.warn(tally);
         Ok(Done::whole_if(tally.end.is_orderly() && tally.missed_count == 0))
     }
 
-    fn json(&self, tally: &Tally, results: Value) -> Value {
-        let provenance = &self.manifest().provenance;
-        let mut all = Map::new();
-        all.insert("run".into(), json!(provenance.name));
-        all.insert("run_id".into(), json!(provenance.run_id));
-        all.insert("frames_received".into(), json!(tally.frame_count));
-        all.insert("frames_missed".into(), json!(tally.missed_count));
-        all.insert("first_frame".into(), json!(tally.first_frame));
-        all.insert("last_frame".into(), json!(tally.last_frame));
-        all.insert("end".into(), json!(display::end_word(tally.end, tally.ended_as_asked)));
-        all.insert("figures".into(), json!(self.figures));
-        all.insert("results".into(), results);
-        Value::Object(all)
-    }
-
     fn warn(&self, tally: &Tally) {
         if tally.frame_count == 0 && self.window != Window::WHOLE {
-            display::notice(
+            notice!(
                 "there is no frame between --from and --until; --every-step recomputes the steps between frames",
             );
         }
         if tally.missed_count > 0 {
             let missed = counted(tally.missed_count, "published frame");
-            display::notice(format_args!("{missed} did not arrive"));
+            notice!("{missed} did not arrive");
         }
         match tally.end {
             EndReason::ProducerLost => {
-                display::notice("the producer is gone without a word; results end there");
+                notice!("the producer is gone without a word; results end there");
             }
             EndReason::Dropped => display::notice(
                 "the producer dropped this consumer because it held the run back for too long; \
                  use --latest, or a longer --stall-timeout of `beadline run`",
             ),
             EndReason::Stopped if self.live.is_none() => {
-                display::notice("stopped: results end before the recording does");
+                notice!("stopped: results end before the recording does");
             }
-            EndReason::Stopped => display::notice("stopped: results end here, the run goes on"),
+            EndReason::Stopped => notice!("stopped: results end here, the run goes on"),
             end => notice_of_end(end, self.args.source.file(), "results"),
         }
         let from = self.manifest().physics.step_at_or_after(self.window.from_s);
         let due = from.div_ceil(self.manifest().provenance.publish_every_steps);
-        let first = tally.first_frame.filter(|first| *first > due);
-        if let Some(first) = first
-            && due == 0
-            && self.live.is_none()
-            && tally.missed_count == 0
-        {
-            let first = count(first);
-            display::notice(format_args!("the recording begins with frame {first}, and so do the results"));
-        }
-        if let Some(first) = first
-            && self.live.is_some()
-        {
-            let first = count(first);
-            display::notice(format_args!("attached to a run under way: results begin with frame {first}"));
+        let Some(first) = tally.first_frame.filter(|first| *first > due) else { return };
+        let first = count(first);
+        if self.live.is_some() {
+            notice!("attached to a run under way: results begin with frame {first}");
+        } else if due == 0 && tally.missed_count == 0 {
+            notice!("the recording begins with frame {first}, and so do the results");
         }
     }
 }
@@ -245,18 +234,16 @@ impl<'a> Session<'a> {
 /// Says what the end of the run or recording `source` means for the things `made` from it, such as results.
 pub(crate) fn notice_of_end(end: EndReason, recording: Option<&Path>, made: &str) {
     match end {
-        EndReason::Failed => display::notice(format_args!("the run failed; {made} end at its last frame")),
+        EndReason::Failed => notice!("the run failed; {made} end at its last frame"),
         EndReason::Unfinished if recording.is_some_and(is_being_written) => {
-            display::notice(format_args!("the recording is being written; {made} end where it did"));
+            notice!("the recording is being written; {made} end where it did");
         }
-        EndReason::Unfinished => display::notice(format_args!(
-            "the recording was not finished, or is damaged; {made} end where it does"
-        )),
-        EndReason::Continued => display::notice("the recording goes on in its next part"),
+        EndReason::Unfinished => {
+            notice!("the recording was not finished, or is damaged; {made} end where it does");
+        }
+        EndReason::Continued => notice!("the recording goes on in its next part"),
         EndReason::Detached => {
-            display::notice(format_args!(
-                "the recorder left the run before its end; {made} end where it did"
-            ));
+            notice!("the recorder left the run before its end; {made} end where it did");
         }
         EndReason::Complete
         | EndReason::Interrupted
@@ -279,9 +266,7 @@ pub(crate) fn check_flags(args: &FramesArgs) -> Result<(), Failure> {
         Named::Live(_) => (&of_recordings[..], "a live run"),
     };
     match flags.iter().find(|(_, is_given, _)| *is_given) {
-        Some((flag, _, what_for)) => {
-            Err(Failure::BadInput(anyhow!("{flag} {what_for}; {} is {found}", args.source)))
-        }
+        Some((flag, _, what_for)) => Err(bad_input!("{flag} {what_for}; {} is {found}", args.source)),
         None => Ok(()),
     }
 }
@@ -290,9 +275,9 @@ pub(crate) fn check_flags(args: &FramesArgs) -> Result<(), Failure> {
 pub(crate) fn check_publishing(args: &AnalysisArgs) -> Result<(), Failure> {
     let source = &args.frames.source;
     match source {
-        Named::File(_) if args.no_publish => Err(Failure::BadInput(anyhow!(
-            "--no-publish keeps results of a live run off the bus; {source} is a recording"
-        ))),
+        Named::File(_) if args.no_publish => {
+            Err(bad_input!("--no-publish keeps results of a live run off the bus; {source} is a recording"))
+        }
         _ => Ok(()),
     }
 }
@@ -301,7 +286,7 @@ pub(crate) fn check_publishing(args: &AnalysisArgs) -> Result<(), Failure> {
 pub(crate) fn window(from_s: f64, until_s: Option<f64>, manifest: &RunManifest) -> Result<Window, Failure> {
     let window = Window { from_s, until_s: until_s.unwrap_or(f64::INFINITY) };
     let end_s = manifest.physics.time_s(manifest.physics.step_count);
-    let refuse = |what: String| Err(Failure::BadInput(anyhow!("--from {}: {what}", window.from_s)));
+    let refuse = |what: String| Err(bad_input!("--from {}: {what}", window.from_s));
     if window.from_s > window.until_s {
         return refuse(format!("expected a time before --until {}", window.until_s));
     }
@@ -340,8 +325,7 @@ pub(crate) fn check_bead(manifest: &RunManifest, flag: &str, bead: u64) -> Resul
     if bead < beads {
         return Ok(bead);
     }
-    let message = format!("{flag} {bead}: the chain has beads 0 to {}", beads - 1);
-    Err(Failure::BadInput(anyhow!(message)))
+    Err(bad_input!("{flag} {bead}: the chain has beads 0 to {}", beads - 1))
 }
 
 /// The beads that are asked for.
@@ -350,7 +334,7 @@ pub(crate) fn check_beads(manifest: &RunManifest, asked: Option<BeadRange>) -> R
     let (from, to) = asked.map_or((0, count), |range| (range.from.unwrap_or(0), range.to.unwrap_or(count)));
     let refuse = |what: &str| {
         let last = count - 1;
-        Err(Failure::BadInput(anyhow!("--beads {from}..{to}: {what}; the chain has beads 0 to {last}")))
+        Err(bad_input!("--beads {from}..{to}: {what}; the chain has beads 0 to {last}"))
     };
     if from >= to {
         return refuse("expected at least one bead");
@@ -364,18 +348,24 @@ pub(crate) fn check_beads(manifest: &RunManifest, asked: Option<BeadRange>) -> R
 /// The frame, step and time with which every row of a table begins.
 pub(crate) const ROW_HEAD: [&str; 3] = ["frame", "step", "time_s"];
 
+/// The table `path` with these columns, if it is asked for.
+pub(crate) fn table(path: Option<&PathBuf>, columns: &[&str], force: bool) -> Result<Option<Table>, Failure> {
+    let columns: Vec<_> = columns.iter().map(|name| (*name).to_owned()).collect();
+    Ok(path.map(|path| Table::create(path, &columns, force)).transpose()?)
+}
+
 /// Begins a row of `table`.
 pub(crate) fn begin_row(table: &mut Table, frame: &Frame<'_>) {
     table.integer(frame.frame).integer(frame.step).double(frame.time_s);
 }
 
 /// Where the rows of an analysis go whose results are numbers with names: a table and the bus.
-pub(crate) struct Rows {
+pub(crate) struct ResultRows {
     table: Option<Table>,
     publisher: Option<ResultPublisher<f64>>,
 }
 
-impl Rows {
+impl ResultRows {
     /// Rows of these columns, as results on `topic`, and in the table `out`.
     pub(crate) fn open(
         session: &Session<'_>,
@@ -383,9 +373,8 @@ impl Rows {
         published: &ResultColumns,
         out: Option<&PathBuf>,
     ) -> Result<Self, Failure> {
-        let columns: Vec<_> =
-            ROW_HEAD.into_iter().chain(published.names.split(',')).map(str::to_owned).collect();
-        let table = out.map(|path| Table::create(path, &columns, session.args.force)).transpose()?;
+        let columns: Vec<_> = ROW_HEAD.into_iter().chain(published.names.split(',')).collect();
+        let table = table(out, &columns, session.args.force)?;
         Ok(Self { table, publisher: session.results(topic, published)? })
     }
 
@@ -394,11 +383,7 @@ impl Rows {
         if let Some(table) = &mut self.table {
             begin_row(table, frame);
             for value in row {
-                if value.is_nan() {
-                    table.empty()
-                } else {
-                    table.double(*value)
-                };
+                table.optional(Some(*value).filter(|value| !value.is_nan()));
             }
             table.end_row()?;
         }

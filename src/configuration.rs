@@ -1,7 +1,6 @@
 //! From the flags of `run` to a manifest.
 
 use crate::args::{CheckArgs, Overrides, RunArgs};
-use crate::display;
 use crate::failure::{BadInput, Failure};
 use crate::time_step::{self, TimeStep};
 use anyhow::{Context, anyhow};
@@ -91,7 +90,7 @@ pub(crate) fn configure<'a>(args: impl Into<Asked<'a>>) -> Result<Configured, Fa
     if let (None, Some(path), Some(stem)) = (&config.name, &args.config, &stem) {
         let name = &manifest.provenance.name;
         if name.as_str() != stem.as_ref() {
-            display::notice(format_args!("{}: the run is called {name}", path.display()));
+            notice!("{}: the run is called {name}", path.display());
         }
     }
     let toml = if config == written { text } else { overridden(args, &config, chosen.as_deref()) };

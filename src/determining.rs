@@ -102,14 +102,6 @@ pub(crate) fn explanation(physics: &Physics, outcome: &Outcome) -> String {
 pub(crate) fn json(physics: &Physics, outcome: &Outcome) -> Value {
     let lost = outcome.first_lost();
     let quantities = outcome.quantities.iter().map(|each| {
-        let course = |course: consumers::determination::Course| {
-            json!({
-                "until_s": course.until_s,
-                "at_end": course.at_end,
-                "worst": course.worst,
-                "worst_at_s": course.worst_at_s,
-            })
-        };
         let digits = |error| (!each.quantity.is_count()).then(|| digits(error));
         json!({
             "quantity": each.quantity.as_str(),
@@ -119,8 +111,8 @@ pub(crate) fn json(physics: &Physics, outcome: &Outcome) -> Value {
             "bounded_by": each.bound.map(Bound::as_str),
             "digits_at_end": digits(each.at_end()),
             "digits_at_worst": digits(each.worst()),
-            "step": course(each.step),
-            "rounding": course(each.rounding),
+            "step": each.step,
+            "rounding": each.rounding,
         })
     });
     json!({

@@ -14,6 +14,11 @@ use std::fmt::{Display, Write as _};
 use std::io::{self, Write as _};
 use std::os::fd::AsFd;
 
+/// Prints a notice or a warning on stderr, formatted as by `format!`.
+macro_rules! notice {
+    ($($text:tt)*) => { $crate::display::notice(format_args!($($text)*)) };
+}
+
 /// Prints a notice or a warning on stderr.
 pub(crate) fn notice(text: impl Display) {
     // a closed stderr is no reason to fail
@@ -54,10 +59,10 @@ fn printable_json(json: &str) -> String {
     printable
 }
 
-/// Prints a value as one line of JSON on stderr.
-pub(crate) fn tell_json(value: &serde_json::Value) {
+/// Prints a line of JSON on stderr.
+pub(crate) fn tell_json(line: &str) {
     // a closed stderr is no reason to fail
-    let _ = writeln!(io::stderr(), "{}", printable_json(&value.to_string()));
+    let _ = writeln!(io::stderr(), "{}", printable_json(line));
 }
 
 /// Says so if a manifest was written by a later version than this program's.
@@ -189,12 +194,12 @@ pub(crate) fn end_word(reason: EndReason, as_asked: bool) -> &'static str {
 }
 
 /// Rows of a name and a value, aligned.
-pub(crate) fn rows(title: &str, rows: &[(&str, String)]) -> String {
-    let width = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
+pub(crate) fn rows<N: AsRef<str>>(title: &str, rows: &[(N, String)]) -> String {
+    let width = rows.iter().map(|(name, _)| name.as_ref().chars().count()).max().unwrap_or(0);
     let mut text = format!("{title}\n");
     for (name, value) in rows {
         // writing to a String cannot fail
-        let _ = writeln!(text, "  {name:width$}  {value}");
+        let _ = writeln!(text, "  {:width$}  {value}", name.as_ref());
     }
     text
 }

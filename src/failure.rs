@@ -44,6 +44,11 @@ impl<E: Into<Error>> From<E> for Failure {
     }
 }
 
+/// A [`Failure::BadInput`] with this message.
+macro_rules! bad_input {
+    ($($message:tt)*) => { $crate::failure::Failure::BadInput(anyhow::anyhow!($($message)*)) };
+}
+
 /// Marks errors of the user's input.
 pub(crate) trait BadInput<T> {
     /// An error becomes [`Failure::BadInput`].
@@ -87,8 +92,8 @@ pub(crate) fn exit(result: Result<Done, Failure>, form: Form) -> ExitCode {
     };
     let causes: Vec<String> = error.chain().skip(1).map(ToString::to_string).collect();
     match form {
-        Form::Words => display::notice(format_args!("{error:#}")),
-        Form::Json => tell_json(&error.to_string(), &causes, code),
+        Form::Words => notice!("{error:#}"),
+        Form::Json => display::tell_json(&line(&error.to_string(), &causes, code)),
     }
     ExitCode::from(code)
 }
@@ -102,7 +107,7 @@ pub(crate) fn exit_of_usage(error: &clap::Error, form: Form) -> ! {
     // the first paragraph says what is wrong, the others how to write it
     let paragraphs: Vec<String> = text.split("\n\n").map(one_line).filter(|text| !text.is_empty()).collect();
     let message = paragraphs.first().map_or("", |text| text.strip_prefix("error: ").unwrap_or(text));
-    tell_json(message, paragraphs.get(1..).unwrap_or_default(), 2);
+    display::tell_json(&line(message, paragraphs.get(1..).unwrap_or_default(), 2));
     std::process::exit(2);
 }
 
@@ -110,9 +115,9 @@ fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// One line on stderr, the last one there.
-fn tell_json(message: &str, causes: &[String], code: u8) {
-    display::tell_json(&json!({ "error": { "message": message, "causes": causes, "exit_code": code } }));
+/// A failure in one line, for programs.
+pub(crate) fn line(message: &str, causes: &[String], code: u8) -> String {
+    json!({ "error": { "message": message, "causes": causes, "exit_code": code } }).to_string()
 }
 
 /// A bug of ours or of a library, reported like any failure.

@@ -3,7 +3,6 @@
 use crate::args::Pace;
 use crate::display;
 use crate::failure::Failure;
-use anyhow::anyhow;
 use producer::step_time::step_time_s;
 use schemas::manifest::{Physics, RunManifest};
 use std::io::{self, BufRead, IsTerminal, Write};
@@ -81,10 +80,10 @@ impl Forecast {
         match self.verdict(yes, is_terminal) {
             Verdict::GoOn => Ok(()),
             Verdict::Ask if is_yes(&mut io::stdin().lock()) => Ok(()),
-            Verdict::Ask => Err(Failure::BadInput(anyhow!("not begun; --yes begins without a question"))),
-            Verdict::Refuse => Err(Failure::BadInput(anyhow!(
+            Verdict::Ask => Err(bad_input!("not begun; --yes begins without a question")),
+            Verdict::Refuse => Err(bad_input!(
                 "{takes}, which looks like a mistake; take a shorter duration or fewer beads, or say --yes"
-            ))),
+            )),
         }
     }
 

@@ -1,9 +1,7 @@
 //! Where an analysis gets its frames from, as the user names it.
 
 use crate::args::FramesArgs;
-use crate::display;
 use crate::failure::{BadInput, Failure};
-use anyhow::anyhow;
 use bus::{AttachError, AttachNotice, AttachOptions, Bus, Delivery, LiveSource};
 use producer::resimulation::{Lend, ParallelResimulation, Resimulation, ResimulationError};
 use schemas::frame::{EndReason, FrameSource, Received};
@@ -128,14 +126,14 @@ pub(crate) fn attach(
 pub(crate) fn tell(notice: &AttachNotice) {
     match notice {
         AttachNotice::WaitingForRun { name: Some(name) } => {
-            display::notice(format_args!("waiting for the run {name}"));
+            notice!("waiting for the run {name}");
         }
         AttachNotice::WaitingForRun { name: None } => {
-            display::notice("waiting for a run; start one with `beadline run`");
+            notice!("waiting for a run; start one with `beadline run`");
         }
         AttachNotice::Joining { .. } => {}
         AttachNotice::WaitingForAnswer { name } => {
-            display::notice(format_args!("the run {name} does not answer yet: a consumer holds it back"));
+            notice!("the run {name} does not answer yet: a consumer holds it back");
         }
     }
 }
@@ -150,7 +148,7 @@ pub(crate) fn attach_with(
     match LiveSource::attach(bus, name, delivery, options) {
         Ok(live) => Ok(live),
         Err(error @ AttachError::SeveralRuns { .. }) => {
-            Err(Failure::BadInput(anyhow!("{error}, as in `beadline {} live:NAME`", options.label)))
+            Err(bad_input!("{error}, as in `beadline {} live:NAME`", options.label))
         }
         Err(error) => Err(error.into()),
     }

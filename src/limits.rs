@@ -1,6 +1,6 @@
 //! What the system grants this process, and the messages when that is not enough.
 
-use crate::failure::Form;
+use crate::failure::{self, Form};
 use anyhow::Error;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use schemas::amounts::bytes;
@@ -55,10 +55,7 @@ pub(crate) fn prepare(form: Form) {
     let text = no_memory(limit);
     let line = match form {
         Form::Words => format!("beadline: {text}\n"),
-        Form::Json => {
-            let error = serde_json::json!({ "error": { "message": text, "causes": [], "exit_code": 1 } });
-            format!("{error}\n")
-        }
+        Form::Json => failure::line(&text, &[], 1) + "\n",
     };
     let end = move || {
         // whoever does not listen is not told

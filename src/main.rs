@@ -1,12 +1,15 @@
 //! The `beadline` command: parse, compose, print, exit codes. No physics, no formats.
 
+#[macro_use]
+mod display;
+#[macro_use]
+mod failure;
+
 mod analysis;
 mod args;
 mod commands;
 mod configuration;
 mod determining;
-mod display;
-mod failure;
 mod forecast;
 mod frames;
 mod keyboard;
@@ -15,6 +18,7 @@ mod outputs;
 mod pace;
 mod progress;
 mod publishing;
+mod report;
 mod resumption;
 mod signals;
 mod stage;

@@ -2,7 +2,7 @@
 
 use crate::args::{AnalysisArgs, FramesArgs, LookArgs};
 use crate::failure::{BadInput, Failure};
-use anyhow::{Context, anyhow};
+use anyhow::Context;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -19,10 +19,10 @@ pub(crate) fn check_figures(figures: &[PathBuf], look: LookArgs) -> Result<(), F
         check_extension(path, &["svg", "pdf", "png"], "a figure is written as .svg, .pdf or .png")?;
     }
     if figures.is_empty() && (look.size.is_some() || look.dpi.is_some()) {
-        return Err(anyhow!("--size and --dpi are for a figure; name one with --figure")).bad_input();
+        return Err(bad_input!("--size and --dpi are for a figure; name one with --figure"));
     }
     if look.dpi.is_some() && !figures.iter().any(|path| extension(path) == "png") {
-        return Err(anyhow!("--dpi is for PNG files; an SVG or a PDF has no resolution")).bad_input();
+        return Err(bad_input!("--dpi is for PNG files; an SVG or a PDF has no resolution"));
     }
     Ok(())
 }
@@ -31,7 +31,7 @@ pub(crate) fn check_figures(figures: &[PathBuf], look: LookArgs) -> Result<(), F
 pub(crate) fn check_places(outputs: &[&PathBuf], args: &FramesArgs) -> Result<(), Failure> {
     for (i, path) in outputs.iter().enumerate() {
         if outputs[..i].contains(path) {
-            return Err(anyhow!("{} is named for two outputs", path.display())).bad_input();
+            return Err(bad_input!("{} is named for two outputs", path.display()));
         }
         check_place(path, args.source.file(), args.force)?;
     }
@@ -54,14 +54,14 @@ fn check_extension(path: &Path, allowed: &[&str], rule: &str) -> Result<(), Fail
     if allowed.contains(&extension(path).as_str()) {
         return Ok(());
     }
-    Err(anyhow!("{}: {rule}", path.display())).bad_input()
+    Err(bad_input!("{}: {rule}", path.display()))
 }
 
 /// Refuses a path that is the source itself, that is taken, or that has no directory.
 pub(crate) fn check_place(path: &Path, source: Option<&Path>, force: bool) -> Result<(), Failure> {
     let resolved = |path: &Path| path.canonicalize().ok();
     if resolved(path).is_some_and(|path| Some(path) == source.and_then(resolved)) {
-        return Err(anyhow!("{} is the source itself", path.display())).bad_input();
+        return Err(bad_input!("{} is the source itself", path.display()));
     }
     check_free(path, force)
 }
@@ -69,13 +69,13 @@ pub(crate) fn check_place(path: &Path, source: Option<&Path>, force: bool) -> Re
 /// Refuses a path that is taken or that has no directory.
 pub(crate) fn check_free(path: &Path, force: bool) -> Result<(), Failure> {
     if path.exists() && !path.is_file() {
-        let message = format!("{} is no file that could be replaced; choose another name", path.display());
-        return Err(anyhow!(message)).bad_input();
+        return Err(bad_input!("{} is no file that could be replaced; choose another name", path.display()));
     }
     if path.exists() && !force {
-        let message =
-            format!("{} exists already; choose another name, or replace it with --force", path.display());
-        return Err(anyhow!(message)).bad_input();
+        return Err(bad_input!(
+            "{} exists already; choose another name, or replace it with --force",
+            path.display()
+        ));
     }
     check_directory(path)
 }
@@ -85,5 +85,5 @@ pub(crate) fn check_directory(path: &Path) -> Result<(), Failure> {
     let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let message = || format!("{}: its directory cannot be used", path.display());
     let found = fs::metadata(directory).with_context(message).bad_input()?;
-    if found.is_dir() { Ok(()) } else { Err(anyhow!("{}: not a directory", directory.display())).bad_input() }
+    if found.is_dir() { Ok(()) } else { Err(bad_input!("{}: not a directory", directory.display())) }
 }

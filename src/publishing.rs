@@ -2,7 +2,6 @@
 
 use crate::display::{self, counted, duration};
 use crate::failure::Failure;
-use anyhow::anyhow;
 use bus::{Bus, ConsumerEvent, PublishOptions, StatePublisher, WaitOutcome};
 use indicatif::ProgressBar;
 use schemas::manifest::RunManifest;
@@ -20,8 +19,7 @@ pub(crate) fn open(
     let publisher = publisher?;
     let most = publisher.max_consumers();
     if wait_for > most {
-        let message = format!("--wait-for {wait_for}: this run can have at most {most} consumers");
-        return Err(Failure::BadInput(anyhow!(message)));
+        return Err(bad_input!("--wait-for {wait_for}: this run can have at most {most} consumers"));
     }
     Ok(publisher)
 }
@@ -35,7 +33,7 @@ pub(crate) fn wait_for_consumers(
     if count == 0 {
         return Ok(true);
     }
-    display::notice(format_args!("waiting for {}", counted(count as u64, "lossless consumer")));
+    notice!("waiting for {}", counted(count as u64, "lossless consumer"));
     Ok(publisher.wait_for(count, stop, None)? == WaitOutcome::Ready)
 }
 
@@ -53,17 +51,17 @@ impl Dropped {
                 ConsumerEvent::Evicted { name, held } => {
                     let held = duration(held);
                     bar.suspend(|| {
-                        display::notice(format_args!("consumer {name} took nothing for {held} and was dropped"));
+                        notice!("consumer {name} took nothing for {held} and was dropped");
                     });
                     self.names.push(name);
                 }
                 ConsumerEvent::BusGone { root } => bar.suspend(|| {
-                    display::notice(format_args!(
+                    notice!(
                         "the bus directory {} was removed: consumers that are attached read on, but no other can \
                          attach to this run; if some are to, end the run and start it again, and set BEADLINE_ROOT \
                          to a directory that nothing cleans",
                         root.display()
-                    ));
+                    );
                 }),
                 ConsumerEvent::Joined { .. } | ConsumerEvent::CleanedUp { .. } => {}
             }

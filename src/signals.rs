@@ -1,6 +1,5 @@
 //! SIGINT, SIGTERM and SIGHUP ask for an orderly end; a second SIGINT or SIGTERM ends at once, and says what it leaves.
 
-use crate::display;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::{flag, low_level};
 use std::fs;
@@ -73,6 +72,6 @@ pub(crate) fn would_leave(what: String) {
 pub(crate) fn end_at_once() -> ! {
     let left = LEFT.lock().map(|left| left.clone()).unwrap_or_default();
     let left = if left.is_empty() { "nothing is left but .partial files, if any".to_owned() } else { left };
-    display::notice(format_args!("ended at once, by a second signal; {left}"));
+    notice!("ended at once, by a second signal; {left}");
     low_level::exit(1)
 }

@@ -59,7 +59,7 @@ impl Progress for Shown {
         self.0.finish_and_clear();
         let (dt, steps, error) = (seconds(pilot.dt_s), count(pilot.step_count), pilot.error);
         let extent = pilot.extent();
-        display::notice(format_args!("tried dt = {dt} ({steps} steps): max|ΔE/E| = {error:.1e} {extent}"));
+        notice!("tried dt = {dt} ({steps} steps): max|ΔE/E| = {error:.1e} {extent}");
     }
 }
 

@@ -17,9 +17,10 @@ use schemas::manifest::{Physics, RunManifest};
 use schemas::results::ENERGIES;
 use schemas::simd::{ordered_sum, vectorized};
 use schemas::summary::Drift;
+use serde::Serialize;
 
 /// Energies (J) of one frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct EnergyRow {
     /// Kinetic energy of all beads.
     pub kinetic_j: f64,

@@ -113,6 +113,11 @@ impl Table {
         self.cell(Cell::Empty)
     }
 
+    /// Adds a double to the current row, or an empty field.
+    pub fn optional(&mut self, value: Option<f64>) -> &mut Self {
+        self.cell(value.map_or(Cell::Empty, Cell::Double))
+    }
+
     /// Adds a value to the current row.
     pub fn cell(&mut self, cell: Cell) -> &mut Self {
         self.row.push(cell);

@@ -7,6 +7,7 @@ use crate::display;
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::{check_figures, check_place, check_tables, extension};
 use crate::progress::Progress;
+use crate::report::report;
 use crate::signals;
 use anyhow::anyhow;
 use consumers::determination::{Determination, Outcome, Quantity, verdict};
@@ -14,7 +15,6 @@ use consumers::table::Table;
 use experiments::compare::{Compared, compare};
 use recording::RecordingInfo;
 use schemas::manifest::RunManifest;
-use serde_json::Value;
 use std::path::Path;
 
 /// A run to be compared with its twins.
@@ -53,22 +53,18 @@ pub(crate) fn check(args: &CheckArgs) -> Result<Done, Failure> {
     }
     let name = &manifest.provenance.name;
     let differs = !stopped && subject.recorded_hash.is_some_and(|recorded| recorded != last_state_hash);
-    if args.json {
-        let mut all = json(physics, &outcome);
-        all["run"] = Value::from(name.as_str());
-        all["figures"] = serde_json::to_value(&args.figure)?;
-        display::print_json(&all)?;
-    } else {
+    let mut found = json(physics, &outcome);
+    found["run"] = name.as_str().into();
+    found["figures"] = serde_json::to_value(&args.figure)?;
+    report(args.json, &found, || {
         let title = format!("{name} is determined {}\n", verdict(physics, &outcome));
-        display::print(title + &table(physics, &outcome) + &explanation(physics, &outcome))?;
-    }
+        title + &table(physics, &outcome) + &explanation(physics, &outcome)
+    })?;
     if stopped {
-        display::notice("stopped before the end of the run; the rest was not compared");
+        notice!("stopped before the end of the run; the rest was not compared");
     }
     if differs {
-        display::notice(
-            "the last recorded state is not the one that this program computes; see `beadline verify`",
-        );
+        notice!("the last recorded state is not the one that this program computes; see `beadline verify`",);
     }
     Ok(Done::whole_if(is_whole(&outcome) && !stopped && !differs))
 }
@@ -87,9 +83,9 @@ fn subject(args: &CheckArgs) -> Result<Subject, Failure> {
     };
     if let Some(key) = replaced_key(&args.overrides) {
         let path = path.display();
-        let message =
-            format!("{path}: a recording has its {key} already; values are replaced in a CONFIG.toml");
-        return Err(anyhow!(message)).bad_input();
+        return Err(bad_input!(
+            "{path}: a recording has its {key} already; values are replaced in a CONFIG.toml"
+        ));
     }
     let info = RecordingInfo::read(path).bad_input()?;
     display::notice_of_version(&info.manifest);

@@ -1,13 +1,13 @@
 //! `beadline contacts`.
 
 use crate::analysis::{
-    AnalysisError, ROW_HEAD, Session, begin_row, check_flags, check_publishing, draw, finish, publish,
+    self, AnalysisError, ROW_HEAD, Session, begin_row, check_flags, check_publishing, draw, finish, publish,
 };
 use crate::args::ContactsArgs;
 use crate::display::{self, count};
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::check_outputs;
-use anyhow::anyhow;
+use crate::report::{Rows, report};
 use bus::ResultPublisher;
 use consumers::contacts::{Class, ContactCounts, Contacts, default_tolerance_m};
 use consumers::follow::Analysis;
@@ -15,7 +15,7 @@ use consumers::space_time::{Extent, Picture};
 use consumers::table::Table;
 use recording::{ContactsReader, ContactsRow, ContactsWriter, RecordingInfo, WriteOptions};
 use schemas::frame::Frame;
-use schemas::manifest::RunManifest;
+use schemas::manifest::{Provenance, RunManifest};
 use schemas::results::{ResultColumns, Topic};
 use serde_json::{Value, json};
 use source::Named;
@@ -77,14 +77,13 @@ pub(crate) fn contacts(args: &ContactsArgs) -> Result<Done, Failure> {
     let tolerance_m = tolerance_m(args, &manifest)?;
     let contact_count = manifest.contact_count();
     let drawn = !args.common.figure.is_empty();
-    let columns: Vec<_> =
-        ROW_HEAD.iter().chain(&ContactCounts::COLUMNS).map(|name| (*name).to_owned()).collect();
+    let columns = [&ROW_HEAD[..], &ContactCounts::COLUMNS].concat();
     let force = args.common.frames.force;
     let published = ResultColumns::contacts(contact_count, tolerance_m);
     let mut outputs = Outputs {
         contacts: Contacts::new(&manifest, tolerance_m),
         picture: drawn.then(|| Picture::new(Extent { places: 0..contact_count, steps: session.steps() })),
-        table: table.map(|path| Table::create(path, &columns, force)).transpose()?,
+        table: analysis::table(table, &columns, force)?,
         map: map
             .map(|path| {
                 ContactsWriter::create(path, &manifest, &WriteOptions { force, ..WriteOptions::default() })
@@ -114,8 +113,9 @@ fn is_contact_map(path: &Path) -> bool {
 /// Draws and counts a map that was kept.
 fn redraw(args: &ContactsArgs, mut map: ContactsReader) -> Result<Done, Failure> {
     if !args.out.is_empty() {
-        let message = "--out: the source is a map of contacts already; give the recording of the run instead";
-        return Err(anyhow!(message)).bad_input();
+        return Err(bad_input!(
+            "--out: the source is a map of contacts already; give the recording of the run instead"
+        ));
     }
     let common = &args.common;
     let of_states = [
@@ -128,9 +128,9 @@ fn redraw(args: &ContactsArgs, mut map: ContactsReader) -> Result<Done, Failure>
         ("--tolerance", args.tolerance.is_some()),
     ];
     if let Some((flag, _)) = of_states.iter().find(|(_, is_given)| *is_given) {
-        let message =
-            format!("{flag}: the source is a map of contacts; give the recording of the run instead");
-        return Err(anyhow!(message)).bad_input();
+        return Err(bad_input!(
+            "{flag}: the source is a map of contacts; give the recording of the run instead"
+        ));
     }
     check_outputs(common, &[])?;
     let manifest = map.manifest().clone();
@@ -145,32 +145,30 @@ fn redraw(args: &ContactsArgs, mut map: ContactsReader) -> Result<Done, Failure>
     }
     draw(&args.common, || Ok(plots::contact_map(&manifest, tolerance_m, &picture)?))?;
     let end = map.end_reason();
-    if args.common.frames.json {
-        display::print_json(&json!({
-            "run": manifest.provenance.name,
-            "run_id": manifest.provenance.run_id,
-            "rows": rows,
-            "end": end.as_str(),
-            "results": results(tolerance_m, &last),
-        }))?;
-    } else {
-        let mut all = vec![("frames", count(rows).to_string())];
-        all.extend(summary(tolerance_m, &last));
-        all.extend(args.common.figure.iter().map(|path| ("figure", path.display().to_string())));
-        display::print(display::rows(
-            &format!("map of contacts of {} ({end})", manifest.provenance.name),
-            &all,
-        ))?;
-    }
+    let Provenance { name, run_id, .. } = &manifest.provenance;
+    let found = json!({
+        "run": name,
+        "run_id": run_id,
+        "rows": rows,
+        "end": end.as_str(),
+        "results": results(tolerance_m, &last),
+    });
+    report(args.common.frames.json, &found, || {
+        let mut all = Rows::default();
+        all.add("frames", count(rows));
+        all.append(summary(tolerance_m, &last));
+        all.each("figure", args.common.figure.iter().map(|path| path.display()));
+        all.under(format_args!("map of contacts of {name} ({end})"))
+    })?;
     Ok(Done::whole_if(end.is_orderly()))
 }
 
-fn summary(tolerance_m: f64, last: &ContactCounts) -> Vec<(&'static str, String)> {
-    let counts = [last.compressed, last.touching, last.open].map(|number| count(number).to_string());
-    vec![
-        ("tolerance", display::quantity(tolerance_m, "m")),
-        ("last frame", format!("{} compressed, {} touching, {} open", counts[0], counts[1], counts[2])),
-    ]
+fn summary(tolerance_m: f64, last: &ContactCounts) -> Rows {
+    let [compressed, touching, open] = [last.compressed, last.touching, last.open].map(count);
+    let mut rows = Rows::default();
+    rows.add("tolerance", display::quantity(tolerance_m, "m"));
+    rows.add("last frame", format_args!("{compressed} compressed, {touching} touching, {open} open"));
+    rows
 }
 
 fn results(tolerance_m: f64, last: &ContactCounts) -> Value {
@@ -188,15 +186,14 @@ fn outputs(args: &ContactsArgs) -> Result<(Option<&PathBuf>, Option<&PathBuf>), 
             Some("csv" | "parquet") => &mut table,
             Some("mcap") => &mut map,
             _ => {
-                let message = format!(
+                return Err(bad_input!(
                     "--out {}: expected .csv or .parquet for counts, .mcap for the map",
                     path.display()
-                );
-                return Err(anyhow!(message)).bad_input();
+                ));
             }
         };
         if place.replace(path).is_some() {
-            return Err(anyhow!("--out {}: one table and one map at most", path.display())).bad_input();
+            return Err(bad_input!("--out {}: one table and one map at most", path.display()));
         }
     }
     Ok((table, map))
@@ -206,6 +203,6 @@ fn tolerance_m(args: &ContactsArgs, manifest: &RunManifest) -> Result<f64, Failu
     match args.tolerance {
         None => Ok(default_tolerance_m(manifest)),
         Some(tolerance_m) if tolerance_m >= 0.0 && tolerance_m.is_finite() => Ok(tolerance_m),
-        Some(other) => Err(anyhow!("--tolerance {other}: expected a length in m, 0 or more")).bad_input(),
+        Some(other) => Err(bad_input!("--tolerance {other}: expected a length in m, 0 or more")),
     }
 }

@@ -1,11 +1,11 @@
 //! `beadline deformation`.
 
-use crate::analysis::{AnalysisError, Session, draw};
+use crate::analysis::{AnalysisError, Session, draw, table};
 use crate::args::DeformationArgs;
 use crate::display;
 use crate::failure::{Done, Failure};
 use crate::outputs::check_tables;
-use anyhow::anyhow;
+use crate::report::Rows;
 use consumers::deformation::{Comparison, Deformation, Deformations, Shape};
 use consumers::follow::Analysis;
 use consumers::table::{Table, TableError};
@@ -46,9 +46,8 @@ pub(crate) fn deformation(args: &DeformationArgs) -> Result<Done, Failure> {
     let mut session = Session::open(&args.common, "deformation", &tables)?;
     let manifest = session.manifest().clone();
     check_contacts(&manifest, &args.contact)?;
-    let columns = ["contact", "time_s", "overlap_m", "exact_m", "continuum_m"].map(str::to_owned);
-    let table =
-        args.out.as_ref().map(|path| Table::create(path, &columns, args.common.frames.force)).transpose()?;
+    let columns = ["contact", "time_s", "overlap_m", "exact_m", "continuum_m"];
+    let table = table(args.out.as_ref(), &columns, args.common.frames.force)?;
     let mut look = Look {
         deformations: Deformations::new(&manifest, &args.contact),
         summarizer: Summarizer::new(&manifest.physics),
@@ -65,26 +64,24 @@ pub(crate) fn deformation(args: &DeformationArgs) -> Result<Done, Failure> {
     draw(&args.common, || Ok(plots::deformations(&manifest, &found)))?;
     let known = found.iter().map(|found| Known::new(found, &manifest, look.max_abs_drift));
     let known: Vec<Option<Known>> = known.collect();
-    let each = || found.iter().zip(&known);
-    let rows = each().flat_map(|(found, known)| rows(found, known.as_ref())).collect();
-    session.report(
-        &tally,
-        "deformation",
-        rows,
-        json!({ "contacts": each().map(|(found, known)| json(found, known.as_ref())).collect::<Vec<_>>() }),
-    )
+    let (mut rows, mut contacts) = (Rows::default(), Vec::new());
+    for (found, known) in found.iter().zip(&known) {
+        add_rows(&mut rows, found, known.as_ref());
+        contacts.push(json(found, known.as_ref()));
+    }
+    session.report(&tally, "deformation", rows, json!({ "contacts": contacts }))
 }
 
 /// Says so if so few frames hold the pulse that its shape is their interpolation.
 fn warn_of_coarse_frames(found: &[Deformation]) {
     for deformation in found {
         if let Some(samples) = samples_in_width(deformation).filter(|samples| *samples < LEAST_SAMPLES) {
-            display::notice(format_args!(
+            notice!(
                 "contact {}: {} of the frames show the upper half of the pulse, too few for its shape; record more often, or \
                  use --every-step",
                 deformation.contact,
                 display::count(samples)
-            ));
+            );
         }
     }
 }
@@ -99,10 +96,7 @@ fn check_contacts(manifest: &RunManifest, contacts: &[u64]) -> Result<(), Failur
     let last = manifest.physics.beads - 2;
     match contacts.iter().find(|contact| **contact > last) {
         None => Ok(()),
-        Some(contact) => {
-            let message = format!("--contact {contact}: the chain has contacts 0 to {last}");
-            Err(Failure::BadInput(anyhow!(message)))
-        }
+        Some(contact) => Err(bad_input!("--contact {contact}: the chain has contacts 0 to {last}")),
     }
 }
 
@@ -111,10 +105,7 @@ fn write(table: &mut Table, deformation: &Deformation) -> Result<(), TableError>
     for sample in &deformation.samples {
         table.integer(deformation.contact).double(sample.time_s).double(sample.overlap_m);
         for theory in [&deformation.exact, &deformation.continuum] {
-            match theory {
-                Ok(theory) => table.double(theory.overlap_m(sample.time_s)),
-                Err(_) => table.empty(),
-            };
+            table.optional(theory.as_ref().ok().map(|theory| theory.overlap_m(sample.time_s)));
         }
         table.end_row()?;
     }
@@ -159,31 +150,25 @@ impl Known {
     }
 }
 
-fn rows(deformation: &Deformation, known: Option<&Known>) -> Vec<(&'static str, String)> {
-    let mut rows = vec![("contact", deformation.contact.to_string())];
-    let Some(known) = known else {
-        rows.extend(deformation.measured.as_ref().err().map(|untold| ("first pulse", untold.to_string())));
-        return rows;
-    };
+fn add_rows(rows: &mut Rows, deformation: &Deformation, known: Option<&Known>) {
+    rows.add("contact", deformation.contact);
+    let Some(known) = known else { return rows.each("first pulse", deformation.measured.as_ref().err()) };
     let later = match deformation.later_pulse_count {
         0 => String::new(),
         count => format!("; {} more came later", display::count(count)),
     };
-    rows.push(("first pulse", format!("{} µm at {} ms{later}", known.overlap_m / 1e-6, known.peak_s / 1e-3)));
+    let (overlap, peak) = (known.overlap_m / 1e-6, known.peak_s / 1e-3);
+    rows.add("first pulse", format_args!("{overlap} µm at {peak} ms{later}"));
     let speed = known.speed_beads_per_s.map_or_else(String::new, |speed| format!(", {speed} beads/s"));
-    rows.push((
+    let Known { asymmetry, impulse_n_s, .. } = known;
+    let width = known.width_s / 1e-6;
+    rows.add(
         "measured",
-        format!(
-            "width {} µs, asymmetry {}, impulse {} N s{speed}",
-            known.width_s / 1e-6,
-            known.asymmetry,
-            known.impulse_n_s
-        ),
-    ));
+        format_args!("width {width} µs, asymmetry {asymmetry}, impulse {impulse_n_s} N s{speed}"),
+    );
     for (name, theory) in [("exact wave", &deformation.exact), ("continuum", &deformation.continuum)] {
-        rows.push((name, theory.as_ref().map_or_else(Clone::clone, |theory| theory_text(theory, known))));
+        rows.add(name, theory.as_ref().map_or_else(Clone::clone, |theory| theory_text(theory, known)));
     }
-    rows
 }
 
 fn theory_text(theory: &Comparison, known: &Known) -> String {

@@ -1,10 +1,11 @@
 //! `beadline energies`.
 
-use crate::analysis::{AnalysisError, Rows, Session, check_bead, draw};
+use crate::analysis::{AnalysisError, ResultRows, Session, check_bead, draw};
 use crate::args::EnergiesArgs;
 use crate::display::{self, count};
 use crate::failure::{Done, Failure};
 use crate::outputs::check_tables;
+use crate::report::Rows;
 use consumers::energies::{
     Energies, EnergyOutcome, EnergyRow, Moment, Reflected, Reflection, default_split_bead,
 };
@@ -20,7 +21,7 @@ struct Outputs {
     energies: Energies,
     /// Kept only for a figure.
     curves: Option<Series<{ EnergyRow::COLUMNS.len() }>>,
-    rows: Rows,
+    rows: ResultRows,
 }
 
 impl Analysis for Outputs {
@@ -47,7 +48,12 @@ pub(crate) fn energies(args: &EnergiesArgs) -> Result<Done, Failure> {
     let mut outputs = Outputs {
         energies: Energies::new(&manifest, split_bead),
         curves: (!args.common.figure.is_empty()).then(Series::default),
-        rows: Rows::open(&session, Topic::Energies, &ResultColumns::named(&ENERGIES), args.out.as_ref())?,
+        rows: ResultRows::open(
+            &session,
+            Topic::Energies,
+            &ResultColumns::named(&ENERGIES),
+            args.out.as_ref(),
+        )?,
     };
     let tally = session.follow(&mut outputs)?;
 
@@ -58,62 +64,56 @@ pub(crate) fn energies(args: &EnergiesArgs) -> Result<Done, Failure> {
         let reflection = outcome.and_then(|outcome| outcome.reflection.ok());
         draw(&args.common, || Ok(plots::energies(&manifest, split_bead, &curves, reflection.as_ref())))?;
     }
-    session.report(&tally, "energies", rows(outcome.as_ref()), json(outcome.as_ref()))
+    session.report(&tally, "energies", rows(outcome.as_ref()), outcome.as_ref().map(json))
 }
 
-fn rows(outcome: Option<&EnergyOutcome>) -> Vec<(&'static str, String)> {
-    let Some(outcome) = outcome else { return Vec::new() };
+fn rows(outcome: Option<&EnergyOutcome>) -> Rows {
+    let mut rows = Rows::default();
+    let Some(outcome) = outcome else { return rows };
     let last = &outcome.last;
     // one unit for all, so that they can be compared
     let (unit, one_j) = display::unit(last.total_j, "J");
     let energy = |energy_j: f64| Uncertain::new(energy_j, outcome.step_error_j()) / one_j;
     let total = energy(last.total_j);
-    let parts = [last.kinetic_j, last.potential_j].map(|energy_j| energy(energy_j).value_text());
-    let mut rows = vec![
-        ("split at bead", outcome.split_bead.to_string()),
-        ("total", format!("{total} {unit} (kinetic {}, potential {})", parts[0], parts[1])),
-        ("left", format!("{} {unit}", energy(last.left_j).value_text())),
-        ("split bead", format!("{} {unit}", energy(last.split_j).value_text())),
-        ("right", format!("{} {unit}", energy(last.right_j).value_text())),
-    ];
+    let text = |energy_j: f64| energy(energy_j).value_text();
+    let (kinetic, potential) = (text(last.kinetic_j), text(last.potential_j));
+    rows.add("split at bead", outcome.split_bead);
+    rows.add("total", format_args!("{total} {unit} (kinetic {kinetic}, potential {potential})"));
+    rows.add("left", format_args!("{} {unit}", text(last.left_j)));
+    rows.add("split bead", format_args!("{} {unit}", text(last.split_j)));
+    rows.add("right", format_args!("{} {unit}", text(last.right_j)));
     if last.dissipated_j != 0.0 {
-        rows.push(("dissipated", format!("{} {unit}", energy(last.dissipated_j).value_text())));
+        rows.add("dissipated", format_args!("{} {unit}", text(last.dissipated_j)));
     }
     match &outcome.reflection {
-        Ok(reflection) => rows.extend(reflection_rows(reflection, outcome.split_bead)),
-        Err(undefined) => rows.push(("reflected", undefined.to_string())),
+        Ok(reflection) => add_reflection(&mut rows, reflection, outcome.split_bead),
+        Err(undefined) => rows.add("reflected", undefined),
     }
-    rows.push(("largest |ΔE/E|", format!("{:.1e}", outcome.max_abs_drift)));
+    rows.add("largest |ΔE/E|", format_args!("{:.1e}", outcome.max_abs_drift));
     rows
 }
 
-fn reflection_rows(reflection: &Reflection, split_bead: u64) -> Vec<(&'static str, String)> {
+fn add_reflection(rows: &mut Rows, reflection: &Reflection, split_bead: u64) {
     let Some(energies) = &reflection.energies else {
-        return vec![("reflected", format!("nothing yet: the pulse has not arrived at bead {split_bead}"))];
+        let what = format_args!("nothing yet: the pulse has not arrived at bead {split_bead}");
+        return rows.add("reflected", what);
     };
-    let mut rows = vec![
-        ("stationary", stationary(reflection, energies)),
-        ("reflected/total", format!("{}, {}", energies.over_total(), at(energies.at))),
-        ("reflected/transmitted", energies.over_transmitted().to_string()),
-    ];
-    match (&reflection.recoil, reflection.corrected()) {
-        (Some(recoil), Some(corrected)) => {
-            let recoil_at = at(recoil.at);
-            let recoil = Uncertain::new(recoil.energy_j, recoil.uncertainty_j) / energies.total_j;
-            rows.extend([
-                ("recoil/total", format!("{recoil}, before the pulse arrived, {recoil_at}")),
-                (
-                    "without the recoil",
-                    format!(
-                        "reflected/total {}, reflected/transmitted {}, reflected/incident {}",
-                        corrected.over_total, corrected.over_transmitted, corrected.over_incident
-                    ),
-                ),
-            ]);
-        }
-        _ => rows.push(("recoil", "unknown: no frame in the 10 T before the pulse arrived".to_owned())),
-    }
-    rows
+    rows.add("stationary", stationary(reflection, energies));
+    rows.add("reflected/total", format_args!("{}, {}", energies.over_total(), at(energies.at)));
+    rows.add("reflected/transmitted", energies.over_transmitted());
+    let (Some(recoil), Some(corrected)) = (&reflection.recoil, reflection.corrected()) else {
+        return rows.add("recoil", "unknown: no frame in the 10 T before the pulse arrived");
+    };
+    let recoil_at = at(recoil.at);
+    let recoil = Uncertain::new(recoil.energy_j, recoil.uncertainty_j) / energies.total_j;
+    rows.add("recoil/total", format_args!("{recoil}, before the pulse arrived, {recoil_at}"));
+    rows.add(
+        "without the recoil",
+        format_args!(
+            "reflected/total {}, reflected/transmitted {}, reflected/incident {}",
+            corrected.over_total, corrected.over_transmitted, corrected.over_incident
+        ),
+    );
 }
 
 /// Whether and since when the reflected energy is stationary.
@@ -134,17 +134,11 @@ fn at(moment: Moment) -> String {
     format!("frame {} ({})", count(moment.frame), display::quantity(moment.time_s, "s"))
 }
 
-fn json(outcome: Option<&EnergyOutcome>) -> Value {
-    let Some(outcome) = outcome else { return Value::Null };
-    let last: serde_json::Map<_, _> = EnergyRow::COLUMNS
-        .iter()
-        .zip(outcome.last.values())
-        .map(|(name, value)| ((*name).to_owned(), json!(value)))
-        .collect();
+fn json(outcome: &EnergyOutcome) -> Value {
     let energies = outcome.reflection.as_ref().ok().and_then(|reflection| reflection.energies);
     json!({
         "split_bead": outcome.split_bead,
-        "last": last,
+        "last": outcome.last,
         "reflected_over_total": energies.map(|energies| energies.over_total().value),
         "reflected_over_transmitted": energies.map(|energies| energies.over_transmitted().value),
         "reflection": match &outcome.reflection {
@@ -156,15 +150,14 @@ fn json(outcome: Option<&EnergyOutcome>) -> Value {
 }
 
 fn reflection_json(reflection: &Reflection) -> Value {
-    let moment = |moment: Moment| json!({ "frame": moment.frame, "time_s": moment.time_s });
     json!({
         "incident_side": reflection.incident.as_str(),
-        "pulse_arrived": reflection.arrival.map(moment),
+        "pulse_arrived": reflection.arrival,
         "stationary": reflection.stationary_since.is_some(),
-        "stationary_since": reflection.stationary_since.map(moment),
-        "front_met_end": reflection.met_end.map(|(bead, at)| json!({ "bead": bead, "at": moment(at) })),
+        "stationary_since": reflection.stationary_since,
+        "front_met_end": reflection.met_end.map(|(bead, at)| json!({ "bead": bead, "at": at })),
         "energies": reflection.energies.map(|energies| json!({
-            "at": moment(energies.at),
+            "at": energies.at,
             "reflected_j": energies.reflected_j,
             "transmitted_j": energies.transmitted_j,
             "total_j": energies.total_j,
@@ -174,11 +167,7 @@ fn reflection_json(reflection: &Reflection) -> Value {
             "reflected_over_total_uncertainty": energies.over_total().plus_minus,
             "reflected_over_transmitted_uncertainty": energies.over_transmitted().plus_minus,
         })),
-        "recoil": reflection.recoil.map(|recoil| json!({
-            "energy_j": recoil.energy_j,
-            "uncertainty_j": recoil.uncertainty_j,
-            "at": moment(recoil.at),
-        })),
+        "recoil": reflection.recoil,
         "corrected": reflection.corrected().map(|corrected| json!({
             "reflected_j": corrected.reflected_j,
             "uncertainty_j": corrected.uncertainty_j,

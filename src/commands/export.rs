@@ -7,6 +7,7 @@ use crate::failure::{BadInput, Done, Failure};
 use crate::frames::{Frames, is_of_a_file};
 use crate::outputs::{check_place, extension};
 use crate::progress::Progress;
+use crate::report::{Rows, report};
 use crate::signals;
 use anyhow::{Error, anyhow};
 use consumers::follow::{Analysis, FollowError, Tally, follow_within};
@@ -72,7 +73,7 @@ pub(crate) fn export(args: &ExportArgs) -> Result<Done, Failure> {
     }
     let Some(steps) = steps else { return Err(nothing_to_export(args)) };
     let paths = export.finish()?;
-    report(args, format, &excerpt, &Exported { states, steps, tally, paths })
+    tell(args, format, &excerpt, &Exported { states, steps, tally, paths })
 }
 
 /// The format of --to, or of the output's name.
@@ -83,25 +84,24 @@ fn format(args: &ExportArgs) -> Result<Format, Failure> {
         && asked != named
     {
         let out = args.out.display();
-        return Err(Failure::BadInput(anyhow!("{out} would be taken for {named}, but --to says {asked}")));
+        return Err(bad_input!("{out} would be taken for {named}, but --to says {asked}"));
     }
     let named = args.to.or(named);
     let names = Format::ALL.map(Format::name).join(", ");
-    let message = || {
-        format!("{}: its name does not say which format; use --to with one of {names}", args.out.display())
-    };
-    named.ok_or_else(|| Failure::BadInput(anyhow!(message())))
+    named.ok_or_else(|| {
+        bad_input!("{}: its name does not say which format; use --to with one of {names}", args.out.display())
+    })
 }
 
 /// The recording that is named.
 fn recording(args: &ExportArgs) -> Result<PathBuf, Failure> {
     match &args.file {
         Named::File(path) => Ok(path.clone()),
-        Named::Live(_) => Err(Failure::BadInput(anyhow!(
+        Named::Live(_) => Err(bad_input!(
             "{}: a live run cannot be exported; `beadline record {} --out FILE.mcap` makes a recording of it",
             args.file,
             args.file
-        ))),
+        )),
     }
 }
 
@@ -155,7 +155,7 @@ fn follow(frames: &mut Frames, exporting: &mut Exporting, window: Window) -> Res
     match followed {
         Ok(()) => Ok(tally),
         Err(FollowError::Source(error)) if is_of_a_file(&error) && exporting.states > 0 => {
-            display::notice(format_args!("{:#}", Error::new(error)));
+            notice!("{:#}", Error::new(error));
             Ok(tally)
         }
         Err(FollowError::Source(error)) => Err(error).bad_input(),
@@ -180,7 +180,7 @@ fn assemble(export: &mut dyn Export, excerpt: &Excerpt, stop: &AtomicBool) -> Re
 
 fn nothing_to_export(args: &ExportArgs) -> Failure {
     let advice = if args.every_step { "" } else { "; --every-step recomputes the steps between frames" };
-    Failure::BadInput(anyhow!("{}: there is no state in this part of the run{advice}", args.file))
+    bad_input!("{}: there is no state in this part of the run{advice}", args.file)
 }
 
 /// What was exported.
@@ -192,49 +192,40 @@ struct Exported {
 }
 
 /// Prints the summary and says whether anything is missing.
-fn report(
-    args: &ExportArgs,
-    format: Format,
-    excerpt: &Excerpt,
-    exported: &Exported,
-) -> Result<Done, Failure> {
+fn tell(args: &ExportArgs, format: Format, excerpt: &Excerpt, exported: &Exported) -> Result<Done, Failure> {
     let Exported { states, steps: (first, last), tally, paths } = exported;
     let sizes =
         paths.iter().map(|path| Ok(path.metadata()?.len())).collect::<Result<Vec<_>, std::io::Error>>()?;
     let total: u64 = sizes.iter().sum();
     let Range { start, end } = excerpt.beads;
     let manifest = &excerpt.manifest;
-    if args.json {
-        display::print_json(&json!({
-            "run": manifest.provenance.name,
-            "run_id": manifest.provenance.run_id,
-            "format": format.name(),
-            "paths": paths,
-            "bytes": total,
-            "states": states,
-            "first_step": first,
-            "last_step": last,
-            "frames_missed": tally.missed_count,
-            "first_bead": start,
-            "last_bead": end - 1,
-            "end": display::end_word(tally.end, tally.ended_as_asked),
-        }))?;
-    } else {
-        let physics = &manifest.physics;
-        let times = display::range([first, last].map(|step| physics.time_s(*step)), "s");
+    let found = json!({
+        "run": manifest.provenance.name,
+        "run_id": manifest.provenance.run_id,
+        "format": format.name(),
+        "paths": paths,
+        "bytes": total,
+        "states": states,
+        "first_step": first,
+        "last_step": last,
+        "frames_missed": tally.missed_count,
+        "first_bead": start,
+        "last_bead": end - 1,
+        "end": display::end_word(tally.end, tally.ended_as_asked),
+    });
+    report(args.json, &found, || {
         let names: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();
         let end_text = display::end(tally.end, args.until.filter(|_| tally.ended_as_asked));
-        let rows = [
-            ("states", format!("{}, steps {} to {}", count(*states), count(*first), count(*last))),
-            ("time", times),
-            ("beads", format!("{start} to {}", end - 1)),
-            ("written", format!("{} as {format}, {}", names.join(", "), bytes(total))),
-        ];
-        display::print(display::rows(&format!("{} exported ({end_text})", args.file), &rows))?;
-    }
+        let mut rows = Rows::default();
+        rows.add("states", format_args!("{}, steps {} to {}", count(*states), count(*first), count(*last)));
+        rows.add("time", display::range([first, last].map(|step| manifest.physics.time_s(*step)), "s"));
+        rows.add("beads", format_args!("{start} to {}", end - 1));
+        rows.add("written", format_args!("{} as {format}, {}", names.join(", "), bytes(total)));
+        rows.under(format_args!("{} exported ({end_text})", args.file))
+    })?;
     if tally.missed_count > 0 {
         let missed = counted(tally.missed_count, "frame");
-        display::notice(format_args!("{missed} of the recording are missing in it, and in the export"));
+        notice!("{missed} of the recording are missing in it, and in the export");
     }
     notice_of_end(tally.end, args.file.file(), "the exported states");
     Ok(Done::whole_if(tally.end.is_orderly() && tally.missed_count == 0))

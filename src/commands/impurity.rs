@@ -1,10 +1,11 @@
 //! `beadline impurity`.
 
-use crate::analysis::{AnalysisError, Rows, Session, check_bead, draw};
+use crate::analysis::{AnalysisError, ResultRows, Session, check_bead, draw, table};
 use crate::args::ImpurityArgs;
 use crate::display::{self, counted};
 use crate::failure::{Done, Failure};
 use crate::outputs::check_tables;
+use crate::report::Rows;
 use consumers::energies::default_split_bead;
 use consumers::follow::Analysis;
 use consumers::impurity::{Event, EventKind, Followed, Motion};
@@ -14,7 +15,6 @@ use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use schemas::results::{ResultColumns, Topic};
 use serde_json::{Value, json};
-use std::path::PathBuf;
 
 /// Events kept for the summary and the figure; the table has all of them.
 const MAX_EVENTS: usize = 10_000;
@@ -29,7 +29,7 @@ struct Outputs {
     events: Vec<Event>,
     event_count: u64,
     event_table: Option<Table>,
-    rows: Rows,
+    rows: ResultRows,
     row: Vec<f64>,
 }
 
@@ -68,15 +68,14 @@ pub(crate) fn impurity(args: &ImpurityArgs) -> Result<Done, Failure> {
     let manifest = session.manifest().clone();
     let beads = beads(args, &manifest)?;
     let published = ResultColumns::motion(&beads);
-    let event_columns = ["time_s", "bead", "event", "u_m"].map(str::to_owned);
-    let create = |path: &PathBuf| Table::create(path, &event_columns, args.common.frames.force);
+    let event_columns = ["time_s", "bead", "event", "u_m"];
     let mut outputs = Outputs {
         followed: Followed::new(&manifest, &beads),
         curves: vec![Series::default(); if args.common.figure.is_empty() { 0 } else { beads.len() }],
         events: Vec::new(),
         event_count: 0,
-        event_table: args.events.as_ref().map(create).transpose()?,
-        rows: Rows::open(&session, Topic::Impurity, &published, args.out.as_ref())?,
+        event_table: table(args.events.as_ref(), &event_columns, args.common.frames.force)?,
+        rows: ResultRows::open(&session, Topic::Impurity, &published, args.out.as_ref())?,
         row: Vec::with_capacity(published.width),
     };
     let tally = session.follow(&mut outputs)?;
@@ -97,22 +96,17 @@ fn beads(args: &ImpurityArgs, manifest: &RunManifest) -> Result<Vec<u64>, Failur
     Ok(if impurities.is_empty() { vec![default_split_bead(manifest)] } else { impurities })
 }
 
-fn rows(beads: &[u64], events: &[Event], event_count: u64) -> Vec<(&'static str, String)> {
+fn rows(beads: &[u64], events: &[Event], event_count: u64) -> Rows {
     let listed: Vec<_> = beads.iter().map(u64::to_string).collect();
     let turns: Vec<_> = events.iter().filter(|event| event.kind == EventKind::Turns).collect();
-    let shown: Vec<_> = turns
-        .iter()
-        .take(8)
-        .map(|turn| {
-            let (place, time) = (display::quantity(turn.u_m, "m"), display::quantity(turn.time_s, "s"));
-            format!("bead {} at {place}, {time}", turn.bead)
-        })
-        .collect();
-    let mut rows = vec![
-        ("beads", listed.join(", ")),
-        ("events", format!("{event_count}, {}", counted(turns.len() as u64, "turning point"))),
-    ];
-    rows.extend(shown.into_iter().map(|turn| ("turns", turn)));
+    let shown = turns.iter().take(8).map(|turn| {
+        let (place, time) = (display::quantity(turn.u_m, "m"), display::quantity(turn.time_s, "s"));
+        format!("bead {} at {place}, {time}", turn.bead)
+    });
+    let mut rows = Rows::default();
+    rows.add("beads", listed.join(", "));
+    rows.add("events", format_args!("{event_count}, {}", counted(turns.len() as u64, "turning point")));
+    rows.each("turns", shown);
     rows
 }
 

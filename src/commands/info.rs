@@ -2,7 +2,8 @@
 
 use crate::display::{self, bytes, count, seconds};
 use crate::failure::{BadInput, Done, Failure};
-use recording::RecordingInfo;
+use crate::report::{Rows, report};
+use recording::{ChannelInfo, RecordingInfo};
 use schemas::frame::EndReason;
 use schemas::whole_file::is_being_written;
 use serde_json::json;
@@ -12,11 +13,7 @@ pub(crate) fn info(path: &Path, as_json: bool) -> Result<Done, Failure> {
     let is_being_written = is_being_written(path);
     let info = RecordingInfo::glance(path).bad_input()?;
     display::notice_of_version(&info.manifest);
-    if as_json {
-        display::print_json(&to_json(&info, is_being_written))?;
-    } else {
-        display::print(text(&info, is_being_written))?;
-    }
+    report(as_json, &to_json(&info, is_being_written), || text(&info, is_being_written))?;
     Ok(Done::whole_if(info.finished && info.damage.is_none()))
 }
 
@@ -59,74 +56,45 @@ fn text(info: &RecordingInfo, is_being_written: bool) -> String {
     let particulars = physics.particulars();
     let time = info.time_range_s().map_or("none".to_owned(), |(first, last)| {
         let every = match provenance.record_every_steps {
-            _ if info.frames() == last_steps(info) + 1 => "every step".to_owned(),
-            1 => "every step".to_owned(),
-            steps => format!("every {} steps", count(steps)),
+            steps if steps != 1 && info.frames() != last_steps(info) + 1 => {
+                format!("every {} steps", count(steps))
+            }
+            _ => "every step".to_owned(),
         };
         format!("{} to {}, {every}", seconds(first), seconds(last))
     });
-    let mut rows = vec![
-        ("state", state(info, is_being_written)),
-        ("run", format!("{} {}", provenance.name, provenance.run_id)),
-        (
-            "chain",
-            format!(
-                "{} beads of {} kg, α = {}, k = {:e} N/m^α",
-                physics.beads, physics.bead_mass_kg, physics.alpha, physics.stiffness
-            ),
-        ),
-        ("impurities", if impurities.is_empty() { "none".to_owned() } else { impurities.join(", ") }),
-        ("striker", format!("bead {} at {} m/s", physics.striker.bead, physics.striker.velocity_m_s)),
-        (
-            "method",
-            format!(
-                "{}, dt = {}, {} steps, kernel {}",
-                physics.method,
-                display::quantity(physics.dt_s, "s"),
-                count(physics.step_count),
-                physics.kernel_version
-            ),
-        ),
-        ("made by", format!("{} on {}", provenance.program, provenance.host)),
-        ("schema", info.manifest.schema_version.to_string()),
-        ("time", time),
-        (
-            "size",
-            format!(
-                "{}, {} before compression, {:.2} : 1",
-                bytes(info.file_bytes),
-                bytes(info.uncompressed_bytes),
-                info.compression_ratio()
-            ),
-        ),
-    ];
-    if !particulars.is_empty() {
-        rows.insert(3, ("besides", particulars.join(", ")));
-    }
+    let mut rows = Rows::default();
+    rows.add("state", state(info, is_being_written));
     if info.begin.part > 1 || info.end.as_ref().is_some_and(|end| end.reason == EndReason::Continued) {
-        rows.insert(1, ("part", count(info.begin.part).to_string()));
+        rows.add("part", count(info.begin.part));
     }
-    for channel in &info.channels {
-        rows.push((
-            "channel",
-            format!(
-                "{:10} {:24} {:>10} message{}",
-                channel.topic,
-                channel.schema,
-                count(channel.messages).to_string(),
-                if channel.messages == 1 { "" } else { "s" }
-            ),
-        ));
+    rows.add("run", format_args!("{} {}", provenance.name, provenance.run_id));
+    let (beads, mass_kg, alpha) = (physics.beads, physics.bead_mass_kg, physics.alpha);
+    let stiffness = physics.stiffness;
+    rows.add("chain", format_args!("{beads} beads of {mass_kg} kg, α = {alpha}, k = {stiffness:e} N/m^α"));
+    if !particulars.is_empty() {
+        rows.add("besides", particulars.join(", "));
     }
-    display::rows(&info.path.display().to_string(), &rows)
+    rows.add("impurities", if impurities.is_empty() { "none".to_owned() } else { impurities.join(", ") });
+    let striker = &physics.striker;
+    rows.add("striker", format_args!("bead {} at {} m/s", striker.bead, striker.velocity_m_s));
+    let (dt, steps) = (display::quantity(physics.dt_s, "s"), count(physics.step_count));
+    let kernel = physics.kernel_version;
+    rows.add("method", format_args!("{}, dt = {dt}, {steps} steps, kernel {kernel}", physics.method));
+    rows.add("made by", format_args!("{} on {}", provenance.program, provenance.host));
+    rows.add("schema", info.manifest.schema_version);
+    rows.add("time", time);
+    let (size, uncompressed) = (bytes(info.file_bytes), bytes(info.uncompressed_bytes));
+    let ratio = info.compression_ratio();
+    rows.add("size", format_args!("{size}, {uncompressed} before compression, {ratio:.2} : 1"));
+    for ChannelInfo { topic, schema, messages, .. } in &info.channels {
+        let (found, plural) = (count(*messages).to_string(), if *messages == 1 { "" } else { "s" });
+        rows.add("channel", format_args!("{topic:10} {schema:24} {found:>10} message{plural}"));
+    }
+    rows.under(info.path.display())
 }
 
 fn to_json(info: &RecordingInfo, is_being_written: bool) -> serde_json::Value {
-    let channels: Vec<_> = info
-        .channels
-        .iter()
-        .map(|c| json!({ "topic": c.topic, "schema": c.schema, "encoding": c.encoding, "messages": c.messages }))
-        .collect();
     json!({
         "path": info.path,
         "schema_version": info.manifest.schema_version,
@@ -134,7 +102,7 @@ fn to_json(info: &RecordingInfo, is_being_written: bool) -> serde_json::Value {
         "provenance": info.manifest.provenance,
         "manifest": info.manifest,
         "run_toml": info.run_toml,
-        "channels": channels,
+        "channels": info.channels,
         "part": info.begin.part,
         "begins_at_step": info.begin.first_step,
         "first_step": info.first_step,

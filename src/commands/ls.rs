@@ -16,7 +16,7 @@ pub(crate) fn ls(as_json: bool, names_only: bool) -> Result<Done, Failure> {
     } else if as_json {
         display::print_json(&runs.iter().map(to_json).collect::<Vec<_>>())?;
     } else if runs.is_empty() {
-        display::notice("no runs; start one with `beadline run`");
+        notice!("no runs; start one with `beadline run`");
     } else {
         display::print(table(&runs, display::columns_of(std::io::stdout())))?;
     }

@@ -7,8 +7,9 @@ use crate::args::{
     What,
 };
 use crate::display::{self, count};
-use crate::failure::{BadInput, Done, Failure};
+use crate::failure::{Done, Failure};
 use crate::outputs::{check_figures, check_places};
+use crate::report::Rows;
 use anyhow::anyhow;
 use clap::ValueEnum;
 use consumers::fields::Field;
@@ -91,7 +92,7 @@ fn check_kind(args: &PlotArgs) -> Result<(), Failure> {
         ("--range", args.range.is_some(), "these have no colours for numbers"),
     ];
     match flags.iter().find(|(_, is_given, _)| *is_given) {
-        Some((flag, _, why)) => Err(anyhow!("{flag} is not for --what {what}: {why}")).bad_input(),
+        Some((flag, _, why)) => Err(bad_input!("{flag} is not for --what {what}: {why}")),
         None => Ok(()),
     }
 }
@@ -110,7 +111,7 @@ fn places(args: &PlotArgs, field: Field, manifest: &RunManifest) -> Result<Range
         Field::Velocity | Field::Displacement => Ok(beads),
         Field::Overlap if beads.len() > 1 => Ok(beads.start..beads.end - 1),
         Field::Overlap => {
-            Err(anyhow!("--beads {}..{}: a contact is between two beads", beads.start, beads.end)).bad_input()
+            Err(bad_input!("--beads {}..{}: a contact is between two beads", beads.start, beads.end))
         }
     }
 }
@@ -137,7 +138,7 @@ impl Moment {
                 // the duration as it was asked for may be a part of a step longer
                 if time_s > end_s + physics.dt_s {
                     let end = display::typed(end_s);
-                    return Err(anyhow!("--at {time_s}: the run ends at {end} s")).bad_input();
+                    return Err(bad_input!("--at {time_s}: the run ends at {end} s"));
                 }
                 let step = physics.step_at_or_after(time_s).min(physics.step_count);
                 let frame = step.div_ceil(every);
@@ -146,7 +147,7 @@ impl Moment {
             Self::Frame(frame) => {
                 let last = manifest.frame_count() - 1;
                 if frame > last {
-                    return Err(anyhow!("--frame {frame}: the run has frames 0 to {last}")).bad_input();
+                    return Err(bad_input!("--frame {frame}: the run has frames 0 to {last}"));
                 }
                 Ok(manifest.step_of_frame(frame))
             }
@@ -187,18 +188,10 @@ fn profile(args: &PlotArgs, field: Field, moment: Moment, out: &PathBuf) -> Resu
     let chain = manifest.physics.chain();
     let values = field.values(&chain, &frame).skip(places.start).take(places.len());
     let extremes = extremes(values);
-    let rows = vec![
-        (
-            "time",
-            format!(
-                "{} (frame {}, step {})",
-                display::quantity(frame.time_s, "s"),
-                count(frame.frame),
-                count(frame.step)
-            ),
-        ),
-        ("values", extent_text(field, extremes)),
-    ];
+    let mut rows = Rows::default();
+    let (time, number, step) = (display::quantity(frame.time_s, "s"), count(frame.frame), count(frame.step));
+    rows.add("time", format_args!("{time} (frame {number}, step {step})"));
+    rows.add("values", display::range(extremes, unit(field)));
     let results = json!({
         "what": name_of(args.what),
         "frame": frame.frame,
@@ -217,11 +210,11 @@ fn absent(manifest: &RunManifest, step: u64, tally: &Tally) -> Failure {
     let wanted = format!("frame {frame} ({} s)", display::number(time_s));
     if tally.ended_as_asked {
         let why = "what was received begins after it; --from-start recomputes it";
-        return Failure::BadInput(anyhow!("there is no {wanted}: {why}"));
+        return bad_input!("there is no {wanted}: {why}");
     }
     match tally.end {
         EndReason::Stopped => Failure::Stopped(anyhow!("stopped before {wanted} came")),
-        end => Failure::BadInput(anyhow!("there is no {wanted}: the frames ended before it ({end})")),
+        end => bad_input!("there is no {wanted}: the frames ended before it ({end})"),
     }
 }
 
@@ -246,7 +239,8 @@ fn space_time(args: &PlotArgs, field: Field, out: &PathBuf) -> Result<Done, Fail
         args.frames.force,
     )?;
     let extremes = extremes(map.picture.cells().flatten().map(f64::from));
-    let rows = vec![("values", extent_text(field, extremes))];
+    let mut rows = Rows::default();
+    rows.add("values", display::range(extremes, unit(field)));
     let results = json!({
         "what": name_of(args.what),
         "least": extremes[0],
@@ -274,10 +268,6 @@ impl Analysis for Map {
     fn gap(&mut self) {
         self.picture.gap();
     }
-}
-
-fn extent_text(field: Field, extremes: [f64; 2]) -> String {
-    display::range(extremes, unit(field))
 }
 
 fn unit(field: Field) -> &'static str {

@@ -1,11 +1,11 @@
 //! `beadline pulses`.
 
-use crate::analysis::{AnalysisError, Session, draw, finish, publish};
+use crate::analysis::{AnalysisError, Session, draw, finish, publish, table};
 use crate::args::{AnalysisArgs, PulsesArgs};
 use crate::display::{self, count, counted};
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::check_tables;
-use anyhow::anyhow;
+use crate::report::Rows;
 use bus::ResultPublisher;
 use consumers::follow::Analysis;
 use consumers::pulses::{
@@ -100,7 +100,7 @@ pub(crate) fn pulses(args: &PulsesArgs) -> Result<Done, Failure> {
     let tables: Vec<_> = args.out.iter().chain(&args.positions).collect();
     check_tables(&tables)?;
     if !(args.threshold > 0.0 && args.threshold.is_finite()) {
-        return Err(anyhow!("--threshold {}: expected a number above 0", args.threshold)).bad_input();
+        return Err(bad_input!("--threshold {}: expected a number above 0", args.threshold));
     }
     let common = with_enough_steps(&args.common)?;
     let mut session = Session::open(&common, "pulses", &tables)?;
@@ -132,9 +132,10 @@ pub(crate) fn pulses(args: &PulsesArgs) -> Result<Done, Failure> {
     let obstacles = Obstacles::of(&manifest.physics.chain());
     let is_whole = warn(&manifest, &pulses);
     let results = json(threshold_m_s, &pulses, strongest.pulses());
-    let listed = lines(&obstacles, strongest.pulses());
-    let mut rows = vec![("pulses", counts_text(&pulses.counts(), threshold_m_s)), ("", HEADING.to_owned())];
-    rows.extend(listed.iter().map(|(name, line)| (name.as_str(), line.clone())));
+    let mut rows = Rows::default();
+    rows.add("pulses", counts_text(&pulses.counts(), threshold_m_s));
+    rows.add("", HEADING);
+    add_lines(&mut rows, &obstacles, strongest.pulses());
     let done = session.report(&tally, "pulses", rows, results)?;
     Ok(if is_whole { done } else { Done::Lossy })
 }
@@ -150,9 +151,9 @@ fn with_enough_steps(args: &AnalysisArgs) -> Result<AnalysisArgs, Failure> {
     let manifest = source.manifest();
     let interval = manifest.provenance.record_every_steps;
     if is_coarse(manifest, interval) {
-        display::notice(format_args!(
+        notice!(
             "the recording has every {interval}th step, too few to follow pulses; the steps between are recomputed"
-        ));
+        );
         args.frames.every_step = true;
     }
     Ok(args)
@@ -175,14 +176,9 @@ fn counts_text(counts: &Counts, threshold_m_s: f64) -> String {
 
 impl Tables {
     fn create(args: &PulsesArgs) -> Result<Self, Failure> {
-        let create = |path, names: &[&str]| {
-            let columns: Vec<_> = names.iter().map(|name| (*name).to_owned()).collect();
-            Table::create(path, &columns, args.common.frames.force)
-        };
-        Ok(Self {
-            pulses: args.out.as_ref().map(|path| create(path, &PULSE_COLUMNS)).transpose()?,
-            points: args.positions.as_ref().map(|path| create(path, &POINT_COLUMNS)).transpose()?,
-        })
+        let force = args.common.frames.force;
+        let pulses = table(args.out.as_ref(), &PULSE_COLUMNS, force)?;
+        Ok(Self { pulses, points: table(args.positions.as_ref(), &POINT_COLUMNS, force)? })
     }
 
     fn write(&mut self, happening: &Happening) -> Result<(), AnalysisError> {
@@ -210,24 +206,15 @@ fn write_pulse(table: &mut Table, pulse: &Pulse) -> Result<(), AnalysisError> {
     table.double(pulse.end_time_s).integer(pulse.end_bead).word(pulse.fate.as_str());
     table.integer(pulse.bead_count);
     write_point(table, &pulse.measured.point);
-    optional(table, pulse.speed_over_solitary);
-    optional(table, pulse.fwhm_over_solitary);
+    table.optional(pulse.speed_over_solitary).optional(pulse.fwhm_over_solitary);
     table.double(pulse.measured.momentum_kg_m_s).double(pulse.measured.energy_j);
     Ok(table.end_row()?)
 }
 
 fn write_point(table: &mut Table, point: &Point) {
-    table.integer(point.bead).double(point.time_s).double(point.v_peak_m_s);
-    optional(table, point.speed_beads_per_s);
-    optional(table, point.shape.map(|shape| shape.fwhm_beads));
-    optional(table, point.shape.map(|shape| shape.asymmetry));
-}
-
-fn optional(table: &mut Table, value: Option<f64>) {
-    match value {
-        Some(value) => table.double(value),
-        None => table.empty(),
-    };
+    table.integer(point.bead).double(point.time_s).double(point.v_peak_m_s).optional(point.speed_beads_per_s);
+    table.optional(point.shape.map(|shape| shape.fwhm_beads));
+    table.optional(point.shape.map(|shape| shape.asymmetry));
 }
 
 /// The strongest pulses under way, in the order of their numbers.
@@ -254,22 +241,22 @@ fn warn(manifest: &RunManifest, pulses: &Pulses) -> bool {
     let unresolved = Pulses::longest_interval_steps(manifest)
         .is_some_and(|longest| counts.longest_interval_steps > longest);
     if coarse {
-        display::notice(format_args!(
+        notice!(
             "frames are {} steps apart: peaks of fast pulses are off by more than 1e-4, and pulses may be missed; \
              every {} steps are enough, and --every-step recomputes them",
             counts.longest_interval_steps,
             Pulses::longest_fine_interval_steps(manifest).unwrap_or(1),
-        ));
+        );
     }
     if counts.unresolved_crests > 0 {
         let unresolved = counted(counts.unresolved_crests, "crest");
-        display::notice(format_args!("left out {unresolved} that fell between frames"));
+        notice!("left out {unresolved} that fell between frames");
     }
     for disturbance in pulses.unfollowed().iter().take(TOLD) {
         display::notice(unfollowed_text(disturbance));
     }
     if let Some(more) = counts.unfollowed.checked_sub(TOLD as u64 + 1) {
-        display::notice(format_args!("so did {} more", count(more + 1)));
+        notice!("so did {} more", count(more + 1));
     }
     !unresolved && counts.unresolved_crests == 0 && counts.unfollowed == 0
 }
@@ -288,7 +275,7 @@ const HEADING: &str =
     "      v_peak       speed    width   V/V_sw  asymm.  at bead  from                     to";
 
 /// The summary of each pulse. A pulse from or to an impurity is first or last seen beside it; the impurity is named.
-fn lines(obstacles: &Obstacles, pulses: &[Pulse]) -> Vec<(String, String)> {
+fn add_lines(rows: &mut Rows, obstacles: &Obstacles, pulses: &[Pulse]) {
     let number = |value: Option<f64>, decimals: usize| {
         value.map_or("–".into(), |value| display::fixed(value, decimals))
     };
@@ -309,7 +296,9 @@ fn lines(obstacles: &Obstacles, pulses: &[Pulse]) -> Vec<(String, String)> {
             format_args!("{} {} at {:.3} ms", pulse.fate.as_str(), to, pulse.end_time_s * 1e3),
         )
     };
-    pulses.iter().take(SHOWN).map(|pulse| (format!("pulse {}", pulse.number), line(pulse))).collect()
+    for pulse in pulses.iter().take(SHOWN) {
+        rows.add(format!("pulse {}", pulse.number), line(pulse));
+    }
 }
 
 /// A velocity (m/s) with its digits, however weak the pulse is.
@@ -319,13 +308,6 @@ fn peak(v_m_s: f64) -> String {
 
 fn json(threshold_m_s: f64, found: &Pulses, pulses: &[Pulse]) -> Value {
     let counts = found.counts();
-    let unfollowed = |disturbance: &Unfollowed| {
-        json!({
-            "beads": disturbance.beads,
-            "times_s": disturbance.times_s,
-            "v_peak_m_s": disturbance.v_peak_m_s,
-        })
-    };
     let pulse = |pulse: &Pulse| {
         let (measured, point) = (&pulse.measured, &pulse.measured.point);
         json!({
@@ -354,7 +336,7 @@ fn json(threshold_m_s: f64, found: &Pulses, pulses: &[Pulse]) -> Value {
         "coarse_crest_count": counts.coarse_crests,
         "unresolved_crest_count": counts.unresolved_crests,
         "unfollowed_count": counts.unfollowed,
-        "unfollowed": found.unfollowed().iter().take(MOST_IN_JSON).map(unfollowed).collect::<Vec<_>>(),
+        "unfollowed": found.unfollowed().iter().take(MOST_IN_JSON).collect::<Vec<_>>(),
         "pulses": pulses.iter().map(pulse).collect::<Vec<_>>(),
     })
 }

@@ -2,10 +2,11 @@
 
 use crate::args::RecordArgs;
 use crate::display::{self, bytes, count, counted};
-use crate::failure::{BadInput, Done, Failure};
+use crate::failure::{Done, Failure};
 use crate::frames::{Frames, attach_with, tell};
 use crate::outputs::{check_directory, check_free};
 use crate::progress::Progress;
+use crate::report::{Rows, report};
 use crate::signals;
 use anyhow::anyhow;
 use bus::{AttachNotice, AttachOptions, Bus, Delivery, LiveSource};
@@ -16,6 +17,7 @@ use schemas::frame::{EndReason, FrameSource, Received};
 use schemas::manifest::RunManifest;
 use serde_json::{Value, json};
 use source::{Named, Source};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -28,9 +30,10 @@ const PATIENCE_WHEN_LEAVING: Duration = Duration::from_secs(1);
 
 pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
     let Named::Live(name) = &args.source else {
-        let message =
-            format!("{}: expected `live` or `live:RUN`; what is in a file is recorded", args.source);
-        return Err(anyhow!(message)).bad_input();
+        return Err(bad_input!(
+            "{}: expected `live` or `live:RUN`; what is in a file is recorded",
+            args.source
+        ));
     };
     let split = Split { bytes: args.split_size, duration_s: args.split_duration };
     let reserve_bytes = check_output(args, &split)?;
@@ -92,7 +95,7 @@ pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
         parts: parts?,
     };
     if let Some(error) = trouble {
-        display::notice(format_args!("results were not recorded: {error}"));
+        notice!("results were not recorded: {error}");
     }
     summary.report(args.json)
 }
@@ -100,8 +103,7 @@ pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
 /// Refuses an output that could not be written in the end. Returns how much of its disk must stay free.
 fn check_output(args: &RecordArgs, split: &Split) -> Result<u64, Failure> {
     if args.out.extension().is_none_or(|end| end != "mcap") {
-        let message = format!("--out {}: a recording is written as .mcap", args.out.display());
-        return Err(anyhow!(message)).bad_input();
+        return Err(bad_input!("--out {}: a recording is written as .mcap", args.out.display()));
     }
     if split.is_split() {
         check_directory(&args.out)?;
@@ -113,11 +115,10 @@ fn check_output(args: &RecordArgs, split: &Split) -> Result<u64, Failure> {
     let reserve_bytes = args.min_free.unwrap_or_else(|| disk.default_reserve_bytes());
     if disk.free_bytes < reserve_bytes {
         let (free, reserve) = (bytes(disk.free_bytes), bytes(reserve_bytes));
-        let message = format!(
+        return Err(Failure::Failed(anyhow!(
             "{}: only {free} are free there, and {reserve} are to be left; choose another disk, or a smaller --min-free",
             args.out.display()
-        );
-        return Err(Failure::Failed(anyhow!(message)));
+        )));
     }
     Ok(reserve_bytes)
 }
@@ -150,9 +151,9 @@ fn manifest(args: &RecordArgs, manifest: &RunManifest) -> Result<RunManifest, Fa
     let Some(steps) = args.record_every_steps else { return Ok(manifest.clone()) };
     let published = manifest.provenance.publish_every_steps;
     manifest.clone().recorded_every(steps).map_err(|_| {
-        Failure::BadInput(anyhow!(
+        bad_input!(
             "--record-every-steps {steps}: expected a multiple of {published}, the steps between two frames of this run"
-        ))
+        )
     })
 }
 
@@ -236,11 +237,7 @@ struct Summary<'a> {
 
 impl Summary<'_> {
     fn report(&self, as_json: bool) -> Result<Done, Failure> {
-        if as_json {
-            display::print_json(&self.json())?;
-        } else {
-            display::print(self.text())?;
-        }
+        report(as_json, &self.json(), || self.text())?;
         self.warn();
         // a part that is continued is not the end
         let ended_well = self.end.is_orderly() && self.end != EndReason::Detached;
@@ -254,54 +251,42 @@ impl Summary<'_> {
 
     fn text(&self) -> String {
         let range = range_text(self.range);
-        let mut rows = vec![
-            ("frames", format!("{}{range}, {} missed", count(self.frame_count), count(self.missed_count))),
-            ("states recorded", count(self.total(|part| part.frames)).to_string()),
-        ];
+        let (frames, missed) = (count(self.frame_count), count(self.missed_count));
+        let mut rows = Rows::default();
+        rows.add("frames", format_args!("{frames}{range}, {missed} missed"));
+        rows.add("states recorded", count(self.total(|part| part.frames)));
         for tally in &self.results {
             let range = range_text(tally.first_frame.zip(tally.last_frame));
-            let missed = count(tally.missed_count());
-            rows.push((
-                tally.topic.as_str(),
-                format!("{}{range}, {missed} missed", counted(tally.count, "row")),
-            ));
+            let (found, missed) = (counted(tally.count, "row"), count(tally.missed_count()));
+            rows.add(tally.topic.to_string(), format_args!("{found}{range}, {missed} missed"));
         }
         let size = |part: &Finished| format!("{}, {}", part.path.display(), bytes(part.bytes));
         match self.parts.as_slice() {
-            [] => rows.push(("recording", "none: no frame came".to_owned())),
-            [part] => rows.push(("recording", size(part))),
+            [] => rows.add("recording", "none: no frame came"),
+            [part] => rows.add("recording", size(part)),
             [first, .., last] => {
                 let total = bytes(self.total(|part| part.bytes));
-                rows.push(("recording", format!("{total} in {} parts", self.parts.len())));
-                rows.push(("first part", size(first)));
-                rows.push(("last part", size(last)));
+                rows.add("recording", format_args!("{total} in {} parts", self.parts.len()));
+                rows.add("first part", size(first));
+                rows.add("last part", size(last));
             }
         }
-        display::rows(&format!("{} {}", self.manifest.provenance.name, self.end), &rows)
+        rows.under(format_args!("{} {}", self.manifest.provenance.name, self.end))
     }
 
     fn json(&self) -> Value {
         let provenance = &self.manifest.provenance;
-        let parts: Vec<_> = self
-            .parts
-            .iter()
-            .map(|part| json!({ "path": part.path, "bytes": part.bytes, "states": part.frames }))
-            .collect();
-        let results: serde_json::Map<_, _> = self
-            .results
-            .iter()
-            .map(|tally| {
-                let (first, last) = (tally.first_frame, tally.last_frame);
-                let rows = json!({
-                    "rows": tally.count,
-                    "first_frame": first,
-                    "last_frame": last,
-                    "missed": tally.missed,
-                    "trouble": tally.trouble,
-                });
-                (tally.topic.as_str().to_owned(), rows)
-            })
-            .collect();
+        let part = |part: &Finished| json!({ "path": part.path, "bytes": part.bytes, "states": part.frames });
+        let rows = |tally: &RowTally| {
+            let rows = json!({
+                "rows": tally.count,
+                "first_frame": tally.first_frame,
+                "last_frame": tally.last_frame,
+                "missed": tally.missed,
+                "trouble": tally.trouble,
+            });
+            (tally.topic.to_string(), rows)
+        };
         json!({
             "run": provenance.name,
             "run_id": provenance.run_id,
@@ -312,49 +297,47 @@ impl Summary<'_> {
             "last_frame": self.range.map(|(_, last)| last),
             "states": self.total(|part| part.frames),
             "disk_is_short": self.disk_is_short,
-            "results": results,
-            "parts": parts,
+            "results": self.results.iter().map(rows).collect::<BTreeMap<_, _>>(),
+            "parts": self.parts.iter().map(part).collect::<Vec<_>>(),
         })
     }
 
     fn warn(&self) {
         if self.begins_at > 0 && self.range.is_some() {
             let (first, last) = (count(self.begins_at), count(self.begins_at - 1));
-            display::notice(format_args!(
+            notice!(
                 "attached to a run under way: frames 0 to {last} are not recorded, the recording begins with frame \
                  {first}; with --from-start they are recomputed"
-            ));
+            );
         }
         if self.missed_count > 0 {
             let missed = counted(self.missed_count, "published frame");
-            display::notice(format_args!("{missed} did not arrive"));
+            notice!("{missed} did not arrive");
         }
         for tally in &self.results {
             for (from, to) in tally.missed.iter().take(5) {
                 let (from, to) = (count(*from), count(*to));
-                display::notice(format_args!("{}: no rows of frames {from} to {to}", tally.topic));
+                notice!("{}: no rows of frames {from} to {to}", tally.topic);
             }
             if let Some(trouble) = &tally.trouble {
                 let last =
                     tally.last_frame.map_or("none".to_owned(), |last| format!("frame {}", count(last)));
-                display::notice(format_args!("{}: {trouble}; the last row is of {last}", tally.topic));
+                notice!("{}: {trouble}; the last row is of {last}", tally.topic);
             }
         }
         match self.end {
             EndReason::Detached if self.disk_is_short => {
-                display::notice("the disk is nearly full: the recording ends here, the run goes on");
+                notice!("the disk is nearly full: the recording ends here, the run goes on");
             }
-            EndReason::Detached => display::notice("stopped: the recording ends here, the run goes on"),
+            EndReason::Detached => notice!("stopped: the recording ends here, the run goes on"),
             EndReason::ProducerLost => {
-                display::notice(
-                    "the producer is gone without a word; every state that it published is recorded",
-                );
+                notice!("the producer is gone without a word; every state that it published is recorded",);
             }
             EndReason::Dropped => display::notice(
                 "the producer dropped this recorder because it held the run back for too long; \
                  use --latest, a faster disk, or a longer --stall-timeout of `beadline run`",
             ),
-            EndReason::Failed => display::notice("the run failed; the recording ends at its last frame"),
+            EndReason::Failed => notice!("the run failed; the recording ends at its last frame"),
             _ => {}
         }
     }

@@ -7,6 +7,7 @@ use crate::display::{self, bytes, count, counted};
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::check_place;
 use crate::progress::Progress;
+use crate::report::{Rows, report};
 use crate::signals;
 use anyhow::{Context, anyhow};
 use producer::recovery::{Recovery, RecoveryError, recover as recover_states};
@@ -14,6 +15,7 @@ use recording::{Audit, Audited, Finished, RecordingWriter, WriteOptions};
 use schemas::manifest::RunManifest;
 use schemas::whole_file::give_name;
 use serde_json::json;
+use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fmt::Write as _;
 use std::fs::{File, Metadata, TryLockError};
@@ -41,14 +43,13 @@ pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
     }
     let expected = Audit::expected_counts(from);
     if !locked.as_ref().is_some_and(|locked| is_at(locked, from)) {
-        let message = format!("{} was replaced or moved meanwhile; nothing was written", from.display());
-        return Err(Failure::Failed(anyhow!(message)));
+        return Err(Failure::Failed(anyhow!(
+            "{} was replaced or moved meanwhile; nothing was written",
+            from.display()
+        )));
     }
-    let no_state = || {
-        let message =
-            format!("{} has no state that can be read, so there is nothing to recover", from.display());
-        Failure::BadInput(anyhow!(message))
-    };
+    let no_state =
+        || bad_input!("{} has no state that can be read, so there is nothing to recover", from.display());
     // before anything is allocated in the size that the manifest claims
     if !has_a_state(from)? {
         return Err(no_state());
@@ -87,11 +88,7 @@ pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
     let cores = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
     let verified = verify_file(&finished.path, None, cores, &stop)?;
     let outcome = Outcome { recovery, finished, lying_toml, verified };
-    if args.output.json {
-        display::print_json(&to_json(&manifest, &outcome))?;
-    } else {
-        display::print(text(from, &manifest, &outcome))?;
-    }
+    report(args.output.json, &to_json(&manifest, &outcome), || text(from, &manifest, &outcome))?;
     let is_whole = outcome.recovery.is_whole() && outcome.lying_toml.is_empty();
     Ok(Done::whole_if(is_whole && !outcome.verified.is_refuted()))
 }
@@ -122,11 +119,10 @@ fn has_a_state(path: &Path) -> Result<bool, Failure> {
 fn lock(path: &Path) -> Result<File, Failure> {
     let file = File::open(path).with_context(|| path.display().to_string()).map_err(Failure::BadInput)?;
     match file.try_lock_shared() {
-        Err(TryLockError::WouldBlock) => {
-            let message =
-                format!("{} is being written by a process that lives; wait for its end", path.display());
-            Err(Failure::Failed(anyhow!(message)))
-        }
+        Err(TryLockError::WouldBlock) => Err(Failure::Failed(anyhow!(
+            "{} is being written by a process that lives; wait for its end",
+            path.display()
+        ))),
         // file systems without locks do without
         _ => Ok(file),
     }
@@ -152,46 +148,36 @@ fn working_place(from: &Path, to: &Path) -> PathBuf {
 
 fn text(from: &Path, manifest: &RunManifest, outcome: &Outcome) -> String {
     let Outcome { recovery, finished, lying_toml, verified } = outcome;
-    let mut rows = Vec::new();
-    rows.push(("states", states(recovery)));
+    let mut rows = Rows::default();
+    rows.add("states", states(recovery));
     if let Some(last) = recovery.last_step {
         let (last, all) = (count(last), count(manifest.physics.step_count));
-        rows.push(("ends", format!("at step {last} of {all} ({})", recovery.end)));
+        rows.add("ends", format_args!("at step {last} of {all} ({})", recovery.end));
     }
-    rows.extend(recovery.damages.iter().map(|damage| ("damaged", damage_text(damage))));
-    push_more(&mut rows, "damaged", recovery.damage_count, recovery.damages.len());
-    let recomputed = |(from, to): &(u64, u64)| frames(*from, Some(*to));
-    rows.extend(recovery.recomputed.iter().map(|range| ("recomputed", recomputed(range))));
-    rows.extend(recovery.differences.iter().map(|difference| ("differed", difference.to_string())));
-    push_more(&mut rows, "differed", recovery.difference_count, recovery.differences.len());
+    rows.each("damaged", recovery.damages.iter().map(damage_text));
+    rows.more("damaged", recovery.damage_count, recovery.damages.len(), "");
+    rows.each("recomputed", recovery.recomputed.iter().map(|(from, to)| frames(*from, Some(*to))));
+    rows.each("differed", &recovery.differences);
+    rows.more("differed", recovery.difference_count, recovery.differences.len(), "");
     if recovery.unproven_count > 0 {
         let what = "states without a checksum that do not follow from the one before: not used";
-        rows.push(("unproven", format!("{} {what}", count(recovery.unproven_count))));
+        rows.add("unproven", format_args!("{} {what}", count(recovery.unproven_count)));
     }
-    if let Some(other) = &recovery.other_kernel {
-        rows.push(("unproven", other.to_string()));
-    }
+    rows.each("unproven", recovery.other_kernel);
     for (topic, counts) in &recovery.others {
         let lost = if counts.lost > 0 { format!(", {} LOST", count(counts.lost)) } else { String::new() };
-        rows.push(("channel", format!("{topic}: {} kept{lost}", counted(counts.kept, "message"))));
+        rows.add("channel", format_args!("{topic}: {} kept{lost}", counted(counts.kept, "message")));
     }
-    rows.extend(recovery.lost.iter().map(|(from, to)| ("LOST", frames(*from, *to))));
-    push_more(&mut rows, "LOST", recovery.lost_count, recovery.lost.len());
+    rows.each("LOST", recovery.lost.iter().map(|(from, to)| frames(*from, *to)));
+    rows.more("LOST", recovery.lost_count, recovery.lost.len(), "");
     if recovery.is_whole() {
-        rows.push(("lost", "nothing that was in the file".to_owned()));
+        rows.add("lost", "nothing that was in the file");
     }
-    rows.extend(lying_toml.iter().map(|what| ("left out", format!("run.toml: {what}"))));
-    rows.push(("size", bytes(finished.bytes).to_string()));
-    rows.push(("verified", verified.verdict().to_owned()));
-    rows.extend(verified.refutations());
-    display::rows(&format!("{} recovered: {}", from.display(), finished.path.display()), &rows)
-}
-
-fn push_more(rows: &mut Vec<(&'static str, String)>, name: &'static str, all: u64, shown: usize) {
-    let more = all.saturating_sub(shown as u64);
-    if more > 0 {
-        rows.push((name, format!("and {} more", count(more))));
-    }
+    rows.each("left out", lying_toml.iter().map(|what| format!("run.toml: {what}")));
+    rows.add("size", bytes(finished.bytes));
+    rows.add("verified", verified.verdict());
+    verified.add_refutations(&mut rows);
+    rows.under(format_args!("{} recovered: {}", from.display(), finished.path.display()))
 }
 
 fn states(recovery: &Recovery) -> String {
@@ -209,11 +195,8 @@ fn states(recovery: &Recovery) -> String {
 
 fn to_json(manifest: &RunManifest, outcome: &Outcome) -> serde_json::Value {
     let Outcome { recovery, finished, lying_toml, verified } = outcome;
-    let others: serde_json::Map<_, _> = recovery
-        .others
-        .iter()
-        .map(|(topic, counts)| (topic.clone(), json!({ "kept": counts.kept, "lost": counts.lost })))
-        .collect();
+    let others = recovery.others.iter();
+    let others = others.map(|(topic, counts)| (topic, json!({ "kept": counts.kept, "lost": counts.lost })));
     json!({
         "path": finished.path,
         "bytes": finished.bytes,
@@ -230,7 +213,7 @@ fn to_json(manifest: &RunManifest, outcome: &Outcome) -> serde_json::Value {
         "differences": recovery.differences,
         "lost_count": recovery.lost_count,
         "lost_frames": recovery.lost,
-        "other_channels": others,
+        "other_channels": others.collect::<BTreeMap<_, _>>(),
         "damage_count": recovery.damage_count,
         "damages": recovery.damages,
         "other_kernel": recovery.other_kernel.map(|other| other.found),

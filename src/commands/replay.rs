@@ -10,7 +10,7 @@ use crate::frames::{Frames, FramesError};
 use crate::keyboard::Keyboard;
 use crate::publishing;
 use crate::stage::{Begin, Stage};
-use anyhow::{Context as _, anyhow};
+use anyhow::Context as _;
 use bus::{PublishError, PublishOptions, StatePublisher};
 use producer::replay::{BeginError, Conductor, Replay, ReplayOutcome, is_sparse, published_manifest};
 use producer::resimulation::{Lend, check_kernel};
@@ -58,8 +58,7 @@ pub(crate) fn replay(args: &ReplayArgs) -> Result<Done, Failure> {
 fn window(args: &ReplayArgs) -> Result<Window, Failure> {
     let window = Window { from_s: args.from, until_s: args.until.unwrap_or(f64::INFINITY) };
     if window.from_s > window.until_s {
-        let message = format!("--from {} is after --until {}", window.from_s, window.until_s);
-        return Err(Failure::BadInput(anyhow!(message)));
+        return Err(bad_input!("--from {} is after --until {}", window.from_s, window.until_s));
     }
     Ok(window)
 }
@@ -93,7 +92,7 @@ fn begin(
             let range = range.map_or("nothing".to_owned(), |(first_s, last_s)| {
                 format!("{} s to {} s", display::number(first_s), display::number(last_s))
             });
-            Err(Failure::BadInput(anyhow!("{}: {error}; recorded is {range}", args.file.display())))
+            Err(bad_input!("{}: {error}; recorded is {range}", args.file.display()))
         }
         Err(error) => Err(error).bad_input(),
     }
@@ -110,7 +109,7 @@ fn announce(args: &ReplayArgs, replay: &Replay<Frames>) {
     let recomputed =
         if replay.is_recomputed() { "; frames that it does not hold are recomputed" } else { "" };
     let (file, name) = (args.file.display(), &manifest.provenance.name);
-    display::notice(format_args!("{file} is published as {name}{from}{recomputed}"));
+    notice!("{file} is published as {name}{from}{recomputed}");
 }
 
 /// Publishes it once, as a stream of its own; none if we were stopped before the first frame.
@@ -136,9 +135,9 @@ fn publish(
     let mut publisher = publishing::open(replay.manifest(), &options, wait_for)?;
     if wait_for > 0 && args.wait_for.is_none() && summary.streams == 0 {
         let name = &replay.manifest().provenance.name;
-        display::notice(format_args!(
+        notice!(
             "start an analysis, such as `beadline energies live:{name}`; `--wait-for 0` does not wait for one"
-        ));
+        );
     }
     if !publishing::wait_for_consumers(wait_for, &mut publisher, stop)? {
         publisher.finish(EndReason::Interrupted)?;

@@ -38,7 +38,7 @@ pub(crate) fn reproduce(args: &ReproduceArgs) -> Result<Done, Failure> {
     let jobs = args.jobs.unwrap_or_else(cores).get();
     announce(&studies, &runs, jobs);
     let Some(done) = observe(args, &studies, runs, jobs, &stop)? else {
-        display::notice("stopped; what was finished stays in the cache and is not done again");
+        notice!("stopped; what was finished stays in the cache and is not done again");
         return Ok(Done::Lossy);
     };
 
@@ -55,10 +55,12 @@ pub(crate) fn reproduce(args: &ReproduceArgs) -> Result<Done, Failure> {
     outcome.print()?;
     for (claim, number) in report.contradictions() {
         let (value, reference) = (number.value, number.reference.map_or(f64::NAN, |found| found.value));
-        display::notice(format_args!(
+        notice!(
             "{}: {}: {value} {} contradicts the reference {reference}",
-            claim.id, number.what, number.unit
-        ));
+            claim.id,
+            number.what,
+            number.unit
+        );
     }
     Ok(Done::whole_if(report.contradictions().is_empty()))
 }
@@ -93,11 +95,10 @@ fn refuse_to_overwrite(args: &ReproduceArgs, studies: &[&'static Study]) -> Resu
         let path = args.out.join(name);
         if !args.force && path.symlink_metadata().is_ok() {
             let path = path.display();
-            let message = format!(
+            return Err(bad_input!(
                 "{path} exists already; choose another --out, or replace the report with --force (recordings are \
                  kept and used again either way)"
-            );
-            return Err(Failure::BadInput(anyhow!(message)));
+            ));
         }
     }
     Ok(())
@@ -124,11 +125,11 @@ fn observe(
 
 fn announce(studies: &[&'static Study], runs: &[Cached], jobs: usize) {
     let recorded = runs.iter().filter(|cached| cached.recorded).count();
-    display::notice(format_args!(
+    notice!(
         "{} from {}, {recorded} of them recorded before; {jobs} at a time",
         counted(studies.len() as u64, "figure"),
         counted(runs.len() as u64, "run"),
-    ));
+    );
 }
 
 /// Draws the figure of a study and judges its claims.
@@ -166,7 +167,7 @@ impl Shown {
         display::tell(&self.bar, &[&done, &left]);
         if self.bar.is_hidden() && progress.tenths() > self.tenths {
             self.tenths = progress.tenths();
-            display::notice(format_args!("reproduce: {}", display::joined(&[&done, &left])));
+            notice!("reproduce: {}", display::joined(&[&done, &left]));
         }
     }
 }

@@ -9,10 +9,10 @@ use crate::forecast::Forecast;
 use crate::keyboard::Keyboard;
 use crate::outputs::check_free;
 use crate::publishing;
+use crate::report::{Rows, report};
 use crate::resumption::{self, Begun, Resumption};
 use crate::signals;
 use crate::stage::{Begin, Left, Stage};
-use anyhow::anyhow;
 use bus::{PublishCounts, PublishError, PublishOptions, StatePublisher};
 use consumers::determination::Outcome as Determined;
 use consumers::determination::verdict;
@@ -51,7 +51,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
 
     let (keyboard, stop) = Keyboard::open()?;
     let Some((mut publisher, begun)) = start.prepare(args, &configured, &options, &stop)? else {
-        display::notice("stopped before the run began; nothing was recorded");
+        notice!("stopped before the run began; nothing was recorded");
         return Ok(Done::Lossy);
     };
     let Begun { mut recorder, state, old } = begun;
@@ -90,14 +90,10 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     let determined = compared.and_then(|compared| compared.determination.outcome());
     let is_determined = determined.as_ref().is_none_or(|determined| determined.first_lost().is_none());
     let summary = Summary { manifest, outcome, first_step, counts, left, recording, determined };
-    if args.json {
-        display::print_json(&summary.json())?;
-    } else {
-        display::print(summary.text())?;
-    }
+    report(args.json, &summary.json(), || summary.text())?;
     if let (EndReason::Interrupted, Some(recording)) = (reason, &summary.recording) {
         let path = recording.path.display();
-        display::notice(format_args!("`beadline run --resume {path}` goes on with it"));
+        notice!("`beadline run --resume {path}` goes on with it");
     }
     tell_drift(&manifest.physics, outcome.relative_drift);
     Ok(Done::whole_if(counts.evicted == 0 && reason == EndReason::Complete && is_determined))
@@ -143,8 +139,7 @@ impl Start {
             Self::Resumed(found) => Some(found.target()),
         };
         if let Some(path) = out.filter(|path| path.extension().is_none_or(|end| end != "mcap")) {
-            let message = format!("{}: a recording is written as .mcap", path.display());
-            return Err(Failure::BadInput(anyhow!(message)));
+            return Err(bad_input!("{}: a recording is written as .mcap", path.display()));
         }
         match self {
             Self::Fresh(_) => out.map_or(Ok(()), |path| check_free(path, force))?,
@@ -208,15 +203,15 @@ fn tell_drift(physics: &Physics, drift: f64) {
     }
     let rounding = Drift::new(physics, &physics.chain()).rounding();
     if drift.abs() <= MANY_ROUNDINGS * rounding {
-        display::notice(format_args!(
+        notice!(
             "the energy drifted by {drift:.1e}, from rounding: beside the load, or beside a heavy striker, so little moves that \
              one rounding makes {rounding:.1e}; a shorter --dt does not help, a faster striker does"
-        ));
+        );
     } else {
-        display::notice(format_args!(
+        notice!(
             "the energy drifted by {drift:.1e}: dt = {:e} s is too long for this chain; pass a shorter --dt",
             physics.dt_s
-        ));
+        );
     }
 }
 
@@ -232,10 +227,10 @@ fn what_stays(path: &Path) -> String {
 /// Says where what was recorded is, and how to go on, when the rest could not be written.
 fn tell_what_stays(path: &Path) {
     let path = path.display();
-    display::notice(format_args!(
+    notice!(
         "what was recorded before stays in {path}.partial, which every analysis reads; when there is room, \
          `beadline run --resume {path}.partial` goes on, with --out in another place"
-    ));
+    );
 }
 
 /// Whether a recording was begun that could not be written to its end.
@@ -260,20 +255,20 @@ fn announce(configured: &Configured, out: Option<&Path>, options: &WriteOptions)
         bytes(frame_bytes),
     );
     let Some(path) = out else {
-        display::notice(format_args!("{frames}; no recording"));
+        notice!("{frames}; no recording");
         tell_end(configured);
         return Ok(0.0);
     };
     let needed = SpaceNeeded::new(manifest, options.compression);
     let free = needed.check(path)?;
-    display::notice(format_args!(
+    notice!(
         "{frames}; {} recorded in {}: {} to {}, {} free",
         count(manifest.recorded_count()),
         path.display(),
         bytes(needed.at_least_bytes),
         bytes(needed.at_most_bytes),
         bytes(free),
-    ));
+    );
     tell_end(configured);
     Ok(needed.at_least_bytes as f64 / free.max(1) as f64)
 }
@@ -283,10 +278,10 @@ fn tell_end(configured: &Configured) {
     let physics = &configured.manifest.physics;
     let (asked_s, end_s) = (configured.duration_s, physics.time_s(physics.step_count));
     if (end_s - asked_s).abs() > NEARLY * asked_s {
-        display::notice(format_args!(
+        notice!(
             "the last of these steps ends at {end_s:e} s, not at {asked_s:e} s; a step that is left to Beadline divides the \
              duration"
-        ));
+        );
     }
 }
 
@@ -338,36 +333,24 @@ impl Summary<'_> {
         let outcome = &self.outcome;
         let busy = self.left.wall.saturating_sub(self.left.paused);
         let steps_per_s = (outcome.last_step - self.first_step) as f64 / busy.as_secs_f64();
-        let mut rows = vec![
-            ("steps", format!("{} of {}", count(outcome.last_step), count(self.manifest.physics.step_count))),
-            ("frames published", count(outcome.published_count).to_string()),
-            ("frames recorded", count(self.recorded_count()).to_string()),
-            ("energy drift ΔE/E", format!("{:.2e}", outcome.relative_drift)),
-            (
-                "wall time",
-                format!("{} ({})", duration(self.left.wall), display::per_second(steps_per_s, "steps")),
-            ),
-            ("held back by consumers", duration(self.counts.held_back)),
-        ];
-        if let Some(determined) = &self.determined {
-            rows.push(("determined", verdict(&self.manifest.physics, determined)));
+        let (last, all) = (count(outcome.last_step), count(self.manifest.physics.step_count));
+        let mut rows = Rows::default();
+        rows.add("steps", format_args!("{last} of {all}"));
+        rows.add("frames published", count(outcome.published_count));
+        rows.add("frames recorded", count(self.recorded_count()));
+        rows.add("energy drift ΔE/E", format_args!("{:.2e}", outcome.relative_drift));
+        let wall = duration(self.left.wall);
+        rows.add("wall time", format_args!("{wall} ({})", display::per_second(steps_per_s, "steps")));
+        rows.add("held back by consumers", duration(self.counts.held_back));
+        let determined = self.determined.as_ref();
+        rows.each("determined", determined.map(|determined| verdict(&self.manifest.physics, determined)));
+        rows.pauses(self.left.paused, self.counts.evicted);
+        if let Some(Finished { path, bytes: size, uncompressed_bytes, held_back, .. }) = &self.recording {
+            let ratio = *uncompressed_bytes as f64 / *size as f64;
+            rows.add("held back by the disk", duration(*held_back));
+            rows.add("recording", format_args!("{}, {} ({ratio:.2} : 1)", path.display(), bytes(*size)));
         }
-        if self.left.paused > Duration::ZERO {
-            rows.push(("paused", duration(self.left.paused)));
-        }
-        if self.counts.evicted > 0 {
-            rows.push((
-                "consumers dropped",
-                format!("{} that took nothing for too long", self.counts.evicted),
-            ));
-        }
-        if let Some(recording) = &self.recording {
-            let ratio = recording.uncompressed_bytes as f64 / recording.bytes as f64;
-            let size = format!("{}, {} ({ratio:.2} : 1)", recording.path.display(), bytes(recording.bytes));
-            rows.push(("held back by the disk", duration(recording.held_back)));
-            rows.push(("recording", size));
-        }
-        display::rows(&format!("{} {}", self.manifest.provenance.name, outcome.reason), &rows)
+        rows.under(format_args!("{} {}", self.manifest.provenance.name, outcome.reason))
     }
 
     fn json(&self) -> Value {

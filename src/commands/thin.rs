@@ -6,6 +6,7 @@ use crate::failure::{BadInput, Done, Failure};
 use crate::frames::Frames;
 use crate::outputs::check_place;
 use crate::progress::Progress;
+use crate::report::{Rows, report};
 use crate::signals;
 use anyhow::anyhow;
 use producer::resimulation::Lend;
@@ -121,7 +122,7 @@ impl Rewrite<'_> {
         let from = self.from.display();
         let why = info.damage.as_ref().map_or_else(String::new, |damage| format!(" ({damage})"));
         let advice = format!("`beadline recover {from} --out FILE.mcap` makes one of it that was");
-        Failure::BadInput(anyhow!("{from} was not closed, or is damaged{why}: {advice}"))
+        bad_input!("{from} was not closed, or is damaged{why}: {advice}")
     }
 
     /// The manifest of the new recording: the same run, recorded at other steps. Between frames nothing is due by
@@ -130,18 +131,18 @@ impl Rewrite<'_> {
         let provenance = &manifest.provenance;
         let (published, before) = (provenance.publish_every_steps, provenance.record_every_steps);
         if self.between_frames && self.every_steps > before {
-            return Err(Failure::BadInput(anyhow!(
+            return Err(bad_input!(
                 "--every-steps {}: this recording has a state every {before} steps already; `beadline thin` makes fewer",
                 self.every_steps
-            )));
+            ));
         }
         let recorded = if self.is_between_frames(manifest) { published } else { self.every_steps };
         manifest.clone().recorded_every(recorded).map_err(|_| {
             let or = if self.between_frames { "a divisor or " } else { "" };
             let steps = self.every_steps;
-            Failure::BadInput(anyhow!(
+            bad_input!(
                 "--every-steps {steps}: expected {or}a multiple of {published}, the steps between two frames of this run"
-            ))
+            )
         })
     }
 
@@ -176,8 +177,7 @@ impl Rewrite<'_> {
                     progress.at(step);
                 }
                 Received::Missed { from, to } => {
-                    let message = format!("{}: the frames {from} to {to} are missing", self.from.display());
-                    return Err(Failure::BadInput(anyhow!(message)));
+                    return Err(bad_input!("{}: the frames {from} to {to} are missing", self.from.display()));
                 }
                 Received::End(reason) => break reason,
             }
@@ -190,24 +190,20 @@ impl Rewrite<'_> {
     }
 
     fn report(&self, done: &str, info: &RecordingInfo, finished: &Finished) -> Result<(), anyhow::Error> {
-        if self.json {
-            return display::print_json(&json!({
-                "path": finished.path,
-                "states_before": info.frames(),
-                "states": finished.frames,
-                "bytes_before": info.file_bytes,
-                "bytes": finished.bytes,
-                "every_steps": self.every_steps,
-            }));
-        }
-        let rows = [
-            ("states", format!("{} of {}", count(finished.frames), count(info.frames()))),
-            ("size", format!("{} from {}", bytes(finished.bytes), bytes(info.file_bytes))),
-            ("proven", "every state follows from the one before".to_owned()),
-        ];
-        display::print(display::rows(
-            &format!("{} {done}: {}", self.from.display(), finished.path.display()),
-            &rows,
-        ))
+        let rewritten = json!({
+            "path": finished.path,
+            "states_before": info.frames(),
+            "states": finished.frames,
+            "bytes_before": info.file_bytes,
+            "bytes": finished.bytes,
+            "every_steps": self.every_steps,
+        });
+        report(self.json, &rewritten, || {
+            let mut rows = Rows::default();
+            rows.add("states", format_args!("{} of {}", count(finished.frames), count(info.frames())));
+            rows.add("size", format_args!("{} from {}", bytes(finished.bytes), bytes(info.file_bytes)));
+            rows.add("proven", "every state follows from the one before");
+            rows.under(format_args!("{} {done}: {}", self.from.display(), finished.path.display()))
+        })
     }
 }

@@ -9,6 +9,7 @@ use crate::args::VerifyArgs;
 use crate::display::{self, bytes, count, seconds};
 use crate::failure::{BadInput, Done, Failure};
 use crate::progress::Progress;
+use crate::report::Rows;
 use crate::signals;
 use lists::Lists;
 use producer::verification::{Follows, Verification, follows, follows_the_run, verify as verify_states};
@@ -18,6 +19,7 @@ use run_toml::RunToml;
 use schemas::frame::EndReason;
 use schemas::whole_file::is_being_written;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
@@ -154,36 +156,33 @@ impl Verified {
     }
 
     /// What is wrong, for people.
-    pub(crate) fn refutations(&self) -> Vec<(&'static str, String)> {
-        let (found, mut rows) = (&self.found, Vec::new());
-        rows.extend(found.differences.iter().map(|difference| ("differs", difference.to_string())));
-        push_more(&mut rows, "differs", found.difference_count, found.differences.len(), "states");
-        rows.extend(found.summary_differences.iter().map(|difference| ("differs", difference.to_string())));
+    pub(crate) fn add_refutations(&self, rows: &mut Rows) {
+        let found = &self.found;
+        rows.each("differs", &found.differences);
+        rows.more("differs", found.difference_count, found.differences.len(), " of the states");
+        rows.each("differs", &found.summary_differences);
         let shown = found.summary_differences.len();
-        push_more(&mut rows, "differs", found.summary_difference_count, shown, "summaries");
+        rows.more("differs", found.summary_difference_count, shown, " of the summaries");
         if let (Some(said), Some(hash)) = (&found.wrong_end_hash, &found.last_state_hash) {
-            rows.push((
-                "differs",
-                format!("the hash of the last state is {hash}, the end of the file says {said}"),
-            ));
+            let what = format_args!("the hash of the last state is {hash}, the end of the file says {said}");
+            rows.add("differs", what);
         }
         for rows_of in &self.rows {
-            rows.extend(rows_of.differences.iter().map(|what| ("differs", what.clone())));
-            push_more(&mut rows, "differs", rows_of.difference_count, rows_of.differences.len(), "rows");
+            rows.each("differs", &rows_of.differences);
+            rows.more("differs", rows_of.difference_count, rows_of.differences.len(), " of the rows");
         }
         if let RunToml::Differs(differs) = &self.toml {
-            rows.extend(differs.iter().map(|what| ("differs", what.clone())));
+            rows.each("differs", differs);
         }
-        rows.extend(found.missing.iter().map(|(from, to)| ("missing", frames(*from, Some(*to)))));
+        rows.each("missing", found.missing.iter().map(|(from, to)| frames(*from, Some(*to))));
         for (topic, found) in &found.rows {
             let ranges = found.missing.iter().map(|(from, to)| frames(*from, Some(*to)));
-            rows.extend(ranges.map(|range| ("missing", format!("rows of `{topic}`: {range}"))));
-            push_more(&mut rows, "missing", found.missing_count, found.missing.len(), "ranges");
+            rows.each("missing", ranges.map(|range| format!("rows of `{topic}`: {range}")));
+            rows.more("missing", found.missing_count, found.missing.len(), " of the ranges");
         }
-        push_more(&mut rows, "missing", found.missing_count, found.missing.len(), "ranges");
-        rows.extend(self.damages().map(|damage| ("damaged", damage_text(damage))));
-        push_more(&mut rows, "damaged", found.damage_count, found.damages.len(), "places");
-        rows
+        rows.more("missing", found.missing_count, found.missing.len(), " of the ranges");
+        rows.each("damaged", self.damages().map(damage_text));
+        rows.more("damaged", found.damage_count, found.damages.len(), " of the places");
     }
 
     /// The damages. A file that ends within a record while it is being written is not damaged.
@@ -221,37 +220,28 @@ impl Verified {
 fn text(file: &Verified) -> String {
     let found = &file.found;
     let manifest = &found.manifest;
-    let mut rows = vec![
-        ("file", format!("{}, {}", file.path.display(), bytes(file.file_bytes))),
-        ("states", count(found.state_count).to_string()),
-        ("steps recomputed", count(file.step_count()).to_string()),
-    ];
+    let mut rows = Rows::default();
+    rows.add("file", format_args!("{}, {}", file.path.display(), bytes(file.file_bytes)));
+    rows.add("states", count(found.state_count));
+    rows.add("steps recomputed", count(file.step_count()));
     if let Some((first, last)) = found.step_range() {
-        rows.push(("begins", begin(file, first)));
-        let end = format!("step {} of {}", count(last), count(manifest.physics.step_count));
+        rows.add("begins", begin(file, first));
+        let (last, all) = (count(last), count(manifest.physics.step_count));
         let reason = if file.is_being_written { "being written" } else { found.end.as_str() };
-        rows.push(("ends", format!("at {end} ({reason})")));
+        rows.add("ends", format_args!("at step {last} of {all} ({reason})"));
     }
     if let Some(step) = found.stopped_after {
-        rows.push(("stopped", format!("nothing is known of what comes after step {}", count(step))));
+        rows.add("stopped", format_args!("nothing is known of what comes after step {}", count(step)));
     }
-    if let Some(follows) = &file.follows {
-        rows.push(("follows", follows_text(follows, file.is_later_part)));
-    }
-    rows.extend(Lists::of(file).rows_of_text());
-    if let Some(other) = &found.other_kernel {
-        rows.push(("unproven", other.to_string()));
-    }
-    rows.extend(file.refutations());
-    rows.extend(file.advice().into_iter().map(|advice| ("next", advice)));
-    display::rows(&format!("{}: {}", manifest.provenance.name, file.verdict()), &rows)
-}
-
-fn push_more(rows: &mut Vec<(&'static str, String)>, name: &'static str, all: u64, shown: usize, of: &str) {
-    let more = all.saturating_sub(shown as u64);
-    if more > 0 {
-        rows.push((name, format!("and {} more of the {of}", count(more))));
-    }
+    rows.each("follows", file.follows.as_ref().map(|follows| follows_text(follows, file.is_later_part)));
+    let Lists { proven, compared, unknown } = Lists::of(file);
+    rows.each("proven", proven);
+    rows.each("compared", compared);
+    rows.each("not known", unknown);
+    rows.each("unproven", found.other_kernel);
+    file.add_refutations(&mut rows);
+    rows.each("next", file.advice());
+    rows.under(format_args!("{}: {}", manifest.provenance.name, file.verdict()))
 }
 
 /// What the first state follows.
@@ -338,11 +328,10 @@ fn to_json(file: &Verified) -> Value {
             "proven": follows.is_proven(),
             "what": follows_text(follows, file.is_later_part),
         })),
-        "checked": Lists::of(file).to_json(),
+        "checked": Lists::of(file),
         "rows": file.rows,
-        "missing_rows": found.rows.iter().map(|(topic, rows)| (topic.clone(), json!(rows.missing)))
-            .collect::<serde_json::Map<_, _>>(),
-        "run_toml_differences": if let RunToml::Differs(differs) = &file.toml { json!(differs) } else { json!([]) },
+        "missing_rows": found.rows.iter().map(|(topic, rows)| (topic, &rows.missing)).collect::<BTreeMap<_, _>>(),
+        "run_toml_differences": if let RunToml::Differs(differs) = &file.toml { differs.as_slice() } else { &[] },
         "other_kernel": found.other_kernel.map(|other| other.found),
         "difference_count": found.difference_count,
         "differences": found.differences,

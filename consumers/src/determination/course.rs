@@ -1,9 +1,10 @@
 //! How the errors of one quantity went.
 
 use super::{CHAOTIC, Quantity, WORTH_A_STEP};
+use serde::Serialize;
 
 /// How one error of a quantity went, in units of its scale.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Course {
     /// The time (s) of the last look before it first exceeded the tolerance; none if it never did.
     pub until_s: Option<f64>,
@@ -14,6 +15,7 @@ pub struct Course {
     /// When that was (s).
     pub worst_at_s: f64,
     /// The time (s) of the last look.
+    #[serde(skip)]
     last_s: f64,
 }
 

@@ -32,6 +32,7 @@ use super::step_error::step_error_j;
 use super::window::Window;
 use crate::uncertain::Uncertain;
 use schemas::manifest::RunManifest;
+use serde::Serialize;
 use std::fmt;
 
 /// Part of the total energy that has reached the split bead when a pulse has arrived. What it reflects
@@ -100,7 +101,7 @@ impl fmt::Display for Undefined {
 }
 
 /// The frame at which something happens.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Moment {
     /// Number of the frame.
     pub frame: u64,
@@ -109,7 +110,7 @@ pub struct Moment {
 }
 
 /// Energy that the incident pulse has left behind.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Recoil {
     /// The energy (J).
     pub energy_j: f64,

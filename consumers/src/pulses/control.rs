@@ -8,6 +8,7 @@ use super::Direction;
 use super::surroundings::{Surroundings, signed};
 use super::track::Point;
 use schemas::frame::Frame;
+use serde::Serialize;
 
 /// Steps between the frames that are looked at: there are five or more while a pulse passes.
 const EVERY_STEPS: u64 = 8;
@@ -25,7 +26,7 @@ const ABOVE_THRESHOLD: f64 = 2.0;
 const SHORTEST: usize = 10;
 
 /// Something that passed along the chain, and that no pulse follows.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Unfollowed {
     /// The beads that it passed, in the order in which it did.
     pub beads: [u64; 2],

@@ -5,6 +5,7 @@ use crate::display::{self, count, duration};
 use crate::failure::{Done, Failure};
 use crate::frames::FramesError;
 use crate::keyboard::Seek;
+use crate::report::{Rows, report};
 use crate::stage::Left;
 use bus::PublishCounts;
 use producer::replay::{Broken, ReplayOutcome};
@@ -105,50 +106,34 @@ impl Summary {
     /// end of a loop.
     pub(super) fn report(self, args: &ReplayArgs, stopped: bool) -> Result<Done, Failure> {
         if self.streams == 0 {
-            display::notice("stopped before the replay began");
+            notice!("stopped before the replay began");
             return Ok(Done::Lossy);
         }
         let cut_short =
             stopped && !args.again && !self.ended_as_asked && self.reason == EndReason::Interrupted;
-        if args.json {
-            display::print_json(&self.json(args))?;
-        } else {
-            display::print(self.text(args))?;
-        }
+        report(args.json, &self.json(args), || self.text(args))?;
         if let Some(broken) = self.broken {
-            display::notice(format_args!(
-                "{:#}: consumers were told that the run failed",
-                anyhow::Error::new(broken)
-            ));
+            notice!("{:#}: consumers were told that the run failed", anyhow::Error::new(broken));
         } else if self.reason == EndReason::Unfinished {
-            display::notice(
-                "the recording was not closed: consumers were told that the run failed where it ends",
-            );
+            notice!("the recording was not closed: consumers were told that the run failed where it ends",);
         }
         Ok(Done::whole_if(self.reason.is_orderly() && self.evicted == 0 && !cut_short))
     }
 
     fn text(&self, args: &ReplayArgs) -> String {
-        let mut rows = vec![
-            ("frames published", count(self.published_count).to_string()),
-            ("wall time", duration(self.wall)),
-            ("held back by consumers", duration(self.held_back)),
-        ];
-        if self.seek_count > 0 {
-            rows.insert(0, ("jumps", format!("{}, each to a new stream", count(self.seek_count))));
-        }
+        let mut rows = Rows::default();
         if self.loops() > 1 {
-            rows.insert(0, ("loops", count(self.loops()).to_string()));
+            rows.add("loops", count(self.loops()));
         }
-        if self.paused > Duration::ZERO {
-            rows.push(("paused", duration(self.paused)));
+        if self.seek_count > 0 {
+            rows.add("jumps", format_args!("{}, each to a new stream", count(self.seek_count)));
         }
-        if self.evicted > 0 {
-            rows.push(("consumers dropped", format!("{} that took nothing for too long", self.evicted)));
-        }
-        let until_s = args.until.filter(|_| self.ended_as_asked);
-        let end = display::end(self.reason, until_s);
-        display::rows(&format!("{} replayed: {end}", args.file.display()), &rows)
+        rows.add("frames published", count(self.published_count));
+        rows.add("wall time", duration(self.wall));
+        rows.add("held back by consumers", duration(self.held_back));
+        rows.pauses(self.paused, self.evicted);
+        let end = display::end(self.reason, args.until.filter(|_| self.ended_as_asked));
+        rows.under(format_args!("{} replayed: {end}", args.file.display()))
     }
 
     fn json(&self, args: &ReplayArgs) -> serde_json::Value {

@@ -4,17 +4,18 @@ use super::Verified;
 use super::run_toml::RunToml;
 use crate::display::{count, counted};
 use producer::verification::Follows;
-use serde_json::{Value, json};
+use serde::Serialize;
 
 /// One sentence for each thing.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize)]
 pub(super) struct Lists {
     /// Made again, with the same bits.
-    proven: Vec<String>,
+    pub(super) proven: Vec<String>,
     /// Agrees with other places of the file.
-    compared: Vec<String>,
+    pub(super) compared: Vec<String>,
     /// Believed, or not looked at.
-    unknown: Vec<String>,
+    #[serde(rename = "not_known")]
+    pub(super) unknown: Vec<String>,
 }
 
 impl Lists {
@@ -126,18 +127,5 @@ impl Lists {
             }
             RunToml::Differs(_) => {}
         }
-    }
-
-    /// For people.
-    pub(super) fn rows_of_text(self) -> impl Iterator<Item = (&'static str, String)> {
-        let named = |name: &'static str, list: Vec<String>| list.into_iter().map(move |what| (name, what));
-        named("proven", self.proven)
-            .chain(named("compared", self.compared))
-            .chain(named("not known", self.unknown))
-    }
-
-    /// For programs.
-    pub(super) fn to_json(&self) -> Value {
-        json!({ "proven": self.proven, "compared": self.compared, "not_known": self.unknown })
     }
 }

@@ -11,6 +11,7 @@ use crate::read::records::{RawRecord, RecordReader};
 use mcap::records::{Footer, MetadataIndex, Record, Statistics, op};
 use schemas::frame::EndReason;
 use schemas::manifest::RunManifest;
+use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -51,7 +52,7 @@ pub struct RecordingInfo {
 }
 
 /// A channel of a recording.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct ChannelInfo {
     /// Its topic.
     pub topic: String,
