@@ -1,6 +1,7 @@
 //! The paper's claims, our findings, and whether they agree.
 
 use super::observe::Observations;
+use consumers::uncertain::Uncertain;
 use std::fmt;
 
 /// A statement of the paper, and how to judge it.
@@ -140,6 +141,16 @@ impl Number {
         Self { range: Some(range), ..Self::new(what, count.count as f64, "") }
     }
 
+    /// A number that knows how far it may be off, and from what.
+    pub(super) fn known(
+        what: impl Into<String>,
+        found: Uncertain,
+        unit: &'static str,
+        from: &'static str,
+    ) -> Self {
+        Self::new(what, found.value, unit).give_or_take(found.plus_minus, from)
+    }
+
     /// Adds an uncertainty.
     pub(super) fn give_or_take(mut self, plus_minus: f64, from: &'static str) -> Self {
         self.uncertainty = Some(Uncertainty { plus_minus: plus_minus.abs(), from });
@@ -274,6 +285,13 @@ pub enum StudyError {
         /// What the drawing said.
         reason: String,
     },
+}
+
+impl StudyError {
+    /// There is no such thing in that run.
+    pub(super) fn absent(run: impl Into<String>, what: impl Into<String>) -> Self {
+        Self::Absent { run: run.into(), what: what.into() }
+    }
 }
 
 impl From<figure::FigureError> for StudyError {

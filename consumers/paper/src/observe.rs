@@ -1,6 +1,6 @@
 //! What is seen of a run.
 
-use super::claim::StudyError;
+use super::claim::{Number, StudyError};
 use super::front::Front;
 use super::reflection::Reflected;
 use super::runs::{FrontBy, Run, Watch};
@@ -199,6 +199,26 @@ impl Observations {
     pub fn of(&self, run: &Run) -> Result<&Observed, StudyError> {
         self.runs.get(run.name()).ok_or_else(|| StudyError::NotObserved { run: run.name().to_owned() })
     }
+
+    /// Something of `run`, and of its partner with twice the step.
+    pub(super) fn both<T>(
+        &self,
+        run: &Run,
+        of: impl Fn(&Observed) -> Result<T, StudyError>,
+    ) -> Result<(T, T), StudyError> {
+        Ok((of(self.of(run)?)?, of(self.of(&run.clone().with_step_times(2))?)?))
+    }
+
+    /// A quantity of `run`, by [`Number::stepped`].
+    pub(super) fn stepped(
+        &self,
+        run: &Run,
+        what: impl Into<String>,
+        unit: &'static str,
+        of: impl Fn(&Observed) -> Result<f64, StudyError>,
+    ) -> Result<Number, StudyError> {
+        Ok(Number::stepped(what, self.both(run, of)?, unit, self.of(run)?.max_abs_drift))
+    }
 }
 
 impl Observed {
@@ -209,7 +229,13 @@ impl Observed {
 
     /// Says that something is not there.
     pub(super) fn absent(&self, what: impl Into<String>) -> StudyError {
-        StudyError::Absent { run: self.manifest.provenance.name.to_string(), what: what.into() }
+        StudyError::absent(self.manifest.provenance.name.as_str(), what)
+    }
+
+    /// The first pulse that passed `bead` on its way to the end of the chain.
+    pub(super) fn first_pulse_past(&self, bead: u64) -> Result<Passage, StudyError> {
+        let first = self.pulses_past(bead, true).into_iter().next();
+        first.ok_or_else(|| self.absent(format!("pulse at bead {bead}")))
     }
 
     /// The pulses that passed `bead` in one direction, in the order of arrival.
