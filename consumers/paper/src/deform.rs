@@ -12,9 +12,7 @@ use consumers::theory::ContinuumWave;
 use consumers::uncertain::Uncertain;
 use figure::Figure;
 pub(super) use measures::against_reference;
-use measures::{
-    TAIL, continuum, deformation, from_triangle, handed_on, largest_error, longer, norms, shape,
-};
+use measures::{TAIL, continuum, deformation, from_triangle, handed_on, largest_error, longer, norms, shape};
 use std::f64::consts::FRAC_PI_2;
 
 const SECTION: &str = "section 2";
@@ -321,9 +319,8 @@ fn judge_low_alpha(seen: &Observations) -> Result<Judgement, StudyError> {
 
 fn judge_unreliable(seen: &Observations) -> Result<Judgement, StudyError> {
     let what = "width of eq. (cos) over the measured one, α = 1.7";
-    let width = seen.stepped(&homogeneous(1.7), what, "", |seen| {
-        Ok(continuum(seen)?.width_s / shape(seen)?.width_s)
-    })?;
+    let width = seen
+        .stepped(&homogeneous(1.7), what, "", |seen| Ok(continuum(seen)?.width_s / shape(seen)?.width_s))?;
     let error = largest_error(seen, 1.7)?;
     Ok(Judgement {
         verdict: Verdict::graded(error.value > 0.02, error.value > SUPERIMPOSE),

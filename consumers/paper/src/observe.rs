@@ -7,7 +7,7 @@ use super::runs::{FrontBy, Run, Watch};
 use consumers::contacts::{Class, ContactCounts, Contacts, default_tolerance_m};
 use consumers::deformation::{Deformation, Deformations};
 use consumers::follow::Analysis;
-use consumers::impurity::{Event, Followed, Motion};
+use consumers::impurity::{Event, EventKind, Followed, Motion};
 use consumers::pulses::{Passage, Probes, Pulses};
 use consumers::series::Series;
 use consumers::space_time::{Extent, Picture};
@@ -209,6 +209,15 @@ impl Observations {
         Ok((of(self.of(run)?)?, of(self.of(&run.clone().with_step_times(2))?)?))
     }
 
+    /// The events of a kind in `run`, with the same ones in its partner with twice the step.
+    pub(super) fn events(&self, run: &Run, kind: EventKind) -> Result<Vec<(Event, Event)>, StudyError> {
+        let of_kind = |seen: &Observed| -> Result<Vec<Event>, StudyError> {
+            Ok(seen.events.iter().filter(|event| event.kind == kind).copied().collect())
+        };
+        let (fine, coarse) = self.both(run, of_kind)?;
+        Ok(fine.into_iter().zip(coarse).collect())
+    }
+
     /// A quantity of `run`, by [`Number::stepped`].
     pub(super) fn stepped(
         &self,
@@ -222,6 +231,11 @@ impl Observations {
 }
 
 impl Observed {
+    /// A quantity (by column) of the bead followed over time (s).
+    pub(super) fn motion(&self, column: usize) -> impl Iterator<Item = (f64, f64)> {
+        self.motion.times_s().into_iter().zip(self.motion.column(column))
+    }
+
     /// The kept frame number `index`.
     pub(super) fn kept_frame(&self, index: usize) -> Result<&KeptFrame, StudyError> {
         self.kept_frames.get(index).ok_or_else(|| self.absent(format!("kept frame {index}")))
