@@ -2,6 +2,7 @@
 
 use super::observe::Observations;
 use consumers::uncertain::Uncertain;
+use serde::Serialize;
 use std::fmt;
 
 /// A statement of the paper, and how to judge it.
@@ -72,7 +73,7 @@ pub struct Judgement {
 }
 
 /// A number of ours.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Number {
     /// What it is.
     pub what: String,
@@ -89,7 +90,7 @@ pub struct Number {
 }
 
 /// How far a number may be off, and how we know.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Uncertainty {
     /// Half the width of the interval, in the unit of the number.
     pub plus_minus: f64,
@@ -98,7 +99,7 @@ pub struct Uncertainty {
 }
 
 /// What a count is in a run and in its partners.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Range {
     /// The least of these counts.
     pub least: f64,
@@ -109,7 +110,7 @@ pub struct Range {
 }
 
 /// A number that Beadline did not compute.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Reference {
     /// The value.
     pub value: f64,

@@ -241,6 +241,12 @@ impl Observed {
         self.kept_frames.get(index).ok_or_else(|| self.absent(format!("kept frame {index}")))
     }
 
+    /// The leading pulse in the first frame in which it is at `bead` or beyond.
+    pub(super) fn front_at(&self, bead: f64) -> Result<Front, StudyError> {
+        let front = self.fronts.iter().find(|front| front.bead >= bead);
+        front.copied().ok_or_else(|| self.absent(format!("pulse at bead {bead}")))
+    }
+
     /// Says that something is not there.
     pub(super) fn absent(&self, what: impl Into<String>) -> StudyError {
         StudyError::absent(self.manifest.provenance.name.as_str(), what)

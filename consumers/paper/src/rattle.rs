@@ -67,21 +67,17 @@ fn judge_oscillation(seen: &Observations) -> Result<Judgement, StudyError> {
     let (worst_s, worst_m) = (worst(|turn| turn.time_s), worst(|turn| turn.u_m));
     let drift = seen.of(&light())?.max_abs_drift;
     let mut numbers = Vec::new();
-    for (index, ((fine, _), row)) in turns.iter().zip(LIGHT_TURNS.rows()).enumerate() {
-        let reference = LIGHT_TURNS.values(&[row[0]])?;
-        let missing =
-            || StudyError::NoReference { file: "light-impurity-turning-points.csv", row: row[0].into() };
-        let time_ms: f64 = row[0].parse().map_err(|_| missing())?;
+    for (index, ((fine, _), reference)) in turns.iter().zip(LIGHT_TURNS.numbers()?).enumerate() {
         let order = index + 1;
         numbers.push(
             Number::new(format!("turning point {order}: time"), fine.time_s * 1e3, "ms")
                 .give_or_take(worst_s.hypot(drift * fine.time_s) * 1e3, FROM_STEP)
-                .against_within(time_ms, 1e-4),
+                .against_within(reference[0], 1e-4),
         );
         numbers.push(
             Number::new(format!("turning point {order}: displacement"), fine.u_m * 1e3, "mm")
                 .give_or_take(worst_m.hypot(drift * fine.u_m) * 1e3, FROM_STEP)
-                .against_within(reference[0], 1e-5),
+                .against_within(reference[1], 1e-5),
         );
     }
     let u: Vec<f64> = turns.iter().map(|(fine, _)| fine.u_m).collect();
@@ -224,8 +220,7 @@ fn judge_cycles(seen: &Observations) -> Result<Judgement, StudyError> {
 fn draw_impurity(seen: &Observations) -> Result<Figure, StudyError> {
     let seen = seen.of(&light())?;
     let path = seen.motion(0).map(|(t, u)| (t * 1e3, u * 1e3));
-    let number = |word: &str| word.parse().unwrap_or(f64::NAN);
-    let marks = LIGHT_TURNS.rows().map(|row| (number(row[0]), number(row[1])));
+    let marks = LIGHT_TURNS.numbers()?.into_iter().map(|row| (row[0], row[1]));
     let panel = Panel::new()
         .x_axis(Axis::new("time (ms)").limits(42.5, 80.0))
         .y_axis("displacement (mm)")

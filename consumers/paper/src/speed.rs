@@ -62,7 +62,7 @@ fn judge_speed(seen: &Observations) -> Result<Judgement, StudyError> {
     let mut worst = 0.0_f64;
     for alpha in stationary() {
         let run = homogeneous(alpha);
-        let exact = SOLITARY_WAVE.numbers(&[alpha])?[0];
+        let exact = SOLITARY_WAVE.at(alpha)?[0];
         let coefficient = seen.stepped(&run, format!("C_V, α = {alpha}"), "", measured)?;
         let continuum = ContinuumWave::new(alpha)?.coefficients().speed;
         let what = format!("speed over that of eq. (vf), α = {alpha}");

@@ -38,7 +38,7 @@ pub(in super::super) fn against_reference(
         Ok([shape.peak_s * 1e3, shape.overlap_m * 1e6, shape.width_s * 1e6, speed, v_peak_m_s])
     })?;
     let drift = seen.of(&run)?.max_abs_drift;
-    let reference = CONTACT_100.numbers(&[alpha])?;
+    let reference = CONTACT_100.at(alpha)?;
     let units = [1e3, 1e6, 1e6, 1.0, 1.0];
     let names = [
         ("time of the peak", "ms"),
