@@ -2,11 +2,11 @@
 
 mod measures;
 
-use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
+use super::judgement::{Judgement, Number, StudyError, Verdict};
 use super::observe::Observations;
 use super::passing::both_steps;
 use super::runs::{Run, homogeneous, homogeneous_long};
-use super::study::Study;
+use super::study::{Claim, Study};
 use consumers::deformation::{Comparison, Sample, Shape};
 use consumers::theory::ContinuumWave;
 use consumers::uncertain::Uncertain;

@@ -2,16 +2,16 @@
 
 mod figures;
 
-use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
 use super::crossing::crossings;
+use super::judgement::{Judgement, Number, StudyError, Verdict};
 use super::observe::Observations;
 use super::passing::both_steps;
 use super::reference::REFLECTED;
 use super::reflection::{
-    ALPHAS, BEAD_G, Reflected, corrected_over_total, curve, differences, is_shown, over_total, point,
+    ALPHAS, BEAD_G, MASSES_G, Reflected, corrected_over_total, differences, is_shown, over_total, points_of,
 };
 use super::runs::light;
-use super::study::Study;
+use super::study::{Claim, Study};
 use consumers::impurity::EventKind;
 use consumers::uncertain::Uncertain;
 use figures::{draw_corrected, draw_pulse, draw_total, draw_transmitted};
@@ -132,6 +132,26 @@ pub(super) const PULSE: Study = Study {
 /// What the studies of this module have in common.
 const ENERGY: Study =
     Study { slug: "", title: "", place: "", runs: Vec::new, sweep: true, draw: draw_total, claims: &[] };
+
+/// The point of an exponent and a mass (g).
+fn point(seen: &Observations, alpha: f64, mass_g: f64) -> Result<&Reflected, StudyError> {
+    let same = |point: &&Reflected| point.alpha == alpha && (point.mass_g - mass_g).abs() < 1e-9;
+    let missing = || StudyError::NotObserved { run: format!("α = {alpha}, impurity of {mass_g} g") };
+    seen.reflected().iter().find(same).ok_or_else(missing)
+}
+
+/// A quantity over all masses (g) for one exponent.
+fn curve(
+    seen: &Observations,
+    alpha: f64,
+    of: impl Fn(&Reflected) -> f64,
+) -> Result<Vec<(f64, f64)>, StudyError> {
+    // those of the figures must be there, others may
+    for mass_g in MASSES_G {
+        point(seen, alpha, mass_g)?;
+    }
+    Ok(points_of(seen.reflected(), alpha).into_iter().map(|point| (point.mass_g, of(point))).collect())
+}
 
 /// The points that the reference has, of one of its two quantities.
 fn against_reference(seen: &Observations, transmitted: bool) -> Result<Vec<Number>, StudyError> {

@@ -1,6 +1,6 @@
 //! A heavy impurity: it moves on, the transmitted wave breaks up, one pulse comes back.
 
-use super::claim::{Claim, Judgement, Number, StudyError, Verdict, pool_uncertainty};
+use super::judgement::{Judgement, Number, StudyError, Verdict, pool_uncertainty};
 use super::observe::Observations;
 use super::passing::{
     BACKWARD_BEAD, FORWARD_BEAD, Passed, against_table, counted, falls, heights, pulses_of_table,
@@ -9,7 +9,7 @@ use super::passing::{
 use super::profile::velocity_figure;
 use super::reference::HEAVY_PULSES;
 use super::runs::heavy;
-use super::study::Study;
+use super::study::{Claim, Study};
 use consumers::impurity::{Event, EventKind};
 use consumers::pulses::Passage;
 use consumers::theory::{SolitaryWave, Strength};
@@ -288,8 +288,9 @@ fn judge_sticking(seen: &Observations) -> Result<Judgement, StudyError> {
 fn draw_second_hit(seen: &Observations) -> Result<Figure, StudyError> {
     let hits = hits(seen)?;
     let seen = seen.of(&heavy())?;
-    let curve =
-        |column: usize, factor: f64| seen.motion(column).map(move |(t, value)| (t * 1e3, value * factor));
+    let curve = |column: usize, factor: f64| {
+        seen.motion.curve(column).map(move |(t, value)| (t * 1e3, value * factor))
+    };
     let x = || Axis::new("time (ms)").limits(42.0, 80.0);
     let mut velocity = Panel::new()
         .x_axis(x())

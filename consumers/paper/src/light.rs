@@ -1,6 +1,6 @@
 //! A light impurity emits pulses both ways: velocities and displacements.
 
-use super::claim::{Claim, Counted, Judgement, Number, StudyError, Verdict, pool_uncertainty};
+use super::judgement::{Counted, Judgement, Number, StudyError, Verdict, pool_uncertainty};
 use super::observe::Observations;
 use super::passing::{
     BACKWARD_BEAD, FORWARD_BEAD, Passed, against_table, counted, falls, heights, pulses, pulses_of_table,
@@ -9,7 +9,7 @@ use super::passing::{
 use super::profile::{caption, chain_panel, velocity_figure};
 use super::reference::LIGHT_PULSES;
 use super::runs::light;
-use super::study::Study;
+use super::study::{Claim, Study};
 use consumers::pulses::Passage;
 use figure::{Axis, Figure};
 use std::ops::Range;

@@ -1,10 +1,10 @@
 //! The contacts over space and time.
 
-use super::claim::{Claim, Counted, Judgement, Number, StudyError, Verdict, pool_uncertainty};
+use super::judgement::{Counted, Judgement, Number, StudyError, Verdict, pool_uncertainty};
 use super::observe::Observations;
 use super::passing::{Passed, count_past, counted, falls, pulses, with_partners};
 use super::runs::{Run, heavy, light};
-use super::study::Study;
+use super::study::{Claim, Study};
 use consumers::pulses::Passage;
 use figure::Figure;
 use std::ops::Range;
@@ -184,8 +184,7 @@ fn judge_light_gaps(seen: &Observations) -> Result<Judgement, StudyError> {
 fn judge_halved(seen: &Observations) -> Result<Judgement, StudyError> {
     let heavy = seen.of(&heavy())?;
     // overlap with the left neighbour, between the collision and the second hit
-    let times = heavy.motion.times_s();
-    let samples = times.iter().zip(heavy.motion.column(2)).filter(|(t, _)| (0.046..0.060).contains(*t));
+    let samples = heavy.motion.curve(2).filter(|(t, _)| (0.046..0.060).contains(t));
     let (mut open, mut all) = (0_usize, 0_usize);
     for (_, overlap_m) in samples {
         all += 1;

@@ -1,7 +1,7 @@
 //! What is seen of a run.
 
-use super::claim::{Number, StudyError};
 use super::front::Front;
+use super::judgement::{Number, StudyError};
 use super::reflection::Reflected;
 use super::runs::{FrontBy, Run, Watch};
 use consumers::contacts::{Class, ContactCounts, Contacts, default_tolerance_m};
@@ -231,11 +231,6 @@ impl Observations {
 }
 
 impl Observed {
-    /// A quantity (by column) of the bead followed over time (s).
-    pub(super) fn motion(&self, column: usize) -> impl Iterator<Item = (f64, f64)> {
-        self.motion.times_s().into_iter().zip(self.motion.column(column))
-    }
-
     /// The kept frame number `index`.
     pub(super) fn kept_frame(&self, index: usize) -> Result<&KeptFrame, StudyError> {
         self.kept_frames.get(index).ok_or_else(|| self.absent(format!("kept frame {index}")))

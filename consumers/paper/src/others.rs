@@ -1,11 +1,11 @@
 //! Other masses and other exponents than those of the paper's figures.
 
-use super::claim::{Claim, Counted, Judgement, Number, StudyError, Verdict};
+use super::judgement::{Counted, Judgement, Number, StudyError, Verdict};
 use super::observe::Observations;
 use super::passing::{count_past, counted, falls, with_partners};
 use super::rattle::flights;
 use super::runs::{Run, short};
-use super::study::Study;
+use super::study::{Claim, Study};
 use figure::{Axis, Figure, Panel};
 
 const SECTION: &str = "section 3";
@@ -131,7 +131,7 @@ fn draw(seen: &Observations) -> Result<Figure, StudyError> {
             let run = seen.of(&short(*mass_g, *alpha))?;
             let scales = run.manifest.physics.scales();
             let unit = if column == 0 { scales.length_m } else { run.manifest.physics.striker.velocity_m_s };
-            let points = run.motion(column).map(|(t, value)| (t / scales.time_s, value / unit));
+            let points = run.motion.curve(column).map(|(t, value)| (t / scales.time_s, value / unit));
             panel = panel.line(format!("{mass_g} g, α = {alpha}"), points);
         }
         Ok(panel)

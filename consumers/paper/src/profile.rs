@@ -1,6 +1,6 @@
 //! All beads in one frame; their velocities, whole and enlarged.
 
-use super::claim::StudyError;
+use super::judgement::StudyError;
 use super::observe::{KeptFrame, Observed};
 use figure::{Axis, Colour, Curve, Figure, Panel};
 

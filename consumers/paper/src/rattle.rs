@@ -1,11 +1,11 @@
 //! The motion of a light impurity between its neighbours.
 
-use super::claim::{Claim, Counted, FROM_STEP, Judgement, Number, StudyError, Verdict};
+use super::judgement::{Counted, FROM_STEP, Judgement, Number, StudyError, Verdict};
 use super::observe::{Observations, Observed};
 use super::passing::{BACKWARD_BEAD, FORWARD_BEAD, count_past, counted, falls, with_partners};
 use super::reference::LIGHT_TURNS;
 use super::runs::light;
-use super::study::Study;
+use super::study::{Claim, Study};
 use consumers::impurity::{Event, EventKind};
 use figure::{Axis, Colour, Curve, Figure, Mark, Panel};
 
@@ -219,7 +219,7 @@ fn judge_cycles(seen: &Observations) -> Result<Judgement, StudyError> {
 
 fn draw_impurity(seen: &Observations) -> Result<Figure, StudyError> {
     let seen = seen.of(&light())?;
-    let path = seen.motion(0).map(|(t, u)| (t * 1e3, u * 1e3));
+    let path = seen.motion.curve(0).map(|(t, u)| (t * 1e3, u * 1e3));
     let marks = LIGHT_TURNS.numbers()?.into_iter().map(|row| (row[0], row[1]));
     let panel = Panel::new()
         .x_axis(Axis::new("time (ms)").limits(42.5, 80.0))

@@ -1,6 +1,6 @@
 //! Numbers that Beadline did not compute; `tests/reference/README.md` says where they come from.
 
-use super::claim::StudyError;
+use super::judgement::StudyError;
 
 /// A table of numbers and words, with a header.
 #[derive(Debug, Clone, Copy)]

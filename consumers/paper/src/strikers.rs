@@ -1,11 +1,11 @@
 //! A heavy first bead: one shock becomes a train.
 
-use super::claim::{Claim, Counted, Judgement, Number, StudyError, Verdict, pool_uncertainty};
+use super::judgement::{Counted, Judgement, Number, StudyError, Verdict, pool_uncertainty};
 use super::observe::Observations;
 use super::passing::{count_past, falls, heights, pulses, with_partners};
 use super::profile::{caption, chain_panel};
 use super::runs::{striker, striker_long};
-use super::study::Study;
+use super::study::{Claim, Study};
 use figure::Figure;
 
 const SECTION: &str = "section 3";

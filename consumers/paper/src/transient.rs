@@ -1,12 +1,12 @@
 //! How a pulse becomes stationary near α = 1, and what it is then.
 
-use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
 use super::fit::PowerLaw;
 use super::front::Front;
+use super::judgement::{Judgement, Number, StudyError, Verdict};
 use super::observe::{KeptFrame, Observations, Observed};
 use super::runs::long;
 use super::scaling::{FROM_PATH, stationary};
-use super::study::Study;
+use super::study::{Claim, Study};
 use consumers::theory::GaussianLimit;
 use consumers::uncertain::Uncertain;
 use figure::{Axis, Colour, Curve, Figure, Panel, Stroke};

@@ -1,6 +1,6 @@
 //! What is measured of a deformation, in a run and in its partner with twice the step.
 
-use super::super::claim::{Number, StudyError};
+use super::super::judgement::{Number, StudyError};
 use super::super::observe::{Observations, Observed};
 use super::super::reference::CONTACT_100;
 use super::super::runs::homogeneous;

@@ -1,10 +1,10 @@
 //! The energy figures, drawn.
 
-use super::super::claim::StudyError;
+use super::super::judgement::StudyError;
 use super::super::observe::Observations;
 use super::super::reference::REFLECTED;
-use super::super::reflection::{ALPHAS, BEAD_G, Reflected, curve, is_shown};
-use super::{amplitudes, hard_limit};
+use super::super::reflection::{ALPHAS, BEAD_G, Reflected, is_shown};
+use super::{amplitudes, curve, hard_limit};
 use figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};
 
 const CAPTION: &str =

@@ -1,22 +1,8 @@
-//! The paper's claims, our findings, and whether they agree.
+//! What is found of a claim: a verdict with its reason and numbers.
 
-use super::observe::Observations;
 use consumers::uncertain::Uncertain;
 use serde::Serialize;
 use std::fmt;
-
-/// A statement of the paper, and how to judge it.
-#[derive(Debug, Clone, Copy)]
-pub struct Claim {
-    /// A short name that stays the same: `light-almost-same-amplitudes`.
-    pub id: &'static str,
-    /// Where in the paper it stands.
-    pub place: &'static str,
-    /// The paper's words, with its formulas in plain text.
-    pub quote: &'static str,
-    /// Compares the statement with the observations.
-    pub judge: fn(&Observations) -> Result<Judgement, StudyError>,
-}
 
 /// How a statement fared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
