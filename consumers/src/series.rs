@@ -53,6 +53,11 @@ impl<const COLUMNS: usize> Series<COLUMNS> {
         self.samples().map(|(_, values)| values[column]).collect()
     }
 
+    /// One quantity over time (s).
+    pub fn curve(&self, column: usize) -> impl Iterator<Item = (f64, f64)> {
+        self.samples().map(move |(time_s, values)| (*time_s, values[column]))
+    }
+
     fn samples(&self) -> impl Iterator<Item = &(f64, [f64; COLUMNS])> {
         self.kept.iter().chain(&self.last)
     }

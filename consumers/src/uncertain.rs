@@ -38,6 +38,11 @@ impl Uncertain {
         Self { value, plus_minus: f64::NAN }
     }
 
+    /// How far the value may be off, as a part of it.
+    pub fn relative(self) -> f64 {
+        self.plus_minus / self.value
+    }
+
     /// The value, down to the second digit of its uncertainty; three digits if that is unknown, and all of
     /// them if it is exact.
     pub fn value_text(self) -> String {

@@ -1,6 +1,6 @@
 //! Colours for signed numbers, and the bar beside a raster that explains them.
 
-use super::panel::Axis;
+use super::axis::Axis;
 use super::scale::{Margin, Scale};
 use super::style::Colour;
 use super::ticks::{is_plain, power_label, signed};

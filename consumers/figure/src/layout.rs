@@ -1,8 +1,9 @@
 //! Where everything goes: sizes of the look, margins from the real width of the text, heights of panels.
 
+use super::axis::Axis;
 use super::colour_scale::BarTicks;
 use super::legend::{self, Row};
-use super::panel::{Axis, Panel};
+use super::panel::Panel;
 use super::scale::{Margin, Scale};
 use super::style::{Colour, Ink, Stroke};
 use super::svg::{Pen, Rect};

@@ -38,6 +38,7 @@
 //! # Ok::<(), figure::FigureError>(())
 //! ```
 
+mod axis;
 mod colour_scale;
 mod decimate;
 mod draw;
@@ -57,8 +58,9 @@ mod ticks;
 use schemas::whole_file::{self, WholeFileError};
 use std::path::{Path, PathBuf};
 
+pub use axis::Axis;
 pub use colour_scale::{ColourScale, diverging};
-pub use panel::{Axis, Curve, Panel};
+pub use panel::{Curve, Panel};
 pub use raster::Raster;
 pub use style::{Colour, Mark, Stroke};
 

@@ -16,6 +16,7 @@ use resvg::tiny_skia::{self, PathSegment};
 use resvg::usvg::{self, Group, ImageKind, Node, Paint, Transform};
 use std::io::Write as _;
 
+use super::picture::failed;
 use super::{FigureError, picture};
 use font::Used;
 
@@ -67,10 +68,6 @@ const FONT: Name<'static> = Name(b"F");
 
 fn image_name(index: usize) -> String {
     format!("I{index}")
-}
-
-fn failed(reason: impl std::fmt::Display) -> FigureError {
-    FigureError::Render { reason: reason.to_string() }
 }
 
 fn deflated(bytes: &[u8]) -> Result<Vec<u8>, FigureError> {

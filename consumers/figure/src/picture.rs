@@ -7,7 +7,7 @@ use resvg::{tiny_skia, usvg};
 
 use super::{FigureError, text};
 
-fn failed(reason: impl std::fmt::Display) -> FigureError {
+pub(super) fn failed(reason: impl std::fmt::Display) -> FigureError {
     FigureError::Render { reason: reason.to_string() }
 }
 
@@ -87,21 +87,18 @@ pub(super) fn encode_rgb(
     rgb: &[u8],
     dpi: Option<f64>,
 ) -> Result<Vec<u8>, FigureError> {
-    let mut file = Vec::new();
-    let mut encoder = Encoder::new(&mut file, width, height);
-    encoder.set_color(ColorType::Rgb);
-    encoder.set_depth(BitDepth::Eight);
-    encoder.set_compression(Compression::High);
-    if let Some(dpi) = dpi {
-        // At most 94,488.
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let per_metre = (dpi / 0.0254).round() as u32;
-        encoder.set_pixel_dims(Some(PixelDimensions { xppu: per_metre, yppu: per_metre, unit: Unit::Meter }));
-    }
-    let mut writer = encoder.write_header().map_err(failed)?;
-    writer.write_image_data(rgb).map_err(failed)?;
-    writer.finish().map_err(failed)?;
-    Ok(file)
+    encode((width, height), (ColorType::Rgb, BitDepth::Eight), rgb, |encoder| {
+        if let Some(dpi) = dpi {
+            // At most 94,488.
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+            let per_metre = (dpi / 0.0254).round() as u32;
+            encoder.set_pixel_dims(Some(PixelDimensions {
+                xppu: per_metre,
+                yppu: per_metre,
+                unit: Unit::Meter,
+            }));
+        }
+    })
 }
 
 /// A PNG of indices into `palette` (3 bytes a colour), of shape (`height`, `width`), with as few bits a
@@ -122,14 +119,24 @@ pub(super) fn encode_palette(
         .chunks(width.max(1) as usize)
         .flat_map(|row| row.chunks(8 / bits).map(|cells| pack(cells, bits)))
         .collect();
+    encode((width, height), (ColorType::Indexed, depth), &packed, |encoder| encoder.set_palette(palette))
+}
+
+/// A PNG of bytes as they are, with what `particulars` says of it.
+fn encode(
+    (width, height): (u32, u32),
+    (color, depth): (ColorType, BitDepth),
+    bytes: &[u8],
+    particulars: impl FnOnce(&mut Encoder<'_, &mut Vec<u8>>),
+) -> Result<Vec<u8>, FigureError> {
     let mut file = Vec::new();
     let mut encoder = Encoder::new(&mut file, width, height);
-    encoder.set_color(ColorType::Indexed);
+    encoder.set_color(color);
     encoder.set_depth(depth);
-    encoder.set_palette(palette);
     encoder.set_compression(Compression::High);
+    particulars(&mut encoder);
     let mut writer = encoder.write_header().map_err(failed)?;
-    writer.write_image_data(&packed).map_err(failed)?;
+    writer.write_image_data(bytes).map_err(failed)?;
     writer.finish().map_err(failed)?;
     Ok(file)
 }

@@ -1,7 +1,6 @@
 //! The range of an axis, and where values lie on it.
 
-use super::panel::Axis;
-use super::ticks::RoundStep;
+use super::axis::Axis;
 
 /// Values beyond this do not count for a range, nor those below its inverse on a logarithmic axis: what
 /// is computed from them would overflow.
@@ -104,6 +103,48 @@ fn to_round(low: f64, high: f64) -> (f64, f64) {
     let (below, above) = ((low / step).floor() * step, (high / step).ceil() * step);
     let near = NEAR * (high - low);
     (if low - below < near { below } else { low }, if above - high < near { above } else { high })
+}
+
+/// 1, 2 or 5 times a power of ten.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RoundStep {
+    mantissa: f64,
+    power: i32,
+}
+
+impl RoundStep {
+    /// The nearest such number, by ratio.
+    pub(super) fn near(size: f64) -> Self {
+        // At most ±308.
+        #[allow(clippy::cast_possible_truncation)]
+        let power = size.log10().floor() as i32;
+        let excess = size / power_of_ten(power);
+        let (mantissa, power) = match excess {
+            x if x < 2_f64.sqrt() => (1.0, power),
+            x if x < 10_f64.sqrt() => (2.0, power),
+            x if x < 50_f64.sqrt() => (5.0, power),
+            _ => (1.0, power + 1),
+        };
+        Self { mantissa, power }
+    }
+
+    pub(super) fn size(self) -> f64 {
+        self.mantissa * power_of_ten(self.power)
+    }
+
+    /// Decimals that a multiple needs when written in units of 10^exponent.
+    pub(super) fn decimals(self, exponent: i32) -> usize {
+        usize::try_from(exponent - self.power).unwrap_or(0).min(12)
+    }
+
+    /// Parts into which minor ticks divide the step.
+    pub(super) fn minor_count(self) -> f64 {
+        if self.mantissa == 2.0 { 4.0 } else { 5.0 }
+    }
+}
+
+pub(super) fn power_of_ten(power: i32) -> f64 {
+    10_f64.powi(power)
 }
 
 #[cfg(test)]

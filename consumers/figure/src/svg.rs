@@ -22,6 +22,12 @@ impl Rect {
     pub(super) fn bottom(&self) -> f64 {
         self.y + self.height
     }
+
+    /// As SVG writes it.
+    fn attributes(&self) -> String {
+        let [x, y, width, height] = [self.x, self.y, self.width, self.height].map(number);
+        format!(r#"x="{x}" y="{y}" width="{width}" height="{height}""#)
+    }
 }
 
 /// Where a text's position lies in it.
@@ -104,11 +110,8 @@ impl Svg {
     /// A filled rectangle, `opacity` from 0 to 1.
     pub(super) fn fill(&mut self, rect: Rect, colour: Colour, opacity: f64) {
         self.push(format_args!(
-            r#"<rect x="{}" y="{}" width="{}" height="{}" fill="{}" fill-opacity="{}"/>"#,
-            number(rect.x),
-            number(rect.y),
-            number(rect.width),
-            number(rect.height),
+            r#"<rect {} fill="{}" fill-opacity="{}"/>"#,
+            rect.attributes(),
             colour.hex(),
             number(opacity)
         ));
@@ -116,14 +119,7 @@ impl Svg {
 
     /// The outline of a rectangle.
     pub(super) fn outline(&mut self, rect: Rect, pen: Pen) {
-        self.push(format_args!(
-            r#"<rect x="{}" y="{}" width="{}" height="{}" fill="none" {}/>"#,
-            number(rect.x),
-            number(rect.y),
-            number(rect.width),
-            number(rect.height),
-            stroke(pen)
-        ));
+        self.push(format_args!(r#"<rect {} fill="none" {}/>"#, rect.attributes(), stroke(pen)));
     }
 
     /// A drawn path; `path` as in SVG's `d`.
@@ -159,13 +155,10 @@ impl Svg {
     pub(super) fn image(&mut self, rect: Rect, data_uri: &str) {
         self.push(format_args!(
             concat!(
-                r#"<image x="{}" y="{}" width="{}" height="{}" preserveAspectRatio="none" "#,
+                r#"<image {} preserveAspectRatio="none" "#,
                 r#"image-rendering="optimizeSpeed" style="image-rendering:pixelated" xlink:href="{}"/>"#
             ),
-            number(rect.x),
-            number(rect.y),
-            number(rect.width),
-            number(rect.height),
+            rect.attributes(),
             data_uri
         ));
     }
@@ -173,15 +166,10 @@ impl Svg {
     /// What follows, up to [`Svg::end_clip`], is cut off outside of a rectangle. Its id is made of the
     /// rectangle, so that two figures in one HTML page can share an id only where they mean the same.
     pub(super) fn begin_clip(&mut self, rect: Rect) {
-        let sides = [rect.x, rect.y, rect.width, rect.height].map(number);
-        let id = sides.join("_");
-        let [x, y, width, height] = sides;
+        let id = [rect.x, rect.y, rect.width, rect.height].map(number).join("_");
+        let sides = rect.attributes();
         self.push(format_args!(
-            concat!(
-                r#"<clipPath id="clip_{}"><rect x="{}" y="{}" width="{}" height="{}"/></clipPath>"#,
-                r#"<g clip-path="url(#clip_{})">"#
-            ),
-            id, x, y, width, height, id
+            r#"<clipPath id="clip_{id}"><rect {sides}/></clipPath><g clip-path="url(#clip_{id})">"#
         ));
     }
 

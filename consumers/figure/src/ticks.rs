@@ -1,6 +1,6 @@
 //! The round numbers that are written along an axis.
 
-use super::scale::Scale;
+use super::scale::{RoundStep, Scale, power_of_ten};
 
 /// What is written along an axis; places are fractions of its length, from the left or the bottom.
 #[derive(Debug, Clone, PartialEq)]
@@ -140,48 +140,6 @@ impl Scale {
 /// Whether a power of ten is written out where few are needed.
 pub(super) fn is_plain(power: i32) -> bool {
     (-3..5).contains(&power)
-}
-
-/// 1, 2 or 5 times a power of ten.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct RoundStep {
-    mantissa: f64,
-    power: i32,
-}
-
-impl RoundStep {
-    /// The nearest such number, by ratio.
-    pub(super) fn near(size: f64) -> Self {
-        // At most ±308.
-        #[allow(clippy::cast_possible_truncation)]
-        let power = size.log10().floor() as i32;
-        let excess = size / power_of_ten(power);
-        let (mantissa, power) = match excess {
-            x if x < 2_f64.sqrt() => (1.0, power),
-            x if x < 10_f64.sqrt() => (2.0, power),
-            x if x < 50_f64.sqrt() => (5.0, power),
-            _ => (1.0, power + 1),
-        };
-        Self { mantissa, power }
-    }
-
-    pub(super) fn size(self) -> f64 {
-        self.mantissa * power_of_ten(self.power)
-    }
-
-    /// Decimals that a multiple needs when written in units of 10^exponent.
-    fn decimals(self, exponent: i32) -> usize {
-        usize::try_from(exponent - self.power).unwrap_or(0).min(12)
-    }
-
-    /// Parts into which minor ticks divide the step.
-    fn minor_count(self) -> f64 {
-        if self.mantissa == 2.0 { 4.0 } else { 5.0 }
-    }
-}
-
-fn power_of_ten(power: i32) -> f64 {
-    10_f64.powi(power)
 }
 
 /// A number with a true minus sign.

@@ -3,6 +3,8 @@
 //! A difference has a sign only where it is larger than its uncertainty. That two curves do not cross is claimed
 //! only where the masses lie close enough: [`wanting`] names the masses to add first.
 
+use consumers::uncertain::Uncertain;
+
 /// Masses (g) are not put closer together than this.
 const FINEST_G: f64 = 0.0125;
 
@@ -21,23 +23,15 @@ impl Difference {
     }
 }
 
-/// A mass (g) at which two curves cross, and half the distance between the masses where the sign is certain.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Crossing {
-    pub(super) mass_g: f64,
-    pub(super) plus_minus_g: f64,
-}
-
-/// The crossings between differences in the order of their masses.
-pub(super) fn crossings(differences: &[Difference]) -> Vec<Crossing> {
+/// The masses (g) at which two curves cross, between differences in the order of their masses. They may be off by half the
+/// distance between the masses where the sign is certain.
+pub(super) fn crossings(differences: &[Difference]) -> Vec<Uncertain> {
     let certain: Vec<Difference> = differences.iter().copied().filter(|at| at.sign() != 0.0).collect();
     let change = |pair: &[Difference]| {
         let [from, to] = [pair[0], pair[1]];
         let width_g = to.mass_g - from.mass_g;
-        (from.sign() != to.sign()).then(|| Crossing {
-            mass_g: from.mass_g + width_g * from.value / (from.value - to.value),
-            plus_minus_g: 0.5 * width_g,
-        })
+        let mass_g = from.mass_g + width_g * from.value / (from.value - to.value);
+        (from.sign() != to.sign()).then(|| Uncertain::new(mass_g, 0.5 * width_g))
     };
     certain.windows(2).filter_map(change).collect()
 }
@@ -97,9 +91,9 @@ mod tests {
         let found =
             crossings(&differences(&[(1.0, -1.0, 0.1), (2.0, 0.5, 0.1), (3.0, 0.05, 0.1), (4.0, 2.0, 0.1)]));
         assert_eq!(found.len(), 1);
-        assert!((found[0].mass_g - 5.0 / 3.0).abs() < 1e-12 && found[0].plus_minus_g == 0.5);
+        assert!((found[0].value - 5.0 / 3.0).abs() < 1e-12 && found[0].plus_minus == 0.5);
         let across = crossings(&differences(&[(1.0, -1.0, 0.1), (2.0, 0.05, 0.1), (3.0, 1.0, 0.1)]));
-        assert_eq!(across, [Crossing { mass_g: 2.0, plus_minus_g: 1.0 }]);
+        assert_eq!(across, [Uncertain::new(2.0, 1.0)]);
     }
 
     /// The corrected curves of α = 1.2 and 1.5, of the total: on the masses of the figure their difference is negative on
@@ -123,8 +117,8 @@ mod tests {
         fine.sort_by(|a, b| a.0.total_cmp(&b.0));
         let found = crossings(&differences(&fine));
         assert_eq!(found.len(), 2, "{found:?}");
-        assert!((found[0].mass_g - 0.932).abs() < 1e-3 && (found[0].plus_minus_g - 0.01).abs() < 1e-12);
-        assert!((1.02..1.021).contains(&found[1].mass_g), "{found:?}");
+        assert!((found[0].value - 0.932).abs() < 1e-3 && (found[0].plus_minus - 0.01).abs() < 1e-12);
+        assert!((1.02..1.021).contains(&found[1].value), "{found:?}");
     }
 
     /// A parabola whose dip comes near zero between two points is looked at more closely, one that stays away is not.

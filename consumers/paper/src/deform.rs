@@ -2,17 +2,17 @@
 
 mod measures;
 
-use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
-use super::observe::{Observations, Observed};
+use super::judgement::{Judgement, Number, StudyError, Verdict};
+use super::observe::Observations;
 use super::passing::both_steps;
 use super::runs::{Run, homogeneous, homogeneous_long};
-use super::study::Study;
+use super::study::{Claim, Study};
 use consumers::deformation::{Comparison, Sample, Shape};
 use consumers::theory::ContinuumWave;
 use consumers::uncertain::Uncertain;
 use figure::Figure;
 pub(super) use measures::against_reference;
-use measures::{TAIL, continuum, deformation, from_triangle, handed_on, longer, norms, shape, stepped};
+use measures::{TAIL, continuum, deformation, from_triangle, handed_on, largest_error, longer, norms, shape};
 use std::f64::consts::FRAC_PI_2;
 
 const SECTION: &str = "section 2";
@@ -185,8 +185,8 @@ fn both(alpha: f64) -> Vec<Run> {
 }
 
 fn judge_1_2(seen: &Observations) -> Result<Judgement, StudyError> {
-    let largest = continuum(seen, &homogeneous(1.2))?.l_infinity;
     let mut numbers = norms(seen, 1.2)?;
+    let largest = numbers[0].value;
     numbers.extend(against_reference(seen, 1.2)?);
     Ok(Judgement {
         verdict: Verdict::of(largest < SUPERIMPOSE),
@@ -199,8 +199,8 @@ fn judge_lobe(seen: &Observations) -> Result<Judgement, StudyError> {
     // eq. (cos) without its condition on the argument: each lobe has the same impulse
     let lobes = |k: f64| {
         let what = format!("impulse of eq. (cos) for k = {k} over the measured one");
-        stepped(seen, 1.2, what, "", |run| {
-            Ok((2.0 * k + 1.0) * continuum(seen, run)?.impulse_n_s / shape(seen, run)?.impulse_n_s)
+        seen.stepped(&homogeneous(1.2), what, "", |seen| {
+            Ok((2.0 * k + 1.0) * continuum(seen)?.impulse_n_s / shape(seen)?.impulse_n_s)
         })
     };
     let least = (0..=1000).map(|i| (FRAC_PI_2 * 0.006 * f64::from(i)).cos().abs().powf(2.0 / 0.2));
@@ -219,20 +219,15 @@ fn judge_lobe(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn judge_1_5(seen: &Observations) -> Result<Judgement, StudyError> {
-    let run = homogeneous(1.5);
-    let (found, theory, shape) = (deformation(seen, &run)?, continuum(seen, &run)?, shape(seen, &run)?);
+    let run = seen.of(&homogeneous(1.5))?;
+    let (found, theory, shape) = (deformation(run)?, continuum(run)?, shape(run)?);
     // a tail begins where the theory falls below the simulation for good
     let outside = |sample: &&Sample| theory.overlap_m(sample.time_s) < 0.02 * shape.overlap_m;
-    let tail: Vec<_> = found
-        .samples
-        .iter()
-        .filter(outside)
-        .filter(|sample| sample.overlap_m > TAIL * shape.overlap_m)
-        .collect();
+    let above = |sample: &&Sample| sample.overlap_m > TAIL * shape.overlap_m;
+    let tail: Vec<_> = found.samples.iter().filter(outside).filter(above).collect();
     let below = tail.iter().all(|sample| theory.overlap_m(sample.time_s) < sample.overlap_m);
-    let longer = longer(seen, 1.5)?;
-    let by = 100.0 * (longer.value - 1.0);
-    let mut numbers = vec![longer];
+    let mut numbers = vec![longer(seen, 1.5)?];
+    let by = 100.0 * (numbers[0].value - 1.0);
     numbers.extend(norms(seen, 1.5)?);
     numbers.extend(against_reference(seen, 1.5)?);
     Ok(Judgement {
@@ -268,11 +263,11 @@ fn judge_tails(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn judge_unit(seen: &Observations) -> Result<Judgement, StudyError> {
-    let power = stepped(seen, 1.5, "∫k·δ^1.5 dt over the momentum behind contact 100", "", |run| {
-        Ok(handed_on(seen, run)?.0)
-    })?;
+    let run = homogeneous(1.5);
+    let what = "∫k·δ^1.5 dt over the momentum behind contact 100";
+    let power = seen.stepped(&run, what, "", |seen| Ok(handed_on(seen)?.0))?;
     // newtons, if k is what is written in the paper: a force proportional to the overlap
-    let linear = stepped(seen, 1.5, "∫k·δ dt over the same", "", |run| Ok(handed_on(seen, run)?.1))?;
+    let linear = seen.stepped(&run, "∫k·δ dt over the same", "", |seen| Ok(handed_on(seen)?.1))?;
     let near = |ratio: &Number| (ratio.value - 1.0).abs() < 1e-3;
     Ok(Judgement {
         verdict: Verdict::graded(near(&power), near(&linear)),
@@ -305,8 +300,9 @@ fn judge_low_alpha(seen: &Observations) -> Result<Judgement, StudyError> {
     let mut numbers = Vec::new();
     let mut largest = Vec::new();
     for alpha in [1.2, 1.5, 1.7] {
-        numbers.extend(norms(seen, alpha)?);
-        largest.push(continuum(seen, &homogeneous(alpha))?.l_infinity);
+        let norms = norms(seen, alpha)?;
+        largest.push(norms[0].value);
+        numbers.extend(norms);
     }
     let grows = largest.windows(2).all(|pair| pair[0] < pair[1]);
     Ok(Judgement {
@@ -322,12 +318,10 @@ fn judge_low_alpha(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn judge_unreliable(seen: &Observations) -> Result<Judgement, StudyError> {
-    let width = stepped(seen, 1.7, "width of eq. (cos) over the measured one, α = 1.7", "", |run| {
-        Ok(continuum(seen, run)?.width_s / shape(seen, run)?.width_s)
-    })?;
-    let error = stepped(seen, 1.7, "largest error of eq. (cos), α = 1.7", "", |run| {
-        Ok(continuum(seen, run)?.l_infinity)
-    })?;
+    let what = "width of eq. (cos) over the measured one, α = 1.7";
+    let width = seen
+        .stepped(&homogeneous(1.7), what, "", |seen| Ok(continuum(seen)?.width_s / shape(seen)?.width_s))?;
+    let error = largest_error(seen, 1.7)?;
     Ok(Judgement {
         verdict: Verdict::graded(error.value > 0.02, error.value > SUPERIMPOSE),
         why: format!(
@@ -341,10 +335,8 @@ fn judge_unreliable(seen: &Observations) -> Result<Judgement, StudyError> {
 
 fn judge_triangle(seen: &Observations) -> Result<Judgement, StudyError> {
     let what = "largest distance from a triangle of the same height and width";
-    let triangle = stepped(seen, 10.0, what, "", |run| from_triangle(seen, run))?;
-    let error = stepped(seen, 10.0, "largest error of eq. (cos), α = 10", "", |run| {
-        Ok(continuum(seen, run)?.l_infinity)
-    })?;
+    let triangle = seen.stepped(&homogeneous(10.0), what, "", from_triangle)?;
+    let error = largest_error(seen, 10.0)?;
     let (from_triangle, from_theory) = (triangle.value, error.value);
     let mut numbers = vec![triangle, error];
     numbers.extend(against_reference(seen, 10.0)?);
@@ -380,18 +372,17 @@ fn judge_parabola(_: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn judge_asymmetric(seen: &Observations) -> Result<Judgement, StudyError> {
-    let (run, partner) = (homogeneous(1.01), homogeneous(1.01).with_step_times(2));
-    let (fine, coarse) = (shape(seen, &run)?.asymmetry, shape(seen, &partner)?.asymmetry);
-    let drift = seen.of(&run)?.max_abs_drift;
     let what = "asymmetry of the half-widths, bead 100";
-    let mut numbers = vec![Number::stepped(what, (fine, coarse), "", drift)];
+    let asymmetry = seen.stepped(&homogeneous(1.01), what, "", |seen| Ok(shape(seen)?.asymmetry))?;
+    let part = asymmetry.value.abs();
+    let mut numbers = vec![asymmetry];
     numbers.extend(norms(seen, 1.01)?);
     numbers.extend(against_reference(seen, 1.01)?);
     Ok(Judgement {
-        verdict: Verdict::of(fine.abs() > 0.02),
+        verdict: Verdict::of(part > 0.02),
         why: format!(
             "The half-widths after and before the peak differ by {:.1} % of their sum.",
-            100.0 * fine.abs()
+            100.0 * part
         ),
         numbers,
     })
@@ -399,11 +390,7 @@ fn judge_asymmetric(seen: &Observations) -> Result<Judgement, StudyError> {
 
 fn judge_stationary(seen: &Observations) -> Result<Judgement, StudyError> {
     let number = |what: &str, of: fn(&Shape, &Comparison) -> f64| -> Result<Number, StudyError> {
-        let value =
-            |run: &Run| -> Result<f64, StudyError> { Ok(of(&shape(seen, run)?, continuum(seen, run)?)) };
-        let run = homogeneous_long();
-        let drift = seen.of(&run)?.max_abs_drift;
-        Ok(Number::stepped(what, (value(&run)?, value(&run.with_step_times(2))?), "", drift))
+        seen.stepped(&homogeneous_long(), what, "", |seen| Ok(of(&shape(seen)?, continuum(seen)?)))
     };
     let asymmetry = number("asymmetry of the half-widths, contact 2000", |shape, _| shape.asymmetry)?;
     let error = number("largest error of eq. (cos)", |_, theory| theory.l_infinity)?;
@@ -427,7 +414,6 @@ fn judge_stationary(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn draw(seen: &Observations, run: &Run) -> Result<Figure, StudyError> {
-    let found = deformation(seen, run)?;
-    let observed: &Observed = seen.of(run)?;
-    Ok(plots::deformations(&observed.manifest, std::slice::from_ref(found)))
+    let seen = seen.of(run)?;
+    Ok(plots::deformations(&seen.manifest, std::slice::from_ref(deformation(seen)?)))
 }

@@ -2,16 +2,16 @@
 
 mod figures;
 
-use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
-use super::crossing::{Crossing, crossings};
+use super::crossing::crossings;
+use super::judgement::{Judgement, Number, StudyError, Verdict};
 use super::observe::Observations;
 use super::passing::both_steps;
 use super::reference::REFLECTED;
 use super::reflection::{
-    ALPHAS, BEAD_G, Reflected, corrected_over_total, curve, differences, is_shown, over_total, point,
+    ALPHAS, BEAD_G, MASSES_G, Reflected, corrected_over_total, differences, is_shown, over_total, points_of,
 };
-use super::runs::{Run, light};
-use super::study::Study;
+use super::runs::light;
+use super::study::{Claim, Study};
 use consumers::impurity::EventKind;
 use consumers::uncertain::Uncertain;
 use figures::{draw_corrected, draw_pulse, draw_total, draw_transmitted};
@@ -133,18 +133,36 @@ pub(super) const PULSE: Study = Study {
 const ENERGY: Study =
     Study { slug: "", title: "", place: "", runs: Vec::new, sweep: true, draw: draw_total, claims: &[] };
 
+/// The point of an exponent and a mass (g).
+fn point(seen: &Observations, alpha: f64, mass_g: f64) -> Result<&Reflected, StudyError> {
+    let same = |point: &&Reflected| point.alpha == alpha && (point.mass_g - mass_g).abs() < 1e-9;
+    let missing = || StudyError::NotObserved { run: format!("α = {alpha}, impurity of {mass_g} g") };
+    seen.reflected().iter().find(same).ok_or_else(missing)
+}
+
+/// A quantity over all masses (g) for one exponent.
+fn curve(
+    seen: &Observations,
+    alpha: f64,
+    of: impl Fn(&Reflected) -> f64,
+) -> Result<Vec<(f64, f64)>, StudyError> {
+    // those of the figures must be there, others may
+    for mass_g in MASSES_G {
+        point(seen, alpha, mass_g)?;
+    }
+    Ok(points_of(seen.reflected(), alpha).into_iter().map(|point| (point.mass_g, of(point))).collect())
+}
+
 /// The points that the reference has, of one of its two quantities.
 fn against_reference(seen: &Observations, transmitted: bool) -> Result<Vec<Number>, StudyError> {
     let mut numbers = Vec::new();
-    for row in REFLECTED.rows() {
-        let missing = || StudyError::NoReference { file: "reflected-energy.csv", row: row.join(",") };
-        let value = |word: &str| word.parse::<f64>().map_err(|_| missing());
-        let (alpha, mass_g) = (value(row[0])?, value(row[1])?);
+    for row in REFLECTED.numbers()? {
+        let (alpha, mass_g) = (row[0], row[1]);
         let found = point(seen, alpha, mass_g)?;
         let (what, ours, expected) = if transmitted {
-            ("reflected over transmitted", found.over_transmitted, value(row[3])?)
+            ("reflected over transmitted", found.over_transmitted, row[3])
         } else {
-            ("reflected over total", found.over_total, value(row[2])?)
+            ("reflected over total", found.over_total, row[2])
         };
         let number = told(format!("{what}, α = {alpha}, {mass_g} g"), ours);
         numbers.push(number.against_within(expected, GOOD_TO));
@@ -154,17 +172,19 @@ fn against_reference(seen: &Observations, transmitted: bool) -> Result<Vec<Numbe
 
 /// A number of a run that knows how far it may be off.
 fn told(what: impl Into<String>, found: Uncertain) -> Number {
-    Number::new(what, found.value, "").give_or_take(found.plus_minus, FROM_WINDOW)
+    Number::known(what, found, "", FROM_WINDOW)
 }
 
 fn all(seen: &Observations, of: fn(&Reflected) -> f64) -> Result<Vec<Vec<(f64, f64)>>, StudyError> {
     ALPHAS.into_iter().map(|alpha| curve(seen, alpha, of)).collect()
 }
 
-/// Whether a curve over the masses falls to the bead's mass and rises from it.
+/// Whether the magnitudes of a curve over the masses fall to the bead's mass and rise from it.
 fn grows_with_difference(curve: &[(f64, f64)]) -> bool {
-    let falls = curve.windows(2).filter(|pair| pair[1].0 <= BEAD_G).all(|pair| pair[1].1 < pair[0].1);
-    let rises = curve.windows(2).filter(|pair| pair[0].0 >= BEAD_G).all(|pair| pair[1].1 > pair[0].1);
+    let falls =
+        curve.windows(2).filter(|pair| pair[1].0 <= BEAD_G).all(|pair| pair[1].1.abs() < pair[0].1.abs());
+    let rises =
+        curve.windows(2).filter(|pair| pair[0].0 >= BEAD_G).all(|pair| pair[1].1.abs() > pair[0].1.abs());
     falls && rises
 }
 
@@ -189,7 +209,8 @@ fn judge_mass(seen: &Observations) -> Result<Judgement, StudyError> {
 /// A crossing of the curves of two neighbouring exponents.
 struct Meeting {
     alphas: [f64; 2],
-    at: Crossing,
+    /// The mass (g).
+    at: Uncertain,
 }
 
 /// Where neighbouring curves cross.
@@ -208,7 +229,7 @@ fn crossing_numbers(meetings: &[Meeting], how: &str) -> Vec<Number> {
     let number = |meeting: &Meeting| {
         let [low, high] = meeting.alphas;
         let what = format!("crossing of the curves of α = {low} and {high}{how}");
-        Number::new(what, meeting.at.mass_g, "g").give_or_take(meeting.at.plus_minus_g, FROM_GRID)
+        Number::known(what, meeting.at, "g", FROM_GRID)
     };
     meetings.iter().map(number).collect()
 }
@@ -222,21 +243,21 @@ fn judge_alpha(seen: &Observations) -> Result<Judgement, StudyError> {
     let (to, from) =
         (masses_g.get(first).copied().unwrap_or(f64::INFINITY), masses_g[first.saturating_sub(1)]);
     let meetings = meetings(seen, over_total);
-    let last = meetings.iter().max_by(|a, b| a.at.mass_g.total_cmp(&b.at.mass_g));
-    let last = last.ok_or_else(|| StudyError::Absent {
-        run: "the sweep over the masses".to_owned(),
-        what: "crossing of two curves".to_owned(),
-    })?;
+    let last = meetings.iter().map(|meeting| meeting.at).max_by(|a, b| a.value.total_cmp(&b.value));
+    let absent = || StudyError::absent("the sweep over the masses", "crossing of two curves");
+    let last = last.ok_or_else(absent)?;
     Ok(Judgement {
-        verdict: Verdict::graded(to <= 2.0, (1.5..=2.0).contains(&last.at.mass_g)),
+        verdict: Verdict::graded(to <= 2.0, (1.5..=2.0).contains(&last.value)),
         why: format!(
             "From {to} g on the ratio grows with every step in α, at {from} g not yet; the last two neighbouring curves cross at {:.2} g.",
-            last.at.mass_g
+            last.value
         ),
-        numbers: vec![
-            Number::new("mass of the last crossing of two neighbouring curves", last.at.mass_g, "g")
-                .give_or_take(last.at.plus_minus_g, FROM_GRID),
-        ],
+        numbers: vec![Number::known(
+            "mass of the last crossing of two neighbouring curves",
+            last,
+            "g",
+            FROM_GRID,
+        )],
     })
 }
 
@@ -263,7 +284,7 @@ fn judge_below(seen: &Observations) -> Result<Judgement, StudyError> {
     let meetings = meetings(seen, over_total);
     for alphas in ALPHAS.windows(2) {
         let of_pair =
-            || meetings.iter().filter(|meeting| meeting.alphas == alphas).map(|meeting| meeting.at.mass_g);
+            || meetings.iter().filter(|meeting| meeting.alphas == alphas).map(|meeting| meeting.at.value);
         if of_pair().all(|mass_g| mass_g <= BEAD_G) {
             continue;
         }
@@ -293,13 +314,10 @@ fn judge_below(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn judge_wait(seen: &Observations) -> Result<Judgement, StudyError> {
-    let arrival = |run: &Run| -> Result<f64, StudyError> {
-        let run = seen.of(run)?;
-        let event = run.events.iter().find(|event| event.kind == EventKind::LeftCloses);
-        event.map(|event| event.time_s).ok_or_else(|| run.absent("collision"))
-    };
     let run = seen.of(&light())?;
-    let (arrival_s, coarse_s) = (arrival(&light())?, arrival(&light().with_step_times(2))?);
+    let collisions = seen.events(&light(), EventKind::LeftCloses)?;
+    let (fine, coarse) = collisions.first().ok_or_else(|| run.absent("collision"))?;
+    let (arrival_s, coarse_s) = (fine.time_s, coarse.time_s);
     let since_s = point(seen, 1.5, 0.6)?.stationary_since_s;
     let wait_t = (since_s - arrival_s) / run.manifest.physics.scales().time_s;
     Ok(Judgement {
@@ -339,7 +357,7 @@ fn judge_similar(seen: &Observations) -> Result<Judgement, StudyError> {
     let curves = all(seen, |point| point.over_transmitted.value)?;
     let total = meetings(seen, over_total);
     let transmitted = meetings(seen, |point| point.over_transmitted);
-    let apart = total.iter().zip(&transmitted).map(|(a, b)| (a.at.mass_g - b.at.mass_g).abs());
+    let apart = total.iter().zip(&transmitted).map(|(a, b)| (a.at.value - b.at.value).abs());
     let apart = apart.fold(0.0, f64::max);
     let grows = curves.iter().filter(|curve| grows_with_difference(curve)).count();
     Ok(Judgement {
@@ -391,9 +409,7 @@ fn left_of(all: usize, left: &[Meeting]) -> String {
     if left.is_empty() {
         return format!("none of the {all} crossings are left, as far as masses 0.0125 g apart show");
     }
-    let each = left.iter().map(|Meeting { alphas, at }| {
-        format!("{} and {} at {}", alphas[0], alphas[1], Uncertain::new(at.mass_g, at.plus_minus_g))
-    });
+    let each = left.iter().map(|Meeting { alphas: [low, high], at }| format!("{low} and {high} at {at}"));
     let each = each.collect::<Vec<_>>().join(" g, ");
     format!("{} crossings are left in place of {all}: {each} g", left.len())
 }
@@ -413,31 +429,32 @@ fn amplitudes(seen: &Observations, of: fn(&Reflected) -> f64) -> Result<Vec<(f64
         .collect())
 }
 
-/// Whether values grow away from the bead's mass, on either side.
-fn grows(points: &[(f64, f64)]) -> bool {
-    let light =
-        points.windows(2).filter(|pair| pair[1].0 < BEAD_G).all(|pair| pair[1].1.abs() < pair[0].1.abs());
-    let heavy =
-        points.windows(2).filter(|pair| pair[0].0 > BEAD_G).all(|pair| pair[1].1.abs() > pair[0].1.abs());
-    light && heavy
+/// A quantity of the reflected pulses for each mass, as numbers.
+fn pulse_numbers(what: &str, points: &[(f64, f64)], unit: &'static str) -> Vec<Number> {
+    let number = |(mass_g, value): &(f64, f64)| {
+        Number::new(format!("{what} of the reflected pulse, {mass_g} g"), *value, unit)
+            .give_or_take(1e-4 * value, "the interpolation between frames")
+    };
+    points.iter().map(number).collect()
+}
+
+/// Whether they grow away from the bead's mass, in words.
+fn growth(points: &[(f64, f64)]) -> &'static str {
+    if grows_with_difference(points) { "grows" } else { "does not always grow" }
 }
 
 fn judge_amplitude(seen: &Observations) -> Result<Judgement, StudyError> {
     let points = amplitudes(seen, |point| point.backward_m_s)?;
-    let numbers = points.iter().map(|(mass_g, v)| {
-        Number::new(format!("amplitude of the reflected pulse, {mass_g} g"), *v, "m/s")
-            .give_or_take(1e-4 * v, "the interpolation between frames")
-    });
     let light = points.first().map_or(0.0, |point| point.1.abs());
     let heavy =
         points.iter().find(|(mass_g, _)| (mass_g - 1.5).abs() < 1e-9).map_or(0.0, |point| point.1.abs());
     Ok(Judgement {
-        verdict: Verdict::of(grows(&points)),
+        verdict: Verdict::of(grows_with_difference(&points)),
         why: format!(
             "At α = 1.5 it {} with the difference on either side of 1 g, and not alike on both: {light:.2} m/s for 0.6 g, {heavy:.2} m/s for 1.5 g.",
-            if grows(&points) { "grows" } else { "does not always grow" }
+            growth(&points)
         ),
-        numbers: numbers.collect(),
+        numbers: pulse_numbers("amplitude", &points, "m/s"),
     })
 }
 
@@ -445,16 +462,12 @@ fn judge_speed(seen: &Observations) -> Result<Judgement, StudyError> {
     let points = amplitudes(seen, |point| point.backward_beads_per_s)?;
     let speeds = || points.iter().map(|(_, speed)| *speed);
     let (least, most) = (speeds().fold(f64::INFINITY, f64::min), speeds().fold(0.0, f64::max));
-    let numbers = points.iter().map(|(mass_g, speed)| {
-        Number::new(format!("speed of the reflected pulse, {mass_g} g"), *speed, "beads/s")
-            .give_or_take(1e-4 * speed, "the interpolation between frames")
-    });
     Ok(Judgement {
-        verdict: Verdict::of(grows(&points)),
+        verdict: Verdict::of(grows_with_difference(&points)),
         why: format!(
             "At α = 1.5 the speed {} with the difference on either side of 1 g, from {least:.0} to {most:.0} beads/s.",
-            if grows(&points) { "grows" } else { "does not always grow" }
+            growth(&points)
         ),
-        numbers: numbers.collect(),
+        numbers: pulse_numbers("speed", &points, "beads/s"),
     })
 }

@@ -1,6 +1,6 @@
 //! A heavy impurity: it moves on, the transmitted wave breaks up, one pulse comes back.
 
-use super::claim::{Claim, Judgement, Number, StudyError, Verdict, pool_uncertainty};
+use super::judgement::{Judgement, Number, StudyError, Verdict, pool_uncertainty};
 use super::observe::Observations;
 use super::passing::{
     BACKWARD_BEAD, FORWARD_BEAD, Passed, against_table, counted, falls, heights, pulses_of_table,
@@ -8,8 +8,8 @@ use super::passing::{
 };
 use super::profile::velocity_figure;
 use super::reference::HEAVY_PULSES;
-use super::runs::{Run, heavy};
-use super::study::Study;
+use super::runs::heavy;
+use super::study::{Claim, Study};
 use consumers::impurity::{Event, EventKind};
 use consumers::pulses::Passage;
 use consumers::theory::{SolitaryWave, Strength};
@@ -25,9 +25,9 @@ pub(super) const VELOCITY: Study = Study {
     slug: "velocity-heavy",
     title: "Velocities after the collision with a heavy impurity",
     place: "figure vheavy",
-    runs,
+    runs: || with_partners(heavy()),
     sweep: false,
-    draw: draw_velocity,
+    draw: |seen| velocity_figure(seen.of(&heavy())?, AT_80_MS, [-0.05, 0.15]),
     claims: &[
         Claim {
             id: "heavy-train",
@@ -75,7 +75,7 @@ pub(super) const SECOND_HIT: Study = Study {
     slug: "second-hit",
     title: "The heavy impurity and its left neighbour",
     place: "text of section 3, and what it leaves out",
-    runs,
+    runs: || with_partners(heavy()),
     sweep: false,
     draw: draw_second_hit,
     claims: &[
@@ -93,10 +93,6 @@ pub(super) const SECOND_HIT: Study = Study {
         },
     ],
 };
-
-fn runs() -> Vec<Run> {
-    with_partners(heavy())
-}
 
 fn forward(seen: &Observations) -> Result<Vec<Passed>, StudyError> {
     pulses_of_table(seen, &heavy(), HEAVY_PULSES, true)
@@ -239,32 +235,25 @@ fn judge_low_pulses(seen: &Observations) -> Result<Judgement, StudyError> {
 
 /// When the left neighbour hits the impurity, in both runs.
 fn hits(seen: &Observations) -> Result<Vec<(Event, Event)>, StudyError> {
-    let of = |run: &Run| -> Result<Vec<Event>, StudyError> {
-        let events = seen.of(run)?.events.iter();
-        Ok(events.filter(|event| event.kind == EventKind::LeftCloses).copied().collect())
-    };
-    Ok(of(&heavy())?.into_iter().zip(of(&heavy().with_step_times(2))?).collect())
+    seen.events(&heavy(), EventKind::LeftCloses)
 }
 
 fn judge_shift(seen: &Observations) -> Result<Judgement, StudyError> {
     let run = seen.of(&heavy())?;
     let (u, v) = (run.motion.column(0), run.motion.column(1));
     let backwards = v.iter().copied().fold(0.0, f64::min);
-    let shift_m = |run: &Run| -> Result<f64, StudyError> { Ok(seen.of(run)?.kept_frame(AT_80_MS)?.u_m[500]) };
-    let both_mm = (shift_m(&heavy())? * 1e3, shift_m(&heavy().with_step_times(2))? * 1e3);
-    let shift_m = both_mm.0 * 1e-3;
+    let shift = seen.stepped(&heavy(), "displacement at 80 ms", "mm", |seen| {
+        Ok(seen.kept_frame(AT_80_MS)?.u_m[500] * 1e3)
+    })?;
     let monotonic = u.windows(2).all(|pair| pair[1] >= pair[0] - 1e-9);
     Ok(Judgement {
-        verdict: Verdict::graded(shift_m > 0.0, monotonic),
+        verdict: Verdict::graded(shift.value > 0.0, monotonic),
         why: format!(
             "At 80 ms it is {:.2} mm to the right of where it was, and {}.",
-            shift_m * 1e3,
+            shift.value,
             if monotonic { "it never moves back" } else { "it moves back a little on the way" }
         ),
-        numbers: vec![
-            Number::stepped("displacement at 80 ms", both_mm, "mm", run.max_abs_drift),
-            Number::new("largest velocity backwards", backwards.abs(), "m/s"),
-        ],
+        numbers: vec![shift, Number::new("largest velocity backwards", backwards.abs(), "m/s")],
     })
 }
 
@@ -296,17 +285,11 @@ fn judge_sticking(seen: &Observations) -> Result<Judgement, StudyError> {
     })
 }
 
-fn draw_velocity(seen: &Observations) -> Result<Figure, StudyError> {
-    let seen = seen.of(&heavy())?;
-    Ok(velocity_figure(&seen.manifest, seen.kept_frame(AT_80_MS)?, [-0.05, 0.15]))
-}
-
 fn draw_second_hit(seen: &Observations) -> Result<Figure, StudyError> {
     let hits = hits(seen)?;
     let seen = seen.of(&heavy())?;
-    let times_s = seen.motion.times_s();
-    let curve = |column: usize, factor: f64| -> Vec<(f64, f64)> {
-        times_s.iter().zip(seen.motion.column(column)).map(|(t, value)| (t * 1e3, value * factor)).collect()
+    let curve = |column: usize, factor: f64| {
+        seen.motion.curve(column).map(move |(t, value)| (t * 1e3, value * factor))
     };
     let x = || Axis::new("time (ms)").limits(42.0, 80.0);
     let mut velocity = Panel::new()

@@ -12,13 +12,13 @@
 //! E. Hascoët and H. J. Herrmann, *Shocks in non-loaded bead chains with impurities*.
 
 pub mod cache;
-mod claim;
 mod crossing;
 mod deform;
 mod energies;
 mod fit;
 mod front;
 mod heavy;
+mod judgement;
 mod light;
 mod maps;
 pub mod markdown;
@@ -35,13 +35,15 @@ mod runs;
 mod scaling;
 mod speed;
 mod strikers;
+mod studies;
 mod study;
 mod transient;
 pub mod workers;
 
-pub use claim::{Claim, Judgement, Number, Range, Reference, StudyError, Uncertainty, Verdict};
 pub use front::Front;
+pub use judgement::{Judgement, Number, Range, Reference, StudyError, Uncertainty, Verdict};
 pub use observe::{KeptFrame, Observations, Observed, Observer};
 pub use reflection::{Reflected, refined_sweep, reflection_sweep};
 pub use runs::{FrontBy, Run, Watch};
-pub use study::{STUDIES, Study};
+pub use studies::STUDIES;
+pub use study::{Claim, Study};

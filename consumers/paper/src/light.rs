@@ -1,17 +1,17 @@
 //! A light impurity emits pulses both ways: velocities and displacements.
 
-use super::claim::{Claim, Counted, Judgement, Number, StudyError, Verdict, pool_uncertainty};
+use super::judgement::{Counted, Judgement, Number, StudyError, Verdict, pool_uncertainty};
 use super::observe::Observations;
 use super::passing::{
     BACKWARD_BEAD, FORWARD_BEAD, Passed, against_table, counted, falls, heights, pulses, pulses_of_table,
     with_partners,
 };
-use super::profile::velocity_figure;
+use super::profile::{caption, chain_panel, velocity_figure};
 use super::reference::LIGHT_PULSES;
-use super::runs::{Run, light};
-use super::study::Study;
+use super::runs::light;
+use super::study::{Claim, Study};
 use consumers::pulses::Passage;
-use figure::{Axis, Colour, Curve, Figure, Panel};
+use figure::{Axis, Figure};
 use std::ops::Range;
 
 const SECTION: &str = "section 3";
@@ -24,9 +24,9 @@ pub(super) const VELOCITY: Study = Study {
     slug: "velocity-light",
     title: "Velocities after the collision with a light impurity",
     place: "figure vlight",
-    runs,
+    runs: || with_partners(light()),
     sweep: false,
-    draw: draw_velocity,
+    draw: |seen| velocity_figure(seen.of(&light())?, AT_80_MS, [-0.2, 0.2]),
     claims: &[
         Claim {
             id: "light-secondary-waves",
@@ -62,7 +62,7 @@ pub(super) const DISPLACEMENT: Study = Study {
     slug: "displacement-light",
     title: "Displacements after the collision with a light impurity",
     place: "figure ulight",
-    runs,
+    runs: || with_partners(light()),
     sweep: false,
     draw: draw_displacement,
     claims: &[Claim {
@@ -73,10 +73,6 @@ pub(super) const DISPLACEMENT: Study = Study {
         judge: judge_steps,
     }],
 };
-
-fn runs() -> Vec<Run> {
-    with_partners(light())
-}
 
 fn forward(seen: &Observations) -> Result<Vec<Passed>, StudyError> {
     pulses_of_table(seen, &light(), LIGHT_PULSES, true)
@@ -229,27 +225,16 @@ fn falls_below(u_m: &[f64], from: usize, level_m: f64) -> f64 {
     below as f64 - (level_m - outside) / (inside - outside)
 }
 
-fn draw_velocity(seen: &Observations) -> Result<Figure, StudyError> {
-    let seen = seen.of(&light())?;
-    Ok(velocity_figure(&seen.manifest, seen.kept_frame(AT_80_MS)?, [-0.2, 0.2]))
-}
-
 fn draw_displacement(seen: &Observations) -> Result<Figure, StudyError> {
     let seen = seen.of(&light())?;
     let kept = seen.kept_frame(AT_80_MS)?;
-    let points = kept.u_m.iter().enumerate().map(|(bead, u)| (bead as f64, u * 1e3));
     // the first beads fly off backwards, as far as −28 mm: the rest would be a flat line beside them
-    let panel = Panel::new()
-        .x_axis(Axis::new("bead").limits(0.0, 1000.0))
+    let panel = chain_panel(seen, kept.u_m.iter().map(|u| u * 1e3))
         .y_axis(Axis::new("displacement (mm)").limits(-0.1, 0.75))
-        .curve(Curve::line("", points).colour(Colour::Blue))
         .vertical("impurity", 500.0);
     let farthest = -kept.u_m[0] * 1e3;
-    let caption = format!(
-        "{}; t = {:.2} ms; the first beads have flown off to the left, bead 0 by {farthest:.1} mm",
-        plots::caption(&seen.manifest),
-        kept.time_s * 1e3
-    );
+    let caption = caption(seen, kept)
+        + &format!("; the first beads have flown off to the left, bead 0 by {farthest:.1} mm");
     Ok(Figure::new().caption(caption).panel(panel))
 }
 

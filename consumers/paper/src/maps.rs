@@ -1,10 +1,10 @@
 //! The contacts over space and time.
 
-use super::claim::{Claim, Counted, Judgement, Number, StudyError, Verdict, pool_uncertainty};
+use super::judgement::{Counted, Judgement, Number, StudyError, Verdict, pool_uncertainty};
 use super::observe::Observations;
-use super::passing::{count_past, counted, falls, pulses, with_partners};
+use super::passing::{Passed, count_past, counted, falls, pulses, with_partners};
 use super::runs::{Run, heavy, light};
-use super::study::Study;
+use super::study::{Claim, Study};
 use consumers::pulses::Passage;
 use figure::Figure;
 use std::ops::Range;
@@ -18,9 +18,9 @@ pub(super) const LIGHT: Study = Study {
     slug: "contacts-light",
     title: "Contacts after the collision with a light impurity",
     place: "figure spatio1",
-    runs: light_runs,
+    runs: || with_partners(light()),
     sweep: false,
-    draw: draw_light,
+    draw: |seen| draw(seen, &light()),
     claims: &[
         Claim {
             id: "light-black-lines",
@@ -57,9 +57,9 @@ pub(super) const HEAVY: Study = Study {
     slug: "contacts-heavy",
     title: "Contacts after the collision with a heavy impurity",
     place: "figure spatio2",
-    runs: heavy_runs,
+    runs: || with_partners(heavy()),
     sweep: false,
-    draw: draw_heavy,
+    draw: |seen| draw(seen, &heavy()),
     claims: &[
         Claim {
             id: "heavy-halved",
@@ -89,14 +89,6 @@ pub(super) const HEAVY: Study = Study {
         },
     ],
 };
-
-fn light_runs() -> Vec<Run> {
-    with_partners(light())
-}
-
-fn heavy_runs() -> Vec<Run> {
-    with_partners(heavy())
-}
 
 fn judge_constant_speed(seen: &Observations) -> Result<Judgement, StudyError> {
     /// The first pulses that have come as far as bead 850 by the end of the run.
@@ -136,9 +128,9 @@ fn judge_constant_speed(seen: &Observations) -> Result<Judgement, StudyError> {
 fn judge_speeds(seen: &Observations) -> Result<Judgement, StudyError> {
     let pulses = pulses(seen, &light(), 700, true, 5)?;
     let speeds: Vec<f64> = pulses.iter().map(|pulse| pulse.fine.speed_beads_per_s).collect();
-    let numbers = pulses.iter().enumerate();
-    let numbers = numbers.map(|(index, pulse)| pulse.speed(format!("forward pulse {}: speed", index + 1)));
-    let mut numbers: Vec<Number> = numbers.collect();
+    let number =
+        |(index, pulse): (usize, &Passed)| pulse.speed(format!("forward pulse {}: speed", index + 1));
+    let mut numbers: Vec<Number> = pulses.iter().enumerate().map(number).collect();
     pool_uncertainty(&mut numbers);
     Ok(Judgement {
         verdict: Verdict::of(falls(&speeds)),
@@ -192,8 +184,7 @@ fn judge_light_gaps(seen: &Observations) -> Result<Judgement, StudyError> {
 fn judge_halved(seen: &Observations) -> Result<Judgement, StudyError> {
     let heavy = seen.of(&heavy())?;
     // overlap with the left neighbour, between the collision and the second hit
-    let times = heavy.motion.times_s();
-    let samples = times.iter().zip(heavy.motion.column(2)).filter(|(t, _)| (0.046..0.060).contains(*t));
+    let samples = heavy.motion.curve(2).filter(|(t, _)| (0.046..0.060).contains(t));
     let (mut open, mut all) = (0_usize, 0_usize);
     for (_, overlap_m) in samples {
         all += 1;
@@ -223,13 +214,15 @@ fn judge_heavy_gaps(seen: &Observations) -> Result<Judgement, StudyError> {
     })
 }
 
+fn speeds_back(back: &[Passed]) -> Vec<Number> {
+    let names = ["reflected pulse: speed", "first pulse of the second front: speed"];
+    back.iter().zip(names).map(|(pulse, name)| pulse.speed(name)).collect()
+}
+
 fn judge_slope(seen: &Observations) -> Result<Judgement, StudyError> {
     let back = pulses(seen, &heavy(), 300, false, 2)?;
     let ratio = back[0].fine.speed_beads_per_s / back[1].fine.speed_beads_per_s;
-    let mut numbers = vec![
-        back[0].speed("reflected pulse: speed"),
-        back[1].speed("first pulse of the second front: speed"),
-    ];
+    let mut numbers = speeds_back(&back);
     pool_uncertainty(&mut numbers);
     Ok(Judgement {
         verdict: Verdict::of(ratio > 1.0),
@@ -270,11 +263,8 @@ fn judge_second_front(seen: &Observations) -> Result<Judgement, StudyError> {
         })
     };
     let (early, late) = (zone(0)?, zone(1)?);
-    let mut numbers = vec![
-        back[0].speed("reflected pulse: speed"),
-        back[1].speed("first pulse of the second front: speed"),
-        back[1].amplitude("first pulse of the second front: peak velocity"),
-    ];
+    let mut numbers = speeds_back(&back);
+    numbers.push(back[1].amplitude("first pulse of the second front: peak velocity"));
     pool_uncertainty(&mut numbers);
     numbers.extend([
         Number::count("contacts in the zone at 60 ms", &early),
@@ -293,14 +283,6 @@ fn judge_second_front(seen: &Observations) -> Result<Judgement, StudyError> {
         ),
         numbers,
     })
-}
-
-fn draw_light(seen: &Observations) -> Result<Figure, StudyError> {
-    draw(seen, &light())
-}
-
-fn draw_heavy(seen: &Observations) -> Result<Figure, StudyError> {
-    draw(seen, &heavy())
 }
 
 fn draw(seen: &Observations, run: &Run) -> Result<Figure, StudyError> {

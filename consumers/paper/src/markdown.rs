@@ -1,7 +1,7 @@
 //! The report as pages to read.
 
 use crate::report::{PAPER, Report, Studied, figure_path};
-use crate::{Claim, Judgement, Number, Verdict};
+use crate::{Claim, Judgement, Number, Study, Verdict};
 use consumers::uncertain::Uncertain;
 use std::fmt::{self, Write};
 
@@ -60,10 +60,7 @@ fn write_report(page: &mut String, report: &Report<'_>) -> fmt::Result {
 }
 
 fn write_study(page: &mut String, studied: &Studied) -> fmt::Result {
-    let study = studied.study;
-    writeln!(page, "### {}\n", study.slug)?;
-    writeln!(page, "{} ({}).\n", study.title, study.place)?;
-    writeln!(page, "![{}]({})\n", study.title, figure_path(study, "png"))?;
+    write_figure(page, "###", studied.study)?;
     for (claim, judgement) in &studied.claims {
         write_claim(page, claim, judgement)?;
     }
@@ -132,12 +129,16 @@ fn write_gallery(page: &mut String, report: &Report<'_>) -> fmt::Result {
     writeln!(page, "# Gallery\n")?;
     writeln!(page, "The figures of {PAPER}, by `beadline reproduce` ({}).\n", report.program)?;
     for studied in &report.studies {
-        let study = studied.study;
-        writeln!(page, "## {}\n", study.slug)?;
-        writeln!(page, "{} ({}).\n", study.title, study.place)?;
-        writeln!(page, "![{}]({})\n", study.title, figure_path(study, "png"))?;
+        write_figure(page, "##", studied.study)?;
     }
     Ok(())
+}
+
+/// The figure of a study, below a heading that begins with these signs.
+fn write_figure(page: &mut String, heading: &str, study: &Study) -> fmt::Result {
+    writeln!(page, "{heading} {}\n", study.slug)?;
+    writeln!(page, "{} ({}).\n", study.title, study.place)?;
+    writeln!(page, "![{}]({})\n", study.title, figure_path(study, "png"))
 }
 
 /// The heading of a study as Markdown links name it.
@@ -145,11 +146,11 @@ fn anchor(studied: &Studied) -> String {
     studied.study.slug.replace('.', "")
 }
 
-fn mark(verdict: Verdict) -> String {
+fn mark(verdict: Verdict) -> &'static str {
     match verdict {
-        Verdict::Reproduced => "✓ reproduced".to_owned(),
-        Verdict::Corrected => "≈ reproduced with a correction".to_owned(),
-        Verdict::NotSo => "✗ **not so**".to_owned(),
+        Verdict::Reproduced => "✓ reproduced",
+        Verdict::Corrected => "≈ reproduced with a correction",
+        Verdict::NotSo => "✗ **not so**",
     }
 }
 

@@ -1,13 +1,13 @@
 //! What is seen of a run.
 
-use super::claim::StudyError;
 use super::front::Front;
+use super::judgement::{Number, StudyError};
 use super::reflection::Reflected;
 use super::runs::{FrontBy, Run, Watch};
 use consumers::contacts::{Class, ContactCounts, Contacts, default_tolerance_m};
 use consumers::deformation::{Deformation, Deformations};
 use consumers::follow::Analysis;
-use consumers::impurity::{Event, Followed, Motion};
+use consumers::impurity::{Event, EventKind, Followed, Motion};
 use consumers::pulses::{Passage, Probes, Pulses};
 use consumers::series::Series;
 use consumers::space_time::{Extent, Picture};
@@ -199,6 +199,35 @@ impl Observations {
     pub fn of(&self, run: &Run) -> Result<&Observed, StudyError> {
         self.runs.get(run.name()).ok_or_else(|| StudyError::NotObserved { run: run.name().to_owned() })
     }
+
+    /// Something of `run`, and of its partner with twice the step.
+    pub(super) fn both<T>(
+        &self,
+        run: &Run,
+        of: impl Fn(&Observed) -> Result<T, StudyError>,
+    ) -> Result<(T, T), StudyError> {
+        Ok((of(self.of(run)?)?, of(self.of(&run.clone().with_step_times(2))?)?))
+    }
+
+    /// The events of a kind in `run`, with the same ones in its partner with twice the step.
+    pub(super) fn events(&self, run: &Run, kind: EventKind) -> Result<Vec<(Event, Event)>, StudyError> {
+        let of_kind = |seen: &Observed| -> Result<Vec<Event>, StudyError> {
+            Ok(seen.events.iter().filter(|event| event.kind == kind).copied().collect())
+        };
+        let (fine, coarse) = self.both(run, of_kind)?;
+        Ok(fine.into_iter().zip(coarse).collect())
+    }
+
+    /// A quantity of `run`, by [`Number::stepped`].
+    pub(super) fn stepped(
+        &self,
+        run: &Run,
+        what: impl Into<String>,
+        unit: &'static str,
+        of: impl Fn(&Observed) -> Result<f64, StudyError>,
+    ) -> Result<Number, StudyError> {
+        Ok(Number::stepped(what, self.both(run, of)?, unit, self.of(run)?.max_abs_drift))
+    }
 }
 
 impl Observed {
@@ -207,9 +236,21 @@ impl Observed {
         self.kept_frames.get(index).ok_or_else(|| self.absent(format!("kept frame {index}")))
     }
 
+    /// The leading pulse in the first frame in which it is at `bead` or beyond.
+    pub(super) fn front_at(&self, bead: f64) -> Result<Front, StudyError> {
+        let front = self.fronts.iter().find(|front| front.bead >= bead);
+        front.copied().ok_or_else(|| self.absent(format!("pulse at bead {bead}")))
+    }
+
     /// Says that something is not there.
     pub(super) fn absent(&self, what: impl Into<String>) -> StudyError {
-        StudyError::Absent { run: self.manifest.provenance.name.to_string(), what: what.into() }
+        StudyError::absent(self.manifest.provenance.name.as_str(), what)
+    }
+
+    /// The first pulse that passed `bead` on its way to the end of the chain.
+    pub(super) fn first_pulse_past(&self, bead: u64) -> Result<Passage, StudyError> {
+        let first = self.pulses_past(bead, true).into_iter().next();
+        first.ok_or_else(|| self.absent(format!("pulse at bead {bead}")))
     }
 
     /// The pulses that passed `bead` in one direction, in the order of arrival.

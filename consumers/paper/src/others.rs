@@ -1,11 +1,11 @@
 //! Other masses and other exponents than those of the paper's figures.
 
-use super::claim::{Claim, Counted, Judgement, Number, StudyError, Verdict};
-use super::observe::{Observations, Observed};
+use super::judgement::{Counted, Judgement, Number, StudyError, Verdict};
+use super::observe::Observations;
 use super::passing::{count_past, counted, falls, with_partners};
 use super::rattle::flights;
 use super::runs::{Run, short};
-use super::study::Study;
+use super::study::{Claim, Study};
 use figure::{Axis, Figure, Panel};
 
 const SECTION: &str = "section 3";
@@ -55,23 +55,22 @@ fn judge_light(seen: &Observations) -> Result<Judgement, StudyError> {
     let mut numbers = Vec::new();
     let (mut damped, mut steadily) = (0, 0);
     for (mass_g, alpha) in LIGHT {
-        let found = flights(seen.of(&short(mass_g, alpha))?);
+        let run = short(mass_g, alpha);
+        let found = flights(seen.of(&run)?);
         let speeds: Vec<f64> = found.iter().map(|flight| flight.v_m_s).collect();
         let (Some(first), Some(last)) = (speeds.first(), speeds.last()) else { continue };
         let to_and_fro = speeds.len() > 2 && speeds.windows(2).all(|pair| pair[0] * pair[1] < 0.0);
         damped += usize::from(to_and_fro && last.abs() < 0.5 * first.abs());
         steadily += usize::from(to_and_fro && falls(&speeds));
         let what = |quantity: &str| format!("{quantity}, {mass_g} g, α = {alpha}");
-        let count = counted(seen, short(mass_g, alpha), |seen| Ok(flights(seen).len()))?;
+        let count = counted(seen, run.clone(), |seen| Ok(flights(seen).len()))?;
         numbers.push(Number::count(what("flights to and fro by the end of the run"), &count));
-        let ratio = |seen: &Observed| {
-            let found = flights(seen);
-            found.last().zip(found.first()).map_or(f64::NAN, |(last, first)| (last.v_m_s / first.v_m_s).abs())
-        };
-        let (fine, coarse) =
-            (seen.of(&short(mass_g, alpha))?, seen.of(&short(mass_g, alpha).with_step_times(2))?);
         let what = what("speed in the last over that in the first");
-        numbers.push(Number::stepped(what, (ratio(fine), ratio(coarse)), "", fine.max_abs_drift));
+        numbers.push(seen.stepped(&run, what, "", |seen| {
+            let found = flights(seen);
+            let ends = found.last().zip(found.first());
+            Ok(ends.map_or(f64::NAN, |(last, first)| (last.v_m_s / first.v_m_s).abs()))
+        })?);
     }
     let all = LIGHT.len();
     Ok(Judgement {
@@ -84,16 +83,12 @@ fn judge_light(seen: &Observations) -> Result<Judgement, StudyError> {
     })
 }
 
-fn train(seen: &Observations, mass_g: f64, alpha: f64) -> Result<Vec<f64>, StudyError> {
-    let pulses = seen.of(&short(mass_g, alpha))?.pulses_past(BEAD, true);
-    Ok(pulses.iter().map(|pulse| pulse.v_peak_m_s).collect())
-}
-
 fn judge_heavy(seen: &Observations) -> Result<Judgement, StudyError> {
     let mut numbers = Vec::new();
     let mut same = 0;
     for (mass_g, alpha) in HEAVY {
-        let train = train(seen, mass_g, alpha)?;
+        let train = seen.of(&short(mass_g, alpha))?.pulses_past(BEAD, true);
+        let train: Vec<f64> = train.iter().map(|pulse| pulse.v_peak_m_s).collect();
         let count = count_past(seen, short(mass_g, alpha), BEAD, true)?;
         let reflected = count_past(seen, short(mass_g, alpha), 75, false)?;
         same += u32::from(count.least > 1 && falls(&train) && reflected.least > 0);
@@ -136,8 +131,7 @@ fn draw(seen: &Observations) -> Result<Figure, StudyError> {
             let run = seen.of(&short(*mass_g, *alpha))?;
             let scales = run.manifest.physics.scales();
             let unit = if column == 0 { scales.length_m } else { run.manifest.physics.striker.velocity_m_s };
-            let points = run.motion.times_s().into_iter().zip(run.motion.column(column));
-            let points: Vec<_> = points.map(|(t, value)| (t / scales.time_s, value / unit)).collect();
+            let points = run.motion.curve(column).map(|(t, value)| (t / scales.time_s, value / unit));
             panel = panel.line(format!("{mass_g} g, α = {alpha}"), points);
         }
         Ok(panel)

@@ -1,6 +1,6 @@
 //! Pulses that pass a bead, in a run and in its partners: with twice the step, and with another last digit.
 
-use super::claim::{Counted, Number, StudyError, pool_uncertainty};
+use super::judgement::{Counted, Number, StudyError, pool_uncertainty};
 use super::observe::{Observations, Observed};
 use super::reference::ReferenceTable;
 use super::runs::Run;

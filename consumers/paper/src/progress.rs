@@ -2,7 +2,7 @@
 
 use schemas::amounts;
 use schemas::manifest::RunManifest;
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// The work of a run after `step` steps, in bead-steps of a Hertz chain.
@@ -31,7 +31,7 @@ pub struct Progress {
     state: Mutex<State>,
 }
 
-#[derive(Debug, Default, Clone, Copy)]
+#[derive(Debug, Default)]
 struct State {
     done: f64,
     jobs_done: usize,
@@ -45,12 +45,12 @@ impl Progress {
 
     /// Adds work done.
     pub(super) fn add(&self, work: f64) {
-        self.with(|state| state.done += work);
+        self.state().done += work;
     }
 
     /// A job is done.
     pub(super) fn job_done(&self) {
-        self.with(|state| state.jobs_done += 1);
+        self.state().jobs_done += 1;
     }
 
     /// The part done, from 0 to 1.
@@ -72,16 +72,9 @@ impl Progress {
         tenths
     }
 
-    fn state(&self) -> State {
-        let mut copy = State::default();
-        self.with(|state| copy = *state);
-        copy
-    }
-
-    fn with(&self, change: impl FnOnce(&mut State)) {
+    fn state(&self) -> MutexGuard<'_, State> {
         // a worker that panicked while it counted leaves numbers that are still good enough for a display
-        let mut state = self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        change(&mut state);
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -1,11 +1,11 @@
 //! The motion of a light impurity between its neighbours.
 
-use super::claim::{Claim, Counted, FROM_STEP, Judgement, Number, StudyError, Verdict};
+use super::judgement::{Counted, FROM_STEP, Judgement, Number, StudyError, Verdict};
 use super::observe::{Observations, Observed};
 use super::passing::{BACKWARD_BEAD, FORWARD_BEAD, count_past, counted, falls, with_partners};
 use super::reference::LIGHT_TURNS;
-use super::runs::{Run, light};
-use super::study::Study;
+use super::runs::light;
+use super::study::{Claim, Study};
 use consumers::impurity::{Event, EventKind};
 use figure::{Axis, Colour, Curve, Figure, Mark, Panel};
 
@@ -15,7 +15,7 @@ pub(super) const IMPURITY: Study = Study {
     slug: "impurity-light",
     title: "Displacement of the light impurity",
     place: "figure uimp",
-    runs,
+    runs: || with_partners(light()),
     sweep: false,
     draw: draw_impurity,
     claims: &[
@@ -49,24 +49,12 @@ pub(super) const IMPURITY: Study = Study {
     ],
 };
 
-fn runs() -> Vec<Run> {
-    with_partners(light())
-}
-
-fn coarse() -> Run {
-    light().with_step_times(2)
-}
-
 /// The turning points of the impurity, as many as the reference has, in both runs.
 fn turns(seen: &Observations) -> Result<Vec<(Event, Event)>, StudyError> {
-    let of = |seen: &Observed| -> Vec<Event> {
-        seen.events.iter().filter(|event| event.kind == EventKind::Turns).copied().collect()
-    };
-    let (fine, coarse) = (seen.of(&light())?, seen.of(&coarse())?);
     let count = LIGHT_TURNS.rows().count();
-    let pairs: Vec<_> = of(fine).into_iter().zip(of(coarse)).take(count).collect();
+    let pairs: Vec<_> = seen.events(&light(), EventKind::Turns)?.into_iter().take(count).collect();
     if pairs.len() < count {
-        return Err(fine.absent(format!("turning point {}", pairs.len() + 1)));
+        return Err(seen.of(&light())?.absent(format!("turning point {}", pairs.len() + 1)));
     }
     Ok(pairs)
 }
@@ -79,21 +67,17 @@ fn judge_oscillation(seen: &Observations) -> Result<Judgement, StudyError> {
     let (worst_s, worst_m) = (worst(|turn| turn.time_s), worst(|turn| turn.u_m));
     let drift = seen.of(&light())?.max_abs_drift;
     let mut numbers = Vec::new();
-    for (index, ((fine, _), row)) in turns.iter().zip(LIGHT_TURNS.rows()).enumerate() {
-        let reference = LIGHT_TURNS.values(&[row[0]])?;
-        let missing =
-            || StudyError::NoReference { file: "light-impurity-turning-points.csv", row: row[0].into() };
-        let time_ms: f64 = row[0].parse().map_err(|_| missing())?;
+    for (index, ((fine, _), reference)) in turns.iter().zip(LIGHT_TURNS.numbers()?).enumerate() {
         let order = index + 1;
         numbers.push(
             Number::new(format!("turning point {order}: time"), fine.time_s * 1e3, "ms")
                 .give_or_take(worst_s.hypot(drift * fine.time_s) * 1e3, FROM_STEP)
-                .against_within(time_ms, 1e-4),
+                .against_within(reference[0], 1e-4),
         );
         numbers.push(
             Number::new(format!("turning point {order}: displacement"), fine.u_m * 1e3, "mm")
                 .give_or_take(worst_m.hypot(drift * fine.u_m) * 1e3, FROM_STEP)
-                .against_within(reference[0], 1e-5),
+                .against_within(reference[1], 1e-5),
         );
     }
     let u: Vec<f64> = turns.iter().map(|(fine, _)| fine.u_m).collect();
@@ -149,10 +133,10 @@ pub(super) struct Flight {
 
 /// The flights that end before the tables of the reference do.
 fn first_flights(seen: &Observations) -> Result<Vec<(Flight, Flight)>, StudyError> {
-    let (fine, coarse) = (seen.of(&light())?, seen.of(&coarse())?);
-    let pairs: Vec<_> = flights(fine).into_iter().zip(flights(coarse)).take(8).collect();
+    let (fine, coarse) = seen.both(&light(), |seen| Ok(flights(seen)))?;
+    let pairs: Vec<_> = fine.into_iter().zip(coarse).take(8).collect();
     if pairs.len() < 4 {
-        return Err(fine.absent("flight between the neighbours"));
+        return Err(seen.of(&light())?.absent("flight between the neighbours"));
     }
     Ok(pairs)
 }
@@ -235,10 +219,8 @@ fn judge_cycles(seen: &Observations) -> Result<Judgement, StudyError> {
 
 fn draw_impurity(seen: &Observations) -> Result<Figure, StudyError> {
     let seen = seen.of(&light())?;
-    let times_s = seen.motion.times_s();
-    let path = times_s.into_iter().zip(seen.motion.column(0)).map(|(t, u)| (t * 1e3, u * 1e3));
-    let number = |word: &str| word.parse().unwrap_or(f64::NAN);
-    let marks = LIGHT_TURNS.rows().map(|row| (number(row[0]), number(row[1])));
+    let path = seen.motion.curve(0).map(|(t, u)| (t * 1e3, u * 1e3));
+    let marks = LIGHT_TURNS.numbers()?.into_iter().map(|row| (row[0], row[1]));
     let panel = Panel::new()
         .x_axis(Axis::new("time (ms)").limits(42.5, 80.0))
         .y_axis("displacement (mm)")

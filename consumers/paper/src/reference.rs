@@ -1,6 +1,6 @@
 //! Numbers that Beadline did not compute; `tests/reference/README.md` says where they come from.
 
-use super::claim::StudyError;
+use super::judgement::StudyError;
 
 /// A table of numbers and words, with a header.
 #[derive(Debug, Clone, Copy)]
@@ -51,22 +51,29 @@ impl ReferenceTable {
         self.text.lines().skip(1).map(|line| line.split(',').collect())
     }
 
-    /// The rows whose first values are the numbers `key`, however these are written.
-    pub(super) fn numbers(self, key: &[f64]) -> Result<Vec<f64>, StudyError> {
-        let same = |row: &Vec<&str>| {
-            key.len() <= row.len() && row.iter().zip(key).all(|(word, value)| word.parse() == Ok(*value))
-        };
-        let missing = || StudyError::NoReference { file: self.file, row: format!("{key:?}") };
-        let row = self.rows().find(same).ok_or_else(missing)?;
-        row[key.len()..].iter().map(|word| word.parse().map_err(|_| missing())).collect()
+    /// The same, of a table without words.
+    pub(super) fn numbers(self) -> Result<Vec<Vec<f64>>, StudyError> {
+        self.rows().map(|row| self.parsed(&row)).collect()
     }
 
-    /// The values after the words or numbers `key` that the row begins with.
+    /// The values after the number `key`, however it is written.
+    pub(super) fn at(self, key: f64) -> Result<Vec<f64>, StudyError> {
+        let row = self.numbers()?.into_iter().find(|row| row[0] == key);
+        row.map(|row| row[1..].to_vec()).ok_or_else(|| self.missing(format!("{key:?}")))
+    }
+
+    /// The values after the words `key` that the row begins with.
     pub(super) fn values(self, key: &[&str]) -> Result<Vec<f64>, StudyError> {
         let row = self.rows().find(|row| row.starts_with(key));
-        let missing = || StudyError::NoReference { file: self.file, row: key.join(",") };
-        let row = row.ok_or_else(missing)?;
-        row[key.len()..].iter().map(|word| word.parse().map_err(|_| missing())).collect()
+        self.parsed(&row.ok_or_else(|| self.missing(key.join(",")))?[key.len()..])
+    }
+
+    fn parsed(self, words: &[&str]) -> Result<Vec<f64>, StudyError> {
+        words.iter().map(|word| word.parse().map_err(|_| self.missing(words.join(",")))).collect()
+    }
+
+    fn missing(self, row: String) -> StudyError {
+        StudyError::NoReference { file: self.file, row }
     }
 }
 
@@ -78,8 +85,8 @@ mod tests {
     fn rows_are_found_by_their_first_words() {
         assert_eq!(LIGHT_PULSES.values(&["backward", "2"]).unwrap(), [-0.150_378_6, 6212.545]);
         assert_eq!(LIGHT_TURNS.rows().count(), 8);
-        assert_eq!(REFLECTED.numbers(&[1.5, 1.0]).unwrap(), [0.006_339, 0.006_379]);
-        assert_eq!(CONTACT_100.numbers(&[10.0]).unwrap()[0], 4.100_157_75);
+        assert!(REFLECTED.numbers().unwrap().contains(&vec![1.5, 1.0, 0.006_339, 0.006_379]));
+        assert_eq!(CONTACT_100.at(10.0).unwrap()[0], 4.100_157_75);
         let missing = LIGHT_PULSES.values(&["sideways", "2"]).unwrap_err();
         assert_eq!(missing.to_string(), "the reference light-impurity-pulses.csv has no row sideways,2");
     }

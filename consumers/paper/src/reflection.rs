@@ -1,8 +1,7 @@
 //! Reflected energy over the mass of the impurity, for seven exponents.
 
-use super::claim::StudyError;
 use super::crossing::{Difference, wanting};
-use super::observe::Observations;
+use super::judgement::StudyError;
 use super::runs::until_end;
 use consumers::table::{Cell, Column};
 use consumers::uncertain::Uncertain;
@@ -142,7 +141,7 @@ pub(super) fn corrected_over_total(point: &Reflected) -> Uncertain {
 }
 
 /// The points of an exponent, in the order of their masses.
-fn points_of(points: &[Reflected], alpha: f64) -> Vec<&Reflected> {
+pub(super) fn points_of(points: &[Reflected], alpha: f64) -> Vec<&Reflected> {
     let mut points: Vec<&Reflected> = points.iter().filter(|point| point.alpha == alpha).collect();
     points.sort_by(|a, b| a.mass_g.total_cmp(&b.mass_g));
     points
@@ -160,26 +159,6 @@ pub(super) fn differences(
         Difference { mass_g: low.mass_g, value: a.value - b.value, off: a.plus_minus + b.plus_minus }
     };
     pairs.map(difference).collect()
-}
-
-/// The point of an exponent and a mass (g).
-pub(super) fn point(seen: &Observations, alpha: f64, mass_g: f64) -> Result<&Reflected, StudyError> {
-    let same = |point: &&Reflected| point.alpha == alpha && (point.mass_g - mass_g).abs() < 1e-9;
-    let missing = || StudyError::NotObserved { run: format!("α = {alpha}, impurity of {mass_g} g") };
-    seen.reflected().iter().find(same).ok_or_else(missing)
-}
-
-/// A quantity over all masses (g) for one exponent.
-pub(super) fn curve(
-    seen: &Observations,
-    alpha: f64,
-    of: impl Fn(&Reflected) -> f64,
-) -> Result<Vec<(f64, f64)>, StudyError> {
-    // those of the figures must be there, others may
-    for mass_g in MASSES_G {
-        point(seen, alpha, mass_g)?;
-    }
-    Ok(points_of(seen.reflected(), alpha).into_iter().map(|point| (point.mass_g, of(point))).collect())
 }
 
 #[cfg(test)]
@@ -225,9 +204,8 @@ mod tests {
 
     #[test]
     fn the_sweep_has_every_mass_of_the_reference() {
-        for row in super::super::reference::REFLECTED.rows() {
-            let value = |word: &str| word.parse::<f64>().unwrap();
-            assert!(ALPHAS.contains(&value(row[0])) && MASSES_G.contains(&value(row[1])), "{row:?}");
+        for row in super::super::reference::REFLECTED.numbers().unwrap() {
+            assert!(ALPHAS.contains(&row[0]) && MASSES_G.contains(&row[1]), "{row:?}");
         }
         let text = reflection_sweep();
         assert!(text.contains("\"chain.alpha\" = 1.01\n") && text.contains("[0.6e-3, 0.7e-3"), "{text}");

@@ -88,44 +88,22 @@ pub fn figure_path(study: &Study, extension: &str) -> String {
 
 impl Studied {
     fn json(&self) -> Value {
-        let claims = self.claims.iter().map(|(claim, judgement)| {
-            json!({
-                "id": claim.id,
-                "place": claim.place,
-                "quote": claim.quote,
-                "verdict": judgement.verdict.as_str(),
-                "why": judgement.why,
-                "numbers": judgement.numbers.iter().map(number_json).collect::<Vec<_>>(),
-            })
+        let claims = self.claims.iter().map(|(Claim { id, place, quote, .. }, judgement)| {
+            let Judgement { verdict, why, numbers } = judgement;
+            let (verdict, numbers) = (verdict.as_str(), numbers.iter().map(number_json).collect::<Vec<_>>());
+            json!({ "id": id, "place": place, "quote": quote, "verdict": verdict, "why": why, "numbers": numbers })
         });
-        json!({
-            "figure": self.study.slug,
-            "title": self.study.title,
-            "place": self.study.place,
-            "files": [figure_path(self.study, "svg"), figure_path(self.study, "png")],
-            "claims": claims.collect::<Vec<_>>(),
-        })
+        let claims: Vec<Value> = claims.collect();
+        let Study { slug, title, place, .. } = self.study;
+        let files = ["svg", "png"].map(|extension| figure_path(self.study, extension));
+        json!({ "figure": slug, "title": title, "place": place, "files": files, "claims": claims })
     }
 }
 
 fn number_json(number: &Number) -> Value {
-    let uncertainty =
-        number.uncertainty.map(|found| json!({ "plus_minus": found.plus_minus, "from": found.from }));
-    let range =
-        number.range.map(|found| json!({ "least": found.least, "most": found.most, "from": found.from }));
-    let reference = number.reference.map(|found| {
-        json!({
-            "value": found.value,
-            "good_to": found.good_to,
-            "contradicted": number.contradicts_reference(),
-        })
-    });
-    json!({
-        "what": number.what,
-        "value": number.value,
-        "unit": number.unit,
-        "uncertainty": uncertainty,
-        "range": range,
-        "reference": reference,
-    })
+    let mut json = json!(number);
+    if number.reference.is_some() {
+        json["reference"]["contradicted"] = number.contradicts_reference().into();
+    }
+    json
 }

@@ -1,12 +1,13 @@
 //! Amplitude and width of the stationary pulse against α − 1.
 
-use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
 use super::fit::PowerLaw;
 use super::front::Front;
+use super::judgement::{Judgement, Number, StudyError, Verdict};
 use super::observe::{Observations, Observed};
-use super::runs::{Run, long};
-use super::study::Study;
+use super::runs::long;
+use super::study::{Claim, Study};
 use consumers::theory::{GaussianLimit, SolitaryWave};
+use consumers::uncertain::Uncertain;
 use figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};
 
 const SECTION: &str = "section 2";
@@ -27,7 +28,7 @@ pub(super) const VMAX: Study = Study {
     slug: "vmax",
     title: "Final amplitude of the velocity pulse against α − 1",
     place: "figure vmax",
-    runs,
+    runs: || ALPHAS.map(long).to_vec(),
     sweep: false,
     draw: draw_vmax,
     claims: &[
@@ -64,7 +65,7 @@ pub(super) const WIDTH: Study = Study {
     slug: "width",
     title: "Width of the pulse against α − 1",
     place: "figure width",
-    runs,
+    runs: || ALPHAS.map(long).to_vec(),
     sweep: false,
     draw: draw_width,
     claims: &[
@@ -85,17 +86,13 @@ pub(super) const WIDTH: Study = Study {
     ],
 };
 
-fn runs() -> Vec<Run> {
-    ALPHAS.map(long).to_vec()
-}
-
 /// A pulse that has become stationary.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stationary {
     pub(super) alpha: f64,
-    /// `v_max/v0` and the full width at half maximum (beads), each with its uncertainty.
-    pub(super) amplitude: (f64, f64),
-    pub(super) fwhm_beads: (f64, f64),
+    /// `v_max/v0` and the full width at half maximum (beads).
+    pub(super) amplitude: Uncertain,
+    pub(super) fwhm_beads: Uncertain,
 }
 
 /// The end of the path of a pulse.
@@ -112,14 +109,10 @@ pub(super) fn stationary(seen: &Observations, alpha: f64) -> Result<Stationary, 
     };
     let measure = |of: fn(&Front) -> f64| {
         let (value, before) = (mean(&late, of), mean(&early, of));
-        (value, (value - before).abs() + spread(&late, of) + value * seen.max_abs_drift)
+        Uncertain::new(value, (value - before).abs() + spread(&late, of) + value * seen.max_abs_drift)
     };
-    let (v_max, v_error) = measure(|front| front.v_max_m_s);
-    Ok(Stationary {
-        alpha,
-        amplitude: (v_max / v0, v_error / v0),
-        fwhm_beads: measure(|front| front.fwhm_beads),
-    })
+    let (v_max, fwhm_beads) = (measure(|front| front.v_max_m_s), measure(|front| front.fwhm_beads));
+    Ok(Stationary { alpha, amplitude: v_max / v0, fwhm_beads })
 }
 
 /// The leading pulse while it was in this part of the chain.
@@ -141,26 +134,23 @@ fn all(seen: &Observations) -> Result<Vec<Stationary>, StudyError> {
 fn law(pulses: &[Stationary], of: fn(&Stationary) -> f64) -> Result<PowerLaw, StudyError> {
     let fitted = pulses.iter().filter(|pulse| FITTED.contains(&(pulse.alpha - 1.0)));
     let points: Vec<(f64, f64)> = fitted.map(|pulse| (pulse.alpha - 1.0, of(pulse))).collect();
-    PowerLaw::fit(&points).ok_or_else(|| StudyError::Absent {
-        run: "front-alpha-…".to_owned(),
-        what: "three stationary pulses".to_owned(),
-    })
+    PowerLaw::fit(&points).ok_or_else(|| StudyError::absent("front-alpha-…", "three stationary pulses"))
 }
 
 fn amplitude_law(pulses: &[Stationary]) -> Result<PowerLaw, StudyError> {
-    law(pulses, |pulse| pulse.amplitude.0)
+    law(pulses, |pulse| pulse.amplitude.value)
 }
 
 fn width_law(pulses: &[Stationary]) -> Result<PowerLaw, StudyError> {
-    law(pulses, |pulse| pulse.fwhm_beads.0)
+    law(pulses, |pulse| pulse.fwhm_beads.value)
 }
 
 /// How far an exponent between two neighbours in the fitted range may be off.
-fn neighbour_error(pulses: &[Stationary], of: fn(&Stationary) -> (f64, f64)) -> f64 {
+fn neighbour_error(pulses: &[Stationary], of: fn(&Stationary) -> Uncertain) -> f64 {
     let fitted: Vec<_> = pulses.iter().filter(|pulse| FITTED.contains(&(pulse.alpha - 1.0))).collect();
-    let relative = |pulse: &Stationary| of(pulse).1 / of(pulse).0;
     let pairs = fitted.windows(2).map(|pair| {
-        (relative(pair[0]) + relative(pair[1])) / ((pair[1].alpha - 1.0) / (pair[0].alpha - 1.0)).ln()
+        let relative = of(pair[0]).relative() + of(pair[1]).relative();
+        relative / ((pair[1].alpha - 1.0) / (pair[0].alpha - 1.0)).ln()
     });
     pairs.fold(0.0, f64::max)
 }
@@ -172,10 +162,18 @@ fn exponent(what: &str, law: &PowerLaw) -> Number {
         .give_or_take(law.exponent_error.hypot(range), FROM_FIT)
 }
 
+/// The range of the exponents between neighbours, each of which may be `off` by so much.
+fn local_exponents(law: &PowerLaw, off: f64) -> [Number; 2] {
+    [("least", law.local.0), ("largest", law.local.1)].map(|(which, exponent)| {
+        let what = format!("{which} exponent between two neighbours");
+        Number::new(what, exponent, "").give_or_take(off, FROM_PATH)
+    })
+}
+
 fn amplitude_numbers(pulses: &[Stationary]) -> Vec<Number> {
     let number = |pulse: &Stationary| {
         let what = format!("stationary v_max/v0 at α = {}", pulse.alpha);
-        let number = Number::new(what, pulse.amplitude.0, "").give_or_take(pulse.amplitude.1, FROM_PATH);
+        let number = Number::known(what, pulse.amplitude, "", FROM_PATH);
         match REFERENCE.iter().find(|(alpha, _)| *alpha == pulse.alpha) {
             Some((_, value)) => number.against_within(*value, GOOD_TO),
             None => number,
@@ -187,14 +185,14 @@ fn amplitude_numbers(pulses: &[Stationary]) -> Vec<Number> {
 fn judge_quarter(seen: &Observations) -> Result<Judgement, StudyError> {
     let pulses = all(seen)?;
     let law = amplitude_law(&pulses)?;
-    let product = |pulse: &Stationary| pulse.amplitude.0.powi(2) * pulse.fwhm_beads.0;
+    let product = |pulse: &Stationary| pulse.amplitude.value.powi(2) * pulse.fwhm_beads.value;
     let products: Vec<f64> = pulses.iter().map(product).collect();
     let largest = products.iter().copied().fold(0.0, f64::max);
     let least = products.iter().copied().fold(f64::INFINITY, f64::min);
     let spread = largest / least - 1.0;
     let mut numbers = vec![exponent("v_max", &law)];
     numbers.extend(pulses.iter().zip(&products).map(|(pulse, product)| {
-        let relative = 2.0 * pulse.amplitude.1 / pulse.amplitude.0 + pulse.fwhm_beads.1 / pulse.fwhm_beads.0;
+        let relative = 2.0 * pulse.amplitude.relative() + pulse.fwhm_beads.relative();
         Number::new(format!("(v_max/v0)²·w at α = {}", pulse.alpha), *product, "beads")
             .give_or_take(relative * product, FROM_PATH)
     }));
@@ -216,13 +214,10 @@ fn judge_vmax(seen: &Observations) -> Result<Judgement, StudyError> {
     let law = amplitude_law(&pulses)?;
     let early = early_exponent(seen, 500.0)?;
     let off = neighbour_error(&pulses, |pulse| pulse.amplitude);
-    let mut numbers = vec![
-        // the reference has it between 0.2508 and 0.2513
-        exponent("v_max", &law).against_within(0.251_05, 0.000_25),
-        Number::new("least exponent between two neighbours", law.local.0, "").give_or_take(off, FROM_PATH),
-        Number::new("largest exponent between two neighbours", law.local.1, "").give_or_take(off, FROM_PATH),
-        Number::new("exponent if v_max is read at bead 500 already", early, ""),
-    ];
+    // the reference has it between 0.2508 and 0.2513
+    let mut numbers = vec![exponent("v_max", &law).against_within(0.251_05, 0.000_25)];
+    numbers.extend(local_exponents(&law, off));
+    numbers.push(Number::new("exponent if v_max is read at bead 500 already", early, ""));
     numbers.extend(amplitude_numbers(&pulses));
     let same = (law.exponent - PAPER.0).abs() <= PAPER.1 + law.exponent_error;
     Ok(Judgement {
@@ -240,18 +235,10 @@ fn judge_vmax(seen: &Observations) -> Result<Judgement, StudyError> {
 fn early_exponent(seen: &Observations, bead: f64) -> Result<f64, StudyError> {
     let mut points = Vec::new();
     for alpha in ALPHAS.into_iter().filter(|alpha| FITTED.contains(&(alpha - 1.0))) {
-        let seen = seen.of(&long(alpha))?;
-        let front = seen.fronts.iter().find(|front| front.bead >= bead);
-        points.push((
-            alpha - 1.0,
-            front.ok_or_else(|| seen.absent(format!("pulse at bead {bead}")))?.v_max_m_s,
-        ));
+        points.push((alpha - 1.0, seen.of(&long(alpha))?.front_at(bead)?.v_max_m_s));
     }
     let law = PowerLaw::fit(&points);
-    law.map(|law| law.exponent).ok_or_else(|| StudyError::Absent {
-        run: "front-alpha-…".to_owned(),
-        what: "three pulses".to_owned(),
-    })
+    law.map(|law| law.exponent).ok_or_else(|| StudyError::absent("front-alpha-…", "three pulses"))
 }
 
 fn judge_energy(seen: &Observations) -> Result<Judgement, StudyError> {
@@ -261,11 +248,11 @@ fn judge_energy(seen: &Observations) -> Result<Judgement, StudyError> {
         let pulse = stationary(seen, alpha)?;
         // energies over m·v0²/2, that of the struck bead
         let energy = 2.0 * SolitaryWave::new(alpha)?.coefficients().energy;
-        let part = energy * pulse.amplitude.0.powi(2);
+        let part = energy * pulse.amplitude.value.powi(2);
         (least, most) = (least.min(part), most.max(part));
         numbers.push(
             Number::new(format!("part of the energy in the pulse at α = {alpha}"), part, "")
-                .give_or_take(2.0 * part * pulse.amplitude.1 / pulse.amplitude.0, FROM_PATH),
+                .give_or_take(2.0 * part * pulse.amplitude.plus_minus / pulse.amplitude.value, FROM_PATH),
         );
     }
     Ok(Judgement {
@@ -286,7 +273,7 @@ fn judge_continuous(seen: &Observations) -> Result<Judgement, StudyError> {
     let nearest = pulses[0];
     let off = |law: &PowerLaw, found: f64| (found / law.at(nearest.alpha - 1.0) - 1.0).abs();
     let (amplitude_off, width_off) =
-        (off(&amplitude, nearest.amplitude.0), off(&width, nearest.fwhm_beads.0));
+        (off(&amplitude, nearest.amplitude.value), off(&width, nearest.fwhm_beads.value));
     Ok(Judgement {
         verdict: Verdict::of(amplitude_off < 0.01 && width_off < 0.01),
         why: format!(
@@ -297,10 +284,10 @@ fn judge_continuous(seen: &Observations) -> Result<Judgement, StudyError> {
             100.0 * width_off
         ),
         numbers: vec![
-            Number::new("v_max at α = 1.004 over the law", nearest.amplitude.0 / amplitude.at(0.004), "")
-                .give_or_take(nearest.amplitude.1 / nearest.amplitude.0, FROM_PATH),
-            Number::new("width at α = 1.004 over the law", nearest.fwhm_beads.0 / width.at(0.004), "")
-                .give_or_take(nearest.fwhm_beads.1 / nearest.fwhm_beads.0, FROM_PATH),
+            Number::new("v_max at α = 1.004 over the law", nearest.amplitude.value / amplitude.at(0.004), "")
+                .give_or_take(nearest.amplitude.relative(), FROM_PATH),
+            Number::new("width at α = 1.004 over the law", nearest.fwhm_beads.value / width.at(0.004), "")
+                .give_or_take(nearest.fwhm_beads.relative(), FROM_PATH),
         ],
     })
 }
@@ -310,16 +297,9 @@ fn judge_half(seen: &Observations) -> Result<Judgement, StudyError> {
     let law = width_law(&pulses)?;
     let mut numbers = vec![exponent("the width", &law)];
     for pulse in &pulses {
-        let gaussian = GaussianLimit::new(pulse.alpha)?.fwhm_beads();
-        let (fwhm, error) = pulse.fwhm_beads;
-        numbers.push(
-            Number::new(
-                format!("width over that of the Gaussian at α = {}", pulse.alpha),
-                fwhm / gaussian,
-                "",
-            )
-            .give_or_take(error / gaussian, FROM_PATH),
-        );
+        let what = format!("width over that of the Gaussian at α = {}", pulse.alpha);
+        let ratio = pulse.fwhm_beads / GaussianLimit::new(pulse.alpha)?.fwhm_beads();
+        numbers.push(Number::known(what, ratio, "", FROM_PATH));
     }
     Ok(Judgement {
         verdict: Verdict::of((law.exponent + 0.5).abs() < 0.01),
@@ -337,20 +317,13 @@ fn judge_width(seen: &Observations) -> Result<Judgement, StudyError> {
     let pulses = all(seen)?;
     let law = width_law(&pulses)?;
     let off = neighbour_error(&pulses, |pulse| pulse.fwhm_beads);
-    let mut numbers = vec![
-        exponent("the width", &law).against_within(-0.4918, 0.000_05),
-        Number::new("least exponent between two neighbours", law.local.0, "").give_or_take(off, FROM_PATH),
-        Number::new("largest exponent between two neighbours", law.local.1, "").give_or_take(off, FROM_PATH),
-    ];
+    let mut numbers = vec![exponent("the width", &law).against_within(-0.4918, 0.000_05)];
+    numbers.extend(local_exponents(&law, off));
     for pulse in &pulses {
-        let (fwhm, error) = pulse.fwhm_beads;
+        let what = format!("full width at half maximum at α = {}", pulse.alpha);
         let exact = SolitaryWave::new(pulse.alpha)?.coefficients().velocity_fwhm_beads;
         // the fixed point of the wave equation is no simulation, and good to more digits than this
-        numbers.push(
-            Number::new(format!("full width at half maximum at α = {}", pulse.alpha), fwhm, "beads")
-                .give_or_take(error, FROM_PATH)
-                .against(exact, 1e-9),
-        );
+        numbers.push(Number::known(what, pulse.fwhm_beads, "beads", FROM_PATH).against(exact, 1e-9));
     }
     Ok(Judgement {
         verdict: Verdict::of((law.exponent - PAPER.0).abs() <= PAPER.1 + law.exponent_error),
@@ -362,7 +335,7 @@ fn judge_width(seen: &Observations) -> Result<Judgement, StudyError> {
 fn draw_vmax(seen: &Observations) -> Result<Figure, StudyError> {
     let pulses = all(seen)?;
     let law = amplitude_law(&pulses)?;
-    let points: Vec<_> = pulses.iter().map(|pulse| (pulse.alpha - 1.0, pulse.amplitude.0)).collect();
+    let points: Vec<_> = pulses.iter().map(|pulse| (pulse.alpha - 1.0, pulse.amplitude.value)).collect();
     let paper = through(&law, 0.243);
     let reference = REFERENCE.map(|(alpha, value)| (alpha - 1.0, value));
     let label = format!("fit, exponent {:.4}", law.exponent);
@@ -376,7 +349,7 @@ fn draw_vmax(seen: &Observations) -> Result<Figure, StudyError> {
 fn draw_width(seen: &Observations) -> Result<Figure, StudyError> {
     let pulses = all(seen)?;
     let law = width_law(&pulses)?;
-    let points: Vec<_> = pulses.iter().map(|pulse| (pulse.alpha - 1.0, pulse.fwhm_beads.0)).collect();
+    let points: Vec<_> = pulses.iter().map(|pulse| (pulse.alpha - 1.0, pulse.fwhm_beads.value)).collect();
     let gaussian = ALPHAS.into_iter().map(|alpha| Ok((alpha - 1.0, GaussianLimit::new(alpha)?.fwhm_beads())));
     let gaussian = gaussian.collect::<Result<Vec<_>, StudyError>>()?;
     let label = format!("fit, exponent {:.4}", law.exponent).replace('-', "−");

@@ -1,15 +1,15 @@
 //! The speed of the pulse against eq. (vf).
 
-use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
 use super::deform::{ALPHAS, against_reference};
 use super::fit::PowerLaw;
-use super::observe::Observations;
+use super::judgement::{Judgement, Number, StudyError, Verdict};
+use super::observe::{Observations, Observed};
 use super::passing::{Passed, both_steps, pulses_of_table};
 use super::reference::{LIGHT_PULSES, SOLITARY_WAVE};
 use super::runs::{Run, homogeneous, light};
-use super::study::Study;
+use super::study::{Claim, Study};
 use consumers::pulses::Passage;
-use consumers::theory::{Coefficients, ContinuumWave, SolitaryWave};
+use consumers::theory::{Coefficients, ContinuumWave, SolitaryWave, WaveError};
 use figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};
 
 /// Of the exponents of the deformation curves, those whose pulse is stationary at contact 100.
@@ -46,43 +46,29 @@ fn runs() -> Vec<Run> {
 }
 
 /// `C_V` as measured: `V/((k/m)^(1/(α+1))·v_max^((α−1)/(α+1)))`.
-fn measured(seen: &Observations, run: &Run) -> Result<f64, StudyError> {
-    let seen = seen.of(run)?;
+fn measured(seen: &Observed) -> Result<f64, StudyError> {
     let physics = &seen.manifest.physics;
     let speed = seen.deformations.first().and_then(|found| found.speed_beads_per_s);
     let speed = speed.ok_or_else(|| seen.absent("speed"))?;
-    let passage =
-        seen.pulses_past(100, true).into_iter().next().ok_or_else(|| seen.absent("pulse at bead 100"))?;
+    let v_peak_m_s = seen.first_pulse_past(100)?.v_peak_m_s;
     let power = 1.0 / (physics.alpha + 1.0);
     let unit = (physics.stiffness / physics.bead_mass_kg).powf(power)
-        * passage.v_peak_m_s.powf((physics.alpha - 1.0) * power);
+        * v_peak_m_s.powf((physics.alpha - 1.0) * power);
     Ok(speed / unit)
-}
-
-/// The speed coefficient of theory.
-fn theory(of: Coefficients) -> f64 {
-    of.speed
 }
 
 fn judge_speed(seen: &Observations) -> Result<Judgement, StudyError> {
     let mut numbers = Vec::new();
     let mut worst = 0.0_f64;
     for alpha in stationary() {
-        let (fine, coarse) =
-            (measured(seen, &homogeneous(alpha))?, measured(seen, &homogeneous(alpha).with_step_times(2))?);
-        let drift = seen.of(&homogeneous(alpha))?.max_abs_drift;
-        let exact = SOLITARY_WAVE.numbers(&[alpha])?[0];
-        numbers.push(
-            Number::stepped(format!("C_V, α = {alpha}"), (fine, coarse), "", drift).against(exact, 1e-6),
-        );
-        let continuum = theory(ContinuumWave::new(alpha)?.coefficients());
-        numbers.push(Number::stepped(
-            format!("speed over that of eq. (vf), α = {alpha}"),
-            (fine / continuum, coarse / continuum),
-            "",
-            drift,
-        ));
-        worst = worst.max((fine / continuum - 1.0).abs());
+        let run = homogeneous(alpha);
+        let exact = SOLITARY_WAVE.at(alpha)?[0];
+        let coefficient = seen.stepped(&run, format!("C_V, α = {alpha}"), "", measured)?;
+        let continuum = ContinuumWave::new(alpha)?.coefficients().speed;
+        let what = format!("speed over that of eq. (vf), α = {alpha}");
+        let ratio = seen.stepped(&run, what, "", |seen| Ok(measured(seen)? / continuum))?;
+        worst = worst.max((ratio.value - 1.0).abs());
+        numbers.extend([coefficient.against(exact, 1e-6), ratio]);
         let speeds = against_reference(seen, alpha)?;
         numbers.extend(speeds.into_iter().filter(|number| number.what.starts_with("speed")));
     }
@@ -102,8 +88,7 @@ fn judge_amplitude(seen: &Observations) -> Result<Judgement, StudyError> {
     let law = |of: fn(&Passed) -> Passage| {
         let points: Vec<(f64, f64)> =
             pulses.iter().rev().map(|pulse| (of(pulse).v_peak_m_s, of(pulse).speed_beads_per_s)).collect();
-        PowerLaw::fit(&points)
-            .ok_or_else(|| StudyError::Absent { run: light().name().to_owned(), what: "law".to_owned() })
+        PowerLaw::fit(&points).ok_or_else(|| StudyError::absent(light().name(), "law"))
     };
     let (fine, coarse) = (law(|pulse| pulse.fine)?, law(|pulse| pulse.coarse)?);
     let rises = fine.local.0 > 0.0;
@@ -132,13 +117,14 @@ fn judge_amplitude(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn draw(seen: &Observations) -> Result<Figure, StudyError> {
-    let points = stationary().map(|alpha| Ok((alpha, measured(seen, &homogeneous(alpha))?)));
+    let points = stationary().map(|alpha| Ok((alpha, measured(seen.of(&homogeneous(alpha))?)?)));
     let points = points.collect::<Result<Vec<_>, StudyError>>()?;
     let alphas = || (1..=120).map(|i| 1.01 + (10.5_f64 - 1.01) * (f64::from(i) / 120.0).powi(2));
-    let exact = alphas().map(|alpha| Ok((alpha, theory(SolitaryWave::new(alpha)?.coefficients()))));
-    let exact = exact.collect::<Result<Vec<_>, StudyError>>()?;
-    let continuum = alphas().map(|alpha| Ok((alpha, theory(ContinuumWave::new(alpha)?.coefficients()))));
-    let continuum = continuum.collect::<Result<Vec<_>, StudyError>>()?;
+    let along = |wave: fn(f64) -> Result<Coefficients, WaveError>| {
+        alphas().map(|alpha| Ok((alpha, wave(alpha)?.speed))).collect::<Result<Vec<_>, WaveError>>()
+    };
+    let exact = along(|alpha| Ok(SolitaryWave::new(alpha)?.coefficients()))?;
+    let continuum = along(|alpha| Ok(ContinuumWave::new(alpha)?.coefficients()))?;
     let panel = Panel::new()
         .x_axis(Axis::new("exponent α").log())
         .y_axis("C_{V} = V (m/k)^{1/(α+1)} v_{max}^{−(α−1)/(α+1)}")

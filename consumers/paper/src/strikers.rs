@@ -1,11 +1,12 @@
 //! A heavy first bead: one shock becomes a train.
 
-use super::claim::{Claim, Counted, Judgement, Number, StudyError, Verdict, pool_uncertainty};
+use super::judgement::{Counted, Judgement, Number, StudyError, Verdict, pool_uncertainty};
 use super::observe::Observations;
 use super::passing::{count_past, falls, heights, pulses, with_partners};
-use super::runs::{Run, striker, striker_long};
-use super::study::Study;
-use figure::{Axis, Colour, Curve, Figure, Panel};
+use super::profile::{caption, chain_panel};
+use super::runs::{striker, striker_long};
+use super::study::{Claim, Study};
+use figure::Figure;
 
 const SECTION: &str = "section 3";
 /// The masses (g) of the first bead over which pulses are counted.
@@ -17,9 +18,11 @@ pub(super) const THREE_GRAMS: Study = Study {
     slug: "striker-3g",
     title: "Velocities behind a first bead of 3 g",
     place: "figure exp1",
-    runs: runs_3g,
+    runs: || {
+        [vec![striker(3.0)], with_partners(striker_long(1.0)), with_partners(striker_long(3.0))].concat()
+    },
     sweep: false,
-    draw: draw_3g,
+    draw: |seen| draw(seen, 3.0),
     claims: &[
         Claim {
             id: "striker-3g-train",
@@ -42,9 +45,12 @@ pub(super) const TEN_GRAMS: Study = Study {
     slug: "striker-10g",
     title: "Velocities behind a first bead of 10 g",
     place: "figure exp2",
-    runs: runs_10g,
+    runs: || {
+        let long = MASSES_G.into_iter().flat_map(|mass_g| with_partners(striker_long(mass_g)));
+        std::iter::once(striker(10.0)).chain(long).collect()
+    },
     sweep: false,
-    draw: draw_10g,
+    draw: |seen| draw(seen, 10.0),
     claims: &[Claim {
         id: "striker-number-grows",
         place: "section 3 and figure exp2",
@@ -52,18 +58,6 @@ pub(super) const TEN_GRAMS: Study = Study {
         judge: judge_numbers,
     }],
 };
-
-fn runs_3g() -> Vec<Run> {
-    [vec![striker(3.0)], with_partners(striker_long(1.0)), with_partners(striker_long(3.0))].concat()
-}
-
-fn runs_10g() -> Vec<Run> {
-    [
-        vec![striker(10.0)],
-        MASSES_G.into_iter().flat_map(|mass_g| with_partners(striker_long(mass_g))).collect(),
-    ]
-    .concat()
-}
 
 /// How many pulses pass bead 450 behind a first bead of `mass_g`.
 fn emitted(seen: &Observations, mass_g: f64) -> Result<Counted, StudyError> {
@@ -101,14 +95,13 @@ fn judge_single(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn judge_numbers(seen: &Observations) -> Result<Judgement, StudyError> {
-    let mut counts = Vec::new();
-    let mut numbers = Vec::new();
-    for mass_g in MASSES_G {
-        let count = emitted(seen, mass_g)?;
+    let counts = MASSES_G.into_iter().map(|mass_g| emitted(seen, mass_g));
+    let counts = counts.collect::<Result<Vec<_>, _>>()?;
+    let numbers = counts.iter().zip(MASSES_G).map(|(count, mass_g)| {
         let what = format!("pulses above 5 mm/s past bead {BEAD}, first bead of {mass_g} g");
-        numbers.push(Number::count(what, &count));
-        counts.push(count);
-    }
+        Number::count(what, count)
+    });
+    let numbers = numbers.collect();
     let (grow, grow_in_all) = Counted::grow(&counts);
     Ok(Judgement {
         verdict: Verdict::graded(grow, grow_in_all),
@@ -122,22 +115,9 @@ fn judge_numbers(seen: &Observations) -> Result<Judgement, StudyError> {
     })
 }
 
-fn draw_3g(seen: &Observations) -> Result<Figure, StudyError> {
-    draw(seen, 3.0)
-}
-
-fn draw_10g(seen: &Observations) -> Result<Figure, StudyError> {
-    draw(seen, 10.0)
-}
-
 fn draw(seen: &Observations, mass_g: f64) -> Result<Figure, StudyError> {
     let seen = seen.of(&striker(mass_g))?;
     let kept = seen.kept_frame(0)?;
-    let points = kept.v_m_s.iter().enumerate().map(|(bead, v)| (bead as f64, *v));
-    let panel = Panel::new()
-        .x_axis(Axis::new("bead").limits(0.0, 100.0))
-        .y_axis("velocity (m/s)")
-        .curve(Curve::line("", points).colour(Colour::Blue));
-    let caption = format!("{}; t = {:.2} ms", plots::caption(&seen.manifest), kept.time_s * 1e3);
-    Ok(Figure::new().caption(caption).panel(panel))
+    let panel = chain_panel(seen, kept.v_m_s.iter().copied()).y_axis("velocity (m/s)");
+    Ok(Figure::new().caption(caption(seen, kept)).panel(panel))
 }

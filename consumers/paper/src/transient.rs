@@ -1,19 +1,18 @@
 //! How a pulse becomes stationary near α = 1, and what it is then.
 
-use super::claim::{Claim, Judgement, Number, StudyError, Verdict};
 use super::fit::PowerLaw;
 use super::front::Front;
+use super::judgement::{Judgement, Number, StudyError, Verdict};
 use super::observe::{KeptFrame, Observations, Observed};
-use super::runs::{Run, long};
+use super::runs::long;
 use super::scaling::{FROM_PATH, stationary};
-use super::study::Study;
+use super::study::{Claim, Study};
 use consumers::theory::GaussianLimit;
+use consumers::uncertain::Uncertain;
 use figure::{Axis, Colour, Curve, Figure, Panel, Stroke};
 use schemas::frame::Frame;
 
 const SECTION: &str = "section 2";
-/// Where the uncertainty of places comes from.
-const FROM_FRAMES: &str = "the distance between two frames";
 /// Exponents whose transients are shown.
 const SHOWN: [f64; 4] = [1.004, 1.01, 1.02, 1.05];
 /// Exponents whose shapes are compared with a Gaussian.
@@ -23,7 +22,7 @@ pub(super) const TRANSIENT: Study = Study {
     slug: "transient",
     title: "The leading pulse on its way to the stationary one",
     place: "text of section 2",
-    runs: transient_runs,
+    runs: || SHOWN.map(long).to_vec(),
     sweep: false,
     draw: draw_transient,
     claims: &[
@@ -61,7 +60,7 @@ pub(super) const SELF_SIMILAR: Study = Study {
     slug: "self-similar",
     title: "The leading pulse for α = 1",
     place: "text of section 1",
-    runs: linear_runs,
+    runs: || vec![long(1.0)],
     sweep: false,
     draw: draw_linear,
     claims: &[Claim {
@@ -77,7 +76,7 @@ pub(super) const GAUSSIAN_LIMIT: Study = Study {
     slug: "gaussian",
     title: "The stationary pulse and the Gaussian of the limit α → 1",
     place: "text of section 2",
-    runs: gaussian_runs,
+    runs: || GAUSSIAN.map(long).to_vec(),
     sweep: false,
     draw: draw_gaussian,
     claims: &[Claim {
@@ -88,28 +87,15 @@ pub(super) const GAUSSIAN_LIMIT: Study = Study {
     }],
 };
 
-fn transient_runs() -> Vec<Run> {
-    SHOWN.map(long).to_vec()
-}
-
-fn linear_runs() -> Vec<Run> {
-    vec![long(1.0)]
-}
-
-fn gaussian_runs() -> Vec<Run> {
-    GAUSSIAN.map(long).to_vec()
-}
-
 /// Where a quantity of the leading pulse comes, for good, within the part `within` of `goal`.
 fn settles(fronts: &[Front], of: fn(&Front) -> f64, goal: f64, within: f64) -> Option<f64> {
     let outside = fronts.iter().rposition(|front| (of(front) / goal - 1.0).abs() > within);
     fronts.get(outside.map_or(0, |outside| outside + 1)).map(|front| front.bead)
 }
 
-/// The leading pulse at the first frame in which it is at `bead` or beyond.
-fn at(seen: &Observed, bead: f64) -> Result<Front, StudyError> {
-    let front = seen.fronts.iter().find(|front| front.bead >= bead);
-    front.copied().ok_or_else(|| seen.absent(format!("pulse at bead {bead}")))
+/// A number over the stationary one, which is known with an uncertainty.
+fn over_stationary(what: impl Into<String>, ratio: f64, stationary: Uncertain) -> Number {
+    Number::new(what, ratio, "").give_or_take(stationary.relative(), FROM_PATH)
 }
 
 fn judge_stationarity(seen: &Observations) -> Result<Judgement, StudyError> {
@@ -118,24 +104,18 @@ fn judge_stationarity(seen: &Observations) -> Result<Judgement, StudyError> {
     for alpha in SHOWN {
         let run = seen.of(&long(alpha))?;
         let v0 = run.manifest.physics.striker.velocity_m_s;
-        let (early, end) = (at(run, 50.0)?, stationary(seen, alpha)?);
-        let relative = |(value, error): (f64, f64)| error / value;
+        let (early, end) = (run.front_at(50.0)?, stationary(seen, alpha)?);
+        let (amplitude, width) =
+            (early.v_max_m_s / v0 / end.amplitude.value, early.fwhm_beads / end.fwhm_beads.value);
+        let change = end.amplitude.relative().max(end.fwhm_beads.relative());
         // above 1.03 the pulse settles within a bead or two of the struck end, as near as the lattice lets it
-        let falls = early.v_max_m_s / v0 > end.amplitude.0 && early.fwhm_beads < end.fwhm_beads.0;
-        let settled = relative(end.amplitude).max(relative(end.fwhm_beads)) < 1e-3;
-        holds &= falls && settled;
+        holds &= amplitude > 1.0 && width < 1.0 && change < 1e-3;
         let what = |quantity: &str| format!("{quantity} at bead 50 over the stationary one, α = {alpha}");
-        numbers.push(
-            Number::new(what("amplitude"), early.v_max_m_s / v0 / end.amplitude.0, "")
-                .give_or_take(relative(end.amplitude), FROM_PATH),
-        );
-        numbers.push(
-            Number::new(what("width"), early.fwhm_beads / end.fwhm_beads.0, "")
-                .give_or_take(relative(end.fwhm_beads), FROM_PATH),
-        );
+        numbers.push(over_stationary(what("amplitude"), amplitude, end.amplitude));
+        numbers.push(over_stationary(what("width"), width, end.fwhm_beads));
         let what =
             format!("relative change of amplitude or width over the last fifth of the path, α = {alpha}");
-        numbers.push(Number::new(what, relative(end.amplitude).max(relative(end.fwhm_beads)), ""));
+        numbers.push(Number::new(what, change, ""));
     }
     Ok(Judgement {
         verdict: Verdict::of(holds),
@@ -155,7 +135,8 @@ fn judge_symmetry(seen: &Observations) -> Result<Judgement, StudyError> {
     for alpha in [1.004, 1.01, 1.02] {
         let run = seen.of(&long(alpha))?;
         let asymmetry: Vec<f64> = run.fronts.iter().map(|front| front.asymmetry.abs()).collect();
-        let (first, last) = (at(run, 100.0)?, at(run, 0.9 * run.manifest.physics.beads as f64)?);
+        let last = run.front_at(0.9 * run.manifest.physics.beads as f64)?;
+        let first = run.front_at(100.0)?;
         // rising by no more than what the interpolation between beads is good to
         let monotonic = asymmetry.windows(2).skip(5).all(|pair| pair[1] < pair[0] + 1e-4);
         holds &= monotonic && last.asymmetry.abs() < 0.01 * first.asymmetry.abs();
@@ -181,12 +162,12 @@ fn judge_symmetry(seen: &Observations) -> Result<Judgement, StudyError> {
 
 fn judge_2000(seen: &Observations) -> Result<Judgement, StudyError> {
     let run = seen.of(&long(1.01))?;
-    let (end, front) = (stationary(seen, 1.01)?, at(run, 2000.0)?);
+    let (end, front) = (stationary(seen, 1.01)?, run.front_at(2000.0)?);
     let v0 = run.manifest.physics.striker.velocity_m_s;
-    let amplitude = front.v_max_m_s / v0 / end.amplitude.0 - 1.0;
-    let width = front.fwhm_beads / end.fwhm_beads.0 - 1.0;
-    let settled = |within: f64| settles(&run.fronts, |front| front.v_max_m_s, end.amplitude.0 * v0, within);
-    let place = |within: f64| settled(within).unwrap_or(f64::NAN);
+    let amplitude = front.v_max_m_s / v0 / end.amplitude.value - 1.0;
+    let width = front.fwhm_beads / end.fwhm_beads.value - 1.0;
+    let goal = end.amplitude.value * v0;
+    let place = |within| settles(&run.fronts, |front| front.v_max_m_s, goal, within).unwrap_or(f64::NAN);
     Ok(Judgement {
         verdict: Verdict::graded(amplitude.abs() < 0.01 && width.abs() < 0.01, amplitude.abs() < 2e-3),
         why: format!(
@@ -197,14 +178,10 @@ fn judge_2000(seen: &Observations) -> Result<Judgement, StudyError> {
             place(1e-3)
         ),
         numbers: vec![
-            Number::new("amplitude at bead 2000 over the stationary one", amplitude + 1.0, "")
-                .give_or_take(end.amplitude.1 / end.amplitude.0, FROM_PATH),
-            Number::new("width at bead 2000 over the stationary one", width + 1.0, "")
-                .give_or_take(end.fwhm_beads.1 / end.fwhm_beads.0, FROM_PATH),
-            Number::new("bead from which the amplitude is within 1 %", place(1e-2), "")
-                .give_or_take(beads_between_frames(run), FROM_FRAMES),
-            Number::new("bead from which the amplitude is within 0.1 %", place(1e-3), "")
-                .give_or_take(beads_between_frames(run), FROM_FRAMES),
+            over_stationary("amplitude at bead 2000 over the stationary one", amplitude + 1.0, end.amplitude),
+            over_stationary("width at bead 2000 over the stationary one", width + 1.0, end.fwhm_beads),
+            place_of(run, "bead from which the amplitude is within 1 %", place(1e-2)),
+            place_of(run, "bead from which the amplitude is within 0.1 %", place(1e-3)),
         ],
     })
 }
@@ -214,25 +191,23 @@ fn judge_15000(seen: &Observations) -> Result<Judgement, StudyError> {
     let mut places = Vec::new();
     for alpha in SHOWN {
         let run = seen.of(&long(alpha))?;
-        let goal = stationary(seen, alpha)?.amplitude.0 * run.manifest.physics.striker.velocity_m_s;
+        let goal = stationary(seen, alpha)?.amplitude.value * run.manifest.physics.striker.velocity_m_s;
         for within in [1e-2, 1e-3] {
             let place = settles(&run.fronts, |front| front.v_max_m_s, goal, within);
             let place =
                 place.ok_or_else(|| run.absent(format!("pulse within {within} of its last amplitude")))?;
             let what = format!("bead from which the amplitude is within {} %, α = {alpha}", 100.0 * within);
-            numbers.push(Number::new(what, place, "").give_or_take(beads_between_frames(run), FROM_FRAMES));
+            numbers.push(place_of(run, what, place));
             places.push(place);
         }
     }
     let thousandth: Vec<f64> = places.iter().skip(1).step_by(2).copied().collect();
     let run = seen.of(&long(SHOWN[0]))?;
-    let (last, error) = stationary(seen, SHOWN[0])?.amplitude;
+    let last = stationary(seen, SHOWN[0])?.amplitude;
     let v0 = run.manifest.physics.striker.velocity_m_s;
-    let above = at(run, 15_000.0)?.v_max_m_s / v0 / last - 1.0;
-    numbers.push(
-        Number::new("amplitude at bead 15000 over the stationary one, α = 1.004", above + 1.0, "")
-            .give_or_take(error / last, FROM_PATH),
-    );
+    let above = run.front_at(15_000.0)?.v_max_m_s / v0 / last.value - 1.0;
+    let what = "amplitude at bead 15000 over the stationary one, α = 1.004";
+    numbers.push(over_stationary(what, above + 1.0, last));
     let longer = thousandth.windows(2).all(|pair| pair[0] > pair[1]);
     Ok(Judgement {
         verdict: Verdict::graded(longer, (0.5..=1.0).contains(&(thousandth[0] / 15_000.0))),
@@ -241,17 +216,16 @@ fn judge_15000(seen: &Observations) -> Result<Judgement, StudyError> {
              the stationary one within {:.0e}.",
             thousandth.iter().map(|place| format!("{place:.0}")).collect::<Vec<_>>().join(", "),
             SHOWN.map(|alpha| alpha.to_string()).join(", "),
-            above.abs() + error / last,
+            above.abs() + last.relative(),
         ),
         numbers,
     })
 }
 
-/// How far the pulse goes from one frame to the next.
-fn beads_between_frames(seen: &Observed) -> f64 {
-    let fronts = &seen.fronts;
-    let farthest = fronts.windows(2).map(|pair| pair[1].bead - pair[0].bead);
-    farthest.fold(0.0, f64::max)
+/// A bead that the pulse reaches, as well as frames tell: how far it goes from one to the next.
+fn place_of(seen: &Observed, what: impl Into<String>, bead: f64) -> Number {
+    let between = seen.fronts.windows(2).map(|pair| pair[1].bead - pair[0].bead).fold(0.0, f64::max);
+    Number::new(what, bead, "").give_or_take(between, "the distance between two frames")
 }
 
 /// Amplitude and width of the pulse of α = 1 against time, from bead 600 on.
@@ -268,7 +242,7 @@ fn linear_laws(seen: &Observations) -> Result<(PowerLaw, PowerLaw), StudyError> 
 fn judge_linear(seen: &Observations) -> Result<Judgement, StudyError> {
     let (amplitude, width) = linear_laws(seen)?;
     let run = seen.of(&long(1.0))?;
-    let (half, last) = (at(run, 2900.0)?, at(run, 5800.0)?);
+    let (half, last) = (run.front_at(2900.0)?, run.front_at(5800.0)?);
     let near = |found: f64, said: f64| (found - said).abs() < 0.01;
     let number = |what: &str, law: &PowerLaw| {
         Number::new(format!("exponent of the {what} over time, from bead 600 to 5800"), law.exponent, "")
@@ -358,8 +332,7 @@ fn draw_linear(seen: &Observations) -> Result<Figure, StudyError> {
     let run = seen.of(&long(1.0))?;
     let panel = |label: &str, of: fn(&Front) -> f64, law: &PowerLaw, power: &str| {
         let points = run.fronts.iter().map(|front| (front.time_s * 1e3, of(front)));
-        let times_s: Vec<f64> = run.fronts.iter().map(|front| front.time_s).collect();
-        let line = times_s.into_iter().map(|t| (t * 1e3, law.at(t)));
+        let line = run.fronts.iter().map(|front| (front.time_s * 1e3, law.at(front.time_s)));
         Panel::new()
             .x_axis(Axis::new("time (ms)").log())
             .y_axis(Axis::new(label).log())
@@ -379,20 +352,18 @@ fn draw_linear(seen: &Observations) -> Result<Figure, StudyError> {
 }
 
 fn draw_gaussian(seen: &Observations) -> Result<Figure, StudyError> {
-    let mut panel = Panel::new().x_axis("distance from the crest (beads)").y_axis("v/v_{max}");
-    let mut limits = Vec::new();
+    let x = Axis::new("distance from the crest (beads)").limits(-25.0, 25.0);
+    let mut panel = Panel::new().x_axis(x).y_axis("v/v_{max}");
     for alpha in GAUSSIAN {
         let run = seen.of(&long(alpha))?;
         panel = panel.points(format!("α = {alpha}"), profile(run, run.kept_frame(0)?)?);
+    }
+    for (label, alpha) in ["Gaussian limit", "", ""].into_iter().zip(GAUSSIAN) {
         let gaussian = GaussianLimit::new(alpha)?;
         let places = (-300..=300).map(|tenth| 0.1 * f64::from(tenth));
-        limits.push(places.map(|xi| (xi, gaussian.overlap(xi))).collect::<Vec<_>>());
-    }
-    for (index, limit) in limits.into_iter().enumerate() {
-        let label = if index == 0 { "Gaussian limit" } else { "" };
+        let limit = places.map(|xi| (xi, gaussian.overlap(xi)));
         panel = panel.curve(Curve::line(label, limit).colour(Colour::Black));
     }
-    let panel = panel.x_axis(Axis::new("distance from the crest (beads)").limits(-25.0, 25.0));
     Ok(Figure::new().caption("Stationary velocity pulses in chains of equal beads.").panel(panel))
 }
 

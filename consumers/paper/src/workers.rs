@@ -83,11 +83,15 @@ pub fn observe_all(
     Ok((!stop.load(Ordering::Relaxed)).then_some(done))
 }
 
+fn reading(manifest: &RunManifest) -> f64 {
+    STEPS_PER_FRAME_READ * manifest.recorded_count() as f64 * manifest.physics.beads as f64
+}
+
 fn job_work(cached: &Cached) -> f64 {
     let manifest = &cached.manifest;
-    let read = STEPS_PER_FRAME_READ * manifest.recorded_count() as f64 * manifest.physics.beads as f64;
     let run = work(manifest, manifest.physics.step_count);
-    read + if cached.recorded { 0.0 } else { run }
+    reading(manifest)
+        + if cached.recorded { 0.0 } else { run }
         + if is_checked(cached) { RUNS_PER_CHECK * run } else { 0.0 }
 }
 
@@ -112,17 +116,10 @@ struct Shift<'a> {
 
 impl Shift<'_> {
     fn one(&self, cached: &Cached) -> Result<Option<Outcome>, Error> {
-        let mut simulated = false;
-        if !cached.recorded {
-            simulated = true;
-            if !self.simulate(cached)? {
-                return Ok(None);
-            }
-        }
-        let mut observed = cached.observe();
-        if observed.is_none() && !simulated {
-            // its end looked whole, its middle is not
-            simulated = true;
+        let mut observed = cached.recorded.then(|| cached.observe()).flatten();
+        // nothing is recorded; or its end looked whole, and its middle is not
+        let simulated = observed.is_none();
+        if simulated {
             if !self.simulate(cached)? {
                 return Ok(None);
             }
@@ -134,8 +131,7 @@ impl Shift<'_> {
         let manifest = &cached.manifest;
         let determined = if is_checked(cached) { self.determined(manifest)? } else { None };
         self.progress.job_done();
-        self.progress
-            .add(STEPS_PER_FRAME_READ * manifest.recorded_count() as f64 * manifest.physics.beads as f64);
+        self.progress.add(reading(manifest));
         Ok(Some(Outcome { observed, simulated, determined }))
     }
 

@@ -117,10 +117,8 @@ pub fn energies(
     rows: &Series<{ EnergyRow::COLUMNS.len() }>,
     reflection: Option<&Reflection>,
 ) -> Figure {
-    let times_s = rows.times_s();
-    let curve = |column: usize, factor: f64| -> Vec<(f64, f64)> {
-        times_s.iter().zip(rows.column(column)).map(|(t, value)| (t * 1e3, value * factor)).collect()
-    };
+    let curve =
+        |column: usize, factor: f64| rows.curve(column).map(move |(t, value)| (t * 1e3, value * factor));
     let panel = || Panel::new().x_axis("time (ms)");
     let parts = panel()
         .y_axis("energy (mJ)")
@@ -133,22 +131,16 @@ pub fn energies(
         .height(0.6);
     let figure = Figure::new().shared_x().caption(caption(manifest)).panel(parts);
     match reflection {
-        Some(reflection) => figure.panel(scattering(panel(), &times_s, rows, reflection)).panel(drift),
+        Some(reflection) => figure.panel(scattering(panel(), rows, reflection)).panel(drift),
         None => figure.panel(drift),
     }
 }
 
 /// What is left on the incident side without the recoil, and what may still cross, both as parts of the
 /// total energy.
-fn scattering(
-    panel: Panel,
-    times_s: &[f64],
-    rows: &Series<{ EnergyRow::COLUMNS.len() }>,
-    reflection: &Reflection,
-) -> Panel {
-    let part = |column: usize| -> Vec<(f64, f64)> {
-        let parts = rows.column(column).into_iter().zip(rows.column(TOTAL));
-        times_s.iter().zip(parts).map(|(t, (value, total))| (t * 1e3, value / total)).collect()
+fn scattering(panel: Panel, rows: &Series<{ EnergyRow::COLUMNS.len() }>, reflection: &Reflection) -> Panel {
+    let part = |column: usize| {
+        rows.curve(column).zip(rows.curve(TOTAL)).map(|((t, value), (_, total))| (t * 1e3, value / total))
     };
     let mut panel = panel
         .y_axis(Axis::new("energy/total").log().limits(1e-7, 2.0))
@@ -156,7 +148,7 @@ fn scattering(
         .line("may still cross", part(INBOUND))
         .horizontal("", STATIONARY);
     if let Some(since) = reflection.stationary_since {
-        let last_s = times_s.last().copied().unwrap_or(since.time_s);
+        let last_s = rows.times_s().last().copied().unwrap_or(since.time_s);
         let until_s = reflection.met_end.map_or(last_s, |(_, met)| met.time_s);
         panel = panel.band_x("stationary", since.time_s * 1e3, until_s * 1e3);
     }
@@ -178,12 +170,9 @@ pub fn trajectories(
         |label: &str| Panel::new().x_axis(Axis::new("time (ms)").limits(from_ms, to_ms)).y_axis(label);
     let (mut displacement, mut velocity) = (panel("displacement (mm)"), panel("velocity (m/s)").height(0.7));
     for (bead, series) in beads.iter().zip(motions) {
-        let times_s = series.times_s();
-        let curve = |column: usize, factor: f64| -> Vec<(f64, f64)> {
-            times_s.iter().zip(series.column(column)).map(|(t, value)| (t * 1e3, value * factor)).collect()
-        };
-        displacement = displacement.line(format!("bead {bead}"), curve(0, 1e3));
-        velocity = velocity.line("", curve(1, 1.0));
+        let displacements = series.curve(0).map(|(t, u)| (t * 1e3, u * 1e3));
+        displacement = displacement.line(format!("bead {bead}"), displacements);
+        velocity = velocity.line("", series.curve(1).map(|(t, v)| (t * 1e3, v)));
     }
     let turns = events.iter().filter(|event| event.kind == EventKind::Turns);
     let turns: Vec<_> = turns.map(|event| (event.time_s * 1e3, event.u_m * 1e3)).collect();

@@ -66,23 +66,23 @@ impl Cdr {
         self
     }
 
-    /// A sequence of doubles. An empty one is its length alone, without padding.
+    /// A sequence of doubles.
     pub(super) fn f64s(&mut self, values: impl ExactSizeIterator<Item = f64>) -> &mut Self {
-        self.length(values.len());
-        if values.len() > 0 {
-            self.align(8);
-        }
-        self.bytes.extend(values.flat_map(f64::to_le_bytes));
-        self
+        self.sequence(values.map(f64::to_le_bytes))
     }
 
     /// A sequence of numbers.
     pub(super) fn u64s(&mut self, values: impl ExactSizeIterator<Item = u64>) -> &mut Self {
+        self.sequence(values.map(u64::to_le_bytes))
+    }
+
+    /// An empty one is its length alone, without padding.
+    fn sequence(&mut self, values: impl ExactSizeIterator<Item = [u8; 8]>) -> &mut Self {
         self.length(values.len());
         if values.len() > 0 {
             self.align(8);
         }
-        self.bytes.extend(values.flat_map(u64::to_le_bytes));
+        self.bytes.extend(values.flatten());
         self
     }
 }

@@ -9,8 +9,9 @@ use skrifa::raw::tables::glyf::Glyph;
 use skrifa::raw::types::{GlyphId, Tag};
 use skrifa::{FontRef, MetadataProvider};
 
+use super::super::picture::failed;
 use super::super::{FigureError, text};
-use super::{deflated, failed};
+use super::deflated;
 
 /// Objects that the font takes.
 pub(super) const OBJECTS: i32 = 5;

@@ -1,10 +1,10 @@
 //! What is measured of a deformation, in a run and in its partner with twice the step.
 
-use super::super::claim::{Number, StudyError};
+use super::super::judgement::{Number, StudyError};
 use super::super::observe::{Observations, Observed};
 use super::super::reference::CONTACT_100;
-use super::super::runs::{Run, homogeneous};
-use consumers::deformation::{Comparison, Deformation, Sample, Shape, Untold};
+use super::super::runs::homogeneous;
+use consumers::deformation::{Comparison, Deformation, Sample, Shape};
 use consumers::theory::ContinuumWave;
 use std::f64::consts::FRAC_PI_2;
 
@@ -12,19 +12,16 @@ use std::f64::consts::FRAC_PI_2;
 pub(super) const TAIL: f64 = 1e-3;
 
 /// The deformation that a run was made for.
-pub(super) fn deformation<'a>(seen: &'a Observations, run: &Run) -> Result<&'a Deformation, StudyError> {
-    let seen = seen.of(run)?;
+pub(super) fn deformation(seen: &Observed) -> Result<&Deformation, StudyError> {
     seen.deformations.first().ok_or_else(|| seen.absent("deformation"))
 }
 
-pub(super) fn shape(seen: &Observations, run: &Run) -> Result<Shape, StudyError> {
-    let untold = |why: Untold| StudyError::Absent { run: run.name().to_owned(), what: why.to_string() };
-    deformation(seen, run)?.measured.map_err(untold)
+pub(super) fn shape(seen: &Observed) -> Result<Shape, StudyError> {
+    deformation(seen)?.measured.map_err(|why| seen.absent(why.to_string()))
 }
 
-pub(super) fn continuum<'a>(seen: &'a Observations, run: &Run) -> Result<&'a Comparison, StudyError> {
-    let none = |why: &String| StudyError::Absent { run: run.name().to_owned(), what: why.clone() };
-    deformation(seen, run)?.continuum.as_ref().map_err(none)
+pub(super) fn continuum(seen: &Observed) -> Result<&Comparison, StudyError> {
+    deformation(seen)?.continuum.as_ref().map_err(|why| seen.absent(why))
 }
 
 /// Time, height, width and speed of the pulse at contact 100, and the largest velocity of bead 100, against the
@@ -34,19 +31,14 @@ pub(in super::super) fn against_reference(
     alpha: f64,
 ) -> Result<Vec<Number>, StudyError> {
     let good_to = if alpha == 1.01 { 1e-5 } else { 1e-6 };
-    let (run, partner) = (homogeneous(alpha), homogeneous(alpha).with_step_times(2));
-    let values = |run: &Run| -> Result<[f64; 5], StudyError> {
-        let (shape, found) = (shape(seen, run)?, seen.of(run)?);
-        let speed = speed_of_reference(found)?;
-        let passage = found
-            .pulses_past(100, true)
-            .into_iter()
-            .next()
-            .ok_or_else(|| found.absent("pulse at bead 100"))?;
-        Ok([shape.peak_s * 1e3, shape.overlap_m * 1e6, shape.width_s * 1e6, speed, passage.v_peak_m_s])
-    };
-    let (fine, coarse, drift) = (values(&run)?, values(&partner)?, seen.of(&run)?.max_abs_drift);
-    let reference = CONTACT_100.numbers(&[alpha])?;
+    let run = homogeneous(alpha);
+    let (fine, coarse) = seen.both(&run, |seen| {
+        let (shape, speed) = (shape(seen)?, speed_of_reference(seen)?);
+        let v_peak_m_s = seen.first_pulse_past(100)?.v_peak_m_s;
+        Ok([shape.peak_s * 1e3, shape.overlap_m * 1e6, shape.width_s * 1e6, speed, v_peak_m_s])
+    })?;
+    let drift = seen.of(&run)?.max_abs_drift;
+    let reference = CONTACT_100.at(alpha)?;
     let units = [1e3, 1e6, 1e6, 1.0, 1.0];
     let names = [
         ("time of the peak", "ms"),
@@ -75,64 +67,42 @@ fn speed_of_reference(seen: &Observed) -> Result<f64, StudyError> {
 
 /// How far the theory is off, as shares of the peak.
 pub(super) fn norms(seen: &Observations, alpha: f64) -> Result<Vec<Number>, StudyError> {
-    let (run, partner) = (homogeneous(alpha), homogeneous(alpha).with_step_times(2));
-    let (fine, coarse) = (continuum(seen, &run)?, continuum(seen, &partner)?);
-    let drift = seen.of(&run)?.max_abs_drift;
-    let number = |what: &str, of: fn(&Comparison) -> f64| {
-        Number::stepped(format!("{what} of eq. (cos), α = {alpha}"), (of(fine), of(coarse)), "", drift)
-    };
-    Ok(vec![
-        number("largest error", |theory| theory.l_infinity),
-        number("root-mean-square error over the width", |theory| theory.l2),
-    ])
+    let mean = format!("root-mean-square error over the width of eq. (cos), α = {alpha}");
+    let mean = seen.stepped(&homogeneous(alpha), mean, "", |seen| Ok(continuum(seen)?.l2))?;
+    Ok(vec![largest_error(seen, alpha)?, mean])
+}
+
+pub(super) fn largest_error(seen: &Observations, alpha: f64) -> Result<Number, StudyError> {
+    let what = format!("largest error of eq. (cos), α = {alpha}");
+    seen.stepped(&homogeneous(alpha), what, "", |seen| Ok(continuum(seen)?.l_infinity))
 }
 
 /// Where, before and after the peak, the measured overlap and the theory's are [`TAIL`] of the peak: half the time between
 /// (s) of each.
-pub(super) fn tails(seen: &Observations, run: &Run) -> Result<(f64, f64), StudyError> {
-    let (found, theory, shape) = (deformation(seen, run)?, continuum(seen, run)?, shape(seen, run)?);
-    let alpha = run.config.chain.alpha;
-    let level_m = TAIL * shape.overlap_m;
-    let above: Vec<f64> = found
-        .samples
-        .iter()
-        .filter(|sample| sample.overlap_m > level_m)
-        .map(|sample| sample.time_s)
-        .collect();
-    let (Some(first), Some(last)) = (above.first(), above.last()) else {
-        return Err(StudyError::Absent { run: run.name().to_owned(), what: "overlap".to_owned() });
-    };
+fn tails(seen: &Observed) -> Result<(f64, f64), StudyError> {
+    let (found, theory, shape) = (deformation(seen)?, continuum(seen)?, shape(seen)?);
+    let alpha = seen.manifest.physics.alpha;
+    let above = |sample: &&Sample| sample.overlap_m > TAIL * shape.overlap_m;
+    let ends = found.samples.iter().find(above).zip(found.samples.iter().rfind(above));
+    let (first, last) = ends.ok_or_else(|| seen.absent("overlap"))?;
     // cos^(2/(α−1)) = TAIL
     let wave = ContinuumWave::new(alpha)?;
     let part = TAIL.powf(0.5 * (alpha - 1.0)).acos() / FRAC_PI_2;
     let half_s = part * wave.half_length_beads() / theory.scale.speed_beads_per_s;
-    Ok((0.5 * (last - first), half_s))
-}
-
-/// A quantity of the run of an exponent, and of its partner.
-pub(super) fn stepped(
-    seen: &Observations,
-    alpha: f64,
-    what: impl Into<String>,
-    unit: &'static str,
-    of: impl Fn(&Run) -> Result<f64, StudyError>,
-) -> Result<Number, StudyError> {
-    let run = homogeneous(alpha);
-    let drift = seen.of(&run)?.max_abs_drift;
-    Ok(Number::stepped(what, (of(&run)?, of(&run.with_step_times(2))?), unit, drift))
+    Ok((0.5 * (last.time_s - first.time_s), half_s))
 }
 
 /// The length of the pulse at [`TAIL`] of the peak over that of the theory.
 pub(super) fn longer(seen: &Observations, alpha: f64) -> Result<Number, StudyError> {
     let what = format!("length at a thousandth of the peak over that of eq. (cos), α = {alpha}");
-    stepped(seen, alpha, what, "", |run| tails(seen, run).map(|(ours, theirs)| ours / theirs))
+    seen.stepped(&homogeneous(alpha), what, "", |seen| tails(seen).map(|(ours, theirs)| ours / theirs))
 }
 
 /// `∫k·δ^α dt` and `∫k·δ dt` over the momentum (kg·m/s) that contact 100 has handed on: that of all beads behind it.
-pub(super) fn handed_on(seen: &Observations, run: &Run) -> Result<(f64, f64), StudyError> {
-    let (found, shape, observed) = (deformation(seen, run)?, shape(seen, run)?, seen.of(run)?);
-    let physics = &observed.manifest.physics;
-    let passed: f64 = observed.kept_frame(0)?.v_m_s[101..].iter().map(|v| v * physics.bead_mass_kg).sum();
+pub(super) fn handed_on(seen: &Observed) -> Result<(f64, f64), StudyError> {
+    let (found, shape) = (deformation(seen)?, shape(seen)?);
+    let physics = &seen.manifest.physics;
+    let passed: f64 = seen.kept_frame(0)?.v_m_s[101..].iter().map(|v| v * physics.bead_mass_kg).sum();
     let area = |pair: &[Sample]| {
         0.5 * (pair[0].compression_m() + pair[1].compression_m()) * (pair[1].time_s - pair[0].time_s)
     };
@@ -141,8 +111,8 @@ pub(super) fn handed_on(seen: &Observations, run: &Run) -> Result<(f64, f64), St
 }
 
 /// The largest distance of a pulse from a triangle of its height and width, over its height.
-pub(super) fn from_triangle(seen: &Observations, run: &Run) -> Result<f64, StudyError> {
-    let (found, shape) = (deformation(seen, run)?, shape(seen, run)?);
+pub(super) fn from_triangle(seen: &Observed) -> Result<f64, StudyError> {
+    let (found, shape) = (deformation(seen)?, shape(seen)?);
     // for α → ∞ one bead moves at a time: the overlap grows while it crosses, and falls while the next does
     let triangle = |time_s: f64| (1.0 - 0.5 * (time_s - shape.peak_s).abs() / (0.5 * shape.width_s)).max(0.0);
     let differences = found.samples.iter();

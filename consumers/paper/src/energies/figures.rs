@@ -1,10 +1,10 @@
 //! The energy figures, drawn.
 
-use super::super::claim::StudyError;
+use super::super::judgement::StudyError;
 use super::super::observe::Observations;
 use super::super::reference::REFLECTED;
-use super::super::reflection::{ALPHAS, BEAD_G, Reflected, curve, is_shown};
-use super::{amplitudes, hard_limit};
+use super::super::reflection::{ALPHAS, BEAD_G, Reflected, is_shown};
+use super::{amplitudes, curve, hard_limit};
 use figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};
 
 const CAPTION: &str =
@@ -49,29 +49,25 @@ fn mass_axis() -> Axis {
     Axis::new("mass of the impurity (g)").limits(0.4, 5.2)
 }
 
-/// The reference's points of one of its quantities.
-fn reference(transmitted: bool) -> Curve {
-    let value = |word: &str| word.parse().unwrap_or(f64::NAN);
-    let points = REFLECTED.rows().map(|row| (value(row[1]), value(row[if transmitted { 3 } else { 2 }])));
-    Curve::points("reference", points.collect::<Vec<_>>()).mark(Mark::Cross).colour(Colour::Grey)
-}
-
 pub(super) fn draw_total(seen: &Observations) -> Result<Figure, StudyError> {
-    let label = "reflected/total energy";
-    let whole = panel(seen, label, |point| point.over_total.value)?.curve(reference(false)).height(1.5);
-    Ok(Figure::new()
-        .caption(CAPTION)
-        .panel(whole)
-        .panel(enlarged(seen, label, |point| point.over_total.value)?.height(1.2)))
+    against_reference(seen, "reflected/total energy", |point| point.over_total.value, 2)
 }
 
 pub(super) fn draw_transmitted(seen: &Observations) -> Result<Figure, StudyError> {
-    let label = "reflected/transmitted energy";
-    let whole = panel(seen, label, |point| point.over_transmitted.value)?.curve(reference(true)).height(1.5);
-    Ok(Figure::new()
-        .caption(CAPTION)
-        .panel(whole)
-        .panel(enlarged(seen, label, |point| point.over_transmitted.value)?.height(1.2)))
+    against_reference(seen, "reflected/transmitted energy", |point| point.over_transmitted.value, 3)
+}
+
+/// A quantity with the points that the reference has of it, in this column.
+fn against_reference(
+    seen: &Observations,
+    label: &str,
+    of: fn(&Reflected) -> f64,
+    column: usize,
+) -> Result<Figure, StudyError> {
+    let points = REFLECTED.numbers()?.into_iter().map(|row| (row[1], row[column]));
+    let reference = Curve::points("reference", points).mark(Mark::Cross).colour(Colour::Grey);
+    let whole = panel(seen, label, of)?.curve(reference).height(1.5);
+    Ok(Figure::new().caption(CAPTION).panel(whole).panel(enlarged(seen, label, of)?.height(1.2)))
 }
 
 pub(super) fn draw_corrected(seen: &Observations) -> Result<Figure, StudyError> {

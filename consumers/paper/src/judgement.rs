@@ -1,20 +1,8 @@
-//! The paper's claims, our findings, and whether they agree.
+//! What is found of a claim: a verdict with its reason and numbers.
 
-use super::observe::Observations;
+use consumers::uncertain::Uncertain;
+use serde::Serialize;
 use std::fmt;
-
-/// A statement of the paper, and how to judge it.
-#[derive(Debug, Clone, Copy)]
-pub struct Claim {
-    /// A short name that stays the same: `light-almost-same-amplitudes`.
-    pub id: &'static str,
-    /// Where in the paper it stands.
-    pub place: &'static str,
-    /// The paper's words, with its formulas in plain text.
-    pub quote: &'static str,
-    /// Compares the statement with the observations.
-    pub judge: fn(&Observations) -> Result<Judgement, StudyError>,
-}
 
 /// How a statement fared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -71,7 +59,7 @@ pub struct Judgement {
 }
 
 /// A number of ours.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Number {
     /// What it is.
     pub what: String,
@@ -88,7 +76,7 @@ pub struct Number {
 }
 
 /// How far a number may be off, and how we know.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Uncertainty {
     /// Half the width of the interval, in the unit of the number.
     pub plus_minus: f64,
@@ -97,7 +85,7 @@ pub struct Uncertainty {
 }
 
 /// What a count is in a run and in its partners.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Range {
     /// The least of these counts.
     pub least: f64,
@@ -108,7 +96,7 @@ pub struct Range {
 }
 
 /// A number that Beadline did not compute.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Reference {
     /// The value.
     pub value: f64,
@@ -138,6 +126,16 @@ impl Number {
     pub(super) fn count(what: impl Into<String>, count: &Counted) -> Self {
         let range = Range { least: count.least as f64, most: count.most as f64, from: FROM_PARTNERS };
         Self { range: Some(range), ..Self::new(what, count.count as f64, "") }
+    }
+
+    /// A number that knows how far it may be off, and from what.
+    pub(super) fn known(
+        what: impl Into<String>,
+        found: Uncertain,
+        unit: &'static str,
+        from: &'static str,
+    ) -> Self {
+        Self::new(what, found.value, unit).give_or_take(found.plus_minus, from)
     }
 
     /// Adds an uncertainty.
@@ -274,6 +272,13 @@ pub enum StudyError {
         /// What the drawing said.
         reason: String,
     },
+}
+
+impl StudyError {
+    /// There is no such thing in that run.
+    pub(super) fn absent(run: impl Into<String>, what: impl Into<String>) -> Self {
+        Self::Absent { run: run.into(), what: what.into() }
+    }
 }
 
 impl From<figure::FigureError> for StudyError {
