@@ -1,0 +1,514 @@
+// The arithmetic of a step, written from docs/KERNEL.md alone: what it computes has the bits of a recording
+// of kernel version 2.
+// No dependencies, nothing of a browser or of Node.js; doubles are taken apart as on a little-endian machine.
+//
+//     import { Stepper } from "./kernel.js";
+//     const stepper = new Stepper(physics, chain);
+//     const state = stepper.initialState();          // { u, v, extra }, Float64Arrays
+//     stepper.step(state, 1000);                     // in place, without allocating
+//     const { kinetic, potential, dissipated } = stepper.energies(state);
+//
+// `physics` is the JSON of that name in the manifest; of it `kernel_version`, `beads`, `alpha`, `dt_s`, `method`, `damping`
+// and `striker` are used. `chain` is `/chain`: { mass: N numbers, stiffness, restOverlap, restForce, damping: N − 1 each
+// (damping may be empty), leftWall, rightWall: { stiffness, restOverlap, restForce, damping }, left out at a free end }.
+// Units are SI.
+
+export const KERNEL_VERSION = 2;
+
+const double = new Float64Array(1);
+const words = new Uint32Array(double.buffer); // the lower half of its bits, the upper half
+
+/** The double of these bits, as sixteen hexadecimal digits. */
+export function fromHex(hex) {
+  words[1] = parseInt(hex.slice(0, 8), 16);
+  words[0] = parseInt(hex.slice(8), 16);
+  return double[0];
+}
+
+/** The bits of a double, as sixteen hexadecimal digits. */
+export function toHex(x) {
+  double[0] = x;
+  return words[1].toString(16).padStart(8, "0") + words[0].toString(16).padStart(8, "0");
+}
+
+/** 2^n, n from −1022 to 1023. */
+function powerOfTwo(n) {
+  words[1] = (1023 + n) << 20;
+  words[0] = 0;
+  return double[0];
+}
+
+/** A straight line between powers of two, near 2^x. */
+function line(x) {
+  const whole = Math.floor(x);
+  return (1 + (x - whole)) * powerOfTwo(whole);
+}
+
+// Numbers of many digits: a BigInt over 2^DIGITS.
+const DIGITS = 256n;
+const ONE = 1n << DIGITS;
+const times = (a, b) => (a * b) >> DIGITS;
+
+/** ln(p/q), by the series of 2·artanh((p − q)/(p + q)). */
+function logarithm(p, q) {
+  let power = ((p - q) << DIGITS) / (p + q);
+  const square = times(power, power);
+  let sum = 0n;
+  for (let k = 1n; power !== 0n; k += 2n) {
+    sum += power / k;
+    power = times(power, square);
+  }
+  return 2n * sum;
+}
+
+const LN_2 = logarithm(2n, 1n);
+
+/** 2^x as `fraction`·2^`exponent` with 1 ≤ fraction < 2. */
+function exponential(x) {
+  const exponent = x >> DIGITS;
+  const HALVINGS = 16n; // of ln 2·(x − ⌊x⌋), so that few terms do
+  const small = times(x - (exponent << DIGITS), LN_2) >> HALVINGS;
+  let [fraction, term] = [ONE, ONE];
+  for (let k = 1n; term !== 0n; k += 1n) {
+    term = times(term, small) / k;
+    fraction += term;
+  }
+  for (let n = 0n; n < HALVINGS; n += 1n) {
+    fraction = times(fraction, fraction);
+  }
+  return { fraction, exponent: Number(exponent) };
+}
+
+/** A double in many digits: exact from 2^−200 on. */
+function manyDigits(x) {
+  double[0] = x;
+  const mantissa = (BigInt(words[1] & 0xfffff) << 32n) | BigInt(words[0]) | (1n << 52n);
+  return (mantissa << DIGITS) >> BigInt(1075 - (words[1] >>> 20));
+}
+
+const CLOSED_FORMS = [1, 1.5, 2, 3, 5];
+
+/** δ^α as docs/KERNEL.md has it: a closed form, or a table whose entries are made when they are first needed. */
+export class Power {
+  constructor(alpha) {
+    const w = 900 / (alpha + 1);
+    this.alpha = alpha;
+    this.form = CLOSED_FORMS.indexOf(alpha); // −1: the table
+    /** P is 0 up to this. */
+    this.z = line(-w);
+    if (this.form >= 0) {
+      return;
+    }
+    this.top = line(w);
+    let b = 7;
+    if (alpha > 5) {
+      for (b = 9; alpha > powerOfTwo(b - 6); b += 1);
+    }
+    this.b = b;
+    this.shift = 20 - b; // of the upper 32 bits; all of the lower ones are without meaning for the interval
+    double[0] = this.z;
+    words[0] = 0xffffffff;
+    words[1] |= (1 << this.shift) - 1;
+    this.z = double[0];
+    this.first = (words[1] >>> this.shift) + 1;
+    double[0] = this.top;
+    /** How many intervals there are, that of `top` with them. */
+    this.intervals = (words[1] >>> this.shift) - this.first + 1;
+    this.table = new Float64Array(3 * this.intervals); // c, H, L of each; c is 0 where they are yet to be made
+    this.ofMantissa = new Map(); // factors of c^α
+    this.ofExponent = new Map();
+
+    const g = [0, alpha];
+    for (let j = 2; j <= 5; j += 1) {
+      g[j] = (g[j - 1] * (alpha - (j - 1))) / j;
+    }
+    const e = (g[5] * (alpha - 5)) / 6;
+    const q = powerOfTwo(-2 * (b + 1));
+    g[4] = g[4] + 1.5 * q * e;
+    g[2] = g[2] - 0.5625 * (q * q) * e;
+    [, this.g1, this.g2, this.g3, this.g4, this.g5] = g;
+  }
+
+  /** P(x). */
+  at(x) {
+    return x > this.z ? this.above(x) : 0;
+  }
+
+  /** P of a number above z. */
+  above(x) {
+    switch (this.form) {
+      case 0:
+        return x;
+      case 1:
+        return x * Math.sqrt(x);
+      case 2:
+        return x * x;
+      case 3:
+        return x * x * x;
+      case 4:
+        return x * x * (x * x) * x;
+      default:
+        return this.fromTable(x);
+    }
+  }
+
+  fromTable(x) {
+    if (x >= this.top) {
+      return Infinity;
+    }
+    double[0] = x;
+    const i = 3 * ((words[1] >>> this.shift) - this.first);
+    const table = this.table;
+    if (table[i] === 0) {
+      this.make(i / 3);
+    }
+    const c = table[i];
+    const h = table[i + 1];
+    const r = (x - c) / c; // that of the mantissas: x and c have the same exponent
+    const s = (((this.g5 * r + this.g4) * r + this.g3) * r + this.g2) * r + this.g1;
+    return h + (h * (s * r) + table[i + 2]);
+  }
+
+  /** The centre c of an interval, and c^α in two doubles: [c, H, L]. `i` counts from the first interval above z. */
+  entry(i) {
+    if (this.table[3 * i] === 0) {
+      this.make(i);
+    }
+    return this.table.subarray(3 * i, 3 * i + 3);
+  }
+
+  make(i) {
+    const interval = this.first + i;
+    const upper = interval & ((1 << this.b) - 1);
+    const exponent = (interval >> this.b) - 1023;
+    // c = odd/2^(b+1) · 2^exponent, and c^α = 2^(α·log2(odd/2^(b+1))) · 2^(α·exponent)
+    const odd = BigInt((1 << (this.b + 1)) + 2 * upper + 1);
+    const alpha = manyDigits(this.alpha);
+    if (!this.ofMantissa.has(upper)) {
+      const log2 = (logarithm(odd, 1n << BigInt(this.b + 1)) << DIGITS) / LN_2;
+      this.ofMantissa.set(upper, exponential(times(alpha, log2)));
+    }
+    if (!this.ofExponent.has(exponent)) {
+      this.ofExponent.set(exponent, exponential(alpha * BigInt(exponent)));
+    }
+    const [a, b] = [this.ofMantissa.get(upper), this.ofExponent.get(exponent)];
+    const product = times(a.fraction, b.fraction); // from 1 to 4
+    const dropped = DIGITS - (product >= 2n * ONE ? 88n : 89n); // 90 binary digits stay
+    const rounded = (product + (1n << (dropped - 1n))) >> dropped;
+    const h = Number(rounded); // to nearest, ties to even
+    const scale = powerOfTwo(a.exponent + b.exponent + Number(dropped - DIGITS));
+    this.table[3 * i + 1] = h * scale;
+    this.table[3 * i + 2] = Number(rounded - BigInt(h)) * scale;
+    words[1] = (interval << this.shift) | (1 << (this.shift - 1));
+    words[0] = 0;
+    this.table[3 * i] = double[0];
+  }
+}
+
+/** The sum of term(0) … term(n − 1) in eight parts. */
+function sum(n, term) {
+  const s = new Float64Array(8);
+  for (let i = 0; i < n; i += 1) {
+    s[i & 7] += term(i);
+  }
+  return s[0] + s[4] + (s[2] + s[6]) + (s[1] + s[5] + (s[3] + s[7]));
+}
+
+// constants of rkn4
+const A1 = fromHex("3fcf65f4cb6cb771");
+const A2 = fromHex("3fe35b1debaf2655");
+const A3 = fromHex("bfd669363d14a862");
+const B1 = fromHex("3fb53e774fa406be");
+const B2 = fromHex("3fd95d23c9214375");
+const B3 = fromHex("bfa3ff3020b02cb4");
+const B4 = fromHex("3fbe9923385e0390");
+// of gear5, and −½ ∓ 1/√12, where the power of damping is taken
+const [C0, C1, C3, C4, C5] = [3 / 20, 251 / 360, 11 / 18, 1 / 6, 1 / 60];
+const GAUSS_POINTS = [fromHex("bfe93cd3a2c8198e"), fromHex("bfcb0cb174df99c7")];
+
+const TINY = powerOfTwo(-900);
+const orZero = (q) => (Math.abs(q) <= TINY ? 0 : q);
+
+/** A chain, and how it moves. One may be used for any number of states. */
+export class Stepper {
+  /** `power`: the `new Power(alpha)` of another chain with this alpha, to share its table. */
+  constructor(physics, chain, power = new Power(physics.alpha)) {
+    const n = chain.mass.length;
+    if (physics.kernel_version !== KERNEL_VERSION) {
+      throw new Error(`kernel version ${physics.kernel_version}, not ${KERNEL_VERSION}`);
+    }
+    if (physics.beads !== n || chain.stiffness.length !== n - 1 || physics.alpha !== power.alpha) {
+      throw new Error("physics and chain do not belong together");
+    }
+    if (!["velocity-verlet", "rkn4", "gear5"].includes(physics.method)) {
+      throw new Error(`unknown method ${physics.method}`);
+    }
+    this.beads = n;
+    this.dt = physics.dt_s;
+    this.method = physics.method;
+    this.striker = physics.striker;
+    this.power = power;
+    this.damped = physics.damping !== undefined;
+    this.restitution = this.damped && physics.damping.restitution !== undefined;
+    /** Arrays of N values in `extra`. */
+    this.extraArrays = this.method === "gear5" ? (this.damped ? 5 : 4) : 0;
+    this.mass = Float64Array.from(chain.mass);
+    this.inverseMass = this.mass.map((m) => 1 / m);
+    // Contact i has bead i − 1 on its left and bead i on its right: 0 and N are the walls. A wall that is
+    // not there is infinitely far away.
+    const none = { stiffness: 0, restOverlap: -Infinity, restForce: 0, damping: 0 };
+    this.hasWall = [chain.leftWall !== undefined, chain.rightWall !== undefined];
+    const [left, right] = [chain.leftWall ?? none, chain.rightWall ?? none];
+    const fill = (name) => {
+      const all = new Float64Array(n + 1);
+      all[0] = left[name] ?? 0;
+      all.set(chain[name] ?? [], 1);
+      all[n] = right[name] ?? 0;
+      return all;
+    };
+    this.k = fill("stiffness");
+    this.rho = fill("restOverlap");
+    this.rest = fill("restForce");
+    this.eta = fill("damping");
+    this.net = new Float64Array(n + 1); // F of each contact
+    // u' and v' of gear5, with a 0 in place of a bead on either side
+    this.predictedU = new Float64Array(n + 2);
+    this.predictedV = new Float64Array(n + 2);
+    this.isLoaded = chain.restOverlap.some((rho) => rho !== 0);
+    this.excessSeries = [0.5 * physics.alpha];
+    for (let j = 1; j <= 7; j += 1) {
+      this.excessSeries[j] = (this.excessSeries[j - 1] * (physics.alpha - j)) / (j + 2);
+    }
+  }
+
+  /** The state at step 0. */
+  initialState() {
+    const n = this.beads;
+    const state = { u: new Float64Array(n), v: new Float64Array(n), extra: new Float64Array(this.extraArrays * n) };
+    state.v[this.striker.bead] = this.striker.velocity_m_s;
+    if (this.method === "gear5") {
+      this.startGear5(state);
+    }
+    return state;
+  }
+
+  /** Goes on by `count` steps; many at once take a little less time than one by one. */
+  step(state, count = 1) {
+    const { dt, method } = this;
+    if (method === "gear5") {
+      for (let i = 0; i < count; i += 1) {
+        this.stepGear5(state);
+      }
+      return;
+    }
+    this.forces(state.u);
+    for (let i = 0; i < count; i += 1) {
+      if (method === "rkn4") {
+        this.kickDrift(state, B1 * dt, A1 * dt);
+        this.kickDrift(state, B2 * dt, A2 * dt);
+        this.kickDrift(state, B3 * dt, A3 * dt);
+        this.kickDrift(state, B4 * dt, A3 * dt);
+        this.kickDrift(state, B3 * dt, A2 * dt);
+        this.kickDrift(state, B2 * dt, A1 * dt);
+        this.kick(state, B1 * dt);
+      } else {
+        this.kickDrift(state, 0.5 * dt, dt);
+        this.kick(state, 0.5 * dt);
+      }
+    }
+  }
+
+  /** F of every contact, into `net`. */
+  forces(u) {
+    const { beads: n, power, net, k, rho, rest } = this;
+    net[0] = k[0] * power.at(-u[0] + rho[0]) - rest[0];
+    net[n] = k[n] * power.at(u[n - 1] + rho[n]) - rest[n];
+    if (power.alpha === 1.5) {
+      this.forcesOfSpheres(u);
+      return;
+    }
+    for (let i = 1; i < n; i += 1) {
+      const delta = u[i - 1] - u[i] + rho[i];
+      let force = 0 - rest[i];
+      if (delta > power.z) {
+        force = k[i] * power.above(delta) - rest[i];
+      }
+      net[i] = force;
+    }
+  }
+
+  /** The same between beads for α = 3/2, the usual one: a loop of its own, and in just this form, is twice as fast. */
+  forcesOfSpheres(u) {
+    const { beads: n, net, k, rho, rest } = this;
+    const z = this.power.z;
+    for (let i = 1; i < n; i += 1) {
+      const delta = u[i - 1] - u[i] + rho[i];
+      let force = 0 - rest[i];
+      if (delta > z) {
+        force = k[i] * (delta * Math.sqrt(delta)) - rest[i];
+      }
+      net[i] = force;
+    }
+  }
+
+  kick({ v }, h) {
+    const { beads: n, inverseMass, net } = this;
+    for (let i = 0; i < n; i += 1) {
+      v[i] += h * inverseMass[i] * (net[i] - net[i + 1]);
+    }
+  }
+
+  /** A kick, a drift, and the forces where that leads to. */
+  kickDrift({ u, v }, h, d) {
+    const { beads: n, inverseMass, net } = this;
+    for (let i = 0; i < n; i += 1) {
+      v[i] += h * inverseMass[i] * (net[i] - net[i + 1]);
+      u[i] += d * v[i];
+    }
+    this.forces(u);
+  }
+
+  /** D: the force of contact i at overlap δ and rate ω, that at rest not taken off. */
+  force(i, delta, omega) {
+    const p = this.power.at(delta);
+    const elastic = this.k[i] * p;
+    if (!this.damped || !(delta > this.power.z)) {
+      return elastic;
+    }
+    const f = this.restitution ? Math.sqrt(p / delta) : 1;
+    const force = elastic + this.eta[i] * f * omega;
+    return force > 0 ? force : 0;
+  }
+
+  /** What damping takes from contact i per time. */
+  dissipatedPower(i, delta, omega) {
+    return delta > this.power.z ? (this.force(i, delta, omega) - this.k[i] * this.power.at(delta)) * omega : 0;
+  }
+
+  stepGear5({ u, v, extra }) {
+    const { beads: n, dt, inverseMass, rho, net, predictedU: up, predictedV: vp } = this;
+    const [n2, n3, n4] = [2 * n, 3 * n, 4 * n];
+    const [half, rate, c1] = [0.5 * (dt * dt), 1 / dt, C1 / dt];
+    for (let i = 0; i < n; i += 1) {
+      const [q2, q3, q4, q5] = [extra[i], extra[n + i], extra[n2 + i], extra[n3 + i]];
+      up[i + 1] = u[i] + (dt * v[i] + (q5 + q4 + q3 + q2));
+      vp[i + 1] = v[i] + rate * (2 * q2 + (3 * q3 + (4 * q4 + 5 * q5)));
+    }
+    for (let i = 0; i <= n; i += 1) {
+      net[i] = this.force(i, up[i] - up[i + 1] + rho[i], vp[i] - vp[i + 1]) - this.rest[i];
+    }
+    for (let i = 0; i < n; i += 1) {
+      const [q2, q3, q4, q5] = [extra[i], extra[n + i], extra[n2 + i], extra[n3 + i]];
+      const x = half * inverseMass[i] * (net[i] - net[i + 1]);
+      const y = x - (3 * q3 + (6 * q4 + 10 * q5) + q2);
+      u[i] = up[i + 1] + C0 * y;
+      v[i] = vp[i + 1] + c1 * y;
+      extra[i] = x;
+      extra[n + i] = orZero(4 * q4 + 10 * q5 + q3 + C3 * y);
+      extra[n2 + i] = orZero(5 * q5 + q4 + C4 * y);
+      extra[n3 + i] = orZero(q5 + C5 * y);
+    }
+    if (!this.damped) {
+      return;
+    }
+    for (const s of GAUSS_POINTS) {
+      const [square, ahead, perStep] = [s * s, s * dt, s / dt];
+      for (let i = 0; i < n; i += 1) {
+        const [q2, q3, q4, q5] = [extra[i], extra[n + i], extra[n2 + i], extra[n3 + i]];
+        up[i + 1] = square * (((q5 * s + q4) * s + q3) * s + q2) + (ahead * v[i] + u[i]);
+        vp[i + 1] = perStep * (((5 * q5 * s + 4 * q4) * s + 3 * q3) * s + 2 * q2) + v[i];
+      }
+      let walls = 0;
+      for (let i = 0; i <= n; i += 1) {
+        const dissipated = this.dissipatedPower(i, up[i] - up[i + 1] + rho[i], vp[i] - vp[i + 1]);
+        if (i === 0 || i === n) {
+          walls += dissipated;
+        } else {
+          extra[n4 + i - 1] += 0.5 * dt * dissipated;
+        }
+      }
+      extra[n4 + n - 1] += 0.5 * dt * walls;
+    }
+  }
+
+  /** The terms q2 … q5 at step 0: those of the exact motion, from the series of every contact's force. */
+  startGear5({ u, v, extra }) {
+    const { beads: n, dt, power, k, eta, rho } = this;
+    const q = [u, v.map((speed) => speed * dt), ...[0, 1, 2, 3].map((j) => extra.subarray(j * n, (j + 1) * n))];
+    const exponent = this.restitution ? 0.5 * (this.power.alpha - 1) : 0;
+    // per contact the series of δ, P, G and F, four terms each
+    const [deltas, ps, gs, fs] = [0, 1, 2, 3].map(() => Array.from({ length: n + 1 }, () => [0, 0, 0, 0, 0]));
+    for (let j = 0; j <= 3; j += 1) {
+      for (let i = 0; i <= n; i += 1) {
+        const [delta, p, g, f] = [deltas[i], ps[i], gs[i], fs[i]];
+        for (let order = j; order <= j + 1; order += 1) {
+          const terms = q[order];
+          delta[order] = (i > 0 ? terms[i - 1] : 0) - (i < n ? terms[i] : 0) + (order === 0 ? rho[i] : 0);
+        }
+        if (j === 0) {
+          p[0] = power.at(delta[0]);
+          if (k[i] * p[0] > 0) {
+            g[0] = this.restitution ? Math.sqrt(p[0] / delta[0]) : 1;
+            f[0] = this.force(i, delta[0], delta[1] / dt);
+          }
+        } else if (f[0] !== 0 && !(Math.abs(delta[1]) >= delta[0])) {
+          p[j] = nextTerm(this.power.alpha, p, delta, j);
+          g[j] = nextTerm(exponent, g, delta, j);
+          f[j] = k[i] * p[j];
+          for (let o = 0; o <= j; o += 1) {
+            f[j] += eta[i] * g[o] * (((j - o + 1) * delta[j - o + 1]) / dt);
+          }
+        }
+      }
+      for (let i = 0; i < n; i += 1) {
+        const net = (c) => (j === 0 ? fs[c][0] - this.rest[c] : fs[c][j]);
+        q[j + 2][i] = ((dt * dt) / ((j + 1) * (j + 2)) / this.mass[i]) * (net(i) - net(i + 1));
+      }
+    }
+  }
+
+  /** Kinetic and potential energy, and the work dissipated since step 0 (J). */
+  energies({ u, v, extra }) {
+    const { beads: n, mass, isLoaded } = this;
+    const left = this.hasWall[0] ? this.excess(0, -u[0]) : 0;
+    const right = this.hasWall[1] ? this.excess(n, u[n - 1]) : 0;
+    const between = isLoaded
+      ? sum(n - 1, (i) => this.excess(i + 1, u[i] - u[i + 1]))
+      : sum(n - 1, (i) => this.potential(i + 1, u[i] - u[i + 1] + this.rho[i + 1]));
+    return {
+      kinetic: sum(n, (i) => 0.5 * mass[i] * (v[i] * v[i])),
+      potential: between + (left + right),
+      dissipated: this.damped ? sum(n, (i) => extra[4 * n + i]) : 0,
+    };
+  }
+
+  /** U of contact i. */
+  potential(i, delta) {
+    return delta > this.power.z ? (this.k[i] * this.power.at(delta) * delta) / (this.power.alpha + 1) : 0;
+  }
+
+  /** Of contact i at an approach a from its rest, what exceeds the energy at rest, less the work of the rest force. */
+  excess(i, a) {
+    const alpha = this.power.alpha;
+    const [rho, rest] = [this.rho[i], this.rest[i]];
+    const x = a / rho;
+    if (Math.abs(x) <= 1 / (16 * (alpha + 1))) {
+      const e = this.excessSeries;
+      let series = e[7];
+      for (let n = 6; n >= 0; n -= 1) {
+        series = series * x + e[n];
+      }
+      return rest * a * x * series;
+    }
+    return this.potential(i, a + rho) - this.potential(i, rho) - rest * a;
+  }
+}
+
+/** Term j of A = δ^a from those before it and the terms of δ. */
+function nextTerm(a, terms, delta, j) {
+  let total = 0;
+  for (let i = 1; i <= j; i += 1) {
+    total += (i * a - (j - i)) * delta[i] * terms[j - i];
+  }
+  return total / (j * delta[0]);
+}
