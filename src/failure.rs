@@ -5,6 +5,7 @@ use crate::limits;
 use anyhow::Error;
 use bus::{AttachError, PublishError};
 use exports::ExportError;
+use producer::resimulation::OtherKernel;
 use recording::WriteError;
 use schemas::whole_file::WholeFileError;
 use serde_json::json;
@@ -84,6 +85,7 @@ pub(crate) fn exit(result: Result<Done, Failure>, form: Form) -> ExitCode {
         Ok(Done::Whole) => return ExitCode::SUCCESS,
         Ok(Done::Lossy) => return ExitCode::from(3),
         Err(Failure::Failed(error)) if is_broken_pipe(&error) => return ExitCode::SUCCESS,
+        Err(Failure::Failed(error) | Failure::BadInput(error)) if is_of_another_kernel(&error) => (error, 3),
         Err(Failure::Failed(error)) if is_in_the_way(&error) => (error, 2),
         Err(Failure::Failed(error)) if is_stop(&error) => (error, 3),
         Err(Failure::Failed(error)) => (limits::explain(error), 1),
@@ -131,6 +133,11 @@ pub(crate) fn of_panic(panic: &(dyn Any + Send)) -> Failure {
         one_line(said)
     );
     Failure::Failed(bug)
+}
+
+/// Whether something cannot be recomputed here, though nothing is wrong with it.
+fn is_of_another_kernel(error: &Error) -> bool {
+    error.chain().any(|cause| cause.downcast_ref::<OtherKernel>().is_some())
 }
 
 /// Whether an output needs another name, whichever command found that, and however late.

@@ -155,10 +155,10 @@ fn predict(dt_s: f64, terms: Terms<'_>) {
     let (v_m_s, q2, q3, q4, q5) = (&mut v_m_s[..n], &q2[..n], &q3[..n], &q4[..n], &q5[..n]);
     let per_dt = 1.0 / dt_s;
     for i in 0..n {
-        let change = dt_s.mul_add(v_m_s[i], ((q5[i] + q4[i]) + q3[i]) + q2[i]);
-        let higher = 2.0_f64.mul_add(q2[i], 3.0_f64.mul_add(q3[i], 4.0_f64.mul_add(q4[i], 5.0 * q5[i])));
+        let change = dt_s * v_m_s[i] + (((q5[i] + q4[i]) + q3[i]) + q2[i]);
+        let higher = 2.0 * q2[i] + (3.0 * q3[i] + (4.0 * q4[i] + 5.0 * q5[i]));
         u_m[i] += change;
-        v_m_s[i] = per_dt.mul_add(higher, v_m_s[i]);
+        v_m_s[i] += per_dt * higher;
     }
 }
 
@@ -173,14 +173,14 @@ fn correct(dt_s: f64, pushed: &Pushed<'_>, terms: Terms<'_>) {
     let velocity_per_term = C1 / dt_s;
     for i in 0..n {
         let found = (half_dt2 * inverse_mass[i]) * (left[i] - right[i]);
-        let expected = 3.0_f64.mul_add(q3[i], 6.0_f64.mul_add(q4[i], 10.0 * q5[i])) + q2[i];
+        let expected = (3.0 * q3[i] + (6.0 * q4[i] + 10.0 * q5[i])) + q2[i];
         let miss = found - expected;
-        u_m[i] = C0.mul_add(miss, u_m[i]);
-        v_m_s[i] = velocity_per_term.mul_add(miss, v_m_s[i]);
+        u_m[i] += C0 * miss;
+        v_m_s[i] += velocity_per_term * miss;
         q2[i] = found;
-        q3[i] = normal(C3.mul_add(miss, 4.0_f64.mul_add(q4[i], 10.0 * q5[i]) + q3[i]));
-        q4[i] = normal(C4.mul_add(miss, 5.0_f64.mul_add(q5[i], q4[i])));
-        q5[i] = normal(C5.mul_add(miss, q5[i]));
+        q3[i] = normal(((4.0 * q4[i] + 10.0 * q5[i]) + q3[i]) + C3 * miss);
+        q4[i] = normal((5.0 * q5[i] + q4[i]) + C4 * miss);
+        q5[i] = normal(q5[i] + C5 * miss);
     }
 }
 

@@ -26,11 +26,16 @@ enum ByMethod {
 impl Integrator {
     /// The integrator of a run.
     pub fn new(physics: &Physics) -> Self {
-        Self::with_arch(physics, Arch::new(), TILE)
+        Self::with_arch(physics, Arch::new())
     }
 
-    /// The same with a given instruction set and length of tiles; all give the same bits.
-    fn with_arch(physics: &Physics, arch: Arch, tile: usize) -> Self {
+    /// The same with a given instruction set; all give the same bits.
+    pub fn with_arch(physics: &Physics, arch: Arch) -> Self {
+        Self::with_tiles(physics, arch, TILE)
+    }
+
+    /// The same with a given length of tiles, too.
+    fn with_tiles(physics: &Physics, arch: Arch, tile: usize) -> Self {
         let (chain, dt_s) = (physics.chain(), physics.dt_s);
         let kernel = Kernel::with_arch(&chain, arch, tile);
         let by_method = match physics.method {

@@ -97,7 +97,7 @@ impl Kernel {
         let rest = || Rest { overlap_m: chain.rest_overlap_m.clone(), force_n: chain.rest_force_n.clone() };
         Self {
             arch,
-            law: chain.law,
+            law: chain.law.clone(),
             inverse_mass: AVec::from_iter(CACHELINE_ALIGN, chain.mass_kg.iter().map(|m| 1.0 / m)),
             stiffness: aligned(&chain.stiffness),
             rest: chain.is_loaded().then(rest),

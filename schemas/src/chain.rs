@@ -1,6 +1,6 @@
 //! The resolved chain: one number for each bead and each contact, and sums over them.
 
-use crate::contact::{ContactLaw, Contacts, PowerUser};
+use crate::contact::{ContactLaw, Power, PowerUser, closed, evaluate};
 use crate::damping::ContactDamping;
 use crate::excess::{AtRest, Excess};
 use crate::simd::{ordered_sum, vectorized};
@@ -59,7 +59,7 @@ pub struct Wall {
 
 impl Wall {
     /// A wall whose contact has the stiffness `stiffness` and overlaps by `rest_overlap_m` at rest.
-    pub fn new(law: ContactLaw, stiffness: f64, rest_overlap_m: f64) -> Self {
+    pub fn new(law: &ContactLaw, stiffness: f64, rest_overlap_m: f64) -> Self {
         Self {
             stiffness,
             rest_overlap_m,
@@ -74,12 +74,12 @@ impl Wall {
     }
 
     /// Force (N) beyond that at rest when the end bead has come `approach_m` nearer.
-    pub fn excess_force_n(&self, law: ContactLaw, approach_m: f64) -> f64 {
+    pub fn excess_force_n(&self, law: &ContactLaw, approach_m: f64) -> f64 {
         law.force(self.stiffness, self.overlap_m(approach_m)) - self.rest_force_n
     }
 
     /// Energy (J) beyond that at rest, less the work of the constant force that the contact balances.
-    fn excess_energy_j(&self, law: ContactLaw, approach_m: f64) -> f64 {
+    fn excess_energy_j(&self, law: &ContactLaw, approach_m: f64) -> f64 {
         if self.stiffness == 0.0 {
             return 0.0;
         }
@@ -205,14 +205,14 @@ impl Chain {
             force_n: self.rest_force_n[contact],
             energy_j: self.rest_energy_j[contact],
         };
-        Excess::new(self.law).energy_j(at_rest, u_m[contact] - u_m[contact + 1], energy_j)
+        Excess::new(&self.law).energy_j(at_rest, u_m[contact] - u_m[contact + 1], energy_j)
     }
 
     /// The same energy (J) of the contacts with the left and with the right wall, 0 at free ends.
     pub fn wall_energies_j(&self, u_m: &[f64]) -> [f64; 2] {
         let Walls { left, right } = self.walls;
         let [left_m, right_m] = self.wall_approaches_m(u_m);
-        [left.excess_energy_j(self.law, left_m), right.excess_energy_j(self.law, right_m)]
+        [left.excess_energy_j(&self.law, left_m), right.excess_energy_j(&self.law, right_m)]
     }
 
     /// How much nearer (m) than at rest the end beads are to the left and to the right wall.
@@ -246,29 +246,39 @@ impl<const LOADED: bool> PowerUser for ContactEnergies<'_, LOADED> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, zero_below_m: f64, power: impl Fn(f64) -> f64 + Copy) {
-        let contacts = self.chain.contact_count();
-        let (left_m, right_m) = (&self.u_m[..contacts], &self.u_m[1..=contacts]);
-        let stiffness = &self.chain.stiffness[..contacts];
-        let energy_j = &mut self.energy_j[..contacts];
-        let exponent = self.chain.law.alpha() + 1.0;
-        let energy_of = |overlap_m: f64, stiffness: f64| stiffness * power(overlap_m) * overlap_m / exponent;
+    fn run(self, power: impl Power) {
+        let Self { chain, u_m, energy_j } = self;
+        let contacts = chain.contact_count();
+        let (left_m, right_m, stiffness) = (&u_m[..contacts], &u_m[1..=contacts], &chain.stiffness[..]);
+        let (zero_up_to_m, exponent) = (chain.law.zero_up_to_m(), chain.law.alpha() + 1.0);
         if !LOADED {
-            let contacts = Contacts { left_m, right_m, stiffness, values: energy_j };
-            return contacts.evaluate_closed(zero_below_m, energy_of, |_, _| ());
+            return evaluate(
+                [left_m, right_m, stiffness],
+                energy_j,
+                power,
+                #[inline(always)]
+                |[left, right, _]| closed(left - right, zero_up_to_m),
+                #[inline(always)]
+                |[_, _, stiffness], overlap, power| stiffness * power * overlap / exponent,
+                #[inline(always)]
+                |_, any_closed| any_closed,
+            );
         }
-        let rest = &self.chain.rest_overlap_m[..contacts];
-        let rest_force = &self.chain.rest_force_n[..contacts];
-        let rest_energy = &self.chain.rest_energy_j[..contacts];
-        let excess = Excess::new(self.chain.law);
-        for c in 0..contacts {
-            let approach = left_m[c] - right_m[c];
-            let overlap = approach + rest[c];
-            let closed = overlap > zero_below_m;
-            let energy = energy_of(if closed { overlap } else { 1.0 }, stiffness[c]);
-            let at_rest = AtRest { overlap_m: rest[c], force_n: rest_force[c], energy_j: rest_energy[c] };
-            energy_j[c] = excess.energy_j(at_rest, approach, if closed { energy } else { 0.0 });
-        }
+        let excess = Excess::new(&chain.law);
+        evaluate(
+            [left_m, right_m, stiffness, &chain.rest_overlap_m, &chain.rest_force_n, &chain.rest_energy_j],
+            energy_j,
+            power,
+            #[inline(always)]
+            |[left, right, _, rest, ..]| closed((left - right) + rest, zero_up_to_m),
+            #[inline(always)]
+            |[left, right, stiffness, overlap_m, force_n, energy_j], overlap, power| {
+                let energy = stiffness * power * overlap / exponent;
+                excess.energy_j(AtRest { overlap_m, force_n, energy_j }, left - right, energy)
+            },
+            #[inline(always)]
+            |_, _| true,
+        );
     }
 }
 
@@ -296,7 +306,7 @@ mod tests {
             let law = ContactLaw::new(alpha);
             let u_m: Vec<f64> = (0..40_u32).map(|i| f64::from((i * 37) % 17) * 1e-5).collect();
             let (mass_kg, stiffness) = (vec![1.0; 40], vec![1e7; 39]);
-            let chain = Chain::new(mass_kg, stiffness, vec![0.0; 39], Walls::default(), law);
+            let chain = Chain::new(mass_kg, stiffness, vec![0.0; 39], Walls::default(), law.clone());
             let mut energy_j = vec![0.0; 39];
             chain.contact_energies_j(&u_m, &mut energy_j);
             for (c, energy) in energy_j.iter().enumerate() {
@@ -310,16 +320,16 @@ mod tests {
     #[test]
     fn the_energy_of_a_loaded_chain_is_its_excess_over_rest() {
         let law = ContactLaw::new(3.0);
-        let wall = Wall::new(law, 4.0, 0.5);
+        let wall = Wall::new(&law, 4.0, 0.5);
         let walls = Walls { left: wall, right: wall };
-        let chain = Chain::new(vec![1.0; 2], vec![4.0], vec![0.5], walls, law);
+        let chain = Chain::new(vec![1.0; 2], vec![4.0], vec![0.5], walls, law.clone());
         assert_eq!(chain.energy(&[0.0; 2], &[0.0; 2], &mut [0.0]).total_j(), 0.0);
         let mut contact_j = [0.0];
         chain.contact_energies_j(&[0.5, 0.0], &mut contact_j);
         assert_eq!(contact_j, [1.0 - 1.0 / 16.0 - 0.5 * 0.5]);
         // the left wall gives back what it stored, and its constant force is worked against
         assert_eq!(chain.wall_energies_j(&[0.5, 0.0]), [-1.0 / 16.0 + 0.5 * 0.5, 0.0]);
-        assert_eq!(wall.excess_force_n(law, 0.5), 4.0 - 0.5);
-        assert_eq!(wall.excess_force_n(law, -1.0), -0.5);
+        assert_eq!(wall.excess_force_n(&law, 0.5), 4.0 - 0.5);
+        assert_eq!(wall.excess_force_n(&law, -1.0), -0.5);
     }
 }

@@ -3,10 +3,11 @@
 //! Force and energy share one power so that they are consistent to rounding, in every loop that evaluates
 //! them: the dynamics, the analyses, or a re-simulation.
 
-use crate::power::power;
+use crate::power::{PowerTable, Powers, bounds};
+use std::sync::Arc;
 
 /// How `δ^α` is computed. Each form is exact to its own rounding and is part of the bits of a run.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone)]
 enum Form {
     /// α = 1: `δ`
     Linear,
@@ -18,13 +19,13 @@ enum Form {
     Cube,
     /// α = 5: `(δ·δ)·(δ·δ)·δ`
     Fifth,
-    /// any other α: [`power`]
-    General,
+    /// any other α
+    General(Arc<PowerTable>),
 }
 
 /// `F = k·δ^α` for `δ > 0`, otherwise 0.
 ///
-/// Overlaps up to [`ContactLaw::zero_below_m`] give exactly zero force and energy, so that no
+/// Overlaps up to [`ContactLaw::zero_up_to_m`] give exactly zero force and energy, so that no
 /// force or energy of a closed contact is ever subnormal.
 ///
 /// ```
@@ -34,15 +35,22 @@ enum Form {
 /// assert_eq!(hertz.energy(1_048_576.0, overlap_m), 4.0 * overlap_m / 2.5); // F·δ/(α + 1)
 /// assert_eq!(hertz.force(1e7, -1.0), 0.0); // an open contact
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct ContactLaw {
     alpha: f64,
-    zero_below_m: f64,
+    zero_up_to_m: f64,
     form: Form,
 }
 
+/// The exponent is all that tells laws apart.
+impl PartialEq for ContactLaw {
+    fn eq(&self, other: &Self) -> bool {
+        self.alpha == other.alpha
+    }
+}
+
 impl ContactLaw {
-    /// The law with exponent `alpha ≥ 1` (dimensionless).
+    /// The law with exponent `alpha` (dimensionless), from 1 to 1000.
     pub fn new(alpha: f64) -> Self {
         let form = match alpha {
             1.0 => Form::Linear,
@@ -50,9 +58,13 @@ impl ContactLaw {
             2.0 => Form::Square,
             3.0 => Form::Cube,
             5.0 => Form::Fifth,
-            _ => Form::General,
+            _ => Form::General(PowerTable::shared(alpha)),
         };
-        Self { alpha, zero_below_m: zero_bound_m(alpha), form }
+        let zero_up_to_m = match &form {
+            Form::General(table) => table.zero_up_to(),
+            _ => bounds(alpha)[0],
+        };
+        Self { alpha, zero_up_to_m, form }
     }
 
     /// The exponent α.
@@ -60,59 +72,54 @@ impl ContactLaw {
         self.alpha
     }
 
-    /// Overlaps (m) at or below this give zero force: `2^(−900/(α+1))`, so that `δ^(α+1)` of any larger
-    /// overlap is above `2^−900`, a normal double with room for `k/(α+1)`.
-    pub fn zero_below_m(&self) -> f64 {
-        self.zero_below_m
+    /// Overlaps (m) up to this give zero force. `δ^(α+1)` of any larger overlap is above `2^−900`, a normal double with
+    /// room for `k/(α+1)`.
+    pub fn zero_up_to_m(&self) -> f64 {
+        self.zero_up_to_m
+    }
+
+    /// The overlap (m) as it counts in forces and energies: 0 in an open contact.
+    fn closed_m(&self, overlap_m: f64) -> f64 {
+        closed(overlap_m, self.zero_up_to_m)
     }
 
     /// Force (N) of a contact of stiffness `stiffness` (N·m^−α) and overlap `overlap_m` (m).
     pub fn force(&self, stiffness: f64, overlap_m: f64) -> f64 {
-        if overlap_m > self.zero_below_m { stiffness * self.power_of(overlap_m) } else { 0.0 }
+        stiffness * self.power_of(self.closed_m(overlap_m))
     }
 
     /// Potential energy (J), `k·δ^(α+1)/(α+1)`.
     pub fn energy(&self, stiffness: f64, overlap_m: f64) -> f64 {
-        self.force(stiffness, overlap_m) * overlap_m / (self.alpha + 1.0)
+        self.force(stiffness, overlap_m) * self.closed_m(overlap_m) / (self.alpha + 1.0)
     }
 
-    /// Calls `user` with the power of this law as a function that the compiler can inline into
+    /// Calls `user` with the power of this law as something that the compiler can inline into
     /// `user`'s loops: one copy of the loop for each form of the power, none with a branch in it.
     #[inline(always)]
     pub fn with_power<U: PowerUser>(&self, user: U) -> U::Output {
-        let (alpha, bound) = (self.alpha, self.zero_below_m);
         // a closure that is not inlined would be compiled without the caller's instruction set
-        match self.form {
-            Form::Linear => user.run(
-                bound,
+        match &self.form {
+            Form::Linear => user.run(Each(
                 #[inline(always)]
                 |d| d,
-            ),
-            Form::Hertz => user.run(
-                bound,
+            )),
+            Form::Hertz => user.run(Each(
                 #[inline(always)]
                 |d: f64| d * d.sqrt(),
-            ),
-            Form::Square => user.run(
-                bound,
+            )),
+            Form::Square => user.run(Each(
                 #[inline(always)]
                 |d| d * d,
-            ),
-            Form::Cube => user.run(
-                bound,
+            )),
+            Form::Cube => user.run(Each(
                 #[inline(always)]
                 |d| d * d * d,
-            ),
-            Form::Fifth => user.run(
-                bound,
+            )),
+            Form::Fifth => user.run(Each(
                 #[inline(always)]
                 |d| (d * d) * (d * d) * d,
-            ),
-            Form::General => user.run(
-                bound,
-                #[inline(always)]
-                move |d| power(d, alpha),
-            ),
+            )),
+            Form::General(table) => user.run(table.powers()),
         }
     }
 
@@ -121,8 +128,8 @@ impl ContactLaw {
         struct One(f64);
         impl PowerUser for One {
             type Output = f64;
-            fn run(self, _: f64, power: impl Fn(f64) -> f64 + Copy) -> f64 {
-                power(self.0)
+            fn run(self, power: impl Power) -> f64 {
+                power.raise_one(self.0)
             }
         }
         self.with_power(One(overlap_m))
@@ -134,96 +141,137 @@ pub trait PowerUser {
     /// What it computes.
     type Output;
 
-    /// Runs with `power(δ) = δ^α`, to be trusted for `δ > zero_below_m` only: smaller overlaps have
-    /// no force, and the caller selects 0 for them.
-    fn run(self, zero_below_m: f64, power: impl Fn(f64) -> f64 + Copy) -> Self::Output;
+    /// Runs with the power of a law.
+    fn run(self, power: impl Power) -> Self::Output;
+}
+
+/// `δ^α` of overlaps that are 0 or large enough, see [`closed`]; 0 of 0.
+pub trait Power: Copy {
+    /// Of a block of overlaps.
+    fn raise(self, overlaps: &[f64; BLOCK]) -> [f64; BLOCK];
+
+    /// Of one overlap.
+    fn raise_one(self, overlap: f64) -> f64;
+}
+
+/// A power that is computed without a table.
+#[derive(Clone, Copy)]
+struct Each<F>(F);
+
+impl<F: Fn(f64) -> f64 + Copy> Power for Each<F> {
+    #[inline(always)]
+    fn raise(self, overlaps: &[f64; BLOCK]) -> [f64; BLOCK] {
+        let mut powers = [0.0; BLOCK];
+        for c in 0..BLOCK {
+            powers[c] = (self.0)(overlaps[c]);
+        }
+        powers
+    }
+
+    #[inline(always)]
+    fn raise_one(self, overlap: f64) -> f64 {
+        (self.0)(overlap)
+    }
+}
+
+impl Power for Powers<'_> {
+    #[inline(always)]
+    fn raise(self, overlaps: &[f64; BLOCK]) -> [f64; BLOCK] {
+        Powers::raise(self, overlaps)
+    }
+
+    #[inline(always)]
+    fn raise_one(self, overlap: f64) -> f64 {
+        Powers::raise_one(self, overlap)
+    }
 }
 
 /// Contacts that are looked at together. Loops over fewer are not compiled for vectors.
 pub const BLOCK: usize = 32;
 
-/// Neighbouring contacts that are open at rest, as slices of one length.
-#[derive(Debug)]
-pub struct Contacts<'a> {
-    /// Displacements (m) of the beads on the left.
-    pub left_m: &'a [f64],
-    /// Displacements (m) of the beads on the right.
-    pub right_m: &'a [f64],
-    /// Stiffnesses (N·m^−α).
-    pub stiffness: &'a [f64],
-    /// Where the values go.
-    pub values: &'a mut [f64],
-}
-
-impl Contacts<'_> {
-    /// Sets the value of each contact that overlaps by more than `zero_below_m` to `value(overlap, stiffness)`, that of each
-    /// other contact to 0. Blocks with no closed contact are skipped; `note(number, any_closed)` is called for each block,
-    /// counted from 0.
-    ///
-    /// Call it through [`vectorized`](crate::simd::vectorized).
-    #[inline(always)]
-    pub fn evaluate_closed(
-        self,
-        zero_below_m: f64,
-        value: impl Fn(f64, f64) -> f64,
-        mut note: impl FnMut(usize, bool),
-    ) {
-        let (left, left_rest) = self.left_m.as_chunks::<BLOCK>();
-        let (right, right_rest) = self.right_m.as_chunks::<BLOCK>();
-        let (stiffness, stiffness_rest) = self.stiffness.as_chunks::<BLOCK>();
-        let (values, values_rest) = self.values.as_chunks_mut::<BLOCK>();
-        let whole = left.len();
-        for (block, (((left, right), stiffness), values)) in
-            left.iter().zip(right).zip(stiffness).zip(values).enumerate()
-        {
-            let any_closed = any_closed(left, right, zero_below_m);
-            note(block, any_closed);
-            if any_closed {
-                evaluate([left, right, stiffness], values, zero_below_m, &value);
-            } else {
-                *values = [0.0; BLOCK];
-            }
-        }
-        if !values_rest.is_empty() {
-            note(whole, any_closed(left_rest, right_rest, zero_below_m));
-            evaluate([left_rest, right_rest, stiffness_rest], values_rest, zero_below_m, &value);
-        }
-    }
-}
-
+/// Evaluates neighbouring contacts, of which `known` has `K` numbers each, into `values`: `value(known, δ, δ^α)` with
+/// `δ = overlap(known)`, as [`closed`] has it. `takes(number, any_closed)` is asked for each block, counted from 0, whether it is
+/// to be evaluated; the values of the others are 0.
+///
+/// Call it through [`vectorized`](crate::simd::vectorized).
 #[inline(always)]
-fn any_closed(left: &[f64], right: &[f64], zero_below_m: f64) -> bool {
-    let mut any_closed = false;
-    for c in 0..left.len() {
-        any_closed |= left[c] - right[c] > zero_below_m;
-    }
-    any_closed
-}
-
-#[inline(always)]
-fn evaluate(
-    [left, right, stiffness]: [&[f64]; 3],
+pub fn evaluate<const K: usize>(
+    known: [&[f64]; K],
     values: &mut [f64],
-    zero_below_m: f64,
-    value: &impl Fn(f64, f64) -> f64,
+    power: impl Power,
+    overlap: impl Fn([f64; K]) -> f64,
+    value: impl Fn([f64; K], f64, f64) -> f64,
+    mut takes: impl FnMut(usize, bool) -> bool,
 ) {
-    for c in 0..values.len() {
-        let overlap = left[c] - right[c];
-        let closed = overlap > zero_below_m;
-        // computed in any case: a loop with a branch would have no vectors
-        let found = value(if closed { overlap } else { 1.0 }, stiffness[c]);
-        values[c] = if closed { found } else { 0.0 };
+    let (values, values_rest) = values.as_chunks_mut::<BLOCK>();
+    // one check for each slice instead of one for each number
+    let blocks = known.map(
+        #[inline(always)]
+        |numbers| &numbers.as_chunks::<BLOCK>().0[..values.len()],
+    );
+    for (block, values) in values.iter_mut().enumerate() {
+        let known = blocks.map(
+            #[inline(always)]
+            |blocks| &blocks[block],
+        );
+        *values = evaluate_block(known, power, &overlap, &value, |any_closed| takes(block, any_closed));
+    }
+    if !values_rest.is_empty() {
+        // the same block, filled up by contacts that nobody asked for
+        let filled = known.map(|numbers| {
+            let mut filled = [0.0; BLOCK];
+            let rest = &numbers[values.len() * BLOCK..][..values_rest.len()];
+            filled[..rest.len()].copy_from_slice(rest);
+            filled
+        });
+        let known = filled.each_ref();
+        let found =
+            evaluate_block(known, power, &overlap, &value, |any_closed| takes(values.len(), any_closed));
+        values_rest.copy_from_slice(&found[..values_rest.len()]);
     }
 }
 
-/// `2^(−900/(α+1))` (m).
-fn zero_bound_m(alpha: f64) -> f64 {
-    power(2.0, -900.0 / (alpha + 1.0))
+#[inline(always)]
+fn evaluate_block<const K: usize>(
+    known: [&[f64; BLOCK]; K],
+    power: impl Power,
+    overlap: &impl Fn([f64; K]) -> f64,
+    value: &impl Fn([f64; K], f64, f64) -> f64,
+    takes: impl FnOnce(bool) -> bool,
+) -> [f64; BLOCK] {
+    let mut overlaps = [0.0; BLOCK];
+    let mut any_closed = false;
+    for c in 0..BLOCK {
+        overlaps[c] = overlap(known.map(
+            #[inline(always)]
+            |numbers| numbers[c],
+        ));
+        any_closed |= overlaps[c] != 0.0;
+    }
+    let mut values = [0.0; BLOCK];
+    if takes(any_closed) {
+        let powers = power.raise(&overlaps);
+        for c in 0..BLOCK {
+            let known = known.map(
+                #[inline(always)]
+                |numbers| numbers[c],
+            );
+            values[c] = value(known, overlaps[c], powers[c]);
+        }
+    }
+    values
+}
+
+/// An overlap (m) as it counts in forces and energies: 0 up to `zero_up_to_m`.
+#[inline(always)]
+pub fn closed(overlap_m: f64, zero_up_to_m: f64) -> f64 {
+    if overlap_m > zero_up_to_m { overlap_m } else { 0.0 }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::power::power;
 
     #[test]
     fn short_cuts_agree_with_the_general_power_to_rounding() {
@@ -241,9 +289,9 @@ mod tests {
     fn closed_contacts_never_have_subnormal_force_or_energy() {
         for alpha in [1.0, 1.01, 1.5, 2.2, 5.0, 10.0, 150.0, 1000.0] {
             let law = ContactLaw::new(alpha);
-            let smallest = law.zero_below_m() * (1.0 + f64::EPSILON);
+            let smallest = law.zero_up_to_m() * (1.0 + f64::EPSILON);
             assert!(law.energy(1e-3, smallest) >= f64::MIN_POSITIVE, "α = {alpha}");
-            assert_eq!(law.force(1e7, law.zero_below_m()), 0.0);
+            assert_eq!(law.force(1e7, law.zero_up_to_m()), 0.0);
         }
     }
 

@@ -82,12 +82,12 @@ fn arc_tangent(x: f64) -> f64 {
     // four halvings of the angle leave x below 0.05, where eight terms of the series reach rounding
     let mut small = x;
     for _ in 0..4 {
-        small /= 1.0 + small.mul_add(small, 1.0).sqrt();
+        small /= 1.0 + (small * small + 1.0).sqrt();
     }
     let square = -small * small;
     let mut sum: f64 = 0.0;
     for term in (0..8_u32).rev() {
-        sum = sum.mul_add(square, 1.0 / f64::from(2 * term + 1));
+        sum = sum * square + 1.0 / f64::from(2 * term + 1);
     }
     16.0 * (small * sum)
 }
@@ -181,7 +181,7 @@ pub fn damped_force<const OVERLAP: bool>(
 ) -> f64 {
     // δ^((α−1)/2) = √(δ^α/δ): no second power
     let factor = if OVERLAP { (power / overlap_m).sqrt() } else { 1.0 };
-    let force = (coefficient * factor).mul_add(rate_m_s, elastic_n);
+    let force = elastic_n + coefficient * factor * rate_m_s;
     if force > 0.0 { force } else { 0.0 }
 }
 

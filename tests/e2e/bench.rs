@@ -1,15 +1,16 @@
 //! The bench measures what it says. Whether floors are kept is for a quiet machine to say.
 
 use crate::harness::{Place, Running};
+use std::ops::RangeInclusive;
 
-/// Measures one group once, which makes `count` rows.
-fn measure(group: &str, count: usize) {
+/// Measures one group once, which makes so many rows.
+fn measure(group: &str, count: RangeInclusive<usize>) {
     let place = Place::new();
     let ended = place.run(&format!("bench --rounds 1 --json --only {group}"));
     assert!([0, 3].contains(&ended.code().unwrap_or(-1)), "{}", ended.stderr());
     let table = ended.json();
     let rows = table["rows"].as_array().expect("rows");
-    assert_eq!(rows.len(), count);
+    assert!(count.contains(&rows.len()), "{} rows", rows.len());
     for row in rows {
         let ratio = row["ratio"]["median"].as_f64().expect("a number");
         assert!(ratio > 0.0 && ratio.is_finite(), "{row}");
@@ -20,22 +21,23 @@ fn measure(group: &str, count: usize) {
 
 #[test]
 fn dynamics_are_measured_and_judged() {
-    measure("dynamics", 3);
+    // one for each instruction set that is there
+    measure("dynamics", 4..=6);
 }
 
 #[test]
 fn recordings_are_measured_and_judged() {
-    measure("recordings", 7);
+    measure("recordings", 7..=7);
 }
 
 #[test]
 fn analyses_are_measured_and_judged() {
-    measure("analyses", 3);
+    measure("analyses", 3..=3);
 }
 
 #[test]
 fn streaming_is_measured_and_judged_and_loses_no_frame() {
-    measure("streaming", 7);
+    measure("streaming", 7..=7);
 }
 
 #[test]

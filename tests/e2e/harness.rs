@@ -227,3 +227,8 @@ pub(crate) fn python() -> Option<PathBuf> {
             .map(|path| std::path::absolute(PathBuf::from(path)).unwrap()),
     )
 }
+
+/// The Node.js of `tests/setup`, or none.
+pub(crate) fn node() -> Option<PathBuf> {
+    python().map(|python| python.with_file_name("node"))
+}

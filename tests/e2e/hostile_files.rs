@@ -11,7 +11,7 @@ use std::path::Path;
 const COMMANDS: [&str; 5] = ["info", "verify", "energies", "contacts", "recover --out saved.mcap --force"];
 
 fn golden(name: &str) -> Vec<u8> {
-    fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/1.0-kernel-1").join(name)).unwrap()
+    fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/1.0-kernel-2").join(name)).unwrap()
 }
 
 /// A short version of what `beadline-hostile`'s program `mutate` does for longer:

@@ -12,7 +12,7 @@ const METADATA: u8 = 0x0c;
 const CHUNK: u8 = 0x06;
 
 /// The states of `run.mcap`: step and `[u | v]`.
-fn run(place: &Place) -> (RunManifest, Vec<(u64, Vec<f64>)>) {
+pub(crate) fn run(place: &Place) -> (RunManifest, Vec<(u64, Vec<f64>)>) {
     place.run(SMALL).exits(0);
     let mut source = RecordingSource::open(&place.path("run.mcap")).unwrap();
     let (manifest, mut states) = (source.manifest().clone(), Vec::new());
@@ -23,7 +23,7 @@ fn run(place: &Place) -> (RunManifest, Vec<(u64, Vec<f64>)>) {
 }
 
 /// A recording of these states, in small uncompressed chunks.
-fn write<'a>(
+pub(crate) fn write<'a>(
     place: &Place,
     name: &str,
     manifest: &RunManifest,

@@ -15,6 +15,7 @@ mod guide;
 mod harness;
 mod hostile_files;
 mod house;
+mod kernel;
 mod keys;
 mod long_runs;
 mod lying;

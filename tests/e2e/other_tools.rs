@@ -70,11 +70,13 @@ fn a_reader_from_the_page_alone_reads_the_same_doubles() {
         .exits(0);
     read(&["gear.mcap"]).exits(0);
 
-    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/1.0-kernel-1");
-    for entry in fs::read_dir(golden).unwrap() {
-        let path = entry.unwrap().path();
-        if path.extension().is_some_and(|end| end != "json") {
-            read(&[path.to_str().unwrap()]).exits(0);
+    for version in ["1.0-kernel-1", "1.0-kernel-2"] {
+        let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(version);
+        for entry in fs::read_dir(golden).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_some_and(|end| end != "json") {
+                read(&[path.to_str().unwrap()]).exits(0);
+            }
         }
     }
 

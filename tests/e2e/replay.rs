@@ -310,7 +310,7 @@ fn a_recording_of_another_kernel_is_replayed_as_it_is() {
     assert_eq!((told.end, told.manifest), (EndReason::Complete, manifest));
     place
         .run("replay other.mcap --every-step")
-        .exits(2)
+        .exits(3)
         .says(&["kernel version", "does not hold every frame"]);
 }
 

@@ -47,7 +47,7 @@ impl Dissipation {
             kernel.dissipated_power(&self.u_m, &self.v_m_s, &mut self.power_w);
             let work = state.extra.len() - beads;
             for (work_j, power_w) in state.extra[work..].iter_mut().zip(&self.power_w) {
-                *work_j = (0.5 * dt_s).mul_add(*power_w, *work_j);
+                *work_j += 0.5 * dt_s * *power_w;
             }
         }
     }
@@ -62,9 +62,9 @@ fn motion_at(node: f64, dt_s: f64, terms: Terms<'_>, [u_m, v_m_s]: [&mut [f64]; 
     let (q2, q3, q4, q5) = (&q2[..n], &q3[..n], &q4[..n], &q5[..n]);
     let (per_dt, node_s) = (node / dt_s, node * dt_s);
     for i in 0..n {
-        let higher = node.mul_add(node.mul_add(node.mul_add(q5[i], q4[i]), q3[i]), q2[i]);
-        u_m[i] = (node * node).mul_add(higher, node_s.mul_add(v[i], q0[i]));
-        let slope = node.mul_add(node.mul_add(5.0 * q5[i], 4.0 * q4[i]), 3.0 * q3[i]);
-        v_m_s[i] = per_dt.mul_add(node.mul_add(slope, 2.0 * q2[i]), v[i]);
+        let higher = ((q5[i] * node + q4[i]) * node + q3[i]) * node + q2[i];
+        u_m[i] = (node * node) * higher + (node_s * v[i] + q0[i]);
+        let slope = (5.0 * q5[i] * node + 4.0 * q4[i]) * node + 3.0 * q3[i];
+        v_m_s[i] = per_dt * (slope * node + 2.0 * q2[i]) + v[i];
     }
 }

@@ -66,7 +66,7 @@ fn skipping_and_vectors_change_no_bit() {
                 let mut naive = start.clone();
                 let mut ours: Vec<_> = archs
                     .iter()
-                    .map(|arch| (Integrator::with_arch(&physics, *arch, TILE), start.clone()))
+                    .map(|arch| (Integrator::with_arch(&physics, *arch), start.clone()))
                     .collect();
                 for _ in 0..400 {
                     naive::step(&physics, &mut naive);
@@ -103,7 +103,7 @@ fn tiles_and_steps_together_change_no_bit() {
             start.v_m_s[1200] = -0.0;
             let mut naive = start.clone();
             let mut ours = [416, 448, TILE]
-                .map(|tile| (Integrator::with_arch(&physics, Arch::new(), tile), start.clone()));
+                .map(|tile| (Integrator::with_tiles(&physics, Arch::new(), tile), start.clone()));
             let mut together = ours.clone();
             for _ in 0..100 {
                 naive::step(&physics, &mut naive);

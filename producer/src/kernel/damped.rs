@@ -4,7 +4,7 @@ use super::{Kernel, Pass};
 use aligned_vec::avec;
 use pulp::Arch;
 use schemas::chain::Chain;
-use schemas::contact::{ContactLaw, PowerUser};
+use schemas::contact::{ContactLaw, Power, PowerUser, closed, evaluate};
 use schemas::damping::{ContactDamping, Damping, damped_force};
 use schemas::simd::vectorized;
 use std::ops::Range;
@@ -96,7 +96,7 @@ impl Kernel {
             coefficient: &damped.contacts.coefficient[first..end],
             out,
         };
-        dispatch(self.arch, self.law, motion, damped.is_by_overlap(), wanted);
+        dispatch(self.arch, &self.law, motion, damped.is_by_overlap(), wanted);
     }
 
     /// What the walls do to the end beads that are active: `[left, right]`.
@@ -126,22 +126,27 @@ impl Kernel {
                 coefficient: &[damped.contacts.wall_coefficient[end]],
                 out: &mut found[end..=end],
             };
-            dispatch(self.arch, self.law, motion, damped.is_by_overlap(), wanted);
+            dispatch(self.arch, &self.law, motion, damped.is_by_overlap(), wanted);
         }
         found
     }
 }
 
 /// Runs the loop over contacts that `by_overlap` and `wanted` ask for.
-fn dispatch(arch: Arch, law: ContactLaw, motion: Motion<'_>, by_overlap: bool, wanted: Wanted) {
+fn dispatch(arch: Arch, law: &ContactLaw, motion: Motion<'_>, by_overlap: bool, wanted: Wanted) {
+    let zero_up_to_m = law.zero_up_to_m();
     vectorized(
         arch,
         #[inline(always)]
         || match (by_overlap, wanted) {
-            (true, Wanted::Force) => law.with_power(DampedContacts::<true, false>(motion)),
-            (true, Wanted::DissipatedPower) => law.with_power(DampedContacts::<true, true>(motion)),
-            (false, Wanted::Force) => law.with_power(DampedContacts::<false, false>(motion)),
-            (false, Wanted::DissipatedPower) => law.with_power(DampedContacts::<false, true>(motion)),
+            (true, Wanted::Force) => law.with_power(DampedContacts::<true, false> { motion, zero_up_to_m }),
+            (true, Wanted::DissipatedPower) => {
+                law.with_power(DampedContacts::<true, true> { motion, zero_up_to_m });
+            }
+            (false, Wanted::Force) => law.with_power(DampedContacts::<false, false> { motion, zero_up_to_m }),
+            (false, Wanted::DissipatedPower) => {
+                law.with_power(DampedContacts::<false, true> { motion, zero_up_to_m });
+            }
         },
     );
 }
@@ -158,33 +163,48 @@ struct Motion<'a> {
 }
 
 /// The loop over contacts: their forces, or with `POWER` the power that they dissipate.
-struct DampedContacts<'a, const BY_OVERLAP: bool, const POWER: bool>(Motion<'a>);
+struct DampedContacts<'a, const BY_OVERLAP: bool, const POWER: bool> {
+    motion: Motion<'a>,
+    zero_up_to_m: f64,
+}
 
 impl<const BY_OVERLAP: bool, const POWER: bool> PowerUser for DampedContacts<'_, BY_OVERLAP, POWER> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, zero_below_m: f64, power: impl Fn(f64) -> f64 + Copy) {
-        let Motion { u_m, v_m_s, stiffness, rest_overlap, rest_force, coefficient, out } = self.0;
-        let contacts = out.len();
-        let (left, right) = (&u_m[..contacts], &u_m[1..=contacts]);
-        let (v_left, v_right) = (&v_m_s[..contacts], &v_m_s[1..=contacts]);
-        let (stiffness, coefficient) = (&stiffness[..contacts], &coefficient[..contacts]);
-        let (rest_overlap, rest_force) = (&rest_overlap[..contacts], &rest_force[..contacts]);
-        for c in 0..contacts {
-            let overlap = (left[c] - right[c]) + rest_overlap[c];
-            let rate = v_left[c] - v_right[c];
-            let closed = overlap > zero_below_m;
-            let d = if closed { overlap } else { 1.0 };
-            let raised = power(d);
-            let elastic = stiffness[c] * raised;
-            let force = damped_force::<BY_OVERLAP>(elastic, raised, d, coefficient[c], rate);
-            out[c] = if POWER {
-                if closed { (force - elastic) * rate } else { 0.0 }
-            } else {
-                (if closed { force } else { 0.0 }) - rest_force[c]
-            };
-        }
+    fn run(self, power: impl Power) {
+        let Motion { u_m, v_m_s, stiffness, rest_overlap, rest_force, coefficient, out } = self.motion;
+        let (zero_up_to_m, contacts) = (self.zero_up_to_m, out.len());
+        evaluate(
+            [
+                &u_m[..contacts],
+                &u_m[1..],
+                &v_m_s[..contacts],
+                &v_m_s[1..],
+                stiffness,
+                rest_overlap,
+                rest_force,
+                coefficient,
+            ],
+            out,
+            power,
+            #[inline(always)]
+            |[left, right, _, _, _, rest, ..]| closed((left - right) + rest, zero_up_to_m),
+            #[inline(always)]
+            |[_, _, v_left, v_right, stiffness, _, rest_force, coefficient], overlap, raised| {
+                let (rate, elastic) = (v_left - v_right, stiffness * raised);
+                // of 0/0 in an open contact nothing is taken
+                let force = damped_force::<BY_OVERLAP>(elastic, raised, overlap, coefficient, rate);
+                let is_closed = overlap != 0.0;
+                if POWER {
+                    if is_closed { (force - elastic) * rate } else { 0.0 }
+                } else {
+                    (if is_closed { force } else { 0.0 }) - rest_force
+                }
+            },
+            #[inline(always)]
+            |_, _| true,
+        );
     }
 }
 
@@ -197,7 +217,7 @@ mod tests {
     /// Two beads between walls, k = 4, α = 3, η = 2, at rest overlaps of ½ (force ½).
     fn chain(kind: Damping) -> Chain {
         let law = ContactLaw::new(3.0);
-        let wall = Wall::new(law, 4.0, 0.5);
+        let wall = Wall::new(&law, 4.0, 0.5);
         let walls = Walls { left: wall, right: wall };
         let contacts = ContactDamping { kind, coefficient: vec![2.0], wall_coefficient: [2.0, 2.0] };
         let chain = Chain::new(vec![1.0; 2], vec![4.0], vec![0.5], walls, law);

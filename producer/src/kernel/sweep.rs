@@ -7,7 +7,7 @@
 
 use super::{Kernel, Rest};
 use schemas::chain::Walls;
-use schemas::contact::{BLOCK, ContactLaw, Contacts, PowerUser};
+use schemas::contact::{BLOCK, ContactLaw, Power, PowerUser, closed, evaluate};
 use schemas::simd::vectorized;
 use std::ops::Range;
 
@@ -39,7 +39,7 @@ impl Kernel {
         let reach = passes.iter().filter(|pass| **pass == Pass::Forces).count();
         let beads = self.reached(reach);
         debug_assert!(passes.len() <= self.passes_of_a_sweep(), "no pass is a whole tile behind the first");
-        let law = self.law;
+        let law = &self.law;
         let sweep = Sweep {
             passes,
             tile: self.tile,
@@ -102,14 +102,14 @@ struct Sweep<'a> {
     stiffness: &'a [f64],
     rest: Option<&'a Rest>,
     walls: Walls,
-    law: ContactLaw,
+    law: &'a ContactLaw,
 }
 
 impl PowerUser for Sweep<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(mut self, zero_below_m: f64, power: impl Fn(f64) -> f64 + Copy) {
+    fn run(mut self, power: impl Power) {
         let (first, last) = (self.beads.start, self.beads.end);
         let mut start = first;
         while start < last {
@@ -123,7 +123,7 @@ impl PowerUser for Sweep<'_> {
                     Pass::KickKickDrift { last_kick_s, kick_s, drift_s } => {
                         self.kick_drift([last_kick_s, kick_s], drift_s, beads);
                     }
-                    Pass::Forces => self.evaluate_forces(beads, zero_below_m, power),
+                    Pass::Forces => self.evaluate_forces(beads, power),
                     Pass::Kick { kick_s } => self.kick(kick_s, beads),
                 }
             }
@@ -178,10 +178,10 @@ impl Sweep<'_> {
         for i in 0..count {
             let (mut velocity, force) = (v[i], left[i] - right[i]);
             for kick_s in kicks_s {
-                velocity = (kick_s * inverse_mass[i]).mul_add(force, velocity);
+                velocity += kick_s * inverse_mass[i] * force;
             }
             v[i] = velocity;
-            u[i] = drift_s.mul_add(velocity, u[i]);
+            u[i] += drift_s * velocity;
         }
     }
 
@@ -189,7 +189,7 @@ impl Sweep<'_> {
     fn drift_each(&mut self, drift_s: f64, start: usize) {
         let (u, v) = (&mut self.u_m[start..][..BLOCK], &self.v_m_s[start..][..BLOCK]);
         for i in 0..BLOCK {
-            u[i] = drift_s.mul_add(v[i], u[i]);
+            u[i] += drift_s * v[i];
         }
     }
 
@@ -199,32 +199,48 @@ impl Sweep<'_> {
         let inverse_mass = &self.inverse_mass[start..][..count];
         let v = &mut self.v_m_s[start..][..count];
         for i in 0..count {
-            v[i] = (kick_s * inverse_mass[i]).mul_add(left[i] - right[i], v[i]);
+            v[i] += kick_s * inverse_mass[i] * (left[i] - right[i]);
         }
     }
 
     /// Evaluates the contacts on the right of `beads`, and those of the end beads with walls.
     #[inline(always)]
-    fn evaluate_forces(&mut self, beads: Range<usize>, zero_below_m: f64, power: impl Fn(f64) -> f64 + Copy) {
+    fn evaluate_forces(&mut self, beads: Range<usize>, power: impl Power) {
         let (first, count) = (beads.start, self.stiffness.len());
-        let end = if beads.end < count { beads.end } else { count };
-        let contacts = Contacts {
-            left_m: &self.u_m[first..end],
-            right_m: &self.u_m[first + 1..=end],
-            stiffness: &self.stiffness[first..end],
-            values: &mut self.force[first + 1..=end],
-        };
+        let contacts = first..if beads.end < count { beads.end } else { count };
+        let (left_m, right_m) = (&self.u_m[contacts.clone()], &self.u_m[first + 1..=contacts.end]);
+        let stiffness = &self.stiffness[contacts.clone()];
+        let force = &mut self.force[first + 1..=contacts.end];
         let presses = &mut self.presses[first / BLOCK..];
+        let zero_up_to_m = self.law.zero_up_to_m();
         match self.rest {
-            None => contacts.evaluate_closed(
-                zero_below_m,
+            None => evaluate(
+                [left_m, right_m, stiffness],
+                force,
+                power,
                 #[inline(always)]
-                |overlap_m, stiffness| stiffness * power(overlap_m),
+                |[left, right, _]| closed(left - right, zero_up_to_m),
                 #[inline(always)]
-                |block, any_closed| presses[block] = any_closed,
+                |[_, _, stiffness], _, power| stiffness * power,
+                #[inline(always)]
+                |block, any_closed| {
+                    presses[block] = any_closed;
+                    any_closed
+                },
             ),
             Some(rest) => {
-                evaluate_loaded(contacts, rest, first, zero_below_m, power);
+                let (overlap_m, force_n) = (&rest.overlap_m[contacts.clone()], &rest.force_n[contacts]);
+                evaluate(
+                    [left_m, right_m, stiffness, overlap_m, force_n],
+                    force,
+                    power,
+                    #[inline(always)]
+                    |[left, right, _, rest, _]| closed((left - right) + rest, zero_up_to_m),
+                    #[inline(always)]
+                    |[.., stiffness, _, rest], _, power| stiffness * power - rest,
+                    #[inline(always)]
+                    |_, _| true,
+                );
                 presses[..beads.len().div_ceil(BLOCK)].fill(true);
             }
         }
@@ -250,28 +266,4 @@ impl Sweep<'_> {
 fn in_blocks(beads: Range<usize>) -> (impl Iterator<Item = usize>, Range<usize>) {
     let rest = beads.end - beads.len() % BLOCK;
     ((beads.start..rest).step_by(BLOCK), rest..beads.end)
-}
-
-/// The forces of `contacts` in a loaded chain: overlaps count from those at rest, forces beyond those at rest. `first`
-/// is the number of the first contact.
-#[inline(always)]
-fn evaluate_loaded(
-    contacts: Contacts<'_>,
-    rest: &Rest,
-    first: usize,
-    zero_below_m: f64,
-    power: impl Fn(f64) -> f64 + Copy,
-) {
-    let Contacts { left_m, right_m, stiffness, values } = contacts;
-    let count = values.len();
-    let (left, right) = (&left_m[..count], &right_m[..count]);
-    let (stiffness, force) = (&stiffness[..count], &mut values[..count]);
-    let rest_overlap = &rest.overlap_m[first..][..count];
-    let rest_force = &rest.force_n[first..][..count];
-    for c in 0..count {
-        let overlap = (left[c] - right[c]) + rest_overlap[c];
-        let closed = overlap > zero_below_m;
-        let f = stiffness[c] * power(if closed { overlap } else { 1.0 });
-        force[c] = (if closed { f } else { 0.0 }) - rest_force[c];
-    }
 }

@@ -28,7 +28,7 @@ fn splitting(method: Method) -> Option<Vec<f64>> {
 
 /// Force (N) beyond that at rest of the contact on the left of bead `bead`, which may be that with a wall.
 fn left_force(chain: &Chain, u_m: &[f64], bead: usize) -> f64 {
-    let (law, walls) = (chain.law, chain.walls);
+    let (law, walls) = (&chain.law, chain.walls);
     if bead == 0 {
         law.force(walls.left.stiffness, -u_m[0] + walls.left.rest_overlap_m) - walls.left.rest_force_n
     } else if bead == u_m.len() {
@@ -47,9 +47,9 @@ fn naive_step(physics: &Physics, chain: &Chain, stages: &[f64], state: &mut Chai
             if stage % 2 == 0 {
                 let force = left_force(chain, &state.u_m, bead) - left_force(chain, &state.u_m, bead + 1);
                 let velocity = &mut state.v_m_s[bead];
-                *velocity = (duration_s * (1.0 / chain.mass_kg[bead])).mul_add(force, *velocity);
+                *velocity += duration_s * (1.0 / chain.mass_kg[bead]) * force;
             } else {
-                state.u_m[bead] = duration_s.mul_add(state.v_m_s[bead], state.u_m[bead]);
+                state.u_m[bead] += duration_s * state.v_m_s[bead];
             }
         }
     }

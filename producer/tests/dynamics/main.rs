@@ -14,6 +14,7 @@ mod final_states;
 mod gravity;
 mod loaded;
 mod orders;
+mod page;
 mod random_chains;
 mod reference;
 mod resuming;

@@ -43,7 +43,7 @@ pub(super) fn from_values(physics: &Physics, values: &[f64]) -> Option<Chain> {
     let (damping, ends) = rest[beads - 1..].split_at(beads - 1);
     let (left, right) = ends.split_at(WALL);
     let law = ContactLaw::new(physics.alpha);
-    let wall = |wall: &[f64]| Wall::new(law, wall[0], wall[1]);
+    let wall = |wall: &[f64]| Wall::new(&law, wall[0], wall[1]);
     let walls = Walls { left: wall(left), right: wall(right) };
     let chain = Chain::new(mass_kg.to_vec(), stiffness.to_vec(), rest_overlap_m.to_vec(), walls, law);
     let damping = physics.damping.map(|kind| ContactDamping {

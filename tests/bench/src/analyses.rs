@@ -14,7 +14,7 @@ pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error
     let (frames, rounds) = (bench.frames(report)?, bench.rounds);
     let manifest = frames.manifest();
     let split_bead = default_split_bead(manifest);
-    report.row(row("energies of a frame", 3.0, frames, rounds, || {
+    report.row(row("energies of a frame", 2.3, frames, rounds, || {
         let mut energies = Energies::new(manifest, split_bead);
         move |frame: &Frame<'_>| {
             black_box(energies.observe(frame));

@@ -5,6 +5,7 @@ use crate::baseline::ScalarLoop;
 use anyhow::Error;
 use producer::integrator::Integrator;
 use producer::state::ChainState;
+use pulp::Arch;
 use schemas::config::RunConfig;
 use schemas::manifest::Physics;
 use schemas::method::Method;
@@ -60,12 +61,13 @@ impl Moments {
         self.states.iter().map(&mut advance).sum()
     }
 
-    fn ours(&self) -> Duration {
-        let mut integrator = Integrator::new(&self.physics);
+    fn ours(&self, arch: Arch) -> Duration {
+        let fresh = Integrator::with_arch(&self.physics, arch);
+        let mut integrator = fresh.clone();
         self.time(|start| {
             let mut state = start.clone();
             // the first step from a new state looks at all beads, which a run does once
-            integrator.clone_from(&Integrator::new(&self.physics));
+            integrator.clone_from(&fresh);
             integrator.step(&mut state);
             let began = Instant::now();
             let last = state.step + self.steps;
@@ -89,8 +91,8 @@ impl Moments {
         })
     }
 
-    fn against_plain(&self, what: &'static str, floor: f64, rounds: u32) -> Result<Row, Error> {
-        let rounds = Rounds::alternate(rounds, || Ok(self.ours()), || Ok(self.plain()))?;
+    fn against_plain(&self, what: &'static str, arch: Arch, floor: f64, rounds: u32) -> Result<Row, Error> {
+        let rounds = Rounds::alternate(rounds, || Ok(self.ours(arch)), || Ok(self.plain()))?;
         let figure = format!("{:.2} ns a bead-step", rounds.ours_s() / self.bead_steps() * 1e9);
         Ok(rounds.row(what, "a plain scalar loop with powf", Floor::AtLeast(floor), figure))
     }
@@ -100,11 +102,27 @@ impl Moments {
 pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
     let rounds = bench.rounds;
     let run = Moments::of(&light_impurity(), STEPS)?;
-    report.row(run.against_plain("velocity-Verlet step, no output", 6.0, rounds)?)?;
-    let mut general = light_impurity();
-    general.chain.alpha = 1.3;
-    let closed = Moments::all_closed(&general, STEPS)?;
-    report.row(closed.against_plain("the same, α = 1.3, all contacts closed", 5.0, rounds)?)?;
+    report.row(run.against_plain("velocity-Verlet step, no output", Arch::new(), 12.3, rounds)?)?;
+    let closed = |method: Method, alpha: f64| {
+        let mut config = light_impurity();
+        (config.integrator.method, config.chain.alpha) = (method, alpha);
+        Moments::all_closed(&config, STEPS)
+    };
+    let general = closed(Method::VelocityVerlet, 1.3)?;
+    let widest = "the same, α = 1.3, all contacts closed";
+    report.row(general.against_plain(widest, Arch::new(), 10.0, rounds)?)?;
+    #[cfg(target_arch = "x86_64")]
+    {
+        if let Some(avx2) = pulp::x86::V3::try_new() {
+            report.row(general.against_plain("with AVX2", Arch::V3(avx2), 7.0, rounds)?)?;
+        }
+        report.row(general.against_plain("with SSE2", Arch::Scalar, 3.5, rounds)?)?;
+    }
+    let (general, hertz) = (closed(Method::Rkn4, 1.3)?, closed(Method::Rkn4, 1.5)?);
+    let times = |moments: &Moments| Ok(moments.ours(Arch::new()));
+    let turns = Rounds::alternate(rounds, || times(&general), || times(&hertz))?;
+    let figure = format!("{:.2} ns a bead-step", turns.ours_s() / general.bead_steps() * 1e9);
+    report.row(turns.row("rkn4, α = 1.3, all contacts closed", "α = 1.5", Floor::AtMost(2.6), figure))?;
     report.row(length(rounds)?)
 }
 
@@ -123,7 +141,7 @@ fn length(rounds: u32) -> Result<Row, Error> {
         Moments::all_closed(&config, steps)
     };
     let (long, short) = (moments(1_000_000, LONG_STEPS)?, moments(1000, STEPS)?);
-    let per_bead_step = |moments: &Moments| moments.ours().div_f64(moments.bead_steps() / 1e6);
+    let per_bead_step = |moments: &Moments| moments.ours(Arch::new()).div_f64(moments.bead_steps() / 1e6);
     let rounds = Rounds::alternate(rounds, || Ok(per_bead_step(&long)), || Ok(per_bead_step(&short)))?;
     let figure = format!("{:.2} ns a bead-step", rounds.ours_s() * 1e3);
     Ok(rounds.row("cost of a bead-step, N = 1,000,000", "N = 1000", Floor::AtMost(2.5), figure))

@@ -27,8 +27,8 @@ type Series = (&'static str, fn() -> Result<Piece, Error>, [Peer; 4]);
 
 const SIMULATING: [Peer; 4] = [
     (Program::Lammps { states: "" }, "LAMMPS, gran/hertz/history", Floor::AtLeast(20.0)),
-    (Program::Numba { loops: "fused" }, "Numba, one fused loop", Floor::AtLeast(3.0)),
-    (Program::Numba { loops: "apart" }, "Numba, three loops", Floor::Any),
+    (Program::Numba { loops: "fused" }, "Numba, one fused loop", Floor::AtLeast(4.0)),
+    (Program::Numba { loops: "apart" }, "Numba, three loops", Floor::AtLeast(2.0)),
     (Program::NumPy, "NumPy", Floor::Any),
 ];
 

@@ -45,7 +45,7 @@ fn evaluate(chain: &Chain, u: &[f64], v: &[f64]) -> Vec<(f64, f64)> {
         if stiffness == 0.0 {
             return (0.0, 0.0);
         }
-        if overlap <= chain.law.zero_below_m() {
+        if overlap <= chain.law.zero_up_to_m() {
             return (0.0 - rest_n, 0.0);
         }
         let (elastic, raised) = (chain.law.force(stiffness, overlap), chain.law.force(1.0, overlap));
@@ -72,13 +72,13 @@ fn splitting_step(physics: &Physics, stages: Stages, state: &mut ChainState) {
     let chain = physics.chain();
     let kick = |h: f64, u: &[f64], v: &mut [f64]| {
         for (i, force) in net_forces(&chain, u, v).into_iter().enumerate() {
-            v[i] = (h * (1.0 / chain.mass_kg[i])).mul_add(force, v[i]);
+            v[i] += h * (1.0 / chain.mass_kg[i]) * force;
         }
     };
     for (b, a) in stages.kick_drift {
         kick(b * physics.dt_s, &state.u_m, &mut state.v_m_s);
         for (u, v) in state.u_m.iter_mut().zip(state.v_m_s.iter()) {
-            *u = (a * physics.dt_s).mul_add(*v, *u);
+            *u += a * physics.dt_s * *v;
         }
     }
     kick(stages.last_kick * physics.dt_s, &state.u_m, &mut state.v_m_s);
@@ -92,14 +92,14 @@ fn gear_step(physics: &Physics, state: &mut ChainState) {
     let predicted: Vec<[f64; 6]> = (0..n)
         .map(|i| {
             let [q2, q3, q4, q5] = [0, 1, 2, 3].map(|k| state.extra[k * n + i]);
-            let change = dt.mul_add(state.v_m_s[i], ((q5 + q4) + q3) + q2);
-            let higher = 2.0_f64.mul_add(q2, 3.0_f64.mul_add(q3, 4.0_f64.mul_add(q4, 5.0 * q5)));
+            let change = dt * state.v_m_s[i] + (((q5 + q4) + q3) + q2);
+            let higher = 2.0 * q2 + (3.0 * q3 + (4.0 * q4 + 5.0 * q5));
             [
                 state.u_m[i] + change,
-                (1.0 / dt).mul_add(higher, state.v_m_s[i]),
-                3.0_f64.mul_add(q3, 6.0_f64.mul_add(q4, 10.0 * q5)) + q2,
-                4.0_f64.mul_add(q4, 10.0 * q5) + q3,
-                5.0_f64.mul_add(q5, q4),
+                state.v_m_s[i] + 1.0 / dt * higher,
+                (3.0 * q3 + (6.0 * q4 + 10.0 * q5)) + q2,
+                (4.0 * q4 + 10.0 * q5) + q3,
+                5.0 * q5 + q4,
                 q5,
             ]
         })
@@ -109,12 +109,12 @@ fn gear_step(physics: &Physics, state: &mut ChainState) {
         let p = predicted[i];
         let q2 = (0.5 * (dt * dt) * (1.0 / chain.mass_kg[i])) * force;
         let miss = q2 - p[2];
-        state.u_m[i] = (3.0_f64 / 20.0).mul_add(miss, p[0]);
-        state.v_m_s[i] = (251.0_f64 / 360.0 / dt).mul_add(miss, p[1]);
+        state.u_m[i] = p[0] + 3.0 / 20.0 * miss;
+        state.v_m_s[i] = p[1] + 251.0 / 360.0 / dt * miss;
         state.extra[i] = q2;
-        state.extra[n + i] = kept((11.0_f64 / 18.0).mul_add(miss, p[3]));
-        state.extra[2 * n + i] = kept((1.0_f64 / 6.0).mul_add(miss, p[4]));
-        state.extra[3 * n + i] = kept((1.0_f64 / 60.0).mul_add(miss, p[5]));
+        state.extra[n + i] = kept(p[3] + 11.0 / 18.0 * miss);
+        state.extra[2 * n + i] = kept(p[4] + 1.0 / 6.0 * miss);
+        state.extra[3 * n + i] = kept(p[5] + 1.0 / 60.0 * miss);
     }
     if chain.damping.is_some() {
         dissipate(&chain, dt, state);
@@ -127,17 +127,17 @@ fn dissipate(chain: &Chain, dt: f64, state: &mut ChainState) {
     for s in [-0.788_675_134_594_812_9_f64, -0.211_324_865_405_187_1] {
         let motion = |i: usize| {
             let [q2, q3, q4, q5] = [0, 1, 2, 3].map(|k| state.extra[k * n + i]);
-            let higher = s.mul_add(s.mul_add(s.mul_add(q5, q4), q3), q2);
-            let u = (s * s).mul_add(higher, (s * dt).mul_add(state.v_m_s[i], state.u_m[i]));
-            let slope = s.mul_add(s.mul_add(5.0 * q5, 4.0 * q4), 3.0 * q3);
-            (u, (s / dt).mul_add(s.mul_add(slope, 2.0 * q2), state.v_m_s[i]))
+            let higher = ((q5 * s + q4) * s + q3) * s + q2;
+            let u = (s * s) * higher + (s * dt * state.v_m_s[i] + state.u_m[i]);
+            let slope = (5.0 * q5 * s + 4.0 * q4) * s + 3.0 * q3;
+            (u, s / dt * (slope * s + 2.0 * q2) + state.v_m_s[i])
         };
         let (u, v): (Vec<f64>, Vec<f64>) = (0..n).map(motion).unzip();
         let found = evaluate(chain, &u, &v);
         let [left, right] = [found[0].1, found[n].1];
         let powers = found[1..n].iter().map(|contact| contact.1).chain([left + right]);
         for (work, power) in state.extra[4 * n..].iter_mut().zip(powers) {
-            *work = (0.5 * dt).mul_add(power, *work);
+            *work += 0.5 * dt * power;
         }
     }
 }

@@ -24,7 +24,7 @@ impl Physics {
         let law = ContactLaw::new(self.alpha);
         let wall = |end: End, stiffness: f64, load_n: f64| match end {
             End::Free => Wall::default(),
-            End::Fixed => Wall::new(law, stiffness, self.overlap_under(load_n, stiffness)),
+            End::Fixed => Wall::new(&law, stiffness, self.overlap_under(load_n, stiffness)),
         };
         let [left, right] = self.wall_stiffnesses(&mass_kg);
         let walls = Walls {
@@ -175,7 +175,7 @@ impl Physics {
         let (weight, pressed_n) = (self.load.gravity_m_s2.abs(), self.load.precompression_n);
         let extremes = self.extremes();
         let lightest_n = if pressed_n > 0.0 { pressed_n } else { weight * extremes.lightest_kg };
-        (lightest_n, weight.mul_add(self.beads as f64 * extremes.heaviest_kg, pressed_n))
+        (lightest_n, weight * (self.beads as f64 * extremes.heaviest_kg) + pressed_n)
     }
 }
 
