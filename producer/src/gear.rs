@@ -22,14 +22,12 @@
 //! 3.2 and appendix E, with 3/20 and 3/16 for `c_0`.
 
 mod dissipation;
-mod start;
 
 use crate::kernel::{Activity, Kernel, Pushed};
 use crate::state::ChainState;
 use dissipation::Dissipation;
 use schemas::chain::Chain;
 use schemas::simd::{ordered_sum, vectorized};
-pub(crate) use start::taylor_terms;
 use std::ops::Range;
 
 /// The corrector's coefficients; that of `q2` is 1.

@@ -8,7 +8,7 @@
 mod damped;
 mod sweep;
 
-use crate::state::aligned;
+use crate::aligned::aligned;
 use aligned_vec::{AVec, CACHELINE_ALIGN, avec};
 use damped::Damped;
 use pulp::Arch;

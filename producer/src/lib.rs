@@ -3,6 +3,7 @@
 //! Start with [`run::run`], the one path of a frame: advance → publish → record. The dynamics is
 //! [`integrator::Integrator`], which works on a [`state::ChainState`] with the forces of [`kernel`].
 
+mod aligned;
 pub mod energy_error;
 mod gear;
 pub mod integrator;
@@ -15,6 +16,7 @@ mod splitting;
 pub mod state;
 pub mod step_time;
 pub mod sweep;
+mod taylor;
 pub mod time_step;
 pub mod twins;
 pub mod verification;

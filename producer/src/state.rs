@@ -1,7 +1,8 @@
 //! The state of a chain at a step.
 
-use crate::gear::taylor_terms;
-use aligned_vec::{AVec, CACHELINE_ALIGN};
+use crate::aligned::aligned;
+use crate::taylor::taylor_terms;
+use aligned_vec::AVec;
 use schemas::frame::Frame;
 use schemas::manifest::{Physics, RunManifest};
 use schemas::method::Method;
@@ -75,9 +76,4 @@ impl ChainState {
             extra: &self.extra,
         }
     }
-}
-
-/// A copy of `numbers` that begins at a cache line.
-pub(crate) fn aligned(numbers: &[f64]) -> AVec<f64> {
-    AVec::from_slice(CACHELINE_ALIGN, numbers)
 }

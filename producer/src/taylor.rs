@@ -1,4 +1,4 @@
-//! The higher derivatives of the motion at step 0.
+//! How gear5 begins: the higher derivatives of the motion at step 0.
 
 use schemas::chain::{Chain, Wall};
 use schemas::contact::ContactLaw;
