@@ -1,6 +1,6 @@
 //! The resolved chain: one number for each bead and each contact, and sums over them.
 
-use crate::contact::{ContactLaw, Power, PowerUser, closed, evaluate};
+use crate::contact::{ContactLaw, Power, PowerUser, evaluate};
 use crate::damping::ContactDamping;
 use crate::excess::{AtRest, Excess};
 use crate::simd::{ordered_sum, vectorized};
@@ -256,8 +256,9 @@ impl<const LOADED: bool> PowerUser for ContactEnergies<'_, LOADED> {
                 [left_m, right_m, stiffness],
                 energy_j,
                 power,
+                zero_up_to_m,
                 #[inline(always)]
-                |[left, right, _]| closed(left - right, zero_up_to_m),
+                |[left, right, _]| left - right,
                 #[inline(always)]
                 |[_, _, stiffness], overlap, power| stiffness * power * overlap / exponent,
                 #[inline(always)]
@@ -269,8 +270,9 @@ impl<const LOADED: bool> PowerUser for ContactEnergies<'_, LOADED> {
             [left_m, right_m, stiffness, &chain.rest_overlap_m, &chain.rest_force_n, &chain.rest_energy_j],
             energy_j,
             power,
+            zero_up_to_m,
             #[inline(always)]
-            |[left, right, _, rest, ..]| closed((left - right) + rest, zero_up_to_m),
+            |[left, right, _, rest, ..]| (left - right) + rest,
             #[inline(always)]
             |[left, right, stiffness, overlap_m, force_n, energy_j], overlap, power| {
                 let energy = stiffness * power * overlap / exponent;

@@ -80,7 +80,7 @@ impl ContactLaw {
 
     /// The overlap (m) as it counts in forces and energies: 0 in an open contact.
     fn closed_m(&self, overlap_m: f64) -> f64 {
-        closed(overlap_m, self.zero_up_to_m)
+        if overlap_m > self.zero_up_to_m { overlap_m } else { 0.0 }
     }
 
     /// Force (N) of a contact of stiffness `stiffness` (N·m^−α) and overlap `overlap_m` (m).
@@ -145,7 +145,7 @@ pub trait PowerUser {
     fn run(self, power: impl Power) -> Self::Output;
 }
 
-/// `δ^α` of overlaps that are 0 or large enough, see [`closed`]; 0 of 0.
+/// `δ^α` of overlaps that are 0 or above [the bound](ContactLaw::zero_up_to_m); 0 of 0.
 pub trait Power: Copy {
     /// Of a block of overlaps.
     fn raise(self, overlaps: &[f64; BLOCK]) -> [f64; BLOCK];
@@ -190,8 +190,8 @@ impl Power for Powers<'_> {
 pub const BLOCK: usize = 32;
 
 /// Evaluates neighbouring contacts, of which `known` has `K` numbers each, into `values`: `value(known, δ, δ^α)` with
-/// `δ = overlap(known)`, as [`closed`] has it. `takes(number, any_closed)` is asked for each block, counted from 0, whether it is
-/// to be evaluated; the values of the others are 0.
+/// `δ = overlap(known)`, or 0 where that is not above `zero_up_to_m`. `takes(number, any_closed)` is asked for each block, counted
+/// from 0, whether it is to be evaluated; the values of the others are 0.
 ///
 /// Call it through [`vectorized`](crate::simd::vectorized).
 #[inline(always)]
@@ -199,6 +199,7 @@ pub fn evaluate<const K: usize>(
     known: [&[f64]; K],
     values: &mut [f64],
     power: impl Power,
+    zero_up_to_m: f64,
     overlap: impl Fn([f64; K]) -> f64,
     value: impl Fn([f64; K], f64, f64) -> f64,
     mut takes: impl FnMut(usize, bool) -> bool,
@@ -214,7 +215,9 @@ pub fn evaluate<const K: usize>(
             #[inline(always)]
             |blocks| &blocks[block],
         );
-        *values = evaluate_block(known, power, &overlap, &value, |any_closed| takes(block, any_closed));
+        *values = evaluate_block(known, power, zero_up_to_m, &overlap, &value, |any_closed| {
+            takes(block, any_closed)
+        });
     }
     if !values_rest.is_empty() {
         // the same block, filled up by contacts that nobody asked for
@@ -225,8 +228,9 @@ pub fn evaluate<const K: usize>(
             filled
         });
         let known = filled.each_ref();
-        let found =
-            evaluate_block(known, power, &overlap, &value, |any_closed| takes(values.len(), any_closed));
+        let found = evaluate_block(known, power, zero_up_to_m, &overlap, &value, |any_closed| {
+            takes(values.len(), any_closed)
+        });
         values_rest.copy_from_slice(&found[..values_rest.len()]);
     }
 }
@@ -235,21 +239,24 @@ pub fn evaluate<const K: usize>(
 fn evaluate_block<const K: usize>(
     known: [&[f64; BLOCK]; K],
     power: impl Power,
+    zero_up_to_m: f64,
     overlap: &impl Fn([f64; K]) -> f64,
     value: &impl Fn([f64; K], f64, f64) -> f64,
     takes: impl FnOnce(bool) -> bool,
 ) -> [f64; BLOCK] {
     let mut overlaps = [0.0; BLOCK];
-    let mut any_closed = false;
+    // as integers: the compiler makes no vectors of a loop that keeps a truth value
+    let mut any_bits = 0;
     for c in 0..BLOCK {
-        overlaps[c] = overlap(known.map(
+        let found = overlap(known.map(
             #[inline(always)]
             |numbers| numbers[c],
         ));
-        any_closed |= overlaps[c] != 0.0;
+        overlaps[c] = if found > zero_up_to_m { found } else { 0.0 };
+        any_bits |= overlaps[c].to_bits();
     }
     let mut values = [0.0; BLOCK];
-    if takes(any_closed) {
+    if takes(any_bits != 0) {
         let powers = power.raise(&overlaps);
         for c in 0..BLOCK {
             let known = known.map(
@@ -260,12 +267,6 @@ fn evaluate_block<const K: usize>(
         }
     }
     values
-}
-
-/// An overlap (m) as it counts in forces and energies: 0 up to `zero_up_to_m`.
-#[inline(always)]
-pub fn closed(overlap_m: f64, zero_up_to_m: f64) -> f64 {
-    if overlap_m > zero_up_to_m { overlap_m } else { 0.0 }
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use super::{Kernel, Pass};
 use aligned_vec::avec;
 use pulp::Arch;
 use schemas::chain::Chain;
-use schemas::contact::{ContactLaw, Power, PowerUser, closed, evaluate};
+use schemas::contact::{ContactLaw, Power, PowerUser, evaluate};
 use schemas::damping::{ContactDamping, Damping, damped_force};
 use schemas::simd::vectorized;
 use std::ops::Range;
@@ -174,7 +174,7 @@ impl<const BY_OVERLAP: bool, const POWER: bool> PowerUser for DampedContacts<'_,
     #[inline(always)]
     fn run(self, power: impl Power) {
         let Motion { u_m, v_m_s, stiffness, rest_overlap, rest_force, coefficient, out } = self.motion;
-        let (zero_up_to_m, contacts) = (self.zero_up_to_m, out.len());
+        let contacts = out.len();
         evaluate(
             [
                 &u_m[..contacts],
@@ -188,8 +188,9 @@ impl<const BY_OVERLAP: bool, const POWER: bool> PowerUser for DampedContacts<'_,
             ],
             out,
             power,
+            self.zero_up_to_m,
             #[inline(always)]
-            |[left, right, _, _, _, rest, ..]| closed((left - right) + rest, zero_up_to_m),
+            |[left, right, _, _, _, rest, ..]| (left - right) + rest,
             #[inline(always)]
             |[_, _, v_left, v_right, stiffness, _, rest_force, coefficient], overlap, raised| {
                 let (rate, elastic) = (v_left - v_right, stiffness * raised);

@@ -7,7 +7,7 @@
 
 use super::{Kernel, Rest};
 use schemas::chain::Walls;
-use schemas::contact::{BLOCK, ContactLaw, Power, PowerUser, closed, evaluate};
+use schemas::contact::{BLOCK, ContactLaw, Power, PowerUser, evaluate};
 use schemas::simd::vectorized;
 use std::ops::Range;
 
@@ -218,8 +218,9 @@ impl Sweep<'_> {
                 [left_m, right_m, stiffness],
                 force,
                 power,
+                zero_up_to_m,
                 #[inline(always)]
-                |[left, right, _]| closed(left - right, zero_up_to_m),
+                |[left, right, _]| left - right,
                 #[inline(always)]
                 |[_, _, stiffness], _, power| stiffness * power,
                 #[inline(always)]
@@ -234,8 +235,9 @@ impl Sweep<'_> {
                     [left_m, right_m, stiffness, overlap_m, force_n],
                     force,
                     power,
+                    zero_up_to_m,
                     #[inline(always)]
-                    |[left, right, _, rest, _]| closed((left - right) + rest, zero_up_to_m),
+                    |[left, right, _, rest, _]| (left - right) + rest,
                     #[inline(always)]
                     |[.., stiffness, _, rest], _, power| stiffness * power - rest,
                     #[inline(always)]
