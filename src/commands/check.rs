@@ -64,7 +64,7 @@ pub(crate) fn check(args: &CheckArgs) -> Result<Done, Failure> {
         notice!("stopped before the end of the run; the rest was not compared");
     }
     if differs {
-        notice!("the last recorded state is not the one that this program computes; see `beadline verify`",);
+        notice!("the last recorded state is not the one that this program computes; see `beadline verify`");
     }
     Ok(Done::whole_if(is_whole(&outcome) && !stopped && !differs))
 }

@@ -115,7 +115,7 @@ impl Summary {
         if let Some(broken) = self.broken {
             notice!("{:#}: consumers were told that the run failed", anyhow::Error::new(broken));
         } else if self.reason == EndReason::Unfinished {
-            notice!("the recording was not closed: consumers were told that the run failed where it ends",);
+            notice!("the recording was not closed: consumers were told that the run failed where it ends");
         }
         Ok(Done::whole_if(self.reason.is_orderly() && self.evicted == 0 && !cut_short))
     }
