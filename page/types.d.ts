@@ -1,0 +1,224 @@
+// The shapes that modules of the page hand each other. Units are SI; steps, beads and contacts count from 0.
+
+/** `physics` of the manifest; docs/FORMAT.md has its keys. */
+export interface Physics {
+  kernel_version: number;
+  beads: number;
+  bead_mass_kg: number;
+  alpha: number;
+  stiffness: number;
+  impurities: { bead: number; mass_kg: number }[];
+  striker: { bead: number; velocity_m_s: number };
+  method: string;
+  dt_s: number;
+  step_count: number;
+  ends?: { left?: string; right?: string; left_stiffness?: number; right_stiffness?: number };
+  load?: { gravity_m_s2?: number; precompression_n?: number };
+  damping?: { viscous_n_s_per_m?: number; restitution?: { coefficient: number; damping_ratio: number } };
+  masses?: unknown;
+  stiffnesses?: unknown;
+  contacts?: { contact: number; stiffness: number }[];
+}
+
+export interface Provenance {
+  name: string;
+  run_id: string;
+  program: string;
+  host: string;
+  started_unix_ns: number;
+  publish_every_steps: number;
+  record_every_steps: number;
+}
+
+export interface Manifest {
+  schema_version: string;
+  physics: Physics;
+  provenance: Provenance;
+}
+
+export interface Wall {
+  stiffness: number;
+  restOverlap: number;
+  restForce: number;
+  damping: number;
+}
+
+/** `/chain`: what was resolved from `physics`. N masses, N − 1 of each of the others; `damping` may be empty. */
+export interface Chain {
+  mass: Float64Array;
+  stiffness: Float64Array;
+  restOverlap: Float64Array;
+  restForce: Float64Array;
+  damping: Float64Array;
+  leftWall?: Wall;
+  rightWall?: Wall;
+}
+
+export interface State {
+  step: number;
+  time_s: number;
+  /** Displacements (m) and velocities (m/s), N each. */
+  u: Float64Array;
+  v: Float64Array;
+  /** What the method needs besides, see docs/FORMAT.md. */
+  extra: Float64Array;
+}
+
+/** A file, whichever way its bytes come. */
+export interface Bytes {
+  size: number;
+  /** Exactly these bytes; rejects if they cannot be had. */
+  read(offset: number, length: number): Promise<Uint8Array>;
+}
+
+/** How a recording ended: `beadline.end`. */
+export interface End {
+  reason: string;
+  firstStep: number | undefined;
+  lastStep: number | undefined;
+}
+
+/** Where a run comes from; can be sent to a worker. */
+export type Source =
+  | { kind: "bytes"; bytes: Uint8Array }
+  | { kind: "file"; file: File }
+  | { kind: "url"; url: string }
+  | { kind: "live"; url: string }
+  | { kind: "start"; manifest: Manifest; chain: Chain };
+
+export type Field = "velocity" | "displacement" | "overlap" | "energy" | "contacts";
+
+/** What is known of a run as soon as it is open. */
+export interface Info {
+  kind: "recording" | "live" | "start";
+  manifest: Manifest;
+  chain: Chain;
+  /** Lengths and times of the run: L = (m·v0²/k)^(1/(α+1)) (m), T = L/v0 (s); 0 where v0 is. */
+  scales: { length_m: number; time_s: number };
+  /** First and last step that can be shown; the last one grows while a run goes. */
+  firstStep: number;
+  lastStep: number;
+  /** States that came with the source. */
+  storedCount: number;
+  /** Whether steps between stored states can be recomputed, and else why not, as a sentence. */
+  recomputes: boolean;
+  whyNot: string;
+  /** Of a recording. */
+  end: End | undefined;
+  /** What is wrong with the file, as sentences. */
+  notes: string[];
+  /** Overlaps and gaps up to this count as touching (m). */
+  toleranceM: number;
+  /** The bead that divides left from right. */
+  splitBead: number;
+}
+
+/** What a map, curves and their followed beads need: a row for each of some steps. */
+export interface RowsRequest {
+  field: Field;
+  /** First and last bead (of "overlap" and "contacts": contact). */
+  places: [number, number];
+  /** Columns at most; there is one for each place where there are fewer places. */
+  columns: number;
+  /** First and last step; an endless last step follows a live run. */
+  steps: [number, number];
+  /** Rows at most; there is one for each step where there are fewer steps. */
+  rows: number;
+  /** Beads whose u and v are wanted. */
+  follow: number[];
+}
+
+/** Rows in the order of steps. Each shows one state; the space up to the next row is its. */
+export interface Rows {
+  request: RowsRequest;
+  columns: number;
+  /** Rows that are there; the arrays may be longer. */
+  count: number;
+  steps: Float64Array;
+  /** `columns` values a row: of the places of a column the one that is largest in magnitude. */
+  cells: Float32Array;
+  /** ENERGY_COUNT values a row (J): kinetic, potential, left, split bead, right, dissipated. */
+  energies: Float64Array;
+  /** u and v for each followed bead, a row after the other. */
+  followed: Float64Array;
+  /** Whether all rows are there that were asked for, at their steps. */
+  isWhole: boolean;
+}
+
+/** Something that happened to a bead. */
+export interface Event {
+  bead: number;
+  kind: "left-closes" | "left-opens" | "right-closes" | "right-opens" | "turns";
+  step: number;
+  time_s: number;
+  u_m: number;
+}
+
+/** What a recomputation compared. */
+export interface Proof {
+  /** Stored states, and how many of them were recomputed so far; steps computed for that. */
+  states: number;
+  compared: number;
+  steps: number;
+  isDone: boolean;
+  /** The first value that differs; `array` is "u", "v" or "extra". */
+  first: { step: number; bead: number; array: string; stored: number; computed: number } | undefined;
+  /** Why nothing could be compared; "" where something was. */
+  whyNot: string;
+}
+
+/** A pulse, as `beadline pulses` tells it. */
+export interface Pulse {
+  pulse: number;
+  direction: "forward" | "backward";
+  birth: string;
+  birth_time_s: number;
+  birth_bead: number;
+  end_time_s: number;
+  end_bead: number;
+  fate: string;
+  v_peak_m_s: number;
+  velocity_beads_per_s: number;
+  fwhm_beads: number | null;
+  /** Times (s) and beads that it passes, in turns; thinned. */
+  track: number[];
+}
+
+/** What comes beside a recording: computed by the command. */
+export interface Results {
+  pulses: Pulse[];
+}
+
+/** How a live run is doing, about four times a second. */
+export interface LiveStatus {
+  state: string;
+  step: number;
+  steps_per_s: number;
+  frames_seen: number;
+  frames_skipped: number;
+  consumers: { label: string; delivery: string; pid: number | null; lag_frames: number | null; frames_missed: number | null }[];
+}
+
+/** A line of the table of a folder, of a sweep, or of live runs. */
+export interface Entry {
+  id: string;
+  name: string;
+  kind: "recording" | "live" | "start";
+  /** Where it is, relative to the page. */
+  url: string;
+  /** Where its results are, if the server computes them. */
+  results: string | undefined;
+  manifest: Manifest | undefined;
+  bytes: number | undefined;
+  /** Columns of a sweep's results. */
+  values: Record<string, number | string | null>;
+  /** Why it cannot be shown. */
+  error: string | undefined;
+}
+
+/** What the server has. */
+export interface Listing {
+  title: string;
+  kind: "one" | "folder" | "sweep";
+  entries: Entry[];
+}
