@@ -5,6 +5,7 @@ mod check;
 mod contents;
 mod export;
 mod figures;
+mod pages;
 mod recordings;
 mod values;
 
@@ -15,7 +16,10 @@ pub(crate) use check::CheckArgs;
 pub(crate) use contents::command;
 pub(crate) use export::ExportArgs;
 pub(crate) use figures::{ColoursArg, LookArgs, PlotArgs, What};
-pub(crate) use recordings::{ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, ThinArgs, VerifyArgs};
+pub(crate) use pages::{ShareArgs, ViewArgs};
+pub(crate) use recordings::{
+    ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, RewriteArgs, ThinArgs, VerifyArgs,
+};
 pub(crate) use values::{BeadRange, Pace, Shard};
 
 use crate::time_step::TimeStep;
@@ -86,6 +90,10 @@ pub(crate) enum Command {
     Pulses(PulsesArgs),
     /// Draw one figure: what the chain does at one time, or over space and time
     Plot(PlotArgs),
+    /// Show a live run, a recording, a folder or a sweep in a browser
+    View(ViewArgs),
+    /// Make one HTML file of a recording that anyone can open, with every step in it
+    Share(ShareArgs),
     /// Simulate a grid of runs and make a table of their results
     Sweep(SweepArgs),
     /// The paper, figure by figure, claim by claim: simulated, drawn and judged

@@ -19,6 +19,8 @@ pub(crate) mod recover;
 pub(crate) mod replay;
 pub(crate) mod reproduce;
 pub(crate) mod run;
+pub(crate) mod share;
 pub(crate) mod sweep;
 pub(crate) mod thin;
 pub(crate) mod verify;
+pub(crate) mod view;

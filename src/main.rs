@@ -55,6 +55,8 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Deformation(args) => commands::deformation::deformation(&args),
         Command::Pulses(args) => commands::pulses::pulses(&args),
         Command::Plot(args) => commands::plot::plot(&args),
+        Command::View(args) => commands::view::view(&args),
+        Command::Share(args) => commands::share::share(&args),
         Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Reproduce(args) => commands::reproduce::reproduce(&args),
         Command::Record(args) => commands::record::record(&args),

@@ -14,11 +14,13 @@ use crate::configuration::origin;
 use crate::failure::Failure;
 use crate::forecast::Forecast;
 use consumers::journal::Entry;
+use consumers::table::Cell;
 use directory::Directory;
-use producer::sweep::{Sweep, Until};
+use producer::sweep::{ParameterValue, Sweep, Until};
 use recording::{SpaceNeeded, WriteOptions};
 use schemas::manifest::{Physics, RunManifest};
 use serde::{Serialize, Serializer};
+use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
@@ -69,6 +71,17 @@ pub(crate) struct Outcome {
     pub(crate) files: Option<Vec<PathBuf>>,
 }
 
+/// A point for who looks at a sweep.
+#[derive(Debug)]
+pub(crate) struct Shown {
+    /// Which point.
+    pub(crate) index: u64,
+    /// Its parameters and, once it has a row, its results, by the names of their columns.
+    pub(crate) values: Map<String, Value>,
+    /// Where it was recorded.
+    pub(crate) recording: Option<PathBuf>,
+}
+
 fn as_count<S: Serializer>(rows: &BTreeMap<u64, Entry>, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_u64(rows.len() as u64)
 }
@@ -110,6 +123,41 @@ pub(crate) fn compute(
 pub(crate) fn merge(sweep: &Sweep, out: &Path) -> Result<Outcome, Failure> {
     let directory = Directory::existing(out, sweep)?;
     outcome(sweep, &directory, Tally::default(), 0, true)
+}
+
+/// The sweep file in the directory of a sweep; none in other directories.
+pub(crate) fn file_in(out: &Path) -> Option<PathBuf> {
+    directory::sweep_file(out)
+}
+
+/// The first points of `sweep` in its directory `out`, at most `most` of them.
+///
+/// # Errors
+/// When the directory is not one of this sweep, or its rows cannot be read.
+pub(crate) fn shown(sweep: &Sweep, out: &Path, most: usize) -> Result<Vec<Shown>, Failure> {
+    let directory = Directory::existing(out, sweep)?;
+    let rows = merge::rows(&directory, sweep.point_count())?;
+    let columns = &directory.head().columns;
+    let point = |index: u64| -> Result<Shown, Failure> {
+        let parameters = sweep.point(index)?.parameters.into_iter().map(|value| match value {
+            None => Value::Null,
+            Some(ParameterValue::Integer(value)) => value.into(),
+            Some(ParameterValue::Double(value)) => value.into(),
+            Some(ParameterValue::Word(word)) => word.into(),
+        });
+        let cells = rows.get(&index).map(|row| row.cells.as_slice()).unwrap_or_default();
+        let results = cells.iter().skip(parameters.len()).map(|cell| match cell {
+            Cell::Empty => Value::Null,
+            Cell::Integer(value) => (*value).into(),
+            Cell::Double(value) => (*value).into(),
+            Cell::Word(word) => word.as_str().into(),
+        });
+        let values =
+            columns.iter().map(|column| column.name.clone()).zip(parameters.chain(results)).collect();
+        let recording = Some(directory.recording(index)).filter(|path| path.is_file());
+        Ok(Shown { index, values, recording })
+    };
+    (0..sweep.point_count()).take(most).map(point).collect()
 }
 
 fn outcome(

@@ -4,13 +4,14 @@ use super::Cli;
 use clap::{Command, CommandFactory};
 use std::fmt::Write;
 
-const CONTENTS: [(&str, &[&str]); 6] = [
+const CONTENTS: [(&str, &[&str]); 7] = [
     ("Begin", &["demo"]),
     ("Simulate", &["run", "check", "presets", "preset", "sweep"]),
     (
         "Analyse, while a run goes or from its recording",
         &["energies", "impurity", "contacts", "pulses", "deformation", "plot"],
     ),
+    ("Look", &["view", "share"]),
     ("Record, prove, share", &["record", "replay", "info", "verify", "recover", "thin", "expand", "export"]),
     ("The paper", &["reproduce"]),
     ("This machine", &["ls", "bench", "completions", "man"]),

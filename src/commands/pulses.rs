@@ -160,7 +160,7 @@ fn with_enough_steps(args: &AnalysisArgs) -> Result<AnalysisArgs, Failure> {
 }
 
 /// Whether frames this many steps apart show the fastest pulses too coarsely.
-fn is_coarse(manifest: &RunManifest, interval_steps: u64) -> bool {
+pub(crate) fn is_coarse(manifest: &RunManifest, interval_steps: u64) -> bool {
     Pulses::longest_fine_interval_steps(manifest).is_some_and(|needed| interval_steps > needed)
 }
 

@@ -1,6 +1,6 @@
 //! `beadline thin` and `beadline expand`: fewer or more of a run's states in a recording, none of them lost.
 
-use crate::args::{ExpandArgs, ThinArgs};
+use crate::args::{ExpandArgs, RewriteArgs, ThinArgs};
 use crate::display::{self, bytes, count};
 use crate::failure::{BadInput, Done, Failure};
 use crate::frames::Frames;
@@ -9,8 +9,10 @@ use crate::progress::Progress;
 use crate::report::{Rows, report};
 use crate::signals;
 use anyhow::anyhow;
-use producer::resimulation::Lend;
-use recording::{Finished, OtherChannels, RecordingInfo, RecordingWriter, SpaceNeeded, WriteOptions};
+use producer::resimulation::{Lend, check_kernel};
+use recording::{
+    Compression, Finished, OtherChannels, RecordingInfo, RecordingWriter, SpaceNeeded, WriteOptions,
+};
 use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
 use schemas::manifest::RunManifest;
 use serde_json::json;
@@ -29,18 +31,36 @@ struct Rewrite<'a> {
     jobs: Option<NonZero<usize>>,
     force: bool,
     json: bool,
+    /// Whether other channels come along.
+    with_others: bool,
+    compression: Compression,
+}
+
+impl<'a> Rewrite<'a> {
+    /// Of every `every_steps`-th state.
+    fn new(from: &'a Path, to: &'a Path, every_steps: u64) -> Self {
+        Self {
+            from,
+            to,
+            every_steps,
+            between_frames: false,
+            jobs: None,
+            force: false,
+            json: false,
+            with_others: true,
+            compression: WriteOptions::default().compression,
+        }
+    }
 }
 
 /// Keeps every K-th state.
 pub(crate) fn thin(args: &ThinArgs) -> Result<Done, Failure> {
+    let RewriteArgs { out, jobs, force, json } = &args.output;
     let rewrite = Rewrite {
-        from: &args.file,
-        to: &args.output.out,
-        every_steps: args.every_steps,
-        between_frames: false,
-        jobs: args.output.jobs,
-        force: args.output.force,
-        json: args.output.json,
+        jobs: *jobs,
+        force: *force,
+        json: *json,
+        ..Rewrite::new(&args.file, out, args.every_steps)
     };
     rewrite.run("thinned")
 }
@@ -52,8 +72,15 @@ pub(crate) fn thin_quietly(
     every_steps: u64,
     force: bool,
 ) -> Result<Finished, Failure> {
-    let rewrite = Rewrite { from, to, every_steps, between_frames: false, jobs: None, force, json: false };
+    let rewrite = Rewrite { force, ..Rewrite::new(from, to, every_steps) };
     rewrite.write(&RecordingInfo::read(from)?)
+}
+
+/// The same of the recording `info` for a page: without compression, which browsers do not know, and without other
+/// channels. If the dynamics is not known here, states that the recording holds are kept as they are.
+pub(crate) fn thin_for_page(info: &RecordingInfo, to: &Path, every_steps: u64) -> Result<Finished, Failure> {
+    let rewrite = Rewrite::new(&info.path, to, every_steps);
+    Rewrite { with_others: false, compression: Compression::None, ..rewrite }.write(info)
 }
 
 /// Recomputes the states in between.
@@ -62,14 +89,14 @@ pub(crate) fn expand(args: &ExpandArgs) -> Result<Done, Failure> {
         let info = RecordingInfo::read(&args.file).bad_input()?;
         Ok::<_, Failure>(info.manifest.provenance.publish_every_steps)
     };
+    let RewriteArgs { out, jobs, force, json } = &args.output;
+    let every_steps = args.every_steps.map_or_else(published, Ok)?;
     let rewrite = Rewrite {
-        from: &args.file,
-        to: &args.output.out,
-        every_steps: args.every_steps.map_or_else(published, Ok)?,
         between_frames: true,
-        jobs: args.output.jobs,
-        force: args.output.force,
-        json: args.output.json,
+        jobs: *jobs,
+        force: *force,
+        json: *json,
+        ..Rewrite::new(&args.file, out, every_steps)
     };
     rewrite.run("expanded")
 }
@@ -90,11 +117,16 @@ impl Rewrite<'_> {
         };
         let stop = signals::stop_flag()?;
         let manifest = self.manifest(&info.manifest)?;
-        let options = WriteOptions { force: self.force, ..WriteOptions::default() };
+        let options =
+            WriteOptions { force: self.force, compression: self.compression, ..WriteOptions::default() };
         SpaceNeeded::new(&manifest, options.compression).check(self.to)?;
         let source = Source::all_states(self.from, &stop).bad_input()?;
         let lend = if self.is_between_frames(&manifest) { Lend::Steps } else { Lend::Frames };
-        let mut states = Frames::recomputed(source, lend, false, 0, self.jobs)?;
+        let mut states = if self.compression == Compression::None && check_kernel(&manifest).is_err() {
+            Frames::as_they_come(source)
+        } else {
+            Frames::recomputed(source, lend, false, 0, self.jobs)?
+        };
         let toml = info.run_toml.as_deref();
         let mut writer = RecordingWriter::create_from(self.to, &manifest, toml, &info.begin, &options)?;
         let copied = self.copy(&mut states, &mut writer, &manifest, info.last_step);
@@ -162,12 +194,14 @@ impl Rewrite<'_> {
         last_step: Option<u64>,
     ) -> Result<EndReason, Failure> {
         let mut progress = Progress::of_run(manifest);
-        let mut others = OtherChannels::open(self.from)?;
+        let mut others = self.with_others.then(|| OtherChannels::open(self.from)).transpose()?;
         let reason = loop {
             match states.receive().map_err(|error| Failure::Failed(error.into()))? {
                 Received::Frame(frame) => {
                     let step = frame.step;
-                    others.copy_before(frame.time_s, writer)?;
+                    if let Some(others) = &mut others {
+                        others.copy_before(frame.time_s, writer)?;
+                    }
                     // a recording need not begin, nor end, with a state that is due by its step
                     let is_first = writer.frames() == 0;
                     let is_due = step.is_multiple_of(self.every_steps) || step == manifest.physics.step_count;
@@ -183,7 +217,7 @@ impl Rewrite<'_> {
             }
         };
         progress.finish();
-        if reason != EndReason::Stopped {
+        if let (Some(mut others), true) = (others, reason != EndReason::Stopped) {
             others.copy_rest(writer)?;
         }
         Ok(reason)

@@ -200,6 +200,11 @@ impl Directory {
     }
 }
 
+/// The sweep file in the directory of a sweep.
+pub(super) fn sweep_file(path: &Path) -> Option<PathBuf> {
+    path.join(SWEEP_JSON).is_file().then(|| path.join(SWEEP_TOML))
+}
+
 /// The files in `directory` with names that `wanted` picks, in the order of their names.
 fn files(directory: &Path, wanted: impl Fn(&str) -> bool) -> Result<Vec<PathBuf>, Failure> {
     let entries = match fs::read_dir(directory) {

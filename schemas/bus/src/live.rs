@@ -111,6 +111,13 @@ impl LiveSource {
         self.following.missed_count()
     }
 
+    /// How many frames have been published that we have not taken yet, as far as the producer has said: for a
+    /// consumer that wants the newest one. Some of them may be lost to a consumer that takes what there is.
+    pub fn behind(&self) -> u64 {
+        let last = self.status().and_then(|status| status.last_frame());
+        last.map_or(0, |last| (last + 1).saturating_sub(self.following.expected()))
+    }
+
     /// Nothing is read any more.
     fn let_go(&mut self) {
         self.sample = None;

@@ -1,0 +1,144 @@
+//! ES modules as one script: each becomes a function that is called once, before those that import it.
+//!
+//! Modules keep to a small part of the language, so that this needs no parser: whole lines of
+//! `import { a, b } from "./x.js";`, and `export` before a function, a class or a constant at the start of a line.
+
+use std::collections::BTreeSet;
+use std::fmt::Write;
+
+/// The modules of the page.
+pub(crate) const MODULES: &[(&str, &str)] = &[
+    ("kernel", include_str!("../kernel.js")),
+    ("page", include_str!("../page.js")),
+    ("worker", include_str!("../worker.js")),
+];
+
+/// What both the page and its worker run. The worker is made from the same text.
+const START: &str = "typeof document === \"undefined\" ? worker_js.serve() : page_js.start();\n";
+
+/// What ends a script, or hides a part of it, wherever it stands.
+const REFUSED: [&str; 3] = ["</script", "<!--", "import.meta"];
+
+/// The script of the page.
+///
+/// # Errors
+/// When a module does not keep to the rules.
+pub(crate) fn script(modules: &[(&str, &str)]) -> Result<String, String> {
+    let modules: Vec<_> =
+        modules.iter().map(|(name, text)| Module::read(name, text)).collect::<Result<_, _>>()?;
+    let mut script = String::from("\"use strict\";\n");
+    let mut done = BTreeSet::new();
+    while done.len() < modules.len() {
+        let is_next = |module: &&Module<'_>| {
+            !done.contains(module.name) && module.imports.iter().all(|name| done.contains(name))
+        };
+        let Some(next) = modules.iter().find(is_next) else {
+            let left = modules.iter().map(|module| module.name).filter(|name| !done.contains(name));
+            let left = left.collect::<Vec<_>>().join(", ");
+            return Err(format!("modules import each other, or one that is not in the table: {left}"));
+        };
+        let (name, body, exports) = (next.name, &next.body, next.exports.join(", "));
+        // writing to a String cannot fail
+        let _ = write!(script, "const {name}_js = (() => {{\n{body}return {{ {exports} }};\n}})();\n");
+        done.insert(name);
+    }
+    script.push_str(START);
+    Ok(script)
+}
+
+struct Module<'a> {
+    name: &'a str,
+    imports: Vec<&'a str>,
+    exports: Vec<&'a str>,
+    body: String,
+}
+
+impl<'a> Module<'a> {
+    fn read(name: &'a str, text: &'a str) -> Result<Self, String> {
+        if let Some(word) = REFUSED.into_iter().find(|word| text.contains(word)) {
+            return Err(format!("{name}.js: `{word}` cannot stand in a module"));
+        }
+        let mut module = Self { name, imports: Vec::new(), exports: Vec::new(), body: String::new() };
+        for (number, line) in (1..).zip(text.lines()) {
+            let refused = || format!("{name}.js, line {number}: not a form that the page knows: {line}");
+            let line = if line.starts_with("import") {
+                let (names, from) = import(line).ok_or_else(refused)?;
+                module.imports.push(from);
+                format!("const {{ {names} }} = {from}_js;")
+            } else if let Some(rest) = line.strip_prefix("export ") {
+                module.exports.push(declared(rest).ok_or_else(refused)?);
+                rest.to_owned()
+            } else if line.starts_with("export") {
+                return Err(refused());
+            } else {
+                line.to_owned()
+            };
+            module.body.push_str(&line);
+            module.body.push('\n');
+        }
+        Ok(module)
+    }
+}
+
+/// The names and the module of `import { a, b } from "./x.js";`.
+fn import(line: &str) -> Option<(&str, &str)> {
+    let (names, from) = line.strip_prefix("import { ")?.split_once(" } from \"./")?;
+    let from = from.strip_suffix(".js\";")?;
+    (names.split(", ").all(is_name) && is_name(from)).then_some((names, from))
+}
+
+/// The name of `function NAME(`, `class NAME {` or `const NAME =`.
+fn declared(line: &str) -> Option<&str> {
+    let kinds = ["function ", "async function ", "class ", "const "];
+    let rest = kinds.iter().find_map(|kind| line.strip_prefix(kind))?;
+    let name = rest.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_' || c == '$')).next()?;
+    is_name(name).then_some(name)
+}
+
+fn is_name(text: &str) -> bool {
+    let rest = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '$';
+    text.starts_with(|c: char| rest(c) && !c.is_ascii_digit()) && text.chars().all(rest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn modules_become_one_script_in_the_order_of_their_imports() {
+        let b =
+            "import { one } from \"./a.js\";\n/** Doc. */\nexport async function two() {\n  return one;\n}\n";
+        let found = script(&[("b", b), ("a", "export const one = 1;\nconst own = 2;\n")]).expect("valid");
+        let expected = "\"use strict\";\n\
+            const a_js = (() => {\nconst one = 1;\nconst own = 2;\nreturn { one };\n})();\n\
+            const b_js = (() => {\nconst { one } = a_js;\n/** Doc. */\nasync function two() {\n  return one;\n}\n\
+            return { two };\n})();\n";
+        assert_eq!(found, format!("{expected}{START}"));
+    }
+
+    #[test]
+    fn other_forms_and_cycles_are_refused() {
+        for text in [
+            "import x from \"./a.js\";",
+            "import { a as b } from \"./a.js\";",
+            "import * as a from \"./a.js\";",
+            "import { a } from \"a\";",
+            "import \"./a.js\";",
+            "import {",
+            "export default 1;",
+            "export { a };",
+            "export * from \"./a.js\";",
+            "export const { a } = b;",
+            "export let a = 1;",
+            "const a = \"</script>\";",
+            "// <!--",
+            "import.meta.url;",
+            "import { a } from \"./m.js\";",
+            "import { a } from \"./missing.js\";",
+        ] {
+            assert!(script(&[("m", text)]).is_err(), "{text}");
+        }
+        let (a, b) = ("import { b } from \"./b.js\";\n", "import { a } from \"./a.js\";\n");
+        assert!(script(&[("a", a), ("b", b)]).expect_err("a cycle").contains("a, b"));
+    }
+}

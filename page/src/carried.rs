@@ -1,0 +1,135 @@
+//! The page as one file, with what it carries.
+
+use crate::bundle::{MODULES, script};
+use base64::{Engine as _, prelude::BASE64_STANDARD};
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use serde_json::json;
+use sha2::{Digest, Sha256};
+use std::io::Write;
+use std::sync::LazyLock;
+
+const HTML: &str = include_str!("../page.html");
+const STYLE: &str = include_str!("../page.css");
+
+static CODE: LazyLock<String> =
+    LazyLock::new(|| script(MODULES).expect("a test holds the modules to the rules"));
+
+/// What a page shows.
+#[derive(Debug, Clone, Copy)]
+pub enum Carried<'a> {
+    /// What the server has that hands it out.
+    Server {
+        /// What it is.
+        title: &'a str,
+    },
+    /// A recording that is dropped onto it.
+    Empty,
+    /// A recording inside.
+    Embedded {
+        /// What it is called.
+        title: &'a str,
+        /// An MCAP file whose chunks are not compressed: browsers decompress gzip only.
+        recording: &'a [u8],
+        /// Results about it, as JSON.
+        results: &'a [u8],
+    },
+}
+
+/// The text of the page, as HTML in one file.
+pub fn page(carried: Carried<'_>) -> String {
+    let (kind, title) = match carried {
+        Carried::Server { title } => ("server", title),
+        Carried::Empty => ("empty", "Beadline"),
+        Carried::Embedded { title, .. } => ("embedded", title),
+    };
+    // in a script nothing but `<` can end it
+    let about = json!({ "kind": kind, "title": title }).to_string().replace('<', "\\u003c");
+    let mut data = format!("<script type=\"application/json\" id=\"carried\">{about}</script>");
+    if let Carried::Embedded { recording, results, .. } = carried {
+        for (id, bytes) in [("recording", recording), ("results", results)] {
+            data.push_str("\n<script type=\"text/plain\" id=\"");
+            data.push_str(id);
+            data.push_str("\">");
+            BASE64_STANDARD.encode_string(gzip(bytes), &mut data);
+            data.push_str("</script>");
+        }
+    }
+    let is_served = matches!(carried, Carried::Server { .. });
+    let policy = format!("<meta http-equiv=\"Content-Security-Policy\" content=\"{}\">", policy(is_served));
+    fill(&[("style", STYLE), ("code", &CODE), ("carried", &data), ("csp", &policy)])
+}
+
+/// What the page may do: run its own script and show its own style, and connect to nothing but its server.
+pub(crate) fn policy(is_served: bool) -> String {
+    let hash = |text: &str| BASE64_STANDARD.encode(Sha256::digest(text.as_bytes()));
+    let (script, style) = (hash(&CODE), hash(STYLE));
+    let connect = if is_served { "'self'" } else { "'none'" };
+    format!(
+        "default-src 'none'; script-src 'sha256-{script}'; style-src 'sha256-{style}'; worker-src blob:; \
+         img-src data: blob:; connect-src {connect}; base-uri 'none'; form-action 'none'"
+    )
+}
+
+/// The page with its placeholders filled in, each once: what is filled in is not looked at again.
+fn fill(values: &[(&str, &str)]) -> String {
+    let mut page = String::new();
+    let mut left = HTML;
+    while let Some((before, (name, after))) =
+        left.split_once("{{").and_then(|(before, rest)| Some((before, rest.split_once("}}")?)))
+    {
+        page.push_str(before);
+        let value = values.iter().find(|(known, _)| *known == name);
+        page.push_str(value.map_or("", |(_, value)| value));
+        left = after;
+    }
+    page.push_str(left);
+    page
+}
+
+/// How many bytes a page grows by if it carries these.
+pub fn carried_bytes(bytes: &[u8]) -> usize {
+    gzip(bytes).len().div_ceil(3) * 4
+}
+
+/// `bytes` as a gzip file, as small as it gets.
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+    // a Vec takes everything
+    let _ = encoder.write_all(bytes);
+    encoder.finish().unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use flate2::read::GzDecoder;
+    use std::io::Read;
+
+    /// The page without data (bytes).
+    const MOST_BYTES: usize = 250_000;
+
+    #[test]
+    fn the_page_is_small_and_its_modules_keep_to_the_rules() {
+        let code = script(MODULES).expect("modules that the page knows");
+        let page = page(Carried::Empty);
+        assert!(page.contains(&code) && page.contains(STYLE) && page.contains("\"kind\":\"empty\""));
+        assert!(page.len() <= MOST_BYTES, "the page has {} bytes", page.len());
+        assert!(!page.contains("{{"), "a placeholder is left");
+        // the hashes are those of the elements' contents, to the byte
+        assert!(page.contains(&format!(">{code}</script>")) && page.contains(&format!(">{STYLE}</style>")));
+    }
+
+    #[test]
+    fn what_is_carried_is_no_markup_and_comes_back() {
+        let (title, bytes) = ("</script><script>alert(1)</script>{{code}}", [7_u8; 1000]);
+        let page = page(Carried::Embedded { title, recording: &bytes, results: b"{}" });
+        assert!(!page.contains("<script>alert"));
+        assert_eq!(page.matches(CODE.as_str()).count(), 1);
+        let inside = page.split_once("id=\"recording\">").expect("one").1.split_once('<').expect("its end").0;
+        let mut found = Vec::new();
+        let packed = BASE64_STANDARD.decode(inside).expect("base64");
+        GzDecoder::new(packed.as_slice()).read_to_end(&mut found).expect("gzip");
+        assert_eq!(found, bytes);
+    }
+}

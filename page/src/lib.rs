@@ -1,0 +1,15 @@
+//! One page that shows any run: as a file that carries its recording, and from a server on this machine.
+//!
+//! The page is plain ES modules (`page/*.js`), put into one inline script by [`page`], so that it opens by a double click and
+//! loads nothing from anywhere. [`serve`] hands it out together with recordings and live runs, to whoever knows the token
+//! in the address.
+//!
+//! Architecture invariants: nothing here prints, opens a directory, or knows the bus: a [`Shelf`] says what there is.
+
+mod bundle;
+mod carried;
+mod serve;
+
+pub use carried::{Carried, carried_bytes, page};
+pub use serve::live::{LiveFeed, LiveWriter};
+pub use serve::{MAX_LIVE_CLIENTS, Served, Server, Shelf};

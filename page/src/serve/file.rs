@@ -1,0 +1,163 @@
+//! A recording, whole or a range of it, in pieces.
+
+use super::blocking;
+use axum::body::{Body, Bytes};
+use axum::http::{HeaderMap, HeaderValue, Method, Response, StatusCode, header, request::Parts};
+use hyper::body::{Body as HttpBody, Frame, SizeHint};
+use std::fs::File;
+use std::future::Future;
+use std::io;
+use std::ops::Range;
+use std::os::unix::fs::FileExt as _;
+use std::path::Path;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll};
+
+/// Read at a time (bytes): all of a file that is in memory.
+const PIECE_BYTES: u64 = 1 << 18;
+
+/// The file at `path`, if it is one, with its size.
+pub(super) fn open(path: &Path) -> Option<(File, u64)> {
+    let file = File::open(path).ok()?;
+    let found = file.metadata().ok()?;
+    found.is_file().then_some((file, found.len()))
+}
+
+/// The answer to a request for a file of `size` bytes.
+///
+/// With `?zstd=FIRST-LAST` these bytes are a whole zstd frame, which a browser that says so decompresses by itself. They
+/// cannot be asked for by the header: with it browsers accept nothing compressed.
+#[expect(clippy::unnecessary_wraps, reason = "as its neighbours")]
+pub(super) fn answer((file, size): (File, u64), parts: &Parts) -> Option<Response<Body>> {
+    let frame = parts.uri.query().and_then(|query| query.strip_prefix("zstd="));
+    let asked = match (frame, parts.headers.get(header::RANGE)) {
+        (Some(frame), _) => range(frame, size),
+        (None, Some(value)) => match value.to_str().ok().and_then(|value| value.strip_prefix("bytes=")) {
+            // several ranges may be answered by the whole
+            Some(one) if !one.contains(',') => range(one, size),
+            _ => Some(0..size),
+        },
+        (None, None) => Some(0..size),
+    };
+    let mut response = Response::new(Body::empty());
+    let headers = response.headers_mut();
+    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/vnd.mcap"));
+    headers.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
+    let Some(range) = asked else {
+        headers.insert(header::CONTENT_RANGE, value(&format!("bytes */{size}")));
+        *response.status_mut() = StatusCode::RANGE_NOT_SATISFIABLE;
+        return Some(response);
+    };
+    headers.insert(header::CONTENT_LENGTH, HeaderValue::from(range.end - range.start));
+    if frame.is_some() {
+        if accepts_zstd(&parts.headers) {
+            headers.insert(header::CONTENT_ENCODING, HeaderValue::from_static("zstd"));
+        }
+    } else if range != (0..size) || parts.headers.contains_key(header::RANGE) {
+        let (first, last) = (range.start, range.end.saturating_sub(1));
+        headers.insert(header::CONTENT_RANGE, value(&format!("bytes {first}-{last}/{size}")));
+        *response.status_mut() = StatusCode::PARTIAL_CONTENT;
+    }
+    if parts.method != Method::HEAD {
+        *response.body_mut() = Body::new(Pieces { file: Arc::new(file), left: range, reading: None });
+    }
+    Some(response)
+}
+
+/// Numbers and signs are always fit for a header.
+fn value(text: &str) -> HeaderValue {
+    HeaderValue::from_str(text).unwrap_or_else(|_| HeaderValue::from_static(""))
+}
+
+/// The bytes of `FIRST-LAST`, `FIRST-` or `-COUNT`; none if there are none.
+fn range(asked: &str, size: u64) -> Option<Range<u64>> {
+    let (first, last) = asked.split_once('-')?;
+    let number =
+        |text: &str| text.bytes().all(|byte| byte.is_ascii_digit()).then(|| text.parse::<u64>().ok())?;
+    let range = match (first, last) {
+        ("", count) => size.saturating_sub(number(count)?)..size,
+        (first, "") => number(first)?..size,
+        (first, last) => number(first)?..number(last)?.saturating_add(1).min(size),
+    };
+    (range.start < range.end).then_some(range)
+}
+
+fn accepts_zstd(headers: &HeaderMap) -> bool {
+    let accepted = headers.get_all(header::ACCEPT_ENCODING).iter().filter_map(|value| value.to_str().ok());
+    accepted.flat_map(|value| value.split(',')).any(|coding| coding.trim() == "zstd")
+}
+
+type Reading = Pin<Box<dyn Future<Output = Option<io::Result<Bytes>>> + Send>>;
+
+/// The rest of a range, read piece by piece as the client takes it.
+struct Pieces {
+    file: Arc<File>,
+    left: Range<u64>,
+    reading: Option<Reading>,
+}
+
+impl HttpBody for Pieces {
+    type Data = Bytes;
+    type Error = io::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, io::Error>>> {
+        if self.left.is_empty() {
+            return Poll::Ready(None);
+        }
+        let (file, from) = (Arc::clone(&self.file), self.left.start);
+        let count = PIECE_BYTES.min(self.left.end - from);
+        let reading =
+            self.reading.get_or_insert_with(|| Box::pin(blocking(move || read(&file, from, count))));
+        match reading.as_mut().poll(context) {
+            Poll::Pending => Poll::Pending,
+            Poll::Ready(read) => {
+                self.reading = None;
+                self.left.start += count;
+                // none: the runtime ends
+                Poll::Ready(read.map(|read| read.map(Frame::data)))
+            }
+        }
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        SizeHint::with_exact(self.left.end - self.left.start)
+    }
+}
+
+fn read(file: &File, from: u64, count: u64) -> io::Result<Bytes> {
+    let mut bytes = vec![0; usize::try_from(count).map_err(io::Error::other)?];
+    file.read_exact_at(&mut bytes, from)?;
+    Ok(bytes.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::range;
+
+    #[test]
+    fn ranges_are_those_of_rfc_9110() {
+        for (asked, expected) in [
+            ("0-0", Some(0..1)),
+            ("2-4", Some(2..5)),
+            ("2-", Some(2..10)),
+            ("9-99", Some(9..10)),
+            ("-3", Some(7..10)),
+            ("-99", Some(0..10)),
+            ("0-18446744073709551615", Some(0..10)),
+            ("10-", None),
+            ("5-4", None),
+            ("-0", None),
+            ("-", None),
+            ("a-b", None),
+            ("+1-2", None),
+            ("1", None),
+            ("0-18446744073709551616", None),
+        ] {
+            assert_eq!(range(asked, 10), expected, "{asked}");
+        }
+    }
+}

@@ -1,0 +1,121 @@
+//! Who may ask: whoever knows the token, names this server, and is no other page.
+
+use axum::http::header::{self, HeaderName};
+use axum::http::{Method, request::Parts};
+use std::fs::File;
+use std::io::{self, Read as _};
+use std::net::SocketAddr;
+
+/// 128 bits.
+const TOKEN_BYTES: usize = 16;
+
+pub(super) struct Guard {
+    token: String,
+    address: SocketAddr,
+    /// What browsers call us, with the port.
+    hosts: [String; 4],
+}
+
+impl Guard {
+    /// A guard with a token of its own for the server at `address`.
+    pub(super) fn new(address: SocketAddr) -> io::Result<Self> {
+        let mut token = [0; TOKEN_BYTES];
+        File::open("/dev/urandom")?.read_exact(&mut token)?;
+        let port = address.port();
+        let hosts = ["127.0.0.1", "localhost", "[::1]"].map(|host| format!("{host}:{port}"));
+        let [v4, name, v6] = hosts;
+        Ok(Self {
+            token: token.iter().map(|byte| format!("{byte:02x}")).collect(),
+            address,
+            hosts: [v4, name, v6, address.to_string()],
+        })
+    }
+
+    pub(super) fn url(&self) -> String {
+        format!("http://{}/{}/", self.address, self.token)
+    }
+
+    /// The path below the token; none for a stranger.
+    ///
+    /// A page of another site can make a browser send requests here, also by a name of its own that it points at
+    /// this machine: then Host or Origin is not ours.
+    pub(super) fn admit<'a>(&self, parts: &'a Parts) -> Option<&'a str> {
+        let is_ours = |host: &str| self.hosts.iter().any(|known| known.eq_ignore_ascii_case(host));
+        let host = only(parts, &header::HOST)??;
+        let origin = only(parts, &header::ORIGIN)?;
+        let is_socket = parts.headers.contains_key(header::UPGRADE);
+        let is_same = match origin {
+            Some(origin) => {
+                origin.strip_prefix("http://").is_some_and(|from| from.eq_ignore_ascii_case(host))
+            }
+            None => !is_socket,
+        };
+        let is_read = parts.method == Method::GET || parts.method == Method::HEAD;
+        let (token, path) = parts.uri.path().strip_prefix('/')?.split_once('/')?;
+        (is_ours(host) && is_same && is_read && is_same_text(token, &self.token)).then_some(path)
+    }
+}
+
+/// The value of a header that may be there once; none where it is there in another way.
+#[expect(clippy::option_option, reason = "whether it is acceptable, and whether it is there")]
+fn only<'a>(parts: &'a Parts, name: &HeaderName) -> Option<Option<&'a str>> {
+    let mut values = parts.headers.get_all(name).iter();
+    let first = values.next();
+    match (first.map(|value| value.to_str()), values.next()) {
+        (None, _) => Some(None),
+        (Some(Ok(text)), None) => Some(Some(text)),
+        _ => None,
+    }
+}
+
+/// Compares in a time that does not tell where texts differ.
+fn is_same_text(one: &str, other: &str) -> bool {
+    let pairs = one.bytes().zip(other.bytes());
+    one.len() == other.len() && pairs.fold(0, |differing, (a, b)| differing | (a ^ b)) == 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use axum::http::Request;
+
+    #[test]
+    fn strangers_are_not_admitted() {
+        let guard = Guard::new("127.0.0.1:4711".parse().expect("an address")).expect("random bytes");
+        let other = Guard::new("127.0.0.1:4711".parse().expect("an address")).expect("random bytes");
+        assert!(guard.token != other.token && guard.token.len() == 32);
+        let home = format!("/{}/", guard.token);
+        let asks = |path: &str, headers: &[(&str, &str)]| {
+            let mut request = Request::builder().uri(path);
+            for (name, value) in headers {
+                request = request.header(*name, *value);
+            }
+            guard.admit(&request.body(()).expect("a request").into_parts().0).map(str::to_owned)
+        };
+        let host = ("host", "localhost:4711");
+        assert_eq!(asks(&format!("{home}list"), &[host]).as_deref(), Some("list"));
+        assert_eq!(
+            asks(&home, &[("host", "127.0.0.1:4711"), ("origin", "http://127.0.0.1:4711")]).as_deref(),
+            Some("")
+        );
+        for headers in [
+            &[][..],
+            &[("host", "localhost")],
+            &[("host", "localhost:4712")],
+            &[("host", "evil.example:4711")],
+            &[host, ("host", "evil.example:4711")],
+            &[host, ("origin", "http://evil.example")],
+            &[host, ("origin", "null")],
+            &[host, ("origin", "https://localhost:4711")],
+            &[host, ("origin", "http://127.0.0.1:4711")],
+            &[host, ("upgrade", "websocket")],
+        ] {
+            assert_eq!(asks(&home, headers), None, "{headers:?}");
+        }
+        for path in
+            ["/", "/list", &home[..33], &format!("/{}/", other.token), &format!("/{}0/", guard.token), "//"]
+        {
+            assert_eq!(asks(path, &[host]), None, "{path}");
+        }
+    }
+}

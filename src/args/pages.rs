@@ -1,0 +1,55 @@
+//! The page.
+
+use super::values::parse_whole;
+use clap::Args;
+use source::Named;
+use std::net::{IpAddr, Ipv4Addr};
+use std::path::PathBuf;
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline view                          the runs of this user, as they go\n  \
+    beadline view run.mcap --open          a recording, in the browser\n  \
+    beadline view results/                 the recordings in a folder, or the points of a sweep\n  \
+    ssh -L 8080:localhost:8080 host beadline view --port 8080      of another machine\n\n\
+    Whoever knows the printed address can see everything that is served, and nobody else: a part of it is random. The \
+    page never holds a run back. Ctrl-C ends it.")]
+pub(crate) struct ViewArgs {
+    /// `live` (the live runs of this user), `live:RUN`, a recording, a folder of recordings, or the directory of a sweep
+    #[arg(value_name = "SOURCE", default_value = "live")]
+    pub(crate) source: Named,
+    /// Port to listen at [default: one that is free]
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    pub(crate) port: u16,
+    /// Address of this machine to listen at; without encryption
+    #[arg(long, value_name = "ADDR", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
+    pub(crate) host: IpAddr,
+    /// Open it in the browser
+    #[arg(long)]
+    pub(crate) open: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline share run.mcap                            run.html, at most 2 MB\n  \
+    beadline share run.mcap --every-steps 100 --out talk.html\n  \
+    beadline share                                     a page that waits for a recording: beadline.html\n\n\
+    The page opens by a double click, without a network and without Beadline. It holds every step: it carries some \
+    states of the recording, and recomputes those between, bit for bit. K is a multiple of the steps between two \
+    frames of the run.")]
+pub(crate) struct ShareArgs {
+    /// The recording [default: none, the page waits for one]
+    pub(crate) file: Option<PathBuf>,
+    /// Page to write [default: named after the recording, as run.html]
+    #[arg(long, value_name = "FILE.html")]
+    pub(crate) out: Option<PathBuf>,
+    /// Carry every K-th step, the first and the last [default: as many as 2 MB hold]
+    #[arg(long, value_name = "K", value_parser = parse_whole, requires = "file")]
+    pub(crate) every_steps: Option<u64>,
+    /// Replace a file that exists, and make pages of more than 200 MB
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}

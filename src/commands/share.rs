@@ -1,0 +1,217 @@
+//! `beadline share`: a recording as one HTML file that anyone can open.
+
+use super::thin::thin_for_page;
+use super::view::results;
+use crate::args::ShareArgs;
+use crate::display::{self, bytes, count};
+use crate::failure::{BadInput, Done, Failure};
+use crate::outputs::check_place;
+use crate::report::{Rows, report};
+use crate::signals;
+use page::{Carried, carried_bytes, page};
+use producer::resimulation::check_kernel;
+use recording::{RecordingInfo, RecordingSource};
+use schemas::frame::{FrameSource, Received};
+use schemas::whole_file;
+use serde::Serialize;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A page that may be sent to anybody (bytes).
+const SMALL_BYTES: usize = 2_000_000;
+/// A page that browsers still open (bytes).
+const MOST_BYTES: usize = 200_000_000;
+/// States that are measured, to know how many fit.
+const SAMPLES: u64 = 16;
+/// What comes with a state besides its doubles: its summary, and its place in the index (bytes in the page).
+const BESIDE_A_STATE: usize = 150;
+/// How often the states are thinned anew because the measured ones were smaller than the others.
+const MAX_ATTEMPTS: u32 = 5;
+
+/// What was made.
+#[derive(Debug, Serialize)]
+pub(crate) struct Shared {
+    pub(crate) path: PathBuf,
+    pub(crate) bytes: usize,
+    /// Steps between two states; none of an empty page.
+    every_steps: Option<u64>,
+    /// States that it carries.
+    states: u64,
+    /// States that it shows: every step, if they can be recomputed.
+    pub(crate) steps: u64,
+    pulses: usize,
+    recomputes: bool,
+}
+
+pub(crate) fn share(args: &ShareArgs) -> Result<Done, Failure> {
+    let default = || args.file.as_ref().map_or("beadline.html".into(), |file| file.with_extension("html"));
+    let out = args.out.clone().unwrap_or_else(default);
+    let shared = match &args.file {
+        Some(file) => share_recording(file, &out, args.every_steps, args.force)?,
+        None => share_nothing(&out, args.force)?,
+    };
+    report(args.json, &shared, || words(&shared))?;
+    Ok(Done::Whole)
+}
+
+/// The page that waits for a recording.
+fn share_nothing(out: &Path, force: bool) -> Result<Shared, Failure> {
+    check_place(out, None, force)?;
+    let page = page(Carried::Empty);
+    whole_file::write(out, page.as_bytes(), force)?;
+    let path = out.to_owned();
+    Ok(Shared {
+        path,
+        bytes: page.len(),
+        every_steps: None,
+        states: 0,
+        steps: 0,
+        pulses: 0,
+        recomputes: false,
+    })
+}
+
+/// The page with the recording `file` inside: every `every_steps`-th state, or as many as a small page holds.
+pub(crate) fn share_recording(
+    file: &Path,
+    out: &Path,
+    every_steps: Option<u64>,
+    force: bool,
+) -> Result<Shared, Failure> {
+    check_place(out, Some(file), force)?;
+    let info = RecordingInfo::read(file).bad_input()?;
+    display::notice_of_version(&info.manifest);
+    let recomputes = check_kernel(&info.manifest);
+    if let Err(error) = &recomputes {
+        notice!("{}: {error}; the page shows the states that it carries, and none between", file.display());
+    }
+    let stop = signals::stop_flag()?;
+    let found = results::of_recording(file, &stop)?;
+    let results = serde_json::to_string(&found)?;
+    let size = Sizes::measure(&info, &results)?;
+    let mut every = every_steps.unwrap_or_else(|| size.fitting_steps(&info));
+    if size.page_bytes(&info, every) > MOST_BYTES && !force {
+        return Err(too_large(size.page_bytes(&info, every)));
+    }
+    let title = info.manifest.provenance.name.as_str();
+    let mut attempts = 1;
+    let (page, states) = loop {
+        let thinned = Scratch(out.with_extension("html.mcap"));
+        let states = thin_for_page(&info, &thinned.0, every)?.frames;
+        let page =
+            page(Carried::Embedded { title, recording: &fs::read(&thinned.0)?, results: results.as_bytes() });
+        let is_small = page.len() <= SMALL_BYTES || states <= 2;
+        if every_steps.is_some() || is_small || attempts == MAX_ATTEMPTS {
+            break (page, states);
+        }
+        let excess = page.len().div_ceil(SMALL_BYTES / 100) as u64 + 5; // percent
+        every = rounded_up(every.saturating_mul(excess) / 100, &info);
+        attempts += 1;
+    };
+    if page.len() > MOST_BYTES && !force {
+        return Err(too_large(page.len()));
+    }
+    whole_file::write(out, page.as_bytes(), force)?;
+    if every_steps.is_none() && page.len() > SMALL_BYTES {
+        notice!(
+            "one state of this chain takes so much that the page is larger than {}",
+            bytes(SMALL_BYTES as u64)
+        );
+    }
+    let range = info.first_step.zip(info.last_step).map_or(0, |(first, last)| last - first + 1);
+    Ok(Shared {
+        path: out.to_owned(),
+        bytes: page.len(),
+        every_steps: Some(every),
+        states,
+        steps: if recomputes.is_ok() { range } else { states },
+        pulses: found.pulses.len(),
+        recomputes: recomputes.is_ok(),
+    })
+}
+
+fn too_large(page_bytes: usize) -> Failure {
+    bad_input!(
+        "the page would have {}, more than browsers like to open; keep fewer states with a larger --every-steps, or make \
+         it with --force",
+        bytes(page_bytes as u64)
+    )
+}
+
+/// How large pages become (bytes).
+struct Sizes {
+    without_states: usize,
+    of_a_state: usize,
+}
+
+impl Sizes {
+    /// Packs some states of the recording one by one.
+    fn measure(info: &RecordingInfo, results: &str) -> Result<Self, Failure> {
+        let without_states =
+            page(Carried::Embedded { title: "", recording: &[], results: results.as_bytes() }).len();
+        let (Some(first), Some(last)) = (info.first_step, info.last_step) else {
+            return Err(bad_input!("{} holds no state", info.path.display()));
+        };
+        let mut source = RecordingSource::open_all(&info.path).bad_input()?;
+        let (mut all, mut count) = (0, 0);
+        for sample in 1..=SAMPLES {
+            source.seek_to_step(first + (last - first) / SAMPLES * sample).bad_input()?;
+            if let Received::Frame(frame) = source.receive().bad_input()? {
+                let values = [frame.u_m, frame.v_m_s, frame.extra].into_iter().flatten();
+                all += carried_bytes(&values.flat_map(|value| value.to_le_bytes()).collect::<Vec<_>>());
+                count += 1;
+            }
+        }
+        Ok(Self { without_states, of_a_state: all / count.max(1) + BESIDE_A_STATE })
+    }
+
+    /// The steps between two states of a small page.
+    fn fitting_steps(&self, info: &RecordingInfo) -> u64 {
+        let room = (SMALL_BYTES / 100 * 97).saturating_sub(self.without_states);
+        // the first and the last one are always there
+        let most = (room / self.of_a_state).saturating_sub(2).max(1) as u64;
+        let steps = info.manifest.physics.step_count.div_ceil(most);
+        rounded_up(steps.max(info.manifest.provenance.record_every_steps), info)
+    }
+
+    /// A page with every `every_steps`-th state.
+    fn page_bytes(&self, info: &RecordingInfo, every_steps: u64) -> usize {
+        let steps = info.last_step.zip(info.first_step).map_or(0, |(last, first)| last - first);
+        let states = usize::try_from(steps / every_steps.max(1)).unwrap_or(usize::MAX);
+        self.without_states.saturating_add(states.saturating_mul(self.of_a_state))
+    }
+}
+
+/// A number of steps after which there is a frame.
+fn rounded_up(steps: u64, info: &RecordingInfo) -> u64 {
+    let published = info.manifest.provenance.publish_every_steps;
+    steps.div_ceil(published).max(1).saturating_mul(published)
+}
+
+/// A file that goes away.
+struct Scratch(PathBuf);
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        // it may never have been made
+        let _ = fs::remove_file(&self.0);
+    }
+}
+
+fn words(shared: &Shared) -> String {
+    let mut rows = Rows::default();
+    rows.add("size", bytes(shared.bytes as u64));
+    if let Some(every) = shared.every_steps {
+        rows.add("states", format_args!("{}, one every {} steps", count(shared.states), count(every)));
+        let how = if shared.recomputes {
+            "all of them: those between are recomputed"
+        } else {
+            "recorded ones only"
+        };
+        rows.add("steps to look at", format_args!("{}, {how}", count(shared.steps)));
+        rows.add("pulses", count(shared.pulses as u64));
+    } else {
+        rows.add("to look at", "what is dropped onto it");
+    }
+    rows.under(format_args!("{}", shared.path.display()))
+}

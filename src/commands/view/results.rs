@@ -1,0 +1,95 @@
+//! Results that the page shows beside a recording: the pulses, as `beadline pulses` finds them.
+
+use crate::commands::pulses::is_coarse;
+use crate::failure::{BadInput, Failure};
+use crate::frames::Frames;
+use consumers::follow::{Analysis, Tally, follow};
+use consumers::pulses::{Pulse, Pulses, Strongest};
+use producer::resimulation::{Lend, check_kernel};
+use schemas::frame::{Frame, FrameSource as _};
+use serde::Serialize;
+use serde_json::{Value, json};
+use source::Source;
+use std::convert::Infallible;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// Points of a track.
+const TRACK_POINTS: usize = 200;
+
+/// `Results` of the page.
+#[derive(Debug, Serialize)]
+pub(crate) struct Results {
+    /// The strongest ones.
+    pub(crate) pulses: Vec<Value>,
+    /// How many more there are.
+    more: u64,
+}
+
+/// The pulses of the recording at `path`; steps are recomputed where it has too few, and can be.
+pub(crate) fn of_recording(path: &Path, stop: &Arc<AtomicBool>) -> Result<Results, Failure> {
+    let source = Source::recording(path, stop).bad_input()?;
+    let manifest = source.manifest().clone();
+    let needs_more = is_coarse(&manifest, manifest.provenance.record_every_steps);
+    let mut frames = if needs_more && check_kernel(&manifest).is_ok() {
+        Frames::recomputed(Source::all_states(path, stop).bad_input()?, Lend::Steps, false, 0, None)?
+    } else {
+        Frames::as_they_come(source)
+    };
+    let threshold_m_s = Pulses::DEFAULT_THRESHOLD * Pulses::velocity_scale_m_s(&manifest);
+    let mut tracks =
+        Tracks { pulses: Pulses::new(&manifest, threshold_m_s), strongest: Strongest::new(true) };
+    // as for `beadline pulses`, results before a damage are kept
+    let _ = follow(&mut frames, &mut tracks, &mut Tally::default(), |_| {});
+    let Tracks { mut pulses, mut strongest } = tracks;
+    pulses.finish().iter().for_each(|happening| strongest.take(happening));
+    let shown = strongest.pulses().to_vec();
+    let more = pulses.counts().pulses.saturating_sub(shown.len() as u64);
+    Ok(Results { pulses: shown.iter().map(|pulse| told(pulse, &strongest)).collect(), more })
+}
+
+struct Tracks {
+    pulses: Pulses,
+    strongest: Strongest,
+}
+
+impl Analysis for Tracks {
+    type Error = Infallible;
+
+    fn observe(&mut self, frame: &Frame<'_>) -> Result<(), Infallible> {
+        self.pulses.observe(frame).iter().for_each(|happening| self.strongest.take(happening));
+        Ok(())
+    }
+
+    fn gap(&mut self) {
+        self.pulses.gap();
+    }
+}
+
+fn told(pulse: &Pulse, strongest: &Strongest) -> Value {
+    let point = &pulse.measured.point;
+    let points: Vec<_> = strongest.path(pulse.number).into_iter().flat_map(|path| path.points()).collect();
+    let kept = points.len().min(TRACK_POINTS);
+    // the first and the last one, and others evenly between
+    let index = |kept_point: usize| kept_point * (points.len() - 1) / kept.saturating_sub(1).max(1);
+    let track: Vec<Value> = (0..kept)
+        .map(|kept_point| points[index(kept_point)])
+        .flat_map(|point| [json!(point.time_s), json!(point.bead)])
+        .collect();
+    let sign = pulse.direction.sign() as f64;
+    json!({
+        "pulse": pulse.number,
+        "direction": pulse.direction.as_str(),
+        "birth": pulse.birth.as_str(),
+        "birth_time_s": pulse.birth_time_s,
+        "birth_bead": pulse.birth_bead,
+        "end_time_s": pulse.end_time_s,
+        "end_bead": pulse.end_bead,
+        "fate": pulse.fate.as_str(),
+        "v_peak_m_s": point.v_peak_m_s,
+        "velocity_beads_per_s": point.speed_beads_per_s.map(|speed| sign * speed.abs()),
+        "fwhm_beads": point.shape.map(|shape| shape.fwhm_beads),
+        "track": track,
+    })
+}
