@@ -1,4 +1,4 @@
-//! The server: the page, recordings by ranges, results, and live runs through WebSockets.
+//! The server: the page, recordings by ranges, results, and live runs by web socket.
 //!
 //! Architecture invariants: whoever does not know the token gets 404 and nothing else, and so does who names another host
 //! or comes from another page; no path of a file comes from an address; requests have no body that is read.

@@ -1,6 +1,7 @@
 //! `beadline demo`: the whole pipeline once, each part a process of its own.
 
 use crate::args::DemoArgs;
+use crate::commands::share::share_recording;
 use crate::commands::thin::thin_quietly;
 use crate::configuration::preset;
 use crate::display::{self, bytes, count, seconds};
@@ -79,10 +80,19 @@ pub(crate) fn demo(args: &DemoArgs) -> Result<Done, Failure> {
     let passages = look_at_recording(args)?;
     let sparse = thin_quietly(&recording_path(dir), &sparse_path(dir), SPARSE_EVERY_STEPS, args.force)?;
 
+    share_recording(&recording_path(dir), &page_path(dir), None, args.force)?;
+
     let mut text = summary(&run, &consumers);
     text.push_str(&sizes(dir, &sparse)?);
     text.push_str(&pulses_table(&passages));
     text.push_str(&files_table(dir)?);
+    let (page, recording) = (page_path(dir), recording_path(dir));
+    let _ = writeln!(
+        text,
+        "\nto look at every step of it, without a network and without Beadline: open {}",
+        page.display()
+    );
+    let _ = writeln!(text, "the same in a browser from here: beadline view {}", recording.display());
     let _ = writeln!(text, "\nall of it in {}", display::duration(start.elapsed()));
     display::print(text)?;
     let published = run["frames_published"].as_u64();
@@ -111,6 +121,11 @@ fn sparse_path(dir: &Path) -> PathBuf {
     dir.join(format!("{PRESET}-sparse.mcap"))
 }
 
+/// The page that holds every step.
+fn page_path(dir: &Path) -> PathBuf {
+    dir.join(format!("{PRESET}.html"))
+}
+
 /// The tables and figures.
 fn outputs(dir: &Path) -> impl Iterator<Item = PathBuf> {
     let of_consumers = CONSUMERS.iter().flat_map(|(_, outputs)| outputs.iter().map(|(_, file)| *file));
@@ -120,8 +135,8 @@ fn outputs(dir: &Path) -> impl Iterator<Item = PathBuf> {
 /// Refuses to start when earlier results are in the way.
 fn check_free(dir: &Path, force: bool) -> Result<(), Failure> {
     let partial = recording_path(dir).with_extension("mcap.partial");
-    let taken =
-        outputs(dir).chain([recording_path(dir), partial, sparse_path(dir)]).find(|path| path.exists());
+    let others = [recording_path(dir), partial, sparse_path(dir), page_path(dir)];
+    let taken = outputs(dir).chain(others).find(|path| path.exists());
     match taken {
         Some(path) if !force => {
             let message = format!("{} exists already; choose another --out or pass --force", path.display());
@@ -321,7 +336,7 @@ fn pulses_table(passages: &[Passage]) -> String {
 /// The files that the demo left, with their sizes.
 fn files_table(dir: &Path) -> Result<String, Failure> {
     let mut text = String::from("\nfiles\n");
-    for path in [recording_path(dir), sparse_path(dir)].into_iter().chain(outputs(dir)) {
+    for path in [recording_path(dir), sparse_path(dir), page_path(dir)].into_iter().chain(outputs(dir)) {
         let size = fs::metadata(&path).with_context(|| format!("{} is missing", path.display()))?.len();
         let _ = writeln!(text, "  {:>10}  {}", bytes(size).to_string(), path.display());
     }

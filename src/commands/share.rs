@@ -154,8 +154,10 @@ impl Sizes {
         };
         let mut source = RecordingSource::open_all(&info.path).bad_input()?;
         let (mut all, mut count) = (0, 0);
-        for sample in 1..=SAMPLES {
-            source.seek_to_step(first + (last - first) / SAMPLES * sample).bad_input()?;
+        for sample in 0..SAMPLES {
+            source
+                .seek_to_step(first + (last - first) / SAMPLES * sample + (last - first) / SAMPLES / 2)
+                .bad_input()?;
             if let Received::Frame(frame) = source.receive().bad_input()? {
                 let values = [frame.u_m, frame.v_m_s, frame.extra].into_iter().flatten();
                 all += carried_bytes(&values.flat_map(|value| value.to_le_bytes()).collect::<Vec<_>>());

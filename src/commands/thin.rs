@@ -31,9 +31,16 @@ struct Rewrite<'a> {
     jobs: Option<NonZero<usize>>,
     force: bool,
     json: bool,
-    /// Whether other channels come along.
-    with_others: bool,
-    compression: Compression,
+    place: Place,
+}
+
+/// Where the new recording will be read.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Place {
+    File,
+    /// In a page: without other channels, and without compression, which browsers do not know. If the dynamics is not
+    /// known here, states that the recording holds are kept as they are.
+    Page,
 }
 
 impl<'a> Rewrite<'a> {
@@ -47,8 +54,7 @@ impl<'a> Rewrite<'a> {
             jobs: None,
             force: false,
             json: false,
-            with_others: true,
-            compression: WriteOptions::default().compression,
+            place: Place::File,
         }
     }
 }
@@ -76,11 +82,9 @@ pub(crate) fn thin_quietly(
     rewrite.write(&RecordingInfo::read(from)?)
 }
 
-/// The same of the recording `info` for a page: without compression, which browsers do not know, and without other
-/// channels. If the dynamics is not known here, states that the recording holds are kept as they are.
+/// The same of the recording `info`, for a page.
 pub(crate) fn thin_for_page(info: &RecordingInfo, to: &Path, every_steps: u64) -> Result<Finished, Failure> {
-    let rewrite = Rewrite::new(&info.path, to, every_steps);
-    Rewrite { with_others: false, compression: Compression::None, ..rewrite }.write(info)
+    Rewrite { place: Place::Page, ..Rewrite::new(&info.path, to, every_steps) }.write(info)
 }
 
 /// Recomputes the states in between.
@@ -118,11 +122,11 @@ impl Rewrite<'_> {
         let stop = signals::stop_flag()?;
         let manifest = self.manifest(&info.manifest)?;
         let options =
-            WriteOptions { force: self.force, compression: self.compression, ..WriteOptions::default() };
+            WriteOptions { force: self.force, compression: self.compression(), ..WriteOptions::default() };
         SpaceNeeded::new(&manifest, options.compression).check(self.to)?;
         let source = Source::all_states(self.from, &stop).bad_input()?;
         let lend = if self.is_between_frames(&manifest) { Lend::Steps } else { Lend::Frames };
-        let mut states = if self.compression == Compression::None && check_kernel(&manifest).is_err() {
+        let mut states = if self.place == Place::Page && check_kernel(&manifest).is_err() {
             Frames::as_they_come(source)
         } else {
             Frames::recomputed(source, lend, false, 0, self.jobs)?
@@ -147,6 +151,13 @@ impl Rewrite<'_> {
         // a part under the whole one's name would be taken for it
         writer.discard();
         Err(Failure::Failed(what))
+    }
+
+    fn compression(&self) -> Compression {
+        match self.place {
+            Place::File => WriteOptions::default().compression,
+            Place::Page => Compression::None,
+        }
     }
 
     /// The failure for a recording that was not closed.
@@ -194,7 +205,7 @@ impl Rewrite<'_> {
         last_step: Option<u64>,
     ) -> Result<EndReason, Failure> {
         let mut progress = Progress::of_run(manifest);
-        let mut others = self.with_others.then(|| OtherChannels::open(self.from)).transpose()?;
+        let mut others = (self.place == Place::File).then(|| OtherChannels::open(self.from)).transpose()?;
         let reason = loop {
             match states.receive().map_err(|error| Failure::Failed(error.into()))? {
                 Received::Frame(frame) => {

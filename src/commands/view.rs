@@ -69,7 +69,7 @@ impl Opened {
             command.arg(&file.0).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
             command.spawn().is_ok()
         };
-        if !["xdg-open", "open", "sensible-browser"].iter().any(|program| open(&program)) {
+        if !["xdg-open", "open", "sensible-browser"].iter().any(open) {
             told();
         }
         Some(file)

@@ -4,7 +4,7 @@ use bus::{Bus, RunInfo, list_runs};
 use serde_json::Value;
 use std::ffi::OsStr;
 use std::fs;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -135,6 +135,13 @@ impl Running {
     /// Its stdin, if that is a pipe that nobody has taken.
     pub(crate) fn stdin(&mut self) -> ChildStdin {
         self.child.as_mut().unwrap().stdin.take().unwrap()
+    }
+
+    /// The next line on its stdout.
+    pub(crate) fn line(&mut self) -> String {
+        let stdout = self.child.as_mut().unwrap().stdout.as_mut().unwrap();
+        let bytes = stdout.bytes().map_while(Result::ok).take_while(|byte| *byte != b'\n');
+        String::from_utf8(bytes.collect()).unwrap()
     }
 
     /// Whether it still runs.

@@ -51,6 +51,9 @@ fn crates_use_what_the_architecture_says() {
     only("prost", &["beadline-recording"]);
     only("clap", &["beadline"]);
     only("indicatif", &["beadline"]);
+    for server in ["axum", "hyper", "tokio"] {
+        only(server, &["beadline-page"]);
+    }
     only("anyhow", &["beadline", "beadline-bench", "beadline-paper"]);
     let ours = |package: &str| -> Vec<String> {
         needed(&all, package).into_iter().filter(|name| name.starts_with("beadline")).collect()
@@ -61,6 +64,7 @@ fn crates_use_what_the_architecture_says() {
     assert_eq!(ours("beadline-producer"), ["beadline-recording", "beadline-schemas"]);
     assert_eq!(ours("beadline-consumers"), ["beadline-recording", "beadline-schemas"]);
     assert_eq!(ours("beadline-figure"), ["beadline-schemas"]);
+    assert_eq!(ours("beadline-page"), ["beadline-schemas"]);
     assert_eq!(users(&all, "beadline-bench"), ["beadline"]);
     assert_eq!(ours("beadline-recorder"), ["beadline-bus", "beadline-recording", "beadline-schemas"]);
     for package in ["beadline-producer", "beadline-consumers", "beadline-paper", "beadline-exports"] {

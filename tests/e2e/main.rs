@@ -46,3 +46,4 @@ mod thinning;
 mod time_step;
 mod uncertainty;
 mod verifying;
+mod view;

@@ -57,6 +57,7 @@ fn the_demo_leaves_a_recording_tables_and_figures() {
     for file in [
         "light-impurity.mcap",
         "light-impurity-sparse.mcap",
+        "light-impurity.html",
         "energies.csv",
         "impurity.csv",
         "impurity-events.csv",

@@ -25,7 +25,7 @@ impl Guard {
         let hosts = ["127.0.0.1", "localhost", "[::1]"].map(|host| format!("{host}:{port}"));
         let [v4, name, v6] = hosts;
         Ok(Self {
-            token: token.iter().map(|byte| format!("{byte:02x}")).collect(),
+            token: format!("{:032x}", u128::from_be_bytes(token)),
             address,
             hosts: [v4, name, v6, address.to_string()],
         })

@@ -43,6 +43,10 @@ impl Watches {
         Self { bus, watched: Mutex::default(), threads: Mutex::default(), stop: Arc::clone(stop) }
     }
 
+    pub(super) fn bus(&self) -> &Bus {
+        &self.bus
+    }
+
     /// What a viewer of the run is shown; the first one starts a consumer, and it waits for the run if need be.
     pub(super) fn feed(self: &Arc<Self>, run: &RunName) -> LiveFeed {
         let mut watched = lock(&self.watched);
@@ -126,19 +130,17 @@ impl Watches {
                 let is_old = passed < MOST_PASSED && live.behind() > 1;
                 let skipped = live.missed_count();
                 match live.receive() {
-                    Ok(Received::Missed { from, to }) => {
-                        counts.skipped.store(skipped + (to - from + 1), Ordering::Relaxed);
-                        continue;
-                    }
+                    // counted by the source as it is taken
+                    Ok(Received::Missed { .. }) => {}
                     Ok(Received::Frame(frame)) => {
                         seen += 1;
                         counts.seen.store(seen, Ordering::Relaxed);
-                        if is_old {
-                            passed += 1;
-                            continue;
+                        counts.skipped.store(skipped, Ordering::Relaxed);
+                        if !is_old {
+                            writer.state(&frame, seen, skipped);
+                            break;
                         }
-                        writer.state(&frame, seen, counts.skipped.load(Ordering::Relaxed));
-                        break;
+                        passed += 1;
                     }
                     Ok(Received::End(reason)) => return writer.end(reason.as_str()),
                     Err(error) => return writer.end(&error.to_string()),

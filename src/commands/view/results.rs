@@ -4,14 +4,13 @@ use crate::commands::pulses::is_coarse;
 use crate::failure::{BadInput, Failure};
 use crate::frames::Frames;
 use consumers::follow::{Analysis, Tally, follow};
-use consumers::pulses::{Pulse, Pulses, Strongest};
+use consumers::pulses::{Path, Pulse, Pulses, Strongest};
 use producer::resimulation::{Lend, check_kernel};
 use schemas::frame::{Frame, FrameSource as _};
 use serde::Serialize;
 use serde_json::{Value, json};
 use source::Source;
 use std::convert::Infallible;
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -28,7 +27,7 @@ pub(crate) struct Results {
 }
 
 /// The pulses of the recording at `path`; steps are recomputed where it has too few, and can be.
-pub(crate) fn of_recording(path: &Path, stop: &Arc<AtomicBool>) -> Result<Results, Failure> {
+pub(crate) fn of_recording(path: &std::path::Path, stop: &Arc<AtomicBool>) -> Result<Results, Failure> {
     let source = Source::recording(path, stop).bad_input()?;
     let manifest = source.manifest().clone();
     let needs_more = is_coarse(&manifest, manifest.provenance.record_every_steps);
@@ -69,7 +68,7 @@ impl Analysis for Tracks {
 
 fn told(pulse: &Pulse, strongest: &Strongest) -> Value {
     let point = &pulse.measured.point;
-    let points: Vec<_> = strongest.path(pulse.number).into_iter().flat_map(|path| path.points()).collect();
+    let points: Vec<_> = strongest.path(pulse.number).into_iter().flat_map(Path::points).collect();
     let kept = points.len().min(TRACK_POINTS);
     // the first and the last one, and others evenly between
     let index = |kept_point: usize| kept_point * (points.len() - 1) / kept.saturating_sub(1).max(1);

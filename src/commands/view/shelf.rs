@@ -39,7 +39,7 @@ pub(super) struct Runs {
 }
 
 enum Kind {
-    Live(Arc<Watches>, Bus, Option<RunName>),
+    Live(Arc<Watches>, Option<RunName>),
     Recording(PathBuf),
     Folder(PathBuf),
     Sweep(PathBuf, Box<Sweep>),
@@ -73,7 +73,7 @@ impl Runs {
             Named::Live(name) => {
                 let bus = Bus::from_env()?;
                 wait_for_run(&bus, name.as_ref(), stop)?;
-                Kind::Live(Arc::new(Watches::new(bus.clone(), stop)), bus, name.clone())
+                Kind::Live(Arc::new(Watches::new(bus, stop)), name.clone())
             }
             Named::File(path) if path.is_dir() => match sweep::file_in(path) {
                 Some(file) => Kind::Sweep(path.clone(), Box::new(Sweep::read(&file).bad_input()?)),
@@ -99,9 +99,10 @@ impl Runs {
 
     fn entries(&self) -> Result<Vec<Entry>, Failure> {
         match &self.kind {
-            Kind::Live(_, bus, name) => {
+            Kind::Live(watches, name) => {
                 let is_meant = |run: &RunName| name.as_ref().is_none_or(|name| name == run);
-                let live = list_runs(bus)?.into_iter().filter(|run| run.is_live() && is_meant(&run.name));
+                let live =
+                    list_runs(watches.bus())?.into_iter().filter(|run| run.is_live() && is_meant(&run.name));
                 let mut names: Vec<_> = live.map(|run| run.name).collect();
                 if let (Some(name), true) = (name, names.is_empty()) {
                     names.push(name.clone()); // the page waits for it
@@ -208,8 +209,8 @@ impl Runs {
 impl Shelf for Runs {
     fn title(&self) -> String {
         match &self.kind {
-            Kind::Live(_, _, Some(name)) => name.to_string(),
-            Kind::Live(_, _, None) => "live runs".to_owned(),
+            Kind::Live(_, Some(name)) => name.to_string(),
+            Kind::Live(_, None) => "live runs".to_owned(),
             Kind::Recording(path) | Kind::Folder(path) | Kind::Sweep(path, _) => {
                 let path = path.canonicalize().unwrap_or_else(|_| path.clone());
                 path.file_name().unwrap_or_default().to_string_lossy().into_owned()
@@ -250,7 +251,7 @@ impl Shelf for Runs {
     }
 
     fn live(&self, name: &str) -> Option<LiveFeed> {
-        let Kind::Live(watches, _, meant) = &self.kind else { return None };
+        let Kind::Live(watches, meant) = &self.kind else { return None };
         let name: RunName = name.parse().ok()?;
         meant.as_ref().is_none_or(|meant| *meant == name).then(|| watches.feed(&name))
     }
