@@ -117,6 +117,9 @@ export class Engine {
       this.onstate?.(value);
       void this.ask("seen", []);
     } else if (event === "status") {
+      if (this.info?.recomputes) {
+        this.info.lastStep = Math.max(this.info.lastStep, value.step);
+      }
       this.onstatus?.(value);
     } else if (event === "end") {
       this.onend?.(value);

@@ -47,7 +47,7 @@ class Run {
     this.chain = chain;
     /** @type {Live | undefined} */
     this.live = undefined;
-    /** What follows a live run. @type {{ table: RowTable, tell: Tell, sent: number } | undefined} */
+    /** What follows a live run, until it is over. @type {{ table: RowTable, tell: Tell, sent: number, over: () => void } | undefined} */
     this.following = undefined;
     /** @type {import("./types.d.ts").Info} */
     this.info = {
@@ -105,17 +105,21 @@ class Run {
    */
   rows(request, tell) {
     this.tasks.drop(URGENCY.rows);
+    this.following?.over();
     this.following = undefined;
     const { history } = this;
     const table = new RowTable(this.fields, request);
     const last = Math.min(request.steps[1], history.lastStep);
     if (this.live !== undefined && request.steps[1] === Infinity) {
-      const following = { table, tell, sent: 0 };
-      this.following = following;
-      return this.tasks.add(URGENCY.rows, this.fill(table, [history.firstStep, last], request.rows >> 1, () => {
-        following.sent = table.rows.length;
-        tell({ from: 0, ...table.packed(0), isWhole: false });
-      }));
+      return new Promise((over, failed) => {
+        const following = { table, tell, sent: 0, over: () => over(undefined) };
+        this.following = following;
+        const fill = this.fill(table, [history.firstStep, last], request.rows >> 1, () => {
+          following.sent = table.rows.length;
+          tell({ from: 0, ...table.packed(0), isWhole: false });
+        });
+        this.tasks.add(URGENCY.rows, fill).catch(failed);
+      });
     }
     const first = Math.max(request.steps[0], history.firstStep);
     return this.tasks.add(URGENCY.rows, this.fill(table, [Math.min(first, last), last], request.rows, (isWhole) => {
@@ -265,7 +269,12 @@ function openLive(url, say) {
         const [u, v] = [state.u.slice(), state.v.slice()];
         say("state", { step: state.step, time_s: state.time_s, u, v, extra: new Float64Array(0) }, [u.buffer, v.buffer]);
       },
-      onstatus: (status) => say("status", status),
+      onstatus: (status) => {
+        if (run?.info.recomputes) {
+          run.history.lastStep = Math.max(run.history.lastStep, status.step);
+        }
+        say("status", status);
+      },
       onend: (reason) => {
         if (run !== undefined) {
           opened(run);
@@ -306,7 +315,7 @@ export function serve() {
       return run.info;
     },
     state: (_, step) => run?.state(step),
-    rows: (tell, request) => run?.rows(request, tell),
+    rows: async (tell, request) => run?.rows(request, tell),
     events: (tell, bead) => {
       run?.tasks.drop(URGENCY.events);
       return run?.tasks.add(URGENCY.events, run.events(bead, tell));
