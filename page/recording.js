@@ -15,6 +15,7 @@ const MAX_RECORD = 1024 * MIB;
 const MAX_OTHER = 64 * MIB; // bytes of a record that is no chunk, and of a chunk before compression
 const MAX_SUMMARY = 256 * MIB;
 const CACHE_BYTES = 256 * MIB;
+const WINDOW = 1 << 16;
 const SALVAGE = "`beadline recover` saves what can be saved";
 
 /** Keys that decide bits, each with what it holds if that has keys, too; all that are known. */
@@ -188,6 +189,8 @@ export class Recording {
     /** Chunks in memory, the least recently used one first. @type {Map<Place, Chunk>} */
     this.cache = new Map();
     this.cachedBytes = 0;
+    /** Bytes that may be decompressed to open it: little more than a real recording needs. */
+    this.budget = 4096 * MIB + 64 * bytes.size;
   }
 
   /** @returns {Chain} */
@@ -218,6 +221,7 @@ export class Recording {
       await recording.readAll(run.next, why);
     }
     await recording.findEnds();
+    recording.budget = Infinity;
     return recording;
   }
 
@@ -342,11 +346,12 @@ export class Recording {
     this.topics.clear();
     this.stateCount = 0;
     this.end = undefined;
+    const pieces = windowed(this.bytes);
     let isData = true;
     let at = start;
     let stop = `the file ends at byte ${this.bytes.size}`;
     while (isData && at < this.bytes.size) {
-      const head = await headerAt(this.bytes, at);
+      const head = await headerAt(pieces, at);
       if (head === undefined || head.opcode === 0) {
         stop = head === undefined ? stop : `there are zeros from byte ${at} on`;
         break;
@@ -462,6 +467,10 @@ export class Recording {
       const data = fields.take(fields.u64());
       const { beads, method } = this.manifest.physics;
       const most = Math.max(MAX_OTHER, 2 * (beads * (method === "gear5" ? 7 : 2) * 8 + 1024));
+      this.budget -= size;
+      if (this.budget < 0) {
+        throw new Error("the file has far more chunks without states than a recording has");
+      }
       if (compression === "zstd" && size <= most) {
         chunk.records = decompress(data, size);
       } else if (compression === "" && size === data.length) {
@@ -596,6 +605,21 @@ export class Recording {
   }
 }
 
+/** The same bytes by larger pieces, because there may be as many records as the file has room for. @param {Bytes} file @returns {Bytes} */
+function windowed(file) {
+  let [start, piece] = [0, new Uint8Array(0)];
+  return {
+    size: file.size,
+    read: async (offset, length) => {
+      if (offset < start || offset + length > start + piece.length) {
+        piece = await readExactly(file, offset, Math.min(Math.max(length, WINDOW), file.size - offset));
+        start = offset;
+      }
+      return piece.subarray(offset - start, offset - start + length);
+    },
+  };
+}
+
 /** The header of the record at an offset; undefined if the record is not whole. @param {Bytes} bytes @param {number} offset */
 async function headerAt(bytes, offset) {
   if (offset + RECORD_HEADER > bytes.size) {
@@ -619,12 +643,16 @@ async function recordAt(bytes, offset) {
   return { ...head, contents: await readExactly(bytes, offset + RECORD_HEADER, head.length) };
 }
 
-/** The records between two places. @param {Uint8Array} bytes @param {number} start @param {number} end @param {string} what */
+const KNOWN = [CHANNEL, MESSAGE, CHUNK_INDEX, STATISTICS, METADATA_INDEX];
+
+/** The records between two places that are of a kind that matters there. @param {Uint8Array} bytes @param {number} start @param {number} end @param {string} what */
 function* recordsOf(bytes, start, end, what) {
   const fields = new Fields(bytes.subarray(start, end), what);
   while (fields.left > 0) {
     const [opcode, length] = [fields.u8(), fields.u64()];
-    const at = start + fields.at;
-    yield { opcode, fields: new Fields(fields.take(length), what), start: at };
+    const contents = fields.pass(length) + start;
+    if (KNOWN.includes(opcode)) {
+      yield { opcode, fields: new Fields(bytes.subarray(contents, contents + length), what), start: contents };
+    }
   }
 }
