@@ -14,7 +14,10 @@
 // Units are SI.
 
 /** @import { Chain, Physics, Wall } from "./types.js" */
-/** What a step changes: u (m), v (m/s), and what the method needs besides. @typedef {{ u: Float64Array, v: Float64Array, extra: Float64Array }} Motion */
+/**
+ * What a step changes: u (m), v (m/s), and what the method needs besides.
+ * @typedef {{ u: Float64Array, v: Float64Array, extra: Float64Array }} Motion
+ */
 
 export const KERNEL_VERSION = 2;
 
@@ -181,7 +184,10 @@ export class Power {
     return h + (h * (s * r) + table[i + 2]);
   }
 
-  /** The centre c of an interval, and c^α in two doubles: [c, H, L]. `i` counts from the first interval above z. @param {number} i */
+  /**
+   * The centre c of an interval, and c^α in two doubles: [c, H, L]. `i` counts from the first interval above z.
+   * @param {number} i
+   */
   entry(i) {
     if (this.table[3 * i] === 0) {
       this.make(i);
@@ -357,7 +363,10 @@ export class Stepper {
     }
   }
 
-  /** The same between beads for α = 3/2, the usual one: a loop of its own, and in just this form, is twice as fast. @param {Float64Array} u */
+  /**
+   * The same between beads for α = 3/2, the usual one: a loop of its own, and in just this form, is twice as fast.
+   * @param {Float64Array} u
+   */
   forcesOfSpheres(u) {
     const { beads: n, net, k, rho, rest } = this;
     const z = this.power.z;
@@ -389,7 +398,10 @@ export class Stepper {
     this.forces(u);
   }
 
-  /** D: the force of contact i at overlap δ and rate ω, that at rest not taken off. @param {number} i @param {number} delta @param {number} omega */
+  /**
+   * D: the force of contact i at overlap δ and rate ω, that at rest not taken off.
+   * @param {number} i @param {number} delta @param {number} omega
+   */
   force(i, delta, omega) {
     const p = this.power.at(delta);
     const elastic = this.k[i] * p;
@@ -453,7 +465,10 @@ export class Stepper {
     }
   }
 
-  /** The terms q2 … q5 at step 0: those of the exact motion, from the series of every contact's force. @param {Motion} state */
+  /**
+   * The terms q2 … q5 at step 0: those of the exact motion, from the series of every contact's force.
+   * @param {Motion} state
+   */
   startGear5({ u, v, extra }) {
     const { beads: n, dt, power, k, eta, rho } = this;
     const q = [u, v.map((speed) => speed * dt), ...[0, 1, 2, 3].map((j) => extra.subarray(j * n, (j + 1) * n))];
@@ -509,7 +524,10 @@ export class Stepper {
     return delta > this.power.z ? (this.k[i] * this.power.at(delta) * delta) / (this.power.alpha + 1) : 0;
   }
 
-  /** Of contact i at an approach a from its rest, what exceeds the energy at rest, less the work of the rest force. @param {number} i @param {number} a */
+  /**
+   * Of contact i at an approach a from its rest, what exceeds the energy at rest, less the work of the rest force.
+   * @param {number} i @param {number} a
+   */
   excess(i, a) {
     const alpha = this.power.alpha;
     const [rho, rest] = [this.rho[i], this.rest[i]];

@@ -51,7 +51,7 @@ export async function readExactly(file, offset, length) {
   }
   const bytes = length === 0 ? new Uint8Array(0) : await file.read(offset, length);
   if (bytes.length !== length) {
-    throw new Error(`${bytes.length} bytes from byte ${offset} on, where ${length} were asked for: has the file changed?`);
+    throw new Error(`${bytes.length} bytes at byte ${offset}, where ${length} were asked for: has the file changed?`);
   }
   return bytes;
 }
@@ -98,7 +98,10 @@ const PRIMES = Array.from({ length: 310 }, (_, i) => i + 2).filter((n) => {
 });
 const SHA_ROOTS = Int32Array.from(PRIMES, (prime) => fraction(Math.cbrt(prime)));
 
-/** SHA-256 in hexadecimal digits: browsers have theirs only where a page comes from a server. @param {Uint8Array} bytes */
+/**
+ * SHA-256 in hexadecimal digits: browsers have theirs only where a page comes from a server.
+ * @param {Uint8Array} bytes
+ */
 export function sha256(bytes) {
   const padded = new Uint8Array(((bytes.length + 72) >> 6) << 6);
   padded.set(bytes);
@@ -316,7 +319,8 @@ export function stateOf(bytes, start, end) {
 export function chainOf(bytes, start, end) {
   /** @type {(Wall | undefined)[]} */
   const walls = [];
-  const [mass, stiffness, restOverlap, restForce, damping] = arrays(bytes, start, end, [1, 2, 3, 5, 8], (number, from, to) => {
+  /** @type {OnField} */
+  const onwall = (number, from, to) => {
     if ((number === 6 || number === 7) && from >= 0) {
       const wall = [0, 0, 0, 0];
       walk(bytes, from, to, (field, first, last) => {
@@ -327,6 +331,8 @@ export function chainOf(bytes, start, end) {
       const [wallStiffness, overlap, force, wallDamping] = wall;
       walls[number] = { stiffness: wallStiffness, restOverlap: overlap, restForce: force, damping: wallDamping };
     }
-  });
+  };
+  const all = arrays(bytes, start, end, [1, 2, 3, 5, 8], onwall);
+  const [mass, stiffness, restOverlap, restForce, damping] = all;
   return { mass, stiffness, restOverlap, restForce, damping, leftWall: walls[6], rightWall: walls[7] };
 }

@@ -75,13 +75,18 @@ function parsed(text, what) {
   } catch {
     // said below
   }
-  return typeof value === "object" && value !== null && !Array.isArray(value) ? value : damaged(`${what} is no JSON object`);
+  const isObject = typeof value === "object" && value !== null && !Array.isArray(value);
+  return isObject ? value : damaged(`${what} is no JSON object`);
 }
 
 /** Whether an integer is in these bounds. @param {unknown} value @param {number} least @param {number} most */
-const isCount = (value, least, most) => Number.isSafeInteger(value) && Number(value) >= least && Number(value) <= most;
+const isCount = (value, least, most) =>
+  typeof value === "number" && Number.isSafeInteger(value) && value >= least && value <= most;
 
-/** What its checksum covers, and whether that is right. @param {Map<string, string>} entries @param {string} name @param {string[]} keys */
+/**
+ * What the checksum of a metadata record covers, if that is right.
+ * @param {Map<string, string>} entries @param {string} name @param {string[]} keys
+ */
 function checkSum(entries, name, keys) {
   const values = keys.map((key) => entries.get(key) ?? damaged(`the metadata record ${name} has no ${key}`));
   const text = [name, ...values].map((line) => `${line}\n`).join("");
@@ -95,7 +100,8 @@ function checkSum(entries, name, keys) {
 export function manifestOf(entries, notes) {
   const version = entries.get("schema_version") ?? "";
   if (!/^1\.\d{1,9}$/.test(version)) {
-    throw new Error(`the recording has schema version ${version || "(none)"}, and this page reads version 1: use a page of that version`);
+    const found = version === "" ? "no schema version" : `schema version ${version}`;
+    throw new Error(`the recording has ${found}, and this page reads version 1: use a page of that version`);
   }
   const keys = ["schema_version", "physics", "provenance"];
   const [, physicsText, provenanceText] = checkSum(entries, "beadline.run", keys);
@@ -105,7 +111,8 @@ export function manifestOf(entries, notes) {
   const provenance = parsed(provenanceText, "provenance in the manifest");
   const unknown = unknownKey(physics, PHYSICS_KEYS);
   if (unknown !== "") {
-    throw new Error(`physics in the manifest has the key "${unknown}", which this page does not know and which may decide bits: use a newer page`);
+    const why = "which this page does not know and which may decide bits: use a newer page";
+    throw new Error(`physics in the manifest has the key "${unknown}", ${why}`);
   }
   const further = unknownKey(provenance, PROVENANCE_KEYS);
   if (further !== "" && version === "1.0") {
@@ -114,6 +121,7 @@ export function manifestOf(entries, notes) {
   if (version !== "1.0") {
     notes.push(`The recording has schema version ${version}; what is newer than version 1.0 in it is not shown.`);
   }
+  const isBead = (/** @type {unknown} */ value) => isCount(value, 0, physics.beads - 1);
   /** @type {[string, boolean][]} */
   const checks = [
     ["kernel_version", isCount(physics.kernel_version, 1, 2 ** 31)],
@@ -121,8 +129,8 @@ export function manifestOf(entries, notes) {
     ["bead_mass_kg", physics.bead_mass_kg > 0],
     ["alpha", physics.alpha >= 1 && physics.alpha <= 1000],
     ["stiffness", physics.stiffness > 0],
-    ["impurities", Array.isArray(physics.impurities) && physics.impurities.every((one) => isCount(one?.bead, 0, physics.beads - 1))],
-    ["striker", isCount(physics.striker?.bead, 0, physics.beads - 1) && Number.isFinite(physics.striker.velocity_m_s)],
+    ["impurities", Array.isArray(physics.impurities) && physics.impurities.every((one) => isBead(one?.bead))],
+    ["striker", isBead(physics.striker?.bead) && Number.isFinite(physics.striker.velocity_m_s)],
     ["method", typeof physics.method === "string"],
     ["dt_s", typeof physics.dt_s === "number" && physics.dt_s > 0],
     ["step_count", isCount(physics.step_count, 1, 2 ** 52)],
@@ -148,7 +156,7 @@ function checkChain(chain, beads) {
   if (damping.length !== 0 && damping.length !== beads - 1) {
     damaged(`/chain has ${damping.length} coefficients of damping, not ${beads - 1}`);
   }
-  const walls = [chain.leftWall, chain.rightWall].flatMap((wall) => (wall === undefined ? [] : Object.values(wall)));
+  const walls = [chain.leftWall, chain.rightWall].flatMap((wall) => Object.values(wall ?? {}));
   const isFinite = [mass, ...contacts, damping, walls].every((array) => array.every((x) => Number.isFinite(x)));
   if (!isFinite || !mass.every((m) => m > 0)) {
     damaged("/chain has impossible values");
@@ -157,8 +165,8 @@ function checkChain(chain, beads) {
 
 /**
  * Where a chunk is: offset and length of its record. `time` (ns) is not after that of its first state; its steps are
- * known once it was read, and undefined if it has no states.
- * @typedef {{ offset: number, length: number, time: number, isRead: boolean, first: number|undefined, last: number|undefined }} Place
+ * known once it was read: the first one, undefined if it has no states.
+ * @typedef {{ offset: number, length: number, time: number, isRead: boolean, first: number | undefined }} Place
  */
 
 /** A chunk's records, and in them its states: three numbers each, step and where its message begins and ends.
@@ -198,7 +206,10 @@ export class Recording {
     return this.foundChain ?? damaged("it has no /chain");
   }
 
-  /** Opens a recording; rejects with an Error whose message is for the user. @param {Bytes} bytes @returns {Promise<Recording>} */
+  /**
+   * Opens a recording; rejects with an Error whose message is for the user.
+   * @param {Bytes} bytes @returns {Promise<Recording>}
+   */
   static async open(bytes) {
     if (bytes.size < 8 || String(await readExactly(bytes, 0, 8)) !== MAGIC) {
       throw new Error("this is no recording: it does not begin as an MCAP file does");
@@ -299,7 +310,7 @@ export class Recording {
 
   /** @param {number} offset @param {number} length @param {number} time @returns {Place} */
   placeAt(offset, length, time) {
-    return { offset, length, time, isRead: false, first: undefined, last: undefined };
+    return { offset, length, time, isRead: false, first: undefined };
   }
 
   /** @param {number} offset @param {string} name */
@@ -334,13 +345,19 @@ export class Recording {
     const step = (/** @type {string} */ key) => {
       const text = entries.get(key) ?? "";
       const value = Number(text);
-      return text === "" ? undefined : isCount(value, 0, 2 ** 52) ? value : damaged(`beadline.end has an impossible ${key}`);
+      if (text === "") {
+        return undefined;
+      }
+      return isCount(value, 0, 2 ** 52) ? value : damaged(`beadline.end has an impossible ${key}`);
     };
     const reason = entries.get("reason") ?? damaged("beadline.end has no reason");
     this.end = { reason, firstStep: step("first_step"), lastStep: step("last_step") };
   }
 
-  /** Reads a recording without a summary section from its beginning, up to the last whole record. @param {number} start @param {string} why */
+  /**
+   * Reads a recording without a summary section from its beginning, up to the last whole record.
+   * @param {number} start @param {string} why
+   */
   async readAll(start, why) {
     this.places = [];
     this.topics.clear();
@@ -372,7 +389,7 @@ export class Recording {
           this.onEnd(fields.texts());
         }
       } else if (opcode === MESSAGE || opcode === SCHEMA || opcode === CHANNEL) {
-        throw new Error(`the recording has messages outside of chunks, from byte ${at} on, which this page does not read`);
+        throw new Error(`the recording has messages outside of chunks, at byte ${at}, which this page does not read`);
       }
       isData = opcode !== DATA_END;
       at = next;
@@ -408,7 +425,7 @@ export class Recording {
     }
     this.firstStep = first;
     if (this.end?.lastStep !== undefined && this.end.lastStep !== this.lastStep) {
-      this.notes.push(`The recording says that its last state is step ${this.end.lastStep}, and it is step ${this.lastStep}.`);
+      this.notes.push(`Its end says that the last step is ${this.end.lastStep}, and it is ${this.lastStep}.`);
     }
     let time = 0;
     for (const place of this.places) {
@@ -476,7 +493,8 @@ export class Recording {
       } else if (compression === "" && size === data.length) {
         chunk.records = data.slice();
       } else {
-        throw new Error(`it says ${size} bytes by "${compression}", and what is read is "zstd" up to ${most} bytes, or uncompressed`);
+        const expected = `what is read is "zstd" up to ${most} bytes, or uncompressed`;
+        throw new Error(`it says ${size} bytes by "${compression}", and ${expected}`);
       }
       if (crc !== 0 && crc32(chunk.records) !== crc && !place.isRead) {
         this.notes.push(`The checksum of ${where} is wrong, so its states may be, too; ${SALVAGE}.`);
@@ -487,7 +505,6 @@ export class Recording {
     }
     place.isRead = true;
     place.first = chunk.states[0];
-    place.last = chunk.states.at(-3);
     return chunk;
   }
 
@@ -522,7 +539,8 @@ export class Recording {
     const { step, time_s, u, v, extra } = state;
     const extraFits = arrays === undefined ? extra.length % beads === 0 : extra.length === arrays * beads;
     if (u.length !== beads || v.length !== beads || !extraFits) {
-      damaged(`the state of step ${step} has ${u.length}, ${v.length} and ${extra.length} values, of ${beads} beads`);
+      const lengths = `${u.length}, ${v.length} and ${extra.length} values`;
+      damaged(`the state of step ${step} has ${lengths}, of ${beads} beads`);
     }
     if (time_s !== step * dt_s) {
       damaged(`the state of step ${step} is at ${time_s} s, not ${step * dt_s} s`);
@@ -562,7 +580,10 @@ export class Recording {
     return this.stateAt(chunk, low - 1);
   }
 
-  /** The last stored state at or before a step; undefined if there is none. @param {number} step @returns {Promise<State | undefined>} */
+  /**
+   * The last stored state at or before a step; undefined if there is none.
+   * @param {number} step @returns {Promise<State | undefined>}
+   */
   async before(step) {
     for (;;) {
       const place = this.placeBefore(step);
@@ -576,7 +597,10 @@ export class Recording {
     }
   }
 
-  /** The same at once, or undefined if the file would have to be read. @param {number} step @returns {State | undefined} */
+  /**
+   * The same at once, or undefined if the file would have to be read.
+   * @param {number} step @returns {State | undefined}
+   */
   cachedBefore(step) {
     const place = this.placeBefore(step);
     const chunk = place === undefined || !place.isRead ? undefined : this.fromMemory(place);
@@ -605,9 +629,14 @@ export class Recording {
   }
 }
 
-/** The same bytes by larger pieces, because there may be as many records as the file has room for. @param {Bytes} file @returns {Bytes} */
+/**
+ * The same bytes by larger pieces, because there may be as many records as the file has room for.
+ * @param {Bytes} file @returns {Bytes}
+ */
 function windowed(file) {
-  let [start, piece] = [0, new Uint8Array(0)];
+  let start = 0;
+  /** @type {Uint8Array} */
+  let piece = new Uint8Array(0);
   return {
     size: file.size,
     read: async (offset, length) => {
@@ -620,7 +649,10 @@ function windowed(file) {
   };
 }
 
-/** The header of the record at an offset; undefined if the record is not whole. @param {Bytes} bytes @param {number} offset */
+/**
+ * The header of the record at an offset; undefined if the record is not whole.
+ * @param {Bytes} bytes @param {number} offset
+ */
 async function headerAt(bytes, offset) {
   if (offset + RECORD_HEADER > bytes.size) {
     return undefined;
@@ -645,7 +677,10 @@ async function recordAt(bytes, offset) {
 
 const KNOWN = [CHANNEL, MESSAGE, CHUNK_INDEX, STATISTICS, METADATA_INDEX];
 
-/** The records between two places that are of a kind that matters there. @param {Uint8Array} bytes @param {number} start @param {number} end @param {string} what */
+/**
+ * The records between two places that are of a kind that matters there.
+ * @param {Uint8Array} bytes @param {number} start @param {number} end @param {string} what
+ */
 function* recordsOf(bytes, start, end, what) {
   const fields = new Fields(bytes.subarray(start, end), what);
   while (fields.left > 0) {

@@ -26,22 +26,10 @@ function codes(first, plain, more) {
 const LITERAL_LENGTHS = codes(0, 16, [1, 1, 1, 1, 2, 2, 3, 3, 4, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16]);
 const MATCH_LENGTHS = codes(3, 32, [1, 1, 1, 1, 2, 2, 3, 3, 4, 4, 5, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16]);
 
-/** What a table of states is for: the most bits of a state, the last symbol, and the table where none is sent. */
-class Kind {
-  /**
-   * @param {string} name
-   * @param {number} maxLog
-   * @param {number} lastSymbol
-   * @param {number} log
-   * @param {number[]} counts
-   */
-  constructor(name, maxLog, lastSymbol, log, counts) {
-    this.name = name;
-    this.maxLog = maxLog;
-    this.lastSymbol = lastSymbol;
-    this.predefined = counts.length > 0 ? stateTable(log, counts) : undefined;
-  }
-}
+/**
+ * What a table of states is for: the most bits of a state, the last symbol, and the table where none is sent.
+ * @typedef {{ name: string, maxLog: number, lastSymbol: number, predefined: StateTable | undefined }} Kind
+ */
 
 /**
  * A table of states (FSE): log2 of their number, and of each its symbol, the bits to be read for the next state (from
@@ -91,23 +79,44 @@ function highestBit(x) {
   return 31 - Math.clz32(x);
 }
 
-const LITERAL_LENGTH_KIND = new Kind("literal lengths", 9, 35, 6, [
-  ...[4, 3, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 1, 1, 1, 2, 2],
-  ...[2, 2, 2, 2, 2, 2, 2, 3, 2, 1, 1, 1, 1, 1, -1, -1, -1, -1],
-]);
-const OFFSET_KIND = new Kind("offsets", 8, 31, 5, [
-  ...[1, 1, 1, 1, 1, 1, 2, 2, 2, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1],
-  ...[-1, -1, -1, -1, -1],
-]);
-const MATCH_LENGTH_KIND = new Kind("match lengths", 9, 52, 6, [
-  ...[1, 4, 3, 2, 2, 2, 2, 2, 2, ...new Array(37).fill(1)],
-  ...[-1, -1, -1, -1, -1, -1, -1],
-]);
-const WEIGHT_KIND = new Kind("weights", 6, 255, 0, []);
+/** @param {number} count @param {number} value */
+const times = (count, value) => new Array(count).fill(value);
+/** @type {Kind} */
+const LITERAL_LENGTH_KIND = {
+  ...{ name: "literal lengths", maxLog: 9, lastSymbol: 35 },
+  predefined: stateTable(6, [4, 3, ...times(11, 2), 1, 1, 1, ...times(9, 2), 3, 2, ...times(5, 1), ...times(4, -1)]),
+};
+/** @type {Kind} */
+const OFFSET_KIND = {
+  ...{ name: "offsets", maxLog: 8, lastSymbol: 31 },
+  predefined: stateTable(5, [...times(6, 1), 2, 2, 2, ...times(15, 1), ...times(5, -1)]),
+};
+/** @type {Kind} */
+const MATCH_LENGTH_KIND = {
+  ...{ name: "match lengths", maxLog: 9, lastSymbol: 52 },
+  predefined: stateTable(6, [1, 4, 3, ...times(6, 2), ...times(37, 1), ...times(7, -1)]),
+};
+/** @type {Kind} */
+const WEIGHT_KIND = { name: "weights", maxLog: 6, lastSymbol: 255, predefined: undefined };
+
+/**
+ * `n` bits, up to 25, of a stream that begins at `from`.
+ * @param {DataView} view @param {number} from @param {number} at @param {number} n
+ */
+function bitsAt(view, from, at, n) {
+  return (view.getInt32(from + (at >> 3), true) >>> (at & 7)) & ((1 << n) - 1);
+}
 
 /** @param {string} what @returns {never} */
 function corrupt(what) {
   throw new Error(`compressed data are damaged: ${what}`);
+}
+
+/** @param {number} size of what a block holds */
+function limit(size) {
+  if (size > MAX_BLOCK) {
+    corrupt(`a block of ${size} bytes`);
+  }
 }
 
 class Decoder {
@@ -178,27 +187,13 @@ class Decoder {
       corrupt("a frame of an unknown kind");
     }
     const isOneSegment = (flags & 32) !== 0;
-    if (!isOneSegment) {
-      this.integer(1); // the window does not matter: all of the output is there
-    }
-    const dictionary = [0, 1, 2, 4][flags & 3];
-    if (this.integer(dictionary) !== 0) {
+    this.integer(isOneSegment ? 0 : 1); // the window does not matter: all of the output is there
+    if (this.integer([0, 1, 2, 4][flags & 3]) !== 0) {
       throw new Error("compressed data need a dictionary, which is not supported");
     }
-    let size = -1;
-    switch (flags >> 6) {
-      case 0:
-        size = isOneSegment ? this.integer(1) : -1;
-        break;
-      case 1:
-        size = this.integer(2) + 256;
-        break;
-      case 2:
-        size = this.integer(4);
-        break;
-      default:
-        size = this.integer(4) + this.integer(4) * 2 ** 32;
-    }
+    const digits = [isOneSegment ? 1 : 0, 2, 4, 8][flags >> 6];
+    const low = this.integer(Math.min(digits, 4)) + (digits === 2 ? 256 : 0);
+    const size = digits === 0 ? -1 : low + this.integer(Math.max(digits - 4, 0)) * 2 ** 32;
     this.frameStart = this.written;
     if (size > this.output.length - this.written) {
       corrupt(`a frame of ${size} bytes, where at most ${this.output.length - this.written} were expected`);
@@ -219,9 +214,7 @@ class Decoder {
 
   /** @param {number} kind @param {number} size in bytes */
   block(kind, size) {
-    if (size > MAX_BLOCK) {
-      corrupt(`a block of ${size} bytes`);
-    }
+    limit(size);
     if (kind < 2 && size > this.output.length - this.written) {
       corrupt("more bytes than were expected");
     }
@@ -252,7 +245,7 @@ class Decoder {
       this.at = start;
       this.pass(header, end);
       const size = (this.view.getUint32(start, true) & (2 ** (8 * header) - 1)) >>> (header === 1 ? 3 : 4);
-      this.checkLiterals(size);
+      limit(size);
       if (kind === 0) {
         this.literals = this.input;
         this.literalAt = this.pass(size, end);
@@ -270,7 +263,7 @@ class Decoder {
     const size = (this.view.getUint32(start, true) >>> 4) & ((1 << bits) - 1);
     const lower = this.view.getUint32(start + 1, true); // from bit 8 on
     const compressed = (lower >>> (bits - 4)) & ((1 << bits) - 1);
-    this.checkLiterals(size);
+    limit(size);
     const streamsEnd = this.pass(compressed, end) + compressed;
     this.at = streamsEnd - compressed;
     if (kind === 2) {
@@ -298,14 +291,10 @@ class Decoder {
     this.at = streamsEnd;
   }
 
-  /** @param {number} size */
-  checkLiterals(size) {
-    if (size > MAX_BLOCK) {
-      corrupt(`${size} literals in a block`);
-    }
-  }
-
-  /** The number of bits of a stream that is read from its end: what is before the last 1. @param {number} from @param {number} to */
+  /**
+   * The number of bits of a stream that is read from its end: what is before the last 1.
+   * @param {number} from @param {number} to
+   */
   bitsOf(from, to) {
     if (to <= from || this.input[to - 1] === 0) {
       corrupt("a stream of bits without an end");
@@ -394,7 +383,7 @@ class Decoder {
     let bits = this.bitsOf(from, end);
     const read = (/** @type {number} */ n) => {
       bits -= n;
-      return (this.view.getInt32(from + (bits >> 3), true) >>> (bits & 7)) & ((1 << n) - 1);
+      return bitsAt(this.view, from, bits, n);
     };
     let state = read(log);
     let other = read(log);
@@ -416,7 +405,10 @@ class Decoder {
     return corrupt("too many weights");
   }
 
-  /** A table of states, of which the counts stand there. @param {Kind} kind @param {number} end @returns {StateTable} */
+  /**
+   * A table of states, of which the counts stand there.
+   * @param {Kind} kind @param {number} end @returns {StateTable}
+   */
   readTable(kind, end) {
     const { view, at: start } = this;
     let bit = 0;
@@ -461,7 +453,10 @@ class Decoder {
     return stateTable(log, counts);
   }
 
-  /** The table that the sequences of this block use. @param {number} mode @param {Kind} kind @param {number} index @param {number} end */
+  /**
+   * The table that the sequences of this block use.
+   * @param {number} mode @param {Kind} kind @param {number} index @param {number} end
+   */
   tableOf(mode, kind, index, end) {
     let table = this.tables[index];
     if (mode === 0) {
@@ -524,11 +519,11 @@ class Decoder {
     let [recent, second, third] = this.recent;
     let bits = this.bitsOf(from, end);
     bits -= literalLengths.log;
-    let ll = (view.getInt32(from + (bits >> 3), true) >>> (bits & 7)) & ((1 << literalLengths.log) - 1);
+    let ll = bitsAt(view, from, bits, literalLengths.log);
     bits -= offsets.log;
-    let of = (view.getInt32(from + (bits >> 3), true) >>> (bits & 7)) & ((1 << offsets.log) - 1);
+    let of = bitsAt(view, from, bits, offsets.log);
     bits -= matchLengths.log;
-    let ml = (view.getInt32(from + (bits >> 3), true) >>> (bits & 7)) & ((1 << matchLengths.log) - 1);
+    let ml = bitsAt(view, from, bits, matchLengths.log);
     for (let left = count; left > 0; left -= 1) {
       const [llEntry, ofEntry, mlEntry] = [llStates[ll], ofStates[of], mlStates[ml]];
       const [llCode, ofCode, mlCode] = [llEntry & 255, ofEntry & 255, mlEntry & 255];
@@ -539,33 +534,31 @@ class Decoder {
       let more = ofCode;
       if (more > 24) {
         bits -= 16;
-        value = (value << 16) | ((view.getInt32(from + (bits >> 3), true) >>> (bits & 7)) & 0xffff);
+        value = (value << 16) | bitsAt(view, from, bits, 16);
         more -= 16;
       }
       bits -= more;
-      value = (value << more) | ((view.getInt32(from + (bits >> 3), true) >>> (bits & 7)) & ((1 << more) - 1));
+      value = (value << more) | bitsAt(view, from, bits, more);
       let matchLength = mlBase[mlCode];
       let literalLength = llBase[llCode];
       if (mlCode > 31) {
-        const n = mlExtra[mlCode];
-        bits -= n;
-        matchLength += (view.getInt32(from + (bits >> 3), true) >>> (bits & 7)) & ((1 << n) - 1);
+        bits -= mlExtra[mlCode];
+        matchLength += bitsAt(view, from, bits, mlExtra[mlCode]);
       }
       if (llCode > 15) {
-        const n = llExtra[llCode];
-        bits -= n;
-        literalLength += (view.getInt32(from + (bits >> 3), true) >>> (bits & 7)) & ((1 << n) - 1);
+        bits -= llExtra[llCode];
+        literalLength += bitsAt(view, from, bits, llExtra[llCode]);
       }
       if (left > 1) {
-        const n = (llEntry >> 8) & 255;
-        const m = (mlEntry >> 8) & 255;
-        bits -= n + m;
-        const word = view.getInt32(from + (bits >> 3), true) >>> (bits & 7);
-        ll = (llEntry >>> 16) + ((word >>> m) & ((1 << n) - 1));
-        ml = (mlEntry >>> 16) + (word & ((1 << m) - 1));
-        const o = (ofEntry >> 8) & 255;
-        bits -= o;
-        of = (ofEntry >>> 16) + ((view.getInt32(from + (bits >> 3), true) >>> (bits & 7)) & ((1 << o) - 1));
+        let n = (llEntry >> 8) & 255;
+        bits -= n;
+        ll = (llEntry >>> 16) + bitsAt(view, from, bits, n);
+        n = (mlEntry >> 8) & 255;
+        bits -= n;
+        ml = (mlEntry >>> 16) + bitsAt(view, from, bits, n);
+        n = (ofEntry >> 8) & 255;
+        bits -= n;
+        of = (ofEntry >>> 16) + bitsAt(view, from, bits, n);
       }
       if (bits < 0) {
         corrupt("sequences end too early");
