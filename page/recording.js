@@ -484,10 +484,6 @@ export class Recording {
       const data = fields.take(fields.u64());
       const { beads, method } = this.manifest.physics;
       const most = Math.max(MAX_OTHER, 2 * (beads * (method === "gear5" ? 7 : 2) * 8 + 1024));
-      this.budget -= size;
-      if (this.budget < 0) {
-        throw new Error("the file has far more chunks without states than a recording has");
-      }
       if (compression === "zstd" && size <= most) {
         chunk.records = decompress(data, size);
       } else if (compression === "" && size === data.length) {
@@ -495,6 +491,10 @@ export class Recording {
       } else {
         const expected = `what is read is "zstd" up to ${most} bytes, or uncompressed`;
         throw new Error(`it says ${size} bytes by "${compression}", and ${expected}`);
+      }
+      this.budget -= chunk.records.length;
+      if (this.budget < 0) {
+        throw new Error("the file has far more chunks without states than a recording has");
       }
       if (crc !== 0 && crc32(chunk.records) !== crc && !place.isRead) {
         this.notes.push(`The checksum of ${where} is wrong, so its states may be, too; ${SALVAGE}.`);

@@ -58,6 +58,11 @@ fn the_page_decompresses_as_zstd_does() {
 }
 
 #[test]
+fn any_encoding_is_read_and_what_is_impossible_is_refused_in_the_page() {
+    check(&Place::new(), ["--made"], "as it should be");
+}
+
+#[test]
 fn a_damaged_recording_is_an_error_or_a_note_in_the_page() {
     let files = ["full.mcap", "results-part-0003.mcap", "partial.mcap.partial"]
         .map(|name| in_project("tests/golden/1.0-kernel-2").join(name).into_os_string());

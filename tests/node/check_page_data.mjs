@@ -3,6 +3,7 @@
 //
 //     node tests/node/check_page_data.mjs RECORDING...             # after tests/setup
 //     node tests/node/check_page_data.mjs --zstd                   # our decompression against zstd's and fzstd's
+//     node tests/node/check_page_data.mjs --made                   # small files made here, right and wrong
 //     node tests/node/check_page_data.mjs --damage RECORDING...    # every byte changed, every length: a small file
 //
 // Exit code 0 if all is as it should be.
@@ -145,7 +146,8 @@ function expectedOf(path, decompressHandlers) {
 
 function sameDoubles(ours, theirs, what) {
   assert.equal(ours.length, theirs.length, what);
-  assert.ok(isEqual(new Uint8Array(ours.buffer, ours.byteOffset, ours.byteLength), Buffer.from(Float64Array.from(theirs).buffer)), what);
+  const expected = Float64Array.from(theirs);
+  assert.ok(isEqual(Buffer.from(ours.buffer, ours.byteOffset, ours.byteLength), Buffer.from(expected.buffer)), what);
 }
 
 function sameState(ours, theirs) {
@@ -158,7 +160,8 @@ function sameState(ours, theirs) {
 }
 
 function sameChain(ours, theirs) {
-  const wall = (its) => its && [its.stiffness, its.rest_overlap_m ?? its.restOverlap, its.rest_force_n ?? its.restForce, its.damping];
+  const wall = (its) =>
+    its && [its.stiffness, its.rest_overlap_m ?? its.restOverlap, its.rest_force_n ?? its.restForce, its.damping];
   const pairs = [
     [ours.mass, theirs.mass_kg],
     [ours.stiffness, theirs.stiffness],
@@ -249,6 +252,89 @@ async function checkDamage(path) {
   return `${counts.errors} errors, ${counts.notes} with notes, ${counts.same} the same`;
 }
 
+const u16 = (value) => Buffer.from(Uint16Array.of(value).buffer);
+const u32 = (value) => Buffer.from(Uint32Array.of(value).buffer);
+const u64 = (value) => Buffer.from(BigUint64Array.of(BigInt(value)).buffer);
+const double = (value) => Buffer.from(Float64Array.of(value).buffer);
+const text = (value) => Buffer.concat([u32(Buffer.byteLength(value)), Buffer.from(value)]);
+const record = (opcode, ...parts) => {
+  const contents = Buffer.concat(parts);
+  return Buffer.concat([Buffer.from([opcode]), u64(contents.length), contents]);
+};
+const metadata = (name, entries) => {
+  const pairs = Buffer.concat(Object.entries(entries).flatMap(([key, value]) => [text(key), text(value)]));
+  return record(12, text(name), u32(pairs.length), pairs);
+};
+
+/** A recording of two beads, in an encoding that nobody writes: uncompressed, no array packed, fields backwards. */
+function made({ version = "1.0", physics = {}, provenance = {}, mass = 1, step = [3], time_s = 3, u = [1, 2], size } = {}) {
+  const allPhysics = {
+    ...{ kernel_version: 2, beads: 2, bead_mass_kg: 1, alpha: 1.5, stiffness: 1, impurities: [] },
+    ...{ striker: { bead: 0, velocity_m_s: 5 }, method: "rkn4", dt_s: 1, step_count: 9, ...physics },
+  };
+  const allProvenance = {
+    ...{ name: "made", run_id: "0", program: "", host: "", started_unix_ns: 0 },
+    ...{ publish_every_steps: 1, record_every_steps: 1, ...provenance },
+  };
+  const values = [version, JSON.stringify(allPhysics), JSON.stringify(allProvenance)];
+  const checksum = crypto.hash("sha256", ["beadline.run", ...values].map((line) => `${line}\n`).join(""));
+  const [schema_version, physicsText, provenanceText] = values;
+  const run = { checksum, provenance: provenanceText, physics: physicsText, schema_version };
+  const field = (number, value) => [Buffer.from([number * 8 + 1]), double(value)];
+  const unknown = [Buffer.from([15 * 8, ...new Array(9).fill(255), 1]), Buffer.from([14 * 8 + 5, 1, 2, 3, 4])];
+  const states = [...u.flatMap((x) => field(4, x)), ...field(3, time_s)];
+  const message = (channel, ...parts) => record(5, u16(channel), u32(0), u64(0), u64(0), ...parts);
+  const channel = (number, topic) => record(4, u16(number), u16(0), text(topic), text("protobuf"), u32(0));
+  const records = Buffer.concat([
+    ...[channel(7, "/state"), channel(8, "/chain"), record(200, u64(0))],
+    message(8, ...field(5, 0), ...field(3, 0), ...field(2, 1), ...field(1, mass), ...unknown, ...field(1, 2)),
+    message(7, ...[u[0], 9].flatMap((x) => field(5, x)), ...unknown, ...states, Buffer.from([16, ...step])),
+  ]);
+  const bytes = size ?? records.length;
+  const chunk = record(6, u64(0), u64(0), u64(bytes), u32(0), text(""), u64(records.length), records);
+  const magic = Buffer.from([0x89, 0x4d, 0x43, 0x41, 0x50, 0x30, 0x0d, 0x0a]);
+  const end = metadata("beadline.end", { reason: "detached", first_step: "3", last_step: "3" });
+  const footer = record(2, u64(0), u64(0), u32(0));
+  const head = [magic, record(1, text("beadline"), text("")), metadata("beadline.run", run)];
+  return new Uint8Array(Buffer.concat([...head, chunk, end, record(15, u32(0)), footer, magic]));
+}
+
+async function checkMade() {
+  const { states, recording } = await readAll(made());
+  assert.deepEqual(recording.notes, []);
+  assert.ok(recording.isFinished);
+  assert.deepEqual(recording.end, { reason: "detached", firstStep: 3, lastStep: 3 });
+  assert.deepEqual(recording.chain.mass, Float64Array.of(1, 2));
+  assert.deepEqual(states, [
+    { step: 3, time_s: 3, u: Float64Array.of(1, 2), v: Float64Array.of(1, 9), extra: new Float64Array(0) },
+  ]);
+  const later = await readAll(made({ version: "1.7", provenance: { weather: 1 } }));
+  assert.match(later.recording.notes[0], /1\.7/);
+  const wrong = [
+    [{ version: "2.0" }, /schema version 2\.0/],
+    [{ provenance: { weather: 1 } }, /"weather"/],
+    [{ physics: { weather: 1 } }, /"weather"/],
+    [{ version: "1.7", physics: { striker: { bead: 0, velocity_m_s: 5, spin: 1 } } }, /"striker\.spin"/],
+    [{ physics: { beads: 3 } }, /not one of 3 beads/],
+    [{ physics: { beads: 1e9 } }, /impossible beads/],
+    [{ physics: { dt_s: "1" } }, /impossible dt_s/],
+    [{ physics: { striker: { bead: 2, velocity_m_s: 5 } } }, /impossible striker/],
+    [{ mass: NaN }, /impossible values/],
+    [{ mass: -1 }, /impossible values/],
+    [{ step: [10] }, /step 10 after/],
+    [{ step: [255, 255, 255, 255, 255, 255, 255, 255, 255, 1] }, /beyond 2\^53/],
+    [{ step: [255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255] }, /without an end/],
+    [{ time_s: 4 }, /is at 4 s, not 3 s/],
+    [{ u: [1, 2, 3] }, /3, 2 and 0 values/],
+    [{ size: 2 ** 40 }, /it says 1099511627776 bytes/],
+  ];
+  for (const [how, says] of wrong) {
+    const found = await readAll(made(how));
+    assert.match(String(found.message), says, JSON.stringify(how));
+  }
+  console.log(`${wrong.length + 2} files made, each as it should be`);
+}
+
 async function main(words) {
   for (const size of [0, 1, 55, 56, 63, 64, 65, 1000]) {
     const bytes = new Uint8Array(size).map((_, i) => i * 37);
@@ -257,6 +343,10 @@ async function main(words) {
   }
   if (words[0] === "--zstd") {
     await checkZstd();
+    return;
+  }
+  if (words[0] === "--made") {
+    await checkMade();
     return;
   }
   const decompressHandlers = await loadDecompressHandlers();
