@@ -1,5 +1,5 @@
-// Reads recordings with the modules of page/, and compares every bit of their states and chains with what @mcap/core and
-// protobufjs read there.
+// Reads recordings with the modules of page/, and compares every bit of their states and chains with what others read:
+// @mcap/core and protobufjs.
 //
 //     node tests/node/check_page_data.mjs RECORDING...             # after tests/setup
 //     node tests/node/check_page_data.mjs --zstd                   # our decompression against zstd's and fzstd's
@@ -267,7 +267,7 @@ const metadata = (name, entries) => {
 };
 
 /** A recording of two beads, in an encoding that nobody writes: uncompressed, no array packed, fields backwards. */
-function made({ version = "1.0", physics = {}, provenance = {}, mass = 1, step = [3], time_s = 3, u = [1, 2], size } = {}) {
+function made({ version = "1.0", physics, provenance, mass = 1, step = [3], time_s = 3, u = [1, 2], size } = {}) {
   const allPhysics = {
     ...{ kernel_version: 2, beads: 2, bead_mass_kg: 1, alpha: 1.5, stiffness: 1, impurities: [] },
     ...{ striker: { bead: 0, velocity_m_s: 5 }, method: "rkn4", dt_s: 1, step_count: 9, ...physics },
