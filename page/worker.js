@@ -1,0 +1,341 @@
+// A run in a worker: opens it, computes what the page asks for, the most urgent first.
+
+import { Recording } from "./recording.js";
+import { bytesOfArray, bytesOfFile, bytesOfUrl } from "./mcap.js";
+import { Fields, scalesOf } from "./fields.js";
+import { History, copyOf } from "./history.js";
+import { Follower } from "./events.js";
+import { Live } from "./live.js";
+import { Tasks } from "./tasks.js";
+import { RowTable, stepsShown } from "./rows.js";
+
+/** @typedef {import("./types.d.ts").State} State */
+/** @typedef {import("./types.d.ts").RowsRequest} RowsRequest */
+/** @typedef {(value: unknown) => void} Tell sends a part of an answer */
+
+const URGENCY = { state: 3, rows: 2, events: 1, proof: 0 };
+/** Between two messages with rows (ms). */
+const ROWS_EVERY_MS = 60;
+
+/**
+ * The arrays of a chain that came as JSON.
+ * @param {any} chain
+ * @returns {import("./types.d.ts").Chain}
+ */
+function chainOf(chain) {
+  const array = (/** @type {string} */ name) => Float64Array.from(chain[name] ?? []);
+  const [mass, stiffness, restOverlap] = [array("mass"), array("stiffness"), array("restOverlap")];
+  const [restForce, damping] = [array("restForce"), array("damping")];
+  const [leftWall, rightWall] = [chain.leftWall ?? undefined, chain.rightWall ?? undefined];
+  return { mass, stiffness, restOverlap, restForce, damping, leftWall, rightWall };
+}
+
+/** One run. */
+class Run {
+  /**
+   * @param {import("./types.d.ts").Info["kind"]} kind
+   * @param {import("./types.d.ts").Manifest} manifest
+   * @param {import("./types.d.ts").Chain} chain
+   * @param {Recording | undefined} recording
+   */
+  constructor(kind, manifest, chain, recording) {
+    const { physics } = manifest;
+    const [firstStep, lastStep] = [recording?.firstStep ?? 0, recording?.lastStep ?? (kind === "start" ? physics.step_count : 0)];
+    this.tasks = new Tasks();
+    this.fields = new Fields(manifest, chain);
+    this.history = new History(manifest, chain, recording, firstStep, lastStep);
+    this.chain = chain;
+    /** @type {Live | undefined} */
+    this.live = undefined;
+    /** What follows a live run, until it is over. @type {{ table: RowTable, tell: Tell, sent: number, over: () => void } | undefined} */
+    this.following = undefined;
+    /** @type {import("./types.d.ts").Info} */
+    this.info = {
+      kind,
+      manifest,
+      chain,
+      scales: scalesOf(physics, chain),
+      firstStep,
+      lastStep,
+      storedCount: recording?.stateCount ?? 0,
+      recomputes: this.history.whyNot === "",
+      whyNot: this.history.whyNot,
+      end: recording?.end,
+      notes: recording?.notes ?? [],
+      toleranceM: this.fields.toleranceM,
+      splitBead: this.fields.splitBead,
+    };
+  }
+
+  /** The newest frame of a live run. */
+  receive(/** @type {State} */ state) {
+    const { history, following } = this;
+    if (state.u.length !== this.chain.mass.length) {
+      throw new Error(`A frame of ${state.u.length} beads, in a run of ${this.chain.mass.length}.`);
+    }
+    if (history.kept.length === 0) {
+      history.firstStep = state.step;
+    }
+    history.lastStep = Math.max(history.lastStep, state.step);
+    history.keep({ ...state, received: true });
+    if (following !== undefined) {
+      const { table } = following;
+      if (table.append(state)) {
+        following.sent = 0;
+      }
+      if (table.rows.length > following.sent) {
+        following.tell({ from: following.sent, ...table.packed(following.sent), isWhole: false });
+        following.sent = table.rows.length;
+      }
+    }
+  }
+
+  /** The state at a step. */
+  async state(/** @type {number} */ step) {
+    const { history } = this;
+    const within = Math.min(Math.max(Math.round(step), history.firstStep), history.lastStep);
+    const state = await this.tasks.add(URGENCY.state, history.at(within));
+    return copyOf(/** @type {State} */ (state));
+  }
+
+  /**
+   * Rows of a request, as they are there.
+   * @param {RowsRequest} request
+   * @param {Tell} tell
+   */
+  rows(request, tell) {
+    this.tasks.drop(URGENCY.rows);
+    this.following?.over();
+    this.following = undefined;
+    const { history } = this;
+    const table = new RowTable(this.fields, request);
+    const last = Math.min(request.steps[1], history.lastStep);
+    if (this.live !== undefined && request.steps[1] === Infinity) {
+      return new Promise((over, failed) => {
+        const following = { table, tell, sent: 0, over: () => over(undefined) };
+        this.following = following;
+        const fill = this.fill(table, [history.firstStep, last], request.rows >> 1, () => {
+          following.sent = table.rows.length;
+          tell({ from: 0, ...table.packed(0), isWhole: false });
+        });
+        this.tasks.add(URGENCY.rows, fill).catch(failed);
+      });
+    }
+    const first = Math.max(request.steps[0], history.firstStep);
+    return this.tasks.add(URGENCY.rows, this.fill(table, [Math.min(first, last), last], request.rows, (isWhole) => {
+      tell({ from: 0, ...table.packed(0), isWhole });
+    }));
+  }
+
+  /**
+   * Fills a table with the rows of some steps: first what is in memory, then the rest.
+   * @param {RowTable} table
+   * @param {[number, number]} steps
+   * @param {number} most
+   * @param {(isWhole: boolean) => void} tell
+   */
+  async *fill(table, steps, most, tell) {
+    const { history } = this;
+    const { stride, shown } = stepsShown(steps, most);
+    const wanted = new Set(shown);
+    let told = performance.now();
+    for (const step of shown) {
+      const state = history.inMemory(step);
+      if (state !== undefined && state.step > step - stride) {
+        table.insert(state);
+      }
+      if (performance.now() - told > ROWS_EVERY_MS) {
+        told = performance.now();
+        tell(false);
+        yield;
+      }
+    }
+    tell(false);
+    for (const step of shown.filter((one) => one >= history.firstStep && !table.has(one))) {
+      const state = yield* history.at(step);
+      table.insert(state);
+      if (performance.now() - told > ROWS_EVERY_MS) {
+        told = performance.now();
+        tell(false);
+      }
+    }
+    if (this.following?.table !== table && history.whyNot === "") {
+      table.rows = table.rows.filter(({ step }) => wanted.has(step));
+    }
+    tell(true);
+  }
+
+  /**
+   * What happens to a bead over the whole run, every step looked at where they can be recomputed.
+   * @param {number} bead
+   * @param {Tell} tell
+   */
+  async *events(bead, tell) {
+    const { history, info } = this;
+    const restSpeed = info.scales.time_s > 0 ? (1e-6 * info.scales.length_m) / info.scales.time_s : 0;
+    const follower = new Follower(bead, this.chain, info.toleranceM, restSpeed);
+    const first = yield* history.at(history.firstStep);
+    follower.observe(first);
+    /** @type {import("./types.d.ts").Event[]} */
+    const events = [];
+    let told = performance.now();
+    const breathe = () => {
+      told = performance.now();
+      tell({ events, isDone: false });
+    };
+    if (info.recomputes) {
+      const state = copyOf(first);
+      while (state.step < history.lastStep) {
+        for (let i = 0; i < history.piece && state.step < history.lastStep; i += 1) {
+          /** @type {import("./kernel.js").Stepper} */ (history.stepper).step(state);
+          state.step += 1;
+          state.time_s = state.step * history.dt;
+          events.push(...follower.observe(state));
+        }
+        yield;
+        if (performance.now() - told > 10 * ROWS_EVERY_MS) {
+          breathe();
+        }
+      }
+    } else {
+      for await (const state of history.recording?.states() ?? history.kept.slice()) {
+        if (state.step > first.step) {
+          events.push(...follower.observe(state));
+        }
+        if (performance.now() - told > ROWS_EVERY_MS) {
+          breathe();
+          yield;
+        }
+      }
+    }
+    return { events, isDone: true };
+  }
+
+  /** Compares what is stored with what is computed. */
+  async *proof(/** @type {Tell} */ tell) {
+    const work = this.history.prove();
+    let told = performance.now();
+    for (;;) {
+      const { done, value } = await work.next();
+      if (done) {
+        return value;
+      }
+      if (performance.now() - told > ROWS_EVERY_MS) {
+        told = performance.now();
+        tell(value);
+      }
+      yield;
+    }
+  }
+}
+
+/**
+ * Opens a run.
+ * @param {import("./types.d.ts").Source} source
+ * @param {(event: string, value: unknown, transfer?: Transferable[]) => void} say
+ * @returns {Promise<Run>}
+ */
+async function open(source, say) {
+  if (source.kind === "start") {
+    return new Run("start", source.manifest, chainOf(source.chain), undefined);
+  }
+  if (source.kind === "live") {
+    return openLive(source.url, say);
+  }
+  const bytes =
+    source.kind === "bytes" ? bytesOfArray(source.bytes) : source.kind === "file" ? bytesOfFile(source.file) : await bytesOfUrl(source.url);
+  const recording = await Recording.open(bytes);
+  return new Run("recording", recording.manifest, recording.chain, recording);
+}
+
+/**
+ * @param {string} url
+ * @param {(event: string, value: unknown, transfer?: Transferable[]) => void} say
+ * @returns {Promise<Run>}
+ */
+function openLive(url, say) {
+  return new Promise((opened, failed) => {
+    /** @type {Run | undefined} */
+    let run;
+    const live = new Live(url, {
+      onrun: ({ manifest, chain }) => {
+        run = new Run("live", manifest, chainOf(chain), undefined);
+        run.live = live;
+      },
+      onframe: (state) => {
+        const attached = /** @type {Run} */ (run);
+        attached.receive(state);
+        opened(attached);
+        const [u, v] = [state.u.slice(), state.v.slice()];
+        say("state", { step: state.step, time_s: state.time_s, u, v, extra: new Float64Array(0) }, [u.buffer, v.buffer]);
+      },
+      onstatus: (status) => {
+        if (run?.info.recomputes) {
+          run.history.lastStep = Math.max(run.history.lastStep, status.step);
+        }
+        say("status", status);
+      },
+      onend: (reason) => {
+        if (run !== undefined) {
+          opened(run);
+        }
+        failed(new Error(`The run has ended (${reason}) before it sent anything.`));
+        say("end", reason);
+      },
+      onfault: (message) => {
+        failed(new Error(message));
+        say("fault", message);
+      },
+    });
+  });
+}
+
+/** Answers the page; this is what the worker does. */
+export function serve() {
+  /** @type {Run | undefined} */
+  let run;
+  const post = (/** @type {object} */ message, /** @type {Transferable[]} */ transfer = []) =>
+    globalThis.postMessage(message, { transfer });
+  // at most one newest state is on its way to the page
+  /** @type {{ value: unknown, transfer: Transferable[] } | undefined} */
+  let pending;
+  let isUnderWay = false;
+  const say = (/** @type {string} */ event, /** @type {unknown} */ value, /** @type {Transferable[]} */ transfer = []) => {
+    if (event === "state" && isUnderWay) {
+      pending = { value, transfer };
+      return;
+    }
+    isUnderWay ||= event === "state";
+    post({ event, value }, transfer);
+  };
+  /** @type {Record<string, (tell: Tell, ...args: any[]) => Promise<unknown> | undefined>} */
+  const calls = {
+    open: async (_, source) => {
+      run = await open(source, say);
+      return run.info;
+    },
+    state: (_, step) => run?.state(step),
+    rows: async (tell, request) => run?.rows(request, tell),
+    events: (tell, bead) => {
+      run?.tasks.drop(URGENCY.events);
+      return run?.tasks.add(URGENCY.events, run.events(bead, tell));
+    },
+    prove: (tell) => run?.tasks.add(URGENCY.proof, run.proof(tell)),
+    seen: async () => {
+      isUnderWay = false;
+      if (pending !== undefined) {
+        const { value, transfer } = pending;
+        pending = undefined;
+        say("state", value, transfer);
+      }
+    },
+  };
+  globalThis.onmessage = async ({ data: { id, call, args } }) => {
+    try {
+      const value = await calls[call]((/** @type {any} */ part) => post({ id, part }), ...args);
+      post({ id, value });
+    } catch (error) {
+      post({ id, error: error instanceof Error ? error.message : String(error) });
+    }
+  };
+}
