@@ -19,6 +19,9 @@ export function unitOf(field) {
   return { velocity: "m/s", displacement: "m", overlap: "m", energy: "J", contacts: "" }[field];
 }
 
+/** Until rows are shown though some are missing. */
+const PATIENCE_MS = 400;
+
 /** A run, and what of it has arrived. */
 export class Run {
   /**
@@ -123,8 +126,11 @@ export class Run {
       return;
     }
     this.asked = asked;
+    const since = performance.now();
     const onrows = (/** @type {import("./types.d.ts").Rows} */ rows) => {
-      if (this.asked === asked) {
+      // the picture before, stretched, is better than a new one that has only begun
+      const isGood = rows.isWhole || this.rows?.request.field !== request.field || performance.now() - since > PATIENCE_MS;
+      if (this.asked === asked && (isGood || rows.request.steps[1] === Infinity)) {
         this.rows = rows;
         this.onnews();
       }
