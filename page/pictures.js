@@ -13,11 +13,101 @@ export class Pictures {
   /** @param {import("./page.js").Page} page */
   constructor(page) {
     this.page = page;
-    /** Where the maps and the profile were drawn last. @type {Map<string, Box>} */
-    this.boxes = new Map();
   }
 
   names() {
     return ["map", "second", "profile", "energies", "path", "marks"];
+  }
+
+  /**
+   * @param {string} name
+   * @param {any} surface
+   * @param {Box} box
+   */
+  draw(name, surface, box) {
+    const { run, second } = this.page;
+    const shown = name === "second" ? second : run;
+    const colours = theme(this.page.isDark);
+    if (!run || !shown) {
+      return;
+    }
+    if (name === "map" || name === "second") {
+      drawMap(surface, box, shown.rows, this.mapView(shown), colours);
+      this.drawBox(surface, box);
+    } else if (name === "profile") {
+      drawProfile(surface, box, { state: run.state, second: second?.state, chain: run.info.chain }, this.mapView(run), colours);
+    } else if (name === "energies") {
+      drawEnergies(surface, box, { rows: run.rows, second: second?.rows }, this.mapView(run), colours);
+    } else if (name === "path") {
+      drawTrajectories(surface, box, { rows: run.rows, second: second?.rows }, this.mapView(run), colours);
+    } else {
+      this.drawMarks(surface, box);
+    }
+  }
+
+  /** What of a run a map shows, and how. @param {Run} run */
+  mapView(run) {
+    const { page } = this;
+    const { places, steps } = page.window();
+    const factor = run === page.run ? 1 : page.secondStep(1);
+    return { places, steps: [steps[0] * factor, steps[1] * factor], field: page.view.field, log: page.view.log, cursor: run.state?.step ?? 0 };
+  }
+
+  /** Where a map or a profile has its plot, in its canvas. @param {string} id */
+  plot(id) {
+    const { run, second } = this.page;
+    const shown = id === "second" ? second : run;
+    const { clientWidth: width, clientHeight: height } = byId(id);
+    if (!shown || width < 2 || height < 2) {
+      return undefined;
+    }
+    return mapScales({ x: 0, y: 0, width, height }, this.mapView(shown)).plot;
+  }
+
+  /** The place at a part of the plot's width. @param {number} x */
+  placeAt(x) {
+    const { places: [from, to] } = this.page.window();
+    return from + x * (to - from);
+  }
+
+  /** The box that is being drawn. @param {any} surface @param {Box} box */
+  drawBox(surface, box) {
+    if (!this.page.box || !this.page.run) {
+      return;
+    }
+    const [x0, y0, x1, y1] = this.page.box;
+    const { plot } = mapScales(box, this.mapView(this.page.run));
+    const [left, right] = [plot.x + x0 * plot.width, plot.x + x1 * plot.width];
+    const [top, bottom] = [plot.y + y0 * plot.height, plot.y + y1 * plot.height];
+    const { accent: colour } = theme(this.page.isDark);
+    surface.lines([left, top, right, top, right, bottom, left, bottom, left, top], { colour, width: 1.5 });
+  }
+
+  /** Over the slider of time: events below, pulses above. @param {any} surface @param {Box} box */
+  drawMarks(surface, box) {
+    const { page } = this;
+    const { firstStep, lastStep } = /** @type {Run} */ (page.run).info;
+    const { foreground, muted } = theme(page.isDark);
+    const { events, births } = page.timeline.marks(page.bead);
+    const inset = 8; // half of the slider's thumb
+    const draw = (/** @type {number[]} */ steps, /** @type {number} */ top, /** @type {number} */ bottom, /** @type {string} */ colour) => {
+      for (const step of steps) {
+        const x = box.x + inset + ((step - firstStep) / Math.max(1, lastStep - firstStep)) * (box.width - 2 * inset);
+        surface.lines([x, box.y + top, x, box.y + bottom], { colour, width: 1 });
+      }
+    };
+    draw(events.slice(0, 2000), 6, box.height, muted);
+    draw(births, 0, 5, foreground);
+  }
+
+  /**
+   * A small picture of a whole run.
+   * @param {HTMLCanvasElement} canvas
+   * @param {import("./types.d.ts").Rows} rows
+   */
+  thumbnail(canvas, rows) {
+    void colourScale;
+    void canvas;
+    void rows;
   }
 }
