@@ -44,7 +44,8 @@ function order(a, b) {
 export function folderTable(entries, onopen, paint) {
   const rows = entries.map((entry) => ({ entry, traits: traits(entry) }));
   const names = [...new Set(rows.flatMap((row) => Object.keys(row.traits)))];
-  const differing = names.filter((name) => new Set(rows.map((row) => row.traits[name])).size > 1);
+  const shown = rows.filter(({ entry }) => entry.error === undefined);
+  const differing = names.filter((name) => new Set(shown.map((row) => row.traits[name])).size > 1);
   const columns = (differing.length > 0 ? differing : ["beads", "step_count"]).slice(0, 24);
   let sortedBy = "";
   let direction = 1;
@@ -85,7 +86,8 @@ export function folderTable(entries, onopen, paint) {
     const cells = entry.error === undefined
       ? columns.map((column) => {
         const value = row.traits[column];
-        return make("td", { class: typeof value === "number" ? "number" : undefined }, value === undefined ? "" : `${value}`);
+        const text = typeof value === "number" ? `${Number(value.toPrecision(5))}` : `${value ?? ""}`;
+        return make("td", { class: typeof value === "number" ? "number" : undefined, title: value }, text);
       })
       : [make("td", { class: "bad", colspan: columns.length }, entry.error)];
     const line = make("tr", {}, make("td", {}, canvas), make("td", {}, name), ...cells);
@@ -112,7 +114,7 @@ export function folderTable(entries, onopen, paint) {
       body.append(...rows.map((row) => /** @type {Node} */ (lines.get(row))));
       heads.forEach((other) => other.removeAttribute("aria-sort"));
       head.setAttribute("aria-sort", direction > 0 ? "ascending" : "descending");
-    } }, column.replace(/_/g, " ")));
+    } }, column.replace(/\.0\b/g, "").replace(/[._]/g, " ")));
     return head;
   });
   return make("table", { "aria-label": "runs" }, make("thead", {}, make("tr", {}, make("td"), ...heads)), body);

@@ -28,7 +28,10 @@ const CHEAP = 2e8;
 const [LEAST_STEPS, LEAST_PLACES] = [4, 2];
 
 /** @param {unknown} error */
-const sentence = (error) => (error instanceof Error ? error.message : String(error));
+function sentence(error) {
+  const text = error instanceof Error ? error.message : String(error);
+  return `${text.charAt(0).toUpperCase()}${text.slice(1)}${/[.!?]$/.test(text) ? "" : "."}`;
+}
 
 export class Page {
   constructor() {
@@ -127,7 +130,7 @@ export class Page {
 
   /** @param {File} file */
   openFile(file) {
-    this.view = { ...freshView(), theme: this.view.theme, field: this.view.field };
+    this.look({ ...freshView(), theme: this.view.theme, field: this.view.field });
     this.open({ kind: "file", file }, file.name, Promise.resolve(undefined)).catch((error) => this.fail(error));
   }
 
@@ -150,7 +153,7 @@ export class Page {
     this.run = run;
     document.title = `${title} · Beadline`;
     byId("name").textContent = title;
-    this.note(...run.info.notes, run.info.recomputes ? "" : `${run.info.whyNot} The recorded states are shown.`);
+    this.note(...run.info.notes.map(sentence), run.info.recomputes ? "" : `${run.info.whyNot} The recorded states are shown.`);
     this.section("run");
     this.timeline.open(run, this.view.speed);
     this.makeTabs();
@@ -186,7 +189,7 @@ export class Page {
 
   /** @param {Engine} engine */
   runOf(engine) {
-    const run = new Run(engine, () => this.board.invalidate(), (message) => this.note(message));
+    const run = new Run(engine, () => this.board.invalidate(), (message) => this.note(sentence(message)));
     engine.onfault = (message) => run.fault(new Error(message));
     return run;
   }
@@ -283,6 +286,7 @@ export class Page {
    */
   look(change) {
     Object.assign(this.view, change);
+    this.hover = undefined; // what is under the pointer has become another
     clearTimeout(this.writing);
     this.writing = setTimeout(() => this.write(), 250);
     this.showControls();
@@ -595,7 +599,7 @@ export class Page {
       },
       onclick: (x, y) => {
         const { place, step } = at(x, y);
-        this.look({ bead: place });
+        this.look({ bead: Math.min(place, /** @type {Run} */ (this.run).beads - 1) });
         if (isMap) {
           this.timeline.pause();
           this.seek(step);
