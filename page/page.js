@@ -384,6 +384,7 @@ export class Page {
     this.timeline.show(this.step, this.isFollowing);
     this.showKind();
     this.showTab();
+    this.pictures.describe();
     this.readOut();
   }
 
@@ -415,7 +416,7 @@ export class Page {
 
   showKind() {
     const { info, status, ended } = /** @type {Run} */ (this.run);
-    const live = ended || (status ? `live · ${Math.round(status.steps_per_s)} steps/s` : "live");
+    const live = ended ? "live run, ended" : (status ? `live · ${Math.round(status.steps_per_s)} steps/s` : "live");
     const kind = { live, recording: `recording · ${info.storedCount} states`, start: "computed here" }[info.kind];
     byId("kind").textContent = kind;
     byId("kind").className = info.kind === "live" && !ended ? "live" : "";

@@ -1,6 +1,9 @@
 // What is drawn on each canvas: the run, and the changed one, in the window that is looked at.
 
 import { byId } from "./elements.js";
+import { FIELDS } from "./view.js";
+import { placeWord } from "./run.js";
+import { amount } from "./axes.js";
 import { theme, colourScale } from "./colours.js";
 import { drawMap, mapScales } from "./map.js";
 import { drawProfile } from "./profile.js";
@@ -42,6 +45,32 @@ export class Pictures {
       drawTrajectories(surface, box, { rows: run.rows, second: second?.rows }, this.mapView(run), colours);
     } else {
       this.drawMarks(surface, box);
+    }
+  }
+
+  /** What canvases show, in words. */
+  describe() {
+    const { run, second, view } = this.page;
+    if (!run) {
+      return;
+    }
+    const { places, steps } = this.page.window();
+    const field = FIELDS.find(([name]) => name === view.field)?.[1] ?? "";
+    const dt = run.physics.dt_s;
+    const where = `${placeWord(view.field)}s ${Math.ceil(places[0])} to ${Math.floor(places[1])}`;
+    const when = `${amount(steps[0] * dt, "s")} to ${amount(steps[1] * dt, "s")}`;
+    const now = amount((run.state?.step ?? 0) * dt, "s");
+    const words = {
+      map: `Map of ${field}, ${where} to the right, ${when} downward`,
+      second: `The same map with one thing changed${second ? "" : ", not there"}`,
+      profile: `${field} of ${where} at ${now}`,
+      energies: `Energies, ${when}`,
+      path: `Displacement and velocity of beads ${this.page.followed.join(", ")}, ${when}`,
+    };
+    for (const [id, text] of Object.entries(words)) {
+      if (byId(id).getAttribute("aria-label") !== text) {
+        byId(id).setAttribute("aria-label", text);
+      }
     }
   }
 

@@ -67,7 +67,6 @@ export class Timeline {
       ...rates.sort((a, b) => Number(a) - Number(b)).map((rate) => make("option", { value: rate }, `${amount(Number(rate), "s")}/s`)),
     );
     this.select.value = speed || this.defaultSpeed;
-    byId("follow").hidden = run.info.kind !== "live";
   }
 
   /** Moves by some steps. @param {number} steps */
@@ -151,6 +150,7 @@ export class Timeline {
       this.showButton();
     }
     const time = amount(step * run.physics.dt_s, "s");
+    byId("follow").hidden = run.info.kind !== "live" || run.ended !== "";
     slider.min = String(run.info.firstStep);
     slider.max = String(run.info.lastStep);
     slider.value = String(step);
