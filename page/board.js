@@ -11,9 +11,11 @@ export class Board {
   /**
    * @param {Record<string, Draw>} draws
    * @param {() => void} before what is to be done before each drawing
+   * @param {(error: unknown) => void} onerror of a run that cannot be drawn, whatever its file made of it
    */
-  constructor(draws, before) {
+  constructor(draws, before, onerror) {
     this.before = before;
+    this.onerror = onerror;
     this.isDue = false;
     this.panels = Object.entries(draws).map(([id, draw]) => ({ canvas: /** @type {HTMLCanvasElement} */ (byId(id)), draw }));
     const resized = new ResizeObserver(() => this.invalidate());
@@ -26,8 +28,12 @@ export class Board {
       this.isDue = true;
       requestAnimationFrame(() => {
         this.isDue = false;
-        this.before();
-        this.paint();
+        try {
+          this.before();
+          this.paint();
+        } catch (error) {
+          this.onerror(error);
+        }
       });
     }
   }

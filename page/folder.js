@@ -27,6 +27,19 @@ function traits({ manifest, values, bytes }) {
   return found;
 }
 
+/** A number to be read in a table, of five digits. @param {number} value */
+function short(value) {
+  const size = Math.abs(value);
+  return size !== 0 && size < 1e-3 ? Number(value.toPrecision(5)).toExponential() : `${Number(value.toPrecision(5))}`;
+}
+
+/** The name of a column: a path with its unit. @param {string} path */
+function title(path) {
+  const unit = /_(kg|s|m|m_s|m_s2|n|J)$/.exec(path);
+  const name = (unit ? path.slice(0, unit.index) : path).replace(/\.0\b/g, "").replace(/[._]/g, " ");
+  return unit ? `${name} (${unit[1].replace("n", "N").replace("_", "/").replace("2", "²")})` : name;
+}
+
 /** @param {number | string | undefined} a @param {number | string | undefined} b */
 function order(a, b) {
   if (a === undefined || b === undefined) {
@@ -86,7 +99,7 @@ export function folderTable(entries, onopen, paint) {
     const cells = entry.error === undefined
       ? columns.map((column) => {
         const value = row.traits[column];
-        const text = typeof value === "number" ? `${Number(value.toPrecision(5))}` : `${value ?? ""}`;
+        const text = typeof value === "number" ? short(value) : `${value ?? ""}`;
         return make("td", { class: typeof value === "number" ? "number" : undefined, title: value }, text);
       })
       : [make("td", { class: "bad", colspan: columns.length }, entry.error)];
@@ -114,7 +127,7 @@ export function folderTable(entries, onopen, paint) {
       body.append(...rows.map((row) => /** @type {Node} */ (lines.get(row))));
       heads.forEach((other) => other.removeAttribute("aria-sort"));
       head.setAttribute("aria-sort", direction > 0 ? "ascending" : "descending");
-    } }, column.replace(/\.0\b/g, "").replace(/[._]/g, " ")));
+    } }, title(column)));
     return head;
   });
   return make("table", { "aria-label": "runs" }, make("thead", {}, make("tr", {}, make("td"), ...heads)), body);

@@ -74,7 +74,8 @@ export function watchKeys(act) {
     if (target.closest("input, select, textarea") && !isSlider) {
       return;
     }
-    if (target.closest("button, a, tr[tabindex], [role=tab]") && [" ", "Enter", "ArrowLeft", "ArrowRight"].includes(event.key)) {
+    const own = target.closest("[role=tab]") ? [" ", "Enter", "ArrowLeft", "ArrowRight"] : [" ", "Enter"];
+    if (target.closest("button, a, tr[tabindex]") && own.includes(event.key)) {
       return;
     }
     const name = event.shiftKey && event.key.startsWith("Arrow") ? `Shift+${event.key}` : event.key;

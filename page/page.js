@@ -57,7 +57,7 @@ export class Page {
     const draws = Object.fromEntries(this.pictures.names().map((name) => [name, (/** @type {any} */ surface, /** @type {any} */ box) => (
       this.pictures.draw(name, surface, box)
     )]));
-    this.board = new Board(draws, () => this.prepare());
+    this.board = new Board(draws, () => this.prepare(), (error) => this.fail(error));
     this.timeline = new Timeline({
       onseek: (step) => this.seek(step),
       onspeed: (speed) => this.look({ speed }),
@@ -685,7 +685,8 @@ export class Page {
       prove: () => void this.prove(),
       change: () => {
         this.look({ tab: "change" });
-        requestAnimationFrame(() => requestAnimationFrame(() => document.querySelector("#tab select, #tab input")?.scrollIntoView({ block: "nearest" })));
+        this.showTab();
+        byId("tab").querySelector("select")?.focus();
       },
       export: () => this.dialog("Export what is seen", exportDialog(this)),
     };

@@ -135,8 +135,19 @@ export class Pictures {
    * @param {import("./types.d.ts").Rows} rows
    */
   thumbnail(canvas, rows) {
-    void colourScale;
-    void canvas;
-    void rows;
+    const { columns, count } = rows;
+    if (count === 0) {
+      return;
+    }
+    const cells = rows.cells.subarray(0, columns * count);
+    const most = cells.reduce((size, value) => Math.max(size, Math.abs(value)), 0);
+    const scale = colourScale({ from: -most, to: most, log: most / 50 }, theme(this.page.isDark).shade);
+    const pixels = new ImageData(columns, count);
+    scale.paint(cells, new Uint32Array(pixels.data.buffer));
+    const picture = document.createElement("canvas");
+    picture.width = columns;
+    picture.height = count;
+    /** @type {CanvasRenderingContext2D} */ (picture.getContext("2d")).putImageData(pixels, 0, 0);
+    /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d")).drawImage(picture, 0, 0, canvas.width, canvas.height);
   }
 }
