@@ -30,7 +30,10 @@ function traits({ manifest, values, bytes }) {
 /** A number to be read in a table, of five digits. @param {number} value */
 function short(value) {
   const size = Math.abs(value);
-  return size !== 0 && size < 1e-3 ? Number(value.toPrecision(5)).toExponential() : `${Number(value.toPrecision(5))}`;
+  if (Number.isInteger(value)) {
+    return `${value}`;
+  }
+  return size < 1e-3 ? Number(value.toPrecision(5)).toExponential() : `${Number(value.toPrecision(5))}`;
 }
 
 /** The name of a column: a path with its unit. @param {string} path */
