@@ -3,8 +3,8 @@
 import { byId, save } from "./elements.js";
 import { CanvasSurface, SvgSurface } from "./surface.js";
 
-/** @typedef {{ x: number, y: number, width: number, height: number }} Box */
-/** @typedef {(surface: any, box: Box) => void} Draw */
+/** @typedef {import("./surface.js").Surface} Surface */
+/** @typedef {(surface: Surface, box: import("./surface.js").Box) => void} Draw */
 
 /** Canvases by the ids of their elements. */
 export class Board {
@@ -60,7 +60,8 @@ export class Board {
 
   /**
    * Draws all that is seen side by side, as the page has it.
-   * @param {(width: number, height: number) => any} surfaceOf
+   * @template {Surface} T
+   * @param {(width: number, height: number) => T} surfaceOf
    */
   compose(surfaceOf) {
     const panels = this.seen().filter(({ canvas }) => canvas.id !== "marks");

@@ -76,7 +76,7 @@ export function exportDialog(page) {
   const text = (/** @type {string} */ part, /** @type {string} */ csv) => save(`${name}-${part}.csv`, new Blob([csv], { type: "text/csv" }));
   const places = () => {
     const [from, to] = page.window().places;
-    return /** @type {[number, number]} */ ([Math.max(0, Math.ceil(from)), Math.min(run.beads - 1, Math.floor(to))]);
+    return /** @type {[number, number]} */ ([Math.max(0, Math.round(from)), Math.min(run.beads - 1, Math.ceil(to - 0.5))]);
   };
   /** @type {[string, string, () => void][]} */
   const files = [

@@ -54,9 +54,11 @@ export class Page {
     this.said = "";
     this.renewReady();
     this.pictures = new Pictures(this);
-    const draws = Object.fromEntries(this.pictures.names().map((name) => [name, (/** @type {any} */ surface, /** @type {any} */ box) => (
-      this.pictures.draw(name, surface, box)
-    )]));
+    /** @type {Record<string, import("./board.js").Draw>} */
+    const draws = {};
+    for (const name of this.pictures.names()) {
+      draws[name] = (surface, box) => this.pictures.draw(name, surface, box);
+    }
     this.board = new Board(draws, () => this.prepare(), (error) => this.fail(error));
     this.timeline = new Timeline({
       onseek: (step) => this.seek(step),
@@ -268,7 +270,7 @@ export class Page {
     const run = /** @type {Run} */ (this.run);
     const last = run.lastPlace(this.view.field);
     /** @type {[number, number]} */
-    const allPlaces = [0, last];
+    const allPlaces = [-0.5, last + 0.5]; // each place is as wide as another
     /** @type {[number, number]} */
     const allSteps = [run.info.firstStep, run.endStep];
     const [places, steps] = [this.view.places, this.view.steps];
@@ -404,7 +406,7 @@ export class Page {
     const ratio = Math.min(devicePixelRatio || 1, 2);
     run.ask({
       field,
-      places: [Math.max(0, Math.floor(places[0])), Math.min(run.lastPlace(field), Math.ceil(places[1]))],
+      places: [Math.max(0, Math.round(places[0])), Math.min(run.lastPlace(field), Math.ceil(places[1] - 0.5))],
       columns: Math.max(16, Math.round(plot.width * ratio)),
       steps: whole ? [run.info.firstStep, Infinity] : [
         Math.max(run.info.firstStep, Math.floor(steps[0] * factor)), Math.min(run.info.lastStep, Math.ceil(steps[1] * factor)),
@@ -431,7 +433,7 @@ export class Page {
       const place = Math.min(at.place, run.lastPlace(field));
       const value = run.value(field, state, place);
       const word = field === "contacts" ? ["touching", "compressed", "open"][value] : `${value} ${unitOf(field)}`;
-      const parts = [`${placeWord(field)} ${place}`, amount(state.time_s, "s"), `step ${state.step}`];
+      const parts = [`${placeWord(field)} ${place}`, amount(state.time_s, "s", 7), `step ${state.step}`];
       const name = FIELDS.find(([one]) => one === field)?.[1] ?? "";
       const output = byId("readout");
       output.replaceChildren(...parts.map((part) => make("span", {}, part)), make("b", {}, field === "contacts" ? word : `${name} ${word}`));

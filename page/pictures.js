@@ -9,7 +9,8 @@ import { drawMap, mapScales } from "./map.js";
 import { drawProfile } from "./profile.js";
 import { drawEnergies, drawTrajectories } from "./curves.js";
 
-/** @typedef {import("./board.js").Box} Box */
+/** @typedef {import("./surface.js").Box} Box */
+/** @typedef {import("./surface.js").Surface} Surface */
 /** @typedef {import("./run.js").Run} Run */
 
 export class Pictures {
@@ -24,7 +25,7 @@ export class Pictures {
 
   /**
    * @param {string} name
-   * @param {any} surface
+   * @param {Surface} surface
    * @param {Box} box
    */
   draw(name, surface, box) {
@@ -57,9 +58,9 @@ export class Pictures {
     const { places, steps } = this.page.window();
     const field = FIELDS.find(([name]) => name === view.field)?.[1] ?? "";
     const dt = run.physics.dt_s;
-    const where = `${placeWord(view.field)}s ${Math.ceil(places[0])} to ${Math.floor(places[1])}`;
-    const when = `${amount(steps[0] * dt, "s")} to ${amount(steps[1] * dt, "s")}`;
-    const now = amount((run.state?.step ?? 0) * dt, "s");
+    const where = `${placeWord(view.field)}s ${Math.round(places[0])} to ${Math.ceil(places[1] - 0.5)}`;
+    const when = `${amount(steps[0] * dt, "s", 5)} to ${amount(steps[1] * dt, "s", 5)}`;
+    const now = amount((run.state?.step ?? 0) * dt, "s", 6);
     const words = {
       map: `Map of ${field}, ${where} to the right, ${when} downward`,
       second: `The same map with one thing changed${second ? "" : ", not there"}`,
@@ -79,7 +80,19 @@ export class Pictures {
     const { page } = this;
     const { places, steps } = page.window();
     const factor = run === page.run ? 1 : page.secondStep(1);
-    return { places, steps: [steps[0] * factor, steps[1] * factor], field: page.view.field, log: page.view.log, cursor: run.state?.step ?? 0 };
+    const bead = page.bead;
+    return {
+      places,
+      steps: /** @type {[number, number]} */ ([steps[0] * factor, steps[1] * factor]),
+      field: page.view.field,
+      log: page.view.log,
+      cursor: run.state?.step,
+      dt_s: run.physics.dt_s,
+      impurities: run.physics.impurities.map((impurity) => impurity.bead),
+      chosen: [...new Set([...page.view.beads, ...(page.view.bead === undefined ? [] : [bead])])],
+      pulses: run.pulses,
+      events: page.view.tab === "events" ? run.events.get(bead)?.events ?? [] : [],
+    };
   }
 
   /** Where a map or a profile has its plot, in its canvas. @param {string} id */
@@ -99,7 +112,7 @@ export class Pictures {
     return from + x * (to - from);
   }
 
-  /** The box that is being drawn. @param {any} surface @param {Box} box */
+  /** The box that is being drawn. @param {Surface} surface @param {Box} box */
   drawBox(surface, box) {
     if (!this.page.box || !this.page.run) {
       return;
@@ -112,7 +125,7 @@ export class Pictures {
     surface.lines([left, top, right, top, right, bottom, left, bottom, left, top], { colour, width: 1.5 });
   }
 
-  /** Over the slider of time: events below, pulses above. @param {any} surface @param {Box} box */
+  /** Over the slider of time: events below, pulses above. @param {Surface} surface @param {Box} box */
   drawMarks(surface, box) {
     const { page } = this;
     const { firstStep, lastStep } = /** @type {Run} */ (page.run).info;
@@ -122,7 +135,7 @@ export class Pictures {
     const draw = (/** @type {number[]} */ steps, /** @type {number} */ top, /** @type {number} */ bottom, /** @type {string} */ colour) => {
       for (const step of steps) {
         const x = box.x + inset + ((step - firstStep) / Math.max(1, lastStep - firstStep)) * (box.width - 2 * inset);
-        surface.lines([x, box.y + top, x, box.y + bottom], { colour, width: 1 });
+        surface.lines([x, box.y + top, x, box.y + bottom], { colour, width: 1, crisp: true });
       }
     };
     draw(events.slice(0, 2000), 6, box.height, muted);

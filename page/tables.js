@@ -70,10 +70,10 @@ export function runTable({ info, physics }) {
   const { length_m: length, time_s: time } = info.scales;
   /** @type {[string, string][]} */
   const time_ = [
-    ["duration", `${amount(physics.step_count * physics.dt_s, "s")}, ${physics.step_count} steps`],
-    ["dt", amount(physics.dt_s, "s")],
+    ["duration", `${amount(physics.step_count * physics.dt_s, "s", 9)}, ${physics.step_count} steps`],
+    ["dt", `${physics.dt_s} s`],
     ["method", `${physics.method}, kernel ${physics.kernel_version}`],
-    ...(time > 0 ? /** @type {[string, string][]} */ ([["scales", `L = ${amount(length, "m")}, T = ${amount(time, "s")}`]]) : []),
+    ...(time > 0 ? /** @type {[string, string][]} */ ([["scales", `L = ${amount(length, "m", 6)}, T = ${amount(time, "s", 6)}`]]) : []),
   ];
   const started = provenance.started_unix_ns / 1e6;
   /** @type {[string, string][]} */

@@ -64,7 +64,7 @@ export class Timeline {
     this.select.replaceChildren(
       make("option", { value: "step" }, "every step"),
       make("option", { value: "frame" }, "every frame"),
-      ...rates.sort((a, b) => Number(a) - Number(b)).map((rate) => make("option", { value: rate }, `${amount(Number(rate), "s")}/s`)),
+      ...rates.sort((a, b) => Number(a) - Number(b)).map((rate) => make("option", { value: rate }, `${amount(Number(rate), "s", 3)}/s`)),
     );
     this.select.value = speed || this.defaultSpeed;
   }
@@ -149,7 +149,7 @@ export class Timeline {
       this.isFollowing = isFollowing;
       this.showButton();
     }
-    const time = amount(step * run.physics.dt_s, "s");
+    const time = amount(step * run.physics.dt_s, "s", 6);
     byId("follow").hidden = run.info.kind !== "live" || run.ended !== "";
     slider.min = String(run.info.firstStep);
     slider.max = String(run.info.lastStep);
