@@ -13,32 +13,38 @@
 // (damping may be empty), leftWall, rightWall: { stiffness, restOverlap, restForce, damping }, left out at a free end }.
 // Units are SI.
 
+/** @import { Chain, Physics, Wall } from "./types.js" */
+/**
+ * What a step changes: u (m), v (m/s), and what the method needs besides.
+ * @typedef {{ u: Float64Array, v: Float64Array, extra: Float64Array }} Motion
+ */
+
 export const KERNEL_VERSION = 2;
 
 const double = new Float64Array(1);
 const words = new Uint32Array(double.buffer); // the lower half of its bits, the upper half
 
-/** The double of these bits, as sixteen hexadecimal digits. */
+/** The double of these bits, as sixteen hexadecimal digits. @param {string} hex */
 export function fromHex(hex) {
   words[1] = parseInt(hex.slice(0, 8), 16);
   words[0] = parseInt(hex.slice(8), 16);
   return double[0];
 }
 
-/** The bits of a double, as sixteen hexadecimal digits. */
+/** The bits of a double, as sixteen hexadecimal digits. @param {number} x */
 export function toHex(x) {
   double[0] = x;
   return words[1].toString(16).padStart(8, "0") + words[0].toString(16).padStart(8, "0");
 }
 
-/** 2^n, n from −1022 to 1023. */
+/** 2^n, n from −1022 to 1023. @param {number} n */
 function powerOfTwo(n) {
   words[1] = (1023 + n) << 20;
   words[0] = 0;
   return double[0];
 }
 
-/** A straight line between powers of two, near 2^x. */
+/** A straight line between powers of two, near 2^x. @param {number} x */
 function line(x) {
   const whole = Math.floor(x);
   return (1 + (x - whole)) * powerOfTwo(whole);
@@ -47,9 +53,9 @@ function line(x) {
 // Numbers of many digits: a BigInt over 2^DIGITS.
 const DIGITS = 256n;
 const ONE = 1n << DIGITS;
-const times = (a, b) => (a * b) >> DIGITS;
+const times = (/** @type {bigint} */ a, /** @type {bigint} */ b) => (a * b) >> DIGITS;
 
-/** ln(p/q), by the series of 2·artanh((p − q)/(p + q)). */
+/** ln(p/q), by the series of 2·artanh((p − q)/(p + q)). @param {bigint} p @param {bigint} q */
 function logarithm(p, q) {
   let power = ((p - q) << DIGITS) / (p + q);
   const square = times(power, power);
@@ -63,7 +69,7 @@ function logarithm(p, q) {
 
 const LN_2 = logarithm(2n, 1n);
 
-/** 2^x as `fraction`·2^`exponent` with 1 ≤ fraction < 2. */
+/** 2^x as `fraction`·2^`exponent` with 1 ≤ fraction < 2. @param {bigint} x */
 function exponential(x) {
   const exponent = x >> DIGITS;
   const HALVINGS = 16n; // of ln 2·(x − ⌊x⌋), so that few terms do
@@ -79,7 +85,7 @@ function exponential(x) {
   return { fraction, exponent: Number(exponent) };
 }
 
-/** A double in many digits: exact from 2^−200 on. */
+/** A double in many digits: exact from 2^−200 on. @param {number} x */
 function manyDigits(x) {
   double[0] = x;
   const mantissa = (BigInt(words[1] & 0xfffff) << 32n) | BigInt(words[0]) | (1n << 52n);
@@ -90,12 +96,23 @@ const CLOSED_FORMS = [1, 1.5, 2, 3, 5];
 
 /** δ^α as docs/KERNEL.md has it: a closed form, or a table whose entries are made when they are first needed. */
 export class Power {
+  /** @param {number} alpha */
   constructor(alpha) {
     const w = 900 / (alpha + 1);
     this.alpha = alpha;
     this.form = CLOSED_FORMS.indexOf(alpha); // −1: the table
     /** P is 0 up to this. */
     this.z = line(-w);
+    this.top = Infinity;
+    [this.b, this.shift, this.first] = [0, 0, 0];
+    /** How many intervals there are, that of `top` with them. */
+    this.intervals = 0;
+    this.table = new Float64Array(0); // c, H, L of each; c is 0 where they are yet to be made
+    /** Factors of c^α. @type {Map<number, { fraction: bigint, exponent: number }>} */
+    this.ofMantissa = new Map();
+    /** @type {Map<number, { fraction: bigint, exponent: number }>} */
+    this.ofExponent = new Map();
+    this.g1 = this.g2 = this.g3 = this.g4 = this.g5 = 0;
     if (this.form >= 0) {
       return;
     }
@@ -112,11 +129,8 @@ export class Power {
     this.z = double[0];
     this.first = (words[1] >>> this.shift) + 1;
     double[0] = this.top;
-    /** How many intervals there are, that of `top` with them. */
     this.intervals = (words[1] >>> this.shift) - this.first + 1;
-    this.table = new Float64Array(3 * this.intervals); // c, H, L of each; c is 0 where they are yet to be made
-    this.ofMantissa = new Map(); // factors of c^α
-    this.ofExponent = new Map();
+    this.table = new Float64Array(3 * this.intervals);
 
     const g = [0, alpha];
     for (let j = 2; j <= 5; j += 1) {
@@ -129,12 +143,12 @@ export class Power {
     [, this.g1, this.g2, this.g3, this.g4, this.g5] = g;
   }
 
-  /** P(x). */
+  /** P(x). @param {number} x */
   at(x) {
     return x > this.z ? this.above(x) : 0;
   }
 
-  /** P of a number above z. */
+  /** P of a number above z. @param {number} x */
   above(x) {
     switch (this.form) {
       case 0:
@@ -152,6 +166,7 @@ export class Power {
     }
   }
 
+  /** @param {number} x */
   fromTable(x) {
     if (x >= this.top) {
       return Infinity;
@@ -169,7 +184,10 @@ export class Power {
     return h + (h * (s * r) + table[i + 2]);
   }
 
-  /** The centre c of an interval, and c^α in two doubles: [c, H, L]. `i` counts from the first interval above z. */
+  /**
+   * The centre c of an interval, and c^α in two doubles: [c, H, L]. `i` counts from the first interval above z.
+   * @param {number} i
+   */
   entry(i) {
     if (this.table[3 * i] === 0) {
       this.make(i);
@@ -177,6 +195,7 @@ export class Power {
     return this.table.subarray(3 * i, 3 * i + 3);
   }
 
+  /** @param {number} i */
   make(i) {
     const interval = this.first + i;
     const upper = interval & ((1 << this.b) - 1);
@@ -184,14 +203,17 @@ export class Power {
     // c = odd/2^(b+1) · 2^exponent, and c^α = 2^(α·log2(odd/2^(b+1))) · 2^(α·exponent)
     const odd = BigInt((1 << (this.b + 1)) + 2 * upper + 1);
     const alpha = manyDigits(this.alpha);
-    if (!this.ofMantissa.has(upper)) {
+    let a = this.ofMantissa.get(upper);
+    if (a === undefined) {
       const log2 = (logarithm(odd, 1n << BigInt(this.b + 1)) << DIGITS) / LN_2;
-      this.ofMantissa.set(upper, exponential(times(alpha, log2)));
+      a = exponential(times(alpha, log2));
+      this.ofMantissa.set(upper, a);
     }
-    if (!this.ofExponent.has(exponent)) {
-      this.ofExponent.set(exponent, exponential(alpha * BigInt(exponent)));
+    let b = this.ofExponent.get(exponent);
+    if (b === undefined) {
+      b = exponential(alpha * BigInt(exponent));
+      this.ofExponent.set(exponent, b);
     }
-    const [a, b] = [this.ofMantissa.get(upper), this.ofExponent.get(exponent)];
     const product = times(a.fraction, b.fraction); // from 1 to 4
     const dropped = DIGITS - (product >= 2n * ONE ? 88n : 89n); // 90 binary digits stay
     const rounded = (product + (1n << (dropped - 1n))) >> dropped;
@@ -205,7 +227,7 @@ export class Power {
   }
 }
 
-/** The sum of term(0) … term(n − 1) in eight parts. */
+/** The sum of term(0) … term(n − 1) in eight parts. @param {number} n @param {(i: number) => number} term */
 function sum(n, term) {
   const s = new Float64Array(8);
   for (let i = 0; i < n; i += 1) {
@@ -227,11 +249,15 @@ const [C0, C1, C3, C4, C5] = [3 / 20, 251 / 360, 11 / 18, 1 / 6, 1 / 60];
 const GAUSS_POINTS = [fromHex("bfe93cd3a2c8198e"), fromHex("bfcb0cb174df99c7")];
 
 const TINY = powerOfTwo(-900);
-const orZero = (q) => (Math.abs(q) <= TINY ? 0 : q);
+const orZero = (/** @type {number} */ q) => (Math.abs(q) <= TINY ? 0 : q);
 
 /** A chain, and how it moves. One may be used for any number of states. */
 export class Stepper {
-  /** `power`: the `new Power(alpha)` of another chain with this alpha, to share its table. */
+  /**
+   * @param {Physics} physics
+   * @param {Chain} chain
+   * @param {Power} power the `new Power(alpha)` of another chain with this alpha, to share its table
+   */
   constructor(physics, chain, power = new Power(physics.alpha)) {
     const n = chain.mass.length;
     if (physics.kernel_version !== KERNEL_VERSION) {
@@ -249,7 +275,7 @@ export class Stepper {
     this.striker = physics.striker;
     this.power = power;
     this.damped = physics.damping !== undefined;
-    this.restitution = this.damped && physics.damping.restitution !== undefined;
+    this.restitution = physics.damping?.restitution !== undefined;
     /** Arrays of N values in `extra`. */
     this.extraArrays = this.method === "gear5" ? (this.damped ? 5 : 4) : 0;
     this.mass = Float64Array.from(chain.mass);
@@ -259,7 +285,7 @@ export class Stepper {
     const none = { stiffness: 0, restOverlap: -Infinity, restForce: 0, damping: 0 };
     this.hasWall = [chain.leftWall !== undefined, chain.rightWall !== undefined];
     const [left, right] = [chain.leftWall ?? none, chain.rightWall ?? none];
-    const fill = (name) => {
+    const fill = (/** @type {keyof Wall} */ name) => {
       const all = new Float64Array(n + 1);
       all[0] = left[name] ?? 0;
       all.set(chain[name] ?? [], 1);
@@ -292,7 +318,7 @@ export class Stepper {
     return state;
   }
 
-  /** Goes on by `count` steps; many at once take a little less time than one by one. */
+  /** Goes on by `count` steps; many at once take a little less time than one by one. @param {Motion} state */
   step(state, count = 1) {
     const { dt, method } = this;
     if (method === "gear5") {
@@ -318,7 +344,7 @@ export class Stepper {
     }
   }
 
-  /** F of every contact, into `net`. */
+  /** F of every contact, into `net`. @param {Float64Array} u */
   forces(u) {
     const { beads: n, power, net, k, rho, rest } = this;
     net[0] = k[0] * power.at(-u[0] + rho[0]) - rest[0];
@@ -337,7 +363,10 @@ export class Stepper {
     }
   }
 
-  /** The same between beads for α = 3/2, the usual one: a loop of its own, and in just this form, is twice as fast. */
+  /**
+   * The same between beads for α = 3/2, the usual one: a loop of its own, and in just this form, is twice as fast.
+   * @param {Float64Array} u
+   */
   forcesOfSpheres(u) {
     const { beads: n, net, k, rho, rest } = this;
     const z = this.power.z;
@@ -351,6 +380,7 @@ export class Stepper {
     }
   }
 
+  /** @param {Motion} state @param {number} h */
   kick({ v }, h) {
     const { beads: n, inverseMass, net } = this;
     for (let i = 0; i < n; i += 1) {
@@ -358,7 +388,7 @@ export class Stepper {
     }
   }
 
-  /** A kick, a drift, and the forces where that leads to. */
+  /** A kick, a drift, and the forces where that leads to. @param {Motion} state @param {number} h @param {number} d */
   kickDrift({ u, v }, h, d) {
     const { beads: n, inverseMass, net } = this;
     for (let i = 0; i < n; i += 1) {
@@ -368,7 +398,10 @@ export class Stepper {
     this.forces(u);
   }
 
-  /** D: the force of contact i at overlap δ and rate ω, that at rest not taken off. */
+  /**
+   * D: the force of contact i at overlap δ and rate ω, that at rest not taken off.
+   * @param {number} i @param {number} delta @param {number} omega
+   */
   force(i, delta, omega) {
     const p = this.power.at(delta);
     const elastic = this.k[i] * p;
@@ -380,11 +413,12 @@ export class Stepper {
     return force > 0 ? force : 0;
   }
 
-  /** What damping takes from contact i per time. */
+  /** What damping takes from contact i per time. @param {number} i @param {number} delta @param {number} omega */
   dissipatedPower(i, delta, omega) {
     return delta > this.power.z ? (this.force(i, delta, omega) - this.k[i] * this.power.at(delta)) * omega : 0;
   }
 
+  /** @param {Motion} state */
   stepGear5({ u, v, extra }) {
     const { beads: n, dt, inverseMass, rho, net, predictedU: up, predictedV: vp } = this;
     const [n2, n3, n4] = [2 * n, 3 * n, 4 * n];
@@ -431,7 +465,10 @@ export class Stepper {
     }
   }
 
-  /** The terms q2 … q5 at step 0: those of the exact motion, from the series of every contact's force. */
+  /**
+   * The terms q2 … q5 at step 0: those of the exact motion, from the series of every contact's force.
+   * @param {Motion} state
+   */
   startGear5({ u, v, extra }) {
     const { beads: n, dt, power, k, eta, rho } = this;
     const q = [u, v.map((speed) => speed * dt), ...[0, 1, 2, 3].map((j) => extra.subarray(j * n, (j + 1) * n))];
@@ -461,13 +498,13 @@ export class Stepper {
         }
       }
       for (let i = 0; i < n; i += 1) {
-        const net = (c) => (j === 0 ? fs[c][0] - this.rest[c] : fs[c][j]);
+        const net = (/** @type {number} */ c) => (j === 0 ? fs[c][0] - this.rest[c] : fs[c][j]);
         q[j + 2][i] = ((dt * dt) / ((j + 1) * (j + 2)) / this.mass[i]) * (net(i) - net(i + 1));
       }
     }
   }
 
-  /** Kinetic and potential energy, and the work dissipated since step 0 (J). */
+  /** Kinetic and potential energy, and the work dissipated since step 0 (J). @param {Motion} state */
   energies({ u, v, extra }) {
     const { beads: n, mass, isLoaded } = this;
     const left = this.hasWall[0] ? this.excess(0, -u[0]) : 0;
@@ -482,12 +519,15 @@ export class Stepper {
     };
   }
 
-  /** U of contact i. */
+  /** U of contact i. @param {number} i @param {number} delta */
   potential(i, delta) {
     return delta > this.power.z ? (this.k[i] * this.power.at(delta) * delta) / (this.power.alpha + 1) : 0;
   }
 
-  /** Of contact i at an approach a from its rest, what exceeds the energy at rest, less the work of the rest force. */
+  /**
+   * Of contact i at an approach a from its rest, what exceeds the energy at rest, less the work of the rest force.
+   * @param {number} i @param {number} a
+   */
   excess(i, a) {
     const alpha = this.power.alpha;
     const [rho, rest] = [this.rho[i], this.rest[i]];
@@ -504,7 +544,10 @@ export class Stepper {
   }
 }
 
-/** Term j of A = δ^a from those before it and the terms of δ. */
+/**
+ * Term j of A = δ^a from those before it and the terms of δ.
+ * @param {number} a @param {number[]} terms @param {number[]} delta @param {number} j
+ */
 function nextTerm(a, terms, delta, j) {
   let total = 0;
   for (let i = 1; i <= j; i += 1) {

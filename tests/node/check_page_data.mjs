@@ -1,0 +1,359 @@
+// Reads recordings with the modules of page/, and compares every bit of their states and chains with what others read:
+// @mcap/core and protobufjs.
+//
+//     node tests/node/check_page_data.mjs RECORDING...             # after tests/setup
+//     node tests/node/check_page_data.mjs --zstd                   # our decompression against zstd's and fzstd's
+//     node tests/node/check_page_data.mjs --made                   # small files made here, right and wrong
+//     node tests/node/check_page_data.mjs --damage RECORDING...    # every byte changed, every length: a small file
+//
+// Exit code 0 if all is as it should be.
+
+import assert from "node:assert/strict";
+import crypto from "node:crypto";
+import fs from "node:fs";
+import { createRequire } from "node:module";
+import zlib from "node:zlib";
+
+import { bytesOfArray, bytesOfFile, crc32, sha256 } from "../../page/mcap.js";
+import { Recording } from "../../page/recording.js";
+import { decompress } from "../../page/zstd.js";
+
+/** A package of tests/node/package.json, where tests/setup puts it. */
+const load = createRequire(new URL("../../target/check/node/", import.meta.url));
+const { McapStreamReader } = load("@mcap/core");
+const { loadDecompressHandlers, protobufFromBinaryDescriptor } = load("@mcap/support");
+const fzstd = load("fzstd");
+
+/** Numbers from 0 to 1, the same ones each time. */
+function numbers(seed) {
+  let state = seed;
+  return () => {
+    state = (Math.imul(state, 1664525) + 1013904223) >>> 0;
+    return state / 2 ** 32;
+  };
+}
+
+/** Bytes of many kinds: noise, skewed, repeating near and far, runs, doubles. */
+function* samples() {
+  const random = numbers(1);
+  for (let i = 0; i < 90; i += 1) {
+    const bytes = new Uint8Array(Math.floor(random() ** 3 * 500_000));
+    const [letters, far] = [1 + random() * 255, 1 + Math.floor(random() ** 2 * 100_000)];
+    const kinds = [
+      () => random() * 256,
+      () => random() ** 4 * letters,
+      (at) => (at > 20 && random() < 0.97 ? bytes[at - 1 - Math.floor(random() * 19)] : random() * letters),
+      (at) => at >> 7,
+      (at) => (at % 8 < 4 ? 0 : random() ** 2 * letters),
+      (at) => (at > far && random() < 0.999 ? bytes[at - far] : random() * 256),
+    ];
+    for (let at = 0; at < bytes.length; at += 1) {
+      bytes[at] = kinds[i % kinds.length](at);
+    }
+    yield bytes;
+  }
+}
+
+function compressed(bytes, level, checksum) {
+  const { ZSTD_c_compressionLevel, ZSTD_c_checksumFlag } = zlib.constants;
+  const params = { [ZSTD_c_compressionLevel]: level, [ZSTD_c_checksumFlag]: checksum };
+  return new Uint8Array(zlib.zstdCompressSync(bytes, { params }));
+}
+
+const isEqual = (a, b) => Buffer.compare(a, b) === 0;
+
+/** What it returns, or the Error of ours that it throws: one with a sentence, and none that JavaScript makes. */
+async function outcome(call) {
+  try {
+    return await call();
+  } catch (error) {
+    if (error.constructor !== Error) {
+      throw error;
+    }
+    assert.ok(error.message.length > 20, error.message);
+    return error;
+  }
+}
+
+async function checkZstd() {
+  let [frames, damaged, accepted] = [0, 0, 0];
+  for (const bytes of samples()) {
+    for (const level of [-5, 1, 3, 9, 19]) {
+      const frame = compressed(bytes, level, frames % 2);
+      assert.ok(isEqual(decompress(frame, bytes.length), bytes), `level ${level}`);
+      assert.ok(isEqual(fzstd.decompress(frame), bytes), `fzstd, level ${level}`);
+      frames += 1;
+    }
+    const skipped = Uint8Array.of(0x53, 0x2a, 0x4d, 0x18, 2, 0, 0, 0, 7, 7);
+    const several = Buffer.concat([compressed(bytes, 1, 1), skipped, compressed(bytes, 3, 0), skipped]);
+    assert.ok(isEqual(decompress(several, 2 * bytes.length), Buffer.concat([bytes, bytes])));
+    assert.throws(() => decompress(several, 2 * bytes.length + 1), /compressed data are damaged/);
+    assert.throws(() => decompress(several.subarray(0, -11), 2 * bytes.length), /compressed data are damaged/);
+  }
+  // every byte of small frames changed, by one bit and by all, and every length
+  for (const bytes of samples()) {
+    const piece = bytes.length > 0 ? bytes.subarray(0, 3000) : Uint8Array.of(1);
+    const frame = compressed(piece, damaged % 2 === 0 ? 1 : 19, 0);
+    for (let at = 0; at < frame.length; at += 1 + (frame.length >> 8)) {
+      for (const change of [1 << at % 8, 255]) {
+        const wrong = frame.slice();
+        wrong[at] ^= change;
+        const found = await outcome(() => decompress(wrong, piece.length));
+        assert.ok(found instanceof Error || found.length === piece.length);
+        let expected;
+        try {
+          expected = zlib.zstdDecompressSync(wrong);
+        } catch {
+          // damaged for zstd, too
+        }
+        if (found instanceof Error) {
+          // zstd lets some streams of literals pass that do not end with their last code
+          assert.ok(expected?.length !== piece.length || / a stream of /.test(found.message), found.message);
+        } else if (expected?.length === piece.length) {
+          assert.ok(isEqual(found, expected), "other bytes than zstd's");
+          accepted += 1;
+        }
+        damaged += 1;
+      }
+      assert.ok((await outcome(() => decompress(frame.subarray(0, at), piece.length || 1))) instanceof Error);
+    }
+  }
+  assert.throws(() => decompress(Uint8Array.of(1, 2, 3, 4), 2 ** 40), /cannot hold/);
+  console.log(`${frames} frames, equal; ${damaged} damaged ones, ${accepted} of them readable and equal`);
+}
+
+/** States and chain as others read them. */
+function expectedOf(path, decompressHandlers) {
+  const reader = new McapStreamReader({ decompressHandlers, validateCrcs: true });
+  reader.append(fs.readFileSync(path));
+  const [schemas, channels, found] = [new Map(), new Map(), { states: [], chain: undefined }];
+  for (let record; (record = reader.nextRecord()); ) {
+    if (record.type === "Schema") {
+      schemas.set(record.id, protobufFromBinaryDescriptor(record.data).lookupType(record.name));
+    } else if (record.type === "Channel") {
+      channels.set(record.id, { topic: record.topic, type: schemas.get(record.schemaId) });
+    } else if (record.type === "Message") {
+      const { topic, type } = channels.get(record.channelId);
+      if (topic === "/chain" || topic === "/state") {
+        const message = type.toObject(type.decode(record.data), { defaults: true, longs: Number });
+        found.states.push(...(topic === "/state" ? [message] : []));
+        found.chain = topic === "/chain" ? message : found.chain;
+      }
+    }
+  }
+  return found;
+}
+
+function sameDoubles(ours, theirs, what) {
+  assert.equal(ours.length, theirs.length, what);
+  const expected = Float64Array.from(theirs);
+  assert.ok(isEqual(Buffer.from(ours.buffer, ours.byteOffset, ours.byteLength), Buffer.from(expected.buffer)), what);
+}
+
+function sameState(ours, theirs) {
+  const what = `step ${theirs.step}`;
+  assert.equal(ours.step, theirs.step);
+  assert.equal(ours.time_s, theirs.time_s);
+  sameDoubles(ours.u, theirs.displacement_m, what);
+  sameDoubles(ours.v, theirs.velocity_m_s, what);
+  sameDoubles(ours.extra, theirs.extra, what);
+}
+
+function sameChain(ours, theirs) {
+  const wall = (its) =>
+    its && [its.stiffness, its.rest_overlap_m ?? its.restOverlap, its.rest_force_n ?? its.restForce, its.damping];
+  const pairs = [
+    [ours.mass, theirs.mass_kg],
+    [ours.stiffness, theirs.stiffness],
+    [ours.restOverlap, theirs.rest_overlap_m],
+    [ours.restForce, theirs.rest_force_n],
+    [ours.damping, theirs.damping],
+  ];
+  pairs.forEach(([a, b], i) => sameDoubles(a, b, `array ${i} of the chain`));
+  assert.deepEqual(wall(ours.leftWall), wall(theirs.left_wall ?? undefined));
+  assert.deepEqual(wall(ours.rightWall), wall(theirs.right_wall ?? undefined));
+}
+
+async function checkRecording(path, decompressHandlers) {
+  const expected = expectedOf(path, decompressHandlers);
+  const sources = [bytesOfArray(new Uint8Array(fs.readFileSync(path))), bytesOfFile(await fs.openAsBlob(path))];
+  for (const source of sources) {
+    const recording = await outcome(() => Recording.open(source));
+    if (expected.states.length === 0) {
+      assert.match(recording.message, /has no states/);
+      continue;
+    }
+    assert.ok(recording instanceof Recording, recording.message);
+    assert.equal(recording.isFinished, path.endsWith(".mcap"));
+    assert.equal(recording.notes.some((note) => note.includes("unfinished")), !recording.isFinished);
+    assert.equal(recording.stateCount, expected.states.length);
+    assert.equal(recording.firstStep, expected.states[0].step);
+    assert.equal(recording.lastStep, expected.states.at(-1).step);
+    sameChain(recording.chain, expected.chain);
+    let next = 0;
+    for await (const state of recording.states()) {
+      sameState(state, expected.states[next]);
+      next += 1;
+    }
+    assert.equal(next, expected.states.length);
+    const random = numbers(7);
+    for (let i = 0; i < 300; i += 1) {
+      const step = recording.firstStep + Math.floor(random() * (recording.lastStep + 5 - recording.firstStep));
+      sameState(await recording.before(step), expected.states.findLast((state) => state.step <= step));
+      assert.equal(recording.cachedBefore(step).step, (await recording.before(step)).step);
+    }
+    assert.equal(await recording.before(recording.firstStep - 1), undefined);
+  }
+  return expected.states.length === 0 ? "no states, as it says" : `${expected.states.length} states, equal`;
+}
+
+/** All states of these bytes, and the notes; or the Error. */
+function readAll(bytes) {
+  return outcome(async () => {
+    const recording = await Recording.open(bytesOfArray(bytes));
+    const states = [];
+    for await (const state of recording.states()) {
+      states.push(state);
+    }
+    return { states, recording };
+  });
+}
+
+/** Nothing but an Error, or notes, or the same states. */
+async function checkDamage(path) {
+  const whole = new Uint8Array(fs.readFileSync(path));
+  const { states: expected } = await readAll(whole);
+  const counts = { errors: 0, notes: 0, same: 0 };
+  const check = (found, what) => {
+    if (found instanceof Error) {
+      counts.errors += 1;
+    } else if (found.recording.notes.length > 0) {
+      counts.notes += 1;
+    } else {
+      assert.deepEqual(found.states, expected, what);
+      counts.same += 1;
+    }
+  };
+  const random = numbers(3);
+  for (let at = 0; at < whole.length; at += 1) {
+    const wrong = whole.slice();
+    wrong[at] ^= at % 2 === 0 ? 255 : 1 << Math.floor(random() * 8);
+    check(await readAll(wrong), `byte ${at} changed`);
+    const cut = await readAll(whole.subarray(0, at));
+    assert.ok(cut instanceof Error || cut.recording.notes.length > 0, `cut at ${at}`);
+    assert.ok(cut instanceof Error || cut.states.length <= expected.length);
+    if (at + 8 <= whole.length) {
+      // whatever is a length or a count there becomes a huge one
+      wrong.set(whole);
+      new DataView(wrong.buffer).setBigUint64(at, [2n ** 62n, 2n ** 52n, 2n ** 31n - 1n, 2n ** 64n - 1n][at % 4], true);
+      check(await readAll(wrong), `eight bytes from ${at} on changed`);
+    }
+  }
+  return `${counts.errors} errors, ${counts.notes} with notes, ${counts.same} the same`;
+}
+
+const u16 = (value) => Buffer.from(Uint16Array.of(value).buffer);
+const u32 = (value) => Buffer.from(Uint32Array.of(value).buffer);
+const u64 = (value) => Buffer.from(BigUint64Array.of(BigInt(value)).buffer);
+const double = (value) => Buffer.from(Float64Array.of(value).buffer);
+const text = (value) => Buffer.concat([u32(Buffer.byteLength(value)), Buffer.from(value)]);
+const record = (opcode, ...parts) => {
+  const contents = Buffer.concat(parts);
+  return Buffer.concat([Buffer.from([opcode]), u64(contents.length), contents]);
+};
+const metadata = (name, entries) => {
+  const pairs = Buffer.concat(Object.entries(entries).flatMap(([key, value]) => [text(key), text(value)]));
+  return record(12, text(name), u32(pairs.length), pairs);
+};
+
+/** A recording of two beads, in an encoding that nobody writes: uncompressed, no array packed, fields backwards. */
+function made({ version = "1.0", physics, provenance, mass = 1, step = [3], time_s = 3, u = [1, 2], size } = {}) {
+  const allPhysics = {
+    ...{ kernel_version: 2, beads: 2, bead_mass_kg: 1, alpha: 1.5, stiffness: 1, impurities: [] },
+    ...{ striker: { bead: 0, velocity_m_s: 5 }, method: "rkn4", dt_s: 1, step_count: 9, ...physics },
+  };
+  const allProvenance = {
+    ...{ name: "made", run_id: "0", program: "", host: "", started_unix_ns: 0 },
+    ...{ publish_every_steps: 1, record_every_steps: 1, ...provenance },
+  };
+  const values = [version, JSON.stringify(allPhysics), JSON.stringify(allProvenance)];
+  const checksum = crypto.hash("sha256", ["beadline.run", ...values].map((line) => `${line}\n`).join(""));
+  const [schema_version, physicsText, provenanceText] = values;
+  const run = { checksum, provenance: provenanceText, physics: physicsText, schema_version };
+  const field = (number, value) => [Buffer.from([number * 8 + 1]), double(value)];
+  const unknown = [Buffer.from([15 * 8, ...new Array(9).fill(255), 1]), Buffer.from([14 * 8 + 5, 1, 2, 3, 4])];
+  const states = [...u.flatMap((x) => field(4, x)), ...field(3, time_s)];
+  const message = (channel, ...parts) => record(5, u16(channel), u32(0), u64(0), u64(0), ...parts);
+  const channel = (number, topic) => record(4, u16(number), u16(0), text(topic), text("protobuf"), u32(0));
+  const records = Buffer.concat([
+    ...[channel(7, "/state"), channel(8, "/chain"), record(200, u64(0))],
+    message(8, ...field(5, 0), ...field(3, 0), ...field(2, 1), ...field(1, mass), ...unknown, ...field(1, 2)),
+    message(7, ...[u[0], 9].flatMap((x) => field(5, x)), ...unknown, ...states, Buffer.from([16, ...step])),
+  ]);
+  const bytes = size ?? records.length;
+  const chunk = record(6, u64(0), u64(0), u64(bytes), u32(0), text(""), u64(records.length), records);
+  const magic = Buffer.from([0x89, 0x4d, 0x43, 0x41, 0x50, 0x30, 0x0d, 0x0a]);
+  const end = metadata("beadline.end", { reason: "detached", first_step: "3", last_step: "3" });
+  const footer = record(2, u64(0), u64(0), u32(0));
+  const head = [magic, record(1, text("beadline"), text("")), metadata("beadline.run", run)];
+  return new Uint8Array(Buffer.concat([...head, chunk, end, record(15, u32(0)), footer, magic]));
+}
+
+async function checkMade() {
+  const { states, recording } = await readAll(made());
+  assert.deepEqual(recording.notes, []);
+  assert.ok(recording.isFinished);
+  assert.deepEqual(recording.end, { reason: "detached", firstStep: 3, lastStep: 3 });
+  assert.deepEqual(recording.chain.mass, Float64Array.of(1, 2));
+  assert.deepEqual(states, [
+    { step: 3, time_s: 3, u: Float64Array.of(1, 2), v: Float64Array.of(1, 9), extra: new Float64Array(0) },
+  ]);
+  const later = await readAll(made({ version: "1.7", provenance: { weather: 1 } }));
+  assert.match(later.recording.notes[0], /1\.7/);
+  const wrong = [
+    [{ version: "2.0" }, /schema version 2\.0/],
+    [{ provenance: { weather: 1 } }, /"weather"/],
+    [{ physics: { weather: 1 } }, /"weather"/],
+    [{ version: "1.7", physics: { striker: { bead: 0, velocity_m_s: 5, spin: 1 } } }, /"striker\.spin"/],
+    [{ physics: { beads: 3 } }, /not one of 3 beads/],
+    [{ physics: { beads: 1e9 } }, /impossible beads/],
+    [{ physics: { dt_s: "1" } }, /impossible dt_s/],
+    [{ physics: { striker: { bead: 2, velocity_m_s: 5 } } }, /impossible striker/],
+    [{ mass: NaN }, /impossible values/],
+    [{ mass: -1 }, /impossible values/],
+    [{ step: [10] }, /step 10 after/],
+    [{ step: [255, 255, 255, 255, 255, 255, 255, 255, 255, 1] }, /beyond 2\^53/],
+    [{ step: [255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255] }, /without an end/],
+    [{ time_s: 4 }, /is at 4 s, not 3 s/],
+    [{ u: [1, 2, 3] }, /3, 2 and 0 values/],
+    [{ size: 2 ** 40 }, /it says 1099511627776 bytes/],
+  ];
+  for (const [how, says] of wrong) {
+    const found = await readAll(made(how));
+    assert.match(String(found.message), says, JSON.stringify(how));
+  }
+  console.log(`${wrong.length + 2} files made, each as it should be`);
+}
+
+async function main(words) {
+  for (const size of [0, 1, 55, 56, 63, 64, 65, 1000]) {
+    const bytes = new Uint8Array(size).map((_, i) => i * 37);
+    assert.equal(sha256(bytes), crypto.hash("sha256", bytes));
+    assert.equal(crc32(bytes), zlib.crc32(bytes));
+  }
+  if (words[0] === "--zstd") {
+    await checkZstd();
+    return;
+  }
+  if (words[0] === "--made") {
+    await checkMade();
+    return;
+  }
+  const decompressHandlers = await loadDecompressHandlers();
+  const check = words[0] === "--damage" ? checkDamage : checkRecording;
+  for (const path of words.filter((word) => !word.startsWith("--"))) {
+    console.log(`${path}: ${await check(path, decompressHandlers)}`);
+  }
+}
+
+await main(process.argv.slice(2));
