@@ -39,11 +39,17 @@ export class Pictures {
       drawMap(surface, box, shown.rows, this.mapView(shown), colours);
       this.drawBox(surface, box);
     } else if (name === "profile") {
-      drawProfile(surface, box, { state: run.state, second: second?.state, chain: run.info.chain }, this.mapView(run), colours);
-    } else if (name === "energies") {
-      drawEnergies(surface, box, { rows: run.rows, second: second?.rows }, this.mapView(run), colours);
-    } else if (name === "path") {
-      drawTrajectories(surface, box, { rows: run.rows, second: second?.rows }, this.mapView(run), colours);
+      drawProfile(surface, box, {
+        state: run.state, chain: run.info.chain, fields: run.fields, alpha: run.physics.alpha,
+        second: second?.state, secondFields: second?.fields,
+      }, this.mapView(run), colours);
+    } else if (name === "energies" || name === "path") {
+      const split = run.info.splitBead;
+      const isImpurity = run.physics.impurities.some(({ bead }) => bead === split);
+      (name === "path" ? drawTrajectories : drawEnergies)(surface, box, {
+        rows: run.rows, second: second?.rows, second_dt_s: second?.physics.dt_s, splitName: isImpurity ? "impurity" : `bead ${split}`,
+        events: this.page.followed.flatMap((bead) => run.events.get(bead)?.events ?? []),
+      }, this.mapView(run), colours);
     } else {
       this.drawMarks(surface, box);
     }

@@ -35,7 +35,7 @@ export const TABS = ["run", "pulses", "events", "live", "change"];
 /** @returns {View} */
 export function freshView() {
   return {
-    run: "", field: "velocity", log: false, theme: "", places: undefined, steps: undefined, step: undefined, bead: undefined,
+    run: "", field: "velocity", log: true, theme: "", places: undefined, steps: undefined, step: undefined, bead: undefined,
     beads: [], tab: "run", speed: "", change: "",
   };
 }
@@ -67,7 +67,7 @@ export function readView(fragment) {
     ...view,
     run: parts.get("run") ?? "",
     field: field ? field[0] : view.field,
-    log: parts.get("log") === "1",
+    log: parts.get("log") !== "0",
     theme: theme === "light" || theme === "dark" ? theme : "",
     places: range(parts.get("beads")),
     steps: range(parts.get("steps")),
@@ -91,7 +91,7 @@ export function writeView(view) {
   const parts = {
     run: view.run,
     field: view.field === fresh.field ? "" : view.field,
-    log: view.log ? "1" : "",
+    log: view.log ? "" : "0",
     theme: view.theme,
     beads: span(view.places),
     steps: span(view.steps),
