@@ -1,0 +1,137 @@
+// A folder of recordings, a sweep, live runs: a table with a picture of each, sorted by whatever differs.
+
+import { make } from "./elements.js";
+
+/** @typedef {import("./types.d.ts").Entry} Entry */
+
+/**
+ * What can be compared between entries: paths of physics and columns of results, with numbers or short texts as values.
+ * @param {Entry} entry
+ * @returns {Record<string, number | string>}
+ */
+function traits({ manifest, values, bytes }) {
+  /** @type {Record<string, number | string>} */
+  const found = {};
+  const visit = (/** @type {unknown} */ value, /** @type {string} */ path) => {
+    if (typeof value === "number" || typeof value === "string") {
+      found[path] = value;
+    } else if (typeof value === "object" && value !== null && !(Array.isArray(value) && value.length > 4)) {
+      Object.entries(value).forEach(([key, part]) => visit(part, path ? `${path}.${key}` : key));
+    }
+  };
+  visit(manifest?.physics ?? {}, "");
+  visit(values, "");
+  if (bytes !== undefined) {
+    found.bytes = bytes;
+  }
+  return found;
+}
+
+/** A number to be read in a table, of five digits. @param {number} value */
+function short(value) {
+  const size = Math.abs(value);
+  if (Number.isInteger(value)) {
+    return `${value}`;
+  }
+  return size < 1e-3 ? Number(value.toPrecision(5)).toExponential() : `${Number(value.toPrecision(5))}`;
+}
+
+/** The name of a column: a path with its unit. @param {string} path */
+function title(path) {
+  const unit = /_(kg|s|m|m_s|m_s2|n|J)$/.exec(path);
+  const name = (unit ? path.slice(0, unit.index) : path).replace(/\.0\b/g, "").replace(/[._]/g, " ");
+  return unit ? `${name} (${unit[1].replace("n", "N").replace("_", "/").replace("2", "²")})` : name;
+}
+
+/** @param {number | string | undefined} a @param {number | string | undefined} b */
+function order(a, b) {
+  if (a === undefined || b === undefined) {
+    return Number(a === undefined) - Number(b === undefined); // what is not known comes last
+  }
+  return typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b), undefined, { numeric: true });
+}
+
+/**
+ * The table. `paint` draws a picture of an entry when it comes into sight, one after the other.
+ * @param {Entry[]} entries
+ * @param {(entry: Entry) => void} onopen
+ * @param {(entry: Entry, canvas: HTMLCanvasElement) => Promise<void>} paint
+ */
+export function folderTable(entries, onopen, paint) {
+  const rows = entries.map((entry) => ({ entry, traits: traits(entry) }));
+  const names = [...new Set(rows.flatMap((row) => Object.keys(row.traits)))];
+  const shown = rows.filter(({ entry }) => entry.error === undefined);
+  const differing = names.filter((name) => new Set(shown.map((row) => row.traits[name])).size > 1);
+  const columns = (differing.length > 0 ? differing : ["beads", "step_count"]).slice(0, 24);
+  let sortedBy = "";
+  let direction = 1;
+
+  /** @type {[Entry, HTMLCanvasElement][]} */
+  const toPaint = [];
+  let isPainting = false;
+  const paintAll = async () => {
+    if (isPainting) {
+      return;
+    }
+    isPainting = true;
+    for (let next = toPaint.shift(); next; next = toPaint.shift()) {
+      const [entry, canvas] = next;
+      if (canvas.isConnected) {
+        await paint(entry, canvas).catch(() => canvas.classList.add("blank"));
+      }
+    }
+    isPainting = false;
+  };
+  const sight = new IntersectionObserver((seen) => {
+    for (const { target, isIntersecting } of seen) {
+      const entry = isIntersecting && entries.find(({ id }) => id === /** @type {HTMLElement} */ (target).dataset.id);
+      if (entry) {
+        sight.unobserve(target);
+        toPaint.push([entry, /** @type {HTMLCanvasElement} */ (target)]);
+      }
+    }
+    paintAll();
+  });
+
+  const lines = new Map(rows.map((row) => {
+    const { entry } = row;
+    const canvas = make("canvas", { width: 144, height: 96, "data-id": entry.id, "aria-hidden": "true" });
+    const name = entry.error === undefined
+      ? make("button", { class: "link", onclick: () => onopen(entry) }, entry.name)
+      : make("span", {}, entry.name);
+    const cells = entry.error === undefined
+      ? columns.map((column) => {
+        const value = row.traits[column];
+        const text = typeof value === "number" ? short(value) : `${value ?? ""}`;
+        return make("td", { class: typeof value === "number" ? "number" : undefined, title: value }, text);
+      })
+      : [make("td", { class: "bad", colspan: columns.length }, entry.error)];
+    const line = make("tr", {}, make("td", {}, canvas), make("td", {}, name), ...cells);
+    if (entry.error === undefined) {
+      line.addEventListener("click", (event) => {
+        if (!(/** @type {HTMLElement} */ (event.target).closest("button"))) {
+          onopen(entry);
+        }
+      });
+      sight.observe(canvas);
+    } else {
+      canvas.classList.add("blank");
+    }
+    return [row, line];
+  }));
+  const body = make("tbody", {}, ...lines.values());
+  const heads = ["name", ...columns].map((column) => {
+    const head = make("th", { scope: "col" });
+    head.append(make("button", { class: "link", onclick: () => {
+      direction = sortedBy === column ? -direction : 1;
+      sortedBy = column;
+      const value = (/** @type {typeof rows[0]} */ row) => (column === "name" ? row.entry.name : row.traits[column]);
+      rows.sort((a, b) => direction * order(value(a), value(b)));
+      body.append(...rows.map((row) => /** @type {Node} */ (lines.get(row))));
+      heads.forEach((other) => other.removeAttribute("aria-sort"));
+      head.setAttribute("aria-sort", direction > 0 ? "ascending" : "descending");
+    } }, title(column)));
+    return head;
+  });
+  return make("table", { "aria-label": "runs" }, make("thead", {}, make("tr", {}, make("td"), ...heads)), body);
+}

@@ -1,0 +1,172 @@
+// What is drawn on each canvas: the run, and the changed one, in the window that is looked at.
+
+import { byId } from "./elements.js";
+import { FIELDS } from "./view.js";
+import { placeWord } from "./run.js";
+import { amount } from "./axes.js";
+import { theme, colourScale } from "./colours.js";
+import { drawMap, mapScales } from "./map.js";
+import { drawProfile } from "./profile.js";
+import { drawEnergies, drawTrajectories } from "./curves.js";
+
+/** @typedef {import("./surface.js").Box} Box */
+/** @typedef {import("./surface.js").Surface} Surface */
+/** @typedef {import("./run.js").Run} Run */
+
+export class Pictures {
+  /** @param {import("./page.js").Page} page */
+  constructor(page) {
+    this.page = page;
+  }
+
+  names() {
+    return ["map", "second", "profile", "energies", "path", "marks"];
+  }
+
+  /**
+   * @param {string} name
+   * @param {Surface} surface
+   * @param {Box} box
+   */
+  draw(name, surface, box) {
+    const { run, second } = this.page;
+    const shown = name === "second" ? second : run;
+    const colours = theme(this.page.isDark);
+    if (!run || !shown) {
+      return;
+    }
+    if (name === "map" || name === "second") {
+      drawMap(surface, box, shown.rows, this.mapView(shown), colours);
+      this.drawBox(surface, box);
+    } else if (name === "profile") {
+      drawProfile(surface, box, {
+        state: run.state, chain: run.info.chain, fields: run.fields, alpha: run.physics.alpha,
+        second: second?.state, secondFields: second?.fields,
+      }, this.mapView(run), colours);
+    } else if (name === "energies" || name === "path") {
+      const split = run.info.splitBead;
+      const isImpurity = run.physics.impurities.some(({ bead }) => bead === split);
+      (name === "path" ? drawTrajectories : drawEnergies)(surface, box, {
+        rows: run.rows, second: second?.rows, second_dt_s: second?.physics.dt_s, splitName: isImpurity ? "impurity" : `bead ${split}`,
+        events: this.page.followed.flatMap((bead) => run.events.get(bead)?.events ?? []),
+      }, this.mapView(run), colours);
+    } else {
+      this.drawMarks(surface, box);
+    }
+  }
+
+  /** What canvases show, in words. */
+  describe() {
+    const { run, second, view } = this.page;
+    if (!run) {
+      return;
+    }
+    const { places, steps } = this.page.window();
+    const field = FIELDS.find(([name]) => name === view.field)?.[1] ?? "";
+    const dt = run.physics.dt_s;
+    const where = `${placeWord(view.field)}s ${Math.round(places[0])} to ${Math.ceil(places[1] - 0.5)}`;
+    const when = `${amount(steps[0] * dt, "s", 5)} to ${amount(steps[1] * dt, "s", 5)}`;
+    const now = amount((run.state?.step ?? 0) * dt, "s", 6);
+    const words = {
+      map: `Map of ${field}, ${where} to the right, ${when} downward`,
+      second: `The same map with one thing changed${second ? "" : ", not there"}`,
+      profile: `${field} of ${where} at ${now}`,
+      energies: `Energies, ${when}`,
+      path: `Displacement and velocity of beads ${this.page.followed.join(", ")}, ${when}`,
+    };
+    for (const [id, text] of Object.entries(words)) {
+      if (byId(id).getAttribute("aria-label") !== text) {
+        byId(id).setAttribute("aria-label", text);
+      }
+    }
+  }
+
+  /** What of a run a map shows, and how. @param {Run} run */
+  mapView(run) {
+    const { page } = this;
+    const { places, steps } = page.window();
+    const factor = run === page.run ? 1 : page.secondStep(1);
+    const bead = page.bead;
+    return {
+      places,
+      steps: /** @type {[number, number]} */ ([steps[0] * factor, steps[1] * factor]),
+      field: page.view.field,
+      log: page.view.log,
+      cursor: run.state?.step,
+      dt_s: run.physics.dt_s,
+      impurities: run.physics.impurities.map((impurity) => impurity.bead),
+      chosen: [...new Set([...page.view.beads, ...(page.view.bead === undefined ? [] : [bead])])],
+      pulses: run.pulses,
+      events: page.view.tab === "events" ? run.events.get(bead)?.events ?? [] : [],
+    };
+  }
+
+  /** Where a map or a profile has its plot, in its canvas. @param {string} id */
+  plot(id) {
+    const { run, second } = this.page;
+    const shown = id === "second" ? second : run;
+    const { clientWidth: width, clientHeight: height } = byId(id);
+    if (!shown || width < 2 || height < 2) {
+      return undefined;
+    }
+    return mapScales({ x: 0, y: 0, width, height }, this.mapView(shown)).plot;
+  }
+
+  /** The place at a part of the plot's width. @param {number} x */
+  placeAt(x) {
+    const { places: [from, to] } = this.page.window();
+    return from + x * (to - from);
+  }
+
+  /** The box that is being drawn. @param {Surface} surface @param {Box} box */
+  drawBox(surface, box) {
+    if (!this.page.box || !this.page.run) {
+      return;
+    }
+    const [x0, y0, x1, y1] = this.page.box;
+    const { plot } = mapScales(box, this.mapView(this.page.run));
+    const [left, right] = [plot.x + x0 * plot.width, plot.x + x1 * plot.width];
+    const [top, bottom] = [plot.y + y0 * plot.height, plot.y + y1 * plot.height];
+    const { accent: colour } = theme(this.page.isDark);
+    surface.lines([left, top, right, top, right, bottom, left, bottom, left, top], { colour, width: 1.5 });
+  }
+
+  /** Over the slider of time: events below, pulses above. @param {Surface} surface @param {Box} box */
+  drawMarks(surface, box) {
+    const { page } = this;
+    const { firstStep, lastStep } = /** @type {Run} */ (page.run).info;
+    const { foreground, muted } = theme(page.isDark);
+    const { events, births } = page.timeline.marks(page.bead);
+    const inset = 8; // half of the slider's thumb
+    const draw = (/** @type {number[]} */ steps, /** @type {number} */ top, /** @type {number} */ bottom, /** @type {string} */ colour) => {
+      for (const step of steps) {
+        const x = box.x + inset + ((step - firstStep) / Math.max(1, lastStep - firstStep)) * (box.width - 2 * inset);
+        surface.lines([x, box.y + top, x, box.y + bottom], { colour, width: 1, crisp: true });
+      }
+    };
+    draw(events.slice(0, 2000), 6, box.height, muted);
+    draw(births, 0, 5, foreground);
+  }
+
+  /**
+   * A small picture of a whole run.
+   * @param {HTMLCanvasElement} canvas
+   * @param {import("./types.d.ts").Rows} rows
+   */
+  thumbnail(canvas, rows) {
+    const { columns, count } = rows;
+    if (count === 0) {
+      return;
+    }
+    const cells = rows.cells.subarray(0, columns * count);
+    const most = cells.reduce((size, value) => Math.max(size, Math.abs(value)), 0);
+    const scale = colourScale({ from: -most, to: most, log: most / 50 }, theme(this.page.isDark).shade);
+    const pixels = new ImageData(columns, count);
+    scale.paint(cells, new Uint32Array(pixels.data.buffer));
+    const picture = document.createElement("canvas");
+    picture.width = columns;
+    picture.height = count;
+    /** @type {CanvasRenderingContext2D} */ (picture.getContext("2d")).putImageData(pixels, 0, 0);
+    /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d")).drawImage(picture, 0, 0, canvas.width, canvas.height);
+  }
+}

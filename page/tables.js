@@ -1,0 +1,157 @@
+// What is known of a run in words and numbers: parameters and provenance, pulses, events, how a live run is doing.
+
+import { make, table } from "./elements.js";
+import { amount } from "./axes.js";
+
+/** @typedef {import("./run.js").Run} Run */
+
+/**
+ * Names and values, in sections.
+ * @param {[string, string][]} pairs
+ */
+function pairsOf(pairs) {
+  return make("dl", {}, ...pairs.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, value)]));
+}
+
+/** @param {string} text */
+function heading(text) {
+  return make("h3", {}, text);
+}
+
+/** @param {string} text */
+function words(text) {
+  return make("p", { class: "words" }, text);
+}
+
+/** What a rule of masses or stiffnesses says. @param {unknown} rule */
+function ruleOf(rule) {
+  const text = typeof rule === "string" ? rule : JSON.stringify(rule).replace(/["{}]/g, "").replace(/_/g, " ");
+  return text.length > 120 ? `${text.slice(0, 117)} …` : text;
+}
+
+/**
+ * Parameters and provenance.
+ * @param {Run} run
+ */
+export function runTable({ info, physics }) {
+  const { provenance } = info.manifest;
+  const { impurities, striker, load, damping, ends } = physics;
+  /** @type {[string, string][]} */
+  const chain = [
+    ["beads", `${physics.beads} of ${amount(physics.bead_mass_kg, "kg")}`],
+    ["contact law", `F = k·δ^α, α = ${physics.alpha}, k = ${physics.stiffness} N/m^α`],
+    ["striker", `bead ${striker.bead} at ${amount(striker.velocity_m_s, "m/s")}`],
+  ];
+  if (impurities.length > 0) {
+    const some = impurities.slice(0, 6).map(({ bead, mass_kg: mass }) => `bead ${bead} of ${amount(mass, "kg")}`);
+    chain.push(["impurities", some.join(", ") + (impurities.length > 6 ? ` and ${impurities.length - 6} more` : "")]);
+  }
+  if (physics.masses !== undefined) {
+    chain.push(["masses", ruleOf(physics.masses)]);
+  }
+  if (physics.stiffnesses !== undefined) {
+    chain.push(["stiffnesses", ruleOf(physics.stiffnesses)]);
+  }
+  if (ends) {
+    chain.push(["ends", `${ends.left ?? "free"}, ${ends.right ?? "free"}`]);
+  }
+  if (load?.gravity_m_s2) {
+    chain.push(["gravity", amount(load.gravity_m_s2, "m/s²")]);
+  }
+  if (load?.precompression_n) {
+    chain.push(["precompression", amount(load.precompression_n, "N")]);
+  }
+  if (damping?.restitution) {
+    chain.push(["restitution", `${damping.restitution.coefficient}`]);
+  }
+  if (damping?.viscous_n_s_per_m !== undefined) {
+    chain.push(["viscous damping", `${damping.viscous_n_s_per_m} N·s/m`]);
+  }
+  const { length_m: length, time_s: time } = info.scales;
+  /** @type {[string, string][]} */
+  const time_ = [
+    ["duration", `${amount(physics.step_count * physics.dt_s, "s", 9)}, ${physics.step_count} steps`],
+    ["dt", `${physics.dt_s} s`],
+    ["method", `${physics.method}, kernel ${physics.kernel_version}`],
+    ...(time > 0 ? /** @type {[string, string][]} */ ([["scales", `L = ${amount(length, "m", 6)}, T = ${amount(time, "s", 6)}`]]) : []),
+  ];
+  const started = provenance.started_unix_ns / 1e6;
+  /** @type {[string, string][]} */
+  const origin = [
+    ["run", provenance.name],
+    ["id", provenance.run_id],
+    ["program", provenance.program],
+    ["host", provenance.host],
+    ["started", started > 0 ? new Date(started).toISOString().replace("T", " ").replace(/\..*/, " UTC") : "not known"],
+  ];
+  if (info.kind === "recording") {
+    origin.push(["stored states", `${info.storedCount}, steps ${info.firstStep} to ${info.lastStep}`]);
+    origin.push(["ended", info.end ? info.end.reason : "not closed: it was cut short, or is still being written"]);
+  }
+  return [heading("Chain"), pairsOf(chain), heading("Time"), pairsOf(time_), heading("Origin"), pairsOf(origin)];
+}
+
+/**
+ * @param {Run} run
+ * @param {(step: number) => void} onstep
+ */
+export function pulseTable({ pulses, physics, info }, onstep) {
+  if (pulses.length === 0) {
+    const why = info.kind === "live" ? "Pulses of a live run: `beadline pulses live`." : "No pulses came with this run: `beadline pulses` finds them.";
+    return [words(why)];
+  }
+  const rows = pulses.map((pulse) => [
+    pulse.pulse, pulse.direction === "forward" ? "→" : "←", pulse.birth, amount(pulse.birth_time_s, "s", 4), pulse.birth_bead, pulse.fate,
+    amount(pulse.v_peak_m_s, "m/s", 4), `${Number(pulse.velocity_beads_per_s.toPrecision(4))}`,
+    pulse.fwhm_beads === null ? "" : Number(pulse.fwhm_beads.toPrecision(3)),
+  ]);
+  const head = ["", "", "born of", "at", "bead", "fate", "peak", "beads/s", "width (beads)"];
+  return [table("pulses", head, rows, (row) => onstep(Math.round(pulses[row].birth_time_s / physics.dt_s)))];
+}
+
+/**
+ * @param {Run} run
+ * @param {number} bead
+ * @param {(step: number) => void} onstep
+ */
+export function eventTable(run, bead, onstep) {
+  const known = run.events.get(bead);
+  const title = heading(`Bead ${bead}`);
+  if (!known) {
+    return [title];
+  }
+  const { events, isDone } = known;
+  const state = isDone ? `${events.length} events, every step looked at.` : `Looking … ${events.length} events so far.`;
+  const shown = events.slice(0, 1000); // a table longer than this nobody reads, and the browser toils
+  const more = events.length > shown.length ? [words(`The first ${shown.length} are shown.`)] : [];
+  const rows = shown.map(({ kind, time_s: time, step, u_m: u }) => [
+    kind.replace("-", " "), amount(time, "s", 6), step, amount(u, "m", 5),
+  ]);
+  return [title, words(state), table("events", ["event", "time", "step", "displacement"], rows, (row) => onstep(events[row].step)), ...more];
+}
+
+/** @param {Run} run */
+export function liveTable({ info, status, ended }) {
+  if (info.kind !== "live") {
+    return [words("This run is not live.")];
+  }
+  if (!status) {
+    return [words(ended || "Waiting for the run …")];
+  }
+  const { state, step, steps_per_s: rate, frames_seen: seen, frames_skipped: skipped, consumers } = status;
+  const rows = consumers.map(({ label, delivery, pid, lag_frames: lag, frames_missed: missed }) => (
+    [label, delivery, pid ?? "", lag ?? "", missed ?? ""]
+  ));
+  return [
+    heading("Run"),
+    pairsOf([
+      ["state", ended || state],
+      ["step", `${step}`],
+      ["rate", `${Math.round(rate)} steps/s`],
+      ["frames seen", `${seen}`],
+      ["frames skipped", `${skipped}`],
+    ]),
+    heading("Consumers"),
+    rows.length > 0 ? table("consumers", ["name", "delivery", "process", "lag", "missed"], rows) : words("None but this page."),
+  ];
+}

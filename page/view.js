@@ -1,0 +1,125 @@
+// What is looked at, and how: all of it stands in the fragment of the page's address, so that a link shows what I see.
+
+/** @typedef {import("./types.d.ts").Field} Field */
+/** @typedef {import("./types.d.ts").Info} Info */
+
+/**
+ * `run` is an entry of the server's list. `places` are beads, `steps` steps, both of real numbers; undefined is all of them.
+ * `step` is the cursor; undefined follows a live run. `beads`: those that are followed besides the impurity, `bead` the chosen one.
+ * @typedef {object} View
+ * @property {string} run
+ * @property {Field} field
+ * @property {boolean} log
+ * @property {string} theme "", "light" or "dark"
+ * @property {[number, number] | undefined} places
+ * @property {[number, number] | undefined} steps
+ * @property {number | undefined} step
+ * @property {number | undefined} bead
+ * @property {number[]} beads
+ * @property {string} tab
+ * @property {string} speed
+ * @property {string} change
+ */
+
+/** @type {[Field, string][]} */
+export const FIELDS = [
+  ["velocity", "velocity"],
+  ["displacement", "displacement"],
+  ["overlap", "overlap"],
+  ["energy", "energy density"],
+  ["contacts", "contacts"],
+];
+
+export const TABS = ["run", "pulses", "events", "live", "change"];
+
+/** @returns {View} */
+export function freshView() {
+  return {
+    run: "", field: "velocity", log: true, theme: "", places: undefined, steps: undefined, step: undefined, bead: undefined,
+    beads: [], tab: "run", speed: "", change: "",
+  };
+}
+
+/** @param {string | null} text */
+function range(text) {
+  const ends = (text ?? "").split("..").map(Number);
+  const isRange = ends.length === 2 && ends.every(Number.isFinite) && ends[0] < ends[1];
+  return isRange ? /** @type {[number, number]} */ ([ends[0], ends[1]]) : undefined;
+}
+
+/** @param {string | null} text */
+function whole(text) {
+  return text && /^\d{1,15}$/.test(text) ? Number(text) : undefined;
+}
+
+/**
+ * What a fragment says; what it does not, or not well, is as in a fresh view.
+ * @param {string} fragment
+ * @returns {View}
+ */
+export function readView(fragment) {
+  const view = freshView();
+  const parts = new URLSearchParams(fragment.replace(/^#/, ""));
+  const field = FIELDS.find(([name]) => name === parts.get("field"));
+  const theme = parts.get("theme") ?? "";
+  const tab = parts.get("tab") ?? "";
+  return {
+    ...view,
+    run: parts.get("run") ?? "",
+    field: field ? field[0] : view.field,
+    log: parts.get("log") !== "0",
+    theme: theme === "light" || theme === "dark" ? theme : "",
+    places: range(parts.get("beads")),
+    steps: range(parts.get("steps")),
+    step: whole(parts.get("at")),
+    bead: whole(parts.get("bead")),
+    beads: (parts.get("follow") ?? "").split(",").map(whole).filter((bead) => bead !== undefined).slice(0, 4),
+    tab: TABS.includes(tab) ? tab : view.tab,
+    speed: parts.get("speed") ?? "",
+    change: parts.get("change") ?? "",
+  };
+}
+
+/**
+ * The fragment of a view.
+ * @param {View} view
+ */
+export function writeView(view) {
+  const fresh = freshView();
+  /** @param {[number, number] | undefined} ends */
+  const span = (ends) => (ends ? ends.map((end) => Number(end.toFixed(3))).join("..") : "");
+  const parts = {
+    run: view.run,
+    field: view.field === fresh.field ? "" : view.field,
+    log: view.log ? "" : "0",
+    theme: view.theme,
+    beads: span(view.places),
+    steps: span(view.steps),
+    at: view.step === undefined ? "" : `${view.step}`,
+    bead: view.bead === undefined ? "" : `${view.bead}`,
+    follow: view.beads.join(","),
+    tab: view.tab === fresh.tab ? "" : view.tab,
+    speed: view.speed,
+    change: view.change,
+  };
+  return Object.entries(parts).filter(([, value]) => value).map(([key, value]) => (
+    `${key}=${encodeURIComponent(value).replace(/%2C/g, ",")}`
+  )).join("&");
+}
+
+/**
+ * A window moved and stretched so that it lies within limits and is no narrower than `least`; undefined if it is all of them.
+ * @param {[number, number]} window
+ * @param {[number, number]} limits
+ * @param {number} least
+ * @returns {[number, number] | undefined}
+ */
+export function within([from, to], [first, last], least) {
+  const width = Math.max(to - from, Math.min(least, last - first));
+  if (width >= (last - first) * (1 - 1e-9)) {
+    return undefined;
+  }
+  const middle = (from + to) / 2;
+  const start = Math.min(Math.max(middle - width / 2, first), last - width);
+  return [start, start + width];
+}
