@@ -8,9 +8,40 @@ use std::fmt::Write;
 
 /// The modules of the page.
 pub(crate) const MODULES: &[(&str, &str)] = &[
+    ("axes", include_str!("../axes.js")),
+    ("board", include_str!("../board.js")),
+    ("carried", include_str!("../carried.js")),
+    ("change", include_str!("../change.js")),
+    ("changing", include_str!("../changing.js")),
+    ("colours", include_str!("../colours.js")),
+    ("curves", include_str!("../curves.js")),
+    ("elements", include_str!("../elements.js")),
+    ("engine", include_str!("../engine.js")),
+    ("events", include_str!("../events.js")),
+    ("exporting", include_str!("../exporting.js")),
+    ("fields", include_str!("../fields.js")),
+    ("folder", include_str!("../folder.js")),
+    ("history", include_str!("../history.js")),
     ("kernel", include_str!("../kernel.js")),
+    ("keyboard", include_str!("../keyboard.js")),
+    ("live", include_str!("../live.js")),
+    ("map", include_str!("../map.js")),
+    ("mcap", include_str!("../mcap.js")),
     ("page", include_str!("../page.js")),
+    ("pictures", include_str!("../pictures.js")),
+    ("pointer", include_str!("../pointer.js")),
+    ("profile", include_str!("../profile.js")),
+    ("prove", include_str!("../prove.js")),
+    ("recording", include_str!("../recording.js")),
+    ("rows", include_str!("../rows.js")),
+    ("run", include_str!("../run.js")),
+    ("surface", include_str!("../surface.js")),
+    ("tables", include_str!("../tables.js")),
+    ("tasks", include_str!("../tasks.js")),
+    ("timeline", include_str!("../timeline.js")),
+    ("view", include_str!("../view.js")),
     ("worker", include_str!("../worker.js")),
+    ("zstd", include_str!("../zstd.js")),
 ];
 
 /// What both the page and its worker run. The worker is made from the same text.
@@ -59,7 +90,15 @@ impl<'a> Module<'a> {
             return Err(format!("{name}.js: `{word}` cannot stand in a module"));
         }
         let mut module = Self { name, imports: Vec::new(), exports: Vec::new(), body: String::new() };
+        let mut is_comment = false;
         for (number, line) in (1..).zip(text.lines()) {
+            // whoever wants to read comments has the source; a cast is a comment with code behind it
+            let bare = line.trim();
+            is_comment |= bare.starts_with("/**") && bare.find("*/").is_none_or(|end| end + 2 == bare.len());
+            if is_comment || bare.starts_with("//") || bare.is_empty() {
+                is_comment &= !bare.ends_with("*/");
+                continue;
+            }
             let refused = || format!("{name}.js, line {number}: not a form that the page knows: {line}");
             let line = if line.starts_with("import") {
                 let (names, from) = import(line).ok_or_else(refused)?;
@@ -73,7 +112,7 @@ impl<'a> Module<'a> {
             } else {
                 line.to_owned()
             };
-            module.body.push_str(&line);
+            module.body.push_str(line.trim_start());
             module.body.push('\n');
         }
         Ok(module)
