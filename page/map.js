@@ -74,7 +74,7 @@ export function mapScales(box, { places, steps }) {
 /** Scales that were made, by what they are made of: their tables take longer than a picture. */
 const MOST_SCALES = 16;
 /** @type {Map<string, import("./colours.js").ColourScale>} */
-const scales = new Map();
+const madeScales = new Map();
 
 /** Rows as they were painted: a line of pixels each, and how that looked when it was last placed. */
 class Picture {
@@ -87,6 +87,7 @@ class Picture {
     this.look = "";
     this.from = 0;
     this.to = 0;
+    this.reduced = document.createElement("canvas");
     this.placed = document.createElement("canvas");
     this.place = "";
     /** @type {import("./colours.js").ColourScale | undefined} */
@@ -120,11 +121,11 @@ class Picture {
     const [from, to] = view.range ?? [this.from, this.to];
     const look = [rows.request.field, view.log, theme.isDark, from, to].join();
     if (this.scale === undefined || look !== this.look) {
-      this.scale = scales.get(look) ?? scaleOf(rows.request.field, from, to, view.log ?? false, theme);
-      if (scales.size >= MOST_SCALES) {
-        scales.clear();
+      this.scale = madeScales.get(look) ?? scaleOf(rows.request.field, from, to, view.log ?? false, theme);
+      if (madeScales.size >= MOST_SCALES) {
+        madeScales.clear();
       }
-      scales.set(look, this.scale);
+      madeScales.set(look, this.scale);
       this.look = look;
       this.painted = 0;
     }
@@ -183,24 +184,16 @@ class Picture {
       if (bottom > top && bottom > 0 && top < height) {
         // where pixels are fewer than numbers, none is to be dropped
         const [denseRows, denseColumns] = [end - i > bottom - top, columns > right - left + 1];
-        context.imageSmoothingEnabled = denseRows || denseColumns;
-        if (denseRows && !denseColumns) {
-          // columns are crisp nevertheless, if each is drawn by itself
-          const edge = (/** @type {number} */ c) => Math.round(left + (c / columns) * (right - left));
-          for (let c = 0; c < columns; c += 1) {
-            const [from, to] = [edge(c), edge(c + 1)];
-            if (to > from && to > 0 && from < width) {
-              context.drawImage(lines, c, i, 1, end - i, from, top, to - from, bottom - top);
-            }
-          }
-        } else if (denseColumns && !denseRows) {
-          for (let r = i; r < end; r += 1) {
-            const [from, to] = [Math.round(y(steps[r])), Math.round(y(steps[r] + gap(r)))];
-            if (to > from && to > 0 && from < height) {
-              context.drawImage(lines, 0, r, columns, 1, left, from, right - left, to - from);
-            }
-          }
+        if (denseRows || denseColumns) {
+          // reduced the one way, and blocks stay crisp the other way
+          const { reduced } = this;
+          reduced.width = denseColumns ? Math.ceil(right - left) : columns;
+          reduced.height = denseRows ? bottom - top : end - i;
+          reduced.getContext("2d")?.drawImage(lines, 0, i, columns, end - i, 0, 0, reduced.width, reduced.height);
+          context.imageSmoothingEnabled = false;
+          context.drawImage(reduced, left, top, right - left, bottom - top);
         } else {
+          context.imageSmoothingEnabled = false;
           context.drawImage(lines, 0, i, columns, end - i, left, top, right - left, bottom - top);
         }
       }
