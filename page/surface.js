@@ -98,6 +98,9 @@ export class CanvasSurface {
   /** @param {number} x @param {number} y @param {number} radius @param {Disc} disc */
   circle(x, y, radius, { fill, colour, width = 1 }) {
     const { context } = this;
+    if (!Number.isFinite(x + y + radius)) {
+      return;
+    }
     context.beginPath();
     context.arc(x, y, radius, 0, 2 * Math.PI);
     if (fill !== undefined) {
@@ -250,6 +253,9 @@ export class SvgSurface {
 
   /** @param {number} x @param {number} y @param {number} radius @param {Disc} disc */
   circle(x, y, radius, { fill = "none", colour, width = 1 }) {
+    if (!Number.isFinite(x + y + radius)) {
+      return;
+    }
     this.add("circle", { cx: x, cy: y, r: radius, fill, stroke: colour, "stroke-width": colour && width });
   }
 
