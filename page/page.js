@@ -24,6 +24,8 @@ import { amount } from "./axes.js";
 
 /** Events are looked for unasked where that takes no longer than this many beads times steps: seconds. */
 const CHEAP = 2e8;
+/** Two clicks within this are one double click. */
+const DOUBLE_MS = 500;
 /** Of the steps and beads that a window has at least. */
 const [LEAST_STEPS, LEAST_PLACES] = [4, 2];
 
@@ -50,6 +52,8 @@ export class Page {
     /** A box being drawn on the map, parts of the plot. @type {[number, number, number, number] | undefined} */
     this.box = undefined;
     this.opening = 0;
+    /** When somebody clicked, and what was looked at before. @type {{ time: number, step?: number, bead?: number }} */
+    this.clicked = { time: 0 };
     this.shownTab = "";
     this.said = "";
     this.renewReady();
@@ -602,13 +606,23 @@ export class Page {
       },
       onclick: (x, y) => {
         const { place, step } = at(x, y);
+        const now = performance.now();
+        if (now - this.clicked.time > DOUBLE_MS) {
+          this.clicked = { time: now, step: this.view.step, bead: this.view.bead };
+        }
         this.look({ bead: Math.min(place, /** @type {Run} */ (this.run).beads - 1) });
         if (isMap) {
           this.timeline.pause();
           this.seek(step);
         }
       },
-      onwhole: () => this.look({ places: undefined, steps: isMap ? undefined : this.view.steps }),
+      onwhole: () => {
+        const { step, bead } = this.clicked; // the two clicks before were not meant as such
+        this.look({ places: undefined, steps: isMap ? undefined : this.view.steps, step, bead });
+        if (step !== undefined) {
+          this.seek(step);
+        }
+      },
       onzoom: (ofPlaces, ofSteps, x, y) => (isMap ? this.zoom(ofPlaces, ofSteps, x, y) : this.zoom(ofPlaces * ofSteps, 1, x, y)),
       onpan: (byX, byY) => this.pan(byX, isMap ? byY : 0),
       onbox: (box) => {

@@ -96,7 +96,7 @@ export class Pictures {
       dt_s: run.physics.dt_s,
       impurities: run.physics.impurities.map((impurity) => impurity.bead),
       chosen: [...new Set([...page.view.beads, ...(page.view.bead === undefined ? [] : [bead])])],
-      pulses: run.pulses,
+      pulses: page.view.tab === "pulses" ? run.pulses : [],
       events: page.view.tab === "events" ? run.events.get(bead)?.events ?? [] : [],
     };
   }

@@ -101,11 +101,11 @@ export function pulseTable({ pulses, physics, info }, onstep) {
     return [words(why)];
   }
   const rows = pulses.map((pulse) => [
-    pulse.pulse, pulse.direction === "forward" ? "→" : "←", pulse.birth, amount(pulse.birth_time_s, "s", 4), pulse.birth_bead, pulse.fate,
-    amount(pulse.v_peak_m_s, "m/s", 4), `${Number(pulse.velocity_beads_per_s.toPrecision(4))}`,
+    `${pulse.pulse} ${pulse.direction === "forward" ? "→" : "←"}`, `${pulse.birth}, ${pulse.birth_bead}`, amount(pulse.birth_time_s, "s", 4), pulse.fate,
+    amount(pulse.v_peak_m_s, "m/s", 4), Number(pulse.velocity_beads_per_s.toPrecision(4)),
     pulse.fwhm_beads === null ? "" : Number(pulse.fwhm_beads.toPrecision(3)),
   ]);
-  const head = ["", "", "born of", "at", "bead", "fate", "peak", "beads/s", "width (beads)"];
+  const head = ["pulse", "born of, at bead", "at", "fate", "peak", "beads/s", "beads wide"];
   return [table("pulses", head, rows, (row) => onstep(Math.round(pulses[row].birth_time_s / physics.dt_s)))];
 }
 
