@@ -1,0 +1,178 @@
+// Curves over time: energies, and what followed beads do.
+
+import { LEFT_PX, bottomAxis, frame, leftAxis, legend, linear } from "./axes.js";
+
+/** @typedef {import("./surface.js").Box} Box */
+/** @typedef {import("./surface.js").Surface} Surface */
+/** @typedef {import("./colours.js").Theme} Theme */
+/** @typedef {import("./map.js").View} View */
+/** @typedef {import("./types.d.ts").Rows} Rows */
+/**
+ * Rows of a run, and of a second one, which is dashed; its steps may be of another length.
+ * @typedef {object} CurvesData
+ * @property {Rows | undefined} rows
+ * @property {Rows | undefined} [second]
+ * @property {number} [second_dt_s]
+ * @property {string} [splitName] what the bead between left and right is called
+ * @property {import("./types.d.ts").Event[]} [events] of followed beads
+ */
+/** @typedef {{ points: Float64Array, colour: string, dash?: number[] }} Curve x and value in turns, x in the unit of the axis */
+
+const ENERGIES_A_ROW = 6;
+
+/** Where the plot of energies is in a box, or of a trajectory's two plots both. @param {Box} box */
+export function curvePlot({ x, y, width, height }, top = 8) {
+  return { x: x + LEFT_PX, y: y + top, width: Math.max(20, width - LEFT_PX - 16), height: Math.max(20, height - top - 42) };
+}
+
+/** A curve of a number a row. @param {Rows} rows @param {number} dt @param {(row: number) => number} value */
+function pointsOf({ steps, count }, dt, value) {
+  const points = new Float64Array(2 * count);
+  for (let i = 0; i < count; i += 1) {
+    points[2 * i] = steps[i] * dt;
+    points[2 * i + 1] = value(i);
+  }
+  return points;
+}
+
+/** @param {View} view */
+function timeOf({ steps: [from, to], dt_s: dt }) {
+  return dt === undefined ? { from, to, name: "step", whole: true } : { from: from * dt, to: to * dt, name: "time", unit: "s", prefixed: true };
+}
+
+/**
+ * One plot of curves over time, with the cursor.
+ * @param {Surface} surface @param {Box} box @param {Box} plot @param {Curve[]} curves
+ * @param {{ name: string, unit: string, hasZero?: boolean, isBare?: boolean, marks?: number[] }} look
+ * @param {View} view @param {Theme} theme
+ */
+function drawCurves(surface, box, plot, curves, { name, unit, hasZero = false, isBare = false, marks = [] }, view, theme) {
+  const time = timeOf(view);
+  let [low, high] = hasZero ? [0, 0] : [Infinity, -Infinity];
+  const near = 0.02 * (time.to - time.from);
+  for (const { points } of curves) {
+    for (let i = 0; i < points.length; i += 2) {
+      const value = points[i + 1];
+      if (Number.isFinite(value) && points[i] >= time.from - near && points[i] <= time.to + near) {
+        low = Math.min(low, value);
+        high = Math.max(high, value);
+      }
+    }
+  }
+  if (!(high >= low)) {
+    [low, high] = [0, 1];
+  }
+  const spare = 0.06 * (high - low) || Math.abs(high) || 1;
+  const [from, to] = [hasZero && low === 0 ? 0 : low - spare, high + spare];
+  leftAxis(surface, plot, { from, to, name, unit }, theme, { hasGrid: true });
+  const x = linear(time.from, time.to, plot.x, plot.width);
+  const y = linear(from, to, plot.y + plot.height, -plot.height);
+  surface.clip(plot.x, plot.y, plot.width, plot.height, () => {
+    for (const { points, colour, dash } of curves) {
+      surface.lines(points.map((number, i) => (i % 2 === 0 ? x(number) : y(number))), { colour, width: 1.5, dash });
+    }
+    for (let i = 0; i < marks.length; i += 2) {
+      surface.circle(x(marks[i]), y(marks[i + 1]), 3, { fill: theme.background, colour: theme.accent, width: 1.5 });
+    }
+    if (view.cursor !== undefined) {
+      const at = x(view.cursor * (view.dt_s ?? 1));
+      surface.lines([at, plot.y, at, plot.y + plot.height], { colour: theme.accent, width: 1, crisp: true });
+    }
+  });
+  frame(surface, plot, theme);
+  bottomAxis(surface, box, plot, time, theme, { isBare });
+}
+
+/**
+ * Energies over time: total, its kinetic and potential parts, left of the split bead, of it and right, and what was
+ * dissipated where anything was.
+ * @param {Surface} surface
+ * @param {Box} box
+ * @param {CurvesData} data
+ * @param {View} view
+ * @param {Theme} theme
+ */
+export function drawEnergies(surface, box, { rows, second, second_dt_s: secondDt, splitName = "split bead" }, view, theme) {
+  const [blue, vermillion, green, purple, orange, sky] = theme.curves;
+  const has = (/** @type {Rows | undefined} */ some) => {
+    for (let i = 0; some !== undefined && i < some.count; i += 1) {
+      if (some.energies[i * ENERGIES_A_ROW + 5] !== 0) {
+        return true;
+      }
+    }
+    return false;
+  };
+  /** @type {{ name: string, colour: string, parts: number[] }[]} */
+  const kinds = [
+    { name: "kinetic", colour: sky, parts: [0] },
+    { name: "potential", colour: orange, parts: [1] },
+    { name: "left", colour: blue, parts: [2] },
+    { name: splitName, colour: purple, parts: [3] },
+    { name: "right", colour: vermillion, parts: [4] },
+    ...(has(rows) || has(second) ? [{ name: "dissipated", colour: green, parts: [5] }] : []),
+    { name: "total", colour: theme.foreground, parts: [0, 1] },
+  ];
+  const dt = view.dt_s ?? 1;
+  /** @type {Curve[]} */
+  const curves = [];
+  const add = (/** @type {Rows | undefined} */ some, /** @type {number} */ dt, /** @type {number[]} */ dash) => {
+    for (const { colour, parts } of some === undefined ? [] : kinds) {
+      const value = (/** @type {number} */ i) => parts.reduce((sum, part) => sum + /** @type {Rows} */ (some).energies[i * ENERGIES_A_ROW + part], 0);
+      curves.push({ points: pointsOf(/** @type {Rows} */ (some), dt, value), colour, dash });
+    }
+  };
+  add(second, secondDt ?? dt, [5, 3]);
+  add(rows, dt, []);
+  const entries = kinds.map(({ name, colour }) => ({ name, colour }));
+  const top = drawLegend(surface, box, entries, second !== undefined, theme);
+  drawCurves(surface, box, curvePlot(box, top), curves, { name: "energy", unit: "J", hasZero: true }, view, theme);
+}
+
+/**
+ * A legend above a plot; returns where the plot may begin.
+ * @param {Surface} surface @param {Box} box
+ * @param {{ name: string, colour: string, dash?: number[] }[]} entries
+ * @param {boolean} hasSecond @param {Theme} theme
+ */
+function drawLegend(surface, box, entries, hasSecond, theme) {
+  const all = hasSecond ? [...entries, { name: "changed", colour: theme.muted, dash: [5, 3] }] : entries;
+  return 4 + legend(surface, { x: box.x + LEFT_PX, y: box.y + 2, width: box.width - LEFT_PX - 8, height: 0 }, all, theme) + 4;
+}
+
+/**
+ * Displacement and velocity of the followed beads over time, with what happened to them.
+ * @param {Surface} surface
+ * @param {Box} box
+ * @param {CurvesData} data
+ * @param {View} view
+ * @param {Theme} theme
+ */
+export function drawTrajectories(surface, box, { rows, second, second_dt_s: secondDt, events = [] }, view, theme) {
+  const follow = rows?.request.follow ?? [];
+  const colours = theme.curves.slice(0, 6);
+  const colourOf = (/** @type {number} */ i) => colours[i % colours.length];
+  const entries = follow.map((bead, i) => ({ name: `bead ${bead}`, colour: colourOf(i) }));
+  const top = drawLegend(surface, box, entries, second !== undefined, theme);
+  const whole = curvePlot(box, top);
+  const high = (whole.height - 8) / 2;
+  const dt = view.dt_s ?? 1;
+  [{ name: "displacement", unit: "m" }, { name: "velocity", unit: "m/s" }].forEach((look, part) => {
+    /** @type {Curve[]} */
+    const curves = [];
+    const add = (/** @type {Rows | undefined} */ some, /** @type {number} */ dt, /** @type {number[]} */ dash) => {
+      const wide = 2 * (some?.request.follow.length ?? 0);
+      some?.request.follow.forEach((bead, i) => {
+        const rank = follow.indexOf(bead);
+        if (rank >= 0) {
+          curves.push({ points: pointsOf(some, dt, (row) => some.followed[row * wide + 2 * i + part]), colour: colourOf(rank), dash });
+        }
+      });
+    };
+    add(second, secondDt ?? dt, [5, 3]);
+    add(rows, dt, []);
+    const plot = { ...whole, y: whole.y + part * (high + 8), height: high };
+    const seen = part === 0 ? events.filter(({ bead }) => follow.includes(bead)) : [];
+    const marks = seen.flatMap(({ step, u_m: u }) => [step * dt, u]);
+    drawCurves(surface, box, plot, curves, { ...look, isBare: part === 0, marks }, view, theme);
+  });
+}
