@@ -52,6 +52,7 @@ export class Page {
     /** A box being drawn on the map, parts of the plot. @type {[number, number, number, number] | undefined} */
     this.box = undefined;
     this.opening = 0;
+    this.isDark = false;
     /** When somebody clicked, and what was looked at before. @type {{ time: number, step?: number, bead?: number }} */
     this.clicked = { time: 0 };
     this.shownTab = "";
@@ -295,7 +296,9 @@ export class Page {
     this.hover = undefined; // what is under the pointer has become another
     clearTimeout(this.writing);
     this.writing = setTimeout(() => this.write(), 250);
-    this.showControls();
+    if (!("step" in change) || Object.keys(change).length > 1) {
+      this.showControls();
+    }
     this.board.invalidate();
   }
 
@@ -533,11 +536,9 @@ export class Page {
     /** @type {HTMLButtonElement} */ (byId("whole")).disabled = !this.view.places && !this.view.steps;
   }
 
-  get isDark() {
-    return this.view.theme ? this.view.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
-  }
-
   applyTheme() {
+    const { theme } = this.view;
+    this.isDark = theme ? theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
     document.documentElement.dataset.theme = this.isDark ? "dark" : "light";
     this.board.invalidate();
   }

@@ -105,7 +105,7 @@ export class Pictures {
   plot(id) {
     const { run, second } = this.page;
     const shown = id === "second" ? second : run;
-    const { clientWidth: width, clientHeight: height } = byId(id);
+    const { width, height } = this.page.board.size(id);
     if (!shown || width < 2 || height < 2) {
       return undefined;
     }
