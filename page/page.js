@@ -390,6 +390,8 @@ export class Page {
     if (run.info.kind !== "live" && run.rows?.isWhole && (this.view.tab === "events" || isCheap)) {
       run.find(this.bead);
     }
+    const isBusy = run.info.kind !== "live" && ![run, ...(second ? [second] : [])].every(({ rows }) => rows?.isWhole);
+    byId("map-panel").classList.toggle("busy", isBusy);
     this.timeline.show(this.step, this.isFollowing);
     this.showKind();
     this.showTab();
