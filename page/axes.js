@@ -218,8 +218,9 @@ export function leftAxis(surface, plot, quantity, theme, { isDown = false, hasGr
   const room = LEFT_PX - 8 - 1.2 * LABEL_PX - 4;
   let count = Math.max(2, Math.floor(height / (isDown ? 60 : 40)));
   let shown = ticks(quantity, count);
-  while (count > 1 && (height / Math.max(1, shown.values.length) < 1.25 * TICK_PX)) {
-    count -= 1;
+  // one number alone says nothing of the scale
+  while (shown.values.length < 2 && count < 8 && height > 50) {
+    count += 1;
     shown = ticks(quantity, count);
   }
   const mark = (/** @type {number} */ value, /** @type {number} */ length) => {

@@ -53,9 +53,6 @@ function onGround(/** @type {Rgb} */ colour, /** @type {number} */ part) {
   return /** @type {Rgb} */ (colour.map((byte, i) => Math.round(GROUND[i] + (byte - GROUND[i]) * weight)));
 }
 
-/** Shades of 0 and of the ends: light to dark on paper, dark to light on a dark ground. */
-const lightnesses = (/** @type {boolean} */ isDark) => (isDark ? [0.2, 0.86] : [1, 0.4]);
-
 /**
  * The colour of a shade from −1 (blue) over 0 to 1 (red); lightness changes evenly, so that it is read without any colour
  * vision but for the sign.
@@ -63,9 +60,10 @@ const lightnesses = (/** @type {boolean} */ isDark) => (isDark ? [0.2, 0.86] : [
  */
 export function diverging(shade, isDark = false) {
   const part = Math.min(Math.abs(shade), 1);
-  const [from, to] = lightnesses(isDark);
+  // near the dark ground the eye needs larger steps
+  const [from, to, rise] = isDark ? [0.2, 0.86, part ** 0.75] : [1, 0.4, part];
   const chroma = (isDark ? 0.12 * (1 - 0.25 * part) : 0.13) * part * (2 - part);
-  const colour = oklab(from + (to - from) * part, chroma, shade < 0 ? (isDark ? 240 : 255) : isDark ? 50 : 38);
+  const colour = oklab(from + (to - from) * rise, chroma, shade < 0 ? (isDark ? 240 : 255) : isDark ? 50 : 38);
   return isDark ? onGround(colour, part) : colour;
 }
 

@@ -47,7 +47,7 @@ const BAR_PX = 13;
 /** Where the plot is in a box; a profile with the same box's x and width has the same x axis. @param {Box} box */
 export function plotOf({ x, y, width, height }) {
   const isNarrow = width < NARROW_PX;
-  const [top, right] = isNarrow ? [46, 14] : [12, 98];
+  const [top, right] = isNarrow ? [46, 14] : [12, 104];
   const [wide, high] = [Math.max(20, width - LEFT_PX - right), Math.max(20, height - top - 42)];
   return { isNarrow, plot: { x: x + LEFT_PX, y: y + top, width: wide, height: high } };
 }
@@ -115,8 +115,9 @@ class Picture {
       this.look = look;
       this.painted = 0;
     }
+    const { scale } = this;
     if (this.painted === rows.count) {
-      return false;
+      return scale;
     }
     const { lines, columns } = this;
     let context = lines.getContext("2d");
@@ -128,20 +129,21 @@ class Picture {
     }
     const first = this.painted;
     const data = /** @type {CanvasRenderingContext2D} */ (context).createImageData(columns, rows.count - first);
-    this.scale.paint(rows.cells.subarray(first * columns, rows.count * columns), new Uint32Array(data.data.buffer));
+    scale.paint(rows.cells.subarray(first * columns, rows.count * columns), new Uint32Array(data.data.buffer));
     context?.putImageData(data, 0, first);
     this.painted = rows.count;
-    return true;
+    this.place = "";
+    return scale;
   }
 
   /**
    * Puts each row where it belongs, in pixels of the device.
-   * @param {Rows} rows @param {View} view @param {Box} plot @param {number} ratio @param {boolean} isNew
+   * @param {Rows} rows @param {View} view @param {Box} plot @param {number} ratio
    */
-  put(rows, view, plot, ratio, isNew) {
+  put(rows, view, plot, ratio) {
     const [width, height] = [Math.round(plot.width * ratio), Math.round(plot.height * ratio)];
     const place = [width, height, ...view.places, ...view.steps].join();
-    if (!isNew && place === this.place) {
+    if (place === this.place) {
       return;
     }
     this.place = place;
@@ -193,6 +195,19 @@ function scaleOf(field, from, to, isLog, theme) {
 }
 
 /**
+ * Draws the colours only, into the whole of a box; returns their scale.
+ * @param {Surface} surface @param {Box} box @param {Rows} rows @param {View} view @param {Theme} theme
+ */
+export function drawPicture(surface, box, rows, view, theme) {
+  const picture = pictures.get(rows) ?? new Picture(rows);
+  pictures.set(rows, picture);
+  const scale = picture.paint(rows, view, theme);
+  picture.put(rows, view, box, surface.ratio);
+  surface.image(picture.placed, box.x, box.y, box.width, box.height, false);
+  return scale;
+}
+
+/**
  * Draws the map of these rows, as far as there are any.
  * @param {Surface} surface
  * @param {Box} box
@@ -205,15 +220,11 @@ export function drawMap(surface, box, rows, view, theme) {
   surface.rect(plot.x, plot.y, plot.width, plot.height, theme.unknown);
   const scales = mapScales(box, view);
   if (rows !== undefined && rows.count > 0 && rows.columns > 0) {
-    const picture = pictures.get(rows) ?? new Picture(rows);
-    pictures.set(rows, picture);
-    const isNew = picture.paint(rows, view, theme);
-    picture.put(rows, view, plot, surface.ratio, isNew);
-    surface.image(picture.placed, plot.x, plot.y, plot.width, plot.height, false);
+    const scale = drawPicture(surface, plot, rows, view, theme);
     if (rows.request.field === "contacts") {
       drawClasses(surface, box, plot, isNarrow, theme);
-    } else if (picture.scale !== undefined) {
-      drawBar(surface, box, plot, isNarrow, picture.scale, rows.request.field, theme);
+    } else {
+      drawBar(surface, box, plot, isNarrow, scale, rows.request.field, theme);
     }
   }
   surface.clip(plot.x, plot.y, plot.width, plot.height, () => drawMarks(surface, scales, view, theme));
@@ -270,17 +281,21 @@ function drawMarks(surface, scales, view, theme) {
 function drawTrack(surface, { plot, x, y }, view, track, name, theme) {
   const dt = view.dt_s ?? 1;
   const points = track.map((number, i) => (i % 2 === 0 ? x(placeOfBead(track[i + 1], view)) : y(track[i - 1] / dt)));
-  surface.lines(points, { colour: theme.background, width: 3 });
-  surface.lines(points, { colour: theme.foreground, width: 1.2 });
+  surface.lines(points, { colour: theme.foreground, width: 1.2, dash: [2, 4] });
   // the number stands at three quarters of what is seen of it
-  const isSeen = (/** @type {number} */ i) => (
-    points[i] > plot.x && points[i] < plot.x + plot.width && points[i + 1] > plot.y && points[i + 1] < plot.y + plot.height
-  );
-  const seen = points.map((_, i) => i).filter((i) => i % 2 === 0 && isSeen(i));
+  const seen = [];
+  const PARTS = 32;
+  for (let i = 0; i + 3 < points.length; i += 2) {
+    for (let part = 0; part < PARTS; part += 1) {
+      const right = points[i] + (part / PARTS) * (points[i + 2] - points[i]);
+      const down = points[i + 1] + (part / PARTS) * (points[i + 3] - points[i + 1]);
+      if (right > plot.x + 10 && right < plot.x + plot.width - 10 && down > plot.y + 9 && down < plot.y + plot.height - 9) {
+        seen.push([right, down]);
+      }
+    }
+  }
   if (seen.length > 0) {
-    const i = seen[Math.floor(0.75 * (seen.length - 1))];
-    const right = Math.min(Math.max(points[i], plot.x + 10), plot.x + plot.width - 10);
-    const down = Math.min(Math.max(points[i + 1], plot.y + 9), plot.y + plot.height - 9);
+    const [right, down] = seen[Math.floor(0.75 * (seen.length - 1))];
     surface.text(right, down, name, { size: TICK_PX, align: "center", colour: theme.foreground, bold: true, halo: theme.background });
   }
 }

@@ -51,9 +51,9 @@ function valuesOf(state, field, [from, to], fields) {
 
 /**
  * The range of a curve: all of it, but for a few beads that have flown off, if without them the rest is seen far better.
- * @param {Float64Array[]} curves
+ * @param {Float64Array[]} curves @param {boolean} mayCut
  */
-function rangeOf(curves) {
+function rangeOf(curves, mayCut) {
   const all = Float64Array.from(curves.flatMap((values) => Array.from(values))).filter(Number.isFinite).sort();
   if (all.length === 0) {
     return { from: 0, to: 1, beyond: 0, farthest: 0 };
@@ -69,7 +69,7 @@ function rangeOf(curves) {
   for (let i = all.length - 1 - few; i < all.length && all[i] <= outer + near; i += 1) {
     outer = all[i];
   }
-  const isCut = few > 0 && outer > inner && high - low > 5 * (outer - inner);
+  const isCut = mayCut && few > 0 && outer > inner && high - low > 5 * (outer - inner);
   const beyond = isCut ? all.filter((value) => value < inner || value > outer) : all.subarray(0, 0);
   const farthest = beyond.reduce((far, value) => (Math.abs(value) > Math.abs(far) ? value : far), 0);
   [low, high] = isCut ? [inner, outer] : [low, high];
@@ -129,7 +129,7 @@ export function drawProfile(surface, box, data, view, theme) {
   if (second !== undefined) {
     curves.push({ ...valuesOf(second, field, view.places, data.secondFields), colour: theme.curves[1], dash: [6, 3] });
   }
-  const { from, to, beyond, farthest } = rangeOf(curves.map(({ values }) => values));
+  const { from, to, beyond, farthest } = rangeOf(curves.map(({ values }) => values), field === "displacement");
   const [name, unit] = FIELD_LABELS[field];
   leftAxis(surface, plot, { from, to, name, unit }, theme, { hasGrid: true });
   const y = linear(from, to, plot.y + plot.height, -plot.height);
@@ -224,26 +224,29 @@ function drawBeads(surface, band, state, data, view, x, theme) {
   const tall = (band.height - LINE) / 2 - 2;
   surface.clip(band.x, band.y, band.width, band.height - LINE, () => {
     places.forEach((_, i) => {
-      const bead = first + i;
-      const colour = impurities.has(bead) ? theme.impurity : theme.curves[0];
-      const isChosen = chosen.has(bead);
-      surface.circle(at(i), middle, radii[i] * pitch, { fill: veiled(colour), colour: isChosen ? theme.accent : colour, width: isChosen ? 2.5 : 1.2 });
+      const colour = impurities.has(first + i) ? theme.impurity : theme.curves[0];
+      surface.circle(at(i), middle, radii[i] * pitch, { fill: veiled(colour), colour, width: 1.2 });
+    });
+    places.forEach((_, i) => {
+      if (chosen.has(first + i)) {
+        surface.circle(at(i), middle, radii[i] * pitch, { colour: theme.accent, width: 2.5 });
+      }
     });
     forces.forEach((force, i) => {
-      const high = (force / strongest) * Math.min(tall, radii[i] * pitch);
+      const high = (force / strongest) * tall;
       if (high > 0.5) {
         const between = 0.5 * (at(i) + radii[i] * pitch + at(i + 1) - radii[i + 1] * pitch);
         surface.lines([between, middle - high, between, middle + high], { colour: theme.force, width: Math.min(4, 0.25 * pitch) });
       }
     });
     places.forEach((_, i) => {
-      const long = (state.v[first + i] / fastest) * 0.9 * pitch;
-      if (Math.abs(long) > 1.5) {
+      const long = (state.v[first + i] / fastest) * Math.max(1.2 * pitch, 16);
+      if (Math.abs(long) > 4) {
         drawArrow(surface, at(i), middle, long, theme.foreground);
       }
     });
   });
-  const notes = metres > 0 ? [`one place = ${amount(metres, "m", 2)} of overlap or gap${isCut ? ", longer gaps cut" : ""}`] : [];
+  const notes = metres > 0 ? [`a bead's width = ${amount(metres, "m", 2)} of overlap or gap${isCut ? ", longer gaps cut" : ""}`] : [];
   if (strongest > 0) {
     notes.push(`bar: force, up to ${amount(strongest, "N", 3)}`);
   }
