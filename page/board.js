@@ -23,8 +23,14 @@ export class Board {
     });
     // asking for sizes while drawing would lay the page out again for each frame
     const resized = new ResizeObserver((entries) => {
-      for (const { target, contentRect: { width, height } } of entries) {
-        Object.assign(this.panels.find(({ canvas }) => canvas === target) ?? {}, { width: Math.round(width), height: Math.round(height) });
+      for (const {
+        target,
+        contentRect: { width, height },
+      } of entries) {
+        Object.assign(this.panels.find(({ canvas }) => canvas === target) ?? {}, {
+          width: Math.round(width),
+          height: Math.round(height),
+        });
       }
       this.invalidate();
     });
