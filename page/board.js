@@ -17,9 +17,30 @@ export class Board {
     this.before = before;
     this.onerror = onerror;
     this.isDue = false;
-    this.panels = Object.entries(draws).map(([id, draw]) => ({ canvas: /** @type {HTMLCanvasElement} */ (byId(id)), draw }));
-    const resized = new ResizeObserver(() => this.invalidate());
+    this.panels = Object.entries(draws).map(([id, draw]) => {
+      const canvas = /** @type {HTMLCanvasElement} */ (byId(id));
+      return { canvas, draw, width: canvas.clientWidth, height: canvas.clientHeight };
+    });
+    // asking for sizes while drawing would lay the page out again for each frame
+    const resized = new ResizeObserver((entries) => {
+      for (const {
+        target,
+        contentRect: { width, height },
+      } of entries) {
+        Object.assign(this.panels.find(({ canvas }) => canvas === target) ?? {}, {
+          width: Math.round(width),
+          height: Math.round(height),
+        });
+      }
+      this.invalidate();
+    });
     this.panels.forEach(({ canvas }) => resized.observe(canvas));
+  }
+
+  /** Width and height of a canvas (CSS pixels); 0 where it is not shown. @param {string} id */
+  size(id) {
+    const { width, height } = this.panels.find(({ canvas }) => canvas.id === id) ?? { width: 0, height: 0 };
+    return { width, height };
   }
 
   /** Draws at the next frame. */
@@ -38,16 +59,9 @@ export class Board {
     }
   }
 
-  /** Panels that are seen, with their places in the window. */
-  seen() {
-    const all = this.panels.map(({ canvas, draw }) => ({ canvas, draw, place: canvas.getBoundingClientRect() }));
-    return all.filter(({ place }) => place.width > 1 && place.height > 1);
-  }
-
   paint() {
     const ratio = devicePixelRatio || 1;
-    for (const { canvas, draw, place } of this.seen()) {
-      const [width, height] = [Math.round(place.width), Math.round(place.height)];
+    for (const { canvas, draw, width, height } of this.panels.filter((panel) => panel.width > 1 && panel.height > 1)) {
       const [wide, high] = [Math.round(width * ratio), Math.round(height * ratio)];
       if (canvas.width !== wide || canvas.height !== high) {
         canvas.width = wide;
@@ -64,7 +78,8 @@ export class Board {
    * @param {(width: number, height: number) => T} surfaceOf
    */
   compose(surfaceOf) {
-    const panels = this.seen().filter(({ canvas }) => canvas.id !== "marks");
+    const all = this.panels.map(({ canvas, draw }) => ({ draw, place: canvas.getBoundingClientRect(), id: canvas.id }));
+    const panels = all.filter(({ place, id }) => place.width > 1 && place.height > 1 && id !== "marks");
     const left = Math.min(...panels.map(({ place }) => place.left));
     const top = Math.min(...panels.map(({ place }) => place.top));
     const width = Math.ceil(Math.max(...panels.map(({ place }) => place.right)) - left);

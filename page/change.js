@@ -19,7 +19,9 @@ export function changesOf({ impurities, striker, alpha }, chain) {
   const beads = [...new Set([...impurities.map(({ bead }) => bead), striker.bead])];
   return [
     ...beads.map((bead) => ({
-      name: `mass of bead ${bead}`, unit: "kg", change: /** @type {Change} */ ({ what: "mass", bead, value: chain.mass[bead] }),
+      name: `mass of bead ${bead}`,
+      unit: "kg",
+      change: /** @type {Change} */ ({ what: "mass", bead, value: chain.mass[bead] }),
     })),
     { name: "exponent α", unit: "", change: { what: "alpha", bead: 0, value: alpha } },
     { name: "speed of the striker", unit: "m/s", change: { what: "speed", bead: 0, value: striker.velocity_m_s } },
@@ -40,7 +42,9 @@ export function whyNotChanged({ what, value }, physics) {
     return "A striker at rest leaves the chain at rest.";
   }
   if (what === "alpha" && (load || damping)) {
-    return `α cannot be changed here ${load ? "under load" : "with damping"}: the ${load ? "overlaps at rest depend" : "dashpots depend"} on it.`;
+    return load
+      ? "α cannot be changed here under load: the overlaps at rest depend on it."
+      : "α cannot be changed here with damping: the dashpots depend on it.";
   }
   if (what === "alpha" && stiffnesses !== undefined) {
     return "α cannot be changed here: the stiffnesses follow a rule of their own.";
@@ -63,8 +67,8 @@ function collisionTime({ bead_mass_kg: m, stiffness: k, alpha, striker: { veloci
 }
 
 /**
- * The run with a change. The step becomes shorter with T and with a bead that is lighter than any other; the time that is
- * simulated stays. With another α the stiffnesses become such that L and T stay, so that runs can be compared.
+ * The run with a change. The step becomes shorter with T and with a bead that is lighter than any other; the simulated
+ * time stays. With another α the stiffnesses become such that L and T stay, so that runs can be compared.
  * @param {Change} change
  * @param {Manifest} manifest
  * @param {Chain} chain
@@ -123,7 +127,9 @@ function tomlValue(value) {
     return `[${value.map(tomlValue).join(", ")}]`;
   }
   if (typeof value === "object" && value !== null) {
-    return `{ ${Object.entries(value).map(([key, part]) => `${key} = ${tomlValue(part)}`).join(", ")} }`;
+    return `{ ${Object.entries(value)
+      .map(([key, part]) => `${key} = ${tomlValue(part)}`)
+      .join(", ")} }`;
   }
   return JSON.stringify(value);
 }
@@ -139,7 +145,12 @@ export function configuration({ physics, provenance }) {
   const kind = damping?.restitution ? { restitution: damping.restitution.coefficient } : damping;
   const tables = Object.entries({
     chain: {
-      beads, bead_mass_kg, alpha, stiffness, masses, stiffnesses,
+      beads,
+      bead_mass_kg,
+      alpha,
+      stiffness,
+      masses,
+      stiffnesses,
       impurities: impurities.length > 0 ? impurities : undefined,
       contacts: contacts?.length ? contacts : undefined,
     },

@@ -13,7 +13,9 @@ import { make } from "./elements.js";
  */
 export function readChange(text) {
   const match = /^(mass|alpha|speed):(\d{1,12}):([-+.e\d]{1,32})$/.exec(text);
-  return match ? { what: /** @type {Change["what"]} */ (match[1]), bead: Number(match[2]), value: Number(match[3]) } : undefined;
+  return match
+    ? { what: /** @type {Change["what"]} */ (match[1]), bead: Number(match[2]), value: Number(match[3]) }
+    : undefined;
 }
 
 /**
@@ -23,7 +25,10 @@ export function readChange(text) {
  * @returns {import("./types.d.ts").Source}
  */
 export function changedSource(change, { info, physics, beads }) {
-  const why = (info.recomputes ? "" : info.whyNot) || (change.bead < beads ? "" : "There is no such bead.") || whyNotChanged(change, physics);
+  const why =
+    (info.recomputes ? "" : info.whyNot) ||
+    (change.bead < beads ? "" : "There is no such bead.") ||
+    whyNotChanged(change, physics);
   if (why) {
     throw new Error(why);
   }
@@ -42,12 +47,32 @@ export function changeForm(run, second, change, onchange) {
     return [make("p", { class: "words" }, info.whyNot)];
   }
   const choices = changesOf(physics, info.chain);
-  const isSame = (/** @type {Change} */ a, /** @type {Change} */ b) => a.what === b.what && (a.what !== "mass" || a.bead === b.bead);
-  const chosen = Math.max(0, choices.findIndex((one) => change && isSame(one.change, change)));
-  const select = make("select", { id: "change-what" }, ...choices.map(({ name }, i) => make("option", { value: i }, name)));
+  const isSame = (/** @type {Change} */ a, /** @type {Change} */ b) =>
+    a.what === b.what && (a.what !== "mass" || a.bead === b.bead);
+  const chosen = Math.max(
+    0,
+    choices.findIndex((one) => change && isSame(one.change, change)),
+  );
+  const select = make(
+    "select",
+    { id: "change-what" },
+    ...choices.map(({ name }, i) => make("option", { value: i }, name)),
+  );
   select.value = String(chosen);
-  const input = make("input", { id: "change-value", type: "text", inputmode: "decimal", autocomplete: "off", spellcheck: "false" });
-  const slider = make("input", { type: "range", min: -1, max: 1, step: 0.01, "aria-label": "value, from a tenth to ten times" });
+  const input = make("input", {
+    id: "change-value",
+    type: "text",
+    inputmode: "decimal",
+    autocomplete: "off",
+    spellcheck: "false",
+  });
+  const slider = make("input", {
+    type: "range",
+    min: -1,
+    max: 1,
+    step: 0.01,
+    "aria-label": "value, from a tenth to ten times",
+  });
   const unit = make("span");
   const why = make("p", { class: "words", role: "status" });
   const choice = () => choices[Number(select.value)];
@@ -69,34 +94,63 @@ export function changeForm(run, second, change, onchange) {
     input.value = String(Number((choice().change.value * 10 ** Number(slider.value)).toPrecision(3)));
     check();
   });
-  const form = make("form", { onsubmit: (/** @type {Event} */ event) => {
-    event.preventDefault();
-    check();
-    if (why.textContent === "") {
-      onchange(value());
-    }
-  } },
-  make("label", {}, "change ", select),
-  make("label", {}, "to ", input, " ", unit),
-  slider,
-  make("div", { class: "row" }, make("button", { class: "main" }, "Simulate beside it"),
-    make("button", { type: "button", disabled: second === undefined, onclick: () => onchange(undefined) }, "Take back")),
-  why);
+  const form = make(
+    "form",
+    {
+      onsubmit: (/** @type {Event} */ event) => {
+        event.preventDefault();
+        check();
+        if (why.textContent === "") {
+          onchange(value());
+        }
+      },
+    },
+    make("label", {}, "change ", select),
+    make("label", {}, "to ", input, " ", unit),
+    slider,
+    make(
+      "div",
+      { class: "row" },
+      make("button", { class: "main" }, "Simulate beside it"),
+      make(
+        "button",
+        { type: "button", disabled: second === undefined, onclick: () => onchange(undefined) },
+        "Take back",
+      ),
+    ),
+    why,
+  );
   reset();
-  const words = make("p", { class: "words" }, "The chain is simulated here from step 0 and shown under the run, at the same times."
-    + " With another α the stiffness becomes one that leaves L and T as they are.");
+  const words = make(
+    "p",
+    { class: "words" },
+    "The chain is simulated here from step 0 and shown under the run, at the same times." +
+      " With another α the stiffness becomes one that leaves L and T as they are.",
+  );
   if (!second) {
     return [form, words];
   }
   const text = configuration(second.info.manifest);
-  const copy = make("button", { type: "button", onclick: async () => {
-    try {
-      await navigator.clipboard.writeText(text);
-      copy.textContent = "Copied";
-    } catch {
-      getSelection()?.selectAllChildren(listing); // not allowed here: it can be copied by hand
-    }
-  } }, "Copy");
+  const copy = make(
+    "button",
+    {
+      type: "button",
+      onclick: async () => {
+        try {
+          await navigator.clipboard.writeText(text);
+          copy.textContent = "Copied";
+        } catch {
+          getSelection()?.selectAllChildren(listing); // not allowed here: it can be copied by hand
+        }
+      },
+    },
+    "Copy",
+  );
   const listing = make("pre", { tabindex: 0 }, text);
-  return [form, words, make("div", { class: "row" }, make("h3", {}, "Configuration for `beadline run`"), copy), listing];
+  return [
+    form,
+    words,
+    make("div", { class: "row" }, make("h3", {}, "Configuration for `beadline run`"), copy),
+    listing,
+  ];
 }

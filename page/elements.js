@@ -45,9 +45,17 @@ export function byId(id) {
  */
 export function table(label, head, rows, onchoose) {
   const body = rows.map((cells, row) => {
-    const line = make("tr", {}, ...cells.map((cell) => (
-      make("td", { class: typeof cell === "number" ? "number" : undefined }, typeof cell === "number" ? `${cell}` : cell)
-    )));
+    const line = make(
+      "tr",
+      {},
+      ...cells.map((cell) =>
+        make(
+          "td",
+          { class: typeof cell === "number" ? "number" : undefined },
+          typeof cell === "number" ? `${cell}` : cell,
+        ),
+      ),
+    );
     if (onchoose) {
       line.tabIndex = 0;
       line.addEventListener("click", () => onchoose(row));

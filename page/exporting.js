@@ -40,14 +40,19 @@ export function curvesCsv({ rows, physics }) {
   for (let i = 0; rows && i < rows.count; i += 1) {
     const wide = 2 * follow.length;
     const energies = rows.energies.subarray(i * ENERGY_COUNT, (i + 1) * ENERGY_COUNT);
-    lines.push([rows.steps[i], rows.steps[i] * physics.dt_s, ...energies, ...rows.followed.subarray(i * wide, (i + 1) * wide)]);
+    lines.push([
+      rows.steps[i],
+      rows.steps[i] * physics.dt_s,
+      ...energies,
+      ...rows.followed.subarray(i * wide, (i + 1) * wide),
+    ]);
   }
   return csv(lines);
 }
 
 /**
- * The map: a line for each row, a column for each column of the picture, named by its first place. These numbers are what is
- * painted: of several places the one of the largest magnitude, in single precision.
+ * The map: a line for each row, a column for each column of the picture, named by its first place. These numbers are
+ * what is painted: of several places the one of the largest magnitude, in single precision.
  * @param {Run} run
  */
 export function mapCsv({ rows, physics }) {
@@ -73,18 +78,30 @@ export function mapCsv({ rows, physics }) {
 export function exportDialog(page) {
   const run = /** @type {Run} */ (page.run);
   const name = run.info.manifest.provenance.name.replace(/[^\w-]+/g, "-") || "beadline";
-  const text = (/** @type {string} */ part, /** @type {string} */ csv) => save(`${name}-${part}.csv`, new Blob([csv], { type: "text/csv" }));
+  const text = (/** @type {string} */ part, /** @type {string} */ csv) =>
+    save(`${name}-${part}.csv`, new Blob([csv], { type: "text/csv" }));
   const places = () => {
     const [from, to] = page.window().places;
-    return /** @type {[number, number]} */ ([Math.max(0, Math.round(from)), Math.min(run.beads - 1, Math.ceil(to - 0.5))]);
+    return /** @type {[number, number]} */ ([
+      Math.max(0, Math.round(from)),
+      Math.min(run.beads - 1, Math.ceil(to - 0.5)),
+    ]);
   };
   /** @type {[string, string, () => void][]} */
   const files = [
     ["PNG", "all panels, at twice the size", () => page.board.savePng(name)],
     ["SVG", "all panels, for a paper or slides", () => page.board.saveSvg(name)],
-    ["CSV: profile", "displacement, velocity, energy of the beads in view at the cursor", () => text("profile", profileCsv(run, places()))],
+    [
+      "CSV: profile",
+      "displacement, velocity, energy of the beads in view at the cursor",
+      () => text("profile", profileCsv(run, places())),
+    ],
     ["CSV: curves", "energies and followed beads over the time in view", () => text("curves", curvesCsv(run))],
     ["CSV: map", "the map as it is painted", () => text("map", mapCsv(run))],
   ];
-  return make("div", { class: "files" }, ...files.flatMap(([what, words, onclick]) => [make("button", { onclick }, what), make("span", {}, words)]));
+  return make(
+    "div",
+    { class: "files" },
+    ...files.flatMap(([what, words, onclick]) => [make("button", { onclick }, what), make("span", {}, words)]),
+  );
 }

@@ -48,7 +48,9 @@ function order(a, b) {
   if (a === undefined || b === undefined) {
     return Number(a === undefined) - Number(b === undefined); // what is not known comes last
   }
-  return typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b), undefined, { numeric: true });
+  return typeof a === "number" && typeof b === "number"
+    ? a - b
+    : String(a).localeCompare(String(b), undefined, { numeric: true });
 }
 
 /**
@@ -93,44 +95,58 @@ export function folderTable(entries, onopen, paint) {
     paintAll();
   });
 
-  const lines = new Map(rows.map((row) => {
-    const { entry } = row;
-    const canvas = make("canvas", { width: 144, height: 96, "data-id": entry.id, "aria-hidden": "true" });
-    const name = entry.error === undefined
-      ? make("button", { class: "link", onclick: () => onopen(entry) }, entry.name)
-      : make("span", {}, entry.name);
-    const cells = entry.error === undefined
-      ? columns.map((column) => {
-        const value = row.traits[column];
-        const text = typeof value === "number" ? short(value) : `${value ?? ""}`;
-        return make("td", { class: typeof value === "number" ? "number" : undefined, title: value }, text);
-      })
-      : [make("td", { class: "bad", colspan: columns.length }, entry.error)];
-    const line = make("tr", {}, make("td", {}, canvas), make("td", {}, name), ...cells);
-    if (entry.error === undefined) {
-      line.addEventListener("click", (event) => {
-        if (!(/** @type {HTMLElement} */ (event.target).closest("button"))) {
-          onopen(entry);
-        }
-      });
-      sight.observe(canvas);
-    } else {
-      canvas.classList.add("blank");
-    }
-    return [row, line];
-  }));
+  const lines = new Map(
+    rows.map((row) => {
+      const { entry } = row;
+      const canvas = make("canvas", { width: 144, height: 96, "data-id": entry.id, "aria-hidden": "true" });
+      const name =
+        entry.error === undefined
+          ? make("button", { class: "link", onclick: () => onopen(entry) }, entry.name)
+          : make("span", {}, entry.name);
+      const cells =
+        entry.error === undefined
+          ? columns.map((column) => {
+              const value = row.traits[column];
+              const text = typeof value === "number" ? short(value) : `${value ?? ""}`;
+              return make("td", { class: typeof value === "number" ? "number" : undefined, title: value }, text);
+            })
+          : [make("td", { class: "bad", colspan: columns.length }, entry.error)];
+      const line = make("tr", {}, make("td", {}, canvas), make("td", {}, name), ...cells);
+      if (entry.error === undefined) {
+        line.addEventListener("click", (event) => {
+          if (!(/** @type {HTMLElement} */ (event.target).closest("button"))) {
+            onopen(entry);
+          }
+        });
+        sight.observe(canvas);
+      } else {
+        canvas.classList.add("blank");
+      }
+      return [row, line];
+    }),
+  );
   const body = make("tbody", {}, ...lines.values());
   const heads = ["name", ...columns].map((column) => {
     const head = make("th", { scope: "col" });
-    head.append(make("button", { class: "link", onclick: () => {
-      direction = sortedBy === column ? -direction : 1;
-      sortedBy = column;
-      const value = (/** @type {typeof rows[0]} */ row) => (column === "name" ? row.entry.name : row.traits[column]);
-      rows.sort((a, b) => direction * order(value(a), value(b)));
-      body.append(...rows.map((row) => /** @type {Node} */ (lines.get(row))));
-      heads.forEach((other) => other.removeAttribute("aria-sort"));
-      head.setAttribute("aria-sort", direction > 0 ? "ascending" : "descending");
-    } }, title(column)));
+    head.append(
+      make(
+        "button",
+        {
+          class: "link",
+          onclick: () => {
+            direction = sortedBy === column ? -direction : 1;
+            sortedBy = column;
+            const value = (/** @type {typeof rows[0]} */ row) =>
+              column === "name" ? row.entry.name : row.traits[column];
+            rows.sort((a, b) => direction * order(value(a), value(b)));
+            body.append(...rows.map((row) => /** @type {Node} */ (lines.get(row))));
+            heads.forEach((other) => other.removeAttribute("aria-sort"));
+            head.setAttribute("aria-sort", direction > 0 ? "ascending" : "descending");
+          },
+        },
+        title(column),
+      ),
+    );
     return head;
   });
   return make("table", { "aria-label": "runs" }, make("thead", {}, make("tr", {}, make("td"), ...heads)), body);

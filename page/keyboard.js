@@ -96,7 +96,15 @@ export function keyTable() {
     ["two fingers", "move and zoom"],
   ];
   const rows = [...KEYS.map(({ shown, does }) => [shown, does]), ...pointer];
-  return make("table", { class: "keys" }, make("tbody", {}, ...rows.map(([shown, does]) => (
-    make("tr", {}, make("th", { scope: "row" }, make("kbd", {}, shown)), make("td", {}, does))
-  ))));
+  return make(
+    "table",
+    { class: "keys" },
+    make(
+      "tbody",
+      {},
+      ...rows.map(([shown, does]) =>
+        make("tr", {}, make("th", { scope: "row" }, make("kbd", {}, shown)), make("td", {}, does)),
+      ),
+    ),
+  );
 }

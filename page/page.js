@@ -1,21 +1,23 @@
 // The page: one run at a time, what is looked at of it, and everything that a person can do.
 
-import { Engine } from "./engine.js";
-import { Run, placeWord, unitOf } from "./run.js";
+import { act } from "./actions.js";
 import { Board } from "./board.js";
-import { Pictures } from "./pictures.js";
-import { Timeline } from "./timeline.js";
-import { FIELDS, TABS, freshView, readView, writeView, within } from "./view.js";
-import { carried, carriedRecording, carriedResults, listing, resultsOf, sourceOf, watchDrops, chooseFile, workerMaker } from "./carried.js";
-import { keyTable, watchKeys } from "./keyboard.js";
+import { carried, carriedRecording, carriedResults, listing, resultsOf, sourceOf } from "./carried.js";
+import { watchDrops, workerMaker } from "./carried.js";
+import { changedSource, readChange } from "./changing.js";
 import { byId, make } from "./elements.js";
-import { runTable, pulseTable, eventTable, liveTable } from "./tables.js";
-import { changeForm, changedSource, readChange } from "./changing.js";
-import { exportDialog } from "./exporting.js";
+import { Engine } from "./engine.js";
 import { folderTable } from "./folder.js";
+import { watchGestures } from "./gestures.js";
+import { watchKeys } from "./keyboard.js";
+import { Pictures } from "./pictures.js";
 import { prove } from "./prove.js";
-import { watchPointer } from "./pointer.js";
-import { amount } from "./axes.js";
+import { ReadOut } from "./readout.js";
+import { Run } from "./run.js";
+import { Tabs } from "./tabs.js";
+import { thumbnail } from "./thumbnails.js";
+import { Timeline } from "./timeline.js";
+import { FIELDS, LEAST_PLACES, LEAST_STEPS, freshView, readView, within, writeView } from "./view.js";
 
 /** @typedef {import("./types.d.ts").Source} Source */
 /** @typedef {import("./types.d.ts").Entry} Entry */
@@ -24,8 +26,6 @@ import { amount } from "./axes.js";
 
 /** Events are looked for unasked where that takes no longer than this many beads times steps: seconds. */
 const CHEAP = 2e8;
-/** Of the steps and beads that a window has at least. */
-const [LEAST_STEPS, LEAST_PLACES] = [4, 2];
 
 /** @param {unknown} error */
 function sentence(error) {
@@ -45,21 +45,24 @@ export class Page {
     this.entries = [];
     /** Where the pointer is: place and step of the map. @type {{ place: number, step: number } | undefined} */
     this.hover = undefined;
-    /** What is being asked for to be read out, and what is to be asked next. */
-    this.reading = false;
     /** A box being drawn on the map, parts of the plot. @type {[number, number, number, number] | undefined} */
     this.box = undefined;
     this.opening = 0;
-    this.shownTab = "";
-    this.said = "";
+    this.isDark = false;
     this.renewReady();
     this.pictures = new Pictures(this);
+    this.readOut = new ReadOut(this);
+    this.tabs = new Tabs(this);
     /** @type {Record<string, import("./board.js").Draw>} */
     const draws = {};
     for (const name of this.pictures.names()) {
       draws[name] = (surface, box) => this.pictures.draw(name, surface, box);
     }
-    this.board = new Board(draws, () => this.prepare(), (error) => this.fail(error));
+    this.board = new Board(
+      draws,
+      () => this.prepare(),
+      (error) => this.fail(error),
+    );
     this.timeline = new Timeline({
       onseek: (step) => this.seek(step),
       onspeed: (speed) => this.look({ speed }),
@@ -115,10 +118,14 @@ export class Page {
     this.close();
     byId("name").textContent = title;
     byId("kind").textContent = `${this.entries.length} ${this.entries.length === 1 ? "run" : "runs"}`;
-    const table = folderTable(this.entries, (entry) => {
-      this.view = { ...freshView(), theme: this.view.theme, run: entry.id };
-      this.openEntry(entry).catch((error) => this.fail(error));
-    }, (entry, canvas) => this.thumbnail(entry, canvas));
+    const table = folderTable(
+      this.entries,
+      (entry) => {
+        this.view = { ...freshView(), theme: this.view.theme, run: entry.id };
+        this.openEntry(entry).catch((error) => this.fail(error));
+      },
+      (entry, canvas) => thumbnail(this, entry, canvas),
+    );
     byId("list").replaceChildren(table);
     this.section("list");
   }
@@ -155,10 +162,13 @@ export class Page {
     this.run = run;
     document.title = `${title} · Beadline`;
     byId("name").textContent = title;
-    this.note(...run.info.notes.map(sentence), run.info.recomputes ? "" : `${run.info.whyNot} The recorded states are shown.`);
+    this.note(
+      ...run.info.notes.map(sentence),
+      run.info.recomputes ? "" : `${run.info.whyNot} The recorded states are shown.`,
+    );
     this.section("run");
     this.timeline.open(run, this.view.speed);
-    this.makeTabs();
+    this.tabs.open();
     this.showControls();
     engine.onstate = (state) => {
       run.newest = state;
@@ -179,7 +189,7 @@ export class Page {
     };
     results.then((found) => {
       run.pulses = found?.pulses ?? [];
-      this.shownTab = "";
+      this.tabs.forget();
       this.board.invalidate();
     });
     if (!this.isFollowing) {
@@ -191,7 +201,11 @@ export class Page {
 
   /** @param {Engine} engine */
   runOf(engine) {
-    const run = new Run(engine, () => this.board.invalidate(), (message) => this.note(sentence(message)));
+    const run = new Run(
+      engine,
+      () => this.board.invalidate(),
+      (message) => this.note(sentence(message)),
+    );
     engine.onfault = (message) => run.fault(new Error(message));
     return run;
   }
@@ -291,7 +305,9 @@ export class Page {
     this.hover = undefined; // what is under the pointer has become another
     clearTimeout(this.writing);
     this.writing = setTimeout(() => this.write(), 250);
-    this.showControls();
+    if (!("step" in change) || Object.keys(change).length > 1) {
+      this.showControls();
+    }
     this.board.invalidate();
   }
 
@@ -334,7 +350,11 @@ export class Page {
       return;
     }
     const { places, steps, allPlaces, allSteps } = this.window();
-    const scaled = (/** @type {[number, number]} */ [from, to], /** @type {number} */ factor, /** @type {number} */ part) => {
+    const scaled = (
+      /** @type {[number, number]} */ [from, to],
+      /** @type {number} */ factor,
+      /** @type {number} */ part,
+    ) => {
       const at = from + part * (to - from);
       return /** @type {[number, number]} */ ([at - (at - from) * factor, at + (to - at) * factor]);
     };
@@ -350,9 +370,8 @@ export class Page {
       return;
     }
     const { places, steps, allPlaces, allSteps } = this.window();
-    const moved = (/** @type {[number, number]} */ [from, to], /** @type {number} */ part) => (
-      /** @type {[number, number]} */ ([from + part * (to - from), to + part * (to - from)])
-    );
+    const moved = (/** @type {[number, number]} */ [from, to], /** @type {number} */ part) =>
+      /** @type {[number, number]} */ ([from + part * (to - from), to + part * (to - from)]);
     this.look({
       places: this.view.places && within(moved(places, byPlaces), allPlaces, LEAST_PLACES),
       steps: this.view.steps && within(moved(steps, bySteps), allSteps, LEAST_STEPS),
@@ -383,11 +402,13 @@ export class Page {
     if (run.info.kind !== "live" && run.rows?.isWhole && (this.view.tab === "events" || isCheap)) {
       run.find(this.bead);
     }
+    const isBusy = run.info.kind !== "live" && ![run, ...(second ? [second] : [])].every(({ rows }) => rows?.isWhole);
+    byId("map-panel").classList.toggle("busy", isBusy);
     this.timeline.show(this.step, this.isFollowing);
     this.showKind();
-    this.showTab();
+    this.tabs.show();
     this.pictures.describe();
-    this.readOut();
+    this.readOut.show();
   }
 
   /**
@@ -408,9 +429,12 @@ export class Page {
       field,
       places: [Math.max(0, Math.round(places[0])), Math.min(run.lastPlace(field), Math.ceil(places[1] - 0.5))],
       columns: Math.max(16, Math.round(plot.width * ratio)),
-      steps: whole ? [run.info.firstStep, Infinity] : [
-        Math.max(run.info.firstStep, Math.floor(steps[0] * factor)), Math.min(run.info.lastStep, Math.ceil(steps[1] * factor)),
-      ],
+      steps: whole
+        ? [run.info.firstStep, Infinity]
+        : [
+            Math.max(run.info.firstStep, Math.floor(steps[0] * factor)),
+            Math.min(run.info.lastStep, Math.ceil(steps[1] * factor)),
+          ],
       rows: Math.max(16, Math.round(plot.height)),
       follow: this.followed,
     });
@@ -418,108 +442,13 @@ export class Page {
 
   showKind() {
     const { info, status, ended } = /** @type {Run} */ (this.run);
-    const live = ended ? "live run, ended" : (status ? `live · ${Math.round(status.steps_per_s)} steps/s` : "live");
+    const live = ended ? "live run, ended" : status ? `live · ${Math.round(status.steps_per_s)} steps/s` : "live";
     const kind = { live, recording: `recording · ${info.storedCount} states`, start: "computed here" }[info.kind];
     byId("kind").textContent = kind;
     byId("kind").className = info.kind === "live" && !ended ? "live" : "";
   }
 
-  /** The values at the pointer, or else at the cursor, in full. */
-  readOut() {
-    const run = /** @type {Run} */ (this.run);
-    const { field } = this.view;
-    const at = this.hover ?? { place: Math.min(this.bead, run.lastPlace(field)), step: this.step };
-    const show = (/** @type {import("./types.d.ts").State} */ state) => {
-      const place = Math.min(at.place, run.lastPlace(field));
-      const value = run.value(field, state, place);
-      const word = field === "contacts" ? ["touching", "compressed", "open"][value] : `${value} ${unitOf(field)}`;
-      const parts = [`${placeWord(field)} ${place}`, amount(state.time_s, "s", 7), `step ${state.step}`];
-      const name = FIELDS.find(([one]) => one === field)?.[1] ?? "";
-      const output = byId("readout");
-      output.replaceChildren(...parts.map((part) => make("span", {}, part)), make("b", {}, field === "contacts" ? word : `${name} ${word}`));
-      Object.assign(output.dataset, { place, step: state.step, value });
-      if (!this.hover && !this.timeline.isPlaying && !this.isFollowing) {
-        this.say(`${parts.join(", ")}, ${name} ${word}`);
-      }
-    };
-    if (!this.hover || (run.state && run.state.step === at.step)) {
-      if (run.state) {
-        show(run.state);
-      }
-      return;
-    }
-    if (this.reading) {
-      return; // asked again when the answer has come
-    }
-    this.reading = true;
-    const asked = this.hover;
-    run.engine.state(at.step).then((state) => {
-      if (this.run === run && this.hover) {
-        show(state);
-      }
-    }, () => {}).finally(() => {
-      this.reading = false;
-      if (this.hover && this.hover !== asked) {
-        this.board.invalidate();
-      }
-    });
-  }
-
-  /** For those who hear the page; not more often than they can. @param {string} text */
-  say(text) {
-    clearTimeout(this.saying);
-    this.saying = setTimeout(() => {
-      byId("said").textContent = text;
-    }, 400);
-  }
-
   // ---- controls
-
-  makeTabs() {
-    const tabs = TABS.filter((name) => name !== "live" || this.run?.info.kind === "live");
-    byId("tabs").replaceChildren(...tabs.map((name) => make("button", {
-      role: "tab", id: `tab-${name}`, "aria-controls": "tab", onclick: () => this.look({ tab: name }),
-      onkeydown: (/** @type {KeyboardEvent} */ event) => {
-        const by = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
-        if (by) {
-          const next = tabs[(tabs.indexOf(name) + by + tabs.length) % tabs.length];
-          this.look({ tab: next });
-          byId(`tab-${next}`).focus();
-        }
-      },
-    }, name)));
-    this.shownTab = "";
-  }
-
-  showTab() {
-    const run = /** @type {Run} */ (this.run);
-    const { tab } = this.view;
-    const events = run.events.get(this.bead);
-    const state = {
-      run: "", pulses: run.pulses.length, live: `${run.ended}${run.status?.step}${run.status?.frames_seen}`,
-      events: `${this.bead} ${events?.events.length} ${events?.isDone}`, change: `${this.view.change} ${this.second !== undefined}`,
-    };
-    const shown = `${tab} ${state[/** @type {keyof typeof state} */ (tab)]}`;
-    if (shown === this.shownTab) {
-      return;
-    }
-    const isOther = !this.shownTab.startsWith(`${tab} `);
-    this.shownTab = shown;
-    for (const button of byId("tabs").children) {
-      const isChosen = button.id === `tab-${tab}`;
-      button.setAttribute("aria-selected", String(isChosen));
-      /** @type {HTMLElement} */ (button).tabIndex = isChosen ? 0 : -1;
-    }
-    const panel = byId("tab");
-    panel.setAttribute("aria-labelledby", `tab-${tab}`);
-    const top = isOther ? 0 : panel.scrollTop;
-    const seek = (/** @type {number} */ step) => void this.seek(step);
-    const contents = tab === "run" ? runTable(run) : tab === "pulses" ? pulseTable(run, seek)
-      : tab === "events" ? eventTable(run, this.bead, seek) : tab === "live" ? liveTable(run)
-        : changeForm(run, this.second, readChange(this.view.change), (change) => this.change(change));
-    panel.replaceChildren(...contents);
-    panel.scrollTop = top;
-  }
 
   showControls() {
     const { field, log } = this.view;
@@ -529,11 +458,9 @@ export class Page {
     /** @type {HTMLButtonElement} */ (byId("whole")).disabled = !this.view.places && !this.view.steps;
   }
 
-  get isDark() {
-    return this.view.theme ? this.view.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
-  }
-
   applyTheme() {
+    const { theme } = this.view;
+    this.isDark = theme ? theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
     document.documentElement.dataset.theme = this.isDark ? "dark" : "light";
     this.board.invalidate();
   }
@@ -545,17 +472,15 @@ export class Page {
       const { value } = /** @type {HTMLSelectElement} */ (event.target);
       this.look({ field: /** @type {any} */ (value) });
     });
-    const acts = { log: "log", whole: "whole", prove: "prove", change: "change", export: "export", open: "open", theme: "theme", help: "help" };
-    for (const [id, action] of Object.entries({ ...acts, choose: "open", "list-back": "back" })) {
-      byId(id).addEventListener("click", () => this.act(action, 0, ""));
+    const sameNamed = ["log", "whole", "prove", "change", "export", "open", "theme", "help"].map((id) => [id, id]);
+    for (const [id, action] of [...sameNamed, ["choose", "open"], ["list-back", "back"]]) {
+      byId(id).addEventListener("click", () => act(this, action, 0, ""));
     }
-    watchKeys((action, by, key) => this.act(action, by, key));
+    watchKeys((action, by, key) => act(this, action, by, key));
     watchDrops((file) => this.openFile(file));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.applyTheme());
     addEventListener("hashchange", () => this.readAgain());
-    for (const id of ["map", "second", "profile"]) {
-      this.wireCanvas(id);
-    }
+    watchGestures(this);
   }
 
   /** Somebody else wrote the fragment: a link, or the address bar. */
@@ -577,137 +502,6 @@ export class Page {
         this.applyChange(readChange(this.view.change));
       }
     }
-  }
-
-  /** @param {string} id */
-  wireCanvas(id) {
-    const canvas = /** @type {HTMLCanvasElement} */ (byId(id));
-    const isMap = id !== "profile";
-    /** The place and the step at parts of the plot. */
-    const at = (/** @type {number} */ x, /** @type {number} */ y) => {
-      const run = /** @type {Run} */ (this.run);
-      const { steps } = this.window();
-      const place = Math.min(Math.max(Math.round(this.pictures.placeAt(x)), 0), run.lastPlace(this.view.field));
-      return { place, step: isMap ? run.clamp(steps[0] + y * (steps[1] - steps[0])) : this.step };
-    };
-    watchPointer(canvas, {
-      plot: () => (this.run ? this.pictures.plot(id) : undefined),
-      onhover: (x, y) => {
-        this.hover = at(x, y);
-        this.board.invalidate();
-      },
-      onleave: () => {
-        this.hover = undefined;
-        this.board.invalidate();
-      },
-      onclick: (x, y) => {
-        const { place, step } = at(x, y);
-        this.look({ bead: Math.min(place, /** @type {Run} */ (this.run).beads - 1) });
-        if (isMap) {
-          this.timeline.pause();
-          this.seek(step);
-        }
-      },
-      onwhole: () => this.look({ places: undefined, steps: isMap ? undefined : this.view.steps }),
-      onzoom: (ofPlaces, ofSteps, x, y) => (isMap ? this.zoom(ofPlaces, ofSteps, x, y) : this.zoom(ofPlaces * ofSteps, 1, x, y)),
-      onpan: (byX, byY) => this.pan(byX, isMap ? byY : 0),
-      onbox: (box) => {
-        this.box = isMap ? box : undefined;
-        this.board.invalidate();
-      },
-      onboxed: ([x0, y0, x1, y1]) => {
-        const { places, steps, allPlaces, allSteps } = this.window();
-        const part = (/** @type {[number, number]} */ [from, to], /** @type {number} */ a, /** @type {number} */ b) => (
-          /** @type {[number, number]} */ ([from + a * (to - from), from + b * (to - from)])
-        );
-        this.look({
-          places: within(part(places, x0, x1), allPlaces, LEAST_PLACES),
-          steps: isMap ? within(part(steps, y0, y1), allSteps, LEAST_STEPS) : this.view.steps,
-        });
-      },
-    });
-  }
-
-  /**
-   * Does what a key or a button is for.
-   * @param {string} action
-   * @param {number} by
-   * @param {string} key
-   * @returns {boolean} whether it did
-   */
-  act(action, by, key) {
-    const { run, view, timeline } = this;
-    /** @type {Record<string, () => void>} */
-    const always = {
-      theme: () => {
-        this.look({ theme: this.isDark ? "light" : "dark" });
-        this.applyTheme();
-      },
-      open: () => chooseFile((file) => this.openFile(file)),
-      help: () => this.dialog("Keys and pointer", keyTable()),
-      back: () => {
-        if (this.entries.length > 1) {
-          this.look({ ...freshView(), theme: view.theme });
-          this.list(carried().title);
-        }
-      },
-    };
-    if (always[action]) {
-      always[action]();
-      return true;
-    }
-    if (!run) {
-      return false;
-    }
-    const { steps } = this.window();
-    const marks = timeline.marks(this.bead);
-    const back = key === "," || key === "<" ? -1 : 1;
-    /** @type {Record<string, () => void>} */
-    const acts = {
-      play: () => timeline.toggle(),
-      step: () => timeline.by(by),
-      frame: () => timeline.by(by * timeline.frameSteps),
-      leap: () => timeline.by(by * Math.max(1, Math.round((steps[1] - steps[0]) / 20))),
-      ends: () => timeline.by(by * Infinity),
-      live: () => run.info.kind === "live" && this.look({ step: undefined }),
-      event: () => {
-        run.find(this.bead);
-        timeline.jump(marks.events, back);
-      },
-      pulse: () => timeline.jump(marks.births, back),
-      bead: () => this.look({ bead: Math.min(Math.max(this.bead + by, 0), run.beads - 1) }),
-      follow: () => this.pin(),
-      zoomSteps: () => this.zoom(1, by, 0.5, this.cursorPart()),
-      zoomPlaces: () => this.zoom(by, 1),
-      panSteps: () => this.pan(0, by),
-      panPlaces: () => this.pan(by, 0),
-      whole: () => this.look({ places: undefined, steps: undefined }),
-      field: () => this.look({ field: FIELDS[Number(key) - 1][0] }),
-      log: () => this.look({ log: !view.log }),
-      prove: () => void this.prove(),
-      change: () => {
-        this.look({ tab: "change" });
-        this.showTab();
-        byId("tab").querySelector("select")?.focus();
-      },
-      export: () => this.dialog("Export what is seen", exportDialog(this)),
-    };
-    acts[action]?.();
-    return acts[action] !== undefined;
-  }
-
-  /** Where the cursor is in the window, if it is there: zooming by keys goes towards it. */
-  cursorPart() {
-    const { steps: [from, to] } = this.window();
-    const part = (this.step - from) / (to - from);
-    return part >= 0 && part <= 1 ? part : 0.5;
-  }
-
-  /** Goes on following the chosen bead when another is chosen, or no longer. */
-  pin() {
-    const { bead, view } = this;
-    const others = view.beads.filter((one) => one !== bead);
-    this.look({ beads: others.length < view.beads.length ? others : [...others, bead].slice(-3) });
   }
 
   /**
@@ -783,37 +577,6 @@ export class Page {
   }
 
   // ---- pictures of the table of runs
-
-  /**
-   * @param {Entry} entry
-   * @param {HTMLCanvasElement} canvas
-   */
-  async thumbnail(entry, canvas) {
-    if (entry.kind === "live") {
-      canvas.classList.add("blank");
-      return;
-    }
-    const engine = await Engine.open(await sourceOf(entry), this.startWorker);
-    try {
-      const { info } = engine;
-      const last = info.manifest.physics.beads - 1;
-      const request = {
-        field: /** @type {const} */ ("velocity"), places: /** @type {[number, number]} */ ([0, last]), columns: canvas.width,
-        steps: /** @type {[number, number]} */ ([info.firstStep, info.lastStep]), rows: canvas.height, follow: [],
-      };
-      await new Promise((done, failed) => {
-        engine.rows(request, (rows) => {
-          this.pictures.thumbnail(canvas, rows);
-          if (rows.isWhole) {
-            done(undefined);
-          }
-        }).then(done, failed);
-      });
-    } finally {
-      engine.onfault = undefined;
-      engine.close();
-    }
-  }
 }
 
 /** Starts the page; `window.beadline` is for those who script it. */

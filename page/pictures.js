@@ -39,17 +39,36 @@ export class Pictures {
       drawMap(surface, box, shown.rows, this.mapView(shown), colours);
       this.drawBox(surface, box);
     } else if (name === "profile") {
-      drawProfile(surface, box, {
-        state: run.state, chain: run.info.chain, fields: run.fields, alpha: run.physics.alpha,
-        second: second?.state, secondFields: second?.fields,
-      }, this.mapView(run), colours);
+      drawProfile(
+        surface,
+        box,
+        {
+          state: run.state,
+          chain: run.info.chain,
+          fields: run.fields,
+          alpha: run.physics.alpha,
+          second: second?.state,
+          secondFields: second?.fields,
+        },
+        this.mapView(run),
+        colours,
+      );
     } else if (name === "energies" || name === "path") {
       const split = run.info.splitBead;
       const isImpurity = run.physics.impurities.some(({ bead }) => bead === split);
-      (name === "path" ? drawTrajectories : drawEnergies)(surface, box, {
-        rows: run.rows, second: second?.rows, second_dt_s: second?.physics.dt_s, splitName: isImpurity ? "impurity" : `bead ${split}`,
-        events: this.page.followed.flatMap((bead) => run.events.get(bead)?.events ?? []),
-      }, this.mapView(run), colours);
+      (name === "path" ? drawTrajectories : drawEnergies)(
+        surface,
+        box,
+        {
+          rows: run.rows,
+          second: second?.rows,
+          second_dt_s: second?.physics.dt_s,
+          splitName: isImpurity ? "impurity" : `bead ${split}`,
+          events: this.page.followed.flatMap((bead) => run.events.get(bead)?.events ?? []),
+        },
+        this.mapView(run),
+        colours,
+      );
     } else {
       this.drawMarks(surface, box);
     }
@@ -96,8 +115,8 @@ export class Pictures {
       dt_s: run.physics.dt_s,
       impurities: run.physics.impurities.map((impurity) => impurity.bead),
       chosen: [...new Set([...page.view.beads, ...(page.view.bead === undefined ? [] : [bead])])],
-      pulses: run.pulses,
-      events: page.view.tab === "events" ? run.events.get(bead)?.events ?? [] : [],
+      pulses: page.view.tab === "pulses" ? run.pulses : [],
+      events: page.view.tab === "events" ? (run.events.get(bead)?.events ?? []) : [],
     };
   }
 
@@ -105,7 +124,7 @@ export class Pictures {
   plot(id) {
     const { run, second } = this.page;
     const shown = id === "second" ? second : run;
-    const { clientWidth: width, clientHeight: height } = byId(id);
+    const { width, height } = this.page.board.size(id);
     if (!shown || width < 2 || height < 2) {
       return undefined;
     }
@@ -114,7 +133,9 @@ export class Pictures {
 
   /** The place at a part of the plot's width. @param {number} x */
   placeAt(x) {
-    const { places: [from, to] } = this.page.window();
+    const {
+      places: [from, to],
+    } = this.page.window();
     return from + x * (to - from);
   }
 
@@ -138,7 +159,12 @@ export class Pictures {
     const { foreground, muted } = theme(page.isDark);
     const { events, births } = page.timeline.marks(page.bead);
     const inset = 8; // half of the slider's thumb
-    const draw = (/** @type {number[]} */ steps, /** @type {number} */ top, /** @type {number} */ bottom, /** @type {string} */ colour) => {
+    const draw = (
+      /** @type {number[]} */ steps,
+      /** @type {number} */ top,
+      /** @type {number} */ bottom,
+      /** @type {string} */ colour,
+    ) => {
       for (const step of steps) {
         const x = box.x + inset + ((step - firstStep) / Math.max(1, lastStep - firstStep)) * (box.width - 2 * inset);
         surface.lines([x, box.y + top, x, box.y + bottom], { colour, width: 1, crisp: true });
@@ -167,6 +193,12 @@ export class Pictures {
     picture.width = columns;
     picture.height = count;
     /** @type {CanvasRenderingContext2D} */ (picture.getContext("2d")).putImageData(pixels, 0, 0);
-    /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d")).drawImage(picture, 0, 0, canvas.width, canvas.height);
+    /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d")).drawImage(
+      picture,
+      0,
+      0,
+      canvas.width,
+      canvas.height,
+    );
   }
 }

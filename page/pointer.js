@@ -3,7 +3,7 @@
 /**
  * What it asks for; places are parts of the plot from 0 to 1, from its left and from its top.
  * @typedef {object} Gestures
- * @property {() => { x: number, y: number, width: number, height: number } | undefined} plot in CSS pixels of the canvas
+ * @property {() => import("./surface.js").Box | undefined} plot in CSS pixels of the canvas
  * @property {(x: number, y: number) => void} onhover
  * @property {() => void} onleave
  * @property {(x: number, y: number) => void} onclick
@@ -32,14 +32,25 @@ export function watchPointer(canvas, gestures) {
   const at = (/** @type {MouseEvent} */ { clientX, clientY }) => {
     const plot = gestures.plot();
     const { left, top } = canvas.getBoundingClientRect();
-    return plot && /** @type {[number, number]} */ ([(clientX - left - plot.x) / plot.width, (clientY - top - plot.y) / plot.height]);
+    return (
+      plot &&
+      /** @type {[number, number]} */ ([(clientX - left - plot.x) / plot.width, (clientY - top - plot.y) / plot.height])
+    );
   };
   const size = () => gestures.plot() ?? { width: 1, height: 1 };
   const isInside = (/** @type {number[]} */ [x, y]) => x >= 0 && x <= 1 && y >= 0 && y <= 1;
   const boxTo = (/** @type {[number, number]} */ [x, y]) => {
     const clip = (/** @type {number} */ part) => Math.min(Math.max(part, 0), 1);
-    const [xs, ys] = [[start[0], clip(x)], [start[1], clip(y)]];
-    return /** @type {[number, number, number, number]} */ ([Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)]);
+    const [xs, ys] = [
+      [start[0], clip(x)],
+      [start[1], clip(y)],
+    ];
+    return /** @type {[number, number, number, number]} */ ([
+      Math.min(...xs),
+      Math.min(...ys),
+      Math.max(...xs),
+      Math.max(...ys),
+    ]);
   };
 
   canvas.addEventListener("pointerdown", (event) => {
@@ -107,14 +118,18 @@ export function watchPointer(canvas, gestures) {
   canvas.addEventListener("pointercancel", up);
   canvas.addEventListener("pointerleave", () => gestures.onleave());
   canvas.addEventListener("dblclick", () => gestures.onwhole());
-  canvas.addEventListener("wheel", (event) => {
-    const place = at(event);
-    if (!place || !isInside(place)) {
-      return;
-    }
-    event.preventDefault();
-    const pixels = (event.deltaY || event.deltaX) * (event.deltaMode === 1 ? 16 : 1); // lines, in Firefox
-    const factor = Math.exp(Math.min(Math.max(pixels, -240), 240) * (event.ctrlKey ? 0.01 : 0.002));
-    gestures.onzoom(event.shiftKey || event.ctrlKey ? factor : 1, event.shiftKey ? 1 : factor, ...place);
-  }, { passive: false });
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      const place = at(event);
+      if (!place || !isInside(place)) {
+        return;
+      }
+      event.preventDefault();
+      const pixels = (event.deltaY || event.deltaX) * (event.deltaMode === 1 ? 16 : 1); // lines, in Firefox
+      const factor = Math.exp(Math.min(Math.max(pixels, -240), 240) * (event.ctrlKey ? 0.01 : 0.002));
+      gestures.onzoom(event.shiftKey || event.ctrlKey ? factor : 1, event.shiftKey ? 1 : factor, ...place);
+    },
+    { passive: false },
+  );
 }

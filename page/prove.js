@@ -12,7 +12,7 @@ export function verdict({ states, compared, steps, isDone, first, whyNot }) {
   }
   if (first) {
     const { step, bead, array, stored, computed } = first;
-    return `Not proven: at step ${step}, bead ${bead}, the recording has ${array} = ${stored}, computed is ${computed}.`;
+    return `Not proven: at step ${step}, bead ${bead}, ${array} is ${stored} in the recording, ${computed} computed.`;
   }
   return isDone
     ? `Proven: ${compared} states, ${steps} steps recomputed here, each bit the same.`

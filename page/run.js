@@ -129,7 +129,8 @@ export class Run {
     const since = performance.now();
     const onrows = (/** @type {import("./types.d.ts").Rows} */ rows) => {
       // the picture before, stretched, is better than a new one that has only begun
-      const isGood = rows.isWhole || this.rows?.request.field !== request.field || performance.now() - since > PATIENCE_MS;
+      const isGood =
+        rows.isWhole || this.rows?.request.field !== request.field || performance.now() - since > PATIENCE_MS;
       if (this.asked === asked && (isGood || rows.request.steps[1] === Infinity)) {
         this.rows = rows;
         this.onnews();

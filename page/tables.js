@@ -73,7 +73,9 @@ export function runTable({ info, physics }) {
     ["duration", `${amount(physics.step_count * physics.dt_s, "s", 9)}, ${physics.step_count} steps`],
     ["dt", `${physics.dt_s} s`],
     ["method", `${physics.method}, kernel ${physics.kernel_version}`],
-    ...(time > 0 ? /** @type {[string, string][]} */ ([["scales", `L = ${amount(length, "m", 6)}, T = ${amount(time, "s", 6)}`]]) : []),
+    ...(time > 0
+      ? /** @type {[string, string][]} */ ([["scales", `L = ${amount(length, "m", 6)}, T = ${amount(time, "s", 6)}`]])
+      : []),
   ];
   const started = provenance.started_unix_ns / 1e6;
   /** @type {[string, string][]} */
@@ -97,15 +99,22 @@ export function runTable({ info, physics }) {
  */
 export function pulseTable({ pulses, physics, info }, onstep) {
   if (pulses.length === 0) {
-    const why = info.kind === "live" ? "Pulses of a live run: `beadline pulses live`." : "No pulses came with this run: `beadline pulses` finds them.";
+    const why =
+      info.kind === "live"
+        ? "Pulses of a live run: `beadline pulses live`."
+        : "No pulses came with this run: `beadline pulses` finds them.";
     return [words(why)];
   }
   const rows = pulses.map((pulse) => [
-    pulse.pulse, pulse.direction === "forward" ? "→" : "←", pulse.birth, amount(pulse.birth_time_s, "s", 4), pulse.birth_bead, pulse.fate,
-    amount(pulse.v_peak_m_s, "m/s", 4), `${Number(pulse.velocity_beads_per_s.toPrecision(4))}`,
+    `${pulse.pulse} ${pulse.direction === "forward" ? "→" : "←"}`,
+    `${pulse.birth}, ${pulse.birth_bead}`,
+    amount(pulse.birth_time_s, "s", 4),
+    pulse.fate,
+    amount(pulse.v_peak_m_s, "m/s", 4),
+    Number(pulse.velocity_beads_per_s.toPrecision(4)),
     pulse.fwhm_beads === null ? "" : Number(pulse.fwhm_beads.toPrecision(3)),
   ]);
-  const head = ["", "", "born of", "at", "bead", "fate", "peak", "beads/s", "width (beads)"];
+  const head = ["pulse", "born of, at bead", "at", "fate", "peak", "beads/s", "beads wide"];
   return [table("pulses", head, rows, (row) => onstep(Math.round(pulses[row].birth_time_s / physics.dt_s)))];
 }
 
@@ -125,9 +134,17 @@ export function eventTable(run, bead, onstep) {
   const shown = events.slice(0, 1000); // a table longer than this nobody reads, and the browser toils
   const more = events.length > shown.length ? [words(`The first ${shown.length} are shown.`)] : [];
   const rows = shown.map(({ kind, time_s: time, step, u_m: u }) => [
-    kind.replace("-", " "), amount(time, "s", 6), step, amount(u, "m", 5),
+    kind.replace("-", " "),
+    amount(time, "s", 6),
+    step,
+    amount(u, "m", 5),
   ]);
-  return [title, words(state), table("events", ["event", "time", "step", "displacement"], rows, (row) => onstep(events[row].step)), ...more];
+  return [
+    title,
+    words(state),
+    table("events", ["event", "time", "step", "displacement"], rows, (row) => onstep(events[row].step)),
+    ...more,
+  ];
 }
 
 /** @param {Run} run */
@@ -139,9 +156,13 @@ export function liveTable({ info, status, ended }) {
     return [words(ended || "Waiting for the run …")];
   }
   const { state, step, steps_per_s: rate, frames_seen: seen, frames_skipped: skipped, consumers } = status;
-  const rows = consumers.map(({ label, delivery, pid, lag_frames: lag, frames_missed: missed }) => (
-    [label, delivery, pid ?? "", lag ?? "", missed ?? ""]
-  ));
+  const rows = consumers.map(({ label, delivery, pid, lag_frames: lag, frames_missed: missed }) => [
+    label,
+    delivery,
+    pid ?? "",
+    lag ?? "",
+    missed ?? "",
+  ]);
   return [
     heading("Run"),
     pairsOf([
@@ -152,6 +173,8 @@ export function liveTable({ info, status, ended }) {
       ["frames skipped", `${skipped}`],
     ]),
     heading("Consumers"),
-    rows.length > 0 ? table("consumers", ["name", "delivery", "process", "lag", "missed"], rows) : words("None but this page."),
+    rows.length > 0
+      ? table("consumers", ["name", "delivery", "process", "lag", "missed"], rows)
+      : words("None but this page."),
   ];
 }

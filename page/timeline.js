@@ -36,7 +36,10 @@ export class Timeline {
     });
     byId("play").addEventListener("click", () => this.toggle());
     byId("follow").addEventListener("click", () => on.onlive());
-    for (const [id, by] of /** @type {[string, number][]} */ ([["back", -1], ["on", 1]])) {
+    for (const [id, by] of /** @type {[string, number][]} */ ([
+      ["back", -1],
+      ["on", 1],
+    ])) {
       byId(id).addEventListener("click", (event) => this.by(event.shiftKey ? by * this.frameSteps : by));
     }
   }
@@ -64,7 +67,9 @@ export class Timeline {
     this.select.replaceChildren(
       make("option", { value: "step" }, "every step"),
       make("option", { value: "frame" }, "every frame"),
-      ...rates.sort((a, b) => Number(a) - Number(b)).map((rate) => make("option", { value: rate }, `${amount(Number(rate), "s", 3)}/s`)),
+      ...rates
+        .sort((a, b) => Number(a) - Number(b))
+        .map((rate) => make("option", { value: rate }, `${amount(Number(rate), "s", 3)}/s`)),
     );
     this.select.value = speed || this.defaultSpeed;
   }
@@ -107,8 +112,12 @@ export class Timeline {
       const now = await new Promise(requestAnimationFrame);
       const rate = Number(this.select.value);
       // a slow machine leaves steps out at a rate, never at "every step"
-      at += this.select.value === "step" ? 1 : this.select.value === "frame" ? this.frameSteps
-        : (rate * Math.min(Math.max(now - before, 0), 250)) / 1000 / run.physics.dt_s;
+      at +=
+        this.select.value === "step"
+          ? 1
+          : this.select.value === "frame"
+            ? this.frameSteps
+            : (rate * Math.min(Math.max(now - before, 0), 250)) / 1000 / run.physics.dt_s;
       before = now;
       if (!this.isPlaying || this.run !== run) {
         return;

@@ -4,8 +4,9 @@
 /** @typedef {import("./types.d.ts").Info} Info */
 
 /**
- * `run` is an entry of the server's list. `places` are beads, `steps` steps, both of real numbers; undefined is all of them.
- * `step` is the cursor; undefined follows a live run. `beads`: those that are followed besides the impurity, `bead` the chosen one.
+ * `run` is an entry of the server's list. `places` are beads, `steps` steps, both of real numbers; undefined is all of
+ * them. `step` is the cursor; undefined follows a live run. `beads`: those that are followed besides the impurity,
+ * `bead` the chosen one.
  * @typedef {object} View
  * @property {string} run
  * @property {Field} field
@@ -32,11 +33,25 @@ export const FIELDS = [
 
 export const TABS = ["run", "pulses", "events", "live", "change"];
 
+/** What a window has of each at least. */
+export const LEAST_STEPS = 4;
+export const LEAST_PLACES = 2;
+
 /** @returns {View} */
 export function freshView() {
   return {
-    run: "", field: "velocity", log: true, theme: "", places: undefined, steps: undefined, step: undefined, bead: undefined,
-    beads: [], tab: "run", speed: "", change: "",
+    run: "",
+    field: "velocity",
+    log: true,
+    theme: "",
+    places: undefined,
+    steps: undefined,
+    step: undefined,
+    bead: undefined,
+    beads: [],
+    tab: "run",
+    speed: "",
+    change: "",
   };
 }
 
@@ -73,7 +88,11 @@ export function readView(fragment) {
     steps: range(parts.get("steps")),
     step: whole(parts.get("at")),
     bead: whole(parts.get("bead")),
-    beads: (parts.get("follow") ?? "").split(",").map(whole).filter((bead) => bead !== undefined).slice(0, 4),
+    beads: (parts.get("follow") ?? "")
+      .split(",")
+      .map(whole)
+      .filter((bead) => bead !== undefined)
+      .slice(0, 4),
     tab: TABS.includes(tab) ? tab : view.tab,
     speed: parts.get("speed") ?? "",
     change: parts.get("change") ?? "",
@@ -102,13 +121,14 @@ export function writeView(view) {
     speed: view.speed,
     change: view.change,
   };
-  return Object.entries(parts).filter(([, value]) => value).map(([key, value]) => (
-    `${key}=${encodeURIComponent(value).replace(/%2C/g, ",")}`
-  )).join("&");
+  return Object.entries(parts)
+    .filter(([, value]) => value)
+    .map(([key, value]) => `${key}=${encodeURIComponent(value).replace(/%2C/g, ",")}`)
+    .join("&");
 }
 
 /**
- * A window moved and stretched so that it lies within limits and is no narrower than `least`; undefined if it is all of them.
+ * A window moved and stretched so that it lies within limits and is no narrower than `least`; undefined if it is all.
  * @param {[number, number]} window
  * @param {[number, number]} limits
  * @param {number} least

@@ -1,0 +1,83 @@
+// The tables of a run, one at a time.
+
+import { changeForm, readChange } from "./changing.js";
+import { byId, make } from "./elements.js";
+import { eventTable, liveTable, pulseTable, runTable } from "./tables.js";
+import { TABS } from "./view.js";
+
+/** @typedef {import("./page.js").Page} Page */
+/** @typedef {import("./run.js").Run} Run */
+
+export class Tabs {
+  /** @param {Page} page */
+  constructor(page) {
+    this.page = page;
+    /** What the table was made from; it is made anew when that changes. */
+    this.shown = "";
+  }
+
+  /** Makes the buttons, for another run. */
+  open() {
+    const { page } = this;
+    const tabs = TABS.filter((name) => name !== "live" || page.run?.info.kind === "live");
+    const buttons = tabs.map((name) => {
+      const onclick = () => page.look({ tab: name });
+      const onkeydown = (/** @type {KeyboardEvent} */ event) => {
+        const by = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+        if (by) {
+          const next = tabs[(tabs.indexOf(name) + by + tabs.length) % tabs.length];
+          page.look({ tab: next });
+          byId(`tab-${next}`).focus();
+        }
+      };
+      return make("button", { role: "tab", id: `tab-${name}`, "aria-controls": "tab", onclick, onkeydown }, name);
+    });
+    byId("tabs").replaceChildren(...buttons);
+    this.shown = "";
+  }
+
+  /** Makes the table anew the next time. */
+  forget() {
+    this.shown = "";
+  }
+
+  show() {
+    const { page } = this;
+    const run = /** @type {Run} */ (page.run);
+    const { tab } = page.view;
+    const events = run.events.get(page.bead);
+    const state = {
+      run: "",
+      pulses: run.pulses.length,
+      live: `${run.ended}${run.status?.step}${run.status?.frames_seen}`,
+      events: `${page.bead} ${events?.events.length} ${events?.isDone}`,
+      change: `${page.view.change} ${page.second !== undefined}`,
+    };
+    const shown = `${tab} ${state[/** @type {keyof typeof state} */ (tab)]}`;
+    if (shown === this.shown) {
+      return;
+    }
+    const isOther = !this.shown.startsWith(`${tab} `);
+    this.shown = shown;
+    for (const button of byId("tabs").children) {
+      const isChosen = button.id === `tab-${tab}`;
+      button.setAttribute("aria-selected", String(isChosen));
+      /** @type {HTMLElement} */ (button).tabIndex = isChosen ? 0 : -1;
+    }
+    const panel = byId("tab");
+    panel.setAttribute("aria-labelledby", `tab-${tab}`);
+    const top = isOther ? 0 : panel.scrollTop;
+    const seek = (/** @type {number} */ step) => void page.seek(step);
+    const change = (/** @type {import("./change.js").Change | undefined} */ wanted) => page.change(wanted);
+    /** @type {Record<string, () => Node[]>} */
+    const contents = {
+      run: () => runTable(run),
+      pulses: () => pulseTable(run, seek),
+      events: () => eventTable(run, page.bead, seek),
+      live: () => liveTable(run),
+      change: () => changeForm(run, page.second, readChange(page.view.change), change),
+    };
+    panel.replaceChildren(...contents[tab]());
+    panel.scrollTop = top;
+  }
+}
