@@ -8,6 +8,7 @@ use std::fmt::Write;
 
 /// The modules of the page.
 pub(crate) const MODULES: &[(&str, &str)] = &[
+    ("actions", include_str!("../actions.js")),
     ("axes", include_str!("../axes.js")),
     ("board", include_str!("../board.js")),
     ("carried", include_str!("../carried.js")),
@@ -21,6 +22,7 @@ pub(crate) const MODULES: &[(&str, &str)] = &[
     ("exporting", include_str!("../exporting.js")),
     ("fields", include_str!("../fields.js")),
     ("folder", include_str!("../folder.js")),
+    ("gestures", include_str!("../gestures.js")),
     ("history", include_str!("../history.js")),
     ("kernel", include_str!("../kernel.js")),
     ("keyboard", include_str!("../keyboard.js")),
@@ -32,12 +34,15 @@ pub(crate) const MODULES: &[(&str, &str)] = &[
     ("pointer", include_str!("../pointer.js")),
     ("profile", include_str!("../profile.js")),
     ("prove", include_str!("../prove.js")),
+    ("readout", include_str!("../readout.js")),
     ("recording", include_str!("../recording.js")),
     ("rows", include_str!("../rows.js")),
     ("run", include_str!("../run.js")),
     ("surface", include_str!("../surface.js")),
     ("tables", include_str!("../tables.js")),
+    ("tabs", include_str!("../tabs.js")),
     ("tasks", include_str!("../tasks.js")),
+    ("thumbnails", include_str!("../thumbnails.js")),
     ("timeline", include_str!("../timeline.js")),
     ("view", include_str!("../view.js")),
     ("worker", include_str!("../worker.js")),

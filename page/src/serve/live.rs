@@ -73,9 +73,10 @@ impl LiveWriter {
         self.0.send_modify(|shown| shown.state = (shown.state.0 + 1, bytes));
     }
 
-    /// Says that no more states come, and why.
-    pub fn end(&self, reason: &str) {
-        let text = json!({ "end": reason }).to_string().into();
+    /// Says that no more states come, why, and which step was the run's last, if that is known: who never holds a run
+    /// back may have missed it.
+    pub fn end(&self, reason: &str, last_step: Option<u64>) {
+        let text = json!({ "end": reason, "step": last_step }).to_string().into();
         self.0.send_modify(|shown| shown.end = Some(text));
     }
 }
@@ -187,13 +188,13 @@ mod tests {
             let due = due(&mut seen, &feed);
             assert_eq!(due[..due.len() - 1], *expected);
         }
-        writer.end("complete");
+        writer.end("complete", Some(70));
         assert_eq!(due(&mut seen, &feed), [""; 0], "the last state has not been seen");
         seen.in_flight -= 1;
         let last = feed.0.borrow().state.1.clone();
         let doubles: Vec<f64> =
             last.chunks(8).map(|bytes| f64::from_le_bytes(bytes.try_into().expect("8 bytes"))).collect();
         assert_eq!(doubles, [1.0, 1.0, 0.0, 7.0, 70.0, 0.5, 8.0, 0.0, 1.0, 2.0]);
-        assert_eq!(due(&mut seen, &feed), ["80 bytes", r#"{"end":"complete"}"#]);
+        assert_eq!(due(&mut seen, &feed), ["80 bytes", r#"{"end":"complete","step":70}"#]);
     }
 }

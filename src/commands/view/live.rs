@@ -31,7 +31,7 @@ pub(super) struct Watches {
     stop: Arc<AtomicBool>,
 }
 
-/// Frames of a stream so far.
+/// Frames of a stream that were shown, and that were not.
 #[derive(Default)]
 struct Counts {
     seen: AtomicU64,
@@ -119,31 +119,34 @@ impl Watches {
             AttachOptions { label: "view".into(), stop: Arc::clone(stop), ..AttachOptions::default() };
         let mut live = match LiveSource::attach(&self.bus, Some(run), Delivery::Latest, &options) {
             Ok(live) => live,
-            Err(error) => return writer.end(&error.to_string()),
+            Err(error) => return writer.end(&error.to_string(), None),
         };
         writer.begin(&json!({ "manifest": live.manifest(), "chain": chain(live.chain()) }));
-        let mut seen = 0;
+        let (mut seen, mut passed_all, mut last_step) = (0, 0, None);
         loop {
             let began = Instant::now();
             let mut passed = 0;
             loop {
+                // what waits in our queue came when we had taken the last frame; what follows it is new
                 let is_old = passed < MOST_PASSED && live.behind() > 1;
-                let skipped = live.missed_count();
+                let skipped = live.missed_count() + passed_all;
                 match live.receive() {
-                    // counted by the source as it is taken
-                    Ok(Received::Missed { .. }) => {}
+                    // the source has counted them when the next frame comes
+                    Ok(Received::Missed { to, .. }) => last_step = Some(live.manifest().step_of_frame(to)),
+                    Ok(Received::Frame(_)) if is_old => {
+                        passed += 1;
+                        passed_all += 1;
+                    }
                     Ok(Received::Frame(frame)) => {
                         seen += 1;
+                        last_step = Some(frame.step);
                         counts.seen.store(seen, Ordering::Relaxed);
                         counts.skipped.store(skipped, Ordering::Relaxed);
-                        if !is_old {
-                            writer.state(&frame, seen, skipped);
-                            break;
-                        }
-                        passed += 1;
+                        writer.state(&frame, seen, skipped);
+                        break;
                     }
-                    Ok(Received::End(reason)) => return writer.end(reason.as_str()),
-                    Err(error) => return writer.end(&error.to_string()),
+                    Ok(Received::End(reason)) => return writer.end(reason.as_str(), last_step),
+                    Err(error) => return writer.end(&error.to_string(), last_step),
                 }
             }
             thread::sleep(FRAME_PERIOD.saturating_sub(began.elapsed()));

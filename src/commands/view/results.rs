@@ -76,7 +76,10 @@ fn told(pulse: &Pulse, strongest: &Strongest) -> Value {
         .map(|kept_point| points[index(kept_point)])
         .flat_map(|point| [json!(point.time_s), json!(point.bead)])
         .collect();
-    let sign = pulse.direction.sign() as f64;
+    // where it was not measured at the bead of the peak, the mean over its way
+    let way_s = (pulse.end_time_s - pulse.birth_time_s).max(f64::MIN_POSITIVE);
+    let mean = (pulse.end_bead as f64 - pulse.birth_bead as f64).abs() / way_s;
+    let speed = point.speed_beads_per_s.map_or(mean, f64::abs);
     json!({
         "pulse": pulse.number,
         "direction": pulse.direction.as_str(),
@@ -87,7 +90,7 @@ fn told(pulse: &Pulse, strongest: &Strongest) -> Value {
         "end_bead": pulse.end_bead,
         "fate": pulse.fate.as_str(),
         "v_peak_m_s": point.v_peak_m_s,
-        "velocity_beads_per_s": point.speed_beads_per_s.map(|speed| sign * speed.abs()),
+        "velocity_beads_per_s": pulse.direction.sign() as f64 * speed,
         "fwhm_beads": point.shape.map(|shape| shape.fwhm_beads),
         "track": track,
     })
