@@ -23,6 +23,7 @@ mod manners;
 mod mcap_readers;
 mod other_tools;
 mod own_consumer;
+mod page;
 mod page_data;
 mod pipeline;
 mod plot;
