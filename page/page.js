@@ -523,7 +523,8 @@ export class Page {
     const bar = make("progress", { max: 1, value: 0, "aria-label": "progress" });
     const words = make("span");
     const line = make("p", { class: "proof" }, words, bar);
-    byId("notes").replaceChildren(line);
+    byId("notes").querySelector(".proof")?.remove();
+    byId("notes").append(line);
     const button = /** @type {HTMLButtonElement} */ (byId("prove"));
     button.disabled = true;
     try {
