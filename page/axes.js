@@ -12,11 +12,24 @@
  * @typedef {{ values: number[], labels: string[], minor: number[], label: string }} Ticks
  */
 
-const PREFIXES = new Map([[-15, "f"], [-12, "p"], [-9, "n"], [-6, "µ"], [-3, "m"], [0, ""], [3, "k"], [6, "M"], [9, "G"]]);
-const PREFIXABLE = /^(?:m|s|g|N|J|Pa|Hz)(?![A-Za-z²³⁻^])/;
+const PREFIXES = new Map([
+  [-15, "f"],
+  [-12, "p"],
+  [-9, "n"],
+  [-6, "µ"],
+  [-3, "m"],
+  [0, ""],
+  [3, "k"],
+  [6, "M"],
+  [9, "G"],
+]);
+const PREFIXABLE = /^(?:m|s|g|N|J|Pa|Hz)(?![A-Za-z²³⁻^])[^^ᵅ]*$/;
 const DIGITS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 
-const raised = (/** @type {number} */ n) => String(n).replace("-", "⁻").replace(/\d/g, (digit) => DIGITS[Number(digit)]);
+const raised = (/** @type {number} */ n) =>
+  String(n)
+    .replace("-", "⁻")
+    .replace(/\d/g, (digit) => DIGITS[Number(digit)]);
 
 /** A number with a true minus sign. @param {number} value @param {number} decimals */
 export function signed(value, decimals) {
@@ -31,13 +44,21 @@ export function powerLabel(/** @type {number} */ power, isNegative = false) {
 
 /** A unit that is 10^`exponent` times as large: with a prefix where there is one. */
 function scaledUnit(/** @type {string} */ unit, /** @type {number} */ exponent) {
+  if (exponent === 0) {
+    return unit;
+  }
   const prefix = PREFIXABLE.test(unit) ? PREFIXES.get(exponent) : undefined;
   return prefix === undefined ? `10${raised(exponent)} ${unit}`.trim() : prefix + unit;
 }
 
-/** A label whose unit carries the factor of the numbers. @param {string} name @param {string} unit @param {number} exponent */
+/**
+ * A label whose unit carries the factor of the numbers.
+ * @param {string} name
+ * @param {string} unit
+ * @param {number} exponent
+ */
 export function labelled(name, unit, exponent = 0) {
-  const written = exponent === 0 ? unit : scaledUnit(unit, exponent);
+  const written = scaledUnit(unit, exponent);
   return written === "" ? name : `${name} (${written})`;
 }
 
@@ -50,10 +71,16 @@ function roundStep(/** @type {number} */ size) {
 }
 
 /** 10^power times an integer or a small one: exact where a product is not. */
-const times10 = (/** @type {number} */ x, /** @type {number} */ power) => (power < 0 ? x / 10 ** -power : x * 10 ** power);
+const times10 = (/** @type {number} */ x, /** @type {number} */ power) =>
+  power < 0 ? x / 10 ** -power : x * 10 ** power;
 
 /** Multiples of a step in a range, at most 1000; one that is nearly in it counts. */
-function multiples(/** @type {number} */ from, /** @type {number} */ to, /** @type {number} */ factor, /** @type {number} */ power) {
+function multiples(
+  /** @type {number} */ from,
+  /** @type {number} */ to,
+  /** @type {number} */ factor,
+  /** @type {number} */ power,
+) {
   const unseen = 1.2e-3 * (to - from);
   const step = times10(factor, power);
   const values = [];
@@ -88,7 +115,7 @@ export function ticks({ from, to, name, unit = "", whole = false, prefixed = fal
   const reach = isFar ? to - base : largest;
   const usual = roundStep((to - from) / 4);
   let exponent = 0;
-  if (prefixed || isFar || reach >= 1e5 || usual.power < -2) {
+  if (prefixed || unit === "m" || unit === "J" || isFar || reach >= 1e5 || usual.power < -2) {
     exponent = thousands(reach);
   }
   if ((unit === "s" && exponent > 0) || (whole && reach < 1e6)) {
@@ -119,8 +146,12 @@ export function amount(value, unit, digits) {
     return `${Number.isNaN(value) ? "not a number" : value < 0 ? "−∞" : "∞"}${unit && ` ${unit}`}`;
   }
   const isGrams = unit === "kg";
-  const written = digits === undefined ? value.toExponential() : value.toExponential(Math.min(Math.max(digits, 1), 17) - 1);
-  const [mantissa, power] = written.replace("-", "−").split("e").map((part, i) => (i === 0 ? part : part.replace("−", "-")));
+  const written =
+    digits === undefined ? value.toExponential() : value.toExponential(Math.min(Math.max(digits, 1), 17) - 1);
+  const [mantissa, power] = written
+    .replace("-", "−")
+    .split("e")
+    .map((part, i) => (i === 0 ? part : part.replace("−", "-")));
   const places = value === 0 ? 0 : Number(power) + (isGrams ? 3 : 0);
   const sign = mantissa.startsWith("−") ? "−" : "";
   const figures = mantissa.replace(/[−.]/g, "");
@@ -160,14 +191,21 @@ export function frame(surface, { x, y, width, height }, theme) {
   surface.lines(corners, { colour: theme.foreground, width: 1, crisp: true });
 }
 
-/** A straight scale: from a value to a pixel. @param {number} from @param {number} to @param {number} start @param {number} length */
+/**
+ * A straight scale: from a value to a pixel.
+ * @param {number} from
+ * @param {number} to
+ * @param {number} start
+ * @param {number} length
+ */
 export function linear(from, to, start, length) {
   return (/** @type {number} */ value) => start + ((value - from) / (to - from)) * length;
 }
 
 /**
  * Ticks, numbers and label under a plot; a number that has no room is left out.
- * @param {Surface} surface @param {Box} box what must not be left @param {Box} plot @param {Quantity} quantity @param {Theme} theme
+ * @param {Surface} surface @param {Box} box what must not be left
+ * @param {Box} plot @param {Quantity} quantity @param {Theme} theme
  * @param {{ isBare?: boolean }} [options] bare: ticks only
  */
 export function bottomAxis(surface, box, plot, quantity, theme, { isBare = false } = {}) {
@@ -179,7 +217,8 @@ export function bottomAxis(surface, box, plot, quantity, theme, { isBare = false
   };
   let count = Math.max(2, Math.floor(plot.width / 90));
   let shown = ticks(quantity, count);
-  const widest = (/** @type {Ticks} */ { labels }) => Math.max(0, ...labels.map((label) => surface.textWidth(label, TICK_PX)));
+  const widest = (/** @type {Ticks} */ { labels }) =>
+    Math.max(0, ...labels.map((label) => surface.textWidth(label, TICK_PX)));
   while (count > 1 && shown.labels.length * (widest(shown) + 14) > plot.width) {
     count -= 1;
     shown = ticks(quantity, count);
@@ -194,13 +233,23 @@ export function bottomAxis(surface, box, plot, quantity, theme, { isBare = false
     const half = surface.textWidth(shown.labels[i], TICK_PX) / 2;
     const x = Math.min(Math.max(at(value), box.x + half), box.x + box.width - half);
     if (x - half >= free) {
-      surface.text(x, bottom + 8, shown.labels[i], { size: TICK_PX, align: "center", baseline: "top", colour: theme.foreground });
+      surface.text(x, bottom + 8, shown.labels[i], {
+        size: TICK_PX,
+        align: "center",
+        baseline: "top",
+        colour: theme.foreground,
+      });
       free = x + half + 6;
     }
   });
   if (!isBare) {
     const middle = plot.x + plot.width / 2;
-    surface.text(middle, bottom + 23, shown.label, { size: LABEL_PX, align: "center", baseline: "top", colour: theme.foreground });
+    surface.text(middle, bottom + 23, shown.label, {
+      size: LABEL_PX,
+      align: "center",
+      baseline: "top",
+      colour: theme.foreground,
+    });
   }
 }
 
@@ -214,7 +263,9 @@ export const LEFT_PX = 58;
  */
 export function leftAxis(surface, plot, quantity, theme, { isDown = false, hasGrid = false } = {}) {
   const { x, y, width, height } = plot;
-  const at = isDown ? linear(quantity.from, quantity.to, y, height) : linear(quantity.from, quantity.to, y + height, -height);
+  const at = isDown
+    ? linear(quantity.from, quantity.to, y, height)
+    : linear(quantity.from, quantity.to, y + height, -height);
   const room = LEFT_PX - 8 - 1.2 * LABEL_PX - 4;
   let count = Math.max(2, Math.floor(height / (isDown ? 60 : 40)));
   let shown = ticks(quantity, count);
@@ -237,7 +288,7 @@ export function leftAxis(surface, plot, quantity, theme, { isDown = false, hasGr
     surface.text(x - 8, at(value), shown.labels[i], { size: fits, align: "right", colour: theme.foreground });
   });
   const long = surface.textWidth(shown.label, LABEL_PX);
-  const size = Math.max(8, Math.min(LABEL_PX, (LABEL_PX * (height + 16)) / Math.max(1, long)));
+  const size = Math.max(8, Math.min(LABEL_PX, (LABEL_PX * (height + 4)) / Math.max(1, long)));
   const place = x - LEFT_PX + 0.7 * LABEL_PX + 2;
   surface.text(place, y + height / 2, shown.label, { size, align: "center", colour: theme.foreground, turned: true });
 }

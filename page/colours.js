@@ -54,8 +54,8 @@ function onGround(/** @type {Rgb} */ colour, /** @type {number} */ part) {
 }
 
 /**
- * The colour of a shade from −1 (blue) over 0 to 1 (red); lightness changes evenly, so that it is read without any colour
- * vision but for the sign.
+ * The colour of a shade from −1 (blue) over 0 to 1 (red); lightness changes evenly, so that it is read without any
+ * colour vision but for the sign.
  * @param {number} shade @param {boolean} [isDark]
  */
 export function diverging(shade, isDark = false) {
@@ -95,7 +95,11 @@ const LIGHT = {
   impurity: "#cc79a7",
   force: "#d55e00",
   curves: CURVES,
-  contacts: [[255, 255, 255], [0, 0, 0], [0xe6, 0x9f, 0x00]],
+  contacts: [
+    [255, 255, 255],
+    [0, 0, 0],
+    [0xe6, 0x9f, 0x00],
+  ],
   shade: (shade) => diverging(shade),
   part: (part) => sequential(part),
 };
@@ -131,15 +135,17 @@ const isLittleEndian = new Uint8Array(new Uint16Array([1]).buffer)[0] === 1;
 
 /** A colour as the pixels of a picture have it. */
 function pixel(/** @type {Rgb} */ [red, green, blue]) {
-  const word = isLittleEndian ? (255 << 24) | (blue << 16) | (green << 8) | red : (red << 24) | (green << 16) | (blue << 8) | 255;
+  const word = isLittleEndian
+    ? (255 << 24) | (blue << 16) | (green << 8) | red
+    : (red << 24) | (green << 16) | (blue << 8) | 255;
   return word >>> 0;
 }
 
 /** Which colour stands for which number. */
 export class ColourScale {
   /**
-   * @param {{ from: number, to: number, log?: number }} range the numbers that are shown, and 0; logarithmic beyond ±`log`
-   * if that is given
+   * @param {{ from: number, to: number, log?: number }} range the numbers that are shown, and 0; logarithmic beyond
+   * ±`log` if that is given
    * @param {(shade: number) => Rgb} colourOf
    */
   constructor({ from, to, log = 0 }, colourOf) {
@@ -196,7 +202,8 @@ export class ColourScale {
     const word = new Uint32Array(1);
     const float = new Float32Array(word.buffer);
     return Uint32Array.from({ length: 1 << 16 }, (_, upper) => {
-      word[0] = (upper << 16) | (upper & 0x7f ? 0x8000 : 0); // the middle of its floats, but of powers of two themselves
+      // the middle of its floats, but of powers of two themselves: classes and 0 are exact
+      word[0] = (upper << 16) | (upper & 0x7f ? 0x8000 : 0);
       const shade = this.shade(float[0]);
       return levels[Math.round(LEVELS * (Number.isNaN(shade) ? 0 : shade)) + LEVELS];
     });

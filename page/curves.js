@@ -16,13 +16,19 @@ import { LEFT_PX, bottomAxis, frame, leftAxis, legend, linear } from "./axes.js"
  * @property {string} [splitName] what the bead between left and right is called
  * @property {import("./types.d.ts").Event[]} [events] of followed beads
  */
-/** @typedef {{ points: Float64Array, colour: string, dash?: number[] }} Curve x and value in turns, x in the unit of the axis */
+/** x (in the unit of its axis) and value in turns. */
+/** @typedef {{ points: Float64Array, colour: string, dash?: number[] }} Curve */
 
 const ENERGIES_A_ROW = 6;
 
 /** Where the plot of energies is in a box, or of a trajectory's two plots both. @param {Box} box */
 export function curvePlot({ x, y, width, height }, top = 8) {
-  return { x: x + LEFT_PX, y: y + top, width: Math.max(20, width - LEFT_PX - 16), height: Math.max(20, height - top - 42) };
+  return {
+    x: x + LEFT_PX,
+    y: y + top,
+    width: Math.max(20, width - LEFT_PX - 16),
+    height: Math.max(20, height - top - 42),
+  };
 }
 
 /** A curve of a number a row. @param {Rows} rows @param {number} dt @param {(row: number) => number} value */
@@ -37,7 +43,9 @@ function pointsOf({ steps, count }, dt, value) {
 
 /** @param {View} view */
 function timeOf({ steps: [from, to], dt_s: dt }) {
-  return dt === undefined ? { from, to, name: "step", whole: true } : { from: from * dt, to: to * dt, name: "time", unit: "s", prefixed: true };
+  return dt === undefined
+    ? { from, to, name: "step", whole: true }
+    : { from: from * dt, to: to * dt, name: "time", unit: "s", prefixed: true };
 }
 
 /**
@@ -46,7 +54,15 @@ function timeOf({ steps: [from, to], dt_s: dt }) {
  * @param {{ name: string, unit: string, hasZero?: boolean, isBare?: boolean, marks?: number[] }} look
  * @param {View} view @param {Theme} theme
  */
-function drawCurves(surface, box, plot, curves, { name, unit, hasZero = false, isBare = false, marks = [] }, view, theme) {
+function drawCurves(
+  surface,
+  box,
+  plot,
+  curves,
+  { name, unit, hasZero = false, isBare = false, marks = [] },
+  view,
+  theme,
+) {
   const time = timeOf(view);
   let [low, high] = hasZero ? [0, 0] : [Infinity, -Infinity];
   const near = 0.02 * (time.to - time.from);
@@ -69,7 +85,10 @@ function drawCurves(surface, box, plot, curves, { name, unit, hasZero = false, i
   const y = linear(from, to, plot.y + plot.height, -plot.height);
   surface.clip(plot.x, plot.y, plot.width, plot.height, () => {
     for (const { points, colour, dash } of curves) {
-      surface.lines(points.map((number, i) => (i % 2 === 0 ? x(number) : y(number))), { colour, width: 1.5, dash });
+      surface.lines(
+        points.map((number, i) => (i % 2 === 0 ? x(number) : y(number))),
+        { colour, width: 1.5, dash },
+      );
     }
     for (let i = 0; i < marks.length; i += 2) {
       surface.circle(x(marks[i]), y(marks[i + 1]), 3, { fill: theme.background, colour: theme.accent, width: 1.5 });
@@ -92,7 +111,13 @@ function drawCurves(surface, box, plot, curves, { name, unit, hasZero = false, i
  * @param {View} view
  * @param {Theme} theme
  */
-export function drawEnergies(surface, box, { rows, second, second_dt_s: secondDt, splitName = "split bead" }, view, theme) {
+export function drawEnergies(
+  surface,
+  box,
+  { rows, second, second_dt_s: secondDt, splitName = "split bead" },
+  view,
+  theme,
+) {
   const [blue, vermillion, green, purple, orange, sky] = theme.curves;
   const has = (/** @type {Rows | undefined} */ some) => {
     for (let i = 0; some !== undefined && i < some.count; i += 1) {
@@ -117,7 +142,8 @@ export function drawEnergies(surface, box, { rows, second, second_dt_s: secondDt
   const curves = [];
   const add = (/** @type {Rows | undefined} */ some, /** @type {number} */ dt, /** @type {number[]} */ dash) => {
     for (const { colour, parts } of some === undefined ? [] : kinds) {
-      const value = (/** @type {number} */ i) => parts.reduce((sum, part) => sum + /** @type {Rows} */ (some).energies[i * ENERGIES_A_ROW + part], 0);
+      const value = (/** @type {number} */ i) =>
+        parts.reduce((sum, part) => sum + /** @type {Rows} */ (some).energies[i * ENERGIES_A_ROW + part], 0);
       curves.push({ points: pointsOf(/** @type {Rows} */ (some), dt, value), colour, dash });
     }
   };
@@ -136,7 +162,9 @@ export function drawEnergies(surface, box, { rows, second, second_dt_s: secondDt
  */
 function drawLegend(surface, box, entries, hasSecond, theme) {
   const all = hasSecond ? [...entries, { name: "changed", colour: theme.muted, dash: [5, 3] }] : entries;
-  return 4 + legend(surface, { x: box.x + LEFT_PX, y: box.y + 2, width: box.width - LEFT_PX - 8, height: 0 }, all, theme) + 4;
+  return (
+    4 + legend(surface, { x: box.x + LEFT_PX, y: box.y + 2, width: box.width - LEFT_PX - 8, height: 0 }, all, theme) + 4
+  );
 }
 
 /**
@@ -156,7 +184,10 @@ export function drawTrajectories(surface, box, { rows, second, second_dt_s: seco
   const whole = curvePlot(box, top);
   const high = (whole.height - 8) / 2;
   const dt = view.dt_s ?? 1;
-  [{ name: "displacement", unit: "m" }, { name: "velocity", unit: "m/s" }].forEach((look, part) => {
+  [
+    { name: "displacement", unit: "m" },
+    { name: "velocity", unit: "m/s" },
+  ].forEach((look, part) => {
     /** @type {Curve[]} */
     const curves = [];
     const add = (/** @type {Rows | undefined} */ some, /** @type {number} */ dt, /** @type {number[]} */ dash) => {
@@ -164,7 +195,11 @@ export function drawTrajectories(surface, box, { rows, second, second_dt_s: seco
       some?.request.follow.forEach((bead, i) => {
         const rank = follow.indexOf(bead);
         if (rank >= 0) {
-          curves.push({ points: pointsOf(some, dt, (row) => some.followed[row * wide + 2 * i + part]), colour: colourOf(rank), dash });
+          curves.push({
+            points: pointsOf(some, dt, (row) => some.followed[row * wide + 2 * i + part]),
+            colour: colourOf(rank),
+            dash,
+          });
         }
       });
     };

@@ -1,6 +1,7 @@
 // The space–time map: beads to the right, time downward, a colour for each number.
 
-import { LABEL_PX, LEFT_PX, TICK_PX, bottomAxis, frame, labelled, leftAxis, legend, linear, powerLabel, signed, ticks } from "./axes.js";
+import { LABEL_PX, LEFT_PX, TICK_PX, bottomAxis, frame, leftAxis, legend, linear } from "./axes.js";
+import { labelled, powerLabel, signed, ticks } from "./axes.js";
 import { colourScale, css } from "./colours.js";
 
 /** @typedef {import("./surface.js").Box} Box */
@@ -70,6 +71,11 @@ export function mapScales(box, { places, steps }) {
   };
 }
 
+/** Scales that were made, by what they are made of: their tables take longer than a picture. */
+const MOST_SCALES = 16;
+/** @type {Map<string, import("./colours.js").ColourScale>} */
+const madeScales = new Map();
+
 /** Rows as they were painted: a line of pixels each, and how that looked when it was last placed. */
 class Picture {
   /** @param {Rows} rows */
@@ -81,13 +87,17 @@ class Picture {
     this.look = "";
     this.from = 0;
     this.to = 0;
+    this.reduced = document.createElement("canvas");
     this.placed = document.createElement("canvas");
     this.place = "";
     /** @type {import("./colours.js").ColourScale | undefined} */
     this.scale = undefined;
   }
 
-  /** Widens the range of numbers by rows that are new; with some to spare, since each change paints all anew. @param {Rows} rows */
+  /**
+   * Widens the range of numbers by rows that are new; with some to spare, since each change paints all anew.
+   * @param {Rows} rows
+   */
   widen(rows) {
     const end = rows.count * rows.columns;
     let [low, high] = [0, 0];
@@ -111,7 +121,11 @@ class Picture {
     const [from, to] = view.range ?? [this.from, this.to];
     const look = [rows.request.field, view.log, theme.isDark, from, to].join();
     if (this.scale === undefined || look !== this.look) {
-      this.scale = scaleOf(rows.request.field, from, to, view.log ?? false, theme);
+      this.scale = madeScales.get(look) ?? scaleOf(rows.request.field, from, to, view.log ?? false, theme);
+      if (madeScales.size >= MOST_SCALES) {
+        madeScales.clear();
+      }
+      madeScales.set(look, this.scale);
       this.look = look;
       this.painted = 0;
     }
@@ -151,12 +165,15 @@ class Picture {
     placed.width = width;
     placed.height = height;
     const context = /** @type {CanvasRenderingContext2D} */ (placed.getContext("2d"));
-    const { places: [first, last] } = rows.request;
+    const {
+      places: [first, last],
+    } = rows.request;
     const x = linear(view.places[0], view.places[1], 0, width);
     const y = linear(view.steps[0], view.steps[1], 0, height);
     const [left, right] = [x(first - 0.5), x(last + 0.5)];
     const { steps, count } = rows;
-    const gap = (/** @type {number} */ i) => (i + 1 < count ? steps[i + 1] - steps[i] : i > 0 ? steps[i] - steps[i - 1] : 1);
+    const gap = (/** @type {number} */ i) =>
+      i + 1 < count ? steps[i + 1] - steps[i] : i > 0 ? steps[i] - steps[i - 1] : 1;
     for (let i = 0; i < count;) {
       // rows that are equally far apart are placed at once
       let end = i + 1;
@@ -165,9 +182,20 @@ class Picture {
       }
       const [top, bottom] = [Math.round(y(steps[i])), Math.round(y(steps[end - 1] + gap(end - 1)))];
       if (bottom > top && bottom > 0 && top < height) {
-        // fewer pixels than numbers: none is to be dropped
-        context.imageSmoothingEnabled = end - i > bottom - top || columns > right - left + 1;
-        context.drawImage(lines, 0, i, columns, end - i, left, top, right - left, bottom - top);
+        // where pixels are fewer than numbers, none is to be dropped
+        const [denseRows, denseColumns] = [end - i > bottom - top, columns > right - left + 1];
+        if (denseRows || denseColumns) {
+          // reduced the one way, and blocks stay crisp the other way
+          const { reduced } = this;
+          reduced.width = denseColumns ? Math.ceil(right - left) : columns;
+          reduced.height = denseRows ? bottom - top : end - i;
+          reduced.getContext("2d")?.drawImage(lines, 0, i, columns, end - i, 0, 0, reduced.width, reduced.height);
+          context.imageSmoothingEnabled = false;
+          context.drawImage(reduced, left, top, right - left, bottom - top);
+        } else {
+          context.imageSmoothingEnabled = false;
+          context.drawImage(lines, 0, i, columns, end - i, left, top, right - left, bottom - top);
+        }
       }
       i = end;
     }
@@ -191,7 +219,10 @@ function scaleOf(field, from, to, isLog, theme) {
   }
   // energy is not negative but for a loaded chain's, which counts from rest
   const hasSign = field !== "energy" || from < -1e-3 * to;
-  return colourScale({ from: hasSign ? from : 0, to, log }, hasSign ? theme.shade : (shade) => theme.part(Math.abs(shade)));
+  return colourScale(
+    { from: hasSign ? from : 0, to, log },
+    hasSign ? theme.shade : (shade) => theme.part(Math.abs(shade)),
+  );
 }
 
 /**
@@ -203,7 +234,7 @@ export function drawPicture(surface, box, rows, view, theme) {
   pictures.set(rows, picture);
   const scale = picture.paint(rows, view, theme);
   picture.put(rows, view, box, surface.ratio);
-  surface.image(picture.placed, box.x, box.y, box.width, box.height, false);
+  surface.image(picture.placed, box.x, box.y, box.width, box.height, true);
   return scale;
 }
 
@@ -231,7 +262,10 @@ export function drawMap(surface, box, rows, view, theme) {
   frame(surface, plot, theme);
   const dt = view.dt_s;
   const [from, to] = view.steps;
-  const time = dt === undefined ? { from, to, name: "step", whole: true } : { from: from * dt, to: to * dt, name: "time", unit: "s", prefixed: true };
+  const time =
+    dt === undefined
+      ? { from, to, name: "step", whole: true }
+      : { from: from * dt, to: to * dt, name: "time", unit: "s", prefixed: true };
   leftAxis(surface, plot, time, theme, { isDown: true });
   bottomAxis(surface, box, plot, placesOf(view), theme);
   drawChosen(surface, scales, view, theme);
@@ -289,18 +323,35 @@ function drawTrack(surface, { plot, x, y }, view, track, name, theme) {
     for (let part = 0; part < PARTS; part += 1) {
       const right = points[i] + (part / PARTS) * (points[i + 2] - points[i]);
       const down = points[i + 1] + (part / PARTS) * (points[i + 3] - points[i + 1]);
-      if (right > plot.x + 10 && right < plot.x + plot.width - 10 && down > plot.y + 9 && down < plot.y + plot.height - 9) {
+      if (
+        right > plot.x + 10 &&
+        right < plot.x + plot.width - 10 &&
+        down > plot.y + 9 &&
+        down < plot.y + plot.height - 9
+      ) {
         seen.push([right, down]);
       }
     }
   }
   if (seen.length > 0) {
     const [right, down] = seen[Math.floor(0.75 * (seen.length - 1))];
-    surface.text(right, down, name, { size: TICK_PX, align: "center", colour: theme.foreground, bold: true, halo: theme.background });
+    surface.text(right, down, name, {
+      size: TICK_PX,
+      align: "center",
+      colour: theme.foreground,
+      bold: true,
+      halo: theme.background,
+    });
   }
 }
 
-/** Numbers of chosen beads, and the cursor's arrow, outside of the plot. @param {Surface} surface @param {Scales} scales @param {View} view @param {Theme} theme */
+/**
+ * Numbers of chosen beads, and the cursor's arrow, outside of the plot.
+ * @param {Surface} surface
+ * @param {Scales} scales
+ * @param {View} view
+ * @param {Theme} theme
+ */
 function drawChosen(surface, { plot, x, y }, view, theme) {
   for (const bead of view.chosen ?? []) {
     const at = x(placeOfBead(bead, view));
@@ -340,10 +391,14 @@ function decades(scale, apart) {
   for (let power = last; power >= first; power -= 1) {
     all.push([10 ** power, power], [-(10 ** power), power]);
   }
-  const fits = all.filter(([value]) => value >= scale.from && value <= scale.to && Math.abs(scale.place(value) - zero) >= apart);
+  const fits = all.filter(
+    ([value]) => value >= scale.from && value <= scale.to && Math.abs(scale.place(value) - zero) >= apart,
+  );
   const powers = [...new Set(fits.map(([, power]) => power))];
   const isApart = (/** @type {number} */ stride) => {
-    const places = powers.filter((_, i) => i % stride === 0).map((power) => scale.place((scale.to >= -scale.from ? 1 : -1) * 10 ** power));
+    const places = powers
+      .filter((_, i) => i % stride === 0)
+      .map((power) => scale.place((scale.to >= -scale.from ? 1 : -1) * 10 ** power));
     return places.every((place, i) => i === 0 || Math.abs(place - places[i - 1]) >= apart);
   };
   let stride = 1;
@@ -351,9 +406,8 @@ function decades(scale, apart) {
     stride += 1;
   }
   const isPlain = powers.every((power) => power >= -3 && power < 5);
-  const label = (/** @type {number} */ value, /** @type {number} */ power) => (
-    isPlain ? signed(value, Math.max(0, -power)) : powerLabel(power, value < 0)
-  );
+  const label = (/** @type {number} */ value, /** @type {number} */ power) =>
+    isPlain ? signed(value, Math.max(0, -power)) : powerLabel(power, value < 0);
   const chosen = fits.filter(([, power]) => powers.indexOf(power) % stride === 0);
   return [...chosen.map(([value, power]) => ({ value, label: label(value, power) })), { value: 0, label: "0" }];
 }
@@ -374,26 +428,56 @@ function drawBar(surface, box, plot, isNarrow, scale, field, theme) {
     const colour = css(scale.at((i + 0.5) / cells));
     // each reaches under the next one, so that no seam is seen
     if (isNarrow) {
-      surface.rect(bar.x + (i * bar.width) / cells, bar.y, ((i + 1 < cells ? 2 : 1) * bar.width) / cells, bar.height, colour);
+      surface.rect(
+        bar.x + (i * bar.width) / cells,
+        bar.y,
+        ((i + 1 < cells ? 2 : 1) * bar.width) / cells,
+        bar.height,
+        colour,
+      );
     } else {
       const top = bar.y + (1 - (i + 1) / cells) * bar.height;
-      surface.rect(bar.x, i + 1 < cells ? top - bar.height / cells : top, bar.width, ((i + 1 < cells ? 2 : 1) * bar.height) / cells, colour);
+      surface.rect(
+        bar.x,
+        i + 1 < cells ? top - bar.height / cells : top,
+        bar.width,
+        ((i + 1 < cells ? 2 : 1) * bar.height) / cells,
+        colour,
+      );
     }
   }
   frame(surface, bar, theme);
   const least = isNarrow ? 44 : 20;
   const isLog = scale.linear > 0;
-  const plain = ticks({ from: scale.from, to: scale.to, name, unit }, Math.max(2, Math.floor(length / (isNarrow ? 60 : 50))));
-  const marks = isLog ? decades(scale, least / length) : plain.values.map((value, i) => ({ value, label: plain.labels[i] }));
+  const plain = ticks(
+    { from: scale.from, to: scale.to, name, unit },
+    Math.max(2, Math.floor(length / (isNarrow ? 60 : 50))),
+  );
+  const marks = isLog
+    ? decades(scale, least / length)
+    : plain.values.map((value, i) => ({ value, label: plain.labels[i] }));
   for (const { value, label } of marks) {
     const place = scale.place(value);
     if (isNarrow) {
       const x = bar.x + place * bar.width;
-      surface.lines([x, bar.y + bar.height, x, bar.y + bar.height + 4], { colour: theme.foreground, width: 1, crisp: true });
-      surface.text(x, bar.y + bar.height + 6, label, { size: TICK_PX, align: "center", baseline: "top", colour: theme.foreground });
+      surface.lines([x, bar.y + bar.height, x, bar.y + bar.height + 4], {
+        colour: theme.foreground,
+        width: 1,
+        crisp: true,
+      });
+      surface.text(x, bar.y + bar.height + 6, label, {
+        size: TICK_PX,
+        align: "center",
+        baseline: "top",
+        colour: theme.foreground,
+      });
     } else {
       const y = bar.y + (1 - place) * bar.height;
-      surface.lines([bar.x + bar.width, y, bar.x + bar.width + 4, y], { colour: theme.foreground, width: 1, crisp: true });
+      surface.lines([bar.x + bar.width, y, bar.x + bar.width + 4, y], {
+        colour: theme.foreground,
+        width: 1,
+        crisp: true,
+      });
       surface.text(bar.x + bar.width + 7, y, label, { size: TICK_PX, colour: theme.foreground });
     }
   }
@@ -402,6 +486,11 @@ function drawBar(surface, box, plot, isNarrow, scale, field, theme) {
     surface.text(bar.x + bar.width + 12, bar.y + bar.height / 2, label, { size: TICK_PX, colour: theme.foreground });
   } else {
     const x = box.x + box.width - 0.7 * LABEL_PX - 2;
-    surface.text(x, bar.y + bar.height / 2, label, { size: LABEL_PX, align: "center", colour: theme.foreground, turned: true });
+    surface.text(x, bar.y + bar.height / 2, label, {
+      size: LABEL_PX,
+      align: "center",
+      colour: theme.foreground,
+      turned: true,
+    });
   }
 }

@@ -50,36 +50,52 @@ function valuesOf(state, field, [from, to], fields) {
 }
 
 /**
- * The range of a curve: all of it, but for a few beads that have flown off, if without them the rest is seen far better.
- * @param {Float64Array[]} curves @param {boolean} mayCut
+ * The range of a curve: all of it, but for beads that have flown off, if without them the rest is seen better.
+ * @param {Float64Array[]} curves @param {Field} field
  */
-function rangeOf(curves, mayCut) {
-  const all = Float64Array.from(curves.flatMap((values) => Array.from(values))).filter(Number.isFinite).sort();
-  if (all.length === 0) {
+function rangeOf(curves, field) {
+  const within = (/** @type {number} */ least, /** @type {number} */ most) => {
+    let [low, high, beyond, farthest] = [Infinity, -Infinity, 0, 0];
+    for (const values of curves) {
+      for (const value of values) {
+        if (value >= least && value <= most) {
+          low = value < low ? value : low;
+          high = value > high ? value : high;
+        } else {
+          beyond += 1;
+          farthest = Math.abs(value) > Math.abs(farthest) ? value : farthest;
+        }
+      }
+    }
+    return { low, high, beyond, farthest };
+  };
+  const all = within(-Number.MAX_VALUE, Number.MAX_VALUE);
+  let shown = all;
+  if (field === "overlap" && all.high > 0) {
+    // a gap may be as wide as it likes: overlaps are to be seen beside it
+    shown = within(-3 * all.high, all.high);
+  } else if (field === "displacement") {
+    const some = curves.map((values) => values.filter((_, i) => i % Math.ceil(values.length / 2000) === 0));
+    const sorted = Float64Array.from(some.flatMap((values) => [...values])).sort();
+    const few = Math.floor(0.02 * sorted.length);
+    const [inner, outer] = [sorted[few], sorted[sorted.length - 1 - few]];
+    // beads at either end belong to what is seen as long as they are near
+    const near = 0.5 * (outer - inner);
+    if (near > 0 && all.high - all.low > 10 * near) {
+      shown = within(inner - near, outer + near);
+    }
+  }
+  if (!(shown.high >= shown.low)) {
     return { from: 0, to: 1, beyond: 0, farthest: 0 };
   }
-  const few = Math.floor(0.02 * all.length);
-  let [low, high] = [all[0], all[all.length - 1]];
-  let [inner, outer] = [all[few], all[all.length - 1 - few]];
-  // beads at either end belong to what is seen as long as they are near
-  const near = 0.5 * (outer - inner);
-  for (let i = few; i >= 0 && all[i] >= inner - near; i -= 1) {
-    inner = all[i];
-  }
-  for (let i = all.length - 1 - few; i < all.length && all[i] <= outer + near; i += 1) {
-    outer = all[i];
-  }
-  const isCut = mayCut && few > 0 && outer > inner && high - low > 5 * (outer - inner);
-  const beyond = isCut ? all.filter((value) => value < inner || value > outer) : all.subarray(0, 0);
-  const farthest = beyond.reduce((far, value) => (Math.abs(value) > Math.abs(far) ? value : far), 0);
-  [low, high] = isCut ? [inner, outer] : [low, high];
-  const spare = 0.06 * (high - low) || Math.abs(high) || 1;
-  return { from: low - spare, to: high + spare, beyond: beyond.length, farthest };
+  const spare = 0.06 * (shown.high - shown.low) || Math.abs(shown.high) || 1;
+  return { ...shown, from: shown.low - spare, to: shown.high + spare };
 }
 
 /**
  * A curve through values; where they are denser than pixels, from the least to the largest in each.
- * @param {Float64Array} values @param {(i: number) => number} x @param {(value: number) => number} y @param {number} ratio
+ * @param {Float64Array} values @param {(i: number) => number} x @param {(value: number) => number} y
+ * @param {number} ratio
  */
 function curveOf(values, x, y, ratio) {
   const pitch = (x(1) - x(0)) * ratio;
@@ -119,7 +135,8 @@ export function drawProfile(surface, box, data, view, theme) {
   const field = view.field === "contacts" ? "overlap" : view.field;
   const { x } = mapScales(box, view);
   const inView = view.places[1] - view.places[0];
-  const strip = state !== undefined && inView <= MOST_BEADS + 1 && inside.height >= 90 ? Math.round(0.42 * inside.height) : 0;
+  const strip =
+    state !== undefined && inView <= MOST_BEADS + 1 && inside.height >= 90 ? Math.round(0.42 * inside.height) : 0;
   const plot = { ...inside, height: inside.height - (strip > 0 ? strip + 6 : 0) };
   /** @type {{ first: number, values: Float64Array, colour: string, dash: number[] }[]} */
   const curves = [];
@@ -129,7 +146,10 @@ export function drawProfile(surface, box, data, view, theme) {
   if (second !== undefined) {
     curves.push({ ...valuesOf(second, field, view.places, data.secondFields), colour: theme.curves[1], dash: [6, 3] });
   }
-  const { from, to, beyond, farthest } = rangeOf(curves.map(({ values }) => values), field === "displacement");
+  const { from, to, beyond, farthest } = rangeOf(
+    curves.map(({ values }) => values),
+    field,
+  );
   const [name, unit] = FIELD_LABELS[field];
   leftAxis(surface, plot, { from, to, name, unit }, theme, { hasGrid: true });
   const y = linear(from, to, plot.y + plot.height, -plot.height);
@@ -188,22 +208,25 @@ function arranged({ u }, { chain }, view) {
   radii.forEach((radius, i) => {
     radii[i] = (0.5 * radius * count) / sum; // so that they fill the places that they have
   });
-  const overlaps = Float64Array.from({ length: Math.max(0, count - 1) }, (_, i) => (
-    u[first + i] - u[first + i + 1] + (chain.restOverlap[first + i] ?? 0)
-  ));
-  const most = overlaps.reduce((most, overlap) => Math.max(most, overlap), 0);
-  const widest = overlaps.reduce((widest, overlap) => Math.max(widest, -overlap), 0);
+  const overlaps = Float64Array.from(
+    { length: Math.max(0, count - 1) },
+    (_, i) => u[first + i] - u[first + i + 1] + (chain.restOverlap[first + i] ?? 0),
+  );
+  const isSeen = (/** @type {number} */ bead) => bead >= from - 0.5 && bead <= to + 0.5;
+  const seen = overlaps.filter((_, i) => isSeen(first + i) && isSeen(first + i + 1));
+  const most = seen.reduce((most, overlap) => Math.max(most, overlap), 0);
+  const widest = seen.reduce((widest, overlap) => Math.max(widest, -overlap), 0);
   // metres that are drawn as one place; a gap is drawn up to half a place
   const metres = Math.max(most, Math.min(widest, most > 1e-3 * widest ? 2 * most : widest)) / 0.4;
   const places = new Float64Array(Math.max(0, count));
   for (let i = 1; i < count; i += 1) {
     const drawn = metres > 0 ? Math.max(-0.5, overlaps[i - 1] / metres) : 0;
-    places[i] = places[i - 1] + radii[i - 1] + radii[i] - drawn;
+    places[i] = places[i - 1] + radii[i - 1] + radii[i] - Math.min(drawn, 0.5);
   }
   const isCut = metres > 0 && widest / metres > 0.5;
   // the middle of what is in view stays where it is
   const shift = places.reduce((total, place, i) => total + first + i - place, 0) / Math.max(1, count);
-  return { first, last, radii, overlaps, metres, isCut, places: places.map((place) => place + shift) };
+  return { first, isSeen, radii, overlaps, metres, isCut, places: places.map((place) => place + shift) };
 }
 
 /**
@@ -211,14 +234,22 @@ function arranged({ u }, { chain }, view) {
  * @param {(place: number) => number} x @param {Theme} theme
  */
 function drawBeads(surface, band, state, data, view, x, theme) {
-  const { first, radii, overlaps, metres, isCut, places } = arranged(state, data, view);
+  const { first, isSeen, radii, overlaps, metres, isCut, places } = arranged(state, data, view);
   const pitch = x(1) - x(0);
   const at = (/** @type {number} */ i) => x(placeOfBead(places[i], view));
   const LINE = 16; // of text below
   const middle = band.y + (band.height - LINE) / 2;
-  const forces = overlaps.map((overlap, i) => (overlap > 0 ? data.chain.stiffness[first + i] * overlap ** (data.alpha ?? 1.5) : 0));
-  const strongest = forces.reduce((most, force) => Math.max(most, force), 0);
-  const fastest = state.v.subarray(first, first + places.length).reduce((most, speed) => Math.max(most, Math.abs(speed)), 0);
+  const forces = overlaps.map((overlap, i) =>
+    overlap > 0 ? data.chain.stiffness[first + i] * overlap ** (data.alpha ?? 1.5) : 0,
+  );
+  const strongest = forces.reduce(
+    (most, force, i) => (isSeen(first + i) && isSeen(first + i + 1) ? Math.max(most, force) : most),
+    0,
+  );
+  const fastest = places.reduce(
+    (most, _, i) => (isSeen(first + i) ? Math.max(most, Math.abs(state.v[first + i])) : most),
+    0,
+  );
   const impurities = new Set(view.impurities);
   const chosen = new Set(view.chosen);
   const tall = (band.height - LINE) / 2 - 2;
@@ -233,20 +264,26 @@ function drawBeads(surface, band, state, data, view, x, theme) {
       }
     });
     forces.forEach((force, i) => {
-      const high = (force / strongest) * tall;
+      const high = strongest > 0 ? Math.min(1, force / strongest) * tall : 0;
       if (high > 0.5) {
         const between = 0.5 * (at(i) + radii[i] * pitch + at(i + 1) - radii[i + 1] * pitch);
-        surface.lines([between, middle - high, between, middle + high], { colour: theme.force, width: Math.min(4, 0.25 * pitch) });
+        surface.lines([between, middle - high, between, middle + high], {
+          colour: theme.force,
+          width: Math.min(4, 0.25 * pitch),
+        });
       }
     });
     places.forEach((_, i) => {
-      const long = (state.v[first + i] / fastest) * Math.max(1.2 * pitch, 16);
+      const long = (state.v[first + i] / (fastest || Infinity)) * Math.max(1.2 * pitch, 16);
       if (Math.abs(long) > 4) {
         drawArrow(surface, at(i), middle, long, theme.foreground);
       }
     });
   });
-  const notes = metres > 0 ? [`a bead's width = ${amount(metres, "m", 2)} of overlap or gap${isCut ? ", longer gaps cut" : ""}`] : [];
+  const notes =
+    metres > 0
+      ? [`a bead's width = ${amount(metres, "m", 2)} of overlap or gap${isCut ? ", longer gaps cut" : ""}`]
+      : [];
   if (strongest > 0) {
     notes.push(`bar: force, up to ${amount(strongest, "N", 3)}`);
   }

@@ -19,7 +19,8 @@
 
 export const FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Liberation Sans", Arial, sans-serif';
 
-const fontOf = (/** @type {number} */ size, /** @type {boolean | undefined} */ bold) => `${bold ? "600 " : ""}${size}px ${FONT}`;
+const fontOf = (/** @type {number} */ size, /** @type {boolean | undefined} */ bold) =>
+  `${bold ? "600 " : ""}${size}px ${FONT}`;
 
 /** The middle of the device pixels that are nearest to a line of this width. */
 function snapped(/** @type {number} */ x, /** @type {number} */ width, /** @type {number} */ ratio) {
@@ -97,6 +98,9 @@ export class CanvasSurface {
   /** @param {number} x @param {number} y @param {number} radius @param {Disc} disc */
   circle(x, y, radius, { fill, colour, width = 1 }) {
     const { context } = this;
+    if (!Number.isFinite(x + y + radius)) {
+      return;
+    }
     context.beginPath();
     context.arc(x, y, radius, 0, 2 * Math.PI);
     if (fill !== undefined) {
@@ -168,7 +172,13 @@ function risen(/** @type {"top" | "middle" | "bottom"} */ baseline) {
 /** A number as short as a picture needs it. */
 const short = (/** @type {number} */ x) => String(Math.round(x * 100) / 100);
 
-const ESCAPES = new Map([["&", "&amp;"], ["<", "&lt;"], [">", "&gt;"], ['"', "&quot;"], ["'", "&#39;"]]);
+const ESCAPES = new Map([
+  ["&", "&amp;"],
+  ["<", "&lt;"],
+  [">", "&gt;"],
+  ['"', "&quot;"],
+  ["'", "&#39;"],
+]);
 
 /** Text as it may stand in SVG. */
 export function escaped(/** @type {string} */ string) {
@@ -196,10 +206,16 @@ export class SvgSurface {
     return `${root}\n${this.parts.join("\n")}\n</svg>\n`;
   }
 
-  /** @param {string} name @param {Record<string, string | number | undefined>} attributes @param {string} [content] */
+  /**
+   * @param {string} name
+   * @param {Record<string, string | number | undefined>} attributes
+   * @param {string} [content]
+   */
   add(name, attributes, content) {
     const given = Object.entries(attributes).filter(([, value]) => value !== undefined);
-    const written = given.map(([key, value]) => ` ${key}="${typeof value === "number" ? short(value) : escaped(String(value))}"`);
+    const written = given.map(
+      ([key, value]) => ` ${key}="${typeof value === "number" ? short(value) : escaped(String(value))}"`,
+    );
     this.parts.push(`<${name}${written.join("")}${content === undefined ? "/>" : `>${escaped(content)}</${name}>`}`);
   }
 
@@ -216,7 +232,12 @@ export class SvgSurface {
     const dashes = dash.length > 0 ? dash.join(" ") : undefined;
     const join = "round";
     this.add("path", {
-      d: path, fill: "none", stroke: colour, "stroke-width": width, "stroke-dasharray": dashes, "stroke-linejoin": join,
+      d: path,
+      fill: "none",
+      stroke: colour,
+      "stroke-width": width,
+      "stroke-dasharray": dashes,
+      "stroke-linejoin": join,
     });
   }
 
@@ -232,6 +253,9 @@ export class SvgSurface {
 
   /** @param {number} x @param {number} y @param {number} radius @param {Disc} disc */
   circle(x, y, radius, { fill = "none", colour, width = 1 }) {
+    if (!Number.isFinite(x + y + radius)) {
+      return;
+    }
     this.add("circle", { cx: x, cy: y, r: radius, fill, stroke: colour, "stroke-width": colour && width });
   }
 
@@ -239,19 +263,23 @@ export class SvgSurface {
   text(x, y, string, { size = 12, align = "left", baseline = "middle", colour, turned = false, bold, halo }) {
     const down = risen(baseline) * size;
     const [left, top] = turned ? [x + down, y] : [x, y + down];
-    this.add("text", {
-      x: left,
-      y: top,
-      fill: colour,
-      "font-size": size,
-      "font-weight": bold ? 600 : undefined,
-      "text-anchor": { left: "start", center: "middle", right: "end" }[align],
-      transform: turned ? `rotate(-90 ${short(left)} ${short(top)})` : undefined,
-      stroke: halo,
-      "stroke-width": halo && 3,
-      "stroke-linejoin": halo && "round",
-      "paint-order": halo && "stroke",
-    }, string);
+    this.add(
+      "text",
+      {
+        x: left,
+        y: top,
+        fill: colour,
+        "font-size": size,
+        "font-weight": bold ? 600 : undefined,
+        "text-anchor": { left: "start", center: "middle", right: "end" }[align],
+        transform: turned ? `rotate(-90 ${short(left)} ${short(top)})` : undefined,
+        stroke: halo,
+        "stroke-width": halo && 3,
+        "stroke-linejoin": halo && "round",
+        "paint-order": halo && "stroke",
+      },
+      string,
+    );
   }
 
   /** Width of a text. @param {string} string @param {number} [size] @param {boolean} [bold] */
