@@ -121,7 +121,7 @@ export class Page {
     const table = folderTable(
       this.entries,
       (entry) => {
-        this.view = { ...freshView(), theme: this.view.theme, run: entry.id };
+        this.look({ ...freshView(), theme: this.view.theme, run: entry.id });
         this.openEntry(entry).catch((error) => this.fail(error));
       },
       (entry, canvas) => thumbnail(this, entry, canvas),
