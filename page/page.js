@@ -106,8 +106,6 @@ export class Page {
     const entry = entries.find(({ id }) => id === this.view.run) ?? (kind === "one" ? entries[0] : undefined);
     if (entry) {
       await this.openEntry(entry);
-    } else if (kind === "one") {
-      throw new Error("The server has nothing to show.");
     } else {
       this.list(title);
     }
@@ -126,7 +124,8 @@ export class Page {
       },
       (entry, canvas) => thumbnail(this, entry, canvas),
     );
-    byId("list").replaceChildren(table);
+    const nothing = make("p", { class: "words" }, "Nothing is here yet. Load the page again when there is.");
+    byId("list").replaceChildren(this.entries.length > 0 ? table : nothing);
     this.section("list");
   }
 
