@@ -127,7 +127,8 @@ export function eventTable(run, bead, onstep) {
   const known = run.events.get(bead);
   const title = heading(`Bead ${bead}`);
   if (!known) {
-    return [title];
+    const isGrowing = run.info.kind === "live" && run.ended === "";
+    return [title, words(isGrowing ? "Events are looked for when the run has ended." : "The map comes first …")];
   }
   const { events, isDone } = known;
   const state = isDone ? `${events.length} events, every step looked at.` : `Looking … ${events.length} events so far.`;
