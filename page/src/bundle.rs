@@ -57,7 +57,8 @@ struct Module<'a> {
 
 impl<'a> Module<'a> {
     fn read(name: &'a str, text: &'a str) -> Result<Self, String> {
-        if let Some(word) = REFUSED.into_iter().find(|word| text.contains(word)) {
+        let lower = text.to_ascii_lowercase();
+        if let Some(word) = REFUSED.into_iter().find(|word| lower.contains(word)) {
             return Err(format!("{name}.js: `{word}` cannot stand in a module"));
         }
         let mut module = Self { name, imports: Vec::new(), exports: Vec::new(), body: String::new() };
@@ -163,7 +164,7 @@ mod tests {
             "export * from \"./a.js\";",
             "export const { a } = b;",
             "export let a = 1;",
-            "const a = \"</script>\";",
+            "const a = \"</Script>\";",
             "// <!--",
             "import.meta.url;",
             "const a = `",
