@@ -6,6 +6,7 @@ mod contents;
 mod export;
 mod figures;
 mod recordings;
+mod top;
 mod values;
 
 pub(crate) use analyses::{
@@ -16,6 +17,7 @@ pub(crate) use contents::command;
 pub(crate) use export::ExportArgs;
 pub(crate) use figures::{ColoursArg, LookArgs, PlotArgs, What};
 pub(crate) use recordings::{ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, ThinArgs, VerifyArgs};
+pub(crate) use top::TopArgs;
 pub(crate) use values::{BeadRange, Pace, Shard};
 
 use crate::time_step::TimeStep;
@@ -109,6 +111,8 @@ pub(crate) enum Command {
         #[arg(long, conflicts_with = "json")]
         names: bool,
     },
+    /// Watch live runs in this terminal: rates, consumers, energies, profile, map
+    Top(TopArgs),
     /// Keep every K-th state of a recording; the others can be recomputed bit for bit
     Thin(ThinArgs),
     /// Recompute the states between those of a sparse recording

@@ -21,4 +21,5 @@ pub(crate) mod reproduce;
 pub(crate) mod run;
 pub(crate) mod sweep;
 pub(crate) mod thin;
+pub(crate) mod top;
 pub(crate) mod verify;

@@ -4,16 +4,17 @@ use super::Cli;
 use clap::{Command, CommandFactory};
 use std::fmt::Write;
 
-const CONTENTS: [(&str, &[&str]); 6] = [
+const CONTENTS: [(&str, &[&str]); 7] = [
     ("Begin", &["demo"]),
     ("Simulate", &["run", "check", "presets", "preset", "sweep"]),
     (
         "Analyse, while a run goes or from its recording",
         &["energies", "impurity", "contacts", "pulses", "deformation", "plot"],
     ),
+    ("Watch", &["top", "ls"]),
     ("Record, prove, share", &["record", "replay", "info", "verify", "recover", "thin", "expand", "export"]),
     ("The paper", &["reproduce"]),
-    ("This machine", &["ls", "bench", "completions", "man"]),
+    ("This machine", &["bench", "completions", "man"]),
 ];
 
 /// The whole command line, with its table of contents.

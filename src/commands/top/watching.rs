@@ -1,0 +1,180 @@
+//! What is read from the bus, in threads of their own, so that keys are obeyed at once.
+
+use crate::display;
+use crate::failure::Failure;
+use bus::{AttachError, AttachOptions, Bus, BusError, Delivery, LiveError, LiveSource, RunInfo, list_runs};
+use schemas::frame::{EndReason, FrameSource as _, HeldFrame, Received};
+use schemas::manifest::RunManifest;
+use schemas::run_name::RunName;
+use screen::Watched;
+use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+/// How often the runs are listed.
+const LIST_PERIOD: Duration = Duration::from_millis(500);
+
+/// Between two states that are taken from a run, at most: what is shown is not older than this.
+const LONGEST_PAUSE: Duration = Duration::from_millis(50);
+
+/// The runs on the bus, again and again.
+pub(super) struct List {
+    found: Receiver<Result<Vec<RunInfo>, BusError>>,
+    _task: Task,
+}
+
+impl List {
+    pub(super) fn start(bus: &Bus) -> io::Result<Self> {
+        let bus = bus.clone();
+        let (sender, found) = sync_channel(1);
+        let list = move |end: &Receiver<()>| {
+            while sender.send(list_runs(&bus)).is_ok() && !has_ended(end, LIST_PERIOD) {}
+        };
+        Ok(Self { found, _task: Task::start("runs", Arc::default(), list)? })
+    }
+
+    /// The newest list, if there is one since the last call.
+    pub(super) fn take(&self) -> Option<Result<Vec<RunInfo>, BusError>> {
+        self.found.try_iter().last()
+    }
+}
+
+/// The newest state of one run.
+pub(super) struct Watch {
+    name: RunName,
+    news: Arc<Mutex<News>>,
+    _task: Task,
+    is_over: bool,
+}
+
+/// What has come since the last look.
+#[derive(Default)]
+struct News {
+    manifest: Option<Box<RunManifest>>,
+    state: HeldFrame,
+    has_state: bool,
+    end: Option<Result<EndReason, WatchError>>,
+}
+
+/// Why a run can no longer be watched.
+#[derive(Debug, thiserror::Error)]
+enum WatchError {
+    #[error(transparent)]
+    Attach(#[from] AttachError),
+    #[error(transparent)]
+    Live(#[from] LiveError),
+}
+
+impl Watch {
+    /// Attaches to a run as soon as it is there, and takes a state each `period` or more often.
+    pub(super) fn start(bus: &Bus, name: &RunName, period: Duration) -> io::Result<Self> {
+        let news = Arc::new(Mutex::new(News::default()));
+        let (its_news, its_name, bus) = (Arc::clone(&news), name.clone(), bus.clone());
+        let stop = Arc::new(AtomicBool::new(false));
+        let options =
+            AttachOptions { label: "top".into(), stop: Arc::clone(&stop), ..AttachOptions::default() };
+        let watch = move |end: &Receiver<()>| {
+            let ended =
+                follow(&bus, &its_name, &options, &its_news, || has_ended(end, period.min(LONGEST_PAUSE)));
+            lock(&its_news).end = Some(ended);
+        };
+        Ok(Self { name: name.clone(), news, _task: Task::start("states", stop, watch)?, is_over: false })
+    }
+
+    /// Whether no more states come.
+    pub(super) fn is_over(&self) -> bool {
+        self.is_over
+    }
+
+    /// Shows what has come; what cannot be attached to is said.
+    pub(super) fn take(&mut self, watched: &mut Option<Watched>) -> Result<Option<String>, Failure> {
+        let mut news = lock(&self.news);
+        if let Some(manifest) = news.manifest.take() {
+            *watched = Some(Watched::new(&manifest));
+        }
+        if let Some(watched) = watched.as_mut().filter(|_| news.has_state) {
+            watched.observe(&news.state.frame());
+        }
+        news.has_state = false;
+        let ended = news.end.take();
+        self.is_over |= ended.is_some();
+        match ended {
+            Some(Ok(reason)) => watched.iter_mut().for_each(|watched| watched.end(reason)),
+            Some(Err(WatchError::Attach(error))) => return Ok(Some(display::printable(&error.to_string()))),
+            Some(Err(error)) => return Err(error.into()),
+            None if watched.is_none() && !self.is_over => {
+                return Ok(Some(format!("joining run {} …", self.name)));
+            }
+            None => {}
+        }
+        Ok(None)
+    }
+}
+
+/// Holds the newest state of the run until it ends, or `pause` says that nobody looks any more.
+fn follow(
+    bus: &Bus,
+    name: &RunName,
+    options: &AttachOptions,
+    news: &Mutex<News>,
+    pause: impl Fn() -> bool,
+) -> Result<EndReason, WatchError> {
+    let mut live = LiveSource::attach(bus, Some(name), Delivery::Latest, options)?;
+    lock(news).manifest = Some(Box::new(live.manifest().clone()));
+    loop {
+        match live.receive()? {
+            Received::Frame(frame) => {
+                let mut news = lock(news);
+                news.state.hold(&frame);
+                news.has_state = true;
+            }
+            Received::Missed { .. } => continue,
+            Received::End(reason) => return Ok(reason),
+        }
+        if pause() {
+            return Ok(EndReason::Stopped);
+        }
+    }
+}
+
+fn lock(news: &Mutex<News>) -> std::sync::MutexGuard<'_, News> {
+    news.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A thread that ends when this is dropped.
+struct Task {
+    stop: Arc<AtomicBool>,
+    end: Option<Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Task {
+    fn start(
+        name: &str,
+        stop: Arc<AtomicBool>,
+        work: impl FnOnce(&Receiver<()>) + Send + 'static,
+    ) -> io::Result<Self> {
+        let (end, ended) = channel();
+        let thread = thread::Builder::new().name(name.into()).spawn(move || work(&ended))?;
+        Ok(Self { stop, end: Some(end), thread: Some(thread) })
+    }
+}
+
+impl Drop for Task {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        self.end = None;
+        if let Some(thread) = self.thread.take() {
+            // a panic was told when it came
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Waits, and says whether the task is to end.
+fn has_ended(end: &Receiver<()>, wait: Duration) -> bool {
+    end.recv_timeout(wait) != Err(RecvTimeoutError::Timeout)
+}
