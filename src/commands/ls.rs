@@ -79,13 +79,6 @@ pub(super) fn cells(run: &RunInfo) -> [String; COLUMNS.len()] {
 /// `lossless  energies  5 frames behind  (process 4711)`
 fn consumer_line(consumer: &ConsumerInfo, all: &[ConsumerInfo]) -> String {
     let width = all.iter().map(|other| other.label.chars().count()).max().unwrap_or(0);
-    let process = consumer.pid.map_or_else(String::new, |pid| format!("  (process {pid})"));
-    let (delivery, label) = (consumer.delivery.as_str(), display::printable(&consumer.label));
-    format!("  {delivery:8}  {label:width$}  {}{process}\n", lag(consumer))
-}
-
-/// `5 frames behind, 3 missed`
-pub(super) fn lag(consumer: &ConsumerInfo) -> String {
     let lag = match consumer.lag_frames {
         Some(lag) => format!("{} behind", display::counted(lag, "frame")),
         None => "lag not told".to_owned(),
@@ -94,7 +87,9 @@ pub(super) fn lag(consumer: &ConsumerInfo) -> String {
         None | Some(0) => String::new(),
         Some(missed) => format!(", {} missed", display::count(missed)),
     };
-    format!("{lag}{missed}")
+    let process = consumer.pid.map_or_else(String::new, |pid| format!("  (process {pid})"));
+    let (delivery, label) = (consumer.delivery.as_str(), display::printable(&consumer.label));
+    format!("  {delivery:8}  {label:width$}  {lag}{missed}{process}\n")
 }
 
 fn to_json(run: &RunInfo) -> serde_json::Value {

@@ -5,11 +5,11 @@ mod watching;
 
 use crate::args::TopArgs;
 use crate::commands::ls;
-use crate::display;
+use crate::display::{self, count};
 use crate::failure::{Done, Failure};
 use crate::keyboard::{Keyboard, Terminal};
 use anyhow::anyhow;
-use bus::{Bus, RunInfo, RunState};
+use bus::{Bus, ConsumerInfo, RunInfo, RunState};
 use keys::Key;
 use ratatui::backend::TermionBackend;
 use schemas::run_name::RunName;
@@ -299,8 +299,14 @@ fn line(run: &RunInfo, speed: Option<&Speed>) -> RunLine {
 }
 
 fn consumers(run: &RunInfo) -> Vec<String> {
-    let label = |consumer: &bus::ConsumerInfo| display::printable(&consumer.label);
+    let label = |consumer: &ConsumerInfo| display::printable(&consumer.label);
     let width = run.consumers.iter().map(|consumer| label(consumer).chars().count()).max().unwrap_or(0);
-    let line = |consumer| format!("{:width$}  {}", label(consumer), ls::lag(consumer));
+    let line = |consumer: &ConsumerInfo| {
+        let lag =
+            consumer.lag_frames.map_or("lag not told".to_owned(), |lag| format!("{} behind", count(lag)));
+        let missed = consumer.missed.filter(|missed| *missed > 0);
+        let missed = missed.map_or_else(String::new, |missed| format!(", {} missed", count(missed)));
+        format!("{:width$}  {lag}{missed}", label(consumer))
+    };
     run.consumers.iter().map(line).collect()
 }

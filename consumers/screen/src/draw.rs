@@ -6,9 +6,9 @@ use crate::strip::Strip;
 use crate::{Palette, RunLine, Screen, Watched};
 use consumers::uncertain::Uncertain;
 use figure::ColourScale;
-use ratatui::buffer::Buffer;
+use ratatui::buffer::{Buffer, Cell};
 use ratatui::layout::{Constraint, Layout, Rect};
-use ratatui::style::{Modifier, Style};
+use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::Line;
 use ratatui::widgets::{Block, Borders, Clear, Paragraph, Widget as _};
 use schemas::amounts::{count, seconds, unit};
@@ -85,7 +85,8 @@ fn titled(buffer: &mut Buffer, area: Rect, title: &str) -> Rect {
 /// The same with something at its right end, if there is room for it.
 fn titled_twice(buffer: &mut Buffer, area: Rect, title: &str, right: &str) -> Rect {
     let room = usize::from(area.width).saturating_sub(title.chars().count() + 5);
-    let right = if right.is_empty() || right.chars().count() > room { String::new() } else { format!(" {right} ") };
+    let right =
+        if right.is_empty() || right.chars().count() > room { String::new() } else { format!(" {right} ") };
     let title: String = title.chars().take(usize::from(area.width.saturating_sub(4))).collect();
     let block = Block::new()
         .borders(Borders::TOP)
@@ -239,10 +240,14 @@ fn draw_profile(buffer: &mut Buffer, area: Rect, screen: &Screen, watched: &Watc
     let inner = titled(buffer, area, &title);
     let rows = profile(values, range, usize::from(inner.width), usize::from(inner.height));
     let line = Style::new().fg(palette.line());
+    let split = watched.outcome().map(|outcome| (outcome.split_bead, outcome.beads));
+    let marked = split.map(|(bead, beads)| u64::from(inner.width) * bead / beads);
     for (y, row) in (inner.y..).zip(rows) {
-        for (x, cell) in (inner.x..).zip(row) {
-            let style = if cell == '┈' { FAINT } else { line };
-            buffer[(x, y)].set_char(cell).set_style(style);
+        for (across, cell) in (0..).zip(row) {
+            let is_free = matches!(cell, ' ' | '┈');
+            let cell = if cell == ' ' && Some(u64::from(across)) == marked { '┊' } else { cell };
+            let style = if is_free { FAINT } else { line };
+            buffer[(inner.x + across, y)].set_char(cell).set_style(style);
         }
     }
     let bounds = [(range[1], inner.y), (range[0], inner.bottom().saturating_sub(1))];
@@ -251,14 +256,14 @@ fn draw_profile(buffer: &mut Buffer, area: Rect, screen: &Screen, watched: &Watc
         for (value, row) in bounds {
             let label = if value == 0.0 { "0".to_owned() } else { format!("{:.2} {unit}", value / one) };
             let x = inner.right().saturating_sub(lines(label.chars().count()));
-            buffer.set_string(x, row, label, FAINT);
+            buffer.set_string(x, row, label, FAINT.fg(Color::Reset));
         }
     }
 }
 
 fn draw_strip(buffer: &mut Buffer, area: Rect, screen: &Screen, watched: &Watched, palette: Palette) {
     let field = screen.field;
-    let (_, strip) = watched.shown(field);
+    let (values, strip) = watched.shown(field);
     let [low, high] = range_of(field, strip);
     let is_log = (field != Field::Displacement) != screen.other_scale;
     let mut scale = ColourScale::new("", low, high);
@@ -272,7 +277,9 @@ fn draw_strip(buffer: &mut Buffer, area: Rect, screen: &Screen, watched: &Watche
         (_, true) => ", log",
         (_, false) => ", linear",
     };
-    let inner = titled(buffer, area, &format!("{} from {from} down to {to}{scaled}", field.name()));
+    let places = format!("{}s 0 to {}", field.place(), values.len().saturating_sub(1));
+    let inner =
+        titled_twice(buffer, area, &format!("{} from {from} down to {to}{scaled}", field.name()), &places);
     let (columns, rows) = (usize::from(inner.width), usize::from(inner.height));
     let cells = strip.fitted(columns, 2 * rows);
     let colour = |value: f64| {
@@ -280,13 +287,20 @@ fn draw_strip(buffer: &mut Buffer, area: Rect, screen: &Screen, watched: &Watche
     };
     for (y, pair) in (inner.y..).zip(cells.chunks(2)) {
         for (x, column) in (inner.x..inner.right()).zip(0..columns) {
-            let cell = &mut buffer[(x, y)];
-            cell.set_char('▀').set_fg(colour(pair[0][column]));
-            if let Some(below) = pair.get(1) {
-                cell.set_bg(colour(below[column]));
-            }
+            let above = colour(pair[0][column]);
+            let below = pair.get(1).map_or(Color::Reset, |row| colour(row[column]));
+            halves(&mut buffer[(x, y)], above, below);
         }
     }
+}
+
+/// A cell of two colours; `Reset` is that of the background, which nothing can be drawn in.
+fn halves(cell: &mut Cell, above: Color, below: Color) {
+    match (above, below) {
+        (Color::Reset, Color::Reset) => cell.set_char(' '),
+        (Color::Reset, _) => cell.set_char('▄').set_fg(below),
+        _ => cell.set_char('▀').set_fg(above).set_bg(below),
+    };
 }
 
 fn draw_last_line(buffer: &mut Buffer, area: Rect, screen: &Screen) {

@@ -48,6 +48,11 @@ impl Field {
         Self::ALL[(self as usize + turns) % Self::ALL.len()]
     }
 
+    /// What has a value.
+    pub(crate) fn place(self) -> &'static str {
+        if matches!(self, Self::Overlap | Self::Contacts) { "contact" } else { "bead" }
+    }
+
     /// Its unit; contacts have none.
     pub(crate) fn unit(self) -> &'static str {
         match self {

@@ -25,8 +25,7 @@ impl Watched {
     pub fn new(manifest: &RunManifest) -> Self {
         let strip = |field: Field| {
             let contacts = manifest.contact_count();
-            let of_contacts = matches!(field, Field::Overlap | Field::Contacts);
-            Strip::new(if of_contacts { contacts } else { contacts + 1 })
+            Strip::new(if field.place() == "contact" { contacts } else { contacts + 1 })
         };
         Self {
             name: manifest.provenance.name.to_string(),

@@ -3,7 +3,10 @@
 use crate::display;
 use crate::failure::Failure;
 use bus::{AttachError, AttachOptions, Bus, BusError, Delivery, LiveError, LiveSource, RunInfo, list_runs};
-use schemas::frame::{EndReason, FrameSource as _, HeldFrame, Received};
+use producer::integrator::Integrator;
+use producer::resimulation::check_kernel;
+use producer::state::ChainState;
+use schemas::frame::{EndReason, Frame, FrameSource as _, HeldFrame, Received};
 use schemas::manifest::RunManifest;
 use schemas::run_name::RunName;
 use screen::Watched;
@@ -57,6 +60,13 @@ struct News {
     state: HeldFrame,
     has_state: bool,
     end: Option<Result<EndReason, WatchError>>,
+}
+
+impl News {
+    fn hold(&mut self, frame: &Frame<'_>) {
+        self.state.hold(frame);
+        self.has_state = true;
+    }
 }
 
 /// Why a run can no longer be watched.
@@ -114,6 +124,9 @@ impl Watch {
     }
 }
 
+/// States taken one after the other: those in the queue are as old as the last pause, the one behind them is new.
+const STATES_AT_A_TIME: usize = 3;
+
 /// Holds the newest state of the run until it ends, or `pause` says that nobody looks any more.
 fn follow(
     bus: &Bus,
@@ -123,21 +136,41 @@ fn follow(
     pause: impl Fn() -> bool,
 ) -> Result<EndReason, WatchError> {
     let mut live = LiveSource::attach(bus, Some(name), Delivery::Latest, options)?;
-    lock(news).manifest = Some(Box::new(live.manifest().clone()));
+    let manifest = live.manifest().clone();
+    lock(news).manifest = Some(Box::new(manifest.clone()));
+    let (mut taken, mut missed_to) = (0, None);
     loop {
         match live.receive()? {
-            Received::Frame(frame) => {
-                let mut news = lock(news);
-                news.state.hold(&frame);
-                news.has_state = true;
+            Received::Frame(frame) => lock(news).hold(&frame),
+            Received::Missed { to, .. } => {
+                missed_to = Some(to);
+                continue;
             }
-            Received::Missed { .. } => continue,
-            Received::End(reason) => return Ok(reason),
+            Received::End(reason) => {
+                if let Some(to) = missed_to {
+                    complete(news, &manifest, to);
+                }
+                return Ok(reason);
+            }
         }
-        if pause() {
+        (taken, missed_to) = (taken + 1, None);
+        if taken % STATES_AT_A_TIME == 0 && pause() {
             return Ok(EndReason::Stopped);
         }
     }
+}
+
+/// Goes on to the last frame, which came while the queue was full: those are few steps.
+fn complete(news: &Mutex<News>, manifest: &RunManifest, frame: u64) {
+    if check_kernel(manifest).is_err() {
+        return;
+    }
+    let mut state = ChainState::of_frame(&lock(news).state.frame());
+    if state.u_m.is_empty() {
+        return;
+    }
+    Integrator::new(&manifest.physics).advance(&mut state, manifest.step_of_frame(frame));
+    lock(news).hold(&state.as_frame(manifest, frame));
 }
 
 fn lock(news: &Mutex<News>) -> std::sync::MutexGuard<'_, News> {
