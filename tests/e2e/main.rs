@@ -44,5 +44,6 @@ mod stops;
 mod sweep;
 mod thinning;
 mod time_step;
+mod top;
 mod uncertainty;
 mod verifying;

@@ -30,7 +30,7 @@ const KEYS: [(&str, &str); 7] = [
 /// The last lines that there may be: the longest one that fits is shown.
 const LAST_LINES: [&str; 3] = [
     "↑↓ run   f field   l colours   p pause   ? help   q quit",
-    "↑↓ run  f field  p pause  ? help  q quit",
+    "↑↓ run f field p pause ? help q quit",
     "? help  q quit",
 ];
 
@@ -41,9 +41,13 @@ const FAINT: Style = Style::new().add_modifier(Modifier::DIM);
 pub fn draw(buffer: &mut Buffer, screen: &Screen, palette: Palette) {
     let area = buffer.area;
     let is_high = area.height >= 18;
-    let most = usize::from(area.height / 6).clamp(1, 8);
+    let most = if area.height < 16 { 1 } else { usize::from(area.height / 6).min(8) };
     let runs = lines(1 + screen.runs.len().clamp(1, most));
-    let energies = if is_high { 8 } else { 4 };
+    let energies = match area.height {
+        18.. => 8,
+        14.. => 4,
+        _ => 3,
+    };
     let of_consumers = if is_high && area.width < 64 { lines(screen.consumers.len().min(4)) } else { 0 };
     let profile = (area.height.saturating_sub(runs + energies + 2) / 3 + 1).clamp(3, 14);
     let rows = [
@@ -174,15 +178,13 @@ fn draw_energies(buffer: &mut Buffer, area: Rect, watched: &Watched, palette: Pa
     let width = usize::from(inner.width);
     if inner.height < 7 {
         let column = width / 2;
-        let cells = parts.map(|(name, energy_j)| format!("{name} {}", text(energy_j)));
+        let mut cells = parts.map(|(name, energy_j)| format!("{name} {}", text(energy_j)));
+        // of a chain that dissipates nothing, the drift says more
+        if last.dissipated_j == 0.0 {
+            cells[5] = format!("drift {drift}");
+        }
         for (row, pair) in (inner.y..inner.bottom()).zip(cells.chunks(2)) {
             let line = format!("{:column$}{}", pair[0], pair[1]);
-            // of a chain that dissipates nothing, the drift says more
-            let line = if last.dissipated_j == 0.0 && row + 1 == inner.bottom() {
-                format!("{:column$}drift {drift}", pair[0])
-            } else {
-                line
-            };
             buffer.set_stringn(inner.x + 1, row, line, width.saturating_sub(1), Style::new());
         }
         return;
@@ -329,4 +331,117 @@ fn draw_help(buffer: &mut Buffer, screen: &Screen) {
         )
         .collect();
     Paragraph::new(lines).wrap(ratatui::widgets::Wrap { trim: false }).render(inner, buffer);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Depth;
+    use schemas::frame::{EndReason, Frame};
+    use schemas::manifest::{Origin, RunManifest};
+    use schemas::presets::PRESETS;
+
+    const PALETTE: Palette = Palette { depth: Depth::True, is_dark: true };
+
+    /// A run whose bead 400 moves at 5 m/s in the last of three states.
+    fn screen() -> Screen {
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        let manifest = RunManifest::new(&PRESETS[0].config(), "run", origin).expect("valid");
+        let mut watched = Watched::new(&manifest);
+        for step in 0..3 {
+            let mut v_m_s = vec![0.0; 1000];
+            v_m_s[if step == 2 { 400 } else { 0 }] = 5.0;
+            let time_s = manifest.physics.time_s(step);
+            let u_m = vec![0.0; 1000];
+            watched.observe(&Frame { frame: step, step, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &[] });
+        }
+        let line = |name: &str| RunLine([name, "running", "2 of 55,189", "0 %", "–", "–"].map(str::to_owned));
+        Screen {
+            runs: vec![
+                line("light-impurity"),
+                line("a-name-of-sixty-four-letters-is-longer-than-a-narrow-screen-has"),
+            ],
+            chosen: Some(1),
+            consumers: (0..9).map(|index| format!("consumer-{index}  0 behind")).collect(),
+            watched: Some(watched),
+            field: Field::Velocity,
+            other_scale: false,
+            is_paused: false,
+            shows_help: false,
+            notice: String::new(),
+        }
+    }
+
+    fn rows(screen: &Screen, columns: u16, rows: u16) -> Vec<String> {
+        let mut buffer = Buffer::empty(Rect::new(0, 0, columns, rows));
+        draw(&mut buffer, screen, PALETTE);
+        let row = |y| (0..columns).map(|x| buffer[(x, y)].symbol()).collect::<String>();
+        (0..rows).map(row).collect()
+    }
+
+    #[test]
+    fn a_screen_of_the_usual_size_has_everything() {
+        let rows = rows(&screen(), 80, 24);
+        let text = rows.join("\n");
+        for part in [
+            "NAME",
+            "light-impurity",
+            "energies (mJ), together 12.5",
+            "kinetic",
+            "dissipated",
+            "drift",
+            "consumer-5  0 behind",
+            "and 3 more",
+            "light-impurity · step 2 of 55,189",
+            "5.00 m/s",
+            "velocity from 0 s down to",
+            "beads 0 to 999",
+            "q quit",
+        ] {
+            assert!(text.contains(part), "{part} is not in\n{text}");
+        }
+        assert!(rows.iter().filter(|row| row.contains('▀')).count() >= 2, "{text}");
+    }
+
+    #[test]
+    fn every_size_shows_what_it_can() {
+        let mut screen = screen();
+        let small = rows(&screen, 40, 12).join("\n");
+        for part in ["running", "kinetic", "right", "step 2 of 55,189", "velocity from", "▀", "q quit"] {
+            assert!(small.contains(part), "{part} is not in\n{small}");
+        }
+        assert!(rows(&screen, 200, 60).join("\n").contains("consumer-5"));
+        screen.watched.iter_mut().for_each(|watched| watched.end(EndReason::Complete));
+        assert!(rows(&screen, 80, 24).join("\n").contains("ended: complete"));
+        for (columns, lines) in [(0, 0), (1, 1), (5, 3), (3, 50), (500, 2), (39, 9), (64, 18)] {
+            for field in Field::ALL {
+                (screen.field, screen.shows_help) = (field, lines == 9);
+                assert_eq!(rows(&screen, columns, lines).len(), usize::from(lines));
+            }
+        }
+    }
+
+    #[test]
+    fn without_a_run_the_screen_says_so() {
+        let none = Screen {
+            runs: Vec::new(),
+            chosen: None,
+            watched: None,
+            notice: "no runs; start one".to_owned(),
+            ..screen()
+        };
+        assert!(rows(&none, 80, 24).join("\n").contains("no runs; start one"));
+    }
+
+    #[test]
+    fn halves_of_cells_have_colours_of_their_own() {
+        let drawn = |above, below| {
+            let mut cell = Cell::EMPTY;
+            halves(&mut cell, above, below);
+            (cell.symbol().to_owned(), cell.fg, cell.bg)
+        };
+        assert_eq!(drawn(Color::Red, Color::Blue), ("▀".into(), Color::Red, Color::Blue));
+        assert_eq!(drawn(Color::Reset, Color::Blue), ("▄".into(), Color::Blue, Color::Reset));
+        assert_eq!(drawn(Color::Reset, Color::Reset).0, " ");
+    }
 }
