@@ -53,8 +53,11 @@ pub(crate) fn top(args: &TopArgs) -> Result<Done, Failure> {
         frozen: None,
         palette: palette(),
     };
-    let out = Out { terminal: Arc::clone(&terminal), bytes: Vec::new() };
-    let mut shown = ratatui::Terminal::new(TermionBackend::new(out))?;
+    let blank = || {
+        let out = Out { terminal: Arc::clone(&terminal), bytes: Vec::new() };
+        ratatui::Terminal::new(TermionBackend::new(out))
+    };
+    let mut shown = blank()?;
     let mut times_taken = terminal.times_taken();
     let mut due = Instant::now();
     while !stop.load(Ordering::Relaxed) {
@@ -66,8 +69,8 @@ pub(crate) fn top(args: &TopArgs) -> Result<Done, Failure> {
             top.look()?;
         }
         if std::mem::replace(&mut times_taken, terminal.times_taken()) != terminal.times_taken() {
-            // somebody else's screen was there meanwhile
-            shown.clear()?;
+            // the screen was given back meanwhile; to clear it, ratatui would ask for the cursor and read from our keys
+            shown = blank()?;
         }
         let screen = top.frozen.as_ref().unwrap_or(&top.screen);
         shown.draw(|frame| draw(frame.buffer_mut(), screen, top.palette))?;
@@ -193,7 +196,7 @@ impl Top {
 
     /// Chooses the run so many lines below.
     fn choose(&mut self, lines: isize) -> Result<(), Failure> {
-        let at = self.screen.chosen.unwrap_or(0).saturating_add_signed(lines);
+        let at = self.screen.chosen.map_or(0, |chosen| chosen.saturating_add_signed(lines));
         let Some(run) = self.runs.get(at.min(self.runs.len().saturating_sub(1))) else { return Ok(()) };
         if self.chosen.as_ref() != Some(&run.name) {
             self.frozen = None;
@@ -205,9 +208,12 @@ impl Top {
 
     fn watch(&mut self, name: RunName) -> Result<(), Failure> {
         self.watch = Some(Watch::start(&self.bus, &name, self.period)?);
+        if self.chosen.as_ref() != Some(&name) {
+            // of one that comes to life again, the last state stays until there is a new one
+            self.screen.watched = None;
+        }
         self.chosen = Some(name);
         self.wanted = None;
-        self.screen.watched = None;
         self.place();
         Ok(())
     }
@@ -220,8 +226,9 @@ impl Top {
             Some(Err(error)) => self.screen.notice = display::printable(&error.to_string()),
         }
         if let Some(watch) = &mut self.watch {
-            let told = watch.take(&mut self.screen.watched)?;
-            self.screen.notice = told.unwrap_or(std::mem::take(&mut self.screen.notice));
+            if let Some(told) = watch.take(&mut self.screen.watched)? {
+                self.screen.notice = told;
+            }
         }
         if let (Some(chosen), Some(end)) = (self.screen.chosen, self.ended()) {
             // of a run that is over, the list knows only while somebody reads it

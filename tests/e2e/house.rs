@@ -64,7 +64,9 @@ fn crates_use_what_the_architecture_says() {
     assert_eq!(ours("beadline-figure"), ["beadline-schemas"]);
     assert_eq!(users(&all, "beadline-bench"), ["beadline"]);
     assert_eq!(ours("beadline-recorder"), ["beadline-bus", "beadline-recording", "beadline-schemas"]);
-    for package in ["beadline-producer", "beadline-consumers", "beadline-paper", "beadline-exports", "beadline-screen"] {
+    for package in
+        ["beadline-producer", "beadline-consumers", "beadline-paper", "beadline-exports", "beadline-screen"]
+    {
         assert!(!needed(&all, package).contains("iceoryx2"), "{package} is built without the bus");
     }
 }

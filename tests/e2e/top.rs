@@ -247,7 +247,7 @@ fn the_screen_shows_what_the_tables_say() {
 fn keys_choose_what_is_shown_and_a_resize_is_followed() {
     let place = Place::new();
     let mut terminal = Terminal::start(&place, "top --field energy --rate 30", (80, 24));
-    let long = "--beads 120 --duration 1 --no-record --pace 1e-3 --yes --json";
+    let long = "--preset homogeneous --beads 120 --duration 1 --no-record --pace 1e-3 --yes --json";
     let _one = place.start(&format!("run {long} --name one"));
     terminal.until("the one run", |text| text.contains("one · step") && text.contains("energy from"));
     let _two = place.start(&format!("run {long} --name two"));
@@ -280,7 +280,9 @@ fn keys_choose_what_is_shown_and_a_resize_is_followed() {
 #[test]
 fn the_terminal_is_as_it_was_after_every_end() {
     let place = Place::new();
-    let _run = place.start("run --beads 120 --duration 1 --no-record --pace 1e-3 --yes --name one --json");
+    let _run = place.start(
+        "run --preset homogeneous --beads 120 --duration 1 --no-record --pace 1e-3 --yes --name one --json",
+    );
     for (key, signal, expected) in [
         ("\x03", "", 0),
         ("\x1c", "", -3),

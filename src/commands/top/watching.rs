@@ -169,7 +169,10 @@ fn complete(news: &Mutex<News>, manifest: &RunManifest, frame: u64) {
     if state.u_m.is_empty() {
         return;
     }
-    Integrator::new(&manifest.physics).advance(&mut state, manifest.step_of_frame(frame));
+    let (mut integrator, last) = (Integrator::new(&manifest.physics), manifest.step_of_frame(frame));
+    while state.step < last {
+        integrator.advance(&mut state, last);
+    }
     lock(news).hold(&state.as_frame(manifest, frame));
 }
 
