@@ -19,7 +19,7 @@ use std::io::{self, IsTerminal as _, Read as _, Write as _};
 use std::os::unix::net::UnixStream;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
@@ -239,14 +239,27 @@ impl Terminal {
 
     /// Restores it. In the background the shell does that.
     fn give_back(&self) {
-        let _writing = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        let writing = self.before_long();
         if self.taken.swap(false, Ordering::SeqCst) && is_ours() {
-            if self.has_screen {
+            if self.has_screen && writing.is_some() {
                 put(END_SCREEN);
             }
-            // keys that were pressed for us are not left to the shell
-            let _ = tcsetattr(io::stdin(), OptionalActions::Flush, &self.found);
+            // keys that were pressed for us are not left to the shell; but flushing waits for whoever reads the terminal
+            let how = if writing.is_some() { OptionalActions::Flush } else { OptionalActions::Now };
+            let _ = tcsetattr(io::stdin(), how, &self.found);
         }
+    }
+
+    /// The right to write; none where the writer is held up, because nobody reads the terminal.
+    fn before_long(&self) -> Option<MutexGuard<'_, ()>> {
+        for _ in 0..20 {
+            match self.writing.try_lock() {
+                Ok(writing) => return Some(writing),
+                Err(TryLockError::Poisoned(writing)) => return Some(writing.into_inner()),
+                Err(TryLockError::WouldBlock) => thread::sleep(Duration::from_millis(10)),
+            }
+        }
+        None
     }
 
     /// Whether it was restored for good.
@@ -319,6 +332,10 @@ impl<K: Meaning> Listener<K> {
             stops += self.stopping.take();
             if stops > 1 {
                 self.terminal.give_back();
+                if self.terminal.has_screen {
+                    // nothing is left behind, and to say so might wait for whoever reads the terminal
+                    signal_hook::low_level::exit(1);
+                }
                 signals::end_at_once();
             }
             self.obey_signals();

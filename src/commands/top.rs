@@ -225,10 +225,10 @@ impl Top {
             Some(Ok(runs)) => self.listed(runs)?,
             Some(Err(error)) => self.screen.notice = display::printable(&error.to_string()),
         }
-        if let Some(watch) = &mut self.watch {
-            if let Some(told) = watch.take(&mut self.screen.watched)? {
-                self.screen.notice = told;
-            }
+        if let Some(watch) = &mut self.watch
+            && let Some(told) = watch.take(&mut self.screen.watched)?
+        {
+            self.screen.notice = told;
         }
         if let (Some(chosen), Some(end)) = (self.screen.chosen, self.ended()) {
             // of a run that is over, the list knows only while somebody reads it

@@ -92,7 +92,7 @@ impl Shown {
 struct Terminal {
     running: Running,
     controller: File,
-    terminal: File,
+    other_side: File,
     shown: Shown,
     before: String,
 }
@@ -125,7 +125,7 @@ impl Terminal {
         command.stdout(terminal.try_clone().unwrap());
         command.stderr(terminal.try_clone().unwrap());
         let running = Running::of(words, command.spawn().unwrap());
-        Self { running, controller, terminal, shown: Shown::new(columns_rows), before }
+        Self { running, controller, other_side: terminal, shown: Shown::new(columns_rows), before }
     }
 
     fn press(&mut self, keys: &str) {
@@ -138,7 +138,7 @@ impl Terminal {
     }
 
     fn read(&mut self) {
-        let mut bytes = [0; 65536];
+        let mut bytes = [0; 4096];
         loop {
             match self.controller.read(&mut bytes) {
                 Ok(count) => self.shown.feed(&bytes[..count]),
@@ -166,7 +166,7 @@ impl Terminal {
     /// Whether the terminal is as it was found.
     fn is_restored(&mut self) -> bool {
         self.read();
-        !self.shown.is_alternate && self.shown.has_cursor && modes(&self.terminal) == self.before
+        !self.shown.is_alternate && self.shown.has_cursor && modes(&self.other_side) == self.before
     }
 
     /// Waits for the end: an exit code, or a signal as a negative number. The terminal is as it was.
@@ -315,6 +315,22 @@ fn the_terminal_is_as_it_was_after_every_end() {
     }
     terminal.press("q");
     terminal.ends(0);
+}
+
+/// A line over which nothing comes any more holds up who writes, but not the end.
+#[test]
+fn a_second_signal_ends_it_though_nobody_reads_the_terminal() {
+    let place = Place::new();
+    let _run =
+        place.start("run --preset homogeneous --beads 120 --duration 1 --no-record --pace 1e-3 --yes --json");
+    let mut terminal = Terminal::start(&place, "top --rate 60", (500, 200));
+    terminal.until_it_says("homogeneous · step");
+    terminal.press("?????????????????????????????????????????");
+    wait_until("the end", || {
+        terminal.running.signal("TERM");
+        (!terminal.running.is_running()).then_some(())
+    });
+    assert_eq!(modes(&terminal.other_side), terminal.before);
 }
 
 #[test]
