@@ -244,7 +244,7 @@ impl Terminal {
             if self.has_screen && writing.is_some() {
                 put(END_SCREEN);
             }
-            // keys that were pressed for us are not left to the shell; but flushing waits for whoever reads the terminal
+            // keys that were pressed for us are not left to the shell; flushing waits for whoever reads the terminal
             let how = if writing.is_some() { OptionalActions::Flush } else { OptionalActions::Now };
             let _ = tcsetattr(io::stdin(), how, &self.found);
         }

@@ -12,8 +12,8 @@ use source::Named;
     ssh -t cluster beadline top --rate 2             two screens a second, over a slow line\n\n\
     Keys: ↑ ↓ or k j choose a run, f and F a field, l linear or logarithmic colours, p pauses the screen but not the \
     run, ? shows this, q ends. The run never waits for the screen. The map goes from when the run was first seen \
-    until now; its oldest rows are merged and keep the values farthest from 0. Colours follow COLORTERM and TERM; programs read \
-    `beadline ls --json`.")]
+    until now; its oldest rows are merged and keep the values farthest from 0. Colours follow COLORTERM and \
+    TERM; programs read `beadline ls --json`.")]
 pub(crate) struct TopArgs {
     /// `live:RUN` [default: the first live run]
     #[arg(value_name = "SOURCE", default_value = "live", hide_default_value = true)]

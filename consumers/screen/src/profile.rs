@@ -5,8 +5,9 @@ use crate::strip::part;
 /// The dots of a cell by their column and row, as Unicode counts them.
 const DOTS: [[u32; 4]; 2] = [[0x01, 0x02, 0x04, 0x40], [0x08, 0x10, 0x20, 0x80]];
 
-/// Cells row by row, top row first, that show `values` between `low` and `high`. A column of dots reaches from the least to
-/// the largest of its values, and to the column before, so that no pulse disappears; zero is drawn where nothing else is.
+/// Cells row by row, top row first, that show `values` between `low` and `high`. A column of dots reaches from the
+/// least to the largest of its values, and to the column before, so that no pulse disappears; zero is drawn where
+/// nothing else is.
 pub(crate) fn profile(values: &[f64], [low, high]: [f64; 2], columns: usize, rows: usize) -> Vec<Vec<char>> {
     let mut cells = vec![vec![0_u32; columns]; rows];
     let Some(lowest) = (4 * rows).checked_sub(1) else { return Vec::new() };
