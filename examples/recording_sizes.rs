@@ -1,4 +1,4 @@
-//! What a sparse recording costs and what it gives back: the table of docs/guide/3-record.md.
+//! What a sparse recording costs and what it gives back: the table of docs/guide/4-record.md.
 //!
 //! ```text
 //! cargo run --release --example recording_sizes              # the light-impurity run

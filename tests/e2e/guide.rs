@@ -1,7 +1,7 @@
 //! Every command that the guide shows, run page by page as a reader would.
 //!
 //! A block of code says by its first line how: `sh` has to succeed, `sh fails` has to end with an error, `sh terminal-1` and
-//! the `sh terminal-2` after it run at the same time, `sh install` is what CI does before. With `BEADLINE_RENEW_PICTURES` set
+//! the `sh terminal-2` after it run at the same time, `sh viewer` goes on until Ctrl-C, `sh install` is what CI does before. With `BEADLINE_RENEW_PICTURES` set
 //! the pictures of the guide are made anew.
 
 use crate::harness::{Ended, Place, Running, python, skip};
@@ -87,6 +87,10 @@ impl Reader<'_> {
                 let ended: Ended = self.start(block).wait();
                 assert!(matches!(ended.code(), Some(2 | 3)), "{}:{} should fail", self.page, block.line);
             }
+            "sh viewer" => {
+                let code = format!("timeout --preserve-status --signal=INT 3 {}", block.code);
+                drop(self.start(&Block { kind: "sh".to_owned(), code, line: block.line }).wait().exits(0));
+            }
             "sh terminal-1" => *first_terminal = Some(self.start(block)),
             "sh terminal-2" | "python terminal-2" => {
                 self.start(block).wait().exits(0);
@@ -148,36 +152,41 @@ fn first_run() {
 }
 
 #[test]
+fn watch() {
+    read("docs/guide/2-watch.md");
+}
+
+#[test]
 fn analyse() {
-    read("docs/guide/2-analyse.md");
+    read("docs/guide/3-analyse.md");
 }
 
 #[test]
 fn record() {
-    read("docs/guide/3-record.md");
+    read("docs/guide/4-record.md");
 }
 
 #[test]
 fn share() {
-    read("docs/guide/4-share.md");
+    read("docs/guide/5-share.md");
 }
 
 #[test]
 fn sweep() {
-    read("docs/guide/5-sweep.md");
+    read("docs/guide/6-sweep.md");
 }
 
 #[test]
 fn own_consumer() {
     // without it the run in the first terminal would wait for ever
     if own_consumer::example().is_some() {
-        read("docs/guide/6-own-consumer.md");
+        read("docs/guide/7-own-consumer.md");
     }
 }
 
 #[test]
 fn questions() {
-    read("docs/guide/7-questions.md");
+    read("docs/guide/8-questions.md");
 }
 
 /// Every page is read by a test, and every page that is named is there.
