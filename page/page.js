@@ -603,6 +603,11 @@ export function start() {
         await page.ready;
         await page.seek(step);
       },
+      /** The run with one thing changed, if there is one. */
+      get changed() {
+        const engine = page.second?.engine;
+        return engine && { info: engine.info, state: (/** @type {number} */ step) => engine.state(step) };
+      },
       prove: async () => {
         await page.ready;
         const { compared, steps, first, whyNot } = await page.prove();
