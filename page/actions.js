@@ -81,7 +81,7 @@ export function act(page, action, by, key) {
     whole: () => page.look({ places: undefined, steps: undefined }),
     field: () => page.look({ field: FIELDS[Number(key) - 1][0] }),
     log: () => page.look({ log: !view.log }),
-    prove: () => void page.prove(),
+    prove: () => void page.prove().catch(() => {}),
     change: () => {
       page.look({ tab: "change" });
       page.tabs.show();

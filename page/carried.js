@@ -75,14 +75,19 @@ async function answer(url) {
     throw new Error("The server of this page does not answer: `beadline view` has ended. Start it again.");
   }
   if (!response.ok) {
-    throw new Error((await response.text()) || `The server refuses ${url}: ${response.status}.`);
+    const said = await response.json().catch(() => ({}));
+    throw new Error(String(said.error ?? `The server does not give ${url}: ${response.status}.`));
   }
   return response.json();
 }
 
 /** @returns {Promise<Listing>} */
-export function listing() {
-  return answer("list");
+export async function listing() {
+  const list = await answer("list");
+  // what is not there may be null in JSON
+  const entryOf = (/** @type {any} */ entry) =>
+    Object.fromEntries(Object.entries(entry).filter(([, value]) => value !== null));
+  return { ...list, entries: list.entries.map(entryOf) };
 }
 
 /**

@@ -110,19 +110,16 @@ export class Engine {
    * @param {any} value
    */
   hearEvent(event, value) {
+    if (this.info !== undefined && (event === "state" || this.info.recomputes)) {
+      this.info.lastStep = Math.max(this.info.lastStep, value.step ?? 0);
+    }
     if (event === "state") {
-      if (this.info !== undefined) {
-        this.info.lastStep = Math.max(this.info.lastStep, value.step);
-      }
       this.onstate?.(value);
       void this.ask("seen", []);
     } else if (event === "status") {
-      if (this.info?.recomputes) {
-        this.info.lastStep = Math.max(this.info.lastStep, value.step);
-      }
       this.onstatus?.(value);
     } else if (event === "end") {
-      this.onend?.(value);
+      this.onend?.(value.reason);
     } else {
       this.onfault?.(value);
     }

@@ -43,14 +43,17 @@ function title(path) {
   return unit ? `${name} (${unit[1].replace("n", "N").replace("_", "/").replace("2", "²")})` : name;
 }
 
-/** @param {number | string | undefined} a @param {number | string | undefined} b */
-function order(a, b) {
+/**
+ * @param {number | string | undefined} a
+ * @param {number | string | undefined} b
+ * @param {number} direction 1 or −1
+ */
+function order(a, b, direction) {
   if (a === undefined || b === undefined) {
     return Number(a === undefined) - Number(b === undefined); // what is not known comes last
   }
-  return typeof a === "number" && typeof b === "number"
-    ? a - b
-    : String(a).localeCompare(String(b), undefined, { numeric: true });
+  const isNumber = typeof a === "number" && typeof b === "number";
+  return direction * (isNumber ? a - b : String(a).localeCompare(String(b), undefined, { numeric: true }));
 }
 
 /**
@@ -138,7 +141,7 @@ export function folderTable(entries, onopen, paint) {
             sortedBy = column;
             const value = (/** @type {typeof rows[0]} */ row) =>
               column === "name" ? row.entry.name : row.traits[column];
-            rows.sort((a, b) => direction * order(value(a), value(b)));
+            rows.sort((a, b) => order(value(a), value(b), direction));
             body.append(...rows.map((row) => /** @type {Node} */ (lines.get(row))));
             heads.forEach((other) => other.removeAttribute("aria-sort"));
             head.setAttribute("aria-sort", direction > 0 ? "ascending" : "descending");

@@ -62,6 +62,9 @@ export class History {
     this.most = Math.max(64, Math.floor(KEPT_BYTES / (16 * physics.beads)));
     /** Steps that take about PIECE_MS; measured as they are computed. */
     this.piece = Math.max(1, Math.floor(PIECE_MS / (physics.beads * 5e-5)));
+    /** Steps of this piece so far, and when it began. */
+    this.taken = 0;
+    this.began = performance.now();
     if (this.stepper !== undefined && firstStep === 0) {
       this.keep(this.initialState());
     }
@@ -125,16 +128,21 @@ export class History {
   *advance(state, step) {
     const stepper = /** @type {Stepper} */ (this.stepper);
     while (state.step < step) {
-      const count = Math.min(step - state.step, this.piece);
-      const began = performance.now();
+      const count = Math.min(step - state.step, this.piece - this.taken);
       stepper.step(state, count);
       state.step += count;
       state.time_s = state.step * this.dt;
-      const took = performance.now() - began;
-      if (count === this.piece) {
-        this.piece = Math.max(1, Math.min(Math.round((count * PIECE_MS) / Math.max(took, 0.01)), 2 * count));
+      this.taken += count;
+      if (this.taken < this.piece) {
+        continue;
       }
+      const now = performance.now();
+      // by a factor of 2 at most: other work, or none, may have been in between
+      const factor = Math.min(Math.max(PIECE_MS / (now - this.began), 0.5), 2);
+      this.piece = Math.max(1, Math.round(this.piece * factor));
+      this.taken = 0;
       yield;
+      this.began = performance.now();
     }
   }
 

@@ -9,7 +9,7 @@ const VERSION = 1;
  * @property {(run: { manifest: import("./types.d.ts").Manifest, chain: any }) => void} onrun
  * @property {(state: import("./types.d.ts").State) => void} onframe
  * @property {(status: import("./types.d.ts").LiveStatus) => void} onstatus
- * @property {(reason: string) => void} onend
+ * @property {(reason: string, step: number | undefined) => void} onend with the last step, if that is known
  * @property {(message: string) => void} onfault
  */
 
@@ -57,7 +57,7 @@ export class Live {
         } else if (message.status !== undefined) {
           listener.onstatus(message.status);
         } else if (message.end !== undefined) {
-          end(() => listener.onend(String(message.end)));
+          end(() => listener.onend(String(message.end), message.step ?? undefined));
         } else if (message.error !== undefined) {
           end(() => listener.onfault(String(message.error)));
         }

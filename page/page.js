@@ -47,7 +47,9 @@ export class Page {
     this.hover = undefined;
     /** A box being drawn on the map, parts of the plot. @type {[number, number, number, number] | undefined} */
     this.box = undefined;
+    /** How often something was opened, or changed: what comes late for an earlier one is let go. */
     this.opening = 0;
+    this.changing = 0;
     this.isDark = false;
     this.renewReady();
     this.pictures = new Pictures(this);
@@ -106,27 +108,27 @@ export class Page {
     const entry = entries.find(({ id }) => id === this.view.run) ?? (kind === "one" ? entries[0] : undefined);
     if (entry) {
       await this.openEntry(entry);
-    } else if (kind === "one") {
-      throw new Error("The server has nothing to show.");
     } else {
       this.list(title);
     }
   }
 
-  /** @param {string} [title] */
-  list(title = document.title) {
+  /** @param {string} title */
+  list(title) {
     this.close();
+    document.title = `${title} · Beadline`;
     byId("name").textContent = title;
     byId("kind").textContent = `${this.entries.length} ${this.entries.length === 1 ? "run" : "runs"}`;
     const table = folderTable(
       this.entries,
       (entry) => {
-        this.view = { ...freshView(), theme: this.view.theme, run: entry.id };
+        this.look({ ...freshView(), theme: this.view.theme, run: entry.id });
         this.openEntry(entry).catch((error) => this.fail(error));
       },
       (entry, canvas) => thumbnail(this, entry, canvas),
     );
-    byId("list").replaceChildren(table);
+    const nothing = make("p", { class: "words" }, "Nothing is here yet. Load the page again when there is.");
+    byId("list").replaceChildren(this.entries.length > 0 ? table : nothing);
     this.section("list");
   }
 
@@ -153,9 +155,13 @@ export class Page {
     this.opening += 1;
     const opening = this.opening;
     this.note(`Opening ${title} …`);
-    const engine = await Engine.open(source, this.startWorker);
-    if (opening !== this.opening) {
-      engine.close();
+    const engine = await Engine.open(source, this.startWorker).catch((error) => {
+      if (opening === this.opening) {
+        throw error;
+      }
+    });
+    if (!engine || opening !== this.opening) {
+      engine?.close(); // something else is opened by now
       return;
     }
     const run = this.runOf(engine);
@@ -185,7 +191,7 @@ export class Page {
       run.ended = `The run has ended: ${reason}.`;
       run.asked = "";
       this.note(run.ended);
-      this.board.invalidate();
+      run.seek(this.step); // the last frame may have been left out
     };
     results.then((found) => {
       run.pulses = found?.pulses ?? [];
@@ -195,8 +201,8 @@ export class Page {
     if (!this.isFollowing) {
       await run.seek(this.view.step ?? run.info.firstStep);
     }
-    await this.applyChange(readChange(this.view.change));
     this.opened?.(run.info);
+    this.applyChange(readChange(this.view.change));
   }
 
   /** @param {Engine} engine */
@@ -399,10 +405,11 @@ export class Page {
       }
     }
     const isCheap = run.info.recomputes && run.beads * run.info.lastStep < CHEAP;
-    if (run.info.kind !== "live" && run.rows?.isWhole && (this.view.tab === "events" || isCheap)) {
+    const isGrowing = run.info.kind === "live" && run.ended === "";
+    if (!isGrowing && run.rows?.isWhole && (this.view.tab === "events" || isCheap)) {
       run.find(this.bead);
     }
-    const isBusy = run.info.kind !== "live" && ![run, ...(second ? [second] : [])].every(({ rows }) => rows?.isWhole);
+    const isBusy = !isGrowing && ![run, ...(second ? [second] : [])].every(({ rows }) => rows?.isWhole);
     byId("map-panel").classList.toggle("busy", isBusy);
     this.timeline.show(this.step, this.isFollowing);
     this.showKind();
@@ -491,7 +498,9 @@ export class Page {
     this.applyTheme();
     const entry = this.entries.find(({ id }) => id === this.view.run);
     if (this.view.run !== before) {
-      const opened = entry ? this.openEntry(entry) : Promise.resolve(this.entries.length > 1 ? this.list() : undefined);
+      const opened = entry
+        ? this.openEntry(entry)
+        : Promise.resolve(this.entries.length > 1 ? this.list(carried().title) : undefined);
       opened.catch((error) => this.fail(error));
     } else if (this.run) {
       this.look({});
@@ -523,7 +532,8 @@ export class Page {
     const bar = make("progress", { max: 1, value: 0, "aria-label": "progress" });
     const words = make("span");
     const line = make("p", { class: "proof" }, words, bar);
-    byId("notes").replaceChildren(line);
+    byId("notes").querySelector(".proof")?.remove();
+    byId("notes").append(line);
     const button = /** @type {HTMLButtonElement} */ (byId("prove"));
     button.disabled = true;
     try {
@@ -553,6 +563,8 @@ export class Page {
   /** @param {Change | undefined} change */
   async applyChange(change) {
     const { run } = this;
+    this.changing += 1;
+    const changing = this.changing;
     this.second?.close();
     this.second = undefined;
     byId("second-panel").hidden = true;
@@ -562,7 +574,7 @@ export class Page {
     }
     try {
       const engine = await Engine.open(changedSource(change, run), this.startWorker);
-      if (this.run !== run) {
+      if (this.run !== run || changing !== this.changing) {
         engine.close();
         return;
       }
@@ -575,8 +587,6 @@ export class Page {
     }
     this.board.invalidate();
   }
-
-  // ---- pictures of the table of runs
 }
 
 /** Starts the page; `window.beadline` is for those who script it. */

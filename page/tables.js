@@ -39,7 +39,7 @@ export function runTable({ info, physics }) {
   /** @type {[string, string][]} */
   const chain = [
     ["beads", `${physics.beads} of ${amount(physics.bead_mass_kg, "kg")}`],
-    ["contact law", `F = k·δ^α, α = ${physics.alpha}, k = ${physics.stiffness} N/m^α`],
+    ["contact law", `F = k·δ^α, α = ${physics.alpha}, k = ${amount(physics.stiffness, "")} N/m^α`],
     ["striker", `bead ${striker.bead} at ${amount(striker.velocity_m_s, "m/s")}`],
   ];
   if (impurities.length > 0) {
@@ -71,7 +71,7 @@ export function runTable({ info, physics }) {
   /** @type {[string, string][]} */
   const time_ = [
     ["duration", `${amount(physics.step_count * physics.dt_s, "s", 9)}, ${physics.step_count} steps`],
-    ["dt", `${physics.dt_s} s`],
+    ["dt", amount(physics.dt_s, "s")],
     ["method", `${physics.method}, kernel ${physics.kernel_version}`],
     ...(time > 0
       ? /** @type {[string, string][]} */ ([["scales", `L = ${amount(length, "m", 6)}, T = ${amount(time, "s", 6)}`]])
@@ -127,7 +127,8 @@ export function eventTable(run, bead, onstep) {
   const known = run.events.get(bead);
   const title = heading(`Bead ${bead}`);
   if (!known) {
-    return [title];
+    const isGrowing = run.info.kind === "live" && run.ended === "";
+    return [title, words(isGrowing ? "Events are looked for when the run has ended." : "The map comes first …")];
   }
   const { events, isDone } = known;
   const state = isDone ? `${events.length} events, every step looked at.` : `Looking … ${events.length} events so far.`;

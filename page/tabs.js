@@ -50,7 +50,7 @@ export class Tabs {
       run: "",
       pulses: run.pulses.length,
       live: `${run.ended}${run.status?.step}${run.status?.frames_seen}`,
-      events: `${page.bead} ${events?.events.length} ${events?.isDone}`,
+      events: `${page.bead} ${events?.events.length} ${events?.isDone} ${run.ended}`,
       change: `${page.view.change} ${page.second !== undefined}`,
     };
     const shown = `${tab} ${state[/** @type {keyof typeof state} */ (tab)]}`;

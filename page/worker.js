@@ -249,6 +249,17 @@ async function open(source, say) {
 }
 
 /**
+ * A live run was at a step that was not sent: it can be recomputed.
+ * @param {Run | undefined} run
+ * @param {number | undefined} step
+ */
+function reach(run, step) {
+  if (run?.info.recomputes && step !== undefined) {
+    run.history.lastStep = Math.max(run.history.lastStep, step);
+  }
+}
+
+/**
  * @param {string} url
  * @param {(event: string, value: unknown, transfer?: Transferable[]) => void} say
  * @returns {Promise<Run>}
@@ -270,17 +281,16 @@ function openLive(url, say) {
         say("state", { step: state.step, time_s: state.time_s, u, v, extra: new Float64Array(0) }, [u.buffer, v.buffer]);
       },
       onstatus: (status) => {
-        if (run?.info.recomputes) {
-          run.history.lastStep = Math.max(run.history.lastStep, status.step);
-        }
+        reach(run, status.step);
         say("status", status);
       },
-      onend: (reason) => {
+      onend: (reason, step) => {
         if (run !== undefined) {
+          reach(run, step);
           opened(run);
         }
         failed(new Error(`The run has ended (${reason}) before it sent anything.`));
-        say("end", reason);
+        say("end", { reason, step });
       },
       onfault: (message) => {
         failed(new Error(message));

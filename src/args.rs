@@ -7,6 +7,7 @@ mod export;
 mod figures;
 mod pages;
 mod recordings;
+mod top;
 mod values;
 
 pub(crate) use analyses::{
@@ -20,6 +21,7 @@ pub(crate) use pages::{ShareArgs, ViewArgs};
 pub(crate) use recordings::{
     ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, RewriteArgs, ThinArgs, VerifyArgs,
 };
+pub(crate) use top::TopArgs;
 pub(crate) use values::{BeadRange, Pace, Shard};
 
 use crate::time_step::TimeStep;
@@ -117,6 +119,8 @@ pub(crate) enum Command {
         #[arg(long, conflicts_with = "json")]
         names: bool,
     },
+    /// Watch live runs in this terminal: rates, consumers, energies, profile, map
+    Top(TopArgs),
     /// Keep every K-th state of a recording; the others can be recomputed bit for bit
     Thin(ThinArgs),
     /// Recompute the states between those of a sparse recording

@@ -22,5 +22,6 @@ pub(crate) mod run;
 pub(crate) mod share;
 pub(crate) mod sweep;
 pub(crate) mod thin;
+pub(crate) mod top;
 pub(crate) mod verify;
 pub(crate) mod view;

@@ -1,4 +1,4 @@
-//! Keys pressed on the terminal while a run or a replay goes on.
+//! Keys pressed on the terminal while a run or a replay goes on, or on a screen of its own.
 //!
 //! The terminal hands out each key at once and shows none of them until the [`Keyboard`] is dropped. The terminal is
 //! restored on every way out: a return, a panic, a signal that ends or suspends the process.
@@ -8,20 +8,44 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::{Errno, read};
 use rustix::process::getpgrp;
 use rustix::termios::{
-    LocalModes, OptionalActions, SpecialCodeIndex, Termios, tcgetattr, tcgetpgrp, tcsetattr,
+    InputModes, LocalModes, OptionalActions, SpecialCodeIndex, Termios, tcgetattr, tcgetpgrp, tcsetattr,
 };
-use signal_hook::consts::{SIGINT, SIGQUIT, SIGTERM, SIGTSTP};
+use signal_hook::consts::{
+    SIGABRT, SIGALRM, SIGINT, SIGIO, SIGPROF, SIGQUIT, SIGSYS, SIGTERM, SIGTRAP, SIGTSTP, SIGUSR1, SIGUSR2,
+    SIGVTALRM, SIGXCPU, SIGXFSZ,
+};
 use signal_hook::low_level::{emulate_default_handler, pipe};
-use std::io::{self, IsTerminal as _, Read as _};
+use std::io::{self, IsTerminal as _, Read as _, Write as _};
 use std::os::unix::net::UnixStream;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 /// How often a process in the background looks whether the terminal is its own again.
 const BACKGROUND_POLL: Timespec = Timespec { tv_sec: 0, tv_nsec: 200_000_000 };
+
+/// How long the rest of a key may be under way.
+const REST_OF_A_KEY: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
+
+/// Signals that end a process by default, and that nobody handles.
+const KILLING: [i32; 12] = [
+    SIGQUIT, SIGABRT, SIGALRM, SIGIO, SIGPROF, SIGSYS, SIGTRAP, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ,
+];
+
+/// What a screen begins with: the other screen of the terminal, no cursor, and a question for its background.
+const BEGIN_SCREEN: &[u8] = b"\x1b[?1049h\x1b[?25l\x1b]11;?\x1b\\\x1b[2J";
+/// What a screen ends with.
+const END_SCREEN: &[u8] = b"\x1b[0m\x1b[?25h\x1b[?1049l";
+
+/// What presses mean.
+pub(crate) trait Meaning: Sized + Send + 'static {
+    /// What these bytes of a terminal mean.
+    fn of(bytes: &[u8]) -> Vec<Self>;
+    /// Whether it means the end.
+    fn is_end(&self) -> bool;
+}
 
 /// What a person wants.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,8 +78,8 @@ pub(crate) enum Seek {
 }
 
 /// The keys of a terminal, from a thread that waits for them.
-pub(crate) struct Keyboard {
-    keys: Receiver<Key>,
+pub(crate) struct Keyboard<K = Key> {
+    keys: Receiver<K>,
     terminal: Arc<Terminal>,
     /// Closed to end the thread.
     end: Option<UnixStream>,
@@ -69,21 +93,38 @@ impl Keyboard {
     /// `stop` is set by the first SIGINT or SIGTERM, by SIGHUP and by the key that ends; a second signal ends at once.
     pub(crate) fn open() -> io::Result<(Option<Self>, Arc<AtomicBool>)> {
         let terminal = if io::stdin().is_terminal() && io::stderr().is_terminal() && is_ours() {
-            Terminal::of_stdin()
+            Terminal::of_stdin(false)
         } else {
             None
         };
-        let Some(terminal) = terminal.map(Arc::new) else { return Ok((None, signals::stop_flag()?)) };
+        let Some(terminal) = terminal else { return Ok((None, signals::stop_flag()?)) };
+        let (keyboard, stop) = Self::take(terminal)?;
+        Ok((Some(keyboard), stop))
+    }
+}
+
+impl<K: Meaning> Keyboard<K> {
+    /// Takes the terminal on stdin and stdout for a screen; none if they are no terminal. While it belongs to another
+    /// process, nothing is written on it.
+    pub(crate) fn with_screen() -> io::Result<Option<(Self, Arc<AtomicBool>)>> {
+        let is_terminal = io::stdin().is_terminal() && io::stdout().is_terminal();
+        let terminal = if is_terminal { Terminal::of_stdin(true) } else { None };
+        terminal.map(Self::take).transpose()
+    }
+
+    fn take(terminal: Terminal) -> io::Result<(Self, Arc<AtomicBool>)> {
+        let terminal = Arc::new(terminal);
         let stop = signals::patient_stop_flag()?;
         let (sender, keys) = channel();
         let (end, ended) = UnixStream::pair()?;
+        let killing = if terminal.has_screen { KILLING.as_slice() } else { &KILLING[..1] };
         let watch = Listener {
             ended,
             stopping: Signals::of(&[SIGINT, SIGTERM])?,
             suspending: Signals::of(&[SIGTSTP])?,
-            killing: [SIGQUIT]
-                .map(|signal| Ok((signal, Signals::of(&[signal])?)))
-                .into_iter()
+            killing: killing
+                .iter()
+                .map(|signal| Ok((*signal, Signals::of(&[*signal])?)))
                 .collect::<io::Result<_>>()?,
             terminal: Arc::clone(&terminal),
             stop: Arc::clone(&stop),
@@ -91,11 +132,16 @@ impl Keyboard {
         };
         terminal.take();
         let thread = thread::Builder::new().name("keys".into()).spawn(move || watch.run())?;
-        Ok((Some(Self { keys, terminal, end: Some(end), thread: Some(thread) }), stop))
+        Ok((Self { keys, terminal, end: Some(end), thread: Some(thread) }, stop))
+    }
+
+    /// What the screen is written on.
+    pub(crate) fn terminal(&self) -> Arc<Terminal> {
+        Arc::clone(&self.terminal)
     }
 
     /// The next key, waiting at most this long.
-    pub(crate) fn wait(&self, at_most: Duration) -> Option<Key> {
+    pub(crate) fn wait(&self, at_most: Duration) -> Option<K> {
         self.keys
             .recv_timeout(at_most)
             .inspect_err(|error| {
@@ -108,12 +154,12 @@ impl Keyboard {
     }
 
     /// The next key that was pressed already.
-    pub(crate) fn try_next(&self) -> Option<Key> {
+    pub(crate) fn try_next(&self) -> Option<K> {
         self.keys.try_recv().ok()
     }
 }
 
-impl Drop for Keyboard {
+impl<K> Drop for Keyboard<K> {
     fn drop(&mut self) {
         self.end = None;
         if let Some(thread) = self.thread.take() {
@@ -131,36 +177,107 @@ fn is_ours() -> bool {
 }
 
 /// The terminal on stdin, in one of two modes.
-struct Terminal {
+pub(crate) struct Terminal {
     found: Termios,
     keys: Termios,
+    has_screen: bool,
+    /// Held while something is written on the screen.
+    writing: Mutex<()>,
     taken: AtomicBool,
+    times_taken: AtomicU32,
+    closed: AtomicBool,
 }
 
 impl Terminal {
-    fn of_stdin() -> Option<Self> {
+    fn of_stdin(has_screen: bool) -> Option<Self> {
         let found = tcgetattr(io::stdin()).ok()?;
         let mut keys = found.clone();
         keys.local_modes -= LocalModes::ICANON | LocalModes::ECHO;
         keys.special_codes[SpecialCodeIndex::VMIN] = 1;
         keys.special_codes[SpecialCodeIndex::VTIME] = 0;
-        Some(Self { found, keys, taken: AtomicBool::new(false) })
+        if has_screen {
+            // Ctrl-S would hold up whoever writes, also what restores the terminal
+            keys.input_modes -= InputModes::IXON;
+        }
+        Some(Self {
+            found,
+            keys,
+            has_screen,
+            writing: Mutex::default(),
+            taken: AtomicBool::new(false),
+            times_taken: AtomicU32::new(0),
+            closed: AtomicBool::new(false),
+        })
     }
 
     /// Makes it hand out each key at once, if it is ours.
     fn take(&self) -> bool {
-        let taken = is_ours() && tcsetattr(io::stdin(), OptionalActions::Now, &self.keys).is_ok();
+        let _writing = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        let taken = !self.closed.load(Ordering::SeqCst)
+            && is_ours()
+            && tcsetattr(io::stdin(), OptionalActions::Now, &self.keys).is_ok();
+        if taken && self.has_screen {
+            put(BEGIN_SCREEN);
+        }
         self.taken.store(taken, Ordering::SeqCst);
+        self.times_taken.fetch_add(u32::from(taken), Ordering::SeqCst);
         taken
+    }
+
+    /// How often it was ours anew: each time the screen is empty.
+    pub(crate) fn times_taken(&self) -> u32 {
+        self.times_taken.load(Ordering::SeqCst)
+    }
+
+    /// Writes on the screen, if that is ours.
+    pub(crate) fn write(&self, bytes: &[u8]) {
+        let _writing = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        if self.taken.load(Ordering::SeqCst) {
+            put(bytes);
+        }
     }
 
     /// Restores it. In the background the shell does that.
     fn give_back(&self) {
+        let writing = self.before_long();
         if self.taken.swap(false, Ordering::SeqCst) && is_ours() {
-            // keys that were pressed for us are not left to the shell
-            let _ = tcsetattr(io::stdin(), OptionalActions::Flush, &self.found);
+            if self.has_screen && writing.is_some() {
+                put(END_SCREEN);
+            }
+            // keys that were pressed for us are not left to the shell; flushing waits for whoever reads the terminal
+            let how = if writing.is_some() { OptionalActions::Flush } else { OptionalActions::Now };
+            let _ = tcsetattr(io::stdin(), how, &self.found);
         }
     }
+
+    /// The right to write; none where the writer is held up, because nobody reads the terminal.
+    fn before_long(&self) -> Option<MutexGuard<'_, ()>> {
+        for _ in 0..20 {
+            match self.writing.try_lock() {
+                Ok(writing) => return Some(writing),
+                Err(TryLockError::Poisoned(writing)) => return Some(writing.into_inner()),
+                Err(TryLockError::WouldBlock) => thread::sleep(Duration::from_millis(10)),
+            }
+        }
+        None
+    }
+
+    /// Whether it was restored for good.
+    pub(crate) fn is_closed(&self) -> bool {
+        self.closed.load(Ordering::SeqCst)
+    }
+
+    /// Restores it for good.
+    pub(crate) fn close(&self) {
+        self.closed.store(true, Ordering::SeqCst);
+        self.give_back();
+    }
+}
+
+/// Writes on the terminal at once. One that is gone needs nothing.
+fn put(bytes: &[u8]) {
+    let mut out = io::stdout();
+    let _ = out.write_all(bytes).and_then(|()| out.flush());
 }
 
 /// Signals that can be waited for together with keys: one byte for each.
@@ -183,17 +300,17 @@ impl Signals {
 }
 
 /// What the thread watches.
-struct Listener {
+struct Listener<K> {
     ended: UnixStream,
     stopping: Signals,
     suspending: Signals,
     killing: Vec<(i32, Signals)>,
     terminal: Arc<Terminal>,
     stop: Arc<AtomicBool>,
-    sender: Sender<Key>,
+    sender: Sender<K>,
 }
 
-impl Listener {
+impl<K: Meaning> Listener<K> {
     fn run(self) {
         let (mut stops, mut listening) = (0, true);
         loop {
@@ -215,6 +332,10 @@ impl Listener {
             stops += self.stopping.take();
             if stops > 1 {
                 self.terminal.give_back();
+                if self.terminal.has_screen {
+                    // nothing is left behind, and to say so might wait for whoever reads the terminal
+                    signal_hook::low_level::exit(1);
+                }
                 signals::end_at_once();
             }
             self.obey_signals();
@@ -247,9 +368,15 @@ impl Listener {
         let mut bytes = [0; 64];
         match read(io::stdin(), &mut bytes) {
             Ok(0) => false,
-            Ok(count) => {
-                for key in keys_in(&bytes[..count]) {
-                    if key == Key::Quit {
+            Ok(mut count) => {
+                let stdin = io::stdin();
+                let mut more = [PollFd::new(&stdin, PollFlags::IN)];
+                // the first byte of a key is a key by itself, unless the others follow
+                if bytes[count - 1] == 0x1b && poll(&mut more, Some(&REST_OF_A_KEY)) == Ok(1) {
+                    count += read(&stdin, &mut bytes[count..]).unwrap_or(0);
+                }
+                for key in K::of(&bytes[..count]) {
+                    if key.is_end() {
                         self.stop.store(true, Ordering::Relaxed);
                     }
                     // whoever no longer listens is about to end
@@ -263,43 +390,61 @@ impl Listener {
     }
 }
 
-/// The keys that these bytes of a terminal mean.
-fn keys_in(mut bytes: &[u8]) -> Vec<Key> {
-    let mut keys = Vec::new();
-    while let [first, rest @ ..] = bytes {
-        bytes = rest;
-        let key = match first {
-            b' ' => Some(Key::Pause),
-            b'.' => Some(Key::Step),
-            b'+' | b'=' => Some(Key::Faster),
-            b'-' => Some(Key::Slower),
-            b'[' => Some(Key::Seek(Seek::Back)),
-            b']' => Some(Key::Seek(Seek::On)),
-            b'q' | b'Q' => Some(Key::Quit),
-            // what follows ESC [ or ESC O is a key by its numbers and its last byte
-            0x1b => match bytes {
-                [b'[' | b'O', rest @ ..] => {
-                    let length = rest.iter().position(|byte| (0x40..=0x7e).contains(byte));
-                    let length = length.unwrap_or(rest.len());
-                    bytes = rest.get(length + 1..).unwrap_or_default();
-                    rest.get(length).and_then(|last| special_key(&rest[..length], *last))
-                }
-                _ => None,
-            },
-            _ => None,
-        };
-        keys.extend(key);
-    }
-    keys
+/// What a terminal says at once.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Press<'a> {
+    /// A character's byte, or Esc by itself.
+    Byte(u8),
+    /// What follows ESC [ or ESC O: a key by its numbers and its last byte.
+    Special(&'a [u8], u8),
+    /// What follows ESC ]: the answer to a question.
+    Answer(&'a [u8]),
 }
 
-/// The key of a sequence with these numbers and this last byte; terminals have several for Home.
-fn special_key(numbers: &[u8], last: u8) -> Option<Key> {
-    match (numbers, last) {
-        (_, b'C') => Some(Key::Step),
-        (_, b'D') => Some(Key::Seek(Seek::FrameBack)),
-        (_, b'H') | (b"1" | b"7", b'~') => Some(Key::Seek(Seek::Home)),
-        _ => None,
+/// What these bytes of a terminal say.
+pub(crate) fn presses(mut bytes: &[u8]) -> Vec<Press<'_>> {
+    let mut presses = Vec::new();
+    while let [first, rest @ ..] = bytes {
+        bytes = rest;
+        match (first, rest) {
+            (0x1b, [b'[' | b'O', rest @ ..]) => {
+                let length = rest.iter().position(|byte| (0x40..=0x7e).contains(byte));
+                let length = length.unwrap_or(rest.len());
+                bytes = rest.get(length + 1..).unwrap_or_default();
+                presses.extend(rest.get(length).map(|last| Press::Special(&rest[..length], *last)));
+            }
+            (0x1b, [b']', rest @ ..]) => {
+                let length = rest.iter().position(|byte| matches!(byte, 0x07 | 0x1b)).unwrap_or(rest.len());
+                presses.push(Press::Answer(&rest[..length]));
+                let end = rest.get(length..).unwrap_or_default();
+                bytes = end.strip_prefix(b"\x1b\\").unwrap_or(end.get(1..).unwrap_or_default());
+            }
+            _ => presses.push(Press::Byte(*first)),
+        }
+    }
+    presses
+}
+
+impl Meaning for Key {
+    fn of(bytes: &[u8]) -> Vec<Self> {
+        let key = |press| match press {
+            Press::Byte(b' ') => Some(Self::Pause),
+            Press::Byte(b'.') | Press::Special(_, b'C') => Some(Self::Step),
+            Press::Byte(b'+' | b'=') => Some(Self::Faster),
+            Press::Byte(b'-') => Some(Self::Slower),
+            Press::Byte(b'[') => Some(Self::Seek(Seek::Back)),
+            Press::Byte(b']') => Some(Self::Seek(Seek::On)),
+            Press::Byte(b'q' | b'Q') => Some(Self::Quit),
+            Press::Special(_, b'D') => Some(Self::Seek(Seek::FrameBack)),
+            // terminals have several for Home
+            Press::Special(_, b'H') | Press::Special(b"1" | b"7", b'~') => Some(Self::Seek(Seek::Home)),
+            _ => None,
+        };
+        presses(bytes).into_iter().filter_map(key).collect()
+    }
+
+    fn is_end(&self) -> bool {
+        *self == Self::Quit
     }
 }
 
@@ -310,10 +455,10 @@ mod tests {
     #[test]
     fn keys_are_known_by_their_bytes() {
         use Key::{Faster, Pause, Quit, Slower, Step};
-        assert_eq!(keys_in(b" .+=-q"), [Pause, Step, Faster, Faster, Slower, Quit]);
-        assert_eq!(keys_in(b"\x1b[C\x1bOC\x1b[1;5C"), [Step, Step, Step], "arrows to the right");
-        assert_eq!(keys_in(b"\x1b[A\x1b[3~x\x1b \x1b["), [Pause], "other keys mean nothing");
+        assert_eq!(Key::of(b" .+=-q"), [Pause, Step, Faster, Faster, Slower, Quit]);
+        assert_eq!(Key::of(b"\x1b[C\x1bOC\x1b[1;5C"), [Step, Step, Step], "arrows to the right");
+        assert_eq!(Key::of(b"\x1b[A\x1b[3~x\x1b \x1b["), [Pause], "other keys mean nothing");
         let back = [Seek::FrameBack, Seek::Back, Seek::On, Seek::Home, Seek::Home, Seek::Home];
-        assert_eq!(keys_in(b"\x1b[D[]\x1b[H\x1bOH\x1b[1~"), back.map(Key::Seek));
+        assert_eq!(Key::of(b"\x1b[D[]\x1b[H\x1bOH\x1b[1~"), back.map(Key::Seek));
     }
 }

@@ -64,6 +64,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Bench(args) => commands::bench::bench(&args),
         Command::BenchPart(args) => commands::bench::part(&args),
         Command::Ls { json, names } => commands::ls::ls(json, names),
+        Command::Top(args) => commands::top::top(&args),
         Command::Thin(args) => commands::thin::thin(&args),
         Command::Expand(args) => commands::thin::expand(&args),
         Command::Export(args) => commands::export::export(&args),

@@ -1,7 +1,8 @@
 //! ES modules as one script: each becomes a function that is called once, before those that import it.
 //!
 //! Modules keep to a small part of the language, so that this needs no parser: whole lines of
-//! `import { a, b } from "./x.js";`, and `export` before a function, a class or a constant at the start of a line.
+//! `import { a, b } from "./x.js";`, and `export` before a function, a class or a constant at the start of a line. Lines that
+//! are comments, and what lines are indented by, are left out, so that a shared page is small; but not inside of a template.
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -69,9 +70,14 @@ pub(crate) fn script(modules: &[(&str, &str)]) -> Result<String, String> {
             !done.contains(module.name) && module.imports.iter().all(|name| done.contains(name))
         };
         let Some(next) = modules.iter().find(is_next) else {
-            let left = modules.iter().map(|module| module.name).filter(|name| !done.contains(name));
-            let left = left.collect::<Vec<_>>().join(", ");
-            return Err(format!("modules import each other, or one that is not in the table: {left}"));
+            let left: Vec<_> = modules.iter().filter(|module| !done.contains(module.name)).collect();
+            let known = |name: &&str| modules.iter().any(|module| module.name == *name);
+            let missing = left.iter().flat_map(|module| &module.imports).find(|name| !known(name));
+            let names = left.iter().map(|module| module.name).collect::<Vec<_>>().join(", ");
+            return Err(match missing {
+                Some(missing) => format!("{missing}.js is imported, and not in the table of modules"),
+                None => format!("modules import each other, or are named twice: {names}"),
+            });
         };
         let (name, body, exports) = (next.name, &next.body, next.exports.join(", "));
         // writing to a String cannot fail
@@ -91,20 +97,35 @@ struct Module<'a> {
 
 impl<'a> Module<'a> {
     fn read(name: &'a str, text: &'a str) -> Result<Self, String> {
-        if let Some(word) = REFUSED.into_iter().find(|word| text.contains(word)) {
+        let lower = text.to_ascii_lowercase();
+        if let Some(word) = REFUSED.into_iter().find(|word| lower.contains(word)) {
             return Err(format!("{name}.js: `{word}` cannot stand in a module"));
         }
         let mut module = Self { name, imports: Vec::new(), exports: Vec::new(), body: String::new() };
-        let mut is_comment = false;
+        let (mut is_comment, mut is_template) = (false, false);
         for (number, line) in (1..).zip(text.lines()) {
-            // whoever wants to read comments has the source; a cast is a comment with code behind it
-            let bare = line.trim();
-            is_comment |= bare.starts_with("/**") && bare.find("*/").is_none_or(|end| end + 2 == bare.len());
-            if is_comment || bare.starts_with("//") || bare.is_empty() {
-                is_comment &= !bare.ends_with("*/");
+            let refused = || format!("{name}.js, line {number}: not a form that the page knows: {line}");
+            if is_template {
+                is_template = is_even(line);
+                module.body.extend([line, "\n"]);
                 continue;
             }
-            let refused = || format!("{name}.js, line {number}: not a form that the page knows: {line}");
+            let code = line.trim();
+            if is_comment || (code.starts_with("/*") && !code.contains("*/")) {
+                is_comment = !code.contains("*/");
+                if !is_comment && !code.ends_with("*/") {
+                    return Err(refused());
+                }
+                continue;
+            }
+            let is_one = code.starts_with("/*") && code.find("*/") == code.len().checked_sub(2);
+            if code.is_empty() || code.starts_with("//") || is_one {
+                continue;
+            }
+            if code.ends_with('\\') {
+                return Err(refused());
+            }
+            is_template = !is_even(code);
             let line = if line.starts_with("import") {
                 let (names, from) = import(line).ok_or_else(refused)?;
                 module.imports.push(from);
@@ -115,13 +136,20 @@ impl<'a> Module<'a> {
             } else if line.starts_with("export") {
                 return Err(refused());
             } else {
-                line.to_owned()
+                code.to_owned()
             };
-            module.body.push_str(line.trim_start());
-            module.body.push('\n');
+            module.body.extend([&line, "\n"]);
+        }
+        if is_template || is_comment {
+            return Err(format!("{name}.js: a template or a comment has no end"));
         }
         Ok(module)
     }
+}
+
+/// Whether as many templates end as begin in a line.
+fn is_even(line: &str) -> bool {
+    line.matches('`').count().is_multiple_of(2)
 }
 
 /// The names and the module of `import { a, b } from "./x.js";`.
@@ -150,12 +178,14 @@ mod tests {
 
     #[test]
     fn modules_become_one_script_in_the_order_of_their_imports() {
-        let b =
-            "import { one } from \"./a.js\";\n/** Doc. */\nexport async function two() {\n  return one;\n}\n";
-        let found = script(&[("b", b), ("a", "export const one = 1;\nconst own = 2;\n")]).expect("valid");
+        let b = "import { one } from \"./a.js\";\n/** Doc. */\nexport async function two() {\n  // why\n  return one;\n}\n\n\
+            /**\n * More.\n */\nconst own = /** @type {any} */ (two);\n  /** @type {any} */ (own).x = 1; /* y */\n";
+        let found =
+            script(&[("b", b), ("a", "export const one = 1;\n  const own = `\n  // a`;\n")]).expect("valid");
         let expected = "\"use strict\";\n\
-            const a_js = (() => {\nconst one = 1;\nconst own = 2;\nreturn { one };\n})();\n\
-            const b_js = (() => {\nconst { one } = a_js;\n/** Doc. */\nasync function two() {\n  return one;\n}\n\
+            const a_js = (() => {\nconst one = 1;\nconst own = `\n  // a`;\nreturn { one };\n})();\n\
+            const b_js = (() => {\nconst { one } = a_js;\nasync function two() {\nreturn one;\n}\n\
+            const own = /** @type {any} */ (two);\n/** @type {any} */ (own).x = 1; /* y */\n\
             return { two };\n})();\n";
         assert_eq!(found, format!("{expected}{START}"));
     }
@@ -174,9 +204,12 @@ mod tests {
             "export * from \"./a.js\";",
             "export const { a } = b;",
             "export let a = 1;",
-            "const a = \"</script>\";",
+            "const a = \"</Script>\";",
             "// <!--",
             "import.meta.url;",
+            "const a = `",
+            "const a = \"\\",
+            "/*\n*/ const a = 1;",
             "import { a } from \"./m.js\";",
             "import { a } from \"./missing.js\";",
         ] {

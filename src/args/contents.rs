@@ -11,10 +11,10 @@ const CONTENTS: [(&str, &[&str]); 7] = [
         "Analyse, while a run goes or from its recording",
         &["energies", "impurity", "contacts", "pulses", "deformation", "plot"],
     ),
-    ("Look", &["view", "share"]),
+    ("Look", &["view", "share", "top", "ls"]),
     ("Record, prove, share", &["record", "replay", "info", "verify", "recover", "thin", "expand", "export"]),
     ("The paper", &["reproduce"]),
-    ("This machine", &["ls", "bench", "completions", "man"]),
+    ("This machine", &["bench", "completions", "man"]),
 ];
 
 /// The whole command line, with its table of contents.

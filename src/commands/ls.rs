@@ -54,7 +54,8 @@ fn table(runs: &[RunInfo], columns: usize) -> String {
     text
 }
 
-fn cells(run: &RunInfo) -> [String; COLUMNS.len()] {
+/// What the list shows of a run.
+pub(super) fn cells(run: &RunInfo) -> [String; COLUMNS.len()] {
     let (step, part) = match run.step_count {
         Some(steps) => {
             // rounded down, so that 100 % is the end

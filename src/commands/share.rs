@@ -94,12 +94,14 @@ pub(crate) fn share_recording(
         return Err(too_large(size.page_bytes(&info, every)));
     }
     let title = info.manifest.provenance.name.as_str();
+    // beside the page, where there is room for it
+    let thinned = out.with_extension(format!("{}.mcap", std::process::id()));
     let mut attempts = 1;
     let (page, states) = loop {
-        let thinned = Scratch(out.with_extension("html.mcap"));
-        let states = thin_for_page(&info, &thinned.0, every)?.frames;
-        let page =
-            page(Carried::Embedded { title, recording: &fs::read(&thinned.0)?, results: results.as_bytes() });
+        let finished = thin_for_page(&info, &thinned, every)?;
+        let (thinned, states) = (Scratch(finished.path), finished.frames);
+        let recording = fs::read(&thinned.0)?;
+        let page = page(Carried::Embedded { title, recording: &recording, results: results.as_bytes() });
         let is_small = page.len() <= SMALL_BYTES || states <= 2;
         if every_steps.is_some() || is_small || attempts == MAX_ATTEMPTS {
             break (page, states);
@@ -118,13 +120,12 @@ pub(crate) fn share_recording(
             bytes(SMALL_BYTES as u64)
         );
     }
-    let range = info.first_step.zip(info.last_step).map_or(0, |(first, last)| last - first + 1);
     Ok(Shared {
         path: out.to_owned(),
         bytes: page.len(),
         every_steps: Some(every),
         states,
-        steps: if recomputes.is_ok() { range } else { states },
+        steps: if recomputes.is_ok() { covered_steps(&info) + 1 } else { states },
         pulses: found.pulses.len(),
         recomputes: recomputes.is_ok(),
     })
@@ -172,16 +173,20 @@ impl Sizes {
         let room = (SMALL_BYTES / 100 * 97).saturating_sub(self.without_states);
         // the first and the last one are always there
         let most = (room / self.of_a_state).saturating_sub(2).max(1) as u64;
-        let steps = info.manifest.physics.step_count.div_ceil(most);
+        let steps = covered_steps(info).div_ceil(most);
         rounded_up(steps.max(info.manifest.provenance.record_every_steps), info)
     }
 
     /// A page with every `every_steps`-th state.
     fn page_bytes(&self, info: &RecordingInfo, every_steps: u64) -> usize {
-        let steps = info.last_step.zip(info.first_step).map_or(0, |(last, first)| last - first);
-        let states = usize::try_from(steps / every_steps.max(1)).unwrap_or(usize::MAX);
+        let states = usize::try_from(covered_steps(info) / every_steps.max(1)).unwrap_or(usize::MAX);
         self.without_states.saturating_add(states.saturating_mul(self.of_a_state))
     }
+}
+
+/// Steps from the first state to the last one.
+fn covered_steps(info: &RecordingInfo) -> u64 {
+    info.last_step.zip(info.first_step).map_or(0, |(last, first)| last.saturating_sub(first))
 }
 
 /// A number of steps after which there is a frame.
@@ -195,7 +200,7 @@ struct Scratch(PathBuf);
 
 impl Drop for Scratch {
     fn drop(&mut self) {
-        // it may never have been made
+        // at best
         let _ = fs::remove_file(&self.0);
     }
 }

@@ -5,6 +5,7 @@ use serde_json::Value;
 use std::ffi::OsStr;
 use std::fs;
 use std::io::{Read, Write};
+use std::os::unix::process::ExitStatusExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -121,6 +122,11 @@ impl Running {
         Self { words: words.to_owned(), child: Some(child) }
     }
 
+    /// A process that somebody else has started.
+    pub(crate) fn of(words: &str, child: Child) -> Self {
+        Self { words: words.to_owned(), child: Some(child) }
+    }
+
     /// Its number.
     pub(crate) fn id(&self) -> u32 {
         self.child.as_ref().unwrap().id()
@@ -185,6 +191,11 @@ impl Ended {
     /// The exit code; none if a signal ended it.
     pub(crate) fn code(&self) -> Option<i32> {
         self.output.status.code()
+    }
+
+    /// The signal that ended it, if one did.
+    pub(crate) fn killed_by(&self) -> Option<i32> {
+        self.output.status.signal()
     }
 
     /// Asserts the exit code.

@@ -54,6 +54,7 @@ fn crates_use_what_the_architecture_says() {
     for server in ["axum", "hyper", "tokio"] {
         only(server, &["beadline-page"]);
     }
+    only("ratatui", &["beadline", "beadline-screen"]);
     only("anyhow", &["beadline", "beadline-bench", "beadline-paper"]);
     let ours = |package: &str| -> Vec<String> {
         needed(&all, package).into_iter().filter(|name| name.starts_with("beadline")).collect()
@@ -67,7 +68,9 @@ fn crates_use_what_the_architecture_says() {
     assert_eq!(ours("beadline-page"), ["beadline-schemas"]);
     assert_eq!(users(&all, "beadline-bench"), ["beadline"]);
     assert_eq!(ours("beadline-recorder"), ["beadline-bus", "beadline-recording", "beadline-schemas"]);
-    for package in ["beadline-producer", "beadline-consumers", "beadline-paper", "beadline-exports"] {
+    for package in
+        ["beadline-producer", "beadline-consumers", "beadline-paper", "beadline-exports", "beadline-screen"]
+    {
         assert!(!needed(&all, package).contains("iceoryx2"), "{package} is built without the bus");
     }
 }

@@ -46,6 +46,7 @@ mod stops;
 mod sweep;
 mod thinning;
 mod time_step;
+mod top;
 mod uncertainty;
 mod verifying;
 mod view;

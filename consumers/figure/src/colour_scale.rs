@@ -46,7 +46,7 @@ impl ColourScale {
     }
 
     /// Where a number lies between white (0) and the two darkest colours (−1 and 1).
-    pub(super) fn shade(&self, value: f64) -> f64 {
+    pub fn shade(&self, value: f64) -> f64 {
         let part = match self.log_beyond {
             None => value.abs() / self.limit(),
             Some(linear) => (value.abs() / linear).ln_1p() / (self.limit() / linear).ln_1p(),
@@ -123,12 +123,24 @@ impl ColourScale {
 /// B. Ottosson, *A perceptual color space for image processing* (2020): the space `OKLab`, in which it is even.
 pub fn diverging(shade: f64) -> Colour {
     const DARKEST: f64 = 0.4;
+    let part = shade.abs().min(1.0);
+    hued(shade, 1.0 - (1.0 - DARKEST) * part, part * (2.0 - part))
+}
+
+/// The same for a dark background: nearly black for 0, and lighter the farther from it.
+pub fn diverging_on_dark(shade: f64) -> Colour {
+    const DARKEST: f64 = 0.17;
+    const LIGHTEST: f64 = 0.85;
+    let part = shade.abs().min(1.0);
+    hued(shade, DARKEST + (LIGHTEST - DARKEST) * part, part * (2.0 - part))
+}
+
+/// Blue below 0 and red above, of this lightness and part of the full chroma.
+fn hued(shade: f64, lightness: f64, part: f64) -> Colour {
     const CHROMA: f64 = 0.13;
     const BLUE: f64 = 255.0;
     const RED: f64 = 38.0;
-    let part = shade.abs().min(1.0);
-    let lightness = 1.0 - (1.0 - DARKEST) * part;
-    let chroma = CHROMA * part * (2.0 - part);
+    let chroma = CHROMA * part;
     let hue = if shade < 0.0 { BLUE } else { RED }.to_radians();
     oklab(lightness, chroma * hue.cos(), chroma * hue.sin())
 }

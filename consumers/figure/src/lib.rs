@@ -59,7 +59,7 @@ use schemas::whole_file::{self, WholeFileError};
 use std::path::{Path, PathBuf};
 
 pub use axis::Axis;
-pub use colour_scale::{ColourScale, diverging};
+pub use colour_scale::{ColourScale, diverging, diverging_on_dark};
 pub use panel::{Curve, Panel};
 pub use raster::Raster;
 pub use style::{Colour, Mark, Stroke};

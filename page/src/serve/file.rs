@@ -2,7 +2,7 @@
 
 use super::blocking;
 use axum::body::{Body, Bytes};
-use axum::http::{HeaderMap, HeaderValue, Method, Response, StatusCode, header, request::Parts};
+use axum::http::{HeaderValue, Method, Response, StatusCode, header, request::Parts};
 use hyper::body::{Body as HttpBody, Frame, SizeHint};
 use std::fs::File;
 use std::future::Future;
@@ -25,20 +25,15 @@ pub(super) fn open(path: &Path) -> Option<(File, u64)> {
 }
 
 /// The answer to a request for a file of `size` bytes.
-///
-/// With `?zstd=FIRST-LAST` these bytes are a whole zstd frame, which a browser that says so decompresses by itself. They
-/// cannot be asked for by the header: with it browsers accept nothing compressed.
 #[expect(clippy::unnecessary_wraps, reason = "as its neighbours")]
 pub(super) fn answer((file, size): (File, u64), parts: &Parts) -> Option<Response<Body>> {
-    let frame = parts.uri.query().and_then(|query| query.strip_prefix("zstd="));
-    let asked = match (frame, parts.headers.get(header::RANGE)) {
-        (Some(frame), _) => range(frame, size),
-        (None, Some(value)) => match value.to_str().ok().and_then(|value| value.strip_prefix("bytes=")) {
+    let asked = match parts.headers.get(header::RANGE) {
+        Some(value) => match value.to_str().ok().and_then(|value| value.strip_prefix("bytes=")) {
             // several ranges may be answered by the whole
             Some(one) if !one.contains(',') => range(one, size),
             _ => Some(0..size),
         },
-        (None, None) => Some(0..size),
+        None => Some(0..size),
     };
     let mut response = Response::new(Body::empty());
     let headers = response.headers_mut();
@@ -50,11 +45,7 @@ pub(super) fn answer((file, size): (File, u64), parts: &Parts) -> Option<Respons
         return Some(response);
     };
     headers.insert(header::CONTENT_LENGTH, HeaderValue::from(range.end - range.start));
-    if frame.is_some() {
-        if accepts_zstd(&parts.headers) {
-            headers.insert(header::CONTENT_ENCODING, HeaderValue::from_static("zstd"));
-        }
-    } else if range != (0..size) || parts.headers.contains_key(header::RANGE) {
+    if range != (0..size) || parts.headers.contains_key(header::RANGE) {
         let (first, last) = (range.start, range.end.saturating_sub(1));
         headers.insert(header::CONTENT_RANGE, value(&format!("bytes {first}-{last}/{size}")));
         *response.status_mut() = StatusCode::PARTIAL_CONTENT;
@@ -81,11 +72,6 @@ fn range(asked: &str, size: u64) -> Option<Range<u64>> {
         (first, last) => number(first)?..number(last)?.saturating_add(1).min(size),
     };
     (range.start < range.end).then_some(range)
-}
-
-fn accepts_zstd(headers: &HeaderMap) -> bool {
-    let accepted = headers.get_all(header::ACCEPT_ENCODING).iter().filter_map(|value| value.to_str().ok());
-    accepted.flat_map(|value| value.split(',')).any(|coding| coding.trim() == "zstd")
 }
 
 type Reading = Pin<Box<dyn Future<Output = Option<io::Result<Bytes>>> + Send>>;

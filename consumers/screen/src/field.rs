@@ -1,0 +1,112 @@
+//! What is shown along the chain and over time.
+
+use consumers::contacts::{COMPRESSED, Contacts, OPEN, default_tolerance_m};
+use consumers::fields;
+use schemas::chain::Chain;
+use schemas::frame::Frame;
+use schemas::manifest::RunManifest;
+
+/// A quantity of each bead or contact.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Field {
+    /// Velocity of each bead (m/s).
+    Velocity,
+    /// Displacement of each bead (m).
+    Displacement,
+    /// Overlap of each contact (m), beyond that at rest.
+    Overlap,
+    /// Energy (J) of each bead, with half of that of its contacts.
+    Energy,
+    /// Which contacts are compressed (1), touching (0) and open (−½).
+    Contacts,
+}
+
+impl Field {
+    /// All fields, in the order in which they take turns.
+    pub const ALL: [Self; 5] =
+        [Self::Velocity, Self::Displacement, Self::Overlap, Self::Energy, Self::Contacts];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Velocity => "velocity",
+            Self::Displacement => "displacement",
+            Self::Overlap => "overlap",
+            Self::Energy => "energy",
+            Self::Contacts => "contacts",
+        }
+    }
+
+    /// The field of this name.
+    pub fn of_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|field| field.name() == name)
+    }
+
+    /// The one so many turns after this.
+    #[must_use]
+    pub fn after(self, turns: usize) -> Self {
+        Self::ALL[(self as usize + turns) % Self::ALL.len()]
+    }
+
+    /// What has a value.
+    pub(crate) fn place(self) -> &'static str {
+        if matches!(self, Self::Overlap | Self::Contacts) { "contact" } else { "bead" }
+    }
+
+    /// Its unit; contacts have none.
+    pub(crate) fn unit(self) -> &'static str {
+        match self {
+            Self::Velocity => "m/s",
+            Self::Displacement | Self::Overlap => "m",
+            Self::Energy => "J",
+            Self::Contacts => "",
+        }
+    }
+}
+
+/// Computes the fields of the frames of one run.
+#[derive(Debug, Clone)]
+pub(crate) struct Fields {
+    chain: Chain,
+    contacts: Contacts,
+    contact_j: Vec<f64>,
+}
+
+impl Fields {
+    pub(crate) fn new(manifest: &RunManifest) -> Self {
+        let chain = manifest.physics.chain();
+        let contacts = Contacts::new(manifest, default_tolerance_m(manifest));
+        Self { contacts, contact_j: vec![0.0; chain.contact_count()], chain }
+    }
+
+    /// The values of `field` in `frame`, in the order of the chain.
+    pub(crate) fn values(&mut self, field: Field, frame: &Frame<'_>) -> Vec<f64> {
+        let of = |field: fields::Field| field.deviations(&self.chain, frame).collect();
+        match field {
+            Field::Velocity => of(fields::Field::Velocity),
+            Field::Displacement => of(fields::Field::Displacement),
+            Field::Overlap => of(fields::Field::Overlap),
+            Field::Energy => self.energies_j(frame),
+            Field::Contacts => self.contacts.observe(frame).iter().copied().map(class_value).collect(),
+        }
+    }
+
+    fn energies_j(&mut self, frame: &Frame<'_>) -> Vec<f64> {
+        self.chain.contact_energies_j(frame.u_m, &mut self.contact_j);
+        let contact_j = |contact: Option<usize>| contact.and_then(|c| self.contact_j.get(c)).unwrap_or(&0.0);
+        let of = |bead: usize| {
+            let contacts_j = contact_j(bead.checked_sub(1)) + contact_j(Some(bead));
+            self.chain.kinetic_j(frame.v_m_s, bead..bead + 1) + 0.5 * contacts_j
+        };
+        (0..self.chain.bead_count()).map(of).collect()
+    }
+}
+
+/// Compressed contacts are farthest from 0, so that what is compressed is shown where both kinds fall into one cell.
+fn class_value(class: u8) -> f64 {
+    match class {
+        COMPRESSED => 1.0,
+        OPEN => -0.5,
+        _ => 0.0,
+    }
+}
