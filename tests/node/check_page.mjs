@@ -321,7 +321,11 @@ const scenarios = {
       const said = await until(`an end for ${name}`, () =>
         page.evaluate(async () => {
           const bad = document.querySelector("#waiting:not([hidden]).bad #waiting-text")?.textContent;
-          return bad ?? ((await window.beadline.info) && document.getElementById("notes").textContent + " opened");
+          const opened = async () => {
+            const { whyNot, first, states } = await window.beadline.prove().catch(({ message }) => ({ whyNot: message }));
+            return `opened. ${document.getElementById("notes").textContent} ${whyNot || (first ? "" : states)}`;
+          };
+          return bad ?? (window.beadline.info && opened());
         }),
       );
       say(`${name.replace(/[^\w .-]/g, "?")}: ${said}`);
