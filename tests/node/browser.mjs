@@ -105,6 +105,23 @@ export async function openPage(url, { isOffline = false, isEmpty = false, ...opt
   return page;
 }
 
+/** A file, opened from the disk in Firefox, which another driver drives as it is. */
+export async function openInFirefox(file) {
+  const { default: puppeteer } = await import(require.resolve("puppeteer-core"));
+  const firefox = await puppeteer.launch({
+    browser: "firefox",
+    executablePath: process.env.BEADLINE_CHECK_FIREFOX ?? "/usr/bin/firefox-esr",
+  });
+  cleanups.push(() => firefox.close());
+  const page = await firefox.newPage();
+  const complaints = [];
+  page.on("pageerror", (error) => complaints.push(`error: ${error.message}`));
+  page.on("console", (message) => ["error", "warn"].includes(message.type()) && complaints.push(message.text()));
+  await page.goto(pathToFileURL(path.resolve(file)).href);
+  const over = () => assert.deepEqual(complaints, [], "the page complains");
+  return Object.assign(page, { over, version: await firefox.version() });
+}
+
 /** `beadline view` of a source, and a page of it. */
 export async function viewed(source, { fragment = "", ...options } = {}) {
   const server = start("view", source);

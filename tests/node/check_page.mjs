@@ -9,8 +9,8 @@ import fs from "node:fs";
 import path from "node:path";
 import { pathToFileURL } from "node:url";
 
-import { cleanUp, csv, exported, median, openPage, ready, sameStates, saved, say, shared, start } from "./browser.mjs";
-import { textOf, textUntil, told, until, viewOf, viewed } from "./browser.mjs";
+import { cleanUp, csv, exported, median, openInFirefox, openPage, ready, sameStates, say } from "./browser.mjs";
+import { shared, start, textOf, textUntil, told, until, viewOf, viewed } from "./browser.mjs";
 
 const [scenario, ...rest] = process.argv.slice(3);
 
@@ -66,6 +66,17 @@ const scenarios = {
     await page.over();
   },
 
+  /** The same in the other browser. */
+  async firefox(file, expanded) {
+    const page = await openInFirefox(file);
+    await ready(page);
+    const count = await sameStates(page, expanded);
+    await page.click("#prove");
+    const [, proven] = await textUntil(page, "#notes", /Proven: (\d+) states, .*each bit the same/);
+    say(`${page.version}: ${count} states equal, ${proven} proven`);
+    await page.over();
+  },
+
   /** A recording in which one value was changed, under checksums that hold. */
   async changed(file, step, bead) {
     const page = await viewed(file);
@@ -83,21 +94,24 @@ const scenarios = {
       displacement: ({ step, place }) => numbers(step)[`u_${place}_m`],
       overlap: ({ step, place }) => numbers(step)[`u_${place}_m`] - numbers(step)[`u_${Number(place) + 1}_m`],
     };
-    const page = await viewed(file, { fragment: "#bead=1" });
-    let before = "1 0";
+    const page = await viewed(file, { fragment: "#bead=1&at=1500" });
+    let before = "1 1500";
+    const values = new Set();
     for (const [i, field] of ["velocity", "displacement", "overlap"].entries()) {
       await page.selectOption("#field", field);
-      for (const [selector, dx, dy] of [["#map", 0, 0], ["#map", -0.2, -0.2], ["#profile", 0.03 * i, 0]]) {
+      for (const [selector, dx, dy] of [["#map", 0, 0], ["#map", -0.2, 0.2], ["#profile", 0.03 * i, 0]]) {
         const { x, y, width, height } = await middleOf(page, selector);
         await page.mouse.move(x + dx * width, y + dy * height);
         const found = await readOut(page, before);
         before = `${found.place} ${found.step}`;
         const [, shown] = new RegExp(`${field} (\\S+) m`).exec(found.text);
         assert.equal(Number(shown), expected[field](found), `${field}: ${found.text}`);
-        assert.equal(selector === "#profile", found.step === "0", found.text);
-        say(found.text);
+        assert.equal(selector === "#profile", found.step === "1500", found.text);
+        values.add(Number(shown));
       }
     }
+    assert.equal(values.size, 9, "values that say something");
+    say(`read out and exported: ${[...values].join(", ")}`);
     await page.over();
   },
 
@@ -350,13 +364,13 @@ const scenarios = {
   },
 
   /** A folder, and a sweep with recordings or without: a table with pictures; a click opens, back returns. */
-  async folder(column, ...sources) {
+  async folder(...sources) {
     for (const source of sources) {
       const page = await viewed(source, { isEmpty: true });
       await page.waitForSelector("#list tbody tr");
       const names = () => page.$$eval("#list tbody button", (all) => all.map((one) => one.textContent));
       const heads = await page.$$eval("#list thead tr > *", (all) => all.map((one) => one.textContent));
-      const index = heads.indexOf(column);
+      const index = heads.findIndex((head) => head.endsWith("alpha"));
       const head = page.locator("#list thead tr > *").nth(index);
       const sorted = async (direction) => {
         await head.locator("button").click();
@@ -384,7 +398,7 @@ const scenarios = {
       await page.click("#list-back");
       await page.waitForSelector("#list tbody tr");
       assert.equal((await names()).length, others.length + 1);
-      say(`${path.basename(source)}: ${up.length} runs by ${column}`);
+      say(`${path.basename(source)}: ${up.length} runs by ${heads[index]}`);
       await page.over();
       page.server.kill();
     }
