@@ -201,7 +201,7 @@ export class Page {
       this.board.invalidate();
     });
     if (!this.isFollowing) {
-      await run.seek(this.view.step ?? run.info.firstStep);
+      await run.seek(this.view.step ?? run.ownStep);
     }
     this.opened?.(run.info);
     this.applyChange(readChange(this.view.change));
@@ -285,7 +285,7 @@ export class Page {
   /** The step of the cursor. */
   get step() {
     const { run, view } = this;
-    return run ? run.clamp(view.step ?? (run.info.kind === "live" ? run.info.lastStep : run.info.firstStep)) : 0;
+    return run ? run.clamp(view.step ?? run.ownStep) : 0;
   }
 
   /** Places and steps that are in view. */
@@ -445,7 +445,8 @@ export class Page {
             Math.max(run.info.firstStep, Math.floor(steps[0] * factor)),
             Math.min(run.info.lastStep, Math.ceil(steps[1] * factor)),
           ],
-      rows: Math.max(16, Math.round(plot.height)),
+      // enough that a pulse does not leap over beads from row to row
+      rows: Math.max(16, Math.round(plot.height * ratio), Math.min(Math.ceil(places[1] - places[0]), 1000)),
       follow: this.followed,
     });
   }

@@ -79,6 +79,12 @@ export class Run {
     return Math.max(firstStep + 1, isGrowing ? Math.min(room, this.physics.step_count) : lastStep);
   }
 
+  /** Where the cursor is until it is moved: at the end, unless all of the run would have to be computed for it. */
+  get ownStep() {
+    const { kind, firstStep, lastStep } = this.info;
+    return kind === "start" ? firstStep : lastStep;
+  }
+
   /** @param {number} step */
   clamp(step) {
     return Math.min(Math.max(Math.round(step), this.info.firstStep), this.info.lastStep);
