@@ -8,6 +8,7 @@ use schemas::manifest::Physics;
 use schemas::presets::PRESETS;
 use std::ffi::{OsStr, OsString};
 use std::fs;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 /// A sparse recording of 100 beads, and what stands in front of its duration.
@@ -37,7 +38,8 @@ fn check<A: AsRef<OsStr>>(place: &Place, scenario: &str, arguments: impl IntoIte
         vec![script.into(), env!("CARGO_BIN_EXE_beadline").into(), scenario.to_owned().into()];
     words.extend(arguments.into_iter().map(|word| word.as_ref().to_owned()));
     let ended = Running::start(&format!("page {scenario}"), place.foreign(node, words)).wait().exits(0);
-    print!("{}", ended.stdout());
+    // not `print!`, which the test harness hides unless the test fails
+    std::io::stderr().write_all(ended.stdout().as_bytes()).unwrap();
 }
 
 /// Step by step, through chains of every kind that a preset has.

@@ -166,7 +166,7 @@ const scenarios = {
 
   /** Everything by keys; names for those who hear the page. */
   async keyboard(file) {
-    const page = await viewed(file);
+    const page = await viewed(file, { fragment: "#at=0" });
     const at = (step) => textUntil(page, "#at", new RegExp(`^step ${step} of`));
     const press = async (...keys) => {
       for (const key of keys) {
@@ -483,11 +483,8 @@ const scenarios = {
     await page.over();
   },
 
-  /**
-   * Figures to be compared with what is promised. A light-impurity run as it is, and in full only: shared (≤ 2 MB);
-   * without arguments they are made.
-   */
-  async speed(whole, page_, beads = "1000") {
+  /** Figures to be compared with what is promised: of a recording and of what it is shared as, or else in full. */
+  async speed(whole, page_) {
     const files = { whole, page: page_ };
     if (whole === undefined) {
       files.whole = "speed.mcap";
@@ -499,6 +496,7 @@ const scenarios = {
     const view = await viewed(files.whole);
     say(`a recording of ${size(files.whole)} is open after ${(view.openMs / 1e3).toFixed(2)} s`);
     const anyStep = async (page, what) => {
+      await until("the map", () => page.evaluate(() => !document.querySelector("#map-panel.busy")));
       const times = await page.evaluate(async () => {
         const { lastStep } = window.beadline.info;
         const found = [];
@@ -534,7 +532,7 @@ const scenarios = {
     await proof(page, "shared");
     await page.over();
     if (whole === undefined) {
-      await scenarios.rate("5", "4", beads);
+      await scenarios.rate("5", "4", "1000");
       await scenarios.rate("3", "4", "100000");
     }
   },
