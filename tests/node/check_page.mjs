@@ -150,7 +150,8 @@ const scenarios = {
       return whole && steps.every((step, i) => i === 0 || step === steps[i - 1] + 1) && count;
     });
     const fragment = () => page.evaluate(() => location.hash);
-    const hash = await until("the view in the address", async () => /beads=.*steps=.*at=300/.exec(await fragment())?.input);
+    const isWritten = async () => /beads=.*steps=.*at=300/.exec(await fragment())?.input;
+    const hash = await until("the view in the address", isWritten);
     await page.reload();
     await ready(page);
     assert.equal(await fragment(), hash);
@@ -200,7 +201,8 @@ const scenarios = {
       const named = (element) =>
         element.closest("[hidden], [aria-hidden=true]") ||
         element.labels?.length > 0 ||
-        [element.getAttribute("aria-label"), element.tagName === "CANVAS" ? "" : element.textContent].some((text) => text?.trim());
+        element.getAttribute("aria-label")?.trim() ||
+        (element.tagName !== "CANVAS" && element.textContent.trim());
       const all = [...document.querySelectorAll("button, canvas, input, select, [role=img], [role=tabpanel]")];
       return all.filter((element) => !named(element)).map((element) => element.outerHTML.slice(0, 120));
     });
@@ -260,7 +262,8 @@ const scenarios = {
 
   /** A run at its full rate, with a page and without, in turns of some seconds. */
   async rate(turns = "2", seconds = "0.5", beads = "1000") {
-    const run = start(..."run --duration 1000 --no-record --json --impurity 50=0.6e-3 --name fast --beads".split(" "), beads);
+    const words = "run --duration 1000 --no-record --json --impurity 50=0.6e-3 --name fast --beads";
+    const run = start(...words.split(" "), beads);
     const now = async () => {
       const found = JSON.parse(await told("ls", "--json")).find(({ name }) => name === "fast");
       return { step: found?.step ?? 0, at: Date.now() / 1e3 - (found?.age_s ?? 0) };
@@ -298,8 +301,8 @@ const scenarios = {
     const { held_back_s: held, consumers_dropped: dropped } = JSON.parse(await run.text);
     assert.deepEqual([held, dropped], [0, []], "the page held the run back");
     say(
-      `live, ${beads} beads: ${median(updates).toFixed(0)} updates/s; the run goes on at ${median(ratios).toFixed(3)} of its ` +
-        `rate without the page (${ratios.map((ratio) => ratio.toFixed(3)).join(", ")})`,
+      `live, ${beads} beads: ${median(updates).toFixed(0)} updates/s; the run goes on at ${median(ratios).toFixed(3)} ` +
+        `of its rate without the page (${ratios.map((ratio) => ratio.toFixed(3)).join(", ")})`,
     );
   },
 
@@ -328,7 +331,8 @@ const scenarios = {
   /** Files that are no recordings, damaged, or have markup for names: a sentence, or the run and its names as text. */
   async hostile(empty, page_, folder) {
     const page = await openPage(pathToFileURL(empty).href, { isOffline: true, isEmpty: true });
-    const elements = (one) => one.evaluate(() => [document.scripts.length, document.querySelectorAll("img, iframe").length]);
+    const elements = (one) =>
+      one.evaluate(() => [document.scripts.length, document.querySelectorAll("img, iframe").length]);
     const before = await elements(page);
     for (const name of fs.readdirSync(folder).filter((one) => one.endsWith(".mcap"))) {
       await drop(page, name, fs.readFileSync(path.join(folder, name)));
@@ -336,7 +340,8 @@ const scenarios = {
         page.evaluate(async () => {
           const bad = document.querySelector("#waiting:not([hidden]).bad #waiting-text")?.textContent;
           const opened = async () => {
-            const { whyNot, first, states } = await window.beadline.prove().catch(({ message }) => ({ whyNot: message }));
+            const proof = window.beadline.prove();
+            const { whyNot, first, states } = await proof.catch(({ message }) => ({ whyNot: message }));
             return `opened. ${document.getElementById("notes").textContent} ${whyNot || (first ? "" : states)}`;
           };
           return bad ?? (window.beadline.info && opened());
@@ -410,7 +415,8 @@ const scenarios = {
 
   /** The chain with one thing changed, beside the recording; its configuration gives what the page shows. */
   async change(file) {
-    for (const [what, value] of [["mass of bead 50", "0.0008"], ["exponent α", "1.8"], ["speed of the striker", "7"]]) {
+    const changes = { "mass of bead 50": "0.0008", "exponent α": "1.8", "speed of the striker": "7" };
+    for (const [what, value] of Object.entries(changes)) {
       const page = await viewed(file);
       await page.keyboard.press("c");
       await page.selectOption("#change-what", { label: what });
@@ -430,7 +436,9 @@ const scenarios = {
       assert.equal(run.step, info.lastStep, what);
       last.u.forEach((u, bead) => assert.equal(u, run[`u_${bead}_m`], `${what}: u of bead ${bead}`));
       last.v.forEach((v, bead) => assert.equal(v, run[`v_${bead}_m_s`], `${what}: v of bead ${bead}`));
-      const hash = await until("the change in the address", () => page.evaluate(() => /change=/.exec(location.hash)?.input));
+      const hash = await until("the change in the address", () =>
+        page.evaluate(() => /change=/.exec(location.hash)?.input),
+      );
       await page.reload();
       await ready(page);
       await page.waitForSelector("#second-panel:not([hidden])");
