@@ -67,7 +67,7 @@ export const KEYS = [
 export function watchKeys(act) {
   addEventListener("keydown", (event) => {
     const target = /** @type {HTMLElement} */ (event.target);
-    if (event.ctrlKey || event.metaKey || event.altKey || target.closest("dialog")) {
+    if (event.ctrlKey || event.metaKey || event.altKey || target.closest("dialog[open]")) {
       return;
     }
     const isSlider = target instanceof HTMLInputElement && target.type === "range";

@@ -51,6 +51,7 @@ export class Page {
     this.opening = 0;
     this.changing = 0;
     this.isDark = false;
+    this.hasFailed = false;
     this.renewReady();
     this.pictures = new Pictures(this);
     this.readOut = new ReadOut(this);
@@ -75,6 +76,7 @@ export class Page {
   }
 
   renewReady() {
+    this.hasFailed = false;
     /** @type {Promise<import("./types.d.ts").Info>} */
     this.ready = new Promise((opened, failed) => {
       this.opened = opened;
@@ -221,7 +223,7 @@ export class Page {
     this.timeline.pause();
     this.run?.close();
     this.second?.close();
-    if (this.run) {
+    if (this.run || this.hasFailed) {
       this.renewReady();
     }
     [this.run, this.second, this.hover] = [undefined, undefined, undefined];
@@ -238,6 +240,7 @@ export class Page {
     byId("waiting").classList.add("bad");
     this.section("waiting");
     this.failed?.(new Error(message));
+    this.hasFailed = true;
   }
 
   /** @param {"waiting" | "list" | "run"} name */
@@ -613,6 +616,11 @@ export function start() {
       seek: async (/** @type {number} */ step) => {
         await page.ready;
         await page.seek(step);
+      },
+      /** The run with one thing changed, if there is one. */
+      get changed() {
+        const engine = page.second?.engine;
+        return engine && { info: engine.info, state: (/** @type {number} */ step) => engine.state(step) };
       },
       prove: async () => {
         await page.ready;

@@ -7,13 +7,18 @@ use schemas::frame::EndReason;
 use schemas::manifest::Physics;
 use schemas::presets::PRESETS;
 use std::ffi::{OsStr, OsString};
+use std::fs;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-/// Node.js, if there is also a browser for it to drive.
-fn with_browser() -> Option<PathBuf> {
-    let browser = std::env::var_os("BEADLINE_CHECK_BROWSER").unwrap_or_else(|| "/usr/bin/chromium".into());
+/// A sparse recording of 100 beads, and what stands in front of its duration.
+const RUN: &str = "run --beads 100 --impurity 50=0.6e-3 --record-every-steps 100 --out run.mcap";
+
+/// Node.js, if there is also a browser for it to drive: the program that a variable names, or else at its usual place.
+fn with_browser(variable: &str, usual: &str) -> Option<PathBuf> {
+    let browser = std::env::var_os(variable).unwrap_or_else(|| usual.into());
     if !Path::new(&browser).exists() {
-        skip("no Chromium: `tests/setup` installs it, or set BEADLINE_CHECK_BROWSER");
+        skip(&format!("no {usual}: `tests/setup` installs it, or set {variable} to another one"));
         return None;
     }
     node()
@@ -23,13 +28,18 @@ fn with_browser() -> Option<PathBuf> {
 /// it measured.
 #[track_caller]
 fn check<A: AsRef<OsStr>>(place: &Place, scenario: &str, arguments: impl IntoIterator<Item = A>) {
-    let Some(node) = with_browser() else { return };
+    let browser = match scenario {
+        "firefox" => with_browser("BEADLINE_CHECK_FIREFOX", "/usr/bin/firefox-esr"),
+        _ => with_browser("BEADLINE_CHECK_BROWSER", "/usr/bin/chromium"),
+    };
+    let Some(node) = browser else { return };
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/node/check_page.mjs");
     let mut words: Vec<OsString> =
         vec![script.into(), env!("CARGO_BIN_EXE_beadline").into(), scenario.to_owned().into()];
     words.extend(arguments.into_iter().map(|word| word.as_ref().to_owned()));
     let ended = Running::start(&format!("page {scenario}"), place.foreign(node, words)).wait().exits(0);
-    print!("{}", ended.stdout());
+    // not `print!`, which the test harness hides unless the test fails
+    std::io::stderr().write_all(ended.stdout().as_bytes()).unwrap();
 }
 
 /// Step by step, through chains of every kind that a preset has.
@@ -56,10 +66,11 @@ fn every_step_of_every_preset_has_the_bits_of_the_kernel() {
 #[test]
 fn a_shared_file_holds_every_step_without_a_network() {
     let place = Place::new();
-    place.run("run --beads 100 --impurity 50=0.6e-3 --duration 0.01 --record-every-steps 100 --out run.mcap").exits(0);
+    place.run(&format!("{RUN} --duration 0.01")).exits(0);
     place.run("share run.mcap --out run.html").exits(0);
     place.run("expand run.mcap --out whole.mcap").exits(0);
-    check(&place, "shared", [place.path("run.html"), place.path("whole.mcap")]);
+    check(&place, "shared", ["run.html", "whole.mcap"]);
+    check(&place, "firefox", ["run.html", "whole.mcap"]);
 }
 
 #[test]
@@ -72,4 +83,126 @@ fn a_changed_value_is_named_by_step_and_bead() {
     let step = *step;
     lying::write(&place, "changed.mcap", &manifest, &BeginRecord::default(), &states, EndReason::Complete);
     check(&place, "changed", ["changed.mcap".to_owned(), step.to_string(), "3".to_owned()]);
+}
+
+#[test]
+fn what_the_pointer_reads_out_is_what_is_exported() {
+    let place = Place::new();
+    place
+        .run("run --beads 40 --impurity 20=0.6e-3 --duration 0.004 --record-every-steps 100 --out run.mcap")
+        .exits(0);
+    place.run("export run.mcap --every-step --out run.csv").exits(0);
+    check(&place, "readout", ["run.mcap", "run.csv"]);
+}
+
+#[test]
+fn wheel_and_drag_lead_to_single_steps_and_a_reload_keeps_the_view() {
+    let place = Place::new();
+    place.run(&format!("{RUN} --duration 0.002")).exits(0);
+    check(&place, "gestures", ["run.mcap"]);
+}
+
+#[test]
+fn everything_can_be_done_by_keys_and_has_a_name() {
+    let place = Place::new();
+    place.run(&format!("{RUN} --duration 0.002")).exits(0);
+    check(&place, "keyboard", ["run.mcap"]);
+}
+
+#[test]
+fn a_live_run_can_be_paused_in_the_page_and_scrolled_back_to_its_beginning() {
+    check(&Place::new(), "live", [""; 0]);
+}
+
+/// How fast it is beside the page is printed; that it never waits for the page holds on any machine.
+#[test]
+fn a_page_never_holds_a_run_back() {
+    check(&Place::new(), "rate", [""; 0]);
+}
+
+#[test]
+fn a_recording_that_is_dropped_is_shown_whatever_its_kernel() {
+    let place = Place::new();
+    place.run(&format!("{RUN} --duration 0.002")).exits(0);
+    place.run("expand run.mcap --out whole.mcap").exits(0);
+    place.run("share --out empty.html").exits(0);
+    let older = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/1.0-kernel-1/full.mcap");
+    let names = ["empty.html", "run.mcap", "whole.mcap"].map(|name| place.path(name));
+    check(&place, "dropped", names.iter().chain([&older]));
+}
+
+#[test]
+fn a_hostile_file_is_a_sentence_and_a_hostile_name_is_text() {
+    let place = Place::new();
+    let (mut manifest, states) = lying::run(&place);
+    manifest.provenance.program = "<script>alert(1)</script><img src=x onerror=alert(2)>".to_owned();
+    manifest.provenance.host = "</script></title><script>alert(3)</script><!--".to_owned();
+    fs::create_dir(place.path("files")).unwrap();
+    let named = "files/<img src=x onerror=alert(4)>.mcap";
+    lying::write(&place, named, &manifest, &BeginRecord::default(), &states, EndReason::Complete);
+    let bytes = fs::read(place.path(named)).unwrap();
+    place.foreign(env!("CARGO_BIN_EXE_beadline"), ["share", named, "--out", "named.html"]).status().unwrap();
+    let changed = |at: usize, with: &[u8]| {
+        let mut changed = bytes.clone();
+        changed[at..at + with.len()].copy_from_slice(with);
+        changed
+    };
+    let middle = bytes.len() / 2;
+    for (name, bytes) in [
+        ("bad-page", b"<!doctype html><script>alert(5)</script>".to_vec()),
+        ("bad-nothing", Vec::new()),
+        ("bad-beginning", bytes[..100].to_vec()),
+        // of the first record, and of one whose sum with its place has more than 64 bits
+        ("bad-length", changed(9, &(1u64 << 62).to_le_bytes())),
+        ("bad-longest", changed(9, &u64::MAX.to_le_bytes())),
+        ("cut", bytes[..middle].to_vec()),
+        ("flipped", changed(middle, &[bytes[middle] ^ 1])),
+    ] {
+        fs::write(place.path(format!("files/{name}.mcap")), bytes).unwrap();
+    }
+    place.run("share --out empty.html").exits(0);
+    check(&place, "hostile", ["empty.html", "named.html", "files"]);
+}
+
+#[test]
+fn a_folder_or_a_sweep_is_a_table_from_which_runs_are_opened() {
+    let place = Place::new();
+    let sweep = "\
+[base]
+preset = \"light-impurity\"
+chain.beads = 60
+chain.impurities = [{ bead = 30, mass_kg = 1e-3 }]
+time.duration_s = 2e-3
+[grid]
+chain.alpha = [1.5, 2.0]
+\"chain.impurities[0].mass_kg\" = [0.6e-3, 5e-3]
+";
+    place.write("computed.toml", sweep);
+    place.write("recorded.toml", &format!("record = true\n{sweep}"));
+    place.run("sweep computed.toml --out computed").exits(0);
+    place.run("sweep recorded.toml --out recorded").exits(0);
+    check(&place, "folder", ["recorded/recordings", "recorded", "computed"]);
+}
+
+#[test]
+fn a_changed_chain_is_what_its_configuration_gives() {
+    let place = Place::new();
+    place.run(&format!("{RUN} --duration 0.004")).exits(0);
+    check(&place, "change", ["run.mcap"]);
+}
+
+#[test]
+fn what_is_exported_from_the_page_is_what_it_shows() {
+    let place = Place::new();
+    place.run(&format!("{RUN} --duration 0.004")).exits(0);
+    check(&place, "exports", ["run.mcap"]);
+}
+
+/// At a reduced size; `node tests/node/check_page.mjs BEADLINE speed` measures in full.
+#[test]
+fn speeds_are_measured() {
+    let place = Place::new();
+    place.run("run --beads 1000 --impurity 500=0.6e-3 --duration 0.003 --out run.mcap").exits(0);
+    place.run("share run.mcap --out run.html").exits(0);
+    check(&place, "speed", ["run.mcap", "run.html"]);
 }

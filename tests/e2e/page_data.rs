@@ -71,6 +71,12 @@ fn a_damaged_recording_is_an_error_or_a_note_in_the_page() {
 }
 
 #[test]
+fn what_the_page_draws_is_right_where_it_is_numbers_and_text() {
+    let script = in_project("tests/node/check_page_drawing.mjs");
+    run(&Place::new(), &script, [""; 0], "are right");
+}
+
+#[test]
 fn the_modules_of_the_page_have_types() {
     let tsc = in_project("target/check/node/node_modules/typescript/bin/tsc");
     let project = in_project("page/tsconfig.json").into_os_string();
