@@ -6,6 +6,15 @@ import { CanvasSurface, SvgSurface } from "./surface.js";
 /** @typedef {import("./surface.js").Surface} Surface */
 /** @typedef {(surface: Surface, box: import("./surface.js").Box) => void} Draw */
 
+/** How often a panel is drawn while a run goes on (ms): the profile and numbers whenever there is something new. */
+const PERIODS_MS = new Map([
+  ["map", 50],
+  ["second", 50],
+  ["energies", 200],
+  ["path", 200],
+  ["marks", 200],
+]);
+
 /** Canvases by the ids of their elements. */
 export class Board {
   /**
@@ -17,9 +26,12 @@ export class Board {
     this.before = before;
     this.onerror = onerror;
     this.isDue = false;
+    /** Whether all panels are to be drawn now. */
+    this.isUrgent = false;
     this.panels = Object.entries(draws).map(([id, draw]) => {
       const canvas = /** @type {HTMLCanvasElement} */ (byId(id));
-      return { canvas, draw, width: canvas.clientWidth, height: canvas.clientHeight };
+      const { clientWidth: width, clientHeight: height } = canvas;
+      return { canvas, draw, width, height, drawn: -Infinity, period: PERIODS_MS.get(id) ?? 0 };
     });
     // asking for sizes while drawing would lay the page out again for each frame
     const resized = new ResizeObserver((entries) => {
@@ -43,8 +55,12 @@ export class Board {
     return { width, height };
   }
 
-  /** Draws at the next frame. */
-  invalidate() {
+  /**
+   * Draws at the next frame.
+   * @param {boolean} [isNews] of a run that goes on: each panel in its time
+   */
+  invalidate(isNews = false) {
+    this.isUrgent ||= !isNews;
     if (!this.isDue) {
       this.isDue = true;
       requestAnimationFrame(() => {
@@ -61,7 +77,17 @@ export class Board {
 
   paint() {
     const ratio = devicePixelRatio || 1;
-    for (const { canvas, draw, width, height } of this.panels.filter((panel) => panel.width > 1 && panel.height > 1)) {
+    const now = performance.now();
+    const { isUrgent } = this;
+    this.isUrgent = false;
+    for (const panel of this.panels.filter(({ width, height }) => width > 1 && height > 1)) {
+      const { canvas, draw, width, height, drawn, period } = panel;
+      if (!isUrgent && now - drawn < period) {
+        clearTimeout(this.later);
+        this.later = setTimeout(() => this.invalidate(true), period);
+        continue;
+      }
+      panel.drawn = now;
       const [wide, high] = [Math.round(width * ratio), Math.round(height * ratio)];
       if (canvas.width !== wide || canvas.height !== high) {
         canvas.width = wide;

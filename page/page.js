@@ -183,11 +183,11 @@ export class Page {
       if (this.isFollowing) {
         run.state = state;
       }
-      this.board.invalidate();
+      this.board.invalidate(true);
     };
     engine.onstatus = (status) => {
       run.status = status;
-      this.board.invalidate();
+      this.board.invalidate(true);
     };
     engine.onend = (reason) => {
       run.ended = `The run has ended: ${reason}.`;
@@ -211,7 +211,7 @@ export class Page {
   runOf(engine) {
     const run = new Run(
       engine,
-      () => this.board.invalidate(),
+      () => this.board.invalidate(this.isFollowing),
       (message) => this.note(sentence(message)),
     );
     engine.onfault = (message) => run.fault(new Error(message));
