@@ -51,6 +51,8 @@ export class CanvasSurface {
   constructor(context, width, height, ratio) {
     this.context = context;
     this.ratio = ratio;
+    /** The one that is set. */
+    this.font = "";
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.clearRect(0, 0, width, height);
   }
@@ -117,12 +119,17 @@ export class CanvasSurface {
   /** @param {number} x @param {number} y @param {string} string @param {Lettering} lettering */
   text(x, y, string, { size = 12, align = "left", baseline = "middle", colour, turned = false, bold, halo }) {
     const { context } = this;
+    const font = fontOf(size, bold);
+    if (font !== this.font) {
+      // which takes longer than the text
+      this.font = font;
+      context.font = font;
+    }
     context.save();
     context.translate(x, y);
     if (turned) {
       context.rotate(-Math.PI / 2);
     }
-    context.font = fontOf(size, bold);
     context.textAlign = align;
     context.textBaseline = "alphabetic";
     const down = risen(baseline) * size;
@@ -161,6 +168,7 @@ export class CanvasSurface {
     context.clip();
     draw();
     context.restore();
+    this.font = "";
   }
 }
 
