@@ -31,9 +31,9 @@ pub(crate) struct ViewArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
-    beadline share run.mcap                            run.html, at most 2 MB\n  \
+    beadline share run.mcap            run.html, at most 2 MB\n  \
     beadline share run.mcap --every-steps 100 --out talk.html\n  \
-    beadline share                                     a page that waits for a recording: beadline.html\n\n\
+    beadline share                     beadline.html, which waits for a recording\n\n\
     The page opens by a double click, without a network and without Beadline. It holds every step: it carries some \
     states of the recording, and recomputes those between, bit for bit. K is a multiple of the steps between two \
     frames of the run.")]
