@@ -248,6 +248,9 @@ const B4 = fromHex("3fbe9923385e0390");
 const [C0, C1, C3, C4, C5] = [3 / 20, 251 / 360, 11 / 18, 1 / 6, 1 / 60];
 const GAUSS_POINTS = [fromHex("bfe93cd3a2c8198e"), fromHex("bfcb0cb174df99c7")];
 
+/** Kicks of a step, at most: each moves one bead further. */
+const REACH = 7;
+
 const TINY = powerOfTwo(-900);
 const orZero = (/** @type {number} */ q) => (Math.abs(q) <= TINY ? 0 : q);
 
@@ -297,6 +300,9 @@ export class Stepper {
     this.rest = fill("restForce");
     this.eta = fill("damping");
     this.net = new Float64Array(n + 1); // F of each contact
+    // the beads that a step moves: others are at rest
+    this.from = 0;
+    this.to = n;
     // u' and v' of gear5, with a 0 in place of a bead on either side
     this.predictedU = new Float64Array(n + 2);
     this.predictedV = new Float64Array(n + 2);
@@ -327,8 +333,9 @@ export class Stepper {
       }
       return;
     }
+    [this.from, this.to] = [0, this.beads];
     this.forces(state.u);
-    for (let i = 0; i < count; i += 1) {
+    for (let i = 0; i < count && this.narrow(state); i += 1) {
       if (method === "rkn4") {
         this.kickDrift(state, B1 * dt, A1 * dt);
         this.kickDrift(state, B2 * dt, A2 * dt);
@@ -344,16 +351,41 @@ export class Stepper {
     }
   }
 
-  /** F of every contact, into `net`. @param {Float64Array} u */
+  /**
+   * Leaves out what a step would not change: beads at both ends that are at rest in balance, but for as many as the
+   * kicks of a step can reach. False if that is all of the chain.
+   * @param {Motion} state
+   */
+  narrow({ u, v }) {
+    const { beads: n, net } = this;
+    const isAtRest = (/** @type {number} */ i) => Object.is(u[i], 0) && Object.is(v[i], 0) && net[i] === net[i + 1];
+    let [first, last] = [this.from, this.to - 1];
+    while (first <= last && isAtRest(first)) {
+      first += 1;
+    }
+    while (first <= last && isAtRest(last)) {
+      last -= 1;
+    }
+    this.from = Math.max(0, first - REACH);
+    this.to = Math.min(n, last + 1 + REACH);
+    return first <= last;
+  }
+
+  /** F of the contacts of beads `from` up to `to`, into `net`. @param {Float64Array} u */
   forces(u) {
-    const { beads: n, power, net, k, rho, rest } = this;
-    net[0] = k[0] * power.at(-u[0] + rho[0]) - rest[0];
-    net[n] = k[n] * power.at(u[n - 1] + rho[n]) - rest[n];
+    const { beads: n, from, to, power, net, k, rho, rest } = this;
+    if (from === 0) {
+      net[0] = k[0] * power.at(-u[0] + rho[0]) - rest[0];
+    }
+    if (to === n) {
+      net[n] = k[n] * power.at(u[n - 1] + rho[n]) - rest[n];
+    }
+    const [first, end] = [Math.max(from, 1), Math.min(to + 1, n)];
     if (power.alpha === 1.5) {
-      this.forcesOfSpheres(u);
+      this.forcesOfSpheres(u, first, end);
       return;
     }
-    for (let i = 1; i < n; i += 1) {
+    for (let i = first; i < end; i += 1) {
       const delta = u[i - 1] - u[i] + rho[i];
       let force = 0 - rest[i];
       if (delta > power.z) {
@@ -366,11 +398,13 @@ export class Stepper {
   /**
    * The same between beads for α = 3/2, the usual one: a loop of its own, and in just this form, is twice as fast.
    * @param {Float64Array} u
+   * @param {number} first
+   * @param {number} end
    */
-  forcesOfSpheres(u) {
-    const { beads: n, net, k, rho, rest } = this;
+  forcesOfSpheres(u, first, end) {
+    const { net, k, rho, rest } = this;
     const z = this.power.z;
-    for (let i = 1; i < n; i += 1) {
+    for (let i = first; i < end; i += 1) {
       const delta = u[i - 1] - u[i] + rho[i];
       let force = 0 - rest[i];
       if (delta > z) {
@@ -382,16 +416,16 @@ export class Stepper {
 
   /** @param {Motion} state @param {number} h */
   kick({ v }, h) {
-    const { beads: n, inverseMass, net } = this;
-    for (let i = 0; i < n; i += 1) {
+    const { from, to, inverseMass, net } = this;
+    for (let i = from; i < to; i += 1) {
       v[i] += h * inverseMass[i] * (net[i] - net[i + 1]);
     }
   }
 
   /** A kick, a drift, and the forces where that leads to. @param {Motion} state @param {number} h @param {number} d */
   kickDrift({ u, v }, h, d) {
-    const { beads: n, inverseMass, net } = this;
-    for (let i = 0; i < n; i += 1) {
+    const { from, to, inverseMass, net } = this;
+    for (let i = from; i < to; i += 1) {
       v[i] += h * inverseMass[i] * (net[i] - net[i + 1]);
       u[i] += d * v[i];
     }

@@ -67,7 +67,9 @@ impl LiveWriter {
         let head = [VERSION, beads as f64, extra as f64, frame.frame as f64, frame.step as f64, frame.time_s];
         let mut bytes = Vec::with_capacity(8 * (8 + (2 + extra) * beads));
         for values in [&head[..], &[seen as f64, skipped as f64], frame.u_m, frame.v_m_s, frame.extra] {
-            values.iter().for_each(|value| bytes.extend_from_slice(&value.to_le_bytes()));
+            for value in values {
+                bytes.extend_from_slice(&value.to_le_bytes());
+            }
         }
         let bytes = Bytes::from(bytes);
         self.0.send_modify(|shown| shown.state = (shown.state.0 + 1, bytes));
