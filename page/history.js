@@ -39,6 +39,24 @@ export function differenceOf(stored, computed) {
   return undefined;
 }
 
+/**
+ * How many of them, in the order of their steps, are at or before a step.
+ * @param {{ step: number }[]} all
+ * @param {number} step
+ */
+export function rankOf(all, step) {
+  let [low, high] = [0, all.length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (all[middle].step <= step) {
+      low = middle + 1;
+    } else {
+      high = middle;
+    }
+  }
+  return low;
+}
+
 /** States of one run by their steps. */
 export class History {
   /**
@@ -77,28 +95,11 @@ export class History {
   }
 
   /**
-   * How many kept states are at or before a step.
-   * @param {number} step
-   */
-  rank(step) {
-    let [low, high] = [0, this.kept.length];
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (this.kept[middle].step <= step) {
-        low = middle + 1;
-      } else {
-        high = middle;
-      }
-    }
-    return low;
-  }
-
-  /**
    * Keeps a state, which nobody may change from then on.
    * @param {State & { received?: boolean }} state
    */
   keep(state) {
-    const rank = this.rank(state.step);
+    const rank = rankOf(this.kept, state.step);
     if (rank > 0 && this.kept[rank - 1].step === state.step) {
       return;
     }
@@ -114,7 +115,7 @@ export class History {
    * @returns {State | undefined}
    */
   inMemory(step) {
-    const rank = this.rank(step);
+    const rank = rankOf(this.kept, step);
     const kept = rank > 0 ? this.kept[rank - 1] : undefined;
     const stored = this.recording?.cachedBefore(step);
     return stored !== undefined && stored.step > (kept?.step ?? -1) ? stored : kept;

@@ -1,6 +1,7 @@
 // The rows of a map with the curves beside it: a state each, thinned to what can be seen.
 
 import { ENERGY_COUNT, columnCount } from "./fields.js";
+import { rankOf } from "./history.js";
 
 /** @typedef {import("./types.d.ts").RowsRequest} RowsRequest */
 /** @typedef {import("./types.d.ts").State} State */
@@ -59,26 +60,13 @@ export class RowTable {
 
   /** Whether there is a row of this step. */
   has(/** @type {number} */ step) {
-    return this.rows[this.rank(step) - 1]?.step === step;
-  }
-
-  rank(/** @type {number} */ step) {
-    let [low, high] = [0, this.rows.length];
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (this.rows[middle].step <= step) {
-        low = middle + 1;
-      } else {
-        high = middle;
-      }
-    }
-    return low;
+    return this.rows[rankOf(this.rows, step) - 1]?.step === step;
   }
 
   /** Adds a row of a state, unless it is there. */
   insert(/** @type {State} */ state) {
     if (!this.has(state.step)) {
-      this.rows.splice(this.rank(state.step), 0, this.rowOf(state));
+      this.rows.splice(rankOf(this.rows, state.step), 0, this.rowOf(state));
     }
   }
 

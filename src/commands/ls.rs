@@ -112,7 +112,7 @@ fn to_json(run: &RunInfo) -> serde_json::Value {
     })
 }
 
-fn consumer_json(consumer: &ConsumerInfo) -> serde_json::Value {
+pub(super) fn consumer_json(consumer: &ConsumerInfo) -> serde_json::Value {
     json!({
         "label": consumer.label,
         "delivery": consumer.delivery.as_str(),

@@ -1,6 +1,7 @@
 //! Live runs for viewers: one consumer a run, which never holds it back, however many look at it.
 
-use bus::{AttachOptions, Bus, ConsumerInfo, Delivery, LiveSource, RunInfo, list_runs};
+use crate::commands::ls;
+use bus::{AttachOptions, Bus, Delivery, LiveSource, RunInfo, list_runs};
 use page::{LiveFeed, LiveWriter};
 use schemas::chain::{Chain, Wall};
 use schemas::frame::{FrameSource as _, Received};
@@ -178,22 +179,13 @@ impl Speed {
 
 /// `LiveStatus` of the page.
 fn status(run: &RunInfo, steps_per_s: f64, counts: &Counts) -> Value {
-    let consumer = |consumer: &ConsumerInfo| {
-        json!({
-            "label": consumer.label,
-            "delivery": consumer.delivery.as_str(),
-            "pid": consumer.pid,
-            "lag_frames": consumer.lag_frames,
-            "frames_missed": consumer.missed,
-        })
-    };
     json!({
         "state": run.state.as_str(),
         "step": run.step,
         "steps_per_s": steps_per_s,
         "frames_seen": counts.seen.load(Ordering::Relaxed),
         "frames_skipped": counts.skipped.load(Ordering::Relaxed),
-        "consumers": run.consumers.iter().map(consumer).collect::<Vec<_>>(),
+        "consumers": run.consumers.iter().map(ls::consumer_json).collect::<Vec<_>>(),
     })
 }
 
