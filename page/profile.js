@@ -57,7 +57,8 @@ function rangeOf(curves, field) {
   const within = (/** @type {number} */ least, /** @type {number} */ most) => {
     let [low, high, beyond, farthest] = [Infinity, -Infinity, 0, 0];
     for (const values of curves) {
-      for (const value of values) {
+      for (let i = 0; i < values.length; i += 1) {
+        const value = values[i];
         if (value >= least && value <= most) {
           low = value < low ? value : low;
           high = value > high ? value : high;

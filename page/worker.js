@@ -14,6 +14,11 @@ import { RowTable, stepsShown } from "./rows.js";
 /** @typedef {(value: unknown) => void} Tell sends a part of an answer */
 
 const URGENCY = { state: 3, rows: 2, events: 1, proof: 0 };
+/**
+ * What a page that came late recomputes at once, beads times steps: some seconds. Of more, it does when somebody looks
+ * back, so that a run that is only watched has the machine to itself.
+ */
+const FEW_TO_CATCH_UP = 1e8;
 /** Between two messages with rows (ms). */
 const ROWS_EVERY_MS = 60;
 
@@ -114,6 +119,10 @@ class Run {
       return new Promise((over, failed) => {
         const following = { table, tell, sent: 0, over: () => over(undefined) };
         this.following = following;
+        if ((last - history.firstStep) * this.chain.mass.length > FEW_TO_CATCH_UP) {
+          tell({ from: 0, ...table.packed(0), isWhole: false });
+          return;
+        }
         const fill = this.fill(table, [history.firstStep, last], request.rows >> 1, () => {
           following.sent = table.rows.length;
           tell({ from: 0, ...table.packed(0), isWhole: false });
