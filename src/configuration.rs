@@ -175,7 +175,7 @@ fn overridden(args: &Asked<'_>, config: &RunConfig, chosen: Option<&str>) -> Str
 }
 
 /// Where and when a run is made.
-pub(crate) fn origin() -> Origin {
+pub fn origin() -> Origin {
     let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     Origin {
         program: format!("beadline {}", env!("CARGO_PKG_VERSION")),

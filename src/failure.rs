@@ -10,7 +10,7 @@ use recording::WriteError;
 use schemas::whole_file::WholeFileError;
 use serde_json::json;
 use std::any::Any;
-use std::process::ExitCode;
+use std::ffi::OsString;
 
 /// How a command ended that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -73,18 +73,18 @@ pub(crate) enum Form {
 
 impl Form {
     /// The form that the command line asks for, even if it is otherwise wrong.
-    pub(crate) fn asked_for() -> Self {
-        let mut arguments = std::env::args_os().skip(1).take_while(|argument| argument != "--");
+    pub(crate) fn asked_for(arguments: &[OsString]) -> Self {
+        let mut arguments = arguments.iter().skip(1).take_while(|argument| *argument != "--");
         if arguments.any(|argument| argument == "--json") { Self::Json } else { Self::Words }
     }
 }
 
 /// Tells a failure and gives the exit code.
-pub(crate) fn exit(result: Result<Done, Failure>, form: Form) -> ExitCode {
+pub(crate) fn exit(result: Result<Done, Failure>, form: Form) -> u8 {
     let (error, code) = match result {
-        Ok(Done::Whole) => return ExitCode::SUCCESS,
-        Ok(Done::Lossy) => return ExitCode::from(3),
-        Err(Failure::Failed(error)) if is_broken_pipe(&error) => return ExitCode::SUCCESS,
+        Ok(Done::Whole) => return 0,
+        Ok(Done::Lossy) => return 3,
+        Err(Failure::Failed(error)) if is_broken_pipe(&error) => return 0,
         Err(Failure::Failed(error) | Failure::BadInput(error)) if is_of_another_kernel(&error) => (error, 3),
         Err(Failure::Failed(error)) if is_in_the_way(&error) => (error, 2),
         Err(Failure::Failed(error)) if is_stop(&error) => (error, 3),
@@ -97,7 +97,7 @@ pub(crate) fn exit(result: Result<Done, Failure>, form: Form) -> ExitCode {
         Form::Words => notice!("{error:#}"),
         Form::Json => display::tell_json(&line(&error.to_string(), &causes, code)),
     }
-    ExitCode::from(code)
+    code
 }
 
 /// Reports a wrong command line and ends, or prints the help that was asked for.

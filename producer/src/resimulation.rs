@@ -228,6 +228,11 @@ impl<S: FrameSource> Resimulation<S> {
         &self.source
     }
 
+    /// The step of the last state of the source up to which everything lent is proven.
+    pub fn proven_step(&self) -> Option<u64> {
+        self.proven
+    }
+
     /// Waits for the next state that the source delivers.
     fn look_ahead(&mut self) -> Result<(), ResimulationError<S::Error>> {
         loop {

@@ -142,6 +142,18 @@ pub trait FrameSource {
     fn receive(&mut self) -> Result<Received<'_>, Self::Error>;
 }
 
+impl<S: FrameSource + ?Sized> FrameSource for &mut S {
+    type Error = S::Error;
+
+    fn manifest(&self) -> &RunManifest {
+        (**self).manifest()
+    }
+
+    fn receive(&mut self) -> Result<Received<'_>, Self::Error> {
+        (**self).receive()
+    }
+}
+
 /// Where a run's frames go: a publisher or a recorder.
 pub trait FrameSink {
     /// What goes wrong in this kind of sink.

@@ -34,21 +34,22 @@ mod wire;
 #[cfg(feature = "faults")]
 pub use backpressure::Remedies;
 pub use backpressure::{ConsumerEvent, Delivery};
-pub use live::{AttachError, AttachNotice, AttachOptions, LiveError, LiveSource};
+pub use live::{AttachError, AttachNotice, AttachOptions, HeldState, LiveError, LiveSource};
 pub use publisher::{PublishCounts, PublishError, PublishOptions, StatePublisher, WaitOutcome};
 pub use result_watch::{OwnTopicsWatch, ResultWatch};
 pub use results::{ResultElement, ResultPublisher, ResultReceived, ResultSubscriber, ResultsError, Row};
+#[doc(hidden)]
+pub use room::MAX_BUFFER;
 pub use room::RoomError;
 pub use root::RootError;
 pub use runs::{ConsumerInfo, RunInfo, RunState, list_runs};
+pub use services::BORROWED;
 pub use services::BusError;
 pub use shared_segment::SharedSegmentError;
 pub use wire::{
     FLAG_FOLLOWS, FLAG_LAST, JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, ManifestText, RunStatus,
     STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, STATE_RUNNING, STATE_WAITING, StateHeader, StreamId,
 };
-#[doc(hidden)]
-pub use {room::MAX_BUFFER, services::BORROWED};
 
 use creating::CreationLock;
 use iceoryx2::node::{Node, NodeBuilder, NodeState};

@@ -93,6 +93,15 @@ impl LiveSource {
         self.first_frame
     }
 
+    /// Keeps the frame that was lent last where it is, beyond the next call of `receive`; none if there is none.
+    ///
+    /// A consumer may hold [`BORROWED`](super::BORROWED) frames at a time, the one that it receives included: with as many
+    /// held, nothing can be received.
+    pub fn hold(&mut self) -> Option<HeldState> {
+        let beads = usize::try_from(self.manifest.physics.beads).unwrap_or(usize::MAX);
+        self.sample.take().map(|sample| HeldState { sample, beads })
+    }
+
     /// A publisher of results about these frames.
     ///
     /// # Errors
@@ -173,6 +182,20 @@ impl LiveSource {
         let Some(ports) = &self.ports else { return };
         // a signal ends the wait early; the loop looks at the flag
         let _ = ports.listener.timed_wait(|_| {}, WAIT);
+    }
+}
+
+/// A frame in shared memory that stays as it is for as long as this is kept, also after the run.
+pub struct HeldState {
+    sample: StateSample,
+    beads: usize,
+}
+
+impl HeldState {
+    /// The frame.
+    pub fn frame(&self) -> Frame<'_> {
+        let StateHeader { frame, step, time_s, .. } = *self.sample.user_header();
+        Frame::of_doubles((frame, step, time_s), self.beads, self.sample.payload())
     }
 }
 

@@ -206,6 +206,28 @@ impl ReadError {
         Self::Damaged { path: path.to_owned(), offset, what: what.into() }
     }
 
+    /// The file.
+    pub fn path(&self) -> &Path {
+        match self {
+            Self::Io { path, .. }
+            | Self::NotMcap { path }
+            | Self::NotBeadline { path, .. }
+            | Self::NoChannel { path, .. }
+            | Self::Manifest { path, .. }
+            | Self::ManifestChecksum { path, .. }
+            | Self::Crc { path, .. }
+            | Self::Damaged { path, .. } => path,
+        }
+    }
+
+    /// Where it is damaged, from its start, if that is one place.
+    pub fn byte(&self) -> Option<u64> {
+        match self {
+            Self::Damaged { offset, .. } => Some(*offset),
+            _ => None,
+        }
+    }
+
     /// Whether this is the wrong kind of file, rather than a damaged or unreadable one.
     pub fn is_wrong_file(&self) -> bool {
         matches!(

@@ -3,11 +3,30 @@
 use anyhow::{Context as _, Error, anyhow};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
+use std::sync::OnceLock;
 use std::time::Duration;
+
+/// How this program is started, where that is not by the file that runs.
+static PROGRAM: OnceLock<Vec<OsString>> = OnceLock::new();
+
+/// Says how this program is started, if not by the file that runs.
+pub fn set_program(program: Option<Vec<OsString>>) {
+    // a process is one program
+    program.into_iter().for_each(|program| drop(PROGRAM.set(program)));
+}
+
+fn this_program() -> Result<Command, Error> {
+    let Some([program, words @ ..]) = PROGRAM.get().map(Vec::as_slice) else {
+        return Ok(Command::new(std::env::current_exe().context("the program cannot find itself")?));
+    };
+    let mut command = Command::new(program);
+    command.args(words);
+    Ok(command)
+}
 
 /// A process of this program; killed when dropped. What it says is read when it is asked for, so it must not say more than
 /// a pipe holds before that.
@@ -33,7 +52,7 @@ impl Process {
     /// # Errors
     /// When it cannot be started.
     pub fn named<S: AsRef<OsStr>>(name: String, words: impl IntoIterator<Item = S>) -> Result<Self, Error> {
-        let mut command = Command::new(std::env::current_exe().context("the program cannot find itself")?);
+        let mut command = this_program()?;
         command.args(words).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().with_context(|| format!("{name} cannot be started"))?;
         let out = child.stdout.take().ok_or_else(|| anyhow!("{name}: no stdout"))?;

@@ -1,0 +1,97 @@
+"""Shocks in granular chains: simulated, recorded, watched and analysed.
+
+>>> import beadline as bl
+>>> chain = bl.Chain(beads=100, mass_kg=1e-3, alpha=1.5, stiffness=1e7, impurities={50: 0.6e-3})
+>>> rec = bl.Run(chain, strikers={0: 5.0}, duration_s=2e-3).simulate()
+>>> rec.velocity.shape[1]
+100
+
+Units are SI and part of names: ``_m``, ``_s``, ``_kg``, ``_n``, ``_j``, ``_m_s``. Beads and contacts are numbered from 0;
+contact ``i`` joins beads ``i`` and ``i + 1``.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+from ._native import __version__
+
+if TYPE_CHECKING:
+    from ._live import Consumer, Frame, Live, attach, attach_async, consumer, live_runs
+    from ._recording import FieldArray, Recording, State, open
+    from ._run import Chain, Run, Simulation, preset, presets
+    from ._sweep import sweep
+    from ._table import Table
+    from .errors import (
+        BeadlineError,
+        CommandError,
+        ConfigError,
+        LiveError,
+        LostError,
+        MissingExtraError,
+        RecordingError,
+        RunError,
+    )
+
+# where each name is: the command, which is in this package, too, starts without NumPy
+_PLACES = {
+    "_live": ("Consumer", "Frame", "Live", "attach", "attach_async", "consumer", "live_runs"),
+    "_recording": ("FieldArray", "Recording", "State", "open"),
+    "_run": ("Chain", "Run", "Simulation", "preset", "presets"),
+    "_sweep": ("sweep",),
+    "_table": ("Table",),
+    "errors": (
+        "BeadlineError",
+        "CommandError",
+        "ConfigError",
+        "LiveError",
+        "LostError",
+        "MissingExtraError",
+        "RecordingError",
+        "RunError",
+    ),
+}
+
+__all__ = [
+    "BeadlineError",
+    "Chain",
+    "CommandError",
+    "ConfigError",
+    "Consumer",
+    "FieldArray",
+    "Frame",
+    "Live",
+    "LiveError",
+    "LostError",
+    "MissingExtraError",
+    "Recording",
+    "RecordingError",
+    "Run",
+    "RunError",
+    "Simulation",
+    "State",
+    "Table",
+    "__version__",
+    "attach",
+    "attach_async",
+    "consumer",
+    "live_runs",
+    "open",
+    "preset",
+    "presets",
+    "sweep",
+]
+
+
+def __getattr__(name: str) -> object:
+    for place, names in _PLACES.items():
+        if name in names:
+            found: object = getattr(importlib.import_module(f".{place}", __name__), name)
+            globals()[name] = found
+            return found
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

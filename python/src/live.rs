@@ -1,0 +1,7 @@
+//! Live runs.
+
+use pyo3::prelude::*;
+
+pub(crate) fn add_to(_: &Bound<'_, PyModule>) -> PyResult<()> {
+    Ok(())
+}

@@ -1,0 +1,124 @@
+//! A run before it runs: its configuration, and what the engine makes of it.
+
+use crate::errors::Why;
+use numpy::{PyArray1, ToPyArray};
+use pyo3::prelude::*;
+use schemas::chain::Chain;
+use schemas::config::RunConfig;
+use schemas::manifest::RunManifest;
+use schemas::presets::PRESETS;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A validated run.
+#[pyclass(frozen, module = "beadline._native", from_py_object)]
+#[derive(Clone)]
+pub(crate) struct Manifest {
+    pub(crate) run: Arc<RunManifest>,
+    pub(crate) chain: Arc<Chain>,
+    /// As it is written into recordings; none of a recording that has none.
+    #[pyo3(get)]
+    pub(crate) toml: Option<String>,
+}
+
+impl Manifest {
+    pub(crate) fn new(run: RunManifest, toml: Option<String>) -> Self {
+        Self { chain: Arc::new(run.physics.chain()), run: Arc::new(run), toml }
+    }
+}
+
+#[pymethods]
+impl Manifest {
+    /// Reads a configuration; `name` is that of the run if the text has none.
+    #[staticmethod]
+    #[pyo3(signature = (text, path=None, name="run"))]
+    fn from_toml(text: String, path: Option<PathBuf>, name: &str) -> PyResult<Self> {
+        let located = |error: schemas::config::ConfigError| Why::from(error.located(&text, path.as_deref()));
+        let config = RunConfig::from_toml(&text).map_err(located)?;
+        let run = RunManifest::new(&config, name, beadline::origin()).map_err(located)?;
+        Ok(Self::new(run, Some(text)))
+    }
+
+    /// The same run, under an id of its own, with a state recorded every `steps` steps.
+    fn begun(&self, steps: u64) -> PyResult<Self> {
+        let mut run = (*self.run).clone();
+        run.provenance.run_id = schemas::manifest::RunId::random();
+        run.provenance.started_unix_ns = beadline::origin().started_unix_ns;
+        let run = run.recorded_every(steps).map_err(Why::from)?;
+        Ok(Self { run: Arc::new(run), ..self.clone() })
+    }
+
+    /// The manifest as JSON.
+    #[getter]
+    fn json(&self) -> String {
+        self.run.to_json()
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        self.run.provenance.name.as_str()
+    }
+
+    #[getter]
+    fn beads(&self) -> u64 {
+        self.run.physics.beads
+    }
+
+    #[getter]
+    fn step_count(&self) -> u64 {
+        self.run.physics.step_count
+    }
+
+    #[getter]
+    fn dt_s(&self) -> f64 {
+        self.run.physics.dt_s
+    }
+
+    /// The first step at or after a time, the last step at most.
+    fn step_at_or_after(&self, time_s: f64) -> u64 {
+        self.run.physics.step_at_or_after(time_s)
+    }
+
+    #[getter]
+    fn publish_every_steps(&self) -> u64 {
+        self.run.provenance.publish_every_steps
+    }
+
+    #[getter]
+    fn record_every_steps(&self) -> u64 {
+        self.run.provenance.record_every_steps
+    }
+
+    /// Collision length L (m) and time T (s).
+    #[getter]
+    fn scales(&self) -> (f64, f64) {
+        let scales = self.run.physics.scales();
+        (scales.length_m, scales.time_s)
+    }
+
+    #[getter]
+    fn mass_kg<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.chain.mass_kg.to_pyarray(py)
+    }
+
+    #[getter]
+    fn stiffness<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.chain.stiffness.to_pyarray(py)
+    }
+
+    #[getter]
+    fn rest_overlap_m<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.chain.rest_overlap_m.to_pyarray(py)
+    }
+
+    #[getter]
+    fn rest_force_n<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.chain.rest_force_n.to_pyarray(py)
+    }
+}
+
+/// Name, summary and configuration of each preset.
+#[pyfunction]
+pub(crate) fn presets() -> Vec<(&'static str, &'static str, String)> {
+    PRESETS.iter().map(|preset| (preset.name, preset.about, preset.config().to_toml())).collect()
+}

@@ -1,0 +1,94 @@
+//! Work without the interpreter, which looks at signals meanwhile.
+
+use crate::errors::{Why, of_panic};
+use pyo3::prelude::*;
+use std::panic::resume_unwind;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// How often signals are looked at.
+pub(crate) const LOOK: Duration = Duration::from_millis(50);
+
+/// Does `work` in a thread of its own, and looks at signals meanwhile; one that raises sets the flag, waits for the end of
+/// the work, and is raised.
+pub(crate) fn interruptible<T: Send>(
+    py: Python<'_>,
+    work: impl FnOnce(&AtomicBool) -> Result<T, Why> + Send,
+) -> PyResult<T> {
+    let stop = AtomicBool::new(false);
+    thread::scope(|scope| {
+        let waiting = thread::current();
+        let stop = &stop;
+        let worker = scope.spawn(move || {
+            let done = work(stop);
+            waiting.unpark();
+            done
+        });
+        let mut raised = Ok(());
+        while !worker.is_finished() {
+            py.detach(|| thread::park_timeout(if raised.is_ok() { LOOK } else { LOOK / 10 }));
+            if let (Ok(()), Err(error)) = (&raised, py.check_signals()) {
+                stop.store(true, Ordering::Relaxed);
+                raised = Err(error);
+            }
+        }
+        let done = py.detach(|| worker.join());
+        raised?;
+        match done {
+            Ok(done) => done.map_err(PyErr::from),
+            Err(panic) => Err(of_panic(&*panic)),
+        }
+    })
+}
+
+/// For work in the thread that Python called, which is asked now and then whether to go on.
+pub(crate) struct Looks {
+    last: Instant,
+    calls: u32,
+    /// What a signal or a callback has raised.
+    raised: Option<PyErr>,
+}
+
+impl Looks {
+    /// Calls between two looks at the clock.
+    const CALLS: u32 = 16;
+
+    pub(crate) fn new() -> Self {
+        Self { last: Instant::now(), calls: 0, raised: None }
+    }
+
+    /// Whether to go on; every 50 ms signals are looked at, and `tell` is called.
+    pub(crate) fn go_on(&mut self, tell: impl FnOnce(Python<'_>) -> PyResult<()>) -> bool {
+        self.calls += 1;
+        if self.raised.is_none() && self.calls >= Self::CALLS {
+            self.calls = 0;
+            if self.last.elapsed() >= LOOK {
+                self.last = Instant::now();
+                self.call(|py| py.check_signals().and_then(|()| tell(py)));
+            }
+        }
+        self.raised.is_none()
+    }
+
+    /// Calls something of Python's at once.
+    pub(crate) fn call(&mut self, call: impl FnOnce(Python<'_>) -> PyResult<()>) {
+        self.raised = Python::attach(call).err();
+    }
+
+    /// Whether something was raised.
+    pub(crate) fn has_raised(&self) -> bool {
+        self.raised.is_some()
+    }
+
+    /// What was raised, if anything.
+    pub(crate) fn end(self) -> PyResult<()> {
+        self.raised.map_or(Ok(()), Err)
+    }
+}
+
+/// Work in the calling thread without the interpreter, whose panics stay panics.
+pub(crate) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
+    py.detach(|| thread::scope(|_| std::panic::catch_unwind(std::panic::AssertUnwindSafe(work))))
+        .map_err(|panic| if panic.is::<()>() { resume_unwind(panic) } else { of_panic(&*panic) })
+}

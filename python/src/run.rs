@@ -1,0 +1,335 @@
+//! Runs: recorded, kept in memory, or made step by step.
+
+use crate::errors::Why;
+use crate::manifest::Manifest;
+use crate::patience::Looks;
+use crate::states::States;
+use bus::{Bus, PublishError, PublishOptions, StatePublisher, WaitOutcome};
+use numpy::{PyArray1, PyArrayMethods as _, ToPyArray as _};
+use producer::integrator::Integrator;
+use producer::run::{Conductor, RunError, RunOutcome};
+use producer::state::ChainState;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use recording::{RecordingWriter, WriteOptions};
+use schemas::frame::{EndReason, Frame, FrameSink};
+use schemas::manifest::RunManifest;
+use std::convert::Infallible;
+use std::error::Error;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+/// How long a wait for consumers goes on before signals are looked at.
+const PATIENCE: Duration = Duration::from_millis(50);
+
+/// What Python wants to hear while a run goes.
+struct Listener {
+    looks: Looks,
+    /// Called with the step that was reached.
+    on_progress: Option<Py<PyAny>>,
+    /// Called with each frame that is a multiple of a number; ends the run by something true.
+    on_frame: Option<(Py<PyAny>, u64)>,
+    is_stopped: bool,
+}
+
+impl Listener {
+    fn new(on_progress: Option<Py<PyAny>>, on_frame: Option<(Py<PyAny>, u64)>) -> Self {
+        Self { looks: Looks::new(), on_progress, on_frame, is_stopped: false }
+    }
+
+    fn go_on(&mut self, step: u64) -> ControlFlow<()> {
+        let on_progress = &self.on_progress;
+        let go_on = self
+            .looks
+            .go_on(|py| on_progress.as_ref().map_or(Ok(()), |tell| tell.call1(py, (step,)).map(drop)));
+        if go_on && !self.is_stopped { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    }
+}
+
+impl<P: FrameSink, R> Conductor<P, R> for Listener {
+    fn after_frame(&mut self, frame: &Frame<'_>, _: &mut P, _: Option<&mut R>) -> ControlFlow<()> {
+        if let Some((call, every)) = &self.on_frame
+            && frame.frame.is_multiple_of(*every)
+            && !self.looks.has_raised()
+        {
+            let is_stopped = &mut self.is_stopped;
+            self.looks.call(|py| {
+                let state = state_of(py, frame);
+                *is_stopped = call.call1(py, state)?.is_truthy(py)?;
+                Ok(())
+            });
+        }
+        self.go_on(frame.step)
+    }
+
+    fn between_steps(&mut self, _: &mut P) -> ControlFlow<()> {
+        // no step is passed: what is told is whole frames
+        if self.looks.go_on(|_| Ok(())) { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    }
+}
+
+type Array<'py> = Bound<'py, PyArray1<f64>>;
+
+/// Frame, step, time (s), and copies of displacements, velocities and what else there is.
+pub(crate) type StateTuple<'py> = (u64, u64, f64, Array<'py>, Array<'py>, Array<'py>);
+
+pub(crate) fn state_of<'py>(py: Python<'py>, frame: &Frame<'_>) -> StateTuple<'py> {
+    let [u, v, extra] = [frame.u_m, frame.v_m_s, frame.extra].map(|part| part.to_pyarray(py));
+    (frame.frame, frame.step, frame.time_s, u, v, extra)
+}
+
+/// Where frames go that somebody may listen to.
+enum Publisher {
+    Nobody,
+    Bus(Box<StatePublisher>),
+}
+
+impl FrameSink for Publisher {
+    type Error = PublishError;
+
+    fn accept(&mut self, frame: &Frame<'_>) -> Result<(), PublishError> {
+        match self {
+            Self::Nobody => Ok(()),
+            Self::Bus(publisher) => publisher.accept(frame),
+        }
+    }
+}
+
+impl Publisher {
+    /// A publisher, and `wait_for` consumers attached to it; none if something was raised meanwhile.
+    fn open(manifest: &Manifest, wait_for: usize, listener: &mut Listener) -> Result<Option<Self>, Why> {
+        let options = PublishOptions::default();
+        let mut publisher =
+            StatePublisher::create(&Bus::from_env()?, &manifest.run, &manifest.chain, &options)?;
+        if wait_for > publisher.max_consumers() {
+            let most = publisher.max_consumers();
+            return Err(Why::new(
+                "LiveError",
+                format!("this run can have at most {most} consumers, not {wait_for}"),
+            ));
+        }
+        let never = AtomicBool::new(false);
+        while wait_for > 0 && publisher.wait_for(wait_for, &never, Some(PATIENCE))? != WaitOutcome::Ready {
+            listener.looks.call(|py| py.check_signals());
+            if listener.looks.has_raised() {
+                publisher.finish(EndReason::Interrupted)?;
+                return Ok(None);
+            }
+        }
+        Ok(Some(Self::Bus(Box::new(publisher))))
+    }
+
+    fn finish(self, reason: EndReason) -> Result<(), PublishError> {
+        match self {
+            Self::Nobody => Ok(()),
+            Self::Bus(publisher) => publisher.finish(reason).map(drop),
+        }
+    }
+}
+
+/// Simulates a run and records it at `path`. Whatever raises meanwhile ends the run in order: the file is whole and says so.
+#[pyfunction]
+#[pyo3(signature = (manifest, path, *, force=false, publish=false, wait_for=0, on_progress=None, on_frame=None))]
+pub(crate) fn record<'py>(
+    py: Python<'py>,
+    manifest: &Manifest,
+    path: PathBuf,
+    force: bool,
+    publish: bool,
+    wait_for: usize,
+    on_progress: Option<Py<PyAny>>,
+    on_frame: Option<(Py<PyAny>, u64)>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let mut listener = Listener::new(on_progress, on_frame);
+    let done = py.detach(|| -> Result<_, Why> {
+        let toml = manifest.toml.as_deref().unwrap_or_default();
+        let options = WriteOptions { force, ..WriteOptions::default() };
+        let mut recorder = RecordingWriter::create(&path, &manifest.run, toml, &options)?;
+        let publisher = if publish {
+            Publisher::open(manifest, wait_for, &mut listener)
+        } else {
+            Ok(Some(Publisher::Nobody))
+        };
+        let mut publisher = match publisher {
+            Ok(Some(publisher)) => publisher,
+            other => {
+                recorder.discard();
+                return other.map(|_| None);
+            }
+        };
+        let result = producer::run::run(&manifest.run, &mut publisher, Some(&mut recorder), &mut listener);
+        let reason = result.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
+        // both are finished even if one fails; the recording first, so that it is there when consumers hear of the end
+        let finished = recorder.finish(reason);
+        let published = publisher.finish(reason);
+        let (outcome, finished) = (result?, finished?);
+        published?;
+        Ok(Some((outcome, finished)))
+    });
+    let done = done?;
+    listener.looks.end()?;
+    let summary = PyDict::new(py);
+    if let Some((outcome, finished)) = done {
+        summarize(&summary, &outcome)?;
+        summary.set_item("path", finished.path)?;
+        summary.set_item("bytes", finished.bytes)?;
+    }
+    Ok(summary)
+}
+
+fn summarize(summary: &Bound<'_, PyDict>, outcome: &RunOutcome) -> PyResult<()> {
+    summary.set_item("end", outcome.reason.as_str())?;
+    summary.set_item("last_step", outcome.last_step)?;
+    summary.set_item("recorded_states", outcome.recorded_count)?;
+    summary.set_item("relative_drift", outcome.relative_drift)
+}
+
+impl<P: Error + 'static, R: Error + Into<Why> + 'static> From<RunError<P, R>> for Why {
+    fn from(error: RunError<P, R>) -> Self {
+        match error {
+            RunError::Record { source, .. } => source.into(),
+            RunError::Publish { .. } => Self::of("LiveError", &error),
+            RunError::NonFinite { .. } => Self::of("RunError", &error),
+        }
+    }
+}
+
+impl From<Infallible> for Why {
+    fn from(never: Infallible) -> Self {
+        match never {}
+    }
+}
+
+/// The states of a run in memory.
+#[derive(Default)]
+struct Memory(Vec<ChainState>);
+
+impl FrameSink for Memory {
+    type Error = Infallible;
+
+    fn accept(&mut self, frame: &Frame<'_>) -> Result<(), Infallible> {
+        self.0.push(ChainState::of_frame(frame));
+        Ok(())
+    }
+}
+
+/// Simulates a run and keeps the states that would be recorded in memory. What raises meanwhile is raised.
+#[pyfunction]
+#[pyo3(signature = (manifest, *, on_progress=None, on_frame=None))]
+pub(crate) fn simulate<'py>(
+    py: Python<'py>,
+    manifest: &Manifest,
+    on_progress: Option<Py<PyAny>>,
+    on_frame: Option<(Py<PyAny>, u64)>,
+) -> PyResult<(States, Bound<'py, PyDict>)> {
+    let mut listener = Listener::new(on_progress, on_frame);
+    let (outcome, states) = py.detach(|| -> Result<_, Why> {
+        let mut memory = Memory::default();
+        let outcome =
+            producer::run::run(&manifest.run, &mut Publisher::Nobody, Some(&mut memory), &mut listener)?;
+        Ok((outcome, memory.0))
+    })?;
+    listener.looks.end()?;
+    let summary = PyDict::new(py);
+    summarize(&summary, &outcome)?;
+    Ok((States::of_memory(manifest.clone(), states, outcome.reason), summary))
+}
+
+/// A run that is made step by step.
+#[pyclass(module = "beadline._native")]
+pub(crate) struct Simulation {
+    manifest: Arc<RunManifest>,
+    integrator: Integrator,
+    state: ChainState,
+    /// What was lent, and is kept up to date: displacements, velocities.
+    lent: [Option<Py<PyArray1<f64>>>; 2],
+}
+
+#[pymethods]
+impl Simulation {
+    #[new]
+    fn new(manifest: &Manifest) -> Self {
+        let physics = &manifest.run.physics;
+        Self {
+            integrator: Integrator::new(physics),
+            state: ChainState::initial(physics),
+            manifest: Arc::clone(&manifest.run),
+            lent: [None, None],
+        }
+    }
+
+    /// Makes `steps` steps, at most up to the last one of the run; a signal ends it between two steps.
+    fn step(&mut self, py: Python<'_>, steps: u64) -> PyResult<()> {
+        let last = self.state.step.saturating_add(steps).min(self.manifest.physics.step_count);
+        let Self { integrator, state, .. } = self;
+        let mut looks = Looks::new();
+        py.detach(|| {
+            while state.step < last && looks.go_on(|_| Ok(())) {
+                integrator.advance(state, last);
+            }
+        });
+        let lost = integrator.first_non_finite(state);
+        for (lent, values) in self.lent.iter().zip([&self.state.u_m, &self.state.v_m_s]) {
+            if let Some(lent) = lent {
+                copy_into(lent.bind(py), values)?;
+            }
+        }
+        looks.end()?;
+        let Some(bead) = lost.filter(|_| steps > 0) else { return Ok(()) };
+        let step = self.state.step;
+        let (u_m, v_m_s) = (self.state.u_m[bead], self.state.v_m_s[bead]);
+        Err(Why::from(RunError::<Infallible, Infallible>::NonFinite { step, bead, u_m, v_m_s }).into())
+    }
+
+    #[getter]
+    fn step_number(&self) -> u64 {
+        self.state.step
+    }
+
+    #[getter]
+    fn time_s(&self) -> f64 {
+        self.manifest.physics.time_s(self.state.step)
+    }
+
+    /// A copy of the state.
+    fn state<'py>(&self, py: Python<'py>) -> StateTuple<'py> {
+        state_of(py, &self.state.as_frame(&self.manifest, self.manifest.frame_at(self.state.step)))
+    }
+
+    /// The displacements (m), read-only, which go on with the run.
+    fn u_m(&mut self, py: Python<'_>) -> Py<PyArray1<f64>> {
+        lend(py, &mut self.lent[0], &self.state.u_m)
+    }
+
+    /// The velocities (m/s), read-only, which go on with the run.
+    fn v_m_s(&mut self, py: Python<'_>) -> Py<PyArray1<f64>> {
+        lend(py, &mut self.lent[1], &self.state.v_m_s)
+    }
+}
+
+fn lend(py: Python<'_>, lent: &mut Option<Py<PyArray1<f64>>>, values: &[f64]) -> Py<PyArray1<f64>> {
+    lent.get_or_insert_with(|| {
+        let array = values.to_pyarray(py);
+        set_writeable(&array, false);
+        array.unbind()
+    })
+    .clone_ref(py)
+}
+
+fn copy_into(array: &Bound<'_, PyArray1<f64>>, values: &[f64]) -> PyResult<()> {
+    set_writeable(array, true);
+    let copied = array
+        .try_readwrite()
+        .map(|mut array| array.as_slice_mut().map(|array| array.copy_from_slice(values)));
+    set_writeable(array, false);
+    copied??;
+    Ok(())
+}
+
+pub(crate) fn set_writeable(array: &Bound<'_, PyAny>, writeable: bool) {
+    // an attribute of every array; those that own their memory take it
+    let _ = array.getattr("flags").and_then(|flags| flags.setattr("writeable", writeable));
+}

@@ -1,0 +1,612 @@
+//! The states of a recording or of a run in memory: any step, any part of any array of them, recomputed and proven.
+
+use crate::errors::Why;
+use crate::manifest::Manifest;
+use crate::patience::{detached, interruptible};
+use crate::run::{StateTuple, state_of};
+use numpy::ndarray::Array2;
+use numpy::{IntoPyArray as _, PyArray2, PyReadonlyArray1};
+use producer::resimulation::{Lend, OtherKernel, Resimulation, check_kernel};
+use producer::state::ChainState;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use recording::{ReadError, RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};
+use schemas::chain::Chain;
+use schemas::damping::{Damping, damped_force};
+use schemas::frame::{EndReason, Frame, FrameSink as _, FrameSource, Received};
+use schemas::manifest::RunManifest;
+use std::num::NonZero;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// What costs less than this many steps of beads is done at once, by the calling thread.
+const LITTLE_WORK: u64 = 10_000_000;
+
+/// Fewest steps that one thread takes at a time.
+const PIECE_STEPS: u64 = 1024;
+
+/// Chunks of a recording that are read on through rather than looked up in its index.
+const CHUNKS_READ_THROUGH: u64 = 2;
+
+/// States that can be had by their step.
+#[pyclass(frozen, module = "beadline._native")]
+pub(crate) struct States {
+    kept: Kept,
+    manifest: Manifest,
+    first_step: u64,
+    last_step: u64,
+    /// Why only kept states can be had, if so.
+    other_kernel: Option<OtherKernel>,
+    /// Readers that nobody uses now.
+    idle: Mutex<Vec<Reader>>,
+}
+
+/// Where states are.
+enum Kept {
+    File(Box<RecordingInfo>),
+    Memory(Arc<Vec<ChainState>>, EndReason),
+}
+
+/// Reads states in their order.
+enum Reader {
+    File(Box<RecordingSource>),
+    Memory { run: Arc<RunManifest>, states: Arc<Vec<ChainState>>, next: usize },
+}
+
+impl Reader {
+    /// Goes to the last state at or before `step`.
+    fn seek(&mut self, step: u64) -> Result<(), ReadError> {
+        match self {
+            Self::File(file) => file.seek_to_step(step),
+            Self::Memory { states, next, .. } => {
+                *next = states.partition_point(|state| state.step <= step).saturating_sub(1);
+                Ok(())
+            }
+        }
+    }
+}
+
+impl FrameSource for Reader {
+    type Error = ReadError;
+
+    fn manifest(&self) -> &RunManifest {
+        match self {
+            Self::File(file) => file.manifest(),
+            Self::Memory { run, .. } => run,
+        }
+    }
+
+    fn receive(&mut self) -> Result<Received<'_>, ReadError> {
+        match self {
+            Self::File(file) => file.receive(),
+            Self::Memory { run, states, next } => {
+                *next += 1;
+                let state = states.get(*next - 1).map(|state| state.as_frame(run, run.frame_at(state.step)));
+                Ok(state.map_or(Received::End(EndReason::Complete), Received::Frame))
+            }
+        }
+    }
+}
+
+/// An array along the chain.
+#[derive(Clone, Copy)]
+enum Field {
+    Displacement,
+    Velocity,
+    Overlap,
+    Force,
+}
+
+impl Field {
+    fn named(name: &str) -> PyResult<Self> {
+        match name {
+            "displacement" => Ok(Self::Displacement),
+            "velocity" => Ok(Self::Velocity),
+            "overlap" => Ok(Self::Overlap),
+            "force" => Ok(Self::Force),
+            _ => Err(PyValueError::new_err(format!("there is no field {name}"))),
+        }
+    }
+
+    fn places(self, chain: &Chain) -> usize {
+        match self {
+            Self::Displacement | Self::Velocity => chain.bead_count(),
+            Self::Overlap | Self::Force => chain.contact_count(),
+        }
+    }
+
+    /// Its value at bead or contact `place`.
+    fn value(self, chain: &Chain, frame: &Frame<'_>, place: usize) -> f64 {
+        match self {
+            Self::Displacement => frame.u_m[place],
+            Self::Velocity => frame.v_m_s[place],
+            Self::Overlap => chain.overlap_m(frame.u_m, place),
+            Self::Force => force_n(chain, frame, place),
+        }
+    }
+}
+
+/// The force of a contact (N), with damping, also that at rest.
+fn force_n(chain: &Chain, frame: &Frame<'_>, contact: usize) -> f64 {
+    let overlap_m = chain.overlap_m(frame.u_m, contact);
+    let stiffness = chain.stiffness[contact];
+    let elastic_n = chain.law.force(stiffness, overlap_m);
+    let Some(damping) = chain.damping.as_ref().filter(|_| overlap_m > chain.law.zero_up_to_m()) else {
+        return elastic_n;
+    };
+    let (coefficient, rate_m_s) =
+        (damping.coefficient[contact], frame.v_m_s[contact] - frame.v_m_s[contact + 1]);
+    let power = elastic_n / stiffness;
+    match damping.kind {
+        Damping::ViscousNSPerM(_) => {
+            damped_force::<false>(elastic_n, power, overlap_m, coefficient, rate_m_s)
+        }
+        Damping::Restitution(_) => damped_force::<true>(elastic_n, power, overlap_m, coefficient, rate_m_s),
+    }
+}
+
+/// Steps that one thread does in one go, and where their values go: a row a step.
+type Piece<'a> = (&'a [u64], &'a mut [f64]);
+
+/// What is asked for: places (beads or contacts) of a field.
+struct Wanted<'a> {
+    chain: &'a Chain,
+    field: Field,
+    places: Places<'a>,
+}
+
+enum Places<'a> {
+    Range(usize, usize),
+    List(&'a [usize]),
+}
+
+impl Places<'_> {
+    fn len(&self) -> usize {
+        match self {
+            Self::Range(from, to) => to - from,
+            Self::List(list) => list.len(),
+        }
+    }
+}
+
+impl Wanted<'_> {
+    fn write(&self, frame: &Frame<'_>, row: &mut [f64]) {
+        let whole = match self.field {
+            Field::Displacement => Some(frame.u_m),
+            Field::Velocity => Some(frame.v_m_s),
+            Field::Overlap | Field::Force => None,
+        };
+        match (&self.places, whole) {
+            (Places::Range(from, to), Some(values)) => row.copy_from_slice(&values[*from..*to]),
+            (Places::Range(from, to), None) => {
+                row.iter_mut()
+                    .zip(*from..*to)
+                    .for_each(|(value, place)| *value = self.field.value(self.chain, frame, place));
+            }
+            (Places::List(list), _) => {
+                row.iter_mut()
+                    .zip(*list)
+                    .for_each(|(value, place)| *value = self.field.value(self.chain, frame, *place));
+            }
+        }
+    }
+}
+
+impl States {
+    pub(crate) fn of_memory(manifest: Manifest, states: Vec<ChainState>, end: EndReason) -> Self {
+        let (first_step, last_step) =
+            (states.first().map_or(0, |state| state.step), states.last().map_or(0, |state| state.step));
+        let other_kernel = check_kernel(&manifest.run).err();
+        let kept = Kept::Memory(Arc::new(states), end);
+        Self { kept, manifest, first_step, last_step, other_kernel, idle: Mutex::default() }
+    }
+
+    fn run(&self) -> &RunManifest {
+        &self.manifest.run
+    }
+
+    fn reader(&self) -> Result<Reader, Why> {
+        if let Some(reader) = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop() {
+            return Ok(reader);
+        }
+        match &self.kept {
+            Kept::File(info) => Ok(Reader::File(Box::new(RecordingSource::open_all(&info.path)?))),
+            Kept::Memory(states, _) => Ok(Reader::Memory {
+                run: Arc::clone(&self.manifest.run),
+                states: Arc::clone(states),
+                next: 0,
+            }),
+        }
+    }
+
+    /// Keeps a reader for later; one that has failed is dropped instead.
+    fn give_back(&self, reader: Reader) {
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner).push(reader);
+    }
+
+    /// Whether the state of `step` is kept, if nothing is missing.
+    fn is_kept(&self, step: u64) -> bool {
+        self.run().is_recorded(step) || step == self.first_step || step == self.last_step
+    }
+
+    /// Splits `steps` and their rows into pieces: at gaps that are better jumped over, and so that all cores have work.
+    fn pieces<'a>(&self, steps: &'a [u64], mut rows: &'a mut [f64], width: usize) -> Vec<Piece<'a>> {
+        let record_every = self.run().provenance.record_every_steps;
+        let state_bytes = 8 * self.run().frame_doubles() as u64;
+        let most_gap = record_every.saturating_mul((CHUNKS_READ_THROUGH << 20).div_ceil(state_bytes).max(2));
+        let most_recomputed = record_every.saturating_mul(2);
+        let span = steps.last().zip(steps.first()).map_or(0, |(last, first)| last - first);
+        let cores = std::thread::available_parallelism().map_or(1, NonZero::get) as u64;
+        let most_steps = PIECE_STEPS.max(span / (4 * cores));
+        let mut pieces = Vec::new();
+        let mut rest = steps;
+        while let Some(first) = rest.first() {
+            let ends = |pair: &[u64]| {
+                let gap = pair[1] - pair[0];
+                let kept = self.is_kept(pair[0]) && self.is_kept(pair[1]);
+                gap > if kept { most_gap } else { most_recomputed } || pair[1] - first >= most_steps
+            };
+            let len = rest.windows(2).position(ends).map_or(rest.len(), |before| before + 1);
+            let (piece, others) = rest.split_at(len);
+            let (piece_rows, other_rows) = rows.split_at_mut(len * width);
+            pieces.push((piece, piece_rows));
+            (rest, rows) = (others, other_rows);
+        }
+        pieces
+    }
+
+    /// Fills the rows of a piece.
+    fn fill(
+        &self,
+        reader: &mut Reader,
+        (steps, rows): Piece<'_>,
+        wanted: &Wanted<'_>,
+        stop: &AtomicBool,
+    ) -> Result<(), Why> {
+        let kept = steps.iter().all(|step| self.is_kept(*step));
+        if kept && self.fill_from_kept(reader, steps, rows, wanted, stop)? {
+            return Ok(());
+        }
+        self.fill_by_recomputing(reader, steps, rows, wanted, stop)
+    }
+
+    /// Fills rows with states that are kept; false if one of them is missing.
+    fn fill_from_kept(
+        &self,
+        reader: &mut Reader,
+        steps: &[u64],
+        rows: &mut [f64],
+        wanted: &Wanted<'_>,
+        stop: &AtomicBool,
+    ) -> Result<bool, Why> {
+        let width = wanted.places.len();
+        let Some(first) = steps.first() else { return Ok(true) };
+        reader.seek(*first)?;
+        let mut missing = steps.iter().zip(rows.chunks_exact_mut(width.max(1)));
+        let mut next = missing.next();
+        while let Some((step, row)) = &mut next {
+            check(stop)?;
+            match reader.receive()? {
+                Received::Frame(frame) if frame.step == **step => wanted.write(&frame, row),
+                Received::Frame(frame) if frame.step < **step => continue,
+                Received::Missed { .. } if self.other_kernel.is_some() => continue,
+                _ => return Ok(false),
+            }
+            next = missing.next();
+        }
+        Ok(true)
+    }
+
+    /// Fills rows with states that are recomputed from the one before, and proven by the one after.
+    fn fill_by_recomputing(
+        &self,
+        reader: &mut Reader,
+        steps: &[u64],
+        rows: &mut [f64],
+        wanted: &Wanted<'_>,
+        stop: &AtomicBool,
+    ) -> Result<(), Why> {
+        if let Some(error) = self.other_kernel {
+            return Err(error.into());
+        }
+        let (Some(first), Some(last)) = (steps.first(), steps.last()) else { return Ok(()) };
+        reader.seek(*first)?;
+        let mut states =
+            Resimulation::new(reader, Lend::Steps)?.lending_from(*first).ending_with_the_last_state();
+        let width = wanted.places.len();
+        let mut missing = steps.iter().zip(rows.chunks_exact_mut(width.max(1))).peekable();
+        // all are proven once the state at or after the last one was
+        while missing.peek().is_some() || states.proven_step().is_none_or(|proven| proven < *last) {
+            check(stop)?;
+            match states.receive()? {
+                Received::Frame(frame) => {
+                    if let Some((_, row)) = missing.next_if(|(step, _)| **step == frame.step) {
+                        wanted.write(&frame, row);
+                    }
+                }
+                Received::Missed { .. } => {}
+                Received::End(_) => {
+                    let step = missing.peek().map_or(*last, |(step, _)| **step);
+                    let what = format!("step {step} is not in the recording, and no later state proves it");
+                    return Err(Why::new("RecordingError", what));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Fills all rows, on all cores if that is worth it.
+    fn fill_all(&self, py: Python<'_>, pieces: Vec<Piece<'_>>, wanted: &Wanted<'_>) -> PyResult<()> {
+        let every = self.run().provenance.record_every_steps;
+        let steps = pieces.iter().map(|(steps, _)| steps[steps.len() - 1] - steps[0] + every).sum::<u64>();
+        if steps.saturating_mul(self.run().physics.beads) <= LITTLE_WORK {
+            let never = AtomicBool::new(false);
+            return detached(py, || self.work(&Mutex::new(pieces.into_iter()), wanted, &never))?
+                .map_err(PyErr::from);
+        }
+        interruptible(py, |stop| {
+            let cores = std::thread::available_parallelism().map_or(1, NonZero::get).min(pieces.len());
+            let pieces = Mutex::new(pieces.into_iter());
+            let pieces = &pieces;
+            std::thread::scope(|scope| {
+                let workers: Vec<_> =
+                    (1..cores).map(|_| scope.spawn(move || self.work(pieces, wanted, stop))).collect();
+                let mut done = self.work(pieces, wanted, stop);
+                for worker in workers {
+                    let other = worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+                    done = done.and(other);
+                }
+                done
+            })
+        })
+    }
+
+    /// Takes pieces until there are none; one that fails is the last one for all.
+    fn work<'a>(
+        &self,
+        pieces: &Mutex<std::vec::IntoIter<Piece<'a>>>,
+        wanted: &Wanted<'_>,
+        stop: &AtomicBool,
+    ) -> Result<(), Why> {
+        let mut reader = self.reader()?;
+        loop {
+            let Some(piece) = pieces.lock().unwrap_or_else(PoisonError::into_inner).next() else { break };
+            if let Err(why) = self.fill(&mut reader, piece, wanted, stop) {
+                pieces.lock().unwrap_or_else(PoisonError::into_inner).by_ref().for_each(drop);
+                return Err(why);
+            }
+        }
+        self.give_back(reader);
+        Ok(())
+    }
+
+    /// The state of `step` in `target`.
+    fn find(&self, step: u64) -> Result<ChainState, Why> {
+        let mut reader = self.reader()?;
+        let state = self.find_with(&mut reader, step)?;
+        self.give_back(reader);
+        Ok(state)
+    }
+
+    fn find_with(&self, reader: &mut Reader, step: u64) -> Result<ChainState, Why> {
+        reader.seek(step)?;
+        if self.is_kept(step)
+            && let Received::Frame(frame) = reader.receive()?
+            && frame.step == step
+        {
+            return Ok(ChainState::of_frame(&frame));
+        }
+        if let Some(error) = self.other_kernel {
+            return Err(error.into());
+        }
+        reader.seek(step)?;
+        let mut states =
+            Resimulation::new(reader, Lend::Steps)?.lending_from(step).ending_with_the_last_state();
+        let mut found = None;
+        loop {
+            match states.receive()? {
+                Received::Frame(frame) if frame.step == step => found = Some(ChainState::of_frame(&frame)),
+                Received::Frame(_) | Received::Missed { .. } => {}
+                Received::End(_) => {
+                    let what = format!("step {step} is not in the recording, and no later state proves it");
+                    return Err(Why::new("RecordingError", what));
+                }
+            }
+            if states.proven_step().is_some_and(|proven| proven >= step)
+                && let Some(found) = found
+            {
+                return Ok(found);
+            }
+        }
+    }
+}
+
+/// An error that nobody sees, because what stopped the work is raised.
+fn check(stop: &AtomicBool) -> Result<(), Why> {
+    if stop.load(Ordering::Relaxed) { Err(Why::new("BeadlineError", "stopped")) } else { Ok(()) }
+}
+
+#[pymethods]
+impl States {
+    /// Opens a recording: whole, cut short, or still being written.
+    #[staticmethod]
+    fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        interruptible(py, |_| {
+            let info = RecordingInfo::read(&path)?;
+            let (Some(first_step), Some(last_step)) = (info.first_step, info.last_step) else {
+                let why = Why::new("RecordingError", format!("{} holds no states", path.display()));
+                return Err(why);
+            };
+            let manifest = Manifest::new(info.manifest.clone(), info.run_toml.clone());
+            let other_kernel = check_kernel(&manifest.run).err();
+            let kept = Kept::File(Box::new(info));
+            Ok(Self { kept, manifest, first_step, last_step, other_kernel, idle: Mutex::default() })
+        })
+    }
+
+    #[getter]
+    fn manifest(&self) -> Manifest {
+        self.manifest.clone()
+    }
+
+    /// The file, if there is one.
+    #[getter]
+    fn path(&self) -> Option<String> {
+        match &self.kept {
+            Kept::File(info) => Some(info.path.display().to_string()),
+            Kept::Memory(..) => None,
+        }
+    }
+
+    #[getter]
+    fn first_step(&self) -> u64 {
+        self.first_step
+    }
+
+    #[getter]
+    fn last_step(&self) -> u64 {
+        self.last_step
+    }
+
+    /// Whether the steps between kept ones can be had.
+    #[getter]
+    fn recomputes(&self) -> bool {
+        self.other_kernel.is_none()
+    }
+
+    /// What there is, in words and numbers.
+    fn about<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let about = PyDict::new(py);
+        match &self.kept {
+            Kept::File(info) => {
+                about.set_item("states", info.frames())?;
+                about.set_item("bytes", info.file_bytes)?;
+                about.set_item("end", info.end.as_ref().map(|end| end.reason.as_str()))?;
+                about.set_item("is_finished", info.finished)?;
+                about.set_item("is_complete", info.is_complete())?;
+                about.set_item("damage", &info.damage)?;
+                let channels = info.channels.iter().map(|channel| (channel.topic.clone(), channel.messages));
+                about.set_item("channels", channels.collect::<Vec<_>>())?;
+            }
+            Kept::Memory(states, end) => {
+                about.set_item("states", states.len())?;
+                about.set_item("bytes", 8 * self.run().frame_doubles() * states.len())?;
+                about.set_item("end", end.as_str())?;
+                about.set_item("is_finished", true)?;
+                about.set_item("is_complete", *end == EndReason::Complete)?;
+                about.set_item("damage", None::<String>)?;
+                about.set_item("channels", Vec::<(String, u64)>::new())?;
+            }
+        }
+        Ok(about)
+    }
+
+    /// The state of a step: frame, step, time (s), displacements, velocities, what else the method needs.
+    fn state<'py>(&self, py: Python<'py>, step: u64) -> PyResult<StateTuple<'py>> {
+        let cost = self.run().provenance.record_every_steps.saturating_mul(self.run().physics.beads);
+        let state = if cost <= LITTLE_WORK {
+            detached(py, || self.find(step))?.map_err(PyErr::from)?
+        } else {
+            self.find_patiently(py, step)?
+        };
+        Ok(state_of(py, &state.as_frame(self.run(), self.run().frame_at(step))))
+    }
+
+    /// Values of `field` at `steps`, which ascend, and `places`: one row a step.
+    fn gather<'py>(
+        &self,
+        py: Python<'py>,
+        field: &str,
+        steps: PyReadonlyArray1<'_, u64>,
+        places: PyReadonlyArray1<'_, u64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let field = Field::named(field)?;
+        let chain = &*self.manifest.chain;
+        let steps = steps.as_slice()?;
+        let list: Vec<usize> =
+            places.as_slice()?.iter().map(|place| usize::try_from(*place)).collect::<Result<_, _>>()?;
+        let is_sorted = steps.is_sorted_by(|a, b| a < b);
+        let are_there = steps.first().is_none_or(|step| *step >= self.first_step)
+            && steps.last().is_none_or(|step| *step <= self.last_step)
+            && list.iter().all(|place| *place < field.places(chain));
+        if !is_sorted || !are_there {
+            return Err(PyValueError::new_err("steps must ascend, and steps and places must exist"));
+        }
+        let is_range = list.windows(2).all(|pair| pair[1] == pair[0] + 1);
+        let places = match list.as_slice() {
+            [first, ..] if is_range => Places::Range(*first, first + list.len()),
+            list => Places::List(list),
+        };
+        let mut rows = Array2::<f64>::zeros((steps.len(), places.len()));
+        if !rows.is_empty() {
+            let width = places.len();
+            let wanted = Wanted { chain, field, places };
+            let rows =
+                rows.as_slice_mut().ok_or_else(|| PyValueError::new_err("an array is not contiguous"))?;
+            let pieces = self.pieces(steps, rows, width);
+            self.fill_all(py, pieces, &wanted)?;
+        }
+        Ok(rows.into_pyarray(py))
+    }
+
+    /// The values of `field` in a given state.
+    fn field_of<'py>(
+        &self,
+        py: Python<'py>,
+        field: &str,
+        u_m: PyReadonlyArray1<'_, f64>,
+        v_m_s: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Bound<'py, numpy::PyArray1<f64>>> {
+        field_of(py, &self.manifest.chain, field, &u_m, &v_m_s)
+    }
+
+    /// Writes the kept states of a run in memory as a recording.
+    #[pyo3(signature = (path, force=false))]
+    fn save(&self, py: Python<'_>, path: PathBuf, force: bool) -> PyResult<()> {
+        let Kept::Memory(states, end) = &self.kept else {
+            return Err(PyValueError::new_err("it is a file already"));
+        };
+        interruptible(py, |stop| {
+            let run = self.run();
+            let options = WriteOptions { force, ..WriteOptions::default() };
+            let toml = self.manifest.toml.as_deref().unwrap_or_default();
+            let mut recorder = RecordingWriter::create(&path, run, toml, &options)?;
+            for state in states.iter() {
+                if stop.load(Ordering::Relaxed) {
+                    recorder.discard();
+                    return Ok(());
+                }
+                recorder.accept(&state.as_frame(run, run.frame_at(state.step)))?;
+            }
+            recorder.finish(*end)?;
+            Ok(())
+        })
+    }
+}
+
+impl States {
+    fn find_patiently(&self, py: Python<'_>, step: u64) -> PyResult<ChainState> {
+        // the computation of one state cannot be shared out, and is left alone by a signal
+        interruptible(py, |_| self.find(step))
+    }
+}
+
+/// The values of `field` in a state.
+pub(crate) fn field_of<'py>(
+    py: Python<'py>,
+    chain: &Chain,
+    field: &str,
+    u_m: &PyReadonlyArray1<'_, f64>,
+    v_m_s: &PyReadonlyArray1<'_, f64>,
+) -> PyResult<Bound<'py, numpy::PyArray1<f64>>> {
+    let field = Field::named(field)?;
+    let (u_m, v_m_s) = (u_m.as_slice()?, v_m_s.as_slice()?);
+    if u_m.len() != chain.bead_count() || v_m_s.len() != chain.bead_count() {
+        return Err(PyValueError::new_err(format!("the chain has {} beads", chain.bead_count())));
+    }
+    let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m, v_m_s, extra: &[] };
+    let values = (0..field.places(chain)).map(|place| field.value(chain, &frame, place));
+    Ok(numpy::PyArray1::from_iter(py, values))
+}
