@@ -23,7 +23,7 @@ def run_command(arguments: Sequence[str | os.PathLike[str]], *, lossy: bool = Fa
 
     With ``lossy`` exit code 3 is no error: something was lost, or is not proven, and the answer says what.
     """
-    command = [sys.executable, "-m", "beadline", *map(os.fspath, arguments), "--json"]
+    command = [sys.executable, "-m", "beadline", *(os.fspath(argument) for argument in arguments), "--json"]
     # in a session of its own, so that a Ctrl-C reaches it once, from here
     process = subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True

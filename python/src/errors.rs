@@ -86,9 +86,8 @@ impl From<Why> for PyErr {
 
 impl From<ConfigError> for Why {
     fn from(error: ConfigError) -> Self {
-        let (key, line) = (Some(error.key.clone()), error.line);
         let path = error.path.as_ref().map(|path| path.display().to_string());
-        Self { key, line, path, ..Self::of("ConfigError", &error) }
+        Self { path, key: Some(error.key.clone()), line: error.line, ..Self::of("ConfigError", &error) }
     }
 }
 

@@ -1,14 +1,19 @@
 //! A run before it runs: its configuration, and what the engine makes of it.
 
 use crate::errors::Why;
-use numpy::{PyArray1, ToPyArray};
+use crate::states::field_of;
+use numpy::{PyArray1, PyReadonlyArray1, ToPyArray};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 use schemas::chain::Chain;
 use schemas::config::RunConfig;
 use schemas::manifest::RunManifest;
 use schemas::presets::PRESETS;
 use std::path::PathBuf;
 use std::sync::Arc;
+
+/// What [`Manifest::from_json`] takes.
+type Arguments<'py> = (Bound<'py, PyBytes>, Option<String>);
 
 /// A validated run.
 #[pyclass(frozen, module = "beadline._native", from_py_object)]
@@ -37,6 +42,28 @@ impl Manifest {
         let config = RunConfig::from_toml(&text).map_err(located)?;
         let run = RunManifest::new(&config, name, beadline::origin()).map_err(located)?;
         Ok(Self::new(run, Some(text)))
+    }
+
+    /// A manifest as it stands in a recording.
+    #[staticmethod]
+    fn from_json(json: &[u8], toml: Option<String>) -> PyResult<Self> {
+        Ok(Self::new(RunManifest::from_json(json).map_err(Why::from)?, toml))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Arguments<'py>)> {
+        let make = py.get_type::<Self>().getattr("from_json")?;
+        Ok((make, (PyBytes::new(py, self.run.to_json().as_bytes()), self.toml.clone())))
+    }
+
+    /// The values of a field in a state of this run.
+    fn field_of<'py>(
+        &self,
+        py: Python<'py>,
+        field: &str,
+        u_m: PyReadonlyArray1<'_, f64>,
+        v_m_s: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        field_of(py, &self.chain, field, &u_m, &v_m_s)
     }
 
     /// The same run, under an id of its own, with a state recorded every `steps` steps.

@@ -5,7 +5,7 @@ use crate::manifest::Manifest;
 use crate::patience::{detached, interruptible};
 use crate::run::{StateTuple, state_of};
 use numpy::ndarray::Array2;
-use numpy::{IntoPyArray as _, PyArray2, PyReadonlyArray1};
+use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use producer::resimulation::{Lend, OtherKernel, Resimulation, check_kernel};
 use producer::state::ChainState;
 use pyo3::exceptions::PyValueError;
@@ -551,15 +551,43 @@ impl States {
         Ok(rows.into_pyarray(py))
     }
 
-    /// The values of `field` in a given state.
-    fn field_of<'py>(
+    /// Steps and doubles (a row a state) of a run in memory, and how it ended.
+    fn kept<'py>(
         &self,
         py: Python<'py>,
-        field: &str,
-        u_m: PyReadonlyArray1<'_, f64>,
-        v_m_s: PyReadonlyArray1<'_, f64>,
-    ) -> PyResult<Bound<'py, numpy::PyArray1<f64>>> {
-        field_of(py, &self.manifest.chain, field, &u_m, &v_m_s)
+    ) -> PyResult<(Bound<'py, PyArray1<u64>>, Bound<'py, PyArray2<f64>>, &'static str)> {
+        let Kept::Memory(states, end) = &self.kept else {
+            return Err(PyValueError::new_err("it is a file"));
+        };
+        let steps = PyArray1::from_iter(py, states.iter().map(|state| state.step));
+        let width = self.run().frame_doubles();
+        let mut rows = Array2::<f64>::zeros((states.len(), width));
+        for (mut row, state) in rows.rows_mut().into_iter().zip(states.iter()) {
+            let doubles = state.u_m.iter().chain(&*state.v_m_s).chain(&*state.extra);
+            row.iter_mut().zip(doubles).for_each(|(value, double)| *value = *double);
+        }
+        Ok((steps, rows.into_pyarray(py), end.as_str()))
+    }
+
+    /// A run in memory, from what [`kept`](Self::kept) gave.
+    #[staticmethod]
+    fn of_kept(
+        manifest: Manifest,
+        steps: PyReadonlyArray1<'_, u64>,
+        doubles: PyReadonlyArray2<'_, f64>,
+        end: &str,
+    ) -> PyResult<Self> {
+        let (steps, doubles) = (steps.as_slice()?, doubles.as_slice()?);
+        let (beads, width) = (manifest.chain.bead_count(), manifest.run.frame_doubles());
+        if steps.is_empty() || steps.len() * width != doubles.len() || !steps.is_sorted_by(|a, b| a < b) {
+            return Err(PyValueError::new_err("these are no states of this run"));
+        }
+        let rows = steps.iter().zip(doubles.chunks_exact(width));
+        let states =
+            rows.map(|(step, row)| ChainState::of_frame(&Frame::of_doubles((0, *step, 0.0), beads, row)));
+        let complete = end == EndReason::Complete.as_str();
+        let end = if complete { EndReason::Complete } else { EndReason::Interrupted };
+        Ok(Self::of_memory(manifest.clone(), states.collect(), end))
     }
 
     /// Writes the kept states of a run in memory as a recording.
@@ -600,7 +628,7 @@ pub(crate) fn field_of<'py>(
     field: &str,
     u_m: &PyReadonlyArray1<'_, f64>,
     v_m_s: &PyReadonlyArray1<'_, f64>,
-) -> PyResult<Bound<'py, numpy::PyArray1<f64>>> {
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let field = Field::named(field)?;
     let (u_m, v_m_s) = (u_m.as_slice()?, v_m_s.as_slice()?);
     if u_m.len() != chain.bead_count() || v_m_s.len() != chain.bead_count() {
@@ -608,5 +636,5 @@ pub(crate) fn field_of<'py>(
     }
     let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m, v_m_s, extra: &[] };
     let values = (0..field.places(chain)).map(|place| field.value(chain, &frame, place));
-    Ok(numpy::PyArray1::from_iter(py, values))
+    Ok(PyArray1::from_iter(py, values))
 }

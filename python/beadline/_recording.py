@@ -1,0 +1,531 @@
+"""Recordings: every step an index away."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from numpy.lib.mixins import NDArrayOperatorsMixin
+
+from . import _native
+
+if TYPE_CHECKING:
+    from ._native import Doubles, Numbers, StateTuple
+
+FieldName = Literal["displacement", "velocity", "overlap", "force"]
+Index = npt.NDArray[np.intp]
+
+_UNITS: dict[FieldName, str] = {"displacement": "m", "velocity": "m/s", "overlap": "m", "force": "N"}
+# memory that is left to others
+_FREE_PART = 0.9
+
+
+def open(path: str | os.PathLike[str]) -> Recording:
+    """Opens a recording: whole, cut short, or still being written (then as ``PATH.partial``).
+
+    Raises:
+        FileNotFoundError: If there is none.
+        RecordingError: If it is no recording, is damaged up to its first state, or holds no state.
+    """
+    path = Path(path)
+    partial = path.with_name(path.name + ".partial")
+    return Recording(_native.States.open(partial if not path.exists() and partial.exists() else path))
+
+
+class State:
+    """The state of a chain at a step. Its arrays are read-only.
+
+    Attributes:
+        frame: Number of the frame; between two frames, of the one before.
+        step: Number of the step.
+        time_s: Its time (s).
+        displacement_m: Displacement of each bead (m), N values.
+        velocity_m_s: Velocity of each bead (m/s), N values.
+        extra: What else the method carries.
+    """
+
+    def __init__(self, manifest: _native.Manifest, state: StateTuple) -> None:
+        self._manifest = manifest
+        self.frame, self.step, self.time_s, self.displacement_m, self.velocity_m_s, self.extra = state
+        for array in (self.displacement_m, self.velocity_m_s, self.extra):
+            array.flags.writeable = False
+
+    @cached_property
+    def overlap_m(self) -> Doubles:
+        """Overlap of each contact between two beads (m), N − 1 values; below 0 it is open."""
+        return self._field("overlap")
+
+    @cached_property
+    def force_n(self) -> Doubles:
+        """Force of each contact between two beads (N), N − 1 values, damping and load included."""
+        return self._field("force")
+
+    @property
+    def mass_kg(self) -> Doubles:
+        """Mass of each bead (kg), N values."""
+        return self._manifest.mass_kg
+
+    def _field(self, name: FieldName) -> Doubles:
+        values = self._manifest.field_of(name, self.displacement_m, self.velocity_m_s)
+        values.flags.writeable = False
+        return values
+
+    def __repr__(self) -> str:
+        return f"<State at step {self.step}, {self.time_s:.6g} s, of {self.velocity_m_s.size} beads>"
+
+
+class FieldArray(NDArrayOperatorsMixin):
+    """A quantity at every step and place of a recording, computed when it is needed.
+
+    It has the shape (steps, places) and is indexed like an array of NumPy's. Slices, and a list or mask of either axis, give
+    another such array; a number for both gives a float; what selects point by point is computed at once. ``np.asarray``
+    computes it on all cores, and so does every function of NumPy's.
+
+    Attributes:
+        name: ``"velocity"``, ``"displacement"``, ``"overlap"`` or ``"force"``.
+        unit: Its unit.
+    """
+
+    def __init__(self, recording: Recording, name: FieldName, rows: Index | int, columns: Index | int) -> None:
+        self._recording = recording
+        self.name: FieldName = name
+        self.unit = _UNITS[name]
+        # positions on the axes of the whole array; a number takes the axis away
+        self._axes: tuple[Index | int, Index | int] = (rows, columns)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(steps, places), of those axes that are left."""
+        return tuple(len(axis) for axis in self._axes if not isinstance(axis, int))
+
+    @property
+    def ndim(self) -> int:
+        """Number of axes."""
+        return len(self.shape)
+
+    @property
+    def size(self) -> int:
+        """Number of values."""
+        return int(np.prod(self.shape, dtype=object))
+
+    @property
+    def nbytes(self) -> int:
+        """Size of the computed array (bytes)."""
+        return 8 * self.size
+
+    @property
+    def dtype(self) -> np.dtype[np.float64]:
+        """float64."""
+        return np.dtype(np.float64)
+
+    def __len__(self) -> int:
+        if not self.shape:
+            raise TypeError("len() of a single value")
+        return self.shape[0]
+
+    def __iter__(self) -> Iterator[Any]:
+        return (self[row] for row in range(len(self)))
+
+    def __getitem__(self, key: Any) -> Any:
+        keys = _spread(key, self.ndim)
+        if keys is None:
+            return self._points(key)
+        axes = list(self._axes)
+        for axis, chosen in zip((at for at in (0, 1) if not isinstance(axes[at], int)), keys, strict=True):
+            found = np.asarray(axes[axis])[chosen]
+            axes[axis] = int(found) if np.ndim(found) == 0 else found
+        rows, columns = axes
+        part = FieldArray(self._recording, self.name, rows, columns)
+        return part if part.shape else float(part.compute())
+
+    def _points(self, key: Any) -> Any:
+        """What NumPy's rules make of ``key``, from no more rows and columns than it needs."""
+        keys = list(key) if isinstance(key, tuple) else [key]
+        axes = [axis for axis in self._axes if not isinstance(axis, int)]
+        used = [sum(np.ndim(k) if _is_mask(k) else 1 for k in keys if k is not None and k is not Ellipsis)]
+        if Ellipsis not in [k for k in keys if k is None or k is Ellipsis]:
+            keys.append(Ellipsis)
+        at = next(number for number, k in enumerate(keys) if k is Ellipsis)
+        keys[at : at + 1] = [slice(None)] * (len(axes) - used[0])
+        needed: list[Index] = []
+        again: list[Any] = []
+        for one in keys:
+            for k in np.nonzero(one) if _is_mask(one) else [one]:
+                if k is None:
+                    again.append(None)
+                    continue
+                if len(needed) == len(axes):
+                    raise IndexError(f"too many indices: the array has {len(axes)} axes")
+                positions = np.arange(len(axes[len(needed)]))[k]
+                unique, inverse = np.unique(positions, return_inverse=True)
+                needed.append(unique)
+                again.append(_same_kind(k, inverse.reshape(np.shape(positions))))
+        block = self[tuple(needed)] if len(needed) < 2 else self[needed[0]][:, needed[1]]
+        return np.asarray(block)[tuple(again)]
+
+    def compute(self) -> Doubles:
+        """The values, in memory.
+
+        Raises:
+            MemoryError: If there is not enough of it.
+            RecordingError: If the file is damaged there.
+        """
+        positions = [np.atleast_1d(np.asarray(axis)) for axis in self._axes]
+        # ascending, each once, and back
+        unique = [np.unique(axis, return_inverse=True) for axis in positions]
+        (rows, _), (columns, _) = unique
+        _check_memory(self, len(rows) * len(columns) * 8)
+        steps = np.ascontiguousarray(self._recording._step_at(rows), dtype=np.uint64)
+        places = np.ascontiguousarray(columns, dtype=np.uint64)
+        values = self._recording._states.gather(self.name, steps, places)
+        for axis, (_, back) in enumerate(unique):
+            if len(back) != values.shape[axis] or np.any(back[1:] <= back[:-1]):
+                values = values.take(back.ravel(), axis=axis)
+        shaped: Doubles = values.reshape(self.shape)
+        return shaped
+
+    def blocks(self, most_bytes: int = 64_000_000) -> Iterator[tuple[slice, Doubles]]:
+        """The values in blocks of rows that take so much memory, each with the rows that it has."""
+        rows = max(1, int(most_bytes // max(8, self.nbytes // max(1, len(self)))))
+        for begin in range(0, len(self), rows):
+            part = slice(begin, min(begin + rows, len(self)))
+            yield part, np.asarray(self[part])
+
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
+        if copy is False:
+            raise ValueError(f"{self.name} is computed: it cannot be had without a copy")
+        values = self.compute()
+        return values if dtype is None else values.astype(dtype, copy=False)
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        computed = (np.asarray(it) if isinstance(it, FieldArray) else it for it in inputs)
+        return getattr(ufunc, method)(*computed, **options)
+
+    def __array_function__(self, function: Any, types: Any, args: Any, options: Any) -> Any:
+        return function(*_computed(args), **{name: _computed(value) for name, value in options.items()})
+
+    def max(self, axis: int | None = None) -> Any:
+        """The largest value, or that along an axis."""
+        return np.asarray(self).max(axis=axis)
+
+    def min(self, axis: int | None = None) -> Any:
+        """The smallest value, or that along an axis."""
+        return np.asarray(self).min(axis=axis)
+
+    def mean(self, axis: int | None = None) -> Any:
+        """The mean, or that along an axis."""
+        return np.asarray(self).mean(axis=axis)
+
+    def sum(self, axis: int | None = None) -> Any:
+        """The sum, or that along an axis."""
+        return np.asarray(self).sum(axis=axis)
+
+    def argmax(self, axis: int | None = None) -> Any:
+        """Where the largest value is, or that along an axis."""
+        return np.asarray(self).argmax(axis=axis)
+
+    @property
+    def T(self) -> Doubles:
+        """The computed array with its axes exchanged."""
+        return np.asarray(self).T
+
+    def __repr__(self) -> str:
+        return f"<{self.name} ({self.unit}) of {self._recording.name}, shape {self.shape}: computed when it is needed>"
+
+
+def _computed(value: Any) -> Any:
+    if isinstance(value, FieldArray):
+        return np.asarray(value)
+    if isinstance(value, list | tuple):
+        return type(value)(_computed(item) for item in value)
+    return value
+
+
+def _is_mask(key: Any) -> bool:
+    return not isinstance(key, slice) and key is not None and key is not Ellipsis and np.asarray(key).dtype == bool
+
+
+def _spread(key: Any, ndim: int) -> list[Any] | None:
+    """One key an axis, if each chooses along its axis alone; else None."""
+    keys = list(key) if isinstance(key, tuple) else [key]
+    if any(k is None for k in keys) or len(keys) > ndim + (Ellipsis in [k for k in keys if k is Ellipsis]):
+        return None
+    if any(k is Ellipsis for k in keys):
+        at = next(number for number, k in enumerate(keys) if k is Ellipsis)
+        keys[at : at + 1] = [slice(None)] * (ndim + 1 - len(keys))
+    keys += [slice(None)] * (ndim - len(keys))
+    if any(k is Ellipsis for k in keys):
+        return None
+    dimensions = [0 if isinstance(k, slice) else np.ndim(k) for k in keys]
+    arrays = sum(1 for k, n in zip(keys, dimensions, strict=True) if n > 0)
+    numbers = sum(1 for k, n in zip(keys, dimensions, strict=True) if n == 0 and not isinstance(k, slice))
+    if max(dimensions, default=0) > 1 or arrays > 1 or (arrays and numbers) or any(_is_truth(k) for k in keys):
+        return None
+    return [k if isinstance(k, slice) else _as_index(k) for k in keys]
+
+
+def _is_truth(key: Any) -> bool:
+    """A single truth value, which NumPy takes as another axis."""
+    return isinstance(key, bool | np.bool_)
+
+
+def _as_index(key: Any) -> Any:
+    array = np.asarray(key)
+    # an empty list has no type
+    return array.astype(np.intp) if array.size == 0 and array.dtype != bool else array
+
+
+def _same_kind(key: Any, inverse: Index) -> Any:
+    """An index of the kind that ``key`` is, so that NumPy puts the axes where it would."""
+    if isinstance(key, slice):
+        backwards = len(inverse) > 1 and inverse[0] > inverse[-1]
+        return slice(None, None, -1) if backwards else slice(None)
+    return int(inverse) if inverse.ndim == 0 and isinstance(key, int | np.integer) else inverse
+
+
+def _check_memory(array: FieldArray, needed_bytes: int) -> None:
+    free_bytes = _free_bytes()
+    if needed_bytes <= _FREE_PART * free_bytes:
+        return
+    raise MemoryError(
+        f"{array.name} of {' × '.join(f'{length:,}' for length in array.shape)} values takes {needed_bytes / 1e9:,.1f} GB, "
+        f"{free_bytes / 1e9:,.1f} GB are free: take a part, such as [::100], or go through it in blocks()"
+    )
+
+
+def _free_bytes() -> float:
+    """Memory that this process may still have."""
+    import resource
+
+    try:
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+        free = 1024.0 * int(next(line for line in lines if line.startswith("MemAvailable")).split()[1])
+        used = os.sysconf("SC_PAGE_SIZE") * int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+    except (OSError, StopIteration, ValueError):
+        return float("inf")
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return free if limit == resource.RLIM_INFINITY else min(free, float(limit - used))
+
+
+class Recording:
+    """A recording, or a run in memory. Every step of it can be had: what was not kept is recomputed, and proven by the
+    next state that was.
+
+    Attributes:
+        summary: What the run said when it ended, if this process has made it.
+    """
+
+    summary: dict[str, Any] | None = None
+
+    def __init__(self, states: _native.States) -> None:
+        self._states = states
+        self._manifest = states.manifest
+
+    @property
+    def path(self) -> str | None:
+        """The file; None of a run in memory."""
+        return self._states.path
+
+    @property
+    def name(self) -> str:
+        """Name of the run."""
+        return self._manifest.name
+
+    @cached_property
+    def manifest(self) -> dict[str, Any]:
+        """The validated run: ``physics`` decides every bit, ``provenance`` says where it comes from."""
+        found: dict[str, Any] = json.loads(self._manifest.json)
+        return found
+
+    @property
+    def toml(self) -> str | None:
+        """The configuration as the user gave it, if it is there."""
+        return self._manifest.toml
+
+    @property
+    def beads(self) -> int:
+        """Number of beads N."""
+        return self._manifest.beads
+
+    @property
+    def dt_s(self) -> float:
+        """Time step (s)."""
+        return self._manifest.dt_s
+
+    @cached_property
+    def mass_kg(self) -> Doubles:
+        """Mass of each bead (kg), N values."""
+        return self._manifest.mass_kg
+
+    @cached_property
+    def stiffness(self) -> Doubles:
+        """Stiffness of each contact (N·m^−α), N − 1 values."""
+        return self._manifest.stiffness
+
+    @cached_property
+    def rest_overlap_m(self) -> Doubles:
+        """Overlap of each contact at rest (m), N − 1 values; 0 without a load."""
+        return self._manifest.rest_overlap_m
+
+    @cached_property
+    def rest_force_n(self) -> Doubles:
+        """Force of each contact at rest (N), N − 1 values; 0 without a load."""
+        return self._manifest.rest_force_n
+
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        """What there is: ``states``, ``bytes``, ``end``, ``is_finished``, ``is_complete``, ``damage``, ``channels``."""
+        return self._states.about()
+
+    @property
+    def first_step(self) -> int:
+        """The first step that is kept."""
+        return self._states.first_step
+
+    @property
+    def last_step(self) -> int:
+        """The last step that is kept."""
+        return self._states.last_step
+
+    @property
+    def record_every(self) -> int:
+        """Steps between two states that are kept."""
+        return self._manifest.record_every_steps
+
+    @property
+    def recomputes(self) -> bool:
+        """Whether the steps between can be had: this Beadline has the dynamics that has computed the run."""
+        return self._states.recomputes
+
+    @cached_property
+    def recorded_steps(self) -> Numbers:
+        """The steps that are kept."""
+        first, last, every = self.first_step, self.last_step, self.record_every
+        between = np.arange(-(-first // every) * every, last + 1, every, dtype=np.uint64)
+        return np.unique(np.concatenate([between, np.array([first, last], dtype=np.uint64)]))
+
+    @property
+    def steps(self) -> range | Numbers:
+        """The steps of the rows of :attr:`velocity` and the others."""
+        return range(self.first_step, self.last_step + 1) if self.recomputes else self.recorded_steps
+
+    @property
+    def time_s(self) -> Doubles:
+        """Their times (s)."""
+        times_s: Doubles = self._step_at(np.arange(len(self.steps))).astype(np.float64) * self.dt_s
+        return times_s
+
+    def _step_at(self, rows: Index) -> Numbers:
+        steps = self.steps
+        found: Numbers = np.asarray(rows + steps.start if isinstance(steps, range) else steps[rows], np.uint64)
+        return found
+
+    def _field(self, name: FieldName) -> FieldArray:
+        places = self.beads if name in ("displacement", "velocity") else self.beads - 1
+        return FieldArray(self, name, np.arange(len(self.steps)), np.arange(places))
+
+    @property
+    def displacement(self) -> FieldArray:
+        """Displacements (m), shape (steps, N), computed when they are needed."""
+        return self._field("displacement")
+
+    @property
+    def velocity(self) -> FieldArray:
+        """Velocities (m/s), shape (steps, N), computed when they are needed."""
+        return self._field("velocity")
+
+    @property
+    def overlap(self) -> FieldArray:
+        """Overlaps of the contacts between beads (m), shape (steps, N − 1), computed when they are needed."""
+        return self._field("overlap")
+
+    @property
+    def force(self) -> FieldArray:
+        """Forces of the contacts between beads (N), shape (steps, N − 1), computed when they are needed."""
+        return self._field("force")
+
+    def __len__(self) -> int:
+        return len(self.steps)
+
+    def __getitem__(self, step: int) -> State:
+        """The state of a step; −1 is the last one.
+
+        Raises:
+            IndexError: If the recording does not have it.
+            RecordingError: If it cannot be recomputed, or the file is damaged there.
+        """
+        if isinstance(step, slice):
+            raise TypeError("a recording has single states: take rec.velocity[10:20], or rec.states(...)")
+        found = step + self.last_step + 1 if step < 0 else int(step)
+        if not self.first_step <= found <= self.last_step:
+            raise IndexError(f"step {step}: the recording has steps {self.first_step} to {self.last_step}")
+        return State(self._manifest, self._states.state(found))
+
+    def __iter__(self) -> Iterator[State]:
+        return self.states()
+
+    def at(self, *, time_s: float) -> State:
+        """The state nearest to a time (s).
+
+        Raises:
+            ValueError: If the recording does not reach there.
+        """
+        step = round(time_s / self.dt_s) if np.isfinite(time_s) else -1
+        if not self.first_step <= step <= self.last_step:
+            begin_s, end_s = self.first_step * self.dt_s, self.last_step * self.dt_s
+            raise ValueError(f"time_s: found {time_s:g}; the recording has {begin_s:g} s to {end_s:g} s")
+        if not self.recomputes:
+            steps = self.recorded_steps.astype(np.int64)
+            step = int(steps[np.abs(steps - step).argmin()])
+        return self[step]
+
+    def states(self, every: int | None = None) -> Iterator[State]:
+        """States one after the other: those that are kept, or every so many steps."""
+        kept = every is None
+        steps = self.recorded_steps if kept else self._step_at(np.arange(0, len(self.steps), every))
+        return (self[int(step)] for step in steps)
+
+    def refresh(self) -> Recording:
+        """The recording as it is now, if it is still being written."""
+        return self if self.path is None else open(self.path.removesuffix(".partial"))
+
+    def save(self, path: str | os.PathLike[str], *, force: bool = False) -> Recording:
+        """Writes a run in memory as a recording.
+
+        Raises:
+            FileExistsError: If there is such a file.
+        """
+        self._states.save(Path(path), force)
+        return open(path)
+
+    @contextmanager
+    def _file(self) -> Iterator[str]:
+        """A file with this recording, for the command."""
+        if self.path is not None:
+            yield self.path
+            return
+        with tempfile.TemporaryDirectory(prefix="beadline-") as directory:
+            path = os.path.join(directory, f"{self.name}.mcap")
+            self._states.save(path)
+            yield path
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self.path is not None:
+            return open, (os.path.abspath(self.path),)
+        return _of_kept, (self._manifest, *self._states.kept())
+
+    def __repr__(self) -> str:
+        place = "in memory" if self.path is None else self.path
+        return f"<Recording of {self.name}: {self.beads} beads, steps {self.first_step} to {self.last_step}, {place}>"
+
+
+def _of_kept(manifest: _native.Manifest, steps: Numbers, doubles: Doubles, end: str) -> Recording:
+    return Recording(_native.States.of_kept(manifest, steps, doubles, end))

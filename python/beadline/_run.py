@@ -1,0 +1,430 @@
+"""Chains, runs of them, and runs made step by step."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import contextmanager
+from copy import deepcopy
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _native
+from .errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ._native import Doubles
+    from ._recording import Recording, State
+
+Config = dict[str, Any]
+Values = Sequence[float] | npt.NDArray[np.floating[Any]]
+OnFrame = Callable[["State"], object]
+
+
+class Chain:
+    """A chain of beads that repel where they touch, with ``F = k·δ^α``.
+
+    Args:
+        beads: Number of beads N.
+        mass_kg: Mass of a bead (kg), or of each bead (N values).
+        alpha: Exponent α ≥ 1; 1.5 for spheres.
+        stiffness: Stiffness k of a contact (N·m^−α), or of each contact (N − 1 values).
+        impurities: Beads of another mass, ``{bead: mass in kg}``.
+        contacts: Contacts of another stiffness, ``{contact: stiffness}``.
+        masses: A rule for all masses: ``{"pattern_kg": [1e-3, 2e-3]}`` repeats, ``{"taper": 0.98}`` makes each bead that much
+            heavier than the one before.
+        stiffnesses: A rule for all stiffnesses: ``"radii"`` (spheres of one material), or ``{"pattern": [1e7, 2e7]}``.
+        left, right: What the ends touch: ``"free"`` (nothing) or ``"fixed"`` (a wall).
+        left_stiffness, right_stiffness: Of the contacts with the walls (N·m^−α); else that of the chain.
+        gravity_m_s2: Acceleration of every bead (m/s²), positive towards higher bead numbers.
+        precompression_n: Force (N) that presses the chain together.
+        restitution: Coefficient of restitution of two beads, between 0 and 1.
+        viscous_n_s_per_m: Or a dashpot in every closed contact (N·s/m).
+
+    Where each bead has a mass of its own, lengths and times are scaled with the median mass; so are stiffnesses.
+    """
+
+    def __init__(
+        self,
+        beads: int,
+        *,
+        mass_kg: float | Values,
+        alpha: float,
+        stiffness: float | Values,
+        impurities: Mapping[int, float] | None = None,
+        contacts: Mapping[int, float] | None = None,
+        masses: Mapping[str, Any] | None = None,
+        stiffnesses: str | Mapping[str, Any] | None = None,
+        left: str = "free",
+        right: str = "free",
+        left_stiffness: float | None = None,
+        right_stiffness: float | None = None,
+        gravity_m_s2: float = 0.0,
+        precompression_n: float = 0.0,
+        restitution: float | None = None,
+        viscous_n_s_per_m: float | None = None,
+    ) -> None:
+        chain: Config = {"beads": int(beads), "alpha": float(alpha)}
+        chain["bead_mass_kg"], list_kg = _one_or_each(mass_kg)
+        chain["stiffness"], each = _one_or_each(stiffness)
+        chain["masses"] = masses if list_kg is None else {"list_kg": list_kg}
+        chain["stiffnesses"] = stiffnesses if each is None else {"list": each}
+        chain["impurities"] = [
+            {"bead": int(bead), "mass_kg": float(mass)} for bead, mass in (impurities or {}).items()
+        ]
+        chain["contacts"] = [
+            {"contact": int(contact), "stiffness": float(k)} for contact, k in (contacts or {}).items()
+        ]
+        ends = {"left": left, "right": right}
+        self._config: Config = {
+            "chain": chain,
+            "ends": {**ends, "left_stiffness": left_stiffness, "right_stiffness": right_stiffness},
+            "load": {"gravity_m_s2": float(gravity_m_s2), "precompression_n": float(precompression_n)},
+            "damping": {"restitution": restitution, "viscous_n_s_per_m": viscous_n_s_per_m},
+        }
+
+    @property
+    def beads(self) -> int:
+        """Number of beads N."""
+        beads: int = self._config["chain"]["beads"]
+        return beads
+
+    def __repr__(self) -> str:
+        chain = self._config["chain"]
+        return f"<Chain of {self.beads} beads, α = {chain['alpha']:g}>"
+
+
+def _one_or_each(values: float | Values) -> tuple[float, list[float] | None]:
+    """A value for all, and the list if there is one for each."""
+    array = np.asarray(values, dtype=np.float64)
+    return (float(array), None) if array.ndim == 0 else (float(np.median(array)), array.tolist())
+
+
+class Run:
+    """A run: a chain, what strikes it, and for how long.
+
+    Args:
+        chain: The chain.
+        strikers: The bead that moves at first, and its velocity (m/s), positive towards higher bead numbers: ``{0: 5.0}``.
+        duration_s: Simulated time (s).
+        dt_s: Time step (s); by default a fraction of the collision time.
+        method: ``"rkn4"``, ``"velocity-verlet"`` or ``"gear5"``; by default ``"rkn4"``, with damping ``"gear5"``.
+        name: Name on the bus and in files, of ``a`` to ``z``, digits and ``-``.
+        publish_every: Steps from one frame to the next.
+
+    Raises:
+        ConfigError: With the key, what was found, and what is allowed.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        *,
+        strikers: Mapping[int, float],
+        duration_s: float,
+        dt_s: float | None = None,
+        method: str | None = None,
+        name: str | None = None,
+        publish_every: int = 1,
+    ) -> None:
+        if len(strikers) != 1:
+            message = f"strikers: found {len(strikers)}; expected one bead and its velocity, such as {{0: 5.0}}"
+            raise ConfigError(message, key="striker")
+        [(bead, velocity_m_s)] = strikers.items()
+        config = deepcopy(chain._config)
+        config["striker"] = {"bead": int(bead), "velocity_m_s": float(velocity_m_s)}
+        config["time"] = {"duration_s": float(duration_s), "dt_s": dt_s}
+        config["integrator"] = {"method": method}
+        stream = {"publish_every_steps": int(publish_every), "record_every_steps": int(publish_every)}
+        config["stream"] = stream
+        self._set(_toml({"name": name, **config}), None, "run")
+
+    def _set(self, toml: str, path: str | None, name: str) -> None:
+        try:
+            self._manifest = _native.Manifest.from_toml(toml, path, name)
+        except ConfigError as error:
+            if path is None:
+                # nobody has seen these lines
+                error.line = None
+                error.args = (re.sub(r"^line \d+: ", "", str(error)),)
+            raise
+        self._toml = toml
+
+    @classmethod
+    def _of(cls, toml: str, path: str | None = None, name: str = "run") -> Run:
+        run = cls.__new__(cls)
+        run._set(toml, path, name)
+        return run
+
+    @classmethod
+    def from_toml(cls, source: str | os.PathLike[str]) -> Run:
+        """A run as ``beadline run`` reads it: the text of a configuration, or the path of its file.
+
+        Raises:
+            ConfigError: With the line.
+        """
+        if isinstance(source, str) and "\n" in source:
+            return cls._of(source)
+        path = Path(source)
+        return cls._of(path.read_text(encoding="utf-8"), str(path), path.stem)
+
+    def to_toml(self) -> str:
+        """The configuration as ``beadline run`` reads it."""
+        return self._toml
+
+    def replace(self, values: Mapping[str, Any]) -> Run:
+        """The same run with other values, by their keys: ``{"time.duration_s": 0.01, "chain.impurities[0].mass_kg": 2e-3}``."""
+        config: Config = tomllib.loads(self._toml)
+        for key, value in values.items():
+            place: Any = config
+            *parts, last = [int(part) if part.isdigit() else part for part in re.findall(r"[^.\[\]]+", key)]
+            try:
+                for part in parts:
+                    place = place.setdefault(part, {}) if isinstance(place, dict) else place[part]
+                place[last] = value
+            except (IndexError, TypeError) as error:
+                raise ConfigError(f"{key}: the configuration has no such key", key=key) from error
+        return self._of(_toml(config), None, self.name)
+
+    @property
+    def name(self) -> str:
+        """Name of the run."""
+        return self._manifest.name
+
+    @property
+    def manifest(self) -> Config:
+        """The validated run: ``physics`` decides every bit, ``provenance`` says where it comes from."""
+        found: Config = json.loads(self._manifest.json)
+        return found
+
+    @property
+    def steps(self) -> int:
+        """Number of time steps."""
+        return self._manifest.step_count
+
+    @property
+    def dt_s(self) -> float:
+        """Time step (s)."""
+        return self._manifest.dt_s
+
+    @property
+    def length_m(self) -> float:
+        """Collision length L (m)."""
+        return self._manifest.scales[0]
+
+    @property
+    def time_s(self) -> float:
+        """Collision time T (s)."""
+        return self._manifest.scales[1]
+
+    def record(
+        self,
+        path: str | os.PathLike[str] | None = None,
+        *,
+        every: int | None = None,
+        force: bool = False,
+        publish: bool = False,
+        wait_for: int = 0,
+        on_frame: OnFrame | None = None,
+        on_frame_every: int = 1,
+        progress: bool | None = None,
+    ) -> Recording:
+        """Simulates the run and records it.
+
+        Ctrl-C ends it in order: the file is whole and says that it was interrupted.
+
+        Args:
+            path: The file, ``.mcap``; by default the name of the run.
+            every: Steps between two recorded states; the steps between them are recomputed when they are asked for. By
+                default every frame is recorded.
+            force: Replace a file that exists.
+            publish: Publish the run on the bus, as ``beadline run`` does.
+            wait_for: Then begin when so many lossless consumers are attached.
+            on_frame: Called with the :class:`State` of frames; something true ends the run. It must not call the run.
+            on_frame_every: Frames from one call to the next.
+            progress: Whether to show how far it is; by default in terminals and notebooks.
+
+        Raises:
+            FileExistsError: If there is such a file.
+            RunError: If the values are no longer finite.
+        """
+        from ._recording import Recording
+
+        manifest = self._manifest.begun(every or self._manifest.publish_every_steps)
+        path = Path(path if path is not None else f"{self.name}.mcap")
+        with self._progress(progress) as tell:
+            summary = _native.record(
+                manifest,
+                path,
+                force=force,
+                publish=publish,
+                wait_for=wait_for,
+                on_progress=tell,
+                on_frame=_frames_to(on_frame, manifest, on_frame_every),
+            )
+        recording = Recording(_native.States.open(path))
+        recording.summary = summary
+        return recording
+
+    def simulate(
+        self,
+        *,
+        every: int = 100,
+        on_frame: OnFrame | None = None,
+        on_frame_every: int = 1,
+        progress: bool | None = None,
+    ) -> Recording:
+        """Simulates the run in memory, without a file.
+
+        Args:
+            every: Steps between two states that are kept; the steps between them are recomputed when they are asked for.
+            on_frame, on_frame_every, progress: As for :meth:`record`.
+
+        Raises:
+            RunError: If the values are no longer finite.
+        """
+        from ._recording import Recording
+
+        published = self._manifest.publish_every_steps
+        manifest = self._manifest.begun(-(-every // published) * published)
+        with self._progress(progress) as tell:
+            on = _frames_to(on_frame, manifest, on_frame_every)
+            states, summary = _native.simulate(manifest, on_progress=tell, on_frame=on)
+        recording = Recording(states)
+        recording.summary = summary
+        return recording
+
+    def start(self) -> Simulation:
+        """The run at its first step, to be made step by step."""
+        return Simulation(self._manifest)
+
+    @contextmanager
+    def _progress(self, show: bool | None) -> Iterator[Callable[[int], object]]:
+        from ._progress import Progress
+
+        with Progress(self.steps, self.name, show) as bar:
+            yield bar.update
+
+    def __repr__(self) -> str:
+        return f"<Run {self.name}: {self._manifest.beads} beads, {self.steps} steps of {self.dt_s:.4g} s>"
+
+
+def _frames_to(
+    call: OnFrame | None, manifest: _native.Manifest, every: int
+) -> tuple[Callable[..., object], int] | None:
+    from ._recording import State
+
+    if call is None:
+        return None
+    if every < 1:
+        raise ValueError(f"on_frame_every: found {every}; expected 1 or more")
+    return (lambda *state: call(State(manifest, state))), every
+
+
+class Simulation:
+    """A run that is made step by step.
+
+    Its arrays are read-only and go on with the run; take ``.copy()`` of what is to stay, or a :meth:`state`.
+    """
+
+    def __init__(self, manifest: _native.Manifest) -> None:
+        self._manifest = manifest
+        self._native = _native.Simulation(manifest)
+
+    def step(self, steps: int = 1) -> Simulation:
+        """Makes steps, at most up to the end of the run.
+
+        Raises:
+            RunError: If the values are no longer finite.
+        """
+        self._native.step(steps)
+        return self
+
+    @property
+    def step_number(self) -> int:
+        """The step that was reached."""
+        return self._native.step_number
+
+    @property
+    def time_s(self) -> float:
+        """Its time (s)."""
+        return self._native.time_s
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the last step was made."""
+        return self._native.step_number == self._manifest.step_count
+
+    @property
+    def displacement_m(self) -> Doubles:
+        """Displacement of each bead (m), read-only, which goes on with the run."""
+        return self._native.u_m()
+
+    @property
+    def velocity_m_s(self) -> Doubles:
+        """Velocity of each bead (m/s), read-only, which goes on with the run."""
+        return self._native.v_m_s()
+
+    @property
+    def mass_kg(self) -> Doubles:
+        """Mass of each bead (kg)."""
+        return self._manifest.mass_kg
+
+    def state(self) -> State:
+        """A copy of the state."""
+        from ._recording import State
+
+        return State(self._manifest, self._native.state())
+
+    def __repr__(self) -> str:
+        return f"<Simulation of {self._manifest.name} at step {self.step_number} of {self._manifest.step_count}>"
+
+
+def presets() -> dict[str, str]:
+    """The ready-made runs: their names, and what they show."""
+    return {name: about for name, about, _ in _native.presets()}
+
+
+def preset(name: str) -> Run:
+    """A ready-made run.
+
+    Raises:
+        KeyError: If there is none of this name.
+    """
+    for known, _, toml in _native.presets():
+        if known == name:
+            return Run._of(toml, None, name)
+    raise KeyError(f"there is no preset {name!r}; there are: {', '.join(presets())}")
+
+
+def _toml(config: Config) -> str:
+    """A configuration as text; what is None or empty is left out."""
+    plain = {key: value for key, value in config.items() if not isinstance(value, Mapping)}
+    lines = _lines(plain)
+    for name, table in config.items():
+        if isinstance(table, Mapping) and (inner := _lines(table)):
+            lines += [f"[{name}]", *inner]
+    return "\n".join(lines) + "\n"
+
+
+def _lines(table: Mapping[str, Any]) -> list[str]:
+    return [f"{key} = {_value(value)}" for key, value in table.items() if value is not None and value != []]
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(_lines(value)) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    # numbers, texts and truth values are written as in JSON, but for the words for no number
+    return json.dumps(value).replace("NaN", "nan").replace("Infinity", "inf")
