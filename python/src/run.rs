@@ -113,7 +113,7 @@ impl Publisher {
         }
         let never = AtomicBool::new(false);
         while wait_for > 0 && publisher.wait_for(wait_for, &never, Some(PATIENCE))? != WaitOutcome::Ready {
-            listener.looks.call(Python::check_signals);
+            listener.looks.call(|py| py.check_signals());
             if listener.looks.has_raised() {
                 publisher.finish(EndReason::Interrupted)?;
                 return Ok(None);
