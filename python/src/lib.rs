@@ -19,7 +19,7 @@ use std::ffi::OsString;
 /// `program` is how such a process is started.
 #[pyfunction]
 fn command(py: Python<'_>, arguments: Vec<OsString>, program: Vec<OsString>) {
-    py.detach(|| std::process::exit(beadline::command(&arguments, Some(program)).into()))
+    py.detach(|| std::process::exit(beadline::command(&arguments, Some(program)).into()));
 }
 
 #[pymodule]

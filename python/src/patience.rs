@@ -2,7 +2,7 @@
 
 use crate::errors::{Why, of_panic};
 use pyo3::prelude::*;
-use std::panic::resume_unwind;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -17,11 +17,19 @@ pub(crate) fn interruptible<T: Send>(
     work: impl FnOnce(&AtomicBool) -> Result<T, Why> + Send,
 ) -> PyResult<T> {
     let stop = AtomicBool::new(false);
+    stoppable(py, &stop, || work(&stop))
+}
+
+/// The same for work that others can stop, too.
+pub(crate) fn stoppable<T: Send>(
+    py: Python<'_>,
+    stop: &AtomicBool,
+    work: impl FnOnce() -> Result<T, Why> + Send,
+) -> PyResult<T> {
     thread::scope(|scope| {
         let waiting = thread::current();
-        let stop = &stop;
         let worker = scope.spawn(move || {
-            let done = work(stop);
+            let done = work();
             waiting.unpark();
             done
         });
@@ -87,8 +95,32 @@ impl Looks {
     }
 }
 
-/// Work in the calling thread without the interpreter, whose panics stay panics.
-pub(crate) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
-    py.detach(|| thread::scope(|_| std::panic::catch_unwind(std::panic::AssertUnwindSafe(work))))
-        .map_err(|panic| if panic.is::<()>() { resume_unwind(panic) } else { of_panic(&*panic) })
+/// Does `work` in a thread of its own that nothing stops: a signal is raised at once, and leaves it to itself.
+pub(crate) fn abandonable<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce() -> Result<T, Why> + Send + 'static,
+) -> PyResult<T> {
+    let waiting = thread::current();
+    let told = move || {
+        let done = work();
+        waiting.unpark();
+        done
+    };
+    let worker = thread::Builder::new().spawn(told)?;
+    while !worker.is_finished() {
+        py.detach(|| thread::park_timeout(LOOK));
+        py.check_signals()?;
+    }
+    match worker.join() {
+        Ok(done) => done.map_err(PyErr::from),
+        Err(panic) => Err(of_panic(&*panic)),
+    }
+}
+
+/// Does `work` in the calling thread, without the interpreter.
+pub(crate) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T, Why> + Send) -> PyResult<T> {
+    match py.detach(|| catch_unwind(AssertUnwindSafe(work))) {
+        Ok(done) => done.map_err(PyErr::from),
+        Err(panic) => Err(of_panic(&*panic)),
+    }
 }

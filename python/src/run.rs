@@ -2,7 +2,7 @@
 
 use crate::errors::Why;
 use crate::manifest::Manifest;
-use crate::patience::Looks;
+use crate::patience::{Looks, detached, stoppable};
 use crate::states::States;
 use bus::{Bus, PublishError, PublishOptions, StatePublisher, WaitOutcome};
 use numpy::{PyArray1, PyArrayMethods as _, ToPyArray as _};
@@ -19,11 +19,7 @@ use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-use std::time::Duration;
-
-/// How long a wait for consumers goes on before signals are looked at.
-const PATIENCE: Duration = Duration::from_millis(50);
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// What Python wants to hear while a run goes.
 struct Listener {
@@ -32,12 +28,17 @@ struct Listener {
     on_progress: Option<Py<PyAny>>,
     /// Called with each frame that is a multiple of a number; ends the run by something true.
     on_frame: Option<(Py<PyAny>, u64)>,
-    is_stopped: bool,
+    /// Ends the run.
+    stop: Arc<AtomicBool>,
 }
 
 impl Listener {
     fn new(on_progress: Option<Py<PyAny>>, on_frame: Option<(Py<PyAny>, u64)>) -> Self {
-        Self { looks: Looks::new(), on_progress, on_frame, is_stopped: false }
+        Self { looks: Looks::new(), on_progress, on_frame, stop: Arc::default() }
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
     }
 
     fn go_on(&mut self, step: u64) -> ControlFlow<()> {
@@ -45,7 +46,7 @@ impl Listener {
         let go_on = self
             .looks
             .go_on(|py| on_progress.as_ref().map_or(Ok(()), |tell| tell.call1(py, (step,)).map(drop)));
-        if go_on && !self.is_stopped { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        if go_on && !self.is_stopped() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     }
 }
 
@@ -55,10 +56,12 @@ impl<P: FrameSink, R> Conductor<P, R> for Listener {
             && frame.frame.is_multiple_of(*every)
             && !self.looks.has_raised()
         {
-            let is_stopped = &mut self.is_stopped;
+            let stop = &self.stop;
             self.looks.call(|py| {
                 let state = state_of(py, frame);
-                *is_stopped = call.call1(py, state)?.is_truthy(py)?;
+                if call.call1(py, state)?.is_truthy(py)? {
+                    stop.store(true, Ordering::Relaxed);
+                }
                 Ok(())
             });
         }
@@ -67,7 +70,13 @@ impl<P: FrameSink, R> Conductor<P, R> for Listener {
 
     fn between_steps(&mut self, _: &mut P) -> ControlFlow<()> {
         // no step is passed: what is told is whole frames
-        if self.looks.go_on(|_| Ok(())) { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        let go_on = self.looks.go_on(|_| Ok(())) && !self.is_stopped();
+        if go_on { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    }
+
+    fn is_stop(&self, _: &P::Error) -> bool {
+        // a publisher that a consumer holds back gives up then
+        self.is_stopped()
     }
 }
 
@@ -100,8 +109,8 @@ impl FrameSink for Publisher {
 
 impl Publisher {
     /// A publisher, and `wait_for` consumers attached to it; none if something was raised meanwhile.
-    fn open(manifest: &Manifest, wait_for: usize, listener: &mut Listener) -> Result<Option<Self>, Why> {
-        let options = PublishOptions::default();
+    fn open(manifest: &Manifest, wait_for: usize, listener: &Listener) -> Result<Option<Self>, Why> {
+        let options = PublishOptions { stop: Arc::clone(&listener.stop), ..PublishOptions::default() };
         let mut publisher =
             StatePublisher::create(&Bus::from_env()?, &manifest.run, &manifest.chain, &options)?;
         if wait_for > publisher.max_consumers() {
@@ -111,13 +120,9 @@ impl Publisher {
                 format!("this run can have at most {most} consumers, not {wait_for}"),
             ));
         }
-        let never = AtomicBool::new(false);
-        while wait_for > 0 && publisher.wait_for(wait_for, &never, Some(PATIENCE))? != WaitOutcome::Ready {
-            listener.looks.call(|py| py.check_signals());
-            if listener.looks.has_raised() {
-                publisher.finish(EndReason::Interrupted)?;
-                return Ok(None);
-            }
+        if wait_for > 0 && publisher.wait_for(wait_for, &listener.stop, None)? != WaitOutcome::Ready {
+            publisher.finish(EndReason::Interrupted)?;
+            return Ok(None);
         }
         Ok(Some(Self::Bus(Box::new(publisher))))
     }
@@ -144,12 +149,13 @@ pub(crate) fn record<'py>(
     on_frame: Option<(Py<PyAny>, u64)>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let mut listener = Listener::new(on_progress, on_frame);
-    let done = py.detach(|| -> Result<_, Why> {
+    let stop = Arc::clone(&listener.stop);
+    let work = || -> Result<_, Why> {
         let toml = manifest.toml.as_deref().unwrap_or_default();
         let options = WriteOptions { force, ..WriteOptions::default() };
         let mut recorder = RecordingWriter::create(&path, &manifest.run, toml, &options)?;
         let publisher = if publish {
-            Publisher::open(manifest, wait_for, &mut listener)
+            Publisher::open(manifest, wait_for, &listener)
         } else {
             Ok(Some(Publisher::Nobody))
         };
@@ -168,8 +174,9 @@ pub(crate) fn record<'py>(
         let (outcome, finished) = (result?, finished?);
         published?;
         Ok(Some((outcome, finished)))
-    });
-    let done = done?;
+    };
+    // a publisher may be held back; without one this thread does it, and signals and calls are its own
+    let done = if publish { stoppable(py, &stop, work) } else { detached(py, work) }?;
     listener.looks.end()?;
     let summary = PyDict::new(py);
     if let Some((outcome, finished)) = done {
@@ -226,7 +233,7 @@ pub(crate) fn simulate<'py>(
     on_frame: Option<(Py<PyAny>, u64)>,
 ) -> PyResult<(States, Bound<'py, PyDict>)> {
     let mut listener = Listener::new(on_progress, on_frame);
-    let (outcome, states) = py.detach(|| -> Result<_, Why> {
+    let (outcome, states) = detached(py, || {
         let mut memory = Memory::default();
         let outcome =
             producer::run::run(&manifest.run, &mut Publisher::Nobody, Some(&mut memory), &mut listener)?;
@@ -266,11 +273,12 @@ impl Simulation {
         let last = self.state.step.saturating_add(steps).min(self.manifest.physics.step_count);
         let Self { integrator, state, .. } = self;
         let mut looks = Looks::new();
-        py.detach(|| {
+        detached(py, || {
             while state.step < last && looks.go_on(|_| Ok(())) {
                 integrator.advance(state, last);
             }
-        });
+            Ok(())
+        })?;
         let lost = integrator.first_non_finite(state);
         for (lent, values) in self.lent.iter().zip([&self.state.u_m, &self.state.v_m_s]) {
             if let Some(lent) = lent {

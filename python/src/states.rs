@@ -2,7 +2,7 @@
 
 use crate::errors::Why;
 use crate::manifest::Manifest;
-use crate::patience::{detached, interruptible};
+use crate::patience::{abandonable, detached, interruptible};
 use crate::run::{StateTuple, state_of};
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
@@ -42,6 +42,9 @@ pub(crate) struct States {
     /// Readers that nobody uses now.
     idle: Mutex<Vec<Reader>>,
 }
+
+/// Steps, doubles (a row a state), and how the run ended.
+type KeptStates<'py> = (Bound<'py, PyArray1<u64>>, Bound<'py, PyArray2<f64>>, &'static str);
 
 /// Where states are.
 enum Kept {
@@ -343,8 +346,7 @@ impl States {
         let steps = pieces.iter().map(|(steps, _)| steps[steps.len() - 1] - steps[0] + every).sum::<u64>();
         if steps.saturating_mul(self.run().physics.beads) <= LITTLE_WORK {
             let never = AtomicBool::new(false);
-            return detached(py, || self.work(&Mutex::new(pieces.into_iter()), wanted, &never))?
-                .map_err(PyErr::from);
+            return detached(py, || self.work(&Mutex::new(pieces.into_iter()), wanted, &never));
         }
         interruptible(py, |stop| {
             let cores = std::thread::available_parallelism().map_or(1, NonZero::get).min(pieces.len());
@@ -364,9 +366,9 @@ impl States {
     }
 
     /// Takes pieces until there are none; one that fails is the last one for all.
-    fn work<'a>(
+    fn work(
         &self,
-        pieces: &Mutex<std::vec::IntoIter<Piece<'a>>>,
+        pieces: &Mutex<std::vec::IntoIter<Piece<'_>>>,
         wanted: &Wanted<'_>,
         stop: &AtomicBool,
     ) -> Result<(), Why> {
@@ -382,15 +384,15 @@ impl States {
         Ok(())
     }
 
-    /// The state of `step` in `target`.
-    fn find(&self, step: u64) -> Result<ChainState, Why> {
+    /// The state of `step`.
+    fn find(&self, step: u64, stop: &AtomicBool) -> Result<ChainState, Why> {
         let mut reader = self.reader()?;
-        let state = self.find_with(&mut reader, step)?;
+        let state = self.find_with(&mut reader, step, stop)?;
         self.give_back(reader);
         Ok(state)
     }
 
-    fn find_with(&self, reader: &mut Reader, step: u64) -> Result<ChainState, Why> {
+    fn find_with(&self, reader: &mut Reader, step: u64, stop: &AtomicBool) -> Result<ChainState, Why> {
         reader.seek(step)?;
         if self.is_kept(step)
             && let Received::Frame(frame) = reader.receive()?
@@ -406,6 +408,7 @@ impl States {
             Resimulation::new(reader, Lend::Steps)?.lending_from(step).ending_with_the_last_state();
         let mut found = None;
         loop {
+            check(stop)?;
             match states.receive()? {
                 Received::Frame(frame) if frame.step == step => found = Some(ChainState::of_frame(&frame)),
                 Received::Frame(_) | Received::Missed { .. } => {}
@@ -433,7 +436,7 @@ impl States {
     /// Opens a recording: whole, cut short, or still being written.
     #[staticmethod]
     fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        interruptible(py, |_| {
+        abandonable(py, move || {
             let info = RecordingInfo::read(&path)?;
             let (Some(first_step), Some(last_step)) = (info.first_step, info.last_step) else {
                 let why = Why::new("RecordingError", format!("{} holds no states", path.display()));
@@ -507,9 +510,9 @@ impl States {
     fn state<'py>(&self, py: Python<'py>, step: u64) -> PyResult<StateTuple<'py>> {
         let cost = self.run().provenance.record_every_steps.saturating_mul(self.run().physics.beads);
         let state = if cost <= LITTLE_WORK {
-            detached(py, || self.find(step))?.map_err(PyErr::from)?
+            detached(py, || self.find(step, &AtomicBool::new(false)))?
         } else {
-            self.find_patiently(py, step)?
+            interruptible(py, |stop| self.find(step, stop))?
         };
         Ok(state_of(py, &state.as_frame(self.run(), self.run().frame_at(step))))
     }
@@ -552,10 +555,7 @@ impl States {
     }
 
     /// Steps and doubles (a row a state) of a run in memory, and how it ended.
-    fn kept<'py>(
-        &self,
-        py: Python<'py>,
-    ) -> PyResult<(Bound<'py, PyArray1<u64>>, Bound<'py, PyArray2<f64>>, &'static str)> {
+    fn kept<'py>(&self, py: Python<'py>) -> PyResult<KeptStates<'py>> {
         let Kept::Memory(states, end) = &self.kept else {
             return Err(PyValueError::new_err("it is a file"));
         };
@@ -611,13 +611,6 @@ impl States {
             recorder.finish(*end)?;
             Ok(())
         })
-    }
-}
-
-impl States {
-    fn find_patiently(&self, py: Python<'_>, step: u64) -> PyResult<ChainState> {
-        // the computation of one state cannot be shared out, and is left alone by a signal
-        interruptible(py, |_| self.find(step))
     }
 }
 

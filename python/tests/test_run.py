@@ -1,0 +1,190 @@
+"""Chains, runs, and runs made step by step."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import beadline as bl
+
+
+def short(**more: Any) -> bl.Run:
+    """100 beads with a light impurity; some 1400 steps."""
+    chain = bl.Chain(beads=100, mass_kg=1e-3, alpha=1.5, stiffness=1e7, impurities={50: 0.6e-3})
+    return bl.Run(chain, strikers={0: 5.0}, duration_s=2e-3, **more)
+
+
+def test_a_run_says_what_it_is() -> None:
+    run = short(name="light")
+    assert (run.name, run.steps) == ("light", run.manifest["physics"]["step_count"])
+    # L and T of m = 1 g, k = 1e7 N/m^1.5, v0 = 5 m/s: the reference's, to its 8 digits
+    assert run.length_m == pytest.approx(0.36238983e-3, rel=1e-7)
+    assert run.time_s == pytest.approx(72.477966e-6, rel=1e-7)
+
+
+def test_every_rule_of_a_configuration_can_be_said() -> None:
+    chain = bl.Chain(
+        6,
+        mass_kg=[1e-3, 2e-3, 1e-3, 2e-3, 1e-3, 4e-3],
+        alpha=1.5,
+        stiffness=np.linspace(1e7, 2e7, 5),
+        contacts={2: 3e7},
+        right="fixed",
+        right_stiffness=5e7,
+        gravity_m_s2=9.81,
+        precompression_n=0.5,
+        restitution=0.9,
+    )
+    rec = bl.Run(chain, strikers={0: 0.1}, duration_s=1e-4).simulate()
+    assert rec.mass_kg.tolist() == [1e-3, 2e-3, 1e-3, 2e-3, 1e-3, 4e-3]
+    assert rec.stiffness[[0, 2, 4]].tolist() == [1e7, 3e7, 2e7]
+    assert rec.manifest["physics"]["method"] == "gear5"
+    assert np.all(np.diff(rec.rest_force_n) > 0), "each contact carries one bead more"
+    rules = bl.Chain(
+        6, mass_kg=1e-3, alpha=1.5, stiffness=1e7, masses={"taper": 0.5}, stiffnesses="radii"
+    )
+    assert bl.Run(rules, strikers={0: 1.0}, duration_s=1e-4).simulate().mass_kg[1] == 0.5e-3
+
+
+def test_what_cannot_be_is_refused_with_its_key_and_no_line_that_nobody_wrote() -> None:
+    wrong = bl.Chain(10, mass_kg=1, alpha=0.5, stiffness=1)
+    with pytest.raises(bl.ConfigError, match=r"^chain.alpha: found 0.5; allowed: ") as found:
+        bl.Run(wrong, strikers={0: 1.0}, duration_s=1)
+    assert (found.value.key, found.value.line) == ("chain.alpha", None)
+    chain = bl.Chain(10, mass_kg=1, alpha=2, stiffness=1)
+    with pytest.raises(bl.ConfigError, match="strikers: found 2"):
+        bl.Run(chain, strikers={0: 1, 1: 1}, duration_s=1)
+
+
+def test_a_configuration_file_is_read_with_its_lines(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(short().to_toml())
+    assert bl.Run.from_toml(path).name == "mine"
+    assert bl.Run.from_toml(str(path)).manifest["physics"] == short().manifest["physics"]
+    path.write_text(short().to_toml().replace("beads = 100", "beads = 1"))
+    with pytest.raises(bl.ConfigError, match=r"mine.toml:2: chain.beads") as found:
+        bl.Run.from_toml(path)
+    assert (found.value.line, found.value.path) == (2, str(path))
+
+
+def test_presets_are_those_of_the_command_and_can_be_changed() -> None:
+    assert "light-impurity" in bl.presets()
+    run = bl.preset("light-impurity").replace(
+        {"time.duration_s": 1e-3, "chain.impurities[0].mass_kg": 2e-3}
+    )
+    assert run.manifest["physics"]["impurities"] == [{"bead": 500, "mass_kg": 2e-3}]
+    with pytest.raises(KeyError, match="light-impurity"):
+        bl.preset("light")
+    with pytest.raises(bl.ConfigError, match="no such key"):
+        run.replace({"chain.impurities[7].mass_kg": 1.0})
+
+
+def test_a_run_recorded_in_memory_and_step_by_step_has_the_same_bits(tmp_path: Path) -> None:
+    run = short()
+    recorded, kept, sim = run.record(tmp_path / "a.mcap"), run.simulate(every=64), run.start()
+    velocity, displacement = sim.velocity_m_s, sim.displacement_m
+    while not sim.is_done:
+        state = recorded[sim.step(100).step_number]
+        assert np.array_equal(velocity, state.velocity_m_s)
+        assert np.array_equal(displacement, kept[sim.step_number].displacement_m)
+    assert (sim.time_s, sim.step_number) == (recorded[-1].time_s, run.steps)
+    copy = sim.state().velocity_m_s
+    assert not velocity.flags.writeable and not np.shares_memory(copy, velocity)
+    assert sim.step(10).step_number == run.steps, "there are no more"
+
+
+def test_a_callback_sees_frames_and_ends_the_run(tmp_path: Path) -> None:
+    seen: list[int] = []
+
+    def until_bead_20_moves(state: bl.State) -> bool:
+        seen.append(state.step)
+        return bool(state.velocity_m_s[20] > 1.0)
+
+    path = tmp_path / "a.mcap"
+    rec = short().record(path, on_frame=until_bead_20_moves, on_frame_every=10)
+    assert rec.about["end"] == "interrupted" and rec.last_step == seen[-1]
+    assert seen == list(range(0, seen[-1] + 1, 10))
+    assert rec[-1].velocity_m_s[20] > 1.0 >= rec[-11].velocity_m_s[20]
+
+
+def test_what_a_callback_raises_ends_the_run_in_order(tmp_path: Path) -> None:
+    def fails(state: bl.State) -> None:
+        if state.step == 300:
+            raise ZeroDivisionError("mine")
+
+    with pytest.raises(ZeroDivisionError, match="mine"):
+        short().record(tmp_path / "a.mcap", on_frame=fails)
+    assert bl.open(tmp_path / "a.mcap").last_step == 300
+    with pytest.raises(ZeroDivisionError, match="mine"):
+        short().simulate(on_frame=fails)
+
+
+def test_a_file_is_not_replaced_without_a_word(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    short().record(path)
+    with pytest.raises(FileExistsError, match="exists"):
+        short().record(path)
+    assert short().record(path, force=True, every=50).record_every == 50
+    with pytest.raises(FileNotFoundError):
+        short().record(tmp_path / "nowhere" / "a.mcap")
+
+
+def test_values_that_are_no_longer_finite_end_a_run() -> None:
+    chain = bl.Chain(3, mass_kg=1e-3, alpha=3.0, stiffness=1e30)
+    run = bl.Run(chain, strikers={0: 1e9}, duration_s=1.0, dt_s=0.01)
+    with pytest.raises(bl.RunError, match="not finite at step .* smaller dt"):
+        run.simulate()
+    with pytest.raises(bl.RunError, match="not finite"):
+        run.start().step(100)
+
+
+INTERRUPTED = """
+import beadline as bl
+chain = bl.Chain(beads=2000, mass_kg=1e-3, alpha=1.5, stiffness=1e7)
+def tell(state):
+    if state.step == 0:
+        print("begun", flush=True)
+try:
+    run = bl.Run(chain, strikers={0: 5.0}, duration_s=100.0)
+    run.record("long.mcap", every=1000, on_frame=tell, on_frame_every=100000)
+except KeyboardInterrupt:
+    print("ended", flush=True)
+"""
+
+
+def test_ctrl_c_ends_a_recording_that_is_valid(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTED], cwd=tmp_path, stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None and process.stdout.readline() == "begun\n"
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=30)
+    assert (out, process.returncode) == ("ended\n", 0)
+    rec = bl.open(tmp_path / "long.mcap")
+    assert rec.about["end"] == "interrupted" and rec.about["is_finished"]
+
+
+def test_the_interpreter_goes_on_while_runs_are_made() -> None:
+    chain = bl.Chain(beads=2000, mass_kg=1e-3, alpha=1.5, stiffness=1e7)
+    run = bl.Run(chain, strikers={0: 5.0}, duration_s=0.2)
+    made: list[bl.Recording] = []
+    makers = [
+        threading.Thread(target=lambda: made.append(run.simulate(every=1000))) for _ in range(2)
+    ]
+    for maker in makers:
+        maker.start()
+    turns = 0
+    while any(maker.is_alive() for maker in makers):
+        turns += 1
+    for maker in makers:
+        maker.join()
+    assert turns > 1000, "this thread had its turns"
+    one, other = made
+    assert np.array_equal(one[-1].velocity_m_s, other[-1].velocity_m_s)
