@@ -119,13 +119,13 @@ impl From<ReadError> for Why {
 impl From<WriteError> for Why {
     fn from(error: WriteError) -> Self {
         let why = Self::of("BeadlineError", &error);
-        if error.is_in_the_way() {
-            return Self { raised: Some(PyFileExistsError::new_err(why.message)), ..Self::default() };
-        }
-        match &error {
-            WriteError::Io { path, source } => Self::of_io(source, path),
-            _ => why,
-        }
+        let mut causes = std::iter::successors(Some(&error as &dyn Error), |error| (*error).source());
+        let code = causes.find_map(|cause| cause.downcast_ref::<io::Error>()?.raw_os_error());
+        let raised = match code {
+            _ if error.is_in_the_way() => Some(PyFileExistsError::new_err(why.message.clone())),
+            code => code.map(|code| PyOSError::new_err((code, why.message.clone()))),
+        };
+        Self { raised, ..why }
     }
 }
 

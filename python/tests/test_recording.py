@@ -70,7 +70,8 @@ def test_overlaps_and_forces_are_those_of_the_contact_law(full: bl.Recording) ->
     overlap = state.displacement_m[:-1] - state.displacement_m[1:]
     assert np.array_equal(state.overlap_m, overlap)
     force = 1e7 * np.where(overlap > 0, overlap, 0) ** 1.5
-    np.testing.assert_allclose(state.force_n, force, rtol=1e-12, atol=1e-300)
+    # the law is 0 for the smallest overlaps, whose powers doubles hardly hold
+    np.testing.assert_allclose(state.force_n, force, rtol=1e-12, atol=1e-100)
     assert np.array_equal(full.force[100], state.force_n)
 
 
@@ -309,8 +310,8 @@ COMPUTING = """
 import beadline as bl, sys
 chain = bl.Chain(100_000, mass_kg=1e-3, alpha=1.0, stiffness=1e7)
 rec = bl.Run(chain, strikers={50_000: 5.0}, duration_s=60_000e-7, dt_s=1e-7).simulate(every=60_000)
-print("computing", flush=True)
 try:
+    print("computing", flush=True)
     while True:
         rec.velocity[:, 0].compute() if sys.argv[1] == "all" else rec[59_000]
 except KeyboardInterrupt:
