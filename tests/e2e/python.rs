@@ -110,7 +110,9 @@ fn a_recording_becomes_arrays() {
     place.run("impurity run.mcap --bead 0 --bead 500 --bead 999 --out motion.csv").exits(0);
     let recording = fs::read(place.path("run.mcap")).unwrap();
     fs::write(place.path("cut.mcap"), &recording[..recording.len() * 2 / 3]).unwrap();
-    for (name, place_of_damage) in [("no-index.mcap", recording.len() - 200), ("hole.mcap", recording.len() / 2)] {
+    for (name, place_of_damage) in
+        [("no-index.mcap", recording.len() - 200), ("hole.mcap", recording.len() / 2)]
+    {
         let mut damaged = recording.clone();
         damaged[place_of_damage] ^= 1;
         fs::write(place.path(name), damaged).unwrap();
