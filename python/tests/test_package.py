@@ -3,6 +3,7 @@
 import inspect
 import json
 import pickle
+import re
 import subprocess
 import sys
 import tomllib
@@ -110,6 +111,15 @@ def test_recordings_travel_between_processes(tmp_path: Path) -> None:
         again = pickle.loads(pickle.dumps(rec))
         assert again.path == rec.path
         assert np.array_equal(again.velocity[::7], rec.velocity[::7])
+
+
+def test_the_bench_prints_each_figure_beside_its_limit() -> None:
+    bench = subprocess.run([sys.executable, "-m", "beadline.bench", "--quick"], capture_output=True, text=True)
+    assert bench.returncode in (0, 3), bench.stderr
+    lines = bench.stdout.splitlines()
+    assert len(lines) == 5
+    assert all(re.search(r"\d .*[≤≥] [\d,.]+ +(met|missed) ", line) for line in lines), bench.stdout
+    assert (bench.returncode == 3) == any(" missed " in line for line in lines)
 
 
 def test_the_package_is_built_of_what_the_command_is_built_of() -> None:
