@@ -12,6 +12,7 @@ Needs `pip install mcap numpy`. docs/PYTHON.md says how to use it; docs/FORMAT.m
 into a project of your own as it is.
 """
 
+import hashlib
 import io
 import json
 import math
@@ -35,6 +36,7 @@ CRC_AND_MAGIC = 12  # bytes at the end of a file that the summary's checksum doe
 LARGEST_CHUNK = 1 << 30
 FRAME, STEP, TIME, DISPLACEMENT, VELOCITY, EXTRA = range(1, 7)  # fields of beadline.v1.ChainState
 MASS, STIFFNESS, REST_OVERLAP, _ALPHA, REST_FORCE, LEFT_WALL, RIGHT_WALL, DAMPING = range(1, 9)  # of beadline.v1.Chain
+EMPTY = np.empty(0)
 
 
 @dataclass(slots=True, eq=False)
@@ -80,7 +82,7 @@ class Recording:
     time_s: np.ndarray
     u: np.ndarray  # displacements (m), (states, beads)
     v: np.ndarray  # velocities (m/s), (states, beads)
-    chain: Optional[Chain]  # None of a file that was cut short before it
+    chain: Optional[Chain]  # None of a file without one: a map of contacts, or one that was cut short before
 
     def __len__(self):
         return len(self.step)
@@ -91,7 +93,7 @@ class Reader:
     last one."""
 
     def __init__(self, file, from_s=0.0, until_s=math.inf):
-        self._records = StreamReader(file, emit_chunks=True, record_size_limit=LARGEST_CHUNK).records
+        self._records = records_of(file)
         self._from_s, self._until_s = from_s, until_s
         self.chain = self.end = None
         try:
@@ -101,10 +103,13 @@ class Reader:
             raise ValueError(f"this is no recording of Beadline: {why}") from None
         if not isinstance(header, Header) or header.profile != "beadline" or not isinstance(run, Metadata):
             raise ValueError("this is no recording of Beadline")
-        version = run.metadata["schema_version"]
+        version, *texts = (run.metadata.get(key, "") for key in ("schema_version", "physics", "provenance"))
         if version.split(".")[0] != "1":
             raise ValueError(f"the recording has schema version {version}, this program reads 1.x")
-        self.manifest = {part: json.loads(run.metadata[part]) for part in ("physics", "provenance")}
+        told = "\n".join(("beadline.run", version, *texts, ""))
+        if hashlib.sha256(told.encode()).hexdigest() != run.metadata.get("checksum"):
+            raise ValueError("the recording is damaged: the checksum of its manifest is wrong")
+        self.manifest = dict(zip(("physics", "provenance"), map(json.loads, texts)))
         if from_s > 0 or until_s < math.inf:
             place = file.tell()
             if summary := summary_of(file):
@@ -134,6 +139,14 @@ class Reader:
             raise ValueError(f"the recording is damaged: {error}; see `beadline recover`") from error
 
 
+def records_of(file, skip_magic=False):
+    """The records of a file from where it is; one that was cut short ends with `EndOfFile` wherever that is."""
+    try:
+        yield from StreamReader(file, skip_magic, emit_chunks=True, record_size_limit=LARGEST_CHUNK).records
+    except struct.error:
+        raise EndOfFile from None
+
+
 def summary_of(file):
     """The records of the summary section, which say where chunks are; none if it is not there, or damaged."""
     size = file.seek(0, io.SEEK_END)
@@ -148,7 +161,7 @@ def summary_of(file):
     section = file.read()
     if zlib.crc32(section[:-CRC_AND_MAGIC]) != crc:
         return []
-    return list(StreamReader(io.BytesIO(section), skip_magic=True).records)
+    return list(records_of(io.BytesIO(section), skip_magic=True))
 
 
 def records_between(file, summary, from_s, until_s):
@@ -171,8 +184,7 @@ def record_at(file, place, kind):
     """The record of this kind at a place that the summary section names."""
     file.seek(place)
     try:
-        records = StreamReader(file, skip_magic=True, emit_chunks=True, record_size_limit=LARGEST_CHUNK).records
-        if isinstance(record := next(records), kind):
+        if isinstance(record := next(records_of(file, skip_magic=True)), kind):
             return record
     except McapError:
         pass
@@ -240,9 +252,9 @@ def fields_of(data):
     return fields
 
 
-def doubles(data):
+def doubles(fields, number):
     """The doubles of a field lie in one piece, so that an array can point to them."""
-    return np.frombuffer(data, "<f8")
+    return np.frombuffer(fields[number], "<f8") if number in fields else EMPTY
 
 
 def state_of(message):
@@ -250,15 +262,15 @@ def state_of(message):
     fields = fields_of(message)
     return State(
         fields.get(FRAME), fields.get(STEP, 0), fields.get(TIME, 0.0),
-        doubles(fields.get(DISPLACEMENT, b"")), doubles(fields.get(VELOCITY, b"")), doubles(fields.get(EXTRA, b"")),
+        doubles(fields, DISPLACEMENT), doubles(fields, VELOCITY), doubles(fields, EXTRA),
     )  # fmt: skip
 
 
 def chain_of(message, beads):
     """The `Chain` of a message."""
     fields = fields_of(message)
-    arrays = (doubles(fields[number]) for number in (MASS, STIFFNESS, REST_OVERLAP, REST_FORCE))
-    damping = doubles(fields[DAMPING]) if DAMPING in fields else np.zeros(beads - 1)
+    arrays = (doubles(fields, number) for number in (MASS, STIFFNESS, REST_OVERLAP, REST_FORCE))
+    damping = doubles(fields, DAMPING) if DAMPING in fields else np.zeros(beads - 1)
     walls = (fields_of(fields.get(number, b"")) for number in (LEFT_WALL, RIGHT_WALL))
     return Chain(*arrays, damping, *(Wall(*(wall.get(number, 0.0) for number in range(1, 5))) for wall in walls))
 
@@ -275,7 +287,7 @@ def chain(path):
         reader = Reader(file)
         next(iter(reader), None)  # it is before the first state
         if reader.chain is None:
-            raise ValueError("the recording ends before its chain")
+            raise ValueError("the recording has no chain")
         return reader.chain
 
 
