@@ -97,7 +97,7 @@ def live_frames(arguments: list[str], rounds: int) -> Row:
         run = [*COMMAND, "run", "--preset", PRESET, "--name", "bench", "--no-record", "--wait-for", "1", *arguments]
         producer = subprocess.Popen(run, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         try:
-            with bl.attach("bench") as live:
+            with bl.attach("bench", timeout_s=60.0) as live:
                 frames, sum_m_s, first_s = 0, 0.0, 0.0
                 for frame in live:
                     first_s = first_s or time.perf_counter()
