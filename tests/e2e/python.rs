@@ -100,7 +100,8 @@ fn a_consumer_in_python_loses_nothing_in_silence() {
     }
 }
 
-/// Arrays of a whole recording, of some of its beads, of one that was cut short; and how fast they come.
+/// Arrays of a whole recording, of some of its beads or time, of one that was cut short or damaged; its chain; and how fast
+/// they come.
 #[test]
 fn a_recording_becomes_arrays() {
     let Some(python) = python() else { return };
@@ -109,18 +110,22 @@ fn a_recording_becomes_arrays() {
     place.run("impurity run.mcap --bead 0 --bead 500 --bead 999 --out motion.csv").exits(0);
     let recording = fs::read(place.path("run.mcap")).unwrap();
     fs::write(place.path("cut.mcap"), &recording[..recording.len() * 2 / 3]).unwrap();
-    let arguments = "run.mcap motion.csv cut.mcap";
+    for (name, place_of_damage) in
+        [("no-index.mcap", recording.len() - 200), ("hole.mcap", recording.len() / 2)]
+    {
+        let mut damaged = recording.clone();
+        damaged[place_of_damage] ^= 1;
+        fs::write(place.path(name), damaged).unwrap();
+    }
+    place.write("loaded.toml", WALLS_AND_LOADS);
+    place.run("run loaded.toml --name walls").exits(0);
+    let arguments = "run.mcap motion.csv cut.mcap no-index.mcap hole.mcap walls.mcap";
     let check = start(&place, &python, "tests/python/check_reading.py", arguments).wait().exits(0);
     // how fast it was is a report
     let said = std::io::stderr().write_all(check.stdout().as_bytes());
     said.unwrap();
     let shown = start(&place, &python, "examples/python/read_recording.py", "run.mcap").wait().exits(0);
     assert!(shown.stdout().contains("states of 1000 beads, complete"), "{}", shown.stdout());
-
-    let mut damaged = recording;
-    let middle = damaged.len() / 2;
-    damaged[middle] ^= 1;
-    fs::write(place.path("damaged.mcap"), damaged).unwrap();
-    let read = start(&place, &python, "examples/python/read_recording.py", "damaged.mcap").wait();
+    let read = start(&place, &python, "examples/python/read_recording.py", "hole.mcap").wait();
     assert_ne!(read.code(), Some(0));
 }
