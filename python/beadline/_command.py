@@ -24,15 +24,19 @@ _PATIENCE_S = 10.0
 def run_command(arguments: Sequence[str], *, path: str | None = None, warn: bool = True) -> Json:
     """Runs ``beadline ARGUMENTS --json`` and gives what it prints. Ctrl-C ends it in order.
 
-    If it finished, but something was lost or is not proven, what it says is a warning, if ``warn``. ``path`` is the recording
-    that it reads: what is wrong with that is a :class:`RecordingError`.
+    If it finished, but something was lost or is not proven, its notices become a warning, if ``warn``.
+    ``path`` is the recording that it reads: what is wrong with that is a :class:`RecordingError`.
     """
     command = [sys.executable, "-m", "beadline", *arguments, "--json"]
-    # communicate() would wait another 0.25 s when it is interrupted; the file needs nobody who reads it meanwhile
+    # communicate() waits 0.25 s more when it is interrupted, and a file needs nobody who reads it meanwhile
     with tempfile.TemporaryFile() as notices:
         # in a session of its own, so that a Ctrl-C reaches it once, from here
         process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=notices, start_new_session=True
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=notices,
+            start_new_session=True,
         )
         with process:
             assert process.stdout is not None

@@ -10,11 +10,12 @@ import tempfile
 import time
 import tomllib
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
+from uuid import uuid4
 
 import numpy as np
 
@@ -33,7 +34,8 @@ _MADE = "sweep.toml"
 # how long the work of one task of an executor is to take (s): long beside what it costs to send
 _TASK_S = 1.0
 
-# tasks of one point, by which it is found out how long a point takes, and the least number of those that follow
+# tasks of one point, the first of which tells how long a point takes, and the least number of those
+# that follow
 _FIRST_TASKS = 8
 _TASKS = 64
 
@@ -55,23 +57,25 @@ def sweep(
 ) -> Table:
     """Simulates a grid of runs and makes a table of their results: a row for each, its parameters first.
 
-    The rows are the same bits wherever they are computed, and those of ``beadline sweep``. A run that fails has a row, too,
-    of which the column ``error`` says why.
+    The rows are those of ``beadline sweep``, with the same bits wherever they are computed. A run that
+    fails has a row, too; its column ``error`` says why.
 
     Args:
-        run: What the runs have in common; or the path of a sweep file, which has everything up to ``split``. Frames are analysed
-            every tenth of the collision time, or as often as the run is published if that is not every step.
-        grid: Values by the keys of a configuration, ``{"chain.alpha": [1.5, 2]}``; the last key varies fastest. A range
-            ``{"from": 1, "to": 2, "count": 5, "spacing": "log"}`` is one of a sweep file.
+        run: What the runs have in common; or the path of a sweep file, which has everything up to
+            ``split``. Frames are analysed every tenth of the collision time, or as often as the run is
+            published if that is not every step.
+        grid: Values by the keys of a configuration, ``{"chain.alpha": [1.5, 2]}``; the last key varies
+            fastest. Or ranges as of a sweep file: ``{"from": 1, "to": 2, "count": 5, "spacing": "log"}``.
         cases: Keys that are set together; every case is combined with the whole grid.
-        until: ``"end"``; ``"stationary"`` ends a run when its reflected energy does not change any more.
-        check: Adds columns of when each run stops being determined; takes four times as long.
-        split: The bead between reflected and transmitted energy; by default the first impurity that is not the striker, else
-            the middle bead.
+        until: ``"end"``; ``"stationary"`` ends a run when its reflected energy no longer changes.
+        check: Adds columns of how long each run is determined; takes four times as long.
+        split: The bead that divides reflected from transmitted energy; by default the first impurity
+            that is not the striker, else the middle bead.
         jobs: Runs that are computed at the same time; by default one for each core.
-        executor: Computes the runs instead of threads of this process: any of :mod:`concurrent.futures`, or what is like it. If
-            it is interrupted, tasks that run already finish.
-        out: A directory for the results, as of ``beadline sweep``: rows that are there are not computed again.
+        executor: Computes the runs instead of threads of this process: one of
+            :mod:`concurrent.futures`, or of Dask, MPI or Parsl. Tasks that have begun end by themselves
+            after Ctrl-C.
+        out: A directory for the results, as of ``beadline sweep``: rows that it has are not computed again.
         record: Record each run there.
         force: Remove what another sweep has left there.
         progress: Whether to show how many are done; by default in terminals and notebooks.
@@ -79,15 +83,16 @@ def sweep(
     Raises:
         ConfigError: If a run cannot be; none was begun then.
     """
-    settings = {"until": until, "check": check, "split_bead": split, "case": list(cases), "grid": grid or {}}
+    settings: dict[str, Any] = {"until": until, "check": check, "split_bead": split}
+    settings |= {"case": list(cases), "grid": dict(grid or {})}
     if isinstance(run, Run):
         text, path = _text(run, settings), _MADE
-    elif settings == {"until": "end", "check": False, "split_bead": None, "case": [], "grid": {}}:
+    elif (until, check, split) == ("end", False, None) and not cases and not grid:
         text, path = Path(run).read_text(encoding="utf-8"), os.path.abspath(run)
     else:
         raise ValueError("the sweep file says what to sweep; found values beside it")
     try:
-        native = _read(text, path)
+        native = _native.Sweep.from_toml(text, path)
     except ConfigError as error:
         if path == _MADE:
             # nobody has seen its lines
@@ -97,19 +102,19 @@ def sweep(
     if out is not None and executor is None:
         table = _in_directory(text, path, native, out, jobs, record, force)
     elif out is not None or record or native.record:
-        raise ValueError("recordings, and a directory `out` for them, are of a sweep without an executor")
+        raise ValueError("a sweep records into a directory `out`, which is without an executor")
     else:
         with Progress(native.point_count, "sweep", progress, "points") as bar:
             if executor is None:
                 rows = native.rows(range(native.point_count), jobs=jobs, on_progress=bar.update)
             else:
                 rows = _rows_of(executor, text, path, native.point_count, bar.update)
-        cells = zip(*rows, strict=True)
-        table = Table({n: column(each, kind) for (n, kind), each in zip(native.columns, cells, strict=True)})
+        cells = zip(native.columns, zip(*rows, strict=True), strict=True)
+        table = Table({name: column(values, kind) for (name, kind), values in cells})
         table.summary = {"points": len(table), "failed": np.flatnonzero(table["error"]).tolist()}
     if table.summary["failed"]:
-        what = f"{len(table.summary['failed'])} of {len(table)} runs failed; the column `error` says why"
-        warnings.warn(what, RuntimeWarning, stacklevel=2)
+        failed = f"{len(table.summary['failed'])} of {len(table)} runs failed"
+        warnings.warn(f"{failed}; the column `error` says why", RuntimeWarning, stacklevel=2)
     return table
 
 
@@ -124,32 +129,44 @@ def _text(run: Run, settings: Mapping[str, Any]) -> str:
     def entries(table: Mapping[str, Any]) -> list[str]:
         return [f"{json.dumps(key)} = {_value(value)}" for key, value in table.items()]
 
-    plain = {key: settings[key] for key in ("until", "check", "split_bead") if settings[key] is not None}
-    lines = [*entries({**plain, "base": base}), "[grid]", *entries(settings["grid"])]
+    names = ("until", "check", "split_bead")
+    plain = {key: settings[key] for key in names if settings[key] is not None}
+    grid = {key: _listed(values) for key, values in settings["grid"].items()}
+    lines = [*entries({**plain, "base": base}), "[grid]", *entries(grid)]
     for case in settings["case"]:
         lines += ["[[case]]", *entries(case)]
     return "\n".join(lines) + "\n"
 
 
+def _listed(values: object) -> object:
+    """Values of any sequence, such as a range or a Series, as a list; anything else as it is."""
+    is_one = isinstance(values, str | Mapping) or not isinstance(values, Iterable)
+    return values if is_one else list(cast(Iterable[object], values))
+
+
 @lru_cache(maxsize=2)
-def _read(text: str, path: str) -> _native.Sweep:
-    # every process of an executor reads it once
+def _read(text: str, path: str, sweep: str) -> _native.Sweep:
+    # once in each process; the next sweep reads it again: the file that it names may be another then
     return _native.Sweep.from_toml(text, path)
 
 
-def _rows(text: str, path: str, indices: Sequence[int]) -> tuple[float, Rows]:
+def _rows(source: tuple[str, str, str], indices: Sequence[int]) -> tuple[float, Rows]:
     """The rows of points, and how long they took (s): a task of an executor."""
-    native = _read(text, path)
+    native = _read(*source)
     begin_s = time.monotonic()
     rows = native.rows(indices, jobs=1)
     return time.monotonic() - begin_s, rows
 
 
-def _rows_of(executor: Executor, text: str, path: str, count: int, tell: Callable[[int], object]) -> Rows:
+def _rows_of(
+    executor: Executor, text: str, path: str, count: int, tell: Callable[[int], object]
+) -> Rows:
+    """The rows of all points, computed by an executor."""
+    source = text, path, uuid4().hex
     tasks: list[Future[tuple[float, Rows]]] = []
 
     def submit(begin: int, size: int) -> None:
-        tasks.append(executor.submit(_rows, text, path, range(begin, min(begin + size, count))))
+        tasks.append(executor.submit(_rows, source, range(begin, min(begin + size, count))))
 
     rows: Rows = []
     try:
@@ -180,7 +197,8 @@ def _in_directory(
     force: bool,
 ) -> Table:
     """What the command makes of a sweep in the directory ``out``."""
-    flags = [f"--out={os.fspath(out)}", "--yes", *(["--record"] if record else []), *(["--force"] if force else [])]
+    flags = [f"--out={os.fspath(out)}", "--yes"]
+    flags += [flag for flag, is_set in (("--record", record), ("--force", force)) if is_set]
     flags += [] if jobs is None else [f"--jobs={jobs}"]
     with tempfile.TemporaryDirectory(prefix="beadline-") as directory:
         if path == _MADE:
@@ -188,7 +206,7 @@ def _in_directory(
             Path(path).write_text(text, encoding="utf-8")
         summary = run_command(["sweep", path, *flags], warn=False)
     if summary["results"] is None:
-        error = CommandError(f"{summary['missing']} runs have no row; the same call goes on with them")
+        error = CommandError(f"{summary['missing']} runs have no row; call it again for them")
         error.exit_code = 3
         raise error
     kinds: dict[str, Kind] = {"index": "integer", **dict(native.columns)}

@@ -33,9 +33,9 @@ _SHOWN = 5
 class Table:
     """Named columns of one length.
 
-    ``table["total_j"]`` is a column, ``table[:100]`` and ``table[table["time_s"] > 0.01]`` are tables of some of the rows, and
-    ``len(table)`` is their number. Whole numbers are int64, and double where some are missing; a missing double is NaN, a
-    missing word ``""``.
+    ``table["total_j"]`` is a column, ``table[:100]`` and ``table[table["time_s"] > 0.01]`` are tables of
+    some of the rows, and ``len(table)`` is their number. Whole numbers are int64; where one is missing
+    the column is of doubles. A missing number is NaN, a missing word ``""``.
 
     Attributes:
         columns: The columns by name.
@@ -106,14 +106,17 @@ class Table:
 
     def _repr_html_(self) -> str:
         def row(tag: str, cells: Iterable[object]) -> str:
-            return "<tr>" + "".join(f"<{tag}>{html.escape(str(cell))}</{tag}>" for cell in cells) + "</tr>"
+            written = (f"<{tag}>{html.escape(str(cell))}</{tag}>" for cell in cells)
+            return f"<tr>{''.join(written)}</tr>"
 
         def values(index: int) -> list[object]:
             found = (column[index] for column in self.columns.values())
             return [index, *(f"{cell:.6g}" if isinstance(cell, float) else cell for cell in found)]
 
         count = len(self)
-        shown = [range(count)] if count <= 2 * _SHOWN else [range(_SHOWN), range(count - _SHOWN, count)]
+        shown = [range(_SHOWN), range(count - _SHOWN, count)]
+        if count <= 2 * _SHOWN:
+            shown = [range(count)]
         between = row("td", ["…"] * (1 + len(self.columns)))
         body = between.join("".join(row("td", values(index)) for index in part) for part in shown)
         return f"<table>{row('th', ['', *self])}{body}</table><p>{count:,} rows</p>"
@@ -135,7 +138,8 @@ class Pulses(Table):
     """The pulses, in the order in which they end.
 
     Attributes:
-        positions: Their tracks, a row for each bead that a pulse passes: ``pulse``, ``bead``, ``time_s``, ``v_peak_m_s``, ….
+        positions: Their tracks, a row for each bead that a pulse passes: ``pulse``, ``bead``,
+            ``time_s``, ``v_peak_m_s``, ….
     """
 
     def __init__(self, pulses: Table, positions: Table) -> None:
@@ -149,7 +153,7 @@ class Verdict:
 
     Attributes:
         verdict: What was found, in words.
-        report: What ``beadline verify --json`` prints: what was proven, compared, found damaged or different.
+        report: The JSON of ``beadline verify``: what was proven, compared, damaged or different.
     """
 
     verdict: str
@@ -168,8 +172,8 @@ class Verdict:
 
 
 class Part(TypedDict, total=False):
-    """What an analysis looks at: ``every_step`` also at the steps between recorded ones, recomputed in ``jobs`` threads;
-    ``from_s`` and ``until_s`` are simulated times (s).
+    """What an analysis looks at: simulated times ``from_s`` to ``until_s`` (s), with ``every_step`` also
+    the steps between recorded ones, which are recomputed in ``jobs`` threads.
     """
 
     every_step: bool
@@ -179,7 +183,9 @@ class Part(TypedDict, total=False):
 
 
 def energies(rec: Recording, *, split: int | None = None, **part: Unpack[Part]) -> Table:
-    """The energies (J) of each frame: kinetic, potential, total, left of the bead ``split``, in it and right of it."""
+    """The energies (J) of each frame: kinetic, potential, total, and left of the bead ``split``, in it and
+    right of it; by default it is the first impurity that is not the striker, else the middle bead.
+    """
     return analyse(rec, "energies", split=split, **part)[0]
 
 
@@ -204,12 +210,14 @@ def pulses(rec: Recording, *, threshold: float | None = None, **part: Unpack[Par
 
 
 def deformation(rec: Recording, contact: int | Sequence[int], **part: Unpack[Part]) -> Table:
-    """The overlap (m) of contacts while the first pulse passes, beside that of the exact wave and of the continuum."""
+    """The overlap (m) of contacts while the first pulse passes, beside those of the exact wave and of
+    the continuum.
+    """
     return analyse(rec, "deformation", contact=contact, **part)[0]
 
 
 def analyse(rec: Recording, name: str, *tables: str, **options: object) -> list[Table]:
-    """What the command's analysis ``name`` makes of a recording: its table, and those of the flags ``tables``.
+    """What the command's analysis ``name`` makes of a recording: its table, and those of flags ``tables``.
 
     Names of ``options`` are those of flags, followed by units.
     """
@@ -243,11 +251,11 @@ def share(
     every: int | None = None,
     force: bool = False,
 ) -> Json:
-    """Makes one HTML file of a recording that anyone can open, with every step in it, and tells about it.
+    """Makes one HTML file of a recording that anyone can open, with every step in it.
 
     Args:
         path: The page; by default it is named after the recording.
-        every: It carries every so many-th step, and recomputes the others; by default as many as 2 MB hold.
+        every: Steps between two that it carries; it recomputes the others. By default as many as 2 MB hold.
         force: Replace a file that exists, and make pages of more than 200 MB.
 
     Raises:
@@ -266,12 +274,15 @@ def share(
 
 
 def read_csv(
-    path: str | os.PathLike[str], summary: Json | None = None, kinds: Mapping[str, Kind] | None = None
+    path: str | os.PathLike[str],
+    summary: Json | None = None,
+    kinds: Mapping[str, Kind] | None = None,
 ) -> Table:
-    """A table that the command has written; what its values are is known from ``kinds``, or else from the first of them."""
+    """A table that the command has written, of ``kinds`` of columns, or of those that it looks like."""
     with open(path, newline="", encoding="utf-8") as file:
         names, *rows = csv.reader(file)
-    found = dict(zip(names, zip(*rows, strict=True) if rows else [()] * len(names), strict=True))
+    columns = zip(*rows, strict=True) if rows else [()] * len(names)
+    found = dict(zip(names, columns, strict=True))
     kinds = kinds or {name: _kind(cells) for name, cells in found.items()}
     return Table({name: column(cells, kinds[name]) for name, cells in found.items()}, summary)
 

@@ -147,9 +147,11 @@ impl Sweep {
             })?;
             raised.map_or(Ok(()), |error| Err(error.into()))
         })?;
-        let of_broken = |index| self.of_broken(index);
-        let value = |row: Vec<Cell>| Ok(row.into_iter().map(Value::Cell).collect());
-        rows.into_iter().zip(indices).map(|(row, index)| row.map_or_else(|| of_broken(index), value)).collect()
+        let values = |(row, index): (Option<Vec<Cell>>, u64)| match row {
+            Some(cells) => Ok(cells.into_iter().map(Value::Cell).collect()),
+            None => self.of_broken(index),
+        };
+        rows.into_iter().zip(indices).map(values).collect()
     }
 }
 
