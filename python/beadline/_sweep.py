@@ -10,11 +10,11 @@ import tempfile
 import time
 import tomllib
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 from uuid import uuid4
 
 import numpy as np
@@ -138,10 +138,10 @@ def _text(run: Run, settings: Mapping[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _listed(values: object) -> object:
+def _listed(values: Any) -> Any:
     """Values of any sequence, such as a range or a Series, as a list; anything else as it is."""
-    is_one = isinstance(values, str | Mapping) or not isinstance(values, Iterable)
-    return values if is_one else list(cast(Iterable[object], values))
+    is_one = not np.iterable(values) or issubclass(type(values), str | Mapping)
+    return values if is_one else list(values)
 
 
 @lru_cache(maxsize=2)
