@@ -97,7 +97,7 @@ def sweep(
         if path == _MADE:
             # nobody has seen its lines
             error.path = error.line = None
-            error.args = (re.sub(rf"^{_MADE}:\d+: ", "", str(error)),)
+            error.args = (re.sub(rf"^{_MADE}(:\d+)?: ", "", str(error)),)
         raise
     if out is not None and executor is None:
         table = _in_directory(text, path, native, out, jobs, record, force)
@@ -205,6 +205,7 @@ def _in_directory(
             path = os.path.join(directory, "sweep.toml")
             Path(path).write_text(text, encoding="utf-8")
         summary = run_command(["sweep", path, *flags], warn=False)
+    del summary["sweep"]
     if summary["results"] is None:
         error = CommandError(f"{summary['missing']} runs have no row; call it again for them")
         error.exit_code = 3

@@ -1,7 +1,7 @@
 //! Sweeps: rows of many runs, computed here or in other processes.
 
 use crate::errors::{Why, of_panic};
-use crate::patience::{LOOK, interruptible};
+use crate::patience::{LOOK, detached};
 use consumers::table::{Cell, Kind};
 use experiments::pool::{NoThread, Told, share};
 use experiments::row::{self, Signals};
@@ -13,8 +13,9 @@ use pyo3::prelude::*;
 use std::fs::read_to_string;
 use std::num::NonZero;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
+use std::time::Instant;
 
 pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Sweep>()
@@ -126,27 +127,32 @@ impl Sweep {
         }
         let jobs = jobs.or_else(|| thread::available_parallelism().ok()).map_or(1, NonZero::get);
         let mut rows: Vec<Option<Vec<Cell>>> = vec![None; indices.len()];
-        interruptible(py, |stop| {
+        detached(py, || {
+            let stop = &AtomicBool::new(false);
             let compute = |_, job: usize| -> Result<_, Why> {
                 let signals = Signals { stop, step: &AtomicU64::new(0) };
                 row::compute(&self.sweep, indices[job], beadline::origin(), None, &signals)
             };
-            let mut done = 0_usize;
-            let mut raised = None;
-            share(indices.len(), jobs.min(indices.len()), stop, compute, |told| {
+            let (mut done, mut looked, mut raised) = (0_usize, Instant::now(), None);
+            // what is heard is heard in the thread that Python called, at least every 100 ms
+            let shared = share(indices.len(), jobs.min(indices.len()), stop, compute, |told| {
                 match told {
-                    Told::Done(job, row) => rows[job] = Some(row),
-                    Told::Broken(_) => {}
-                    Told::Fewer(..) | Told::Nothing => return,
+                    Told::Done(job, row) => (rows[job], done) = (Some(row), done + 1),
+                    Told::Broken(_) => done += 1,
+                    Told::Fewer(..) | Told::Nothing => {}
                 }
-                done += 1;
-                if let (Some(tell), None) = (&on_progress, &raised) {
-                    raised = Python::attach(|py| tell.call1(py, (done,))).err();
+                if raised.is_none() && looked.elapsed() >= LOOK {
+                    looked = Instant::now();
+                    raised = Python::attach(|py| {
+                        py.check_signals()?;
+                        on_progress.as_ref().map_or(Ok(()), |tell| tell.call1(py, (done,)).map(drop))
+                    })
+                    .err();
                     stop.fetch_or(raised.is_some(), Ordering::Relaxed);
                 }
-            })?;
-            raised.map_or(Ok(()), |error| Err(error.into()))
-        })?;
+            });
+            raised.map_or(shared, |error| Err(error.into()))
+        })??;
         let values = |(row, index): (Option<Vec<Cell>>, u64)| match row {
             Some(cells) => Ok(cells.into_iter().map(Value::Cell).collect()),
             None => self.of_broken(index),
