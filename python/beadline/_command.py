@@ -7,7 +7,10 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
+import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 from .errors import CommandError, RecordingError
@@ -18,43 +21,54 @@ Json = dict[str, Any]
 _PATIENCE_S = 10.0
 
 
-def run_command(arguments: Sequence[str | os.PathLike[str]], *, lossy: bool = False) -> Json:
+def run_command(arguments: Sequence[str], *, path: str | None = None, warn: bool = True) -> Json:
     """Runs ``beadline ARGUMENTS --json`` and gives what it prints. Ctrl-C ends it in order.
 
-    With ``lossy`` exit code 3 is no error: something was lost, or is not proven, and the answer says what.
+    If it finished, but something was lost or is not proven, its notices become a warning, if ``warn``.
+    ``path`` is the recording that it reads: what is wrong with that is a :class:`RecordingError`.
     """
-    command = [sys.executable, "-m", "beadline", *(os.fspath(argument) for argument in arguments), "--json"]
-    # in a session of its own, so that a Ctrl-C reaches it once, from here
-    process = subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
-    )
-    try:
-        out, said = process.communicate()
-    except BaseException:
-        process.send_signal(signal.SIGINT)
-        try:
-            process.communicate(timeout=_PATIENCE_S)
-        finally:
-            process.kill()
-        raise
-    code = process.returncode
-    if code == 0 or (code == 3 and lossy and out.strip()):
-        return _as_json(out)
-    raise _failure(said.decode(errors="replace"), code)
+    command = [sys.executable, "-m", "beadline", *arguments, "--json"]
+    # communicate() waits 0.25 s more when it is interrupted, and a file needs nobody who reads it meanwhile
+    with tempfile.TemporaryFile() as notices:
+        # in a session of its own, so that a Ctrl-C reaches it once, from here
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=notices,
+            start_new_session=True,
+        )
+        with process:
+            assert process.stdout is not None
+            try:
+                out = process.stdout.read()
+                code = process.wait()
+            except BaseException:
+                process.send_signal(signal.SIGINT)
+                try:
+                    with suppress(subprocess.TimeoutExpired):
+                        process.wait(_PATIENCE_S)
+                finally:
+                    process.kill()
+                raise
+        notices.seek(0)
+        said = notices.read().decode(errors="replace").strip()
+    if code == 0 or (code == 3 and out.strip()):
+        found: Json = json.loads(out) if out.strip() else {}
+        if code == 3 and warn and said:
+            warnings.warn(said.replace("beadline: ", ""), RuntimeWarning, stacklevel=5)
+        return found
+    raise _failure(said.splitlines(), code, path)
 
 
-def _as_json(out: bytes) -> Json:
-    found: Json = json.loads(out) if out.strip() else {}
-    return found
-
-
-def _failure(said: str, code: int) -> CommandError | RecordingError:
-    lines = said.strip().splitlines()
+def _failure(lines: list[str], code: int, path: str | None) -> CommandError | RecordingError:
     try:
         told = json.loads(lines[-1])["error"]
         message = ": ".join([told["message"], *told["causes"]])
     except (IndexError, KeyError, TypeError, ValueError):
         message = lines[-1] if lines else f"the command ended with {code}"
+    if path is not None and os.path.basename(path) in message:
+        return RecordingError(message, path=path)
     error = CommandError(message)
     error.exit_code = code
     return error

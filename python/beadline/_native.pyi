@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from os import PathLike
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -100,3 +100,20 @@ class States:
     @staticmethod
     def of_kept(manifest: Manifest, steps: Numbers, doubles: Doubles, end: str) -> States: ...
     def save(self, path: str | PathLike[str], force: bool = False) -> None: ...
+
+class Sweep:
+    @staticmethod
+    def from_toml(text: str, path: str | PathLike[str]) -> Sweep: ...
+    @property
+    def point_count(self) -> int: ...
+    @property
+    def record(self) -> bool: ...
+    @property
+    def columns(self) -> list[tuple[str, Literal["integer", "double", "word"]]]: ...
+    def rows(
+        self,
+        indices: Sequence[int],
+        *,
+        jobs: int | None = None,
+        on_progress: Callable[[int], object] | None = None,
+    ) -> list[list[int | float | str | None]]: ...

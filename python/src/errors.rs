@@ -46,7 +46,7 @@ impl Why {
         Self::new(class, message)
     }
 
-    fn of_io(error: &io::Error, path: &Path) -> Self {
+    pub(crate) fn of_io(error: &io::Error, path: &Path) -> Self {
         let code = error.raw_os_error();
         let said = error.to_string();
         let raised = PyOSError::new_err((code, said, path.to_path_buf()));

@@ -1,7 +1,177 @@
-//! Sweeps.
+//! Sweeps: rows of many runs, computed here or in other processes.
 
+use crate::errors::{Why, of_panic};
+use crate::patience::{LOOK, detached};
+use consumers::table::{Cell, Kind};
+use experiments::pool::{NoThread, Told, share};
+use experiments::row::{self, Signals};
+use experiments::{ERROR_COLUMN, columns};
+use producer::sweep::{ParameterValue, SweepError};
+use pyo3::IntoPyObjectExt as _;
+use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
+use std::fs::read_to_string;
+use std::num::NonZero;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread;
+use std::time::Instant;
 
-pub(crate) fn add_to(_: &Bound<'_, PyModule>) -> PyResult<()> {
-    Ok(())
+pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Sweep>()
+}
+
+impl From<SweepError> for Why {
+    fn from(error: SweepError) -> Self {
+        match error {
+            SweepError::Config(error) => error.into(),
+            SweepError::Unreadable { path, source } => Self::of_io(&source, &path),
+            SweepError::TooMany { .. } => Self::of("ConfigError", &error),
+        }
+    }
+}
+
+impl From<NoThread> for Why {
+    fn from(error: NoThread) -> Self {
+        Self::of("BeadlineError", &error)
+    }
+}
+
+/// A value of a row; none where there is none.
+enum Value {
+    Cell(Cell),
+    Parameter(Option<ParameterValue>),
+}
+
+impl<'py> IntoPyObject<'py> for Value {
+    type Target = PyAny;
+    type Output = Bound<'py, PyAny>;
+    type Error = PyErr;
+
+    fn into_pyobject(self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        match self {
+            Self::Cell(Cell::Empty) | Self::Parameter(None) => Ok(py.None().into_bound(py)),
+            Self::Cell(Cell::Integer(value)) | Self::Parameter(Some(ParameterValue::Integer(value))) => {
+                value.into_bound_py_any(py)
+            }
+            Self::Cell(Cell::Double(value)) | Self::Parameter(Some(ParameterValue::Double(value))) => {
+                value.into_bound_py_any(py)
+            }
+            Self::Cell(Cell::Word(word)) | Self::Parameter(Some(ParameterValue::Word(word))) => {
+                word.into_bound_py_any(py)
+            }
+        }
+    }
+}
+
+/// A sweep file of which every point is a possible run.
+#[pyclass(frozen, module = "beadline._native")]
+pub(crate) struct Sweep {
+    sweep: producer::sweep::Sweep,
+}
+
+#[pymethods]
+impl Sweep {
+    /// Reads a sweep; `path` is where it was read, or would be: what it names is found from there.
+    #[staticmethod]
+    fn from_toml(py: Python<'_>, text: String, path: PathBuf) -> PyResult<Self> {
+        let waiting = thread::current();
+        let reading = thread::spawn(move || {
+            let read = producer::sweep::Sweep::from_toml(&text, &path, |path| read_to_string(path));
+            waiting.unpark();
+            read
+        });
+        while !reading.is_finished() {
+            py.detach(|| thread::park_timeout(LOOK));
+            // what checks a hundred thousand points does not stop, and holds nothing: it is left behind
+            py.check_signals()?;
+        }
+        let read = reading.join().map_err(|panic| of_panic(&*panic))?;
+        Ok(Self { sweep: read.map_err(Why::from)? })
+    }
+
+    #[getter]
+    fn point_count(&self) -> u64 {
+        self.sweep.point_count()
+    }
+
+    /// Whether the file asks for recordings.
+    #[getter]
+    fn record(&self) -> bool {
+        self.sweep.record()
+    }
+
+    /// Names of the columns of a row, and what their values are: `integer`, `double` or `word`.
+    #[getter]
+    fn columns(&self) -> Vec<(String, &'static str)> {
+        let kind = |kind| match kind {
+            Some(Kind::Integer) => "integer",
+            Some(Kind::Double) => "double",
+            Some(Kind::Word) | None => "word",
+        };
+        columns(&self.sweep).into_iter().map(|column| (column.name, kind(column.kind))).collect()
+    }
+
+    /// The rows of points, in the order of `indices`, computed in `jobs` threads; `on_progress` is called with how many
+    /// there are. Whatever raises meanwhile gives all of them up.
+    #[pyo3(signature = (indices, *, jobs=None, on_progress=None))]
+    fn rows(
+        &self,
+        py: Python<'_>,
+        indices: Vec<u64>,
+        jobs: Option<NonZero<usize>>,
+        on_progress: Option<Py<PyAny>>,
+    ) -> PyResult<Vec<Vec<Value>>> {
+        if let Some(index) = indices.iter().find(|index| **index >= self.point_count()) {
+            return Err(PyIndexError::new_err(format!("there is no point {index}")));
+        }
+        let jobs = jobs.or_else(|| thread::available_parallelism().ok()).map_or(1, NonZero::get);
+        let mut rows: Vec<Option<Vec<Cell>>> = vec![None; indices.len()];
+        detached(py, || {
+            let stop = &AtomicBool::new(false);
+            let compute = |_, job: usize| -> Result<_, Why> {
+                let signals = Signals { stop, step: &AtomicU64::new(0) };
+                row::compute(&self.sweep, indices[job], beadline::origin(), None, &signals)
+            };
+            let (mut done, mut looked, mut raised) = (0_usize, Instant::now(), None);
+            // what is heard is heard in the thread that Python called, at least every 100 ms
+            let shared = share(indices.len(), jobs.min(indices.len()), stop, compute, |told| {
+                match told {
+                    Told::Done(job, row) => (rows[job], done) = (Some(row), done + 1),
+                    Told::Broken(_) => done += 1,
+                    Told::Fewer(..) | Told::Nothing => {}
+                }
+                if raised.is_none() && looked.elapsed() >= LOOK {
+                    looked = Instant::now();
+                    raised = Python::attach(|py| {
+                        py.check_signals()?;
+                        on_progress.as_ref().map_or(Ok(()), |tell| tell.call1(py, (done,)).map(drop))
+                    })
+                    .err();
+                    stop.fetch_or(raised.is_some(), Ordering::Relaxed);
+                }
+            });
+            raised.map_or(shared, |error| Err(error.into()))
+        })??;
+        let values = |(row, index): (Option<Vec<Cell>>, u64)| match row {
+            Some(cells) => Ok(cells.into_iter().map(Value::Cell).collect()),
+            None => self.of_broken(index),
+        };
+        rows.into_iter().zip(indices).map(values).collect()
+    }
+}
+
+impl Sweep {
+    /// The row of a point at which this program went wrong.
+    fn of_broken(&self, index: u64) -> PyResult<Vec<Value>> {
+        let point = self.sweep.point(index).map_err(Why::from)?;
+        let mut row: Vec<Value> = point.parameters.into_iter().map(Value::Parameter).collect();
+        let results = columns(&self.sweep).into_iter().skip(row.len());
+        row.extend(results.map(|column| {
+            let is_error = column.name == ERROR_COLUMN;
+            let why = "Beadline went wrong here: that is a bug, please report it";
+            Value::Cell(if is_error { Cell::Word(why.to_owned()) } else { Cell::Empty })
+        }));
+        Ok(row)
+    }
 }

@@ -1,0 +1,216 @@
+"""Sweeps: a grid of runs, and the table of their results."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import tempfile
+import time
+import tomllib
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, Future
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import numpy as np
+
+from . import _native
+from ._command import run_command
+from ._progress import Progress
+from ._run import Run, _value
+from ._table import Kind, Table, column, read_csv
+from .errors import CommandError, ConfigError
+
+Rows = list[list[int | float | str | None]]
+
+# where a sweep would be that has no file
+_MADE = "sweep.toml"
+
+# how long the work of one task of an executor is to take (s): long beside what it costs to send
+_TASK_S = 1.0
+
+# tasks of one point, the first of which tells how long a point takes, and the least number of those
+# that follow
+_FIRST_TASKS = 8
+_TASKS = 64
+
+
+def sweep(
+    run: Run | str | os.PathLike[str],
+    grid: Mapping[str, Any] | None = None,
+    *,
+    cases: Sequence[Mapping[str, Any]] = (),
+    until: str = "end",
+    check: bool = False,
+    split: int | None = None,
+    jobs: int | None = None,
+    executor: Executor | None = None,
+    out: str | os.PathLike[str] | None = None,
+    record: bool = False,
+    force: bool = False,
+    progress: bool | None = None,
+) -> Table:
+    """Simulates a grid of runs and makes a table of their results: a row for each, its parameters first.
+
+    The rows are those of ``beadline sweep``, with the same bits wherever they are computed. A run that
+    fails has a row, too; its column ``error`` says why.
+
+    Args:
+        run: What the runs have in common; or the path of a sweep file, which has everything up to
+            ``split``. Frames are analysed every tenth of the collision time, or as often as the run is
+            published if that is not every step.
+        grid: Values by the keys of a configuration, ``{"chain.alpha": [1.5, 2]}``; the last key varies
+            fastest. Or ranges as of a sweep file: ``{"from": 1, "to": 2, "count": 5, "spacing": "log"}``.
+        cases: Keys that are set together; every case is combined with the whole grid.
+        until: ``"end"``; ``"stationary"`` ends a run when its reflected energy no longer changes.
+        check: Adds columns of how long each run is determined; takes four times as long.
+        split: The bead that divides reflected from transmitted energy; by default the first impurity
+            that is not the striker, else the middle bead.
+        jobs: Runs that are computed at the same time; by default one for each core.
+        executor: Computes the runs instead of threads of this process: one of
+            :mod:`concurrent.futures`, or of Dask, MPI or Parsl. Tasks that have begun end by themselves
+            after Ctrl-C.
+        out: A directory for the results, as of ``beadline sweep``: rows that it has are not computed again.
+        record: Record each run there.
+        force: Remove what another sweep has left there.
+        progress: Whether to show how many are done; by default in terminals and notebooks.
+
+    Raises:
+        ConfigError: If a run cannot be; none was begun then.
+    """
+    settings: dict[str, Any] = {"until": until, "check": check, "split_bead": split}
+    settings |= {"case": list(cases), "grid": dict(grid or {})}
+    if isinstance(run, Run):
+        text, path = _text(run, settings), _MADE
+    elif (until, check, split) == ("end", False, None) and not cases and not grid:
+        text, path = Path(run).read_text(encoding="utf-8"), os.path.abspath(run)
+    else:
+        raise ValueError("the sweep file says what to sweep; found values beside it")
+    try:
+        native = _native.Sweep.from_toml(text, path)
+    except ConfigError as error:
+        if path == _MADE:
+            # nobody has seen its lines
+            error.path = error.line = None
+            error.args = (re.sub(rf"^{_MADE}(:\d+)?: ", "", str(error)),)
+        raise
+    if out is not None and executor is None:
+        table = _in_directory(text, path, native, out, jobs, record, force)
+    elif out is not None or record or native.record:
+        raise ValueError("a sweep records into a directory `out`, which is without an executor")
+    else:
+        with Progress(native.point_count, "sweep", progress, "points") as bar:
+            if executor is None:
+                rows = native.rows(range(native.point_count), jobs=jobs, on_progress=bar.update)
+            else:
+                rows = _rows_of(executor, text, path, native.point_count, bar.update)
+        cells = zip(native.columns, zip(*rows, strict=True), strict=True)
+        table = Table({name: column(values, kind) for (name, kind), values in cells})
+        table.summary = {"points": len(table), "failed": np.flatnonzero(table["error"]).tolist()}
+    if table.summary["failed"]:
+        failed = f"{len(table.summary['failed'])} of {len(table)} runs failed"
+        warnings.warn(f"{failed}; the column `error` says why", RuntimeWarning, stacklevel=2)
+    return table
+
+
+def _text(run: Run, settings: Mapping[str, Any]) -> str:
+    """A sweep file."""
+    base = tomllib.loads(run.to_toml())
+    base.pop("name", None)
+    published = base.pop("stream", {}).get("publish_every_steps", 1)
+    if published != 1:
+        base["stream"] = {"publish_every_steps": published}
+
+    def entries(table: Mapping[str, Any]) -> list[str]:
+        return [f"{json.dumps(key)} = {_value(value)}" for key, value in table.items()]
+
+    names = ("until", "check", "split_bead")
+    plain = {key: settings[key] for key in names if settings[key] is not None}
+    grid = {key: _listed(values) for key, values in settings["grid"].items()}
+    lines = [*entries({**plain, "base": base}), "[grid]", *entries(grid)]
+    for case in settings["case"]:
+        lines += ["[[case]]", *entries(case)]
+    return "\n".join(lines) + "\n"
+
+
+def _listed(values: Any) -> Any:
+    """Values of any sequence, such as a range or a Series, as a list; anything else as it is."""
+    is_one = not np.iterable(values) or issubclass(type(values), str | Mapping)
+    return values if is_one else list(values)
+
+
+@lru_cache(maxsize=2)
+def _read(text: str, path: str, sweep: str) -> _native.Sweep:
+    # once in each process; the next sweep reads it again: the file that it names may be another then
+    return _native.Sweep.from_toml(text, path)
+
+
+def _rows(source: tuple[str, str, str], indices: Sequence[int]) -> tuple[float, Rows]:
+    """The rows of points, and how long they took (s): a task of an executor."""
+    native = _read(*source)
+    begin_s = time.monotonic()
+    rows = native.rows(indices, jobs=1)
+    return time.monotonic() - begin_s, rows
+
+
+def _rows_of(
+    executor: Executor, text: str, path: str, count: int, tell: Callable[[int], object]
+) -> Rows:
+    """The rows of all points, computed by an executor."""
+    source = text, path, uuid4().hex
+    tasks: list[Future[tuple[float, Rows]]] = []
+
+    def submit(begin: int, size: int) -> None:
+        tasks.append(executor.submit(_rows, source, range(begin, min(begin + size, count))))
+
+    rows: Rows = []
+    try:
+        first = min(_FIRST_TASKS, count)
+        for index in range(first):
+            submit(index, 1)
+        point_s, _ = tasks[0].result()
+        size = max(1, min(int(_TASK_S / max(point_s, 1e-6)), math.ceil((count - first) / _TASKS)))
+        for begin in range(first, count, size):
+            submit(begin, size)
+        for task in tasks:
+            rows += task.result()[1]
+            tell(len(rows))
+    except BaseException:
+        for task in tasks:
+            task.cancel()
+        raise
+    return rows
+
+
+def _in_directory(
+    text: str,
+    path: str,
+    native: _native.Sweep,
+    out: str | os.PathLike[str],
+    jobs: int | None,
+    record: bool,
+    force: bool,
+) -> Table:
+    """What the command makes of a sweep in the directory ``out``."""
+    flags = [f"--out={os.fspath(out)}", "--yes"]
+    flags += [flag for flag, is_set in (("--record", record), ("--force", force)) if is_set]
+    flags += [] if jobs is None else [f"--jobs={jobs}"]
+    with tempfile.TemporaryDirectory(prefix="beadline-") as directory:
+        if path == _MADE:
+            path = os.path.join(directory, "sweep.toml")
+            Path(path).write_text(text, encoding="utf-8")
+        summary = run_command(["sweep", path, *flags], warn=False)
+    del summary["sweep"]
+    if summary["results"] is None:
+        error = CommandError(f"{summary['missing']} runs have no row; call it again for them")
+        error.exit_code = 3
+        raise error
+    kinds: dict[str, Kind] = {"index": "integer", **dict(native.columns)}
+    table = read_csv(Path(out) / "results.csv", summary, kinds)
+    del table.columns["index"]
+    return table

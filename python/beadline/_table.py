@@ -1,0 +1,310 @@
+"""Tables of results, and what the command's analyses, proofs and pages make of a recording."""
+
+from __future__ import annotations
+
+import csv
+import html
+import math
+import os
+import re
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack, overload
+
+import numpy as np
+import numpy.typing as npt
+
+from ._command import Json, run_command
+from .errors import CommandError
+
+if TYPE_CHECKING:
+    from ._recording import Recording
+
+Column = npt.NDArray[Any]
+Kind = Literal["integer", "double", "word"]
+Rows = slice | Sequence[int] | npt.NDArray[np.bool_] | npt.NDArray[np.integer[Any]]
+
+# rows at the begin and at the end that a table shows of itself
+_SHOWN = 5
+
+
+class Table:
+    """Named columns of one length.
+
+    ``table["total_j"]`` is a column, ``table[:100]`` and ``table[table["time_s"] > 0.01]`` are tables of
+    some of the rows, and ``len(table)`` is their number. Whole numbers are int64; where one is missing
+    the column is of doubles. A missing number is NaN, a missing word ``""``.
+
+    Attributes:
+        columns: The columns by name.
+        summary: What the command prints about all of it with ``--json``, if anything.
+    """
+
+    columns: dict[str, Column]
+    summary: Json
+
+    def __init__(self, columns: Mapping[str, Column], summary: Json | None = None) -> None:
+        self.columns = dict(columns)
+        self.summary = summary or {}
+        if len(set(map(len, self.columns.values()))) > 1:
+            raise ValueError("the columns of a table have one length")
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values()), ()))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.columns
+
+    def keys(self) -> Iterable[str]:
+        """The names of the columns."""
+        return self.columns.keys()
+
+    @overload
+    def __getitem__(self, key: str) -> Column: ...
+    @overload
+    def __getitem__(self, key: Rows) -> Table: ...
+    def __getitem__(self, key: str | Rows) -> Column | Table:
+        if isinstance(key, str):
+            try:
+                return self.columns[key]
+            except KeyError:
+                raise KeyError(f"there is no column {key!r}; there are: {', '.join(self)}") from None
+        return Table({name: column[key] for name, column in self.columns.items()}, self.summary)
+
+    def to_pandas(self) -> Any:
+        """As a DataFrame of pandas."""
+        from ._extras import need
+
+        return need("pandas").DataFrame(self.columns)
+
+    def to_polars(self) -> Any:
+        """As a DataFrame of Polars."""
+        from ._extras import need
+
+        return need("polars").DataFrame(self.columns)
+
+    def to_arrow(self) -> Any:
+        """As a table of Apache Arrow."""
+        from ._extras import need
+
+        return need("pyarrow").table(self.columns)
+
+    def to_numpy(self) -> npt.NDArray[np.void]:
+        """As a structured array, a field for each column."""
+        rows = np.empty(len(self), [(name, column.dtype) for name, column in self.columns.items()])
+        for name, column in self.columns.items():
+            rows[name] = column
+        return rows
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {len(self)} rows: {', '.join(self)}>"
+
+    def _repr_html_(self) -> str:
+        def row(tag: str, cells: Iterable[object]) -> str:
+            written = (f"<{tag}>{html.escape(str(cell))}</{tag}>" for cell in cells)
+            return f"<tr>{''.join(written)}</tr>"
+
+        def values(index: int) -> list[object]:
+            found = (column[index] for column in self.columns.values())
+            return [index, *(f"{cell:.6g}" if isinstance(cell, float) else cell for cell in found)]
+
+        count = len(self)
+        shown = [range(_SHOWN), range(count - _SHOWN, count)]
+        if count <= 2 * _SHOWN:
+            shown = [range(count)]
+        between = row("td", ["…"] * (1 + len(self.columns)))
+        body = between.join("".join(row("td", values(index)) for index in part) for part in shown)
+        return f"<table>{row('th', ['', *self])}{body}</table><p>{count:,} rows</p>"
+
+
+class Motion(Table):
+    """The motion of beads in each frame.
+
+    Attributes:
+        events: Contacts that close or open, and turning points: ``time_s``, ``bead``, ``event``, ``u_m``.
+    """
+
+    def __init__(self, motion: Table, events: Table) -> None:
+        super().__init__(motion.columns, motion.summary)
+        self.events = events
+
+
+class Pulses(Table):
+    """The pulses, in the order in which they end.
+
+    Attributes:
+        positions: Their tracks, a row for each bead that a pulse passes: ``pulse``, ``bead``,
+            ``time_s``, ``v_peak_m_s``, ….
+    """
+
+    def __init__(self, pulses: Table, positions: Table) -> None:
+        super().__init__(pulses.columns, pulses.summary)
+        self.positions = positions
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a recording is proven; true if so.
+
+    Attributes:
+        verdict: What was found, in words.
+        report: The JSON of ``beadline verify``: what was proven, compared, damaged or different.
+    """
+
+    verdict: str
+    report: Json
+
+    @property
+    def is_proven(self) -> bool:
+        """Whether every state is what the one before leads to, and nothing is missing or damaged."""
+        return bool(self.report["proven"])
+
+    def __bool__(self) -> bool:
+        return self.is_proven
+
+    def __repr__(self) -> str:
+        return f"<Verdict: {self.verdict}>"
+
+
+class Part(TypedDict, total=False):
+    """What an analysis looks at: simulated times ``from_s`` to ``until_s`` (s), with ``every_step`` also
+    the steps between recorded ones, which are recomputed in ``jobs`` threads.
+    """
+
+    every_step: bool
+    from_s: float
+    until_s: float
+    jobs: int
+
+
+def energies(rec: Recording, *, split: int | None = None, **part: Unpack[Part]) -> Table:
+    """The energies (J) of each frame: kinetic, potential, total, and left of the bead ``split``, in it and
+    right of it; by default it is the first impurity that is not the striker, else the middle bead.
+    """
+    return analyse(rec, "energies", split=split, **part)[0]
+
+
+def impurity(
+    rec: Recording, *, bead: int | Sequence[int] | None = None, **part: Unpack[Part]
+) -> Motion:
+    """The motion of the impurities, or of other beads, in each frame, and its events."""
+    return Motion(*analyse(rec, "impurity", "events", bead=bead, **part))
+
+
+def contacts(rec: Recording, *, tolerance_m: float | None = None, **part: Unpack[Part]) -> Table:
+    """How many contacts are compressed, touching and open in each frame.
+
+    Up to ``tolerance_m`` of overlap or gap count as touching, 1e-6 of the collision length by default.
+    """
+    return analyse(rec, "contacts", tolerance_m=tolerance_m, **part)[0]
+
+
+def pulses(rec: Recording, *, threshold: float | None = None, **part: Unpack[Part]) -> Pulses:
+    """The pulses, and their tracks. ``threshold`` is the smallest peak velocity over that of the striker."""
+    return Pulses(*analyse(rec, "pulses", "positions", threshold=threshold, **part))
+
+
+def deformation(rec: Recording, contact: int | Sequence[int], **part: Unpack[Part]) -> Table:
+    """The overlap (m) of contacts while the first pulse passes, beside those of the exact wave and of
+    the continuum.
+    """
+    return analyse(rec, "deformation", contact=contact, **part)[0]
+
+
+def analyse(rec: Recording, name: str, *tables: str, **options: object) -> list[Table]:
+    """What the command's analysis ``name`` makes of a recording: its table, and those of flags ``tables``.
+
+    Names of ``options`` are those of flags, followed by units.
+    """
+    flags: list[str] = []
+    for key, value in options.items():
+        flag = "--" + re.sub("_[sm]$", "", key).replace("_", "-")
+        if value is True:
+            flags.append(flag)
+        elif value is not None and value is not False:
+            # numbers are written in the shortest form that reads back to their bits
+            flags += [f"{flag}={one}" for one in np.atleast_1d(np.asarray(value)).tolist()]
+    with rec._file() as file, tempfile.TemporaryDirectory(prefix="beadline-") as directory:
+        paths = {table: os.path.join(directory, f"{table}.csv") for table in ("out", *tables)}
+        outputs = [f"--{table}={path}" for table, path in paths.items()]
+        summary = run_command([name, file, *flags, *outputs], path=file)
+        return [read_csv(path, summary) for path in paths.values()]
+
+
+def verify(rec: Recording, *, jobs: int | None = None) -> Verdict:
+    """Proves a recording: makes every state again from the one before, and compares the bits."""
+    with rec._file() as file:
+        flags = [] if jobs is None else [f"--jobs={jobs}"]
+        report = run_command(["verify", file, *flags], path=file, warn=False)
+    return Verdict(report["verdict"], report)
+
+
+def share(
+    rec: Recording,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    every: int | None = None,
+    force: bool = False,
+) -> Json:
+    """Makes one HTML file of a recording that anyone can open, with every step in it.
+
+    Args:
+        path: The page; by default it is named after the recording.
+        every: Steps between two that it carries; it recomputes the others. By default as many as 2 MB hold.
+        force: Replace a file that exists, and make pages of more than 200 MB.
+
+    Raises:
+        FileExistsError: If there is such a file.
+    """
+    page = Path(path if path is not None else Path(rec.path or rec.name).with_suffix(".html"))
+    flags = ["--force"] if force else []
+    flags += [] if every is None else [f"--every-steps={every}"]
+    with rec._file() as file:
+        try:
+            return run_command(["share", file, f"--out={page}", *flags], path=file)
+        except CommandError as error:
+            if error.exit_code == 2 and page.exists() and not force:
+                raise FileExistsError(str(error)) from error
+            raise
+
+
+def read_csv(
+    path: str | os.PathLike[str],
+    summary: Json | None = None,
+    kinds: Mapping[str, Kind] | None = None,
+) -> Table:
+    """A table that the command has written, of ``kinds`` of columns, or of those that it looks like."""
+    with open(path, newline="", encoding="utf-8") as file:
+        names, *rows = csv.reader(file)
+    columns = zip(*rows, strict=True) if rows else [()] * len(names)
+    found = dict(zip(names, columns, strict=True))
+    kinds = kinds or {name: _kind(cells) for name, cells in found.items()}
+    return Table({name: column(cells, kinds[name]) for name, cells in found.items()}, summary)
+
+
+def column(cells: Sequence[Any], kind: Kind) -> Column:
+    """A column of values, or of their texts; ``None`` and empty texts do not exist."""
+    if kind == "word":
+        return np.array(["" if cell is None else cell for cell in cells], dtype=np.str_)
+    if None in cells or "" in cells:
+        return np.array([math.nan if cell is None or cell == "" else float(cell) for cell in cells])
+    if kind == "integer":
+        return np.array(list(map(int, cells)), dtype=np.int64)
+    return np.array(list(map(float, cells)), dtype=np.float64)
+
+
+def _kind(cells: Sequence[str]) -> Kind:
+    # doubles are written with an exponent
+    first = next(filter(None, cells), "nan")
+    if first.isdigit():
+        return "integer"
+    try:
+        float(first)
+    except ValueError:
+        return "word"
+    return "double"

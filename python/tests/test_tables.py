@@ -1,0 +1,211 @@
+"""What analyses, proofs and pages make of a recording."""
+
+from __future__ import annotations
+
+import csv
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import beadline as bl
+from beadline import _table
+
+CHAIN = bl.Chain(beads=120, mass_kg=1e-3, alpha=1.5, stiffness=1e7, impurities={40: 0.6e-3})
+RUN = bl.Run(CHAIN, strikers={0: 5.0}, duration_s=8e-3, name="short")
+
+
+@pytest.fixture(scope="module")
+def rec(tmp_path_factory: pytest.TempPathFactory) -> bl.Recording:
+    return RUN.record(tmp_path_factory.mktemp("short") / "short.mcap", every=20)
+
+
+def command(*arguments: object) -> None:
+    program = [sys.executable, "-m", "beadline"]
+    subprocess.run([*program, *map(str, arguments)], check=True, capture_output=True)
+
+
+def written(path: Path) -> dict[str, list[str]]:
+    with path.open(newline="") as file:
+        names, *rows = csv.reader(file)
+    return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
+
+
+def has_bits(table: _table.Table, texts: dict[str, list[str]]) -> bool:
+    """Whether a table has the values of the text, to the bit."""
+    assert list(table) == list(texts)
+    for name, cells in texts.items():
+        column = table[name]
+        if column.dtype.kind == "U":
+            assert column.tolist() == cells, name
+        else:
+            doubles = np.array([float(cell or "nan") for cell in cells])
+            assert column.astype(np.float64).tobytes() == doubles.tobytes(), name
+    return True
+
+
+def test_energies_are_those_of_the_command(rec: bl.Recording, tmp_path: Path) -> None:
+    energies = _table.energies(rec, split=30)
+    command("energies", rec.path, "--split", 30, "--out", tmp_path / "e.csv")
+    assert has_bits(energies, written(tmp_path / "e.csv"))
+    assert len(energies) == len(rec.recorded_steps)
+    assert energies["step"].dtype == np.int64
+    # the striker: m v²/2
+    assert energies["total_j"][0] == 0.5 * 1e-3 * 5.0**2
+    assert np.abs(energies["total_j"] / energies["total_j"][0] - 1).max() < 1e-6
+
+
+def test_the_summary_has_the_reflected_energy_of_the_table(rec: bl.Recording) -> None:
+    energies = _table.energies(rec)
+    reflection = energies.summary["results"]["reflection"]["energies"]
+    at = energies["frame"].tolist().index(reflection["at"]["frame"])
+    assert energies["left_j"][at] == reflection["reflected_j"]
+
+
+def test_a_run_in_memory_has_the_same_results(rec: bl.Recording) -> None:
+    in_memory = _table.energies(RUN.simulate(every=20))
+    in_file = _table.energies(rec)
+    assert all(in_memory[name].tobytes() == in_file[name].tobytes() for name in in_file)
+
+
+def test_every_step_of_a_part_can_be_analysed(rec: bl.Recording) -> None:
+    part = _table.energies(rec, every_step=True, from_s=2e-3, until_s=2.1e-3, jobs=1)
+    assert np.diff(part["step"]).tolist() == [1] * (len(part) - 1)
+    assert 2e-3 <= part["time_s"][0] and part["time_s"][-1] <= 2.1e-3
+
+
+def test_the_motion_of_the_impurity_has_events(rec: bl.Recording, tmp_path: Path) -> None:
+    motion = _table.impurity(rec)
+    paths = [tmp_path / "motion.csv", tmp_path / "events.csv"]
+    command("impurity", rec.path, "--out", paths[0], "--events", paths[1])
+    assert has_bits(motion, written(paths[0])) and has_bits(motion.events, written(paths[1]))
+    assert motion["v_40_m_s"].tobytes() == rec.velocity[motion["step"], 40].tobytes()
+    assert motion.events["event"][:2].tolist() == ["left-closes", "right-closes"]
+    assert "v_7_m_s" in _table.impurity(rec, bead=[7, 9])
+
+
+def test_contacts_are_counted_and_missing_ones_are_nan(rec: bl.Recording) -> None:
+    contacts = _table.contacts(rec, tolerance_m=0.0)
+    counts = np.sum([contacts[f"{kind}_count"] for kind in ("compressed", "touching", "open")], axis=0)
+    assert set(counts.tolist()) == {119}
+    first = contacts["first_compressed_contact"]
+    assert np.isnan(first[0]) and first[1] == 0.0
+
+
+def test_pulses_have_tracks(rec: bl.Recording) -> None:
+    pulses = _table.pulses(rec, threshold=0.01)
+    assert pulses["direction"][0] == "forward"
+    # a pulse has a row for each bead that it passes
+    tracks = pulses.positions["pulse"].tolist()
+    assert [tracks.count(pulse) for pulse in pulses["pulse"].tolist()] == pulses["bead_count"].tolist()
+
+
+def test_the_deformation_of_several_contacts_is_one_table(rec: bl.Recording) -> None:
+    deformation = _table.deformation(rec, [60, 90], every_step=True)
+    assert sorted(set(deformation["contact"].tolist())) == [60, 90]
+    peak_m = deformation.summary["results"]["contacts"][0]["first_pulse"]["overlap_peak_m"]
+    is_of_60: npt.NDArray[np.bool_] = np.equal(deformation["contact"], 60)
+    # the peak lies between two steps
+    assert deformation[is_of_60]["overlap_m"].max() == pytest.approx(peak_m, rel=1e-3)
+
+
+def test_a_whole_recording_is_proven(rec: bl.Recording) -> None:
+    verdict = _table.verify(rec)
+    assert verdict and verdict.verdict == "proven" and verdict.report["steps_recomputed"] == RUN.steps
+    assert _table.verify(RUN.simulate(every=50), jobs=1)
+
+
+def test_what_is_missing_of_a_recording_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "cut.mcap"
+    # a state of each step fills several chunks
+    states = len(RUN.record(path, every=1).recorded_steps)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    cut = bl.open(path)
+    with pytest.warns(RuntimeWarning, match="not finished, or is damaged"):
+        energies = _table.energies(cut)
+    assert 0 < len(energies) < states
+    assert not _table.verify(cut)
+
+
+def test_a_file_that_is_no_recording_any_more_is_an_error_of_that_file(tmp_path: Path) -> None:
+    path = tmp_path / "gone.mcap"
+    rec = RUN.record(path, every=100)
+    path.write_bytes(path.read_bytes()[:300])
+    with pytest.raises(bl.RecordingError, match="not a Beadline recording") as caught:
+        _table.energies(rec)
+    assert caught.value.path == str(path)
+
+
+def test_an_impossible_option_is_an_error_of_the_command(rec: bl.Recording) -> None:
+    with pytest.raises(bl.CommandError, match="beads 0 to 119") as caught:
+        _table.energies(rec, split=500)
+    assert caught.value.exit_code == 2
+
+
+def test_a_page_does_not_replace_another(rec: bl.Recording, tmp_path: Path) -> None:
+    page = tmp_path / "x.html"
+    told = _table.share(rec, page)
+    assert told["path"] == str(page) and told["bytes"] == page.stat().st_size
+    with pytest.raises(FileExistsError, match=r"x\.html exists already"):
+        _table.share(RUN.simulate(), page)
+    assert _table.share(RUN.simulate(), page, every=100, force=True)["every_steps"] == 100
+
+
+def test_tables_become_those_of_others(rec: bl.Recording) -> None:
+    events = _table.impurity(rec).events
+    rows = events.to_numpy()
+    assert rows.dtype.names == ("time_s", "bead", "event", "u_m") and rows[0]["bead"] == 40
+    for frame in (events.to_pandas(), events.to_polars(), events.to_arrow()):
+        assert frame.shape == (len(events), 4)
+        assert [str(word) for word in frame["event"]] == events["event"].tolist()
+    assert list(dict(events)) == list(events)
+
+
+def test_tables_show_themselves_and_travel(rec: bl.Recording) -> None:
+    motion = _table.impurity(rec)
+    assert repr(motion).startswith(f"<Motion of {len(motion)} rows: frame, step, time_s")
+    page = motion._repr_html_()
+    assert page.count("<tr>") == 12 and "<th>v_40_m_s</th>" in page
+    again = pickle.loads(pickle.dumps(motion))
+    assert again.events["u_m"].tobytes() == motion.events["u_m"].tobytes()
+    assert len(motion[:3]) == 3 and len(motion[[5, 1]]) == 2
+    with pytest.raises(KeyError, match="there are: frame, step"):
+        motion["speed"]
+
+
+INTERRUPTED = """
+import os, signal, sys, threading, time
+from pathlib import Path
+import beadline as bl
+from beadline import _table
+rec = bl.preset("light-impurity").record(sys.argv[1], every=1000)
+interrupted_s = []
+def interrupt():
+    while not list(Path(os.environ["TMPDIR"]).glob("beadline-*/out.csv.partial")):
+        time.sleep(0.005)
+    interrupted_s.append(time.monotonic())
+    os.kill(os.getpid(), signal.SIGINT)
+threading.Thread(target=interrupt, daemon=True).start()
+try:
+    _table.energies(rec, every_step=True, jobs=1)
+except KeyboardInterrupt:
+    children = Path("/proc/self/task", str(os.getpid()), "children").read_text()
+    print(time.monotonic() - interrupted_s[0], children)
+"""
+
+
+def test_ctrl_c_leaves_no_process_and_no_file(tmp_path: Path) -> None:
+    temporary = tmp_path / "tmp"
+    temporary.mkdir()
+    environment = {**os.environ, "TMPDIR": str(temporary)}
+    script = [sys.executable, "-c", INTERRUPTED, str(tmp_path / "long.mcap")]
+    done = subprocess.run(script, env=environment, capture_output=True, text=True, check=True)
+    took_s, *children = done.stdout.split()
+    # 0.2 s, and what a busy machine adds
+    assert float(took_s) < 2.0 and children == []
+    assert list(temporary.iterdir()) == []
