@@ -12,7 +12,11 @@ _EXTRAS = {"matplotlib": "plot", "pyarrow": "arrow"}
 
 
 def need(module: str, extra: str | None = None) -> ModuleType:
-    """The module, imported. Raises :class:`MissingExtraError`, with the ``pip`` line, if its package is not installed."""
+    """The module, imported.
+
+    Raises:
+        MissingExtraError: If its package is not installed, with the ``pip`` line.
+    """
     package = module.partition(".")[0]
     try:
         return importlib.import_module(module)

@@ -23,7 +23,7 @@ class Map:
     """A field over space and time.
 
     Attributes:
-        values: Its values (rows × columns), in SI units, beyond those at rest; NaN where nothing is known.
+        values: Its values (rows × columns), in SI units, beyond those at rest; NaN if unknown.
         places: The beads or contacts.
         from_s, until_s: Times of the first and of the last row (s).
         dt_s: The time step (s).
@@ -57,8 +57,8 @@ def map_of(
 ) -> Map:
     """A field in at most ``rows`` × ``columns`` values.
 
-    A row is a recorded state or, where there are fewer than ``fewest`` of them, any; with ``every`` one of every so many
-    steps. A column that stands for several places has the value farthest from 0.
+    A row is a recorded state or, where there are fewer than ``fewest`` of them, any; with ``every``
+    one of so many steps. A column that stands for several places has the value farthest from 0.
     """
     first, last = rec.first_step, rec.last_step
     if during_s is not None:
@@ -93,10 +93,14 @@ def rows_of(rec: Recording, steps: Steps) -> Steps:
 
 def _nearest(known: range | Steps, wanted: Doubles) -> Steps:
     if isinstance(known, range):
-        return (known.start + ((wanted - known.start) / known.step).round() * known.step).astype(np.int64)
+        return (known.start + ((wanted - known.start) / known.step).round() * known.step).astype(
+            np.int64
+        )
     after = np.searchsorted(known, wanted).clip(0, len(known) - 1)
     before = (after - 1).clip(0)
-    nearest: Steps = np.where(wanted - known[before] < known[after] - wanted, known[before], known[after])
+    nearest: Steps = np.where(
+        wanted - known[before] < known[after] - wanted, known[before], known[after]
+    )
     return nearest
 
 
@@ -150,16 +154,16 @@ def shades_of(low: float, high: float, is_log: bool) -> Shades:
 
 
 def diverging(shades: Doubles) -> Doubles:
-    """The colours of shades, as sRGB from 0 to 1: lightness falls evenly from white, to blue below 0 and to red above.
+    """The colours of shades as sRGB from 0 to 1, as the command has them.
 
-    The same colours as the command has.
+    Lightness falls evenly from white for 0, to blue below and to red above.
     """
     parts = np.abs(shades)
     return _coloured(shades, 1.0 - 0.6 * parts, 0.13 * parts * (2.0 - parts))
 
 
 def see_through(shades: Doubles) -> Doubles:
-    """Colours of shades as sRGB and opacity: nothing is drawn for 0, so they do on white and on black."""
+    """Colours of shades as sRGB and opacity, for white and black grounds: 0 is not seen."""
     colours = _coloured(shades, np.full(shades.shape, 0.6), np.full(shades.shape, 0.15))
     return np.concatenate([colours, np.abs(shades)[:, None]], axis=1)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html as markup
 import json
+import math
 import zlib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
     from ._native import Doubles
     from ._recording import FieldArray, Recording, State
+
+Scale = Literal["log", "linear"]
 
 # Okabe and Ito, Color Universal Design (2008): colours that colour-blind readers can tell apart
 _CURVES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
@@ -67,57 +70,70 @@ def plot(
     during_s: tuple[float, float] | None = None,
     beads: slice | None = None,
     every: int | None = None,
-    scale: Literal["log", "linear"] | None = None,
+    scale: Scale | None = None,
     limit: float | None = None,
 ) -> Axes:
-    """Draws a field over space and time or, with ``step`` or ``time_s``, along the chain at these times.
+    """Draws a field over space and time or, with ``step`` or ``time_s``, along the chain.
 
-    A map has at most 600 rows, each of them a state. They are the recorded ones or, where there are fewer than 300,
-    computed ones. A pixel that stands for several beads has the value farthest from 0, so that no pulse is lost between.
+    A map has at most 600 rows, each of them a state: the recorded ones or, where there are fewer
+    than 300, computed ones. A pixel that stands for several beads has the value farthest from 0,
+    so that no pulse is lost between them.
 
     Args:
-        field: ``"velocity"``, ``"displacement"``, ``"overlap"`` or ``"force"``. A map of a chain under load shows overlaps
-            and forces beyond those at rest.
+        field: ``"velocity"``, ``"displacement"``, ``"overlap"`` or ``"force"``. A map of a chain
+            under load shows overlaps and forces beyond those at rest.
         ax: Where to draw; by default in a figure of its own.
         step: A step, or several.
         time_s: A time (s), or several.
         during_s: Of a map: its first and its last time (s).
         beads: The beads, or contacts, that are shown: ``slice(400, 600)``.
         every: Of a map: take one of so many steps, recorded or not.
-        scale: Of a map: ``"linear"`` for colours in proportion to numbers, ``"log"`` to see weak pulses beside strong ones;
-            by default linear for displacements only.
-        limit: Where colours, or the axis of values, end on both sides of 0 (in the SI unit); by default with the values.
+        scale: Of a map: ``"linear"`` for colours in proportion to numbers, ``"log"`` to see weak
+            pulses beside strong ones; by default linear for displacements only.
+        limit: Where colours, or the axis of values, end on both sides of 0 (in the SI unit); by
+            default with the values.
     """
     array = _array(rec, field)
     if step is not None and time_s is not None:
         raise ValueError("found step and time_s; expected one of them")
     places = range(array.shape[1])[beads or slice(None)]
     if not places or places.step != 1:
-        raise ValueError(f"beads: found {beads}; expected neighbours from 0 to {array.shape[1] - 1}")
+        raise ValueError(
+            f"beads: found {beads}; expected neighbours from 0 to {array.shape[1] - 1}"
+        )
     states: list[State] | None = None
     if step is not None:
         states = [rec[int(one)] for one in np.atleast_1d(step)]
     elif time_s is not None:
         states = [rec.at(time_s=float(one)) for one in np.atleast_1d(time_s)]
+    axes: Any = ax
     if ax is None:
-        plt: Any = need("matplotlib.pyplot")
         size = (6.4, 5.0) if states is None else (6.4, 3.6)
-        ax = plt.subplots(figsize=size, layout="constrained")[1]
-    assert ax is not None
+        axes = need("matplotlib.pyplot").subplots(figsize=size, layout="constrained")[1]
     if states is None:
-        rows = _MOST_ROWS, _MOST_COLUMNS
-        fewest = _FINE_ROWS
-        drawn = map_of(rec, array, places, *rows, during_s=during_s, every=every, fewest=fewest)
-        _draw_map(ax, drawn, field, array.unit, scale, limit)
-        about = rec.name
+        drawn = map_of(
+            rec,
+            array,
+            places,
+            _MOST_ROWS,
+            _MOST_COLUMNS,
+            during_s=during_s,
+            every=every,
+            fewest=_FINE_ROWS,
+        )
+        _draw_map(axes, drawn, field, array.unit, scale, limit)
     else:
-        _draw_profiles(ax, rec, states, field, array.unit, places, limit)
-        about = f"{rec.name}, {_at(states[0])} (step {states[0].step:,})" if len(states) == 1 else rec.name
-    ax.set_title(about, loc="left", fontsize="small", color=_GREY, parse_math=False)
-    ax.set_xlabel(_place(field))
-    ax.xaxis.set_major_locator(need("matplotlib.ticker").MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
-    ax.minorticks_on()
-    return ax
+        _draw_profiles(axes, rec, states, field, array.unit, places, limit)
+    about = rec.name
+    if states is not None and len(states) == 1:
+        about = f"{rec.name}, {_at(states[0])} (step {states[0].step:,})"
+    axes.set_title(about, loc="left", fontsize="small", color=_GREY, parse_math=False)
+    axes.set_xlabel(_place(field))
+    ticker: Any = need("matplotlib.ticker")
+    axes.xaxis.set_major_locator(ticker.MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
+    axes.minorticks_on()
+    found: Axes = axes
+    return found
 
 
 def _prefix(largest: float, unit: str) -> tuple[str, float]:
@@ -130,7 +146,7 @@ def _prefix(largest: float, unit: str) -> tuple[str, float]:
 
 
 def _draw_map(
-    ax: Axes, drawn: Map, field: str, unit: str, scale: Literal["log", "linear"] | None, limit: float | None
+    ax: Any, drawn: Map, field: str, unit: str, scale: Scale | None, limit: float | None
 ) -> None:
     colors: Any = need("matplotlib.colors")
     ticker: Any = need("matplotlib.ticker")
@@ -147,47 +163,66 @@ def _draw_map(
     low, high = low * factor, high * factor
     shades = shades_of(low, high, is_log)
     norm = colors.FuncNorm((shades.of, shades.numbers), vmin=low, vmax=high)
-    colours = colors.ListedColormap(diverging(np.linspace(shades.of(low), shades.of(high), 1021)))
+    spread: Doubles = np.linspace(float(shades.of(low)), float(shades.of(high)), 1021)
+    colours = colors.ListedColormap(diverging(spread))
     colours.set_bad("#e4e4e4")
     # several pixels for a bead, so that its edges are sharp while those of many beads are smooth
     values = factor * drawn.values.repeat(-(-_SHARP_COLUMNS // drawn.values.shape[1]), axis=1)
     from_ms, until_ms = 1e3 * drawn.from_s, 1e3 * drawn.until_s
     half_ms = (until_ms - from_ms) / max(len(values) - 1, 1) / 2 or 0.5e3 * drawn.dt_s
-    sides = (drawn.places.start - 0.5, drawn.places.stop - 0.5, until_ms + half_ms, from_ms - half_ms)
-    # colours are mixed rather than numbers, of which those of opposite signs would make a 0
-    image = ax.imshow(
-        values, cmap=colours, norm=norm, extent=sides, aspect="auto", interpolation_stage="rgba"
+    sides = (
+        drawn.places.start - 0.5,
+        drawn.places.stop - 0.5,
+        until_ms + half_ms,
+        from_ms - half_ms,
     )
+    # colours are mixed rather than numbers, of which those of opposite signs would make a 0
+    kind = {"aspect": "auto", "interpolation_stage": "rgba"}
+    image = ax.imshow(values, cmap=colours, norm=norm, extent=sides, **kind)
     if len(values) > 1:
         ax.set_ylim(until_ms, from_ms)
     ax.set_ylabel("time (ms)")
-    beyond = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}
+    beyond = {
+        (False, False): "neither",
+        (True, False): "min",
+        (False, True): "max",
+        (True, True): "both",
+    }
     extend = beyond[least * factor < low, largest * factor > high]
     label = f"{field}{' beyond rest' if drawn.is_loaded else ''} ({unit})"
-    figure: Any = ax.get_figure()
-    bar = figure.colorbar(image, ax=ax, label=label, pad=0.02, aspect=30, extend=extend, extendfrac=0.02)
+    bar = ax.figure.colorbar(
+        image, ax=ax, label=label, pad=0.02, aspect=30, extend=extend, extendfrac=0.02
+    )
     bar.minorticks_off()
     if shades.log_beyond is not None:
         bar.set_ticks(_decades(shades, low, high))
-        bar.formatter = ticker.FuncFormatter(lambda value, _: f"{value:g}".replace("-", "−"))
+        bar.formatter = ticker.FuncFormatter(_plain)
         bar.update_ticks()
+
+
+def _plain(value: float, position: int | None = None) -> str:
+    """A power of ten without zeros that say nothing."""
+    return f"{value:g}".replace("-", "−")
 
 
 def _decades(shades: Shades, low: float, high: float) -> list[float]:
     """0 and powers of ten between ``low`` and ``high``, as many as have room."""
-    first, last = np.log10([shades.log_beyond or 1.0, shades.limit])
-    powers = 10.0 ** np.arange(np.ceil(first), np.floor(last + 1e-9) + 1)
+    first, last = math.log10(shades.log_beyond or 1.0), math.log10(shades.limit)
+    powers = [10.0**power for power in range(math.ceil(first), math.floor(last + 1e-9) + 1)]
     apart = 0.05 * (shades.of(high) - shades.of(low))
     kept = [0.0]
-    for number in np.concatenate([powers[::-1], -powers[::-1]]):
+    for number in [*powers[::-1], *(-power for power in powers[::-1])]:
         if low <= number <= high and np.abs(shades.of(number) - shades.of(kept)).min() > apart:
-            kept.append(float(number))
+            kept.append(number)
     return kept
 
 
 def _bulk(field: str, values: Doubles, is_log: bool = False) -> tuple[float, float]:
-    """The values that are shown: all displacements but a fiftieth at either end if they are linear, since the struck
-    end flies off and the rest would be flat beside it; no gap wider than the largest overlap."""
+    """The values that are shown.
+
+    All displacements but a fiftieth at either end, if they are linear, since the struck end flies
+    off and the rest would be flat beside it; no gap much wider than the largest overlap.
+    """
     known = values[np.isfinite(values)]
     low, high = float(known.min()), float(known.max())
     if field == "displacement" and not is_log:
@@ -203,7 +238,7 @@ def _at(state: State) -> str:
 
 
 def _draw_profiles(
-    ax: Axes,
+    ax: Any,
     rec: Recording,
     states: Sequence[State],
     field: str,
@@ -211,7 +246,10 @@ def _draw_profiles(
     places: range,
     limit: float | None,
 ) -> None:
-    curves = [np.asarray(getattr(state, _STATE_NAMES[field]))[places.start : places.stop] for state in states]
+    curves = [
+        np.asarray(getattr(state, _STATE_NAMES[field]))[places.start : places.stop]
+        for state in states
+    ]
     low, high = _bulk(field, np.asarray(curves))
     unit, factor = _prefix(max(abs(low), abs(high)), unit)
     mark = "o" if len(places) <= _MOST_DISCS else ""
@@ -221,15 +259,26 @@ def _draw_profiles(
     rest = {"overlap": rec.rest_overlap_m, "force": rec.rest_force_n}.get(field)
     is_loaded = rest is not None and bool(rest.any())
     if rest is not None and is_loaded:
-        ax.plot(places, rest[places.start : places.stop] * factor, "--", color=_GREY, lw=0.8, label="at rest")
+        ax.plot(
+            places,
+            rest[places.start : places.stop] * factor,
+            "--",
+            color=_GREY,
+            lw=0.8,
+            label="at rest",
+        )
     # between its two contacts, where these are shown
     half = 0.5 if _place(field) == "contact" else 0.0
-    impurities = [impurity["bead"] - half for impurity in rec.manifest["physics"].get("impurities", [])]
+    impurities = [
+        impurity["bead"] - half for impurity in rec.manifest["physics"].get("impurities", [])
+    ]
     impurities = [x for x in impurities if places.start <= x < places.stop]
     if len(impurities) <= _MOST_LINES:
         for number, x in enumerate(impurities):
             name = "impurity" if len(impurities) == 1 else "impurities"
-            ax.axvline(x, color=_GREY, lw=0.8, ls=":", zorder=0, label=name if number == 0 else None)
+            ax.axvline(
+                x, color=_GREY, lw=0.8, ls=":", zorder=0, label=name if number == 0 else None
+            )
     if len(states) > 1 or is_loaded or impurities:
         ax.legend(frameon=False, fontsize="small")
     room = 0.5 if mark else 0.0
@@ -242,7 +291,10 @@ def _draw_profiles(
 
 
 def html(rec: Recording) -> str:
-    """A summary of a recording for a notebook, with a small map. It never fails: what cannot be read is said in it."""
+    """A summary of a recording for a notebook, with a small map.
+
+    It never fails: it says what cannot be read.
+    """
     # the file may be of a stranger: nothing in it is markup
     try:
         rows = "".join(
@@ -273,7 +325,7 @@ def _summary(rec: Recording) -> list[tuple[str, object]]:
         ("steps", f"{rec.first_step:,} to {rec.last_step:,} of {rec.dt_s:.4g} s"),
         ("time", f"{times_ms[0]:.4g} to {times_ms[1]:.4g} ms"),
         ("states kept", f"{about['states']:,}, one every {every}"),
-        ("other steps", "recomputed when asked for" if rec.recomputes else "not to be had: another kernel"),
+        ("other steps", "recomputed when asked for" if rec.recomputes else "need another Beadline"),
         ("ended", ended),
         ("size", f"{about['bytes'] / 1e6:,.2f} MB{'' if rec.path else ' in memory'}"),
     ]
@@ -296,7 +348,7 @@ def _small_map(rec: Recording) -> str:
 
 
 def png(pixels: npt.NDArray[np.uint8], colours: npt.NDArray[np.uint8]) -> bytes:
-    """A PNG of pixels (rows × columns) that are numbers of colours (n × red, green, blue, opacity)."""
+    """A PNG of pixels (rows × columns) that are numbers of colours (n × sRGB and opacity)."""
 
     def chunk(kind: bytes, data: bytes) -> bytes:
         check = zlib.crc32(kind + data).to_bytes(4, "big")
@@ -329,8 +381,8 @@ def to_xarray(
         every: One of so many steps; by default the recorded ones.
         fields: Of ``"velocity"``, ``"displacement"``, ``"overlap"``, ``"force"``.
 
-    Its dimensions are ``time`` (s), ``bead`` and ``contact``; ``step``, ``mass_kg`` and ``stiffness`` are coordinates, and
-    the attribute ``manifest`` is the run as JSON.
+    Its dimensions are ``time`` (s), ``bead`` and ``contact``; ``step``, ``mass_kg`` and
+    ``stiffness`` are coordinates, and the attribute ``manifest`` is the run as JSON.
     """
     xr: Any = need("xarray")
     if every is None:

@@ -19,10 +19,13 @@ _BETWEEN_S = 0.2
 class Progress:
     """Shows how much of ``total`` is done, and how long the rest takes; gone when it ends.
 
-    ``show`` is whether to show it at all; ``None``: in terminals and notebooks. ``unit`` is what is counted.
+    ``show`` is whether to show it at all; ``None``: in terminals and notebooks. ``unit`` is what is
+    counted.
     """
 
-    def __init__(self, total: int, what: str, show: bool | None = None, unit: str = "steps") -> None:
+    def __init__(
+        self, total: int, what: str, show: bool | None = None, unit: str = "steps"
+    ) -> None:
         self._total, self._what, self._unit = total, what, unit
         self._in_notebook = _is_notebook()
         self._is_shown = show if show is not None else self._in_notebook or sys.stderr.isatty()
@@ -35,7 +38,10 @@ class Progress:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self._write("")
 
@@ -48,7 +54,9 @@ class Progress:
         rate = done / (now_s - self._begin_s)
         decimals = 0 if rate >= 100 else 1
         left = f", {_duration((self._total - done) / rate)} left" if done else ""
-        text = f"{self._what}: {done:,} of {self._total:,} {self._unit}, {rate:,.{decimals}f}/s{left}"
+        text = (
+            f"{self._what}: {done:,} of {self._total:,} {self._unit}, {rate:,.{decimals}f}/s{left}"
+        )
         self._write(self._bar(done, text) if self._in_notebook else text)
 
     def _bar(self, done: int, text: str) -> str:
@@ -63,10 +71,15 @@ class Progress:
             elif text:
                 self._cell = display.display(display.HTML(text), display_id=True)
             return
-        # spaces, rather than a code that not every terminal knows, cover the line before; as wide as that
+        # spaces cover the line before, since not every terminal knows a code for that
         text = text[: shutil.get_terminal_size().columns - 1]
         if text or self._width:
-            print(f"\r{text.ljust(self._width)}", end="" if text else "\r", file=sys.stderr, flush=True)
+            print(
+                f"\r{text.ljust(self._width)}",
+                end="" if text else "\r",
+                file=sys.stderr,
+                flush=True,
+            )
             self._width = len(text)
 
 
@@ -79,4 +92,10 @@ def _is_notebook() -> bool:
 def _duration(duration_s: float) -> str:
     minutes, seconds = divmod(round(duration_s), 60)
     hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
+    return (
+        f"{hours} h {minutes} min"
+        if hours
+        else f"{minutes} min {seconds} s"
+        if minutes
+        else f"{seconds} s"
+    )
