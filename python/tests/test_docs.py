@@ -1,0 +1,105 @@
+"""The pages of docs/python are true: their code runs, and prints what they say."""
+
+from __future__ import annotations
+
+import doctest
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "python"
+PAGES = sorted(path for path in DOCS.glob("[1-9]-*.md"))
+
+# ends what a block prints
+END = "\x1e"
+
+# of a page, on a busy machine
+WATCHDOG_S = 120.0
+
+
+def blocks(page: Path) -> Iterator[tuple[str, int, list[str]]]:
+    """The fenced blocks of a page: what they are, their first line (from 0), and their lines."""
+    kind, first, lines = None, 0, list[str]()
+    for number, line in enumerate(page.read_text(encoding="utf-8").splitlines()):
+        if not line.startswith("```"):
+            lines.append(line)
+        elif kind is None:
+            kind, first, lines = line[3:], number + 1, []
+        else:
+            yield kind, first, lines
+            kind = None
+
+
+def program(page: Path) -> tuple[str, list[str | None]]:
+    """A page as a program that has its lines where the page has them, and what each block prints."""
+    lines = [""] * len(page.read_text(encoding="utf-8").splitlines())
+    printed: list[str | None] = []
+    for kind, first, block in blocks(page):
+        if kind == "text":
+            printed[-1] = "\n".join(block)
+        elif kind == "python":
+            lines[first : first + len(block)] = block
+            lines[first + len(block)] = f"print({END!r}, flush=True)"
+            printed.append(None)
+        elif kind == "sh terminal":
+            # in the background, as in another terminal
+            lines[first] = f"import subprocess; subprocess.Popen({chr(10).join(block)!r}, shell=True)"
+        else:
+            assert kind in ("sh install", "toml"), f"{page.name}: a block of {kind!r}"
+    return "\n".join(lines), printed
+
+
+@pytest.fixture
+def environment(tmp_path: Path) -> Iterator[dict[str, str]]:
+    """An environment of its own, in which the command is the one of this package."""
+    command = tmp_path / "bin" / "beadline"
+    command.parent.mkdir()
+    command.write_text(f'#!/bin/sh\nexec {sys.executable} -m beadline "$@"\n')
+    command.chmod(0o755)
+    package = str(Path(__file__).resolve().parents[1])
+    path = f"{command.parent}:{os.environ['PATH']}"
+    # names of sockets have no room for more
+    with tempfile.TemporaryDirectory(prefix="bl-", dir="/tmp") as root:
+        own = {"PATH": path, "BEADLINE_ROOT": root, "MPLBACKEND": "Agg", "PYTHONPATH": package}
+        yield {**os.environ, **own, "IPYTHONDIR": str(tmp_path / "ipython")}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_a_page_does_what_it_says(page: Path, tmp_path: Path, environment: dict[str, str]) -> None:
+    text, expected = program(page)
+    (tmp_path / "page.py").write_text(text, encoding="utf-8")
+    process = subprocess.Popen(
+        [sys.executable, "page.py"],
+        cwd=tmp_path,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        out, said = process.communicate(timeout=WATCHDOG_S)
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+    assert process.returncode == 0, f"{page.name}:\n{said}"
+    found = [part.strip("\n") for part in out.split(END)][:-1]
+    assert len(found) == len(expected)
+    checker = doctest.OutputChecker()
+    for want, got in zip(expected, found, strict=True):
+        if want is not None:
+            want = want.replace("…", "...") + "\n"
+            assert checker.check_output(want, got + "\n", doctest.ELLIPSIS), f"{want}\nbut:\n{got}"
+
+
+def test_the_index_names_every_page() -> None:
+    index = (DOCS / "README.md").read_text(encoding="utf-8")
+    assert [page.name for page in PAGES] == re.findall(r"\]\(([1-9]-[a-z-]+\.md)\)", index)
