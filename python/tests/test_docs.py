@@ -13,6 +13,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from reference import CHAPTERS, PAGE, reference
+
+import beadline
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "python"
 PAGES = sorted(path for path in DOCS.glob("[1-9]-*.md"))
@@ -50,7 +53,9 @@ def program(page: Path) -> tuple[str, list[str | None]]:
             printed.append(None)
         elif kind == "sh terminal":
             # in the background, as in another terminal
-            lines[first] = f"import subprocess; subprocess.Popen({chr(10).join(block)!r}, shell=True)"
+            lines[first] = (
+                f"import subprocess; subprocess.Popen({chr(10).join(block)!r}, shell=True)"
+            )
         else:
             assert kind in ("sh install", "toml"), f"{page.name}: a block of {kind!r}"
     return "\n".join(lines), printed
@@ -103,3 +108,28 @@ def test_a_page_does_what_it_says(page: Path, tmp_path: Path, environment: dict[
 def test_the_index_names_every_page() -> None:
     index = (DOCS / "README.md").read_text(encoding="utf-8")
     assert [page.name for page in PAGES] == re.findall(r"\]\(([1-9]-[a-z-]+\.md)\)", index)
+
+
+def test_the_reference_is_that_of_this_package() -> None:
+    public = set(beadline.__all__) - {"__version__"}
+    assert {name for names in CHAPTERS.values() for name in names} == public
+    is_current = PAGE.read_text(encoding="utf-8") == reference()
+    assert is_current, "write it again: python python/tests/reference.py"
+
+
+def test_the_notebook_runs(tmp_path: Path, environment: dict[str, str]) -> None:
+    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    manager = pytest.importorskip("jupyter_client").AsyncKernelManager()
+    # the Python of this test, rather than one that is installed for notebooks
+    manager.kernel_spec.argv[0] = sys.executable
+    notebook = nbformat.read(DOCS / "newcomer.ipynb", as_version=4)
+    assert not any(cell.get("outputs") for cell in notebook.cells), "it is kept without outputs"
+    client = nbclient.NotebookClient(
+        notebook, km=manager, timeout=WATCHDOG_S, resources={"metadata": {"path": str(tmp_path)}}
+    )
+    client.execute(env=environment)
+    shown = [
+        output.get("data", {}) for cell in notebook.cells for output in cell.get("outputs", [])
+    ]
+    assert sum("image/png" in data for data in shown) >= 6
+    assert any("data:image/png" in data.get("text/html", "") for data in shown)
