@@ -21,7 +21,7 @@ def need(module: str, extra: str | None = None) -> ModuleType:
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
-        if error.name != package:
+        if (error.name or "").partition(".")[0] != package:
             raise
     extra = extra or _EXTRAS.get(package, package)
     raise MissingExtraError(f'this needs {package}: pip install "beadline[{extra}]"')

@@ -164,8 +164,7 @@ def _draw_map(
     shades = shades_of(low, high, is_log)
     norm = colors.FuncNorm((shades.of, shades.numbers), vmin=low, vmax=high)
     spread: Doubles = np.linspace(float(shades.of(low)), float(shades.of(high)), 1021)
-    colours = colors.ListedColormap(diverging(spread))
-    colours.set_bad("#e4e4e4")
+    colours = colors.ListedColormap(diverging(spread)).with_extremes(bad="#e4e4e4")
     # several pixels for a bead, so that its edges are sharp while those of many beads are smooth
     values = factor * drawn.values.repeat(-(-_SHARP_COLUMNS // drawn.values.shape[1]), axis=1)
     from_ms, until_ms = 1e3 * drawn.from_s, 1e3 * drawn.until_s

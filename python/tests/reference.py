@@ -50,7 +50,7 @@ def reference() -> str:
     for chapter, names in CHAPTERS.items():
         parts.append(f"## {chapter}\n")
         for name in names:
-            parts += entry(name, getattr(beadline, name))
+            parts += filter(None, entry(name, getattr(beadline, name)))
     return "\n".join(parts)
 
 
