@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import doctest
 import os
 import re
@@ -53,9 +54,8 @@ def program(page: Path) -> tuple[str, list[str | None]]:
             printed.append(None)
         elif kind == "sh terminal":
             # in the background, as in another terminal
-            lines[first] = (
-                f"import subprocess; subprocess.Popen({chr(10).join(block)!r}, shell=True)"
-            )
+            command = f"Popen({chr(10).join(block)!r}, shell=True, stdout=DEVNULL)"
+            lines[first] = f"from subprocess import DEVNULL, Popen; {command}"
         else:
             assert kind in ("sh install", "toml"), f"{page.name}: a block of {kind!r}"
     return "\n".join(lines), printed
@@ -80,21 +80,24 @@ def environment(tmp_path: Path) -> Iterator[dict[str, str]]:
 def test_a_page_does_what_it_says(page: Path, tmp_path: Path, environment: dict[str, str]) -> None:
     text, expected = program(page)
     (tmp_path / "page.py").write_text(text, encoding="utf-8")
-    process = subprocess.Popen(
-        [sys.executable, "page.py"],
-        cwd=tmp_path,
-        env=environment,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    try:
-        out, said = process.communicate(timeout=WATCHDOG_S)
-    finally:
-        if process.poll() is None:
-            os.killpg(process.pid, signal.SIGKILL)
+    # files, since what runs in the background keeps a pipe open
+    with open(tmp_path / "out", "w+") as out_file, open(tmp_path / "said", "w+") as said_file:
+        process = subprocess.Popen(
+            [sys.executable, "page.py"],
+            cwd=tmp_path,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=out_file,
+            stderr=said_file,
+            start_new_session=True,
+        )
+        try:
+            process.wait(timeout=WATCHDOG_S)
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+    out, said = ((tmp_path / name).read_text(encoding="utf-8") for name in ("out", "said"))
     assert process.returncode == 0, f"{page.name}:\n{said}"
     found = [part.strip("\n") for part in out.split(END)][:-1]
     assert len(found) == len(expected)
