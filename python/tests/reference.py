@@ -80,7 +80,11 @@ def public(kind: type) -> Iterator[tuple[str, Any]]:
     for base in kind.__mro__:
         if base.__module__.partition(".")[0] != "beadline":
             continue
-        for name, member in vars(base).items():
+        own = list(vars(base).items())
+        if base.__module__.endswith("._native"):
+            # in no order of their own
+            own.sort(key=lambda item: item[0])
+        for name, member in own:
             is_ours = is_attribute(member) or callable(getattr(member, "__func__", member))
             if is_ours and not name.startswith("_") and name not in seen:
                 seen.add(name)
