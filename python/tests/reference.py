@@ -81,8 +81,8 @@ def public(kind: type) -> Iterator[tuple[str, Any]]:
         if base.__module__.partition(".")[0] != "beadline":
             continue
         own = list(vars(base).items())
-        if base.__module__.endswith("._native"):
-            # in no order of their own
+        if base.__module__ == "beadline":
+            # those of Rust come in any order
             own.sort(key=lambda item: item[0])
         for name, member in own:
             is_ours = is_attribute(member) or callable(getattr(member, "__func__", member))

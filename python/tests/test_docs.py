@@ -130,7 +130,9 @@ def test_the_notebook_runs(tmp_path: Path, environment: dict[str, str]) -> None:
     client = nbclient.NotebookClient(
         notebook, km=manager, timeout=WATCHDOG_S, resources={"metadata": {"path": str(tmp_path)}}
     )
-    client.execute(env=environment)
+    # figures go into the cells
+    inline = "module://matplotlib_inline.backend_inline"
+    client.execute(env={**environment, "MPLBACKEND": inline})
     shown = [
         output.get("data", {}) for cell in notebook.cells for output in cell.get("outputs", [])
     ]
