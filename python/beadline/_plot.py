@@ -1,0 +1,431 @@
+"""What is seen of a recording: figures, its summary in a notebook, and a dataset of xarray."""
+
+from __future__ import annotations
+
+import base64
+import html as markup
+import json
+import math
+import zlib
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from ._extras import need
+from ._map import Map, Shades, Steps, diverging, map_of, rows_of, see_through, shades_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from xarray import Dataset
+
+    from ._native import Doubles
+    from ._recording import FieldArray, Recording, State
+
+Scale = Literal["log", "linear"]
+
+# Okabe and Ito, Color Universal Design (2008): colours that colour-blind readers can tell apart
+_CURVES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+_GREY = "#808080"
+
+# of a figure: most pixels of a map, and fewest recorded states that make a fine one
+_MOST_ROWS, _MOST_COLUMNS, _FINE_ROWS = 600, 2000, 300
+
+# columns of a map that need no pixels of their own to be sharp
+_SHARP_COLUMNS = 1000
+
+# of a summary: most pixels of its map, and most doubles that are read for it
+_SMALL_ROWS, _SMALL_COLUMNS, _SMALL_DOUBLES = 180, 360, 20_000_000
+
+# most impurities, and most beads, that are marked one by one
+_MOST_LINES, _MOST_DISCS = 8, 60
+
+_STATE_NAMES = {
+    "velocity": "velocity_m_s",
+    "displacement": "displacement_m",
+    "overlap": "overlap_m",
+    "force": "force_n",
+}
+
+
+def _array(rec: Recording, field: str) -> FieldArray:
+    if field not in _STATE_NAMES:
+        raise ValueError(f"field: found {field!r}; expected one of {', '.join(_STATE_NAMES)}")
+    array: FieldArray = getattr(rec, field)
+    return array
+
+
+def _place(field: str) -> str:
+    return "bead" if field in ("velocity", "displacement") else "contact"
+
+
+def plot(
+    rec: Recording,
+    field: str = "velocity",
+    *,
+    ax: Axes | None = None,
+    step: int | Sequence[int] | None = None,
+    time_s: float | Sequence[float] | None = None,
+    during_s: tuple[float, float] | None = None,
+    beads: slice | None = None,
+    every: int | None = None,
+    scale: Scale | None = None,
+    limit: float | None = None,
+) -> Axes:
+    """Draws a field over space and time or, with ``step`` or ``time_s``, along the chain.
+
+    A map has at most 600 rows, each of them a state: the recorded ones or, where there are fewer
+    than 300, computed ones. A pixel that stands for several beads has the value farthest from 0,
+    so that no pulse is lost between them.
+
+    Args:
+        field: ``"velocity"``, ``"displacement"``, ``"overlap"`` or ``"force"``. A map of a chain
+            under load shows overlaps and forces beyond those at rest.
+        ax: Where to draw; by default in a figure of its own.
+        step: A step, or several.
+        time_s: A time (s), or several.
+        during_s: Of a map: its first and its last time (s).
+        beads: The beads, or contacts, that are shown: ``slice(400, 600)``.
+        every: Of a map: take one of so many steps, recorded or not.
+        scale: Of a map: ``"linear"`` for colours in proportion to numbers, ``"log"`` to see weak
+            pulses beside strong ones; by default linear for displacements only.
+        limit: Where colours, or the axis of values, end on both sides of 0 (in the SI unit); by
+            default with the values.
+    """
+    array = _array(rec, field)
+    if step is not None and time_s is not None:
+        raise ValueError("found step and time_s; expected one of them")
+    places = range(array.shape[1])[beads or slice(None)]
+    if not places or places.step != 1:
+        raise ValueError(
+            f"beads: found {beads}; expected neighbours from 0 to {array.shape[1] - 1}"
+        )
+    states: list[State] | None = None
+    if step is not None:
+        states = [rec[int(one)] for one in np.atleast_1d(step)]
+    elif time_s is not None:
+        states = [rec.at(time_s=float(one)) for one in np.atleast_1d(time_s)]
+    axes: Any = ax
+    if ax is None:
+        size = (6.4, 5.0) if states is None else (6.4, 3.6)
+        axes = need("matplotlib.pyplot").subplots(figsize=size, layout="constrained")[1]
+    if states is None:
+        drawn = map_of(
+            rec,
+            array,
+            places,
+            _MOST_ROWS,
+            _MOST_COLUMNS,
+            during_s=during_s,
+            every=every,
+            fewest=_FINE_ROWS,
+        )
+        _draw_map(axes, drawn, field, array.unit, scale, limit)
+    else:
+        _draw_profiles(axes, rec, states, field, array.unit, places, limit)
+    about = rec.name
+    if states is not None and len(states) == 1:
+        about = f"{rec.name}, {_at(states[0])} (step {states[0].step:,})"
+    axes.set_title(about, loc="left", fontsize="small", color=_GREY, parse_math=False)
+    axes.set_xlabel(_place(field))
+    ticker: Any = need("matplotlib.ticker")
+    axes.xaxis.set_major_locator(ticker.MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
+    axes.minorticks_on()
+    found: Axes = axes
+    return found
+
+
+def _prefix(largest: float, unit: str) -> tuple[str, float]:
+    """The unit in which a number is shown as 1 to 1000, and the factor to it."""
+    if unit == "m/s" or not largest:
+        return unit, 1.0
+    prefixes = ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n"))
+    factor, letter = next((one for one in prefixes if largest * one[0] >= 1), prefixes[-1])
+    return letter + unit, factor
+
+
+def _draw_map(
+    ax: Any, drawn: Map, field: str, unit: str, scale: Scale | None, limit: float | None
+) -> None:
+    colors: Any = need("matplotlib.colors")
+    ticker: Any = need("matplotlib.ticker")
+    least, largest = drawn.extremes
+    is_log = field != "displacement" if scale is None else scale == "log"
+    if limit is None:
+        low, high = _bulk(field, drawn.values, is_log)
+        # as far on the other side, if something is there
+        end = max(high, -low)
+        low, high = max(-end, least), min(end, largest) if largest > least else 1.0
+    else:
+        low, high = -limit, limit
+    unit, factor = _prefix(max(high, -low), unit)
+    low, high = low * factor, high * factor
+    shades = shades_of(low, high, is_log)
+    norm = colors.FuncNorm((shades.of, shades.numbers), vmin=low, vmax=high)
+    spread: Doubles = np.linspace(float(shades.of(low)), float(shades.of(high)), 1021)
+    colours = colors.ListedColormap(diverging(spread)).with_extremes(bad="#e4e4e4")
+    # several pixels for a bead, so that its edges are sharp while those of many beads are smooth
+    values = factor * drawn.values.repeat(-(-_SHARP_COLUMNS // drawn.values.shape[1]), axis=1)
+    from_ms, until_ms = 1e3 * drawn.from_s, 1e3 * drawn.until_s
+    half_ms = (until_ms - from_ms) / max(len(values) - 1, 1) / 2 or 0.5e3 * drawn.dt_s
+    sides = (
+        drawn.places.start - 0.5,
+        drawn.places.stop - 0.5,
+        until_ms + half_ms,
+        from_ms - half_ms,
+    )
+    # colours are mixed rather than numbers, of which those of opposite signs would make a 0
+    kind = {"aspect": "auto", "interpolation_stage": "rgba"}
+    image = ax.imshow(values, cmap=colours, norm=norm, extent=sides, **kind)
+    if len(values) > 1:
+        ax.set_ylim(until_ms, from_ms)
+    ax.set_ylabel("time (ms)")
+    beyond = {
+        (False, False): "neither",
+        (True, False): "min",
+        (False, True): "max",
+        (True, True): "both",
+    }
+    extend = beyond[least * factor < low, largest * factor > high]
+    label = f"{field}{' beyond rest' if drawn.is_loaded else ''} ({unit})"
+    bar = ax.figure.colorbar(
+        image, ax=ax, label=label, pad=0.02, aspect=30, extend=extend, extendfrac=0.02
+    )
+    bar.minorticks_off()
+    if shades.log_beyond is not None:
+        bar.set_ticks(_decades(shades, low, high))
+        bar.formatter = ticker.FuncFormatter(_plain)
+        bar.update_ticks()
+
+
+def _plain(value: float, position: int | None = None) -> str:
+    """A power of ten without zeros that say nothing."""
+    return f"{value:g}".replace("-", "−")
+
+
+def _decades(shades: Shades, low: float, high: float) -> list[float]:
+    """0 and powers of ten between ``low`` and ``high``, as many as have room."""
+    first, last = math.log10(shades.log_beyond or 1.0), math.log10(shades.limit)
+    powers = [10.0**power for power in range(math.ceil(first), math.floor(last + 1e-9) + 1)]
+    apart = 0.05 * (shades.of(high) - shades.of(low))
+    kept = [0.0]
+    for number in [*powers[::-1], *(-power for power in powers[::-1])]:
+        if low <= number <= high and np.abs(shades.of(number) - shades.of(kept)).min() > apart:
+            kept.append(number)
+    return kept
+
+
+def _bulk(field: str, values: Doubles, is_log: bool = False) -> tuple[float, float]:
+    """The values that are shown.
+
+    All displacements but a fiftieth at either end, if they are linear, since the struck end flies
+    off and the rest would be flat beside it; no gap much wider than the largest overlap.
+    """
+    known = values[np.isfinite(values)]
+    low, high = float(known.min()), float(known.max())
+    if field == "displacement" and not is_log:
+        ends = np.quantile(known, [0.02, 0.98])
+        # what would be cut off by a little is not
+        if not 1.2 * ends[0] <= low or not 1.2 * ends[1] >= high:
+            low, high = float(ends[0]), float(ends[1])
+    return (-high, high) if field == "overlap" and 0 < 1.2 * high < -low else (low, high)
+
+
+def _at(state: State) -> str:
+    return f"t = {1e3 * state.time_s:.4g} ms"
+
+
+def _draw_profiles(
+    ax: Any,
+    rec: Recording,
+    states: Sequence[State],
+    field: str,
+    unit: str,
+    places: range,
+    limit: float | None,
+) -> None:
+    curves = [
+        np.asarray(getattr(state, _STATE_NAMES[field]))[places.start : places.stop]
+        for state in states
+    ]
+    low, high = _bulk(field, np.asarray(curves))
+    unit, factor = _prefix(max(abs(low), abs(high)), unit)
+    mark = "o" if len(places) <= _MOST_DISCS else ""
+    for state, values, colour in zip(states, curves, _CURVES * len(states), strict=False):
+        label = _at(state) if len(states) > 1 else field
+        ax.plot(places, values * factor, color=colour, lw=1.2, marker=mark, ms=3, label=label)
+    rest = {"overlap": rec.rest_overlap_m, "force": rec.rest_force_n}.get(field)
+    is_loaded = rest is not None and bool(rest.any())
+    if rest is not None and is_loaded:
+        ax.plot(
+            places,
+            rest[places.start : places.stop] * factor,
+            "--",
+            color=_GREY,
+            lw=0.8,
+            label="at rest",
+        )
+    # between its two contacts, where these are shown
+    half = 0.5 if _place(field) == "contact" else 0.0
+    impurities = [
+        impurity["bead"] - half for impurity in rec.manifest["physics"].get("impurities", [])
+    ]
+    impurities = [x for x in impurities if places.start <= x < places.stop]
+    if len(impurities) <= _MOST_LINES:
+        for number, x in enumerate(impurities):
+            name = "impurity" if len(impurities) == 1 else "impurities"
+            ax.axvline(
+                x, color=_GREY, lw=0.8, ls=":", zorder=0, label=name if number == 0 else None
+            )
+    if len(states) > 1 or is_loaded or impurities:
+        ax.legend(frameon=False, fontsize="small")
+    room = 0.5 if mark else 0.0
+    ax.set_xlim(places.start - room, places.stop - 1 + room)
+    if limit is not None:
+        ax.set_ylim(-limit * factor, limit * factor)
+    elif low < high:
+        ax.set_ylim((low - 0.1 * (high - low)) * factor, (high + 0.1 * (high - low)) * factor)
+    ax.set_ylabel(f"{field} ({unit})")
+
+
+def html(rec: Recording) -> str:
+    """A summary of a recording for a notebook, with a small map.
+
+    It never fails: it says what cannot be read.
+    """
+    # the file may be of a stranger: nothing in it is markup
+    try:
+        rows = "".join(
+            f'<tr><th style="text-align:left">{name}</th>'
+            f'<td style="text-align:left">{markup.escape(str(value))}</td></tr>'
+            for name, value in _summary(rec)
+        )
+    except Exception as error:
+        rows = f"<tr><td>{markup.escape(f'{type(error).__name__}: {error}')}</td></tr>"
+    try:
+        picture = _small_map(rec)
+    except Exception as error:
+        picture = f"<em>no map: {markup.escape(f'{type(error).__name__}: {error}')}</em>"
+    return (
+        '<div style="display:flex;flex-wrap:wrap;gap:1em;align-items:flex-start">'
+        f"<table>{rows}</table><div>{picture}</div></div>"
+    )
+
+
+def _summary(rec: Recording) -> list[tuple[str, object]]:
+    about, physics = rec.about, rec.manifest["physics"]
+    times_ms = 1e3 * rec.first_step * rec.dt_s, 1e3 * rec.last_step * rec.dt_s
+    ended = about["end"] or ("not finished: it goes on, or was cut short" if rec.path else "")
+    every = f"{rec.record_every:,} steps" if rec.record_every > 1 else "step"
+    rows: list[tuple[str, object]] = [
+        ("run", rec.name),
+        ("chain", f"{rec.beads:,} beads, α = {physics['alpha']:g}"),
+        ("steps", f"{rec.first_step:,} to {rec.last_step:,} of {rec.dt_s:.4g} s"),
+        ("time", f"{times_ms[0]:.4g} to {times_ms[1]:.4g} ms"),
+        ("states kept", f"{about['states']:,}, one every {every}"),
+        ("other steps", "recomputed when asked for" if rec.recomputes else "need another Beadline"),
+        ("ended", ended),
+        ("size", f"{about['bytes'] / 1e6:,.2f} MB{'' if rec.path else ' in memory'}"),
+    ]
+    rows += [("file", rec.path)] if rec.path else []
+    return rows + ([("damage", about["damage"])] if about["damage"] else [])
+
+
+def _small_map(rec: Recording) -> str:
+    rows = min(_SMALL_ROWS, max(2, _SMALL_DOUBLES // rec.beads))
+    drawn = map_of(rec, rec.velocity, range(rec.beads), rows, _SMALL_COLUMNS)
+    low, high = drawn.extremes
+    shades = np.nan_to_num(shades_of(low, high, is_log=True).of(drawn.values))
+    pixels = (127 + (127 * shades).round()).astype(np.uint8)
+    colours = (255 * see_through(np.linspace(-1, 1, 255))).round().astype(np.uint8)
+    data = base64.b64encode(png(pixels, colours)).decode()
+    said = f"velocity over beads (across) and time (down), from {low:.3g} to {high:.3g} m/s"
+    size = f"width:{_SMALL_COLUMNS}px;height:{_SMALL_ROWS}px;border:1px solid #8888"
+    image = f'<img alt="{said}" style="{size}" src="data:image/png;base64,{data}">'
+    return f"{image}<br><small>{said}</small>"
+
+
+def png(pixels: npt.NDArray[np.uint8], colours: npt.NDArray[np.uint8]) -> bytes:
+    """A PNG of pixels (rows × columns) that are numbers of colours (n × sRGB and opacity)."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        check = zlib.crc32(kind + data).to_bytes(4, "big")
+        return len(data).to_bytes(4, "big") + kind + data + check
+
+    height, width = pixels.shape
+    # 8 bits a pixel, of a palette
+    head = width.to_bytes(4, "big") + height.to_bytes(4, "big") + bytes([8, 3, 0, 0, 0])
+    # each row begins with its filter: none
+    rows = np.pad(pixels, ((0, 0), (1, 0))).tobytes()
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        [
+            chunk(b"IHDR", head),
+            chunk(b"PLTE", colours[:, :3].tobytes()),
+            chunk(b"tRNS", colours[:, 3].tobytes()),
+            chunk(b"IDAT", zlib.compress(rows)),
+            chunk(b"IEND", b""),
+        ]
+    )
+
+
+def to_xarray(
+    rec: Recording,
+    every: int | None = None,
+    fields: Sequence[str] = ("velocity", "displacement", "overlap"),
+) -> Dataset:
+    """A recording as a dataset of xarray, whose values are read, or computed, when they are needed.
+
+    Args:
+        every: One of so many steps; by default the recorded ones.
+        fields: Of ``"velocity"``, ``"displacement"``, ``"overlap"``, ``"force"``.
+
+    Its dimensions are ``time`` (s), ``bead`` and ``contact``; ``step``, ``mass_kg`` and
+    ``stiffness`` are coordinates, and the attribute ``manifest`` is the run as JSON.
+    """
+    xr: Any = need("xarray")
+    if every is None:
+        steps: Steps = np.asarray(rec.recorded_steps, np.int64)
+    else:
+        steps = np.asarray(rec.steps[::every], np.int64)
+    rows = rows_of(rec, steps)
+    variables = {
+        name: xr.Variable(
+            ("time", _place(name)),
+            _lazily(_array(rec, name), rows),
+            {"units": _array(rec, name).unit, "long_name": name},
+        )
+        for name in fields
+    }
+    time_attributes = {"units": "s", "long_name": "time"}
+    coordinates = {
+        "time": ("time", steps * rec.dt_s, time_attributes),
+        "step": ("time", steps),
+        "bead": ("bead", np.arange(rec.beads)),
+        "contact": ("contact", np.arange(len(rec.stiffness))),
+        "mass_kg": ("bead", rec.mass_kg, {"units": "kg", "long_name": "mass"}),
+        "stiffness": ("contact", rec.stiffness, {"units": "N m^-alpha", "long_name": "stiffness"}),
+    }
+    attributes = {"name": rec.name, "manifest": json.dumps(rec.manifest)}
+    dataset: Dataset = xr.Dataset(variables, coordinates, attributes)
+    return dataset
+
+
+def _lazily(array: FieldArray, rows: Steps) -> Any:
+    """Some rows of an array as xarray reads lazily."""
+    indexing: Any = need("xarray.core.indexing")
+    backends: Any = need("xarray.backends")
+
+    class Lazy(backends.BackendArray):  # type: ignore[misc]
+        shape = (len(rows), array.shape[1])
+        dtype = array.dtype
+
+        def __getitem__(self, key: Any) -> Any:
+            kind = indexing.IndexingSupport.OUTER
+            return indexing.explicit_indexing_adapter(key, self.shape, kind, self._read)
+
+        def _read(self, key: tuple[Any, Any]) -> Doubles:
+            # each index is for its own axis
+            return np.asarray(array[rows[key[0]]][..., key[1]])
+
+    return indexing.LazilyIndexedArray(Lazy())
