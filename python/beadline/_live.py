@@ -6,7 +6,6 @@ import asyncio
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import closing
 from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -15,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _native
-from ._native import Frame, Live
+from ._native import Frame as Frame
+from ._native import Live as Live
 
 if TYPE_CHECKING:
     from ._recording import Recording, State
@@ -26,7 +26,11 @@ _TURN_S = 0.005
 
 
 def attach(
-    name: str | None = None, *, latest: bool = False, timeout_s: float | None = None, label: str = "python"
+    name: str | None = None,
+    *,
+    latest: bool = False,
+    timeout_s: float | None = None,
+    label: str = "python",
 ) -> Live:
     """Attaches to the live run ``name``, or to the only one, and waits for it if it is not there.
 
@@ -42,7 +46,11 @@ def attach(
 
 
 def attach_async(
-    name: str | None = None, *, latest: bool = False, timeout_s: float | None = None, label: str = "python"
+    name: str | None = None,
+    *,
+    latest: bool = False,
+    timeout_s: float | None = None,
+    label: str = "python",
 ) -> AsyncLive:
     """As :func:`attach`, for ``async for frame in …`` and ``async with … as live``."""
     return AsyncLive(name, latest, timeout_s, label)
@@ -59,10 +67,11 @@ class AsyncLive:
 
     live: Live | None = None
 
-    def __init__(self, name: str | None, latest: bool, timeout_s: float | None, label: str) -> None:
+    def __init__(
+        self, name: str | None, latest: bool, timeout_s: float | None, label: str
+    ) -> None:
         self._wanted = name, latest, timeout_s, label
         self._turn_began_s = time.monotonic()
-        self._is_closed = False
 
     async def attach(self) -> Live:
         """Waits for the run."""
@@ -81,10 +90,11 @@ class AsyncLive:
             if time.monotonic() - self._turn_began_s > _TURN_S:
                 await asyncio.sleep(0)
                 self._turn_began_s = time.monotonic()
-            frame = live.take(False)
+            frame = live.take()
             while frame is None and live.end is None:
-                frame = await asyncio.to_thread(live.take, True)
+                await asyncio.to_thread(live.wait)
                 self._turn_began_s = time.monotonic()
+                frame = live.take()
         except asyncio.CancelledError:
             self.close()
             raise
@@ -105,7 +115,10 @@ class AsyncLive:
         return self
 
     async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self.close()
 
@@ -136,7 +149,8 @@ class LiveRun:
     Attributes:
         name: Its name.
         run_id: Its identity.
-        state: ``"waiting"``, ``"running"``, ``"done"``, ``"interrupted"``, ``"failed"`` or ``"dead"``.
+        state: ``"waiting"``, ``"running"``, ``"done"``, ``"interrupted"``, ``"failed"`` or
+            ``"dead"``.
         frame: The last frame published.
         step: Its step.
         step_count: Steps of the whole run.
@@ -160,10 +174,11 @@ class LiveRun:
 
 def live_runs() -> list[LiveRun]:
     """The runs on the bus, as ``beadline ls`` shows them."""
-    return [
-        LiveRun(**{**run, "consumers": tuple(LiveConsumer(**it) for it in run["consumers"])})
-        for run in _native.live_runs()
-    ]
+    return [_live_run(**about) for about in _native.live_runs()]
+
+
+def _live_run(*, consumers: list[dict[str, Any]], **about: Any) -> LiveRun:
+    return LiveRun(**about, consumers=tuple(LiveConsumer(**one) for one in consumers))
 
 
 Row = float | Sequence[float] | npt.NDArray[Any]

@@ -231,6 +231,8 @@ impl Frame {
 /// Frames on their way from the bus.
 struct Stream {
     source: Option<LiveSource>,
+    /// What came while somebody only waited for it.
+    ahead: Option<Frame>,
     held: Vec<Weak<Shared>>,
     next_frame: u64,
     /// Frames missed since the last one that came.
@@ -240,6 +242,7 @@ struct Stream {
 impl Stream {
     /// Leaves the run. Frames that are held stay as they are.
     fn leave(&mut self) {
+        self.ahead = None;
         let Some(source) = self.source.take() else { return };
         let sealed = self.held.iter().filter_map(Weak::upgrade).try_for_each(|frame| frame.seal());
         if sealed.is_err() {
@@ -278,7 +281,12 @@ impl Live {
 
     /// The next frame; none if none came within `patience`, or the run is over.
     fn receive(&self, stream: &mut Stream, patience: Duration) -> Result<Option<Frame>, Why> {
-        let Stream { source: Some(source), held, next_frame, missed } = stream else { return self.over(stream) };
+        if let Some(frame) = stream.ahead.take() {
+            return Ok(Some(frame));
+        }
+        let Stream { source: Some(source), held, next_frame, missed, .. } = stream else {
+            return self.over(stream);
+        };
         held.retain(|frame| frame.strong_count() > 0);
         if held.len() >= BORROWED {
             let what = format!(
@@ -386,14 +394,23 @@ impl Live {
         self.run.chain.rest_overlap_m.to_pyarray(py)
     }
 
-    /// The next frame, if it is there, or after a wait of at most 50 ms.
-    fn take(&self, py: Python<'_>, wait: bool) -> PyResult<Option<Frame>> {
-        if !wait && let Ok(mut stream) = self.stream.try_lock() {
+    /// The next frame, if it is there.
+    fn take(&self, py: Python<'_>) -> PyResult<Option<Frame>> {
+        if let Ok(mut stream) = self.stream.try_lock() {
             // takes some microseconds: others would need longer to get the interpreter and give it back
             return Ok(self.receive(&mut stream, Duration::ZERO)?);
         }
-        let patience = if wait { LOOK } else { Duration::ZERO };
-        Ok(py.detach(|| self.receive(&mut self.stream(), patience))?)
+        Ok(py.detach(|| self.receive(&mut self.stream(), Duration::ZERO))?)
+    }
+
+    /// Waits for the next frame, at most 50 ms.
+    fn wait(&self, py: Python<'_>) -> PyResult<()> {
+        py.detach(|| -> Result<(), Why> {
+            let mut stream = self.stream();
+            stream.ahead = self.receive(&mut stream, LOOK)?;
+            Ok(())
+        })?;
+        Ok(())
     }
 
     fn __iter__(slf: Py<Self>) -> Py<Self> {
@@ -401,10 +418,11 @@ impl Live {
     }
 
     fn __next__(&self, py: Python<'_>) -> PyResult<Option<Frame>> {
-        let mut found = self.take(py, false)?;
+        let mut found = self.take(py)?;
         while found.is_none() && self.end.get().is_none() {
-            found = self.take(py, true)?;
+            self.wait(py)?;
             py.check_signals()?;
+            found = self.take(py)?;
         }
         Ok(found)
     }
@@ -477,7 +495,7 @@ fn attach(
         first_frame,
         mass_kg: mass_kg.unbind(),
     };
-    let stream = Stream { source: Some(source), held: Vec::new(), next_frame: first_frame, missed: 0 };
+    let stream = Stream { source: Some(source), ahead: None, held: Vec::new(), next_frame: first_frame, missed: 0 };
     Ok(Live {
         run: Arc::new(run),
         stop,
