@@ -57,7 +57,7 @@ def attach_async(
 
 
 class AsyncLive:
-    """A live run in asyncio. It attaches with the first frame that is asked for, or in ``async with``.
+    """A live run in asyncio; attaches with the first frame that is asked for, or in ``async with``.
 
     Cancelling a task that waits for a frame detaches; so does a timeout around it.
 
@@ -186,16 +186,18 @@ Rows = list[tuple[int, int, float, list[float]]]
 
 
 class Consumer:
-    """An analysis of one's own: a function of a frame, which gives a number for each of its columns.
+    """An analysis of one's own: a function of a frame that gives a number for each of its columns.
 
     It can be called as the function itself.
 
     Attributes:
         name: What its results are called on the bus: ``own/NAME``.
-        columns: Names of the columns, which end in their units; one name may stand for any number of values.
+        columns: Names of the columns, which end in their units; one may stand for many values.
     """
 
-    def __init__(self, function: Callable[[Any], Row], columns: Iterable[str], name: str | None) -> None:
+    def __init__(
+        self, function: Callable[[Any], Row], columns: Iterable[str], name: str | None
+    ) -> None:
         self.function = function
         self.columns = [columns] if isinstance(columns, str) else list(columns)
         self.name = name or function.__name__.strip("_").replace("_", "-").lower()
@@ -217,7 +219,7 @@ class Consumer:
 
         Args:
             source: ``"live"`` (the only live run), ``"live:NAME"``, a recording or its path.
-            publish: Put the rows on the bus while they come, where ``beadline record`` and others find them.
+            publish: Put the rows on the bus while they come, for ``beadline record`` and others.
             latest: Never hold a live run back.
             every_step: All steps of a recording, not only the recorded ones.
             timeout_s: How long to wait for a live run (s).
@@ -238,9 +240,8 @@ class Consumer:
         row = np.asarray(self.function(frame), dtype=np.float64).reshape(-1)
         wanted = len(self.columns) if len(self.columns) > 1 else width
         if row.size == 0 or (wanted is not None and row.size != wanted):
-            columns = ", ".join(self.columns)
-            wanted = wanted or 1
-            raise ValueError(f"{self.name} gave {row.size} values for frame {frame.frame}, not {wanted} ({columns})")
+            found = f"{self.name} gave {row.size} values for frame {frame.frame}"
+            raise ValueError(f"{found}, not {wanted or 1} ({', '.join(self.columns)})")
         values: list[float] = row.tolist()
         return values
 
@@ -300,7 +301,8 @@ def _live_name(source: str | os.PathLike[str] | Recording) -> str | None:
     """The run after ``live:``, ``""`` for the only one; ``None`` if it is no live run."""
     if source == "live":
         return ""
-    return source.removeprefix("live:") if isinstance(source, str) and source.startswith("live:") else None
+    is_live = isinstance(source, str) and source.startswith("live:")
+    return str(source).removeprefix("live:") if is_live else None
 
 
 def _states(source: str | os.PathLike[str] | Recording, every_step: bool) -> Iterator[State]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import multiprocessing
 import os
-import resource
 import shutil
 import signal
 import subprocess
@@ -51,7 +50,8 @@ class Processes:
 
     def run(self, *arguments: str, wait_for: int = 1) -> subprocess.Popen[str]:
         """Starts a run, recorded as light.mcap unless it says otherwise."""
-        return self.start(*COMMAND, "run", "--name", "light", "--wait-for", str(wait_for), *arguments)
+        run = ["run", "--name", "light", "--wait-for", str(wait_for)]
+        return self.start(*COMMAND, *run, *arguments)
 
     def python(self, program: str) -> subprocess.Popen[str]:
         return self.start(sys.executable, "-c", program)
@@ -91,14 +91,14 @@ def test_frames_are_views_that_cannot_be_written_to(processes: Processes) -> Non
     processes.run(*LONG, "--no-record")
     with bl.attach(timeout_s=20) as live:
         frame = next(live)
-        for values in (frame.displacement_m, frame.velocity_m_s, frame.extra, frame.mass_kg, frame.overlap_m):
+        u_m, v_m_s = frame.displacement_m, frame.velocity_m_s
+        for values in (u_m, v_m_s, frame.extra, frame.mass_kg, frame.overlap_m):
             with pytest.raises(ValueError, match="read-only"):
                 values[...] = 0
         with pytest.raises(ValueError, match="WRITEABLE"):
             frame.velocity_m_s.flags.writeable = True
         first, again = frame.velocity_m_s, frame.velocity_m_s
         assert first.ctypes.data == again.ctypes.data
-        u_m = frame.displacement_m
         np.testing.assert_array_equal(frame.overlap_m, u_m[:-1] - u_m[1:] + live.rest_overlap_m)
         assert frame.force_n.shape == (49,)
 
@@ -167,8 +167,12 @@ def test_latest_never_waits_and_counts_what_it_misses(processes: Processes) -> N
         assert frame.frame == first + missed + 1 or frame.frame > first + missed
 
 
-@pytest.mark.parametrize(("sent", "end"), [(signal.SIGINT, "interrupted"), (signal.SIGKILL, "producer lost")])
-def test_a_run_that_ends_early_says_how(processes: Processes, sent: signal.Signals, end: str) -> None:
+@pytest.mark.parametrize(
+    ("sent", "end"), [(signal.SIGINT, "interrupted"), (signal.SIGKILL, "producer lost")]
+)
+def test_a_run_that_ends_early_says_how(
+    processes: Processes, sent: signal.Signals, end: str
+) -> None:
     run = processes.run(*LONG, "--no-record")
     with bl.attach(timeout_s=20) as live:
         next(live)
@@ -201,7 +205,8 @@ def test_live_runs_and_their_consumers_are_listed(processes: Processes) -> None:
         next(live)
         (found,) = bl.live_runs()
         assert (found.name, found.state, found.pid) == ("light", "running", run.pid)
-        assert [(it.label, it.delivery, it.pid) for it in found.consumers] == [("mine", "lossless", os.getpid())]
+        (me,) = found.consumers
+        assert (me.label, me.delivery, me.pid) == ("mine", "lossless", os.getpid())
 
 
 @pytest.mark.parametrize("attached", [True, False])
@@ -340,7 +345,8 @@ def test_memory_does_not_grow_with_the_frames(processes: Processes) -> None:
     program = """
 import beadline as bl
 def used():
-    return next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmRSS"))
+    lines = open("/proc/self/status")
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS"))
 with bl.attach("light", timeout_s=20) as live:
     for frame in live:
         frame.velocity_m_s.max()
@@ -361,7 +367,9 @@ def motion(frame: bl.Frame) -> tuple[float, float]:
     return frame.mass_kg @ frame.velocity_m_s, np.abs(frame.velocity_m_s).max()
 
 
-def test_a_consumer_gives_the_same_rows_of_a_run_and_of_its_recording(processes: Processes, root: Path) -> None:
+def test_a_consumer_gives_the_same_rows_of_a_run_and_of_its_recording(
+    processes: Processes, root: Path
+) -> None:
     run = processes.run(*SHORT, "--out", "light.mcap")
     live = motion.follow("live:light", timeout_s=20)
     assert run.wait() == 0
