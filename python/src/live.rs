@@ -92,7 +92,10 @@ impl Shared {
         };
         let begin = first.cast::<u8>().wrapping_sub(first.addr() % page).cast_mut();
         let bytes = (last.addr() - begin.addr()).next_multiple_of(page);
-        #[expect(unsafe_code, reason = "arrays point to these addresses, so the memory has to change under them")]
+        #[expect(
+            unsafe_code,
+            reason = "arrays point to these addresses, so the memory has to change under them"
+        )]
         // SAFETY: mappings begin and end at pages, so all these pages belong to the mapping of the frame, which this
         // consumer has alone and only reads. Afterwards each byte of a frame that is held has the value that it had:
         // all frames are sealed before the source leaves. Bytes between frames may be written by the producer
@@ -443,13 +446,7 @@ impl Live {
     }
 
     /// A publisher of results about these frames, as ``own/TOPIC``.
-    fn results(
-        &self,
-        py: Python<'_>,
-        topic: &str,
-        columns: Vec<String>,
-        width: usize,
-    ) -> PyResult<Results> {
+    fn results(&self, py: Python<'_>, topic: &str, columns: Vec<String>, width: usize) -> PyResult<Results> {
         let topic = Topic::own(topic).map_err(PyValueError::new_err)?;
         let columns = ResultColumns { width, names: columns.join(","), tolerance_m: None };
         let publisher = stoppable(py, &self.stop, || {
@@ -495,7 +492,8 @@ fn attach(
         first_frame,
         mass_kg: mass_kg.unbind(),
     };
-    let stream = Stream { source: Some(source), ahead: None, held: Vec::new(), next_frame: first_frame, missed: 0 };
+    let stream =
+        Stream { source: Some(source), ahead: None, held: Vec::new(), next_frame: first_frame, missed: 0 };
     Ok(Live {
         run: Arc::new(run),
         stop,
