@@ -46,6 +46,11 @@ impl Why {
         Self::new(class, message)
     }
 
+    /// The same, and which frame is meant.
+    pub(crate) fn at_frame(self, frame: u64) -> Self {
+        Self { frame: Some(frame), ..self }
+    }
+
     pub(crate) fn of_io(error: &io::Error, path: &Path) -> Self {
         let code = error.raw_os_error();
         let said = error.to_string();

@@ -178,14 +178,51 @@ impl LiveSource {
         });
     }
 
-    fn wait(&self) {
-        let Some(ports) = &self.ports else { return };
+    fn wait(&self, patience: Duration) {
+        let Some(ports) = self.ports.as_ref().filter(|_| !patience.is_zero()) else { return };
         // a signal ends the wait early; the loop looks at the flag
-        let _ = ports.listener.timed_wait(|_| {}, WAIT);
+        let _ = ports.listener.timed_wait(|_| {}, patience.min(WAIT)); // integers
+    }
+
+    /// As `receive`, but waits at most for `patience` (and never longer than 50 ms); none if nothing came.
+    ///
+    /// At the end it stays attached, so that frames which are held stay as they are until this source is dropped.
+    ///
+    /// # Errors
+    /// As `receive`.
+    pub fn receive_soon(&mut self, patience: Duration) -> Result<Option<Received<'_>>, LiveError> {
+        match self.next_turn()? {
+            Turn::Wait => {
+                self.tell(Instant::now());
+                self.wait(patience);
+                self.following.waited();
+                Ok(None)
+            }
+            Turn::Missed { from, to } => Ok(Some(Received::Missed { from, to })),
+            Turn::End(reason) => Ok(Some(Received::End(reason))),
+            _ => self.frame().map(Some),
+        }
+    }
+
+    /// Does what there is to do, until there is something to tell or to wait for.
+    fn next_turn(&mut self) -> Result<Turn, LiveError> {
+        loop {
+            if self.stop.load(Ordering::Relaxed) {
+                self.following.end(EndReason::Stopped);
+            }
+            match self.following.turn() {
+                Turn::Take => self.take()?,
+                Turn::Read => self.following.read(self.status().as_ref(), Instant::now()),
+                Turn::Ask => self.following.heard(self.bus.is_alive(self.node_id)),
+                turn => return Ok(turn),
+            }
+        }
     }
 }
 
-/// A frame in shared memory that stays as it is for as long as this is kept, also after the run.
+/// A frame in shared memory that stays as it is for as long as this is kept and its source is attached.
+///
+/// A producer that goes on without this consumer takes the memory back.
 pub struct HeldState {
     sample: StateSample,
     beads: usize,
@@ -208,25 +245,19 @@ impl FrameSource for LiveSource {
 
     fn receive(&mut self) -> Result<Received<'_>, LiveError> {
         loop {
-            if self.stop.load(Ordering::Relaxed) {
-                self.following.end(EndReason::Stopped);
-            }
-            let turn = self.following.turn();
+            let turn = self.next_turn()?;
             if self.following.is_over() {
                 self.let_go();
             }
             match turn {
-                Turn::Take => self.take()?,
-                Turn::Read => self.following.read(self.status().as_ref(), Instant::now()),
-                Turn::Ask => self.following.heard(self.bus.is_alive(self.node_id)),
                 Turn::Wait => {
                     self.tell(Instant::now());
-                    self.wait();
+                    self.wait(WAIT);
                     self.following.waited();
                 }
-                Turn::Frame => return self.frame(),
                 Turn::Missed { from, to } => return Ok(Received::Missed { from, to }),
                 Turn::End(reason) => return Ok(Received::End(reason)),
+                _ => return self.frame(),
             }
         }
     }
