@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from . import _native
+from . import _native, _plot, _table
 
 if TYPE_CHECKING:
     from ._native import Doubles, Numbers, StateTuple
@@ -505,6 +505,18 @@ class Recording:
         """
         self._states.save(Path(path), force)
         return open(path)
+
+    # the first argument of these is the recording
+    energies = _table.energies
+    impurity = _table.impurity
+    contacts = _table.contacts
+    pulses = _table.pulses
+    deformation = _table.deformation
+    verify = _table.verify
+    share = _table.share
+    plot = _plot.plot
+    to_xarray = _plot.to_xarray
+    _repr_html_ = _plot.html
 
     @contextmanager
     def _file(self) -> Iterator[str]:

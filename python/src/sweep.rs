@@ -152,7 +152,7 @@ impl Sweep {
                 }
             });
             raised.map_or(shared, |error| Err(error.into()))
-        })??;
+        })?;
         let values = |(row, index): (Option<Vec<Cell>>, u64)| match row {
             Some(cells) => Ok(cells.into_iter().map(Value::Cell).collect()),
             None => self.of_broken(index),
