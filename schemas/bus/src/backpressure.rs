@@ -16,6 +16,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+/// Tries to send that are made at once; later ones are made after a pause.
+const YIELDS: u64 = 50;
+
 /// How a consumer wants its frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Delivery {
@@ -182,7 +185,8 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
     pub(super) fn decide(&self, info: &BackpressureInfo) -> BackpressureAction {
         let mut memory = self.memory();
         let id = info.receiver_port_id;
-        if !memory.consumers.contains_key(&id) {
+        // one that has left while it held frames is still connected, and takes nothing any more
+        if !memory.consumers.contains_key(&id) || info.retries > YIELDS {
             memory.consumers = self.consumers();
         }
         let full = Full {
@@ -240,7 +244,7 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
         if info.retries == 0 {
             self.wake();
         }
-        if info.retries > 50 && self.remedies.pause {
+        if info.retries > YIELDS && self.remedies.pause {
             // iceoryx2 itself only yields at first, which keeps a core busy
             std::thread::sleep(Duration::from_micros(if info.retries > 500 { 1000 } else { 50 }));
         }
