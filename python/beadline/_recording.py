@@ -26,6 +26,8 @@ Index = npt.NDArray[np.intp]
 _UNITS: dict[FieldName, str] = {"displacement": "m", "velocity": "m/s", "overlap": "m", "force": "N"}
 # memory that is left to others
 _FREE_PART = 0.9
+# of states that are read one after the other, how much is read at once
+_BLOCK_BYTES = 32_000_000
 
 
 def open(path: str | os.PathLike[str]) -> Recording:
@@ -489,9 +491,16 @@ class Recording:
 
     def states(self, every: int | None = None) -> Iterator[State]:
         """States one after the other: those that are kept, or every so many steps."""
-        kept = every is None
-        steps = self.recorded_steps if kept else self._step_at(np.arange(0, len(self.steps), every))
-        return (self[int(step)] for step in steps)
+        found = self.recorded_steps if every is None else self._step_at(np.arange(0, len(self.steps), every))
+        steps = np.ascontiguousarray(found)
+        beads = self.beads
+        # enough for all cores, and little beside what is there
+        most = max(1, _BLOCK_BYTES // (16 * beads))
+        for begin in range(0, len(steps), most):
+            block = steps[begin : begin + most]
+            for step, row in zip(block.tolist(), self._states.gather_states(block), strict=True):
+                arrays = row[:beads], row[beads : 2 * beads], row[2 * beads :]
+                yield State(self._manifest, (self._manifest.frame_at(step), step, step * self.dt_s, *arrays))
 
     def refresh(self) -> Recording:
         """The recording as it is now, if it is still being written."""

@@ -101,9 +101,9 @@ impl Manifest {
         self.run.physics.dt_s
     }
 
-    /// The first step at or after a time, the last step at most.
-    fn step_at_or_after(&self, time_s: f64) -> u64 {
-        self.run.physics.step_at_or_after(time_s)
+    /// The frame at a step; between two frames, the one before.
+    fn frame_at(&self, step: u64) -> u64 {
+        self.run.frame_at(step)
     }
 
     #[getter]

@@ -153,11 +153,12 @@ fn force_n(chain: &Chain, frame: &Frame<'_>, contact: usize) -> f64 {
 /// Steps that one thread does in one go, and where their values go: a row a step.
 type Piece<'a> = (&'a [u64], &'a mut [f64]);
 
-/// What is asked for: places (beads or contacts) of a field.
-struct Wanted<'a> {
-    chain: &'a Chain,
-    field: Field,
-    places: Places<'a>,
+/// What is asked for.
+enum Wanted<'a> {
+    /// All doubles of a state: displacements, velocities, what else the method needs.
+    States(&'a RunManifest),
+    /// Places (beads or contacts) of a field.
+    Part { chain: &'a Chain, field: Field, places: Places<'a> },
 }
 
 enum Places<'a> {
@@ -165,34 +166,38 @@ enum Places<'a> {
     List(&'a [usize]),
 }
 
-impl Places<'_> {
-    fn len(&self) -> usize {
+impl Wanted<'_> {
+    /// Values of a step.
+    fn width(&self) -> usize {
         match self {
-            Self::Range(from, to) => to - from,
-            Self::List(list) => list.len(),
+            Self::States(run) => run.frame_doubles(),
+            Self::Part { places: Places::Range(from, to), .. } => to - from,
+            Self::Part { places: Places::List(list), .. } => list.len(),
         }
     }
-}
 
-impl Wanted<'_> {
     fn write(&self, frame: &Frame<'_>, row: &mut [f64]) {
-        let whole = match self.field {
+        let Self::Part { chain, field, places } = self else {
+            let mut rest = row;
+            for part in [frame.u_m, frame.v_m_s, frame.extra] {
+                let (to, others) = rest.split_at_mut(part.len());
+                to.copy_from_slice(part);
+                rest = others;
+            }
+            return;
+        };
+        let whole = match field {
             Field::Displacement => Some(frame.u_m),
             Field::Velocity => Some(frame.v_m_s),
             Field::Overlap | Field::Force => None,
         };
-        match (&self.places, whole) {
+        let value = |place| field.value(chain, frame, place);
+        match (places, whole) {
             (Places::Range(from, to), Some(values)) => row.copy_from_slice(&values[*from..*to]),
             (Places::Range(from, to), None) => {
-                row.iter_mut()
-                    .zip(*from..*to)
-                    .for_each(|(value, place)| *value = self.field.value(self.chain, frame, place));
+                row.iter_mut().zip(*from..*to).for_each(|(to, place)| *to = value(place));
             }
-            (Places::List(list), _) => {
-                row.iter_mut()
-                    .zip(*list)
-                    .for_each(|(value, place)| *value = self.field.value(self.chain, frame, *place));
-            }
+            (Places::List(list), _) => row.iter_mut().zip(*list).for_each(|(to, place)| *to = value(*place)),
         }
     }
 }
@@ -284,7 +289,7 @@ impl States {
         wanted: &Wanted<'_>,
         stop: &AtomicBool,
     ) -> Result<bool, Why> {
-        let width = wanted.places.len();
+        let width = wanted.width();
         let Some(first) = steps.first() else { return Ok(true) };
         reader.seek(*first)?;
         let mut missing = steps.iter().zip(rows.chunks_exact_mut(width.max(1)));
@@ -318,7 +323,7 @@ impl States {
         reader.seek(*first)?;
         let mut states =
             Resimulation::new(reader, Lend::Steps)?.lending_from(*first).ending_with_the_last_state();
-        let width = wanted.places.len();
+        let width = wanted.width();
         let mut missing = steps.iter().zip(rows.chunks_exact_mut(width.max(1))).peekable();
         // all are proven once the state at or after the last one was
         while missing.peek().is_some() || states.proven_step().is_none_or(|proven| proven < *last) {
@@ -382,6 +387,26 @@ impl States {
         }
         self.give_back(reader);
         Ok(())
+    }
+
+    /// What is wanted of the states at `steps`: a row a step.
+    fn rows<'py>(
+        &self,
+        py: Python<'py>,
+        steps: &[u64],
+        wanted: &Wanted<'_>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let are_there = steps.first().is_none_or(|step| *step >= self.first_step)
+            && steps.last().is_none_or(|step| *step <= self.last_step);
+        if !steps.is_sorted_by(|a, b| a < b) || !are_there {
+            return Err(PyValueError::new_err("steps must ascend and exist"));
+        }
+        let mut rows = Array2::<f64>::zeros((steps.len(), wanted.width()));
+        if let Some(values) = rows.as_slice_mut().filter(|values| !values.is_empty()) {
+            let pieces = self.pieces(steps, values, wanted.width());
+            self.fill_all(py, pieces, wanted)?;
+        }
+        Ok(rows.into_pyarray(py))
     }
 
     /// The state of `step`.
@@ -530,28 +555,24 @@ impl States {
         let steps = steps.as_slice()?;
         let list: Vec<usize> =
             places.as_slice()?.iter().map(|place| usize::try_from(*place)).collect::<Result<_, _>>()?;
-        let is_sorted = steps.is_sorted_by(|a, b| a < b);
-        let are_there = steps.first().is_none_or(|step| *step >= self.first_step)
-            && steps.last().is_none_or(|step| *step <= self.last_step)
-            && list.iter().all(|place| *place < field.places(chain));
-        if !is_sorted || !are_there {
-            return Err(PyValueError::new_err("steps must ascend, and steps and places must exist"));
+        if list.iter().any(|place| *place >= field.places(chain)) {
+            return Err(PyValueError::new_err("a place does not exist"));
         }
         let is_range = list.windows(2).all(|pair| pair[1] == pair[0] + 1);
         let places = match list.as_slice() {
             [first, ..] if is_range => Places::Range(*first, first + list.len()),
             list => Places::List(list),
         };
-        let mut rows = Array2::<f64>::zeros((steps.len(), places.len()));
-        if !rows.is_empty() {
-            let width = places.len();
-            let wanted = Wanted { chain, field, places };
-            let rows =
-                rows.as_slice_mut().ok_or_else(|| PyValueError::new_err("an array is not contiguous"))?;
-            let pieces = self.pieces(steps, rows, width);
-            self.fill_all(py, pieces, &wanted)?;
-        }
-        Ok(rows.into_pyarray(py))
+        self.rows(py, steps, &Wanted::Part { chain, field, places })
+    }
+
+    /// All doubles of the states at `steps`, which ascend: a row a step.
+    fn gather_states<'py>(
+        &self,
+        py: Python<'py>,
+        steps: PyReadonlyArray1<'_, u64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        self.rows(py, steps.as_slice()?, &Wanted::States(self.run()))
     }
 
     /// Steps and doubles (a row a state) of a run in memory, and how it ended.

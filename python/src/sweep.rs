@@ -1,7 +1,7 @@
 //! Sweeps: rows of many runs, computed here or in other processes.
 
-use crate::errors::{Why, of_panic};
-use crate::patience::{LOOK, detached};
+use crate::errors::Why;
+use crate::patience::{LOOK, abandonable, detached};
 use consumers::table::{Cell, Kind};
 use experiments::pool::{NoThread, Told, share};
 use experiments::row::{self, Signals};
@@ -75,19 +75,11 @@ impl Sweep {
     /// Reads a sweep; `path` is where it was read, or would be: what it names is found from there.
     #[staticmethod]
     fn from_toml(py: Python<'_>, text: String, path: PathBuf) -> PyResult<Self> {
-        let waiting = thread::current();
-        let reading = thread::spawn(move || {
+        // what checks a hundred thousand points does not stop, and holds nothing
+        abandonable(py, move || {
             let read = producer::sweep::Sweep::from_toml(&text, &path, |path| read_to_string(path));
-            waiting.unpark();
-            read
-        });
-        while !reading.is_finished() {
-            py.detach(|| thread::park_timeout(LOOK));
-            // what checks a hundred thousand points does not stop, and holds nothing: it is left behind
-            py.check_signals()?;
-        }
-        let read = reading.join().map_err(|panic| of_panic(&*panic))?;
-        Ok(Self { sweep: read.map_err(Why::from)? })
+            Ok(Self { sweep: read? })
+        })
     }
 
     #[getter]

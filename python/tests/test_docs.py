@@ -68,7 +68,7 @@ def environment(tmp_path: Path) -> Iterator[dict[str, str]]:
     command.parent.mkdir()
     command.write_text(f'#!/bin/sh\nexec {sys.executable} -m beadline "$@"\n')
     command.chmod(0o755)
-    package = str(Path(__file__).resolve().parents[1])
+    package = str(Path(beadline.__file__).resolve().parents[1])
     path = f"{command.parent}:{os.environ['PATH']}"
     # names of sockets have no room for more
     with tempfile.TemporaryDirectory(prefix="bl-", dir="/tmp") as root:

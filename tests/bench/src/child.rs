@@ -15,8 +15,10 @@ static PROGRAM: OnceLock<Vec<OsString>> = OnceLock::new();
 
 /// Says how this program is started, if not by the file that runs.
 pub fn set_program(program: Option<Vec<OsString>>) {
-    // a process is one program
-    program.into_iter().for_each(|program| drop(PROGRAM.set(program)));
+    if let Some(program) = program {
+        // a process is one program
+        let _ = PROGRAM.set(program);
+    }
 }
 
 fn this_program() -> Result<Command, Error> {
