@@ -338,7 +338,7 @@ class Run:
         self.close()
 
     def close(self):
-        """Leaves the run. Arrays that are still held stay readable."""
+        """Leaves the run. If that goes on, it takes the memory of arrays that are still held back: they may change."""
         self._stashed = self._subscriber = self._listener = self._board = None
 
     def status(self):
