@@ -172,6 +172,34 @@ def test_ctrl_c_ends_a_recording_that_is_valid(tmp_path: Path) -> None:
     assert rec.about["end"] == "interrupted" and rec.about["is_finished"]
 
 
+PUBLISHED = """
+import beadline as bl
+try:
+    print("begun", flush=True)
+    bl.preset("light-impurity").record("a.mcap", publish=True, wait_for=1)
+except KeyboardInterrupt:
+    print("ended", flush=True)
+"""
+
+
+def test_ctrl_c_ends_a_run_that_a_consumer_holds_back(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", PUBLISHED]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None and process.stdout.readline() == "begun\n"
+    with bl.attach(timeout_s=20) as live:
+        next(live)
+        while live.behind < 10:
+            pass
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=30)
+        assert (out, process.returncode) == ("ended\n", 0)
+        last = [frame.step for frame in live][-1]
+        assert live.end == "interrupted"
+    rec = bl.open(tmp_path / "a.mcap")
+    # the frame on its way may have reached nobody
+    assert rec.about["end"] == "interrupted" and rec.last_step in (last, last + 1)
+
+
 def test_the_interpreter_goes_on_while_runs_are_made() -> None:
     chain = bl.Chain(beads=2000, mass_kg=1e-3, alpha=1.5, stiffness=1e7)
     run = bl.Run(chain, strikers={0: 5.0}, duration_s=0.2)
