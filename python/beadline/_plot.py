@@ -30,7 +30,7 @@ _CURVES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#0
 _GREY = "#808080"
 
 # of a figure: most pixels of a map, and fewest recorded states that make a fine one
-_MOST_ROWS, _MOST_COLUMNS, _FINE_ROWS = 600, 2000, 300
+_MOST_ROWS, _MOST_COLUMNS, _FINE_ROWS = 600, 1000, 300
 
 # columns of a map that need no pixels of their own to be sharp
 _SHARP_COLUMNS = 1000
@@ -40,6 +40,12 @@ _SMALL_ROWS, _SMALL_COLUMNS, _SMALL_DOUBLES = 180, 360, 20_000_000
 
 # most impurities, and most beads, that are marked one by one
 _MOST_LINES, _MOST_DISCS = 8, 60
+
+# of fewer beads, ticks between those with numbers would be between beads
+_FEW_PLACES = 50
+
+# how much farther than the others those displacements are that are not shown
+_FAR = 3.0
 
 _STATE_NAMES = {
     "velocity": "velocity_m_s",
@@ -96,14 +102,18 @@ def plot(
     array = _array(rec, field)
     if step is not None and time_s is not None:
         raise ValueError("found step and time_s; expected one of them")
-    places = range(array.shape[1])[beads or slice(None)]
-    if not places or places.step != 1:
+    if scale not in (None, "log", "linear"):
+        raise ValueError(f"scale: found {scale!r}; expected 'log' or 'linear'")
+    every_place = range(array.shape[1])
+    places = every_place[beads] if isinstance(beads, slice) else every_place
+    if not isinstance(beads, slice | None) or not places or places.step != 1:
         raise ValueError(
-            f"beads: found {beads}; expected neighbours from 0 to {array.shape[1] - 1}"
+            f"beads: found {beads}; expected neighbours from 0 to {array.shape[1] - 1}, such as "
+            f"slice(0, {array.shape[1]})"
         )
     states: list[State] | None = None
     if step is not None:
-        states = [rec[int(one)] for one in np.atleast_1d(step)]
+        states = [rec[one] for one in np.atleast_1d(step)]
     elif time_s is not None:
         states = [rec.at(time_s=float(one)) for one in np.atleast_1d(time_s)]
     axes: Any = ax
@@ -130,15 +140,19 @@ def plot(
     axes.set_title(about, loc="left", fontsize="small", color=_GREY, parse_math=False)
     axes.set_xlabel(_place(field))
     ticker: Any = need("matplotlib.ticker")
-    axes.xaxis.set_major_locator(ticker.MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
+    locator = ticker.MaxNLocator("auto", integer=True, steps=[1, 2, 5, 10])
+    axes.xaxis.set_major_locator(locator)
     axes.minorticks_on()
+    if len(places) < _FEW_PLACES:
+        axes.xaxis.set_minor_locator(ticker.NullLocator())
     found: Axes = axes
     return found
 
 
 def _prefix(largest: float, unit: str) -> tuple[str, float]:
     """The unit in which a number is shown as 1 to 1000, and the factor to it."""
-    if unit == "m/s" or not largest:
+    # most velocities are some m/s
+    if not largest or (unit == "m/s" and largest >= 0.1):
         return unit, 1.0
     prefixes = ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n"))
     factor, letter = next((one for one in prefixes if largest * one[0] >= 1), prefixes[-1])
@@ -219,16 +233,18 @@ def _decades(shades: Shades, low: float, high: float) -> list[float]:
 def _bulk(field: str, values: Doubles, is_log: bool = False) -> tuple[float, float]:
     """The values that are shown.
 
-    All displacements but a fiftieth at either end, if they are linear, since the struck end flies
-    off and the rest would be flat beside it; no gap much wider than the largest overlap.
+    All displacements but a fiftieth at either end, if they are linear and those are far away: the
+    struck end flies off, and the rest would be flat beside it. No gap much wider than the largest
+    overlap.
     """
     known = values[np.isfinite(values)]
     low, high = float(known.min()), float(known.max())
-    if field == "displacement" and not is_log:
-        ends = np.quantile(known, [0.02, 0.98])
-        # what would be cut off by a little is not
-        if not 1.2 * ends[0] <= low or not 1.2 * ends[1] >= high:
-            low, high = float(ends[0]), float(ends[1])
+    if field == "displacement" and not is_log and low < high:
+        # what has not moved yet says nothing about how far the others have
+        ends = np.quantile(known[known != 0.0], [0.02, 0.98])
+        near = min(0.0, float(ends[0])), max(0.0, float(ends[1]))
+        if high - low > _FAR * (near[1] - near[0]):
+            low, high = near
     return (-high, high) if field == "overlap" and 0 < 1.2 * high < -low else (low, high)
 
 
@@ -326,10 +342,14 @@ def _summary(rec: Recording) -> list[tuple[str, object]]:
         ("states kept", f"{about['states']:,}, one every {every}"),
         ("other steps", "recomputed when asked for" if rec.recomputes else "need another Beadline"),
         ("ended", ended),
-        ("size", f"{about['bytes'] / 1e6:,.2f} MB{'' if rec.path else ' in memory'}"),
+        ("size", f"{_size(about['bytes'])}{'' if rec.path else ' in memory'}"),
     ]
     rows += [("file", rec.path)] if rec.path else []
     return rows + ([("damage", about["damage"])] if about["damage"] else [])
+
+
+def _size(size_bytes: int) -> str:
+    return f"{size_bytes / 1e6:,.2f} MB" if size_bytes >= 1e6 else f"{size_bytes / 1e3:,.1f} kB"
 
 
 def _small_map(rec: Recording) -> str:
@@ -341,8 +361,10 @@ def _small_map(rec: Recording) -> str:
     colours = (255 * see_through(np.linspace(-1, 1, 255))).round().astype(np.uint8)
     data = base64.b64encode(png(pixels, colours)).decode()
     said = f"velocity over beads (across) and time (down), from {low:.3g} to {high:.3g} m/s"
-    size = f"width:{_SMALL_COLUMNS}px;height:{_SMALL_ROWS}px;border:1px solid #8888"
-    image = f'<img alt="{said}" style="{size}" src="data:image/png;base64,{data}">'
+    style = f"width:{_SMALL_COLUMNS}px;height:{_SMALL_ROWS}px;border:1px solid #8888"
+    # a bead that has several pixels has edges
+    style += ";image-rendering:pixelated" if rec.beads < _SMALL_COLUMNS / 2 else ""
+    image = f'<img alt="{said}" style="{style}" src="data:image/png;base64,{data}">'
     return f"{image}<br><small>{said}</small>"
 
 

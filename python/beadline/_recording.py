@@ -8,8 +8,9 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
+from operator import index
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 FieldName = Literal["displacement", "velocity", "overlap", "force"]
 Index = npt.NDArray[np.intp]
+Array = TypeVar("Array", bound=npt.NDArray[Any])
 
 _UNITS: dict[FieldName, str] = {"displacement": "m", "velocity": "m/s", "overlap": "m", "force": "N"}
 # memory that is left to others
@@ -42,6 +44,11 @@ def open(path: str | os.PathLike[str]) -> Recording:
     return Recording(_native.States.open(partial if not path.exists() and partial.exists() else path))
 
 
+def _read_only(array: Array) -> Array:
+    array.flags.writeable = False
+    return array
+
+
 class State:
     """The state of a chain at a step. Its arrays are read-only.
 
@@ -58,7 +65,7 @@ class State:
         self._manifest = manifest
         self.frame, self.step, self.time_s, self.displacement_m, self.velocity_m_s, self.extra = state
         for array in (self.displacement_m, self.velocity_m_s, self.extra):
-            array.flags.writeable = False
+            _read_only(array)
 
     @cached_property
     def overlap_m(self) -> Doubles:
@@ -73,12 +80,10 @@ class State:
     @property
     def mass_kg(self) -> Doubles:
         """Mass of each bead (kg), N values."""
-        return self._manifest.mass_kg
+        return _read_only(self._manifest.mass_kg)
 
     def _field(self, name: FieldName) -> Doubles:
-        values = self._manifest.field_of(name, self.displacement_m, self.velocity_m_s)
-        values.flags.writeable = False
-        return values
+        return _read_only(self._manifest.field_of(name, self.displacement_m, self.velocity_m_s))
 
     def __repr__(self) -> str:
         return f"<State at step {self.step}, {self.time_s:.6g} s, of {self.velocity_m_s.size} beads>"
@@ -239,6 +244,11 @@ class FieldArray(NDArrayOperatorsMixin):
         """The computed array with its axes exchanged."""
         return np.asarray(self).T
 
+    def __getattr__(self, name: str) -> Any:
+        # only for what is not found
+        hint = f": take np.asarray(…).{name}" if not name.startswith("_") and hasattr(np.ndarray, name) else ""
+        raise AttributeError(f"a lazy array has no {name}{hint}", name=name, obj=self)
+
     def __repr__(self) -> str:
         return f"<{self.name} ({self.unit}) of {self._recording.name}, shape {self.shape}: computed when it is needed>"
 
@@ -318,11 +328,15 @@ def _free_bytes() -> float:
 
 
 class Recording:
-    """A recording, or a run in memory. Every step of it can be had: what was not kept is recomputed, and proven by the
-    next state that was.
+    """A recording, or a run in memory, of :func:`open`, ``Run.record`` or ``Run.simulate``.
+
+    Every step of it can be had: what was not kept is recomputed, and proven by the next state that was. ``rec[12345]`` is
+    the :class:`State` of a step, ``rec[-1]`` the last one, ``len(rec)`` the number of steps; a loop over ``rec`` goes
+    through the states that are kept.
 
     Attributes:
-        summary: What the run said when it ended, if this process has made it.
+        summary: What the run said when it ended, if this process has made it: ``end``, ``last_step``,
+            ``recorded_states``, ``relative_drift`` of the energy, and of a file ``path`` and ``bytes``. Else None.
     """
 
     summary: dict[str, Any] | None = None
@@ -365,26 +379,27 @@ class Recording:
     @cached_property
     def mass_kg(self) -> Doubles:
         """Mass of each bead (kg), N values."""
-        return self._manifest.mass_kg
+        return _read_only(self._manifest.mass_kg)
 
     @cached_property
     def stiffness(self) -> Doubles:
         """Stiffness of each contact (N·m^−α), N − 1 values."""
-        return self._manifest.stiffness
+        return _read_only(self._manifest.stiffness)
 
     @cached_property
     def rest_overlap_m(self) -> Doubles:
         """Overlap of each contact at rest (m), N − 1 values; 0 without a load."""
-        return self._manifest.rest_overlap_m
+        return _read_only(self._manifest.rest_overlap_m)
 
     @cached_property
     def rest_force_n(self) -> Doubles:
         """Force of each contact at rest (N), N − 1 values; 0 without a load."""
-        return self._manifest.rest_force_n
+        return _read_only(self._manifest.rest_force_n)
 
     @cached_property
     def about(self) -> dict[str, Any]:
-        """What there is: ``states``, ``bytes``, ``end``, ``is_finished``, ``is_complete``, ``damage``, ``channels``."""
+        """What there is: how many ``states`` and ``bytes``; the ``end`` of the run; ``is_finished``, whether the file was
+        closed; ``is_complete``, whether no state is missing; ``damage`` in words; ``channels`` and their messages."""
         return self._states.about()
 
     @property
@@ -412,7 +427,7 @@ class Recording:
         """The steps that are kept."""
         first, last, every = self.first_step, self.last_step, self.record_every
         between = np.arange(-(-first // every) * every, last + 1, every, dtype=np.uint64)
-        return np.unique(np.concatenate([between, np.array([first, last], dtype=np.uint64)]))
+        return _read_only(np.unique(np.concatenate([between, np.array([first, last], dtype=np.uint64)])))
 
     @property
     def steps(self) -> range | Numbers:
@@ -466,7 +481,8 @@ class Recording:
         """
         if isinstance(step, slice):
             raise TypeError("a recording has single states: take rec.velocity[10:20], or rec.states(...)")
-        found = step + self.last_step + 1 if step < 0 else int(step)
+        step = index(step)
+        found = step + self.last_step + 1 if step < 0 else step
         if not self.first_step <= found <= self.last_step:
             raise IndexError(f"step {step}: the recording has steps {self.first_step} to {self.last_step}")
         return State(self._manifest, self._states.state(found))

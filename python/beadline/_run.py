@@ -6,7 +6,7 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, ItemsView, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from pathlib import Path
@@ -39,8 +39,8 @@ class Chain:
         stiffness: Stiffness k of a contact (N·m^−α), or of each contact (N − 1 values).
         impurities: Beads of another mass, ``{bead: mass in kg}``.
         contacts: Contacts of another stiffness, ``{contact: stiffness}``.
-        masses: A rule for all masses: ``{"pattern_kg": [1e-3, 2e-3]}`` repeats, ``{"taper": 0.98}`` makes each bead that much
-            heavier than the one before.
+        masses: A rule for all masses: ``{"pattern_kg": [1e-3, 2e-3]}`` repeats; with ``{"taper": 0.98}`` each bead has that
+            part of the mass of the one before.
         stiffnesses: A rule for all stiffnesses: ``"radii"`` (spheres of one material), or ``{"pattern": [1e7, 2e7]}``.
         left, right: What the ends touch: ``"free"`` (nothing) or ``"fixed"`` (a wall).
         left_stiffness, right_stiffness: Of the contacts with the walls (N·m^−α); else that of the chain.
@@ -78,10 +78,10 @@ class Chain:
         chain["masses"] = masses if list_kg is None else {"list_kg": list_kg}
         chain["stiffnesses"] = stiffnesses if each is None else {"list": each}
         chain["impurities"] = [
-            {"bead": int(bead), "mass_kg": float(mass)} for bead, mass in (impurities or {}).items()
+            {"bead": int(bead), "mass_kg": float(mass)} for bead, mass in _each("impurities", impurities or {})
         ]
         chain["contacts"] = [
-            {"contact": int(contact), "stiffness": float(k)} for contact, k in (contacts or {}).items()
+            {"contact": int(contact), "stiffness": float(k)} for contact, k in _each("contacts", contacts or {})
         ]
         ends = {"left": left, "right": right}
         self._config: Config = {
@@ -108,6 +108,13 @@ def _one_or_each(values: float | Values) -> tuple[float, list[float] | None]:
     return (float(array), None) if array.ndim == 0 else (float(np.median(array)), array.tolist())
 
 
+def _each(name: str, values: Mapping[int, float]) -> ItemsView[int, float]:
+    try:
+        return values.items()
+    except AttributeError:
+        raise TypeError(f"{name}: found {values!r}; expected numbers and values, such as {{0: 5.0}}") from None
+
+
 class Run:
     """A run: a chain, what strikes it, and for how long.
 
@@ -121,7 +128,8 @@ class Run:
         publish_every: Steps from one frame to the next.
 
     Raises:
-        ConfigError: With the key, what was found, and what is allowed.
+        ConfigError: With the key, what was found, and what is allowed. Keys are those of a configuration, such as
+            ``chain.bead_mass_kg`` for ``mass_kg``.
     """
 
     def __init__(
@@ -135,10 +143,11 @@ class Run:
         name: str | None = None,
         publish_every: int = 1,
     ) -> None:
-        if len(strikers) != 1:
-            message = f"strikers: found {len(strikers)}; expected one bead and its velocity, such as {{0: 5.0}}"
+        struck = list(_each("strikers", strikers))
+        if len(struck) != 1:
+            message = f"strikers: found {len(struck)}; expected one bead and its velocity, such as {{0: 5.0}}"
             raise ConfigError(message, key="striker")
-        [(bead, velocity_m_s)] = strikers.items()
+        [(bead, velocity_m_s)] = struck
         config = deepcopy(chain._config)
         config["striker"] = {"bead": int(bead), "velocity_m_s": float(velocity_m_s)}
         config["time"] = {"duration_s": float(duration_s), "dt_s": dt_s}
@@ -181,7 +190,13 @@ class Run:
         return self._toml
 
     def replace(self, values: Mapping[str, Any]) -> Run:
-        """The same run with other values, by their keys: ``{"time.duration_s": 0.01, "chain.impurities[0].mass_kg": 2e-3}``."""
+        """The same run with other values, by their keys: ``{"time.duration_s": 0.01, "chain.impurities[0].mass_kg": 2e-3}``.
+
+        Keys are those of :meth:`to_toml`. A key that is not there yet is added.
+
+        Raises:
+            ConfigError: If there can be no such key, or no such value.
+        """
         config: Config = tomllib.loads(self._toml)
         for key, value in values.items():
             place: Any = config
@@ -216,12 +231,12 @@ class Run:
         return self._manifest.dt_s
 
     @property
-    def length_m(self) -> float:
+    def collision_length_m(self) -> float:
         """Collision length L (m)."""
         return self._manifest.scales[0]
 
     @property
-    def time_s(self) -> float:
+    def collision_time_s(self) -> float:
         """Collision time T (s)."""
         return self._manifest.scales[1]
 
@@ -255,10 +270,11 @@ class Run:
         Raises:
             FileExistsError: If there is such a file.
             RunError: If the values are no longer finite.
+            LiveError: If it cannot be published.
         """
         from ._recording import Recording
 
-        manifest = self._manifest.begun(every or self._manifest.publish_every_steps)
+        manifest = self._begun(self._manifest.publish_every_steps if every is None else every)
         path = Path(path if path is not None else f"{self.name}.mcap")
         with self._progress(progress) as tell:
             summary = _native.record(
@@ -294,7 +310,7 @@ class Run:
         from ._recording import Recording
 
         published = self._manifest.publish_every_steps
-        manifest = self._manifest.begun(-(-every // published) * published)
+        manifest = self._begun(-(-every // published) * published)
         with self._progress(progress) as tell:
             on = _frames_to(on_frame, manifest, on_frame_every)
             states, summary = _native.simulate(manifest, on_progress=tell, on_frame=on)
@@ -305,6 +321,11 @@ class Run:
     def start(self) -> Simulation:
         """The run at its first step, to be made step by step."""
         return Simulation(self._manifest)
+
+    def _begun(self, every: int) -> _native.Manifest:
+        if every < 1:
+            raise ValueError(f"every: found {every}; expected 1 or more steps")
+        return self._manifest.begun(every)
 
     @contextmanager
     def _progress(self, show: bool | None) -> Iterator[Callable[[int], object]]:

@@ -64,6 +64,9 @@ class Table:
         """The names of the columns."""
         return self.columns.keys()
 
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self)
+
     @overload
     def __getitem__(self, key: str) -> Column: ...
     @overload
@@ -119,7 +122,7 @@ class Table:
             shown = [range(count)]
         between = row("td", ["…"] * (1 + len(self.columns)))
         body = between.join("".join(row("td", values(index)) for index in part) for part in shown)
-        return f"<table>{row('th', ['', *self])}{body}</table><p>{count:,} rows</p>"
+        return f"<table style='white-space:nowrap'>{row('th', ['', *self])}{body}</table><p>{count:,} rows</p>"
 
 
 class Motion(Table):
@@ -172,9 +175,7 @@ class Verdict:
 
 
 class Part(TypedDict, total=False):
-    """What an analysis looks at: simulated times ``from_s`` to ``until_s`` (s), with ``every_step`` also
-    the steps between recorded ones, which are recomputed in ``jobs`` threads.
-    """
+    """What an analysis looks at."""
 
     every_step: bool
     from_s: float
@@ -183,46 +184,72 @@ class Part(TypedDict, total=False):
 
 
 def energies(rec: Recording, *, split: int | None = None, **part: Unpack[Part]) -> Table:
-    """The energies (J) of each frame: kinetic, potential, total, and left of the bead ``split``, in it and
-    right of it; by default it is the first impurity that is not the striker, else the middle bead.
+    """The energies (J) of each frame: kinetic, potential, total, and left of a bead, in it and right of it.
+
+    Args:
+        split: The bead; by default the first impurity that is not the striker, else the middle bead.
+        from_s, until_s: The first and the last simulated time (s) that is looked at.
+        every_step: Also steps between recorded states, which are recomputed.
+        jobs: Threads that recompute them; by default one for each core.
     """
-    return analyse(rec, "energies", split=split, **part)[0]
+    return analyse(rec, "energies", part, split=split)[0]
 
 
 def impurity(
     rec: Recording, *, bead: int | Sequence[int] | None = None, **part: Unpack[Part]
 ) -> Motion:
-    """The motion of the impurities, or of other beads, in each frame, and its events."""
-    return Motion(*analyse(rec, "impurity", "events", bead=bead, **part))
+    """The motion of beads in each frame: displacements (m), velocities (m/s), and overlaps of their contacts (m).
+
+    Args:
+        bead: A bead, or several; by default the impurities.
+        from_s, until_s, every_step, jobs: As for :meth:`energies`.
+    """
+    return Motion(*analyse(rec, "impurity", part, "events", bead=bead))
 
 
 def contacts(rec: Recording, *, tolerance_m: float | None = None, **part: Unpack[Part]) -> Table:
     """How many contacts are compressed, touching and open in each frame.
 
-    Up to ``tolerance_m`` of overlap or gap count as touching, 1e-6 of the collision length by default.
+    Args:
+        tolerance_m: The overlap or gap (m) up to which a contact is touching; by default 1e-6 of the
+            collision length.
+        from_s, until_s, every_step, jobs: As for :meth:`energies`.
     """
-    return analyse(rec, "contacts", tolerance_m=tolerance_m, **part)[0]
+    return analyse(rec, "contacts", part, tolerance_m=tolerance_m)[0]
 
 
 def pulses(rec: Recording, *, threshold: float | None = None, **part: Unpack[Part]) -> Pulses:
-    """The pulses, and their tracks. ``threshold`` is the smallest peak velocity over that of the striker."""
-    return Pulses(*analyse(rec, "pulses", "positions", threshold=threshold, **part))
+    """The pulses: where each came from and ended, how strong, fast and wide it is; and their tracks.
+
+    Args:
+        threshold: The smallest peak velocity over that of the striker.
+        from_s, until_s, every_step, jobs: As for :meth:`energies`.
+    """
+    return Pulses(*analyse(rec, "pulses", part, "positions", threshold=threshold))
 
 
 def deformation(rec: Recording, contact: int | Sequence[int], **part: Unpack[Part]) -> Table:
     """The overlap (m) of contacts while the first pulse passes, beside those of the exact wave and of
     the continuum.
+
+    Args:
+        contact: A contact, or several.
+        from_s, until_s, every_step, jobs: As for :meth:`energies`.
     """
-    return analyse(rec, "deformation", contact=contact, **part)[0]
+    return analyse(rec, "deformation", part, contact=contact)[0]
 
 
-def analyse(rec: Recording, name: str, *tables: str, **options: object) -> list[Table]:
+def analyse(rec: Recording, name: str, part: Part, *tables: str, **options: object) -> list[Table]:
     """What the command's analysis ``name`` makes of a recording: its table, and those of flags ``tables``.
 
-    Names of ``options`` are those of flags, followed by units.
+    Names of ``part`` and ``options`` are those of flags, followed by units.
     """
+    unknown = [key for key in part if key not in Part.__annotations__]
+    if unknown:
+        allowed = ", ".join([*options, *Part.__annotations__])
+        raise TypeError(f"{name}: found the unknown argument {unknown[0]!r}; allowed: {allowed}")
     flags: list[str] = []
-    for key, value in options.items():
+    for key, value in {**options, **part}.items():
         flag = "--" + re.sub("_[sm]$", "", key).replace("_", "-")
         if value is True:
             flags.append(flag)
@@ -237,7 +264,11 @@ def analyse(rec: Recording, name: str, *tables: str, **options: object) -> list[
 
 
 def verify(rec: Recording, *, jobs: int | None = None) -> Verdict:
-    """Proves a recording: makes every state again from the one before, and compares the bits."""
+    """Proves a recording: makes every state again from the one before, and compares the bits.
+
+    Args:
+        jobs: Threads; by default one for each core.
+    """
     with rec._file() as file:
         flags = [] if jobs is None else [f"--jobs={jobs}"]
         report = run_command(["verify", file, *flags], path=file, warn=False)
@@ -251,7 +282,8 @@ def share(
     every: int | None = None,
     force: bool = False,
 ) -> Json:
-    """Makes one HTML file of a recording that anyone can open, with every step in it.
+    """Makes one HTML file of a recording that anyone can open, with every step in it. Says what is in it:
+    ``path``, ``bytes``, ``steps``, ….
 
     Args:
         path: The page; by default it is named after the recording.

@@ -103,6 +103,13 @@ def test_a_loaded_chain_shows_what_is_there_at_rest() -> None:
     assert labels == ["force", "at rest"]
 
 
+def test_displacements_are_all_shown_unless_some_are_far_away() -> None:
+    chain = bl.Chain(beads=5, mass_kg=1e-3, alpha=1.5, stiffness=1e7)
+    rec = bl.Run(chain, strikers={0: 5.0}, duration_s=1.2e-3).simulate()
+    [curve] = rec.plot("displacement", step=-1).get_lines()
+    assert curve.axes.get_ylim()[1] > curve.get_ydata().max()
+
+
 def test_what_cannot_be_drawn_is_refused(rec: bl.Recording) -> None:
     with pytest.raises(ValueError, match="found 'speed'; expected one of velocity, "):
         rec.plot("speed")
@@ -110,6 +117,12 @@ def test_what_cannot_be_drawn_is_refused(rec: bl.Recording) -> None:
         rec.plot("velocity", step=1, time_s=0.001)
     with pytest.raises(ValueError, match="expected neighbours from 0 to 59"):
         rec.plot("velocity", beads=slice(60, 70))
+    with pytest.raises(ValueError, match=r"beads: found 5; .* such as slice\(0, 60\)"):
+        rec.plot("velocity", beads=5)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="scale: found 'log10'; expected 'log' or 'linear'"):
+        rec.plot("velocity", scale="log10")  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="float"):
+        rec.plot("velocity", step=10.5)  # type: ignore[arg-type]
 
 
 def test_settings_of_matplotlib_stay_as_they_are(rec: bl.Recording) -> None:

@@ -25,8 +25,8 @@ def test_a_run_says_what_it_is() -> None:
     run = short(name="light")
     assert (run.name, run.steps) == ("light", run.manifest["physics"]["step_count"])
     # L and T of m = 1 g, k = 1e7 N/m^1.5, v0 = 5 m/s: the reference's, to its 8 digits
-    assert run.length_m == pytest.approx(0.36238983e-3, rel=1e-7)
-    assert run.time_s == pytest.approx(72.477966e-6, rel=1e-7)
+    assert run.collision_length_m == pytest.approx(0.36238983e-3, rel=1e-7)
+    assert run.collision_time_s == pytest.approx(72.477966e-6, rel=1e-7)
 
 
 def test_every_rule_of_a_configuration_can_be_said() -> None:
