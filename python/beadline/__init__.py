@@ -18,11 +18,22 @@ from typing import TYPE_CHECKING
 from ._native import __version__
 
 if TYPE_CHECKING:
-    from ._live import Consumer, Frame, Live, attach, attach_async, consumer, live_runs
+    from ._live import (
+        AsyncLive,
+        Consumer,
+        Frame,
+        Live,
+        LiveConsumer,
+        LiveRun,
+        attach,
+        attach_async,
+        consumer,
+        live_runs,
+    )
     from ._recording import FieldArray, Recording, State, open
     from ._run import Chain, Run, Simulation, preset, presets
     from ._sweep import sweep
-    from ._table import Table
+    from ._table import Motion, Pulses, Table, Verdict
     from .errors import (
         BeadlineError,
         CommandError,
@@ -36,11 +47,22 @@ if TYPE_CHECKING:
 
 # where each name is: the command, which is in this package, too, starts without NumPy
 _PLACES = {
-    "_live": ("Consumer", "Frame", "Live", "attach", "attach_async", "consumer", "live_runs"),
+    "_live": (
+        "AsyncLive",
+        "Consumer",
+        "Frame",
+        "Live",
+        "LiveConsumer",
+        "LiveRun",
+        "attach",
+        "attach_async",
+        "consumer",
+        "live_runs",
+    ),
     "_recording": ("FieldArray", "Recording", "State", "open"),
     "_run": ("Chain", "Run", "Simulation", "preset", "presets"),
     "_sweep": ("sweep",),
-    "_table": ("Table",),
+    "_table": ("Motion", "Pulses", "Table", "Verdict"),
     "errors": (
         "BeadlineError",
         "CommandError",
@@ -54,6 +76,7 @@ _PLACES = {
 }
 
 __all__ = [
+    "AsyncLive",
     "BeadlineError",
     "Chain",
     "CommandError",
@@ -62,9 +85,13 @@ __all__ = [
     "FieldArray",
     "Frame",
     "Live",
+    "LiveConsumer",
     "LiveError",
+    "LiveRun",
     "LostError",
     "MissingExtraError",
+    "Motion",
+    "Pulses",
     "Recording",
     "RecordingError",
     "Run",
@@ -72,6 +99,7 @@ __all__ = [
     "Simulation",
     "State",
     "Table",
+    "Verdict",
     "__version__",
     "attach",
     "attach_async",

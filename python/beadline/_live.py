@@ -35,6 +35,7 @@ def attach(
     """Attaches to the live run ``name``, or to the only one, and waits for it if it is not there.
 
     Args:
+        name: The run; by default the only one.
         latest: Never hold the run back; what is missed is counted. Otherwise every frame comes.
         timeout_s: How long to wait for the run (s); ``None``: for ever.
         label: What others see this consumer as.
@@ -286,7 +287,11 @@ class Consumer:
 def consumer(
     *, columns: Iterable[str], name: str | None = None
 ) -> Callable[[Callable[[Any], Row]], Consumer]:
-    """Makes a :class:`Consumer` of a function of a frame.
+    """Makes a :class:`Consumer` of a function of a frame, which gives a number for each of its columns.
+
+    Args:
+        columns: Names of the columns, with their units; one may stand for many values.
+        name: What its results are called on the bus, ``own/NAME``; by default the name of the function.
 
     >>> @consumer(columns=["momentum_n_s"])
     ... def momentum(frame):

@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -77,6 +77,8 @@ class Table:
                 return self.columns[key]
             except KeyError:
                 raise KeyError(f"there is no column {key!r}; there are: {', '.join(self)}") from None
+        if not isinstance(key, slice) and np.ndim(key) == 0:
+            raise TypeError(f"found table[{key}]; expected the name of a column, a slice, a mask or a list")
         return Table({name: column[key] for name, column in self.columns.items()}, self.summary)
 
     def to_pandas(self) -> Any:
@@ -174,16 +176,15 @@ class Verdict:
         return f"<Verdict: {self.verdict}>"
 
 
-class Part(TypedDict, total=False):
-    """What an analysis looks at."""
-
-    every_step: bool
-    from_s: float
-    until_s: float
-    jobs: int
-
-
-def energies(rec: Recording, *, split: int | None = None, **part: Unpack[Part]) -> Table:
+def energies(
+    rec: Recording,
+    *,
+    split: int | None = None,
+    from_s: float | None = None,
+    until_s: float | None = None,
+    every_step: bool = False,
+    jobs: int | None = None,
+) -> Table:
     """The energies (J) of each frame: kinetic, potential, total, and left of a bead, in it and right of it.
 
     Args:
@@ -192,11 +193,18 @@ def energies(rec: Recording, *, split: int | None = None, **part: Unpack[Part]) 
         every_step: Also steps between recorded states, which are recomputed.
         jobs: Threads that recompute them; by default one for each core.
     """
-    return analyse(rec, "energies", part, split=split)[0]
+    part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
+    return analyse(rec, "energies", split=split, **part)[0]
 
 
 def impurity(
-    rec: Recording, *, bead: int | Sequence[int] | None = None, **part: Unpack[Part]
+    rec: Recording,
+    *,
+    bead: int | Sequence[int] | None = None,
+    from_s: float | None = None,
+    until_s: float | None = None,
+    every_step: bool = False,
+    jobs: int | None = None,
 ) -> Motion:
     """The motion of beads in each frame: displacements (m), velocities (m/s), and overlaps of their contacts (m).
 
@@ -204,10 +212,19 @@ def impurity(
         bead: A bead, or several; by default the impurities.
         from_s, until_s, every_step, jobs: As for :meth:`energies`.
     """
-    return Motion(*analyse(rec, "impurity", part, "events", bead=bead))
+    part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
+    return Motion(*analyse(rec, "impurity", "events", bead=bead, **part))
 
 
-def contacts(rec: Recording, *, tolerance_m: float | None = None, **part: Unpack[Part]) -> Table:
+def contacts(
+    rec: Recording,
+    *,
+    tolerance_m: float | None = None,
+    from_s: float | None = None,
+    until_s: float | None = None,
+    every_step: bool = False,
+    jobs: int | None = None,
+) -> Table:
     """How many contacts are compressed, touching and open in each frame.
 
     Args:
@@ -215,20 +232,38 @@ def contacts(rec: Recording, *, tolerance_m: float | None = None, **part: Unpack
             collision length.
         from_s, until_s, every_step, jobs: As for :meth:`energies`.
     """
-    return analyse(rec, "contacts", part, tolerance_m=tolerance_m)[0]
+    part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
+    return analyse(rec, "contacts", tolerance_m=tolerance_m, **part)[0]
 
 
-def pulses(rec: Recording, *, threshold: float | None = None, **part: Unpack[Part]) -> Pulses:
+def pulses(
+    rec: Recording,
+    *,
+    threshold: float | None = None,
+    from_s: float | None = None,
+    until_s: float | None = None,
+    every_step: bool = False,
+    jobs: int | None = None,
+) -> Pulses:
     """The pulses: where each came from and ended, how strong, fast and wide it is; and their tracks.
 
     Args:
-        threshold: The smallest peak velocity over that of the striker.
+        threshold: The smallest peak velocity of a pulse, over that of the striker; by default 0.001.
         from_s, until_s, every_step, jobs: As for :meth:`energies`.
     """
-    return Pulses(*analyse(rec, "pulses", part, "positions", threshold=threshold))
+    part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
+    return Pulses(*analyse(rec, "pulses", "positions", threshold=threshold, **part))
 
 
-def deformation(rec: Recording, contact: int | Sequence[int], **part: Unpack[Part]) -> Table:
+def deformation(
+    rec: Recording,
+    contact: int | Sequence[int],
+    *,
+    from_s: float | None = None,
+    until_s: float | None = None,
+    every_step: bool = False,
+    jobs: int | None = None,
+) -> Table:
     """The overlap (m) of contacts while the first pulse passes, beside those of the exact wave and of
     the continuum.
 
@@ -236,20 +271,17 @@ def deformation(rec: Recording, contact: int | Sequence[int], **part: Unpack[Par
         contact: A contact, or several.
         from_s, until_s, every_step, jobs: As for :meth:`energies`.
     """
-    return analyse(rec, "deformation", part, contact=contact)[0]
+    part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
+    return analyse(rec, "deformation", contact=contact, **part)[0]
 
 
-def analyse(rec: Recording, name: str, part: Part, *tables: str, **options: object) -> list[Table]:
+def analyse(rec: Recording, name: str, *tables: str, **options: object) -> list[Table]:
     """What the command's analysis ``name`` makes of a recording: its table, and those of flags ``tables``.
 
-    Names of ``part`` and ``options`` are those of flags, followed by units.
+    Names of ``options`` are those of flags, followed by units.
     """
-    unknown = [key for key in part if key not in Part.__annotations__]
-    if unknown:
-        allowed = ", ".join([*options, *Part.__annotations__])
-        raise TypeError(f"{name}: found the unknown argument {unknown[0]!r}; allowed: {allowed}")
     flags: list[str] = []
-    for key, value in {**options, **part}.items():
+    for key, value in options.items():
         flag = "--" + re.sub("_[sm]$", "", key).replace("_", "-")
         if value is True:
             flags.append(flag)

@@ -19,9 +19,20 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "python" / "reference.md"
 CHAPTERS = {
     "Runs": ["Chain", "Run", "Simulation", "preset", "presets"],
     "Recordings": ["open", "Recording", "State", "FieldArray"],
-    "Tables": ["Table"],
+    "Tables": ["Table", "Motion", "Pulses", "Verdict"],
     "Sweeps": ["sweep"],
-    "Live runs": ["attach", "attach_async", "Live", "Frame", "consumer", "Consumer", "live_runs"],
+    "Live runs": [
+        "attach",
+        "Live",
+        "Frame",
+        "attach_async",
+        "AsyncLive",
+        "consumer",
+        "Consumer",
+        "live_runs",
+        "LiveRun",
+        "LiveConsumer",
+    ],
     "Errors": [
         "BeadlineError",
         "CommandError",
@@ -33,6 +44,9 @@ CHAPTERS = {
         "RunError",
     ],
 }
+
+# other classes are made by functions and methods
+MADE_BY_USERS = ("Chain", "Run", "Table")
 
 BEGIN = """# Reference
 
@@ -46,7 +60,7 @@ This page is made of the docstrings, by `python python/tests/reference.py`.
 
 def reference() -> str:
     """The page."""
-    parts = [BEGIN]
+    parts = [BEGIN, contents()]
     for chapter, names in CHAPTERS.items():
         parts.append(f"## {chapter}\n")
         for name in names:
@@ -54,11 +68,32 @@ def reference() -> str:
     return "\n".join(parts)
 
 
+def contents() -> str:
+    """A line for each chapter, with links to its names."""
+    seen: list[str] = []
+
+    def link(name: str) -> str:
+        anchor = re.sub(r"[^\w-]", "", heading(name).lower())
+        seen.append(anchor)
+        # as GitHub tells headings from each other that differ in capitals only
+        return f"[{name}](#{anchor}{f'-{seen.count(anchor) - 1}' if anchor in seen[:-1] else ''})"
+
+    return "\n".join(
+        f"- {chapter}: {', '.join(map(link, names))}" for chapter, names in CHAPTERS.items()
+    ) + "\n"
+
+
+def heading(name: str) -> str:
+    """A name, of an error with what it is."""
+    thing = getattr(beadline, name)
+    is_error = inspect.isclass(thing) and issubclass(thing, Exception)
+    return name + (f"({', '.join(base.__name__ for base in thing.__bases__)})" if is_error else "")
+
+
 def entry(name: str, thing: Any) -> Iterator[str]:
     """A function, or a class with its members."""
     is_error = inspect.isclass(thing) and issubclass(thing, Exception)
-    bases = f"({', '.join(base.__name__ for base in thing.__bases__)})" if is_error else ""
-    yield f"### {name}{bases}\n"
+    yield f"### {heading(name)}\n"
     if not is_error:
         yield signature(name, thing)
     yield prose(thing)
@@ -75,20 +110,15 @@ def entry(name: str, thing: Any) -> Iterator[str]:
 
 
 def public(kind: type) -> Iterator[tuple[str, Any]]:
-    """The members of a class that are ours and not private."""
-    seen: set[str] = set()
-    for base in kind.__mro__:
-        if base.__module__.partition(".")[0] != "beadline":
-            continue
-        own = list(vars(base).items())
-        if base.__module__ == "beadline":
-            # those of Rust come in any order
-            own.sort(key=lambda item: item[0])
-        for name, member in own:
-            is_ours = is_attribute(member) or callable(getattr(member, "__func__", member))
-            if is_ours and not name.startswith("_") and name not in seen:
-                seen.add(name)
-                yield name, member
+    """The members that a class has of itself, which are not private."""
+    own = list(vars(kind).items())
+    if kind.__module__ == "beadline":
+        # those of Rust come in any order
+        own.sort(key=lambda item: item[0])
+    for name, member in own:
+        is_ours = is_attribute(member) or callable(getattr(member, "__func__", member))
+        if is_ours and not name.startswith("_"):
+            yield name, member
 
 
 def is_attribute(member: object) -> bool:
@@ -97,16 +127,17 @@ def is_attribute(member: object) -> bool:
 
 def signature(name: str, thing: Any) -> str:
     """How it is called; nothing if only this package calls it."""
+    if inspect.isclass(thing) and name not in MADE_BY_USERS:
+        return ""
     try:
         found = inspect.signature(getattr(thing, "__func__", thing))
     except (TypeError, ValueError):
         return ""
-    arguments = [one for at, one in found.parameters.items() if at not in ("self", "cls")]
+    # methods that are functions of other modules call themselves ``rec``
+    arguments = [one for at, one in found.parameters.items() if at not in ("self", "cls", "rec")]
     found = found.replace(parameters=arguments)
     # annotations are texts
     text = name + re.sub(r"(: |-> )'([^']*)'", r"\1\2", str(found)).removesuffix(" -> None")
-    if inspect.isclass(thing) and re.search(r"_native|recording: Recording", text):
-        return ""
     if len(text) > 100:
         inner, end = text[len(name) + 1 :].rsplit(")", 1)
         inner = re.sub(r", (?=\*|/|\w+: |\w+=)", ",\n    ", inner)
@@ -129,8 +160,11 @@ def prose(thing: Any) -> str:
             is_list = is_list and (line.startswith("    ") or not line)
             lines.append(f"  {line.strip()}" if is_list and line else line)
     text = "\n".join(lines).strip() + "\n"
+    text = re.sub(r":mod:(`[^`]+`)", r"\1", text)
     text = re.sub(r":\w+:`(?:~?\w+\.)*(\w+)`", r"`\1`", text)
-    return text.replace("``", "`")
+    text = text.replace("``", "`")
+    # examples, up to an empty line
+    return re.sub(r"(?ms)^>>> .*?(?=\n\n|\n\Z)", r"```text\n\g<0>\n```", text)
 
 
 if __name__ == "__main__":

@@ -65,6 +65,24 @@ def test_every_step_of_a_sparse_recording_has_the_bits_of_the_full_one(
         assert np.array_equal(getattr(full, name), getattr(sparse, name))
 
 
+def test_what_a_recording_has_cannot_be_changed_by_mistake(full: bl.Recording) -> None:
+    for array in (full.mass_kg, full.stiffness, full.rest_force_n, full.recorded_steps, full[3].velocity_m_s):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
+
+
+def test_a_lazy_array_says_where_its_other_methods_are(full: bl.Recording) -> None:
+    with pytest.raises(AttributeError, match=r"a lazy array has no std: take np\.asarray\(…\)\.std"):
+        full.velocity.std()
+    assert not hasattr(full.velocity, "nothing")
+
+
+def test_a_step_is_a_whole_number(full: bl.Recording) -> None:
+    with pytest.raises(TypeError):
+        full[1.5]  # type: ignore[index]
+    assert full[np.uint64(3)].step == 3
+
+
 def test_overlaps_and_forces_are_those_of_the_contact_law(full: bl.Recording) -> None:
     state = full[100]
     overlap = state.displacement_m[:-1] - state.displacement_m[1:]

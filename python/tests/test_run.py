@@ -59,6 +59,8 @@ def test_what_cannot_be_is_refused_with_its_key_and_no_line_that_nobody_wrote() 
         bl.Run(wrong, strikers={0: 1.0}, duration_s=1)
     assert (found.value.key, found.value.line) == ("chain.alpha", None)
     chain = bl.Chain(10, mass_kg=1, alpha=2, stiffness=1)
+    with pytest.raises(TypeError, match="strikers: found 5.0; expected numbers and values, such as"):
+        bl.Run(chain, strikers=5.0, duration_s=1)  # type: ignore[arg-type]
     with pytest.raises(bl.ConfigError, match="strikers: found 2"):
         bl.Run(chain, strikers={0: 1, 1: 1}, duration_s=1)
 
@@ -132,6 +134,9 @@ def test_a_file_is_not_replaced_without_a_word(tmp_path: Path) -> None:
     with pytest.raises(FileExistsError, match="exists"):
         short().record(path)
     assert short().record(path, force=True, every=50).record_every == 50
+    for every in (0, -1):
+        with pytest.raises(ValueError, match=f"every: found {every}; expected 1 or more"):
+            short().record(path, force=True, every=every)
     with pytest.raises(FileNotFoundError):
         short().record(tmp_path / "nowhere" / "a.mcap")
 

@@ -166,6 +166,14 @@ def test_tables_become_those_of_others(rec: bl.Recording) -> None:
     assert list(dict(events)) == list(events)
 
 
+def test_what_a_table_does_not_have_is_told(rec: bl.Recording) -> None:
+    table = rec.contacts()
+    with pytest.raises(KeyError, match="there is no column 'open'; there are: frame, "):
+        table["open"]
+    with pytest.raises(TypeError, match=r"found table\[3\]; expected the name of a column, a slice"):
+        table[3]  # type: ignore[call-overload]
+
+
 def test_tables_show_themselves_and_travel(rec: bl.Recording) -> None:
     motion = _table.impurity(rec)
     assert repr(motion).startswith(f"<Motion of {len(motion)} rows: frame, step, time_s")
