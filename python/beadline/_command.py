@@ -67,7 +67,7 @@ def _failure(lines: list[str], code: int, path: str | None) -> CommandError | Re
         message = ": ".join([told["message"], *told["causes"]])
     except (IndexError, KeyError, TypeError, ValueError):
         message = lines[-1] if lines else f"the command ended with {code}"
-    message = message.replace("--force", "force=True")
+    message = message.replace("--force", "force=True").removesuffix(": For more information, try '--help'.")
     if path is not None and os.path.basename(path) in message:
         return RecordingError(message, path=path)
     error = CommandError(message)

@@ -40,7 +40,7 @@ def open(path: str | os.PathLike[str]) -> Recording:
         RecordingError: If it is no recording, is damaged up to its first state, or holds no state.
     """
     path = Path(path)
-    partial = path.with_name(path.name + ".partial")
+    partial = Path(f"{path}.partial")
     return Recording(_native.States.open(partial if not path.exists() and partial.exists() else path))
 
 

@@ -156,11 +156,11 @@ class Run:
         config["stream"] = stream
         self._set(_toml({"name": name, **config}), None, "run")
 
-    def _set(self, toml: str, path: str | None, name: str) -> None:
+    def _set(self, toml: str, path: str | None, name: str, is_seen: bool = False) -> None:
         try:
             self._manifest = _native.Manifest.from_toml(toml, path, name)
         except ConfigError as error:
-            if path is None:
+            if not is_seen:
                 # nobody has seen these lines
                 error.line = None
                 error.args = (re.sub(r"^line \d+: ", "", str(error)),)
@@ -168,9 +168,9 @@ class Run:
         self._toml = toml
 
     @classmethod
-    def _of(cls, toml: str, path: str | None = None, name: str = "run") -> Run:
+    def _of(cls, toml: str, path: str | None = None, name: str = "run", is_seen: bool = False) -> Run:
         run = cls.__new__(cls)
-        run._set(toml, path, name)
+        run._set(toml, path, name, is_seen)
         return run
 
     @classmethod
@@ -181,9 +181,9 @@ class Run:
             ConfigError: With the line.
         """
         if isinstance(source, str) and "\n" in source:
-            return cls._of(source)
+            return cls._of(source, is_seen=True)
         path = Path(source)
-        return cls._of(path.read_text(encoding="utf-8"), str(path), path.stem)
+        return cls._of(path.read_text(encoding="utf-8"), str(path), path.stem, is_seen=True)
 
     def to_toml(self) -> str:
         """The configuration as ``beadline run`` reads it."""
@@ -262,7 +262,7 @@ class Run:
                 default every frame is recorded.
             force: Replace a file that exists.
             publish: Publish the run on the bus, as ``beadline run`` does.
-            wait_for: Then begin when so many lossless consumers are attached.
+            wait_for: Of a published run: begin when so many lossless consumers are attached.
             on_frame: Called with the :class:`State` of frames; something true ends the run. It must not call the run.
             on_frame_every: Frames from one call to the next.
             progress: Whether to show how far it is; by default in terminals and notebooks.
@@ -274,6 +274,8 @@ class Run:
         """
         from ._recording import Recording
 
+        if wait_for and not publish:
+            raise ValueError(f"wait_for: found {wait_for}; expected 0, or publish=True")
         manifest = self._begun(self._manifest.publish_every_steps if every is None else every)
         path = Path(path if path is not None else f"{self.name}.mcap")
         with self._progress(progress) as tell:

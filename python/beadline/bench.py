@@ -138,7 +138,8 @@ def rows(directory: Path, quick: bool) -> Iterator[Row]:
 
 def main() -> int:
     """Prints the table; 3 if a figure does not keep to its limit."""
-    parser = argparse.ArgumentParser(prog="python -m beadline.bench", description="Measures each figure of the package beside its limit; exit code 3 if one is missed.")
+    about = "Measures each figure of the package beside its limit; exit code 3 if one is missed."
+    parser = argparse.ArgumentParser(prog="python -m beadline.bench", description=about)
     parser.add_argument("--quick", action="store_true", help="a short run, once: says that it works, not how fast it is")
     quick = parser.parse_args().quick
     is_met = True

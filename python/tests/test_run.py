@@ -65,6 +65,12 @@ def test_what_cannot_be_is_refused_with_its_key_and_no_line_that_nobody_wrote() 
         bl.Run(chain, strikers={0: 1, 1: 1}, duration_s=1)
 
 
+def test_a_text_is_read_with_its_lines() -> None:
+    with pytest.raises(bl.ConfigError, match="line 3: chain.foo: found the unknown key") as raised:
+        bl.Run.from_toml("[chain]\nbeads = 3\nfoo = 1\n")
+    assert raised.value.line == 3
+
+
 def test_a_configuration_file_is_read_with_its_lines(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(short().to_toml())
@@ -134,6 +140,8 @@ def test_a_file_is_not_replaced_without_a_word(tmp_path: Path) -> None:
     with pytest.raises(FileExistsError, match="exists"):
         short().record(path)
     assert short().record(path, force=True, every=50).record_every == 50
+    with pytest.raises(ValueError, match="wait_for: found 1; expected 0, or publish=True"):
+        short().record(path, force=True, wait_for=1)
     for every in (0, -1):
         with pytest.raises(ValueError, match=f"every: found {every}; expected 1 or more"):
             short().record(path, force=True, every=every)
