@@ -140,8 +140,9 @@ def plot(
     axes.set_title(about, loc="left", fontsize="small", color=_GREY, parse_math=False)
     axes.set_xlabel(_place(field))
     ticker: Any = need("matplotlib.ticker")
-    locator = ticker.MaxNLocator("auto", integer=True, steps=[1, 2, 5, 10])
-    axes.xaxis.set_major_locator(locator)
+    # as many as there is room for
+    most = 10 if places.stop < 10_000 else 5
+    axes.xaxis.set_major_locator(ticker.MaxNLocator(most, integer=True, steps=[1, 2, 5, 10]))
     axes.minorticks_on()
     if len(places) < _FEW_PLACES:
         axes.xaxis.set_minor_locator(ticker.NullLocator())
