@@ -58,7 +58,7 @@ class State:
         time_s: Its time (s).
         displacement_m: Displacement of each bead (m), N values.
         velocity_m_s: Velocity of each bead (m/s), N values.
-        extra: What else the method carries.
+        extra: What else the method needs to go on: of ``"gear5"`` some values for each bead, of the others nothing.
     """
 
     def __init__(self, manifest: _native.Manifest, state: StateTuple) -> None:
@@ -200,7 +200,7 @@ class FieldArray(NDArrayOperatorsMixin):
         return shaped
 
     def blocks(self, most_bytes: int = 64_000_000) -> Iterator[tuple[slice, Doubles]]:
-        """The values in blocks of rows that take so much memory, each with the rows that it has."""
+        """The values in blocks of rows, of at most ``most_bytes`` if a row is not more, each with the slice of its rows."""
         rows = max(1, int(most_bytes // max(8, self.nbytes // max(1, len(self)))))
         for begin in range(0, len(self), rows):
             part = slice(begin, min(begin + rows, len(self)))
@@ -491,7 +491,7 @@ class Recording:
         return self.states()
 
     def at(self, *, time_s: float) -> State:
-        """The state nearest to a time (s).
+        """The state nearest to the time ``time_s`` (s).
 
         Raises:
             ValueError: If the recording does not reach there.
@@ -523,7 +523,7 @@ class Recording:
         return self if self.path is None else open(self.path.removesuffix(".partial"))
 
     def save(self, path: str | os.PathLike[str], *, force: bool = False) -> Recording:
-        """Writes a run in memory as a recording.
+        """Writes a run in memory to the file ``path``, and gives that recording. ``force`` replaces a file that exists.
 
         Raises:
             FileExistsError: If there is such a file.
