@@ -26,8 +26,8 @@ Column = npt.NDArray[Any]
 Kind = Literal["integer", "double", "word"]
 Rows = slice | Sequence[int] | npt.NDArray[np.bool_] | npt.NDArray[np.integer[Any]]
 
-# rows at the begin and at the end that a table shows of itself
-_SHOWN = 5
+# rows that a table shows of itself at most, and of a longer one at its begin and at its end
+_ALL_SHOWN, _SHOWN = 30, 5
 
 
 class Table:
@@ -120,7 +120,7 @@ class Table:
 
         count = len(self)
         shown = [range(_SHOWN), range(count - _SHOWN, count)]
-        if count <= 2 * _SHOWN:
+        if count <= _ALL_SHOWN:
             shown = [range(count)]
         between = row("td", ["…"] * (1 + len(self.columns)))
         body = between.join("".join(row("td", values(index)) for index in part) for part in shown)
