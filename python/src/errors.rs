@@ -53,8 +53,9 @@ impl Why {
 
     pub(crate) fn of_io(error: &io::Error, path: &Path) -> Self {
         let code = error.raw_os_error();
-        let said = error.to_string();
-        let raised = PyOSError::new_err((code, said, path.to_path_buf()));
+        // Python says the number itself, and the path as open() does
+        let said = error.to_string().split(" (os error ").next().unwrap_or_default().to_owned();
+        let raised = PyOSError::new_err((code, said, path.as_os_str().to_owned()));
         Self { raised: code.is_some().then_some(raised), ..Self::of("BeadlineError", error) }
     }
 }
@@ -127,7 +128,10 @@ impl From<WriteError> for Why {
         let mut causes = std::iter::successors(Some(&error as &dyn Error), |error| (*error).source());
         let code = causes.find_map(|cause| cause.downcast_ref::<io::Error>()?.raw_os_error());
         let raised = match code {
-            _ if error.is_in_the_way() => Some(PyFileExistsError::new_err(why.message.clone())),
+            // which the command calls so
+            _ if error.is_in_the_way() => {
+                Some(PyFileExistsError::new_err(why.message.replace("--force", "force=True")))
+            }
             code => code.map(|code| PyOSError::new_err((code, why.message.clone()))),
         };
         Self { raised, ..why }

@@ -344,6 +344,7 @@ impl Live {
 
 #[pymethods]
 impl Live {
+    /// Name of the run.
     #[getter]
     fn name(&self) -> &str {
         self.run.name.as_str()
