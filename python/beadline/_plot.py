@@ -102,6 +102,8 @@ def plot(
     array = _array(rec, field)
     if step is not None and time_s is not None:
         raise ValueError("found step and time_s; expected one of them")
+    if every is not None and every < 1:
+        raise ValueError(f"every: found {every}; expected 1 or more")
     if scale not in (None, "log", "linear"):
         raise ValueError(f"scale: found {scale!r}; expected 'log' or 'linear'")
     every_place = range(array.shape[1])

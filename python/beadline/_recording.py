@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
+import operator
 import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
-from operator import index
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -17,6 +17,7 @@ import numpy.typing as npt
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from . import _native, _plot, _table
+from .errors import RecordingError
 
 if TYPE_CHECKING:
     from ._native import Doubles, Numbers, StateTuple
@@ -24,12 +25,16 @@ if TYPE_CHECKING:
 FieldName = Literal["displacement", "velocity", "overlap", "force"]
 Index = npt.NDArray[np.intp]
 Array = TypeVar("Array", bound=npt.NDArray[Any])
+# positions on an axis
+Axis = range | Index
 
 _UNITS: dict[FieldName, str] = {"displacement": "m", "velocity": "m/s", "overlap": "m", "force": "N"}
 # memory that is left to others
 _FREE_PART = 0.9
 # of states that are read one after the other, how much is read at once
 _BLOCK_BYTES = 32_000_000
+# and of rows of an array, of which a loop may not want all
+_ROWS_BYTES = 4_000_000
 
 
 def open(path: str | os.PathLike[str]) -> Recording:
@@ -39,9 +44,24 @@ def open(path: str | os.PathLike[str]) -> Recording:
         FileNotFoundError: If there is none.
         RecordingError: If it is no recording, is damaged up to its first state, or holds no state.
     """
-    path = Path(path)
+    # absolute, so that it stays the same file in another directory
+    path = Path(os.path.abspath(path))
     partial = Path(f"{path}.partial")
-    return Recording(_native.States.open(partial if not path.exists() and partial.exists() else path))
+    path = partial if not path.exists() and partial.exists() else path
+    recording = Recording(_native.States.open(path), str(path))
+    if not recording.about["states"]:
+        channels = ", ".join(topic for topic, _ in recording.about["channels"])
+        what = f"{path} holds no states, only {channels}: open the recording that it was made of"
+        raise RecordingError(what, path=str(path))
+    return recording
+
+
+def mcap(path: str | os.PathLike[str]) -> Path:
+    """The path of a recording that is to be made."""
+    path = Path(path)
+    if path.suffix != ".mcap":
+        raise ValueError(f"{path}: a recording is written as .mcap")
+    return path
 
 
 def _read_only(array: Array) -> Array:
@@ -101,12 +121,12 @@ class FieldArray(NDArrayOperatorsMixin):
         unit: Its unit.
     """
 
-    def __init__(self, recording: Recording, name: FieldName, rows: Index | int, columns: Index | int) -> None:
+    def __init__(self, recording: Recording, name: FieldName, rows: Axis | int, columns: Axis | int) -> None:
         self._recording = recording
         self.name: FieldName = name
         self.unit = _UNITS[name]
         # positions on the axes of the whole array; a number takes the axis away
-        self._axes: tuple[Index | int, Index | int] = (rows, columns)
+        self._axes: tuple[Axis | int, Axis | int] = (rows, columns)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -139,16 +159,19 @@ class FieldArray(NDArrayOperatorsMixin):
         return self.shape[0]
 
     def __iter__(self) -> Iterator[Any]:
-        return (self[row] for row in range(len(self)))
+        for _, block in self.blocks(_ROWS_BYTES):
+            yield from block
+
+    def __contains__(self, value: object) -> bool:
+        return any(bool(np.any(block == value)) for _, block in self.blocks())
 
     def __getitem__(self, key: Any) -> Any:
         keys = _spread(key, self.ndim)
         if keys is None:
             return self._points(key)
         axes = list(self._axes)
-        for axis, chosen in zip((at for at in (0, 1) if not isinstance(axes[at], int)), keys, strict=True):
-            found = np.asarray(axes[axis])[chosen]
-            axes[axis] = int(found) if np.ndim(found) == 0 else found
+        left = iter(keys)
+        axes = [axis if isinstance(axis, int) else _chosen(axis, next(left)) for axis in axes]
         rows, columns = axes
         part = FieldArray(self._recording, self.name, rows, columns)
         return part if part.shape else float(part.compute())
@@ -165,13 +188,14 @@ class FieldArray(NDArrayOperatorsMixin):
         needed: list[Index] = []
         again: list[Any] = []
         for one in keys:
-            for k in np.nonzero(one) if _is_mask(one) else [one]:
-                if k is None:
-                    again.append(None)
-                    continue
+            if one is None or (_is_mask(one) and np.ndim(one) == 0):
+                again.append(one)
+                continue
+            for k in _of_mask(one, axes[len(needed) :]) if _is_mask(one) else [one]:
                 if len(needed) == len(axes):
                     raise IndexError(f"too many indices: the array has {len(axes)} axes")
-                positions = np.arange(len(axes[len(needed)]))[k]
+                key_of_axis = k if isinstance(k, slice) else _as_index(k)
+                positions = _positions(_chosen(range(len(axes[len(needed)])), key_of_axis))
                 unique, inverse = np.unique(positions, return_inverse=True)
                 needed.append(unique)
                 again.append(_same_kind(k, inverse.reshape(np.shape(positions))))
@@ -185,17 +209,16 @@ class FieldArray(NDArrayOperatorsMixin):
             MemoryError: If there is not enough of it.
             RecordingError: If the file is damaged there.
         """
-        positions = [np.atleast_1d(np.asarray(axis)) for axis in self._axes]
-        # ascending, each once, and back
-        unique = [np.unique(axis, return_inverse=True) for axis in positions]
-        (rows, _), (columns, _) = unique
-        _check_memory(self, len(rows) * len(columns) * 8)
+        lengths = " × ".join(f"{length:,}" for length in self.shape)
+        remedy = "take a part, such as [::100], or go through it in blocks()"
+        _check_memory(f"{self.name} of {lengths} values", self.nbytes, remedy)
+        (rows, row_of), (columns, column_of) = map(_ascending, self._axes)
         steps = np.ascontiguousarray(self._recording._step_at(rows), dtype=np.uint64)
         places = np.ascontiguousarray(columns, dtype=np.uint64)
         values = self._recording._states.gather(self.name, steps, places)
-        for axis, (_, back) in enumerate(unique):
-            if len(back) != values.shape[axis] or np.any(back[1:] <= back[:-1]):
-                values = values.take(back.ravel(), axis=axis)
+        for axis, back in enumerate((row_of, column_of)):
+            if back is not None:
+                values = values.take(back, axis=axis)
         shaped: Doubles = values.reshape(self.shape)
         return shaped
 
@@ -213,6 +236,8 @@ class FieldArray(NDArrayOperatorsMixin):
         return values if dtype is None else values.astype(dtype, copy=False)
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        if any(isinstance(it, FieldArray) for it in options.get("out", ())):
+            raise TypeError(f"{self.name} of a recording cannot be changed: change a copy, np.array(...)")
         computed = (np.asarray(it) if isinstance(it, FieldArray) else it for it in inputs)
         return getattr(ufunc, method)(*computed, **options)
 
@@ -265,6 +290,13 @@ def _is_mask(key: Any) -> bool:
     return not isinstance(key, slice) and key is not None and key is not Ellipsis and np.asarray(key).dtype == bool
 
 
+def _of_mask(mask: Any, axes: list[Axis]) -> tuple[Index, ...]:
+    lengths = tuple(map(len, axes[: np.ndim(mask)]))
+    if np.shape(mask) != lengths:
+        raise IndexError(f"the mask has the shape {np.shape(mask)}, the array {lengths} there")
+    return np.nonzero(mask)
+
+
 def _spread(key: Any, ndim: int) -> list[Any] | None:
     """One key an axis, if each chooses along its axis alone; else None."""
     keys = list(key) if isinstance(key, tuple) else [key]
@@ -292,7 +324,33 @@ def _is_truth(key: Any) -> bool:
 def _as_index(key: Any) -> Any:
     array = np.asarray(key)
     # an empty list has no type
-    return array.astype(np.intp) if array.size == 0 and array.dtype != bool else array
+    return array.astype(np.intp) if array.size == 0 and isinstance(key, list | tuple) else array
+
+
+def _chosen(axis: Axis, key: Any) -> Any:
+    """What a slice or an array of indices takes of an axis; a number for a single one."""
+    if isinstance(axis, range) and isinstance(key, slice):
+        return axis[key]
+    if isinstance(axis, range) and np.issubdtype(key.dtype, np.integer):
+        # an axis may be much longer than memory
+        length, key = len(axis), key.astype(np.intp)
+        beyond = key[(key < -length) | (key >= length)]
+        if beyond.size:
+            raise IndexError(f"index {beyond[0]} is out of bounds for an axis of {length:,}")
+        found = axis.start + axis.step * np.where(key < 0, key + length, key)
+    else:
+        found = _positions(axis)[key]
+    return int(found) if found.ndim == 0 else found
+
+
+def _positions(axis: Axis | int) -> Index:
+    return np.arange(axis.start, axis.stop, axis.step) if isinstance(axis, range) else np.asarray(axis)
+
+
+def _ascending(axis: Axis | int) -> tuple[Index, Index | None]:
+    """The positions of an axis in their order, each once, and where each of the axis is there, if not at its own place."""
+    positions = np.atleast_1d(_positions(axis))
+    return (positions, None) if np.all(positions[1:] > positions[:-1]) else np.unique(positions, return_inverse=True)
 
 
 def _same_kind(key: Any, inverse: Index) -> Any:
@@ -303,14 +361,11 @@ def _same_kind(key: Any, inverse: Index) -> Any:
     return int(inverse) if inverse.ndim == 0 and isinstance(key, int | np.integer) else inverse
 
 
-def _check_memory(array: FieldArray, needed_bytes: int) -> None:
+def _check_memory(what: str, needed_bytes: int, remedy: str) -> None:
     free_bytes = _free_bytes()
-    if needed_bytes <= _FREE_PART * free_bytes:
-        return
-    raise MemoryError(
-        f"{array.name} of {' × '.join(f'{length:,}' for length in array.shape)} values takes {needed_bytes / 1e9:,.1f} GB, "
-        f"{free_bytes / 1e9:,.1f} GB are free: take a part, such as [::100], or go through it in blocks()"
-    )
+    if needed_bytes > _FREE_PART * free_bytes:
+        takes = f"{what} takes {needed_bytes / 1e9:,.1f} GB, {free_bytes / 1e9:,.1f} GB are free"
+        raise MemoryError(f"{takes}: {remedy}")
 
 
 def _free_bytes() -> float:
@@ -332,23 +387,20 @@ class Recording:
 
     Every step of it can be had: what was not kept is recomputed, and proven by the next state that was. ``rec[12345]`` is
     the :class:`State` of a step, ``rec[-1]`` the last one, ``len(rec)`` the number of steps; a loop over ``rec`` goes
-    through the states that are kept.
+    through all of them, :meth:`states` through those that are kept.
 
     Attributes:
+        path: The file; None of a run in memory.
         summary: What the run said when it ended, if this process has made it: ``end``, ``last_step``,
             ``recorded_states``, ``relative_drift`` of the energy, and of a file ``path`` and ``bytes``. Else None.
     """
 
     summary: dict[str, Any] | None = None
 
-    def __init__(self, states: _native.States) -> None:
+    def __init__(self, states: _native.States, path: str | None = None) -> None:
         self._states = states
         self._manifest = states.manifest
-
-    @property
-    def path(self) -> str | None:
-        """The file; None of a run in memory."""
-        return self._states.path
+        self.path = path
 
     @property
     def name(self) -> str:
@@ -426,8 +478,13 @@ class Recording:
     def recorded_steps(self) -> Numbers:
         """The steps that are kept."""
         first, last, every = self.first_step, self.last_step, self.record_every
-        between = np.arange(-(-first // every) * every, last + 1, every, dtype=np.uint64)
-        return _read_only(np.unique(np.concatenate([between, np.array([first, last], dtype=np.uint64)])))
+        # the last one is said by the file, which may be a stranger's
+        _check_memory("a list of the recorded steps", 32 * ((last - first) // every), "take single steps, such as rec[1000]")
+        begin = -(-first // every) * every
+        between = np.arange(begin, last + 1, every, dtype=np.uint64)
+        ends = [first] * (first < begin), [last] * (last % every > 0 and last > first)
+        kept = np.concatenate([np.array(ends[0], np.uint64), between, np.array(ends[1], np.uint64)])
+        return _read_only(kept)
 
     @property
     def steps(self) -> range | Numbers:
@@ -437,6 +494,7 @@ class Recording:
     @property
     def time_s(self) -> Doubles:
         """Their times (s)."""
+        _check_memory("a list of all times", 32 * len(self.steps), "multiply steps that you take with rec.dt_s")
         times_s: Doubles = self._step_at(np.arange(len(self.steps))).astype(np.float64) * self.dt_s
         return times_s
 
@@ -447,7 +505,7 @@ class Recording:
 
     def _field(self, name: FieldName) -> FieldArray:
         places = self.beads if name in ("displacement", "velocity") else self.beads - 1
-        return FieldArray(self, name, np.arange(len(self.steps)), np.arange(places))
+        return FieldArray(self, name, range(len(self.steps)), range(places))
 
     @property
     def displacement(self) -> FieldArray:
@@ -481,14 +539,14 @@ class Recording:
         """
         if isinstance(step, slice):
             raise TypeError("a recording has single states: take rec.velocity[10:20], or rec.states(...)")
-        step = index(step)
-        found = step + self.last_step + 1 if step < 0 else step
+        found = operator.index(step)
+        found += self.last_step + 1 if found < 0 else 0
         if not self.first_step <= found <= self.last_step:
             raise IndexError(f"step {step}: the recording has steps {self.first_step} to {self.last_step}")
         return State(self._manifest, self._states.state(found))
 
     def __iter__(self) -> Iterator[State]:
-        return self.states()
+        return self.states(every=1)
 
     def at(self, *, time_s: float) -> State:
         """The state nearest to the time ``time_s`` (s).
@@ -507,13 +565,14 @@ class Recording:
 
     def states(self, every: int | None = None) -> Iterator[State]:
         """States one after the other: those that are kept, or every so many steps."""
-        found = self.recorded_steps if every is None else self._step_at(np.arange(0, len(self.steps), every))
-        steps = np.ascontiguousarray(found)
+        if every is not None and every < 1:
+            raise ValueError(f"every: found {every}; expected 1 or more")
+        steps = self.recorded_steps if every is None else self.steps[::every]
         beads = self.beads
         # enough for all cores, and little beside what is there
         most = max(1, _BLOCK_BYTES // (16 * beads))
         for begin in range(0, len(steps), most):
-            block = steps[begin : begin + most]
+            block = np.ascontiguousarray(steps[begin : begin + most], np.uint64)
             for step, row in zip(block.tolist(), self._states.gather_states(block), strict=True):
                 arrays = row[:beads], row[beads : 2 * beads], row[2 * beads :]
                 yield State(self._manifest, (self._manifest.frame_at(step), step, step * self.dt_s, *arrays))
@@ -528,7 +587,7 @@ class Recording:
         Raises:
             FileExistsError: If there is such a file.
         """
-        self._states.save(Path(path), force)
+        self._states.save(mcap(path), force)
         return open(path)
 
     # the first argument of these is the recording
@@ -560,7 +619,8 @@ class Recording:
         return _of_kept, (self._manifest, *self._states.kept())
 
     def __repr__(self) -> str:
-        place = "in memory" if self.path is None else self.path
+        # as short as it can be said here
+        place = "in memory" if self.path is None else min(self.path, os.path.relpath(self.path), key=len)
         return f"<Recording of {self.name}: {self.beads} beads, steps {self.first_step} to {self.last_step}, {place}>"
 
 

@@ -72,16 +72,16 @@ class Chain:
         restitution: float | None = None,
         viscous_n_s_per_m: float | None = None,
     ) -> None:
-        chain: Config = {"beads": int(beads), "alpha": float(alpha)}
+        chain: Config = {"beads": _whole("beads", beads), "alpha": float(alpha)}
         chain["bead_mass_kg"], list_kg = _one_or_each(mass_kg)
         chain["stiffness"], each = _one_or_each(stiffness)
         chain["masses"] = masses if list_kg is None else {"list_kg": list_kg}
         chain["stiffnesses"] = stiffnesses if each is None else {"list": each}
         chain["impurities"] = [
-            {"bead": int(bead), "mass_kg": float(mass)} for bead, mass in _each("impurities", impurities or {})
+            {"bead": _whole("impurities", bead), "mass_kg": float(mass)} for bead, mass in _each("impurities", impurities or {})
         ]
         chain["contacts"] = [
-            {"contact": int(contact), "stiffness": float(k)} for contact, k in _each("contacts", contacts or {})
+            {"contact": _whole("contacts", contact), "stiffness": float(k)} for contact, k in _each("contacts", contacts or {})
         ]
         ends = {"left": left, "right": right}
         self._config: Config = {
@@ -100,6 +100,14 @@ class Chain:
     def __repr__(self) -> str:
         chain = self._config["chain"]
         return f"<Chain of {self.beads} beads, α = {chain['alpha']:g}>"
+
+
+def _whole(name: str, value: Any) -> int:
+    """A whole number, such as 1000 or 1e3."""
+    number = int(value)
+    if number != value:
+        raise ConfigError(f"{name}: found {value!r}; expected a whole number", key=name)
+    return number
 
 
 def _one_or_each(values: float | Values) -> tuple[float, list[float] | None]:
@@ -149,11 +157,11 @@ class Run:
             raise ConfigError(message, key="striker")
         [(bead, velocity_m_s)] = struck
         config = deepcopy(chain._config)
-        config["striker"] = {"bead": int(bead), "velocity_m_s": float(velocity_m_s)}
+        config["striker"] = {"bead": _whole("strikers", bead), "velocity_m_s": float(velocity_m_s)}
         config["time"] = {"duration_s": float(duration_s), "dt_s": dt_s}
         config["integrator"] = {"method": method}
-        stream = {"publish_every_steps": int(publish_every), "record_every_steps": int(publish_every)}
-        config["stream"] = stream
+        every = _whole("publish_every", publish_every)
+        config["stream"] = {"publish_every_steps": every, "record_every_steps": every}
         self._set(_toml({"name": name, **config}), None, "run")
 
     def _set(self, toml: str, path: str | None, name: str, is_seen: bool = False) -> None:
@@ -200,12 +208,13 @@ class Run:
         config: Config = tomllib.loads(self._toml)
         for key, value in values.items():
             place: Any = config
-            *parts, last = [int(part) if part.isdigit() else part for part in re.findall(r"[^.\[\]]+", key)]
             try:
+                names = re.findall(r"[^.\[\]]+", key)
+                *parts, last = [int(name) if name.isdecimal() else name for name in names]
                 for part in parts:
                     place = place.setdefault(part, {}) if isinstance(place, dict) else place[part]
                 place[last] = value
-            except (IndexError, TypeError) as error:
+            except (IndexError, TypeError, ValueError) as error:
                 raise ConfigError(f"{key}: the configuration has no such key", key=key) from error
         return self._of(_toml(config), None, self.name)
 
@@ -272,12 +281,12 @@ class Run:
             RunError: If the values are no longer finite.
             LiveError: If it cannot be published.
         """
-        from ._recording import Recording
+        from ._recording import mcap, open
 
         if wait_for and not publish:
             raise ValueError(f"wait_for: found {wait_for}; expected 0, or publish=True")
         manifest = self._begun(self._manifest.publish_every_steps if every is None else every)
-        path = Path(path if path is not None else f"{self.name}.mcap")
+        path = mcap(path if path is not None else f"{self.name}.mcap")
         with self._progress(progress) as tell:
             summary = _native.record(
                 manifest,
@@ -288,7 +297,7 @@ class Run:
                 on_progress=tell,
                 on_frame=_frames_to(on_frame, manifest, on_frame_every),
             )
-        recording = Recording(_native.States.open(path))
+        recording = open(path)
         recording.summary = summary
         return recording
 
@@ -439,7 +448,7 @@ def _toml(config: Config) -> str:
 
 
 def _lines(table: Mapping[str, Any]) -> list[str]:
-    return [f"{key} = {_value(value)}" for key, value in table.items() if value is not None and value != []]
+    return [f"{key} = {_value(value)}" for key, value in table.items() if value is not None and np.shape(value) != (0,)]
 
 
 def _value(value: Any) -> str:

@@ -280,7 +280,7 @@ def test_a_changed_state_is_named(run: bl.Run) -> None:
 
 def test_a_recording_of_another_kernel_has_its_kept_states() -> None:
     golden = Path(__file__).parents[2] / "tests/golden/1.0-kernel-1"
-    sparse = [rec for rec in map(bl.open, sorted(golden.glob("*.mcap"))) if rec.record_every > 1]
+    sparse = [rec for rec in map(bl.open, sorted(golden.glob("[!c]*.mcap"))) if rec.record_every > 1]
     rec = sparse[0]
     assert not rec.recomputes and len(rec.steps) == len(rec.recorded_steps)
     assert np.array_equal(rec.velocity[::2][-1], rec[int(rec.steps[::2][-1])].velocity_m_s)
