@@ -2,11 +2,15 @@
 
 import hashlib
 import shutil
+import signal
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+# whoever starts the tests in the background may have told them to ignore it, and so all that they start
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(autouse=True)
