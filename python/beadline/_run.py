@@ -398,12 +398,12 @@ class Simulation:
     @property
     def displacement_m(self) -> Doubles:
         """Displacement of each bead (m), read-only, which goes on with the run."""
-        return self._native.u_m()
+        return self._native.u_m().view()
 
     @property
     def velocity_m_s(self) -> Doubles:
         """Velocity of each bead (m/s), read-only, which goes on with the run."""
-        return self._native.v_m_s()
+        return self._native.v_m_s().view()
 
     @property
     def mass_kg(self) -> Doubles:
