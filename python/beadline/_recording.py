@@ -188,7 +188,7 @@ class FieldArray(NDArrayOperatorsMixin):
         needed: list[Index] = []
         again: list[Any] = []
         for one in keys:
-            if one is None or (_is_mask(one) and np.ndim(one) == 0):
+            if one is None or _is_truth(one):
                 again.append(one)
                 continue
             for k in _of_mask(one, axes[len(needed) :]) if _is_mask(one) else [one]:
@@ -318,7 +318,7 @@ def _spread(key: Any, ndim: int) -> list[Any] | None:
 
 def _is_truth(key: Any) -> bool:
     """A single truth value, which NumPy takes as another axis."""
-    return isinstance(key, bool | np.bool_)
+    return _is_mask(key) and np.ndim(key) == 0
 
 
 def _as_index(key: Any) -> Any:
