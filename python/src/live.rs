@@ -20,6 +20,7 @@ use schemas::chain::Chain;
 use schemas::frame::{EndReason, Frame as StateFrame, FrameSource as _, HeldFrame, Received};
 use schemas::results::{ResultColumns, Topic};
 use schemas::run_name::RunName;
+use std::process;
 use std::ptr::{copy_nonoverlapping, null_mut};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
@@ -66,7 +67,17 @@ struct Run {
 struct Shared {
     frame: StateFrame<'static>,
     /// Keeps the memory; needed by nobody but `frame`.
-    _state: Mutex<HeldState>,
+    state: Mutex<Option<HeldState>>,
+    /// The process that is attached; one that was forked from it gives nothing back.
+    process: u32,
+}
+
+impl Drop for Shared {
+    fn drop(&mut self) {
+        if self.process != process::id() {
+            std::mem::forget(self.state.get_mut().unwrap_or_else(PoisonError::into_inner).take());
+        }
+    }
 }
 
 impl Shared {
@@ -76,7 +87,7 @@ impl Shared {
         // moves, and nobody writes to it until the source leaves; `seal` comes before that. They leave this struct only
         // as arrays that own a reference to it.
         let frame = unsafe { std::mem::transmute::<StateFrame<'_>, StateFrame<'static>>(state.frame()) };
-        Self { frame, _state: Mutex::new(state) }
+        Self { frame, state: Mutex::new(Some(state)), process: process::id() }
     }
 
     /// Puts a copy of this process's own in the place of the pages under the frame: a producer that goes on without us takes
@@ -233,6 +244,8 @@ impl Frame {
 
 /// Frames on their way from the bus.
 struct Stream {
+    /// The process that is attached; one that was forked from it is not.
+    process: u32,
     source: Option<LiveSource>,
     /// What came while somebody only waited for it.
     ahead: Option<Frame>,
@@ -247,6 +260,10 @@ impl Stream {
     fn leave(&mut self) {
         self.ahead = None;
         let Some(source) = self.source.take() else { return };
+        if self.process != process::id() {
+            std::mem::forget(source);
+            return;
+        }
         let sealed = self.held.iter().filter_map(Weak::upgrade).try_for_each(|frame| frame.seal());
         if sealed.is_err() {
             // no memory: better hold the run back until it drops us than let frames change
@@ -286,6 +303,13 @@ impl Live {
     fn receive(&self, stream: &mut Stream, patience: Duration) -> Result<Option<Frame>, Why> {
         if let Some(frame) = stream.ahead.take() {
             return Ok(Some(frame));
+        }
+        if stream.process != process::id() {
+            let what = format!(
+                "this process was forked from the one that is attached to run {}: attach again",
+                self.run.name
+            );
+            return Err(Why::new("LiveError", what));
         }
         let Stream { source: Some(source), held, next_frame, missed, .. } = stream else {
             return self.over(stream);
@@ -493,8 +517,14 @@ fn attach(
         first_frame,
         mass_kg: mass_kg.unbind(),
     };
-    let stream =
-        Stream { source: Some(source), ahead: None, held: Vec::new(), next_frame: first_frame, missed: 0 };
+    let stream = Stream {
+        process: process::id(),
+        source: Some(source),
+        ahead: None,
+        held: Vec::new(),
+        next_frame: first_frame,
+        missed: 0,
+    };
     Ok(Live {
         run: Arc::new(run),
         stop,

@@ -39,8 +39,23 @@ pub(crate) struct States {
     last_step: u64,
     /// Why only kept states can be had, if so.
     other_kernel: Option<OtherKernel>,
-    /// Readers that nobody uses now.
-    idle: Mutex<Vec<Reader>>,
+    /// Readers that nobody uses now, and the process that they are of.
+    idle: Mutex<(u32, Vec<Reader>)>,
+}
+
+impl Drop for States {
+    fn drop(&mut self) {
+        forget_others(self.idle.get_mut().unwrap_or_else(PoisonError::into_inner));
+    }
+}
+
+/// Lets go of the readers of the process that this one was forked from, without a word: it reads on at the same places of the
+/// same files, and their threads are only there.
+fn forget_others((process, readers): &mut (u32, Vec<Reader>)) {
+    if *process != std::process::id() {
+        std::mem::forget(std::mem::take(readers));
+        *process = std::process::id();
+    }
 }
 
 /// Steps, doubles (a row a state), and how the run ended.
@@ -216,11 +231,23 @@ impl States {
     }
 
     fn reader(&self) -> Result<Reader, Why> {
-        if let Some(reader) = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop() {
+        let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
+        forget_others(&mut idle);
+        let reader = idle.1.pop();
+        drop(idle);
+        if let Some(reader) = reader {
             return Ok(reader);
         }
         match &self.kept {
-            Kept::File(info) => Ok(Reader::File(Box::new(RecordingSource::open_all(&info.path)?))),
+            Kept::File(info) => {
+                let file = RecordingSource::open_all(&info.path)?;
+                // results of another run would be wrong, and its chain may be another
+                if file.manifest().physics != self.run().physics {
+                    let what = format!("{} is of another run now: open it again", info.path.display());
+                    return Err(Why::new("RecordingError", what));
+                }
+                Ok(Reader::File(Box::new(file)))
+            }
             Kept::Memory(states, _) => Ok(Reader::Memory {
                 run: Arc::clone(&self.manifest.run),
                 states: Arc::clone(states),
@@ -231,7 +258,7 @@ impl States {
 
     /// Keeps a reader for later; one that has failed is dropped instead.
     fn give_back(&self, reader: Reader) {
-        self.idle.lock().unwrap_or_else(PoisonError::into_inner).push(reader);
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner).1.push(reader);
     }
 
     /// Whether the state of `step` is kept, if nothing is missing.

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
+from collections.abc import Callable
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -122,3 +125,58 @@ def test_numbers_of_beads_are_whole() -> None:
             wrong()
     run = bl.Run(chain, strikers={0: 5.0}, duration_s=1e-4)
     assert run.replace({"chain.beads": np.int64(7)}).replace({"time.dt_s": np.float64(1e-6)}).dt_s == 1e-6
+
+
+def in_a_fork(work: Callable[[], bool]) -> bool:
+    """Whether ``work`` is true in a process that is forked from this one."""
+    child = os.fork()
+    if child == 0:
+        code = 1
+        signal.alarm(60)
+        try:
+            code = 0 if work() else 1
+        finally:
+            os._exit(code)
+    return os.waitpid(child, 0)[1] == 0
+
+
+def test_a_forked_process_reads_a_recording_at_places_of_its_own(tmp_path: Path) -> None:
+    chain = bl.Chain(200, mass_kg=1e-3, alpha=1.5, stiffness=1e7)
+    run = bl.Run(chain, strikers={0: 5.0}, duration_s=3e-3)
+    rec = run.record(tmp_path / "full.mcap")
+    whole = np.asarray(rec.velocity)
+
+    def is_right() -> bool:
+        return all(np.array_equal(block, whole[rows]) for rows, block in rec.velocity.blocks(1_000_000))
+
+    assert all(in_a_fork(is_right) and is_right() for _ in range(3))
+
+
+def test_a_file_that_became_another_run_is_not_taken_for_this_one(tmp_path: Path) -> None:
+    chain = bl.Chain(BEADS, mass_kg=1e-3, alpha=1.5, stiffness=1e7)
+    path = tmp_path / "run.mcap"
+    rec = bl.Run(chain, strikers={0: 5.0}, duration_s=1e-4).record(path)
+    bl.Run(chain, strikers={0: 3.0}, duration_s=1e-4).record(path, force=True)
+    with pytest.raises(bl.RecordingError, match="another run now: open it again"):
+        rec.velocity[0, 0]
+    assert rec.refresh().velocity[0, 0] == 3.0
+
+
+def test_a_forked_process_does_not_detach_the_one_it_is_of(tmp_path: Path) -> None:
+    chain = bl.Chain(BEADS, mass_kg=1e-3, alpha=1.5, stiffness=1e7)
+    run = bl.Run(chain, strikers={0: 5.0}, duration_s=1e-3, name="forked")
+    producer = Thread(target=run.record, args=(tmp_path / "run.mcap",), kwargs={"publish": True, "wait_for": 1})
+    producer.start()
+    live = bl.attach("forked")
+    frame = next(live)
+
+    def is_closed() -> bool:
+        nonlocal frame
+        del frame
+        live.close()
+        return live.end == "stopped"
+
+    assert in_a_fork(is_closed)
+    assert [frame.step, *(one.step for one in live)] == list(range(run.steps + 1))
+    assert live.end == "complete"
+    producer.join()
