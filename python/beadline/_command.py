@@ -17,6 +17,10 @@ from .errors import CommandError, RecordingError
 
 Json = dict[str, Any]
 
+# of this very package, wherever it was found, and whatever modules lie in the working directory
+_PLACE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+_PROGRAM = f"import sys; sys.path.insert(0, {_PLACE!r}); from beadline.__main__ import main; main()"
+
 # how long a command that was asked to stop may take to finish its files (s)
 _PATIENCE_S = 10.0
 
@@ -27,7 +31,7 @@ def run_command(arguments: Sequence[str], *, path: str | None = None, warn: bool
     If it finished, but something was lost or is not proven, its notices become a warning, if ``warn``.
     ``path`` is the recording that it reads: what is wrong with that is a :class:`RecordingError`.
     """
-    command = [sys.executable, "-m", "beadline", *arguments, "--json"]
+    command = [sys.executable, "-P", "-c", _PROGRAM, *arguments, "--json"]
     # communicate() waits 0.25 s more when it is interrupted, and a file needs nobody who reads it meanwhile
     with tempfile.TemporaryFile() as notices:
         # in a session of its own, so that a Ctrl-C reaches it once, from here

@@ -76,6 +76,15 @@ def test_a_recording_stays_the_same_file_in_another_directory(
         monkeypatch.chdir(tmp_path)
 
 
+def test_modules_of_the_working_directory_are_nobody_elses(
+    short: bl.Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("beadline.py", "types.py", "json.py"):
+        (tmp_path / name).write_text("not Python")
+    monkeypatch.chdir(tmp_path)
+    assert len(short.energies()) == len(short.recorded_steps)
+
+
 @pytest.mark.parametrize(
     "key", [True, False, (0, True), (True, [1, 2]), np.array(True), np.ones(3, bool), np.ones((70, 11), bool), np.array([])]
 )
