@@ -6,6 +6,7 @@ import os
 import signal
 from collections.abc import Callable
 from pathlib import Path
+from shutil import copyfile
 from threading import Thread
 from typing import Any
 
@@ -65,10 +66,12 @@ def test_a_map_of_contacts_is_no_recording_of_states() -> None:
 def test_a_recording_stays_the_same_file_in_another_directory(
     short: bl.Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    made = short.save(tmp_path / "made.mcap")
     monkeypatch.chdir(tmp_path)
     # names that the command would take for something else, or that are no text, which it does not take
     for name in ("live", "-v.mcap", os.fsdecode(b"\xff \xc3\xa9.mcap")):
-        rec = short.save(name)
+        copyfile(str(made.path), name)
+        rec = bl.open(name)
         monkeypatch.chdir("/")
         assert np.array_equal(rec.velocity[3], short.velocity[3])
         assert rec.refresh().last_step == rec.last_step
