@@ -272,7 +272,8 @@ class Run:
             force: Replace a file that exists.
             publish: Publish the run on the bus, as ``beadline run`` does.
             wait_for: Of a published run: begin when so many lossless consumers are attached.
-            on_frame: Called with the :class:`State` of frames; something true ends the run. It must not call the run.
+            on_frame: Called with the :class:`State` of frames; something true ends the run. It must not
+                make this run, nor attach to it.
             on_frame_every: Frames from one call to the next.
             progress: Whether to show how far it is; by default in terminals and notebooks.
 
@@ -362,7 +363,7 @@ def _frames_to(
 
 
 class Simulation:
-    """A run that is made step by step.
+    """A run that is made step by step, by one thread at a time.
 
     Its arrays are read-only and go on with the run; take ``.copy()`` of what is to stay, or a :meth:`state`.
     """

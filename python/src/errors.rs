@@ -105,7 +105,10 @@ impl From<ManifestError> for Why {
 
 impl From<ReadError> for Why {
     fn from(error: ReadError) -> Self {
-        if let ReadError::Io { path, source } = &error {
+        // without a number it is no error of the system: the file became shorter
+        if let ReadError::Io { path, source } = &error
+            && source.raw_os_error().is_some()
+        {
             return Self::of_io(source, path);
         }
         let is_damaged = matches!(

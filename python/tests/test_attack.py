@@ -180,15 +180,16 @@ def test_a_forked_process_does_not_detach_the_one_it_is_of(tmp_path: Path) -> No
     producer = Thread(target=run.record, args=(tmp_path / "run.mcap",), kwargs={"publish": True, "wait_for": 1})
     producer.start()
     live = bl.attach("forked")
-    frame = next(live)
+    held = [next(live)]
 
     def is_closed() -> bool:
-        nonlocal frame
-        del frame
+        held.clear()
         live.close()
         return live.end == "stopped"
 
     assert in_a_fork(is_closed)
-    assert [frame.step, *(one.step for one in live)] == list(range(run.steps + 1))
+    steps = [held.pop().step]
+    steps += [frame.step for frame in live]
+    assert steps == list(range(run.steps + 1))
     assert live.end == "complete"
     producer.join()
