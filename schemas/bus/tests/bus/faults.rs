@@ -99,6 +99,28 @@ fn an_eviction_at_the_very_last_frame_is_told_before_the_end() {
     assert_eq!(run.finish(EndReason::Complete).unwrap().evicted, 1);
 }
 
+/// Whoever holds frames is still connected when it has left, with a full queue: the producer looks who is there while it waits.
+#[test]
+fn a_consumer_that_leaves_with_a_frame_in_hand_holds_nobody_back() {
+    let test = TestBus::new();
+    let options = PublishOptions { stuck_after: Duration::MAX, ..PublishOptions::default() };
+    let mut run = publisher(&test.bus, "left", BEADS, &options);
+    let mut leaving = attach_to(&test.bus, &mut run, "left", Delivery::Lossless);
+    publish(&mut run, BEADS, 0..1);
+    assert!(matches!(leaving.receive().unwrap(), Received::Frame(_)));
+    let held = leaving.hold().unwrap();
+    assert_eq!(held.frame().frame, 0);
+    std::thread::scope(|scope| {
+        let publishing = scope.spawn(|| publish(&mut run, BEADS, 1..FRAMES));
+        // the queue is full, and the producer shows no progress: it waits
+        wait_until(|| list_runs(&test.bus).unwrap()[0].frame.is_some_and(|frame| frame >= 15));
+        drop(leaving);
+        publishing.join().unwrap();
+    });
+    assert_eq!(run.finish(EndReason::Complete).unwrap().evicted, 0);
+    drop(held);
+}
+
 /// Without a time-out the run would stand still for as long as the consumer does: a flag ends that.
 #[test]
 fn a_flag_gets_out_of_a_publish_that_is_held_back() {
