@@ -5,6 +5,7 @@
 //! [`patience`].
 
 mod errors;
+mod fields;
 mod live;
 mod manifest;
 mod patience;

@@ -1,31 +1,28 @@
 //! Live runs: frames as views into shared memory, and results about them.
 
-use crate::errors::{Why, of_panic};
+mod results;
+mod shared;
+
+use crate::errors::Why;
+use crate::fields::field_of;
 use crate::patience::{LOOK, stoppable};
 use crate::run::set_writeable;
-use crate::states::field_of;
-use bus::{
-    AttachOptions, BORROWED, Bus, Delivery, HeldState, LiveSource, ResultPublisher, ResultsError, RunInfo,
-    list_runs,
-};
+use bus::{AttachOptions, BORROWED, Bus, Delivery, LiveSource, RunInfo, list_runs};
 use numpy::ndarray::ArrayView1;
 use numpy::npyffi::NPY_ARRAY_WRITEABLE;
 use numpy::{PyArray1, PyArrayMethods as _, PyUntypedArrayMethods as _, ToPyArray as _};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use rustix::io::Errno;
-use rustix::mm::{MapFlags, MprotectFlags, MremapFlags, ProtFlags, mmap_anonymous, mprotect, mremap_fixed};
+use results::Results;
 use schemas::chain::Chain;
 use schemas::frame::{EndReason, Frame as StateFrame, FrameSource as _, HeldFrame, Received};
 use schemas::results::{ResultColumns, Topic};
 use schemas::run_name::RunName;
+use shared::Shared;
 use std::process;
-use std::ptr::{copy_nonoverlapping, null_mut};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
-use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -61,65 +58,6 @@ struct Run {
     chain: Chain,
     first_frame: u64,
     mass_kg: Py<PyArray1<f64>>,
-}
-
-/// A frame in shared memory.
-struct Shared {
-    frame: StateFrame<'static>,
-    /// Keeps the memory; needed by nobody but `frame`.
-    state: Mutex<Option<HeldState>>,
-    /// The process that is attached; one that was forked from it gives nothing back.
-    process: u32,
-}
-
-impl Drop for Shared {
-    fn drop(&mut self) {
-        if self.process != process::id() {
-            std::mem::forget(self.state.get_mut().unwrap_or_else(PoisonError::into_inner).take());
-        }
-    }
-}
-
-impl Shared {
-    fn new(state: HeldState) -> Self {
-        #[expect(unsafe_code, reason = "the frame and what it borrows from live together")]
-        // SAFETY: the slices lie in shared memory that is mapped for as long as `state` lives, wherever `state` itself
-        // moves, and nobody writes to it until the source leaves; `seal` comes before that. They leave this struct only
-        // as arrays that own a reference to it.
-        let frame = unsafe { std::mem::transmute::<StateFrame<'_>, StateFrame<'static>>(state.frame()) };
-        Self { frame, state: Mutex::new(Some(state)), process: process::id() }
-    }
-
-    /// Puts a copy of this process's own in the place of the pages under the frame: a producer that goes on without us takes
-    /// its memory back, but arrays stay as they are.
-    fn seal(&self) -> Result<(), Errno> {
-        let page = rustix::param::page_size();
-        let parts = [self.frame.u_m, self.frame.v_m_s, self.frame.extra].map(<[f64]>::as_ptr_range);
-        let parts = || parts.iter().filter(|part| !part.is_empty());
-        let (Some(first), Some(last)) =
-            (parts().map(|part| part.start).min(), parts().map(|part| part.end).max())
-        else {
-            return Ok(());
-        };
-        let begin = first.cast::<u8>().wrapping_sub(first.addr() % page).cast_mut();
-        let bytes = (last.addr() - begin.addr()).next_multiple_of(page);
-        #[expect(
-            unsafe_code,
-            reason = "arrays point to these addresses, so the memory has to change under them"
-        )]
-        // SAFETY: mappings begin and end at pages, so all these pages belong to the mapping of the frame, which this
-        // consumer has alone and only reads. Afterwards each byte of a frame that is held has the value that it had:
-        // all frames are sealed before the source leaves. Bytes between frames may be written by the producer
-        // meanwhile; nobody reads them. The exchange of the pages is atomic to other threads.
-        unsafe {
-            let copy =
-                mmap_anonymous(null_mut(), bytes, ProtFlags::READ | ProtFlags::WRITE, MapFlags::PRIVATE)?;
-            copy_nonoverlapping(begin, copy.cast(), bytes);
-            mprotect(copy, bytes, MprotectFlags::READ)?;
-            mremap_fixed(copy, bytes, bytes, MremapFlags::MAYMOVE, begin.cast())?;
-        }
-        Ok(())
-    }
 }
 
 enum Memory {
@@ -532,84 +470,6 @@ fn attach(
         missed: AtomicU64::new(0),
         end: OnceLock::new(),
     })
-}
-
-/// Frame, step, time (s), values.
-type Row = (u64, u64, f64, Vec<f64>);
-
-/// Publishes rows in a thread of its own: subscribers may hold it back, and signals are to be seen meanwhile.
-#[pyclass(frozen, module = "beadline._native")]
-struct Results {
-    /// None is the end in order; without one, subscribers hear that rows are missing.
-    rows: Mutex<Option<SyncSender<Option<Row>>>>,
-    worker: Mutex<Option<JoinHandle<Result<(), ResultsError>>>>,
-    stop: Arc<AtomicBool>,
-}
-
-impl Results {
-    /// Rows that may wait to be published.
-    const WAITING: usize = 64;
-    /// How long a full queue is left alone.
-    const PAUSE: Duration = Duration::from_millis(1);
-
-    fn new(mut publisher: ResultPublisher<f64>, stop: Arc<AtomicBool>) -> Self {
-        let (rows, waiting) = sync_channel::<Option<Row>>(Self::WAITING);
-        let worker = thread::spawn(move || {
-            for row in waiting {
-                let Some((frame, step, time_s, values)) = row else { return publisher.finish() };
-                publisher.publish(frame, step, time_s, &values)?;
-            }
-            Ok(())
-        });
-        Self { rows: Mutex::new(Some(rows)), worker: Mutex::new(Some(worker)), stop }
-    }
-
-    fn send(&self, py: Python<'_>, mut row: Option<Row>) -> PyResult<()> {
-        loop {
-            // a look never waits, so that nobody holds the lock for long
-            let sent = match &*self.rows.lock().unwrap_or_else(PoisonError::into_inner) {
-                Some(rows) => rows.try_send(row),
-                None => return Err(Why::new("LiveError", "these results are finished").into()),
-            };
-            match sent {
-                Ok(()) => return Ok(()),
-                Err(TrySendError::Full(back)) => row = back,
-                Err(TrySendError::Disconnected(_)) => return self.end(py),
-            }
-            py.detach(|| thread::sleep(Self::PAUSE));
-            py.check_signals()?;
-        }
-    }
-
-    /// Waits for the end of the thread, and says what went wrong there.
-    fn end(&self, py: Python<'_>) -> PyResult<()> {
-        drop(self.rows.lock().unwrap_or_else(PoisonError::into_inner).take());
-        let worker = self.worker.lock().unwrap_or_else(PoisonError::into_inner).take();
-        let Some(worker) = worker else { return Ok(()) };
-        while !worker.is_finished() {
-            py.detach(|| thread::sleep(Self::PAUSE));
-            py.check_signals().inspect_err(|_| self.stop.store(true, Ordering::Relaxed))?;
-        }
-        match worker.join() {
-            Ok(done) => Ok(done.map_err(Why::from)?),
-            Err(panic) => Err(of_panic(&*panic)),
-        }
-    }
-}
-
-#[pymethods]
-impl Results {
-    /// Publishes the row of a frame.
-    fn publish(&self, py: Python<'_>, frame: &Frame, row: Vec<f64>) -> PyResult<()> {
-        let StateFrame { frame, step, time_s, .. } = frame.state();
-        self.send(py, Some((frame, step, time_s, row)))
-    }
-
-    /// Tells subscribers that no more rows come.
-    fn finish(&self, py: Python<'_>) -> PyResult<()> {
-        self.send(py, None)?;
-        self.end(py)
-    }
 }
 
 /// The runs on the bus.

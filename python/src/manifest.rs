@@ -1,7 +1,7 @@
 //! A run before it runs: its configuration, and what the engine makes of it.
 
 use crate::errors::Why;
-use crate::states::field_of;
+use crate::fields::field_of;
 use numpy::{PyArray1, PyReadonlyArray1, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;

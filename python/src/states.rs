@@ -1,6 +1,9 @@
 //! The states of a recording or of a run in memory: any step, any part of any array of them, recomputed and proven.
 
+mod reader;
+
 use crate::errors::Why;
+use crate::fields::{Field, Places, Wanted};
 use crate::manifest::Manifest;
 use crate::patience::{abandonable, detached, interruptible};
 use crate::run::{StateTuple, state_of};
@@ -11,9 +14,8 @@ use producer::state::ChainState;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use recording::{ReadError, RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};
-use schemas::chain::Chain;
-use schemas::damping::{Damping, damped_force};
+use reader::Reader;
+use recording::{RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};
 use schemas::frame::{EndReason, Frame, FrameSink as _, FrameSource, Received};
 use schemas::manifest::RunManifest;
 use std::num::NonZero;
@@ -67,155 +69,8 @@ enum Kept {
     Memory(Arc<Vec<ChainState>>, EndReason),
 }
 
-/// Reads states in their order.
-enum Reader {
-    File(Box<RecordingSource>),
-    Memory { run: Arc<RunManifest>, states: Arc<Vec<ChainState>>, next: usize },
-}
-
-impl Reader {
-    /// Goes to the last state at or before `step`.
-    fn seek(&mut self, step: u64) -> Result<(), ReadError> {
-        match self {
-            Self::File(file) => file.seek_to_step(step),
-            Self::Memory { states, next, .. } => {
-                *next = states.partition_point(|state| state.step <= step).saturating_sub(1);
-                Ok(())
-            }
-        }
-    }
-}
-
-impl FrameSource for Reader {
-    type Error = ReadError;
-
-    fn manifest(&self) -> &RunManifest {
-        match self {
-            Self::File(file) => file.manifest(),
-            Self::Memory { run, .. } => run,
-        }
-    }
-
-    fn receive(&mut self) -> Result<Received<'_>, ReadError> {
-        match self {
-            Self::File(file) => file.receive(),
-            Self::Memory { run, states, next } => {
-                *next += 1;
-                let state = states.get(*next - 1).map(|state| state.as_frame(run, run.frame_at(state.step)));
-                Ok(state.map_or(Received::End(EndReason::Complete), Received::Frame))
-            }
-        }
-    }
-}
-
-/// An array along the chain.
-#[derive(Clone, Copy)]
-enum Field {
-    Displacement,
-    Velocity,
-    Overlap,
-    Force,
-}
-
-impl Field {
-    fn named(name: &str) -> PyResult<Self> {
-        match name {
-            "displacement" => Ok(Self::Displacement),
-            "velocity" => Ok(Self::Velocity),
-            "overlap" => Ok(Self::Overlap),
-            "force" => Ok(Self::Force),
-            _ => Err(PyValueError::new_err(format!("there is no field {name}"))),
-        }
-    }
-
-    fn places(self, chain: &Chain) -> usize {
-        match self {
-            Self::Displacement | Self::Velocity => chain.bead_count(),
-            Self::Overlap | Self::Force => chain.contact_count(),
-        }
-    }
-
-    /// Its value at bead or contact `place`.
-    fn value(self, chain: &Chain, frame: &Frame<'_>, place: usize) -> f64 {
-        match self {
-            Self::Displacement => frame.u_m[place],
-            Self::Velocity => frame.v_m_s[place],
-            Self::Overlap => chain.overlap_m(frame.u_m, place),
-            Self::Force => force_n(chain, frame, place),
-        }
-    }
-}
-
-/// The force of a contact (N), with damping, also that at rest.
-fn force_n(chain: &Chain, frame: &Frame<'_>, contact: usize) -> f64 {
-    let overlap_m = chain.overlap_m(frame.u_m, contact);
-    let stiffness = chain.stiffness[contact];
-    let elastic_n = chain.law.force(stiffness, overlap_m);
-    let Some(damping) = chain.damping.as_ref().filter(|_| overlap_m > chain.law.zero_up_to_m()) else {
-        return elastic_n;
-    };
-    let (coefficient, rate_m_s) =
-        (damping.coefficient[contact], frame.v_m_s[contact] - frame.v_m_s[contact + 1]);
-    let power = elastic_n / stiffness;
-    match damping.kind {
-        Damping::ViscousNSPerM(_) => {
-            damped_force::<false>(elastic_n, power, overlap_m, coefficient, rate_m_s)
-        }
-        Damping::Restitution(_) => damped_force::<true>(elastic_n, power, overlap_m, coefficient, rate_m_s),
-    }
-}
-
 /// Steps that one thread does in one go, and where their values go: a row a step.
 type Piece<'a> = (&'a [u64], &'a mut [f64]);
-
-/// What is asked for.
-enum Wanted<'a> {
-    /// All doubles of a state: displacements, velocities, what else the method needs.
-    States(&'a RunManifest),
-    /// Places (beads or contacts) of a field.
-    Part { chain: &'a Chain, field: Field, places: Places<'a> },
-}
-
-enum Places<'a> {
-    Range(usize, usize),
-    List(&'a [usize]),
-}
-
-impl Wanted<'_> {
-    /// Values of a step.
-    fn width(&self) -> usize {
-        match self {
-            Self::States(run) => run.frame_doubles(),
-            Self::Part { places: Places::Range(from, to), .. } => to - from,
-            Self::Part { places: Places::List(list), .. } => list.len(),
-        }
-    }
-
-    fn write(&self, frame: &Frame<'_>, row: &mut [f64]) {
-        let Self::Part { chain, field, places } = self else {
-            let mut rest = row;
-            for part in [frame.u_m, frame.v_m_s, frame.extra] {
-                let (to, others) = rest.split_at_mut(part.len());
-                to.copy_from_slice(part);
-                rest = others;
-            }
-            return;
-        };
-        let whole = match field {
-            Field::Displacement => Some(frame.u_m),
-            Field::Velocity => Some(frame.v_m_s),
-            Field::Overlap | Field::Force => None,
-        };
-        let value = |place| field.value(chain, frame, place);
-        match (places, whole) {
-            (Places::Range(from, to), Some(values)) => row.copy_from_slice(&values[*from..*to]),
-            (Places::Range(from, to), None) => {
-                row.iter_mut().zip(*from..*to).for_each(|(to, place)| *to = value(place));
-            }
-            (Places::List(list), _) => row.iter_mut().zip(*list).for_each(|(to, place)| *to = value(*place)),
-        }
-    }
-}
 
 impl States {
     pub(crate) fn of_memory(manifest: Manifest, states: Vec<ChainState>, end: EndReason) -> Self {
@@ -660,22 +515,4 @@ impl States {
             Ok(())
         })
     }
-}
-
-/// The values of `field` in a state.
-pub(crate) fn field_of<'py>(
-    py: Python<'py>,
-    chain: &Chain,
-    field: &str,
-    u_m: &PyReadonlyArray1<'_, f64>,
-    v_m_s: &PyReadonlyArray1<'_, f64>,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let field = Field::named(field)?;
-    let (u_m, v_m_s) = (u_m.as_slice()?, v_m_s.as_slice()?);
-    if u_m.len() != chain.bead_count() || v_m_s.len() != chain.bead_count() {
-        return Err(PyValueError::new_err(format!("the chain has {} beads", chain.bead_count())));
-    }
-    let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m, v_m_s, extra: &[] };
-    let values = (0..field.places(chain)).map(|place| field.value(chain, &frame, place));
-    Ok(PyArray1::from_iter(py, values))
 }
