@@ -222,7 +222,7 @@ class FieldArray(NDArrayOperatorsMixin):
         shaped: Doubles = values.reshape(self.shape)
         return shaped
 
-    def blocks(self, most_bytes: int = 64_000_000) -> Iterator[tuple[slice, Doubles]]:
+    def blocks(self, most_bytes: int = 32_000_000) -> Iterator[tuple[slice, Doubles]]:
         """The values in blocks of rows, of at most ``most_bytes`` if a row is not more, each with the slice of its rows."""
         rows = max(1, int(most_bytes // max(8, self.nbytes // max(1, len(self)))))
         for begin in range(0, len(self), rows):

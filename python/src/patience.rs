@@ -3,12 +3,34 @@
 use crate::errors::{Why, of_panic};
 use pyo3::prelude::*;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
+use std::thread::{self, Thread};
 use std::time::{Duration, Instant};
 
 /// How often signals are looked at.
 pub(crate) const LOOK: Duration = Duration::from_millis(50);
+
+/// Wakes the thread that waits when it is dropped: at the end of work, also of work that panics.
+struct Bell {
+    is_done: Arc<AtomicBool>,
+    waiting: Thread,
+}
+
+impl Bell {
+    /// For this thread, and what says that the work is done. That a thread has ended is seen only after it has woken us.
+    fn new() -> (Self, Arc<AtomicBool>) {
+        let is_done = Arc::<AtomicBool>::default();
+        (Self { is_done: Arc::clone(&is_done), waiting: thread::current() }, is_done)
+    }
+}
+
+impl Drop for Bell {
+    fn drop(&mut self) {
+        self.is_done.store(true, Ordering::Release);
+        self.waiting.unpark();
+    }
+}
 
 /// Does `work` in a thread of its own, and looks at signals meanwhile; one that raises sets the flag, waits for the end of
 /// the work, and is raised.
@@ -27,14 +49,13 @@ pub(crate) fn stoppable<T: Send>(
     work: impl FnOnce() -> Result<T, Why> + Send,
 ) -> PyResult<T> {
     thread::scope(|scope| {
-        let waiting = thread::current();
+        let (bell, is_done) = Bell::new();
         let worker = scope.spawn(move || {
-            let done = work();
-            waiting.unpark();
-            done
+            let _bell = bell;
+            work()
         });
         let mut raised = Ok(());
-        while !worker.is_finished() {
+        while !is_done.load(Ordering::Acquire) {
             py.detach(|| thread::park_timeout(if raised.is_ok() { LOOK } else { LOOK / 10 }));
             if let (Ok(()), Err(error)) = (&raised, py.check_signals()) {
                 stop.store(true, Ordering::Relaxed);
@@ -100,14 +121,13 @@ pub(crate) fn abandonable<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce() -> Result<T, Why> + Send + 'static,
 ) -> PyResult<T> {
-    let waiting = thread::current();
+    let (bell, is_done) = Bell::new();
     let told = move || {
-        let done = work();
-        waiting.unpark();
-        done
+        let _bell = bell;
+        work()
     };
     let worker = thread::Builder::new().spawn(told)?;
-    while !worker.is_finished() {
+    while !is_done.load(Ordering::Acquire) {
         py.detach(|| thread::park_timeout(LOOK));
         py.check_signals()?;
     }

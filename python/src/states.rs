@@ -24,7 +24,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// What costs less than this many steps of beads is done at once, by the calling thread.
-const LITTLE_WORK: u64 = 10_000_000;
+const LITTLE_WORK: u64 = 1_000_000;
 
 /// Fewest steps that one thread takes at a time.
 const PIECE_STEPS: u64 = 1024;
