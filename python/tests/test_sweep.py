@@ -144,8 +144,10 @@ def test_a_run_that_fails_has_a_row_that_says_why() -> None:
     assert np.isnan(table["total_j"][0]) and table.summary["failed"] == [0]
 
 
+@pytest.mark.extras
 def test_values_of_a_grid_are_any_sequence() -> None:
-    pandas = pytest.importorskip("pandas")
+    import pandas
+
     table = bl.sweep(RUN, {"chain.beads": range(50, 53), "chain.alpha": pandas.Series([1.5, 2.0])})
     assert table["chain.beads"].tolist() == [50, 50, 51, 51, 52, 52]
     assert table["chain.alpha"].tolist() == [1.5, 2.0] * 3

@@ -156,6 +156,7 @@ def test_a_page_does_not_replace_another(rec: bl.Recording, tmp_path: Path) -> N
     assert _table.share(RUN.simulate(), page, every=100, force=True)["every_steps"] == 100
 
 
+@pytest.mark.extras
 def test_tables_become_those_of_others(rec: bl.Recording) -> None:
     events = _table.impurity(rec).events
     rows = events.to_numpy()
