@@ -180,11 +180,11 @@ class FieldArray(NDArrayOperatorsMixin):
         """What NumPy's rules make of ``key``, from no more rows and columns than it needs."""
         keys = list(key) if isinstance(key, tuple) else [key]
         axes = [axis for axis in self._axes if not isinstance(axis, int)]
-        used = [sum(np.ndim(k) if _is_mask(k) else 1 for k in keys if k is not None and k is not Ellipsis)]
+        used = sum(np.ndim(k) if _is_mask(k) else 1 for k in keys if k is not None and k is not Ellipsis)
         if Ellipsis not in [k for k in keys if k is None or k is Ellipsis]:
             keys.append(Ellipsis)
         at = next(number for number, k in enumerate(keys) if k is Ellipsis)
-        keys[at : at + 1] = [slice(None)] * (len(axes) - used[0])
+        keys[at : at + 1] = [slice(None)] * (len(axes) - used)
         needed: list[Index] = []
         again: list[Any] = []
         for one in keys:

@@ -290,47 +290,6 @@ impl States {
         }
         Ok(rows.into_pyarray(py))
     }
-
-    /// The state of `step`.
-    fn find(&self, step: u64, stop: &AtomicBool) -> Result<ChainState, Why> {
-        let mut reader = self.reader()?;
-        let state = self.find_with(&mut reader, step, stop)?;
-        self.give_back(reader);
-        Ok(state)
-    }
-
-    fn find_with(&self, reader: &mut Reader, step: u64, stop: &AtomicBool) -> Result<ChainState, Why> {
-        reader.seek(step)?;
-        if self.is_kept(step)
-            && let Received::Frame(frame) = reader.receive()?
-            && frame.step == step
-        {
-            return Ok(ChainState::of_frame(&frame));
-        }
-        if let Some(error) = self.other_kernel {
-            return Err(error.into());
-        }
-        reader.seek(step)?;
-        let mut states =
-            Resimulation::new(reader, Lend::Steps)?.lending_from(step).ending_with_the_last_state();
-        let mut found = None;
-        loop {
-            check(stop)?;
-            match states.receive()? {
-                Received::Frame(frame) if frame.step == step => found = Some(ChainState::of_frame(&frame)),
-                Received::Frame(_) | Received::Missed { .. } => {}
-                Received::End(_) => {
-                    let what = format!("step {step} is not in the recording, and no later state proves it");
-                    return Err(Why::new("RecordingError", what));
-                }
-            }
-            if states.proven_step().is_some_and(|proven| proven >= step)
-                && let Some(found) = found
-            {
-                return Ok(found);
-            }
-        }
-    }
 }
 
 /// An error that nobody sees, because what stopped the work is raised.
@@ -415,13 +374,12 @@ impl States {
 
     /// The state of a step: frame, step, time (s), displacements, velocities, what else the method needs.
     fn state<'py>(&self, py: Python<'py>, step: u64) -> PyResult<StateTuple<'py>> {
-        let cost = self.run().provenance.record_every_steps.saturating_mul(self.run().physics.beads);
-        let state = if cost <= LITTLE_WORK {
-            detached(py, || self.find(step, &AtomicBool::new(false)))?
-        } else {
-            interruptible(py, |stop| self.find(step, stop))?
-        };
-        Ok(state_of(py, &state.as_frame(self.run(), self.run().frame_at(step))))
+        let wanted = Wanted::States(self.run());
+        let mut doubles = vec![0.0; wanted.width()];
+        self.fill_all(py, vec![(&[step], &mut doubles)], &wanted)?;
+        let (run, beads) = (self.run(), self.manifest.chain.bead_count());
+        let head = (run.frame_at(step), step, run.physics.time_s(step));
+        Ok(state_of(py, &Frame::of_doubles(head, beads, &doubles)))
     }
 
     /// Values of `field` at `steps`, which ascend, and `places`: one row a step.
