@@ -13,6 +13,7 @@ mod excess;
 pub mod frame;
 pub mod manifest;
 pub mod method;
+pub mod philox;
 pub mod power;
 pub mod presets;
 pub mod results;
