@@ -18,6 +18,7 @@ pub mod method;
 pub mod philox;
 pub mod power;
 pub mod presets;
+pub mod random;
 pub mod results;
 pub mod run_name;
 pub mod scales;

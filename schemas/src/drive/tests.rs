@@ -209,3 +209,21 @@ fn tables_are_read_from_text() {
         assert!(error.contains(expected), "{text}: {error}");
     }
 }
+
+/// Pins the bits: these change only together with the kernel version. FNV-1a of the values and slopes, each number as one, without
+/// signs of zeros.
+#[test]
+fn bits_are_pinned() {
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    for waveform in all() {
+        for step in [0, 1, 7, 100, 101, 1000, 123_456] {
+            for after_s in [0.0, 0.0007] {
+                let (value, slope) = waveform.value_and_slope(Moment::new(step, 0.0017, after_s));
+                for number in [value, slope] {
+                    hash = (hash ^ (number + 0.0).to_bits()).wrapping_mul(0x0100_0000_01b3);
+                }
+            }
+        }
+    }
+    assert_eq!(hash, 0x1876_be18_8146_b1e7, "{hash:#018x}");
+}

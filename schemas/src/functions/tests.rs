@@ -50,7 +50,8 @@ fn limit(name: &str) -> f64 {
     match name {
         "expm1" => 2.5,
         "exp" | "ln" => 1.0,
-        _ => 0.7,
+        "cosine" | "turns_cosine" => 0.7,
+        _ => 0.85,
     }
 }
 
