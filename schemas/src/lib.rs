@@ -14,6 +14,7 @@ mod excess;
 pub mod frame;
 pub mod functions;
 pub mod manifest;
+pub mod material;
 pub mod method;
 pub mod philox;
 pub mod power;
