@@ -145,19 +145,19 @@ impl Material {
 /// use schemas::material::{Material, hertz_spheres};
 /// let steel = Material::named("steel").unwrap();
 /// // equal spheres: E·√(2·r)/(3·(1 − ν²))
-/// let k = hertz_spheres(steel, 4.76e-3, steel, 4.76e-3);
+/// let k = hertz_spheres(&steel, 4.76e-3, &steel, 4.76e-3);
 /// assert!((k / (193e9 * (2.0_f64 * 4.76e-3).sqrt() / (3.0 * 0.91)) - 1.0).abs() < 1e-15);
 /// ```
-pub fn hertz_spheres(one: Material, radius_m: f64, other: Material, other_radius_m: f64) -> f64 {
+pub fn hertz_spheres(one: &Material, radius_m: f64, other: &Material, other_radius_m: f64) -> f64 {
     hertz(one, other, radius_m * other_radius_m / (radius_m + other_radius_m))
 }
 
 /// The same of a sphere against a plane wall: `k = 4/3·E*·√r`.
-pub fn hertz_wall(sphere: Material, radius_m: f64, wall: Material) -> f64 {
+pub fn hertz_wall(sphere: &Material, radius_m: f64, wall: &Material) -> f64 {
     hertz(sphere, wall, radius_m)
 }
 
-fn hertz(one: Material, other: Material, radius_m: f64) -> f64 {
+fn hertz(one: &Material, other: &Material, radius_m: f64) -> f64 {
     4.0 / 3.0 / (one.compliance() + other.compliance()) * radius_m.sqrt()
 }
 
@@ -189,12 +189,12 @@ mod tests {
     #[test]
     fn walls_are_spheres_without_end() {
         let (steel, ptfe) = (of("steel"), of("ptfe"));
-        let wall = hertz_wall(steel, 5e-3, ptfe);
-        assert!((hertz_spheres(steel, 5e-3, ptfe, 5e9) / wall - 1.0).abs() < 1e-11);
-        assert_eq!(hertz_spheres(steel, 5e-3, ptfe, 3e-3), hertz_spheres(ptfe, 3e-3, steel, 5e-3));
+        let wall = hertz_wall(&steel, 5e-3, &ptfe);
+        assert!((hertz_spheres(&steel, 5e-3, &ptfe, 5e9) / wall - 1.0).abs() < 1e-11);
+        assert_eq!(hertz_spheres(&steel, 5e-3, &ptfe, 3e-3), hertz_spheres(&ptfe, 3e-3, &steel, 5e-3));
         let rigid = Material { young_pa: 1e30, ..steel };
         let alone = 4.0 / 3.0 * 1.46e9 / (1.0 - 0.46 * 0.46) * 5e-3_f64.sqrt();
-        assert!((hertz_wall(ptfe, 5e-3, rigid) / alone - 1.0).abs() < 1e-14);
+        assert!((hertz_wall(&ptfe, 5e-3, &rigid) / alone - 1.0).abs() < 1e-14);
     }
 
     /// A bead of 4.76 mm in diameter of the first chains of PTFE and steel has 0.1226 g and 0.4501 g (Daraio and others): within 2 %,
