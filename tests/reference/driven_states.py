@@ -20,6 +20,7 @@ A case is a JSON object. Numbers of beads and contacts are one number, or a list
     damping                     {"eta": ..., "exponent": p}; "bonds": true: never cut
     drives                      as in a configuration
     u, v                        {bead: value} at the beginning, or lists of N
+    max_step                    longest step of the first integration, in time_s
 """
 
 import csv
