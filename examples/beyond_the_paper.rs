@@ -184,7 +184,7 @@ fn damped() -> anyhow::Result<Figure> {
     for _ in 0..physics.step_count {
         integrator.step(&mut state);
         let time_ms = physics.time_s(state.step) * 1e3;
-        let energy_j = chain.energy(&state.u_m, &state.v_m_s, &mut contact_j).total_j();
+        let energy_j = chain.energy(&state.u_m, &state.v_m_s, &state.extra, &mut contact_j).total_j();
         let dissipated_j = physics.dissipated_j(&state.extra);
         left.push((time_ms, energy_j * 1e3));
         lost.push((time_ms, dissipated_j * 1e3));

@@ -68,6 +68,9 @@ pub(crate) fn configure<'a>(args: impl Into<Asked<'a>>) -> Result<Configured, Fa
     let written = config.clone();
     let replaced = apply(args.overrides, args.name.as_ref(), &mut config);
     let stem = args.config.as_ref().and_then(|path| path.file_stem()).map(|stem| stem.to_string_lossy());
+    let beside = args.config.as_ref().and_then(|path| path.parent());
+    let located = |error: ConfigError| error.located(&text, args.config.as_deref());
+    config = experiments::prepared(config, beside).map_err(located).bad_input()?;
     let manifest_of = |config: &RunConfig| {
         let manifest =
             RunManifest::new(config, stem.as_deref().unwrap_or("run"), origin()).map_err(|error| {
@@ -93,7 +96,7 @@ pub(crate) fn configure<'a>(args: impl Into<Asked<'a>>) -> Result<Configured, Fa
             notice!("{}: the run is called {name}", path.display());
         }
     }
-    let toml = if config == written { text } else { overridden(args, &config, chosen.as_deref()) };
+    let toml = if config == written || replaced.is_empty() && chosen.is_none() { text } else { overridden(args, &config, chosen.as_deref()) };
     Ok(Configured { manifest, toml, duration_s: config.time.duration_s })
 }
 
@@ -126,7 +129,7 @@ fn apply(overrides: &Overrides, name: Option<&String>, config: &mut RunConfig) -
     let impurity = |(bead, mass_kg): &(u64, f64)| Impurity { bead: *bead, mass_kg: *mass_kg };
     let impurities = overrides.impurity.iter().flatten().map(impurity).collect();
     let impurities = (!overrides.impurity.is_empty()).then_some(impurities);
-    let striker = overrides.striker.map(|(bead, velocity_m_s)| StrikerConfig { bead, velocity_m_s });
+    let striker = overrides.striker.map(|(bead, velocity_m_s)| StrikerConfig { bead, velocity_m_s }.into());
     set(r, ("name", "--name"), &mut config.name, name.map(|name| Some(name.clone())));
     set(r, ("chain.beads", "--beads"), &mut config.chain.beads, overrides.beads);
     set(r, ("chain.alpha", "--alpha"), &mut config.chain.alpha, overrides.alpha);

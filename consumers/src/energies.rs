@@ -38,7 +38,7 @@ pub struct EnergyRow {
     pub right_j: f64,
     /// Work that damped contacts have dissipated so far; 0 without damping.
     pub dissipated_j: f64,
-    /// How far total and dissipated energy are off those of the initial state ([`Drift`]).
+    /// How far total and dissipated energy, less the work of drives, are off those of the initial state ([`Drift`]).
     pub relative_drift: f64,
     /// Energy that may still cross the split bead: its own, and that moving towards it on the incident side. NaN
     /// where nothing is reflected; see [`Undefined`].
@@ -46,14 +46,16 @@ pub struct EnergyRow {
     /// The reflected energy without the recoil. NaN before the pulse has arrived at the split bead, and where
     /// nothing is reflected.
     pub corrected_j: f64,
+    /// Work that drives have done so far, beyond that against the forces at rest; 0 without drives.
+    pub driven_j: f64,
 }
 
 impl EnergyRow {
     /// Names of the columns, with units, in the order of [`EnergyRow::values`].
-    pub const COLUMNS: [&'static str; 10] = ENERGIES;
+    pub const COLUMNS: [&'static str; 11] = ENERGIES;
 
     /// The values in the order of [`EnergyRow::COLUMNS`].
-    pub fn values(&self) -> [f64; 10] {
+    pub fn values(&self) -> [f64; 11] {
         [
             self.kinetic_j,
             self.potential_j,
@@ -65,6 +67,7 @@ impl EnergyRow {
             self.relative_drift,
             self.inbound_j,
             self.corrected_j,
+            self.driven_j,
         ]
     }
 }
@@ -100,7 +103,7 @@ pub struct EnergyOutcome {
 impl EnergyOutcome {
     /// How far the energies of the last frame may be off for the time step (J), unless energy is just crossing.
     pub fn step_error_j(&self) -> f64 {
-        step_error_j(self.last.total_j + self.last.dissipated_j, self.max_abs_drift, self.beads)
+        step_error_j(self.last.total_j + self.last.dissipated_j - self.last.driven_j, self.max_abs_drift, self.beads)
     }
 }
 
@@ -174,19 +177,25 @@ impl Energies {
 
         // the totals do not depend on where the chain is divided
         let kinetic_j = chain.kinetic_j(v, 0..chain.bead_count());
-        let [left_wall, right_wall] = chain.wall_energies_j(frame.u_m);
-        let potential_j = total(contact_j) + (left_wall + right_wall);
+        let [left_wall, right_wall] = chain.wall_energies_j(frame.u_m, frame.extra);
+        let sites = |beads| chain.sites_energy(frame.u_m, frame.extra, beads);
+        let (left, right) = (sites(0..s), sites(s + 1..chain.bead_count()));
+        let (all, split) = (sites(0..chain.bead_count()), sites(s..s + 1));
+        let kinetic_j = kinetic_j + all.kinetic_j;
+        let potential_j = total(contact_j) + (left_wall + right_wall) + all.potential_j;
         let total_j = kinetic_j + potential_j;
         let dissipated_j = self.physics.dissipated_j(frame.extra);
+        let driven_j = self.physics.driven_j(frame.extra);
         EnergyRow {
             kinetic_j,
             potential_j,
             total_j,
-            left_j: kinetic_left + potential_left + 0.5 * left_contact + left_wall,
-            split_j: kinetic_split + 0.5 * (left_contact + right_contact),
-            right_j: kinetic_right + potential_right + 0.5 * right_contact + right_wall,
+            left_j: kinetic_left + potential_left + 0.5 * left_contact + left_wall + left.total_j(),
+            split_j: kinetic_split + 0.5 * (left_contact + right_contact) + split.total_j(),
+            right_j: kinetic_right + potential_right + 0.5 * right_contact + right_wall + right.total_j(),
             dissipated_j,
-            relative_drift: self.drift.of(total_j + dissipated_j, v),
+            driven_j,
+            relative_drift: self.drift.of(total_j + dissipated_j, driven_j, v),
             inbound_j: f64::NAN,
             corrected_j: f64::NAN,
         }

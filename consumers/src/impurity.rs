@@ -150,10 +150,10 @@ impl Followed {
 
     fn sample(&self, frame: &Frame<'_>, bead: usize) -> Sample {
         let contact = |c: usize| (self.chain.overlap_m(frame.u_m, c), frame.v_m_s[c] - frame.v_m_s[c + 1]);
-        let [left_m, right_m] = self.chain.wall_approaches_m(frame.u_m);
+        let [left_m, right_m] = self.chain.wall_approaches_m(frame.u_m, frame.extra);
         let v_m_s = frame.v_m_s[bead];
         let with_wall = |wall: &Wall, approach_m: f64, rate_m_s: f64| {
-            (wall.stiffness > 0.0).then(|| (wall.overlap_m(approach_m), rate_m_s))
+            wall.is_there.then(|| (wall.overlap_m(approach_m), rate_m_s))
         };
         let Walls { left, right } = &self.chain.walls;
         Sample {

@@ -37,9 +37,9 @@ pub fn energy_error(
             integrator.advance(&mut state, look);
         }
         progress(state.step);
-        let energy_j = chain.energy(&state.u_m, &state.v_m_s, &mut contact_energy_j).total_j();
-        let dissipated_j = physics.dissipated_j(&state.extra);
-        let error = drift.of(energy_j + dissipated_j, &state.v_m_s).abs();
+        let energy_j = chain.energy(&state.u_m, &state.v_m_s, &state.extra, &mut contact_energy_j).total_j();
+        let (dissipated_j, driven_j) = (physics.dissipated_j(&state.extra), physics.driven_j(&state.extra));
+        let error = drift.of(energy_j + dissipated_j, driven_j, &state.v_m_s).abs();
         if !error.is_finite() {
             return EnergyError { largest: f64::INFINITY, steps: state.step };
         }

@@ -2,6 +2,7 @@
 
 use crate::gear::Gear;
 use crate::kernel::{Kernel, TILE};
+use crate::runge::Runge;
 use crate::splitting::{RKN4, Splitting, VELOCITY_VERLET};
 use crate::state::ChainState;
 use pulp::Arch;
@@ -21,6 +22,7 @@ pub struct Integrator {
 enum ByMethod {
     Splitting(Splitting),
     Gear(Gear),
+    Runge(Box<Runge>),
 }
 
 impl Integrator {
@@ -39,9 +41,12 @@ impl Integrator {
         let (chain, dt_s) = (physics.chain(), physics.dt_s);
         let kernel = Kernel::with_arch(&chain, arch, tile);
         let by_method = match physics.method {
-            Method::VelocityVerlet => ByMethod::Splitting(Splitting::new(VELOCITY_VERLET, dt_s, kernel)),
-            Method::Rkn4 => ByMethod::Splitting(Splitting::new(RKN4, dt_s, kernel)),
+            Method::VelocityVerlet => {
+                ByMethod::Splitting(Splitting::new(VELOCITY_VERLET, physics, &chain, kernel))
+            }
+            Method::Rkn4 => ByMethod::Splitting(Splitting::new(RKN4, physics, &chain, kernel)),
             Method::Gear5 => ByMethod::Gear(Gear::new(dt_s, &chain, kernel)),
+            Method::Rk5 => ByMethod::Runge(Box::new(Runge::new(physics, &chain, kernel))),
         };
         Self { by_method }
     }
@@ -61,6 +66,7 @@ impl Integrator {
         match &mut self.by_method {
             ByMethod::Splitting(splitting) => splitting.advance(state, last),
             ByMethod::Gear(gear) => gear.step(state),
+            ByMethod::Runge(runge) => runge.step(state),
         }
     }
 
@@ -69,6 +75,7 @@ impl Integrator {
         match &self.by_method {
             ByMethod::Splitting(splitting) => splitting.first_non_finite(state),
             ByMethod::Gear(gear) => gear.first_non_finite(state),
+            ByMethod::Runge(runge) => runge.first_non_finite(state),
         }
     }
 }

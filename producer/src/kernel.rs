@@ -6,6 +6,7 @@
 //! exactly zero.
 
 mod damped;
+mod moving;
 mod sweep;
 
 use crate::aligned::aligned;
@@ -15,7 +16,10 @@ use pulp::Arch;
 use schemas::chain::{Chain, Walls};
 use schemas::contact::{BLOCK, ContactLaw};
 use schemas::simd::{ordered_sum, vectorized};
+use schemas::sites::Sites;
+use schemas::term::Term;
 use std::ops::Range;
+pub(crate) use moving::Motion;
 pub(crate) use sweep::{Pass, TILE};
 
 /// The beads that may differ from rest: all others have zero bits in `u` and `v`.
@@ -32,6 +36,14 @@ impl Activity {
         let first = pairs().position(active).unwrap_or(0);
         let end = pairs().rposition(active).map_or(first, |last| last + 1);
         Self { beads: first..end }
+    }
+
+    /// This window, widened over `bead`.
+    pub(crate) fn with(mut self, bead: usize) -> Self {
+        let beads = &self.beads;
+        let (start, end) = if beads.is_empty() { (bead, bead + 1) } else { (beads.start, beads.end) };
+        self.beads = if bead < start { bead } else { start }..if bead < end { end } else { bead + 1 };
+        self
     }
 
     /// This window, widened over the beads that have one of `values` (N of them) other than zero.
@@ -76,7 +88,14 @@ pub struct Kernel {
     /// What presses the contacts together at rest, if anything does.
     rest: Option<Rest>,
     walls: Walls,
+    /// Where the walls are (m).
+    walls_m: [f64; 2],
+    terms: Vec<Term>,
+    sites: Sites,
+    is_ring: bool,
     damped: Option<Damped>,
+    /// What evaluations of moving contacts need, N + 1 values each, or none.
+    scratch: [Vec<f64>; 2],
     /// Force (N) of contact `c` beyond that at rest at index `c + 1`; those of the walls at both ends.
     force: AVec<f64>,
     /// Whether a contact of a block presses more than at rest; that of the last bead with its wall is in the last block.
@@ -100,9 +119,14 @@ impl Kernel {
             law: chain.law.clone(),
             inverse_mass: AVec::from_iter(CACHELINE_ALIGN, chain.mass_kg.iter().map(|m| 1.0 / m)),
             stiffness: aligned(&chain.stiffness),
-            rest: chain.is_loaded().then(rest),
+            rest: (chain.is_loaded() || !chain.terms.is_empty()).then(rest),
             walls: chain.walls,
+            walls_m: [0.0; 2],
+            terms: chain.terms.clone(),
+            sites: chain.sites.clone(),
+            is_ring: chain.is_ring,
             damped: Damped::of(chain),
+            scratch: [Vec::new(), Vec::new()],
             force: avec![0.0; chain.bead_count() + 1],
             presses: vec![false; chain.bead_count().div_ceil(BLOCK)],
             activity: Activity { beads: 0..0 },
@@ -110,11 +134,37 @@ impl Kernel {
         }
     }
 
-    /// Forgets the forces of before and takes `activity` as the beads that may not be at rest.
+    /// Forgets the forces of before and takes `activity` as the beads that may not be at rest: in a ring, which has no ends for a
+    /// window, all of them.
     pub fn restart(&mut self, activity: Activity) {
         self.force.fill(0.0);
         self.presses.fill(false);
-        self.activity = activity;
+        self.activity = if self.is_ring { Activity { beads: 0..self.inverse_mass.len() } } else { activity };
+    }
+
+    /// Puts the walls where they are now (m).
+    pub(crate) fn move_walls(&mut self, walls_m: [f64; 2]) {
+        self.walls_m = walls_m;
+    }
+
+    /// Whether each bead depends on nothing but its two contacts, which is what sweeps by tiles need.
+    pub(crate) fn is_local(&self) -> bool {
+        self.sites.is_none() && !self.is_ring
+    }
+
+    /// What acts on the beads beside their contacts.
+    pub(crate) fn sites(&self) -> &Sites {
+        &self.sites
+    }
+
+    /// `1/m` (1/kg) of each bead.
+    pub(crate) fn inverse_mass(&self) -> &[f64] {
+        &self.inverse_mass
+    }
+
+    /// Forces (N) of the contacts on the left and on the right of bead `bead`, evaluated last.
+    pub(crate) fn forces_at(&self, bead: usize) -> [f64; 2] {
+        [self.force[bead], self.force[bead + 1]]
     }
 
     /// The beads that may not be at rest.
@@ -158,7 +208,7 @@ impl Kernel {
     }
 
     /// Forces (N) of the contacts on the left and on the right of each of `beads`.
-    fn forces_beside(&self, beads: &Range<usize>) -> (&[f64], &[f64]) {
+    pub(crate) fn forces_beside(&self, beads: &Range<usize>) -> (&[f64], &[f64]) {
         (&self.force[beads.clone()], &self.force[beads.start + 1..=beads.end])
     }
 }

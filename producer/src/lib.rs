@@ -4,6 +4,7 @@
 //! [`integrator::Integrator`], which works on a [`state::ChainState`] with the forces of [`kernel`].
 
 mod aligned;
+mod drives;
 pub mod energy_error;
 mod gear;
 pub mod integrator;
@@ -12,6 +13,7 @@ pub mod recovery;
 pub mod replay;
 pub mod resimulation;
 pub mod run;
+mod runge;
 mod splitting;
 pub mod state;
 pub mod step_time;

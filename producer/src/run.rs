@@ -179,8 +179,9 @@ fn simulate<P: FrameSink, R: FrameSink>(
 /// ΔE/E of `state`.
 fn drift(physics: &Physics, state: &ChainState) -> f64 {
     let chain = physics.chain();
-    let energy = chain.energy(&state.u_m, &state.v_m_s, &mut vec![0.0; chain.contact_count()]);
-    Drift::new(physics, &chain).of(energy.total_j() + physics.dissipated_j(&state.extra), &state.v_m_s)
+    let energy = chain.energy(&state.u_m, &state.v_m_s, &state.extra, &mut vec![0.0; chain.contact_count()]);
+    let kept_j = energy.total_j() + physics.dissipated_j(&state.extra);
+    Drift::new(physics, &chain).of(kept_j, physics.driven_j(&state.extra), &state.v_m_s)
 }
 
 /// The recorder, if there is one, and what it has.

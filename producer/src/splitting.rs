@@ -4,8 +4,14 @@
 //! The forces that end one step and begin the next are kept, but they depend on the displacements alone, so
 //! that a fresh integrator started at any state goes on with the same bits.
 
+mod beyond;
+
+use crate::drives::{Drives, Now};
 use crate::kernel::{Activity, Kernel, Pass};
 use crate::state::ChainState;
+use schemas::chain::Chain;
+use schemas::manifest::Physics;
+use schemas::rows::Rows;
 
 /// The stages of a method `K(b₁) D(a₁) K(b₂) D(a₂) … K(b_last)`, as fractions of the time step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,16 +81,46 @@ pub(crate) struct Splitting {
     steps_together: u64,
     /// The step at which the kernel's forces were evaluated.
     forces_of_step: Option<u64>,
+    /// What else there is than contacts and walls that stand still, if anything is.
+    others: Option<Others>,
+}
+
+/// Drives, and what acts on beads beside their contacts.
+#[derive(Debug, Clone)]
+struct Others {
+    rows: Rows,
+    mass_kg: Vec<f64>,
+    drives: Option<Drives>,
+    /// What the drives do now, and did at the beginning of the step.
+    now: Vec<Now>,
+    before: Vec<Now>,
+    /// Net forces (N) of a kick.
+    net_n: Vec<f64>,
 }
 
 impl Splitting {
-    /// Steps of `dt_s` by `stages`, with the forces of `kernel`.
-    pub(crate) fn new(stages: Stages, dt_s: f64, kernel: Kernel) -> Self {
-        Self { kernel, stages, dt_s, passes: Vec::new(), steps_together: 0, forces_of_step: None }
+    /// Steps by `stages` in a run of `physics` and `chain`, with the forces of `kernel`.
+    pub(crate) fn new(stages: Stages, physics: &Physics, chain: &Chain, kernel: Kernel) -> Self {
+        let drives = Drives::of(&physics.drives, physics.dt_s);
+        let others = (drives.is_some() || !kernel.is_local()).then(|| Others {
+            rows: physics.rows(),
+            mass_kg: chain.mass_kg.clone(),
+            drives,
+            now: Vec::new(),
+            before: Vec::new(),
+            net_n: vec![0.0; chain.bead_count()],
+        });
+        let dt_s = physics.dt_s;
+        Self { kernel, stages, dt_s, passes: Vec::new(), steps_together: 0, forces_of_step: None, others }
     }
 
     /// Advances `state` by as many steps as one sweep can make, at least by one and at most to step `last`.
     pub(crate) fn advance(&mut self, state: &mut ChainState, last: u64) {
+        if let Some(mut others) = self.others.take() {
+            self.step_with(&mut others, state);
+            self.others = Some(others);
+            return;
+        }
         if self.forces_of_step != Some(state.step) {
             // The first kick makes a velocity of -0 one of +0, and no later one is -0: its forces are too large to be lost
             // in rounding. So kicks by nothing can be left out from here on.

@@ -35,12 +35,11 @@ impl ChainState {
     /// The higher derivatives that `gear5` carries are those of the exact motion, so that it has its order
     /// from the first step.
     pub fn starting_at(physics: &Physics, u_m: &[f64], v_m_s: &[f64]) -> Self {
-        let mut extra = match physics.method {
-            Method::VelocityVerlet | Method::Rkn4 => Vec::new(),
-            Method::Gear5 => taylor_terms(&physics.chain(), u_m, v_m_s, physics.dt_s),
-        };
-        // no contact has dissipated anything yet
-        extra.resize(physics.extra_per_bead() * u_m.len(), 0.0);
+        let mut extra = physics.initial_extra(u_m);
+        if physics.method == Method::Gear5 {
+            let terms = taylor_terms(&physics.chain(), u_m, v_m_s, physics.dt_s);
+            extra[..terms.len()].copy_from_slice(&terms);
+        }
         Self { u_m: aligned(u_m), v_m_s: aligned(v_m_s), extra: aligned(&extra), step: 0 }
     }
 

@@ -36,7 +36,7 @@ pub(crate) fn taylor_terms(chain: &Chain, u_m: &[f64], v_m_s: &[f64], dt_s: f64)
 
 /// All contacts from left to right, first and last those with the walls, which have no stiffness at a free end.
 fn contacts(chain: &Chain, u_m: &[f64]) -> Vec<Contact> {
-    let [left_m, right_m] = chain.wall_approaches_m(u_m);
+    let [left_m, right_m] = chain.wall_approaches_m(u_m, &[]);
     let wall = |side: usize, wall: &Wall, approach_m: f64| Contact {
         stiffness: wall.stiffness,
         damping: chain.damping.as_ref().map_or(0.0, |damping| damping.wall_coefficient[side]),

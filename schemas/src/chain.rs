@@ -3,7 +3,10 @@
 use crate::contact::{ContactLaw, Power, PowerUser, evaluate};
 use crate::damping::ContactDamping;
 use crate::excess::{AtRest, Excess};
+use crate::rows::Rows;
 use crate::simd::{ordered_sum, vectorized};
+use crate::sites::Sites;
+use crate::term::Term;
 use pulp::Arch;
 use std::ops::Range;
 
@@ -31,6 +34,18 @@ pub struct Chain {
     pub damping: Option<ContactDamping>,
     /// The contact law of every contact.
     pub law: ContactLaw,
+    /// What is added to the force of each contact.
+    pub terms: Vec<Term>,
+    /// What acts on each bead beside its contacts.
+    pub sites: Sites,
+    /// Whether the last bead touches the first one: this contact then stands in the place of the left wall.
+    pub is_ring: bool,
+    /// Whether bonds, which pull as well as push, take the place of contacts.
+    pub is_bonded: bool,
+    /// What the rows of a state's `extra` are.
+    pub rows: Rows,
+    /// The drives that move the left and the right wall.
+    pub moved_walls: [Option<usize>; 2],
     /// Looked up for every frame, so decided once.
     is_loaded: bool,
 }
@@ -47,6 +62,8 @@ pub struct Walls {
 /// The contact of an end bead with a wall; all zeros at a free end.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Wall {
+    /// Whether there is one.
+    pub is_there: bool,
     /// Stiffness of the contact (N·m^−α), 0 at a free end.
     pub stiffness: f64,
     /// Overlap of the contact (m) when the end bead's displacement is 0.
@@ -61,6 +78,7 @@ impl Wall {
     /// A wall whose contact has the stiffness `stiffness` and overlaps by `rest_overlap_m` at rest.
     pub fn new(law: &ContactLaw, stiffness: f64, rest_overlap_m: f64) -> Self {
         Self {
+            is_there: true,
             stiffness,
             rest_overlap_m,
             rest_force_n: law.force(stiffness, rest_overlap_m),
@@ -73,19 +91,19 @@ impl Wall {
         approach_m + self.rest_overlap_m
     }
 
-    /// Force (N) beyond that at rest when the end bead has come `approach_m` nearer.
+    /// Force (N) beyond that at rest when the end bead has come `approach_m` nearer, by the law alone.
     pub fn excess_force_n(&self, law: &ContactLaw, approach_m: f64) -> f64 {
         law.force(self.stiffness, self.overlap_m(approach_m)) - self.rest_force_n
     }
 
-    /// Energy (J) beyond that at rest, less the work of the constant force that the contact balances.
+    /// Energy (J) beyond that at rest, less the work of the constant force that the contact balances, by the law alone.
     fn excess_energy_j(&self, law: &ContactLaw, approach_m: f64) -> f64 {
         if self.stiffness == 0.0 {
             return 0.0;
         }
         let rest = AtRest {
             overlap_m: self.rest_overlap_m,
-            force_n: self.rest_force_n,
+            force_n: law.force(self.stiffness, self.rest_overlap_m),
             energy_j: self.rest_energy_j,
         };
         let energy_j = law.energy(self.stiffness, self.overlap_m(approach_m));
@@ -132,8 +150,28 @@ impl Chain {
             walls,
             damping: None,
             law,
+            terms: Vec::new(),
+            sites: Sites::default(),
+            is_ring: false,
+            is_bonded: false,
+            rows: Rows::default(),
+            moved_walls: [None; 2],
             is_loaded,
         }
+    }
+
+    /// The same chain with `terms` added to the forces of its contacts.
+    #[must_use]
+    pub fn with_terms(mut self, terms: Vec<Term>) -> Self {
+        for term in &terms {
+            for (c, force_n) in self.rest_force_n.iter_mut().enumerate() {
+                *force_n += term.law.force(term.stiffness[c], self.rest_overlap_m[c]);
+            }
+            for (side, wall) in [&mut self.walls.left, &mut self.walls.right].into_iter().enumerate() {
+                wall.rest_force_n += term.law.force(term.wall_stiffness[side], wall.rest_overlap_m);
+            }
+        }
+        Self { terms, ..self }
     }
 
     /// Whether a contact between two beads has an overlap at rest.
@@ -160,6 +198,51 @@ impl Chain {
     /// Overlap (m) of contact `contact` for the displacements `u_m` (N values, m).
     pub fn overlap_m(&self, u_m: &[f64], contact: usize) -> f64 {
         u_m[contact] - u_m[contact + 1] + self.rest_overlap_m[contact]
+    }
+
+    /// Force (N) of contact `contact` without damping, that at rest included, at the displacements `u_m` (N values, m).
+    pub fn contact_force_n(&self, u_m: &[f64], contact: usize) -> f64 {
+        let overlap_m = self.overlap_m(u_m, contact);
+        let by_law = self.law.force(self.stiffness[contact], overlap_m);
+        self.terms.iter().fold(by_law, |sum, term| sum + term.law.force(term.stiffness[contact], overlap_m))
+    }
+
+    /// Forces (N) of the contacts with the left and with the right wall, those at rest included; of a ring the first is that of
+    /// the contact that closes it.
+    pub fn wall_forces_n(&self, u_m: &[f64], extra: &[f64]) -> [f64; 2] {
+        let [left_m, right_m] = self.wall_approaches_m(u_m, extra);
+        [(0, left_m), (1, right_m)].map(|(side, approach_m)| {
+            let wall = self.wall(side);
+            let overlap_m = wall.overlap_m(approach_m);
+            let by_law = self.law.force(wall.stiffness, overlap_m);
+            let force_n = |sum, term: &Term| sum + term.law.force(term.wall_stiffness[side], overlap_m);
+            if wall.is_there { self.terms.iter().fold(by_law, force_n) } else { 0.0 }
+        })
+    }
+
+    /// Slope dF/dδ (N/m) of each contact at rest, N − 1 values.
+    pub fn tangents_n_per_m(&self) -> Vec<f64> {
+        let tangent = |c: usize| {
+            let rest_m = self.rest_overlap_m[c];
+            let by_law = self.law.tangent(self.stiffness[c], rest_m);
+            self.terms.iter().fold(by_law, |sum, term| sum + term.law.tangent(term.stiffness[c], rest_m))
+        };
+        (0..self.contact_count()).map(tangent).collect()
+    }
+
+    /// The same of the contacts with the walls, 0 at free ends; of a ring the first is that of the contact that closes it.
+    pub fn wall_tangents_n_per_m(&self) -> [f64; 2] {
+        [0, 1].map(|side| {
+            let Wall { is_there, stiffness, rest_overlap_m: rest_m, .. } = *self.wall(side);
+            let tangent = |sum, term: &Term| sum + term.law.tangent(term.wall_stiffness[side], rest_m);
+            let by_law = self.law.tangent(stiffness, rest_m);
+            if is_there { self.terms.iter().fold(by_law, tangent) } else { 0.0 }
+        })
+    }
+
+    /// The left wall (0) or the right one.
+    fn wall(&self, side: usize) -> &Wall {
+        if side == 0 { &self.walls.left } else { &self.walls.right }
     }
 
     /// Kinetic energy (J) of the beads `beads` at the velocities `v_m_s` (N values, m/s), as an
@@ -192,46 +275,107 @@ impl Chain {
                 }
             },
         );
+        for term in &self.terms {
+            for (c, energy_j) in energy_j.iter_mut().enumerate() {
+                *energy_j += self.term_j(term, u_m, c);
+            }
+        }
+    }
+
+    /// The energy (J) of a term of contact `c`.
+    fn term_j(&self, term: &Term, u_m: &[f64], c: usize) -> f64 {
+        term.law.excess_j(term.stiffness[c], self.rest_overlap_m[c], u_m[c] - u_m[c + 1], self.is_loaded())
     }
 
     /// The same energy (J) of one contact.
     pub fn contact_energy_j(&self, u_m: &[f64], contact: usize) -> f64 {
+        let of_terms = self.terms.iter().map(|term| self.term_j(term, u_m, contact));
+        of_terms.fold(self.energy_by_law_j(u_m, contact), |sum, energy_j| sum + energy_j)
+    }
+
+    fn energy_by_law_j(&self, u_m: &[f64], contact: usize) -> f64 {
         let energy_j = self.law.energy(self.stiffness[contact], self.overlap_m(u_m, contact));
         if self.rest_overlap_m[contact] == 0.0 {
             return energy_j;
         }
         let at_rest = AtRest {
             overlap_m: self.rest_overlap_m[contact],
-            force_n: self.rest_force_n[contact],
+            force_n: self.law.force(self.stiffness[contact], self.rest_overlap_m[contact]),
             energy_j: self.rest_energy_j[contact],
         };
         Excess::new(&self.law).energy_j(at_rest, u_m[contact] - u_m[contact + 1], energy_j)
     }
 
-    /// The same energy (J) of the contacts with the left and with the right wall, 0 at free ends.
-    pub fn wall_energies_j(&self, u_m: &[f64]) -> [f64; 2] {
-        let Walls { left, right } = self.walls;
-        let [left_m, right_m] = self.wall_approaches_m(u_m);
-        [left.excess_energy_j(&self.law, left_m), right.excess_energy_j(&self.law, right_m)]
+    /// The same energy (J) of the contacts with the left and with the right wall, 0 at free ends, at the displacements `u_m` (m,
+    /// N values) of a state with this `extra`.
+    pub fn wall_energies_j(&self, u_m: &[f64], extra: &[f64]) -> [f64; 2] {
+        let [left_m, right_m] = self.wall_approaches_m(u_m, extra);
+        [(0, left_m), (1, right_m)].map(|(side, approach_m)| {
+            let wall = self.wall(side);
+            let by_law_j = wall.excess_energy_j(&self.law, approach_m);
+            let energy_j = |sum: f64, term: &Term| {
+                let (stiffness, rest_m) = (term.wall_stiffness[side], wall.rest_overlap_m);
+                // the excess over rest takes the place of the energy at walls, whatever the rest of the chain is
+                sum + term.law.excess_j(stiffness, rest_m, approach_m, true)
+            };
+            if wall.is_there { self.terms.iter().fold(by_law_j, energy_j) } else { 0.0 }
+        })
     }
 
-    /// How much nearer (m) than at rest the end beads are to the left and to the right wall.
-    pub fn wall_approaches_m(&self, u_m: &[f64]) -> [f64; 2] {
-        [-u_m[0], u_m[u_m.len() - 1]]
+    /// How much nearer (m) than at rest the end beads are to the left and to the right wall; in a ring, how much nearer the last
+    /// bead is to the first one.
+    pub fn wall_approaches_m(&self, u_m: &[f64], extra: &[f64]) -> [f64; 2] {
+        if self.is_ring {
+            return [u_m[u_m.len() - 1] - u_m[0], 0.0];
+        }
+        let [left_m, right_m] = self.walls_m(extra);
+        [left_m - u_m[0], u_m[u_m.len() - 1] - right_m]
     }
 
-    /// Kinetic and potential energy of the whole chain. `scratch` holds N − 1 values.
-    pub fn energy(&self, u_m: &[f64], v_m_s: &[f64], scratch: &mut [f64]) -> Energy {
+    /// The displacements (m) of the left and of the right wall in a state with this `extra`: 0 if nothing moves them.
+    pub fn walls_m(&self, extra: &[f64]) -> [f64; 2] {
+        let drives = self.rows.drives_of(extra);
+        self.moved_walls.map(|drive| drive.and_then(|d| drives.get(2 * d + 1)).copied().unwrap_or(0.0))
+    }
+
+    /// Energy of what is on the beads `beads` beside their contacts, in a state with this `extra`.
+    pub fn sites_energy(&self, u_m: &[f64], extra: &[f64], beads: Range<usize>) -> Energy {
+        let mut energy = Energy::default();
+        if self.sites.has_springs() {
+            energy.potential_j += self.sites.springs_j(u_m, beads.clone());
+        }
+        if self.sites.has_resonators() {
+            let [w_m, w_m_s] = self.rows.resonators_of(extra);
+            energy.kinetic_j += self.sites.kinetic_j(w_m_s, beads.clone());
+            energy.potential_j += self.sites.resonators_j(u_m, w_m, beads);
+        }
+        energy
+    }
+
+    /// Kinetic and potential energy of the whole chain in a state with this `extra`. `scratch` holds N − 1 values.
+    pub fn energy(&self, u_m: &[f64], v_m_s: &[f64], extra: &[f64], scratch: &mut [f64]) -> Energy {
         self.contact_energies_j(u_m, scratch);
-        let [left, right] = self.wall_energies_j(u_m);
-        vectorized(
+        let [left, right] = self.wall_energies_j(u_m, extra);
+        let beads = 0..self.bead_count();
+        let mut energy = vectorized(
             Arch::new(),
             #[inline(always)]
             || Energy {
-                kinetic_j: self.kinetic_j(v_m_s, 0..self.bead_count()),
+                kinetic_j: self.kinetic_j(v_m_s, beads.clone()),
                 potential_j: ordered_sum([scratch], |[energy_j]| energy_j) + (left + right),
             },
-        )
+        );
+        if !self.sites.is_none() {
+            if self.sites.has_springs() {
+                energy.potential_j += self.sites.springs_j(u_m, beads.clone());
+            }
+            if self.sites.has_resonators() {
+                let [w_m, w_m_s] = self.rows.resonators_of(extra);
+                energy.kinetic_j += self.sites.kinetic_j(w_m_s, beads.clone());
+                energy.potential_j += self.sites.resonators_j(u_m, w_m, beads);
+            }
+        }
+        energy
     }
 }
 
@@ -266,8 +410,17 @@ impl<const LOADED: bool> PowerUser for ContactEnergies<'_, LOADED> {
             );
         }
         let excess = Excess::new(&chain.law);
+        // without what the terms have
+        let by_law: Vec<f64>;
+        let force_n = if chain.terms.is_empty() {
+            &chain.rest_force_n
+        } else {
+            let at_rest = stiffness.iter().zip(&chain.rest_overlap_m);
+            by_law = at_rest.map(|(k, rest_m)| chain.law.force(*k, *rest_m)).collect();
+            &by_law
+        };
         evaluate(
-            [left_m, right_m, stiffness, &chain.rest_overlap_m, &chain.rest_force_n, &chain.rest_energy_j],
+            [left_m, right_m, stiffness, &chain.rest_overlap_m, force_n, &chain.rest_energy_j],
             energy_j,
             power,
             zero_up_to_m,
@@ -297,7 +450,7 @@ mod tests {
     fn energies_worked_out_by_hand() {
         let chain = chain(3.0);
         // overlaps 0.5 (closed) and −0.5 (open): 10·0.5⁴/4; ½(1·4 + 2·1 + 4·0)
-        let energy = chain.energy(&[0.5, 0.0, 0.5], &[2.0, -1.0, 0.0], &mut [0.0; 2]);
+        let energy = chain.energy(&[0.5, 0.0, 0.5], &[2.0, -1.0, 0.0], &[], &mut [0.0; 2]);
         assert_eq!(energy, Energy { kinetic_j: 3.0, potential_j: 0.15625 });
         assert_eq!(energy.total_j(), 3.15625);
     }
@@ -325,12 +478,12 @@ mod tests {
         let wall = Wall::new(&law, 4.0, 0.5);
         let walls = Walls { left: wall, right: wall };
         let chain = Chain::new(vec![1.0; 2], vec![4.0], vec![0.5], walls, law.clone());
-        assert_eq!(chain.energy(&[0.0; 2], &[0.0; 2], &mut [0.0]).total_j(), 0.0);
+        assert_eq!(chain.energy(&[0.0; 2], &[0.0; 2], &[], &mut [0.0]).total_j(), 0.0);
         let mut contact_j = [0.0];
         chain.contact_energies_j(&[0.5, 0.0], &mut contact_j);
         assert_eq!(contact_j, [1.0 - 1.0 / 16.0 - 0.5 * 0.5]);
         // the left wall gives back what it stored, and its constant force is worked against
-        assert_eq!(chain.wall_energies_j(&[0.5, 0.0]), [-1.0 / 16.0 + 0.5 * 0.5, 0.0]);
+        assert_eq!(chain.wall_energies_j(&[0.5, 0.0], &[]), [-1.0 / 16.0 + 0.5 * 0.5, 0.0]);
         assert_eq!(wall.excess_force_n(&law, 0.5), 4.0 - 0.5);
         assert_eq!(wall.excess_force_n(&law, -1.0), -0.5);
     }

@@ -3,8 +3,19 @@
 //! A [`RunConfig`] may still be impossible; [`crate::manifest::Physics::resolve`] turns it into the
 //! validated form that everything else uses.
 
+mod beyond;
+mod initial;
+mod profile;
 mod words;
 
+pub use beyond::{
+    Bonds, Disorder, Disordered, OddSphere, OnSite, Resonators, SecondPower, Sphere, Spheres, Strikers, Toda,
+    TwoValued, WallMaterial,
+};
+pub use initial::{FromRecording, Gaussian, Initial, ModeShape, PlaneWave, Solitary, Thermal};
+pub use profile::Profile;
+
+use crate::drive::Drive;
 use crate::method::Method;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -17,8 +28,14 @@ pub struct RunConfig {
     /// Name of the run on the bus, `[a-z0-9-]{1,64}`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
+    /// What disorder and thermal velocities are made of.
+    #[serde(default, skip_serializing_if = "is_seedless")]
+    pub seed: u64,
     /// The beads and their contacts.
     pub chain: ChainConfig,
+    /// What chance makes of the chain, in turn.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub disorder: Vec<Disorder>,
     /// What the ends of the chain touch.
     #[serde(default, skip_serializing_if = "EndsConfig::is_free")]
     pub ends: EndsConfig,
@@ -28,8 +45,21 @@ pub struct RunConfig {
     /// What contacts dissipate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub damping: Option<DampingConfig>,
-    /// The bead that moves at the beginning.
-    pub striker: StrikerConfig,
+    /// What holds each bead at its place.
+    #[serde(default, skip_serializing_if = "OnSite::is_none")]
+    pub on_site: OnSite,
+    /// What swings inside each bead.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub resonators: Option<Resonators>,
+    /// The beads that are struck at the beginning.
+    #[serde(default)]
+    pub striker: Strikers,
+    /// How the chain begins, beside its strikers.
+    #[serde(default, skip_serializing_if = "Initial::is_none")]
+    pub initial: Initial,
+    /// What moves walls and beads.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub drive: Vec<Drive>,
     /// How long to simulate, and with which step.
     pub time: TimeConfig,
     /// The integration method.
@@ -46,11 +76,15 @@ pub struct RunConfig {
 pub struct ChainConfig {
     /// Number of beads N.
     pub beads: u64,
-    /// Mass of a bead (kg), unless `masses` says otherwise.
+    /// Mass of a bead (kg), unless `masses` says otherwise. With `spheres` it may be left out: that of the first.
+    #[serde(default = "left_out")]
     pub bead_mass_kg: f64,
-    /// Exponent α of the contact law.
+    /// Exponent α of the contact law. May be left out with `spheres`, where it is 1.5, and with `bonds`.
+    #[serde(default = "left_out")]
     pub alpha: f64,
-    /// Stiffness k of a contact (N·m^−α), unless `stiffnesses` says otherwise.
+    /// Stiffness k of a contact (N·m^−α), unless `stiffnesses` says otherwise. May be left out with `spheres` and `bonds`:
+    /// that of the first contact.
+    #[serde(default = "left_out")]
     pub stiffness: f64,
     /// A rule for the masses of all beads.
     #[serde(default, skip_serializing_if = "MassRule::is_uniform")]
@@ -64,6 +98,34 @@ pub struct ChainConfig {
     /// Contacts of another stiffness than the rule gives them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub contacts: Vec<OddContact>,
+    /// Spheres of given materials, whose masses and stiffnesses take the place of all others.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spheres: Option<Spheres>,
+    /// Spheres that differ from those.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub odd_spheres: Vec<OddSphere>,
+    /// The exponent of each contact, in place of `alpha`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub alphas: Option<Profile>,
+    /// A second power that is added to the force of each contact.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second: Option<SecondPower>,
+    /// The gap (m) of each contact before anything moves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gaps_m: Option<Profile>,
+    /// Bonds in place of contacts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bonds: Option<Bonds>,
+}
+
+/// A number that a configuration does not give; [`RunConfig::from_toml`] finds it, or says that it is missing.
+fn left_out() -> f64 {
+    f64::NAN
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
+fn is_seedless(seed: &u64) -> bool {
+    *seed == 0
 }
 
 /// The masses of the beads of a chain, before its impurities.
@@ -135,6 +197,18 @@ pub struct EndsConfig {
     /// Stiffness (N·m^−α) of the contact with the right wall [default: that of the chain].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub right_stiffness: Option<f64>,
+    /// What the left wall is made of, with spheres [default: that of the end bead].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub left_material: Option<WallMaterial>,
+    /// What the right wall is made of, with spheres [default: that of the end bead].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub right_material: Option<WallMaterial>,
+    /// Beads with drag at an absorbing end [default: a fifth of the chain, at most 100].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub absorbing_beads: Option<u64>,
+    /// The drag (N·s/m) of the last bead of an absorbing end [default: half of m/T].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub absorbing_drag_n_s_per_m: Option<f64>,
 }
 
 /// What is beyond an end of the chain.
@@ -146,6 +220,10 @@ pub enum End {
     Free,
     /// A wall that the end bead touches.
     Fixed,
+    /// The other end: the last bead touches the first one.
+    Periodic,
+    /// Nothing, and beads that are slowed down the more the nearer they are to it.
+    Absorbing,
 }
 
 impl EndsConfig {
@@ -189,6 +267,20 @@ pub enum DampingConfig {
     ViscousNSPerM(f64),
     /// Coefficient of restitution e of two beads, the same at any speed: the force `η·δ^((α−1)/2)·dδ/dt`.
     Restitution(f64),
+    /// Kuwabara's and Kono's law of viscoelastic spheres: `k·α·A·δ^(α−1)·dδ/dt` with a time A (s).
+    KuwabaraKonoS(f64),
+    /// `η·δ^p·dδ/dt` with any p.
+    Power(PowerDamping),
+}
+
+/// A damping force `η·δ^p·dδ/dt`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PowerDamping {
+    /// η (N·s·m^(−1−p)).
+    pub coefficient: f64,
+    /// p, 0 or more.
+    pub exponent: f64,
 }
 
 /// A bead of another mass.
@@ -202,7 +294,7 @@ pub struct Impurity {
 }
 
 /// The `[striker]` table.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StrikerConfig {
     /// Which bead, from 0.
@@ -277,6 +369,12 @@ impl ConfigError {
         }
     }
 
+    /// A key that is not there.
+    fn missing(key: &str) -> Self {
+        let message = format!("missing; {}", words::EXAMPLE);
+        Self { path: None, line: None, key: key.to_owned(), message }
+    }
+
     /// An impossible number, written with an exponent where it is very small or very large.
     pub(crate) fn number(key: &str, found: f64, allowed: &str) -> Self {
         let plain = found == 0.0 || (1e-4..1e6).contains(&found.abs());
@@ -324,20 +422,69 @@ impl RunConfig {
         #[derive(Deserialize)]
         struct Named {
             integrator: Option<serde::de::IgnoredAny>,
+            striker: Option<serde::de::IgnoredAny>,
         }
         let unreadable = |error: toml::de::Error| ConfigError::of_toml(&error, text);
         let mut config: Self = toml::from_str(text).map_err(unreadable)?;
-        let Named { integrator } = toml::from_str(text).map_err(unreadable)?;
+        let Named { integrator, striker } = toml::from_str(text).map_err(unreadable)?;
+        config.fill_in()?;
+        if striker.is_none() && config.drive.is_empty() && config.initial.is_none() {
+            return Err(ConfigError::missing("striker"));
+        }
         if integrator.is_none() {
             config.integrator.method = config.default_method();
         }
         Ok(config)
     }
 
-    /// The method where a configuration names none: [`Method::Rkn4`], with damping [`Method::Gear5`], which takes
-    /// forces that depend on velocities.
+    /// The numbers of the scales, where spheres or bonds give them.
+    fn fill_in(&mut self) -> Result<(), ConfigError> {
+        let chain = &mut self.chain;
+        let mut usual = [f64::NAN; 3];
+        if let Some(Spheres(spheres)) = &chain.spheres {
+            if let Some(first) = spheres.first() {
+                let second = spheres.get(1).unwrap_or(first);
+                usual = [first.mass_kg(), 1.5, first.stiffness_with(second)];
+            }
+        } else if let Some(bonds) = &chain.bonds {
+            let linear = bonds.linear.as_ref().or(bonds.toda.as_ref().map(|toda| &toda.stiffness));
+            usual = [f64::NAN, 1.0, linear.map_or(f64::NAN, |linear| linear.largest())];
+        }
+        let keys = ["chain.bead_mass_kg", "chain.alpha", "chain.stiffness"];
+        let numbers = [&mut chain.bead_mass_kg, &mut chain.alpha, &mut chain.stiffness];
+        for ((number, usual), key) in numbers.into_iter().zip(usual).zip(keys) {
+            if number.is_nan() {
+                *number = usual;
+            }
+            if number.is_nan() {
+                return Err(ConfigError::missing(key));
+            }
+        }
+        Ok(())
+    }
+
+    /// The method where a configuration names none: [`Method::Rkn4`], and [`Method::Rk5`] or [`Method::Gear5`] where forces depend on
+    /// velocities.
     fn default_method(&self) -> Method {
-        if self.damping.is_some() { Method::Gear5 } else { IntegratorConfig::default().method }
+        let is_slowed = self.on_site.drag_n_s_per_m.is_some()
+            || [self.ends.left, self.ends.right].contains(&End::Absorbing);
+        match self.damping {
+            None if !is_slowed => IntegratorConfig::default().method,
+            Some(DampingConfig::ViscousNSPerM(_) | DampingConfig::Restitution(_)) if self.is_plain() => Method::Gear5,
+            _ => Method::Rk5,
+        }
+    }
+
+    /// Whether it asks for nothing that `gear5` does not take.
+    fn is_plain(&self) -> bool {
+        let chain = &self.chain;
+        let is_one_power = chain.alphas.is_none() && chain.second.is_none() && chain.bonds.is_none();
+        let ends = [self.ends.left, self.ends.right];
+        is_one_power
+            && self.on_site.is_none()
+            && self.resonators.is_none()
+            && self.drive.is_empty()
+            && !ends.iter().any(|end| matches!(end, End::Periodic | End::Absorbing))
     }
 
     /// The configuration as TOML text that reads back to an equal configuration.

@@ -93,6 +93,12 @@ impl ContactLaw {
         self.force(stiffness, overlap_m) * self.closed_m(overlap_m) / (self.alpha + 1.0)
     }
 
+    /// Slope dF/dδ (N/m) of a contact: `k·α·δ^(α−1)`, also at δ = 0 where α = 1; 0 in an open contact.
+    pub fn tangent(&self, stiffness: f64, overlap_m: f64) -> f64 {
+        let closed_m = self.closed_m(overlap_m);
+        if closed_m > 0.0 { stiffness * self.alpha * (self.power_of(closed_m) / closed_m) } else { 0.0 }
+    }
+
     /// Calls `user` with the power of this law as something that the compiler can inline into
     /// `user`'s loops: one copy of the loop for each form of the power, none with a branch in it.
     #[inline(always)]

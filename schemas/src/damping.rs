@@ -10,7 +10,8 @@
 //! T. Schwager and T. Pöschel, Granul. Matter 9 (2007) 465, doi:10.1007/s10035-007-0065-z (the end of a
 //! contact that never pulls).
 
-use crate::config::{ConfigError, DampingConfig};
+use crate::config::{ConfigError, DampingConfig, PowerDamping};
+use crate::contact::ContactLaw;
 use crate::power::power;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::E;
@@ -24,6 +25,10 @@ pub enum Damping {
     /// A collision of two beads that does not depend on their speed: `p = (α−1)/2`.
     #[serde(rename = "restitution")]
     Restitution(Restitution),
+    /// Viscoelastic spheres: `η = k·α·A`, `p = α − 1`.
+    KuwabaraKonoS(f64),
+    /// `η` and `p` as they are given.
+    Power(PowerDamping),
 }
 
 /// A coefficient of restitution and what it means for a contact.
@@ -100,6 +105,8 @@ impl Damping {
     pub fn resolve(config: DampingConfig) -> Result<Self, ConfigError> {
         let damping = match config {
             DampingConfig::ViscousNSPerM(coefficient) => Self::ViscousNSPerM(coefficient),
+            DampingConfig::KuwabaraKonoS(time_s) => Self::KuwabaraKonoS(time_s),
+            DampingConfig::Power(damping) => Self::Power(damping),
             DampingConfig::Restitution(e) if e > 0.0 && e < 1.0 => Self::Restitution(Restitution::new(e)),
             DampingConfig::Restitution(coefficient) => {
                 Self::Restitution(Restitution { coefficient, damping_ratio: 0.0 })
@@ -116,6 +123,22 @@ impl Damping {
             Self::ViscousNSPerM(value) => {
                 let allowed = "a positive number of N·s/m, 1e-100 to 1e100; leave [damping] out for none";
                 Err(ConfigError::number("damping.viscous_n_s_per_m", value, allowed))
+            }
+            Self::KuwabaraKonoS(time_s) if (1e-100..=1e100).contains(&time_s) => Ok(()),
+            Self::KuwabaraKonoS(time_s) => {
+                let allowed = "a positive time A of F = k·(δ^α + α·A·δ^(α−1)·dδ/dt) in s; leave [damping] out for none";
+                Err(ConfigError::number("damping.kuwabara_kono_s", time_s, allowed))
+            }
+            Self::Power(PowerDamping { coefficient, exponent }) => {
+                if !(0.0..=100.0).contains(&exponent) {
+                    let allowed = "an exponent p of δ^p from 0 to 100";
+                    return Err(ConfigError::number("damping.power.exponent", exponent, allowed));
+                }
+                if (1e-100..=1e100).contains(&coefficient) {
+                    return Ok(());
+                }
+                let allowed = "a positive number of N·s/m^(1+p), 1e-100 to 1e100; leave [damping] out for none";
+                Err(ConfigError::number("damping.power.coefficient", coefficient, allowed))
             }
             Self::Restitution(Restitution { coefficient, damping_ratio }) => {
                 let key = "damping.restitution";
@@ -146,6 +169,8 @@ impl Damping {
             Self::Restitution(restitution) => {
                 restitution.damping_ratio * (2.0 * (alpha + 1.0) * stiffness * reduced_kg).sqrt()
             }
+            Self::KuwabaraKonoS(time_s) => alpha * stiffness * time_s,
+            Self::Power(PowerDamping { coefficient, .. }) => *coefficient,
         }
     }
 
@@ -154,6 +179,17 @@ impl Damping {
         match self {
             Self::ViscousNSPerM(_) => 0.0,
             Self::Restitution(_) => 0.5 * (alpha - 1.0),
+            Self::KuwabaraKonoS(_) => alpha - 1.0,
+            Self::Power(PowerDamping { exponent, .. }) => *exponent,
+        }
+    }
+
+    /// Where δ^p is computed as `δ^q/δ`: the law of δ^q with q = p + 1.
+    pub fn raised(&self, alpha: f64) -> Option<ContactLaw> {
+        match self {
+            Self::ViscousNSPerM(_) | Self::Restitution(_) => None,
+            Self::KuwabaraKonoS(_) => Some(ContactLaw::new(alpha)),
+            Self::Power(PowerDamping { exponent, .. }) => Some(ContactLaw::new(exponent + 1.0)),
         }
     }
 }

@@ -15,11 +15,14 @@ pub enum Method {
     /// Gear's predictor-corrector on six values: fifth order, one force evaluation. It is not symplectic, and
     /// takes forces that depend on velocities.
     Gear5,
+    /// Dormand's and Prince's Runge–Kutta method: fifth order, six force evaluations. It is not symplectic, and takes forces that
+    /// depend on velocities.
+    Rk5,
 }
 
 impl Method {
     /// Every method, in the order of the documentation.
-    pub const ALL: [Self; 3] = [Self::VelocityVerlet, Self::Rkn4, Self::Gear5];
+    pub const ALL: [Self; 4] = [Self::VelocityVerlet, Self::Rkn4, Self::Gear5, Self::Rk5];
 
     /// The name used in configurations and manifests.
     pub fn as_str(self) -> &'static str {
@@ -27,6 +30,7 @@ impl Method {
             Self::VelocityVerlet => "velocity-verlet",
             Self::Rkn4 => "rkn4",
             Self::Gear5 => "gear5",
+            Self::Rk5 => "rk5",
         }
     }
 
@@ -38,7 +42,7 @@ impl Method {
     /// dissipated follows ([`Physics::extra_per_bead`](crate::manifest::Physics::extra_per_bead)).
     pub fn extra_per_bead(self) -> usize {
         match self {
-            Self::VelocityVerlet | Self::Rkn4 => 0,
+            Self::VelocityVerlet | Self::Rkn4 | Self::Rk5 => 0,
             Self::Gear5 => 4,
         }
     }
@@ -48,7 +52,7 @@ impl Method {
         match self {
             Self::VelocityVerlet => 2,
             Self::Rkn4 => 4,
-            Self::Gear5 => 5,
+            Self::Gear5 | Self::Rk5 => 5,
         }
     }
 
@@ -57,7 +61,7 @@ impl Method {
     pub fn is_symplectic(self) -> bool {
         match self {
             Self::VelocityVerlet | Self::Rkn4 => true,
-            Self::Gear5 => false,
+            Self::Gear5 | Self::Rk5 => false,
         }
     }
 
@@ -65,7 +69,7 @@ impl Method {
     pub fn force_evaluations_per_step(self) -> u32 {
         match self {
             Self::VelocityVerlet | Self::Gear5 => 1,
-            Self::Rkn4 => 6,
+            Self::Rkn4 | Self::Rk5 => 6,
         }
     }
 
@@ -73,7 +77,7 @@ impl Method {
     pub fn takes_forces_of_velocity(self) -> bool {
         match self {
             Self::VelocityVerlet | Self::Rkn4 => false,
-            Self::Gear5 => true,
+            Self::Gear5 | Self::Rk5 => true,
         }
     }
 
@@ -95,6 +99,7 @@ impl Method {
             Self::VelocityVerlet => 0.0025,
             Self::Rkn4 => 0.02 * smooth,
             Self::Gear5 => 0.0025 * smooth,
+            Self::Rk5 => 0.01 * smooth,
         }
     }
 }

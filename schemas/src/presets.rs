@@ -1,7 +1,7 @@
 //! Ready-made configurations: the runs of the paper, and an example of each thing beyond it.
 
 use crate::config::{
-    ChainConfig, DampingConfig, End, EndsConfig, Impurity, IntegratorConfig, LoadConfig, MassRule, RunConfig,
+    ChainConfig, DampingConfig, End, EndsConfig, Impurity, Initial, IntegratorConfig, LoadConfig, MassRule, OnSite, RunConfig,
     StiffnessRule, StreamConfig, StrikerConfig, TimeConfig,
 };
 use crate::method::Method;
@@ -128,6 +128,8 @@ impl Preset {
     pub fn config(&self) -> RunConfig {
         let mut config = RunConfig {
             name: Some(self.name.to_owned()),
+            seed: 0,
+            disorder: Vec::new(),
             chain: ChainConfig {
                 beads: self.beads,
                 bead_mass_kg: 1e-3,
@@ -137,11 +139,21 @@ impl Preset {
                 stiffnesses: StiffnessRule::Uniform,
                 impurities: Vec::new(),
                 contacts: Vec::new(),
+                spheres: None,
+                odd_spheres: Vec::new(),
+                alphas: None,
+                second: None,
+                gaps_m: None,
+                bonds: None,
             },
             ends: EndsConfig::default(),
             load: LoadConfig::default(),
             damping: None,
-            striker: StrikerConfig { bead: 0, velocity_m_s: 5.0 },
+            on_site: OnSite::default(),
+            resonators: None,
+            striker: StrikerConfig { bead: 0, velocity_m_s: 5.0 }.into(),
+            initial: Initial::default(),
+            drive: Vec::new(),
             time: TimeConfig { duration_s: self.duration_s, dt_s: None },
             integrator: IntegratorConfig::default(),
             stream: StreamConfig::default(),

@@ -9,8 +9,10 @@ use crate::manifest::Physics;
 pub struct Summary {
     /// Kinetic and potential energy of the whole chain.
     pub energy: Energy,
-    /// Work (J) that damped contacts have dissipated so far.
+    /// Work (J) that damped contacts and drag have dissipated so far.
     pub dissipated_j: f64,
+    /// Work (J) that drives have done so far.
+    pub driven_j: f64,
     /// [`relative_drift`] against the energy of the initial state, also where a piston has most of it: recordings keep
     /// what it meant when they were written. [`Drift`] is what programs report.
     pub relative_drift: f64,
@@ -42,6 +44,7 @@ pub struct Summarizer {
     /// Beads that move faster belong to the shock (m/s).
     front_threshold_m_s: f64,
     contact_energy_j: Vec<f64>,
+    driven_at_least_j: Option<f64>,
 }
 
 impl Summarizer {
@@ -54,18 +57,25 @@ impl Summarizer {
             front_threshold_m_s: 1e-3 * physics.scales().speed_m_s(),
             physics: physics.clone(),
             contact_energy_j: vec![0.0; chain.contact_count()],
+            driven_at_least_j: driven_at_least_j(physics),
             chain,
         }
     }
 
     /// The summary of `frame`.
     pub fn summarize(&mut self, frame: &Frame<'_>) -> Summary {
-        let energy = self.chain.energy(frame.u_m, frame.v_m_s, &mut self.contact_energy_j);
+        let energy = self.chain.energy(frame.u_m, frame.v_m_s, frame.extra, &mut self.contact_energy_j);
         let dissipated_j = self.physics.dissipated_j(frame.extra);
+        let driven_j = self.physics.driven_j(frame.extra);
+        let lost_j = dissipated_j - driven_j;
         Summary {
             energy,
             dissipated_j,
-            relative_drift: relative_drift(energy.total_j() + dissipated_j, self.initial_j),
+            driven_j,
+            relative_drift: match self.driven_at_least_j {
+                None => relative_drift(energy.total_j() + lost_j, self.initial_j),
+                Some(least_j) => driven_drift(energy.total_j() + dissipated_j, driven_j, self.initial_j, least_j),
+            },
             front_bead: self.front_bead(frame.v_m_s),
             impurities: self.impurities.iter().map(|bead| bead_state(frame, *bead)).collect(),
         }
@@ -86,6 +96,19 @@ pub fn relative_drift(energy_j: f64, initial_j: f64) -> f64 {
     if energy_j == initial_j { 0.0 } else { (energy_j - initial_j) / initial_j }
 }
 
+/// The least energy (J) that the drift of a driven chain is relative to: that of a bead at the speed `L/T`; none without drives.
+fn driven_at_least_j(physics: &Physics) -> Option<f64> {
+    let speed_m_s = physics.scales().speed_m_s();
+    (!physics.drives.is_empty()).then_some(0.5 * physics.bead_mass_kg * (speed_m_s * speed_m_s))
+}
+
+/// How far the energy that a driven chain has and has dissipated, `kept_j`, is off the initial one and what drives have given it:
+/// relative to the largest of `kept_j`, `initial_j` and `least_j` (J).
+fn driven_drift(kept_j: f64, driven_j: f64, initial_j: f64, least_j: f64) -> f64 {
+    let largest_j = [initial_j, least_j].into_iter().fold(kept_j, |most, j| if j > most { j } else { most });
+    (kept_j - driven_j - initial_j) / largest_j
+}
+
 /// Strikers that are this many times as heavy as the median bead are pistons.
 const PISTON_RATIO: f64 = 100.0;
 
@@ -93,12 +116,14 @@ const PISTON_RATIO: f64 = 100.0;
 ///
 /// That is the initial energy, `ΔE/E0`, but for a striker of at least 100 times the mass of the median bead. Such a
 /// piston keeps most of E0 to itself, beside which any error would look small: there ΔE is relative to what is not
-/// its kinetic energy, dissipated work included, or to the `½·m·v0²` of the median bead where that is more.
+/// its kinetic energy, dissipated work included, or to the `½·m·v0²` of the median bead where that is more. In a driven chain it is
+/// relative to the energy that it has and has dissipated, to the initial one, or to that of a bead at the speed `L/T`: the largest.
 #[derive(Debug, Clone)]
 pub struct Drift {
     initial_j: f64,
     rounding: f64,
     piston: Option<Piston>,
+    driven_at_least_j: Option<f64>,
 }
 
 /// A heavy striker.
@@ -128,9 +153,11 @@ impl Drift {
             .map(|(force_n, overlap_m)| force_n * overlap_m)
             .fold(0.0, |largest: f64, energy_j| if energy_j > largest { energy_j } else { largest });
         // a wave of the energy E0 changes the overlap δ of a contact under the force F by √(2·E0·δ/(α·F))
-        let of_wave = (physics.alpha * at_rest_j / (2.0 * initial_j)).sqrt();
+        let driven_at_least_j = driven_at_least_j(physics);
+        let measure_j = driven_at_least_j.map_or(initial_j, |least_j| if least_j > initial_j { least_j } else { initial_j });
+        let of_wave = (physics.alpha * at_rest_j / (2.0 * measure_j)).sqrt();
         let of_piston = piston.map_or(1.0, |piston| initial_j / piston.median_j);
-        Self { initial_j, rounding: 0.5 * f64::EPSILON * (of_wave + of_piston), piston }
+        Self { initial_j, rounding: 0.5 * f64::EPSILON * (of_wave + of_piston), piston, driven_at_least_j }
     }
 
     /// What one rounding of the numbers at play does to ΔE/E: half a unit in the last place, times the overlap of the
@@ -140,8 +167,12 @@ impl Drift {
         self.rounding
     }
 
-    /// `ΔE/E` of a state with the velocities `v_m_s` and the energy `energy_j` (J), dissipated work included.
-    pub fn of(&self, energy_j: f64, v_m_s: &[f64]) -> f64 {
+    /// `ΔE/E` of a state with the velocities `v_m_s` and the energy `energy_j` (J), dissipated work included, to which drives have
+    /// given `driven_j` (J).
+    pub fn of(&self, energy_j: f64, driven_j: f64, v_m_s: &[f64]) -> f64 {
+        if let Some(least_j) = self.driven_at_least_j {
+            return driven_drift(energy_j, driven_j, self.initial_j, least_j);
+        }
         let Some(Piston { bead, mass_kg, median_j }) = self.piston else {
             return relative_drift(energy_j, self.initial_j);
         };
@@ -182,16 +213,16 @@ mod tests {
         let physics = Physics::resolve(&config).expect("valid");
         let drift = Drift::new(&physics, &physics.chain());
         let (_, mut v_m_s) = physics.initial_state();
-        assert_eq!(drift.of(12.5, &v_m_s), 0.0);
+        assert_eq!(drift.of(12.5, 0.0, &v_m_s), 0.0);
         // the chain has nothing yet: one bead at 5 m/s is the measure
-        assert!((drift.of(12.5 + 1e-6, &v_m_s) - 1e-6 / 0.0125).abs() < 1e-12);
+        assert!((drift.of(12.5 + 1e-6, 0.0, &v_m_s) - 1e-6 / 0.0125).abs() < 1e-12);
         v_m_s[1] = 10.0;
-        assert!((drift.of(12.5 + 0.05, &v_m_s) - 1.0).abs() < 1e-9);
+        assert!((drift.of(12.5 + 0.05, 0.0, &v_m_s) - 1.0).abs() < 1e-9);
         assert!(drift.rounding() > 1e-13 && drift.rounding() < 2e-13);
         // a striker of ten times the mass is none
         config.chain.impurities[0].mass_kg = 1e-2;
         let physics = Physics::resolve(&config).expect("valid");
-        assert_eq!(Drift::new(&physics, &physics.chain()).of(0.25, &v_m_s), 1.0);
+        assert_eq!(Drift::new(&physics, &physics.chain()).of(0.25, 0.0, &v_m_s), 1.0);
     }
 
     /// 100 N on 1e7 N·m^−3/2 overlap by 46 µm; at 1e-13 m/s they change by 3e-19 m.

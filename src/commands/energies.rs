@@ -82,6 +82,9 @@ fn rows(outcome: Option<&EnergyOutcome>) -> Rows {
     rows.add("left", format_args!("{} {unit}", text(last.left_j)));
     rows.add("split bead", format_args!("{} {unit}", text(last.split_j)));
     rows.add("right", format_args!("{} {unit}", text(last.right_j)));
+    if last.driven_j != 0.0 {
+        rows.add("driven", format_args!("{} {unit}", text(last.driven_j)));
+    }
     if last.dissipated_j != 0.0 {
         rows.add("dissipated", format_args!("{} {unit}", text(last.dissipated_j)));
     }

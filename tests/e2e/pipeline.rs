@@ -100,7 +100,7 @@ fn results_are_published_on_the_bus() {
     let attach =
         || ResultSubscriber::<f64>::attach(&bus, &name, Topic::Energies, Delivery::Lossless, Arc::default());
     let mut rows = wait_until("energies on the bus", || attach().unwrap());
-    let names = "kinetic_j,potential_j,total_j,left_j,split_j,right_j,dissipated_j,relative_drift,inbound_j,corrected_j";
+    let names = "kinetic_j,potential_j,total_j,left_j,split_j,right_j,dissipated_j,relative_drift,inbound_j,corrected_j,driven_j";
     assert_eq!(rows.columns().names, names);
     // the second consumer that the run waits for: it starts when we listen to the results of the first
     let second = place.start("contacts --out contacts.csv");

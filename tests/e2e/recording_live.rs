@@ -153,7 +153,7 @@ fn states_and_results_are_recorded_to_the_bit() {
 #[test]
 fn rows_before_the_recorder_listened_are_said_to_be_missing() {
     const COLUMNS: &str = "kinetic_j,potential_j,total_j,left_j,split_j,right_j,dissipated_j,relative_drift,inbound_j,\
-                           corrected_j";
+                           corrected_j,driven_j";
     for before in [1, 0] {
         let place = Place::new();
         let run = place.start(&format!("{SMALL} --wait-for 1 --no-record --json"));

@@ -8,6 +8,8 @@ mod analyses;
 mod columns;
 pub mod compare;
 pub mod pool;
+mod prepare;
 pub mod row;
 
+pub use prepare::prepared;
 pub use columns::{ERROR_COLUMN, columns};

@@ -107,7 +107,7 @@ fn encode_state(cdr: &mut Cdr, excerpt: &Excerpt, frame: &Frame<'_>) {
 }
 
 fn encode_summary(cdr: &mut Cdr, frame: &Frame<'_>, summary: &Summary) {
-    let Summary { energy, dissipated_j, relative_drift, front_bead, impurities } = summary;
+    let Summary { energy, dissipated_j, relative_drift, front_bead, impurities, .. } = summary;
     encode_header(cdr, frame.time_s);
     cdr.u64(frame.step)
         .f64(frame.time_s)

@@ -69,7 +69,7 @@ impl Run {
     /// α = 1 the speed hardly depends on that.
     fn until_bead(mut self, bead: u64) -> Self {
         let alpha = self.config.chain.alpha;
-        let (chain, striker) = (&self.config.chain, self.config.striker);
+        let (chain, striker) = (&self.config.chain, *self.config.striker);
         let coefficient = (2.0 / (alpha + 1.0)).powf(1.0 / (alpha + 1.0));
         let stiffness = (chain.stiffness / chain.bead_mass_kg).powf(1.0 / (alpha + 1.0));
         let speed =

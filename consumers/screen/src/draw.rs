@@ -159,7 +159,7 @@ fn draw_energies(buffer: &mut Buffer, area: Rect, watched: &Watched, palette: Pa
         return;
     };
     let last = &outcome.last;
-    let all_j = last.total_j + last.dissipated_j;
+    let all_j = last.total_j + last.dissipated_j - last.driven_j;
     let known = |energy_j: f64| Uncertain::new(energy_j, outcome.step_error_j());
     let (unit, one_j) = unit(all_j, "J");
     let total = (known(all_j) / one_j).value_text();

@@ -12,7 +12,9 @@ use std::ops::Range;
 /// The damped contacts of a chain.
 #[derive(Debug, Clone)]
 pub(super) struct Damped {
-    contacts: ContactDamping,
+    pub(super) contacts: ContactDamping,
+    /// Whether bonds, which are never cut, take the place of contacts.
+    pub(super) is_bonded: bool,
     rest_overlap_m: Vec<f64>,
     rest_force_n: Vec<f64>,
 }
@@ -31,6 +33,7 @@ impl Damped {
     pub(super) fn of(chain: &Chain) -> Option<Self> {
         chain.damping.clone().map(|contacts| Self {
             contacts,
+            is_bonded: chain.is_bonded,
             rest_overlap_m: chain.rest_overlap_m.clone(),
             rest_force_n: chain.rest_force_n.clone(),
         })

@@ -6,9 +6,10 @@
 //! pass ends before the one that it follows, by a block of beads.
 
 use super::{Kernel, Rest};
-use schemas::chain::Walls;
+use schemas::chain::{Wall, Walls};
 use schemas::contact::{BLOCK, ContactLaw, Power, PowerUser, evaluate};
 use schemas::simd::vectorized;
+use schemas::term::Term;
 use std::ops::Range;
 
 /// What a sweep does to every bead and contact that may not be at rest.
@@ -22,6 +23,8 @@ pub(crate) enum Pass {
     Forces,
     /// A kick `v ← v + h·F/m` of duration h (s).
     Kick { kick_s: f64 },
+    /// A drift `u ← u + d·v` of duration d (s).
+    Drift { drift_s: f64 },
 }
 
 /// Beads of a tile, whole blocks: what the passes of a sweep have in hand, two tiles at most, are 160 kB, which fit into
@@ -42,7 +45,8 @@ impl Kernel {
         let law = &self.law;
         let sweep = Sweep {
             passes,
-            tile: self.tile,
+            // the contact that closes a ring joins its ends
+            tile: if self.is_ring { beads.len() } else { self.tile },
             beads: beads.clone(),
             u_m,
             v_m_s,
@@ -52,6 +56,9 @@ impl Kernel {
             stiffness: &self.stiffness,
             rest: self.rest.as_ref(),
             walls: self.walls,
+            walls_m: self.walls_m,
+            terms: &self.terms,
+            is_ring: self.is_ring,
             law,
         };
         vectorized(
@@ -68,7 +75,7 @@ impl Kernel {
     }
 
     /// The active beads and `reach` more at both ends, rounded outwards to whole blocks.
-    pub(super) fn reached(&self, reach: usize) -> Range<usize> {
+    pub(crate) fn reached(&self, reach: usize) -> Range<usize> {
         let (active, count) = (&self.activity.beads, self.inverse_mass.len());
         let start = active.start.saturating_sub(reach);
         let end = (active.end + reach).next_multiple_of(BLOCK);
@@ -76,7 +83,7 @@ impl Kernel {
     }
 
     /// Widens the window of active beads over the pushed or moving ones among `beads`.
-    pub(super) fn widen(&mut self, beads: &Range<usize>, u_m: &[f64], v_m_s: &[f64]) {
+    pub(crate) fn widen(&mut self, beads: &Range<usize>, u_m: &[f64], v_m_s: &[f64]) {
         let force = &self.force;
         let is_active = |i: &usize| {
             let i = *i;
@@ -102,6 +109,9 @@ struct Sweep<'a> {
     stiffness: &'a [f64],
     rest: Option<&'a Rest>,
     walls: Walls,
+    walls_m: [f64; 2],
+    terms: &'a [Term],
+    is_ring: bool,
     law: &'a ContactLaw,
 }
 
@@ -125,6 +135,7 @@ impl PowerUser for Sweep<'_> {
                     }
                     Pass::Forces => self.evaluate_forces(beads, power),
                     Pass::Kick { kick_s } => self.kick(kick_s, beads),
+                    Pass::Drift { drift_s } => self.drift(drift_s, beads),
                 }
             }
             start = end;
@@ -186,6 +197,13 @@ impl Sweep<'_> {
     }
 
     #[inline(always)]
+    fn drift(&mut self, drift_s: f64, beads: Range<usize>) {
+        for (u, v) in self.u_m[beads.clone()].iter_mut().zip(&self.v_m_s[beads]) {
+            *u += drift_s * v;
+        }
+    }
+
+    #[inline(always)]
     fn drift_each(&mut self, drift_s: f64, start: usize) {
         let (u, v) = (&mut self.u_m[start..][..BLOCK], &self.v_m_s[start..][..BLOCK]);
         for i in 0..BLOCK {
@@ -229,6 +247,15 @@ impl Sweep<'_> {
                     any_closed
                 },
             ),
+            Some(rest) if !self.terms.is_empty() => {
+                let force = &mut self.force[first + 1..=contacts.end];
+                let of_contacts = (&self.u_m[first..=contacts.end], contacts.clone());
+                add_up(of_contacts, stiffness, rest, self.terms, (power, zero_up_to_m), force);
+                for (force, rest_n) in force.iter_mut().zip(&rest.force_n[contacts]) {
+                    *force -= rest_n;
+                }
+                presses[..beads.len().div_ceil(BLOCK)].fill(true);
+            }
             Some(rest) => {
                 let (overlap_m, force_n) = (&rest.overlap_m[contacts.clone()], &rest.force_n[contacts]);
                 evaluate(
@@ -253,12 +280,85 @@ impl Sweep<'_> {
     #[inline(always)]
     fn push_by_walls(&mut self, beads: &Range<usize>) {
         let count = self.u_m.len();
-        if self.walls.left.stiffness > 0.0 && beads.start == 0 {
-            self.force[0] = self.walls.left.excess_force_n(self.law, -self.u_m[0]);
-        }
-        if self.walls.right.stiffness > 0.0 && beads.end == count {
-            self.force[count] = self.walls.right.excess_force_n(self.law, self.u_m[count - 1]);
+        let Walls { left, right } = self.walls;
+        if self.is_ring {
+            // all beads are swept at once
+            self.force[0] = wall_force_n(&left, 0, self.law, self.terms, self.u_m[count - 1] - self.u_m[0]);
+            self.force[count] = self.force[0];
             self.presses[(count - 1) / BLOCK] |= self.force[count] != 0.0;
+            return;
+        }
+        if left.is_there && beads.start == 0 {
+            self.force[0] = wall_force_n(&left, 0, self.law, self.terms, self.walls_m[0] - self.u_m[0]);
+        }
+        if right.is_there && beads.end == count {
+            let approach_m = self.u_m[count - 1] - self.walls_m[1];
+            self.force[count] = wall_force_n(&right, 1, self.law, self.terms, approach_m);
+            self.presses[(count - 1) / BLOCK] |= self.force[count] != 0.0;
+        }
+    }
+}
+
+/// Force (N) of a wall beyond that at rest when its bead has come `approach_m` nearer.
+#[inline(always)]
+fn wall_force_n(wall: &Wall, side: usize, law: &ContactLaw, terms: &[Term], approach_m: f64) -> f64 {
+    if terms.is_empty() {
+        return wall.excess_force_n(law, approach_m);
+    }
+    wall_elastic_n(wall, side, law, terms, approach_m) - wall.rest_force_n
+}
+
+/// Force (N) of a wall, that at rest included.
+#[inline(always)]
+pub(super) fn wall_elastic_n(
+    wall: &Wall,
+    side: usize,
+    law: &ContactLaw,
+    terms: &[Term],
+    approach_m: f64,
+) -> f64 {
+    let overlap_m = wall.overlap_m(approach_m);
+    let by_law = law.force(wall.stiffness, overlap_m);
+    terms.iter().fold(by_law, |sum, term| sum + term.law.force(term.wall_stiffness[side], overlap_m))
+}
+
+/// Writes the force (N), that at rest included, of some neighbouring contacts into `force`: `u_m` has the displacements of their
+/// beads, `contacts` their numbers, `stiffness` theirs of the law.
+#[inline(always)]
+pub(super) fn add_up(
+    (u_m, contacts): (&[f64], Range<usize>),
+    stiffness: &[f64],
+    rest: &Rest,
+    terms: &[Term],
+    (power, zero_up_to_m): (impl Power, f64),
+    force: &mut [f64],
+) {
+    let count = contacts.len();
+    let overlap_m = &rest.overlap_m[contacts.clone()];
+    evaluate(
+        [&u_m[..count], &u_m[1..], stiffness, overlap_m],
+        force,
+        power,
+        zero_up_to_m,
+        #[inline(always)]
+        |[left, right, _, rest]| (left - right) + rest,
+        #[inline(always)]
+        |[_, _, stiffness, _], _, power| stiffness * power,
+        #[inline(always)]
+        |_, any_closed| any_closed,
+    );
+    let mut more = [0.0; TILE];
+    for term in terms {
+        let of_term = &term.stiffness[contacts.clone()];
+        let mut start = 0;
+        while start < count {
+            let end = if start + TILE < count { start + TILE } else { count };
+            let more = &mut more[..end - start];
+            term.law.forces(&u_m[start..=end], &of_term[start..end], &overlap_m[start..end], more);
+            for (force, more) in force[start..end].iter_mut().zip(more) {
+                *force += *more;
+            }
+            start = end;
         }
     }
 }

@@ -80,7 +80,7 @@ fn spheres_of_different_radii_touch_each_other_and_walls_as_long_as_hertz_says()
     let at_wall = pair(1.5, |config| {
         radii(config);
         config.ends.right = End::Fixed;
-        config.striker = StrikerConfig { bead: 1, velocity_m_s: 5.0 };
+        config.striker = StrikerConfig { bead: 1, velocity_m_s: 5.0 }.into();
     });
     let found = end_of_contact_s(&at_wall, |u| u[1]);
     let expected = contact_time_s(1.5, 2e7, 8e-3, 5.0);

@@ -38,7 +38,7 @@ impl Case<'_> {
                 .map(|(bead, mass)| Impurity { bead: bead.parse().unwrap(), mass_kg: mass.parse().unwrap() })
                 .collect();
             let velocity_m_s = row.number("velocity_m_s");
-            config.striker = StrikerConfig { bead: row.count("striker_bead"), velocity_m_s };
+            config.striker = StrikerConfig { bead: row.count("striker_bead"), velocity_m_s }.into();
             config.integrator.method = method;
         })
     }

@@ -36,7 +36,7 @@ impl Column {
         let speed = |depth: u64| (alpha * stiffness * rest_m(depth).powf(alpha - 1.0) / mass_kg).sqrt();
         // overlaps change by 1e-5 of themselves
         let velocity_m_s = 1e-5 * speed(struck + 1) * rest_m(struck + 1);
-        config.striker = StrikerConfig { bead: struck, velocity_m_s };
+        config.striker = StrikerConfig { bead: struck, velocity_m_s }.into();
         // 0.1 beads a step at the bottom; the crest is 10 beads wide
         config.time.dt_s = Some(0.1 / speed(beads));
         config.time.duration_s = (struck + 1..beads).map(|depth| 1.1 / speed(depth)).sum();

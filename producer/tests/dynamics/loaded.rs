@@ -22,7 +22,7 @@ fn splitting(method: Method) -> Option<Vec<f64>> {
             let (a3, b4) = (0.5 - (a1 + a2), 1.0 - 2.0 * (b1 + b2 + b3));
             Some(vec![b1, a1, b2, a2, b3, a3, b4, a3, b3, a2, b2, a1, b1])
         }
-        Method::Gear5 => None,
+        Method::Gear5 | Method::Rk5 => None,
     }
 }
 
@@ -96,7 +96,7 @@ const LOADS: [(&str, Change); 6] = [
 fn loaded(change: Change, method: Method, alpha: f64, striker: StrikerConfig, steps: u64) -> Physics {
     physics(BEADS, alpha, 0.02, steps, |config| {
         change(config);
-        (config.striker, config.integrator.method) = (striker, method);
+        (config.striker, config.integrator.method) = (striker.into(), method);
     })
 }
 

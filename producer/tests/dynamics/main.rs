@@ -9,6 +9,7 @@ mod collisions;
 mod damped;
 mod damped_states;
 mod default_steps;
+mod driven_states;
 mod default_steps_elsewhere;
 mod final_states;
 mod gravity;

@@ -50,12 +50,13 @@ fn vector(physics: &Physics) -> String {
     let wall = |wall: &Wall, side: usize| {
         let coefficient = damping.map_or(0.0, |damping| damping.wall_coefficient[side]);
         let numbers = [wall.stiffness, wall.rest_overlap_m, wall.rest_force_n, coefficient];
-        if wall.stiffness == 0.0 { "null".to_owned() } else { hexadecimal(&numbers) }
+        if !wall.is_there { "null".to_owned() } else { hexadecimal(&numbers) }
     };
     let kind = match damping.map(|damping| damping.kind) {
         None => "null",
         Some(Damping::ViscousNSPerM(_)) => "\"dashpots\"",
         Some(Damping::Restitution(_)) => "\"restitution\"",
+        Some(Damping::KuwabaraKonoS(_) | Damping::Power(_)) => unreachable!("no chain of the page has these"),
     };
     let striker = physics.striker;
     let mut text = format!(

@@ -79,7 +79,7 @@ pub(crate) fn chain(random: &mut Random, kind: Kind, method: Method) -> RunConfi
     // what takes more steps gets fewer beads and shorter times
     let (most_beads, longest_t) = match method {
         _ if kind.is_damped() => (15, 40.0),
-        Method::Gear5 => (25, 100.0),
+        Method::Gear5 | Method::Rk5 => (25, 100.0),
         Method::Rkn4 | Method::VelocityVerlet => (60, 300.0),
     };
     config.chain.beads = 5 + random.below(most_beads - 4);
@@ -187,7 +187,8 @@ pub(crate) fn promise(config: &RunConfig) -> f64 {
         (Some(DampingConfig::Restitution(_)), _) => 2e-4,
         (None, Method::VelocityVerlet) => 1e-5,
         (None, Method::Rkn4) if is_of_the_paper && chain.alpha > 1.3 && chain.alpha < 2.0 => 5e-7,
-        (None, Method::Rkn4 | Method::Gear5) => 1e-7,
+        (None, Method::Rkn4 | Method::Gear5 | Method::Rk5) => 1e-7,
+        (Some(DampingConfig::KuwabaraKonoS(_) | DampingConfig::Power(_)), _) => 1e-4,
     }
 }
 

@@ -1,4 +1,5 @@
-//! The resolved chain as it lies on the bus.
+//! The resolved chain as it lies on the bus: what every chain has. Terms of forces and what acts on beads beside their contacts follow
+//! from the manifest.
 
 use schemas::chain::{Chain, Wall, Walls};
 use schemas::contact::ContactLaw;
@@ -43,9 +44,16 @@ pub(super) fn from_values(physics: &Physics, values: &[f64]) -> Option<Chain> {
     let (damping, ends) = rest[beads - 1..].split_at(beads - 1);
     let (left, right) = ends.split_at(WALL);
     let law = ContactLaw::new(physics.alpha);
-    let wall = |wall: &[f64]| Wall::new(&law, wall[0], wall[1]);
+    let wall = |wall: &[f64]| if wall[0] > 0.0 { Wall::new(&law, wall[0], wall[1]) } else { Wall::default() };
     let walls = Walls { left: wall(left), right: wall(right) };
-    let chain = Chain::new(mass_kg.to_vec(), stiffness.to_vec(), rest_overlap_m.to_vec(), walls, law);
+    let resolved = physics.chain();
+    if !resolved.terms.is_empty() || !resolved.sites.is_none() || resolved.is_ring {
+        // the same bits, whoever resolves them
+        let is_ours = to_values(&resolved).iter().zip(values).all(|(a, b)| a.to_bits() == b.to_bits());
+        return is_ours.then_some(resolved);
+    }
+    let mut chain = Chain::new(mass_kg.to_vec(), stiffness.to_vec(), rest_overlap_m.to_vec(), walls, law);
+    (chain.rows, chain.moved_walls) = (resolved.rows, resolved.moved_walls);
     let damping = physics.damping.map(|kind| ContactDamping {
         kind,
         coefficient: damping.to_vec(),

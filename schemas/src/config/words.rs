@@ -5,14 +5,26 @@ use std::ops::Range;
 use toml::de::{DeTable, DeValue};
 
 /// Where a whole configuration is to be seen.
-const EXAMPLE: &str = "`beadline preset light-impurity` prints a whole configuration";
+pub(super) const EXAMPLE: &str = "`beadline preset light-impurity` prints a whole configuration";
 
 /// What stands behind keys of which one form has to be chosen.
-const CHOICES: [(&str, &str); 3] = [
+const CHOICES: [(&str, &str); 9] = [
     ("chain.masses", "\"uniform\", or one of { pattern_kg = […] }, { taper = … }, { list_kg = […] }"),
     ("chain.stiffnesses", "\"uniform\", \"radii\", or one of { pattern = […] }, { list = […] }"),
-    ("damping", "one of the keys viscous_n_s_per_m and restitution, as in [damping] restitution = 0.9"),
+    (
+        "damping",
+        "one of the keys viscous_n_s_per_m, restitution, kuwabara_kono_s and power, as in [damping] restitution = 0.9",
+    ),
+    ("chain.alphas", A_PROFILE),
+    ("chain.gaps_m", A_PROFILE),
+    ("chain.second.stiffness", A_PROFILE),
+    ("on_site", A_PROFILE),
+    ("resonators", A_PROFILE),
+    ("chain.bonds", A_PROFILE),
 ];
+
+/// What a number of each bead or contact may be.
+const A_PROFILE: &str = "a number, { pattern = […] } or { list = […] }";
 
 /// The longest part of the text that is shown.
 const LONGEST_SHOWN: usize = 60;

@@ -1,18 +1,24 @@
 //! What decides the bits of a run.
 
 mod arrays;
+mod beyond;
 mod check;
+mod check_beyond;
+mod disorder;
+mod initial;
 mod particulars;
 mod time_step;
 
 use super::{KERNEL_VERSION, to_json, usize_of};
 use crate::chain::Energy;
 use crate::config::{
-    ConfigError, EndsConfig, Impurity, LoadConfig, MassRule, OddContact, RunConfig, StiffnessRule,
-    StrikerConfig,
+    Bonds, ConfigError, Disorder, End, EndsConfig, Impurity, Initial, LoadConfig, MassRule, OddContact, OddSphere,
+    OnSite, Profile, Resonators, RunConfig, SecondPower, Spheres, StiffnessRule, StrikerConfig,
 };
 use crate::damping::Damping;
+use crate::drive::Drive;
 use crate::method::Method;
+use crate::rows::Rows;
 use crate::scales::Scales;
 use crate::simd::ordered_sum;
 use serde::{Deserialize, Serialize};
@@ -52,8 +58,47 @@ pub struct Physics {
     /// What contacts dissipate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub damping: Option<Damping>,
-    /// The bead that moves at the beginning.
+    /// The first bead that is struck at the beginning; nothing is where its velocity is 0.
     pub striker: StrikerConfig,
+    /// The others.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub strikers: Vec<StrikerConfig>,
+    /// What disorder and thermal velocities are made of.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub seed: u64,
+    /// What chance makes of the chain, in turn.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub disorder: Vec<Disorder>,
+    /// Spheres, whose masses and stiffnesses take the place of the rules above.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spheres: Option<Spheres>,
+    /// Spheres that differ from those, in the order of the beads.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub odd_spheres: Vec<OddSphere>,
+    /// The exponent of each contact, in place of `alpha`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub alphas: Option<Profile>,
+    /// A second power in the force of each contact.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second: Option<SecondPower>,
+    /// The gap (m) of each contact before anything moves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gaps_m: Option<Profile>,
+    /// Bonds in place of contacts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bonds: Option<Bonds>,
+    /// What holds each bead at its place.
+    #[serde(default, skip_serializing_if = "OnSite::is_none")]
+    pub on_site: OnSite,
+    /// What swings inside each bead.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub resonators: Option<Resonators>,
+    /// How the chain begins, beside its strikers.
+    #[serde(default, skip_serializing_if = "Initial::is_none")]
+    pub initial: Initial,
+    /// What moves walls and beads.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub drives: Vec<Drive>,
     /// The integration method.
     pub method: Method,
     /// Time step (s).
@@ -82,59 +127,91 @@ impl Physics {
             ends: config.ends,
             load: config.load,
             damping: config.damping.map(Damping::resolve).transpose()?,
-            striker: StrikerConfig {
-                // −0 is 0
-                velocity_m_s: config.striker.velocity_m_s + 0.0,
-                ..config.striker
-            },
+            striker: without_sign(*config.striker),
+            strikers: config.striker.more.iter().copied().map(without_sign).collect(),
+            seed: config.seed,
+            disorder: config.disorder.clone(),
+            spheres: chain.spheres.clone(),
+            odd_spheres: chain.odd_spheres.clone(),
+            alphas: chain.alphas.clone(),
+            second: chain.second.clone(),
+            gaps_m: chain.gaps_m.clone(),
+            bonds: chain.bonds.clone(),
+            on_site: config.on_site.clone(),
+            resonators: config.resonators.clone(),
+            initial: config.initial.clone(),
+            drives: config.drive.clone(),
             method: config.integrator.method,
             dt_s: 0.0,
             step_count: 0,
         };
         physics.impurities.sort_by_key(|impurity| impurity.bead);
         physics.contacts.sort_by_key(|odd| odd.contact);
+        physics.odd_spheres.sort_by_key(|odd| odd.bead);
         physics.check_chain(&chain.impurities, &chain.contacts)?;
         (physics.dt_s, physics.step_count) = physics.steps(config.time)?;
+        physics.check_drive_times()?;
         Ok(physics)
     }
 
-    /// Scales L and T of a bead of `bead_mass_kg` at the striker's speed; if nothing strikes, those of a loaded
-    /// contact, [`Scales::of_load`] at the largest rest overlap.
+    /// Scales L and T of a bead of `bead_mass_kg` at the speed of the fastest striker, or of what else moves beads at first or
+    /// drives them; where only displacements are given, or a load, those of a contact with that overlap, [`Scales::of_load`].
     pub fn scales(&self) -> Scales {
-        let speed_m_s = self.striker.velocity_m_s.abs();
+        let speed_m_s = self.typical_speed_m_s();
         if speed_m_s > 0.0 {
-            Scales::new(self.bead_mass_kg, speed_m_s, self.stiffness, self.alpha)
-        } else {
-            Scales::of_load(self.bead_mass_kg, self.largest_rest_overlap_m(), self.stiffness, self.alpha)
+            return Scales::new(self.bead_mass_kg, speed_m_s, self.stiffness, self.alpha);
         }
-    }
-
-    /// Displacements (m) and velocities (m/s) at step 0, N values each.
-    pub fn initial_state(&self) -> (Vec<f64>, Vec<f64>) {
-        let beads = usize_of(self.beads);
-        let mut v_m_s = vec![0.0; beads];
-        v_m_s[usize_of(self.striker.bead)] = self.striker.velocity_m_s;
-        (vec![0.0; beads], v_m_s)
+        let rest_m = self.largest_rest_overlap_m();
+        let overlap_m = if rest_m > 0.0 { rest_m } else { self.typical_overlap_m() };
+        Scales::of_load(self.bead_mass_kg, overlap_m, self.stiffness, self.alpha)
     }
 
     /// Energy of the initial state, which every drift is measured against.
     pub fn initial_energy(&self) -> Energy {
         let (u_m, v_m_s) = self.initial_state();
-        self.chain().energy(&u_m, &v_m_s, &mut vec![0.0; u_m.len() - 1])
+        let extra = self.initial_extra(&u_m);
+        self.chain().energy(&u_m, &v_m_s, &extra, &mut vec![0.0; u_m.len() - 1])
     }
 
-    /// Doubles for each bead beyond displacement and velocity that a frame carries: those of the method, and with
-    /// damping one more, the work that the bead's contact has dissipated.
+    /// The rows of the `extra` of its frames.
+    pub fn rows(&self) -> Rows {
+        Rows {
+            of_method: self.method.extra_per_bead(),
+            resonators: self.resonators.is_some(),
+            work: self.damping.is_some() || self.has_drag(),
+            drives: !self.drives.is_empty(),
+        }
+    }
+
+    /// Whether a drag acts on a bead.
+    pub fn has_drag(&self) -> bool {
+        self.on_site.drag_n_s_per_m.is_some() || self.is_absorbing()
+    }
+
+    fn is_absorbing(&self) -> bool {
+        [self.ends.left, self.ends.right].contains(&End::Absorbing)
+    }
+
+    /// Doubles for each bead beyond displacement and velocity that a frame carries: see [`Rows`].
     pub fn extra_per_bead(&self) -> usize {
-        self.method.extra_per_bead() + usize::from(self.damping.is_some())
+        self.rows().count()
     }
 
-    /// The work (J) that contacts have dissipated so far, from the `extra` of a state: the [`ordered_sum`] of its last
-    /// N values, of which number `c` belongs to contact `c` and the last one to both walls.
+    /// The work (J) that damped contacts and drag have dissipated so far, from the `extra` of a state: the [`ordered_sum`] of its
+    /// row.
     pub fn dissipated_j(&self, extra: &[f64]) -> f64 {
-        let values = if self.damping.is_some() { usize_of(self.beads) } else { 0 };
-        let work_j = &extra[extra.len().saturating_sub(values)..];
-        ordered_sum([work_j], |[work_j]| work_j)
+        ordered_sum([self.rows().work_of(extra)], |[work_j]| work_j)
+    }
+
+    /// The work (J) that all drives have done so far, from the `extra` of a state.
+    pub fn driven_j(&self, extra: &[f64]) -> f64 {
+        let works = self.rows().drives_of(extra).iter().step_by(2).take(self.drives.len());
+        works.fold(0.0, |sum, work_j| sum + work_j)
+    }
+
+    /// The energy (J) that a state has lost to dissipation, and not been given by drives: what closes the balance of energies.
+    pub fn lost_j(&self, extra: &[f64]) -> f64 {
+        self.dissipated_j(extra) - self.driven_j(extra)
     }
 
     /// The time `step·dt` (s).
@@ -165,4 +242,14 @@ impl Physics {
     pub fn to_json(&self) -> String {
         to_json(self)
     }
+}
+
+/// −0 is 0.
+fn without_sign(striker: StrikerConfig) -> StrikerConfig {
+    StrikerConfig { velocity_m_s: striker.velocity_m_s + 0.0, ..striker }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
+fn is_zero(seed: &u64) -> bool {
+    *seed == 0
 }

@@ -3,7 +3,7 @@
 use super::ResultColumns;
 
 /// Energies of the chain and its parts.
-pub const ENERGIES: [&str; 10] = [
+pub const ENERGIES: [&str; 11] = [
     "kinetic_j",
     "potential_j",
     "total_j",
@@ -14,6 +14,7 @@ pub const ENERGIES: [&str; 10] = [
     "relative_drift",
     "inbound_j",
     "corrected_j",
+    "driven_j",
 ];
 
 /// Motion of a bead: names and units, between which the bead's number stands.

@@ -193,7 +193,7 @@ fn status(run: &RunInfo, steps_per_s: f64, counts: &Counts) -> Value {
 pub(super) fn chain(chain: &Chain) -> Value {
     let damping = chain.damping.as_ref();
     let wall = |wall: Wall, side: usize| {
-        (wall.stiffness > 0.0).then(|| {
+        wall.is_there.then(|| {
             json!({
                 "stiffness": wall.stiffness,
                 "restOverlap": wall.rest_overlap_m,

@@ -10,6 +10,7 @@ pub(super) fn step(physics: &Physics, state: &mut ChainState) {
         Method::VelocityVerlet => splitting_step(physics, VELOCITY_VERLET, state),
         Method::Rkn4 => splitting_step(physics, RKN4, state),
         Method::Gear5 => gear_step(physics, state),
+        Method::Rk5 => runge_step(physics, state),
     }
     state.step += 1;
 }
@@ -54,6 +55,7 @@ fn evaluate(chain: &Chain, u: &[f64], v: &[f64]) -> Vec<(f64, f64)> {
             Some(Damping::ViscousNSPerM(_)) => {
                 damped_force::<false>(elastic, raised, overlap, coefficient, rate)
             }
+            Some(Damping::KuwabaraKonoS(_) | Damping::Power(_)) => unreachable!("no variant has these"),
             Some(Damping::Restitution(_)) => {
                 damped_force::<true>(elastic, raised, overlap, coefficient, rate)
             }
@@ -139,5 +141,46 @@ fn dissipate(chain: &Chain, dt: f64, state: &mut ChainState) {
         for (work, power) in state.extra[4 * n..].iter_mut().zip(powers) {
             *work += 0.5 * dt * power;
         }
+    }
+}
+
+/// Dormand and Prince, written down stage by stage.
+fn runge_step(physics: &Physics, state: &mut ChainState) {
+    const A: [&[f64]; 6] = [
+        &[1.0 / 5.0],
+        &[3.0 / 40.0, 9.0 / 40.0],
+        &[44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0],
+        &[19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0],
+        &[9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0],
+        &[35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
+    ];
+    let (chain, dt) = (physics.chain(), physics.dt_s);
+    let n = chain.bead_count();
+    let slopes_at = |y: &[Vec<f64>; 3]| {
+        let found = evaluate(&chain, &y[0], &y[1]);
+        let accelerations = found.windows(2).zip(&chain.mass_kg).map(|(pair, m)| 1.0 / m * (pair[0].0 - pair[1].0));
+        let powers = found[1..n].iter().map(|contact| contact.1).chain([found[0].1 + found[n].1]);
+        [y[1].clone(), accelerations.collect(), powers.collect()]
+    };
+    let work = if chain.damping.is_some() { state.extra.to_vec() } else { vec![0.0; n] };
+    let start = [state.u_m.to_vec(), state.v_m_s.to_vec(), work];
+    let mut slopes = vec![slopes_at(&start)];
+    let mut y = start.clone();
+    for (stage, weights) in A.iter().enumerate() {
+        for (part, values) in y.iter_mut().enumerate() {
+            for i in 0..n {
+                let terms = weights.iter().enumerate().filter(|(_, weight)| **weight != 0.0);
+                let sum = terms.map(|(s, weight)| weight * slopes[s][part][i]).reduce(|sum, term| sum + term);
+                values[i] = start[part][i] + dt * sum.unwrap_or(0.0);
+            }
+        }
+        if stage < 5 {
+            slopes.push(slopes_at(&y));
+        }
+    }
+    state.u_m.copy_from_slice(&y[0]);
+    state.v_m_s.copy_from_slice(&y[1]);
+    if chain.damping.is_some() {
+        state.extra.copy_from_slice(&y[2]);
     }
 }

@@ -192,6 +192,7 @@ fn fields(summary: &proto::Summary) -> Vec<(String, f64)> {
         ("relative_drift", summary.relative_drift),
         ("front_bead", summary.front_bead as f64),
         ("dissipated_j", summary.dissipated_j),
+        ("driven_j", summary.driven_j),
     ]
     .map(|(name, value)| (name.to_owned(), value))
     .to_vec();

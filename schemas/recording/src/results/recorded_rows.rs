@@ -81,7 +81,11 @@ impl RecordedRows {
 fn decode(topic: &str, message: &[u8], contacts: usize) -> Result<RecordedRow, String> {
     let not = |error| format!("a row of {topic} that is none: {error}");
     if topic == proto::ENERGIES.topic {
-        let (frame, _, columns) = ENERGY_COLUMNS.decode(message).map_err(not)?;
+        let (frame, _, mut columns) = ENERGY_COLUMNS.decode(message).map_err(not)?;
+        // rows of schema version 1.0 know nothing of drives
+        if let Some(driven_j) = columns.last_mut() {
+            driven_j.resize(1, 0.0);
+        }
         let values = columns.concat().try_into();
         let values = values.map_err(|_| format!("the row of {topic} of frame {frame} lacks a value"))?;
         return Ok(RecordedRow { frame, values: RecordedValues::Energies(values) });

@@ -4,6 +4,7 @@ use crate::proto;
 use schemas::chain::{Chain, Wall};
 use schemas::frame::Frame;
 use schemas::summary::Summary;
+use schemas::term::Term;
 
 /// Longest `ChainState` without its doubles: tags, varints, time.
 pub(crate) const STATE_HEAD_BYTES: u64 = 11 + 11 + 9 + 3 * 6;
@@ -94,6 +95,7 @@ pub(crate) fn summary(frame: &Frame<'_>, summary: &Summary) -> proto::Summary {
         relative_drift: summary.relative_drift,
         front_bead: summary.front_bead,
         dissipated_j: summary.dissipated_j,
+        driven_j: summary.driven_j,
         impurity: summary
             .impurities
             .iter()
@@ -115,20 +117,40 @@ pub(crate) fn chain(chain: &Chain) -> proto::Chain {
         rest_overlap_m: chain.rest_overlap_m.clone(),
         alpha: chain.law.alpha(),
         rest_force_n: chain.rest_force_n.clone(),
-        left_wall: wall(chain.walls.left, damping[0]),
+        left_wall: wall(chain.walls.left, damping[0]).filter(|_| !chain.is_ring),
         right_wall: wall(chain.walls.right, damping[1]),
         damping: chain.damping.as_ref().map(|damping| damping.coefficient.clone()).unwrap_or_default(),
         damping_exponent: chain
             .damping
             .as_ref()
             .map_or(0.0, |damping| damping.kind.exponent(chain.law.alpha())),
+        terms: chain.terms.iter().map(|of| term(of, chain.is_ring)).collect(),
+        on_site: chain.sites.linear_n_per_m.clone(),
+        on_site_cubic: chain.sites.cubic_n_per_m3.clone(),
+        drag: chain.sites.drag_n_s_per_m.clone(),
+        resonator_mass_kg: chain.sites.resonator_kg.clone(),
+        resonator_stiffness: chain.sites.resonator_n_per_m.clone(),
+        ring: wall(chain.walls.left, damping[0]).filter(|_| chain.is_ring),
+        damping_power: chain
+            .damping
+            .as_ref()
+            .and_then(|damping| damping.kind.raised(chain.law.alpha()))
+            .map_or(0.0, |law| law.alpha()),
     }
+}
+
+fn term(term: &Term, is_ring: bool) -> proto::chain::Term {
+    let (kind, parameter) = term.law.named();
+    let [first, right_wall] = term.wall_stiffness;
+    let (left_wall, ring) = if is_ring { (0.0, first) } else { (first, 0.0) };
+    let stiffness = term.stiffness.clone();
+    proto::chain::Term { kind: kind.to_owned(), parameter, stiffness, left_wall, right_wall, ring }
 }
 
 /// The wall, if there is one.
 fn wall(wall: Wall, damping: f64) -> Option<proto::chain::Wall> {
-    let Wall { stiffness, rest_overlap_m, rest_force_n, .. } = wall;
-    (stiffness > 0.0).then_some(proto::chain::Wall { stiffness, rest_overlap_m, rest_force_n, damping })
+    let Wall { is_there, stiffness, rest_overlap_m, rest_force_n, .. } = wall;
+    is_there.then_some(proto::chain::Wall { stiffness, rest_overlap_m, rest_force_n, damping })
 }
 
 #[cfg(test)]

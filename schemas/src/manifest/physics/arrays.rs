@@ -8,31 +8,62 @@ use crate::chain::{Chain, Wall, Walls};
 use crate::config::{End, MassRule, StiffnessRule};
 use crate::contact::ContactLaw;
 use crate::damping::{ContactDamping, Damping};
+use crate::drive::{Place, Side};
 use crate::power::power;
+use crate::term::TermLaw;
 
 impl Physics {
-    /// The resolved masses, stiffnesses and rest overlaps.
+    /// The resolved masses, stiffnesses and rest overlaps, and all else that acts.
     pub fn chain(&self) -> Chain {
-        let mass_kg = self.masses_kg();
-        let stiffness = self.contact_stiffnesses(&mass_kg);
+        let (mass_kg, stiffness) = self.masses_and_stiffnesses();
         let loads = self.loads(&mass_kg);
-        let rest_overlap_m = stiffness
-            .iter()
-            .zip(&loads.contacts)
-            .map(|(k, load_n)| self.overlap_under(*load_n, *k))
-            .collect();
         let law = ContactLaw::new(self.alpha);
-        let wall = |end: End, stiffness: f64, load_n: f64| match end {
-            End::Free => Wall::default(),
-            End::Fixed => Wall::new(&law, stiffness, self.overlap_under(load_n, stiffness)),
-        };
         let [left, right] = self.wall_stiffnesses(&mass_kg);
-        let walls = Walls {
-            left: wall(self.ends.left, left, loads.left_wall),
-            right: wall(self.ends.right, right, loads.right_wall),
+        let (stiffness, terms) = self.terms(stiffness);
+        let rest_overlap_m = match &self.gaps_m {
+            Some(gaps_m) => gaps_m.values(stiffness.len()).iter().map(|gap_m| 0.0 - gap_m).collect(),
+            None if terms.is_empty() => {
+                let pairs = stiffness.iter().zip(&loads.contacts);
+                pairs.map(|(k, load_n)| self.overlap_under(*load_n, *k)).collect()
+            }
+            None => {
+                let pairs = stiffness.iter().zip(&loads.contacts).enumerate();
+                let of = |c: usize| terms.iter().map(move |term| (&term.law, term.stiffness[c]));
+                pairs.map(|(c, (k, load_n))| balance(&law, *k, of(c), *load_n)).collect()
+            }
         };
-        let damping = self.damping.map(|kind| self.contact_damping(kind, &mass_kg, &stiffness, &walls));
-        Chain::new(mass_kg, stiffness, rest_overlap_m, walls, law).with_damping(damping)
+        let is_bonded = self.bonds.is_some();
+        let wall = |end: End, stiffness: f64, load_n: f64, side: usize| {
+            let stiffness = if is_bonded { 0.0 } else { stiffness };
+            let of_terms = terms.iter().map(|term| (&term.law, term.wall_stiffness[side]));
+            match end {
+                End::Free | End::Absorbing => Wall::default(),
+                End::Fixed | End::Periodic if terms.is_empty() => {
+                    Wall::new(&law, stiffness, self.overlap_under(load_n, stiffness))
+                }
+                End::Fixed | End::Periodic => {
+                    Wall::new(&law, stiffness, balance(&law, stiffness, of_terms, load_n))
+                }
+            }
+        };
+        let is_ring = self.ends.left == End::Periodic;
+        let walls = if is_ring {
+            Walls { left: wall(End::Periodic, left, self.load.precompression_n, 0), right: Wall::default() }
+        } else {
+            Walls {
+                left: wall(self.ends.left, left, loads.left_wall, 0),
+                right: wall(self.ends.right, right, loads.right_wall, 1),
+            }
+        };
+        let damping =
+            self.damping.map(|kind| self.contact_damping(kind, &mass_kg, &stiffness, &walls, is_ring));
+        let sites = self.sites();
+        let moved = |side| self.drives.iter().position(|drive| drive.at == Place::Wall(side));
+        let moved_walls = [moved(Side::Left), moved(Side::Right)];
+        let mut chain = Chain::new(mass_kg, stiffness, rest_overlap_m, walls, law);
+        (chain.sites, chain.is_ring, chain.is_bonded) = (sites, is_ring, is_bonded);
+        (chain.rows, chain.moved_walls) = (self.rows(), moved_walls);
+        chain.with_terms(terms).with_damping(damping)
     }
 
     fn contact_damping(
@@ -41,20 +72,22 @@ impl Physics {
         mass_kg: &[f64],
         stiffness: &[f64],
         walls: &Walls,
+        is_ring: bool,
     ) -> ContactDamping {
         let at = |stiffness: f64, reduced_kg: f64| kind.coefficient(self.alpha, stiffness, reduced_kg);
         let reduced_kg = |pair: &[f64]| pair[0] * pair[1] / (pair[0] + pair[1]);
         let coefficient =
             mass_kg.windows(2).zip(stiffness).map(|(pair, k)| at(*k, reduced_kg(pair))).collect();
-        let wall = |wall: &Wall, mass_kg: f64| {
-            if wall.stiffness > 0.0 { at(wall.stiffness, mass_kg) } else { 0.0 }
-        };
-        let ends = [wall(&walls.left, mass_kg[0]), wall(&walls.right, mass_kg[mass_kg.len() - 1])];
+        let wall =
+            |wall: &Wall, mass_kg: f64| if wall.is_there { at(wall.stiffness, mass_kg) } else { 0.0 };
+        let [first_kg, last_kg] = [mass_kg[0], mass_kg[mass_kg.len() - 1]];
+        let left_kg = if is_ring { reduced_kg(&[last_kg, first_kg]) } else { first_kg };
+        let ends = [wall(&walls.left, left_kg), wall(&walls.right, last_kg)];
         ContactDamping { kind, coefficient, wall_coefficient: ends }
     }
 
-    /// The mass of each bead (kg), N values.
-    fn masses_kg(&self) -> Vec<f64> {
+    /// The mass of each bead (kg), N values, by the rules and before any disorder.
+    pub(super) fn masses_kg(&self) -> Vec<f64> {
         let beads = usize_of(self.beads);
         let mut mass_kg: Vec<f64> = match &self.masses {
             MassRule::Uniform => vec![self.bead_mass_kg; beads],
@@ -71,6 +104,9 @@ impl Physics {
     /// The mass of the striker (kg).
     pub(super) fn striker_kg(&self) -> f64 {
         let bead = self.striker.bead;
+        if self.spheres.is_some() || !self.disorder.is_empty() {
+            return self.chain_masses_kg()[usize_of(bead)];
+        }
         if let Some(impurity) = self.impurities.iter().find(|impurity| impurity.bead == bead) {
             return impurity.mass_kg;
         }
@@ -88,7 +124,7 @@ impl Physics {
     }
 
     /// The stiffness of each contact (N·m^−α), N − 1 values.
-    fn contact_stiffnesses(&self, mass_kg: &[f64]) -> Vec<f64> {
+    pub(super) fn contact_stiffnesses(&self, mass_kg: &[f64]) -> Vec<f64> {
         let contacts = mass_kg.len() - 1;
         let mut stiffness: Vec<f64> = match &self.stiffnesses {
             StiffnessRule::Uniform => vec![self.stiffness; contacts],
@@ -105,12 +141,15 @@ impl Physics {
     }
 
     /// The stiffnesses (N·m^−α) that the contacts with the left and with the right wall have where there is one.
-    fn wall_stiffnesses(&self, mass_kg: &[f64]) -> [f64; 2] {
+    pub(super) fn wall_stiffnesses(&self, mass_kg: &[f64]) -> [f64; 2] {
         let usual = |end_bead_kg: f64| match self.stiffnesses {
             StiffnessRule::Radii => self.stiffness_at_wall(end_bead_kg),
             _ => self.stiffness,
         };
         let [first_kg, last_kg] = [mass_kg[0], mass_kg[mass_kg.len() - 1]];
+        if let Some(stiffnesses) = self.sphere_walls() {
+            return stiffnesses;
+        }
         [
             self.ends.left_stiffness.unwrap_or_else(|| usual(first_kg)),
             self.ends.right_stiffness.unwrap_or_else(|| usual(last_kg)),
@@ -156,7 +195,7 @@ impl Physics {
     }
 
     /// The overlap (m) at which a contact of stiffness `stiffness` carries `load_n`: `(load/k)^(1/α)`.
-    fn overlap_under(&self, load_n: f64, stiffness: f64) -> f64 {
+    pub(super) fn overlap_under(&self, load_n: f64, stiffness: f64) -> f64 {
         if load_n > 0.0 { power(load_n / stiffness, 1.0 / self.alpha) } else { 0.0 }
     }
 
@@ -165,6 +204,9 @@ impl Physics {
     pub(super) fn largest_rest_overlap_m(&self) -> f64 {
         if self.load.is_none() {
             return 0.0;
+        }
+        if self.is_beyond_one_power() {
+            return self.chain().rest_overlap_m.iter().fold(0.0, |most, rest_m| larger(most, *rest_m));
         }
         self.overlap_under(self.extreme_loads_n().1, self.extremes().softest)
     }
@@ -177,6 +219,36 @@ impl Physics {
         let lightest_n = if pressed_n > 0.0 { pressed_n } else { weight * extremes.lightest_kg };
         (lightest_n, weight * (self.beads as f64 * extremes.heaviest_kg) + pressed_n)
     }
+}
+
+/// The overlap (m) at which a contact of `law` and further terms carries `load_n`: the last double before the force exceeds it.
+fn balance<'a>(
+    law: &ContactLaw,
+    stiffness: f64,
+    terms: impl Iterator<Item = (&'a TermLaw, f64)> + Clone,
+    load_n: f64,
+) -> f64 {
+    if load_n <= 0.0 {
+        return 0.0;
+    }
+    let force_n = |overlap_m: f64| {
+        let by_law = law.force(stiffness, overlap_m);
+        terms.clone().fold(by_law, |sum, (term, stiffness)| sum + term.force(stiffness, overlap_m))
+    };
+    // the bits of positive doubles are in the order of their values
+    let (mut low, mut high) = (0_u64, 1.0_f64.to_bits());
+    while force_n(f64::from_bits(high)) < load_n && high < 1e100_f64.to_bits() {
+        high += 1 << 52;
+    }
+    while high - low > 1 {
+        let middle = low + (high - low) / 2; // integers
+        if force_n(f64::from_bits(middle)) <= load_n {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    f64::from_bits(low)
 }
 
 /// The larger of two numbers, none of them NaN.
@@ -295,7 +367,7 @@ mod tests {
         let kind = Damping::resolve(crate::config::DampingConfig::Restitution(0.5)).expect("possible");
         let Damping::Restitution(restitution) = kind else { panic!("{kind:?}") };
         let chain = physics.chain();
-        let damping = physics.contact_damping(kind, &chain.mass_kg, &chain.stiffness, &chain.walls);
+        let damping = physics.contact_damping(kind, &chain.mass_kg, &chain.stiffness, &chain.walls, false);
         assert_eq!(damping.coefficient, [restitution.damping_ratio * 6.0_f64.sqrt()]);
         assert_eq!(damping.wall_coefficient, [0.0, restitution.damping_ratio * 12.0_f64.sqrt()]);
     }

@@ -15,7 +15,7 @@ impl Physics {
         if !(1..=MAX_STEPS).contains(&self.step_count) {
             return Err(ConfigError::value("step_count", self.step_count, "1 to 2^52 steps"));
         }
-        Ok(())
+        self.check_drive_times()
     }
 
     /// Checks everything but the time; `impurities` and `contacts` are in the user's order.
@@ -44,7 +44,11 @@ impl Physics {
             }
         }
         self.check_contacts(contacts)?;
-        self.check_bead("striker.bead", self.striker.bead)?;
+        for (i, striker) in std::iter::once(&self.striker).chain(&self.strikers).enumerate() {
+            let key = if self.strikers.is_empty() { "striker.bead".to_owned() } else { format!("striker[{i}].bead") };
+            self.check_bead(&key, striker.bead)?;
+        }
+        self.check_beyond()?;
         self.check_load()?;
         self.check_damping()?;
         self.check_velocity()?;
@@ -59,9 +63,13 @@ impl Physics {
         if !self.contacts.is_sorted_by_key(|odd| odd.contact) {
             return Err(ConfigError::value("contacts", "a list out of order", "the order of the contacts"));
         }
-        let velocity_m_s = self.striker.velocity_m_s;
-        if velocity_m_s == 0.0 && velocity_m_s.is_sign_negative() {
+        let is_minus_zero = |x: f64| x == 0.0 && x.is_sign_negative();
+        let mut strikers = std::iter::once(&self.striker).chain(&self.strikers);
+        if strikers.any(|striker| is_minus_zero(striker.velocity_m_s)) {
             return Err(ConfigError::value("striker.velocity_m_s", "−0", "0"));
+        }
+        if !self.odd_spheres.is_sorted_by_key(|odd| odd.bead) {
+            return Err(ConfigError::value("odd_spheres", "a list out of order", "the order of the beads"));
         }
         Ok(())
     }
@@ -106,7 +114,7 @@ impl Physics {
         ] {
             let Some(stiffness) = stiffness else { continue };
             check_positive(key, stiffness, STIFFNESS_UNIT)?;
-            if end == End::Free {
+            if matches!(end, End::Free | End::Absorbing) {
                 return Err(ConfigError::number(
                     key,
                     stiffness,
@@ -153,7 +161,7 @@ impl Physics {
         }
         let (carrier, end) =
             if gravity > 0.0 { ("right", self.ends.right) } else { ("left", self.ends.left) };
-        if gravity != 0.0 && end == End::Free {
+        if gravity != 0.0 && end != End::Fixed {
             let allowed = format!(
                 "with `{carrier} = \"fixed\"` in [ends]: something must carry the weight (a positive \
                  acceleration points to the right, towards higher bead numbers)"
@@ -169,28 +177,38 @@ impl Physics {
         if self.method.takes_forces_of_velocity() {
             return Ok(());
         }
-        let allowed = "a method for forces that depend on velocities (gear5) with [damping]: the kicks of this one \
-                       hold the velocity fixed, and it would lose its order";
+        let allowed = "a method for forces that depend on velocities (gear5, rk5) with [damping]: the kicks of this \
+                       one hold the velocity fixed, and it would lose its order";
         Err(ConfigError::value("integrator.method", self.method, allowed))
     }
 
     fn check_velocity(&self) -> Result<(), ConfigError> {
         let velocity_m_s = self.striker.velocity_m_s;
-        if velocity_m_s == 0.0 && self.load.is_none() {
+        let is_moved = !self.initial.is_none() || !self.drives.is_empty() || !self.strikers.is_empty();
+        if velocity_m_s == 0.0 && self.load.is_none() && !is_moved {
             let allowed = "a velocity other than 0: nothing else would set this chain in motion";
             return Err(ConfigError::number("striker.velocity_m_s", velocity_m_s, allowed));
         }
-        if velocity_m_s == 0.0 || (1e-100..=1e100).contains(&velocity_m_s.abs()) {
-            return Ok(());
+        for (i, striker) in std::iter::once(&self.striker).chain(&self.strikers).enumerate() {
+            let velocity_m_s = striker.velocity_m_s;
+            if velocity_m_s != 0.0 && !(1e-100..=1e100).contains(&velocity_m_s.abs()) {
+                let key =
+                    if i == 0 { "striker.velocity_m_s".to_owned() } else { format!("striker[{i}].velocity_m_s") };
+                let allowed = "a velocity of 1e-100 to 1e100 m/s, in either direction";
+                return Err(ConfigError::number(&key, velocity_m_s, allowed));
+            }
         }
-        let allowed = "a velocity of 1e-100 to 1e100 m/s, in either direction";
-        Err(ConfigError::number("striker.velocity_m_s", velocity_m_s, allowed))
+        Ok(())
     }
 
     /// Overlaps come from `m·v0²/k` and from `load/k`, which must be far from where forces are flushed to zero.
     fn check_scales(&self) -> Result<(), ConfigError> {
+        if self.bonds.is_some() {
+            return Ok(());
+        }
         let extremes = self.extremes();
-        let squared = self.striker.velocity_m_s * self.striker.velocity_m_s;
+        let speed_m_s = self.typical_speed_m_s();
+        let squared = speed_m_s * speed_m_s;
         let ratios = [
             extremes.lightest_kg * squared / extremes.stiffest,
             extremes.heaviest_kg * squared / extremes.softest,
@@ -217,6 +235,15 @@ impl Physics {
 
     /// The ends of the ranges of masses and stiffnesses.
     pub(super) fn extremes(&self) -> Extremes {
+        if self.spheres.is_some() || !self.disorder.is_empty() {
+            let (masses, stiffnesses) = self.masses_and_stiffnesses();
+            let ((lightest_kg, heaviest_kg), (softest, mut stiffest)) = (range(&masses), range(&stiffnesses));
+            let walls = self.wall_stiffnesses(&masses);
+            for (end, stiffness) in [(self.ends.left, walls[0]), (self.ends.right, walls[1])] {
+                stiffest = if end == End::Fixed { larger(stiffest, stiffness) } else { stiffest };
+            }
+            return Extremes { lightest_kg, heaviest_kg, softest, stiffest };
+        }
         let mut masses: Vec<f64> = match &self.masses {
             MassRule::Uniform => vec![self.bead_mass_kg],
             MassRule::PatternKg(values) | MassRule::ListKg(values) => values.clone(),
@@ -246,7 +273,7 @@ impl Physics {
         Extremes { lightest_kg, heaviest_kg, softest, stiffest }
     }
 
-    fn check_bead(&self, key: &str, bead: u64) -> Result<(), ConfigError> {
+    pub(super) fn check_bead(&self, key: &str, bead: u64) -> Result<(), ConfigError> {
         if bead < self.beads {
             return Ok(());
         }
@@ -255,7 +282,7 @@ impl Physics {
     }
 }
 
-const STIFFNESS_UNIT: &str = "N/m^alpha";
+pub(super) const STIFFNESS_UNIT: &str = "N/m^alpha";
 
 /// The ends of the ranges of masses (kg) and stiffnesses (N·m^−α) in a chain.
 pub(super) struct Extremes {
@@ -282,7 +309,7 @@ fn check_list(key: &str, list: &[f64], count: u64, what: &str, unit: &str) -> Re
 }
 
 /// Positive, and far enough from the ends of the range that no product of scales leaves it.
-fn check_positive(key: &str, value: f64, unit: &str) -> Result<(), ConfigError> {
+pub(super) fn check_positive(key: &str, value: f64, unit: &str) -> Result<(), ConfigError> {
     if (1e-100..=1e100).contains(&value) {
         return Ok(());
     }

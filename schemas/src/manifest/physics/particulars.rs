@@ -1,8 +1,9 @@
 //! A run in words, for captions and listings.
 
 use super::Physics;
-use crate::config::{End, MassRule, StiffnessRule};
+use crate::config::{Disordered, End, MassRule, StiffnessRule};
 use crate::damping::Damping;
+use crate::drive::Drive;
 
 /// How many values are written out.
 const SHOWN: usize = 4;
@@ -48,8 +49,54 @@ impl Physics {
             Damping::Restitution(restitution) => {
                 format!("coefficient of restitution {}", restitution.coefficient)
             }
+            Damping::KuwabaraKonoS(time_s) => format!("viscoelastic spheres, A = {time_s:e} s"),
+            Damping::Power(power) => format!("damping {}·δ^{}·dδ/dt", power.coefficient, power.exponent),
         }));
+        self.beyond_in_words(&mut phrases);
         phrases
+    }
+
+    /// What goes beyond one struck bead and one power law.
+    fn beyond_in_words(&self, phrases: &mut Vec<String>) {
+        if let Some(spheres) = &self.spheres {
+            let radii: Vec<f64> = spheres.0.iter().map(|sphere| sphere.radius_m).collect();
+            phrases.push(format!("spheres of radius {} m", first_of(&radii)));
+        }
+        if !self.odd_spheres.is_empty() {
+            phrases.push(format!("{} other spheres", self.odd_spheres.len()));
+        }
+        phrases.extend(self.alphas.as_ref().map(|alphas| format!("α of {}", first_of(alphas.written()))));
+        phrases.extend(self.second.as_ref().map(|second| format!("a second power, α = {}", second.alpha)));
+        phrases.extend(self.gaps_m.as_ref().map(|_| "gaps".to_owned()));
+        if let Some(bonds) = &self.bonds {
+            let kinds = [
+                (bonds.linear.is_some(), "linear"),
+                (bonds.quadratic.is_some(), "quadratic (FPUT-α)"),
+                (bonds.cubic.is_some(), "cubic (FPUT-β)"),
+                (bonds.toda.is_some(), "Toda"),
+            ];
+            let kinds: Vec<&str> = kinds.iter().filter(|(is_there, _)| *is_there).map(|(_, name)| *name).collect();
+            phrases.push(format!("bonds: {}", kinds.join(", ")));
+        }
+        for disorder in &self.disorder {
+            let of = match disorder.of {
+                Disordered::Masses => "masses",
+                Disordered::Radii => "radii",
+                Disordered::Stiffnesses => "stiffnesses",
+            };
+            phrases.push(format!("disordered {of}, seed {}", self.seed));
+        }
+        let on_site = &self.on_site;
+        if on_site.linear_n_per_m.is_some() || on_site.cubic_n_per_m3.is_some() {
+            phrases.push("on-site springs".to_owned());
+        }
+        phrases.extend(on_site.drag_n_s_per_m.as_ref().map(|_| "drag".to_owned()));
+        phrases.extend(self.resonators.as_ref().map(|_| "resonators".to_owned()));
+        phrases.extend(self.drives.iter().map(Drive::words));
+        phrases.extend((!self.initial.is_none()).then(|| "an initial state".to_owned()));
+        if !self.strikers.is_empty() {
+            phrases.push(format!("{} strikers", self.strikers.len() + 1));
+        }
     }
 
     fn walls_in_words(&self) -> Option<&'static str> {
@@ -58,6 +105,12 @@ impl Physics {
             (End::Fixed, End::Free) => Some("wall on the left"),
             (End::Free, End::Fixed) => Some("wall on the right"),
             (End::Fixed, End::Fixed) => Some("walls at both ends"),
+            (End::Periodic, _) | (_, End::Periodic) => Some("a ring"),
+            (End::Absorbing, End::Absorbing) => Some("absorbing ends"),
+            (End::Absorbing, End::Free) => Some("absorbing on the left"),
+            (End::Free, End::Absorbing) => Some("absorbing on the right"),
+            (End::Absorbing, End::Fixed) => Some("absorbing on the left, wall on the right"),
+            (End::Fixed, End::Absorbing) => Some("wall on the left, absorbing on the right"),
         }
     }
 }

@@ -20,6 +20,16 @@ impl Physics {
     /// as heavy as the others. `T_load` is [`Physics::fastest_loaded_s`]: where a load keeps contacts closed, the force
     /// is smooth and only the frequency of the stiffest contact counts. `T_settle` is [`Physics::settling_s`]. The larger α, the shorter the part of T in which a contact is stiff.
     fn default_dt_s(&self) -> f64 {
+        let by_others_s = self.default_by_others_s();
+        match by_others_s {
+            Some(by_others_s) if self.bonds.is_some() => by_others_s,
+            Some(by_others_s) => smaller(by_others_s, self.default_by_contacts_s()),
+            None => self.default_by_contacts_s(),
+        }
+    }
+
+    /// What contacts of one power allow.
+    fn default_by_contacts_s(&self) -> f64 {
         let fraction = self.method.default_step_fraction(self.alpha);
         let usual_s = self.scales().time_s;
         let struck_s = match (self.fastest_s(), self.collision_s(self.striker_kg())) {
@@ -34,6 +44,7 @@ impl Physics {
             (Some(settling_s), Some(Damping::ViscousNSPerM(_))) => {
                 smaller(0.25 * dt_s, 0.4 * fraction * settling_s)
             }
+            (Some(_), Some(Damping::KuwabaraKonoS(_) | Damping::Power(_))) => 0.25 * dt_s,
             (Some(settling_s), _) => smaller(0.25 * dt_s, fraction * settling_s),
             (None, _) => dt_s,
         };
@@ -51,7 +62,7 @@ impl Physics {
         let blunt = match self.method {
             Method::VelocityVerlet => return usual,
             Method::Rkn4 if !self.is_of_the_paper() => 0.0075 + 0.025 * larger(self.alpha - 1.5, 0.0),
-            Method::Rkn4 | Method::Gear5 => usual,
+            Method::Rkn4 | Method::Gear5 | Method::Rk5 => usual,
         };
         let is_walled = self.ends.left == End::Fixed && self.ends.right == End::Fixed;
         smaller(usual, blunt) * if is_walled { 0.5 } else { 1.0 }
@@ -135,14 +146,82 @@ impl Physics {
                 let rates = 2.0 * restitution.damping_ratio * (2.0 * (self.alpha + 1.0)).sqrt();
                 self.fastest_contact_s() / rates
             }
+            // η·δ^p of the overlaps of the shock
+            Damping::KuwabaraKonoS(_) | Damping::Power(_) => {
+                let extremes = self.extremes();
+                let struck = self.striker_ratio(extremes.stiffest);
+                let struck_m = struck.map_or(0.0, |ratio| power(ratio, 1.0 / (self.alpha + 1.0)));
+                let overlap_m = self.largest_rest_overlap_m() + struck_m;
+                let eta = damping.coefficient(self.alpha, extremes.stiffest, extremes.lightest_kg);
+                extremes.lightest_kg / (2.0 * eta * power(overlap_m, damping.exponent(self.alpha)))
+            }
         })
     }
 
     /// `m_s·v0²/k` (m^(α+1)) of the striker, if it moves.
     fn striker_ratio(&self, stiffness: f64) -> Option<f64> {
-        let speed_m_s = self.striker.velocity_m_s.abs();
-        let ratio = self.striker_kg() * (speed_m_s * speed_m_s) / stiffness;
+        let speed_m_s = self.typical_speed_m_s();
+        let mass_kg = if self.striker.velocity_m_s == 0.0 { self.bead_mass_kg } else { self.striker_kg() };
+        let ratio = mass_kg * (speed_m_s * speed_m_s) / stiffness;
         (speed_m_s > 0.0).then_some(ratio)
+    }
+
+    /// What drives, bonds, springs at the beads' places, resonators and drag allow, if there are any: the fraction of
+    /// [`Method::default_step_fraction`] of [`Physics::fastest_linear_s`], a quarter of that of the time in which drag stops a bead, and a
+    /// hundredth of the shortest period of a drive.
+    fn default_by_others_s(&self) -> Option<f64> {
+        // smooth forces: as for α = 2
+        let fraction = self.method.default_step_fraction(2.0);
+        let linear_s = self.fastest_linear_s().map(|time_s| fraction * time_s);
+        let drag_s = self.drag_s().map(|time_s| 4.0 * fraction * time_s);
+        let drive_s = self.highest_drive_hz().map(|hz| 0.01 / hz);
+        [linear_s, drag_s, drive_s].into_iter().flatten().reduce(smaller)
+    }
+
+    /// The time (s) in which the strongest drag slows the lightest bead down by a factor e.
+    fn drag_s(&self) -> Option<f64> {
+        if !self.has_drag() {
+            return None;
+        }
+        let strongest = self.sites().drag_n_s_per_m.into_iter().fold(0.0, larger);
+        (strongest > 0.0).then(|| self.extremes().lightest_kg / strongest)
+    }
+
+    /// `2/ω` (s) of the highest frequency that the lightest bead could have by all forces that are not one power of the overlap, at
+    /// the largest overlap and displacement that is to be expected; nothing where there are no others.
+    fn fastest_linear_s(&self) -> Option<f64> {
+        let sites = self.sites();
+        let is_softened = self.initial.is_none() && self.drives.is_empty();
+        let is_alone = !self.is_beyond_one_power() && sites.is_none();
+        if is_alone && is_softened {
+            return None;
+        }
+        let lightest_kg = self.extremes().lightest_kg;
+        let chain = self.chain();
+        let speed_m_s = self.typical_speed_m_s();
+        // where forces are linear a speed compresses a bond by v·√(m/k)
+        let tangents = chain.tangents_n_per_m();
+        let softest = tangents.iter().copied().filter(|k| *k > 0.0).reduce(smaller);
+        let struck_m = match softest {
+            Some(softest) => speed_m_s * (self.bead_mass_kg / softest).sqrt(),
+            None => self.striker_ratio(self.stiffness).map_or(0.0, |ratio| power(ratio, 1.0 / (self.alpha + 1.0))),
+        };
+        let moved_m = larger(struck_m, self.typical_overlap_m());
+        let at = |c: usize| {
+            let overlap_m = larger(chain.rest_overlap_m[c], 0.0) + moved_m;
+            let by_law = chain.law.tangent(chain.stiffness[c], overlap_m);
+            chain.terms.iter().fold(by_law, |sum, term| sum + term.law.tangent(term.stiffness[c], overlap_m))
+        };
+        let mut squared = (0..chain.contact_count()).map(at).fold(0.0, larger) / lightest_kg;
+        let most = |values: &[f64]| values.iter().copied().fold(0.0, larger);
+        let on_site = most(&sites.linear_n_per_m) + 3.0 * most(&sites.cubic_n_per_m3) * (moved_m * moved_m);
+        squared += 0.25 * on_site / lightest_kg;
+        for (mass_kg, stiffness) in sites.resonator_kg.iter().zip(&sites.resonator_n_per_m) {
+            if *mass_kg > 0.0 {
+                squared = larger(squared, 0.25 * stiffness * (1.0 / mass_kg + 1.0 / lightest_kg) + squared);
+            }
+        }
+        (squared > 0.0).then(|| 1.0 / squared.sqrt())
     }
 
     /// `min(1, 5/α)`.
@@ -153,6 +232,20 @@ impl Physics {
     /// The longest step (s) that a run may have: a quarter of the collision time of its lightest bead, or of the time in
     /// which damping settles, by 5/α less above α = 5.
     pub fn longest_dt_s(&self) -> f64 {
+        let linear_s = self.fastest_linear_s();
+        let others_s = match (linear_s, self.drag_s()) {
+            (Some(linear_s), Some(drag_s)) => Some(smaller(linear_s, 4.0 * drag_s)),
+            (linear_s, drag_s) => linear_s.or(drag_s.map(|drag_s| 4.0 * drag_s)),
+        };
+        let others_s = others_s.map(|time_s| 0.25 * time_s);
+        match others_s {
+            Some(others_s) if self.bonds.is_some() => others_s,
+            Some(others_s) => smaller(others_s, self.longest_by_contacts_s()),
+            None => self.longest_by_contacts_s(),
+        }
+    }
+
+    fn longest_by_contacts_s(&self) -> f64 {
         let contact_s = self.fastest_contact_s();
         let fastest_s = self.settling_s().map_or(contact_s, |settling_s| smaller(contact_s, settling_s));
         0.25 * fastest_s * self.stiff_fraction()

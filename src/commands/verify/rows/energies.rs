@@ -30,7 +30,7 @@ pub(super) struct EnergyRows {
     differs_in_split: bool,
     differs_elsewhere: bool,
     /// The last frame with a row, once one has differed.
-    last: Option<(ChainState, [f64; 10])>,
+    last: Option<(ChainState, [f64; EnergyRow::COLUMNS.len()])>,
 }
 
 impl EnergyRows {
@@ -54,7 +54,7 @@ impl EnergyRows {
     }
 
     /// What is wrong with the row of `frame`, if it has one.
-    pub(super) fn take(&mut self, frame: &Frame<'_>, found: Option<&[f64; 10]>) -> Option<String> {
+    pub(super) fn take(&mut self, frame: &Frame<'_>, found: Option<&[f64; EnergyRow::COLUMNS.len()]>) -> Option<String> {
         self.has_begun |= found.is_some();
         self.first_step.get_or_insert(frame.step);
         let [first, second] = &mut self.since;
@@ -69,7 +69,8 @@ impl EnergyRows {
         if !self.possible.contains(&true) {
             self.inconsistent_from.get_or_insert(frame.frame);
         }
-        let column = (0..CORRECTED).find(|column| !is_same(computed[*column], found[*column]));
+        let mut columns = (0..computed.len()).filter(|column| *column != CORRECTED);
+        let column = columns.find(|column| !is_same(computed[*column], found[*column]));
         if let Some(column) = column {
             self.differs_in_split |= OF_SPLIT.contains(&column);
             self.differs_elsewhere |= !OF_SPLIT.contains(&column);

@@ -1,0 +1,122 @@
+//! What drives do at a moment: where they put walls and beads, with which force they push.
+
+use crate::kernel::Activity;
+use schemas::drive::{Drive, Place, Quantity, Side};
+use schemas::functions::Moment;
+
+/// The drives of a run.
+#[derive(Debug, Clone)]
+pub(crate) struct Drives {
+    drives: Vec<Drive>,
+    dt_s: f64,
+}
+
+/// What a drive does at a moment.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Now {
+    /// The displacement (m) of what it moves.
+    pub(crate) x_m: f64,
+    /// Its velocity (m/s).
+    pub(crate) v_m_s: f64,
+    /// The force (N) with which it pushes.
+    pub(crate) force_n: f64,
+}
+
+/// Where a drive acts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Acts {
+    /// It moves the left (0) or the right (1) wall.
+    Wall(usize),
+    /// It moves a bead.
+    Moves(usize),
+    /// It pushes a bead.
+    Pushes(usize),
+}
+
+/// A moment of a step.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct When {
+    /// The step that is made.
+    pub(crate) step: u64,
+    /// How long after its beginning (s).
+    pub(crate) after_s: f64,
+    /// Whether it is its end, which is the beginning of the next one.
+    pub(crate) is_end: bool,
+}
+
+impl Drives {
+    /// Those of a run with steps of `dt_s`, if there are any.
+    pub(crate) fn of(drives: &[Drive], dt_s: f64) -> Option<Self> {
+        (!drives.is_empty()).then(|| Self { drives: drives.to_vec(), dt_s })
+    }
+
+    /// How many there are.
+    pub(crate) fn count(&self) -> usize {
+        self.drives.len()
+    }
+
+    /// Where drive `d` acts.
+    pub(crate) fn acts(&self, d: usize) -> Acts {
+        let drive = &self.drives[d];
+        match drive.at {
+            Place::Wall(Side::Left) => Acts::Wall(0),
+            Place::Wall(Side::Right) => Acts::Wall(1),
+            Place::Bead(bead) => {
+                let bead = usize::try_from(bead).unwrap_or(usize::MAX);
+                if drive.prescribes == Quantity::Force { Acts::Pushes(bead) } else { Acts::Moves(bead) }
+            }
+        }
+    }
+
+    /// What each does at `when`; `row` is that of the drives in the state at the beginning of the step.
+    pub(crate) fn at(&self, when: When, row: &[f64], now: &mut Vec<Now>) {
+        let moment = if when.is_end {
+            Moment::new(when.step + 1, self.dt_s, 0.0)
+        } else {
+            Moment::new(when.step, self.dt_s, when.after_s)
+        };
+        now.clear();
+        now.extend(self.drives.iter().enumerate().map(|(d, drive)| {
+            let (value, slope) = drive.waveform.value_and_slope(moment);
+            match drive.prescribes {
+                Quantity::Force => Now { force_n: value, ..Now::default() },
+                Quantity::Displacement => Now { x_m: value, v_m_s: slope, force_n: 0.0 },
+                Quantity::Velocity => {
+                    let x_m = row[2 * d + 1] + self.way_m(drive, when.step, when.after_s);
+                    Now { x_m, v_m_s: value, force_n: 0.0 }
+                }
+            }
+        }));
+    }
+
+    /// The way (m) that a prescribed velocity makes within `s` (s) from the beginning of step `step`: Gauss's quadrature with three
+    /// points, of sixth order.
+    fn way_m(&self, drive: &Drive, step: u64, s: f64) -> f64 {
+        // ½ ∓ √15/10
+        const NODES: [f64; 3] = [0.112_701_665_379_258_31, 0.5, 0.887_298_334_620_741_7];
+        const WEIGHTS: [f64; 3] = [5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0];
+        if s == 0.0 {
+            return 0.0;
+        }
+        let part = |i: usize| {
+            WEIGHTS[i] * drive.waveform.value(Moment::new(step, self.dt_s, s * NODES[i]))
+        };
+        s * (part(0) + part(1) + part(2))
+    }
+}
+
+impl Drives {
+    /// `activity`, widened over the beads that drives may set in motion in a chain of `beads` beads.
+    pub(crate) fn widen(&self, activity: Activity, beads: usize) -> Activity {
+        (0..self.count()).fold(activity, |activity, d| match self.acts(d) {
+            Acts::Wall(0) => activity.with(0),
+            Acts::Wall(_) => activity.with(beads - 1),
+            Acts::Moves(bead) | Acts::Pushes(bead) => activity.with(bead),
+        })
+    }
+
+    /// The velocity (m/s) of the bead that drive `d` pushes, if it pushes one.
+    pub(crate) fn pushed_velocity(&self, d: usize, v_m_s: &[f64]) -> f64 {
+        if let Acts::Pushes(bead) = self.acts(d) { v_m_s[bead] } else { 0.0 }
+    }
+}

@@ -1,0 +1,299 @@
+//! Dormand's and Prince's Runge–Kutta method of fifth order, for forces that depend on velocities and on time.
+//!
+//! Everything that a state has is integrated together: displacements, velocities, resonators, dissipated work, the work of drives. The
+//! seventh evaluation, which their pair needs for its error estimate, is the first of the next step; here there are six.
+//!
+//! # Source
+//! J. R. Dormand and P. J. Prince, J. Comput. Appl. Math. 6 (1980) 19, doi:10.1016/0771-050X(80)90013-3, table 2.
+
+use crate::drives::{Acts, Drives, Now, When};
+use crate::kernel::{Activity, Kernel, Motion};
+use crate::state::ChainState;
+use schemas::chain::Chain;
+use schemas::manifest::Physics;
+use schemas::rows::Rows;
+use schemas::simd::vectorized;
+use std::ops::Range;
+
+const STAGES: usize = 6;
+
+/// Where the stages are, in steps.
+const C: [f64; STAGES] = [0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0];
+
+/// Weights of the slopes before in the state at each stage but the first, and in that at the end.
+const A: [[f64; STAGES]; STAGES] = [
+    [1.0 / 5.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    [3.0 / 40.0, 9.0 / 40.0, 0.0, 0.0, 0.0, 0.0],
+    [44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0, 0.0, 0.0, 0.0],
+    [19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0, 0.0, 0.0],
+    [9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0, 0.0],
+    [35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
+];
+
+/// Displacements and velocities of beads and resonators, dissipated work: N values each, or none; and one of each drive.
+#[derive(Debug, Clone, Default)]
+struct Values {
+    arrays: [Vec<f64>; ARRAYS],
+    works_j: Vec<f64>,
+}
+
+const ARRAYS: usize = 5;
+/// Which of them is which; the dissipated work is the last.
+const U: usize = 0;
+const V: usize = 1;
+const W: usize = 2;
+const W_V: usize = 3;
+
+/// Advances the states of one chain.
+#[derive(Debug, Clone)]
+pub(crate) struct Runge {
+    kernel: Kernel,
+    dt_s: f64,
+    rows: Rows,
+    mass_kg: Vec<f64>,
+    drives: Option<Drives>,
+    /// The step that the window of the kernel and the first slopes belong to.
+    slopes_of_step: Option<u64>,
+    /// Slopes at the stages.
+    slopes: [Values; STAGES],
+    /// The state at a stage.
+    at: Values,
+    now: Vec<Now>,
+    before: Vec<Now>,
+    /// Power (W) that contacts dissipate, N values.
+    power_w: Vec<f64>,
+}
+
+impl Runge {
+    /// For a run of `physics` and `chain`, with the forces of `kernel`.
+    pub(crate) fn new(physics: &Physics, chain: &Chain, kernel: Kernel) -> Self {
+        let (rows, beads) = (physics.rows(), chain.bead_count());
+        let drives = Drives::of(&physics.drives, physics.dt_s);
+        let zeros = |is_there: bool| vec![0.0; if is_there { beads } else { 0 }];
+        let values = || Values {
+            arrays: [zeros(true), zeros(true), zeros(rows.resonators), zeros(rows.resonators), zeros(rows.work)],
+            works_j: vec![0.0; physics.drives.len()],
+        };
+        Self {
+            kernel,
+            dt_s: physics.dt_s,
+            rows,
+            mass_kg: chain.mass_kg.clone(),
+            drives,
+            slopes_of_step: None,
+            slopes: std::array::from_fn(|_| values()),
+            at: values(),
+            now: Vec::new(),
+            before: Vec::new(),
+            power_w: zeros(true),
+        }
+    }
+
+    /// Advances `state` by one step.
+    pub(crate) fn step(&mut self, state: &mut ChainState) {
+        if self.slopes_of_step != Some(state.step) {
+            self.restart(state);
+        }
+        // each evaluation reaches one bead further
+        let beads = self.kernel.reached(STAGES + 1);
+        let step = state.step;
+        self.before.clone_from(&self.now);
+        for stage in 1..=STAGES {
+            self.combine(stage, state, &beads);
+            let is_end = stage >= STAGES - 1;
+            let after_s = if is_end { self.dt_s } else { C[stage] * self.dt_s };
+            self.put_moved(When { step, after_s, is_end }, state);
+            if stage == STAGES {
+                break;
+            }
+            self.evaluate(stage, &beads);
+        }
+        self.store(state, &beads);
+        state.step += 1;
+        self.kernel.widen(&beads, &self.at.arrays[U], &self.at.arrays[V]);
+        self.evaluate(0, &beads);
+        self.slopes_of_step = Some(state.step);
+    }
+
+    /// The first slopes of a state that another integrator may have come to.
+    fn restart(&mut self, state: &mut ChainState) {
+        state.v_m_s.iter_mut().for_each(|v| *v += 0.0);
+        let beads = state.u_m.len();
+        let [w_m, w_m_s] = self.rows.resonators_of(&state.extra);
+        let activity = Activity::of(&state.u_m, &state.v_m_s).including(w_m).including(w_m_s);
+        let activity = self.drives.iter().fold(activity, |activity, drives| drives.widen(activity, beads));
+        self.kernel.restart(activity);
+        self.slopes.iter_mut().flat_map(|slopes| &mut slopes.arrays).for_each(|array| array.fill(0.0));
+        self.at.arrays.iter_mut().for_each(|array| array.fill(0.0));
+        self.power_w.fill(0.0);
+        self.at.arrays[U].copy_from_slice(&state.u_m);
+        self.at.arrays[V].copy_from_slice(&state.v_m_s);
+        if self.rows.resonators {
+            self.at.arrays[W].copy_from_slice(w_m);
+            self.at.arrays[W_V].copy_from_slice(w_m_s);
+        }
+        if let Some(drives) = &self.drives {
+            let when = When { step: state.step, after_s: 0.0, is_end: false };
+            drives.at(when, self.rows.drives_of(&state.extra), &mut self.now);
+        }
+        let beads = self.kernel.reached(1);
+        self.evaluate(0, &beads);
+    }
+
+    /// The state at `stage`, or at the end of the step, from the slopes before.
+    fn combine(&mut self, stage: usize, state: &ChainState, beads: &Range<usize>) {
+        let weights = A[stage - 1];
+        let used: Vec<usize> = (0..STAGES).filter(|s| weights[*s] != 0.0).collect();
+        let n = state.u_m.len();
+        let rows = [&state.u_m[..], &state.v_m_s[..]].into_iter().chain(state.extra.chunks_exact(n));
+        let there: Vec<usize> = (0..ARRAYS).filter(|array| !self.at.arrays[*array].is_empty()).collect();
+        let arch = self.kernel.arch();
+        for (array, from) in there.into_iter().zip(rows) {
+            let (from, to) = (&from[beads.clone()], &mut self.at.arrays[array][beads.clone()]);
+            let slopes: [&[f64]; STAGES] = std::array::from_fn(|s| &self.slopes[s].arrays[array][beads.clone()]);
+            let dt_s = self.dt_s;
+            vectorized(
+                arch,
+                #[inline(always)]
+                || add_slopes(from, to, dt_s, &slopes, &weights, &used),
+            );
+        }
+        let row = self.rows.drives_of(&state.extra);
+        for d in 0..self.at.works_j.len() {
+            let mut sum = 0.0;
+            for (turn, s) in used.iter().enumerate() {
+                let part = weights[*s] * self.slopes[*s].works_j[d];
+                sum = if turn == 0 { part } else { sum + part };
+            }
+            self.at.works_j[d] = row[2 * d] + self.dt_s * sum;
+        }
+    }
+
+    /// Puts what drives move where it is at `when`.
+    fn put_moved(&mut self, when: When, state: &ChainState) {
+        let Some(drives) = &self.drives else { return };
+        drives.at(when, self.rows.drives_of(&state.extra), &mut self.now);
+        for (d, now) in self.now.iter().enumerate() {
+            if let Acts::Moves(bead) = drives.acts(d) {
+                self.at.arrays[U][bead] = now.x_m;
+                self.at.arrays[V][bead] = now.v_m_s;
+            }
+        }
+    }
+
+    /// The slopes of `stage`, from the state there.
+    fn evaluate(&mut self, stage: usize, beads: &Range<usize>) {
+        let (mut walls_m, mut walls_m_s) = ([0.0; 2], [0.0; 2]);
+        for (d, now) in self.now.iter().enumerate() {
+            if let Some(Acts::Wall(side)) = self.drives.as_ref().map(|drives| drives.acts(d)) {
+                (walls_m[side], walls_m_s[side]) = (now.x_m, now.v_m_s);
+            }
+        }
+        let [u_m, v_m_s, w_m, w_m_s, _] = &self.at.arrays;
+        self.kernel.evaluate_moving(beads, Motion { u_m, v_m_s, walls_m, walls_m_s }, &mut self.power_w);
+        let slopes = &mut self.slopes[stage];
+        let [du, dv, dw, dw_v, dwork] = &mut slopes.arrays;
+        du[beads.clone()].copy_from_slice(&v_m_s[beads.clone()]);
+        let sites = self.kernel.sites();
+        let inverse_mass = self.kernel.inverse_mass();
+        let (left, right) = self.kernel.forces_beside(beads);
+        // net forces first
+        for (at, i) in beads.clone().enumerate() {
+            let w = if sites.has_resonators() { w_m[i] } else { 0.0 };
+            let mut net_n = sites.net_n(i, left[at] - right[at], u_m[i], w);
+            if sites.has_drag() {
+                net_n -= sites.drag_n_s_per_m[i] * v_m_s[i];
+            }
+            dv[i] = net_n;
+        }
+        if let Some(drives) = &self.drives {
+            for (d, now) in self.now.iter().enumerate() {
+                slopes.works_j[d] = match drives.acts(d) {
+                    Acts::Pushes(bead) => now.force_n * v_m_s[bead],
+                    Acts::Wall(0) => self.kernel.forces_at(0)[0] * now.v_m_s,
+                    Acts::Wall(_) => 0.0 - self.kernel.forces_at(u_m.len() - 1)[1] * now.v_m_s,
+                    Acts::Moves(bead) => 0.0 - dv[bead] * now.v_m_s,
+                };
+            }
+        }
+        for i in beads.clone() {
+            dv[i] *= inverse_mass[i];
+        }
+        if let Some(drives) = &self.drives {
+            for (d, now) in self.now.iter().enumerate() {
+                match drives.acts(d) {
+                    Acts::Pushes(bead) => dv[bead] += inverse_mass[bead] * now.force_n,
+                    Acts::Moves(bead) => (du[bead], dv[bead]) = (0.0, 0.0),
+                    Acts::Wall(_) => {}
+                }
+            }
+        }
+        if sites.has_resonators() {
+            dw[beads.clone()].copy_from_slice(&w_m_s[beads.clone()]);
+            for i in beads.clone() {
+                let pull_n = sites.resonator_n(i, u_m[i], w_m[i]);
+                let mass_kg = sites.resonator_kg[i];
+                dw_v[i] = if mass_kg > 0.0 { (1.0 / mass_kg) * -pull_n } else { 0.0 };
+            }
+        }
+        if self.rows.work {
+            for i in beads.clone() {
+                let drag_w = if sites.has_drag() { sites.drag_n_s_per_m[i] * (v_m_s[i] * v_m_s[i]) } else { 0.0 };
+                dwork[i] = self.power_w[i] + drag_w;
+            }
+        }
+    }
+
+    /// Writes the state at the end of the step.
+    fn store(&mut self, state: &mut ChainState, beads: &Range<usize>) {
+        let [u_m, v_m_s, w_m, w_m_s, work_j] = &self.at.arrays;
+        state.u_m[beads.clone()].copy_from_slice(&u_m[beads.clone()]);
+        state.v_m_s[beads.clone()].copy_from_slice(&v_m_s[beads.clone()]);
+        let [to_w, to_w_v, to_work, row] = self.rows.split_mut(&mut state.extra);
+        for (to, from) in [(to_w, w_m), (to_w_v, w_m_s), (to_work, work_j)] {
+            if !from.is_empty() {
+                to[beads.clone()].copy_from_slice(&from[beads.clone()]);
+            }
+        }
+        let Some(drives) = &self.drives else { return };
+        for (d, now) in self.now.iter().enumerate() {
+            row[2 * d] = self.at.works_j[d];
+            if let Acts::Moves(bead) = drives.acts(d) {
+                let kinetic_j = |v: f64| 0.5 * self.mass_kg[bead] * (v * v);
+                row[2 * d] += kinetic_j(now.v_m_s) - kinetic_j(self.before[d].v_m_s);
+            }
+            row[2 * d + 1] = now.x_m;
+        }
+    }
+
+    /// The first bead of `state` that has a value which is not finite.
+    pub(crate) fn first_non_finite(&self, state: &ChainState) -> Option<usize> {
+        self.kernel.first_non_finite(&state.u_m, &state.v_m_s)
+    }
+}
+
+/// `to = from + dt·Σ weight·slope` over the slopes that are `used`.
+#[inline(always)]
+fn add_slopes(
+    from: &[f64],
+    to: &mut [f64],
+    dt_s: f64,
+    slopes: &[&[f64]; STAGES],
+    weights: &[f64; STAGES],
+    used: &[usize],
+) {
+    let n = to.len();
+    let from = &from[..n];
+    let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|k| used.get(k).map_or((0.0, from), |s| (weights[*s], &slopes[*s][..n])));
+    match used.len() {
+        1 => (0..n).for_each(|i| to[i] = from[i] + dt_s * (a.0 * a.1[i])),
+        2 => (0..n).for_each(|i| to[i] = from[i] + dt_s * (a.0 * a.1[i] + b.0 * b.1[i])),
+        3 => (0..n).for_each(|i| to[i] = from[i] + dt_s * (a.0 * a.1[i] + b.0 * b.1[i] + c.0 * c.1[i])),
+        4 => (0..n).for_each(|i| {
+            to[i] = from[i] + dt_s * (a.0 * a.1[i] + b.0 * b.1[i] + c.0 * c.1[i] + d.0 * d.1[i]);
+        }),
+        _ => (0..n).for_each(|i| {
+            to[i] = from[i] + dt_s * (a.0 * a.1[i] + b.0 * b.1[i] + c.0 * c.1[i] + d.0 * d.1[i] + e.0 * e.1[i]);
+        }),
+    }
+}

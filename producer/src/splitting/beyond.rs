@@ -1,0 +1,160 @@
+//! Steps with drives, and with forces on beads beside those of their contacts.
+//!
+//! Time moves with the drifts: forces of a kick are those at the time that the drifts of the step have come to. So a force that
+//! depends on time, or a wall that moves, is to these methods one coordinate more, and they keep their order.
+
+use super::{Others, Splitting};
+use crate::drives::{Acts, Drives, When};
+use crate::kernel::{Activity, Pass};
+use crate::state::ChainState;
+
+impl Splitting {
+    /// One step.
+    pub(super) fn step_with(&mut self, others: &mut Others, state: &mut ChainState) {
+        let step = state.step;
+        if self.forces_of_step != Some(step) {
+            self.start_with(others, state);
+        }
+        others.before.clone_from(&others.now);
+        let last = self.stages.kick_drift.len() - 1;
+        let mut after = 0.0;
+        for (stage, (b, a)) in self.stages.kick_drift.iter().enumerate() {
+            self.kick_with(others, b * self.dt_s, state);
+            let drift_s = a * self.dt_s;
+            self.kernel.sweep(&[Pass::Drift { drift_s }], &mut state.u_m, &mut state.v_m_s);
+            let [w_m, w_m_s, ..] = others.rows.split_mut(&mut state.extra);
+            let beads = self.kernel.active_beads();
+            if others.rows.resonators {
+                for (w, w_m_s) in w_m[beads.clone()].iter_mut().zip(&w_m_s[beads]) {
+                    *w += drift_s * w_m_s;
+                }
+            }
+            after += a;
+            let is_end = stage == last;
+            let after_s = if is_end { self.dt_s } else { after * self.dt_s };
+            self.move_to(others, When { step, after_s, is_end }, state);
+            self.kernel.sweep(&[Pass::Forces], &mut state.u_m, &mut state.v_m_s);
+        }
+        self.kick_with(others, self.stages.last_kick * self.dt_s, state);
+        if let Some(drives) = &others.drives {
+            finish_step(drives, others, state);
+        }
+        state.step += 1;
+        self.forces_of_step = Some(state.step);
+    }
+
+    /// The forces at the beginning of a step that another integrator may have come to.
+    fn start_with(&mut self, others: &mut Others, state: &mut ChainState) {
+        // as without drives: see `Splitting::advance`
+        state.v_m_s.iter_mut().for_each(|v| *v += 0.0);
+        let [w_m, w_m_s] = others.rows.resonators_of(&state.extra);
+        let activity = Activity::of(&state.u_m, &state.v_m_s).including(w_m).including(w_m_s);
+        let activity = others.drives.iter().fold(activity, |activity, drives| drives.widen(activity, state.u_m.len()));
+        self.kernel.restart(activity);
+        if let Some(drives) = &others.drives {
+            let when = When { step: state.step, after_s: 0.0, is_end: false };
+            drives.at(when, others.rows.drives_of(&state.extra), &mut others.now);
+            self.kernel.move_walls(walls_of(drives, others));
+        }
+        self.kernel.sweep(&[Pass::Forces], &mut state.u_m, &mut state.v_m_s);
+    }
+
+    /// Puts the walls and beads that drives move where they are at `when`.
+    fn move_to(&mut self, others: &mut Others, when: When, state: &mut ChainState) {
+        let Some(drives) = &others.drives else { return };
+        drives.at(when, others.rows.drives_of(&state.extra), &mut others.now);
+        for (d, now) in others.now.iter().enumerate() {
+            if let Acts::Moves(bead) = drives.acts(d) {
+                state.u_m[bead] = now.x_m;
+            }
+        }
+        self.kernel.move_walls(walls_of(drives, others));
+    }
+
+    /// A kick of `kick_s` by the forces evaluated last, and the work that drives do meanwhile.
+    fn kick_with(&mut self, others: &mut Others, kick_s: f64, state: &mut ChainState) {
+        let before: Vec<f64> = match &others.drives {
+            None => Vec::new(),
+            Some(drives) => (0..drives.count()).map(|d| drives.pushed_velocity(d, &state.v_m_s)).collect(),
+        };
+        let moved_net: Vec<f64> = match &others.drives {
+            None => Vec::new(),
+            Some(drives) => (0..drives.count()).map(|d| self.net_of_moved(drives, d, others, state)).collect(),
+        };
+        if self.kernel.sites().is_none() {
+            self.kernel.sweep(&[Pass::Kick { kick_s }], &mut state.u_m, &mut state.v_m_s);
+        } else {
+            self.kick_sites(others, kick_s, state);
+        }
+        let Some(drives) = &others.drives else { return };
+        let [.., row] = others.rows.split_mut(&mut state.extra);
+        for (d, now) in others.now.iter().enumerate() {
+            let work_j = match drives.acts(d) {
+                Acts::Pushes(bead) => {
+                    state.v_m_s[bead] += kick_s * self.kernel.inverse_mass()[bead] * now.force_n;
+                    kick_s * now.force_n * (0.5 * (before[d] + state.v_m_s[bead]))
+                }
+                Acts::Wall(0) => kick_s * (self.kernel.forces_at(0)[0] * now.v_m_s),
+                Acts::Wall(_) => -(kick_s * (self.kernel.forces_at(state.u_m.len() - 1)[1] * now.v_m_s)),
+                Acts::Moves(_) => -(kick_s * (moved_net[d] * now.v_m_s)),
+            };
+            row[2 * d] += work_j;
+        }
+    }
+
+    /// The net force (N) on the bead that drive `d` moves, if it moves one.
+    fn net_of_moved(&self, drives: &Drives, d: usize, others: &Others, state: &ChainState) -> f64 {
+        let Acts::Moves(bead) = drives.acts(d) else { return 0.0 };
+        let [left, right] = self.kernel.forces_at(bead);
+        let [w_m, _] = others.rows.resonators_of(&state.extra);
+        let w_m = w_m.get(bead).copied().unwrap_or(0.0);
+        self.kernel.sites().net_n(bead, left - right, state.u_m[bead], w_m)
+    }
+
+    /// A kick of beads with more forces than those of their contacts, and of their resonators.
+    fn kick_sites(&mut self, others: &mut Others, kick_s: f64, state: &mut ChainState) {
+        let beads = self.kernel.active_beads();
+        let pushed = self.kernel.pushed();
+        let sites = self.kernel.sites();
+        let [w_m, w_m_s, ..] = others.rows.split_mut(&mut state.extra);
+        for (at, i) in beads.clone().enumerate() {
+            let w = if sites.has_resonators() { w_m[i] } else { 0.0 };
+            others.net_n[i] = sites.net_n(i, pushed.left[at] - pushed.right[at], state.u_m[i], w);
+        }
+        for (at, i) in beads.clone().enumerate() {
+            state.v_m_s[i] += kick_s * pushed.inverse_mass[at] * others.net_n[i];
+        }
+        if sites.has_resonators() {
+            for i in beads {
+                if sites.resonator_kg[i] > 0.0 {
+                    let pull_n = sites.resonator_n(i, state.u_m[i], w_m[i]);
+                    w_m_s[i] += kick_s * (1.0 / sites.resonator_kg[i]) * -pull_n;
+                }
+            }
+        }
+    }
+}
+
+/// The ends of moved beads' steps: their velocities, and the work that accelerates them; where drives have put what they move.
+fn finish_step(drives: &Drives, others: &Others, state: &mut ChainState) {
+    let [.., row] = others.rows.split_mut(&mut state.extra);
+    for (d, now) in others.now.iter().enumerate() {
+        if let Acts::Moves(bead) = drives.acts(d) {
+            state.v_m_s[bead] = now.v_m_s;
+            let kinetic_j = |v: f64| 0.5 * others.mass_kg[bead] * (v * v);
+            row[2 * d] += kinetic_j(now.v_m_s) - kinetic_j(others.before[d].v_m_s);
+        }
+        row[2 * d + 1] = now.x_m;
+    }
+}
+
+/// Where the walls are (m).
+fn walls_of(drives: &Drives, others: &Others) -> [f64; 2] {
+    let mut walls_m = [0.0; 2];
+    for (d, now) in others.now.iter().enumerate() {
+        if let Acts::Wall(side) = drives.acts(d) {
+            walls_m[side] = now.x_m;
+        }
+    }
+    walls_m
+}

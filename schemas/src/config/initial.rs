@@ -1,0 +1,122 @@
+//! The `[initial]` table: displacements and velocities at step 0, beside those of strikers.
+
+use serde::{Deserialize, Serialize};
+
+/// What stands in it is added up.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Initial {
+    /// Displacement of each bead (m), N values.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub displacements_m: Vec<f64>,
+    /// Velocity of each bead (m/s), N values.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub velocities_m_s: Vec<f64>,
+    /// A bell curve.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gaussian: Option<Gaussian>,
+    /// A plane wave.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plane_wave: Option<PlaneWave>,
+    /// A mode of equal beads between fixed ends.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mode: Option<ModeShape>,
+    /// An exact solitary wave, which becomes lists before it is a run.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub solitary: Option<Solitary>,
+    /// Normal velocities.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub thermal: Option<Thermal>,
+    /// The state of another recording, which becomes lists before it is a run.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub from: Option<FromRecording>,
+}
+
+impl Initial {
+    /// Whether nothing is said.
+    pub fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+/// `A·exp(−(i − b)²/(2·w²))`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Gaussian {
+    /// Its middle b, in beads.
+    pub bead: f64,
+    /// Its width w, in beads.
+    pub width_beads: f64,
+    /// A of the displacements (m).
+    #[serde(default)]
+    pub displacement_m: f64,
+    /// A of the velocities (m/s).
+    #[serde(default)]
+    pub velocity_m_s: f64,
+}
+
+/// `u = A·sin(2π·cycles·i/N + φ)`, `v = B·cos` of the same.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlaneWave {
+    /// Wavelengths in the chain.
+    pub cycles: f64,
+    /// A (m).
+    #[serde(default)]
+    pub displacement_m: f64,
+    /// B (m/s).
+    #[serde(default)]
+    pub velocity_m_s: f64,
+    /// φ (rad).
+    #[serde(default)]
+    pub phase_rad: f64,
+}
+
+/// `u = A·sin(π·number·(i + 1)/(N + 1))`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModeShape {
+    /// Which mode, from 1.
+    pub number: u64,
+    /// A (m).
+    #[serde(default)]
+    pub displacement_m: f64,
+    /// The same of the velocities (m/s).
+    #[serde(default)]
+    pub velocity_m_s: f64,
+}
+
+/// The solitary wave of an unloaded chain of equal beads.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Solitary {
+    /// Where its crest is, in beads.
+    pub bead: f64,
+    /// The speed (beads/s) at which it travels; negative: to the left.
+    pub speed_beads_s: f64,
+}
+
+/// Normal velocities of all beads, without total momentum: one of its keys.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Thermal {
+    /// T (K): the mean kinetic energy of a bead is `k_B·T/2`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub temperature_k: Option<f64>,
+    /// The mean kinetic energy of a bead (J).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub energy_j: Option<f64>,
+}
+
+/// A state of a recording.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FromRecording {
+    /// The file.
+    pub recording: String,
+    /// Its step.
+    pub step: u64,
+    /// SHA-256 of the state's displacements and velocities, as they were read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
+}

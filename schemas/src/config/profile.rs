@@ -1,0 +1,121 @@
+//! One number for all places, or one for each.
+
+use super::ConfigError;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Deserializer, MapAccess, Visitor};
+use serde::{Deserialize, Serialize, Serializer};
+use std::fmt;
+
+/// Numbers for the beads, or the contacts, of a chain.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Profile {
+    /// The same everywhere.
+    Same(f64),
+    /// Values that repeat along the chain.
+    Pattern(Vec<f64>),
+    /// One value for each.
+    List(Vec<f64>),
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Written {
+    Pattern(Vec<f64>),
+    List(Vec<f64>),
+}
+
+impl Profile {
+    /// The values at `count` places.
+    pub fn values(&self, count: usize) -> Vec<f64> {
+        match self {
+            Self::Same(value) => vec![*value; count],
+            Self::Pattern(pattern) => pattern.iter().copied().cycle().take(count).collect(),
+            Self::List(list) => list.clone(),
+        }
+    }
+
+    /// The values as they are written, each at least once.
+    pub fn written(&self) -> &[f64] {
+        match self {
+            Self::Same(value) => std::slice::from_ref(value),
+            Self::Pattern(values) | Self::List(values) => values,
+        }
+    }
+
+    /// The largest of the values.
+    pub fn largest(&self) -> f64 {
+        self.written().iter().fold(0.0, |most, value| if *value > most { *value } else { most })
+    }
+
+    /// Refuses what has no values, or not one for each of `count` places, or a value outside of `range`.
+    pub(crate) fn check(
+        &self,
+        key: &str,
+        count: u64,
+        range: impl Fn(f64) -> bool,
+        allowed: &str,
+    ) -> Result<(), ConfigError> {
+        let found = self.written().len() as u64;
+        let fits = match self {
+            Self::Same(_) => true,
+            Self::Pattern(_) => (1..=count).contains(&found),
+            Self::List(_) => found == count,
+        };
+        if !fits {
+            let allowed = match self {
+                Self::List(_) => format!("{count} values, one for each place"),
+                _ => "1 value to one for each place".to_owned(),
+            };
+            return Err(ConfigError::value(key, format!("{found} values"), &allowed));
+        }
+        match self.written().iter().find(|value| !range(**value)) {
+            Some(value) => Err(ConfigError::number(key, *value, allowed)),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Serialize for Profile {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Same(value) => serializer.serialize_f64(*value),
+            Self::Pattern(values) => Written::Pattern(values.clone()).serialize(serializer),
+            Self::List(values) => Written::List(values.clone()).serialize(serializer),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Profile {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Reader;
+        impl<'de> Visitor<'de> for Reader {
+            type Value = Profile;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a number, { pattern = […] } or { list = […] }")
+            }
+
+            fn visit_f64<E>(self, value: f64) -> Result<Profile, E> {
+                Ok(Profile::Same(value))
+            }
+
+            #[expect(clippy::cast_precision_loss, reason = "as any whole number that is written for a double")]
+            fn visit_i64<E>(self, value: i64) -> Result<Profile, E> {
+                Ok(Profile::Same(value as f64))
+            }
+
+            #[expect(clippy::cast_precision_loss, reason = "as any whole number that is written for a double")]
+            fn visit_u64<E>(self, value: u64) -> Result<Profile, E> {
+                Ok(Profile::Same(value as f64))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Profile, A::Error> {
+                Ok(match Written::deserialize(MapAccessDeserializer::new(map))? {
+                    Written::Pattern(values) => Profile::Pattern(values),
+                    Written::List(values) => Profile::List(values),
+                })
+            }
+        }
+        deserializer.deserialize_any(Reader)
+    }
+}

@@ -1,0 +1,335 @@
+//! What may go beyond one struck bead and one power law.
+
+use super::beyond::{MOST_EXPONENTS, different};
+use super::check::check_positive;
+use super::Physics;
+use crate::config::{Bonds, ConfigError, End, Profile};
+use crate::damping::Damping;
+use crate::drive::{Place, Quantity, Side};
+use crate::method::Method;
+use std::collections::BTreeSet;
+
+/// Steps in the shortest period of a drive, at least.
+const STEPS_OF_PERIOD: f64 = 20.0;
+
+fn is_positive(value: f64) -> bool {
+    (1e-100..=1e100).contains(&value)
+}
+
+fn is_0_or_more(value: f64) -> bool {
+    value == 0.0 || is_positive(value)
+}
+
+impl Physics {
+    pub(super) fn check_beyond(&self) -> Result<(), ConfigError> {
+        self.check_spheres()?;
+        self.check_disorder()?;
+        self.check_laws()?;
+        self.check_ends()?;
+        self.check_sites()?;
+        self.check_initial()?;
+        self.check_drives()?;
+        self.check_method()
+    }
+
+    fn check_spheres(&self) -> Result<(), ConfigError> {
+        let Some(spheres) = &self.spheres else {
+            if let Some(odd) = self.odd_spheres.first() {
+                let allowed = "with `spheres`, from which these differ";
+                return Err(ConfigError::value("chain.odd_spheres", format!("bead {}", odd.bead), allowed));
+            }
+            let walls = [("left", self.ends.left_material), ("right", self.ends.right_material)];
+            return match walls.iter().find(|(_, material)| material.is_some()) {
+                Some((side, _)) => {
+                    let allowed = "with `spheres` in [chain]; else right_stiffness or left_stiffness";
+                    Err(ConfigError::value(&format!("ends.{side}_material"), "a material", allowed))
+                }
+                None => Ok(()),
+            };
+        };
+        let found = spheres.0.len() as u64;
+        if found == 0 || found > self.beads {
+            let allowed = "one sphere, or a list of 1 to one for each bead";
+            return Err(ConfigError::value("chain.spheres", format!("{found} spheres"), allowed));
+        }
+        let mut seen = BTreeSet::new();
+        for (i, odd) in self.odd_spheres.iter().enumerate() {
+            let key = format!("chain.odd_spheres[{i}].bead");
+            self.check_bead(&key, odd.bead)?;
+            if !seen.insert(odd.bead) {
+                return Err(ConfigError::value(&key, odd.bead, "each bead once"));
+            }
+        }
+        let all = spheres.0.iter().chain(self.odd_spheres.iter().map(|odd| &odd.sphere));
+        for sphere in all {
+            let key = "chain.spheres";
+            check_positive(key, sphere.radius_m, "m, as the radius of a sphere")?;
+            sphere.material.check(key)?;
+        }
+        let is_else = !self.masses.is_uniform() || !self.stiffnesses.is_uniform() || !self.impurities.is_empty();
+        if is_else || self.alpha != 1.5 {
+            let allowed = "no masses, impurities, stiffnesses beside them, and alpha = 1.5: the materials say it all; \
+                           `odd_spheres` for single beads";
+            return Err(ConfigError::value("chain.spheres", "spheres", allowed));
+        }
+        Ok(())
+    }
+
+    fn check_laws(&self) -> Result<(), ConfigError> {
+        let contacts = self.beads - 1;
+        if let Some(alphas) = &self.alphas {
+            let key = "chain.alphas";
+            let allowed = "exponents from 1 to 1000";
+            alphas.check(key, contacts, |alpha| (1.0..=1000.0).contains(&alpha), allowed)?;
+            if different(alphas.written()).len() > MOST_EXPONENTS {
+                let allowed = format!("at most {MOST_EXPONENTS} different ones: each has a table of its own");
+                return Err(ConfigError::value(key, "more different exponents", &allowed));
+            }
+        }
+        if let Some(second) = &self.second {
+            if !(1.0..=1000.0).contains(&second.alpha) {
+                let allowed = "an exponent from 1 to 1000";
+                return Err(ConfigError::number("chain.second.alpha", second.alpha, allowed));
+            }
+            second.stiffness.check("chain.second.stiffness", contacts, is_0_or_more, "stiffnesses of 0 or more")?;
+        }
+        if let Some(gaps_m) = &self.gaps_m {
+            let allowed = "gaps of 0 m or more; [load] presses contacts together";
+            gaps_m.check("chain.gaps_m", contacts, is_0_or_more, allowed)?;
+            if !self.load.is_none() {
+                let allowed = "no gaps in a chain that [load] presses together: it closes them";
+                return Err(ConfigError::value("chain.gaps_m", "gaps with a load", allowed));
+            }
+        }
+        if let Some(bonds) = &self.bonds {
+            self.check_bonds(bonds)?;
+        }
+        match self.damping {
+            Some(Damping::ViscousNSPerM(_)) | None => Ok(()),
+            Some(_) if !self.is_beyond_one_power() => Ok(()),
+            Some(_) => {
+                let allowed = "viscous_n_s_per_m where contacts are not one power of one exponent";
+                Err(ConfigError::value("damping", "this damping", allowed))
+            }
+        }
+    }
+
+    fn check_bonds(&self, bonds: &Bonds) -> Result<(), ConfigError> {
+        let contacts = self.beads - 1;
+        let any = |value: f64| value == 0.0 || is_positive(value.abs());
+        let springs: [(&str, &Option<Profile>, fn(f64) -> bool, &str); 3] = [
+            ("linear", &bonds.linear, is_0_or_more, "stiffnesses of 0 or more"),
+            ("quadratic", &bonds.quadratic, any, "numbers"),
+            ("cubic", &bonds.cubic, is_0_or_more, "0 or more: else the bond would break away"),
+        ];
+        for (name, stiffness, range, allowed) in springs {
+            if let Some(stiffness) = stiffness {
+                stiffness.check(&format!("chain.bonds.{name}"), contacts, range, allowed)?;
+            }
+        }
+        if let Some(toda) = &bonds.toda {
+            let key = "chain.bonds.toda.stiffness";
+            toda.stiffness.check(key, contacts, is_0_or_more, "stiffnesses of 0 or more")?;
+            check_positive("chain.bonds.toda.steepness_per_m", toda.steepness_per_m, "1/m")?;
+        }
+        let is_none = bonds.linear.is_none() && bonds.cubic.is_none() && bonds.toda.is_none();
+        if is_none {
+            let allowed = "linear, cubic or toda beside it: a quadratic force alone has no bottom";
+            return Err(ConfigError::value("chain.bonds", "no bonds that hold", allowed));
+        }
+        let is_else = self.alphas.is_some()
+            || self.second.is_some()
+            || self.gaps_m.is_some()
+            || self.spheres.is_some()
+            || !self.stiffnesses.is_uniform()
+            || !self.contacts.is_empty()
+            || self.load.gravity_m_s2 != 0.0;
+        if is_else {
+            let allowed = "bonds alone: no alphas, second, gaps_m, spheres, stiffnesses, contacts or gravity beside them";
+            return Err(ConfigError::value("chain.bonds", "bonds and contacts", allowed));
+        }
+        Ok(())
+    }
+
+    fn check_ends(&self) -> Result<(), ConfigError> {
+        let ends = &self.ends;
+        let sides = [("left", ends.left, ends.right), ("right", ends.right, ends.left)];
+        if let Some((side, ..)) = sides.iter().find(|(_, this, other)| *this == End::Periodic && this != other) {
+            let allowed = "left = \"periodic\" and right = \"periodic\": the last bead touches the first one";
+            return Err(ConfigError::value(&format!("ends.{side}"), "periodic at one end", allowed));
+        }
+        if ends.left == End::Periodic && self.beads < 3 {
+            return Err(ConfigError::value("chain.beads", self.beads, "3 beads or more in a ring"));
+        }
+        let is_absorbing = [ends.left, ends.right].contains(&End::Absorbing);
+        for (key, is_there) in [
+            ("ends.absorbing_beads", ends.absorbing_beads.is_some()),
+            ("ends.absorbing_drag_n_s_per_m", ends.absorbing_drag_n_s_per_m.is_some()),
+        ] {
+            if is_there && !is_absorbing {
+                return Err(ConfigError::value(key, "a number", "left or right = \"absorbing\" with it"));
+            }
+        }
+        if let Some(beads) = ends.absorbing_beads
+            && !(1..=self.beads).contains(&beads)
+        {
+            let allowed = format!("1 to {} beads of this chain", self.beads);
+            return Err(ConfigError::value("ends.absorbing_beads", beads, &allowed));
+        }
+        if let Some(drag) = ends.absorbing_drag_n_s_per_m {
+            check_positive("ends.absorbing_drag_n_s_per_m", drag, "N·s/m")?;
+        }
+        Ok(())
+    }
+
+    fn check_sites(&self) -> Result<(), ConfigError> {
+        let springs = [
+            ("on_site.linear_n_per_m", &self.on_site.linear_n_per_m),
+            ("on_site.cubic_n_per_m3", &self.on_site.cubic_n_per_m3),
+            ("on_site.drag_n_s_per_m", &self.on_site.drag_n_s_per_m),
+        ];
+        for (key, profile) in springs {
+            if let Some(profile) = profile {
+                profile.check(key, self.beads, is_0_or_more, "0 or more")?;
+            }
+        }
+        let holds = self.on_site.linear_n_per_m.is_some() || self.on_site.cubic_n_per_m3.is_some();
+        if holds && self.ends.left == End::Periodic && self.load.precompression_n != 0.0 {
+            let allowed = "no load: the springs hold the beads of a ring at their places, and it could not drift to carry one";
+            return Err(ConfigError::value("on_site", "springs in a loaded ring", allowed));
+        }
+        if holds && self.load.gravity_m_s2 != 0.0 {
+            let allowed = "no gravity beside springs that hold the beads: displacements count from where the springs pull";
+            return Err(ConfigError::value("on_site", "springs with gravity", allowed));
+        }
+        if let Some(resonators) = &self.resonators {
+            resonators.mass_kg.check("resonators.mass_kg", self.beads, is_0_or_more, "masses of 0 kg or more")?;
+            let key = "resonators.stiffness_n_per_m";
+            resonators.stiffness_n_per_m.check(key, self.beads, is_positive, "stiffnesses above 0")?;
+        }
+        Ok(())
+    }
+
+    fn check_initial(&self) -> Result<(), ConfigError> {
+        let initial = &self.initial;
+        if let Some(solitary) = initial.solitary {
+            let allowed = "lists: a solitary wave is computed before a run is, by `run` and `sweep`";
+            return Err(ConfigError::number("initial.solitary.speed_beads_s", solitary.speed_beads_s, allowed));
+        }
+        let lists = [("displacements_m", &initial.displacements_m), ("velocities_m_s", &initial.velocities_m_s)];
+        for (name, list) in lists {
+            let key = format!("initial.{name}");
+            if !list.is_empty() && list.len() as u64 != self.beads {
+                let allowed = format!("{} values, one for each bead", self.beads);
+                return Err(ConfigError::value(&key, format!("{} values", list.len()), &allowed));
+            }
+            if let Some(wrong) = list.iter().find(|value| value.is_nan() || value.abs() > 1e100) {
+                return Err(ConfigError::number(&key, *wrong, "numbers up to 1e100"));
+            }
+        }
+        if let Some(bell) = initial.gaussian {
+            check_positive("initial.gaussian.width_beads", bell.width_beads, "beads")?;
+        }
+        if let Some(mode) = initial.mode
+            && !(1..=self.beads).contains(&mode.number)
+        {
+            let allowed = format!("modes 1 to {}", self.beads);
+            return Err(ConfigError::value("initial.mode.number", mode.number, &allowed));
+        }
+        if let Some(thermal) = initial.thermal {
+            let key = "initial.thermal";
+            match (thermal.temperature_k, thermal.energy_j) {
+                (Some(temperature), None) => check_positive("initial.thermal.temperature_k", temperature, "K")?,
+                (None, Some(energy)) => check_positive("initial.thermal.energy_j", energy, "J")?,
+                _ => return Err(ConfigError::value(key, "none or both", "one of temperature_k and energy_j")),
+            }
+        }
+        if let Some(from) = &initial.from
+            && initial.displacements_m.is_empty()
+        {
+            let allowed = "the lists of that state beside it: `run` and `sweep` read it";
+            return Err(ConfigError::value("initial.from.recording", &from.recording, allowed));
+        }
+        Ok(())
+    }
+
+    fn check_drives(&self) -> Result<(), ConfigError> {
+        if self.drives.len() as u64 > self.beads / 2 {
+            let allowed = format!("at most {} drives: one for each two beads", self.beads / 2);
+            return Err(ConfigError::value("drive", format!("{} drives", self.drives.len()), &allowed));
+        }
+        for (i, drive) in self.drives.iter().enumerate() {
+            let key = format!("drive[{i}]");
+            match drive.at {
+                Place::Bead(bead) => self.check_bead(&format!("{key}.bead"), bead)?,
+                Place::Wall(side) => {
+                    let end = if side == Side::Left { self.ends.left } else { self.ends.right };
+                    if end != End::Fixed {
+                        let allowed = format!("a wall that is there: {side} = \"fixed\" in [ends]; or bead = …");
+                        return Err(ConfigError::value(&format!("{key}.wall"), side, &allowed));
+                    }
+                    if drive.prescribes == Quantity::Force {
+                        let allowed = "displacement_m or velocity_m_s of a wall; force_n of a bead";
+                        return Err(ConfigError::value(&format!("{key}.force_n"), "a force on a wall", allowed));
+                    }
+                }
+            }
+            if let Some(other) = self.drives[..i].iter().position(|other| other.at == drive.at) {
+                let allowed = format!("one drive at a place; drive[{other}] is at {} already", drive.at);
+                return Err(ConfigError::value(&key, format!("another drive at {}", drive.at), &allowed));
+            }
+            let strikes = |striker: &crate::config::StrikerConfig| {
+                striker.velocity_m_s != 0.0 && drive.at == Place::Bead(striker.bead)
+            };
+            if drive.prescribes != Quantity::Force
+                && std::iter::once(&self.striker).chain(&self.strikers).any(strikes)
+            {
+                let allowed = "a bead that is not struck: its motion is prescribed";
+                return Err(ConfigError::value(&format!("{key}.bead"), drive.at, allowed));
+            }
+        }
+        Ok(())
+    }
+
+    /// What can be said of the drives only when the steps are known.
+    pub(super) fn check_drive_times(&self) -> Result<(), ConfigError> {
+        for (i, drive) in self.drives.iter().enumerate() {
+            let key = format!("drive[{i}]");
+            drive.check(&key, self.time_s(self.step_count))?;
+            let Some(hz) = drive.waveform.highest_hz() else { continue };
+            let steps = 1.0 / (hz * self.dt_s);
+            if steps < STEPS_OF_PERIOD {
+                let key = format!("{key}.{}", drive.prescribes.key());
+                let found = format!("{hz} Hz, a period of {steps:.3} steps");
+                let longest_s = 1.0 / (STEPS_OF_PERIOD * hz);
+                let allowed = format!(
+                    "a period of at least {STEPS_OF_PERIOD} steps: time.dt_s of at most {longest_s:.3e} s, or a lower frequency"
+                );
+                return Err(ConfigError::value(&key, found, &allowed));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_method(&self) -> Result<(), ConfigError> {
+        let needs_rk5 = matches!(self.damping, Some(Damping::KuwabaraKonoS(_) | Damping::Power(_)));
+        let is_plain = !self.is_beyond_one_power()
+            && self.on_site.is_none()
+            && self.resonators.is_none()
+            && self.drives.is_empty()
+            && self.ends.left != End::Periodic
+            && !self.has_drag();
+        let refuse = |allowed: &str| Err(ConfigError::value("integrator.method", self.method, allowed));
+        match self.method {
+            Method::Gear5 if needs_rk5 || !is_plain => refuse(
+                "rk5 (or rkn4, velocity-verlet without damping and drag): gear5 knows one power of the overlap, walls that stand \
+                 still and the dampings viscous_n_s_per_m and restitution",
+            ),
+            Method::VelocityVerlet | Method::Rkn4 if self.has_drag() => refuse(
+                "rk5 with drag, as absorbing ends have: the kicks of this method hold the velocity fixed, and it would lose its order",
+            ),
+            _ => Ok(()),
+        }
+    }
+}
+

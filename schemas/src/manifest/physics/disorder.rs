@@ -1,0 +1,134 @@
+//! What a seed makes of the masses and stiffnesses that the rules give.
+
+use super::{Physics, usize_of};
+use crate::config::{ConfigError, Disorder, Disordered, Sphere, StiffnessRule};
+use crate::functions::exp;
+use crate::philox::uniform;
+use crate::random::{normal, permutation};
+
+impl Physics {
+    /// The mass of each bead (kg), N values.
+    pub(super) fn chain_masses_kg(&self) -> Vec<f64> {
+        self.masses_and_stiffnesses().0
+    }
+
+    /// Masses (kg, N values) and stiffnesses (N − 1 values) of the chain.
+    pub(super) fn masses_and_stiffnesses(&self) -> (Vec<f64>, Vec<f64>) {
+        let mut spheres = self.all_spheres();
+        let mut mass_kg = self.masses_kg();
+        for (disorder, stream) in self.disorder.iter().zip(0..) {
+            match (disorder.of, &mut spheres) {
+                (Disordered::Radii, Some(spheres)) => {
+                    let mut radius_m: Vec<f64> = spheres.iter().map(|sphere| sphere.radius_m).collect();
+                    self.apply(disorder, stream, &mut radius_m);
+                    spheres.iter_mut().zip(radius_m).for_each(|(sphere, radius_m)| sphere.radius_m = radius_m);
+                }
+                (Disordered::Radii, None) => {
+                    let mut factor = vec![1.0; mass_kg.len()];
+                    self.apply(disorder, stream, &mut factor);
+                    mass_kg.iter_mut().zip(factor).for_each(|(mass_kg, f)| *mass_kg *= f * f * f);
+                }
+                (Disordered::Masses, _) | (Disordered::Stiffnesses, _) => {}
+            }
+        }
+        let mut stiffness = match &spheres {
+            Some(spheres) => {
+                mass_kg = spheres.iter().map(Sphere::mass_kg).collect();
+                let pairs = spheres.windows(2);
+                let mut stiffness: Vec<f64> = pairs.map(|pair| pair[0].stiffness_with(&pair[1])).collect();
+                self.contacts.iter().for_each(|odd| stiffness[usize_of(odd.contact)] = odd.stiffness);
+                stiffness
+            }
+            None => self.contact_stiffnesses(&mass_kg),
+        };
+        for (disorder, stream) in self.disorder.iter().zip(0..) {
+            match disorder.of {
+                Disordered::Masses => self.apply(disorder, stream, &mut mass_kg),
+                Disordered::Stiffnesses => self.apply(disorder, stream, &mut stiffness),
+                Disordered::Radii => {}
+            }
+        }
+        (mass_kg, stiffness)
+    }
+
+    /// Changes `values` as `disorder` says, by the numbers of `stream`.
+    fn apply(&self, disorder: &Disorder, stream: u32, values: &mut [f64]) {
+        if disorder.permuted {
+            let order = permutation(self.seed, stream, values.len());
+            let before = values.to_vec();
+            values.iter_mut().zip(order).for_each(|(value, from)| *value = before[from]);
+            return;
+        }
+        for (i, value) in (0..).zip(values) {
+            *value *= self.factor(disorder, stream, i);
+        }
+    }
+
+    fn factor(&self, disorder: &Disorder, stream: u32, i: u64) -> f64 {
+        if let Some(width) = disorder.uniform {
+            1.0 + width * (2.0 * uniform(self.seed, stream, i) - 1.0)
+        } else if let Some(deviation) = disorder.normal {
+            1.0 + deviation * normal(self.seed, stream, i)
+        } else if let Some(deviation) = disorder.log_normal {
+            exp(deviation * normal(self.seed, stream, i))
+        } else if let Some(two) = disorder.two_valued {
+            if uniform(self.seed, stream, i) < two.fraction { two.factor } else { 1.0 }
+        } else {
+            1.0
+        }
+    }
+
+    /// Refuses disorder that cannot be, or that makes a mass or a stiffness that cannot be.
+    pub(super) fn check_disorder(&self) -> Result<(), ConfigError> {
+        for (i, disorder) in self.disorder.iter().enumerate() {
+            let key = format!("disorder[{i}]");
+            let asked = [disorder.uniform.is_some(), disorder.normal.is_some(), disorder.log_normal.is_some()];
+            let asked = asked.iter().filter(|asked| **asked).count()
+                + usize::from(disorder.two_valued.is_some())
+                + usize::from(disorder.permuted);
+            if asked != 1 {
+                let allowed = "one of uniform, normal, log_normal, two_valued and permuted = true";
+                return Err(ConfigError::value(&key, format!("{asked} of them"), allowed));
+            }
+            let widths = [("uniform", disorder.uniform), ("normal", disorder.normal), ("log_normal", disorder.log_normal)];
+            for (name, width) in widths {
+                let key = format!("{key}.{name}");
+                match width {
+                    Some(width) if !(0.0..=10.0).contains(&width) => {
+                        return Err(ConfigError::number(&key, width, "a width from 0 to 10"));
+                    }
+                    _ => {}
+                }
+            }
+            if let Some(two) = disorder.two_valued {
+                if !(0.0..=1.0).contains(&two.fraction) {
+                    let key = format!("{key}.two_valued.fraction");
+                    return Err(ConfigError::number(&key, two.fraction, "a fraction from 0 to 1"));
+                }
+            }
+            let by_radii = self.spheres.is_some() || self.stiffnesses == StiffnessRule::Radii;
+            if disorder.of == Disordered::Radii && !by_radii {
+                let allowed = "radii only with `spheres`, or with stiffnesses = \"radii\"; else masses, stiffnesses";
+                return Err(ConfigError::value(&format!("{key}.of"), "radii", allowed));
+            }
+        }
+        if self.disorder.is_empty() {
+            return Ok(());
+        }
+        let (mass_kg, stiffness) = self.masses_and_stiffnesses();
+        let wrong = |values: &[f64]| values.iter().position(|value| !(1e-100..=1e100).contains(value));
+        let last = format!("disorder[{}]", self.disorder.len() - 1);
+        let seed = self.seed;
+        if let Some(bead) = wrong(&mass_kg) {
+            let found = format!("seed {seed}, which makes bead {bead} weigh {:e} kg", mass_kg[bead]);
+            let allowed = "masses above 0: a narrower distribution, log_normal, or another seed";
+            return Err(ConfigError::value(&last, found, allowed));
+        }
+        if let Some(contact) = wrong(&stiffness) {
+            let found = format!("seed {seed}, which gives contact {contact} the stiffness {:e}", stiffness[contact]);
+            let allowed = "stiffnesses above 0: a narrower distribution, log_normal, or another seed";
+            return Err(ConfigError::value(&last, found, allowed));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,169 @@
+//! The state at step 0.
+
+use super::arrays::larger;
+use super::{Physics, usize_of};
+use crate::config::{Gaussian, ModeShape, PlaneWave, Thermal};
+use crate::drive::{Drive, Place, Quantity};
+use crate::functions::{Moment, exp, sine_cosine, two_product, two_sum};
+use crate::random::normal;
+
+/// Boltzmann's constant (J/K), exact in the SI of 2019.
+const BOLTZMANN_J_K: f64 = 1.380_649e-23;
+
+/// The stream of random numbers of thermal velocities; those of disorder count from 0.
+const THERMAL: u32 = u32::MAX;
+
+impl Physics {
+    /// Displacements (m) and velocities (m/s) at step 0, N values each.
+    pub fn initial_state(&self) -> (Vec<f64>, Vec<f64>) {
+        let beads = usize_of(self.beads);
+        let (mut u_m, mut v_m_s) = (vec![0.0; beads], vec![0.0; beads]);
+        let initial = &self.initial;
+        add(&mut u_m, initial.displacements_m.iter().copied());
+        add(&mut v_m_s, initial.velocities_m_s.iter().copied());
+        if let Some(bell) = &initial.gaussian {
+            let shape = (0..beads).map(|i| bell_at(bell, i as f64));
+            add(&mut u_m, shape.clone().map(|shape| bell.displacement_m * shape));
+            add(&mut v_m_s, shape.map(|shape| bell.velocity_m_s * shape));
+        }
+        if let Some(wave) = &initial.plane_wave {
+            let shape = (0..beads).map(|i| wave_at(wave, i as f64, beads as f64));
+            add(&mut u_m, shape.clone().map(|(sine, _)| wave.displacement_m * sine));
+            add(&mut v_m_s, shape.map(|(_, cosine)| wave.velocity_m_s * cosine));
+        }
+        if let Some(mode) = &initial.mode {
+            let shape = (0..beads).map(|i| mode_at(mode, i as f64, beads as f64));
+            add(&mut u_m, shape.clone().map(|shape| mode.displacement_m * shape));
+            add(&mut v_m_s, shape.map(|shape| mode.velocity_m_s * shape));
+        }
+        if let Some(thermal) = initial.thermal {
+            add(&mut v_m_s, self.thermal_m_s(thermal).into_iter());
+        }
+        for striker in std::iter::once(&self.striker).chain(&self.strikers) {
+            v_m_s[usize_of(striker.bead)] += striker.velocity_m_s;
+        }
+        let start = Moment::new(0, self.dt_s, 0.0);
+        for drive in &self.drives {
+            if let (Place::Bead(bead), Quantity::Displacement | Quantity::Velocity) = (drive.at, drive.prescribes) {
+                let bead = usize_of(bead);
+                (u_m[bead], v_m_s[bead]) = starts_at(drive, start);
+            }
+        }
+        // −0 is 0
+        u_m.iter_mut().chain(&mut v_m_s).for_each(|x| *x += 0.0);
+        (u_m, v_m_s)
+    }
+
+    /// The rows of `extra` at step 0 for the displacements `u_m`: resonators rest in their beads, no work has been done. What a
+    /// method carries is 0 here.
+    pub fn initial_extra(&self, u_m: &[f64]) -> Vec<f64> {
+        let rows = self.rows();
+        let mut extra = vec![0.0; rows.count() * u_m.len()];
+        let [w_m, _, _, drives] = rows.split_mut(&mut extra);
+        if rows.resonators {
+            w_m.copy_from_slice(u_m);
+        }
+        let start = Moment::new(0, self.dt_s, 0.0);
+        for (d, drive) in self.drives.iter().enumerate() {
+            drives[2 * d + 1] = starts_at(drive, start).0 + 0.0;
+        }
+        extra
+    }
+
+    /// Normal velocities (m/s), without total momentum.
+    fn thermal_m_s(&self, thermal: Thermal) -> Vec<f64> {
+        let mean_j = thermal.energy_j.unwrap_or(0.5 * BOLTZMANN_J_K * thermal.temperature_k.unwrap_or(0.0));
+        let mass_kg = self.chain_masses_kg();
+        let of = |(i, mass_kg): (usize, &f64)| {
+            normal(self.seed, THERMAL, i as u64) * (2.0 * mean_j / mass_kg).sqrt()
+        };
+        let mut v_m_s: Vec<f64> = mass_kg.iter().enumerate().map(of).collect();
+        let sum = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |sum, x| sum + x);
+        let momentum = sum(&mut v_m_s.iter().zip(&mass_kg).map(|(v, m)| v * m));
+        let drift_m_s = momentum / sum(&mut mass_kg.iter().copied());
+        v_m_s.iter_mut().for_each(|v| *v -= drift_m_s);
+        v_m_s
+    }
+
+    /// The speed (m/s) that what moves beads at first, or drives them, gives them at most; an estimate for scales. 0 where only
+    /// displacements are given.
+    pub(super) fn typical_speed_m_s(&self) -> f64 {
+        let mut most = 0.0;
+        let mut with = |speed_m_s: f64| most = larger(most, speed_m_s.abs());
+        std::iter::once(&self.striker).chain(&self.strikers).for_each(|striker| with(striker.velocity_m_s));
+        let initial = &self.initial;
+        initial.velocities_m_s.iter().for_each(|v| with(*v));
+        initial.gaussian.iter().for_each(|bell| with(bell.velocity_m_s));
+        initial.plane_wave.iter().for_each(|wave| with(wave.velocity_m_s));
+        initial.mode.iter().for_each(|mode| with(mode.velocity_m_s));
+        if let Some(thermal) = initial.thermal {
+            let mean_j =
+                thermal.energy_j.unwrap_or(0.5 * BOLTZMANN_J_K * thermal.temperature_k.unwrap_or(0.0));
+            // three standard deviations
+            with(3.0 * (2.0 * mean_j / self.bead_mass_kg).sqrt());
+        }
+        for drive in &self.drives {
+            if drive.prescribes == Quantity::Velocity {
+                with(drive.waveform.largest());
+            }
+        }
+        most
+    }
+
+    /// The overlap (m) that displacements at first, drives by displacement, or by force, give a contact at most; an estimate.
+    pub(super) fn typical_overlap_m(&self) -> f64 {
+        let mut most = 0.0;
+        let mut with = |overlap_m: f64| most = larger(most, overlap_m.abs());
+        let initial = &self.initial;
+        initial.displacements_m.windows(2).for_each(|pair| with(pair[0] - pair[1]));
+        initial.displacements_m.iter().for_each(|u| with(*u));
+        initial.gaussian.iter().for_each(|bell| with(bell.displacement_m));
+        initial.plane_wave.iter().for_each(|wave| with(wave.displacement_m));
+        initial.mode.iter().for_each(|mode| with(mode.displacement_m));
+        for drive in &self.drives {
+            match drive.prescribes {
+                Quantity::Displacement => with(drive.waveform.largest()),
+                Quantity::Force => with(self.overlap_under(drive.waveform.largest(), self.stiffness)),
+                Quantity::Velocity => {}
+            }
+        }
+        most
+    }
+}
+
+/// Displacement (m) and velocity (m/s) that a drive gives at first to what it moves.
+fn starts_at(drive: &Drive, start: Moment) -> (f64, f64) {
+    match drive.prescribes {
+        Quantity::Force => (0.0, 0.0),
+        Quantity::Displacement => drive.waveform.value_and_slope(start),
+        Quantity::Velocity => (0.0, drive.waveform.value(start)),
+    }
+}
+
+fn add(values: &mut [f64], more: impl Iterator<Item = f64>) {
+    for (value, more) in values.iter_mut().zip(more) {
+        *value += more;
+    }
+}
+
+fn bell_at(bell: &Gaussian, bead: f64) -> f64 {
+    let x = (bead - bell.bead) / bell.width_beads;
+    exp(-0.5 * (x * x))
+}
+
+/// Sine and cosine of the phase of a plane wave.
+fn wave_at(wave: &PlaneWave, bead: f64, beads: f64) -> (f64, f64) {
+    let (turns, rest) = two_product(wave.cycles / beads, bead);
+    reduced(turns + wave.phase_rad / std::f64::consts::TAU, rest)
+}
+
+/// Sine and cosine of any number of turns.
+fn reduced(turns: f64, rest: f64) -> (f64, f64) {
+    sine_cosine(two_sum(turns - (turns + 0.5).floor(), rest))
+}
+
+fn mode_at(mode: &ModeShape, bead: f64, beads: f64) -> f64 {
+    // half a turn for each half wave
+    let number = mode.number as f64;
+    reduced(0.5 * (number * (bead + 1.0) / (beads + 1.0)), 0.0).0
+}

@@ -1,0 +1,60 @@
+//! What the rows of `extra` in a frame mean, N values each.
+
+/// The rows of a run's `extra`, in their order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Rows {
+    /// Terms of the motion that the method carries: `gear5` has four.
+    pub of_method: usize,
+    /// Whether resonators have two: their displacements (m), their velocities (m/s).
+    pub resonators: bool,
+    /// Whether there is one of the work (J) that is dissipated: number i is that of contact i and of the drag of bead i, the last one
+    /// that of the walls, or of the contact that closes a ring, and of the drag of the last bead.
+    pub work: bool,
+    /// Whether there is one of the drives: number 2d is the work (J) that drive d has done, 2d + 1 the displacement (m) of what it moves.
+    pub drives: bool,
+}
+
+impl Rows {
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.of_method + 2 * usize::from(self.resonators) + usize::from(self.work) + usize::from(self.drives)
+    }
+
+    /// The row of `extra` that begins `after` rows of N values behind those of the method; empty where `is_there` is not.
+    fn row<'a>(&self, extra: &'a [f64], after: usize, is_there: bool) -> &'a [f64] {
+        let n = if is_there { extra.len() / self.count() } else { 0 };
+        let start = (self.of_method + after) * n;
+        &extra[start..start + n]
+    }
+
+    /// Displacements (m) and velocities (m/s) of the resonators, N values each, or none.
+    pub fn resonators_of<'a>(&self, extra: &'a [f64]) -> [&'a [f64]; 2] {
+        [self.row(extra, 0, self.resonators), self.row(extra, 1, self.resonators)]
+    }
+
+    /// Where the dissipated work begins, in rows.
+    fn before_work(self) -> usize {
+        2 * usize::from(self.resonators)
+    }
+
+    /// The work (J) that was dissipated at each place, N values, or none.
+    pub fn work_of<'a>(&self, extra: &'a [f64]) -> &'a [f64] {
+        self.row(extra, self.before_work(), self.work)
+    }
+
+    /// The row of the drives, N values, or none.
+    pub fn drives_of<'a>(&self, extra: &'a [f64]) -> &'a [f64] {
+        self.row(extra, self.before_work() + usize::from(self.work), self.drives)
+    }
+
+    /// The same rows, to write to: resonators (displacements, velocities), work, drives.
+    pub fn split_mut<'a>(&self, extra: &'a mut [f64]) -> [&'a mut [f64]; 4] {
+        let n = if self.count() > 0 { extra.len() / self.count() } else { 0 };
+        let rest = &mut extra[self.of_method * n..];
+        let of = |is_there: bool| if is_there { n } else { 0 };
+        let (w_m, rest) = rest.split_at_mut(of(self.resonators));
+        let (w_m_s, rest) = rest.split_at_mut(of(self.resonators));
+        let (work_j, rest) = rest.split_at_mut(of(self.work));
+        [w_m, w_m_s, work_j, &mut rest[..of(self.drives)]]
+    }
+}

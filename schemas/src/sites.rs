@@ -1,0 +1,97 @@
+//! What acts on each bead beside its contacts: springs at its place, drag, a resonator.
+
+use crate::simd::ordered_sum;
+use std::ops::Range;
+
+/// Arrays of N values, or empty where nothing of the kind acts.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Sites {
+    /// κ of a force −κ·u (N/m).
+    pub linear_n_per_m: Vec<f64>,
+    /// κ3 of a force −κ3·u³ (N/m³); there are linear ones where there are these.
+    pub cubic_n_per_m3: Vec<f64>,
+    /// γ of a force −γ·v (N·s/m).
+    pub drag_n_s_per_m: Vec<f64>,
+    /// Mass of the resonator in each bead (kg), 0 where there is none.
+    pub resonator_kg: Vec<f64>,
+    /// Stiffness of the spring of each resonator (N/m).
+    pub resonator_n_per_m: Vec<f64>,
+}
+
+impl Sites {
+    /// Whether springs hold the beads.
+    pub fn has_springs(&self) -> bool {
+        !self.linear_n_per_m.is_empty()
+    }
+
+    /// Whether beads have resonators.
+    pub fn has_resonators(&self) -> bool {
+        !self.resonator_kg.is_empty()
+    }
+
+    /// Whether anything acts that depends on velocities.
+    pub fn has_drag(&self) -> bool {
+        !self.drag_n_s_per_m.is_empty()
+    }
+
+    /// Whether nothing acts.
+    pub fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// The net force (N) of bead `i` with the displacement `u_m` (m), that of its resonator `w_m` (m), whose contacts push it with
+    /// `contacts_n` (N).
+    #[inline(always)]
+    pub fn net_n(&self, i: usize, contacts_n: f64, u_m: f64, w_m: f64) -> f64 {
+        let mut net_n = contacts_n;
+        if self.has_springs() {
+            net_n -= self.spring_n(i, u_m);
+        }
+        if self.has_resonators() {
+            net_n += self.resonator_n(i, u_m, w_m);
+        }
+        net_n
+    }
+
+    /// The force (N) that pulls bead `i` back to its place.
+    #[inline(always)]
+    fn spring_n(&self, i: usize, u_m: f64) -> f64 {
+        let linear_n = self.linear_n_per_m[i] * u_m;
+        if self.cubic_n_per_m3.is_empty() {
+            linear_n
+        } else {
+            linear_n + self.cubic_n_per_m3[i] * (u_m * u_m * u_m)
+        }
+    }
+
+    /// The force (N) with which the resonator of bead `i` pulls it to the right.
+    #[inline(always)]
+    pub fn resonator_n(&self, i: usize, u_m: f64, w_m: f64) -> f64 {
+        self.resonator_n_per_m[i] * (w_m - u_m)
+    }
+
+    /// Kinetic energy (J) of the resonators of `beads`, of the velocities `w_m_s` (N values).
+    pub fn kinetic_j(&self, w_m_s: &[f64], beads: Range<usize>) -> f64 {
+        let mass_kg = &self.resonator_kg[beads.clone()];
+        ordered_sum([mass_kg, &w_m_s[beads]], |[mass_kg, w]| 0.5 * mass_kg * (w * w))
+    }
+
+    /// Potential energy (J) of the springs of `beads`, of the displacements `u_m` (N values).
+    pub fn springs_j(&self, u_m: &[f64], beads: Range<usize>) -> f64 {
+        let (linear, u_m) = (&self.linear_n_per_m[beads.clone()], &u_m[beads.clone()]);
+        if self.cubic_n_per_m3.is_empty() {
+            return ordered_sum([linear, u_m], |[k, u]| 0.5 * k * (u * u));
+        }
+        let cubic = &self.cubic_n_per_m3[beads];
+        ordered_sum([linear, cubic, u_m], |[k, k3, u]| 0.5 * k * (u * u) + 0.25 * k3 * ((u * u) * (u * u)))
+    }
+
+    /// Potential energy (J) of the springs of the resonators of `beads`, displaced by `w_m` (N values).
+    pub fn resonators_j(&self, u_m: &[f64], w_m: &[f64], beads: Range<usize>) -> f64 {
+        let stiffness = &self.resonator_n_per_m[beads.clone()];
+        ordered_sum([stiffness, &u_m[beads.clone()], &w_m[beads]], |[k, u, w]| {
+            let stretch_m = w - u;
+            0.5 * k * (stretch_m * stretch_m)
+        })
+    }
+}
