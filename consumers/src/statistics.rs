@@ -51,7 +51,7 @@ impl Statistics {
 /// The value below which `part` of the `sorted` ones lie: at place `part·(n − 1)` from 0, linear between its neighbours.
 ///
 /// # Source
-/// R. J. Hyndman and Y. Fan, Am. Stat. 50 (1996) 361, DOI 10.1080/00031305.1996.10473566, definition 7: that of NumPy and R.
+/// R. J. Hyndman and Y. Fan, Am. Stat. 50 (1996) 361, DOI 10.1080/00031305.1996.10473566, definition 7: that of `NumPy` and R.
 fn quantile(sorted: &[f64], part: f64) -> f64 {
     let place = part * (sorted.len() - 1) as f64;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index")]

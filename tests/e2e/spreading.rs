@@ -29,10 +29,8 @@ fn live_file_and_recomputed_frames_give_the_same_table() {
     }
     place.run("plot small.mcap --what spreading --out p.svg").exits(0);
     assert!(place.read("p.svg") == place.read("live.svg"));
-    place
-        .run("plot small.mcap --what energy-density --at 0.004 --out at.svg")
-        .exits(0)
-        .says(&["energy-density"]);
+    let at = place.run("plot small.mcap --what energy-density --at 0.004 --out at.svg").exits(0);
+    assert!(at.stdout().contains("values") && at.stdout().contains(" mJ"), "{}", at.stdout());
 }
 
 /// The sum over the beads is the total energy, but for the rounding of sums in two orders: N units in the last place.
@@ -56,7 +54,8 @@ fn no_energy_is_lost_between_the_beads() {
     }
 }
 
-/// Nesterenko's pulse of α = 1.5 is about 5 beads wide, and nearly all of the energy is in it: the centre moves, few beads take part.
+/// Nearly all of the energy is in one pulse: the centre moves, and as many beads take part as in its middle: between 1.9, where a
+/// bead is at its peak, and 2.3, where a contact is.
 #[test]
 fn a_solitary_wave_stays_together() {
     let place = Place::new();
@@ -68,7 +67,7 @@ fn a_solitary_wave_stays_together() {
     let (centre, part) =
         (last["centre_beads"].as_f64().unwrap(), last["participation_beads"].as_f64().unwrap());
     assert!(centre > 20.0, "{last}");
-    assert!((2.0..5.0).contains(&part), "{last}");
+    assert!((1.9..2.3).contains(&part), "{last}");
     let csv = place.read("w.csv");
     // at first one bead has everything, whose second moment is 0
     assert_eq!((column(&csv, "participation_beads")[0], column(&csv, "second_moment_beads2")[0]), (1.0, 0.0));

@@ -42,7 +42,7 @@ fn what_is_drawn_is_chosen_well_and_said() {
     assert_eq!(chosen["x"], "chain.impurities[0].mass_kg");
     assert_eq!((&chosen["by"], &chosen["averaged_over"]), (&json!("chain.alpha"), &json!(["seed"])));
     let svg = place.read("a.svg");
-    for says in ["impurities[0] mass", "total", "α = 1.5", "α = 2", "mean over seed"] {
+    for says in ["impurity 0 mass", "total", "α = 1.5", "α = 2", "mean over seed"] {
         assert!(svg.contains(says), "{says}");
     }
     // two long axes and no wish: a map

@@ -76,7 +76,7 @@ impl Fields {
     pub(crate) fn new(manifest: &RunManifest) -> Self {
         let chain = manifest.physics.chain();
         let contacts = Contacts::new(manifest, default_tolerance_m(manifest));
-        Self { contacts, chain }
+        Self { chain, contacts }
     }
 
     /// The values of `field` in `frame`, in the order of the chain.

@@ -262,7 +262,7 @@ fn an_ensemble_leaves_one_key_out() {
     refuses(&format!("[ensemble]\n{SAMPLE}"), 1, &["`seed`", "chain.alpha"]);
     refuses(&format!("seeds = 5\n{SAMPLE}"), 1, &["seeds", "{ from = 0, count = 100 }"]);
     refuses(&SAMPLE.replace("chain.beads = {", "chain.alpha = {"), 11, &["chain.alpha", "twice"]);
-    let many: String = (0..17).map(|i| format!("\"a{i}\" = {{ from = 1, to = 2 }}, ")).collect();
+    let many = (0..17).fold(String::new(), |all, i| all + &format!("\"a{i}\" = {{ from = 1, to = 2 }}, "));
     let many = format!(
         "[sample]\nmethod = \"sobol\"\ncount = 4\nranges = {{ {many} }}\n[base]\npreset = \"homogeneous\"\n"
     );

@@ -112,10 +112,11 @@ fn log_of(args: &PlotArgs) -> [bool; 2] {
     [AxisArg::X, AxisArg::Y].map(|axis| args.log.contains(&axis))
 }
 
-fn caption(path: &Path, columns: &Columns, choice: &Choice, curve: &str) -> String {
+fn caption(path: &Path, columns: &Columns, choice: &Choice, (curve, has_band): (&str, bool)) -> String {
     let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let rows = counted(columns.row_count() as u64, "row");
     let averaged = match choice.averaged.as_slice() {
+        [] if columns.is_ensemble() || has_band => format!("; {curve}"),
         [] => String::new(),
         keys => format!("; {curve} over {}", keys.join(", ")),
     };
@@ -133,14 +134,14 @@ fn heat_of(
     let numbers = [columns.numbers(&choice.x)?, columns.numbers(y)?, columns.result(heat)?.means()];
     let rows = (0..columns.row_count()).filter_map(|row| {
         let [x, y, value] = [0, 1, 2].map(|i| numbers[i].get(row).copied().flatten());
-        Some([x?, y?, value?])
+        Some([x?, y?, value.unwrap_or(f64::NAN)])
     });
     Ok(HeatMap {
         columns: [choice.x.clone(), y.to_owned(), heat.to_owned()],
         log: log_of(args),
         log_colours: args.colours == Some(ColoursArg::Log),
         values: rows.collect(),
-        caption: caption(path, columns, choice, "mean"),
+        caption: caption(path, columns, choice, ("mean", false)),
     })
 }
 
@@ -202,7 +203,7 @@ fn curves_of(
         log: log_of(args),
         band,
         scattered: choice.scattered,
-        caption: caption(path, columns, choice, curve),
+        caption: caption(path, columns, choice, (curve, band.is_some())),
     })
 }
 

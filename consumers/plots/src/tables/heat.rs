@@ -48,7 +48,7 @@ pub fn heat_map(map: &HeatMap) -> Result<Figure, FigureError> {
     #[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for a colour")]
     let drawn: Vec<Option<f32>> = drawn.map(|value| value.map(|value| value as f32)).collect();
     let count = |cells: &[usize]| u32::try_from(cells.len()).unwrap_or(u32::MAX);
-    let raster = Raster::values(count(&columns), count(&rows), &drawn, scale)?.nothing("no rows");
+    let raster = Raster::values(count(&columns), count(&rows), &drawn, scale)?.nothing("no value");
     let axis = |side: &Side, name: &str| {
         let (from, to) = side.ends();
         let axis = Axis::new(column_label(name)).limits(from, to);

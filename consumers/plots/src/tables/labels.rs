@@ -38,7 +38,8 @@ const STATISTICS: [(&str, &str); 8] = [
 /// ```
 /// use plots::column_label;
 /// assert_eq!(column_label("striker.velocity_m_s"), "striker velocity (m/s)");
-/// assert_eq!(column_label("chain.impurities[0].mass_kg"), "impurities[0] mass (kg)");
+/// assert_eq!(column_label("chain.impurities[0].mass_kg"), "impurity 0 mass (kg)");
+/// assert_eq!(column_label("forward_v_peak_m_s"), "forward peak velocity (m/s)");
 /// assert_eq!(column_label("standard_error_total_j"), "standard error of total (J)");
 /// assert_eq!(column_label("chain.alpha"), "α");
 /// ```
@@ -56,7 +57,8 @@ pub fn column_label(column: &str) -> String {
         Some((name, unit)) if !name.is_empty() => (name, unit),
         _ => (name, ""),
     };
-    let words = name.replace(['_', '.'], " ");
+    let words = name.replace("v_peak", "peak_velocity").replace("impurities[", "impurity ");
+    let words = words.replace(['_', '.'], " ").replace(']', "");
     let is_count = prefix.starts_with("rows") || unit.is_empty();
     if is_count { format!("{prefix}{words}") } else { format!("{prefix}{words} ({unit})") }
 }

@@ -88,12 +88,13 @@ impl Reader<'_> {
         }
         let range = |(key, value): (_, &Located<'_>)| {
             let plain = self.plain(value, &format!("{key}"))?;
-            let found = plain.as_table().map(Interval::read).unwrap_or_else(|| {
+            let found = plain.as_table().ok_or_else(|| {
                 let written = self.written(value);
-                Err(format!("found {written}; allowed: a range {{ from = …, to = … }}, with spacing = \"log\" if wanted"))
+                format!("found {written}; allowed: a range {{ from = …, to = … }}, with spacing = \"log\" if wanted")
             });
-            let interval =
-                found.map_err(|message| self.refuse(value.span().start, &format!("{key}"), message))?;
+            let interval = found
+                .and_then(Interval::read)
+                .map_err(|message| self.refuse(value.span().start, &format!("{key}"), message))?;
             let line = line_at(self.text, value.span().start);
             Ok((Setting { key, value: toml::Value::Table(Table::new()), line }, interval))
         };
@@ -129,7 +130,7 @@ fn permutation(count: u32, seed: u64, stream: u32) -> Vec<u32> {
     for i in (1..order.len()).rev() {
         let [low, high, ..] = philox::words(seed, stream, i as u64);
         let random = u128::from(high) << 32 | u128::from(low);
-        let other = random * (i as u128 + 1) >> 64;
+        let other = (random * (i as u128 + 1)) >> 64;
         order.swap(i, usize::try_from(other).unwrap_or(i));
     }
     order

@@ -16,6 +16,9 @@ const FAVOURITES: [&str; 4] =
 const ABOUT_RUNS: [&str; 6] =
     ["steps", "time_s", "dt_s", "split_bead", "relative_drift", "max_abs_relative_drift"];
 
+/// What conserved quantities differ by from run to run, as parts of their size, is no result.
+const ROUNDING: f64 = 1e-3;
+
 /// The key that makes the members of an ensemble: no axis, if there is another.
 const SEED: &str = "seed";
 
@@ -65,7 +68,7 @@ impl Choice {
         if args.heat.is_some() || is_map {
             return Self::map(args, columns, &axes, &varying);
         }
-        axes.sort_by(|a, b| b.1.cmp(&a.1));
+        axes.sort_by_key(|axis| std::cmp::Reverse(axis.1));
         let x = match (&args.x, axes.first()) {
             (Some(x), _) => x.clone(),
             (None, Some((x, _))) => (*x).to_owned(),
@@ -155,7 +158,9 @@ fn default_result(columns: &Columns, x: &str) -> Result<String, Failure> {
     let varies = |name: &&str| -> bool {
         let Ok(found) = columns.result(name) else { return false };
         let means: Vec<f64> = found.means().into_iter().flatten().collect();
-        means.len() * 2 > columns.row_count() && means.windows(2).any(|pair| pair[0] != pair[1])
+        let largest = means.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+        let differs = |pair: &[f64]| (pair[0] - pair[1]).abs() > ROUNDING * largest;
+        means.len() * 2 > columns.row_count() && means.windows(2).any(differs)
     };
     let favourites = FAVOURITES.iter().filter(|name| results.contains(name));
     let others = results.iter().filter(|name| !ABOUT_RUNS.contains(name));

@@ -58,7 +58,8 @@ impl Columns {
         results
     }
 
-    fn is_ensemble(&self) -> bool {
+    /// Whether its rows are statistics.
+    pub(super) fn is_ensemble(&self) -> bool {
         self.find("count").is_some() && self.0.iter().any(|column| column.name.starts_with(MEAN))
     }
 
