@@ -12,10 +12,12 @@ fn results(alphas: &[f64], masses: u32, seeds: u32) -> String {
         for mass in 1..=masses {
             for seed in 0..seeds {
                 let value = alpha * f64::from(mass) + f64::from(seed);
-                csv += &format!(
-                    "{index},{alpha},{},{seed},complete,100,1e-3,{value},\n",
-                    1e-3 * f64::from(mass)
+                let mass_kg = 1e-3 * f64::from(mass);
+                let row = format!(
+                    "{index},{alpha},{mass_kg},{seed},complete,100,1e-3,{value},
+"
                 );
+                csv.push_str(&row);
                 index += 1;
             }
         }
