@@ -59,7 +59,8 @@ pub fn heat_map(map: &HeatMap) -> Result<Figure, FigureError> {
         .y_axis(axis(&y, &map.columns[1]))
         .raster(raster.over(x.ends(), y.ends()))
         .height(1.35);
-    Ok(Figure::new().caption(map.caption.clone()).panel(panel))
+    let binned = if x.is_grid && y.is_grid { "" } else { "; of the rows in a cell the mean" };
+    Ok(Figure::new().caption(format!("{}{binned}", map.caption)).panel(panel))
 }
 
 fn scale(map: &HeatMap, values: impl Iterator<Item = f64>) -> ColourScale {
@@ -84,6 +85,8 @@ struct Side {
     /// One more than there are cells, rising.
     edges: Vec<f64>,
     is_even: bool,
+    /// The values of the table have a cell each.
+    is_grid: bool,
 }
 
 impl Side {
@@ -101,7 +104,7 @@ impl Side {
         let gaps: Vec<f64> = edges.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let mean = gaps.iter().sum::<f64>() / gaps.len().max(1) as f64;
         let is_even = gaps.iter().all(|gap| (gap - mean).abs() < 1e-6 * mean);
-        Self { log, edges, is_even }
+        Self { log, edges, is_even, is_grid }
     }
 
     fn cells(&self) -> usize {

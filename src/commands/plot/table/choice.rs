@@ -9,8 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 const MOST_CURVES: usize = 8;
 
 /// Columns of results that people look for first, in this order.
-const FAVOURITES: [&str; 4] =
-    ["corrected_over_incident", "reflected_over_total", "forward_v_peak_m_s", "total_j"];
+const FAVOURITES: [&str; 3] = ["corrected_over_incident", "reflected_over_total", "forward_v_peak_m_s"];
 
 /// Columns of results that say how a run went, not what it found.
 const ABOUT_RUNS: [&str; 6] =
