@@ -12,11 +12,12 @@ mod values;
 
 pub(crate) use analyses::{
     AnalysisArgs, ContactsArgs, DeformationArgs, EnergiesArgs, FramesArgs, ImpurityArgs, PulsesArgs,
+    SpreadingArgs,
 };
 pub(crate) use check::CheckArgs;
 pub(crate) use contents::command;
 pub(crate) use export::ExportArgs;
-pub(crate) use figures::{ColoursArg, LookArgs, PlotArgs, What};
+pub(crate) use figures::{AxisArg, BandArg, ColoursArg, LookArgs, PlotArgs, What};
 pub(crate) use pages::{ShareArgs, ViewArgs};
 pub(crate) use recordings::{
     ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, RewriteArgs, ThinArgs, VerifyArgs,
@@ -90,7 +91,9 @@ pub(crate) enum Command {
     Deformation(DeformationArgs),
     /// The pulses: where and when they pass, how strong, fast and wide, where from and where to
     Pulses(PulsesArgs),
-    /// Draw one figure: what the chain does at one time, or over space and time
+    /// How far the energy has spread, and over how many beads: second moment, participation number
+    Spreading(SpreadingArgs),
+    /// Draw one figure: what the chain does at one time, over space and time, or what a sweep has found
     Plot(PlotArgs),
     /// Show a live run, a recording, a folder or a sweep in a browser
     View(ViewArgs),
@@ -306,8 +309,8 @@ pub(crate) struct Overrides {
     beadline sweep reflection.toml --out reflection      all points, on all cores; again: goes on\n  \
     beadline sweep reflection.toml --out all --shard 3/16   one job of an array of 16\n  \
     beadline sweep reflection.toml --out all --merge     the rows that are there, as tables\n\n\
-    DIR then has results.csv and results.parquet (the same bytes whatever the order, jobs, shards and \
-    interruptions), timings.csv, the rows of each shard, and recordings/ if asked for. A run that fails \
+    DIR then has results.csv and results.parquet, and of a sweep over seeds ensemble.csv and .parquet (the same bytes whatever \
+    the order, jobs, shards and interruptions), timings.csv, the rows of each shard, and recordings/ if asked for. A run that fails \
     has a row that says why, and makes the exit code 3, as a signal does while points are missing."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]

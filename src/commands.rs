@@ -20,6 +20,7 @@ pub(crate) mod replay;
 pub(crate) mod reproduce;
 pub(crate) mod run;
 pub(crate) mod share;
+pub(crate) mod spreading;
 pub(crate) mod sweep;
 pub(crate) mod thin;
 pub(crate) mod top;

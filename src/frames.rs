@@ -64,8 +64,8 @@ impl Frames {
         let cores = || std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
         let jobs = jobs.unwrap_or_else(cores);
         let pays = ParallelResimulation::<Source>::pays(source.manifest());
-        // where the system grants no thread, this one computes
-        let threads = || std::thread::Builder::new().spawn(|| ()).is_ok();
+        // where the system grants no thread, this one computes; the one that tries must be gone before others take its place
+        let threads = || std::thread::Builder::new().spawn(|| ()).is_ok_and(|thread| thread.join().is_ok());
         let states = if stop.is_some() && pays && jobs > NonZero::<usize>::MIN && threads() {
             let make = if from_start { ParallelResimulation::from_start } else { ParallelResimulation::new };
             let states = make(source, lend, jobs).bad_input()?.lending_from(first_step);

@@ -60,6 +60,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Impurity(args) => commands::impurity::impurity(&args),
         Command::Contacts(args) => commands::contacts::contacts(&args),
         Command::Deformation(args) => commands::deformation::deformation(&args),
+        Command::Spreading(args) => commands::spreading::spreading(&args),
         Command::Pulses(args) => commands::pulses::pulses(&args),
         Command::Plot(args) => commands::plot::plot(&args),
         Command::View(args) => commands::view::view(&args),

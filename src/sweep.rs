@@ -169,7 +169,7 @@ fn outcome(
 ) -> Result<Outcome, Failure> {
     let rows = merge::rows(directory, sweep.point_count())?;
     let missing = sweep.point_count() - rows.len() as u64;
-    let files = if missing == 0 || merge_part { merge::write(directory, &rows)? } else { None };
+    let files = if missing == 0 || merge_part { merge::write(sweep, directory, &rows)? } else { None };
     let failed = merge::failed(&rows, &directory.head().columns);
     Ok(Outcome { rows, failed, missing, left, tally, files })
 }

@@ -1,5 +1,6 @@
 //! Quantities that every bead or contact has.
 
+use crate::local_energy::bead_energies_j;
 use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
@@ -13,6 +14,8 @@ pub enum Field {
     Displacement,
     /// Overlap of each contact between two beads (m); below 0 it is open.
     Overlap,
+    /// Energy of each bead (J), with its share of its contacts: the energy density ([`bead_energies_j`]).
+    Energy,
 }
 
 impl Field {
@@ -30,11 +33,13 @@ impl Field {
     /// The values in `frame`, in the order of the chain.
     pub fn values<'a>(self, chain: &'a Chain, frame: &Frame<'a>) -> impl Iterator<Item = f64> + use<'a> {
         let (u_m, v_m_s) = (frame.u_m, frame.v_m_s);
+        let energies_j = if self == Self::Energy { bead_energies_j(chain, frame) } else { Vec::new() };
         let count = if self == Self::Overlap { chain.contact_count() } else { u_m.len() };
         (0..count).map(move |place| match self {
             Self::Velocity => v_m_s[place],
             Self::Displacement => u_m[place],
             Self::Overlap => chain.overlap_m(u_m, place),
+            Self::Energy => energies_j[place],
         })
     }
 

@@ -2,7 +2,7 @@
 //!
 //! An analysis takes frames one by one and cannot tell a live run, a replay, a file or a
 //! re-simulation apart: [`follow::follow`] is the one loop that reads a source. Each analysis is a
-//! module: [`deformation`], [`energies`], [`impurity`], [`contacts`], [`pulses`]. What theory expects is in [`theory`].
+//! module: [`deformation`], [`energies`], [`impurity`], [`contacts`], [`pulses`], [`spreading`]. What theory expects is in [`theory`].
 
 pub mod contacts;
 pub mod deformation;
@@ -12,9 +12,12 @@ pub mod fields;
 pub mod follow;
 pub mod impurity;
 pub mod journal;
+pub mod local_energy;
 pub mod pulses;
 pub mod series;
 pub mod space_time;
+pub mod spreading;
+pub mod statistics;
 pub mod table;
 pub mod theory;
 pub mod uncertain;

@@ -2,6 +2,7 @@
 
 mod csv;
 mod parquet;
+pub mod read;
 
 use csv::Csv;
 use parquet::Parquet;

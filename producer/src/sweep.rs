@@ -1,7 +1,8 @@
 //! Sweeps: a grid of runs over any keys of a configuration.
 //!
 //! A sweep file has a `[base]` configuration, a `[grid]` of lists and ranges, every combination of which is a
-//! point, and `[[case]]` tables of keys that are set together; every case is combined with the whole grid.
+//! point, `[[case]]` tables of keys that are set together, and a `[sample]` of values that are drawn together; every case is
+//! combined with every sample and the whole grid.
 //! [`Sweep::point`] is a pure function of the file and an index, so that points can be computed in any
 //! order, anywhere.
 //!
@@ -11,10 +12,13 @@
 mod blame;
 mod definition;
 mod document;
+mod ensemble;
 mod keys;
+mod sobol;
 mod values;
 
 pub use definition::Until;
+pub use ensemble::Ensemble;
 
 use definition::{Definition, Setting};
 use schemas::config::{ConfigError, RunConfig};
@@ -165,7 +169,7 @@ impl Sweep {
         self.identity
     }
 
-    /// The keys that differ from point to point: those of the cases, then those of the grid.
+    /// The keys that differ from point to point: those of the cases, of the sample, of the grid.
     pub fn parameters(&self) -> &[Parameter] {
         &self.parameters
     }
@@ -193,11 +197,11 @@ impl Sweep {
     /// Number of points.
     pub fn point_count(&self) -> u64 {
         let axes = self.definition.axes.iter().map(Vec::len);
-        let all = axes.chain([self.definition.cases.len()]);
+        let all = axes.chain([self.definition.cases.len(), self.definition.samples.len()]);
         all.fold(1_u64, |count, values| count.saturating_mul(values as u64))
     }
 
-    /// Point `index`. The last key of the grid varies fastest, the cases slowest.
+    /// Point `index`. The last key of the grid varies fastest, then the sample, the cases slowest.
     ///
     /// # Errors
     /// When there is no such point, or its values are impossible: the latter only while a sweep is read.
@@ -259,8 +263,10 @@ impl Sweep {
             of_grid.push(&axis[index_of(rest % count)]);
             rest /= count;
         }
-        let case = &self.definition.cases[index_of(rest)];
-        Ok(case.iter().chain(of_grid.into_iter().rev()).collect())
+        let count = self.definition.samples.len() as u64;
+        let sample = &self.definition.samples[index_of(rest % count)];
+        let case = &self.definition.cases[index_of(rest / count)];
+        Ok(case.iter().chain(sample).chain(of_grid.into_iter().rev()).collect())
     }
 
     /// Makes every point once, and gives the identity of the sweep.
@@ -298,7 +304,8 @@ impl Parameter {
 
 /// The keys of all settings, each once, with the type of its values.
 fn parameters(definition: &Definition) -> Vec<Parameter> {
-    let settings = || definition.cases.iter().chain(&definition.axes).flatten();
+    let Definition { cases, samples, axes, .. } = definition;
+    let settings = || cases.iter().chain(samples).chain(axes).flatten();
     let mut parameters: Vec<Parameter> = Vec::new();
     for setting in settings() {
         let (key, kind) = (setting.key.to_string(), kind(&setting.value));

@@ -150,6 +150,25 @@ pub(crate) struct DeformationArgs {
 #[command(
     allow_negative_numbers = true,
     after_help = "Examples:\n  \
+    beadline spreading --figure s.png                    attach to the only live run\n  \
+    beadline spreading run.mcap --out s.csv --figure s.svg\n  \
+    beadline spreading sparse.mcap --every-step --from 0.04 --until 0.041 --out s.csv\n\n\
+    The energy ε of bead i is its kinetic energy, half the potential energy of each contact with a bead, and all of that with a \
+    wall. Second moment: m2 = Σ (i − c)²·ε/Σ ε about the centre c = Σ i·ε/Σ ε. Participation number: P = (Σ ε)²/Σ ε², 1 if one bead \
+    has all the energy, N if all have the same. `beadline plot --what energy-density` maps ε."
+)]
+pub(crate) struct SpreadingArgs {
+    #[command(flatten)]
+    pub(crate) common: AnalysisArgs,
+    /// Table of the numbers in each frame
+    #[arg(long, value_name = "FILE.csv|.parquet")]
+    pub(crate) out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  \
     beadline pulses --figure tracks.png                  attach to the only live run\n  \
     beadline pulses run.mcap --out pulses.csv --positions tracks.csv\n  \
     beadline pulses run.mcap --threshold 0.01            only those above a hundredth of v0\n\n\

@@ -6,6 +6,8 @@ use clap::{Args, ValueEnum};
 use figure::{Options, Size};
 use std::path::PathBuf;
 
+const TABLES: &str = "For tables";
+
 /// How figures look: for all commands that draw.
 #[derive(Debug, Clone, Copy, Args)]
 pub(crate) struct LookArgs {
@@ -54,6 +56,8 @@ pub(crate) enum What {
     Displacement,
     /// Overlap of the contacts
     Overlap,
+    /// Energy of the beads, each with half of its contacts
+    EnergyDensity,
     /// As `beadline energies --figure`
     Energies,
     /// As `beadline impurity --figure`
@@ -62,6 +66,24 @@ pub(crate) enum What {
     Contacts,
     /// As `beadline pulses --figure`
     Pulses,
+    /// As `beadline spreading --figure`
+    Spreading,
+}
+
+/// What lies around a curve of a table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum BandArg {
+    /// The mean, and its standard error on both sides
+    StandardError,
+    /// The median, half of the values and nine tenths of them
+    Quantiles,
+}
+
+/// An axis of a table's figure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum AxisArg {
+    X,
+    Y,
 }
 
 /// How colours follow numbers.
@@ -83,18 +105,52 @@ pub(crate) enum ColoursArg {
     beadline plot run.mcap --what displacement --from 0.04 --until 0.06 --colours linear\n  \
     beadline plot run.mcap --what velocity --range 0.5 --out map.pdf   colours end at ±0.5 m/s\n  \
     beadline plot run.mcap --what pulses --size slide --out pulses.png\n  \
-    beadline plot --what velocity --at 0.05                    the only live run, when it gets there\n\n\
-    Velocity, displacement and overlap are drawn along the chain at one time (--at, --frame; recomputed where a \
+    beadline plot --what velocity --at 0.05                    the only live run, when it gets there\n  \
+    beadline plot sweep/results.csv                            what a sweep has found: says what it chose\n  \
+    beadline plot sweep/results.csv --x chain.alpha --y forward_v_peak_m_s --by time.dt_s\n  \
+    beadline plot sweep/ensemble.csv --y total_j --band        mean ± standard error\n  \
+    beadline plot sweep/results.csv --heat reflected_over_total --log x\n\n\
+    Velocity, displacement, overlap and energy density are drawn along the chain at one time (--at, --frame; recomputed where a \
     recording does not hold it), or over space and time; of a cell that stands for several beads or frames the \
     value farthest from 0 is shown, so that no pulse is lost. A map of a sparse recording shows what it holds; \
-    --fill-gaps and --every-step recompute the rest."
+    --fill-gaps and --every-step recompute the rest.\n\n\
+    Of a table (.csv, .parquet), such as a sweep leaves, columns are drawn over each other: rows that differ in nothing that is \
+    drawn are averaged, --band shows how they scatter; samples of ranges are points. Without --x and --y these are a swept column and \
+    the first result that differs from row to row."
 )]
 pub(crate) struct PlotArgs {
     #[command(flatten)]
     pub(crate) frames: FramesArgs,
-    /// What to draw
+    /// What to draw of a run or a recording
     #[arg(long, value_enum)]
-    pub(crate) what: What,
+    pub(crate) what: Option<What>,
+    /// Of a table: the column of the x axis [default: the swept column with most values]
+    #[arg(long, value_name = "COLUMN", help_heading = TABLES)]
+    pub(crate) x: Option<String>,
+    /// The column of the y axis, repeatable [default: the first result that differs from row to row]
+    #[arg(long, value_name = "COLUMN", help_heading = TABLES)]
+    pub(crate) y: Vec<String>,
+    /// A curve for each value of this column [default: a swept column of at most 8 values, if there is one]
+    #[arg(long, value_name = "COLUMN", help_heading = TABLES)]
+    pub(crate) by: Option<String>,
+    /// This column in colours over two swept ones
+    #[arg(long, value_name = "COLUMN", help_heading = TABLES, conflicts_with_all = ["by", "band"])]
+    pub(crate) heat: Option<String>,
+    /// What lies around a curve: `standard-error` around the mean (as --band alone) or `quantiles` around the median
+    #[arg(
+        long,
+        value_enum,
+        hide_possible_values = true,
+        value_name = "BAND",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "standard-error",
+        help_heading = TABLES
+    )]
+    pub(crate) band: Option<BandArg>,
+    /// Logarithmic axes: x, y or x,y
+    #[arg(long, value_enum, hide_possible_values = true, value_name = "x,y", value_delimiter = ',', help_heading = TABLES)]
+    pub(crate) log: Vec<AxisArg>,
     /// Along the chain, in the first frame at or after this simulated time (s)
     #[arg(long, value_name = "S", value_parser = parse_time, conflicts_with_all = ["frame", "from", "until"])]
     pub(crate) at: Option<f64>,
@@ -107,7 +163,7 @@ pub(crate) struct PlotArgs {
     /// How the colours of a map follow the numbers [default: linear for displacements, log for the others]
     #[arg(long, value_enum)]
     pub(crate) colours: Option<ColoursArg>,
-    /// Where the colours of a map end, in m/s or m: on both sides of 0 or, as MIN..MAX, one on each [default: with the
+    /// Where the colours of a map end, in m/s, m or J: on both sides of 0 or, as MIN..MAX, one on each [default: with the
     /// values], so that several maps can be compared
     #[arg(
         long,

@@ -1,10 +1,12 @@
 //! `beadline plot`.
 
-use super::{contacts, energies, impurity, pulses};
+mod table;
+
+use super::{contacts, energies, impurity, pulses, spreading};
 use crate::analysis::{AnalysisError, Session, check_beads, window};
 use crate::args::{
     AnalysisArgs, ColoursArg, ContactsArgs, EnergiesArgs, FramesArgs, ImpurityArgs, PlotArgs, PulsesArgs,
-    What,
+    SpreadingArgs, What,
 };
 use crate::display::{self, count};
 use crate::failure::{Done, Failure};
@@ -25,22 +27,27 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 pub(crate) fn plot(args: &PlotArgs) -> Result<Done, Failure> {
-    let out = args.out.clone().unwrap_or_else(|| default_out(args));
-    if let Some(field) = field(args.what) {
+    if let Some(path) = table::table_of(args) {
+        return table::plot(args, path);
+    }
+    let what = check_table_flags(args)?;
+    let out = args.out.clone().unwrap_or_else(|| default_out(args, what));
+    if let Some(field) = field(what) {
         check_figures(std::slice::from_ref(&out), args.look)?;
         check_places(&[&out], &args.frames)?;
         return match Moment::asked(args) {
-            Some(moment) => profile(args, field, moment, &out),
-            None => space_time(args, field, &out),
+            Some(moment) => profile(args, (what, field), moment, &out),
+            None => space_time(args, (what, field), &out),
         };
     }
-    check_kind(args)?;
+    check_kind(args, what)?;
     let common = analysis(args, out);
-    match args.what {
+    match what {
         What::Energies => energies::energies(&EnergiesArgs { common, out: None, split: None }),
         What::Impurity => {
             impurity::impurity(&ImpurityArgs { common, out: None, events: None, bead: Vec::new() })
         }
+        What::Spreading => spreading::spreading(&SpreadingArgs { common, out: None }),
         What::Contacts => contacts::contacts(&ContactsArgs { common, out: Vec::new(), tolerance: None }),
         _ => {
             let threshold = consumers::pulses::Pulses::DEFAULT_THRESHOLD;
@@ -55,12 +62,13 @@ fn field(what: What) -> Option<Field> {
         What::Velocity => Some(Field::Velocity),
         What::Displacement => Some(Field::Displacement),
         What::Overlap => Some(Field::Overlap),
-        What::Energies | What::Impurity | What::Contacts | What::Pulses => None,
+        What::EnergyDensity => Some(Field::Energy),
+        What::Energies | What::Impurity | What::Contacts | What::Pulses | What::Spreading => None,
     }
 }
 
 /// `run-velocity.png`, `run-velocity-at-0.05s.png`, `run-velocity-frame-100.png`, in the current directory.
-fn default_out(args: &PlotArgs) -> PathBuf {
+fn default_out(args: &PlotArgs, what: What) -> PathBuf {
     let source = match &args.frames.source {
         Named::Live(name) => name.as_ref().map_or("live", |name| name.as_str()),
         Named::File(path) => path.file_name().and_then(|name| name.to_str()).unwrap_or("run"),
@@ -72,16 +80,36 @@ fn default_out(args: &PlotArgs) -> PathBuf {
         Some(Moment::Frame(frame)) => format!("-frame-{frame}"),
         None => String::new(),
     };
-    format!("{name}-{}{moment}.png", name_of(args.what)).into()
+    format!("{name}-{}{moment}.png", name_of(what)).into()
 }
 
 fn name_of(what: What) -> String {
     what.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }
 
+/// What is to be drawn of a run; flags that only have a meaning for tables are refused.
+fn check_table_flags(args: &PlotArgs) -> Result<What, Failure> {
+    let flags = [
+        ("--x", args.x.is_some()),
+        ("--y", !args.y.is_empty()),
+        ("--by", args.by.is_some()),
+        ("--heat", args.heat.is_some()),
+        ("--band", args.band.is_some()),
+        ("--log", !args.log.is_empty()),
+    ];
+    if let Some((flag, _)) = flags.iter().find(|(_, is_given)| *is_given) {
+        let source = &args.frames.source;
+        return Err(bad_input!("{flag} is for tables (.csv, .parquet); {source} is a run or a recording"));
+    }
+    args.what.ok_or_else(|| {
+        let known: Vec<String> = What::value_variants().iter().map(|what| name_of(*what)).collect();
+        bad_input!("--what is missing: what to draw of the run; allowed: {}", known.join(", "))
+    })
+}
+
 /// Refuses flags that only have a meaning for a quantity along the chain.
-fn check_kind(args: &PlotArgs) -> Result<(), Failure> {
-    let what = name_of(args.what);
+fn check_kind(args: &PlotArgs, what: What) -> Result<(), Failure> {
+    let what = name_of(what);
     let moment = "these are drawn over time; --from and --until choose a part of it";
     let analysis = format!("`beadline {what} --figure` has what can be chosen about it");
     let flags = [
@@ -108,7 +136,7 @@ fn analysis(args: &PlotArgs, out: PathBuf) -> AnalysisArgs {
 fn places(args: &PlotArgs, field: Field, manifest: &RunManifest) -> Result<Range<usize>, Failure> {
     let beads = check_beads(manifest, args.beads)?;
     match field {
-        Field::Velocity | Field::Displacement => Ok(beads),
+        Field::Velocity | Field::Displacement | Field::Energy => Ok(beads),
         Field::Overlap if beads.len() > 1 => Ok(beads.start..beads.end - 1),
         Field::Overlap => {
             Err(bad_input!("--beads {}..{}: a contact is between two beads", beads.start, beads.end))
@@ -169,7 +197,12 @@ impl Analysis for Waiting {
 }
 
 /// Draws a quantity along the chain at one time.
-fn profile(args: &PlotArgs, field: Field, moment: Moment, out: &PathBuf) -> Result<Done, Failure> {
+fn profile(
+    args: &PlotArgs,
+    (what, field): (What, Field),
+    moment: Moment,
+    out: &PathBuf,
+) -> Result<Done, Failure> {
     let is_file = matches!(args.frames.source, Named::File(_));
     // a recording may be sparse there; frames of a live run before this one are not needed
     let frames = FramesArgs { fill_gaps: args.frames.fill_gaps || is_file, ..args.frames.clone() };
@@ -193,7 +226,7 @@ fn profile(args: &PlotArgs, field: Field, moment: Moment, out: &PathBuf) -> Resu
     rows.add("time", format_args!("{time} (frame {number}, step {step})"));
     rows.add("values", display::range(extremes, unit(field)));
     let results = json!({
-        "what": name_of(args.what),
+        "what": name_of(what),
         "frame": frame.frame,
         "step": frame.step,
         "time_s": frame.time_s,
@@ -201,7 +234,7 @@ fn profile(args: &PlotArgs, field: Field, moment: Moment, out: &PathBuf) -> Resu
         "largest": extremes[1],
         "unit": unit(field),
     });
-    session.report(&tally, &name_of(args.what), rows, results)
+    session.report(&tally, &name_of(what), rows, results)
 }
 
 /// Says why the state of `step` did not come.
@@ -219,7 +252,7 @@ fn absent(manifest: &RunManifest, step: u64, tally: &Tally) -> Failure {
 }
 
 /// Draws a quantity over space and time.
-fn space_time(args: &PlotArgs, field: Field, out: &PathBuf) -> Result<Done, Failure> {
+fn space_time(args: &PlotArgs, (what, field): (What, Field), out: &PathBuf) -> Result<Done, Failure> {
     let frames = &args.frames;
     let part = |manifest: &_| window(frames.from, frames.until, manifest);
     let mut session = Session::of_part(frames, "plot", std::slice::from_ref(out), part)?;
@@ -242,12 +275,12 @@ fn space_time(args: &PlotArgs, field: Field, out: &PathBuf) -> Result<Done, Fail
     let mut rows = Rows::default();
     rows.add("values", display::range(extremes, unit(field)));
     let results = json!({
-        "what": name_of(args.what),
+        "what": name_of(what),
         "least": extremes[0],
         "largest": extremes[1],
         "unit": unit(field),
     });
-    session.report(&tally, &name_of(args.what), rows, results)
+    session.report(&tally, &name_of(what), rows, results)
 }
 
 /// A quantity over space and time, as it comes.
@@ -271,7 +304,11 @@ impl Analysis for Map {
 }
 
 fn unit(field: Field) -> &'static str {
-    if field == Field::Velocity { "m/s" } else { "m" }
+    match field {
+        Field::Velocity => "m/s",
+        Field::Displacement | Field::Overlap => "m",
+        Field::Energy => "J",
+    }
 }
 
 /// The least and the largest value; 0 if there is none.

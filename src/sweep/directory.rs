@@ -3,6 +3,7 @@
 //! - `sweep.toml` the sweep file as given, `sweep.json` its identity
 //! - `rows/I-of-N.rows` the journal of each shard
 //! - `results.csv`, `results.parquet` the merged rows; `timings.csv` how long each took
+//! - `ensemble.csv`, `ensemble.parquet` their statistics over one key, where the sweep has one for that
 //! - `recordings/point-000123.mcap` where recordings are asked for
 
 use crate::args::Shard;
@@ -22,6 +23,7 @@ const SWEEP_JSON: &str = "sweep.json";
 const SWEEP_TOML: &str = "sweep.toml";
 const ROWS: &str = "rows";
 const RECORDINGS: &str = "recordings";
+pub(super) const ENSEMBLES: [&str; 2] = ["ensemble.csv", "ensemble.parquet"];
 
 /// The directory of one sweep.
 #[derive(Debug)]
@@ -138,14 +140,13 @@ impl Directory {
         }
         let recordings = files(&self.path.join(RECORDINGS), |name| name.starts_with("point-"))?;
         let others = ["results.csv", "results.parquet", "timings.csv", SWEEP_TOML, SWEEP_JSON];
-        let others = others.iter().map(|name| self.path.join(name));
-        for path in journals.into_iter().chain(recordings).chain(others) {
-            match fs::remove_file(&path) {
-                Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-                removed => removed.with_context(|| path.display().to_string())?,
-            }
-        }
-        Ok(())
+        let others = others.iter().chain(&ENSEMBLES).map(|name| self.path.join(name));
+        journals.into_iter().chain(recordings).chain(others).try_for_each(|path| remove(&path))
+    }
+
+    /// Removes statistics of an earlier form of the sweep file, which asks for none now.
+    pub(super) fn remove_ensembles(&self) -> Result<(), Failure> {
+        ENSEMBLES.iter().try_for_each(|name| remove(&self.path.join(name)))
     }
 
     /// Writes a small file that every process of the sweep would write the same.
@@ -197,6 +198,14 @@ impl Directory {
     /// Makes the directory of the recordings.
     pub(super) fn make_recordings(&self) -> Result<(), Failure> {
         Ok(create_directory(&self.path.join(RECORDINGS))?)
+    }
+}
+
+/// Removes the file, if it is there.
+fn remove(path: &Path) -> Result<(), Failure> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        removed => Ok(removed.with_context(|| path.display().to_string())?),
     }
 }
 

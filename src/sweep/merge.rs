@@ -1,12 +1,14 @@
 //! The results of a sweep, the same bytes whoever computed its rows in whatever order.
 
-use super::directory::Directory;
+use super::directory::{Directory, ENSEMBLES};
 use crate::display::{self, counted};
 use crate::failure::Failure;
 use anyhow::anyhow;
 use consumers::journal::{self, Entry};
 use consumers::table::{Cell, Column, Kind, Table, TableError};
 use experiments::ERROR_COLUMN;
+use experiments::ensemble::EnsembleTable;
+use producer::sweep::Sweep;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -69,22 +71,36 @@ pub(super) fn failed(rows: &BTreeMap<u64, Entry>, columns: &[Column]) -> Vec<u64
     rows.values().filter(has_error).map(|entry| entry.index).collect()
 }
 
-/// Writes the results and the timings of `rows`; none if another process is just doing that.
+/// Writes the results, their statistics and the timings of `rows`; none if another process is just doing that.
 pub(super) fn write(
+    sweep: &Sweep,
     directory: &Directory,
     rows: &BTreeMap<u64, Entry>,
 ) -> Result<Option<Vec<PathBuf>>, Failure> {
     let index = || Column::new("index", Kind::Integer);
     let columns = [vec![index()], directory.head().columns.clone()].concat();
     let timing = [index(), Column::new("wall_s", Kind::Double)];
+    let by_index = |cells: fn(&Entry) -> Vec<Cell>| rows.values().map(move |row| (row.index, cells(row)));
+    let ensemble = EnsembleTable::new(sweep, &directory.head().columns);
+    if ensemble.is_none() {
+        directory.remove_ensembles()?;
+    }
     let written = || -> Result<Vec<PathBuf>, TableError> {
-        let results = |name| table(&directory.file(name), &columns, rows, |entry| entry.cells.clone());
-        let wall = |entry: &Entry| vec![Cell::Double(entry.wall_s)];
-        Ok(vec![
-            results("results.csv")?,
-            results("results.parquet")?,
-            table(&directory.file("timings.csv"), &timing, rows, wall)?,
-        ])
+        let mut paths = Vec::new();
+        for name in ["results.csv", "results.parquet"] {
+            paths.push(table(&directory.file(name), &columns, by_index(|row| row.cells.clone()))?);
+        }
+        if let Some(ensemble) = &ensemble {
+            let columns = [vec![index()], ensemble.columns()].concat();
+            let groups = ensemble.rows(rows.values().map(|row| (row.index, row.cells.as_slice())));
+            for name in ENSEMBLES {
+                let groups = groups.iter().map(|(group, cells)| (*group, cells.clone()));
+                paths.push(table(&directory.file(name), &columns, groups)?);
+            }
+        }
+        let wall = by_index(|row| vec![Cell::Double(row.wall_s)]);
+        paths.push(table(&directory.file("timings.csv"), &timing, wall)?);
+        Ok(paths)
     };
     match written() {
         Ok(paths) => Ok(Some(paths)),
@@ -96,14 +112,13 @@ pub(super) fn write(
 fn table(
     path: &Path,
     columns: &[Column],
-    rows: &BTreeMap<u64, Entry>,
-    cells: impl Fn(&Entry) -> Vec<Cell>,
+    rows: impl Iterator<Item = (u64, Vec<Cell>)>,
 ) -> Result<PathBuf, TableError> {
     // the existing tables were merged from the same sweep
     let mut table = Table::create(path, columns, true)?;
-    for entry in rows.values() {
-        table.integer(entry.index);
-        for cell in cells(entry) {
+    for (index, cells) in rows {
+        table.integer(index);
+        for cell in cells {
             table.cell(cell);
         }
         table.end_row()?;
@@ -115,7 +130,6 @@ fn table(
 mod tests {
     use super::*;
     use crate::args::Shard;
-    use producer::sweep::Sweep;
 
     #[test]
     fn rows_of_points_that_the_sweep_does_not_have_do_not_count() {

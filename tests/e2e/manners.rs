@@ -275,11 +275,8 @@ fn physics_and_provenance_are_at_the_top_of_info() {
 fn a_table_is_told_from_a_recording() {
     let place = Place::new();
     place.write("results.csv", "index,alpha\n0,1.5\n");
-    place.run("plot results.csv --what velocity").exits(2).says(&[
-        "results.csv",
-        "pandas",
-        "recording (.mcap)",
-    ]);
+    place.run("energies results.csv").exits(2).says(&["results.csv", "pandas", "recording (.mcap)"]);
+    place.run("plot results.csv --what velocity").exits(2).says(&["--what", "results.csv is a table"]);
     place.write("mine.toml", CONFIGURATION);
     place.run("info mine.toml").exits(2).says(&["`beadline run`"]);
 }

@@ -1,12 +1,14 @@
 //! Runs and what looks at them, in one process and without a bus.
 //!
 //! - [`row`]: a point of a sweep, a pure function of the sweep file and an index
+//! - [`ensemble`]: what the rows of points have in common that differ in one key
 //! - [`compare`]: a run and its twins, side by side
 //! - [`pool`]: jobs shared out among threads
 
 mod analyses;
 mod columns;
 pub mod compare;
+pub mod ensemble;
 pub mod pool;
 mod prepare;
 pub mod row;

@@ -14,6 +14,8 @@ pub struct ColourScale {
     from: f64,
     to: f64,
     log_beyond: Option<f64>,
+    /// The number that is white.
+    white: f64,
 }
 
 /// What is written along the bar; places are fractions of its length, from the bottom.
@@ -31,7 +33,15 @@ impl ColourScale {
         let usable = |value: f64| if value.is_finite() { value } else { 0.0 };
         let (from, to) = (usable(from).min(0.0), usable(to).max(0.0));
         let to = if from == to { 1.0 } else { to };
-        Self { label: label.into(), from, to, log_beyond: None }
+        Self { label: label.into(), from, to, log_beyond: None, white: 0.0 }
+    }
+
+    /// A linear scale for numbers from `from`, which is white, to `to`, which is as dark as a colour gets: for numbers that are
+    /// far from 0 and differ little.
+    pub fn between(label: impl Into<String>, from: f64, to: f64) -> Self {
+        let is_usable = from.is_finite() && to.is_finite() && from < to;
+        let (from, to) = if is_usable { (from, to) } else { (0.0, 1.0) };
+        Self { label: label.into(), from, to, log_beyond: None, white: from }
     }
 
     /// Makes the scale logarithmic for numbers farther from 0 than `linear`, so that what is weak is seen beside
@@ -42,11 +52,12 @@ impl ColourScale {
     }
 
     fn limit(&self) -> f64 {
-        self.to.max(-self.from)
+        (self.to - self.white).max(self.white - self.from)
     }
 
     /// Where a number lies between white (0) and the two darkest colours (−1 and 1).
     pub fn shade(&self, value: f64) -> f64 {
+        let value = value - self.white;
         let part = match self.log_beyond {
             None => value.abs() / self.limit(),
             Some(linear) => (value.abs() / linear).ln_1p() / (self.limit() / linear).ln_1p(),
@@ -200,6 +211,15 @@ mod tests {
         assert_eq!(scale.shades(), (-1.0 / 3.0, 1.0));
         assert_eq!(labels(&scale, 6), ["−1", "0", "1", "2", "3"]);
         assert_eq!(scale.place(0.0), 0.25);
+    }
+
+    #[test]
+    fn a_scale_between_two_numbers_has_all_colours_for_them() {
+        let scale = ColourScale::between("x", 0.9, 1.0);
+        assert_eq!((scale.shade(0.9), scale.shade(1.0)), (0.0, 1.0));
+        assert_eq!(scale.shades(), (0.0, 1.0));
+        assert_eq!(labels(&scale, 9), ["0.90", "0.92", "0.94", "0.96", "0.98", "1.00"]);
+        assert_eq!(ColourScale::between("x", 2.0, f64::NAN).shades(), (0.0, 1.0));
     }
 
     #[test]

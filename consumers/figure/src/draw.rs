@@ -14,6 +14,8 @@ const CURVE_BYTES: usize = 500_000;
 const LINE_POINT_BYTES: usize = 15;
 const MARK_BYTES: usize = 65;
 
+/// How much of a curve's colour its band has.
+const BAND_OPACITY: f64 = 0.22;
 /// Frame, ticks and numbers.
 const INK: Colour = Colour::Rgb(0x26, 0x26, 0x26);
 const CAPTION: Colour = Colour::Rgb(0x6e, 0x6e, 0x6e);
@@ -61,6 +63,11 @@ impl Drawing<'_> {
         }
         for line in placed.panel.references.iter().filter(|item| item.is_line()) {
             self.reference_line(line);
+        }
+        for (curve, ink) in placed.panel.curves.iter().zip(placed.panel.inks()) {
+            for band in &curve.bands {
+                self.curve_band(band, ink.colour);
+            }
         }
         let mut drawn = Vec::new();
         for (curve, ink) in placed.panel.curves.iter().zip(placed.panel.inks()) {
@@ -215,6 +222,23 @@ impl Drawing<'_> {
         drawn
     }
 
+    /// Fills the area of a band, piece by piece.
+    fn curve_band(&mut self, band: &[(f64, f64, f64)], colour: Colour) {
+        let places = band.iter().map(|&(x, low, high)| Some((self.x(x)?, self.y(low)?, self.y(high)?)));
+        let places: Vec<Option<(f64, f64, f64)>> = places.collect();
+        for piece in places.split(Option::is_none) {
+            let upper = piece.iter().flatten().map(|&(x, _, high)| (x, high));
+            let lower = piece.iter().rev().flatten().map(|&(x, low, _)| (x, low));
+            let outline: Vec<_> = upper.chain(lower).collect();
+            // of a single x there is no area, but an extent
+            match outline.as_slice() {
+                [] => {}
+                [top, bottom] => self.svg.line(*top, *bottom, Pen::solid(tint(colour), 2.0 * self.look.mark)),
+                outline => self.svg.tinted(&format!("{}z", line_path(outline)), colour, BAND_OPACITY),
+            }
+        }
+    }
+
     fn marks(&mut self, mark: Mark, colour: Colour, places: &[(f64, f64)]) {
         let radius = self.look.mark;
         let frame = self.placed.frame;
@@ -286,6 +310,14 @@ impl Drawing<'_> {
 fn sparse<'a>(minor: &'a [f64], length: f64, look: &Look) -> &'a [f64] {
     let dense = minor.len() as f64 * 0.4 * look.number > length;
     if dense { &[] } else { minor }
+}
+
+/// The colour of a band on white paper.
+fn tint(colour: Colour) -> Colour {
+    let part = |part: u8| 255.0 - BAND_OPACITY * (255.0 - f64::from(part));
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+    let [red, green, blue] = colour.rgb().map(|byte| part(byte).round() as u8);
+    Colour::Rgb(red, green, blue)
 }
 
 /// A line through places; a single one becomes a dot.
@@ -399,6 +431,23 @@ mod tests {
         assert!(lines[0].contains("stroke=\"#ffffff\"") && !lines[1].contains("#ffffff"), "{lines:?}");
         let outline = |line: &str| line.split('"').nth(1).map(str::to_owned);
         assert_eq!(outline(lines[0]), outline(lines[1]));
+    }
+
+    #[test]
+    fn a_band_lies_between_its_bounds_behind_the_curves() {
+        let axes =
+            Panel::new().x_axis(Axis::new("").limits(0.0, 10.0)).y_axis(Axis::new("").limits(0.0, 10.0));
+        let band =
+            [(0.0, 2.0, 4.0), (5.0, 2.0, 4.0), (6.0, f64::NAN, 4.0), (7.0, 6.0, 8.0), (10.0, 6.0, 8.0)];
+        let curve = Curve::line("", [(0.0, 3.0), (10.0, 3.0)]).colour(RED).band(band);
+        let drawn = pixels(&Figure::new().panel(axes.curve(curve)), Size::Page);
+        assert_eq!(at(&drawn, 0.25, 0.7), RED.rgb());
+        let [red, green, _] = at(&drawn, 0.25, 0.65);
+        assert!(red == 255 && (190..210).contains(&green));
+        for (across, down) in [(0.25, 0.55), (0.25, 0.85), (0.6, 0.65), (0.8, 0.65)] {
+            assert_eq!(at(&drawn, across, down), Colour::White.rgb());
+        }
+        assert_ne!(at(&drawn, 0.8, 0.3), Colour::White.rgb());
     }
 
     #[test]

@@ -14,6 +14,8 @@ use super::style::{Colour, Ink, Mark, Stroke};
 pub struct Curve {
     pub(super) label: String,
     pub(super) points: Vec<(f64, f64)>,
+    /// Of each band the x, and the lower and the upper y.
+    pub(super) bands: Vec<Vec<(f64, f64, f64)>>,
     pub(super) colour: Option<Colour>,
     pub(super) stroke: Option<Stroke>,
     pub(super) line: bool,
@@ -27,6 +29,7 @@ impl Curve {
         Self {
             label: label.into(),
             points: points.into_iter().collect(),
+            bands: Vec::new(),
             colour: None,
             stroke: None,
             line: true,
@@ -43,6 +46,13 @@ impl Curve {
     /// Sets the colour; otherwise curves take those of the palette in turn.
     pub fn colour(mut self, colour: Colour) -> Self {
         self.colour = Some(colour);
+        self
+    }
+
+    /// Adds a band (x, lower y, upper y) in a light shade of the curve's colour, behind all curves. Where a value is not
+    /// finite the band is broken.
+    pub fn band(mut self, band: impl IntoIterator<Item = (f64, f64, f64)>) -> Self {
+        self.bands.push(band.into_iter().collect());
         self
     }
 
@@ -215,13 +225,15 @@ impl Panel {
     pub(super) fn x_values(&self) -> impl Iterator<Item = f64> {
         let raster = self.raster.iter().flat_map(|raster| [raster.x.0, raster.x.1]);
         let points = self.curves.iter().flat_map(|curve| &curve.points);
-        raster.chain(points.map(|point| point.0))
+        let bands = self.curves.iter().flat_map(|curve| curve.bands.iter().flatten());
+        raster.chain(points.map(|point| point.0)).chain(bands.map(|band| band.0))
     }
 
     pub(super) fn y_values(&self) -> impl Iterator<Item = f64> {
         let raster = self.raster.iter().flat_map(|raster| [raster.y.0, raster.y.1]);
         let points = self.curves.iter().flat_map(|curve| &curve.points);
-        raster.chain(points.map(|point| point.1))
+        let bands = self.curves.iter().flat_map(|curve| curve.bands.iter().flatten());
+        raster.chain(points.map(|point| point.1)).chain(bands.flat_map(|band| [band.1, band.2]))
     }
 
     pub(super) fn x_room(&self) -> Margin {

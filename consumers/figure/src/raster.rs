@@ -6,6 +6,9 @@ use super::colour_scale::{ColourScale, diverging};
 use super::style::Colour;
 use super::{FigureError, picture};
 
+/// What cells without a number are called unless their maker names them.
+const NO_NUMBER: &str = "no frames";
+
 /// A grid of cells placed over the axes of a panel.
 ///
 /// It is embedded as a palette PNG of one pixel a cell, so a map of 1000 × 1000 cells in up to four
@@ -80,9 +83,20 @@ impl Raster {
         let shades = (0..NOTHING).map(|cell| diverging(f64::from(cell) / f64::from(SHADES) - 1.0));
         let mut classes: Vec<_> = shades.map(|colour| (String::new(), colour)).collect();
         if cells.contains(&NOTHING) {
-            classes.push(("no frames".to_owned(), Colour::LightGrey));
+            classes.push((NO_NUMBER.to_owned(), Colour::LightGrey));
         }
         Ok(Self { scale: Some(scale), ..Self::new(width, height, Cells::Classes { cells, classes }) })
+    }
+
+    /// Names the cells of [`Raster::values`] that have no number, if there are any.
+    pub fn nothing(mut self, name: &str) -> Self {
+        if let Cells::Classes { classes, .. } = &mut self.cells {
+            classes
+                .iter_mut()
+                .filter(|(known, _)| known == NO_NUMBER)
+                .for_each(|class| name.clone_into(&mut class.0));
+        }
+        self
     }
 
     /// Cells of any colour: `rgb` has shape (`height`, `width`, 3), row by row.

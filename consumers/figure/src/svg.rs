@@ -140,6 +140,12 @@ impl Svg {
         ));
     }
 
+    /// The inside of a path, `opacity` from 0 to 1.
+    pub(super) fn tinted(&mut self, path: &str, colour: Colour, opacity: f64) {
+        let (fill, opacity) = (colour.hex(), number(opacity));
+        self.push(format_args!(r#"<path d="{path}" fill="{fill}" fill-opacity="{opacity}"/>"#));
+    }
+
     pub(super) fn line(&mut self, from: (f64, f64), to: (f64, f64), pen: Pen) {
         self.push(format_args!(
             r#"<line x1="{}" y1="{}" x2="{}" y2="{}" {}/>"#,

@@ -1,6 +1,6 @@
 //! What every bead or contact has: at one time, and over space and time.
 
-use super::{caption, length, map_panel, prefix, rounded, short, sides};
+use super::{caption, energy, length, map_panel, prefix, rounded, short, sides};
 use consumers::fields::Field;
 use consumers::space_time::Picture;
 use figure::{Axis, Colour, ColourScale, Curve, Figure, FigureError, Mark, Panel, Raster, Stroke};
@@ -149,6 +149,7 @@ pub fn space_time(
         let said = |value: f64| match field {
             Field::Velocity => format!("{}\u{a0}m/s", short(rounded(value))),
             Field::Displacement | Field::Overlap => length(value),
+            Field::Energy => energy(value),
         };
         let farthest = said(if largest > -least { largest } else { least });
         let symmetric = range.is_none_or(|[from, to]| from == -to);
@@ -244,6 +245,7 @@ fn field_name(field: Field) -> &'static str {
         Field::Velocity => "velocity",
         Field::Displacement => "displacement",
         Field::Overlap => "overlap",
+        Field::Energy => "energy of a bead",
     }
 }
 
@@ -255,6 +257,10 @@ fn label(field: Field, largest: f64) -> (String, f64) {
         Field::Displacement | Field::Overlap => {
             let (prefix, factor) = prefix(largest);
             (format!("{name} ({prefix}m)"), factor)
+        }
+        Field::Energy => {
+            let (prefix, factor) = prefix(largest);
+            (format!("{name} ({prefix}J)"), factor)
         }
     }
 }
@@ -287,7 +293,7 @@ fn beyond_note(field: Field, values: &[f64], shown: [f64; 2]) -> String {
     let outside: Vec<f64> = outside.collect();
     let farthest = outside.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
     match (farthest, field) {
-        (None, _) | (_, Field::Velocity) => String::new(),
+        (None, _) | (_, Field::Velocity | Field::Energy) => String::new(),
         (Some(farthest), Field::Displacement) => {
             format!("{} beads beyond the frame,\nas far as {}", outside.len(), length(farthest))
         }

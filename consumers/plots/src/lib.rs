@@ -4,11 +4,15 @@ mod deformation;
 mod determination;
 mod fields;
 mod pulses;
+mod spreading;
+mod tables;
 
 pub use deformation::deformations;
 pub use determination::determination;
 pub use fields::{ColourSteps, profile, profiles, space_time};
 pub use pulses::pulses;
+pub use spreading::spreading;
+pub use tables::{Band, HeatMap, TableCurve, TableFigure, column_label, heat_map, table_curves};
 
 use consumers::contacts::{COMPRESSED, Class, OPEN, TOUCHING};
 use consumers::energies::{EnergyRow, Reflection, STATIONARY};
@@ -85,8 +89,17 @@ fn three(value: f64) -> String {
 
 /// A length in three digits, with a prefix.
 fn length(value_m: f64) -> String {
-    let (prefix, factor) = prefix(value_m.abs());
-    format!("{}\u{a0}{prefix}m", short(rounded(value_m * factor)))
+    quantity(value_m, "m")
+}
+
+/// An energy in three digits, with a prefix.
+fn energy(value_j: f64) -> String {
+    quantity(value_j, "J")
+}
+
+fn quantity(value: f64, unit: &str) -> String {
+    let (prefix, factor) = prefix(value.abs());
+    format!("{}\u{a0}{prefix}{unit}", short(rounded(value * factor)))
 }
 
 /// A number as `1.45×10^{−6}`.

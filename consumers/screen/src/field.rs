@@ -2,6 +2,7 @@
 
 use consumers::contacts::{COMPRESSED, Contacts, OPEN, default_tolerance_m};
 use consumers::fields;
+use consumers::local_energy::bead_energies_j;
 use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
@@ -15,7 +16,7 @@ pub enum Field {
     Displacement,
     /// Overlap of each contact (m), beyond that at rest.
     Overlap,
-    /// Energy (J) of each bead, with half of that of its contacts.
+    /// Energy (J) of each bead, with half of that of its contacts, and all of that with a wall.
     Energy,
     /// Which contacts are compressed (1), touching (0) and open (−½).
     Contacts,
@@ -69,14 +70,13 @@ impl Field {
 pub(crate) struct Fields {
     chain: Chain,
     contacts: Contacts,
-    contact_j: Vec<f64>,
 }
 
 impl Fields {
     pub(crate) fn new(manifest: &RunManifest) -> Self {
         let chain = manifest.physics.chain();
         let contacts = Contacts::new(manifest, default_tolerance_m(manifest));
-        Self { contacts, contact_j: vec![0.0; chain.contact_count()], chain }
+        Self { chain, contacts }
     }
 
     /// The values of `field` in `frame`, in the order of the chain.
@@ -86,19 +86,9 @@ impl Fields {
             Field::Velocity => of(fields::Field::Velocity),
             Field::Displacement => of(fields::Field::Displacement),
             Field::Overlap => of(fields::Field::Overlap),
-            Field::Energy => self.energies_j(frame),
+            Field::Energy => bead_energies_j(&self.chain, frame),
             Field::Contacts => self.contacts.observe(frame).iter().copied().map(class_value).collect(),
         }
-    }
-
-    fn energies_j(&mut self, frame: &Frame<'_>) -> Vec<f64> {
-        self.chain.contact_energies_j(frame.u_m, &mut self.contact_j);
-        let contact_j = |contact: Option<usize>| contact.and_then(|c| self.contact_j.get(c)).unwrap_or(&0.0);
-        let of = |bead: usize| {
-            let contacts_j = contact_j(bead.checked_sub(1)) + contact_j(Some(bead));
-            self.chain.kinetic_j(frame.v_m_s, bead..bead + 1) + 0.5 * contacts_j
-        };
-        (0..self.chain.bead_count()).map(of).collect()
     }
 }
 

@@ -1,5 +1,10 @@
 //! A sweep file as it is written: what stands where.
 
+mod over;
+mod sample;
+
+pub(super) use over::Over;
+
 use super::SweepError;
 use super::document::{KeyPath, merge};
 use super::keys;
@@ -53,8 +58,12 @@ pub(super) struct Definition {
     pub(super) base_file: Option<BaseFile>,
     /// Values set together; at least one case, which may set nothing.
     pub(super) cases: Vec<Vec<Setting>>,
+    /// Values drawn together; at least one sample, which may set nothing.
+    pub(super) samples: Vec<Vec<Setting>>,
     /// Values of one key each, in the order of the file.
     pub(super) axes: Vec<Vec<Setting>>,
+    /// What statistics are made over.
+    pub(super) over: Option<Over>,
     pub(super) until: Until,
     pub(super) record: bool,
     pub(super) check: bool,
@@ -67,7 +76,8 @@ struct Reader<'a> {
     path: &'a Path,
 }
 
-const KNOWN: [&str; 7] = ["base", "grid", "case", "until", "record", "check", "split_bead"];
+const KNOWN: [&str; 10] =
+    ["base", "grid", "case", "sample", "seeds", "ensemble", "until", "record", "check", "split_bead"];
 
 impl Definition {
     /// Reads the sweep file `path` with the contents `text`; `read` gives the contents of another file.
@@ -85,13 +95,17 @@ impl Definition {
             return Err(reader.refuse(key.span().start, key.get_ref(), allowed));
         }
         let (base, base_file) = reader.base(document.get("base"), read)?;
-        let axes = document.get("grid").map_or(Ok(Vec::new()), |grid| reader.grid(grid))?;
+        let mut axes = document.get("grid").map_or(Ok(Vec::new()), |grid| reader.grid(grid))?;
+        axes.extend(reader.seeds(document.get("seeds"))?);
+        let samples = reader.samples(document.get("sample"))?;
         let cases = document.get("case").map_or(Ok(vec![Vec::new()]), |cases| reader.cases(cases))?;
-        keys::check(path, &cases, &axes)?;
+        keys::check(path, &cases, &samples[..1], &axes)?;
         Ok(Self {
             base,
             base_file,
+            over: reader.over(document.get("ensemble"), document.contains_key("sample"), &axes)?,
             cases,
+            samples,
             axes,
             until: reader.until(document.get("until"))?,
             record: reader.option(document.get("record"), "record", "true or false")?.unwrap_or(false),

@@ -7,9 +7,16 @@ use std::path::Path;
 
 /// Refuses the sweep file `path` if it sets a name, which is no physics, or if two keys of a point lie in each
 /// other: the later would replace the value of the earlier, which the row would name all the same.
-pub(super) fn check(path: &Path, cases: &[Vec<Setting>], axes: &[Vec<Setting>]) -> Result<(), SweepError> {
+/// Of all samples, which set the same keys, one is enough.
+pub(super) fn check(
+    path: &Path,
+    cases: &[Vec<Setting>],
+    samples: &[Vec<Setting>],
+    axes: &[Vec<Setting>],
+) -> Result<(), SweepError> {
     for case in cases {
-        let all: Vec<_> = case.iter().chain(axes.iter().filter_map(|axis| axis.first())).collect();
+        let grid = axes.iter().filter_map(|axis| axis.first());
+        let all: Vec<_> = case.iter().chain(samples.iter().flatten()).chain(grid).collect();
         for (i, setting) in all.iter().enumerate() {
             let earlier = all[..i].iter().find(|other| other.key.overlaps(&setting.key));
             if let Some(message) = mistake(setting, earlier.copied()) {

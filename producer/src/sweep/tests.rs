@@ -213,6 +213,62 @@ fn the_number_of_points_is_limited() {
     assert!(matches!(read(&text), Err(SweepError::TooMany { found: 1_000_000, .. })));
 }
 
+const SAMPLE: &str = "[sample]\nmethod = \"sobol\"\ncount = 4\nranges = { chain.beads = { from = 10, to = 49 }, \
+                      \"time.duration_s\" = { from = 1e-3, to = 2e-3 } }\n[base]\npreset = \"homogeneous\"\n\
+                      [[case]]\n[[case]]\n\"integrator.method\" = \"velocity-verlet\"\n[grid]\nchain.alpha = [1.5, 2.0]\n";
+
+/// Cases vary slowest, then samples, then the grid; a sample sets all of its keys together.
+#[test]
+fn samples_are_combined_with_cases_and_grid() {
+    let sweep = read(SAMPLE).expect("valid");
+    assert_eq!(sweep.point_count(), 16);
+    let keys: Vec<_> = sweep.parameters().iter().map(|parameter| parameter.key.as_str()).collect();
+    assert_eq!(keys, ["integrator.method", "chain.beads", "time.duration_s", "chain.alpha"]);
+    let drawn = |index| {
+        let config = config(&sweep, index);
+        (config.chain.beads, config.time.duration_s.to_bits())
+    };
+    for index in 0..8 {
+        assert_eq!(drawn(index), drawn(index + 8), "of the other case");
+        assert_eq!(drawn(index), drawn(index / 2 * 2), "of the other law");
+    }
+    let mut quarters: Vec<u64> = (0..4).map(|sample| (drawn(2 * sample).0 - 10) / 10).collect();
+    quarters.sort_unstable();
+    assert_eq!(quarters, [0, 1, 2, 3]);
+    assert_ne!(
+        read(&SAMPLE.replace("count = 4", "count = 4\nseed = 1")).expect("valid").identity(),
+        sweep.identity()
+    );
+}
+
+#[test]
+fn an_ensemble_leaves_one_key_out() {
+    let ensemble = |over: &str| {
+        let text = format!("[ensemble]\nover = \"{over}\"\n{SAMPLE}");
+        let sweep = read(&text).expect("valid");
+        let found = sweep.ensemble().expect("asked for");
+        let groups: Vec<u64> = (0..16).map(|index| found.group(index)).collect();
+        (groups, found.shared.clone(), found.member_count())
+    };
+    let (groups, shared, members) = ensemble("chain.alpha");
+    assert_eq!(
+        (groups[..5].to_vec(), groups[15], shared, members),
+        (vec![0, 0, 1, 1, 2], 7, vec![0, 1, 2], 2)
+    );
+    let (groups, shared, members) = ensemble("sample");
+    assert_eq!((groups[..4].to_vec(), groups[8..12].to_vec()), (vec![0, 1, 0, 1], vec![2, 3, 2, 3]));
+    assert_eq!((shared, members), (vec![0, 3], 4));
+    assert!(read(SAMPLE).expect("valid").ensemble().is_none());
+    refuses(&format!("[ensemble]\n{SAMPLE}"), 1, &["`seed`", "chain.alpha"]);
+    refuses(&format!("seeds = 5\n{SAMPLE}"), 1, &["seeds", "{ from = 0, count = 100 }"]);
+    refuses(&SAMPLE.replace("chain.beads = {", "chain.alpha = {"), 11, &["chain.alpha", "twice"]);
+    let many = (0..17).fold(String::new(), |all, i| all + &format!("\"a{i}\" = {{ from = 1, to = 2 }}, "));
+    let many = format!(
+        "[sample]\nmethod = \"sobol\"\ncount = 4\nranges = {{ {many} }}\n[base]\npreset = \"homogeneous\"\n"
+    );
+    refuses(&many, 1, &["sample.ranges", "17", "16", "latin-hypercube"]);
+}
+
 /// What the documentation shows is a sweep: 3 × 12 points of one case.
 #[test]
 fn the_documented_sweep_is_one() {

@@ -24,16 +24,77 @@ pub(super) fn range(range: &Table) -> Result<Vec<Value>, String> {
         found => return Err(wrong("count", found, "a whole number from 2 to 100000")),
     };
     let (from, to) = (number(range, "from")?, number(range, "to")?);
-    let logarithmic = match range.get("spacing").map(Value::as_str) {
-        None | Some(Some("linear")) => false,
-        Some(Some("log")) => true,
-        Some(_) => return Err(wrong("spacing", range.get("spacing"), "\"linear\" (the default) or \"log\"")),
-    };
-    match (from, to, logarithmic) {
+    match (from, to, is_logarithmic(range)?) {
         (Value::Integer(from), Value::Integer(to), false) => whole(*from, *to, count),
         (from, to, false) => Ok(linear(double(from), double(to), count)),
         (from, to, true) => log(double(from), double(to), count),
     }
+}
+
+/// A range that values are drawn from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Interval {
+    /// Whole numbers, both ends included.
+    Whole(i64, i64),
+    Linear(f64, f64),
+    /// Equal ratios are equally likely; the ends are positive.
+    Log(f64, f64),
+}
+
+impl Interval {
+    /// Reads `{ from, to, spacing }`. A range between whole numbers has whole numbers.
+    pub(super) fn read(range: &Table) -> Result<Self, String> {
+        let known = ["from", "to", "spacing"];
+        if let Some(key) = range.keys().find(|key| !known.contains(&key.as_str())) {
+            return Err(format!("found `{key}` in a range of [sample]; allowed: {}", known.join(", ")));
+        }
+        let (from, to) = (number(range, "from")?, number(range, "to")?);
+        let logarithmic = is_logarithmic(range)?;
+        let (low, high) = (double(from), double(to));
+        if low >= high {
+            return Err(format!("found a range from {from} to {to}; allowed: `from` below `to`"));
+        }
+        match (from, to) {
+            (Value::Integer(from), Value::Integer(to)) if !logarithmic => Ok(Self::Whole(*from, *to)),
+            _ if !logarithmic => Ok(Self::Linear(low, high)),
+            _ if low > 0.0 => Ok(Self::Log(low, high)),
+            _ => Err(not_logarithmic(low, high)),
+        }
+    }
+
+    /// The value at `fraction`, from 0 to 1, of the range: `from·(1 − fraction) + to·fraction`; of whole numbers each has an
+    /// equal part; logarithmic `from·(to/from)^fraction`, with the power function of the dynamics.
+    pub(super) fn at(self, fraction: f64) -> Value {
+        let within = |from: f64, to: f64, value: f64| match value {
+            value if value < from => from,
+            value if value > to => to,
+            value => value,
+        };
+        match self {
+            Self::Whole(from, to) => {
+                let count = i128::from(to) - i128::from(from) + 1;
+                #[expect(clippy::cast_possible_truncation, reason = "floor of what is not negative")]
+                let steps = (count as f64 * fraction) as i128;
+                let steps = if steps < count { steps } else { count - 1 };
+                Value::Integer(i64::try_from(i128::from(from) + steps).unwrap_or(to))
+            }
+            Self::Linear(from, to) => Value::Float(within(from, to, from * (1.0 - fraction) + to * fraction)),
+            Self::Log(from, _) if fraction == 0.0 => Value::Float(from),
+            Self::Log(from, to) => Value::Float(within(from, to, from * power(to / from, fraction))),
+        }
+    }
+}
+
+fn is_logarithmic(range: &Table) -> Result<bool, String> {
+    match range.get("spacing").map(Value::as_str) {
+        None | Some(Some("linear")) => Ok(false),
+        Some(Some("log")) => Ok(true),
+        Some(_) => Err(wrong("spacing", range.get("spacing"), "\"linear\" (the default) or \"log\"")),
+    }
+}
+
+fn not_logarithmic(from: f64, to: f64) -> String {
+    format!("a range from {from} to {to} has no logarithmic spacing; allowed: positive ends")
 }
 
 fn wrong(key: &str, found: Option<&Value>, allowed: &str) -> String {
@@ -76,9 +137,7 @@ fn linear(from: f64, to: f64, count: i64) -> Vec<Value> {
 
 fn log(from: f64, to: f64, count: i64) -> Result<Vec<Value>, String> {
     if !(from > 0.0 && to > 0.0) {
-        return Err(format!(
-            "a range from {from} to {to} has no logarithmic spacing; allowed: positive ends"
-        ));
+        return Err(not_logarithmic(from, to));
     }
     let gaps = (count - 1) as f64;
     Ok(with_exact_ends(from, to, count, |i| from * power(to / from, i as f64 / gaps)))
@@ -132,6 +191,26 @@ mod tests {
         let down = values("from = 5\nto = -5\ncount = 3").expect("whole");
         assert_eq!(down, [5, 0, -5].map(Value::Integer));
         assert!(values("from = 1\nto = 2\ncount = 4").expect_err("fractions").contains("1.0"));
+    }
+
+    #[test]
+    fn drawn_values_lie_in_their_range() {
+        let interval = |text: &str| Interval::read(&text.parse().expect("TOML"));
+        let at = |text, fraction| interval(text).expect(text).at(fraction);
+        assert_eq!(at("from = 1.0\nto = 2", 0.25), Value::Float(1.25));
+        let below_1 = 1.0 - f64::EPSILON / 2.0;
+        let dice = "from = 1\nto = 6";
+        assert_eq!([0.0, 0.17, below_1, 1.0].map(|f| at(dice, f)), [1, 2, 6, 6].map(Value::Integer));
+        let decade = at("from = 1e-3\nto = 1e-2\nspacing = \"log\"", 0.5);
+        assert_eq!(decade.as_float().map(f64::to_bits), Some((1e-3 * power(1e-2 / 1e-3, 0.5)).to_bits()));
+        assert_eq!(at("from = 0.1\nto = 0.3", 1.0), Value::Float(0.3));
+        for (text, says) in [
+            ("from = 2.0\nto = 1.0", "below"),
+            ("from = 1.0\nto = 2.0\ncount = 3", "`count`"),
+            ("from = 0.0\nto = 2.0\nspacing = \"log\"", "positive"),
+        ] {
+            assert!(interval(text).expect_err(text).contains(says), "{text}");
+        }
     }
 
     #[test]

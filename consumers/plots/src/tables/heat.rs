@@ -1,0 +1,155 @@
+//! A column of a table in colours over two others.
+
+use super::column_label;
+use figure::{Axis, ColourScale, Figure, FigureError, Panel, Raster};
+
+/// Cells of each side of a map whose cells are not all of one size.
+const FINE: u16 = 480;
+
+/// Values nearer to 0 than this part of the largest make the colours begin at 0.
+const NEAR_ZERO: f64 = 0.35;
+
+/// A quantity over two parameters.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HeatMap {
+    /// The columns of the x axis, the y axis and the colours.
+    pub columns: [String; 3],
+    /// Whether the axes are logarithmic.
+    pub log: [bool; 2],
+    /// Whether colours follow the logarithm.
+    pub log_colours: bool,
+    /// Their values, one for each pair of x and y.
+    pub values: Vec<[f64; 3]>,
+    /// What is said under the panel.
+    pub caption: String,
+}
+
+/// Draws it: a cell for each pair of x and y where these form a grid, else means over cells that have about two rows.
+///
+/// # Errors
+/// When the map cannot be drawn, which is a mistake of ours.
+pub fn heat_map(map: &HeatMap) -> Result<Figure, FigureError> {
+    let [x, y] = [0, 1].map(|side| Side::new(map, side));
+    let mut sums = vec![(0.0, 0_u32); x.cells() * y.cells()];
+    for [at_x, at_y, value] in map.values.iter().filter(|row| row[2].is_finite()) {
+        if let (Some(column), Some(row)) = (x.cell(*at_x), y.cell(*at_y)) {
+            let (sum, count) = &mut sums[row * x.cells() + column];
+            (*sum, *count) = (*sum + value, *count + 1);
+        }
+    }
+    let means = sums.iter().map(|(sum, count)| (*count > 0).then(|| sum / f64::from(*count)));
+    let means: Vec<Option<f64>> = means.collect();
+    let scale = scale(map, means.iter().flatten().copied());
+    let (columns, rows) = (x.drawn(), y.drawn());
+    let cells = x.cells();
+    let drawn = rows
+        .iter()
+        .flat_map(|row| columns.iter().map(|column| means[*row * cells + *column]).collect::<Vec<_>>());
+    #[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for a colour")]
+    let drawn: Vec<Option<f32>> = drawn.map(|value| value.map(|value| value as f32)).collect();
+    let count = |cells: &[usize]| u32::try_from(cells.len()).unwrap_or(u32::MAX);
+    let raster = Raster::values(count(&columns), count(&rows), &drawn, scale)?.nothing("no value");
+    let axis = |side: &Side, name: &str| {
+        let (from, to) = side.ends();
+        let axis = Axis::new(column_label(name)).limits(from, to);
+        if side.log { axis.log() } else { axis }
+    };
+    let panel = Panel::new()
+        .x_axis(axis(&x, &map.columns[0]))
+        .y_axis(axis(&y, &map.columns[1]))
+        .raster(raster.over(x.ends(), y.ends()))
+        .height(1.35);
+    let binned = if x.is_grid && y.is_grid { "" } else { "; of the rows in a cell the mean" };
+    Ok(Figure::new().caption(format!("{}{binned}", map.caption)).panel(panel))
+}
+
+fn scale(map: &HeatMap, values: impl Iterator<Item = f64>) -> ColourScale {
+    let label = column_label(&map.columns[2]);
+    let [low, high] = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
+        [if value < low { value } else { low }, if value > high { value } else { high }]
+    });
+    let far = if high > -low { high } else { -low };
+    let is_far_from_zero = low > NEAR_ZERO * far || high < -NEAR_ZERO * far;
+    if map.log_colours {
+        ColourScale::new(label, low, high).log_beyond(1e-4 * far)
+    } else if is_far_from_zero {
+        ColourScale::between(label, low, high)
+    } else {
+        ColourScale::new(label, low, high)
+    }
+}
+
+/// The cells along one axis, in its own coordinate: the value or its logarithm.
+struct Side {
+    log: bool,
+    /// One more than there are cells, rising.
+    edges: Vec<f64>,
+    is_even: bool,
+    /// The values of the table have a cell each.
+    is_grid: bool,
+}
+
+impl Side {
+    fn new(map: &HeatMap, side: usize) -> Self {
+        let log = map.log[side];
+        let place = |value: f64| if log { value.log10() } else { value };
+        let mut places: Vec<f64> = map.values.iter().map(|row| place(row[side])).collect();
+        places.retain(|place| place.is_finite());
+        places.sort_by(f64::total_cmp);
+        places.dedup();
+        let rows = map.values.len();
+        // a grid has each of its values many times
+        let is_grid = places.len() * 2 <= rows || rows <= 2;
+        let edges = if is_grid { around(&places) } else { spread(&places, rows) };
+        let gaps: Vec<f64> = edges.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let mean = gaps.iter().sum::<f64>() / gaps.len().max(1) as f64;
+        let is_even = gaps.iter().all(|gap| (gap - mean).abs() < 1e-6 * mean);
+        Self { log, edges, is_even, is_grid }
+    }
+
+    fn cells(&self) -> usize {
+        self.edges.len() - 1
+    }
+
+    /// The cell of a value.
+    fn cell(&self, value: f64) -> Option<usize> {
+        self.cell_at(if self.log { value.log10() } else { value })
+    }
+
+    fn cell_at(&self, place: f64) -> Option<usize> {
+        place.is_finite().then(|| self.edges[1..self.cells()].partition_point(|edge| *edge <= place))
+    }
+
+    /// The cells as they are drawn: each once if all have one size, else as often as it is large.
+    fn drawn(&self) -> Vec<usize> {
+        if self.is_even {
+            return (0..self.cells()).collect();
+        }
+        let (from, to) = (self.edges[0], self.edges[self.cells()]);
+        let middle = |i: u16| from + (to - from) * (f64::from(i) + 0.5) / f64::from(FINE);
+        (0..FINE).filter_map(|i| self.cell_at(middle(i))).collect()
+    }
+
+    fn ends(&self) -> (f64, f64) {
+        let value = |place: f64| if self.log { 10_f64.powf(place) } else { place };
+        (value(self.edges[0]), value(self.edges[self.cells()]))
+    }
+}
+
+/// The edges of cells around each of the `places`: halfway between them.
+fn around(places: &[f64]) -> Vec<f64> {
+    let (Some(first), Some(last)) = (places.first(), places.last()) else { return vec![0.0, 1.0] };
+    let inner: Vec<f64> = places.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
+    let alone = if *first == 0.0 { 0.5 } else { 0.1 * first.abs() };
+    let before = inner.first().map_or(first - alone, |edge| first - (edge - first));
+    let after = inner.last().map_or(last + alone, |edge| last + (last - edge));
+    [vec![before], inner, vec![after]].concat()
+}
+
+/// The edges of even cells, as many as give about two of `rows` to each cell of a map.
+fn spread(places: &[f64], rows: usize) -> Vec<f64> {
+    let (Some(first), Some(last)) = (places.first(), places.last()) else { return vec![0.0, 1.0] };
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "3 to 100")]
+    let cells = (rows as f64 / 2.0).sqrt().floor().clamp(3.0, 100.0) as u32;
+    (0..=cells).map(|i| first + (last - first) * f64::from(i) / f64::from(cells)).collect()
+}

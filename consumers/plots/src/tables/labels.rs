@@ -1,0 +1,64 @@
+//! What a person reads for the name of a column.
+
+/// The ends of names that are units, the longest of those that fit first.
+const UNITS: [(&str, &str); 17] = [
+    ("_beads_per_s", "beads/s"),
+    ("_rad_per_s", "rad/s"),
+    ("_n_per_m", "N/m"),
+    ("_n_s_per_m", "N·s/m"),
+    ("_kg_m3", "kg/m³"),
+    ("_m_s2", "m/s²"),
+    ("_beads2", "beads²"),
+    ("_m_s", "m/s"),
+    ("_per_s", "1/s"),
+    ("_beads", "beads"),
+    ("_kg", "kg"),
+    ("_hz", "Hz"),
+    ("_pa", "Pa"),
+    ("_j", "J"),
+    ("_n", "N"),
+    ("_m", "m"),
+    ("_s", "s"),
+];
+
+/// What columns of statistics begin with.
+const STATISTICS: [(&str, &str); 8] = [
+    ("mean_", "mean of "),
+    ("standard_error_", "standard error of "),
+    ("median_", "median of "),
+    ("q05_", "5 % quantile of "),
+    ("q25_", "25 % quantile of "),
+    ("q75_", "75 % quantile of "),
+    ("q95_", "95 % quantile of "),
+    ("missing_", "rows without "),
+];
+
+/// A column's name as the label of an axis: words, and the unit in brackets.
+///
+/// ```
+/// use plots::column_label;
+/// assert_eq!(column_label("striker.velocity_m_s"), "striker velocity (m/s)");
+/// assert_eq!(column_label("chain.impurities[0].mass_kg"), "impurity 0 mass (kg)");
+/// assert_eq!(column_label("forward_v_peak_m_s"), "forward peak velocity (m/s)");
+/// assert_eq!(column_label("standard_error_total_j"), "standard error of total (J)");
+/// assert_eq!(column_label("chain.alpha"), "α");
+/// ```
+pub fn column_label(column: &str) -> String {
+    let (prefix, name) = STATISTICS
+        .iter()
+        .find_map(|(start, words)| Some((*words, column.strip_prefix(start)?)))
+        .unwrap_or(("", column));
+    let name = name.strip_prefix("chain.").unwrap_or(name);
+    if name == "alpha" {
+        return format!("{prefix}α");
+    }
+    let of = |(end, unit): &(&str, &'static str)| Some((name.strip_suffix(end)?, *unit));
+    let (name, unit) = match UNITS.iter().find_map(of) {
+        Some((name, unit)) if !name.is_empty() => (name, unit),
+        _ => (name, ""),
+    };
+    let words = name.replace("v_peak", "peak_velocity").replace("impurities[", "impurity ");
+    let words = words.replace(['_', '.'], " ").replace(']', "");
+    let is_count = prefix.starts_with("rows") || unit.is_empty();
+    if is_count { format!("{prefix}{words}") } else { format!("{prefix}{words} ({unit})") }
+}

@@ -1,0 +1,78 @@
+//! What statistics are made over: seeds, or another key of the grid.
+
+use super::super::document::KeyPath;
+use super::{Located, Reader, Setting, SweepError};
+use schemas::config::line_at;
+use toml::Value;
+
+/// The key that statistics are made over unless the file names one.
+const SEED: &str = "seed";
+
+/// What an ensemble is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in super::super) enum Over {
+    /// All that `[sample]` draws.
+    Sample,
+    /// One key of the grid, by its place there.
+    Axis(usize),
+}
+
+impl Reader<'_> {
+    /// The key `seed` with the values of `seeds = { from, count }`, if that is there.
+    pub(super) fn seeds(&self, value: Option<&Located<'_>>) -> Result<Option<Vec<Setting>>, SweepError> {
+        let Some(value) = value else { return Ok(None) };
+        let plain = self.plain(value, "seeds")?;
+        let wrong = || {
+            let found = format!("found {}; allowed: {{ from = 0, count = 100 }}", self.written(value));
+            self.refuse(value.span().start, "seeds", found)
+        };
+        let table = plain.as_table().ok_or_else(wrong)?;
+        let whole = |key, default| table.get(key).map_or(Some(default), Value::as_integer);
+        let (from, count) = whole("from", 0).zip(whole("count", 0)).ok_or_else(wrong)?;
+        let is_known = table.keys().all(|key| key == "from" || key == "count");
+        if !is_known || from < 0 || !(1..=100_000).contains(&count) || from.checked_add(count).is_none() {
+            return Err(wrong());
+        }
+        let line = line_at(self.text, value.span().start);
+        let key = KeyPath::parse(SEED).map_err(|_| wrong())?;
+        let setting = |seed| Setting { key: key.clone(), value: Value::Integer(seed), line };
+        Ok(Some((from..from + count).map(setting).collect()))
+    }
+
+    /// What the table `[ensemble]` names; without one the key `seed`, if the grid has it.
+    pub(super) fn over(
+        &self,
+        value: Option<&Located<'_>>,
+        has_sample: bool,
+        axes: &[Vec<Setting>],
+    ) -> Result<Option<Over>, SweepError> {
+        let keys: Vec<String> = axes.iter().filter_map(|axis| Some(axis.first()?.key.to_string())).collect();
+        let axis = |key: &str| keys.iter().position(|known| known == key).map(Over::Axis);
+        let Some(value) = value else { return Ok(axis(SEED)) };
+        let table = self.table(value, "ensemble")?;
+        if let Some((key, _)) = table.iter().find(|(key, _)| key.get_ref() != "over") {
+            let message = "found an unknown key; allowed: over".to_owned();
+            return Err(self.refuse(key.span().start, &format!("ensemble.{}", key.get_ref()), message));
+        }
+        let written = table.get("over");
+        let name: Option<String> = self.option(written, "ensemble.over", "the name of a key")?;
+        let name = name.unwrap_or_else(|| SEED.to_owned());
+        if has_sample && name == "sample" {
+            return Ok(Some(Over::Sample));
+        }
+        // `a[00].b` is `a[0].b`
+        let key = KeyPath::parse(&name).map_or(name.clone(), |key| key.to_string());
+        axis(&key).map(Some).ok_or_else(|| {
+            let mut known = keys.clone();
+            known.extend(has_sample.then(|| "sample".to_owned()));
+            let known =
+                if known.is_empty() { "a key, once [grid] has one".to_owned() } else { known.join(", ") };
+            let offset = written.unwrap_or(value).span().start;
+            self.refuse(
+                offset,
+                "ensemble.over",
+                format!("found `{name}`, which the grid does not have; allowed: {known}"),
+            )
+        })
+    }
+}

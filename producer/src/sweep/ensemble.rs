@@ -1,0 +1,53 @@
+//! Points that differ in one key alone, such as the seed: what statistics are made of.
+
+use super::Sweep;
+use super::definition::{Definition, Over};
+
+/// How the points of a sweep fall into groups of one value of every key but one.
+///
+/// Group `g` has the points whose index is `g` when that key is left out of the counting; groups are in the order of
+/// their first points.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Ensemble {
+    /// The key that is left out, or `sample` for all that `[sample]` sets.
+    pub over: String,
+    /// Which of [`Sweep::parameters`] all points of a group share.
+    pub shared: Vec<usize>,
+    /// Points whose index differs by this differ in nothing else, as long as the key goes through its values.
+    stride: u64,
+    /// Values of the key.
+    members: u64,
+}
+
+impl Ensemble {
+    /// The group of point `index`.
+    pub fn group(&self, index: u64) -> u64 {
+        index / (self.stride * self.members) * self.stride + index % self.stride
+    }
+
+    /// How many points a group has.
+    pub fn member_count(&self) -> u64 {
+        self.members
+    }
+}
+
+impl Sweep {
+    /// What statistics are to be made over, if the sweep file asks for it or sweeps the key `seed`.
+    pub fn ensemble(&self) -> Option<Ensemble> {
+        let Definition { samples, axes, over, .. } = &self.definition;
+        let count = |axes: &[Vec<_>]| axes.iter().fold(1, |count, axis| count * axis.len() as u64);
+        let (settings, stride, members, over) = match over.as_ref()? {
+            Over::Sample => {
+                (samples.first()?.as_slice(), count(axes), samples.len() as u64, "sample".to_owned())
+            }
+            Over::Axis(place) => {
+                let axis = axes.get(*place)?;
+                let key = axis.first()?.key.to_string();
+                (axis.get(..1)?, count(&axes[place + 1..]), axis.len() as u64, key)
+            }
+        };
+        let is_left_out = |key: &str| settings.iter().any(|setting| setting.key.to_string() == key);
+        let shared = (0..self.parameters.len()).filter(|place| !is_left_out(&self.parameters[*place].key));
+        Some(Ensemble { over, shared: shared.collect(), stride, members })
+    }
+}

@@ -1,0 +1,195 @@
+//! Which columns are drawn where nobody said it.
+
+use super::columns::{Columns, Keys};
+use crate::args::PlotArgs;
+use crate::failure::Failure;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Curves that are told apart in one panel.
+const MOST_CURVES: usize = 8;
+
+/// Columns of results that people look for first, in this order.
+const FAVOURITES: [&str; 3] = ["corrected_over_incident", "reflected_over_total", "forward_v_peak_m_s"];
+
+/// Columns of results that say how a run went, not what it found.
+const ABOUT_RUNS: [&str; 6] =
+    ["steps", "time_s", "dt_s", "split_bead", "relative_drift", "max_abs_relative_drift"];
+
+/// What conserved quantities differ by from run to run, as parts of their size, is no result.
+const ROUNDING: f64 = 1e-3;
+
+/// The key that makes the members of an ensemble: no axis, if there is another.
+const SEED: &str = "seed";
+
+/// What is drawn.
+#[derive(Debug)]
+pub(super) struct Choice {
+    pub(super) x: String,
+    /// Columns of results, or of a heat map the one of its y axis.
+    pub(super) y: Vec<String>,
+    pub(super) drawn: Drawn,
+    /// Swept columns in which rows differ that fall on one point.
+    pub(super) averaged: Vec<String>,
+    /// Rows that lie beside each other differ in more than x.
+    pub(super) scattered: bool,
+}
+
+/// How it is drawn.
+#[derive(Debug)]
+pub(super) enum Drawn {
+    /// A curve for each value of a column, if there is one.
+    Curves { by: Option<String> },
+    /// A column in colours.
+    Heat { heat: String },
+}
+
+impl Choice {
+    pub(super) fn of(args: &PlotArgs, columns: &Columns) -> Result<Self, Failure> {
+        for (flag, name) in [("--x", &args.x), ("--by", &args.by), ("--heat", &args.heat)] {
+            name.as_ref().map(|name| columns.check(flag, name)).transpose()?;
+        }
+        args.y.iter().try_for_each(|name| columns.check("--y", name).map(drop))?;
+        let varying = varying(columns)?;
+        // numbers that may be an axis, most values first
+        let asked = [args.by.as_ref(), args.heat.as_ref()];
+        let is_free =
+            |name: &str| !asked.contains(&Some(&name.to_owned())) && !args.y.iter().any(|y| y == name);
+        let mut axes: Vec<(&str, usize)> = varying
+            .iter()
+            .filter(|(name, _)| columns.is_numeric(name) && is_free(name))
+            .map(|(name, keys)| (*name, keys.known.len()))
+            .collect();
+        if axes.len() > 1 {
+            axes.retain(|(name, _)| *name != SEED);
+        }
+        let has_choice = args.x.is_none() && args.y.is_empty() && args.by.is_none() && args.band.is_none();
+        let is_map = has_choice && axes.len() == 2 && axes.iter().all(|(_, count)| *count > MOST_CURVES);
+        if args.heat.is_some() || is_map {
+            return Self::map(args, columns, &axes, &varying);
+        }
+        axes.sort_by_key(|axis| std::cmp::Reverse(axis.1));
+        let x = match (&args.x, axes.first()) {
+            (Some(x), _) => x.clone(),
+            (None, Some((x, _))) => (*x).to_owned(),
+            (None, None) => return Err(nothing_varies(columns)),
+        };
+        let y = if args.y.is_empty() { vec![default_result(columns, &x)?] } else { args.y.clone() };
+        let few =
+            |(name, keys): &&(&str, Keys)| *name != x && *name != SEED && keys.known.len() <= MOST_CURVES;
+        let by = args.by.clone().or_else(|| {
+            let first = varying.iter().filter(|(name, _)| !y.iter().any(|y| y == name)).find(few);
+            first.map(|(name, _)| (*name).to_owned())
+        });
+        let taken: Vec<&str> = std::iter::once(x.as_str()).chain(by.as_deref()).collect();
+        let (averaged, scattered) = rest(columns, &taken, &varying)?;
+        if let Some(by) = &by {
+            let count = columns.keys(by)?.known.len();
+            if count > 3 * MOST_CURVES {
+                return Err(bad_input!(
+                    "--by {by} has {count} values, too many curves; draw it as --x, or use --heat"
+                ));
+            }
+        }
+        Ok(Self { x, y, drawn: Drawn::Curves { by }, averaged, scattered })
+    }
+
+    fn map(
+        args: &PlotArgs,
+        columns: &Columns,
+        axes: &[(&str, usize)],
+        varying: &[(&str, Keys)],
+    ) -> Result<Self, Failure> {
+        let asked: Vec<&String> = args.x.iter().chain(args.y.first()).collect();
+        let mut free =
+            axes.iter().map(|(name, _)| *name).filter(|name| !asked.iter().any(|asked| asked == name));
+        let mut side = |asked: Option<&String>| asked.cloned().or_else(|| free.next().map(str::to_owned));
+        let (Some(x), Some(y)) = (side(args.x.as_ref()), side(args.y.first())) else {
+            return Err(bad_input!(
+                "a heat map needs two swept columns of numbers; name them with --x and --y"
+            ));
+        };
+        let heat = match &args.heat {
+            Some(heat) => heat.clone(),
+            None => default_result(columns, &x)?,
+        };
+        let (averaged, _) = rest(columns, &[x.as_str(), y.as_str()], varying)?;
+        Ok(Self { x, y: vec![y], drawn: Drawn::Heat { heat }, averaged, scattered: false })
+    }
+
+    pub(super) fn by(&self) -> Option<&str> {
+        match &self.drawn {
+            Drawn::Curves { by } => by.as_deref(),
+            Drawn::Heat { .. } => None,
+        }
+    }
+
+    pub(super) fn heat(&self) -> Option<&str> {
+        match &self.drawn {
+            Drawn::Curves { .. } => None,
+            Drawn::Heat { heat } => Some(heat),
+        }
+    }
+}
+
+/// The swept columns with more than one value.
+fn varying(columns: &Columns) -> Result<Vec<(&str, Keys)>, Failure> {
+    let mut varying = Vec::new();
+    for name in columns.swept() {
+        let keys = columns.keys(name)?;
+        if keys.known.len() > 1 {
+            varying.push((name, keys));
+        }
+    }
+    Ok(varying)
+}
+
+fn nothing_varies(columns: &Columns) -> Failure {
+    let swept = columns.swept();
+    bad_input!(
+        "nothing that was swept is a number with several values ({}); name an axis with --x",
+        swept.join(", ")
+    )
+}
+
+/// The first result that is worth a look: a favourite, or else one that differs from row to row.
+fn default_result(columns: &Columns, x: &str) -> Result<String, Failure> {
+    let results = columns.results();
+    let varies = |name: &&str| -> bool {
+        let Ok(found) = columns.result(name) else { return false };
+        let means: Vec<f64> = found.means().into_iter().flatten().collect();
+        let largest = means.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+        let differs = |pair: &[f64]| (pair[0] - pair[1]).abs() > ROUNDING * largest;
+        means.len() * 2 > columns.row_count() && means.windows(2).any(differs)
+    };
+    let favourites = FAVOURITES.iter().filter(|name| results.contains(name));
+    let others = results.iter().filter(|name| !ABOUT_RUNS.contains(name));
+    let found = favourites.chain(others).filter(|name| **name != x).find(|name| varies(name));
+    found.map(|name| (*name).to_owned()).ok_or_else(|| {
+        bad_input!("no result differs from row to row; name one with --y: {}", results.join(", "))
+    })
+}
+
+/// The swept columns beyond those `taken` in which rows differ, and whether they differ otherwise from one point to the next, as
+/// samples do, so that rows are not repetitions of each other.
+fn rest(columns: &Columns, taken: &[&str], varying: &[(&str, Keys)]) -> Result<(Vec<String>, bool), Failure> {
+    let rest: Vec<_> = varying.iter().filter(|(name, _)| !taken.contains(name)).collect();
+    let keys: Vec<Keys> = taken.iter().map(|name| columns.keys(name)).collect::<Result<_, _>>()?;
+    let point = |row: usize| keys.iter().map(|keys| keys.of[row]).collect::<Vec<usize>>();
+    let mut points: BTreeMap<Vec<usize>, usize> = BTreeMap::new();
+    let mut scattered = false;
+    for (_, keys) in &rest {
+        let mut values: BTreeMap<Vec<usize>, BTreeSet<usize>> = BTreeMap::new();
+        for row in 0..columns.row_count() {
+            values.entry(point(row)).or_default().insert(keys.of[row]);
+        }
+        // most points of a sample have a value of their own; a grid that is not complete yet has few
+        let all: BTreeSet<usize> = values.values().flatten().copied().collect();
+        let whole = values.values().filter(|found| found.len() == all.len()).count();
+        scattered |= 2 * whole < values.len();
+    }
+    (0..columns.row_count()).for_each(|row| *points.entry(point(row)).or_default() += 1);
+    let repeats = points.values().any(|count| *count > 1);
+    let averaged =
+        if repeats { rest.iter().map(|(name, _)| (*name).to_owned()).collect() } else { Vec::new() };
+    Ok((averaged, scattered))
+}

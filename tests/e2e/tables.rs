@@ -1,0 +1,142 @@
+//! `beadline plot` of tables: what it chooses, what it says, and that it never guesses what was not there.
+
+use crate::harness::Place;
+use serde_json::{Value, json};
+
+/// A table as a sweep over a law, a mass and seeds leaves it: `value` is exact, so that means are known.
+fn results(alphas: &[f64], masses: u32, seeds: u32) -> String {
+    let mut csv =
+        "index,chain.alpha,\"chain.impurities[0].mass_kg\",seed,end,steps,time_s,total_j,error\n".to_owned();
+    let mut index = 0;
+    for alpha in alphas {
+        for mass in 1..=masses {
+            for seed in 0..seeds {
+                let value = alpha * f64::from(mass) + f64::from(seed);
+                let mass_kg = 1e-3 * f64::from(mass);
+                let row = format!(
+                    "{index},{alpha},{mass_kg},{seed},complete,100,1e-3,{value},
+"
+                );
+                csv.push_str(&row);
+                index += 1;
+            }
+        }
+    }
+    csv
+}
+
+fn plot(place: &Place, words: &str) -> Value {
+    place.run(&format!("plot {words} --force --json")).exits(0).json()
+}
+
+#[test]
+fn what_is_drawn_is_chosen_well_and_said() {
+    let place = Place::new();
+    place.write("results.csv", &results(&[1.5, 2.0], 12, 3));
+    let said = place.run("plot results.csv").exits(0).stdout();
+    for says in
+        ["chain.impurities[0].mass_kg (chosen", "total_j (chosen", "chain.alpha (chosen", "averaged over"]
+    {
+        assert!(said.contains(says), "{says}: {said}");
+    }
+    assert!(place.path("results-total_j.png").exists());
+    let chosen = plot(&place, "results.csv --out a.svg");
+    assert_eq!(chosen["x"], "chain.impurities[0].mass_kg");
+    assert_eq!((&chosen["by"], &chosen["averaged_over"]), (&json!("chain.alpha"), &json!(["seed"])));
+    let svg = place.read("a.svg");
+    for says in ["impurity 0 mass", "total", "α = 1.5", "α = 2", "mean over seed"] {
+        assert!(svg.contains(says), "{says}");
+    }
+    // two long axes and no wish: a map
+    place.write("grid.csv", &results(&[1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.8, 1.9, 2.0], 12, 2));
+    let map = plot(&place, "grid.csv --out m.svg");
+    assert_eq!((&map["heat"], &map["x"]), (&json!("total_j"), &json!("chain.alpha")));
+    assert_eq!(map["y"], json!(["chain.impurities[0].mass_kg"]));
+    assert!(place.read("m.svg").contains("<image"));
+    assert_eq!(plot(&place, "grid.csv --heat steps --out m.svg --log x,y")["heat"], "steps");
+}
+
+/// The curve of the means: 3 seeds add 0, 1 and 2 to α·m.
+#[test]
+fn a_band_shows_how_rows_scatter() {
+    let place = Place::new();
+    place.write("results.csv", &results(&[1.5, 2.0], 6, 3));
+    for (flag, says) in
+        [("--band", "mean ± standard error over seed"), ("--band=quantiles", "median, 25 % to 75 %")]
+    {
+        plot(&place, &format!("results.csv {flag} --out b.svg"));
+        let svg = place.read("b.svg");
+        assert!(svg.contains(says) && svg.contains("fill-opacity"), "{flag}");
+    }
+    // one row for each point has no band, and that is said
+    place.write("alone.csv", &results(&[1.5, 2.0], 6, 1));
+    place.run("plot alone.csv --band --out c.svg").exits(0).says(&["no band for total_j"]);
+}
+
+#[test]
+fn an_ensemble_is_drawn_from_either_of_its_tables() {
+    let place = Place::new();
+    place.write(
+        "s.toml",
+        "[ensemble]\nover = \"striker.velocity_m_s\"\n[base]\npreset = \"homogeneous\"\nchain.beads = 20\n\
+         time.duration_s = 1e-3\n[grid]\nchain.alpha = [1.3, 1.5, 2.0]\n\"striker.velocity_m_s\" = [1, 2, 3]\n",
+    );
+    place.run("sweep s.toml --out dir").exits(0);
+    for band in ["", "--band", "--band=quantiles"] {
+        let words = format!("--x chain.alpha --y total_j {band}");
+        plot(&place, &format!("dir/ensemble.csv {words} --out e.svg"));
+        plot(&place, &format!("dir/ensemble.parquet {words} --out p.svg"));
+        plot(&place, &format!("dir/results.csv {words} --by end --out r.svg"));
+        let curves = |file: &str| -> Vec<String> {
+            let svg = place.read(file);
+            svg.lines().filter(|line| line.starts_with("<path")).map(str::to_owned).collect()
+        };
+        assert_eq!(curves("e.svg"), curves("p.svg"), "{band}");
+        assert!(!curves("r.svg").is_empty());
+    }
+}
+
+#[test]
+fn samples_are_points_and_words_are_no_axis() {
+    let place = Place::new();
+    place.write(
+        "s.toml",
+        "[sample]\nmethod = \"sobol\"\ncount = 16\nranges = { chain.alpha = { from = 1.2, to = 3 }, \
+         striker.velocity_m_s = { from = 0.1, to = 10, spacing = \"log\" } }\n[base]\npreset = \"homogeneous\"\n\
+         chain.beads = 20\ntime.duration_s = 1e-3\n",
+    );
+    place.run("sweep s.toml --out dir").exits(0);
+    let points = plot(&place, "dir/results.csv --x chain.alpha --y total_j --log y --out points.svg");
+    assert_eq!(points["averaged_over"], json!([]));
+    let svg = place.read("points.svg");
+    assert_eq!(svg.lines().filter(|line| line.starts_with("<path")).count(), 1, "marks and no line");
+    plot(&place, "dir/results.csv --heat total_j --log y --out map.png");
+    place
+        .run("plot dir/results.csv --x end --y total_j")
+        .exits(2)
+        .says(&["end has words, such as `complete`"]);
+}
+
+#[test]
+fn mistakes_say_what_there_is() {
+    let place = Place::new();
+    place.write("results.csv", &results(&[1.5, 2.0], 3, 2));
+    place.write("torn.csv", "a,b\n1,2\n3\n");
+    place.write("empty.csv", "a,b\n");
+    for (words, says) in [
+        ("results.csv --y total", "--y total: the table has no such column; it has chain.alpha"),
+        ("results.csv --x speed", "--x speed: the table has no such column"),
+        ("results.csv --at 0.1", "--at is for runs and recordings; results.csv is a table"),
+        ("results.csv --every-step", "--every-step is for runs and recordings"),
+        ("torn.csv", "torn.csv:3: found 1 fields; expected 2"),
+        ("empty.csv", "empty.csv has no rows"),
+        ("nothing.csv", "nothing.csv cannot be read"),
+        ("results.csv --out figure.txt", "a figure is written as .svg, .pdf or .png"),
+        ("run.mcap --x chain.alpha", "--x is for tables (.csv, .parquet); run.mcap is a run or a recording"),
+        ("run.mcap", "--what is missing"),
+    ] {
+        place.run(&format!("plot {words}")).exits(2).says(&[says]);
+    }
+    place.run("plot results.csv --out a.png").exits(0);
+    place.run("plot results.csv --out a.png").exits(2).says(&["a.png exists already"]);
+}
