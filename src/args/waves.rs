@@ -6,6 +6,7 @@ use super::values::{BeadRange, parse_above_zero, parse_beads, parse_segment, par
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use waves::place::{Place, Quantity};
+use waves::segments::Window;
 
 /// A [`Quantity`] by its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -28,20 +29,39 @@ impl OfArg {
     }
 }
 
+/// A [`Window`] by its name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum WindowArg {
+    /// Hann: for motion that lasts
+    Hann,
+    /// None, and one segment for all: for a pulse that has come and gone at the end
+    None,
+}
+
+impl WindowArg {
+    pub(crate) fn window(self) -> Window {
+        match self {
+            Self::Hann => Window::Hann,
+            Self::None => Window::None,
+        }
+    }
+}
+
 #[derive(Debug, Args)]
 #[command(
     allow_negative_numbers = true,
     after_help = "Examples:\n  \
     beadline spectrum run.mcap --at bead:20 --at bead:100 --figure psd.png\n  \
     beadline spectrum --at wall:right --of force --out f.csv   attach to the only live run\n  \
-    beadline spectrum run.mcap --transmission bead:10,bead:90 --figure t.svg\n  \
+    beadline spectrum run.mcap --transmission bead:10,bead:90 --window none --figure t.svg\n  \
     beadline spectrum run.mcap --at bead:50 --spectrogram --figure s.png\n  \
     beadline spectrum run.mcap --map --figure map.png      all of the chain over ω and q\n  \
     beadline spectrum sparse.mcap --at bead:50 --every-step\n\n\
     Densities are one-sided, by Welch's method: means over segments that overlap by half, less their mean, under a \
-    Hann window. Their integral over frequency is the mean square. Samples are those of frames; the sampling \
+    Hann window (by 7/8 in the spectrogram). Their integral over frequency is the mean square. Samples are those of frames; the sampling \
     frequency is told, and a warning where the recording is too sparse for it. Transmission is the estimate \
-    H1 = S_ab/S_aa, with its phase and coherence. The map has q in rad per bead, above 0 for waves to the right; the \
+    H1 = S_ab/S_aa, with its phase and coherence; a pulse that passes both places wants --window none, motion that \
+    lasts wants segments much longer than the way between them. The map has q in rad per bead, above 0 for waves to the right; the \
     dispersion relation of a chain that is linear about its equilibrium is drawn over it. --out and --figure are of \
     what was asked for: spectra, the spectrogram or the map, which is no finer in the table than in the figure."
 )]
@@ -67,9 +87,12 @@ pub(crate) struct SpectrumArgs {
     #[arg(long, value_name = "A..B", value_parser = parse_beads, requires = "map")]
     pub(crate) beads: Option<BeadRange>,
     /// Samples in a segment, even: more of them resolve more, fewer of them average more [default: so that 4 fill the
-    /// run (24 for the spectrogram, 2 for the map), as a power of 2]
+    /// run (overlapping by half), 12 for the spectrogram, 2 for the map, as far as memory allows]
     #[arg(long, value_name = "SAMPLES", value_parser = parse_segment)]
     pub(crate) segment: Option<usize>,
+    /// How the samples of a segment are weighted
+    #[arg(long, value_enum, default_value = "hann", conflicts_with_all = ["spectrogram", "map"])]
+    pub(crate) window: WindowArg,
     /// Highest frequency (Hz) of figures, and of tables over two axes [default: where nothing is above]
     #[arg(long, value_name = "HZ", value_parser = parse_above_zero)]
     pub(crate) max_frequency: Option<f64>,

@@ -16,6 +16,7 @@ use waves::dispersion::{Band, UnitCell};
 use waves::linear::LinearChain;
 use waves::place::{Place, Quantity, Sensors};
 use waves::sampling::{Sampling, Take, segment_length};
+use waves::segments::Window;
 use waves::spectrogram::Spectrogram;
 use waves::wave_map::WaveMap;
 use waves::welch::Welch;
@@ -32,6 +33,7 @@ struct Asked {
     kind: Kind,
     /// Samples in a segment, if that is given.
     segment: Option<usize>,
+    window: Window,
 }
 
 /// What adds samples up; it begins when the number of samples to come is known.
@@ -71,8 +73,8 @@ impl Asked {
         args.at.iter().for_each(|place| _ = index(*place));
         let pairs = args.transmission.iter().map(|(from, to)| (index(*from), index(*to))).collect();
         let beads = check_beads(manifest, args.beads)?;
-        let asked =
-            Self { quantity: args.of.quantity(), places, pairs, beads, kind, segment: args.segment };
+        let (quantity, window) = (args.of.quantity(), args.window.window());
+        let asked = Self { quantity, places, pairs, beads, kind, segment: args.segment, window };
         asked.check(args, manifest)?;
         Ok(asked)
     }
@@ -112,12 +114,18 @@ impl Asked {
 
     /// The engine for `samples` samples.
     fn engine(&self, samples: u64) -> Engine {
-        let length = |parts: u64, most: usize| {
-            self.segment.unwrap_or_else(|| segment_length(samples, parts, (64.min(most), most)))
+        let length = |segments: u64, most: usize| {
+            self.segment.unwrap_or_else(|| segment_length(samples, segments, (64.min(most), most)))
         };
         match self.kind {
-            Kind::Spectra => Engine::Spectra(Welch::new(self.places.len(), length(4, 1 << 16), &self.pairs)),
-            Kind::Spectrogram => Engine::Spectrogram(Spectrogram::new(samples, length(24, 1 << 14))),
+            Kind::Spectra => {
+                let length = match self.window {
+                    Window::Hann => length(4, 1 << 16),
+                    Window::None => length(1, 1 << 20),
+                };
+                Engine::Spectra(Welch::new(self.places.len(), length, &self.pairs, self.window))
+            }
+            Kind::Spectrogram => Engine::Spectrogram(Spectrogram::new(samples, length(12, 1 << 14))),
             Kind::Map => {
                 let beads = self.beads.len();
                 let longest = WaveMap::longest(beads).min(1 << 16);
@@ -255,6 +263,7 @@ pub(crate) fn spectrum(args: &SpectrumArgs) -> Result<Done, Failure> {
     let linear = Linear::of(&manifest);
     let found = outputs::found(&asked, engine, &samples, linear, args.max_frequency);
     warn_of_slow_samples(&found, &samples);
+    found.warn_of_incoherence(&asked);
     if let Some(path) = &args.out {
         found.write(&asked, path, args.common.frames.force)?;
     }

@@ -5,7 +5,7 @@ use consumers::series::Series;
 use figure::{Axis, Colour, ColourScale, Curve, Figure, FigureError, Mark, Panel, Raster, Stroke};
 use schemas::manifest::RunManifest;
 use std::f64::consts::PI;
-use waves::dispersion::Band;
+use waves::dispersion::{Band, UnitCell};
 use waves::grid::Grid;
 use waves::peaks::Peak;
 use waves::place::{Place, Quantity};
@@ -184,7 +184,9 @@ pub fn wave_grid(
             let branches: Vec<Vec<f64>> = wavenumbers.iter().map(|q| frequencies_hz(*q)).collect();
             for branch in 0..branches[0].len() {
                 let points = wavenumbers.iter().zip(&branches).map(|(q, all)| (*q, all[branch]));
-                let shown = points.filter(|(_, f)| *f <= to_hz && *f >= from_hz);
+                // a line is broken where it leaves the frame
+                let is_shown = |f: f64| f <= to_hz && f >= from_hz;
+                let shown = points.map(|(q, f)| (q, if is_shown(f) { f } else { f64::NAN }));
                 let name = if branch == 0 { "linear dispersion relation" } else { "" };
                 let curve = Curve::line(name, shown.map(|(q, f)| (q, f * factor)));
                 panel = panel.curve(curve.colour(Colour::Black).stroke(Stroke::Dashed).thin());
@@ -217,13 +219,14 @@ pub struct ModesShown<'a> {
 pub fn modes(manifest: &RunManifest, shown: &ModesShown<'_>) -> Figure {
     let top_hz = shown.frequencies_hz.last().copied().unwrap_or(1.0);
     let (label, factor) = frequency_unit(top_hz);
-    let numbered = shown.frequencies_hz.iter().enumerate();
-    let frequencies = numbered.map(|(index, f)| ((index + 1) as f64, f * factor));
     let count = shown.frequencies_hz.len();
+    let numbered = shown.frequencies_hz.iter().enumerate();
+    let frequencies: Vec<_> = numbered.map(|(index, f)| ((index + 1) as f64, f * factor)).collect();
+    let shares = shown.frequencies_hz.iter().zip(shown.participation_beads);
+    let shares: Vec<_> = shares.map(|(f, beads)| (f * factor, *beads)).collect();
     let mut ladder = Panel::new()
         .x_axis(Axis::new("mode").limits(0.0, count as f64 + 1.0))
-        .y_axis(Axis::new(&label).limits(0.0, 1.06 * top_hz * factor))
-        .curve(Curve::points("", frequencies).colour(Colour::Blue));
+        .y_axis(Axis::new(&label).limits(0.0, 1.06 * top_hz * factor));
     let mut shared = Panel::new()
         .x_axis(Axis::new(&label).limits(0.0, 1.06 * top_hz * factor))
         .y_axis(Axis::new("participation (beads)").log().limits(0.8, 1.3 * count as f64))
@@ -233,10 +236,40 @@ pub fn modes(manifest: &RunManifest, shown: &ModesShown<'_>) -> Figure {
         ladder = ladder.band_y(name, from * factor, to * factor);
         shared = shared.band_x("", from * factor, to * factor);
     }
-    let points = shown.frequencies_hz.iter().zip(shown.participation_beads);
-    let points = points.map(|(f, beads)| (f * factor, *beads));
-    shared = shared.curve(Curve::points("", points).colour(Colour::Blue));
+    let [ladder, shared] = [(ladder, frequencies), (shared, shares)]
+        .map(|(panel, points)| with_modes(panel, &points, shown));
     Figure::new().caption(caption(manifest)).panel(ladder).panel(shared)
+}
+
+/// A point for each mode; where there are many a line for those of a band, and points for the others.
+fn with_modes(panel: Panel, points: &[(f64, f64)], shown: &ModesShown<'_>) -> Panel {
+    let blue = |curve: Curve| curve.colour(Colour::Blue);
+    if points.len() <= 60 {
+        return panel.curve(blue(Curve::points("", points.iter().copied())));
+    }
+    let band_of = |f: &f64| {
+        shown.bands_hz.iter().position(|band| UnitCell::carries(std::slice::from_ref(band), *f))
+    };
+    let bands: Vec<Option<usize>> = shown.frequencies_hz.iter().map(band_of).collect();
+    let has_bands = !shown.bands_hz.is_empty();
+    let (mut line, mut outside) = (Vec::new(), Vec::new());
+    let mut last = None;
+    for (point, band) in points.iter().zip(bands) {
+        if has_bands && band.is_none() {
+            outside.push(*point);
+            continue;
+        }
+        if last.is_some_and(|last| last != band) {
+            line.push((f64::NAN, f64::NAN));
+        }
+        line.push(*point);
+        last = Some(band);
+    }
+    let panel = panel.curve(blue(Curve::line("", line)));
+    if outside.is_empty() {
+        return panel;
+    }
+    panel.curve(Curve::points("modes outside", outside).colour(Colour::Vermillion))
 }
 
 /// The shape of one mode.

@@ -85,8 +85,10 @@ impl UnitCell {
             }
         }
         let squares = springs.symmetric_eigenvalues();
-        let mut found: Vec<f64> =
-            squares.iter().map(|square| if *square > 0.0 { square.sqrt() / TAU } else { 0.0 }).collect();
+        // rounding makes the zero of a translation one of this size
+        let zero = 32.0 * f64::EPSILON * squares.iter().fold(0.0_f64, |largest, square| largest.max(*square));
+        let frequency = |square: &f64| if *square > zero { square.sqrt() / TAU } else { 0.0 };
+        let mut found: Vec<f64> = squares.iter().map(frequency).collect();
         found.sort_by(f64::total_cmp);
         found
     }

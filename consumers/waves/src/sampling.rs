@@ -81,12 +81,11 @@ impl Sampling {
     }
 }
 
-/// The length of segments (samples) for a whole of `samples`: the largest power of 2 of which `parts` fit in, within
-/// `least` and `most`.
-pub fn segment_length(samples: u64, parts: u64, (least, most): (usize, usize)) -> usize {
-    let wanted = usize::try_from(samples / parts).unwrap_or(usize::MAX).clamp(least, most);
-    // the largest power of 2 that is not above
-    1 << wanted.ilog2()
+/// The length (samples, even) of segments of which `segments` that overlap by half fill `samples`, within `least` and `most`.
+pub fn segment_length(samples: u64, segments: u64, (least, most): (usize, usize)) -> usize {
+    let wanted = samples.saturating_mul(2) / (segments + 1);
+    let wanted = usize::try_from(wanted).unwrap_or(usize::MAX).clamp(least, most);
+    wanted / 2 * 2
 }
 
 #[cfg(test)]
@@ -105,8 +104,8 @@ mod tests {
     }
 
     #[test]
-    fn segments_are_powers_of_two_within_bounds() {
-        assert_eq!(segment_length(10_000, 4, (64, 1 << 16)), 2048);
+    fn segments_fill_the_samples_within_bounds() {
+        assert_eq!(segment_length(10_001, 4, (64, 1 << 16)), 4000); // 0 to 4000, 2000 to 6000, …, 6000 to 10000
         assert_eq!(segment_length(10, 4, (64, 1 << 16)), 64);
         assert_eq!(segment_length(1 << 40, 4, (64, 1 << 16)), 1 << 16);
     }

@@ -5,15 +5,26 @@ use realfft::{RealFftPlanner, RealToComplex};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
+/// How the samples of a segment are weighted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Window {
+    /// By [`hann`]: for motion that lasts.
+    Hann,
+    /// All the same: for a pulse that comes and goes within one segment.
+    None,
+}
+
 /// The periodic Hann window `½(1 − cos(2πi/n))`, `count` values: its copies at half of the length add up to 1.
 pub fn hann(count: usize) -> Vec<f64> {
     (0..count).map(|i| 0.5 - 0.5 * (TAU * i as f64 / count as f64).cos()).collect()
 }
 
-/// Segments of `length` samples that overlap by half. The mean of a segment is taken off; then it is multiplied by a
-/// Hann window and transformed.
+/// Segments of `length` samples that overlap by half, unless they are [dense](Segments::dense). The mean of a segment is taken off; then it is multiplied by a
+/// window and transformed.
 pub struct Segments {
     length: usize,
+    /// Samples from the beginning of a segment to that of the next one.
+    hop: usize,
     window: Vec<f64>,
     transform: Arc<dyn RealToComplex<f64>>,
     /// Samples of the current segment, one list for each signal.
@@ -26,12 +37,16 @@ pub struct Segments {
 
 impl Segments {
     /// Segments of `length` samples (even, at least 4) of `signals` signals.
-    pub fn new(signals: usize, length: usize) -> Self {
+    pub fn new(signals: usize, length: usize, window: Window) -> Self {
         let length = (length.max(4) / 2) * 2;
         let transform = RealFftPlanner::new().plan_fft_forward(length);
         Self {
             length,
-            window: hann(length),
+            hop: length / 2,
+            window: match window {
+                Window::Hann => hann(length),
+                Window::None => vec![1.0; length],
+            },
             samples: vec![Vec::with_capacity(length); signals],
             windowed: transform.make_input_vec(),
             spectra: vec![transform.make_output_vec(); signals],
@@ -39,6 +54,17 @@ impl Segments {
             transform,
             count: 0,
         }
+    }
+
+    /// The same with segments that overlap by 7/8.
+    #[must_use]
+    pub fn dense(self) -> Self {
+        Self { hop: (self.length / 8).max(1), ..self }
+    }
+
+    /// Samples from the beginning of a segment to that of the next one.
+    pub fn hop(&self) -> usize {
+        self.hop
     }
 
     /// Samples in a segment.
@@ -73,7 +99,7 @@ impl Segments {
             // it only fails for buffers of another length than those it has made
             let done = self.transform.process_with_scratch(&mut self.windowed, spectrum, &mut self.scratch);
             debug_assert!(done.is_ok());
-            samples.drain(..self.length / 2);
+            samples.drain(..self.hop);
         }
         self.count += 1;
         Some(&self.spectra)

@@ -1,8 +1,8 @@
 //! The spectrum of one place as it changes.
 
-use crate::segments::Segments;
+use crate::segments::{Segments, Window};
 
-/// Power spectral densities of successive segments, at most [`Spectrogram::COLUMNS`] of them: where a run has more, a
+/// Power spectral densities of successive segments that overlap by 7/8, at most [`Spectrogram::COLUMNS`] of them: where a run has more, a
 /// column is the mean over those that fall into it.
 pub struct Spectrogram {
     segments: Segments,
@@ -25,8 +25,8 @@ impl Spectrogram {
 
     /// For `samples` samples in segments of `length`.
     pub fn new(samples: u64, length: usize) -> Self {
-        let segments = Segments::new(1, length);
-        let column_samples = samples.div_ceil(Self::COLUMNS).max(segments.length() as u64 / 2);
+        let segments = Segments::new(1, length, Window::Hann).dense();
+        let column_samples = samples.div_ceil(Self::COLUMNS).max(segments.hop() as u64);
         Self { segments, position: 0, columns: Vec::new(), column_samples }
     }
 

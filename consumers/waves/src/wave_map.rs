@@ -1,6 +1,6 @@
 //! The spectrum of a whole chain over frequency and wavenumber.
 
-use crate::segments::{Segments, hann};
+use crate::segments::{Segments, Window, hann};
 use rustfft::num_complex::Complex;
 use rustfft::{Fft, FftPlanner};
 use std::f64::consts::PI;
@@ -30,7 +30,7 @@ impl WaveMap {
 
     /// For `beads` beads in segments of `length` samples.
     pub fn new(beads: usize, length: usize) -> Self {
-        let segments = Segments::new(beads, length);
+        let segments = Segments::new(beads, length, Window::Hann);
         let transform = FftPlanner::new().plan_fft_forward(beads);
         Self {
             window: hann(beads + 1).split_off(1),

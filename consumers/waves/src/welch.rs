@@ -4,7 +4,7 @@
 //! P. D. Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70, doi:10.1109/TAU.1967.1161901; J. S. Bendat and A. G.
 //! Piersol, *Random Data*, 4th ed. (Wiley 2010), chapter 6 (the estimate H₁ and the coherence).
 
-use crate::segments::Segments;
+use crate::segments::{Segments, Window};
 use realfft::num_complex::Complex;
 
 /// Auto spectra of several signals, and cross spectra of pairs of them, as means over segments.
@@ -24,12 +24,14 @@ pub struct Transmission {
     pub phase_rad: Vec<f64>,
     /// `|S_ab|²/(S_aa·S_bb)`, 0 to 1: the part of the second signal that follows the first one linearly.
     pub coherence: Vec<f64>,
+    /// Its mean, weighted with the second signal's power.
+    pub mean_coherence: f64,
 }
 
 impl Welch {
     /// For `signals` signals in segments of `length` samples; `pairs` of them are compared.
-    pub fn new(signals: usize, length: usize, pairs: &[(usize, usize)]) -> Self {
-        let segments = Segments::new(signals, length);
+    pub fn new(signals: usize, length: usize, pairs: &[(usize, usize)], window: Window) -> Self {
+        let segments = Segments::new(signals, length, window);
         let lines = segments.length() / 2 + 1;
         Self {
             auto: vec![vec![0.0; lines]; signals],
@@ -84,7 +86,9 @@ impl Welch {
     pub fn transmission(&self, pair: usize) -> Transmission {
         let (a, b) = self.pairs[pair];
         let lines = || self.cross[pair].iter().zip(self.auto[a].iter().zip(&self.auto[b]));
+        let weighted = lines().filter(|(_, (aa, _))| **aa > 0.0).map(|(cross, (aa, _))| cross.norm_sqr() / aa);
         Transmission {
+            mean_coherence: weighted.sum::<f64>() / self.auto[b].iter().sum::<f64>(),
             gain: lines().map(|(cross, (aa, _))| cross.norm() / aa).collect(),
             phase_rad: lines().map(|(cross, _)| cross.arg()).collect(),
             coherence: lines().map(|(cross, (aa, bb))| cross.norm_sqr() / (aa * bb)).collect(),
@@ -113,7 +117,7 @@ mod tests {
     fn the_density_integrates_to_the_mean_square() {
         let (length, rate_hz) = (256, 1e4);
         let samples = noise(1024);
-        let mut welch = Welch::new(1, length, &[]);
+        let mut welch = Welch::new(1, length, &[], Window::Hann);
         samples.iter().for_each(|sample| welch.push([3.0 + sample]));
         assert_eq!(welch.segment_count(), 7);
         let integral: f64 = welch.density(0, rate_hz).iter().sum::<f64>() * rate_hz / length as f64;
@@ -132,7 +136,7 @@ mod tests {
     #[test]
     fn a_sine_is_where_it_belongs() {
         let (length, rate_hz, line) = (512, 2048.0, 40.0);
-        let mut welch = Welch::new(1, length, &[]);
+        let mut welch = Welch::new(1, length, &[], Window::Hann);
         (0..4 * 512_u32)
             .for_each(|i| welch.push([3.0 * (TAU * line * f64::from(i) / length as f64).sin()]));
         let density = welch.density(0, rate_hz);
@@ -147,7 +151,7 @@ mod tests {
     #[test]
     fn transmission_has_gain_and_phase() {
         let length = 64;
-        let mut welch = Welch::new(2, length, &[(0, 1)]);
+        let mut welch = Welch::new(2, length, &[(0, 1)], Window::Hann);
         for i in 0..640_u32 {
             let phase = TAU * 8.0 * f64::from(i) / length as f64;
             welch.push([phase.sin(), 0.5 * (phase - PI / 2.0).sin()]);
@@ -157,9 +161,21 @@ mod tests {
         assert!((found.phase_rad[8] + PI / 2.0).abs() < 1e-12, "{}", found.phase_rad[8]);
     }
 
+    /// A pulse of another shape and height later in the segment: the ratio of its transforms, whatever the time between.
+    #[test]
+    fn a_pulse_needs_no_window() {
+        let mut welch = Welch::new(2, 512, &[(0, 1)], Window::None);
+        for i in 0..512_i32 {
+            let pulse = |middle: i32| (-f64::from(i - middle).powi(2) / 8.0).exp();
+            welch.push([pulse(50), 0.25 * pulse(400)]);
+        }
+        let found = welch.transmission(0);
+        assert!(found.gain[1..40].iter().all(|gain| (gain - 0.25).abs() < 1e-12), "{:?}", &found.gain[..40]);
+    }
+
     #[test]
     fn nothing_is_transformed_across_a_gap() {
-        let mut welch = Welch::new(1, 16, &[]);
+        let mut welch = Welch::new(1, 16, &[], Window::Hann);
         noise(15).iter().for_each(|sample| welch.push([*sample]));
         welch.restart();
         noise(15).iter().for_each(|sample| welch.push([*sample]));

@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 use std::f64::consts::PI;
 use std::path::PathBuf;
 use waves::grid::Grid;
+use waves::segments::Window;
 use waves::welch::Transmission;
 
 /// What was asked for.
@@ -152,7 +153,7 @@ impl Found {
                 for (line, frequency_hz) in frequencies_hz.iter().enumerate() {
                     table.double(*frequency_hz);
                     densities.iter().for_each(|density| _ = table.double(density[line]));
-                    for Transmission { gain, phase_rad, coherence } in transmissions {
+                    for Transmission { gain, phase_rad, coherence, .. } in transmissions {
                         for values in [gain, phase_rad, coherence] {
                             table.optional(Some(values[line]).filter(|value| value.is_finite()));
                         }
@@ -207,6 +208,29 @@ impl Found {
         })
     }
 
+    fn transmissions(&self) -> &[Transmission] {
+        match &self.results {
+            Results::Spectra { transmissions, .. } => transmissions,
+            Results::Grid(_) => &[],
+        }
+    }
+
+    /// Says so if a place does not follow another one within the segments.
+    pub(super) fn warn_of_incoherence(&self, asked: &Asked) {
+        for ((from, to), found) in asked.pairs.iter().zip(self.transmissions()) {
+            if found.mean_coherence < 0.5 {
+                notice!(
+                    "{} follows {} with a coherence of {:.2}: segments of {} samples may be shorter than the way \
+                     between them; --window none is for a pulse, a longer --segment for motion that lasts",
+                    asked.places[*to],
+                    asked.places[*from],
+                    found.mean_coherence,
+                    count(self.segment_length as u64)
+                );
+            }
+        }
+    }
+
     pub(super) fn rows(&self, asked: &Asked, samples: &Samples) -> Rows {
         let mut rows = Rows::default();
         let every = match samples.interval_steps {
@@ -217,10 +241,15 @@ impl Found {
         rows.add("samples", format_args!("{} at {rate} ({every})", count(samples.count)));
         let (segments, samples_each) =
             (display::counted(self.segment_count, "segment"), count(self.segment_length as u64));
+        let window = match (asked.kind, asked.window) {
+            (Kind::Spectrogram, _) => "Hann, overlap 7/8",
+            (_, Window::Hann) => "Hann, overlap 1/2",
+            (_, Window::None) => "no window, overlap 1/2",
+        };
         let resolution = display::quantity(samples.rate_hz / self.segment_length as f64, "Hz");
         rows.add(
             "estimate",
-            format_args!("Welch, {segments} of {samples_each} (Hann, overlap 1/2), lines {resolution} apart"),
+            format_args!("Welch, {segments} of {samples_each} ({window}), lines {resolution} apart"),
         );
         if let Some(linear) = &self.linear {
             rows.each("bands", linear.bands_hz.iter().map(|band| display::range(*band, "Hz")));
@@ -250,15 +279,21 @@ impl Found {
                 }));
             }
         }
-        let pair = |(from, to): &(usize, usize)| {
-            json!({ "from": asked.places[*from].to_string(), "to": asked.places[*to].to_string(), "estimate": "H1" })
+        let pair = |((from, to), found): (&(usize, usize), &Transmission)| {
+            json!({
+                "from": asked.places[*from].to_string(),
+                "to": asked.places[*to].to_string(),
+                "estimate": "H1",
+                "mean_coherence": found.mean_coherence,
+            })
         };
+        let transmissions = asked.pairs.iter().zip(self.transmissions()).map(pair);
         json!({
             "kind": asked.kind.title(),
             "of": asked.quantity.name(),
             "unit": format!("{}/Hz", asked.quantity.squared()),
-            "window": "Hann",
-            "overlap": 0.5,
+            "window": if asked.window == Window::Hann { "Hann" } else { "none" },
+            "overlap": if asked.kind == Kind::Spectrogram { 0.875 } else { 0.5 },
             "sampling_hz": samples.rate_hz,
             "sample_count": samples.count,
             "segment_samples": self.segment_length,
@@ -267,7 +302,7 @@ impl Found {
             "shown_to_hz": self.top_hz,
             "bands_hz": self.linear.as_ref().map(|linear| &linear.bands_hz),
             "places": places,
-            "transmissions": asked.pairs.iter().map(pair).collect::<Vec<_>>(),
+            "transmissions": transmissions.collect::<Vec<_>>(),
         })
     }
 }
