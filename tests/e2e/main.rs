@@ -50,3 +50,4 @@ mod top;
 mod uncertainty;
 mod verifying;
 mod view;
+mod waves;

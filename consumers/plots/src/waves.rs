@@ -31,6 +31,8 @@ pub struct Spectra<'a> {
     pub densities: &'a [Vec<f64>],
     /// How places follow each other.
     pub transmissions: &'a [TransmissionCurve<'a>],
+    /// Whether their coherence is known.
+    pub has_coherence: bool,
     /// Where linear waves travel.
     pub bands_hz: &'a [Band],
     /// The highest frequency that is shown (Hz).
@@ -123,7 +125,8 @@ pub fn spectra(manifest: &RunManifest, shown: &Spectra<'_>) -> Figure {
         gain = gain.line(format!("{} → {}", named(*from), named(*to)), curve(&found.gain));
         coherence = coherence.line("", curve(&found.coherence));
     }
-    figure.panel(gain).panel(coherence)
+    let figure = figure.panel(gain);
+    if shown.has_coherence { figure.panel(coherence) } else { figure }
 }
 
 /// What a density is shown over.

@@ -83,11 +83,14 @@ pub(super) fn found(
             (largest, top_hz, Results::Spectra { frequencies_hz, densities, transmissions })
         }
         Engine::Spectrogram(spectrogram) => {
-            let columns: Vec<_> = spectrogram.columns(rate_hz).collect();
+            // the first segment has its middle half of its length after the first sample
+            let empty = spectrogram.columns(rate_hz).take_while(Option::is_none).count();
+            let columns: Vec<_> = spectrogram.columns(rate_hz).skip(empty).collect();
             let largest = over(&mut columns.iter().flatten().map(Vec::as_slice));
             let top_hz = shown(&largest);
             let wide_s = spectrogram.column_samples() as f64 / rate_hz;
-            let edges_s = (samples.first_s, samples.first_s + wide_s * columns.len() as f64);
+            let from_s = samples.first_s + wide_s * empty as f64;
+            let edges_s = (from_s, from_s + wide_s * columns.len() as f64);
             let at = |column: usize, line: usize| columns[column].as_ref()?.get(line).copied();
             let grid = Grid::new(edges_s, columns.len(), (step_hz, top_hz), at, largest.len());
             (largest, top_hz, Results::Grid(grid))
@@ -154,8 +157,9 @@ impl Found {
                     table.double(*frequency_hz);
                     densities.iter().for_each(|density| _ = table.double(density[line]));
                     for Transmission { gain, phase_rad, coherence, .. } in transmissions {
-                        for values in [gain, phase_rad, coherence] {
-                            table.optional(Some(values[line]).filter(|value| value.is_finite()));
+                        let coherence = Some(coherence[line]).filter(|_| self.has_coherence());
+                        for value in [Some(gain[line]), Some(phase_rad[line]), coherence] {
+                            table.optional(value.filter(|value| value.is_finite()));
                         }
                     }
                     table.end_row()?;
@@ -190,6 +194,7 @@ impl Found {
                         places: &asked.places,
                         densities,
                         transmissions: &transmissions,
+                        has_coherence: self.has_coherence(),
                         bands_hz,
                         top_hz: self.top_hz,
                     },
@@ -208,6 +213,11 @@ impl Found {
         })
     }
 
+    /// One segment alone is coherent with everything.
+    fn has_coherence(&self) -> bool {
+        self.segment_count > 1
+    }
+
     fn transmissions(&self) -> &[Transmission] {
         match &self.results {
             Results::Spectra { transmissions, .. } => transmissions,
@@ -218,7 +228,7 @@ impl Found {
     /// Says so if a place does not follow another one within the segments.
     pub(super) fn warn_of_incoherence(&self, asked: &Asked) {
         for ((from, to), found) in asked.pairs.iter().zip(self.transmissions()) {
-            if found.mean_coherence < 0.5 {
+            if self.has_coherence() && found.mean_coherence < 0.5 {
                 notice!(
                     "{} follows {} with a coherence of {:.2}: segments of {} samples may be shorter than the way \
                      between them; --window none is for a pulse, a longer --segment for motion that lasts",
@@ -284,7 +294,7 @@ impl Found {
                 "from": asked.places[*from].to_string(),
                 "to": asked.places[*to].to_string(),
                 "estimate": "H1",
-                "mean_coherence": found.mean_coherence,
+                "mean_coherence": self.has_coherence().then_some(found.mean_coherence),
             })
         };
         let transmissions = asked.pairs.iter().zip(self.transmissions()).map(pair);
