@@ -102,9 +102,10 @@ pub(super) fn parse_above_zero(text: &str) -> Result<f64, String> {
 
 /// Samples in a segment of a spectrum.
 pub(super) fn parse_segment(text: &str) -> Result<usize, String> {
-    let samples = text.parse().ok().filter(|samples: &usize| {
-        (16..=1 << 20).contains(samples) && samples.is_multiple_of(2)
-    });
+    let samples = text
+        .parse()
+        .ok()
+        .filter(|samples: &usize| (16..=1 << 20).contains(samples) && samples.is_multiple_of(2));
     samples.ok_or_else(|| "expected an even number of samples from 16 to 1048576".to_owned())
 }
 

@@ -147,7 +147,9 @@ fn threshold_n(args: &ForcesArgs, manifest: &RunManifest) -> Result<f64, Failure
     if scale_n.is_finite() && scale_n > 0.0 {
         return Ok(1e-2 * scale_n);
     }
-    Err(bad_input!("the run has no force scale, since nothing strikes and nothing is loaded; say --threshold N"))
+    Err(bad_input!(
+        "the run has no force scale, since nothing strikes and nothing is loaded; say --threshold N"
+    ))
 }
 
 fn columns(places: &[Place]) -> Vec<String> {
@@ -164,7 +166,8 @@ fn warn_of_coarse_frames(found: &[Found], interval_s: Option<f64>) {
     const LEAST_SAMPLES: f64 = 8.0;
     let Some(interval_s) = interval_s else { return };
     let narrow = found.iter().find_map(|found| {
-        let is_narrow = |peak: &&Peak| peak.width_s.is_some_and(|width_s| width_s < LEAST_SAMPLES * interval_s);
+        let is_narrow =
+            |peak: &&Peak| peak.width_s.is_some_and(|width_s| width_s < LEAST_SAMPLES * interval_s);
         found.peaks.iter().find(is_narrow).map(|peak| (found.place, peak.time_s))
     });
     if let Some((place, time_s)) = narrow {

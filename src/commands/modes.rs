@@ -123,7 +123,8 @@ fn list(args: &ModesArgs, manifest: &RunManifest, linear: &Linear) -> Result<Don
         table.finish()?;
     }
     draw(&args.common, || {
-        let participation: Vec<f64> = (0..modes.count()).map(|mode| modes.participation_beads(mode)).collect();
+        let participation: Vec<f64> =
+            (0..modes.count()).map(|mode| modes.participation_beads(mode)).collect();
         let frequencies: Vec<f64> = (0..modes.count()).map(|mode| modes.frequency_hz(mode)).collect();
         let shown = ModesShown {
             frequencies_hz: &frequencies,
@@ -155,7 +156,7 @@ fn list(args: &ModesArgs, manifest: &RunManifest, linear: &Linear) -> Result<Don
         })
     };
     let all: Vec<Value> = (0..modes.count()).map(mode).collect();
-    told(args, manifest, "modes", rows, json!({ "bands_hz": linear.bands_hz, "modes": all }))
+    told(args, manifest, "modes", rows, &json!({ "bands_hz": linear.bands_hz, "modes": all }))
 }
 
 fn outside_text(modes: &Modes, mode: usize) -> String {
@@ -177,7 +178,9 @@ fn shapes(args: &ModesArgs, manifest: &RunManifest, linear: &Linear) -> Result<D
     if let Some(mut table) = table(args.out.as_ref(), &columns, args.common.frames.force)? {
         for bead in 0..shapes[0].len() {
             table.integer(bead as u64);
-            shapes.iter().for_each(|shape| _ = table.double(shape[bead]));
+            for shape in &shapes {
+                table.double(shape[bead]);
+            }
             table.end_row()?;
         }
         table.finish()?;
@@ -191,11 +194,9 @@ fn shapes(args: &ModesArgs, manifest: &RunManifest, linear: &Linear) -> Result<D
     draw(&args.common, || Ok(plots::mode_shapes(manifest, &shown)))?;
     let mut rows = Rows::default();
     rows.each("shapes", shown.iter().map(mode_text));
-    let json_of = |shape: &ModeShape| {
-        json!({ "mode": shape.mode, "frequency_hz": shape.frequency_hz, "displacement": shape.shape })
-    };
+    let json_of = |shape: &ModeShape| json!({ "mode": shape.mode, "frequency_hz": shape.frequency_hz, "displacement": shape.shape });
     let all: Vec<Value> = shown.iter().map(json_of).collect();
-    told(args, manifest, "shapes of modes", rows, json!({ "shapes": all }))
+    told(args, manifest, "shapes of modes", rows, &json!({ "shapes": all }))
 }
 
 fn mode_text(shape: &ModeShape) -> String {
@@ -208,7 +209,7 @@ fn told(
     manifest: &RunManifest,
     title: &str,
     mut rows: Rows,
-    results: Value,
+    results: &Value,
 ) -> Result<Done, Failure> {
     let name = &manifest.provenance.name;
     rows.each("figure", args.common.figure.iter().map(|path| path.display()));
@@ -241,7 +242,9 @@ impl Analysis for Energies {
         }
         if let Some(table) = &mut self.table {
             begin_row(table, frame);
-            self.row.iter().for_each(|energy_j| _ = table.double(*energy_j));
+            for energy_j in &self.row {
+                table.double(*energy_j);
+            }
             table.end_row()?;
         }
         Ok(())

@@ -70,7 +70,9 @@ impl Asked {
                 places.len() - 1
             })
         };
-        args.at.iter().for_each(|place| _ = index(*place));
+        for place in &args.at {
+            index(*place);
+        }
         let pairs = args.transmission.iter().map(|(from, to)| (index(*from), index(*to))).collect();
         let beads = check_beads(manifest, args.beads)?;
         let (quantity, window) = (args.of.quantity(), args.window.window());

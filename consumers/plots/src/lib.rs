@@ -6,14 +6,14 @@ mod fields;
 mod pulses;
 mod waves;
 
+pub use self::waves::{
+    ModeShape, ModesShown, SensedForces, Spectra, TransmissionCurve, WavesOver, forces, mode_energies,
+    mode_shapes, modes, spectra, wave_grid,
+};
 pub use deformation::deformations;
 pub use determination::determination;
 pub use fields::{ColourSteps, profile, profiles, space_time};
 pub use pulses::pulses;
-pub use self::waves::{
-    ModeShape, ModesShown, SensedForces, Spectra, TransmissionCurve, WavesOver, forces, mode_energies, mode_shapes, modes,
-    spectra, wave_grid,
-};
 
 use consumers::contacts::{COMPRESSED, Class, OPEN, TOUCHING};
 use consumers::energies::{EnergyRow, Reflection, STATIONARY};

@@ -239,8 +239,8 @@ pub fn modes(manifest: &RunManifest, shown: &ModesShown<'_>) -> Figure {
         ladder = ladder.band_y(name, from * factor, to * factor);
         shared = shared.band_x("", from * factor, to * factor);
     }
-    let [ladder, shared] = [(ladder, frequencies), (shared, shares)]
-        .map(|(panel, points)| with_modes(panel, &points, shown));
+    let [ladder, shared] =
+        [(ladder, frequencies), (shared, shares)].map(|(panel, points)| with_modes(panel, &points, shown));
     Figure::new().caption(caption(manifest)).panel(ladder).panel(shared)
 }
 
@@ -250,9 +250,8 @@ fn with_modes(panel: Panel, points: &[(f64, f64)], shown: &ModesShown<'_>) -> Pa
     if points.len() <= 60 {
         return panel.curve(blue(Curve::points("", points.iter().copied())));
     }
-    let band_of = |f: &f64| {
-        shown.bands_hz.iter().position(|band| UnitCell::carries(std::slice::from_ref(band), *f))
-    };
+    let band_of =
+        |f: &f64| shown.bands_hz.iter().position(|band| UnitCell::carries(std::slice::from_ref(band), *f));
     let bands: Vec<Option<usize>> = shown.frequencies_hz.iter().map(band_of).collect();
     let has_bands = !shown.bands_hz.is_empty();
     let (mut line, mut outside) = (Vec::new(), Vec::new());

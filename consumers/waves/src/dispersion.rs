@@ -113,9 +113,7 @@ fn is_alike(chain: &LinearChain, one: usize, other: usize) -> bool {
     let of = |values: &[f64]| same(values[one], values[other]);
     let inner = match (chain.resonator(one), chain.resonator(other)) {
         (None, None) => true,
-        (Some(a), Some(b)) => {
-            same(a.mass_kg, b.mass_kg) && same(a.stiffness_n_per_m, b.stiffness_n_per_m)
-        }
+        (Some(a), Some(b)) => same(a.mass_kg, b.mass_kg) && same(a.stiffness_n_per_m, b.stiffness_n_per_m),
         _ => false,
     };
     of(&chain.mass_kg) && of(&chain.contact_n_per_m) && of(&chain.on_site_n_per_m) && inner

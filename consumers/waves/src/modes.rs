@@ -101,8 +101,7 @@ impl Modes {
             }
             omega_rad_s.push(if square > zero { square.sqrt() } else { 0.0 });
         }
-        let vectors =
-            DMatrix::from_fn(count, count, |row, column| found.eigenvectors[(row, order[column])]);
+        let vectors = DMatrix::from_fn(count, count, |row, column| found.eigenvectors[(row, order[column])]);
         Ok(Self { omega_rad_s, vectors, root_mass, beads })
     }
 

@@ -35,8 +35,14 @@ pub struct Peaks {
 #[derive(Debug, Clone)]
 enum State {
     /// Below the threshold, or in a valley: the least force since the last peak.
-    Low { least_n: f64 },
-    Peak { highest: Sample, around: [Option<Sample>; 2], rise: Vec<Sample>, },
+    Low {
+        least_n: f64,
+    },
+    Peak {
+        highest: Sample,
+        around: [Option<Sample>; 2],
+        rise: Vec<Sample>,
+    },
 }
 
 impl Peaks {

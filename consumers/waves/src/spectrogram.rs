@@ -70,9 +70,8 @@ impl Spectrogram {
         let scale = 1.0 / (rate_hz * self.segments.window_power());
         self.columns.iter().map(move |Column { power, count }| {
             let lines = power.iter().enumerate();
-            let density = lines.map(|(line, power)| {
-                power * self.segments.sides(line) * scale / f64::from(*count)
-            });
+            let density =
+                lines.map(|(line, power)| power * self.segments.sides(line) * scale / f64::from(*count));
             (*count > 0).then(|| density.collect())
         })
     }

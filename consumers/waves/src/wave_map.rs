@@ -120,7 +120,8 @@ mod tests {
             let row = &density[12];
             let peak = (0..count).max_by(|a, b| row[*a].total_cmp(&row[*b])).expect("a peak");
             assert!((q[peak] - TAU * q_line / f64::from(beads)).abs() < 1e-12, "{}", q[peak]);
-            let sum: f64 = density.iter().flatten().sum::<f64>() * (64.0 / length as f64) * (TAU / f64::from(beads));
+            let sum: f64 =
+                density.iter().flatten().sum::<f64>() * (64.0 / length as f64) * (TAU / f64::from(beads));
             assert!((sum - 0.5).abs() < 1e-9, "{sum}");
         }
     }

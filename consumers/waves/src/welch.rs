@@ -86,7 +86,8 @@ impl Welch {
     pub fn transmission(&self, pair: usize) -> Transmission {
         let (a, b) = self.pairs[pair];
         let lines = || self.cross[pair].iter().zip(self.auto[a].iter().zip(&self.auto[b]));
-        let weighted = lines().filter(|(_, (aa, _))| **aa > 0.0).map(|(cross, (aa, _))| cross.norm_sqr() / aa);
+        let weighted =
+            lines().filter(|(_, (aa, _))| **aa > 0.0).map(|(cross, (aa, _))| cross.norm_sqr() / aa);
         Transmission {
             mean_coherence: weighted.sum::<f64>() / self.auto[b].iter().sum::<f64>(),
             gain: lines().map(|(cross, (aa, _))| cross.norm() / aa).collect(),
@@ -137,8 +138,7 @@ mod tests {
     fn a_sine_is_where_it_belongs() {
         let (length, rate_hz, line) = (512, 2048.0, 40.0);
         let mut welch = Welch::new(1, length, &[], Window::Hann);
-        (0..4 * 512_u32)
-            .for_each(|i| welch.push([3.0 * (TAU * line * f64::from(i) / length as f64).sin()]));
+        (0..4 * 512_u32).for_each(|i| welch.push([3.0 * (TAU * line * f64::from(i) / length as f64).sin()]));
         let density = welch.density(0, rate_hz);
         let total: f64 = density.iter().sum::<f64>() * rate_hz / length as f64;
         assert!((total - 4.5).abs() < 1e-12, "{total}");

@@ -155,7 +155,9 @@ impl Found {
             Results::Spectra { frequencies_hz, densities, transmissions } => {
                 for (line, frequency_hz) in frequencies_hz.iter().enumerate() {
                     table.double(*frequency_hz);
-                    densities.iter().for_each(|density| _ = table.double(density[line]));
+                    for density in densities {
+                        table.double(density[line]);
+                    }
                     for Transmission { gain, phase_rad, coherence, .. } in transmissions {
                         let coherence = Some(coherence[line]).filter(|_| self.has_coherence());
                         for value in [Some(gain[line]), Some(phase_rad[line]), coherence] {
@@ -183,8 +185,11 @@ impl Found {
         Ok(match &self.results {
             Results::Spectra { frequencies_hz, densities, transmissions } => {
                 let pairs = asked.pairs.iter().zip(transmissions);
-                let transmissions = pairs
-                    .map(|((from, to), found)| TransmissionCurve { from: named(from), to: named(to), found });
+                let transmissions = pairs.map(|((from, to), found)| TransmissionCurve {
+                    from: named(from),
+                    to: named(to),
+                    found,
+                });
                 let transmissions: Vec<_> = transmissions.collect();
                 plots::spectra(
                     manifest,
@@ -267,10 +272,15 @@ impl Found {
         if let Results::Spectra { frequencies_hz, densities, .. } = &self.results {
             for (place, density) in asked.places.iter().zip(densities) {
                 let Summary { mean_square, peak_hz, peak } = Summary::of(frequencies_hz, density);
-                let (rms, at) =
-                    (display::quantity(mean_square.sqrt(), asked.quantity.unit()), display::quantity(peak_hz, "Hz"));
+                let (rms, at) = (
+                    display::quantity(mean_square.sqrt(), asked.quantity.unit()),
+                    display::quantity(peak_hz, "Hz"),
+                );
                 let squared = asked.quantity.squared();
-                rows.add(place.to_string(), format_args!("rms {rms}, most at {at}: {} {squared}/Hz", display::number(peak)));
+                rows.add(
+                    place.to_string(),
+                    format_args!("rms {rms}, most at {at}: {} {squared}/Hz", display::number(peak)),
+                );
             }
         }
         rows
