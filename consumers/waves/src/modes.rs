@@ -165,12 +165,12 @@ mod tests {
     use crate::linear::tests::chain;
     use std::f64::consts::PI;
 
-    /// N equal beads between walls of the same springs: ω_n = 2√(K/m)·sin(nπ/(2(N + 1))); free: sin(nπ/(2N)), n from 0.
+    /// N equal beads between walls of the same springs: ωₙ = 2√(K/m)·sin(nπ/(2(N + 1))); free: sin(nπ/(2N)), n from 0.
     /// The eigenvalues are good to rounding of the largest, which the smallest, (π/2N)² of it, feels most.
     #[test]
     fn a_uniform_chain_has_its_textbook_frequencies() {
-        let (m, k, count) = (2.0, 3.0, 60_u32);
-        let top = 2.0 * (k / m as f64).sqrt();
+        let (m, k, count) = (2.0_f64, 3.0, 60_u32);
+        let top = 2.0 * (k / m).sqrt();
         let fixed = Modes::of(&chain(count as usize, &[m], k, k)).expect("modes");
         let free = Modes::of(&chain(count as usize, &[m], k, 0.0)).expect("modes");
         for n in 0..count {

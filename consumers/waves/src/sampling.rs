@@ -90,6 +90,7 @@ pub fn segment_length(samples: u64, segments: u64, (least, most): (usize, usize)
 
 #[cfg(test)]
 mod tests {
+    use super::Take::{AfterGap, Next, Skip};
     use super::*;
 
     #[test]
@@ -97,7 +98,6 @@ mod tests {
         let mut sampling = Sampling::default();
         let steps = [0, 10, 20, 25, 30, 60, 70, 73];
         let takes = steps.map(|step| sampling.take(step));
-        use Take::{AfterGap, Next, Skip};
         assert_eq!(takes, [Next, Next, Next, Skip, Next, AfterGap, Next, Skip]);
         assert_eq!((sampling.count(), sampling.break_count()), (6, 1));
         assert_eq!((sampling.interval_steps(), sampling.expected(73)), (Some(10), Some(8)));
