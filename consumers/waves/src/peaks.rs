@@ -7,7 +7,8 @@ pub struct Peak {
     pub time_s: f64,
     /// How high it was, above the force at rest (N).
     pub force_n: f64,
-    /// Its full width at half of its height (s); none where the run begins or ends within it.
+    /// Its full width at half of its height (s); none where the run begins or ends within it, or half is below the
+    /// threshold.
     pub width_s: Option<f64>,
     /// How long the force was above the threshold around it (s); peaks between which it does not fall below have it in common.
     pub above_s: Option<f64>,
