@@ -9,6 +9,7 @@ mod pages;
 mod recordings;
 mod top;
 mod values;
+mod waves;
 
 pub(crate) use analyses::{
     AnalysisArgs, ContactsArgs, DeformationArgs, EnergiesArgs, FramesArgs, ImpurityArgs, PulsesArgs,
@@ -24,6 +25,7 @@ pub(crate) use recordings::{
 };
 pub(crate) use top::TopArgs;
 pub(crate) use values::{BeadRange, Pace, Shard};
+pub(crate) use waves::{ForcesArgs, ModesArgs, OfArg, SpectrumArgs};
 
 use crate::time_step::TimeStep;
 use clap::builder::PossibleValuesParser;
@@ -93,6 +95,12 @@ pub(crate) enum Command {
     Pulses(PulsesArgs),
     /// How far the energy has spread, and over how many beads: second moment, participation number
     Spreading(SpreadingArgs),
+    /// The frequencies of waves: spectra at places, transmission, the map over frequency and wavenumber
+    Spectrum(SpectrumArgs),
+    /// The linear modes of a loaded chain: frequencies, bands, shapes, and their energies in a run
+    Modes(ModesArgs),
+    /// Forces as sensors at beads, contacts and walls see them, with their peaks
+    Forces(ForcesArgs),
     /// Draw one figure: what the chain does at one time, over space and time, or what a sweep has found
     Plot(PlotArgs),
     /// Show a live run, a recording, a folder or a sweep in a browser

@@ -9,7 +9,9 @@ const CONTENTS: [(&str, &[&str]); 7] = [
     ("Simulate", &["run", "check", "presets", "preset", "sweep"]),
     (
         "Analyse, while a run goes or from its recording",
-        &["energies", "impurity", "contacts", "pulses", "spreading", "deformation", "plot"],
+        &[
+            "energies", "impurity", "contacts", "pulses", "spreading", "deformation", "forces", "spectrum", "modes", "plot",
+        ],
     ),
     ("Look", &["view", "share", "top", "ls"]),
     ("Record, prove, share", &["record", "replay", "info", "verify", "recover", "thin", "expand", "export"]),

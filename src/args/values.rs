@@ -94,6 +94,21 @@ pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
     if allowed { Ok(seconds) } else { Err("expected a positive number of seconds, at most 1e9".to_owned()) }
 }
 
+/// A number above 0, whatever its unit.
+pub(super) fn parse_above_zero(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|value: &f64| *value > 0.0 && value.is_finite());
+    value.ok_or_else(|| "expected a number above 0".to_owned())
+}
+
+/// Samples in a segment of a spectrum.
+pub(super) fn parse_segment(text: &str) -> Result<usize, String> {
+    let samples = text
+        .parse()
+        .ok()
+        .filter(|samples: &usize| (16..=1 << 20).contains(samples) && samples.is_multiple_of(2));
+    samples.ok_or_else(|| "expected an even number of samples from 16 to 1048576".to_owned())
+}
+
 pub(super) fn parse_tolerance(text: &str) -> Result<f64, String> {
     let tolerance = text.parse().ok().filter(|tolerance: &f64| (1e-15..=0.1).contains(tolerance));
     tolerance.ok_or_else(|| "expected a number from 1e-15 to 0.1".to_owned())

@@ -54,6 +54,9 @@ fn crates_use_what_the_architecture_says() {
     for server in ["axum", "hyper", "tokio"] {
         only(server, &["beadline-page"]);
     }
+    only("nalgebra", &["beadline-waves"]);
+    only("realfft", &["beadline-waves"]);
+    only("rustfft", &["beadline-waves"]);
     only("ratatui", &["beadline", "beadline-screen"]);
     only("anyhow", &["beadline", "beadline-bench", "beadline-paper"]);
     let ours = |package: &str| -> Vec<String> {
@@ -65,6 +68,7 @@ fn crates_use_what_the_architecture_says() {
     assert_eq!(ours("beadline-producer"), ["beadline-recording", "beadline-schemas"]);
     assert_eq!(ours("beadline-consumers"), ["beadline-recording", "beadline-schemas"]);
     assert_eq!(ours("beadline-figure"), ["beadline-schemas"]);
+    assert_eq!(ours("beadline-waves"), ["beadline-schemas"]);
     assert_eq!(ours("beadline-page"), ["beadline-schemas"]);
     assert_eq!(users(&all, "beadline-bench"), ["beadline"]);
     assert_eq!(ours("beadline-recorder"), ["beadline-bus", "beadline-recording", "beadline-schemas"]);

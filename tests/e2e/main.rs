@@ -53,3 +53,4 @@ mod top;
 mod uncertainty;
 mod verifying;
 mod view;
+mod waves;

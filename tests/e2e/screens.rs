@@ -21,6 +21,8 @@ fn numbers_have_as_many_digits_as_are_known_and_a_prefix() {
         "impurity small.mcap",
         "contacts small.mcap",
         "deformation small.mcap --contact 40",
+        "forces small.mcap --at bead:40",
+        "spectrum small.mcap --at bead:40",
         "plot small.mcap --what velocity --at 0.01 --out v.svg",
         "plot small.mcap --what displacement --out u.svg",
         "info small.mcap",

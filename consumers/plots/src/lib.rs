@@ -6,7 +6,12 @@ mod fields;
 mod pulses;
 mod spreading;
 mod tables;
+mod waves;
 
+pub use self::waves::{
+    ModeShape, ModesShown, SensedForces, Spectra, TransmissionCurve, WavesOver, forces, mode_energies,
+    mode_shapes, modes, spectra, wave_grid,
+};
 pub use deformation::deformations;
 pub use determination::determination;
 pub use fields::{ColourSteps, profile, profiles, space_time};

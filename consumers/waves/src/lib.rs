@@ -1,0 +1,16 @@
+//! What the waves of a chain say: [`spectra`](welch) at single places, [maps over ω and q](wave_map), the
+//! [linear modes](modes) about an equilibrium, and [forces as a sensor sees them](peaks).
+//!
+//! Values come one frame at a time and memory is bounded by segments, never by the length of a run.
+
+pub mod dispersion;
+pub mod grid;
+pub mod linear;
+pub mod modes;
+pub mod peaks;
+pub mod place;
+pub mod sampling;
+pub mod segments;
+pub mod spectrogram;
+pub mod wave_map;
+pub mod welch;

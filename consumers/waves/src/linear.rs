@@ -1,0 +1,148 @@
+//! A chain as a linear system about its equilibrium.
+
+use schemas::chain::{Chain, Wall};
+use schemas::contact::ContactLaw;
+
+/// Masses and the springs that contacts, walls and sites are for small motions about the equilibrium.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinearChain {
+    /// Mass of each bead (kg), N values.
+    pub mass_kg: Vec<f64>,
+    /// dF/dδ at rest of each contact (N/m), N − 1 values; contact `i` joins beads `i` and `i + 1`.
+    pub contact_n_per_m: Vec<f64>,
+    /// The same of the contacts with the left and the right wall (N/m); 0 at a free end.
+    pub wall_n_per_m: [f64; 2],
+    /// Spring that ties each bead to its site (N/m), N values; 0 for none.
+    pub on_site_n_per_m: Vec<f64>,
+    /// Contact of the last bead with bead 0 (N/m), where the chain is a ring; 0 otherwise.
+    pub ring_n_per_m: f64,
+    /// A mass on a spring in each bead, N of them, or none at all.
+    pub resonators: Vec<Resonator>,
+}
+
+/// A mass on a linear spring, tied to a bead.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Resonator {
+    /// Its mass (kg); 0 for none at this bead.
+    pub mass_kg: f64,
+    /// Its spring (N/m).
+    pub stiffness_n_per_m: f64,
+}
+
+/// Why a chain has no linear waves.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{place} is not pressed together at rest, so nothing is linear there: its force k·δ^α has no slope on both \
+     sides of δ = 0, and small waves have no frequency of their own; load the chain ([load] precompression_n, or \
+     gravity_m_s2), as the preset `precompressed` does"
+)]
+pub struct NotLinear {
+    /// The first such contact.
+    pub place: String,
+}
+
+impl LinearChain {
+    /// The linear system of `chain` about its equilibrium.
+    ///
+    /// # Errors
+    /// When a contact or a wall is not compressed at rest.
+    pub fn of(chain: &Chain) -> Result<Self, NotLinear> {
+        let contact_n_per_m = tangents_of(chain);
+        let wall_n_per_m = wall_tangents_of(chain);
+        let refused = |place: String| Err(NotLinear { place });
+        if let Some(contact) = contact_n_per_m.iter().position(|tangent| *tangent <= 0.0) {
+            return refused(format!("contact {contact}"));
+        }
+        let walls = [("left", chain.walls.left), ("right", chain.walls.right)];
+        for ((side, wall), tangent) in walls.into_iter().zip(wall_n_per_m) {
+            if wall.stiffness > 0.0 && tangent <= 0.0 {
+                return refused(format!("the contact with the {side} wall"));
+            }
+        }
+        Ok(Self {
+            mass_kg: chain.mass_kg.clone(),
+            contact_n_per_m,
+            wall_n_per_m,
+            on_site_n_per_m: vec![0.0; chain.bead_count()],
+            ring_n_per_m: 0.0,
+            resonators: Vec::new(),
+        })
+    }
+
+    /// Number of beads N.
+    pub fn bead_count(&self) -> usize {
+        self.mass_kg.len()
+    }
+
+    /// The resonator of `bead`, if there is one.
+    pub fn resonator(&self, bead: usize) -> Option<Resonator> {
+        self.resonators.get(bead).copied().filter(|resonator| resonator.mass_kg > 0.0)
+    }
+
+    /// Sum of the springs at `bead` that do not lead to another bead, its resonator's among them (N/m).
+    pub fn tied_n_per_m(&self, bead: usize) -> f64 {
+        let left = if bead == 0 { self.wall_n_per_m[0] } else { 0.0 };
+        let right = if bead + 1 == self.bead_count() { self.wall_n_per_m[1] } else { 0.0 };
+        let resonator = self.resonator(bead).map_or(0.0, |resonator| resonator.stiffness_n_per_m);
+        self.on_site_n_per_m.get(bead).copied().unwrap_or(0.0) + left + right + resonator
+    }
+
+    /// The springs between beads: (a bead, another, N/m).
+    pub fn bonds(&self) -> impl Iterator<Item = (usize, usize, f64)> {
+        let chain = self.contact_n_per_m.iter().enumerate().map(|(contact, k)| (contact, contact + 1, *k));
+        let last = self.bead_count() - 1;
+        chain.chain((self.ring_n_per_m != 0.0).then_some((last, 0, self.ring_n_per_m)))
+    }
+}
+
+/// dF/dδ of a contact (N/m) that overlaps by `overlap_m` at rest: `α·k·δ^(α−1)`.
+fn tangent(law: &ContactLaw, stiffness: f64, overlap_m: f64) -> f64 {
+    if overlap_m > law.zero_up_to_m() {
+        law.alpha() * law.force(stiffness, overlap_m) / overlap_m
+    } else {
+        0.0
+    }
+}
+
+/// dF/dδ of each contact at rest (N/m), N − 1 values.
+fn tangents_of(chain: &Chain) -> Vec<f64> {
+    let contacts = chain.stiffness.iter().zip(&chain.rest_overlap_m);
+    contacts.map(|(stiffness, overlap_m)| tangent(&chain.law, *stiffness, *overlap_m)).collect()
+}
+
+/// The same of the contacts with both walls; 0 at a free end.
+fn wall_tangents_of(chain: &Chain) -> [f64; 2] {
+    [chain.walls.left, chain.walls.right]
+        .map(|Wall { stiffness, rest_overlap_m, .. }| tangent(&chain.law, stiffness, rest_overlap_m))
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use schemas::chain::Walls;
+
+    /// `count` beads that alternate between `masses`, springs of `k`, walls of `walls` or free ends.
+    pub(crate) fn chain(count: usize, masses: &[f64], k: f64, walls: f64) -> LinearChain {
+        LinearChain {
+            mass_kg: (0..count).map(|bead| masses[bead % masses.len()]).collect(),
+            contact_n_per_m: vec![k; count - 1],
+            wall_n_per_m: [walls; 2],
+            on_site_n_per_m: vec![0.0; count],
+            ring_n_per_m: 0.0,
+            resonators: Vec::new(),
+        }
+    }
+
+    /// k = 4, α = 3, δ = ½: dF/dδ = 12·¼ = 3.
+    #[test]
+    fn a_loaded_contact_is_a_spring() {
+        let law = ContactLaw::new(3.0);
+        let walls = Walls { left: Wall::new(&law, 4.0, 0.5), right: Wall::default() };
+        let loaded = Chain::new(vec![1.0; 2], vec![4.0], vec![0.5], walls, law.clone());
+        let linear = LinearChain::of(&loaded).expect("loaded");
+        assert_eq!((linear.contact_n_per_m, linear.wall_n_per_m), (vec![3.0], [3.0, 0.0]));
+        let free = Chain::new(vec![1.0; 2], vec![4.0], vec![0.0], Walls::default(), law);
+        let refused = LinearChain::of(&free).expect_err("not loaded").to_string();
+        assert!(refused.contains("contact 0") && refused.contains("precompression_n"), "{refused}");
+    }
+}

@@ -1,0 +1,213 @@
+//! The modes of a chain about its equilibrium.
+
+use crate::linear::LinearChain;
+use nalgebra::{DMatrix, SymmetricEigen};
+use std::f64::consts::TAU;
+
+/// The modes of a linear chain, by ascending frequency.
+///
+/// With `y = √m·u` the equations of motion are `ÿ = −D·y`, D symmetric; a mode is an eigenvector of D, and ω² its
+/// eigenvalue.
+#[derive(Debug, Clone)]
+pub struct Modes {
+    omega_rad_s: Vec<f64>,
+    /// A column for each mode, a row for each bead (and then each resonator), of unit length.
+    vectors: DMatrix<f64>,
+    root_mass: Vec<f64>,
+    beads: usize,
+}
+
+/// Why there are no modes.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ModesError {
+    /// Too large for a dense matrix.
+    #[error("{count} beads and resonators are too many for modes, which need N² numbers: at most {most}")]
+    TooMany {
+        /// Beads and resonators.
+        count: usize,
+        /// The largest number.
+        most: usize,
+    },
+    /// The equilibrium is none that the chain stays at.
+    #[error("the equilibrium is unstable: mode {mode} grows as exp(t·{rate_per_s:e}/s)")]
+    Unstable {
+        /// The mode, counted from 1.
+        mode: usize,
+        /// Its growth rate (1/s).
+        rate_per_s: f64,
+    },
+    /// The eigenvalues did not converge.
+    #[error("the frequencies could not be computed: the masses or springs are too far apart")]
+    NotFound,
+}
+
+impl Modes {
+    /// The largest number of beads and resonators; the matrix then takes 128 MiB.
+    pub const MOST: usize = 4096;
+
+    /// The modes of `chain`.
+    ///
+    /// # Errors
+    /// When there are too many beads, or the equilibrium is unstable.
+    pub fn of(chain: &LinearChain) -> Result<Self, ModesError> {
+        let beads = chain.bead_count();
+        let carriers: Vec<usize> = (0..beads).filter(|bead| chain.resonator(*bead).is_some()).collect();
+        let count = beads + carriers.len();
+        if count > Self::MOST {
+            return Err(ModesError::TooMany { count, most: Self::MOST });
+        }
+        let inner = carriers.iter().filter_map(|bead| chain.resonator(*bead));
+        let masses = chain.mass_kg.iter().copied().chain(inner.map(|inner| inner.mass_kg));
+        let root_mass: Vec<f64> = masses.map(f64::sqrt).collect();
+        let mut springs = DMatrix::<f64>::zeros(count, count);
+        for bead in 0..beads {
+            springs[(bead, bead)] += chain.tied_n_per_m(bead);
+        }
+        for (one, other, k) in chain.bonds() {
+            springs[(one, one)] += k;
+            springs[(other, other)] += k;
+            springs[(one, other)] -= k;
+            springs[(other, one)] -= k;
+        }
+        for (index, bead) in carriers.iter().enumerate() {
+            let k = chain.resonator(*bead).map_or(0.0, |inner| inner.stiffness_n_per_m);
+            let inner = beads + index;
+            springs[(inner, inner)] += k;
+            springs[(*bead, inner)] -= k;
+            springs[(inner, *bead)] -= k;
+        }
+        for row in 0..count {
+            for column in 0..count {
+                springs[(row, column)] /= root_mass[row] * root_mass[column];
+            }
+        }
+        Self::solved(springs, root_mass, beads)
+    }
+
+    fn solved(matrix: DMatrix<f64>, root_mass: Vec<f64>, beads: usize) -> Result<Self, ModesError> {
+        let count = matrix.nrows();
+        let found = SymmetricEigen::try_new(matrix, f64::EPSILON, 100 * count.max(10));
+        let found = found.ok_or(ModesError::NotFound)?;
+        let mut order: Vec<usize> = (0..count).collect();
+        order.sort_by(|a, b| found.eigenvalues[*a].total_cmp(&found.eigenvalues[*b]));
+        let largest = found.eigenvalues.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+        // rounding makes the zero of a free translation one of this size
+        let zero = largest * f64::EPSILON * 32.0 * count as f64;
+        let mut omega_rad_s = Vec::with_capacity(count);
+        for (index, column) in order.iter().enumerate() {
+            let square = found.eigenvalues[*column];
+            if square < -zero {
+                return Err(ModesError::Unstable { mode: index + 1, rate_per_s: (-square).sqrt() });
+            }
+            omega_rad_s.push(if square > zero { square.sqrt() } else { 0.0 });
+        }
+        let vectors = DMatrix::from_fn(count, count, |row, column| found.eigenvectors[(row, order[column])]);
+        Ok(Self { omega_rad_s, vectors, root_mass, beads })
+    }
+
+    /// Number of modes.
+    pub fn count(&self) -> usize {
+        self.omega_rad_s.len()
+    }
+
+    /// ω of each mode (rad/s), ascending.
+    pub fn omega_rad_s(&self) -> &[f64] {
+        &self.omega_rad_s
+    }
+
+    /// Frequency of mode `mode` (Hz), counted from 0 here.
+    pub fn frequency_hz(&self, mode: usize) -> f64 {
+        self.omega_rad_s[mode] / TAU
+    }
+
+    /// Displacement of each bead in a mode, N values, the largest of them 1.
+    pub fn shape(&self, mode: usize) -> Vec<f64> {
+        let shape: Vec<f64> =
+            (0..self.beads).map(|bead| self.vectors[(bead, mode)] / self.root_mass[bead]).collect();
+        let farthest = shape.iter().fold(0.0_f64, |far, u| if u.abs() > far.abs() { *u } else { far });
+        if farthest == 0.0 {
+            return shape;
+        }
+        shape.into_iter().map(|u| u / farthest).collect()
+    }
+
+    /// How many beads take part in a mode: `1/Σ eᵢ²` with the part `eᵢ` of its kinetic energy that is in bead `i`; 1 for
+    /// one bead alone, N if all have the same, 2N/3 for a standing sine.
+    pub fn participation_beads(&self, mode: usize) -> f64 {
+        1.0 / self.vectors.column(mode).iter().map(|y| y.powi(4)).sum::<f64>()
+    }
+
+    /// The bead with most of a mode's energy, with its resonator's.
+    pub fn centre_bead(&self, mode: usize) -> usize {
+        let energy = |bead: &usize| self.vectors[(*bead, mode)].powi(2);
+        (0..self.beads).max_by(|a, b| energy(a).total_cmp(&energy(b))).unwrap_or(0)
+    }
+
+    /// Energy (J) in a mode, `½(ẏ² + ω²·y²)` of the state's part along it, for displacements (m) and velocities (m/s)
+    /// of all beads and then resonators.
+    pub fn energy_j(&self, mode: usize, u_m: &[f64], v_m_s: &[f64]) -> f64 {
+        let vector = self.vectors.column(mode);
+        let (mut y, mut rate) = (0.0, 0.0);
+        for ((part, root_mass), (u, v)) in vector.iter().zip(&self.root_mass).zip(u_m.iter().zip(v_m_s)) {
+            let weight = part * root_mass;
+            y += weight * u;
+            rate += weight * v;
+        }
+        let swing = self.omega_rad_s[mode] * y;
+        0.5 * (rate * rate + swing * swing)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linear::Resonator;
+    use crate::linear::tests::chain;
+    use std::f64::consts::PI;
+
+    /// N equal beads between walls of the same springs: ωₙ = 2√(K/m)·sin(nπ/(2(N + 1))); free: sin(nπ/(2N)), n from 0.
+    /// The eigenvalues are good to rounding of the largest, which the smallest, (π/2N)² of it, feels most.
+    #[test]
+    fn a_uniform_chain_has_its_textbook_frequencies() {
+        let (m, k, count) = (2.0_f64, 3.0, 60_u32);
+        let top = 2.0 * (k / m).sqrt();
+        let fixed = Modes::of(&chain(count as usize, &[m], k, k)).expect("modes");
+        let free = Modes::of(&chain(count as usize, &[m], k, 0.0)).expect("modes");
+        for n in 0..count {
+            let expected = top * (f64::from(n + 1) * PI / (2.0 * f64::from(count + 1))).sin();
+            let found = fixed.omega_rad_s()[n as usize];
+            assert!((found / expected - 1.0).abs() < 1e-10, "{n}: {found} {expected}");
+            let expected = top * (f64::from(n) * PI / (2.0 * f64::from(count))).sin();
+            let found = free.omega_rad_s()[n as usize];
+            assert!((found - expected).abs() < 1e-10 * expected.max(top * 1e-3), "{n}: {found} {expected}");
+        }
+        assert!((free.participation_beads(0) - f64::from(count)).abs() < 1e-8);
+        // Σ sin⁴ is 3(N + 1)/8 exactly
+        assert!((fixed.participation_beads(4) - 2.0 / 3.0 * f64::from(count + 1)).abs() < 1e-8);
+    }
+
+    /// All modes together have the energy of the chain.
+    #[test]
+    fn energies_of_the_modes_add_up() {
+        let linear = chain(7, &[1.0, 3.0], 5.0, 2.0);
+        let modes = Modes::of(&linear).expect("modes");
+        let u: Vec<f64> = (0..7_i32).map(|i| f64::from((i * 5) % 7) - 2.5).collect();
+        let v: Vec<f64> = (0..7_i32).map(|i| f64::from((i * 3) % 7) - 3.0).collect();
+        let kinetic: f64 = linear.mass_kg.iter().zip(&v).map(|(m, v)| 0.5 * m * v * v).sum();
+        let bonds: f64 = linear.bonds().map(|(a, b, k)| 0.5 * k * (u[a] - u[b]).powi(2)).sum();
+        let walls = 0.5 * 2.0 * (u[0] * u[0] + u[6] * u[6]);
+        let sum: f64 = (0..7).map(|mode| modes.energy_j(mode, &u, &v)).sum();
+        assert!((sum / (kinetic + bonds + walls) - 1.0).abs() < 1e-12, "{sum}");
+    }
+
+    /// One free bead with a mass inside: 0 and √(k(1/m + 1/M)).
+    #[test]
+    fn a_resonator_swings_against_its_bead() {
+        let mut linear = chain(1, &[2.0], 1.0, 0.0);
+        linear.resonators = vec![Resonator { mass_kg: 0.5, stiffness_n_per_m: 3.0 }];
+        let modes = Modes::of(&linear).expect("modes");
+        let expected = (3.0 * (1.0 / 2.0 + 1.0 / 0.5_f64)).sqrt();
+        assert_eq!(modes.omega_rad_s()[0], 0.0);
+        assert!((modes.omega_rad_s()[1] / expected - 1.0).abs() < 1e-14);
+    }
+}

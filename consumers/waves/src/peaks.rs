@@ -1,0 +1,249 @@
+//! The peaks of a force over time.
+
+/// A peak of a force.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Peak {
+    /// When it was highest (s), by a parabola through the three samples around.
+    pub time_s: f64,
+    /// How high it was, above the force at rest (N).
+    pub force_n: f64,
+    /// Its full width at half of its height (s); none where the run begins or ends within it, or half is below the
+    /// threshold.
+    pub width_s: Option<f64>,
+    /// How long the force was above the threshold around it (s); peaks between which it does not fall below have it in common.
+    pub above_s: Option<f64>,
+}
+
+type Sample = (f64, f64);
+
+/// Finds peaks in samples as they come. Two maxima are two peaks if the force falls below half of the lower one between
+/// them.
+#[derive(Debug, Clone)]
+pub struct Peaks {
+    threshold_n: f64,
+    last: Option<Sample>,
+    before: Option<Sample>,
+    state: State,
+    /// When the force rose above the threshold, if that was seen.
+    rose_s: Option<f64>,
+    is_above: bool,
+    /// Peaks whose time above the threshold is not known yet.
+    open: Vec<Peak>,
+    found: Vec<Peak>,
+    count: u64,
+}
+
+#[derive(Debug, Clone)]
+enum State {
+    /// Below the threshold, or in a valley: the least force since the last peak.
+    Low {
+        least_n: f64,
+    },
+    Peak {
+        highest: Sample,
+        around: [Option<Sample>; 2],
+        rise: Vec<Sample>,
+    },
+}
+
+impl Peaks {
+    /// Peaks that are kept; more are counted.
+    pub const MOST: usize = 10_000;
+    /// Samples of a rise that are kept.
+    const RISE: usize = 4096;
+
+    /// Peaks above `threshold_n` (N).
+    pub fn new(threshold_n: f64) -> Self {
+        Self {
+            threshold_n,
+            last: None,
+            before: None,
+            state: State::Low { least_n: 0.0 },
+            rose_s: None,
+            is_above: false,
+            open: Vec::new(),
+            found: Vec::new(),
+            count: 0,
+        }
+    }
+
+    /// The threshold (N).
+    pub fn threshold_n(&self) -> f64 {
+        self.threshold_n
+    }
+
+    /// Looks at the next sample: a force above that at rest (N).
+    pub fn push(&mut self, time_s: f64, force_n: f64) {
+        let sample = (time_s, force_n);
+        let now_above = force_n > self.threshold_n;
+        if now_above && !self.is_above {
+            self.rose_s = self.last.map(|last| crossing_s(last, sample, self.threshold_n));
+        }
+        self.advance(sample, now_above);
+        if !now_above && self.is_above {
+            let fell_s = self.last.map(|last| crossing_s(last, sample, self.threshold_n));
+            self.close(fell_s);
+        }
+        self.is_above = now_above;
+        self.before = self.last.replace(sample);
+    }
+
+    /// Samples are missing: widths across the gap are not known.
+    pub fn gap(&mut self) {
+        self.end();
+        (self.last, self.before, self.is_above) = (None, None, false);
+        self.state = State::Low { least_n: 0.0 };
+    }
+
+    /// The peaks so far, at most [`Peaks::MOST`], and how many there were.
+    pub fn finish(mut self) -> (Vec<Peak>, u64) {
+        self.end();
+        (self.found, self.count)
+    }
+
+    fn end(&mut self) {
+        if let State::Peak { highest, around: [before, Some(after)], rise } = &self.state {
+            let peak = peak_of(*before, *highest, Some(*after), rise, None);
+            self.open.push(peak);
+        }
+        self.close(None);
+    }
+
+    fn advance(&mut self, sample: Sample, now_above: bool) {
+        let force_n = sample.1;
+        match &mut self.state {
+            State::Low { least_n } => {
+                *least_n = if force_n < *least_n { force_n } else { *least_n };
+                if now_above && force_n >= 2.0 * *least_n {
+                    let mut rise: Vec<Sample> = self.last.into_iter().collect();
+                    rise.push(sample);
+                    self.state = State::Peak { highest: sample, around: [self.last, None], rise };
+                }
+            }
+            State::Peak { highest, around, rise } => {
+                if force_n > highest.1 {
+                    *around = [self.last, None];
+                    *highest = sample;
+                    rise.push(sample);
+                    // what lies below half of the height is not needed, but for the last of it
+                    let needed = rise.iter().position(|(_, force)| *force > 0.5 * force_n).unwrap_or(0);
+                    rise.drain(..needed.saturating_sub(1));
+                    if rise.len() > Self::RISE {
+                        let mut index = 0;
+                        rise.retain(|_| {
+                            index += 1;
+                            index % 2 == 1
+                        });
+                    }
+                    return;
+                }
+                if around[1].is_none() {
+                    around[1] = Some(sample);
+                }
+                if force_n < 0.5 * highest.1 || !now_above {
+                    let fell = self.last.map(|last| (last, sample));
+                    let peak = peak_of(around[0], *highest, around[1], rise, fell);
+                    self.open.push(peak);
+                    if self.open.len() > Self::MOST {
+                        self.open.pop();
+                        self.count += 1;
+                    }
+                    self.state = State::Low { least_n: force_n };
+                }
+            }
+        }
+    }
+
+    fn close(&mut self, fell_s: Option<f64>) {
+        let above_s = fell_s.zip(self.rose_s.take()).map(|(fell_s, rose_s)| fell_s - rose_s);
+        for peak in self.open.drain(..) {
+            self.count += 1;
+            if self.found.len() < Self::MOST {
+                self.found.push(Peak { above_s, ..peak });
+            }
+        }
+    }
+}
+
+/// When the line between two samples has the value `force_n` (s).
+fn crossing_s(from: Sample, to: Sample, force_n: f64) -> f64 {
+    let part = (force_n - from.1) / (to.1 - from.1);
+    from.0 + part.clamp(0.0, 1.0) * (to.0 - from.0)
+}
+
+/// The peak at `highest`; `fell` are the samples between which it fell below half of it.
+fn peak_of(
+    before: Option<Sample>,
+    highest: Sample,
+    after: Option<Sample>,
+    rise: &[Sample],
+    fell: Option<(Sample, Sample)>,
+) -> Peak {
+    let (time_s, force_n) = match (before, after) {
+        (Some(before), Some(after)) => top(before, highest, after),
+        _ => highest,
+    };
+    let half_n = 0.5 * force_n;
+    let rose_s = rise.windows(2).find_map(|pair| {
+        (pair[0].1 <= half_n && pair[1].1 > half_n).then(|| crossing_s(pair[0], pair[1], half_n))
+    });
+    let fell_s = fell.filter(|(_, to)| to.1 <= half_n).map(|(from, to)| crossing_s(from, to, half_n));
+    let width_s = fell_s.zip(rose_s).map(|(fell_s, rose_s)| fell_s - rose_s);
+    Peak { time_s, force_n, width_s, above_s: None }
+}
+
+/// The top of the parabola through three samples, of which the middle one is the highest.
+fn top(before: Sample, highest: Sample, after: Sample) -> Sample {
+    let (left_s, right_s) = (highest.0 - before.0, after.0 - highest.0);
+    let (left, right) = ((highest.1 - before.1) / left_s, (after.1 - highest.1) / right_s);
+    let bend = (left - right) / (left_s + right_s);
+    if bend.is_nan() || bend <= 0.0 {
+        return highest;
+    }
+    // the slope at the middle sample
+    let slope = (left * right_s + right * left_s) / (left_s + right_s);
+    (highest.0 + slope / (2.0 * bend), highest.1 + slope * slope / (4.0 * bend))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::PI;
+
+    fn found(threshold_n: f64, force: impl Fn(f64) -> f64, count: u32) -> Vec<Peak> {
+        let mut peaks = Peaks::new(threshold_n);
+        (0..count).for_each(|i| peaks.push(f64::from(i) * 1e-3, force(f64::from(i) * 1e-3)));
+        peaks.finish().0
+    }
+
+    /// sin² has the width of half of its length at half of its height; samples are 1e-3 apart, and lines between them
+    /// are off by (1e-3)²·π²/4.
+    #[test]
+    fn a_peak_has_its_time_height_and_width() {
+        let force = |t: f64| if t < 1.0 { 5.0 * (PI * (t - 0.0003)).sin().powi(2) } else { 0.0 };
+        let peaks = found(0.5, force, 1500);
+        let [peak] = peaks[..] else { panic!("{peaks:?}") };
+        assert!((peak.time_s - 0.5003).abs() < 1e-6 && (peak.force_n - 5.0).abs() < 1e-9, "{peak:?}");
+        assert!((peak.width_s.expect("a width") - 0.5).abs() < 1e-5, "{peak:?}");
+        let above = 1.0 - 2.0 / PI * 0.1_f64.sqrt().asin();
+        assert!((peak.above_s.expect("a time") - above).abs() < 1e-5, "{peak:?} {above}");
+    }
+
+    #[test]
+    fn peaks_are_parted_by_half_of_their_height() {
+        // 1 + cos falls to 0 between, 1.5 + cos to a fifth, 4 + cos to three fifths
+        for (least, expected) in [(1.0, 3), (1.5, 3), (4.0, 1)] {
+            let peaks = found(0.1, |t| least - (2.0 * PI * t).cos(), 3000);
+            assert_eq!(peaks.len(), expected, "{least}: {peaks:?}");
+            // where the force stays above the threshold, nobody knows for how long
+            assert_eq!(peaks[0].above_s.is_some(), least == 1.0);
+        }
+    }
+
+    #[test]
+    fn what_is_cut_off_has_no_width() {
+        let peaks = found(0.1, |t| (PI * (t + 0.4)).sin().max(0.0), 700);
+        let [peak] = peaks[..] else { panic!("{peaks:?}") };
+        assert!(peak.width_s.is_none() && (peak.time_s - 0.1).abs() < 1e-6);
+    }
+}

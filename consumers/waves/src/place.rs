@@ -1,0 +1,293 @@
+//! Places of a chain where a sensor may be, and what it reads there.
+
+use schemas::chain::{Chain, Wall};
+use schemas::contact::ContactLaw;
+use schemas::damping::{Damping, damped_force};
+use schemas::frame::Frame;
+use std::fmt;
+use std::str::FromStr;
+
+/// An end of the chain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// Before bead 0.
+    Left,
+    /// After the last bead.
+    Right,
+}
+
+/// A place of a chain: `bead:20`, `contact:7`, `wall:right`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// A bead.
+    Bead(usize),
+    /// The contact between this bead and the next one.
+    Contact(usize),
+    /// The contact of an end bead with its wall.
+    Wall(Side),
+}
+
+/// A quantity at a place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// Velocity of a bead, or the rate at which the overlap of a contact grows (m/s).
+    Velocity,
+    /// Force of a contact; at a bead the mean of the forces on its two sides, as a sensor embedded in it reads (N).
+    Force,
+    /// Displacement of a bead, or the overlap of a contact (m).
+    Displacement,
+}
+
+/// Why a place does not exist in a chain.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum PlaceError {
+    /// No such bead.
+    #[error("{place}: the chain has beads 0 to {last}")]
+    Bead {
+        /// The place asked for.
+        place: Place,
+        /// The last bead.
+        last: usize,
+    },
+    /// No such contact.
+    #[error("{place}: the chain has contacts 0 to {last}")]
+    Contact {
+        /// The place asked for.
+        place: Place,
+        /// The last contact.
+        last: usize,
+    },
+    /// That end has no wall.
+    #[error("{0}: this end of the chain is free; a wall is one that [ends] of the configuration calls fixed")]
+    Wall(Place),
+}
+
+impl Place {
+    /// Refuses a place that `chain` does not have.
+    ///
+    /// # Errors
+    /// When there is no such bead or contact, or that end is free.
+    pub fn check(self, chain: &Chain) -> Result<Self, PlaceError> {
+        match self {
+            Self::Bead(bead) if bead >= chain.bead_count() => {
+                Err(PlaceError::Bead { place: self, last: chain.bead_count() - 1 })
+            }
+            Self::Contact(contact) if contact >= chain.contact_count() => {
+                Err(PlaceError::Contact { place: self, last: chain.contact_count() - 1 })
+            }
+            Self::Wall(side) if wall(chain, side).stiffness == 0.0 => Err(PlaceError::Wall(self)),
+            _ => Ok(self),
+        }
+    }
+
+    /// As a part of a column's name: `bead_20`, `wall_right`.
+    pub fn column(self) -> String {
+        self.to_string().replace(':', "_")
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bead(bead) => write!(f, "bead:{bead}"),
+            Self::Contact(contact) => write!(f, "contact:{contact}"),
+            Self::Wall(Side::Left) => f.write_str("wall:left"),
+            Self::Wall(Side::Right) => f.write_str("wall:right"),
+        }
+    }
+}
+
+impl FromStr for Place {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let expected = || "expected bead:N, contact:N, wall:left or wall:right".to_owned();
+        let number = |text: &str| text.parse().map_err(|_| expected());
+        match text.split_once(':').ok_or_else(expected)? {
+            ("bead", bead) => number(bead).map(Self::Bead),
+            ("contact", contact) => number(contact).map(Self::Contact),
+            ("wall", "left") => Ok(Self::Wall(Side::Left)),
+            ("wall", "right") => Ok(Self::Wall(Side::Right)),
+            _ => Err(expected()),
+        }
+    }
+}
+
+impl Quantity {
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Velocity => "velocity",
+            Self::Force => "force",
+            Self::Displacement => "displacement",
+        }
+    }
+
+    /// Its unit.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Velocity => "m/s",
+            Self::Force => "N",
+            Self::Displacement => "m",
+        }
+    }
+
+    /// The unit of its square.
+    pub fn squared(self) -> &'static str {
+        match self {
+            Self::Velocity => "(m/s)²",
+            Self::Force => "N²",
+            Self::Displacement => "m²",
+        }
+    }
+
+    /// The unit of its power spectral density, as the name of a column ends.
+    pub fn density_column(self) -> &'static str {
+        match self {
+            Self::Velocity => "m2_s2_hz",
+            Self::Force => "n2_hz",
+            Self::Displacement => "m2_hz",
+        }
+    }
+}
+
+fn wall(chain: &Chain, side: Side) -> &Wall {
+    match side {
+        Side::Left => &chain.walls.left,
+        Side::Right => &chain.walls.right,
+    }
+}
+
+/// Reads frames of one chain as sensors at its places do.
+#[derive(Debug, Clone)]
+pub struct Sensors {
+    chain: Chain,
+}
+
+impl Sensors {
+    /// For the frames of `chain`.
+    pub fn new(chain: Chain) -> Self {
+        Self { chain }
+    }
+
+    /// The value of `quantity` at `place`, which [exists](Place::check).
+    pub fn value(&self, frame: &Frame<'_>, place: Place, quantity: Quantity) -> f64 {
+        match (quantity, place) {
+            (Quantity::Velocity, Place::Bead(bead)) => frame.v_m_s[bead],
+            (Quantity::Displacement, Place::Bead(bead)) => frame.u_m[bead],
+            (Quantity::Velocity, _) => self.touch(frame, place).1,
+            (Quantity::Displacement, _) => self.touch(frame, place).0,
+            (Quantity::Force, _) => self.force_n(frame, place),
+        }
+    }
+
+    /// The overlap (m) at a contact or a wall; none at a bead.
+    pub fn overlap_m(&self, frame: &Frame<'_>, place: Place) -> Option<f64> {
+        (!matches!(place, Place::Bead(_))).then(|| self.touch(frame, place).0)
+    }
+
+    /// The force (N) at `place`: of a contact with its damping, at a bead the mean of the forces on its two sides, of
+    /// which a free one has none.
+    pub fn force_n(&self, frame: &Frame<'_>, place: Place) -> f64 {
+        let Place::Bead(bead) = place else { return self.contact_force_n(frame, place) };
+        let sides = self.sides(bead);
+        0.5 * (self.contact_force_n(frame, sides[0]) + self.contact_force_n(frame, sides[1]))
+    }
+
+    /// The force (N) at `place` when the chain is at rest.
+    pub fn rest_force_n(&self, place: Place) -> f64 {
+        match place {
+            Place::Bead(bead) => {
+                let [left, right] = self.sides(bead);
+                0.5 * (self.rest_force_n(left) + self.rest_force_n(right))
+            }
+            Place::Contact(contact) => self.chain.rest_force_n[contact],
+            Place::Wall(side) => wall(&self.chain, side).rest_force_n,
+        }
+    }
+
+    fn sides(&self, bead: usize) -> [Place; 2] {
+        [
+            bead.checked_sub(1).map_or(Place::Wall(Side::Left), Place::Contact),
+            if bead < self.chain.contact_count() { Place::Contact(bead) } else { Place::Wall(Side::Right) },
+        ]
+    }
+
+    /// The overlap (m) of a contact or a wall, and the rate at which it grows (m/s).
+    fn touch(&self, frame: &Frame<'_>, place: Place) -> (f64, f64) {
+        let (u, v) = (frame.u_m, frame.v_m_s);
+        let [left_m, right_m] = self.chain.wall_approaches_m(u);
+        match place {
+            Place::Contact(contact) | Place::Bead(contact) => {
+                (self.chain.overlap_m(u, contact), v[contact] - v[contact + 1])
+            }
+            Place::Wall(Side::Left) => (self.chain.walls.left.overlap_m(left_m), -v[0]),
+            Place::Wall(Side::Right) => (self.chain.walls.right.overlap_m(right_m), v[v.len() - 1]),
+        }
+    }
+
+    fn contact_force_n(&self, frame: &Frame<'_>, place: Place) -> f64 {
+        let (overlap_m, rate_m_s) = self.touch(frame, place);
+        let damping = self.chain.damping.as_ref();
+        let (stiffness, coefficient) = match place {
+            Place::Contact(contact) | Place::Bead(contact) => {
+                (self.chain.stiffness[contact], damping.map(|damping| damping.coefficient[contact]))
+            }
+            Place::Wall(side) => {
+                let end = usize::from(side == Side::Right);
+                (wall(&self.chain, side).stiffness, damping.map(|damping| damping.wall_coefficient[end]))
+            }
+        };
+        let law: &ContactLaw = &self.chain.law;
+        let elastic_n = law.force(stiffness, overlap_m);
+        let (Some(damping), Some(coefficient)) = (damping, coefficient) else { return elastic_n };
+        if overlap_m <= law.zero_up_to_m() || stiffness == 0.0 {
+            return elastic_n;
+        }
+        let power = law.force(1.0, overlap_m);
+        match damping.kind {
+            Damping::Restitution(_) => {
+                damped_force::<true>(elastic_n, power, overlap_m, coefficient, rate_m_s)
+            }
+            Damping::ViscousNSPerM(_) => {
+                damped_force::<false>(elastic_n, power, overlap_m, coefficient, rate_m_s)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use schemas::chain::Walls;
+
+    /// k = 4, α = 1 between walls: overlaps −0.5 (left wall, open), 1 and 0.25 (contacts), −0.75 (right wall, open).
+    #[test]
+    fn a_bead_reads_the_mean_of_its_two_sides() {
+        let law = ContactLaw::new(1.0);
+        let end = Wall::new(&law, 4.0, 0.0);
+        let walls = Walls { left: end, right: end };
+        let chain = Chain::new(vec![1.0; 3], vec![4.0; 2], vec![0.0; 2], walls, law);
+        let sensors = Sensors::new(chain.clone());
+        let (u_m, v_m_s) = ([0.5, -0.5, -0.75], [1.0, 0.0, 3.0]);
+        let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[] };
+        let force = |place| sensors.force_n(&frame, place);
+        assert_eq!(force(Place::Contact(0)), 4.0);
+        assert_eq!(force(Place::Bead(1)), 2.5);
+        assert_eq!(force(Place::Bead(0)), 2.0); // the left wall is open: bead 0 has moved away from it
+        assert_eq!(force(Place::Wall(Side::Right)), 0.0);
+        assert_eq!(sensors.value(&frame, Place::Contact(1), Quantity::Velocity), -3.0);
+        assert_eq!(sensors.value(&frame, Place::Wall(Side::Left), Quantity::Displacement), -0.5);
+        assert!(Place::Bead(3).check(&chain).is_err() && Place::Wall(Side::Left).check(&chain).is_ok());
+    }
+
+    #[test]
+    fn places_read_back() {
+        for text in ["bead:20", "contact:7", "wall:left", "wall:right"] {
+            assert_eq!(text.parse::<Place>().map(|place| place.to_string()), Ok(text.to_owned()));
+        }
+        for text in ["20", "wall:top", "bead:-1", "bead:"] {
+            assert!(text.parse::<Place>().is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! The spectrum of one place as it changes.
+
+use crate::segments::{Segments, Window};
+
+/// Power spectral densities of successive segments that overlap by 7/8, at most [`Spectrogram::COLUMNS`] of them: where a run has more, a
+/// column is the mean over those that fall into it.
+pub struct Spectrogram {
+    segments: Segments,
+    /// Samples since the beginning of the current stretch, and where that began.
+    position: u64,
+    columns: Vec<Column>,
+    /// Samples that a column covers.
+    column_samples: u64,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Column {
+    power: Vec<f64>,
+    count: u32,
+}
+
+impl Spectrogram {
+    /// The largest number of columns.
+    pub const COLUMNS: u64 = 500;
+
+    /// For `samples` samples in segments of `length`.
+    pub fn new(samples: u64, length: usize) -> Self {
+        let segments = Segments::new(1, length, Window::Hann).dense();
+        let column_samples = samples.div_ceil(Self::COLUMNS).max(segments.hop() as u64);
+        Self { segments, position: 0, columns: Vec::new(), column_samples }
+    }
+
+    /// Adds the sample that is `index` samples after the first one.
+    pub fn push(&mut self, index: u64, value: f64) {
+        let middle = index.saturating_sub(self.segments.length() as u64 / 2);
+        self.position = index;
+        let Some(spectra) = self.segments.push([value]) else { return };
+        let Ok(column) = usize::try_from(middle / self.column_samples) else { return };
+        if self.columns.len() <= column {
+            self.columns.resize(column + 1, Column::default());
+        }
+        let Column { power, count } = &mut self.columns[column];
+        power.resize(spectra[0].len(), 0.0);
+        power.iter_mut().zip(&spectra[0]).for_each(|(sum, x)| *sum += x.norm_sqr());
+        *count += 1;
+    }
+
+    /// Samples are missing.
+    pub fn restart(&mut self) {
+        self.segments.restart();
+    }
+
+    /// Samples in a segment.
+    pub fn segment_length(&self) -> usize {
+        self.segments.length()
+    }
+
+    /// Segments so far.
+    pub fn segment_count(&self) -> u64 {
+        self.segments.count()
+    }
+
+    /// Samples that a column covers; the first one begins with the first sample.
+    pub fn column_samples(&self) -> u64 {
+        self.column_samples
+    }
+
+    /// The one-sided density (unit squared per Hz) of each column, `segment_length/2 + 1` lines; none where no segment is.
+    pub fn columns(&self, rate_hz: f64) -> impl Iterator<Item = Option<Vec<f64>>> {
+        let scale = 1.0 / (rate_hz * self.segments.window_power());
+        self.columns.iter().map(move |Column { power, count }| {
+            let lines = power.iter().enumerate();
+            let density =
+                lines.map(|(line, power)| power * self.segments.sides(line) * scale / f64::from(*count));
+            (*count > 0).then(|| density.collect())
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    /// A tone that doubles its frequency half way.
+    #[test]
+    fn a_tone_is_followed() {
+        let mut spectrogram = Spectrogram::new(2048, 128);
+        for i in 0..2048_u32 {
+            let line = if i < 1024 { 8.0 } else { 16.0 };
+            spectrogram.push(i.into(), (TAU * line * f64::from(i) / 128.0).sin());
+        }
+        let columns: Vec<_> = spectrogram.columns(128.0).flatten().collect();
+        let peak = |column: &Vec<f64>| (0..65).max_by(|a, b| column[*a].total_cmp(&column[*b]));
+        assert_eq!((peak(&columns[2]), peak(&columns[columns.len() - 2])), (Some(8), Some(16)));
+        // the mean square of a sine: ½
+        assert!((columns[2].iter().sum::<f64>() - 0.5).abs() < 1e-12);
+    }
+}
