@@ -18,7 +18,9 @@
 mod control;
 mod crest;
 mod edges;
+mod front;
 mod obstacles;
+mod passing;
 mod probes;
 mod sight;
 mod strongest;

@@ -3,11 +3,11 @@
 use super::control::{Control, Unfollowed};
 use super::crest::{Crest, ENOUGH_FRAMES, FEWEST_FRAMES};
 use super::edges::Edges;
+use super::passing;
 use super::sight::Sight;
 use super::surroundings::{Surroundings, nearest, signed};
 use super::track::{Passed, Point, REACH, Shape, Track};
 use super::{Birth, Fate, Pulse};
-use crate::theory::{SolitaryWave, Strength};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use std::ops::Range;
@@ -18,7 +18,8 @@ use std::sync::Arc;
 pub struct Pulses {
     around: Arc<Surroundings>,
     threshold_m_s: f64,
-    striker: i64,
+    /// None where nothing strikes.
+    striker: Option<i64>,
     sight: Sight,
     crests: Vec<(usize, Crest)>,
     own_crests: Vec<(usize, Crest)>,
@@ -29,6 +30,8 @@ pub struct Pulses {
     unfollowed: Vec<Unfollowed>,
     counts: Counts,
     last_step: Option<u64>,
+    /// The farthest beads that pulses have passed forward and backward.
+    farthest: [Option<i64>; 2],
     /// When the frames began, or began again (s), and whether the chain had moved before.
     resumed: Option<(f64, bool)>,
 }
@@ -90,20 +93,20 @@ impl Pulses {
         let around = Arc::new(Surroundings::of(manifest));
         let bead_count = around.chain.bead_count();
         let control = Control::new(bead_count, threshold_m_s);
-        let striker = manifest.physics.striker.bead;
+        let striker = striker(manifest);
         Self { control: Some(control), ..Self::among(around, striker, threshold_m_s, 0..bead_count) }
     }
 
     /// The same for the pulses among some beads, with nothing to control them.
     pub(super) fn among(
         around: Arc<Surroundings>,
-        striker: u64,
+        striker: Option<i64>,
         threshold_m_s: f64,
         beads: Range<usize>,
     ) -> Self {
         Self {
             threshold_m_s,
-            striker: signed(striker),
+            striker,
             sight: Sight::new(&around, beads),
             around,
             crests: Vec::new(),
@@ -114,6 +117,7 @@ impl Pulses {
             unfollowed: Vec::new(),
             counts: Counts::default(),
             last_step: None,
+            farthest: [None; 2],
             resumed: None,
         }
     }
@@ -124,7 +128,8 @@ impl Pulses {
     }
 
     /// How many steps apart frames may be to show a pulse of [`Pulses::velocity_scale_m_s`] to 1e-4: eight in
-    /// the time that it takes to pass, by its full width at half maximum. None where there is no solitary wave.
+    /// the time that it takes to pass the bead that it passes fastest, by its full width at half maximum. On a load it is
+    /// sound that passes. None where there is neither a solitary wave nor a load.
     pub fn longest_fine_interval_steps(manifest: &RunManifest) -> Option<u64> {
         Self::interval_steps(manifest, ENOUGH_FRAMES)
     }
@@ -136,10 +141,7 @@ impl Pulses {
 
     fn interval_steps(manifest: &RunManifest, frames: f64) -> Option<u64> {
         let physics = &manifest.physics;
-        let wave = SolitaryWave::new(physics.alpha).ok()?.coefficients();
-        let strength = Strength::PeakVelocity { m_s: Self::velocity_scale_m_s(manifest) };
-        let scale = wave.scaled(physics.bead_mass_kg, physics.stiffness, strength).ok()?;
-        let passing_s = wave.velocity_fwhm_beads / scale.speed_beads_per_s;
+        let passing_s = passing::shortest_s(physics, Self::velocity_scale_m_s(manifest))?;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
         let steps = (passing_s / (frames * physics.dt_s)) as u64;
         Some(steps.max(1))
@@ -156,7 +158,7 @@ impl Pulses {
         self.resumed.get_or_insert((frame.time_s, frame.step > 0));
         self.sight.push(&self.around, frame);
         if let Some(control) = &mut self.control {
-            control.observe(&self.around, frame, self.sight.history.v_m_s(0));
+            control.observe(&self.around, frame, self.sight.history.v_m_s(0), &self.tracks);
         }
         if self.sight.history.is_full() {
             self.hear_rattles();
@@ -205,7 +207,7 @@ impl Pulses {
         &self.happenings
     }
 
-    /// What passed along the chain and is in no pulse, the strongest first; known at the end.
+    /// What passed along the chain and is in no pulse, what led a front and then the strongest first; known at the end.
     pub fn unfollowed(&self) -> &[Unfollowed] {
         &self.unfollowed
     }
@@ -277,6 +279,21 @@ impl Pulses {
         let best = fits.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(i, _)| i);
         let (time_s, crest_m_s) = (crest.time_s, crest.v_m_s);
         let mut passed = self.passed(frame, bead, crest);
+        let best = match best {
+            Some(i) if self.tracks[i].number > 0 => Some(i),
+            _ if self.around.texture.is_none() => best,
+            young => match self.leading(bead, crest) {
+                Some(i) => Some(i),
+                None if self
+                    .tracks
+                    .iter_mut()
+                    .any(|track| track.sign == crest_m_s.signum() && track.pass_late(passed)) =>
+                {
+                    return;
+                }
+                None => young,
+            },
+        };
         let Some(i) = best else {
             let birth = self.birth(bead, crest);
             self.tracks.push(Track::new(passed, ahead, birth));
@@ -295,6 +312,11 @@ impl Pulses {
             track.number = self.counts.pulses;
         }
         if track.number > 0 {
+            let farthest = &mut self.farthest[usize::from(track.ahead < 0)];
+            *farthest = Some(
+                farthest
+                    .map_or(bead, |beads| if track.ahead > 0 { beads.max(bead) } else { beads.min(bead) }),
+            );
             let way = (track.sign, track.ahead);
             match &mut track.edges {
                 Some(edges) => edges.renew(&self.sight.history, bead, crest_m_s, several),
@@ -304,6 +326,24 @@ impl Pulses {
                 self.happenings.push(Happening::Passed(point));
             }
         }
+    }
+
+    /// The track that leads the others in its direction, if a crest at `bead`, farther than any before, can be its next.
+    fn leading(&self, bead: i64, crest: &Crest) -> Option<usize> {
+        let at = (bead, crest.time_s);
+        let leads = |track: &Track| {
+            let head = track.head().bead;
+            let farthest = self.farthest[usize::from(track.ahead < 0)];
+            farthest.is_none_or(|beads| (head - beads) * track.ahead >= i64::from(track.number == 0))
+                && track.sign == crest.v_m_s.signum()
+                && !self.around.obstacles.between(track.head().bead, bead)
+        };
+        let tracks = self.tracks.iter().enumerate().filter(|(_, track)| leads(track));
+        let fits = tracks.filter_map(|(i, track)| {
+            track.leads_to(at, crest.v_m_s).map(|beads| (track.number == 0, beads, i))
+        });
+        // a pulse rather than what may become one
+        fits.min().map(|(.., i)| i)
     }
 
     /// A crest passes `bead`.
@@ -354,7 +394,7 @@ impl Pulses {
         });
         match (left, right) {
             _ if resumed => Birth::UnderWay,
-            _ if (bead - self.striker).abs() <= near => Birth::Striker,
+            _ if self.striker.is_some_and(|striker| (bead - striker).abs() <= near) => Birth::Striker,
             ((distance, true), _) | (_, (distance, true)) if distance <= near => Birth::Impurity,
             ((distance, false), _) | (_, (distance, false)) if distance <= near => Birth::End,
             _ => neighbour
@@ -431,4 +471,10 @@ impl Pulses {
             _ => Fate::Faded,
         }
     }
+}
+
+/// The bead that is struck, if one is.
+pub(super) fn striker(manifest: &RunManifest) -> Option<i64> {
+    let striker = &manifest.physics.striker;
+    (striker.velocity_m_s != 0.0).then(|| signed(striker.bead))
 }
