@@ -15,7 +15,7 @@ use serde::Serialize;
 const EVERY_STEPS: u64 = 8;
 
 /// A rise matters that is this part of the largest speed of its bead.
-const MATTERS: f64 = 0.1;
+pub(super) const MATTERS: f64 = 0.1;
 
 /// The same where beads are not alike: behind every pulse comes a train of waves that are none.
 const MATTERS_UNEVEN: f64 = 0.5;
@@ -109,7 +109,7 @@ impl Control {
         // NaN where there was none before
         self.apart_s = self.apart_s.max(frame.time_s - self.seen_s);
         self.seen_s = frame.time_s;
-        self.front.observe(around, frame.time_s, v_m_s, tracks);
+        self.front.observe(around, frame, v_m_s, tracks);
         for (number, (bead, v)) in self.beads.iter_mut().zip(v_m_s).enumerate() {
             let speed = v.abs();
             bead.low_m_s = bead.low_m_s.min(speed);

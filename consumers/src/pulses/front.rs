@@ -4,10 +4,13 @@
 //! behind there is a pulse that leads. Where none is for many beads, the leading pulse was not followed.
 
 use super::Direction;
-use super::control::{SHORTEST, Unfollowed};
+use super::control::{MATTERS, SHORTEST, Unfollowed};
 use super::surroundings::{Surroundings, nearest, signed};
 use super::track::Track;
-use std::ops::Range;
+use schemas::frame::Frame;
+
+/// Crests lower than this part of the largest velocity near the front are not of the pulse that leads it.
+const RIPPLE: f64 = 0.25;
 
 /// The fronts that run forward and backward.
 #[derive(Debug, Clone)]
@@ -45,8 +48,14 @@ impl Front {
         }
     }
 
-    /// Looks at the velocities (m/s) of all beads at `time_s`, while the pulses `tracks` are under way.
-    pub(super) fn observe(&mut self, around: &Surroundings, time_s: f64, v_m_s: &[f64], tracks: &[Track]) {
+    /// Looks at the velocities (m/s) of all beads, their own or means, while the pulses `tracks` are under way.
+    pub(super) fn observe(
+        &mut self,
+        around: &Surroundings,
+        frame: &Frame<'_>,
+        v_m_s: &[f64],
+        tracks: &[Track],
+    ) {
         let beads = v_m_s.iter().zip(&self.reached).enumerate();
         let new = beads.filter(|(_, (v, reached))| !**reached && v.abs() > self.threshold_m_s);
         self.arrivals.clear();
@@ -64,9 +73,10 @@ impl Front {
                 |from: Option<usize>| from.and_then(|from| self.reached.get(from)).copied().unwrap_or(false);
             let [left, right] = [came(bead.checked_sub(1)), came(Some(bead + 1))];
             self.reached[bead] = true;
-            if left != right {
+            // loose beads that fly are no front
+            if left != right && around.is_pressed(frame, bead) {
                 let direction = if left { Direction::Forward } else { Direction::Backward };
-                self.arrive(around, (bead, time_s), direction, v_m_s, tracks);
+                self.arrive(around, (bead, frame.time_s), direction, v_m_s, tracks);
             }
         }
     }
@@ -81,22 +91,27 @@ impl Front {
         tracks: &[Track],
     ) {
         let behind = around.behind_front(bead);
-        let leads = |track: &&Track| {
-            let beads = (signed(bead as u64) - track.head().bead) * direction.sign();
-            track.number > 0 && track.ahead == direction.sign() && beads.unsigned_abs() <= behind as u64
-        };
-        let slot = &mut self.alone[usize::from(direction == Direction::Backward)];
-        if tracks.iter().any(|track| leads(&track)) {
-            self.found.extend(slot.take().and_then(|alone| alone.unfollowed()));
-            return;
-        }
         let part = match direction {
             Direction::Forward => bead.saturating_sub(behind)..bead + 1,
             Direction::Backward => bead..(bead + behind + 1).min(v_m_s.len()),
         };
-        let alone = slot.get_or_insert(Alone { beads: [bead; 2], times_s: [time_s; 2], v_peak_m_s: 0.0 });
+        let v_peak_m_s = fastest(&v_m_s[part]);
+        // near and no mere ripple, or so much stronger that all of this is its forerunner
+        let leads = |track: &Track| {
+            let beads = (signed(bead as u64) - track.head().bead) * direction.sign();
+            let over = track.mean_crest_m_s() / v_peak_m_s.abs();
+            let is_it =
+                if beads.unsigned_abs() <= behind as u64 { over > RIPPLE } else { over * MATTERS > 1.0 };
+            track.number > 0 && track.ahead == direction.sign() && is_it
+        };
+        let slot = &mut self.alone[usize::from(direction == Direction::Backward)];
+        if tracks.iter().any(leads) {
+            self.found.extend(slot.take().and_then(|alone| alone.unfollowed()));
+            return;
+        }
+        let alone = slot.get_or_insert(Alone { beads: [bead; 2], times_s: [time_s; 2], v_peak_m_s });
         (alone.beads[1], alone.times_s[1]) = (bead, time_s);
-        alone.v_peak_m_s = fastest(alone.v_peak_m_s, v_m_s, part);
+        alone.v_peak_m_s = fastest(&[alone.v_peak_m_s, v_peak_m_s]);
     }
 
     /// Frames are missing: where the front has come to meanwhile is not known.
@@ -126,9 +141,9 @@ impl Alone {
     }
 }
 
-/// The velocity of the fastest one of `beads`, or `before` if that is faster.
-fn fastest(before: f64, v_m_s: &[f64], beads: Range<usize>) -> f64 {
-    v_m_s[beads].iter().fold(before, |fastest, v| if v.abs() > fastest.abs() { *v } else { fastest })
+/// The velocity (m/s) of the fastest bead.
+fn fastest(v_m_s: &[f64]) -> f64 {
+    v_m_s.iter().fold(0.0, |fastest: f64, v| if v.abs() > fastest.abs() { *v } else { fastest })
 }
 
 impl Surroundings {
