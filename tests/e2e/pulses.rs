@@ -2,7 +2,7 @@
 
 use crate::harness::{Place, wait_until};
 use bus::{Delivery, ResultReceived, ResultSubscriber};
-use consumers::pulses::{Birth, Happening, Probes, Pulses};
+use consumers::pulses::{Happening, Point, Probes, Pulses};
 use consumers::theory::{SolitaryWave, Strength};
 use producer::integrator::Integrator;
 use producer::state::ChainState;
@@ -160,24 +160,27 @@ fn the_front_of_a_chain_of_unlike_beads_is_one_pulse() {
     let (light, fifth, most) = (scattered(0.2), scattered(0.4), scattered(0.8));
     let two = (0..201).map(|i| if (2.3 * f64::from(i * i)).sin() > 0.0 { "1e-3" } else { "0.3e-3" });
     let two = format!("{{ list_kg = [{}] }}", two.collect::<Vec<_>>().join(", "));
+    let striker = "impurities = [{ bead = 0, mass_kg = 20e-3 }]";
     let loaded = "[load]\nprecompression_n = 10.0";
-    // the front passes this many beads; so many pulses are at least half as fast as the one that leads
+    // the front passes this many beads; so many pulses are at least half as fast as the one that leads, where waves of the
+    // scattered masses do not hide it
     let chains = [
-        ("decorated", "{ pattern_kg = [1e-3, 0.1e-3] }", 0.02, "", 195, 1),
-        ("solitary", "{ pattern_kg = [1e-3, 0.3428e-3] }", 0.02, "", 190, 1),
-        ("two-to-one", "{ pattern_kg = [2e-3, 1e-3] }", 0.02, "", 125, 1),
+        ("decorated", "{ pattern_kg = [1e-3, 0.1e-3] }", 0.02, "", 195, Some(1)),
+        ("solitary", "{ pattern_kg = [1e-3, 0.3428e-3] }", 0.02, "", 190, Some(1)),
+        ("two-to-one", "{ pattern_kg = [2e-3, 1e-3] }", 0.02, "", 125, Some(3)),
         // at bead 129 a wave behind it, which weakens less, has caught up with the front
-        ("less", "{ pattern_kg = [1e-3, 0.6e-3] }", 0.015, "", 115, 1),
-        ("heavy", "{ pattern_kg = [4.369e-3, 1e-3] }", 0.035, "", 180, 1),
-        ("three", "{ pattern_kg = [1e-3, 1e-3, 0.3e-3] }", 0.02, "", 145, 1),
-        ("four", "{ pattern_kg = [2e-3, 0.3e-3, 1e-3, 0.3e-3] }", 0.02, "", 150, 1),
-        ("tapered", "{ taper = 0.95 }", 0.006, "", 190, 1),
-        ("light-scatter", light.as_str(), 0.02, "", 140, 1),
-        ("scatter", fifth.as_str(), 0.02, "", 120, 1),
-        ("most-scatter", most.as_str(), 0.02, "", 90, 1),
-        ("two-kinds", two.as_str(), 0.02, "", 120, 1),
-        ("loaded", "{ pattern_kg = [1e-3, 0.5e-3] }", 0.012, loaded, 150, 1),
-        ("loaded-scatter", light.as_str(), 0.012, loaded, 130, 1),
+        ("less", "{ pattern_kg = [1e-3, 0.6e-3] }", 0.015, "", 115, Some(2)),
+        ("heavy", "{ pattern_kg = [4.369e-3, 1e-3] }", 0.035, "", 180, Some(1)),
+        ("three", "{ pattern_kg = [1e-3, 1e-3, 0.3e-3] }", 0.02, "", 145, Some(2)),
+        ("four", "{ pattern_kg = [2e-3, 0.3e-3, 1e-3, 0.3e-3] }", 0.02, "", 150, Some(1)),
+        ("tapered", "{ taper = 0.95 }", 0.006, "", 190, Some(1)),
+        ("light-scatter", light.as_str(), 0.02, "", 140, Some(1)),
+        ("scatter", fifth.as_str(), 0.02, "", 120, None),
+        ("most-scatter", most.as_str(), 0.02, "", 90, None),
+        ("two-kinds", two.as_str(), 0.02, "", 120, None),
+        ("train", "{ pattern_kg = [1e-3, 0.3428e-3] }", 0.014, striker, 150, Some(4)),
+        ("loaded", "{ pattern_kg = [1e-3, 0.5e-3] }", 0.012, loaded, 150, Some(1)),
+        ("loaded-scatter", light.as_str(), 0.012, loaded, 130, None),
     ];
     for (name, masses, duration_s, rest, reached, strong) in chains {
         uneven(&place, name, masses, duration_s, rest);
@@ -205,32 +208,17 @@ fn the_front_of_a_chain_of_unlike_beads_is_one_pulse() {
             (number(middle, "v_peak_m_s") / v_peak_m_s - 1.0).abs() < 2e-3,
             "{name}: {middle:?}, {v_peak_m_s}"
         );
-        // crest and front move alike; in a taper, and on a load, a pulse changes its width on its way
+        // crest and front move alike, but for what a pulse gets wider on its way or, in a taper, narrower and faster
         let apart_s = number(to, "time_s") - number(from, "time_s");
         let ratio = (arrivals_s[b] - arrivals_s[a]) / apart_s;
-        assert!((ratio - 1.0).abs() < 0.04, "{name}: {ratio}");
-        let peaks: Vec<_> = results["pulses"]
-            .as_array()
-            .unwrap()
-            .iter()
-            .map(|pulse| pulse["v_peak_m_s"].as_f64().unwrap())
-            .collect();
-        let leading = results["pulses"].as_array().unwrap().iter().find(|pulse| pulse["pulse"] == 1).unwrap();
-        let half = 0.5 * leading["v_peak_m_s"].as_f64().unwrap();
-        let found = peaks.iter().filter(|peak| peak.abs() > half).count();
-        assert_eq!(found, strong, "{name}: {peaks:?}");
-    }
-}
-
-/// The frames of a run of `physics` that starts with velocities of its own, every second step.
-fn observe(config: &RunConfig, v_m_s: &[f64], mut look: impl FnMut(&RunManifest, &Frame<'_>)) {
-    let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
-    let manifest = RunManifest::new(config, "run", origin).unwrap();
-    let mut state = ChainState::starting_at(&manifest.physics, &vec![0.0; v_m_s.len()], v_m_s);
-    let mut integrator = Integrator::new(&manifest.physics);
-    for step in (0..=manifest.physics.step_count).step_by(2) {
-        integrator.advance(&mut state, step);
-        look(&manifest, &state.as_frame(&manifest, step));
+        let most = if name == "tapered" { 0.07 } else { 0.04 };
+        assert!((ratio - 1.0).abs() < most, "{name}: {ratio}");
+        let found = results["pulses"].as_array().unwrap();
+        let speed = |pulse: &serde_json::Value| pulse["v_peak_m_s"].as_f64().unwrap().abs();
+        let leading = speed(found.iter().find(|pulse| pulse["pulse"] == 1).unwrap());
+        if let Some(strong) = strong {
+            assert_eq!(found.iter().filter(|pulse| speed(pulse) > 0.5 * leading).count(), strong, "{name}");
+        }
     }
 }
 
@@ -244,67 +232,83 @@ fn pulses_of_unlike_beads_are_followed_through_each_other() {
         (config.striker.velocity_m_s, config.time.duration_s) = (1.0, 0.014);
         let mut v_m_s = vec![0.0; 121];
         (v_m_s[0], v_m_s[120]) = (1.0, -1.0);
-        let mut pulses = None;
-        let mut ended = Vec::new();
         let mut arrivals_s = Vec::new();
-        let mut keep = |happenings: &[Happening]| {
-            ended.extend(happenings.iter().filter_map(|happening| match happening {
-                Happening::Ended(pulse) => Some(*pulse),
-                Happening::Passed(_) => None,
-            }));
-        };
-        observe(&config, &v_m_s, |manifest, frame| {
-            let pulses = pulses.get_or_insert_with(|| Pulses::new(manifest, 0.02));
-            keep(pulses.observe(frame));
+        let points = points_of(&config, &v_m_s, 0.02, |frame| {
             while arrivals_s.len() < 60 && frame.v_m_s[arrivals_s.len()] > 0.01 {
                 arrivals_s.push(frame.time_s);
             }
         });
-        let mut pulses = pulses.unwrap();
-        keep(pulses.finish());
-        assert!(pulses.unfollowed().is_empty());
-        let whole: Vec<_> = ended.iter().filter(|pulse| pulse.bead_count > 105).collect();
-        let [one, other] = whole[..] else { panic!("{light_kg}: {ended:?}") };
-        assert_ne!(one.direction, other.direction);
-        for pulse in [one, other] {
-            // distance over time from end to end; the front until they meet. Each is delayed by the other a little
-            let (way, took_s) =
-                (pulse.end_bead.abs_diff(pulse.birth_bead), pulse.end_time_s - pulse.birth_time_s);
-            let front = 50.0 / (arrivals_s[55] - arrivals_s[5]);
-            assert!((way as f64 / took_s / front - 1.0).abs() < 0.03, "{light_kg}: {pulse:?}, {front}");
+        // of heavy beads
+        let front = 40.0 / (arrivals_s[50] - arrivals_s[10]);
+        for mirrored in [false, true] {
+            let place = |bead: u64| if mirrored { 120 - bead } else { bead };
+            let of_pulse = |number: u64| points.iter().filter(move |point| point.pulse == number);
+            let is_whole = |number: &u64| {
+                let beads: Vec<u64> = of_pulse(*number).map(|point| place(point.bead)).collect();
+                beads.len() > 105 && beads[0] < 10 && beads[beads.len() - 1] > 110
+            };
+            let whole: Vec<u64> = (1..100).filter(is_whole).collect();
+            let [number] = whole[..] else { panic!("{light_kg}: {whole:?}") };
+            let at = |bead| *of_pulse(number).find(|point| place(point.bead) == bead).unwrap();
+            let speed = |from, to| (to - from) as f64 / (at(to).time_s - at(from).time_s);
+            // until they meet as fast as the front, and so behind; they settle over the first beads
+            assert!((speed(10, 50) / front - 1.0).abs() < 0.01, "{light_kg}: {}, {front}", speed(10, 50));
+            assert!((speed(72, 110) / front - 1.0).abs() < 0.02, "{light_kg}: {}, {front}", speed(72, 110));
+            // secondary waves from where they met take a little, and beads that the other pulse left loose are faster
+            let [before, after] = [50, 110].map(|bead| at(bead).v_peak_m_s.abs());
+            assert!((after / before - 1.0).abs() < 0.1 && before > 0.5, "{light_kg}: {before}, {after}");
         }
-        // a mirror image, but for rounding
-        let [v, mirrored] = [one, other].map(|pulse| pulse.measured.point.v_peak_m_s.abs());
-        assert!((v / mirrored - 1.0).abs() < 1e-6 && v > 0.6, "{light_kg}: {v}, {mirrored}");
     }
 }
 
-/// Without a striker the load gives the scale, and no pulse comes from a striker.
+/// The points of the pulses above `threshold_m_s` in a run that starts with velocities of its own.
+fn points_of(
+    config: &RunConfig,
+    v_m_s: &[f64],
+    threshold_m_s: f64,
+    mut look: impl FnMut(&Frame<'_>),
+) -> Vec<Point> {
+    let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+    let manifest = RunManifest::new(config, "run", origin).unwrap();
+    let mut state = ChainState::starting_at(&manifest.physics, &vec![0.0; v_m_s.len()], v_m_s);
+    let mut integrator = Integrator::new(&manifest.physics);
+    let mut pulses = Pulses::new(&manifest, threshold_m_s);
+    let mut points = Vec::new();
+    let mut keep = |happenings: &[Happening]| {
+        points.extend(happenings.iter().filter_map(|happening| match happening {
+            Happening::Passed(point) => Some(*point),
+            Happening::Ended(_) => None,
+        }));
+    };
+    for step in 0..=manifest.physics.step_count {
+        if step > 0 {
+            integrator.step(&mut state);
+        }
+        let frame = state.as_frame(&manifest, step);
+        keep(pulses.observe(&frame));
+        look(&frame);
+    }
+    keep(pulses.finish());
+    assert!(pulses.unfollowed().is_empty(), "{:?}", pulses.unfollowed());
+    points
+}
+
+/// Without a striker the load gives the scale.
 #[test]
 fn where_nothing_strikes_pulses_are_found_by_the_scale_of_the_load() {
     let mut config = Preset::find("precompressed").unwrap().config();
     (config.striker.velocity_m_s, config.time.duration_s) = (0.0, 0.01);
-    let mut v_m_s = vec![0.0; 200];
-    let mut pulses = None;
-    let mut births = Vec::new();
     let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
-    let manifest = RunManifest::new(&config, "run", origin).unwrap();
-    let scale_m_s = Pulses::velocity_scale_m_s(&manifest);
+    let scale_m_s = Pulses::velocity_scale_m_s(&RunManifest::new(&config, "run", origin).unwrap());
+    let mut v_m_s = vec![0.0; 200];
     v_m_s[0] = 0.1 * scale_m_s;
-    observe(&config, &v_m_s, |manifest, frame| {
-        let pulses = pulses.get_or_insert_with(|| Pulses::new(manifest, 1e-3 * scale_m_s));
-        births.extend(pulses.observe(frame).iter().filter_map(|happening| match happening {
-            Happening::Ended(pulse) => Some(pulse.birth),
-            Happening::Passed(_) => None,
-        }));
-    });
-    let mut pulses = pulses.unwrap();
-    births.extend(pulses.finish().iter().filter_map(|happening| match happening {
-        Happening::Ended(pulse) => Some(pulse.birth),
-        Happening::Passed(_) => None,
-    }));
-    assert!(scale_m_s > 0.0 && pulses.unfollowed().is_empty() && births.len() > 3);
-    assert!(!births.contains(&Birth::Striker) && births.contains(&Birth::End), "{births:?}");
+    let points = points_of(&config, &v_m_s, 1e-3 * scale_m_s, |_| {});
+    let at = |bead| points.iter().find(|point| point.pulse == 1 && point.bead == bead).unwrap().time_s;
+    // sound on 10 N: √(K/m) with K = 1.5e5 N/m; the first crest of the Airy function falls behind by 1.02·(n/2)^(1/3) beads
+    let speed = 60.0 / (at(100) - at(40));
+    let late = 1.02 * (50.0_f64.cbrt() - 20.0_f64.cbrt());
+    let exact = (1.5e5_f64 / 1e-3).sqrt();
+    assert!((speed / exact * (1.0 + late / 60.0) - 1.0).abs() < 0.01, "{speed}, {exact}");
 }
 
 /// What is no pulse is told, and so is what none follows: nothing of that in the presets.
