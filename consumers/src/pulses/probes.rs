@@ -2,7 +2,6 @@
 
 use super::surroundings::Surroundings;
 use super::track::{Point, REACH};
-use super::tracker::striker;
 use super::{Happening, Pulses};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
@@ -52,8 +51,7 @@ impl Probes {
         let probe = |bead: &u64| {
             let at = usize::try_from(*bead).unwrap_or(usize::MAX).min(count - 1);
             let beads = at.saturating_sub(AROUND)..(at + AROUND + 1).min(count);
-            let striker = striker(manifest);
-            Probe { bead: *bead, pulses: Pulses::among(Arc::clone(&around), striker, threshold_m_s, beads) }
+            Probe { bead: *bead, pulses: Pulses::among(Arc::clone(&around), threshold_m_s, beads) }
         };
         Self { probes: beads.iter().map(probe).collect(), passages: Vec::new() }
     }

@@ -133,7 +133,8 @@ impl Track {
         self.clear_bead_count += u64::from(passed.clear);
         self.pending += 1;
         self.gap = false;
-        if self.recent.len() > 2 * REACH + 1 {
+        // crests that come late make it longer for a while
+        while self.recent.len() > (2 * REACH + 1).max(self.pending) {
             self.recent.pop_front();
         }
     }
@@ -226,6 +227,9 @@ impl Track {
         /// Beads that the pulse may have moved on from where it should have been.
         const LATE: f64 = 3.5;
         let Some(speed) = self.speed_beads_per_s() else { return false };
+        if self.number == 0 || self.sign != passed.crest_m_s.signum() {
+            return false;
+        }
         let ahead = self.ahead;
         let behind = |other: &Passed| (passed.bead - other.bead) * ahead;
         let Some(after) = self.recent.iter().position(|other| behind(other) <= 0) else { return false };
@@ -234,7 +238,7 @@ impl Track {
         }
         let before = &self.recent[after - 1];
         let expected_s = before.time_s + behind(before) as f64 / speed;
-        if self.number == 0 || (passed.time_s - expected_s).abs() * speed > LATE {
+        if (passed.time_s - expected_s).abs() * speed > LATE {
             return false;
         }
         if after >= self.recent.len() - self.pending {

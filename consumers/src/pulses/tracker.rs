@@ -3,10 +3,12 @@
 use super::control::{Control, Unfollowed};
 use super::crest::{Crest, ENOUGH_FRAMES, FEWEST_FRAMES};
 use super::edges::Edges;
+use super::found::{Counts, Happening, UnderWay};
+use super::lead::Lead;
 use super::passing;
 use super::sight::Sight;
 use super::surroundings::{Surroundings, nearest, signed};
-use super::track::{Passed, Point, REACH, Shape, Track};
+use super::track::{Passed, REACH, Shape, Track};
 use super::{Birth, Fate, Pulse};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
@@ -18,8 +20,6 @@ use std::sync::Arc;
 pub struct Pulses {
     around: Arc<Surroundings>,
     threshold_m_s: f64,
-    /// None where nothing strikes.
-    striker: Option<i64>,
     sight: Sight,
     crests: Vec<(usize, Crest)>,
     own_crests: Vec<(usize, Crest)>,
@@ -30,52 +30,9 @@ pub struct Pulses {
     unfollowed: Vec<Unfollowed>,
     counts: Counts,
     last_step: Option<u64>,
-    /// The farthest beads that pulses have passed forward and backward.
-    farthest: [Option<i64>; 2],
+    lead: Lead,
     /// When the frames began, or began again (s), and whether the chain had moved before.
     resumed: Option<(f64, bool)>,
-}
-
-/// What a frame brought.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Happening {
-    /// A pulse passed a bead, a few beads ago.
-    Passed(Point),
-    /// A pulse has ended.
-    Ended(Pulse),
-}
-
-/// A pulse as it is in the last frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct UnderWay {
-    /// Its number.
-    pub number: u64,
-    /// Where its crest is (beads).
-    pub position_beads: f64,
-    /// Velocity of the bead that its crest passed last (m/s).
-    pub v_peak_m_s: f64,
-    /// Its speed (beads/s), negative if it travels backward; 0 if it is not known.
-    pub velocity_beads_per_s: f64,
-    /// Its full width at half maximum (beads), if it is known.
-    pub fwhm_beads: Option<f64>,
-}
-
-/// What was seen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Counts {
-    /// Pulses found.
-    pub pulses: u64,
-    /// How many of those that have ended are clear: also found if the threshold were twice as high, and over
-    /// [`Pulses::CLEAR_TRACK`] beads. Whether the others are counted depends on the threshold.
-    pub clear_pulses: u64,
-    /// Disturbances that no pulse follows, known at the end: [`Pulses::unfollowed`].
-    pub unfollowed: u64,
-    /// Crests seen in so few frames that their peaks are off by more than 1e-4.
-    pub coarse_crests: u64,
-    /// Crests seen in too few frames to be told from anything else; they were left out.
-    pub unresolved_crests: u64,
-    /// The most steps from one frame to the next.
-    pub longest_interval_steps: u64,
 }
 
 impl Pulses {
@@ -93,20 +50,13 @@ impl Pulses {
         let around = Arc::new(Surroundings::of(manifest));
         let bead_count = around.chain.bead_count();
         let control = Control::new(bead_count, threshold_m_s);
-        let striker = striker(manifest);
-        Self { control: Some(control), ..Self::among(around, striker, threshold_m_s, 0..bead_count) }
+        Self { control: Some(control), ..Self::among(around, threshold_m_s, 0..bead_count) }
     }
 
     /// The same for the pulses among some beads, with nothing to control them.
-    pub(super) fn among(
-        around: Arc<Surroundings>,
-        striker: Option<i64>,
-        threshold_m_s: f64,
-        beads: Range<usize>,
-    ) -> Self {
+    pub(super) fn among(around: Arc<Surroundings>, threshold_m_s: f64, beads: Range<usize>) -> Self {
         Self {
             threshold_m_s,
-            striker,
             sight: Sight::new(&around, beads),
             around,
             crests: Vec::new(),
@@ -117,7 +67,7 @@ impl Pulses {
             unfollowed: Vec::new(),
             counts: Counts::default(),
             last_step: None,
-            farthest: [None; 2],
+            lead: Lead::default(),
             resumed: None,
         }
     }
@@ -279,20 +229,15 @@ impl Pulses {
         let best = fits.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(i, _)| i);
         let (time_s, crest_m_s) = (crest.time_s, crest.v_m_s);
         let mut passed = self.passed(frame, bead, crest);
-        let best = match best {
-            Some(i) if self.tracks[i].number > 0 => Some(i),
-            _ if self.around.texture.is_none() => best,
-            young => match self.leading(bead, crest) {
-                Some(i) => Some(i),
-                None if self
-                    .tracks
-                    .iter_mut()
-                    .any(|track| track.sign == crest_m_s.signum() && track.pass_late(passed)) =>
-                {
+        let best = match best.filter(|i| self.tracks[*i].number > 0) {
+            None if self.around.texture.is_some() => {
+                let leading = self.lead.find(&self.around, &self.tracks, (bead, crest.time_s), crest_m_s);
+                if leading.is_none() && self.tracks.iter_mut().any(|track| track.pass_late(passed)) {
                     return;
                 }
-                None => young,
-            },
+                leading.or(best)
+            }
+            _ => best,
         };
         let Some(i) = best else {
             let birth = self.birth(bead, crest);
@@ -312,11 +257,7 @@ impl Pulses {
             track.number = self.counts.pulses;
         }
         if track.number > 0 {
-            let farthest = &mut self.farthest[usize::from(track.ahead < 0)];
-            *farthest = Some(
-                farthest
-                    .map_or(bead, |beads| if track.ahead > 0 { beads.max(bead) } else { beads.min(bead) }),
-            );
+            self.lead.goes_on(track);
             let way = (track.sign, track.ahead);
             match &mut track.edges {
                 Some(edges) => edges.renew(&self.sight.history, bead, crest_m_s, several),
@@ -326,24 +267,6 @@ impl Pulses {
                 self.happenings.push(Happening::Passed(point));
             }
         }
-    }
-
-    /// The track that leads the others in its direction, if a crest at `bead`, farther than any before, can be its next.
-    fn leading(&self, bead: i64, crest: &Crest) -> Option<usize> {
-        let at = (bead, crest.time_s);
-        let leads = |track: &Track| {
-            let head = track.head().bead;
-            let farthest = self.farthest[usize::from(track.ahead < 0)];
-            farthest.is_none_or(|beads| (head - beads) * track.ahead >= i64::from(track.number == 0))
-                && track.sign == crest.v_m_s.signum()
-                && !self.around.obstacles.between(track.head().bead, bead)
-        };
-        let tracks = self.tracks.iter().enumerate().filter(|(_, track)| leads(track));
-        let fits = tracks.filter_map(|(i, track)| {
-            track.leads_to(at, crest.v_m_s).map(|beads| (track.number == 0, beads, i))
-        });
-        // a pulse rather than what may become one
-        fits.min().map(|(.., i)| i)
     }
 
     /// A crest passes `bead`.
@@ -394,7 +317,7 @@ impl Pulses {
         });
         match (left, right) {
             _ if resumed => Birth::UnderWay,
-            _ if self.striker.is_some_and(|striker| (bead - striker).abs() <= near) => Birth::Striker,
+            _ if self.around.striker.is_some_and(|striker| (bead - striker).abs() <= near) => Birth::Striker,
             ((distance, true), _) | (_, (distance, true)) if distance <= near => Birth::Impurity,
             ((distance, false), _) | (_, (distance, false)) if distance <= near => Birth::End,
             _ => neighbour
@@ -471,10 +394,4 @@ impl Pulses {
             _ => Fate::Faded,
         }
     }
-}
-
-/// The bead that is struck, if one is.
-pub(super) fn striker(manifest: &RunManifest) -> Option<i64> {
-    let striker = &manifest.physics.striker;
-    (striker.velocity_m_s != 0.0).then(|| signed(striker.bead))
 }
