@@ -55,7 +55,7 @@ fn tangents_n_per_m_of(chain: &Chain) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use schemas::config::RunConfig;
+    use schemas::config::{MassRule, RunConfig};
     use schemas::presets::Preset;
 
     fn physics(name: &str, change: impl FnOnce(&mut RunConfig)) -> Physics {
@@ -71,7 +71,7 @@ mod tests {
         let impurity = shortest_s(&physics("light-impurity", |_| {}), 1.0).unwrap();
         assert_eq!(equal, impurity);
         let dimer = |config: &mut RunConfig| {
-            config.chain.masses = schemas::config::MassRule::PatternKg(vec![1e-3, 1e-6])
+            config.chain.masses = MassRule::PatternKg(vec![1e-3, 1e-6]);
         };
         let light = shortest_s(&physics("homogeneous", dimer), 1.0).unwrap();
         assert!((light / equal - 1e-3_f64.powf(0.4)).abs() < 1e-12, "{light} {equal}");
