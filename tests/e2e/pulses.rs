@@ -405,7 +405,7 @@ fn a_sparse_recording_is_followed_step_by_step() {
     let told = place.run("pulses sparse.mcap --as-recorded --json").exits(3);
     told.says(&["nothing is recomputed, as asked by --as-recorded"]);
     place.run("pulses sparse.mcap --as-recorded --every-step").exits(2);
-    // every 40th step shows the front, but no crest
+    // every 70th step shows the front, but no crest
     place.run("thin full.mcap --every-steps 70 --out some.mcap").exits(0);
     let told =
         place.run("pulses some.mcap --as-recorded --json").exits(3).says(&["the leading pulse is missing"]);
