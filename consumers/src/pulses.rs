@@ -18,7 +18,11 @@
 mod control;
 mod crest;
 mod edges;
+mod found;
+mod front;
+mod lead;
 mod obstacles;
+mod passing;
 mod probes;
 mod sight;
 mod strongest;
@@ -28,11 +32,12 @@ mod track;
 mod tracker;
 
 pub use control::Unfollowed;
+pub use found::{Counts, Happening, UnderWay};
 pub use obstacles::Obstacles;
 pub use probes::{Passage, Probes};
 pub use strongest::{Path, Strongest};
 pub use track::{Measured, Point, Shape};
-pub use tracker::{Counts, Happening, Pulses, UnderWay};
+pub use tracker::Pulses;
 
 /// Where a pulse travels to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -176,15 +176,18 @@ pub(crate) struct SpreadingArgs {
     pressed; it counts once it has passed 5 beads, and ends where it meets an impurity or an end. Where \
     light and heavy beads alternate, the maximum is that of the mean velocity around. How many weak \
     pulses there are depends on the threshold: the count says how many would be found at twice of it. \
-    Peaks are good to 1e-4 if 8 frames fall into the time that a pulse takes to pass; the steps of a \
-    recording with fewer are recomputed. What moved along the chain and is in no pulse is told, and the \
-    exit code is 3 then. V/V_sw is the speed over that of the exact solitary wave of the same \
+    Peaks are good to 1e-4 if 8 frames fall into the time that a pulse takes to pass; what a recording \
+    with fewer lacks is recomputed, unless --as-recorded. What moved along the chain and is in no pulse, \
+    above all a front that no pulse leads, is told, and the exit code is 3 then. V/V_sw is the speed over that of the exact solitary wave of the same \
     peak velocity: 1 for a pulse that no longer changes. asymmetry = (rear − front)/(rear + front) of \
     the half widths. `--json` and the tables have more: momentum, energy, width over that of the wave."
 )]
 pub(crate) struct PulsesArgs {
     #[command(flatten)]
     pub(crate) common: AnalysisArgs,
+    /// Recompute nothing, also where a recording has too few states to follow pulses
+    #[arg(long, conflicts_with_all = ["every_step", "fill_gaps", "from_start"])]
+    pub(crate) as_recorded: bool,
     /// Table of the pulses, a row for each, in the order in which they end
     #[arg(long, value_name = "FILE.csv|.parquet")]
     pub(crate) out: Option<PathBuf>,

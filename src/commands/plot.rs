@@ -51,7 +51,7 @@ pub(crate) fn plot(args: &PlotArgs) -> Result<Done, Failure> {
         What::Contacts => contacts::contacts(&ContactsArgs { common, out: Vec::new(), tolerance: None }),
         _ => {
             let threshold = consumers::pulses::Pulses::DEFAULT_THRESHOLD;
-            pulses::pulses(&PulsesArgs { common, out: None, positions: None, threshold })
+            pulses::pulses(&PulsesArgs { common, as_recorded: false, out: None, positions: None, threshold })
         }
     }
 }

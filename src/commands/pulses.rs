@@ -13,6 +13,7 @@ use consumers::pulses::{
 };
 use consumers::space_time::{Extent, Picture, singles};
 use consumers::table::Table;
+use producer::resimulation::check_kernel;
 use recording::RecordingSource;
 use schemas::frame::{Frame, FrameSource};
 use schemas::manifest::RunManifest;
@@ -102,7 +103,7 @@ pub(crate) fn pulses(args: &PulsesArgs) -> Result<Done, Failure> {
     if !(args.threshold > 0.0 && args.threshold.is_finite()) {
         return Err(bad_input!("--threshold {}: expected a number above 0", args.threshold));
     }
-    let common = with_enough_steps(&args.common)?;
+    let common = with_enough_steps(args)?;
     let mut session = Session::open(&common, "pulses", &tables)?;
     let manifest = session.manifest().clone();
     let threshold_m_s = args.threshold * Pulses::velocity_scale_m_s(&manifest);
@@ -134,29 +135,43 @@ pub(crate) fn pulses(args: &PulsesArgs) -> Result<Done, Failure> {
     let results = json(threshold_m_s, &pulses, strongest.pulses());
     let mut rows = Rows::default();
     rows.add("pulses", counts_text(&pulses.counts(), threshold_m_s));
+    if !pulses.unfollowed().is_empty() {
+        rows.add("not followed", not_followed_text(&pulses));
+    }
     rows.add("", HEADING);
     add_lines(&mut rows, &obstacles, strongest.pulses());
     let done = session.report(&tally, "pulses", rows, results)?;
     Ok(if is_whole { done } else { Done::Lossy })
 }
 
-/// The arguments, with every step where a recording has too few for the fastest pulses.
-fn with_enough_steps(args: &AnalysisArgs) -> Result<AnalysisArgs, Failure> {
-    let mut args = args.clone();
-    let Named::File(path) = &args.frames.source else { return Ok(args) };
-    if args.frames.every_step {
-        return Ok(args);
+/// The arguments, with what a recording lacks where it has too little for the fastest pulses: its frames if they are
+/// enough, else every step.
+fn with_enough_steps(args: &PulsesArgs) -> Result<AnalysisArgs, Failure> {
+    let mut common = args.common.clone();
+    let frames = &mut common.frames;
+    let Named::File(path) = &frames.source else { return Ok(common) };
+    if frames.every_step || frames.fill_gaps {
+        return Ok(common);
     }
     let source = RecordingSource::open(path).bad_input()?;
     let manifest = source.manifest();
     let interval = manifest.provenance.record_every_steps;
-    if is_coarse(manifest, interval) {
-        notice!(
-            "the recording has every {interval}th step, too few to follow pulses; the steps between are recomputed"
-        );
-        args.frames.every_step = true;
+    if !is_coarse(manifest, interval) {
+        return Ok(common);
     }
-    Ok(args)
+    let few = format!("the recording has every {interval}th step, too few to follow pulses");
+    if args.as_recorded {
+        notice!("{few}; nothing is recomputed, as asked by --as-recorded");
+    } else if let Err(error) = check_kernel(manifest) {
+        notice!("{few}; the steps between are not recomputed: {error}");
+    } else if is_coarse(manifest, manifest.provenance.publish_every_steps) {
+        notice!("{few}; the steps between are recomputed");
+        frames.every_step = true;
+    } else {
+        notice!("{few}; the frames between are recomputed");
+        frames.fill_gaps = true;
+    }
+    Ok(common)
 }
 
 /// Whether frames this many steps apart show the fastest pulses too coarsely.
@@ -261,13 +276,29 @@ fn warn(manifest: &RunManifest, pulses: &Pulses) -> bool {
     !unresolved && counts.unresolved_crests == 0 && counts.unfollowed == 0
 }
 
+/// What led a front is more than a wave among others.
+fn not_followed_text(pulses: &Pulses) -> String {
+    let all = counted(pulses.counts().unfollowed, "disturbance");
+    let leading = if leading_is_followed(pulses) { "" } else { "; the leading pulse is missing" };
+    format!("{all}{leading}")
+}
+
+fn leading_is_followed(pulses: &Pulses) -> bool {
+    !pulses.unfollowed().iter().any(|disturbance| disturbance.leads)
+}
+
 fn unfollowed_text(disturbance: &Unfollowed) -> String {
-    let Unfollowed { beads: [from, to], times_s: [since_s, until_s], v_peak_m_s } = disturbance;
+    let Unfollowed { beads: [from, to], times_s: [since_s, until_s], v_peak_m_s, leads } = disturbance;
+    let (v_peak, since_ms, until_ms) = (peak(*v_peak_m_s), since_s * 1e3, until_s * 1e3);
+    if *leads {
+        return format!(
+            "the leading pulse is missing: a front of {v_peak} m/s passed beads {from} to {to} from {since_ms:.3} to \
+             {until_ms:.3} ms, and no pulse follows it"
+        );
+    }
     format!(
-        "a disturbance of {} m/s passed beads {from} to {to} from {:.3} to {:.3} ms, and no pulse follows it",
-        peak(*v_peak_m_s),
-        since_s * 1e3,
-        until_s * 1e3
+        "a disturbance of {v_peak} m/s passed beads {from} to {to} from {since_ms:.3} to {until_ms:.3} ms, and no \
+         pulse follows it"
     )
 }
 
@@ -336,6 +367,7 @@ fn json(threshold_m_s: f64, found: &Pulses, pulses: &[Pulse]) -> Value {
         "coarse_crest_count": counts.coarse_crests,
         "unresolved_crest_count": counts.unresolved_crests,
         "unfollowed_count": counts.unfollowed,
+        "leading_pulse_followed": leading_is_followed(found),
         "unfollowed": found.unfollowed().iter().take(MOST_IN_JSON).collect::<Vec<_>>(),
         "pulses": pulses.iter().map(pulse).collect::<Vec<_>>(),
     })

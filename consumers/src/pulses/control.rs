@@ -5,8 +5,9 @@
 //! in time, are a disturbance that was not followed.
 
 use super::Direction;
+use super::front::Front;
 use super::surroundings::{Surroundings, signed};
-use super::track::Point;
+use super::track::{Point, Track};
 use schemas::frame::Frame;
 use serde::Serialize;
 
@@ -14,7 +15,7 @@ use serde::Serialize;
 const EVERY_STEPS: u64 = 8;
 
 /// A rise matters that is this part of the largest speed of its bead.
-const MATTERS: f64 = 0.1;
+pub(super) const MATTERS: f64 = 0.1;
 
 /// The same where beads are not alike: behind every pulse comes a train of waves that are none.
 const MATTERS_UNEVEN: f64 = 0.5;
@@ -23,7 +24,7 @@ const MATTERS_UNEVEN: f64 = 0.5;
 const ABOVE_THRESHOLD: f64 = 2.0;
 
 /// Beads in a row that a disturbance has passed: twice as many as the shortest track.
-const SHORTEST: usize = 10;
+pub(super) const SHORTEST: usize = 10;
 
 /// Something that passed along the chain, and that no pulse follows.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -34,6 +35,8 @@ pub struct Unfollowed {
     pub times_s: [f64; 2],
     /// The largest velocity of those beads then (m/s).
     pub v_peak_m_s: f64,
+    /// It was the first that those beads saw: the leading pulse is missing.
+    pub leads: bool,
 }
 
 /// Remembers the rises that no pulse explains.
@@ -46,6 +49,7 @@ pub(super) struct Control {
     /// The longest time (s) between two frames that were looked at.
     apart_s: f64,
     beads: Vec<Bead>,
+    front: Front,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -80,11 +84,24 @@ impl Control {
             rise: Rise::default(),
             unexplained: Rise::default(),
         };
-        Self { threshold_m_s, due_step: 0, seen_s: f64::NAN, apart_s: 0.0, beads: vec![bead; bead_count] }
+        Self {
+            threshold_m_s,
+            due_step: 0,
+            seen_s: f64::NAN,
+            apart_s: 0.0,
+            beads: vec![bead; bead_count],
+            front: Front::new(bead_count, ABOVE_THRESHOLD * threshold_m_s),
+        }
     }
 
-    /// Looks at the velocities of the next frame that is due.
-    pub(super) fn observe(&mut self, around: &Surroundings, frame: &Frame<'_>, v_m_s: &[f64]) {
+    /// Looks at the velocities of the next frame that is due, while the pulses `tracks` are under way.
+    pub(super) fn observe(
+        &mut self,
+        around: &Surroundings,
+        frame: &Frame<'_>,
+        v_m_s: &[f64],
+        tracks: &[Track],
+    ) {
         if frame.step < self.due_step {
             return;
         }
@@ -92,6 +109,7 @@ impl Control {
         // NaN where there was none before
         self.apart_s = self.apart_s.max(frame.time_s - self.seen_s);
         self.seen_s = frame.time_s;
+        self.front.observe(around, frame, v_m_s, tracks);
         for (number, (bead, v)) in self.beads.iter_mut().zip(v_m_s).enumerate() {
             let speed = v.abs();
             bead.low_m_s = bead.low_m_s.min(speed);
@@ -117,6 +135,7 @@ impl Control {
 
     /// Frames are missing, or there are no more: what still rises has not passed yet.
     pub(super) fn gap(&mut self) {
+        self.front.gap();
         for bead in &mut self.beads {
             if bead.rise.time_s < self.seen_s {
                 bead.keep_unexplained();
@@ -126,7 +145,7 @@ impl Control {
         self.seen_s = f64::NAN;
     }
 
-    /// The disturbances that no pulse follows, the strongest first.
+    /// The disturbances that no pulse follows, the leading and then the strongest first.
     pub(super) fn unfollowed(&mut self, around: &Surroundings) -> Vec<Unfollowed> {
         self.gap();
         let mut found = Vec::new();
@@ -142,8 +161,24 @@ impl Control {
         }
         // a rise everywhere at the same time does not travel
         found.retain(|found: &Unfollowed| found.times_s[0] < found.times_s[1]);
-        found.sort_by(|a, b| b.v_peak_m_s.abs().total_cmp(&a.v_peak_m_s.abs()));
+        let mut leading = self.front.unfollowed().to_vec();
+        leading.retain(|front| self.is_strong(front));
+        found.retain(|found| !leading.iter().any(|front| front.is_part(found)));
+        found.extend(leading);
+        let rank = |found: &Unfollowed| (found.leads, found.v_peak_m_s.abs());
+        found.sort_by(|a, b| {
+            let ((leads, speed), (other_leads, other_speed)) = (rank(a), rank(b));
+            other_leads.cmp(&leads).then(other_speed.total_cmp(&speed))
+        });
         found
+    }
+
+    /// Whether the front that was not followed is more than a forerunner of what came behind.
+    fn is_strong(&self, front: &Unfollowed) -> bool {
+        let [low, high] = front.sorted_beads();
+        let number = |bead: u64| usize::try_from(bead).unwrap_or_default();
+        let largest = self.beads[number(low)..=number(high)].iter().map(|bead| bead.largest_m_s);
+        front.v_peak_m_s.abs() > MATTERS * largest.fold(0.0, f64::max)
     }
 
     /// The bead behind the last one of the run in `direction` that `first` is the lowest bead of.
@@ -184,7 +219,24 @@ impl Control {
             beads: [from as u64, to as u64],
             times_s: [from, to].map(|bead| self.beads[bead].unexplained.time_s),
             v_peak_m_s: strongest.v_m_s,
+            leads: false,
         }
+    }
+}
+
+impl Unfollowed {
+    fn sorted_beads(&self) -> [u64; 2] {
+        let [from, to] = self.beads;
+        if from < to { [from, to] } else { [to, from] }
+    }
+
+    /// Whether `other` is about the same beads and times.
+    fn is_part(&self, other: &Self) -> bool {
+        let ([low, high], [from, to]) = (self.sorted_beads(), other.sorted_beads());
+        low <= to
+            && from <= high
+            && self.times_s[0] <= other.times_s[1]
+            && other.times_s[0] <= self.times_s[1]
     }
 }
 

@@ -9,11 +9,18 @@ const SAME: f64 = 0.01;
 /// The chain is even where so many beads are alike: a few of a disordered chain are so by chance.
 const EVEN: usize = 6;
 
+/// Beads on either side of an obstacle among which neighbours of different masses …
+const AROUND: usize = 24;
+
+/// … are no more than these: four impurities in a row have so many. With more of them the chain is made that way, and
+/// a few of its beads are alike by chance.
+const MOST_CHANGES: usize = 8;
+
 /// Beads where a pulse ends and others begin.
 ///
 /// An obstacle is a bead whose mass differs from that of a neighbour behind which the chain goes on evenly: an
-/// impurity, or either side of a step. Where more than a tenth of the beads would be one, as in a chain
-/// of dimers, that is how the chain is made, and pulses travel through it.
+/// impurity, or either side of a step. Where more than a tenth of the beads would be one, or the masses change often
+/// around it, as in a chain of dimers or a disordered one, that is how the chain is made, and pulses travel through it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Obstacles {
     bead_count: i64,
@@ -33,7 +40,13 @@ impl Obstacles {
             ends_at(bead, even, &left(bead), right(bead), &same)
                 || ends_at(bead, even, &right(bead), left(bead), &same)
         };
-        let mut beads: Vec<i64> = (0..m.len()).filter(|bead| is_obstacle(*bead)).map(index).collect();
+        let changes: Vec<usize> = (1..m.len()).filter(|bead| !same(bead - 1, *bead)).collect();
+        let is_alone = |bead: usize| {
+            let before = |limit: usize| changes.partition_point(|change| *change < limit);
+            before(bead + AROUND + 1) - before(bead.saturating_sub(AROUND)) <= MOST_CHANGES
+        };
+        let found = (0..m.len()).filter(|bead| is_obstacle(*bead) && is_alone(*bead));
+        let mut beads: Vec<i64> = found.map(index).collect();
         if beads.len() * 10 > m.len() {
             beads.clear();
         }

@@ -51,8 +51,7 @@ impl Probes {
         let probe = |bead: &u64| {
             let at = usize::try_from(*bead).unwrap_or(usize::MAX).min(count - 1);
             let beads = at.saturating_sub(AROUND)..(at + AROUND + 1).min(count);
-            let striker = manifest.physics.striker.bead;
-            Probe { bead: *bead, pulses: Pulses::among(Arc::clone(&around), striker, threshold_m_s, beads) }
+            Probe { bead: *bead, pulses: Pulses::among(Arc::clone(&around), threshold_m_s, beads) }
         };
         Self { probes: beads.iter().map(probe).collect(), passages: Vec::new() }
     }

@@ -19,6 +19,8 @@ pub(super) struct Surroundings {
     /// Nothing pulls in a chain that is not loaded: its pulses move the way their beads do.
     pub(super) loaded: bool,
     pub(super) reach: Reach,
+    /// The bead that is struck, if one is.
+    pub(super) striker: Option<i64>,
     /// The exact solitary wave, where there is one.
     wave: Option<Coefficients>,
 }
@@ -38,13 +40,14 @@ pub(super) struct Reach {
 
 impl Surroundings {
     pub(super) fn of(manifest: &RunManifest) -> Self {
-        let chain = manifest.physics.chain();
+        let (chain, striker) = (manifest.physics.chain(), &manifest.physics.striker);
         let wave = SolitaryWave::new(manifest.physics.alpha).ok().map(|wave| wave.coefficients());
         Self {
             obstacles: Obstacles::of(&chain),
             texture: Texture::of(&chain),
             loaded: chain.is_loaded(),
             reach: Reach::of(wave.as_ref()),
+            striker: (striker.velocity_m_s != 0.0).then(|| signed(striker.bead)),
             wave,
             chain,
         }

@@ -22,6 +22,15 @@ const AROUND: usize = 8;
 /// have three.
 const FEWEST_TURNS: usize = 4;
 
+/// A few beads that are alike by chance are no even stretch where so many beads to the left and to the right …
+const FAR: usize = 24;
+
+/// … have so many changes each.
+const FEWEST_FAR_TURNS: usize = 4;
+
+/// The longest pattern that is known as one.
+const LONGEST_PERIOD: usize = 8;
+
 /// Beads of less than this part of the heaviest mass around rattle.
 const CARRIES: f64 = 0.8;
 
@@ -122,16 +131,38 @@ impl Texture {
 fn reaches(chain: &Chain) -> Vec<usize> {
     let (masses, stiffnesses) = (turns(&chain.mass_kg), turns(&chain.stiffness));
     let count = chain.bead_count();
-    let reach = |bead: usize| {
-        let around = bead.saturating_sub(AROUND)..(bead + AROUND + 1).min(count);
+    let between = |low: usize, high: usize| {
         let within = |turns: &[usize]| {
-            let (low, high) = (around.start, around.end);
             turns.partition_point(|turn| *turn < high) - turns.partition_point(|turn| *turn < low)
         };
-        let turns = within(&masses).max(within(&stiffnesses));
-        if turns < FEWEST_TURNS { 0 } else { REACH }
+        within(&masses).max(within(&stiffnesses))
+    };
+    let reach = |bead: usize| {
+        let (low, high) = (bead.saturating_sub(AROUND), (bead + AROUND + 1).min(count));
+        if between(low, high) >= FEWEST_TURNS {
+            return period(chain, low..high).map_or(REACH, whole_periods);
+        }
+        let (left, right) = (bead.saturating_sub(FAR), (bead + FAR).min(count));
+        let both = between(left, bead) >= FEWEST_FAR_TURNS && between(bead, right) >= FEWEST_FAR_TURNS;
+        if both { REACH } else { 0 }
     };
     (0..count).map(reach).collect()
+}
+
+/// After how many beads the masses and stiffnesses among `beads` repeat, if they do.
+fn period(chain: &Chain, beads: Range<usize>) -> Option<usize> {
+    let masses = &chain.mass_kg[beads.clone()];
+    let stiffnesses = &chain.stiffness[beads.start..beads.end - 1];
+    let repeats =
+        |values: &[f64], period: usize| values.iter().zip(values.iter().skip(period)).all(|(a, b)| a == b);
+    (2..=LONGEST_PERIOD).find(|period| repeats(masses, *period) && repeats(stiffnesses, *period))
+}
+
+/// The least reach, from [`REACH`] on, whose window of 2·(reach + 1) beads is made of two or more whole periods: then
+/// its weights count each bead of a period alike.
+fn whole_periods(period: usize) -> usize {
+    let window = (2 * (REACH + 1)..).step_by(2).find(|beads| beads % period == 0 && beads / period > 1);
+    window.map_or(REACH, |beads| beads / 2 - 1)
 }
 
 /// Where `values` stop to rise and begin to fall, or the other way round, in their order.

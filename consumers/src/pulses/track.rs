@@ -133,7 +133,8 @@ impl Track {
         self.clear_bead_count += u64::from(passed.clear);
         self.pending += 1;
         self.gap = false;
-        if self.recent.len() > 2 * REACH + 1 {
+        // crests that come late make it longer for a while
+        while self.recent.len() > (2 * REACH + 1).max(self.pending) {
             self.recent.pop_front();
         }
     }
@@ -201,6 +202,52 @@ impl Track {
         // before they are out of sight
         let near = moved > 0.3 * expected && moved < 1.5 * expected + if beads == 1 { 1.0 } else { 2.0 };
         (beads <= most && near).then_some((moved - expected).abs())
+    }
+
+    /// Whether a crest at `bead` at `time_s`, of the height `crest_m_s`, goes on with this track where nothing else has
+    /// been before: it leads, so that a crest so far ahead can only be its own. How far (beads) it is, if so.
+    pub(super) fn leads_to(&self, (bead, time_s): (i64, f64), crest_m_s: f64) -> Option<i64> {
+        /// Beads that may be skipped: no crest of a leading pulse is lost for longer.
+        const FAR: i64 = 12;
+        /// A crest lower than this part of those before is one of a forerunner.
+        const LEAST: f64 = 0.35;
+        let head = self.head();
+        let beads = (bead - head.bead) * self.ahead;
+        let moved = self.steady_speed_beads_per_s()? * (time_s - head.time_s);
+        let high = crest_m_s.abs() > LEAST * self.mean_crest_m_s();
+        let expected = beads as f64;
+        // a light bead may have its crest at once after the heavy one before it
+        let in_time = moved > if beads <= 2 { 0.0 } else { 0.2 * expected } && moved < 2.5 * expected + 2.0;
+        ((1..=FAR).contains(&beads) && high && in_time).then_some(beads)
+    }
+
+    /// Takes `passed` where the track has skipped a bead that has its crest a little later than the next ones. True if
+    /// it is one of those.
+    pub(super) fn pass_late(&mut self, passed: Passed) -> bool {
+        /// Beads that the pulse may have moved on from where it should have been.
+        const LATE: f64 = 3.5;
+        let Some(speed) = self.speed_beads_per_s() else { return false };
+        if self.number == 0 || self.sign != passed.crest_m_s.signum() {
+            return false;
+        }
+        let ahead = self.ahead;
+        let behind = |other: &Passed| (passed.bead - other.bead) * ahead;
+        let Some(after) = self.recent.iter().position(|other| behind(other) <= 0) else { return false };
+        if after == 0 || behind(&self.recent[after]) == 0 {
+            return false;
+        }
+        let before = &self.recent[after - 1];
+        let expected_s = before.time_s + behind(before) as f64 / speed;
+        if (passed.time_s - expected_s).abs() * speed > LATE {
+            return false;
+        }
+        if after >= self.recent.len() - self.pending {
+            self.recent.insert(after, passed);
+            self.pending += 1;
+            self.bead_count += 1;
+            self.clear_bead_count += u64::from(passed.clear);
+        }
+        true
     }
 
     /// The next point whose surroundings are complete; with `all` also those whose never will be.

@@ -3,11 +3,13 @@
 use super::control::{Control, Unfollowed};
 use super::crest::{Crest, ENOUGH_FRAMES, FEWEST_FRAMES};
 use super::edges::Edges;
+use super::found::{Counts, Happening, UnderWay};
+use super::lead::Lead;
+use super::passing;
 use super::sight::Sight;
 use super::surroundings::{Surroundings, nearest, signed};
-use super::track::{Passed, Point, REACH, Shape, Track};
+use super::track::{Passed, REACH, Shape, Track};
 use super::{Birth, Fate, Pulse};
-use crate::theory::{SolitaryWave, Strength};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use std::ops::Range;
@@ -18,7 +20,6 @@ use std::sync::Arc;
 pub struct Pulses {
     around: Arc<Surroundings>,
     threshold_m_s: f64,
-    striker: i64,
     sight: Sight,
     crests: Vec<(usize, Crest)>,
     own_crests: Vec<(usize, Crest)>,
@@ -29,50 +30,9 @@ pub struct Pulses {
     unfollowed: Vec<Unfollowed>,
     counts: Counts,
     last_step: Option<u64>,
+    lead: Lead,
     /// When the frames began, or began again (s), and whether the chain had moved before.
     resumed: Option<(f64, bool)>,
-}
-
-/// What a frame brought.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Happening {
-    /// A pulse passed a bead, a few beads ago.
-    Passed(Point),
-    /// A pulse has ended.
-    Ended(Pulse),
-}
-
-/// A pulse as it is in the last frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct UnderWay {
-    /// Its number.
-    pub number: u64,
-    /// Where its crest is (beads).
-    pub position_beads: f64,
-    /// Velocity of the bead that its crest passed last (m/s).
-    pub v_peak_m_s: f64,
-    /// Its speed (beads/s), negative if it travels backward; 0 if it is not known.
-    pub velocity_beads_per_s: f64,
-    /// Its full width at half maximum (beads), if it is known.
-    pub fwhm_beads: Option<f64>,
-}
-
-/// What was seen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Counts {
-    /// Pulses found.
-    pub pulses: u64,
-    /// How many of those that have ended are clear: also found if the threshold were twice as high, and over
-    /// [`Pulses::CLEAR_TRACK`] beads. Whether the others are counted depends on the threshold.
-    pub clear_pulses: u64,
-    /// Disturbances that no pulse follows, known at the end: [`Pulses::unfollowed`].
-    pub unfollowed: u64,
-    /// Crests seen in so few frames that their peaks are off by more than 1e-4.
-    pub coarse_crests: u64,
-    /// Crests seen in too few frames to be told from anything else; they were left out.
-    pub unresolved_crests: u64,
-    /// The most steps from one frame to the next.
-    pub longest_interval_steps: u64,
 }
 
 impl Pulses {
@@ -90,20 +50,13 @@ impl Pulses {
         let around = Arc::new(Surroundings::of(manifest));
         let bead_count = around.chain.bead_count();
         let control = Control::new(bead_count, threshold_m_s);
-        let striker = manifest.physics.striker.bead;
-        Self { control: Some(control), ..Self::among(around, striker, threshold_m_s, 0..bead_count) }
+        Self { control: Some(control), ..Self::among(around, threshold_m_s, 0..bead_count) }
     }
 
     /// The same for the pulses among some beads, with nothing to control them.
-    pub(super) fn among(
-        around: Arc<Surroundings>,
-        striker: u64,
-        threshold_m_s: f64,
-        beads: Range<usize>,
-    ) -> Self {
+    pub(super) fn among(around: Arc<Surroundings>, threshold_m_s: f64, beads: Range<usize>) -> Self {
         Self {
             threshold_m_s,
-            striker: signed(striker),
             sight: Sight::new(&around, beads),
             around,
             crests: Vec::new(),
@@ -114,6 +67,7 @@ impl Pulses {
             unfollowed: Vec::new(),
             counts: Counts::default(),
             last_step: None,
+            lead: Lead::default(),
             resumed: None,
         }
     }
@@ -124,7 +78,8 @@ impl Pulses {
     }
 
     /// How many steps apart frames may be to show a pulse of [`Pulses::velocity_scale_m_s`] to 1e-4: eight in
-    /// the time that it takes to pass, by its full width at half maximum. None where there is no solitary wave.
+    /// the time that it takes to pass the bead that it passes fastest, by its full width at half maximum. On a load it is
+    /// sound that passes. None where there is neither a solitary wave nor a load.
     pub fn longest_fine_interval_steps(manifest: &RunManifest) -> Option<u64> {
         Self::interval_steps(manifest, ENOUGH_FRAMES)
     }
@@ -136,10 +91,7 @@ impl Pulses {
 
     fn interval_steps(manifest: &RunManifest, frames: f64) -> Option<u64> {
         let physics = &manifest.physics;
-        let wave = SolitaryWave::new(physics.alpha).ok()?.coefficients();
-        let strength = Strength::PeakVelocity { m_s: Self::velocity_scale_m_s(manifest) };
-        let scale = wave.scaled(physics.bead_mass_kg, physics.stiffness, strength).ok()?;
-        let passing_s = wave.velocity_fwhm_beads / scale.speed_beads_per_s;
+        let passing_s = passing::shortest_s(physics, Self::velocity_scale_m_s(manifest))?;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
         let steps = (passing_s / (frames * physics.dt_s)) as u64;
         Some(steps.max(1))
@@ -156,7 +108,7 @@ impl Pulses {
         self.resumed.get_or_insert((frame.time_s, frame.step > 0));
         self.sight.push(&self.around, frame);
         if let Some(control) = &mut self.control {
-            control.observe(&self.around, frame, self.sight.history.v_m_s(0));
+            control.observe(&self.around, frame, self.sight.history.v_m_s(0), &self.tracks);
         }
         if self.sight.history.is_full() {
             self.hear_rattles();
@@ -205,7 +157,7 @@ impl Pulses {
         &self.happenings
     }
 
-    /// What passed along the chain and is in no pulse, the strongest first; known at the end.
+    /// What passed along the chain and is in no pulse, what led a front and then the strongest first; known at the end.
     pub fn unfollowed(&self) -> &[Unfollowed] {
         &self.unfollowed
     }
@@ -277,6 +229,16 @@ impl Pulses {
         let best = fits.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(i, _)| i);
         let (time_s, crest_m_s) = (crest.time_s, crest.v_m_s);
         let mut passed = self.passed(frame, bead, crest);
+        let best = match best.filter(|i| self.tracks[*i].number > 0) {
+            None if self.around.texture.is_some() => {
+                let leading = self.lead.find(&self.around, &self.tracks, (bead, crest.time_s), crest_m_s);
+                if leading.is_none() && self.tracks.iter_mut().any(|track| track.pass_late(passed)) {
+                    return;
+                }
+                leading.or(best)
+            }
+            _ => best,
+        };
         let Some(i) = best else {
             let birth = self.birth(bead, crest);
             self.tracks.push(Track::new(passed, ahead, birth));
@@ -295,6 +257,7 @@ impl Pulses {
             track.number = self.counts.pulses;
         }
         if track.number > 0 {
+            self.lead.goes_on(track);
             let way = (track.sign, track.ahead);
             match &mut track.edges {
                 Some(edges) => edges.renew(&self.sight.history, bead, crest_m_s, several),
@@ -354,7 +317,7 @@ impl Pulses {
         });
         match (left, right) {
             _ if resumed => Birth::UnderWay,
-            _ if (bead - self.striker).abs() <= near => Birth::Striker,
+            _ if self.around.striker.is_some_and(|striker| (bead - striker).abs() <= near) => Birth::Striker,
             ((distance, true), _) | (_, (distance, true)) if distance <= near => Birth::Impurity,
             ((distance, false), _) | (_, (distance, false)) if distance <= near => Birth::End,
             _ => neighbour

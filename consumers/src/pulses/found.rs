@@ -1,0 +1,45 @@
+//! What the tracker gives out.
+
+use super::{Point, Pulse};
+
+/// What a frame brought.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Happening {
+    /// A pulse passed a bead, a few beads ago.
+    Passed(Point),
+    /// A pulse has ended.
+    Ended(Pulse),
+}
+
+/// A pulse as it is in the last frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UnderWay {
+    /// Its number.
+    pub number: u64,
+    /// Where its crest is (beads).
+    pub position_beads: f64,
+    /// Velocity of the bead that its crest passed last (m/s).
+    pub v_peak_m_s: f64,
+    /// Its speed (beads/s), negative if it travels backward; 0 if it is not known.
+    pub velocity_beads_per_s: f64,
+    /// Its full width at half maximum (beads), if it is known.
+    pub fwhm_beads: Option<f64>,
+}
+
+/// What was seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counts {
+    /// Pulses found.
+    pub pulses: u64,
+    /// How many of those that have ended are clear: also found if the threshold were twice as high, and over
+    /// [`super::Pulses::CLEAR_TRACK`] beads. Whether the others are counted depends on the threshold.
+    pub clear_pulses: u64,
+    /// Disturbances that no pulse follows, known at the end: [`super::Pulses::unfollowed`].
+    pub unfollowed: u64,
+    /// Crests seen in so few frames that their peaks are off by more than 1e-4.
+    pub coarse_crests: u64,
+    /// Crests seen in too few frames to be told from anything else; they were left out.
+    pub unresolved_crests: u64,
+    /// The most steps from one frame to the next.
+    pub longest_interval_steps: u64,
+}

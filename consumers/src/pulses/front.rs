@@ -1,0 +1,160 @@
+//! The front: how far motion has come along the chain, and whether a pulse leads it.
+//!
+//! Beads that move for the first time, one after the other, are the front, whatever the tracker makes of it. Close
+//! behind there is a pulse that leads. Where none is for many beads, the leading pulse was not followed.
+
+use super::Direction;
+use super::control::{MATTERS, SHORTEST, Unfollowed};
+use super::surroundings::{Surroundings, nearest, signed};
+use super::track::Track;
+use schemas::frame::Frame;
+
+/// Crests lower than this part of the largest velocity near the front are not of the pulse that leads it.
+const RIPPLE: f64 = 0.25;
+
+/// The fronts that run forward and backward.
+#[derive(Debug, Clone)]
+pub(super) struct Front {
+    threshold_m_s: f64,
+    /// Whether each bead has moved faster than the threshold.
+    reached: Vec<bool>,
+    /// Nothing is known of what has moved before.
+    is_first: bool,
+    arrivals: Vec<usize>,
+    alone: [Option<Alone>; 2],
+    found: Vec<Unfollowed>,
+}
+
+/// Beads that a front passed with no pulse behind it.
+#[derive(Debug, Clone, Copy)]
+struct Alone {
+    beads: [usize; 2],
+    times_s: [f64; 2],
+    v_peak_m_s: f64,
+}
+
+impl Front {
+    /// Beads in a row without a pulse that matter: the first crests of a pulse are not one yet.
+    const LONGEST: usize = SHORTEST + 10;
+
+    pub(super) fn new(bead_count: usize, threshold_m_s: f64) -> Self {
+        Self {
+            threshold_m_s,
+            reached: vec![false; bead_count],
+            is_first: true,
+            arrivals: Vec::new(),
+            alone: [None; 2],
+            found: Vec::new(),
+        }
+    }
+
+    /// Looks at the velocities (m/s) of all beads, their own or means, while the pulses `tracks` are under way.
+    pub(super) fn observe(
+        &mut self,
+        around: &Surroundings,
+        frame: &Frame<'_>,
+        v_m_s: &[f64],
+        tracks: &[Track],
+    ) {
+        let beads = v_m_s.iter().zip(&self.reached).enumerate();
+        let new = beads.filter(|(_, (v, reached))| !**reached && v.abs() > self.threshold_m_s);
+        self.arrivals.clear();
+        self.arrivals.extend(new.map(|(bead, _)| bead));
+        if self.is_first {
+            // what moves when frames begin has come from anywhere
+            self.is_first = false;
+            if let [first, .., last] = self.arrivals[..] {
+                self.reached[first..=last].fill(true);
+            }
+        }
+        for i in 0..self.arrivals.len() {
+            let bead = self.arrivals[i];
+            let came =
+                |from: Option<usize>| from.and_then(|from| self.reached.get(from)).copied().unwrap_or(false);
+            let [left, right] = [came(bead.checked_sub(1)), came(Some(bead + 1))];
+            self.reached[bead] = true;
+            // loose beads that fly are no front
+            if left != right && around.is_pressed(frame, bead) {
+                let direction = if left { Direction::Forward } else { Direction::Backward };
+                self.arrive(around, (bead, frame.time_s), direction, v_m_s, tracks);
+            }
+        }
+    }
+
+    /// The front comes to `bead`.
+    fn arrive(
+        &mut self,
+        around: &Surroundings,
+        (bead, time_s): (usize, f64),
+        direction: Direction,
+        v_m_s: &[f64],
+        tracks: &[Track],
+    ) {
+        let behind = around.behind_front(bead);
+        let part = match direction {
+            Direction::Forward => bead.saturating_sub(behind)..bead + 1,
+            Direction::Backward => bead..(bead + behind + 1).min(v_m_s.len()),
+        };
+        let v_peak_m_s = fastest(&v_m_s[part]);
+        // near and no mere ripple, or so much stronger that all of this is its forerunner
+        let leads = |track: &Track| {
+            let beads = (signed(bead as u64) - track.head().bead) * direction.sign();
+            let over = track.mean_crest_m_s() / v_peak_m_s.abs();
+            let is_it =
+                if beads.unsigned_abs() <= behind as u64 { over > RIPPLE } else { over * MATTERS > 1.0 };
+            track.number > 0 && track.ahead == direction.sign() && is_it
+        };
+        let slot = &mut self.alone[usize::from(direction == Direction::Backward)];
+        if tracks.iter().any(leads) {
+            self.found.extend(slot.take().and_then(|alone| alone.unfollowed()));
+            return;
+        }
+        let alone = slot.get_or_insert(Alone { beads: [bead; 2], times_s: [time_s; 2], v_peak_m_s });
+        (alone.beads[1], alone.times_s[1]) = (bead, time_s);
+        alone.v_peak_m_s = fastest(&[alone.v_peak_m_s, v_peak_m_s]);
+    }
+
+    /// Frames are missing: where the front has come to meanwhile is not known.
+    pub(super) fn gap(&mut self) {
+        self.end();
+        self.is_first = true;
+    }
+
+    /// What led a front without being followed, once there are no more frames.
+    pub(super) fn unfollowed(&mut self) -> &[Unfollowed] {
+        self.end();
+        &self.found
+    }
+
+    fn end(&mut self) {
+        let ended = self.alone.iter_mut().filter_map(Option::take);
+        self.found.extend(ended.filter_map(|alone| alone.unfollowed()));
+    }
+}
+
+impl Alone {
+    fn unfollowed(&self) -> Option<Unfollowed> {
+        let Self { beads, times_s, v_peak_m_s } = *self;
+        let long = beads[0].abs_diff(beads[1]) >= Front::LONGEST;
+        let beads = beads.map(|bead| bead as u64);
+        long.then_some(Unfollowed { beads, times_s, v_peak_m_s, leads: true })
+    }
+}
+
+/// The velocity (m/s) of the fastest bead.
+fn fastest(v_m_s: &[f64]) -> f64 {
+    v_m_s.iter().fold(0.0, |fastest: f64, v| if v.abs() > fastest.abs() { *v } else { fastest })
+}
+
+impl Surroundings {
+    /// How far (beads) behind the front at `bead` the crest of the pulse is that leads it, at most. Without a solitary
+    /// wave a front gets wider with the cube root of its way.
+    fn behind_front(&self, bead: usize) -> usize {
+        /// From the first motion to the first crest of the Airy function, in its units, and some more.
+        const AIRY: f64 = 8.0;
+        let way = bead.max(self.chain.bead_count() - bead) as f64;
+        let spread =
+            if self.loaded || self.chain.law.alpha() < 1.05 { AIRY * (0.5 * way).cbrt() } else { 0.0 };
+        usize::try_from(self.reach.coast + 8 + nearest(spread)).unwrap_or_default()
+    }
+}
