@@ -27,6 +27,7 @@ import numpy as np
 from waveforms import Waveform, expm1, q2
 
 VERSION = 2
+DRIVEN = 11  # the field of /summary
 np.seterr(all="ignore")
 
 
@@ -712,7 +713,7 @@ def check(path):
         elif kind == "Message" and topics[record.channel_id] == "/summary":
             if dict(fields(record.data)).get(2, 0) != step:
                 continue  # of a state that is not there
-            names = {"kinetic_j": 4, "potential_j": 5, "dissipated_j": 10}
+            names = {"kinetic_j": 4, "potential_j": 5, "dissipated_j": 10, "driven_j": DRIVEN}
             for (name, field), ours in zip(names.items(), chain.energies(state)):
                 found = one_double(record.data, field)
                 if bits(found) != bits(ours):
