@@ -18,6 +18,7 @@ const MAX_OTHER = 64 * MIB; // bytes of a record that is no chunk, and of a chun
 const MAX_SUMMARY = 256 * MIB;
 const CACHE_BYTES = 256 * MIB;
 const WINDOW = 1 << 16;
+const MINOR = 1; // of the schema version, the latest that is known here
 /** Arrays of a number for each bead in a state, at most. */
 const MOST_ARRAYS = 7;
 const SALVAGE = "`beadline recover` saves what can be saved";
@@ -80,11 +81,12 @@ export function manifestOf(entries, notes) {
     throw new Error(`physics in the manifest has the key "${unknown}", ${why}`);
   }
   const further = unknownKey(provenance, PROVENANCE_KEYS);
-  if (further !== "" && version === "1.0") {
+  const isNewer = Number(version.slice(2)) > MINOR;
+  if (further !== "" && !isNewer) {
     damaged(`provenance in the manifest has an unknown key, "${further}"`);
   }
-  if (version !== "1.0") {
-    notes.push(`The recording has schema version ${version}; what is newer than version 1.0 in it is not shown.`);
+  if (isNewer) {
+    notes.push(`The recording has schema version ${version}; what is newer than version 1.${MINOR} in it is not shown.`);
   }
   const isBead = (/** @type {unknown} */ value) => isCount(value, 0, physics.beads - 1);
   /** @type {[string, boolean][]} */
