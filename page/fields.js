@@ -8,10 +8,29 @@ import { unknownPhysics } from "./keys.js";
 export const ENERGY_COUNT = 7;
 
 /**
+ * What `physics` says that a chain has, and the chain does not have it; "" if there is nothing.
+ * @param {import("./types.d.ts").Physics} physics
+ * @param {import("./types.d.ts").Chain} chain
+ */
+function missing({ bonds, second, resonators, ends }, { terms, resonatorMass, ring, drag }) {
+  const isEnd = (/** @type {string} */ kind) => ends?.left === kind || ends?.right === kind;
+  /** @type {[string, unknown, unknown][]} */
+  const pairs = [
+    ["bonds", bonds, terms?.length],
+    ["second powers", second, terms?.length],
+    ["resonators", resonators, resonatorMass?.length],
+    ["a periodic end", isEnd("periodic"), ring],
+    ["an absorbing end", isEnd("absorbing"), drag?.length],
+  ];
+  return pairs.find(([, isSaid, isThere]) => isSaid && !isThere)?.[0] ?? "";
+}
+
+/**
  * Why steps of this run cannot be recomputed here; "" if they can.
  * @param {import("./types.d.ts").Physics} physics
+ * @param {import("./types.d.ts").Chain} chain
  */
-export function whyNotRecomputed(physics) {
+export function whyNotRecomputed(physics, chain) {
   if (physics.kernel_version !== KERNEL_VERSION) {
     return `This run was computed by kernel ${physics.kernel_version}, and this page has kernel ${KERNEL_VERSION}.`;
   }
@@ -19,7 +38,11 @@ export function whyNotRecomputed(physics) {
     return `This page does not have the method ${physics.method}.`;
   }
   const unknown = unknownPhysics(physics);
-  return unknown === "" ? "" : `This page does not know what ${unknown} in the manifest does to a run.`;
+  if (unknown !== "") {
+    return `This page does not know what ${unknown} in the manifest does to a run.`;
+  }
+  const lacking = missing(physics, chain);
+  return lacking && `The manifest has ${lacking}, and the chain that came with it has not.`;
 }
 
 /**

@@ -74,7 +74,7 @@ export class History {
     this.recording = recording;
     this.firstStep = firstStep;
     this.lastStep = lastStep;
-    this.whyNot = whyNotRecomputed(physics);
+    this.whyNot = whyNotRecomputed(physics, chain);
     this.stepper = this.whyNot === "" ? stepperOf(physics, chain) : undefined;
     /** Whether the state of step 0 is what it is because it was given: then it is not made here. */
     this.isStartGiven = physics.initial !== undefined;

@@ -14,6 +14,9 @@ export interface Physics {
   /** The state of step 0 is another one than strikers and drives make. */
   initial?: unknown;
   drives?: DriveEntry[];
+  bonds?: unknown;
+  second?: unknown;
+  resonators?: unknown;
   method: string;
   dt_s: number;
   step_count: number;

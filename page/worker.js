@@ -87,6 +87,10 @@ class Run {
     if (state.u.length !== this.chain.mass.length) {
       throw new Error(`A frame of ${state.u.length} beads, in a run of ${this.chain.mass.length}.`);
     }
+    const { stepper } = history;
+    if (stepper !== undefined && state.extra.length !== stepper.extraNames.length * state.u.length) {
+      throw new Error(`A frame of ${state.extra.length} further values, in a run of ${stepper.extraNames.join(", ")}.`);
+    }
     if (history.kept.length === 0) {
       history.firstStep = state.step;
     }

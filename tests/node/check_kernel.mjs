@@ -323,7 +323,7 @@ function checkPage(path) {
   }
   const array = (texts) => Float64Array.from(texts ?? [], fromHex);
   const wall = (texts) => {
-    if (texts === null) {
+    if (!texts) {
       return undefined;
     }
     const [stiffness, restOverlap, restForce, damping] = array(texts);
@@ -335,7 +335,14 @@ function checkPage(path) {
     physics.damping = of.damping === null ? undefined : { [of.damping]: {} };
     const chain = {
       ...{ mass: array(of.m), stiffness: array(of.k), restOverlap: array(of.rho), restForce: array(of.R) },
-      ...{ damping: array(of.eta), leftWall: wall(of.left_wall), rightWall: wall(of.right_wall) },
+      ...{ damping: array(of.eta), leftWall: wall(of.left_wall), rightWall: wall(of.right_wall), ring: wall(of.ring) },
+      terms: (of.terms ?? []).map(({ kind, parameter, k }) => {
+        const [left, ...rest] = array(k); // those of both ends, too
+        const right = rest.pop();
+        return { kind, parameter, stiffness: rest, leftWall: left, rightWall: right, ring: left };
+      }),
+      ...{ onSite: array(of.on_site), onSiteCubic: array(of.on_site_cubic), drag: array(of.drag), dampingPower: of.q },
+      ...{ resonatorMass: array(of.resonator_mass), resonatorStiffness: array(of.resonator_stiffness) },
     };
     const stepper = stepperOf(physics, chain);
     const state = { ...stepper.initialState(), step: 0 };

@@ -737,8 +737,11 @@ def check_page(path):
     count = 0
     for vector in json.loads(block[1]):
         between = np.array([array(vector[name] or ["0"] * len(vector["k"])) for name in ("k", "rho", "R", "eta")])
-        walls = [array(vector[name]) if vector[name] else None for name in ("left_wall", "right_wall")]
-        chain = Chain(vector, array(vector["m"]), between, *walls)
+        ends = [array(vector[name]) if vector.get(name) else None for name in ("left_wall", "right_wall", "ring")]
+        terms = [(term["kind"], term["parameter"], array(term["k"])) for term in vector.get("terms", ())]
+        more = {name: array(vector[name]) for name in MORE.values() if name in vector}
+        more["q"] = vector.get("q")
+        chain = Chain(vector, array(vector["m"]), between, *ends, terms, more)
         for step, state in enumerate(vector["states"]):
             ours = chain.step(ours, step - 1) if step else chain.start()
             compare(step, np.array([array(row) for row in state]), ours, chain.names)
