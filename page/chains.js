@@ -4,7 +4,7 @@
 //     import { stepperOf } from "./chains.js";
 //     const stepper = stepperOf(physics, chain);   // used like a `Stepper`; states need the number of their `step`
 
-import { Power, Stepper, fromHex, isSimple, sum } from "./kernel.js";
+import { A1, A2, A3, B1, B2, B3, B4, Power, Stepper, excessSeries, isSimple, sum } from "./kernel.js";
 import { Waveform, expm1, q2 } from "./waveforms.js";
 
 /** @import { Chain, DriveEntry, Physics } from "./types.js" */
@@ -89,15 +89,6 @@ class Term {
   }
 }
 
-/** e_0 … e_7. @param {number} alpha */
-function excessSeries(alpha) {
-  const e = [0.5 * alpha];
-  for (let n = 1; n <= 7; n += 1) {
-    e[n] = (e[n - 1] * (alpha - n)) / (n + 2);
-  }
-  return e;
-}
-
 const GAUSS = [0.5 - Math.sqrt(15) / 10, 0.5, 0.5 + Math.sqrt(15) / 10];
 
 /** What moves a wall ("left", "right") or a bead (its number), or pulls at a bead. */
@@ -153,8 +144,6 @@ const COUNTS = [
 ];
 const WEIGHTS = [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84];
 
-const [A1, A2, A3] = ["3fcf65f4cb6cb771", "3fe35b1debaf2655", "bfd669363d14a862"].map(fromHex);
-const [B1, B2, B3, B4] = ["3fb53e774fa406be", "3fd95d23c9214375", "bfa3ff3020b02cb4", "3fbe9923385e0390"].map(fromHex);
 /** @type {Record<string, { kicks: number[], drifts: number[] }>} */
 const SPLIT = {
   "velocity-verlet": { kicks: [0.5, 0.5], drifts: [1] },

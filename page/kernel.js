@@ -237,14 +237,23 @@ export function sum(n, term) {
   return s[0] + s[4] + (s[2] + s[6]) + (s[1] + s[5] + (s[3] + s[7]));
 }
 
+/** e_0 … e_7 of the energy beyond that at rest. @param {number} alpha */
+export function excessSeries(alpha) {
+  const e = [0.5 * alpha];
+  for (let n = 1; n <= 7; n += 1) {
+    e[n] = (e[n - 1] * (alpha - n)) / (n + 2);
+  }
+  return e;
+}
+
 // constants of rkn4
-const A1 = fromHex("3fcf65f4cb6cb771");
-const A2 = fromHex("3fe35b1debaf2655");
-const A3 = fromHex("bfd669363d14a862");
-const B1 = fromHex("3fb53e774fa406be");
-const B2 = fromHex("3fd95d23c9214375");
-const B3 = fromHex("bfa3ff3020b02cb4");
-const B4 = fromHex("3fbe9923385e0390");
+export const A1 = fromHex("3fcf65f4cb6cb771");
+export const A2 = fromHex("3fe35b1debaf2655");
+export const A3 = fromHex("bfd669363d14a862");
+export const B1 = fromHex("3fb53e774fa406be");
+export const B2 = fromHex("3fd95d23c9214375");
+export const B3 = fromHex("bfa3ff3020b02cb4");
+export const B4 = fromHex("3fbe9923385e0390");
 // of gear5, and −½ ∓ 1/√12, where the power of damping is taken
 const [C0, C1, C3, C4, C5] = [3 / 20, 251 / 360, 11 / 18, 1 / 6, 1 / 60];
 const GAUSS_POINTS = [fromHex("bfe93cd3a2c8198e"), fromHex("bfcb0cb174df99c7")];
@@ -339,10 +348,7 @@ export class Stepper {
     this.predictedU = new Float64Array(n + 2);
     this.predictedV = new Float64Array(n + 2);
     this.isLoaded = chain.restOverlap.some((rho) => rho !== 0);
-    this.excessSeries = [0.5 * physics.alpha];
-    for (let j = 1; j <= 7; j += 1) {
-      this.excessSeries[j] = (this.excessSeries[j - 1] * (physics.alpha - j)) / (j + 2);
-    }
+    this.excessSeries = excessSeries(physics.alpha);
   }
 
   /** The state at step 0. */
