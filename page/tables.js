@@ -32,7 +32,7 @@ function ruleOf(rule) {
 /** What a manifest says of chains beyond one power law; shown as it says it. */
 const FURTHER = [
   ...["alphas", "second", "gaps_m", "bonds", "on_site", "resonators", "spheres", "odd_spheres"],
-  ...["disorder", "seed", "initial", "drives"],
+  ...["disorder", "seed", "initial"],
 ];
 
 /** @param {import("./types.d.ts").Physics} physics */
@@ -76,6 +76,9 @@ export function runTable({ info, physics }) {
     if (value !== undefined) {
       chain.push([name.replace(/_/g, " "), ruleOf(value)]);
     }
+  }
+  for (const { wall, bead, ...prescribed } of physics.drives ?? []) {
+    chain.push(["drive", `${wall ? `${wall} wall` : `bead ${bead}`}, ${ruleOf(prescribed)}`]);
   }
   if (ends) {
     chain.push(["ends", `${ends.left ?? "free"}, ${ends.right ?? "free"}`]);
