@@ -4,7 +4,7 @@
 //     import { stepperOf } from "./chains.js";
 //     const stepper = stepperOf(physics, chain);   // used like a `Stepper`; states need the number of their `step`
 
-import { A1, A2, A3, B1, B2, B3, B4, Power, Stepper, excessSeries, isSimple, sum } from "./kernel.js";
+import { A1, A2, A3, B1, B2, B3, B4, Power, Stepper, excessSeries, fromHex, isSimple, sum } from "./kernel.js";
 import { Waveform, expm1, q2 } from "./waveforms.js";
 
 /** @import { Chain, DriveEntry, Physics } from "./types.js" */
@@ -89,7 +89,7 @@ class Term {
   }
 }
 
-const GAUSS = [0.5 - Math.sqrt(15) / 10, 0.5, 0.5 + Math.sqrt(15) / 10];
+const GAUSS = [fromHex("3fbcda042f0236e1"), 0.5, fromHex("3fec64bf7a1fb924")]; // ½ ∓ √15/10
 
 /** What moves a wall ("left", "right") or a bead (its number), or pulls at a bead. */
 class Drive {

@@ -201,6 +201,7 @@ STAGES = [  # of rk5: c, and what each derivative before counts
     (8 / 9, [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729]),
     (1, [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656]),
 ]
+GAUSS = double(0x3FBCDA042F0236E1), 0.5, double(0x3FEC64BF7A1FB924)  # ½ ∓ √15/10
 WEIGHTS = [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84]
 
 
@@ -228,8 +229,7 @@ class Drive:
         """`before` is the displacement at step n."""
         if self.kind == "displacement_m":
             return self.wave.value(*self.time(n, s))
-        early, late = 0.5 - math.sqrt(15) / 10, 0.5 + math.sqrt(15) / 10
-        v = [self.wave.value(n, s * g) for g in (early, 0.5, late)]
+        v = [self.wave.value(n, s * g) for g in GAUSS]
         return before + s * (5 / 18 * v[0] + 8 / 18 * v[1] + 5 / 18 * v[2])
 
 
