@@ -1,5 +1,7 @@
 // Change one thing: the chain of a run with another mass, exponent or striker, and its configuration.
 
+import { beyondPlain } from "./keys.js";
+
 /** @typedef {import("./types.d.ts").Manifest} Manifest */
 /** @typedef {import("./types.d.ts").Chain} Chain */
 /** @typedef {import("./types.d.ts").Physics} Physics */
@@ -28,12 +30,22 @@ export function changesOf({ impurities, striker, alpha }, chain) {
   ];
 }
 
+/** Why no change is made here in this chain; "" if some can be. @param {Physics} physics */
+export function whyNothingChanged(physics) {
+  const beyond = beyondPlain(physics);
+  return beyond && `Nothing is changed here in a chain with ${beyond}: change its configuration, and run that.`;
+}
+
 /**
  * Why a change is not made here; "" if it can be.
  * @param {Change} change
  * @param {Physics} physics
  */
 export function whyNotChanged({ what, value }, physics) {
+  const whyNothing = whyNothingChanged(physics);
+  if (whyNothing) {
+    return whyNothing;
+  }
   const { load, damping, stiffnesses } = physics;
   if (!Number.isFinite(value) || (what === "mass" && value <= 0) || (what === "alpha" && (value < 1 || value > 10))) {
     return { mass: "A mass is more than 0 kg.", alpha: "α is from 1 to 10.", speed: "A speed is a number." }[what];

@@ -1,6 +1,6 @@
 // The form in which one thing is changed, and the configuration of what is changed.
 
-import { changed, changesOf, configuration, whyNotChanged } from "./change.js";
+import { changed, changesOf, configuration, whyNotChanged, whyNothingChanged } from "./change.js";
 import { make } from "./elements.js";
 
 /** @typedef {import("./change.js").Change} Change */
@@ -43,8 +43,9 @@ export function changedSource(change, { info, physics, beads }) {
  */
 export function changeForm(run, second, change, onchange) {
   const { info, physics } = run;
-  if (!info.recomputes) {
-    return [make("p", { class: "words" }, info.whyNot)];
+  const whyNothing = info.recomputes ? whyNothingChanged(physics) : info.whyNot;
+  if (whyNothing) {
+    return [make("p", { class: "words" }, whyNothing)];
   }
   const choices = changesOf(physics, info.chain);
   const isSame = (/** @type {Change} */ a, /** @type {Change} */ b) =>

@@ -1,5 +1,6 @@
 // Curves over time: energies, and what followed beads do.
 
+import { ENERGY_COUNT } from "./fields.js";
 import { LEFT_PX, bottomAxis, frame, leftAxis, legend, linear } from "./axes.js";
 
 /** @typedef {import("./surface.js").Box} Box */
@@ -19,7 +20,6 @@ import { LEFT_PX, bottomAxis, frame, leftAxis, legend, linear } from "./axes.js"
 /** x (in the unit of its axis) and value in turns. */
 /** @typedef {{ points: Float64Array, colour: string, dash?: number[] }} Curve */
 
-const ENERGIES_A_ROW = 6;
 
 /** Where the plot of energies is in a box, or of a trajectory's two plots both. @param {Box} box */
 export function curvePlot({ x, y, width, height }, top = 8) {
@@ -104,7 +104,7 @@ function drawCurves(
 
 /**
  * Energies over time: total, its kinetic and potential parts, left of the split bead, of it and right, and what was
- * dissipated where anything was.
+ * dissipated, and what drives have done, where anything was.
  * @param {Surface} surface
  * @param {Box} box
  * @param {CurvesData} data
@@ -119,9 +119,9 @@ export function drawEnergies(
   theme,
 ) {
   const [blue, vermillion, green, purple, orange, sky] = theme.curves;
-  const has = (/** @type {Rows | undefined} */ some) => {
+  const has = (/** @type {Rows | undefined} */ some, /** @type {number} */ part) => {
     for (let i = 0; some !== undefined && i < some.count; i += 1) {
-      if (some.energies[i * ENERGIES_A_ROW + 5] !== 0) {
+      if (some.energies[i * ENERGY_COUNT + part] !== 0) {
         return true;
       }
     }
@@ -134,7 +134,8 @@ export function drawEnergies(
     { name: "left", colour: blue, parts: [2] },
     { name: splitName, colour: purple, parts: [3] },
     { name: "right", colour: vermillion, parts: [4] },
-    ...(has(rows) || has(second) ? [{ name: "dissipated", colour: green, parts: [5] }] : []),
+    ...(has(rows, 5) || has(second, 5) ? [{ name: "dissipated", colour: green, parts: [5] }] : []),
+    ...(has(rows, 6) || has(second, 6) ? [{ name: "driven", colour: theme.muted, parts: [6] }] : []),
     { name: "total", colour: theme.foreground, parts: [0, 1] },
   ];
   const dt = view.dt_s ?? 1;
@@ -143,7 +144,7 @@ export function drawEnergies(
   const add = (/** @type {Rows | undefined} */ some, /** @type {number} */ dt, /** @type {number[]} */ dash) => {
     for (const { colour, parts } of some === undefined ? [] : kinds) {
       const value = (/** @type {number} */ i) =>
-        parts.reduce((sum, part) => sum + /** @type {Rows} */ (some).energies[i * ENERGIES_A_ROW + part], 0);
+        parts.reduce((sum, part) => sum + /** @type {Rows} */ (some).energies[i * ENERGY_COUNT + part], 0);
       curves.push({ points: pointsOf(/** @type {Rows} */ (some), dt, value), colour, dash });
     }
   };

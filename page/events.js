@@ -48,12 +48,14 @@ export class Follower {
    * @param {import("./types.d.ts").Chain} chain
    * @param {number} toleranceM up to which a contact counts as touching
    * @param {number} restSpeed up to which a bead counts as at rest (m/s)
+   * @param {import("./kernel.js").Stepper} stepper of the chain
    */
-  constructor(bead, chain, toleranceM, restSpeed) {
+  constructor(bead, chain, toleranceM, restSpeed, stepper) {
     this.bead = bead;
     this.chain = chain;
     this.toleranceM = toleranceM;
     this.restSpeed = restSpeed;
+    this.stepper = stepper;
     /** @type {ReturnType<Follower["sample"]> | undefined} */
     this.before = undefined;
     this.hasMoved = false;
@@ -65,17 +67,21 @@ export class Follower {
    * Displacement, velocity, and overlap and its rate on both sides.
    * @param {State} state
    */
-  sample({ step, time_s, u, v }) {
+  sample(state) {
+    const { step, time_s, u, v } = state;
     const { bead: b, chain } = this;
+    const [last, ring] = [u.length - 1, chain.ring];
+    const walls = this.stepper.wallsOf(state);
+    const closing = ring && /** @type {[number, number]} */ ([u[last] - u[0] + ring.restOverlap, v[last] - v[0]]);
     const [left, right] = [chain.leftWall, chain.rightWall];
     /** @type {([number, number] | undefined)[]} */
     const contacts = [
       b > 0
         ? [u[b - 1] - u[b] + chain.restOverlap[b - 1], v[b - 1] - v[b]]
-        : left && [-u[0] + left.restOverlap, -v[0]],
-      b < u.length - 1
+        : left ? [walls.left.x - u[0] + left.restOverlap, walls.left.v - v[0]] : closing,
+      b < last
         ? [u[b] - u[b + 1] + chain.restOverlap[b], v[b] - v[b + 1]]
-        : right && [u[b] + right.restOverlap, v[b]],
+        : right ? [u[b] - walls.right.x + right.restOverlap, v[b] - walls.right.v] : closing,
     ];
     return { step, time_s, u: u[b], v: v[b], contacts };
   }

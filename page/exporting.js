@@ -33,7 +33,7 @@ export function profileCsv({ state, fields }, [first, last]) {
  * @param {Run} run
  */
 export function curvesCsv({ rows, physics }) {
-  const names = ["kinetic_J", "potential_J", "left_J", "split_bead_J", "right_J", "dissipated_J"];
+  const names = ["kinetic_J", "potential_J", "left_J", "split_bead_J", "right_J", "dissipated_J", "driven_J"];
   const follow = rows?.request.follow ?? [];
   /** @type {(string | number)[][]} */
   const lines = [["step", "time_s", ...names, ...follow.flatMap((bead) => [`u_${bead}_m`, `v_${bead}_m_s`])]];

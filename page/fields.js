@@ -1,27 +1,48 @@
 // What a state shows: a quantity for each bead or contact, energies, and what is reduced to a pixel.
 
-import { KERNEL_VERSION, Stepper } from "./kernel.js";
+import { stepperOf } from "./chains.js";
+import { KERNEL_VERSION, METHODS } from "./kernel.js";
+import { unknownPhysics } from "./keys.js";
 
-/** Kinetic, potential, left, split bead, right, dissipated (J). */
-export const ENERGY_COUNT = 6;
+/** Kinetic, potential, left, split bead, right, dissipated, driven (J). */
+export const ENERGY_COUNT = 7;
 
-/** Methods and kinds of damping that this page can recompute. */
-const METHODS = ["velocity-verlet", "rkn4", "gear5"];
-const DAMPING = ["viscous_n_s_per_m", "restitution"];
+/**
+ * What `physics` says that a chain has, and the chain does not have it; "" if there is nothing.
+ * @param {import("./types.d.ts").Physics} physics
+ * @param {import("./types.d.ts").Chain} chain
+ */
+function missing({ bonds, second, resonators, ends }, { terms, resonatorMass, ring, drag }) {
+  const isEnd = (/** @type {string} */ kind) => ends?.left === kind || ends?.right === kind;
+  /** @type {[string, unknown, unknown][]} */
+  const pairs = [
+    ["bonds", bonds, terms?.length],
+    ["second powers", second, terms?.length],
+    ["resonators", resonators, resonatorMass?.length],
+    ["a periodic end", isEnd("periodic"), ring],
+    ["an absorbing end", isEnd("absorbing"), drag?.length],
+  ];
+  return pairs.find(([, isSaid, isThere]) => isSaid && !isThere)?.[0] ?? "";
+}
 
 /**
  * Why steps of this run cannot be recomputed here; "" if they can.
  * @param {import("./types.d.ts").Physics} physics
+ * @param {import("./types.d.ts").Chain} chain
  */
-export function whyNotRecomputed(physics) {
+export function whyNotRecomputed(physics, chain) {
   if (physics.kernel_version !== KERNEL_VERSION) {
     return `This run was computed by kernel ${physics.kernel_version}, and this page has kernel ${KERNEL_VERSION}.`;
   }
   if (!METHODS.includes(physics.method)) {
     return `This page does not have the method ${physics.method}.`;
   }
-  const damping = Object.keys(physics.damping ?? {}).find((kind) => !DAMPING.includes(kind));
-  return damping === undefined ? "" : `This page does not have damping by ${damping}.`;
+  const unknown = unknownPhysics(physics);
+  if (unknown !== "") {
+    return `This page does not know what ${unknown} in the manifest does to a run.`;
+  }
+  const lacking = missing(physics, chain);
+  return lacking && `The manifest has ${lacking}, and the chain that came with it has not.`;
 }
 
 /**
@@ -31,12 +52,14 @@ export function whyNotRecomputed(physics) {
  */
 export function scalesOf(physics, chain) {
   const { alpha, stiffness: k, bead_mass_kg: m } = physics;
-  const speed = Math.abs(physics.striker.velocity_m_s);
+  const strikers = [physics.striker, ...(physics.strikers ?? [])];
+  const speed = strikers.reduce((most, { velocity_m_s: v }) => Math.max(most, Math.abs(v)), 0);
   if (speed > 0) {
     const length = Math.pow((m * speed * speed) / k, 1 / (alpha + 1));
     return { length_m: length, time_s: length / speed };
   }
-  let length = Math.max(chain.leftWall?.restOverlap ?? 0, chain.rightWall?.restOverlap ?? 0);
+  const walls = [chain.leftWall, chain.rightWall, chain.ring].map((wall) => wall?.restOverlap ?? 0);
+  let length = Math.max(0, ...walls);
   for (const overlap of chain.restOverlap) {
     length = Math.max(length, overlap);
   }
@@ -60,35 +83,29 @@ export class Fields {
    */
   constructor({ physics }, chain) {
     // energies are the same whatever moved the beads
-    const method = METHODS.includes(physics.method) ? physics.method : "rkn4";
-    this.stepper = new Stepper({ ...physics, kernel_version: KERNEL_VERSION, method }, chain);
+    const isKnown = METHODS.includes(physics.method);
+    const method = isKnown ? physics.method : "rk5";
+    this.stepper = stepperOf({ ...physics, kernel_version: KERNEL_VERSION, method }, chain);
+    /** Which array of `extra` has the dissipated work; −1: none, or not known. */
+    this.work = isKnown ? this.stepper.extraNames.indexOf("W") : -1;
     this.chain = chain;
     this.splitBead = splitBeadOf(physics);
     this.toleranceM = 1e-6 * scalesOf(physics, chain).length_m;
     this.contactJ = new Float64Array(physics.beads + 1); // contact i has bead i on its right; walls at both ends
-    this.isLoaded = [chain.leftWall, chain.rightWall].some((wall) => wall !== undefined && wall.restOverlap !== 0);
-    this.isLoaded ||= chain.restOverlap.some((overlap) => overlap !== 0);
   }
 
   /**
    * Energy of each contact (J).
-   * @param {Float64Array} u
+   * @param {import("./types.d.ts").State} state
    */
-  contacts(u) {
-    const { stepper, contactJ } = this;
-    const n = u.length;
-    contactJ[0] = stepper.hasWall[0] ? stepper.excess(0, -u[0]) : 0;
-    contactJ[n] = stepper.hasWall[1] ? stepper.excess(n, u[n - 1]) : 0;
-    const z = stepper.power.z;
-    for (let i = 1; i < n; i += 1) {
-      if (this.isLoaded) {
-        contactJ[i] = stepper.excess(i, u[i - 1] - u[i]);
-      } else {
-        const delta = u[i - 1] - u[i];
-        contactJ[i] = delta > z ? stepper.potential(i, delta) : 0;
-      }
-    }
-    return contactJ;
+  contacts(state) {
+    this.stepper.contactEnergies(state, this.contactJ);
+    return this.contactJ;
+  }
+
+  /** Force of a contact between beads (N), without what damps it. @param {number} contact @param {number} overlap */
+  force(contact, overlap) {
+    return this.stepper.elastic(contact + 1, overlap);
   }
 
   /**
@@ -97,18 +114,30 @@ export class Fields {
    * @param {Float64Array} into
    * @param {number} at
    */
-  energies({ u, v, extra }, into, at) {
-    const { mass } = this.chain;
-    const s = this.splitBead;
-    const contactJ = this.contacts(u);
+  energies(state, into, at) {
+    const { u, v, extra } = state;
+    const { mass, ring } = this.chain;
+    const { stepper, work, splitBead: s } = this;
+    const contactJ = this.contacts(state);
+    const sideOf = (/** @type {number} */ bead) => (bead < s ? 0 : bead === s ? 1 : 2);
     const sides = [0, 0, 0]; // left, split bead, right
     let [kinetic, potential, dissipated] = [0, 0, 0];
     for (let i = 0; i < u.length; i += 1) {
       const energy = 0.5 * mass[i] * (v[i] * v[i]);
-      kinetic += energy;
-      sides[i < s ? 0 : i === s ? 1 : 2] += energy;
+      const [site, resonator] = [stepper.siteEnergy(state, i), stepper.resonatorEnergy(state, i)];
+      kinetic += energy + resonator.kinetic;
+      potential += site + resonator.potential;
+      sides[sideOf(i)] += energy + site + resonator.kinetic + resonator.potential;
     }
-    for (let i = 0; i <= u.length; i += 1) {
+    if (ring !== undefined) {
+      // at both ends of the array, and there is one
+      const energy = contactJ[0];
+      potential += energy;
+      sides[sideOf(0)] += 0.5 * energy;
+      sides[sideOf(u.length - 1)] += 0.5 * energy;
+    }
+    const [firstContact, lastContact] = ring === undefined ? [0, u.length] : [1, u.length - 1];
+    for (let i = firstContact; i <= lastContact; i += 1) {
       // between bead i − 1 and bead i: half of it belongs to the split bead if that is one of them
       const energy = contactJ[i];
       potential += energy;
@@ -117,12 +146,11 @@ export class Fields {
       sides[1] += share;
       sides[i <= s ? 0 : 2] += energy - share;
     }
-    if (this.stepper.damped) {
-      for (let i = extra.length - u.length; i < extra.length; i += 1) {
-        dissipated += extra[i];
-      }
+    for (let i = 0; work >= 0 && i < u.length; i += 1) {
+      dissipated += extra[work * u.length + i];
     }
-    into.set([kinetic, potential, sides[0], sides[1], sides[2], dissipated], at);
+    const driven = stepper.drivenWork(state);
+    into.set([kinetic, potential, sides[0], sides[1], sides[2], dissipated, driven], at);
   }
 
   /**
@@ -138,7 +166,8 @@ export class Fields {
   row(field, state, [first, last], columns, into) {
     const { u, v } = state;
     const { mass, restOverlap } = this.chain;
-    const contactJ = field === "energy" ? this.contacts(u) : this.contactJ;
+    const { stepper } = this;
+    const contactJ = field === "energy" ? this.contacts(state) : this.contactJ;
     const tolerance = this.toleranceM;
     const count = last - first + 1;
     let place = first;
@@ -154,7 +183,9 @@ export class Fields {
         } else if (field === "overlap") {
           value = u[place] - u[place + 1];
         } else if (field === "energy") {
+          const { kinetic, potential } = stepper.resonatorEnergy(state, place);
           value = 0.5 * mass[place] * (v[place] * v[place]) + 0.5 * (contactJ[place] + contactJ[place + 1]);
+          value += stepper.siteEnergy(state, place) + kinetic + potential;
         } else {
           const overlap = u[place] - u[place + 1] + restOverlap[place];
           // compressed before open before touching

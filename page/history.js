@@ -1,9 +1,11 @@
 // The states of a run: those that came with it, those that were recomputed and kept, and through both any step.
 
-import { KERNEL_VERSION, Stepper } from "./kernel.js";
+import { stepperOf } from "./chains.js";
+import { KERNEL_VERSION } from "./kernel.js";
 import { whyNotRecomputed } from "./fields.js";
 
 /** @typedef {import("./types.d.ts").State} State */
+/** @typedef {import("./kernel.js").Stepper} Stepper */
 
 /** Bytes of states that are kept; beyond, every second one is forgotten. */
 const KEPT_BYTES = 192 << 20;
@@ -72,8 +74,10 @@ export class History {
     this.recording = recording;
     this.firstStep = firstStep;
     this.lastStep = lastStep;
-    this.whyNot = whyNotRecomputed(physics);
-    this.stepper = this.whyNot === "" ? new Stepper(physics, chain) : undefined;
+    this.whyNot = whyNotRecomputed(physics, chain);
+    this.stepper = this.whyNot === "" ? stepperOf(physics, chain) : undefined;
+    /** Whether the state of step 0 is what it is because it was given: then it is not made here. */
+    this.isStartGiven = physics.initial !== undefined;
     /** In the order of their steps; `received` are those that came from a live run. @type {(State & { received?: boolean })[]} */
     this.kept = [];
     /** Most states that are kept. */
@@ -83,7 +87,7 @@ export class History {
     /** Steps of this piece so far, and when it began. */
     this.taken = 0;
     this.began = performance.now();
-    if (this.stepper !== undefined && firstStep === 0) {
+    if (this.stepper !== undefined && firstStep === 0 && !this.isStartGiven) {
       this.keep(this.initialState());
     }
   }
@@ -190,7 +194,7 @@ export class History {
   async *prove() {
     const { whyNot } = this;
     /** @type {import("./types.d.ts").Proof} */
-    const proof = { states: 0, compared: 0, steps: 0, isDone: false, first: undefined, whyNot };
+    const proof = { states: 0, compared: 0, steps: 0, isDone: false, first: undefined, whyNot, believed: undefined };
     const { recording } = this;
     const received = this.kept.filter((state) => state.received);
     proof.states = recording?.stateCount ?? received.length;
@@ -198,7 +202,7 @@ export class History {
       proof.whyNot = `Nothing is stored here: every state is computed by this page, with kernel ${KERNEL_VERSION}.`;
     }
     /** @type {State | undefined} */
-    let before = this.firstStep === 0 && proof.whyNot === "" ? this.initialState() : undefined;
+    let before = this.firstStep === 0 && !this.isStartGiven && proof.whyNot === "" ? this.initialState() : undefined;
     if (proof.whyNot === "") {
       for await (const stored of recording?.states() ?? received) {
         if (before !== undefined) {
@@ -214,6 +218,7 @@ export class History {
           }
         } else {
           before = copyOf(stored);
+          proof.believed = stored.step;
         }
       }
     }

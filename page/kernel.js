@@ -8,15 +8,16 @@
 //     stepper.step(state, 1000);                     // in place, without allocating
 //     const { kinetic, potential, dissipated } = stepper.energies(state);
 //
-// `physics` is the JSON of that name in the manifest; of it `kernel_version`, `beads`, `alpha`, `dt_s`, `method`, `damping`
-// and `striker` are used. `chain` is `/chain`: { mass: N numbers, stiffness, restOverlap, restForce, damping: N − 1 each
+// This is the plain chain, of contacts of one power, by the methods without a drive; chains.js has everything else.
+// `physics` is the JSON of that name in the manifest; of it `kernel_version`, `beads`, `alpha`, `dt_s`, `method`, `damping`,
+// `striker` and `strikers` are used. `chain` is `/chain`: { mass: N numbers, stiffness, restOverlap, restForce, damping: N − 1 each
 // (damping may be empty), leftWall, rightWall: { stiffness, restOverlap, restForce, damping }, left out at a free end }.
 // Units are SI.
 
 /** @import { Chain, Physics, Wall } from "./types.js" */
 /**
- * What a step changes: u (m), v (m/s), and what the method needs besides.
- * @typedef {{ u: Float64Array, v: Float64Array, extra: Float64Array }} Motion
+ * What a step changes: u (m), v (m/s), and what the method needs besides; where something is driven, the step counts, too.
+ * @typedef {{ u: Float64Array, v: Float64Array, extra: Float64Array, step?: number }} Motion
  */
 
 export const KERNEL_VERSION = 2;
@@ -38,7 +39,7 @@ export function toHex(x) {
 }
 
 /** 2^n, n from −1022 to 1023. @param {number} n */
-function powerOfTwo(n) {
+export function powerOfTwo(n) {
   words[1] = (1023 + n) << 20;
   words[0] = 0;
   return double[0];
@@ -228,7 +229,7 @@ export class Power {
 }
 
 /** The sum of term(0) … term(n − 1) in eight parts. @param {number} n @param {(i: number) => number} term */
-function sum(n, term) {
+export function sum(n, term) {
   const s = new Float64Array(8);
   for (let i = 0; i < n; i += 1) {
     s[i & 7] += term(i);
@@ -236,14 +237,23 @@ function sum(n, term) {
   return s[0] + s[4] + (s[2] + s[6]) + (s[1] + s[5] + (s[3] + s[7]));
 }
 
+/** e_0 … e_7 of the energy beyond that at rest. @param {number} alpha */
+export function excessSeries(alpha) {
+  const e = [0.5 * alpha];
+  for (let n = 1; n <= 7; n += 1) {
+    e[n] = (e[n - 1] * (alpha - n)) / (n + 2);
+  }
+  return e;
+}
+
 // constants of rkn4
-const A1 = fromHex("3fcf65f4cb6cb771");
-const A2 = fromHex("3fe35b1debaf2655");
-const A3 = fromHex("bfd669363d14a862");
-const B1 = fromHex("3fb53e774fa406be");
-const B2 = fromHex("3fd95d23c9214375");
-const B3 = fromHex("bfa3ff3020b02cb4");
-const B4 = fromHex("3fbe9923385e0390");
+export const A1 = fromHex("3fcf65f4cb6cb771");
+export const A2 = fromHex("3fe35b1debaf2655");
+export const A3 = fromHex("bfd669363d14a862");
+export const B1 = fromHex("3fb53e774fa406be");
+export const B2 = fromHex("3fd95d23c9214375");
+export const B3 = fromHex("bfa3ff3020b02cb4");
+export const B4 = fromHex("3fbe9923385e0390");
 // of gear5, and −½ ∓ 1/√12, where the power of damping is taken
 const [C0, C1, C3, C4, C5] = [3 / 20, 251 / 360, 11 / 18, 1 / 6, 1 / 60];
 const GAUSS_POINTS = [fromHex("bfe93cd3a2c8198e"), fromHex("bfcb0cb174df99c7")];
@@ -253,6 +263,34 @@ const REACH = 7;
 
 const TINY = powerOfTwo(-900);
 const orZero = (/** @type {number} */ q) => (Math.abs(q) <= TINY ? 0 : q);
+
+/** Methods that are known here. */
+export const METHODS = ["velocity-verlet", "rkn4", "gear5", "rk5"];
+
+/**
+ * Whether a `Stepper` moves this chain; else it is one of chains.js.
+ * @param {Physics} physics
+ * @param {Chain} chain
+ */
+export function isSimple({ method, drives }, { terms, ring, onSite, onSiteCubic, drag, resonatorMass, dampingPower }) {
+  const isThere = [drives, terms, onSite, onSiteCubic, drag, resonatorMass].some((some) => some && some.length > 0);
+  return !isThere && ring === undefined && !dampingPower && method !== "rk5";
+}
+
+/**
+ * What the arrays of N values in `extra` are, in their order.
+ * @param {Physics} physics
+ * @param {Chain} chain
+ */
+export function extraNamesOf({ method, damping, drives = [] }, { resonatorMass = NONE, drag = NONE }) {
+  const isThere = {
+    ...{ q2: method === "gear5", q3: method === "gear5", q4: method === "gear5", q5: method === "gear5" },
+    ...{ w: resonatorMass.length > 0, w_v: resonatorMass.length > 0 },
+    ...{ W: damping !== undefined || drag.length > 0, drives: drives.length > 0 },
+  };
+  return Object.entries(isThere).flatMap(([name, is]) => (is ? [name] : []));
+}
+const NONE = new Float64Array(0);
 
 /** A chain, and how it moves. One may be used for any number of states. */
 export class Stepper {
@@ -269,18 +307,21 @@ export class Stepper {
     if (physics.beads !== n || chain.stiffness.length !== n - 1 || physics.alpha !== power.alpha) {
       throw new Error("physics and chain do not belong together");
     }
-    if (!["velocity-verlet", "rkn4", "gear5"].includes(physics.method)) {
+    if (!METHODS.includes(physics.method)) {
       throw new Error(`unknown method ${physics.method}`);
+    }
+    if (new.target === Stepper && !isSimple(physics, chain)) {
+      throw new Error("a chain of chains.js: use its stepperOf");
     }
     this.beads = n;
     this.dt = physics.dt_s;
     this.method = physics.method;
-    this.striker = physics.striker;
+    this.strikers = [physics.striker, ...(physics.strikers ?? [])];
     this.power = power;
     this.damped = physics.damping !== undefined;
     this.restitution = physics.damping?.restitution !== undefined;
-    /** Arrays of N values in `extra`. */
-    this.extraArrays = this.method === "gear5" ? (this.damped ? 5 : 4) : 0;
+    /** What the arrays of N values in `extra` are. */
+    this.extraNames = extraNamesOf(physics, chain);
     this.mass = Float64Array.from(chain.mass);
     this.inverseMass = this.mass.map((m) => 1 / m);
     // Contact i has bead i − 1 on its left and bead i on its right: 0 and N are the walls. A wall that is
@@ -307,17 +348,19 @@ export class Stepper {
     this.predictedU = new Float64Array(n + 2);
     this.predictedV = new Float64Array(n + 2);
     this.isLoaded = chain.restOverlap.some((rho) => rho !== 0);
-    this.excessSeries = [0.5 * physics.alpha];
-    for (let j = 1; j <= 7; j += 1) {
-      this.excessSeries[j] = (this.excessSeries[j - 1] * (physics.alpha - j)) / (j + 2);
-    }
+    this.excessSeries = excessSeries(physics.alpha);
   }
 
   /** The state at step 0. */
   initialState() {
     const n = this.beads;
-    const state = { u: new Float64Array(n), v: new Float64Array(n), extra: new Float64Array(this.extraArrays * n) };
-    state.v[this.striker.bead] = this.striker.velocity_m_s;
+    const extra = new Float64Array(this.extraNames.length * n);
+    const state = { u: new Float64Array(n), v: new Float64Array(n), extra };
+    for (const { bead, velocity_m_s: speed } of this.strikers) {
+      if (speed !== 0) {
+        state.v[bead] = speed;
+      }
+    }
     if (this.method === "gear5") {
       this.startGear5(state);
     }
@@ -538,19 +581,58 @@ export class Stepper {
     }
   }
 
-  /** Kinetic and potential energy, and the work dissipated since step 0 (J). @param {Motion} state */
-  energies({ u, v, extra }) {
-    const { beads: n, mass, isLoaded } = this;
-    const left = this.hasWall[0] ? this.excess(0, -u[0]) : 0;
-    const right = this.hasWall[1] ? this.excess(n, u[n - 1]) : 0;
-    const between = isLoaded
-      ? sum(n - 1, (i) => this.excess(i + 1, u[i] - u[i + 1]))
-      : sum(n - 1, (i) => this.potential(i + 1, u[i] - u[i + 1] + this.rho[i + 1]));
+  /** Kinetic and potential energy, and the work dissipated and driven since step 0 (J). @param {Motion} state */
+  energies(state) {
+    const { beads: n, mass } = this;
+    const { v, extra } = state;
+    const contacts = new Float64Array(n + 1);
+    this.contactEnergies(state, contacts);
     return {
       kinetic: sum(n, (i) => 0.5 * mass[i] * (v[i] * v[i])),
-      potential: between + (left + right),
+      potential: sum(n - 1, (i) => contacts[i + 1]) + (contacts[0] + contacts[n]),
       dissipated: this.damped ? sum(n, (i) => extra[4 * n + i]) : 0,
+      driven: 0,
     };
+  }
+
+  /**
+   * Energy of each contact: contact i has bead i on its right; walls are at both ends.
+   * @param {Motion} state
+   * @param {Float64Array} into
+   */
+  contactEnergies({ u }, into) {
+    const { beads: n, rho, isLoaded } = this;
+    into[0] = this.hasWall[0] ? this.excess(0, -u[0]) : 0;
+    into[n] = this.hasWall[1] ? this.excess(n, u[n - 1]) : 0;
+    for (let i = 1; i < n; i += 1) {
+      const a = u[i - 1] - u[i];
+      into[i] = isLoaded ? this.excess(i, a) : this.potential(i, a + rho[i]);
+    }
+  }
+
+  /** Energy of the spring that holds bead i at its place. @param {Motion} _state @param {number} _i */
+  siteEnergy(_state, _i) {
+    return 0;
+  }
+
+  /** Kinetic and potential energy of the resonator of bead i. @param {Motion} _state @param {number} _i */
+  resonatorEnergy(_state, _i) {
+    return { kinetic: 0, potential: 0 };
+  }
+
+  /** E of contact i. @param {number} i @param {number} delta */
+  elastic(i, delta) {
+    return this.k[i] * this.power.at(delta);
+  }
+
+  /** Work of all drives. @param {Motion} _state */
+  drivenWork(_state) {
+    return 0;
+  }
+
+  /** Displacement and velocity of both walls. @param {Motion} [_state] */
+  wallsOf(_state) {
+    return { left: { x: 0, v: 0 }, right: { x: 0, v: 0 } };
   }
 
   /** U of contact i. @param {number} i @param {number} delta */

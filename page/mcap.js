@@ -1,7 +1,7 @@
 // The bytes of MCAP: ranges of a file, records within their bounds, checksums, and the protobuf of our messages.
 // What is in a recording, and where, says docs/FORMAT.md.
 
-/** @import { Bytes, Chain, Wall } from "./types.js" */
+/** @import { Bytes, Chain, Term, Wall } from "./types.js" */
 
 const HEAD_BYTES = 1 << 16;
 
@@ -319,9 +319,16 @@ export function stateOf(bytes, start, end) {
 export function chainOf(bytes, start, end) {
   /** @type {(Wall | undefined)[]} */
   const walls = [];
+  /** @type {Term[]} */
+  const terms = [];
+  let dampingPower = 0;
   /** @type {OnField} */
-  const onwall = (number, from, to) => {
-    if ((number === 6 || number === 7) && from >= 0) {
+  const others = (number, from, to) => {
+    if (number === 17) {
+      dampingPower = double(bytes, from, to);
+    } else if (number === 10 && from >= 0) {
+      terms.push(termOf(bytes, from, to));
+    } else if ((number === 6 || number === 7 || number === 16) && from >= 0) {
       const wall = [0, 0, 0, 0];
       walk(bytes, from, to, (field, first, last) => {
         if (field >= 1 && field <= 4) {
@@ -332,7 +339,27 @@ export function chainOf(bytes, start, end) {
       walls[number] = { stiffness: wallStiffness, restOverlap: overlap, restForce: force, damping: wallDamping };
     }
   };
-  const all = arrays(bytes, start, end, [1, 2, 3, 5, 8], onwall);
-  const [mass, stiffness, restOverlap, restForce, damping] = all;
-  return { mass, stiffness, restOverlap, restForce, damping, leftWall: walls[6], rightWall: walls[7] };
+  const all = arrays(bytes, start, end, [1, 2, 3, 5, 8, 11, 12, 13, 14, 15], others);
+  const [mass, stiffness, restOverlap, restForce, damping, onSite, onSiteCubic, drag, ...resonators] = all;
+  const [resonatorMass, resonatorStiffness] = resonators;
+  const [leftWall, rightWall, ring] = [walls[6], walls[7], walls[16]];
+  return {
+    ...{ mass, stiffness, restOverlap, restForce, damping, leftWall, rightWall, ring, terms, dampingPower },
+    ...{ onSite, onSiteCubic, drag, resonatorMass, resonatorStiffness },
+  };
+}
+
+/** A `Term` of a `Chain`. @param {Uint8Array} bytes @param {number} start @param {number} end @returns {Term} */
+function termOf(bytes, start, end) {
+  let kind = "";
+  const numbers = [0, 0, 0, 0, 0, 0, 0];
+  const [stiffness] = arrays(bytes, start, end, [3], (number, from, to) => {
+    if (number === 1 && from >= 0) {
+      kind = new TextDecoder().decode(bytes.subarray(from, to));
+    } else if ([2, 4, 5, 6].includes(number)) {
+      numbers[number] = double(bytes, from, to);
+    }
+  });
+  const [, , parameter, , leftWall, rightWall, ring] = numbers;
+  return { kind, parameter, stiffness, leftWall, rightWall, ring };
 }

@@ -46,7 +46,6 @@ export class Pictures {
           state: run.state,
           chain: run.info.chain,
           fields: run.fields,
-          alpha: run.physics.alpha,
           second: second?.state,
           secondFields: second?.fields,
         },

@@ -11,14 +11,17 @@ import { FIELD_LABELS, isOfContacts, mapScales, placeOfBead, placesOf, plotOf } 
 /** @typedef {import("./types.d.ts").Chain} Chain */
 /** @typedef {import("./types.d.ts").Field} Field */
 /** What knows the values of a field: `Fields` of fields.js. */
-/** @typedef {{ row(field: Field, state: State, places: [number, number], columns: number, into: any): void }} Valuer */
 /**
- * A state and its chain; a second one, of a changed chain, is dashed. Without `fields` there is no energy.
+ * @typedef {object} Valuer
+ * @property {(field: Field, state: State, places: [number, number], columns: number, into: any) => void} row
+ * @property {(contact: number, overlap: number) => number} force
+ */
+/**
+ * A state and its chain; a second one, of a changed chain, is dashed. Without `fields` there are no energy and no forces.
  * @typedef {object} ProfileData
  * @property {State | undefined} state
  * @property {Chain} chain
  * @property {Valuer} [fields]
- * @property {number} [alpha] of the contact law F = k·δ^α
  * @property {State | undefined} [second]
  * @property {Valuer} [secondFields]
  */
@@ -240,9 +243,7 @@ function drawBeads(surface, band, state, data, view, x, theme) {
   const at = (/** @type {number} */ i) => x(placeOfBead(places[i], view));
   const LINE = 16; // of text below
   const middle = band.y + (band.height - LINE) / 2;
-  const forces = overlaps.map((overlap, i) =>
-    overlap > 0 ? data.chain.stiffness[first + i] * overlap ** (data.alpha ?? 1.5) : 0,
-  );
+  const forces = overlaps.map((overlap, i) => Math.abs(data.fields?.force(first + i, overlap) ?? 0));
   const strongest = forces.reduce(
     (most, force, i) => (isSeen(first + i) && isSeen(first + i + 1) ? Math.max(most, force) : most),
     0,

@@ -6,7 +6,7 @@
  * What a proof says, in a sentence.
  * @param {Proof} proof
  */
-export function verdict({ states, compared, steps, isDone, first, whyNot }) {
+export function verdict({ states, compared, steps, isDone, first, whyNot, believed }) {
   if (whyNot) {
     return whyNot;
   }
@@ -14,8 +14,9 @@ export function verdict({ states, compared, steps, isDone, first, whyNot }) {
     const { step, bead, array, stored, computed } = first;
     return `Not proven: at step ${step}, bead ${bead}, ${array} is ${stored} in the recording, ${computed} computed.`;
   }
+  const from = believed === undefined ? "" : ` The state of step ${believed} is taken as it is stored.`;
   return isDone
-    ? `Proven: ${compared} states, ${steps} steps recomputed here, each bit the same.`
+    ? `Proven: ${compared} states, ${steps} steps recomputed here, each bit the same.${from}`
     : `Recomputing: ${compared} of ${states} states …`;
 }
 

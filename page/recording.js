@@ -2,6 +2,8 @@
 // says what is where. Whatever the bytes are, reading ends with a value or an Error whose message is for the user.
 
 import { Fields, chainOf, crc32, readExactly, sha256, stateOf, stepOf } from "./mcap.js";
+import { METHODS, extraNamesOf } from "./kernel.js";
+import { unknownKey, unknownPhysics } from "./keys.js";
 import { decompress } from "./zstd.js";
 
 /** @import { Bytes, Chain, End, Manifest, Physics, Provenance, State } from "./types.js" */
@@ -16,20 +18,11 @@ const MAX_OTHER = 64 * MIB; // bytes of a record that is no chunk, and of a chun
 const MAX_SUMMARY = 256 * MIB;
 const CACHE_BYTES = 256 * MIB;
 const WINDOW = 1 << 16;
+const MINOR = 1; // of the schema version, the latest that is known here
+/** Arrays of a number for each bead in a state, at most. */
+const MOST_ARRAYS = 7;
 const SALVAGE = "`beadline recover` saves what can be saved";
 
-/** Keys that decide bits, each with what it holds if that has keys, too; all that are known. */
-const PHYSICS_KEYS = {
-  ...{ kernel_version: 0, beads: 0, bead_mass_kg: 0, alpha: 0, stiffness: 0, method: 0, dt_s: 0, step_count: 0 },
-  masses: { pattern_kg: 0, taper: 0, list_kg: 0 },
-  stiffnesses: { pattern: 0, list: 0 },
-  impurities: { bead: 0, mass_kg: 0 },
-  contacts: { contact: 0, stiffness: 0 },
-  ends: { left: 0, right: 0, left_stiffness: 0, right_stiffness: 0 },
-  load: { gravity_m_s2: 0, precompression_n: 0 },
-  damping: { viscous_n_s_per_m: 0, restitution: { coefficient: 0, damping_ratio: 0 } },
-  striker: { bead: 0, velocity_m_s: 0 },
-};
 const PROVENANCE_KEYS = {
   ...{ name: 0, run_id: 0, program: 0, host: 0, started_unix_ns: 0 },
   ...{ publish_every_steps: 0, record_every_steps: 0 },
@@ -38,33 +31,6 @@ const PROVENANCE_KEYS = {
 /** @param {string} what @returns {never} */
 function damaged(what) {
   throw new Error(`the recording is damaged: ${what}; ${SALVAGE}`);
-}
-
-/**
- * The first key that is not among `known`, with the keys that lead to it; "" if there is none.
- * @param {unknown} values @param {object} known @returns {string}
- */
-function unknownKey(values, known) {
-  if (typeof values !== "object" || values === null) {
-    return "";
-  }
-  if (Array.isArray(values)) {
-    for (const value of values) {
-      const found = unknownKey(value, known);
-      if (found !== "") {
-        return found;
-      }
-    }
-    return "";
-  }
-  for (const [key, value] of Object.entries(values)) {
-    const inside = Object.hasOwn(known, key) ? Reflect.get(known, key) : undefined;
-    const found = inside === undefined ? key : inside === 0 ? "" : unknownKey(value, inside);
-    if (found !== "") {
-      return inside === undefined ? key : `${key}.${found}`;
-    }
-  }
-  return "";
 }
 
 /** @param {string} text @param {string} what @returns {any} */
@@ -109,17 +75,18 @@ export function manifestOf(entries, notes) {
   const physics = parsed(physicsText, "physics in the manifest");
   /** @type {Provenance} */
   const provenance = parsed(provenanceText, "provenance in the manifest");
-  const unknown = unknownKey(physics, PHYSICS_KEYS);
+  const unknown = unknownPhysics(physics);
   if (unknown !== "") {
     const why = "which this page does not know and which may decide bits: use a newer page";
     throw new Error(`physics in the manifest has the key "${unknown}", ${why}`);
   }
   const further = unknownKey(provenance, PROVENANCE_KEYS);
-  if (further !== "" && version === "1.0") {
+  const isNewer = Number(version.slice(2)) > MINOR;
+  if (further !== "" && !isNewer) {
     damaged(`provenance in the manifest has an unknown key, "${further}"`);
   }
-  if (version !== "1.0") {
-    notes.push(`The recording has schema version ${version}; what is newer than version 1.0 in it is not shown.`);
+  if (isNewer) {
+    notes.push(`The recording has schema version ${version}; what is newer than version 1.${MINOR} in it is not shown.`);
   }
   const isBead = (/** @type {unknown} */ value) => isCount(value, 0, physics.beads - 1);
   /** @type {[string, boolean][]} */
@@ -128,7 +95,7 @@ export function manifestOf(entries, notes) {
     ["beads", isCount(physics.beads, 2, 20e6)],
     ["bead_mass_kg", physics.bead_mass_kg > 0],
     ["alpha", physics.alpha >= 1 && physics.alpha <= 1000],
-    ["stiffness", physics.stiffness > 0],
+    ["stiffness", physics.stiffness >= 0],
     ["impurities", Array.isArray(physics.impurities) && physics.impurities.every((one) => isBead(one?.bead))],
     ["striker", isBead(physics.striker?.bead) && Number.isFinite(physics.striker.velocity_m_s)],
     ["method", typeof physics.method === "string"],
@@ -156,8 +123,19 @@ function checkChain(chain, beads) {
   if (damping.length !== 0 && damping.length !== beads - 1) {
     damaged(`/chain has ${damping.length} coefficients of damping, not ${beads - 1}`);
   }
-  const walls = [chain.leftWall, chain.rightWall].flatMap((wall) => Object.values(wall ?? {}));
-  const isFinite = [mass, ...contacts, damping, walls].every((array) => array.every((x) => Number.isFinite(x)));
+  const terms = chain.terms ?? [];
+  const further = [chain.onSite, chain.onSiteCubic, chain.drag, chain.resonatorMass, chain.resonatorStiffness].flatMap(
+    (array) => (array === undefined || array.length === 0 ? [] : [array]),
+  );
+  if (terms.some((term) => term.stiffness.length !== beads - 1) || further.some((array) => array.length !== beads)) {
+    damaged(`/chain has arrays of terms, springs, drag or resonators that are not those of ${beads} beads`);
+  }
+  const walls = [chain.leftWall, chain.rightWall, chain.ring].flatMap((wall) => Object.values(wall ?? {}));
+  const ofTerms = terms.flatMap(({ parameter, leftWall = 0, rightWall = 0, ring = 0 }) => [
+    ...[parameter, leftWall, rightWall, ring],
+  ]);
+  const all = [mass, ...contacts, damping, walls, ...terms.map(({ stiffness: k }) => k), ofTerms, ...further];
+  const isFinite = all.every((array) => array.every((x) => Number.isFinite(x)));
   if (!isFinite || !mass.every((m) => m > 0)) {
     damaged("/chain has impossible values");
   }
@@ -482,8 +460,8 @@ export class Recording {
       fields.pass(16);
       const [size, crc, compression] = [fields.u64(), fields.u32(), fields.text()];
       const data = fields.take(fields.u64());
-      const { beads, method } = this.manifest.physics;
-      const most = Math.max(MAX_OTHER, 2 * (beads * (method === "gear5" ? 7 : 2) * 8 + 1024));
+      const { beads } = this.manifest.physics;
+      const most = Math.max(MAX_OTHER, 2 * (beads * MOST_ARRAYS * 8 + 1024));
       if (compression === "zstd" && size <= most) {
         chunk.records = decompress(data, size);
       } else if (compression === "" && size === data.length) {
@@ -534,10 +512,12 @@ export class Recording {
   /** The state number `i` of a chunk. @param {Chunk} chunk @param {number} i @returns {State} */
   stateAt({ records, states }, i) {
     const state = stateOf(records, states[3 * i + 1], states[3 * i + 2]);
-    const { beads, dt_s, method, damping } = this.manifest.physics;
-    const arrays = { "velocity-verlet": 0, rkn4: 0, gear5: damping === undefined ? 4 : 5 }[method];
+    const { physics } = this.manifest;
+    const { beads, dt_s, method } = physics;
     const { step, time_s, u, v, extra } = state;
-    const extraFits = arrays === undefined ? extra.length % beads === 0 : extra.length === arrays * beads;
+    const extraFits = METHODS.includes(method)
+      ? extra.length === beads * extraNamesOf(physics, this.chain).length
+      : extra.length % beads === 0;
     if (u.length !== beads || v.length !== beads || !extraFits) {
       const lengths = `${u.length}, ${v.length} and ${extra.length} values`;
       damaged(`the state of step ${step} has ${lengths}, of ${beads} beads`);

@@ -29,19 +29,38 @@ function ruleOf(rule) {
   return text.length > 120 ? `${text.slice(0, 117)} …` : text;
 }
 
+/** What a manifest says of chains beyond one power law; shown as it says it. */
+const FURTHER = [
+  ...["alphas", "second", "gaps_m", "bonds", "on_site", "resonators", "spheres", "odd_spheres"],
+  ...["disorder", "seed", "initial"],
+];
+
+/** @param {import("./types.d.ts").Physics} physics */
+function lawOf(physics) {
+  const { alpha, stiffness } = physics;
+  if ("bonds" in physics) {
+    return "two-sided bonds";
+  }
+  const isMore = "second" in physics || "alphas" in physics;
+  return `F = k·δ^α, α = ${alpha}, k = ${amount(stiffness, "")} N/m^α${isMore ? ", and more below" : ""}`;
+}
+
 /**
  * Parameters and provenance.
  * @param {Run} run
  */
 export function runTable({ info, physics }) {
   const { provenance } = info.manifest;
-  const { impurities, striker, load, damping, ends } = physics;
+  const { impurities, load, damping, ends } = physics;
   /** @type {[string, string][]} */
   const chain = [
     ["beads", `${physics.beads} of ${amount(physics.bead_mass_kg, "kg")}`],
-    ["contact law", `F = k·δ^α, α = ${physics.alpha}, k = ${amount(physics.stiffness, "")} N/m^α`],
-    ["striker", `bead ${striker.bead} at ${amount(striker.velocity_m_s, "m/s")}`],
+    ["contact law", lawOf(physics)],
   ];
+  const strikers = [physics.striker, ...(physics.strikers ?? [])].filter(({ velocity_m_s: v }) => v !== 0);
+  for (const { bead, velocity_m_s: speed } of strikers) {
+    chain.push(["striker", `bead ${bead} at ${amount(speed, "m/s")}`]);
+  }
   if (impurities.length > 0) {
     const some = impurities.slice(0, 6).map(({ bead, mass_kg: mass }) => `bead ${bead} of ${amount(mass, "kg")}`);
     chain.push(["impurities", some.join(", ") + (impurities.length > 6 ? ` and ${impurities.length - 6} more` : "")]);
@@ -51,6 +70,15 @@ export function runTable({ info, physics }) {
   }
   if (physics.stiffnesses !== undefined) {
     chain.push(["stiffnesses", ruleOf(physics.stiffnesses)]);
+  }
+  for (const name of FURTHER) {
+    const value = /** @type {Record<string, unknown>} */ (/** @type {unknown} */ (physics))[name];
+    if (value !== undefined) {
+      chain.push([name.replace(/_/g, " "), ruleOf(value)]);
+    }
+  }
+  for (const { wall, bead, ...prescribed } of physics.drives ?? []) {
+    chain.push(["drive", `${wall ? `${wall} wall` : `bead ${bead}`}, ${ruleOf(prescribed)}`]);
   }
   if (ends) {
     chain.push(["ends", `${ends.left ?? "free"}, ${ends.right ?? "free"}`]);
@@ -66,6 +94,13 @@ export function runTable({ info, physics }) {
   }
   if (damping?.viscous_n_s_per_m !== undefined) {
     chain.push(["viscous damping", `${damping.viscous_n_s_per_m} N·s/m`]);
+  }
+  if (damping?.kuwabara_kono_s !== undefined) {
+    chain.push(["damping of Kuwabara and Kono", amount(damping.kuwabara_kono_s, "s")]);
+  }
+  if (damping?.power) {
+    const { coefficient, exponent } = damping.power;
+    chain.push(["damping", `η·δ^p·dδ/dt, η = ${amount(coefficient, "")}, p = ${exponent}`]);
   }
   const { length_m: length, time_s: time } = info.scales;
   /** @type {[string, string][]} */

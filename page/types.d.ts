@@ -9,15 +9,63 @@ export interface Physics {
   stiffness: number;
   impurities: { bead: number; mass_kg: number }[];
   striker: { bead: number; velocity_m_s: number };
+  /** Further ones. */
+  strikers?: { bead: number; velocity_m_s: number }[];
+  /** The state of step 0 is another one than strikers and drives make. */
+  initial?: unknown;
+  drives?: DriveEntry[];
+  bonds?: unknown;
+  second?: unknown;
+  resonators?: unknown;
   method: string;
   dt_s: number;
   step_count: number;
   ends?: { left?: string; right?: string; left_stiffness?: number; right_stiffness?: number };
   load?: { gravity_m_s2?: number; precompression_n?: number };
-  damping?: { viscous_n_s_per_m?: number; restitution?: { coefficient: number; damping_ratio: number } };
+  damping?: {
+    viscous_n_s_per_m?: number;
+    restitution?: { coefficient: number; damping_ratio: number };
+    kuwabara_kono_s?: number;
+    power?: { coefficient: number; exponent: number };
+  };
   masses?: unknown;
   stiffnesses?: unknown;
   contacts?: { contact: number; stiffness: number }[];
+}
+
+/** What moves a wall or a bead, or pulls at a bead: one of the three, over time. */
+export interface DriveEntry {
+  wall?: "left" | "right";
+  bead?: number;
+  force_n?: Shape;
+  displacement_m?: Shape;
+  velocity_m_s?: Shape;
+}
+
+/** A number over time, one of them. Amplitudes are in the unit of what is driven. */
+export interface Shape {
+  constant?: number;
+  sine?: {
+    amplitude: number;
+    frequency_hz: number;
+    phase_rad?: number;
+    ramp_s?: number;
+    until_s?: number;
+    ramp_down_s?: number;
+  };
+  chirp?: {
+    amplitude: number;
+    from_hz: number;
+    to_hz: number;
+    duration_s: number;
+    ramp_s?: number;
+    ramp_down_s?: number;
+  };
+  step?: { amplitude: number; at_s?: number; rise_s?: number };
+  ramp?: { amplitude: number; from_s?: number; to_s: number };
+  half_sine?: { amplitude: number; duration_s: number; at_s?: number };
+  gaussian?: { amplitude: number; at_s: number; width_s: number; frequency_hz?: number };
+  table?: { times_s: number[]; values: number[]; interpolation: "linear" | "cubic" };
 }
 
 export interface Provenance {
@@ -43,7 +91,21 @@ export interface Wall {
   damping: number;
 }
 
-/** `/chain`: what was resolved from `physics`. N masses, N − 1 of each of the others; `damping` may be empty. */
+/** A further term of the force of every contact: "power" of an exponent, "spring" of δ, δ² or δ³, "toda" of a steepness (1/m). */
+export interface Term {
+  kind: string;
+  parameter: number;
+  /** N − 1 numbers, and those of the contacts at the ends; 0 where a contact has no such term. */
+  stiffness: Float64Array;
+  leftWall?: number;
+  rightWall?: number;
+  ring?: number;
+}
+
+/**
+ * `/chain`: what was resolved from `physics`. N masses, N − 1 of the other arrays before the walls; `damping` may be empty.
+ * Arrays of springs, drag and resonators have N numbers, or are not there, or empty.
+ */
 export interface Chain {
   mass: Float64Array;
   stiffness: Float64Array;
@@ -52,6 +114,18 @@ export interface Chain {
   damping: Float64Array;
   leftWall?: Wall;
   rightWall?: Wall;
+  /** The contact of the last bead and bead 0. */
+  ring?: Wall;
+  terms?: Term[];
+  /** N/m, N/m³ and N·s/m. */
+  onSite?: Float64Array;
+  onSiteCubic?: Float64Array;
+  drag?: Float64Array;
+  /** kg, N/m. */
+  resonatorMass?: Float64Array;
+  resonatorStiffness?: Float64Array;
+  /** p + 1 of damping by a power p of the overlap; 0 or not there of other kinds. */
+  dampingPower?: number;
 }
 
 export interface State {
@@ -137,7 +211,7 @@ export interface Rows {
   steps: Float64Array;
   /** `columns` values a row: of the places of a column the one that is largest in magnitude. */
   cells: Float32Array;
-  /** ENERGY_COUNT values a row (J): kinetic, potential, left, split bead, right, dissipated. */
+  /** ENERGY_COUNT values a row (J): kinetic, potential, left, split bead, right, dissipated, driven. */
   energies: Float64Array;
   /** u and v for each followed bead, a row after the other. */
   followed: Float64Array;
@@ -163,6 +237,8 @@ export interface Proof {
   isDone: boolean;
   /** The first value that differs; `array` is "u", "v" or "extra". */
   first: { step: number; bead: number; array: string; stored: number; computed: number } | undefined;
+  /** The step of a first state that is not made here but taken as it is stored. */
+  believed: number | undefined;
   /** Why nothing could be compared; "" where something was. */
   whyNot: string;
 }

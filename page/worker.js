@@ -31,8 +31,17 @@ function chainOf(chain) {
   const array = (/** @type {string} */ name) => Float64Array.from(chain[name] ?? []);
   const [mass, stiffness, restOverlap] = [array("mass"), array("stiffness"), array("restOverlap")];
   const [restForce, damping] = [array("restForce"), array("damping")];
-  const [leftWall, rightWall] = [chain.leftWall ?? undefined, chain.rightWall ?? undefined];
-  return { mass, stiffness, restOverlap, restForce, damping, leftWall, rightWall };
+  const [leftWall, rightWall, ring] = [chain.leftWall, chain.rightWall, chain.ring].map((wall) => wall ?? undefined);
+  const terms = (chain.terms ?? []).map((/** @type {any} */ term) => ({
+    ...term,
+    stiffness: Float64Array.from(term.stiffness),
+  }));
+  return {
+    ...{ mass, stiffness, restOverlap, restForce, damping, leftWall, rightWall, ring, terms },
+    ...{ onSite: array("onSite"), onSiteCubic: array("onSiteCubic"), drag: array("drag") },
+    ...{ resonatorMass: array("resonatorMass"), resonatorStiffness: array("resonatorStiffness") },
+    dampingPower: chain.dampingPower ?? 0,
+  };
 }
 
 /** One run. */
@@ -77,6 +86,10 @@ class Run {
     const { history, following } = this;
     if (state.u.length !== this.chain.mass.length) {
       throw new Error(`A frame of ${state.u.length} beads, in a run of ${this.chain.mass.length}.`);
+    }
+    const { stepper } = history;
+    if (stepper !== undefined && state.extra.length !== stepper.extraNames.length * state.u.length) {
+      throw new Error(`A frame of ${state.extra.length} further values, in a run of ${stepper.extraNames.join(", ")}.`);
     }
     if (history.kept.length === 0) {
       history.firstStep = state.step;
@@ -182,7 +195,7 @@ class Run {
   async *events(bead, tell) {
     const { history, info } = this;
     const restSpeed = info.scales.time_s > 0 ? (1e-6 * info.scales.length_m) / info.scales.time_s : 0;
-    const follower = new Follower(bead, this.chain, info.toleranceM, restSpeed);
+    const follower = new Follower(bead, this.chain, info.toleranceM, restSpeed, this.fields.stepper);
     const first = yield* history.at(history.firstStep);
     follower.observe(first);
     /** @type {import("./types.d.ts").Event[]} */
@@ -246,6 +259,9 @@ class Run {
  */
 async function open(source, say) {
   if (source.kind === "start") {
+    if (source.manifest.physics.initial !== undefined) {
+      throw new Error("This page does not make the initial state of this run: run it, and open its recording.");
+    }
     return new Run("start", source.manifest, chainOf(source.chain), undefined);
   }
   if (source.kind === "live") {
@@ -286,8 +302,8 @@ function openLive(url, say) {
         const attached = /** @type {Run} */ (run);
         attached.receive(state);
         opened(attached);
-        const [u, v] = [state.u.slice(), state.v.slice()];
-        say("state", { step: state.step, time_s: state.time_s, u, v, extra: new Float64Array(0) }, [u.buffer, v.buffer]);
+        const copy = copyOf(state);
+        say("state", copy, [copy.u.buffer, copy.v.buffer, copy.extra.buffer]);
       },
       onstatus: (status) => {
         reach(run, status.step);

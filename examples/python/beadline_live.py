@@ -108,7 +108,7 @@ class Wall(NamedTuple):
 
 
 class Chain(NamedTuple):
-    """The resolved chain: what the dynamics is computed with."""
+    """The resolved chain: what the dynamics is computed with, of a chain of one power law."""
 
     mass: np.ndarray  # of each bead (kg), N
     stiffness: np.ndarray  # of each contact (N/m^alpha), N - 1, as all that follow
@@ -122,7 +122,7 @@ class Chain(NamedTuple):
     def of(cls, values, beads):
         """From the payload of `/chain`."""
         *arrays, walls = np.split(values, np.cumsum([beads] + 4 * [beads - 1]))
-        return cls(*arrays, Wall(*walls[:4].tolist()), Wall(*walls[4:].tolist()))
+        return cls(*arrays, Wall(*walls[:4].tolist()), Wall(*walls[4:8].tolist()))
 
 
 def default_root():

@@ -5,10 +5,16 @@ import sys
 import numpy as np
 from beadline_live import Lost, NoRun, Run
 
+# keys of `physics` of chains that have more energies than those of one power law
+MORE = {"alphas", "second", "gaps_m", "bonds", "on_site", "resonators", "drives"}
+
 
 def potential_energy(run):
     """A function of the displacements: the energy (J) of all contacts and walls beyond that at rest."""
-    chain, power = run.chain, run.manifest["physics"]["alpha"] + 1
+    chain, physics = run.chain, run.manifest["physics"]
+    power = physics["alpha"] + 1
+    if MORE & set(physics) or "periodic" in physics.get("ends", {}).values():
+        sys.exit("this program has the energies of contacts of one power law only: see `beadline energies`")
     # a wall is a contact with a neighbour that stays at 0
     k, rest, force = (
         np.concatenate(([left], inner, [right]))

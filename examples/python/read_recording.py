@@ -21,7 +21,7 @@ import sys
 import time
 import zlib
 from dataclasses import dataclass
-from typing import NamedTuple, Optional
+from typing import NamedTuple, Optional, Tuple
 
 import numpy as np
 import zstandard
@@ -36,6 +36,7 @@ CRC_AND_MAGIC = 12  # bytes at the end of a file that the summary's checksum doe
 LARGEST_CHUNK = 1 << 30
 FRAME, STEP, TIME, DISPLACEMENT, VELOCITY, EXTRA = range(1, 7)  # fields of beadline.v1.ChainState
 MASS, STIFFNESS, REST_OVERLAP, _ALPHA, REST_FORCE, LEFT_WALL, RIGHT_WALL, DAMPING = range(1, 9)  # of beadline.v1.Chain
+TERMS, ON_SITE, ON_SITE_CUBIC, DRAG, RESONATOR_MASS, RESONATOR_STIFFNESS, RING = range(10, 17)
 EMPTY = np.empty(0)
 
 
@@ -60,8 +61,19 @@ class Wall(NamedTuple):
     damping: float
 
 
+class Term(NamedTuple):
+    """A further term of the force of each contact; docs/KERNEL.md has the kinds."""
+
+    kind: str  # "power" of an exponent, "spring" of overlap, its square or cube, "toda"
+    parameter: float
+    stiffness: np.ndarray  # of each contact, N - 1; 0 of one without this term
+    left_wall: float
+    right_wall: float
+    ring: float
+
+
 class Chain(NamedTuple):
-    """The resolved chain: what the dynamics is computed with."""
+    """The resolved chain: what the dynamics is computed with. What most chains do not have is empty at its end."""
 
     mass: np.ndarray  # of each bead (kg), N
     stiffness: np.ndarray  # of each contact (N/m^alpha), N - 1, as all that follow
@@ -70,6 +82,13 @@ class Chain(NamedTuple):
     damping: np.ndarray  # 0 without damping
     left_wall: Wall
     right_wall: Wall
+    terms: Tuple[Term, ...] = ()
+    ring: Optional[Wall] = None  # the contact of the last bead with bead 0
+    on_site: np.ndarray = EMPTY  # springs of beads (N/m), N, as all that follow
+    on_site_cubic: np.ndarray = EMPTY  # (N/m^3)
+    drag: np.ndarray = EMPTY  # (N s/m)
+    resonator_mass: np.ndarray = EMPTY  # (kg)
+    resonator_stiffness: np.ndarray = EMPTY  # (N/m)
 
 
 @dataclass(slots=True, eq=False)
@@ -231,9 +250,9 @@ def varint(data, at):
             return value, at
 
 
-def fields_of(data):
-    """The fields of a message by their numbers: numbers, doubles, or the bytes of anything longer."""
-    fields, at, end = {}, 0, len(data)
+def fields_of(data, many=None):
+    """The fields of a message by their numbers: numbers, doubles, or the bytes of anything longer; of field `many` a list."""
+    fields, at, end = {many: []}, 0, len(data)
     while at < end:
         tag = data[at]
         tag, at = (tag, at + 1) if tag < 0x80 else varint(data, at)
@@ -245,7 +264,10 @@ def fields_of(data):
             at += 8
         elif kind == 2:
             length, at = varint(data, at)
-            fields[tag >> 3] = data[at : at + length]
+            if tag >> 3 == many:
+                fields[many].append(data[at : at + length])
+            else:
+                fields[tag >> 3] = data[at : at + length]
             at += length
         else:
             raise ValueError(f"a field of kind {kind} in a message")
@@ -268,11 +290,21 @@ def state_of(message):
 
 def chain_of(message, beads):
     """The `Chain` of a message."""
-    fields = fields_of(message)
+    fields = fields_of(message, many=TERMS)
     arrays = (doubles(fields, number) for number in (MASS, STIFFNESS, REST_OVERLAP, REST_FORCE))
     damping = doubles(fields, DAMPING) if DAMPING in fields else np.zeros(beads - 1)
-    walls = (fields_of(fields.get(number, b"")) for number in (LEFT_WALL, RIGHT_WALL))
-    return Chain(*arrays, damping, *(Wall(*(wall.get(number, 0.0) for number in range(1, 5))) for wall in walls))
+    walls = [fields_of(fields.get(number, b"")) for number in (LEFT_WALL, RIGHT_WALL, RING)]
+    left, right, ring = (Wall(*(wall.get(number, 0.0) for number in range(1, 5))) for wall in walls)
+    terms = tuple(map(term_of, fields[TERMS]))
+    of_beads = (doubles(fields, number) for number in (ON_SITE, ON_SITE_CUBIC, DRAG, RESONATOR_MASS, RESONATOR_STIFFNESS))
+    return Chain(*arrays, damping, left, right, terms, ring if RING in fields else None, *of_beads)
+
+
+def term_of(message):
+    """The `Term` of a message."""
+    fields = fields_of(message)
+    left, right, ring = (fields.get(number, 0.0) for number in (4, 5, 6))
+    return Term(bytes(fields.get(1, b"")).decode(), fields.get(2, 0.0), doubles(fields, 3), left, right, ring)
 
 
 def states(path, from_s=0.0, until_s=math.inf):

@@ -13,6 +13,7 @@ pub(crate) const MODULES: &[(&str, &str)] = &[
     ("axes", include_str!("../axes.js")),
     ("board", include_str!("../board.js")),
     ("carried", include_str!("../carried.js")),
+    ("chains", include_str!("../chains.js")),
     ("change", include_str!("../change.js")),
     ("changing", include_str!("../changing.js")),
     ("colours", include_str!("../colours.js")),
@@ -27,6 +28,7 @@ pub(crate) const MODULES: &[(&str, &str)] = &[
     ("history", include_str!("../history.js")),
     ("kernel", include_str!("../kernel.js")),
     ("keyboard", include_str!("../keyboard.js")),
+    ("keys", include_str!("../keys.js")),
     ("live", include_str!("../live.js")),
     ("map", include_str!("../map.js")),
     ("mcap", include_str!("../mcap.js")),
@@ -46,6 +48,7 @@ pub(crate) const MODULES: &[(&str, &str)] = &[
     ("thumbnails", include_str!("../thumbnails.js")),
     ("timeline", include_str!("../timeline.js")),
     ("view", include_str!("../view.js")),
+    ("waveforms", include_str!("../waveforms.js")),
     ("worker", include_str!("../worker.js")),
     ("zstd", include_str!("../zstd.js")),
 ];

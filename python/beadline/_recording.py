@@ -78,7 +78,8 @@ class State:
         time_s: Its time (s).
         displacement_m: Displacement of each bead (m), N values.
         velocity_m_s: Velocity of each bead (m/s), N values.
-        extra: What else the method needs to go on: of ``"gear5"`` some values for each bead, of the others nothing.
+        extra: What else is needed to go on: of ``"gear5"`` some values for each bead, of resonators their displacements and
+            velocities, of damping and drag the dissipated work, of drives theirs; FORMAT has the order.
     """
 
     def __init__(self, manifest: _native.Manifest, state: StateTuple) -> None:

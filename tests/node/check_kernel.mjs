@@ -4,7 +4,7 @@
 //     node tests/node/check_kernel.mjs --page docs/KERNEL.md  # the test vectors of the page
 //     node tests/node/check_kernel.mjs --hash ALPHA           # FNV-1a of the table of this alpha
 //
-// The state at step 0 is made anew, every further one from the one before it in the file; u, v and extra have to
+// The state at step 0 is made anew, but if it was given, every further one from the one before it in the file; u, v and extra have to
 // have the same bits, and so have the kinetic, potential and dissipated energy in /summary. (NaN is NaN, whatever its
 // payload.) Exit code 0 if all is equal; 1 at the first number that differs; 2 if a file is no recording or damaged; 3
 // for another kernel version, or keys of `physics` that are not known here. Of several files the least of 1, 2, 3 counts.
@@ -14,14 +14,12 @@ import fs from "node:fs";
 import { createRequire } from "node:module";
 import { fileURLToPath } from "node:url";
 
-import { KERNEL_VERSION, Power, Stepper, fromHex, toHex } from "../../page/kernel.js";
+import { stepperOf } from "../../page/chains.js";
+import { KERNEL_VERSION, Power, fromHex, toHex } from "../../page/kernel.js";
+import { unknownPhysics } from "../../page/keys.js";
 
 const PIECE_BYTES = 1 << 20;
-const PHYSICS_KEYS = [
-  ..."kernel_version beads bead_mass_kg alpha stiffness masses stiffnesses impurities contacts".split(" "),
-  ..."ends load damping striker method dt_s step_count".split(" "),
-];
-const DAMPING_KEYS = ["viscous_n_s_per_m", "restitution"];
+const DRIVEN = 11; // the field of /summary
 
 /** What ends the reading of a file, with its exit code. */
 class Stop extends Error {
@@ -132,7 +130,22 @@ function readChain(bytes) {
     damping: doubles(fields, 8),
     leftWall: wall(6),
     rightWall: wall(7),
+    terms: (fields.get(10) ?? []).map(readTerm),
+    onSite: doubles(fields, 11),
+    onSiteCubic: doubles(fields, 12),
+    drag: doubles(fields, 13),
+    resonatorMass: doubles(fields, 14),
+    resonatorStiffness: doubles(fields, 15),
+    ring: wall(16),
+    dampingPower: number(fields, 17),
   };
+}
+
+function readTerm(bytes) {
+  const its = fieldsOf(bytes);
+  const kind = new TextDecoder().decode(its.get(1)?.at(-1));
+  const [parameter, leftWall, rightWall, ring] = [2, 4, 5, 6].map((field) => number(its, field));
+  return { kind, parameter, stiffness: doubles(its, 3), leftWall, rightWall, ring };
 }
 
 /** `physics` of the metadata record beadline.run. */
@@ -149,10 +162,9 @@ function readManifest(metadata) {
   if (values.kernel_version !== KERNEL_VERSION) {
     throw new Stop(3, `kernel version ${values.kernel_version}: this recomputes version ${KERNEL_VERSION}`);
   }
-  const unknown = Object.keys(values).find((key) => !PHYSICS_KEYS.includes(key));
-  const damping = Object.keys(values.damping ?? {}).find((key) => !DAMPING_KEYS.includes(key));
-  if (unknown ?? damping) {
-    throw new Stop(3, `physics has a key that is not known here: ${unknown ?? damping}`);
+  const unknown = unknownPhysics(values);
+  if (unknown !== "") {
+    throw new Stop(3, `physics has a key that is not known here: ${unknown}`);
   }
   return values;
 }
@@ -186,13 +198,12 @@ function compare(step, what, found, expected) {
 }
 
 /** Compares every number of two states, bead by bead: a wrong bit spreads from its bead on. */
-function compareStates(step, found, expected) {
+function compareStates(step, found, expected, extraNames) {
   const n = expected.u.length;
-  const extra = ["q2", "q3", "q4", "q5", "W"].slice(0, expected.extra.length / n);
   for (let bead = 0; bead < n; bead += 1) {
     compare(step, `u of bead ${bead}`, found.u[bead], expected.u[bead]);
     compare(step, `v of bead ${bead}`, found.v[bead], expected.v[bead]);
-    extra.forEach((name, j) => compare(step, `${name} of bead ${bead}`, found.extra[j * n + bead], expected.extra[j * n + bead]));
+    extraNames.forEach((name, j) => compare(step, `${name} of bead ${bead}`, found.extra[j * n + bead], expected.extra[j * n + bead]));
   }
 }
 
@@ -204,7 +215,7 @@ class Follower {
   }
 
   onChain(bytes) {
-    this.stepper = new Stepper(this.physics, readChain(bytes));
+    this.stepper = stepperOf(this.physics, readChain(bytes));
   }
 
   onState(bytes) {
@@ -213,9 +224,9 @@ class Follower {
     }
     const fields = fieldsOf(bytes);
     const step = integer(fields, 2);
-    const state = { u: doubles(fields, 4), v: doubles(fields, 5), extra: doubles(fields, 6) };
-    const { beads, extraArrays } = this.stepper;
-    if (state.u.length !== beads || state.v.length !== beads || state.extra.length !== extraArrays * beads) {
+    const state = { u: doubles(fields, 4), v: doubles(fields, 5), extra: doubles(fields, 6), step };
+    const { beads, extraNames } = this.stepper;
+    if (state.u.length !== beads || state.v.length !== beads || state.extra.length !== extraNames.length * beads) {
       throw damaged(`step ${step}: arrays of another length than the chain's`);
     }
     if (this.states > 0) {
@@ -223,10 +234,12 @@ class Follower {
         throw damaged(`step ${step} after step ${this.step}`);
       }
       this.stepper.step(this.state, step - this.step);
-      compareStates(step, state, this.state);
-    } else if (step === 0) {
-      compareStates(step, state, this.stepper.initialState());
-    } // else a later part: its first state is taken as it is
+      compareStates(step, state, this.state, extraNames);
+    } else if (step === 0 && this.physics.initial === undefined) {
+      compareStates(step, state, this.stepper.initialState(), extraNames);
+    } else {
+      this.believed = step; // a later part, or a state that was given
+    }
     this.state = state;
     this.step = step;
     this.states += 1;
@@ -239,7 +252,7 @@ class Follower {
       throw damaged(`a summary of step ${step} does not follow its state`);
     }
     const energies = this.stepper.energies(this.state);
-    for (const [name, field] of [["kinetic", 4], ["potential", 5], ["dissipated", 10]]) {
+    for (const [name, field] of [["kinetic", 4], ["potential", 5], ["dissipated", 10], ["driven", DRIVEN]]) {
       compare(step, `${name} energy`, number(fields, field), energies[name] + 0); // −0 is written as 0
     }
   }
@@ -279,7 +292,8 @@ function checkRecording(path, decompressHandlers) {
   if (follower === undefined) {
     throw damaged("not a recording: it has no manifest");
   }
-  const note = finished ? "" : " (an unfinished recording)";
+  const begin = follower.believed === undefined ? "" : `, from step ${follower.believed} on, which is believed`;
+  const note = `${begin}${finished ? "" : " (an unfinished recording)"}`;
   return (follower.states === 0 ? "no states" : `${follower.states} states, equal`) + note;
 }
 
@@ -309,7 +323,7 @@ function checkPage(path) {
   }
   const array = (texts) => Float64Array.from(texts ?? [], fromHex);
   const wall = (texts) => {
-    if (texts === null) {
+    if (!texts) {
       return undefined;
     }
     const [stiffness, restOverlap, restForce, damping] = array(texts);
@@ -321,16 +335,24 @@ function checkPage(path) {
     physics.damping = of.damping === null ? undefined : { [of.damping]: {} };
     const chain = {
       ...{ mass: array(of.m), stiffness: array(of.k), restOverlap: array(of.rho), restForce: array(of.R) },
-      ...{ damping: array(of.eta), leftWall: wall(of.left_wall), rightWall: wall(of.right_wall) },
+      ...{ damping: array(of.eta), leftWall: wall(of.left_wall), rightWall: wall(of.right_wall), ring: wall(of.ring) },
+      terms: (of.terms ?? []).map(({ kind, parameter, k }) => {
+        const [left, ...rest] = array(k); // those of both ends, too
+        const right = rest.pop();
+        return { kind, parameter, stiffness: rest, leftWall: left, rightWall: right, ring: left };
+      }),
+      ...{ onSite: array(of.on_site), onSiteCubic: array(of.on_site_cubic), drag: array(of.drag), dampingPower: of.q },
+      ...{ resonatorMass: array(of.resonator_mass), resonatorStiffness: array(of.resonator_stiffness) },
     };
-    const stepper = new Stepper(physics, chain);
-    const state = stepper.initialState();
+    const stepper = stepperOf(physics, chain);
+    const state = { ...stepper.initialState(), step: 0 };
     of.states.forEach(([u, v, ...extra], step) => {
       if (step > 0) {
         stepper.step(state);
+        state.step = step;
       }
       try {
-        compareStates(step, { u: array(u), v: array(v), extra: array(extra.flat()) }, state);
+        compareStates(step, { u: array(u), v: array(v), extra: array(extra.flat()) }, state, stepper.extraNames);
       } catch (error) {
         throw differs(`chain ${index} (${of.method}), ${error.message}`);
       }

@@ -14,6 +14,7 @@ import fs from "node:fs";
 import { createRequire } from "node:module";
 import zlib from "node:zlib";
 
+import { whyNotChanged, whyNothingChanged } from "../../page/change.js";
 import { bytesOfArray, bytesOfFile, crc32, sha256 } from "../../page/mcap.js";
 import { Recording } from "../../page/recording.js";
 import { decompress } from "../../page/zstd.js";
@@ -172,6 +173,24 @@ function sameChain(ours, theirs) {
   pairs.forEach(([a, b], i) => sameDoubles(a, b, `array ${i} of the chain`));
   assert.deepEqual(wall(ours.leftWall), wall(theirs.left_wall ?? undefined));
   assert.deepEqual(wall(ours.rightWall), wall(theirs.right_wall ?? undefined));
+  // of older recordings, whose schemas do not have these, there is nothing
+  assert.deepEqual(wall(ours.ring), wall(theirs.ring ?? undefined));
+  assert.equal(ours.dampingPower, theirs.damping_power ?? 0);
+  const further = [
+    [ours.onSite, theirs.on_site],
+    [ours.onSiteCubic, theirs.on_site_cubic],
+    [ours.drag, theirs.drag],
+    [ours.resonatorMass, theirs.resonator_mass_kg],
+    [ours.resonatorStiffness, theirs.resonator_stiffness],
+  ];
+  further.forEach(([a, b], i) => sameDoubles(a, b ?? [], `array ${i} of the beads`));
+  assert.equal(ours.terms.length, (theirs.terms ?? []).length);
+  ours.terms.forEach((term, i) => {
+    const its = theirs.terms[i];
+    sameDoubles(term.stiffness, its.stiffness, `term ${i}`);
+    const numbers = [its.kind, its.parameter, its.left_wall, its.right_wall, its.ring];
+    assert.deepEqual([term.kind, term.parameter, term.leftWall, term.rightWall, term.ring], numbers);
+  });
 }
 
 async function checkRecording(path, decompressHandlers) {
@@ -281,7 +300,8 @@ function made({ version = "1.0", physics, provenance, mass = 1, step = [3], time
   const [schema_version, physicsText, provenanceText] = values;
   const run = { checksum, provenance: provenanceText, physics: physicsText, schema_version };
   const field = (number, value) => [Buffer.from([number * 8 + 1]), double(value)];
-  const unknown = [Buffer.from([15 * 8, ...new Array(9).fill(255), 1]), Buffer.from([14 * 8 + 5, 1, 2, 3, 4])];
+  // fields 33 and 34, of a byte more in their tags
+  const unknown = [Buffer.from([136, 2, ...new Array(9).fill(255), 1]), Buffer.from([149, 2, 1, 2, 3, 4])];
   const states = [...u.flatMap((x) => field(4, x)), ...field(3, time_s)];
   const message = (channel, ...parts) => record(5, u16(channel), u32(0), u64(0), u64(0), ...parts);
   const channel = (number, topic) => record(4, u16(number), u16(0), text(topic), text("protobuf"), u32(0));
@@ -299,6 +319,23 @@ function made({ version = "1.0", physics, provenance, mass = 1, step = [3], time
   return new Uint8Array(Buffer.concat([...head, chunk, end, record(15, u32(0)), footer, magic]));
 }
 
+/** One thing is changed in plain chains, and in no others. */
+function checkChanges() {
+  const plain = { ends: { left: "free", right: "fixed" }, striker: { bead: 0, velocity_m_s: 5 }, method: "rk5" };
+  assert.equal(whyNothingChanged(plain), "");
+  for (const [more, name] of [
+    [{ drives: [] }, /drives/],
+    [{ initial: {} }, /initial/],
+    [{ bonds: { linear: 1 } }, /bonds/],
+    [{ strikers: [] }, /strikers/],
+    [{ ends: { left: "periodic", right: "periodic" } }, /periodic/],
+    [{ damping: { kuwabara_kono_s: 1 } }, /damping\.kuwabara_kono_s/],
+    [{ weather: 1 }, /weather/],
+  ]) {
+    assert.match(whyNotChanged({ what: "speed", bead: 0, value: 1 }, { ...plain, ...more }), name);
+  }
+}
+
 async function checkMade() {
   const { states, recording } = await readAll(made());
   assert.deepEqual(recording.notes, []);
@@ -308,6 +345,7 @@ async function checkMade() {
   assert.deepEqual(states, [
     { step: 3, time_s: 3, u: Float64Array.of(1, 2), v: Float64Array.of(1, 9), extra: new Float64Array(0) },
   ]);
+  checkChanges();
   const later = await readAll(made({ version: "1.7", provenance: { weather: 1 } }));
   assert.match(later.recording.notes[0], /1\.7/);
   const wrong = [
@@ -315,6 +353,8 @@ async function checkMade() {
     [{ provenance: { weather: 1 } }, /"weather"/],
     [{ physics: { weather: 1 } }, /"weather"/],
     [{ version: "1.7", physics: { striker: { bead: 0, velocity_m_s: 5, spin: 1 } } }, /"striker\.spin"/],
+    [{ physics: { drives: [{ wall: "left", force_n: { sawtooth: { amplitude: 1 } } }] } }, /"drives\.force_n\.sawtooth"/],
+    [{ physics: { damping: { weather: 1 } } }, /"damping\.weather"/],
     [{ physics: { beads: 3 } }, /not one of 3 beads/],
     [{ physics: { beads: 1e9 } }, /impossible beads/],
     [{ physics: { dt_s: "1" } }, /impossible dt_s/],

@@ -108,7 +108,16 @@ def check_message(channel, message, decoded, checks):
     checks.expect(message.log_time == log_time, what)
 
 
-def check_state(state, physics, provenance, checks):
+def extra_count(physics, chain):
+    """How many further values a state has for each bead."""
+    terms = 4 if physics["method"] == "gear5" else 0
+    # the schemas of older recordings do not have these
+    resonators = 2 if len(getattr(chain, "resonator_mass_kg", ())) else 0
+    is_damped = "damping" in physics or len(getattr(chain, "drag", ())) > 0
+    return terms + resonators + is_damped + bool(physics.get("drives"))
+
+
+def check_state(state, physics, chain, provenance, checks):
     where = f"/state of step {state.step}"
     checks.expect(state.HasField("frame"), f"{where}: no frame")
     every, beads = provenance["publish_every_steps"], physics["beads"]
@@ -117,6 +126,8 @@ def check_state(state, physics, provenance, checks):
     checks.expect(bits(state.time_s) == bits(state.step * physics["dt_s"]), f"{where}: time {state.time_s}")
     lengths = (len(state.displacement_m), len(state.velocity_m_s))
     checks.expect(lengths == (beads, beads), f"{where}: {lengths} values, {beads} beads")
+    extra = beads * extra_count(physics, chain)
+    checks.expect(len(state.extra) == extra, f"{where}: {len(state.extra)} further values instead of {extra}")
 
 
 def check_summary(summary, state, physics, checks):
@@ -225,7 +236,7 @@ def main(path, table_path=None, unfinished=False):
     table = Table(table_path) if table_path else None
     if table:
         checks.expect(table.columns, f"{table_path} has no column u_<bead>_m or v_<bead>_m_s")
-    steps, compared, state, topics, results = [], 0, None, {}, Results()
+    steps, compared, state, chain, topics, results = [], 0, None, None, {}, Results()
     with open(path, "rb") as stream:
         messages, message_count = read_decoded(stream, unfinished)
         for schema, channel, message, decoded in messages:
@@ -233,6 +244,7 @@ def main(path, table_path=None, unfinished=False):
             checks.expect(SCHEMAS.get(channel.topic) == schema.name, f"{channel.topic}: {schema.name}")
             check_message(channel, message, decoded, checks)
             if channel.topic == "/chain":
+                chain = decoded
                 arrays = [decoded.mass_kg, decoded.stiffness, decoded.rest_overlap_m, decoded.rest_force_n]
                 beads = physics["beads"]
                 lengths = [len(array) for array in arrays]
@@ -240,7 +252,7 @@ def main(path, table_path=None, unfinished=False):
             elif channel.topic == "/state":
                 state = decoded
                 steps.append(state.step)
-                check_state(state, physics, provenance, checks)
+                check_state(state, physics, chain, provenance, checks)
                 compared += table.compare(state, checks) if table else 0
             elif channel.topic == "/summary":
                 check_summary(decoded, state, physics, checks)

@@ -19,6 +19,7 @@ import zlib
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 1, 2, 3, 4, 5, 6, 7
 ATTACHMENT, METADATA, DATA_END = 9, 12, 15
+DRAG, RESONATORS = 13, 14  # fields of /chain
 
 
 class Wrong(Exception):
@@ -134,7 +135,7 @@ class Recording:
         expect(self.file.startswith(MAGIC), "no MCAP file")
         self.closed = len(self.file) > 16 and self.file.endswith(MAGIC)
         self.channels, self.counts, self.states = {}, {}, []
-        self.end, self.finished, self.manifest = None, False, None
+        self.end, self.finished, self.manifest, self.of_chain = None, False, None, set()
         data_end = None
         stop = len(self.file) - (8 if self.closed else 0)
         for number, (opcode, body, offset) in enumerate(records(self.file, 8, stop)):
@@ -183,6 +184,8 @@ class Recording:
             fields.take(4 + 8 + 8)  # sequence, log time, publish time
             topic = self.channels[number]
             self.counts[topic] = self.counts.get(topic, 0) + 1
+            if topic == "/chain":
+                self.of_chain = {number for number, _, value in message_fields(body[fields.at :]) if value}
             if topic == "/state":
                 self.read_state(body[fields.at :])
         elif opcode == ATTACHMENT:
@@ -199,7 +202,9 @@ class Recording:
         expect(state["time_s"] == struct.pack("<d", step * physics["dt_s"]), f"the time of step {step}")
         expect(len(state[4]) == len(state[5]) == 8 * beads, f"the length of step {step}")
         extra = 4 if physics["method"] == "gear5" else 0
-        extra += 1 if physics.get("damping") else 0
+        extra += 2 if RESONATORS in self.of_chain else 0
+        extra += 1 if physics.get("damping") or DRAG in self.of_chain else 0
+        extra += 1 if physics.get("drives") else 0
         expect(len(state[6]) == 8 * beads * extra, f"the further values of step {step}")
         every = self.manifest["provenance"]["publish_every_steps"]
         if state["frame"] is not None:
