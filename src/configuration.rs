@@ -96,7 +96,11 @@ pub(crate) fn configure<'a>(args: impl Into<Asked<'a>>) -> Result<Configured, Fa
             notice!("{}: the run is called {name}", path.display());
         }
     }
-    let toml = if config == written || replaced.is_empty() && chosen.is_none() { text } else { overridden(args, &config, chosen.as_deref()) };
+    let toml = if config == written || replaced.is_empty() && chosen.is_none() {
+        text
+    } else {
+        overridden(args, &config, chosen.as_deref())
+    };
     Ok(Configured { manifest, toml, duration_s: config.time.duration_s })
 }
 

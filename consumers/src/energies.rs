@@ -103,7 +103,11 @@ pub struct EnergyOutcome {
 impl EnergyOutcome {
     /// How far the energies of the last frame may be off for the time step (J), unless energy is just crossing.
     pub fn step_error_j(&self) -> f64 {
-        step_error_j(self.last.total_j + self.last.dissipated_j - self.last.driven_j, self.max_abs_drift, self.beads)
+        step_error_j(
+            self.last.total_j + self.last.dissipated_j - self.last.driven_j,
+            self.max_abs_drift,
+            self.beads,
+        )
     }
 }
 

@@ -3,8 +3,8 @@
 use schemas::chain::Chain;
 use schemas::frame::Frame;
 
-/// The energy (J) of each bead in `frame`, N values: `½·m·v²`, half the potential energy of each contact with another bead, and all
-/// of that of the contact with a wall. In a loaded chain potential energies are those beyond rest ([`Chain::contact_energies_j`]).
+/// The energy (J) of each bead in `frame`, N values: `½·m·v²`, half the potential energy of each contact with another bead, all
+/// of that of the contact with a wall, of the spring at its place, and of its resonator. In a loaded chain potential energies are those beyond rest ([`Chain::contact_energies_j`]).
 /// The sum over the beads is the total energy of the chain, but for rounding.
 pub fn bead_energies_j(chain: &Chain, frame: &Frame<'_>) -> Vec<f64> {
     let mut contact_j = vec![0.0; chain.contact_count()];
@@ -15,10 +15,16 @@ pub fn bead_energies_j(chain: &Chain, frame: &Frame<'_>) -> Vec<f64> {
         bead_j[contact] += 0.5 * energy_j;
         bead_j[contact + 1] += 0.5 * energy_j;
     }
-    let [left_j, right_j] = chain.wall_energies_j(frame.u_m);
+    let [left_j, right_j] = chain.wall_energies_j(frame.u_m, frame.extra);
     let last = bead_j.len() - 1;
-    bead_j[0] += left_j;
-    bead_j[last] += right_j;
+    // the contact that closes a ring stands in the place of the left wall
+    bead_j[0] += if chain.is_ring { 0.5 * left_j } else { left_j };
+    bead_j[last] += if chain.is_ring { 0.5 * left_j } else { right_j };
+    if !chain.sites.is_none() {
+        for (bead, energy_j) in bead_j.iter_mut().enumerate() {
+            *energy_j += chain.sites_energy(frame.u_m, frame.extra, bead..bead + 1).total_j();
+        }
+    }
     bead_j
 }
 

@@ -98,9 +98,7 @@ impl Drives {
         if s == 0.0 {
             return 0.0;
         }
-        let part = |i: usize| {
-            WEIGHTS[i] * drive.waveform.value(Moment::new(step, self.dt_s, s * NODES[i]))
-        };
+        let part = |i: usize| WEIGHTS[i] * drive.waveform.value(Moment::new(step, self.dt_s, s * NODES[i]));
         s * (part(0) + part(1) + part(2))
     }
 }

@@ -12,6 +12,7 @@ mod sweep;
 use crate::aligned::aligned;
 use aligned_vec::{AVec, CACHELINE_ALIGN, avec};
 use damped::Damped;
+pub(crate) use moving::Motion;
 use pulp::Arch;
 use schemas::chain::{Chain, Walls};
 use schemas::contact::{BLOCK, ContactLaw};
@@ -19,7 +20,6 @@ use schemas::simd::{ordered_sum, vectorized};
 use schemas::sites::Sites;
 use schemas::term::Term;
 use std::ops::Range;
-pub(crate) use moving::Motion;
 pub(crate) use sweep::{Pass, TILE};
 
 /// The beads that may differ from rest: all others have zero bits in `u` and `v`.

@@ -71,7 +71,13 @@ impl Runge {
         let drives = Drives::of(&physics.drives, physics.dt_s);
         let zeros = |is_there: bool| vec![0.0; if is_there { beads } else { 0 }];
         let values = || Values {
-            arrays: [zeros(true), zeros(true), zeros(rows.resonators), zeros(rows.resonators), zeros(rows.work)],
+            arrays: [
+                zeros(true),
+                zeros(true),
+                zeros(rows.resonators),
+                zeros(rows.resonators),
+                zeros(rows.work),
+            ],
             works_j: vec![0.0; physics.drives.len()],
         };
         Self {
@@ -150,7 +156,8 @@ impl Runge {
         let arch = self.kernel.arch();
         for (array, from) in there.into_iter().zip(rows) {
             let (from, to) = (&from[beads.clone()], &mut self.at.arrays[array][beads.clone()]);
-            let slopes: [&[f64]; STAGES] = std::array::from_fn(|s| &self.slopes[s].arrays[array][beads.clone()]);
+            let slopes: [&[f64]; STAGES] =
+                std::array::from_fn(|s| &self.slopes[s].arrays[array][beads.clone()]);
             let dt_s = self.dt_s;
             vectorized(
                 arch,
@@ -238,7 +245,8 @@ impl Runge {
         }
         if self.rows.work {
             for i in beads.clone() {
-                let drag_w = if sites.has_drag() { sites.drag_n_s_per_m[i] * (v_m_s[i] * v_m_s[i]) } else { 0.0 };
+                let drag_w =
+                    if sites.has_drag() { sites.drag_n_s_per_m[i] * (v_m_s[i] * v_m_s[i]) } else { 0.0 };
                 dwork[i] = self.power_w[i] + drag_w;
             }
         }
@@ -284,7 +292,8 @@ fn add_slopes(
 ) {
     let n = to.len();
     let from = &from[..n];
-    let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|k| used.get(k).map_or((0.0, from), |s| (weights[*s], &slopes[*s][..n])));
+    let [a, b, c, d, e] =
+        [0, 1, 2, 3, 4].map(|k| used.get(k).map_or((0.0, from), |s| (weights[*s], &slopes[*s][..n])));
     match used.len() {
         1 => (0..n).for_each(|i| to[i] = from[i] + dt_s * (a.0 * a.1[i])),
         2 => (0..n).for_each(|i| to[i] = from[i] + dt_s * (a.0 * a.1[i] + b.0 * b.1[i])),
@@ -293,7 +302,8 @@ fn add_slopes(
             to[i] = from[i] + dt_s * (a.0 * a.1[i] + b.0 * b.1[i] + c.0 * c.1[i] + d.0 * d.1[i]);
         }),
         _ => (0..n).for_each(|i| {
-            to[i] = from[i] + dt_s * (a.0 * a.1[i] + b.0 * b.1[i] + c.0 * c.1[i] + d.0 * d.1[i] + e.0 * e.1[i]);
+            to[i] =
+                from[i] + dt_s * (a.0 * a.1[i] + b.0 * b.1[i] + c.0 * c.1[i] + d.0 * d.1[i] + e.0 * e.1[i]);
         }),
     }
 }

@@ -1,7 +1,7 @@
 //! The resolved chain: one number for each bead and each contact, and sums over them.
 
 use crate::contact::{ContactLaw, Power, PowerUser, evaluate};
-use crate::damping::ContactDamping;
+use crate::damping::{ContactDamping, Damping};
 use crate::excess::{AtRest, Excess};
 use crate::rows::Rows;
 use crate::simd::{ordered_sum, vectorized};
@@ -220,6 +220,22 @@ impl Chain {
         })
     }
 
+    /// Force (N) with which a contact pushes, that at rest included, of its `elastic_n` (N), where it overlaps by `overlap_m` (m), which
+    /// grows by `rate_m_s` (m/s), and has the damping coefficient `coefficient`.
+    pub fn damped_n(&self, elastic_n: f64, overlap_m: f64, rate_m_s: f64, coefficient: f64) -> f64 {
+        let Some(damping) = &self.damping else { return elastic_n };
+        if !self.is_bonded && overlap_m <= self.law.zero_up_to_m() {
+            return 0.0;
+        }
+        let factor = match (damping.kind, damping.kind.raised(self.law.alpha())) {
+            (_, Some(raised)) => raised.force(1.0, overlap_m) / overlap_m,
+            (Damping::Restitution(_), None) => (self.law.force(1.0, overlap_m) / overlap_m).sqrt(),
+            _ => 1.0,
+        };
+        let force_n = elastic_n + coefficient * factor * rate_m_s;
+        if self.is_bonded || force_n > 0.0 { force_n } else { 0.0 }
+    }
+
     /// Slope dF/dδ (N/m) of each contact at rest, N − 1 values.
     pub fn tangents_n_per_m(&self) -> Vec<f64> {
         let tangent = |c: usize| {
@@ -240,8 +256,8 @@ impl Chain {
         })
     }
 
-    /// The left wall (0) or the right one.
-    fn wall(&self, side: usize) -> &Wall {
+    /// The left wall (0), or the contact that closes a ring, or the right one (1).
+    pub fn wall(&self, side: usize) -> &Wall {
         if side == 0 { &self.walls.left } else { &self.walls.right }
     }
 
@@ -330,6 +346,12 @@ impl Chain {
         }
         let [left_m, right_m] = self.walls_m(extra);
         [left_m - u_m[0], u_m[u_m.len() - 1] - right_m]
+    }
+
+    /// How fast (m/s) the end beads come nearer to walls that stand still; in a ring, the last bead to the first one.
+    pub fn wall_approach_rates_m_s(&self, v_m_s: &[f64]) -> [f64; 2] {
+        let last_m_s = v_m_s[v_m_s.len() - 1];
+        if self.is_ring { [last_m_s - v_m_s[0], 0.0] } else { [-v_m_s[0], last_m_s] }
     }
 
     /// The displacements (m) of the left and of the right wall in a state with this `extra`: 0 if nothing moves them.

@@ -470,7 +470,9 @@ impl RunConfig {
             || [self.ends.left, self.ends.right].contains(&End::Absorbing);
         match self.damping {
             None if !is_slowed => IntegratorConfig::default().method,
-            Some(DampingConfig::ViscousNSPerM(_) | DampingConfig::Restitution(_)) if self.is_plain() => Method::Gear5,
+            Some(DampingConfig::ViscousNSPerM(_) | DampingConfig::Restitution(_)) if self.is_plain() => {
+                Method::Gear5
+            }
             _ => Method::Rk5,
         }
     }

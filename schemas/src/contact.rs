@@ -93,7 +93,7 @@ impl ContactLaw {
         self.force(stiffness, overlap_m) * self.closed_m(overlap_m) / (self.alpha + 1.0)
     }
 
-    /// Slope dF/dδ (N/m) of a contact: `k·α·δ^(α−1)`, also at δ = 0 where α = 1; 0 in an open contact.
+    /// Slope dF/dδ (N/m) of a contact: `k·α·δ^(α−1)`; 0 where it is not pressed, and has no slope on both sides of δ = 0.
     pub fn tangent(&self, stiffness: f64, overlap_m: f64) -> f64 {
         let closed_m = self.closed_m(overlap_m);
         if closed_m > 0.0 { stiffness * self.alpha * (self.power_of(closed_m) / closed_m) } else { 0.0 }

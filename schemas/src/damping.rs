@@ -126,7 +126,8 @@ impl Damping {
             }
             Self::KuwabaraKonoS(time_s) if (1e-100..=1e100).contains(&time_s) => Ok(()),
             Self::KuwabaraKonoS(time_s) => {
-                let allowed = "a positive time A of F = k·(δ^α + α·A·δ^(α−1)·dδ/dt) in s; leave [damping] out for none";
+                let allowed =
+                    "a positive time A of F = k·(δ^α + α·A·δ^(α−1)·dδ/dt) in s; leave [damping] out for none";
                 Err(ConfigError::number("damping.kuwabara_kono_s", time_s, allowed))
             }
             Self::Power(PowerDamping { coefficient, exponent }) => {
@@ -137,7 +138,8 @@ impl Damping {
                 if (1e-100..=1e100).contains(&coefficient) {
                     return Ok(());
                 }
-                let allowed = "a positive number of N·s/m^(1+p), 1e-100 to 1e100; leave [damping] out for none";
+                let allowed =
+                    "a positive number of N·s/m^(1+p), 1e-100 to 1e100; leave [damping] out for none";
                 Err(ConfigError::number("damping.power.coefficient", coefficient, allowed))
             }
             Self::Restitution(Restitution { coefficient, damping_ratio }) => {

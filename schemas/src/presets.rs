@@ -1,8 +1,8 @@
 //! Ready-made configurations: the runs of the paper, and an example of each thing beyond it.
 
 use crate::config::{
-    ChainConfig, DampingConfig, End, EndsConfig, Impurity, Initial, IntegratorConfig, LoadConfig, MassRule, OnSite, RunConfig,
-    StiffnessRule, StreamConfig, StrikerConfig, TimeConfig,
+    ChainConfig, DampingConfig, End, EndsConfig, Impurity, Initial, IntegratorConfig, LoadConfig, MassRule,
+    OnSite, RunConfig, StiffnessRule, StreamConfig, StrikerConfig, TimeConfig,
 };
 use crate::method::Method;
 

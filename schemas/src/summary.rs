@@ -74,7 +74,9 @@ impl Summarizer {
             driven_j,
             relative_drift: match self.driven_at_least_j {
                 None => relative_drift(energy.total_j() + lost_j, self.initial_j),
-                Some(least_j) => driven_drift(energy.total_j() + dissipated_j, driven_j, self.initial_j, least_j),
+                Some(least_j) => {
+                    driven_drift(energy.total_j() + dissipated_j, driven_j, self.initial_j, least_j)
+                }
             },
             front_bead: self.front_bead(frame.v_m_s),
             impurities: self.impurities.iter().map(|bead| bead_state(frame, *bead)).collect(),
@@ -154,7 +156,8 @@ impl Drift {
             .fold(0.0, |largest: f64, energy_j| if energy_j > largest { energy_j } else { largest });
         // a wave of the energy E0 changes the overlap δ of a contact under the force F by √(2·E0·δ/(α·F))
         let driven_at_least_j = driven_at_least_j(physics);
-        let measure_j = driven_at_least_j.map_or(initial_j, |least_j| if least_j > initial_j { least_j } else { initial_j });
+        let measure_j = driven_at_least_j
+            .map_or(initial_j, |least_j| if least_j > initial_j { least_j } else { initial_j });
         let of_wave = (physics.alpha * at_rest_j / (2.0 * measure_j)).sqrt();
         let of_piston = piston.map_or(1.0, |piston| initial_j / piston.median_j);
         Self { initial_j, rounding: 0.5 * f64::EPSILON * (of_wave + of_piston), piston, driven_at_least_j }

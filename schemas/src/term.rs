@@ -73,11 +73,7 @@ impl TermLaw {
             }
             Self::Toda(b) => {
                 let x = b * a;
-                let shape = if x.abs() <= 0.34 {
-                    a * a * q2(x)
-                } else {
-                    (exp_m1(x) / b - a) / b
-                };
+                let shape = if x.abs() <= 0.34 { a * a * q2(x) } else { (exp_m1(x) / b - a) / b };
                 stiffness * (exp_m1(b * rest_m) + 1.0) * shape
             }
         }

@@ -10,7 +10,16 @@ const CONTENTS: [(&str, &[&str]); 7] = [
     (
         "Analyse, while a run goes or from its recording",
         &[
-            "energies", "impurity", "contacts", "pulses", "spreading", "deformation", "forces", "spectrum", "modes", "plot",
+            "energies",
+            "impurity",
+            "contacts",
+            "pulses",
+            "spreading",
+            "deformation",
+            "forces",
+            "spectrum",
+            "modes",
+            "plot",
         ],
     ),
     ("Look", &["view", "share", "top", "ls"]),

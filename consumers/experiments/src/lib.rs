@@ -13,5 +13,5 @@ pub mod pool;
 mod prepare;
 pub mod row;
 
-pub use prepare::prepared;
 pub use columns::{ERROR_COLUMN, columns};
+pub use prepare::prepared;

@@ -36,20 +36,13 @@ fn fastest(physics: &Physics, chain: &Chain) -> f64 {
 /// A third of the shortest period of sound in a loaded chain, 2π/(2·√(K/m)) with K = α·k·δ^(α−1): a cosine is above half
 /// of its maximum for that long.
 fn shortest_of_sound_s(chain: &Chain) -> Option<f64> {
-    let tangents = tangents_n_per_m_of(chain);
+    let tangents = chain.tangents_n_per_m();
     let squares = tangents.iter().zip(chain.mass_kg.windows(2)).map(|(tangent, masses)| {
         let lighter = if masses[0] < masses[1] { masses[0] } else { masses[1] };
         tangent / lighter
     });
     let fastest = squares.fold(0.0_f64, |most, square| if square > most { square } else { most });
     (fastest > 0.0).then(|| std::f64::consts::FRAC_PI_3 / fastest.sqrt())
-}
-
-/// dF/dδ of each contact at rest (N/m), N − 1 values.
-fn tangents_n_per_m_of(chain: &Chain) -> Vec<f64> {
-    let alpha = chain.law.alpha();
-    let rests = chain.stiffness.iter().zip(&chain.rest_overlap_m);
-    rests.map(|(k, rest)| if *rest > 0.0 { alpha * k * rest.powf(alpha - 1.0) } else { 0.0 }).collect()
 }
 
 #[cfg(test)]

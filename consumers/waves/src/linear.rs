@@ -1,7 +1,6 @@
 //! A chain as a linear system about its equilibrium.
 
-use schemas::chain::{Chain, Wall};
-use schemas::contact::ContactLaw;
+use schemas::chain::Chain;
 
 /// Masses and the springs that contacts, walls and sites are for small motions about the equilibrium.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,25 +46,35 @@ impl LinearChain {
     /// # Errors
     /// When a contact or a wall is not compressed at rest.
     pub fn of(chain: &Chain) -> Result<Self, NotLinear> {
-        let contact_n_per_m = tangents_of(chain);
-        let wall_n_per_m = wall_tangents_of(chain);
+        let contact_n_per_m = chain.tangents_n_per_m();
+        let mut wall_n_per_m = chain.wall_tangents_n_per_m();
         let refused = |place: String| Err(NotLinear { place });
-        if let Some(contact) = contact_n_per_m.iter().position(|tangent| *tangent <= 0.0) {
+        let is_open =
+            |c: usize| contact_n_per_m[c] <= 0.0 && chain.rest_overlap_m[c] >= 0.0 && !chain.is_bonded;
+        if let Some(contact) = (0..contact_n_per_m.len()).find(|contact| is_open(*contact)) {
             return refused(format!("contact {contact}"));
         }
         let walls = [("left", chain.walls.left), ("right", chain.walls.right)];
         for ((side, wall), tangent) in walls.into_iter().zip(wall_n_per_m) {
-            if wall.stiffness > 0.0 && tangent <= 0.0 {
+            if wall.is_there && tangent <= 0.0 && !chain.is_bonded {
                 return refused(format!("the contact with the {side} wall"));
             }
         }
+        let sites = &chain.sites;
+        let ring_n_per_m = if chain.is_ring { std::mem::take(&mut wall_n_per_m[0]) } else { 0.0 };
+        let on_site = &sites.linear_n_per_m;
+        let resonators = sites.resonator_kg.iter().zip(&sites.resonator_n_per_m);
+        let resonator = |(mass_kg, stiffness_n_per_m): (&f64, &f64)| Resonator {
+            mass_kg: *mass_kg,
+            stiffness_n_per_m: *stiffness_n_per_m,
+        };
         Ok(Self {
             mass_kg: chain.mass_kg.clone(),
             contact_n_per_m,
             wall_n_per_m,
-            on_site_n_per_m: vec![0.0; chain.bead_count()],
-            ring_n_per_m: 0.0,
-            resonators: Vec::new(),
+            on_site_n_per_m: if on_site.is_empty() { vec![0.0; chain.bead_count()] } else { on_site.clone() },
+            ring_n_per_m,
+            resonators: resonators.map(resonator).collect(),
         })
     }
 
@@ -95,31 +104,11 @@ impl LinearChain {
     }
 }
 
-/// dF/dδ of a contact (N/m) that overlaps by `overlap_m` at rest: `α·k·δ^(α−1)`.
-fn tangent(law: &ContactLaw, stiffness: f64, overlap_m: f64) -> f64 {
-    if overlap_m > law.zero_up_to_m() {
-        law.alpha() * law.force(stiffness, overlap_m) / overlap_m
-    } else {
-        0.0
-    }
-}
-
-/// dF/dδ of each contact at rest (N/m), N − 1 values.
-fn tangents_of(chain: &Chain) -> Vec<f64> {
-    let contacts = chain.stiffness.iter().zip(&chain.rest_overlap_m);
-    contacts.map(|(stiffness, overlap_m)| tangent(&chain.law, *stiffness, *overlap_m)).collect()
-}
-
-/// The same of the contacts with both walls; 0 at a free end.
-fn wall_tangents_of(chain: &Chain) -> [f64; 2] {
-    [chain.walls.left, chain.walls.right]
-        .map(|Wall { stiffness, rest_overlap_m, .. }| tangent(&chain.law, stiffness, rest_overlap_m))
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use schemas::chain::Walls;
+    use schemas::chain::{Wall, Walls};
+    use schemas::contact::ContactLaw;
 
     /// `count` beads that alternate between `masses`, springs of `k`, walls of `walls` or free ends.
     pub(crate) fn chain(count: usize, masses: &[f64], k: f64, walls: f64) -> LinearChain {

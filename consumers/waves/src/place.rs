@@ -1,8 +1,6 @@
 //! Places of a chain where a sensor may be, and what it reads there.
 
 use schemas::chain::{Chain, Wall};
-use schemas::contact::ContactLaw;
-use schemas::damping::{Damping, damped_force};
 use schemas::frame::Frame;
 use std::fmt;
 use std::str::FromStr;
@@ -75,7 +73,7 @@ impl Place {
             Self::Contact(contact) if contact >= chain.contact_count() => {
                 Err(PlaceError::Contact { place: self, last: chain.contact_count() - 1 })
             }
-            Self::Wall(side) if wall(chain, side).stiffness == 0.0 => Err(PlaceError::Wall(self)),
+            Self::Wall(side) if !wall(chain, side).is_there => Err(PlaceError::Wall(self)),
             _ => Ok(self),
         }
     }
@@ -216,43 +214,34 @@ impl Sensors {
     /// The overlap (m) of a contact or a wall, and the rate at which it grows (m/s).
     fn touch(&self, frame: &Frame<'_>, place: Place) -> (f64, f64) {
         let (u, v) = (frame.u_m, frame.v_m_s);
-        let [left_m, right_m] = self.chain.wall_approaches_m(u);
         match place {
             Place::Contact(contact) | Place::Bead(contact) => {
                 (self.chain.overlap_m(u, contact), v[contact] - v[contact + 1])
             }
-            Place::Wall(Side::Left) => (self.chain.walls.left.overlap_m(left_m), -v[0]),
-            Place::Wall(Side::Right) => (self.chain.walls.right.overlap_m(right_m), v[v.len() - 1]),
+            Place::Wall(side) => {
+                let side = usize::from(side == Side::Right);
+                let approach_m = self.chain.wall_approaches_m(u, frame.extra)[side];
+                let rate_m_s = self.chain.wall_approach_rates_m_s(v)[side];
+                (self.chain.wall(side).overlap_m(approach_m), rate_m_s)
+            }
         }
     }
 
     fn contact_force_n(&self, frame: &Frame<'_>, place: Place) -> f64 {
         let (overlap_m, rate_m_s) = self.touch(frame, place);
         let damping = self.chain.damping.as_ref();
-        let (stiffness, coefficient) = match place {
-            Place::Contact(contact) | Place::Bead(contact) => {
-                (self.chain.stiffness[contact], damping.map(|damping| damping.coefficient[contact]))
-            }
+        let (elastic_n, coefficient) = match place {
+            Place::Contact(contact) | Place::Bead(contact) => (
+                self.chain.contact_force_n(frame.u_m, contact),
+                damping.map_or(0.0, |damping| damping.coefficient[contact]),
+            ),
             Place::Wall(side) => {
-                let end = usize::from(side == Side::Right);
-                (wall(&self.chain, side).stiffness, damping.map(|damping| damping.wall_coefficient[end]))
+                let side = usize::from(side == Side::Right);
+                let coefficient = damping.map_or(0.0, |damping| damping.wall_coefficient[side]);
+                (self.chain.wall_forces_n(frame.u_m, frame.extra)[side], coefficient)
             }
         };
-        let law: &ContactLaw = &self.chain.law;
-        let elastic_n = law.force(stiffness, overlap_m);
-        let (Some(damping), Some(coefficient)) = (damping, coefficient) else { return elastic_n };
-        if overlap_m <= law.zero_up_to_m() || stiffness == 0.0 {
-            return elastic_n;
-        }
-        let power = law.force(1.0, overlap_m);
-        match damping.kind {
-            Damping::Restitution(_) => {
-                damped_force::<true>(elastic_n, power, overlap_m, coefficient, rate_m_s)
-            }
-            Damping::ViscousNSPerM(_) => {
-                damped_force::<false>(elastic_n, power, overlap_m, coefficient, rate_m_s)
-            }
-        }
+        self.chain.damped_n(elastic_n, overlap_m, rate_m_s, coefficient)
     }
 }
 

@@ -167,9 +167,12 @@ fn momentum_is_conserved() {
 /// velocity Verlet (0.12·(dt/T)², α = 1.5), and 1e-6 for rkn4 at its default step.
 #[test]
 fn energy_drift_is_what_the_reference_says() {
-    for (method, bound) in
-        [(Method::VelocityVerlet, 0.13 * 0.0025 * 0.0025), (Method::Rkn4, 1e-7), (Method::Gear5, 2e-7), (Method::Rk5, 1e-7)]
-    {
+    for (method, bound) in [
+        (Method::VelocityVerlet, 0.13 * 0.0025 * 0.0025),
+        (Method::Rkn4, 1e-7),
+        (Method::Gear5, 2e-7),
+        (Method::Rk5, 1e-7),
+    ] {
         let physics = physics(|c| {
             c.chain.impurities.clear();
             c.integrator.method = method;

@@ -38,17 +38,27 @@ impl Kernel {
         }
         let [elastic, raised] = &mut self.scratch;
         let elastic = &mut elastic[contacts.start + 1..=contacts.end];
-        let rest = &self.rest.get_or_insert_with(|| Rest {
-            overlap_m: vec![0.0; count - 1],
-            force_n: vec![0.0; count - 1],
-        });
-        let (u_m, v_m_s) = (&motion.u_m[contacts.start..=contacts.end], &motion.v_m_s[contacts.start..=contacts.end]);
+        let rest = &self
+            .rest
+            .get_or_insert_with(|| Rest { overlap_m: vec![0.0; count - 1], force_n: vec![0.0; count - 1] });
+        let (u_m, v_m_s) =
+            (&motion.u_m[contacts.start..=contacts.end], &motion.v_m_s[contacts.start..=contacts.end]);
         let (law, terms) = (&self.law, &self.terms[..]);
         let stiffness = &self.stiffness[contacts.clone()];
         vectorized(
             self.arch,
             #[inline(always)]
-            || law.with_power(Elastic { u_m, contacts: contacts.clone(), stiffness, rest, terms, law, elastic }),
+            || {
+                law.with_power(Elastic {
+                    u_m,
+                    contacts: contacts.clone(),
+                    stiffness,
+                    rest,
+                    terms,
+                    law,
+                    elastic,
+                })
+            },
         );
         let force = &mut self.force[contacts.start + 1..=contacts.end];
         let rest_force = &rest.force_n[contacts.clone()];
@@ -79,7 +89,14 @@ impl Kernel {
             vectorized(
                 self.arch,
                 #[inline(always)]
-                || raised_law.with_power(Raised { u_m, overlap_m, raised, zero_up_to_m: raised_law.zero_up_to_m() }),
+                || {
+                    raised_law.with_power(Raised {
+                        u_m,
+                        overlap_m,
+                        raised,
+                        zero_up_to_m: raised_law.zero_up_to_m(),
+                    })
+                },
             );
         }
         let coefficient = &damped.contacts.coefficient[contacts.clone()];
@@ -89,7 +106,8 @@ impl Kernel {
             let overlap = (u_m[c] - u_m[c + 1]) + overlap_m[c];
             let rate = v_m_s[c] - v_m_s[c + 1];
             let is_closed = is_bonded || overlap > zero_up_to_m;
-            let known = Known { elastic: elastic[c], raised: raised[c], overlap, rate, coefficient: coefficient[c] };
+            let known =
+                Known { elastic: elastic[c], raised: raised[c], overlap, rate, coefficient: coefficient[c] };
             let (damped_n, power_w) = if is_closed { known.damped(factor, is_bonded) } else { (0.0, 0.0) };
             force[c] = damped_n - rest_force[c];
             power[c] = power_w;
@@ -119,11 +137,8 @@ impl Kernel {
     /// How much nearer the end beads are to the walls, or with `OF_VELOCITIES` how fast they come nearer; of a ring, the last bead
     /// to the first.
     fn approaches(&self, motion: Motion<'_>, of_velocities: bool) -> [f64; 2] {
-        let (values, walls) = if of_velocities {
-            (motion.v_m_s, motion.walls_m_s)
-        } else {
-            (motion.u_m, motion.walls_m)
-        };
+        let (values, walls) =
+            if of_velocities { (motion.v_m_s, motion.walls_m_s) } else { (motion.u_m, motion.walls_m) };
         let last = values.len() - 1;
         if self.is_ring {
             return [values[last] - values[0], 0.0];

@@ -49,7 +49,8 @@ impl Splitting {
         state.v_m_s.iter_mut().for_each(|v| *v += 0.0);
         let [w_m, w_m_s] = others.rows.resonators_of(&state.extra);
         let activity = Activity::of(&state.u_m, &state.v_m_s).including(w_m).including(w_m_s);
-        let activity = others.drives.iter().fold(activity, |activity, drives| drives.widen(activity, state.u_m.len()));
+        let activity =
+            others.drives.iter().fold(activity, |activity, drives| drives.widen(activity, state.u_m.len()));
         self.kernel.restart(activity);
         if let Some(drives) = &others.drives {
             let when = When { step: state.step, after_s: 0.0, is_end: false };
@@ -79,7 +80,9 @@ impl Splitting {
         };
         let moved_net: Vec<f64> = match &others.drives {
             None => Vec::new(),
-            Some(drives) => (0..drives.count()).map(|d| self.net_of_moved(drives, d, others, state)).collect(),
+            Some(drives) => {
+                (0..drives.count()).map(|d| self.net_of_moved(drives, d, others, state)).collect()
+            }
         };
         if self.kernel.sites().is_none() {
             self.kernel.sweep(&[Pass::Kick { kick_s }], &mut state.u_m, &mut state.v_m_s);

@@ -110,7 +110,8 @@ fn a_piston_hides_no_error() {
     let physics = Physics::resolve(&config).unwrap();
     let chain = physics.chain();
     let state = final_state(&Physics { step_count: 400, ..physics.clone() });
-    let energy_j = chain.energy(&state.u_m, &state.v_m_s, &state.extra, &mut vec![0.0; chain.contact_count()]).total_j();
+    let energy_j =
+        chain.energy(&state.u_m, &state.v_m_s, &state.extra, &mut vec![0.0; chain.contact_count()]).total_j();
     let to_all = relative_drift(energy_j, physics.initial_energy().total_j()).abs();
     let to_chain = Drift::new(&physics, &chain).of(energy_j, 0.0, &state.v_m_s).abs();
     assert!(to_chain > 1e3 * to_all, "{to_all:e} {to_chain:e}");

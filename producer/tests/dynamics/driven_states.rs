@@ -33,11 +33,19 @@ fn expected() -> BTreeMap<String, Expected> {
 
 /// The largest error of a run by `method` with the default step over `refined`: of motion in units of `length_m` and `speed_m_s`, of
 /// energies relative to the largest of them. Nothing if the method does not take the forces.
-fn error_of(toml: &str, method: Method, refined: u32, expected: &Expected, length_m: f64, speed_m_s: f64) -> Option<f64> {
+fn error_of(
+    toml: &str,
+    method: Method,
+    refined: u32,
+    expected: &Expected,
+    length_m: f64,
+    speed_m_s: f64,
+) -> Option<f64> {
     let mut config = RunConfig::from_toml(toml).expect("a configuration");
     config.integrator = IntegratorConfig { method };
     let usual = Physics::resolve(&config).ok()?;
-    let (dt_s, _) = usual.whole_steps(config.time.duration_s, Some(usual.dt_s / f64::from(refined))).expect("steps");
+    let (dt_s, _) =
+        usual.whole_steps(config.time.duration_s, Some(usual.dt_s / f64::from(refined))).expect("steps");
     config.time.dt_s = Some(dt_s);
     let physics = Physics::resolve(&config).expect("shorter steps");
     let mut integrator = Integrator::new(&physics);
@@ -49,7 +57,8 @@ fn error_of(toml: &str, method: Method, refined: u32, expected: &Expected, lengt
     let [w_m, w_m_s] = physics.rows().resonators_of(&state.extra);
     let mut worst: f64 = 0.0;
     for (i, bead) in expected.beads.iter().enumerate() {
-        let found = [(&state.u_m[..], length_m), (&state.v_m_s[..], speed_m_s), (w_m, length_m), (w_m_s, speed_m_s)];
+        let found =
+            [(&state.u_m[..], length_m), (&state.v_m_s[..], speed_m_s), (w_m, length_m), (w_m_s, speed_m_s)];
         for (expected, (found, unit)) in bead.iter().zip(found) {
             if let Some(expected) = expected {
                 worst = worst.max(((found[i] - expected) / unit).abs());
@@ -63,7 +72,9 @@ fn error_of(toml: &str, method: Method, refined: u32, expected: &Expected, lengt
         ("potential".to_owned(), energy.potential_j),
         ("dissipated".to_owned(), physics.dissipated_j(&state.extra)),
     ]);
-    found.extend(works.take(physics.drives.len()).enumerate().map(|(d, work_j)| (format!("drive {d}"), *work_j)));
+    found.extend(
+        works.take(physics.drives.len()).enumerate().map(|(d, work_j)| (format!("drive {d}"), *work_j)),
+    );
     let largest = expected.energies_j.values().fold(0.0, |most: f64, j| most.max(j.abs()));
     for (what, expected) in &expected.energies_j {
         worst = worst.max(((found[what] - expected) / largest).abs());

@@ -129,7 +129,8 @@ fn gear5_has_its_order_with_damping() {
         let halves = |x: f64| vec![0.5 * x, -0.5 * x];
         let start = ChainState::starting_at(&physics, &halves(overlap), &halves(rate));
         let chain = physics.chain();
-        let energy_j = |state: &ChainState| chain.energy(&state.u_m, &state.v_m_s, &state.extra, &mut [0.0]).total_j();
+        let energy_j =
+            |state: &ChainState| chain.energy(&state.u_m, &state.v_m_s, &state.extra, &mut [0.0]).total_j();
         let before_j = energy_j(&start);
         let state = state_after(&physics, start);
         let (overlap, rate) = motion(1.2 * physics.scales().time_s);

@@ -68,7 +68,8 @@ impl<'de> Deserialize<'de> for Strikers {
             }
 
             fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Strikers, A::Error> {
-                let mut all = Vec::<StrikerConfig>::deserialize(SeqAccessDeserializer::new(list))?.into_iter();
+                let mut all =
+                    Vec::<StrikerConfig>::deserialize(SeqAccessDeserializer::new(list))?.into_iter();
                 let first = all.next().unwrap_or_default();
                 Ok(Strikers { first, more: all.collect() })
             }

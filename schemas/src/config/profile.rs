@@ -99,12 +99,18 @@ impl<'de> Deserialize<'de> for Profile {
                 Ok(Profile::Same(value))
             }
 
-            #[expect(clippy::cast_precision_loss, reason = "as any whole number that is written for a double")]
+            #[expect(
+                clippy::cast_precision_loss,
+                reason = "as any whole number that is written for a double"
+            )]
             fn visit_i64<E>(self, value: i64) -> Result<Profile, E> {
                 Ok(Profile::Same(value as f64))
             }
 
-            #[expect(clippy::cast_precision_loss, reason = "as any whole number that is written for a double")]
+            #[expect(
+                clippy::cast_precision_loss,
+                reason = "as any whole number that is written for a double"
+            )]
             fn visit_u64<E>(self, value: u64) -> Result<Profile, E> {
                 Ok(Profile::Same(value as f64))
             }

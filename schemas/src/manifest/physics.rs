@@ -12,8 +12,8 @@ mod time_step;
 use super::{KERNEL_VERSION, to_json, usize_of};
 use crate::chain::Energy;
 use crate::config::{
-    Bonds, ConfigError, Disorder, End, EndsConfig, Impurity, Initial, LoadConfig, MassRule, OddContact, OddSphere,
-    OnSite, Profile, Resonators, RunConfig, SecondPower, Spheres, StiffnessRule, StrikerConfig,
+    Bonds, ConfigError, Disorder, End, EndsConfig, Impurity, Initial, LoadConfig, MassRule, OddContact,
+    OddSphere, OnSite, Profile, Resonators, RunConfig, SecondPower, Spheres, StiffnessRule, StrikerConfig,
 };
 use crate::damping::Damping;
 use crate::drive::Drive;

@@ -6,6 +6,7 @@ use page::{LiveFeed, LiveWriter};
 use schemas::chain::{Chain, Wall};
 use schemas::frame::{FrameSource as _, Received};
 use schemas::run_name::RunName;
+use schemas::term::Term;
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -202,14 +203,37 @@ pub(super) fn chain(chain: &Chain) -> Value {
             })
         })
     };
+    let term = |term: &Term| {
+        let (kind, parameter) = term.law.named();
+        let [left, right] = term.wall_stiffness;
+        json!({
+            "kind": kind, "parameter": parameter, "stiffness": term.stiffness,
+            "leftWall": left, "rightWall": right, "ring": left,
+        })
+    };
+    let raised = damping.and_then(|damping| damping.kind.raised(chain.law.alpha()));
+    let sites = &chain.sites;
     let mut all = json!({
         "mass": chain.mass_kg,
         "stiffness": chain.stiffness,
         "restOverlap": chain.rest_overlap_m,
         "restForce": chain.rest_force_n,
         "damping": damping.map(|damping| damping.coefficient.as_slice()).unwrap_or_default(),
+        "dampingPower": raised.map_or(0.0, |law| law.alpha()),
+        "terms": chain.terms.iter().map(term).collect::<Vec<_>>(),
+        "onSite": sites.linear_n_per_m,
+        "onSiteCubic": sites.cubic_n_per_m3,
+        "drag": sites.drag_n_s_per_m,
+        "resonatorMass": sites.resonator_kg,
+        "resonatorStiffness": sites.resonator_n_per_m,
     });
-    for (name, wall) in [("leftWall", wall(chain.walls.left, 0)), ("rightWall", wall(chain.walls.right, 1))] {
+    let (left, right) = (wall(chain.walls.left, 0), wall(chain.walls.right, 1));
+    let ends = if chain.is_ring {
+        [("ring", left), ("rightWall", None)]
+    } else {
+        [("leftWall", left), ("rightWall", right)]
+    };
+    for (name, wall) in ends {
         if let Some(wall) = wall {
             all[name] = wall;
         }

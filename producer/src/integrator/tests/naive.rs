@@ -158,7 +158,8 @@ fn runge_step(physics: &Physics, state: &mut ChainState) {
     let n = chain.bead_count();
     let slopes_at = |y: &[Vec<f64>; 3]| {
         let found = evaluate(&chain, &y[0], &y[1]);
-        let accelerations = found.windows(2).zip(&chain.mass_kg).map(|(pair, m)| 1.0 / m * (pair[0].0 - pair[1].0));
+        let accelerations =
+            found.windows(2).zip(&chain.mass_kg).map(|(pair, m)| 1.0 / m * (pair[0].0 - pair[1].0));
         let powers = found[1..n].iter().map(|contact| contact.1).chain([found[0].1 + found[n].1]);
         [y[1].clone(), accelerations.collect(), powers.collect()]
     };

@@ -78,8 +78,7 @@ impl Physics {
         let reduced_kg = |pair: &[f64]| pair[0] * pair[1] / (pair[0] + pair[1]);
         let coefficient =
             mass_kg.windows(2).zip(stiffness).map(|(pair, k)| at(*k, reduced_kg(pair))).collect();
-        let wall =
-            |wall: &Wall, mass_kg: f64| if wall.is_there { at(wall.stiffness, mass_kg) } else { 0.0 };
+        let wall = |wall: &Wall, mass_kg: f64| if wall.is_there { at(wall.stiffness, mass_kg) } else { 0.0 };
         let [first_kg, last_kg] = [mass_kg[0], mass_kg[mass_kg.len() - 1]];
         let left_kg = if is_ring { reduced_kg(&[last_kg, first_kg]) } else { first_kg };
         let ends = [wall(&walls.left, left_kg), wall(&walls.right, last_kg)];

@@ -23,7 +23,9 @@ impl Physics {
                 terms.extend(stiffness.iter().map(|k| term(TermLaw::Spring(n), k, contacts)));
             }
             let toda = bonds.toda.iter();
-            terms.extend(toda.map(|toda| term(TermLaw::Toda(toda.steepness_per_m), &toda.stiffness, contacts)));
+            terms.extend(
+                toda.map(|toda| term(TermLaw::Toda(toda.steepness_per_m), &toda.stiffness, contacts)),
+            );
         }
         if let Some(alphas) = &self.alphas {
             let alphas = alphas.values(contacts);
@@ -88,7 +90,8 @@ impl Physics {
     /// The drag of each bead (N·s/m): what is asked for, and at an absorbing end one that grows with the cube of the way into it.
     fn drags(&self) -> Vec<f64> {
         let beads = usize_of(self.beads);
-        let mut drag = self.on_site.drag_n_s_per_m.as_ref().map_or(vec![0.0; beads], |drag| drag.values(beads));
+        let mut drag =
+            self.on_site.drag_n_s_per_m.as_ref().map_or(vec![0.0; beads], |drag| drag.values(beads));
         let most = self.ends.absorbing_drag_n_s_per_m.unwrap_or_else(|| self.usual_drag_n_s_per_m());
         let depth = self.absorbing_beads();
         for (end, from) in [(self.ends.left, 0), (self.ends.right, beads - 1)] {

@@ -45,7 +45,11 @@ impl Physics {
         }
         self.check_contacts(contacts)?;
         for (i, striker) in std::iter::once(&self.striker).chain(&self.strikers).enumerate() {
-            let key = if self.strikers.is_empty() { "striker.bead".to_owned() } else { format!("striker[{i}].bead") };
+            let key = if self.strikers.is_empty() {
+                "striker.bead".to_owned()
+            } else {
+                format!("striker[{i}].bead")
+            };
             self.check_bead(&key, striker.bead)?;
         }
         self.check_beyond()?;
@@ -192,8 +196,11 @@ impl Physics {
         for (i, striker) in std::iter::once(&self.striker).chain(&self.strikers).enumerate() {
             let velocity_m_s = striker.velocity_m_s;
             if velocity_m_s != 0.0 && !(1e-100..=1e100).contains(&velocity_m_s.abs()) {
-                let key =
-                    if i == 0 { "striker.velocity_m_s".to_owned() } else { format!("striker[{i}].velocity_m_s") };
+                let key = if i == 0 {
+                    "striker.velocity_m_s".to_owned()
+                } else {
+                    format!("striker[{i}].velocity_m_s")
+                };
                 let allowed = "a velocity of 1e-100 to 1e100 m/s, in either direction";
                 return Err(ConfigError::number(&key, velocity_m_s, allowed));
             }

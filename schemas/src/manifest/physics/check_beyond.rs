@@ -1,8 +1,8 @@
 //! What may go beyond one struck bead and one power law.
 
+use super::Physics;
 use super::beyond::{MOST_EXPONENTS, different};
 use super::check::check_positive;
-use super::Physics;
 use crate::config::{Bonds, ConfigError, End, Profile};
 use crate::damping::Damping;
 use crate::drive::{Place, Quantity, Side};
@@ -66,7 +66,8 @@ impl Physics {
             check_positive(key, sphere.radius_m, "m, as the radius of a sphere")?;
             sphere.material.check(key)?;
         }
-        let is_else = !self.masses.is_uniform() || !self.stiffnesses.is_uniform() || !self.impurities.is_empty();
+        let is_else =
+            !self.masses.is_uniform() || !self.stiffnesses.is_uniform() || !self.impurities.is_empty();
         if is_else || self.alpha != 1.5 {
             let allowed = "no masses, impurities, stiffnesses beside them, and alpha = 1.5: the materials say it all; \
                            `odd_spheres` for single beads";
@@ -91,7 +92,12 @@ impl Physics {
                 let allowed = "an exponent from 1 to 1000";
                 return Err(ConfigError::number("chain.second.alpha", second.alpha, allowed));
             }
-            second.stiffness.check("chain.second.stiffness", contacts, is_0_or_more, "stiffnesses of 0 or more")?;
+            second.stiffness.check(
+                "chain.second.stiffness",
+                contacts,
+                is_0_or_more,
+                "stiffnesses of 0 or more",
+            )?;
         }
         if let Some(gaps_m) = &self.gaps_m {
             let allowed = "gaps of 0 m or more; [load] presses contacts together";
@@ -154,7 +160,9 @@ impl Physics {
     fn check_ends(&self) -> Result<(), ConfigError> {
         let ends = &self.ends;
         let sides = [("left", ends.left, ends.right), ("right", ends.right, ends.left)];
-        if let Some((side, ..)) = sides.iter().find(|(_, this, other)| *this == End::Periodic && this != other) {
+        if let Some((side, ..)) =
+            sides.iter().find(|(_, this, other)| *this == End::Periodic && this != other)
+        {
             let allowed = "left = \"periodic\" and right = \"periodic\": the last bead touches the first one";
             return Err(ConfigError::value(&format!("ends.{side}"), "periodic at one end", allowed));
         }
@@ -203,7 +211,12 @@ impl Physics {
             return Err(ConfigError::value("on_site", "springs with gravity", allowed));
         }
         if let Some(resonators) = &self.resonators {
-            resonators.mass_kg.check("resonators.mass_kg", self.beads, is_0_or_more, "masses of 0 kg or more")?;
+            resonators.mass_kg.check(
+                "resonators.mass_kg",
+                self.beads,
+                is_0_or_more,
+                "masses of 0 kg or more",
+            )?;
             let key = "resonators.stiffness_n_per_m";
             resonators.stiffness_n_per_m.check(key, self.beads, is_positive, "stiffnesses above 0")?;
         }
@@ -214,9 +227,14 @@ impl Physics {
         let initial = &self.initial;
         if let Some(solitary) = initial.solitary {
             let allowed = "lists: a solitary wave is computed before a run is, by `run` and `sweep`";
-            return Err(ConfigError::number("initial.solitary.speed_beads_s", solitary.speed_beads_s, allowed));
+            return Err(ConfigError::number(
+                "initial.solitary.speed_beads_s",
+                solitary.speed_beads_s,
+                allowed,
+            ));
         }
-        let lists = [("displacements_m", &initial.displacements_m), ("velocities_m_s", &initial.velocities_m_s)];
+        let lists =
+            [("displacements_m", &initial.displacements_m), ("velocities_m_s", &initial.velocities_m_s)];
         for (name, list) in lists {
             let key = format!("initial.{name}");
             if !list.is_empty() && list.len() as u64 != self.beads {
@@ -239,9 +257,13 @@ impl Physics {
         if let Some(thermal) = initial.thermal {
             let key = "initial.thermal";
             match (thermal.temperature_k, thermal.energy_j) {
-                (Some(temperature), None) => check_positive("initial.thermal.temperature_k", temperature, "K")?,
+                (Some(temperature), None) => {
+                    check_positive("initial.thermal.temperature_k", temperature, "K")?
+                }
                 (None, Some(energy)) => check_positive("initial.thermal.energy_j", energy, "J")?,
-                _ => return Err(ConfigError::value(key, "none or both", "one of temperature_k and energy_j")),
+                _ => {
+                    return Err(ConfigError::value(key, "none or both", "one of temperature_k and energy_j"));
+                }
             }
         }
         if let Some(from) = &initial.from
@@ -265,12 +287,17 @@ impl Physics {
                 Place::Wall(side) => {
                     let end = if side == Side::Left { self.ends.left } else { self.ends.right };
                     if end != End::Fixed {
-                        let allowed = format!("a wall that is there: {side} = \"fixed\" in [ends]; or bead = …");
+                        let allowed =
+                            format!("a wall that is there: {side} = \"fixed\" in [ends]; or bead = …");
                         return Err(ConfigError::value(&format!("{key}.wall"), side, &allowed));
                     }
                     if drive.prescribes == Quantity::Force {
                         let allowed = "displacement_m or velocity_m_s of a wall; force_n of a bead";
-                        return Err(ConfigError::value(&format!("{key}.force_n"), "a force on a wall", allowed));
+                        return Err(ConfigError::value(
+                            &format!("{key}.force_n"),
+                            "a force on a wall",
+                            allowed,
+                        ));
                     }
                 }
             }
@@ -332,4 +359,3 @@ impl Physics {
         }
     }
 }
-

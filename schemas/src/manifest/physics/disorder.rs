@@ -21,7 +21,10 @@ impl Physics {
                 (Disordered::Radii, Some(spheres)) => {
                     let mut radius_m: Vec<f64> = spheres.iter().map(|sphere| sphere.radius_m).collect();
                     self.apply(disorder, stream, &mut radius_m);
-                    spheres.iter_mut().zip(radius_m).for_each(|(sphere, radius_m)| sphere.radius_m = radius_m);
+                    spheres
+                        .iter_mut()
+                        .zip(radius_m)
+                        .for_each(|(sphere, radius_m)| sphere.radius_m = radius_m);
                 }
                 (Disordered::Radii, None) => {
                     let mut factor = vec![1.0; mass_kg.len()];
@@ -82,7 +85,8 @@ impl Physics {
     pub(super) fn check_disorder(&self) -> Result<(), ConfigError> {
         for (i, disorder) in self.disorder.iter().enumerate() {
             let key = format!("disorder[{i}]");
-            let asked = [disorder.uniform.is_some(), disorder.normal.is_some(), disorder.log_normal.is_some()];
+            let asked =
+                [disorder.uniform.is_some(), disorder.normal.is_some(), disorder.log_normal.is_some()];
             let asked = asked.iter().filter(|asked| **asked).count()
                 + usize::from(disorder.two_valued.is_some())
                 + usize::from(disorder.permuted);
@@ -90,7 +94,11 @@ impl Physics {
                 let allowed = "one of uniform, normal, log_normal, two_valued and permuted = true";
                 return Err(ConfigError::value(&key, format!("{asked} of them"), allowed));
             }
-            let widths = [("uniform", disorder.uniform), ("normal", disorder.normal), ("log_normal", disorder.log_normal)];
+            let widths = [
+                ("uniform", disorder.uniform),
+                ("normal", disorder.normal),
+                ("log_normal", disorder.log_normal),
+            ];
             for (name, width) in widths {
                 let key = format!("{key}.{name}");
                 match width {
@@ -108,7 +116,8 @@ impl Physics {
             }
             let by_radii = self.spheres.is_some() || self.stiffnesses == StiffnessRule::Radii;
             if disorder.of == Disordered::Radii && !by_radii {
-                let allowed = "radii only with `spheres`, or with stiffnesses = \"radii\"; else masses, stiffnesses";
+                let allowed =
+                    "radii only with `spheres`, or with stiffnesses = \"radii\"; else masses, stiffnesses";
                 return Err(ConfigError::value(&format!("{key}.of"), "radii", allowed));
             }
         }
@@ -125,7 +134,8 @@ impl Physics {
             return Err(ConfigError::value(&last, found, allowed));
         }
         if let Some(contact) = wrong(&stiffness) {
-            let found = format!("seed {seed}, which gives contact {contact} the stiffness {:e}", stiffness[contact]);
+            let found =
+                format!("seed {seed}, which gives contact {contact} the stiffness {:e}", stiffness[contact]);
             let allowed = "stiffnesses above 0: a narrower distribution, log_normal, or another seed";
             return Err(ConfigError::value(&last, found, allowed));
         }

@@ -44,7 +44,9 @@ impl Physics {
         }
         let start = Moment::new(0, self.dt_s, 0.0);
         for drive in &self.drives {
-            if let (Place::Bead(bead), Quantity::Displacement | Quantity::Velocity) = (drive.at, drive.prescribes) {
+            if let (Place::Bead(bead), Quantity::Displacement | Quantity::Velocity) =
+                (drive.at, drive.prescribes)
+            {
                 let bead = usize_of(bead);
                 (u_m[bead], v_m_s[bead]) = starts_at(drive, start);
             }

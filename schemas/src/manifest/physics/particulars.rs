@@ -75,7 +75,8 @@ impl Physics {
                 (bonds.cubic.is_some(), "cubic (FPUT-β)"),
                 (bonds.toda.is_some(), "Toda"),
             ];
-            let kinds: Vec<&str> = kinds.iter().filter(|(is_there, _)| *is_there).map(|(_, name)| *name).collect();
+            let kinds: Vec<&str> =
+                kinds.iter().filter(|(is_there, _)| *is_there).map(|(_, name)| *name).collect();
             phrases.push(format!("bonds: {}", kinds.join(", ")));
         }
         for disorder in &self.disorder {

@@ -204,7 +204,9 @@ impl Physics {
         let softest = tangents.iter().copied().filter(|k| *k > 0.0).reduce(smaller);
         let struck_m = match softest {
             Some(softest) => speed_m_s * (self.bead_mass_kg / softest).sqrt(),
-            None => self.striker_ratio(self.stiffness).map_or(0.0, |ratio| power(ratio, 1.0 / (self.alpha + 1.0))),
+            None => {
+                self.striker_ratio(self.stiffness).map_or(0.0, |ratio| power(ratio, 1.0 / (self.alpha + 1.0)))
+            }
         };
         let moved_m = larger(struck_m, self.typical_overlap_m());
         let at = |c: usize| {

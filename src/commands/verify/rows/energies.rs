@@ -54,7 +54,11 @@ impl EnergyRows {
     }
 
     /// What is wrong with the row of `frame`, if it has one.
-    pub(super) fn take(&mut self, frame: &Frame<'_>, found: Option<&[f64; EnergyRow::COLUMNS.len()]>) -> Option<String> {
+    pub(super) fn take(
+        &mut self,
+        frame: &Frame<'_>,
+        found: Option<&[f64; EnergyRow::COLUMNS.len()]>,
+    ) -> Option<String> {
         self.has_begun |= found.is_some();
         self.first_step.get_or_insert(frame.step);
         let [first, second] = &mut self.since;
