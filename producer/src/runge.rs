@@ -104,16 +104,15 @@ impl Runge {
         let beads = self.kernel.reached(STAGES + 1);
         let step = state.step;
         self.before.clone_from(&self.now);
-        for stage in 1..=STAGES {
+        for (stage, c) in C.iter().enumerate().skip(1) {
             self.combine(stage, state, &beads);
-            let is_end = stage >= STAGES - 1;
-            let after_s = if is_end { self.dt_s } else { C[stage] * self.dt_s };
+            let is_end = stage == STAGES - 1;
+            let after_s = if is_end { self.dt_s } else { c * self.dt_s };
             self.put_moved(When { step, after_s, is_end }, state);
-            if stage == STAGES {
-                break;
-            }
             self.evaluate(stage, &beads);
         }
+        self.combine(STAGES, state, &beads);
+        self.put_moved(When { step, after_s: self.dt_s, is_end: true }, state);
         self.store(state, &beads);
         state.step += 1;
         self.kernel.widen(&beads, &self.at.arrays[U], &self.at.arrays[V]);

@@ -448,7 +448,7 @@ impl RunConfig {
             }
         } else if let Some(bonds) = &chain.bonds {
             let linear = bonds.linear.as_ref().or(bonds.toda.as_ref().map(|toda| &toda.stiffness));
-            usual = [f64::NAN, 1.0, linear.map_or(f64::NAN, |linear| linear.largest())];
+            usual = [f64::NAN, 1.0, linear.map_or(f64::NAN, Profile::largest)];
         }
         let keys = ["chain.bead_mass_kg", "chain.alpha", "chain.stiffness"];
         let numbers = [&mut chain.bead_mass_kg, &mut chain.alpha, &mut chain.stiffness];

@@ -167,12 +167,11 @@ impl Damping {
     /// (N·s·m^(−1−p)).
     pub(crate) fn coefficient(&self, alpha: f64, stiffness: f64, reduced_kg: f64) -> f64 {
         match self {
-            Self::ViscousNSPerM(coefficient) => *coefficient,
+            Self::ViscousNSPerM(coefficient) | Self::Power(PowerDamping { coefficient, .. }) => *coefficient,
             Self::Restitution(restitution) => {
                 restitution.damping_ratio * (2.0 * (alpha + 1.0) * stiffness * reduced_kg).sqrt()
             }
             Self::KuwabaraKonoS(time_s) => alpha * stiffness * time_s,
-            Self::Power(PowerDamping { coefficient, .. }) => *coefficient,
         }
     }
 

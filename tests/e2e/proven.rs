@@ -54,7 +54,7 @@ fn write(
     manifest: &RunManifest,
     (toml, begin): (Option<&str>, &BeginRecord),
     states: &[(u64, Vec<f64>)],
-    mut rows: impl FnMut(u64, &mut [f64; 10]) -> bool,
+    mut rows: impl FnMut(u64, &mut [f64; 11]) -> bool,
     (split, end): (Option<u64>, EndReason),
 ) {
     let mut file =
@@ -284,7 +284,7 @@ fn rows_of_results_are_those_of_the_states() {
     assert!(lists(&found, "proven", &format!("{count} rows of `/energies`")), "{found}");
     // one bit of any of them
     for column in 0..10 {
-        let change = |frame: u64, values: &mut [f64; 10]| {
+        let change = |frame: u64, values: &mut [f64; 11]| {
             if frame == 100 {
                 values[column] = f64::from_bits(values[column].to_bits() ^ 1);
             }

@@ -8,8 +8,8 @@ use schemas::config::{ConfigError, FromRecording, RunConfig, Solitary};
 use schemas::drive::{Waveform, table_from_csv};
 use schemas::frame::{FrameSource, Received};
 use sha2::{Digest, Sha256};
-use std::fmt;
-use std::path::{Path, PathBuf};
+use std::fmt::{self, Write};
+use std::path::Path;
 
 /// `config` with everything in it that it only names. Files are looked for `beside` the configuration.
 ///
@@ -37,7 +37,7 @@ pub fn prepared(mut config: RunConfig, beside: Option<&Path>) -> Result<RunConfi
     if let Some(from) = config.initial.from.clone()
         && from.sha256.is_none()
     {
-        let (u_m, v_m_s, sha256) = state_of(&from, place(Path::new(&from.recording)))?;
+        let (u_m, v_m_s, sha256) = state_of(&from, &place(Path::new(&from.recording)))?;
         if u_m.len() != beads {
             let found = format!("a state of {} beads", u_m.len());
             return Err(refused("initial.from", format!("found {found}; allowed: one of {beads} beads")));
@@ -96,9 +96,9 @@ fn wave(config: &RunConfig, solitary: Solitary, beads: usize) -> Result<(Vec<f64
 
 /// Displacements (m), velocities (m/s) and the hash of a state of a recording, recomputed from the one before where it is not
 /// recorded.
-fn state_of(from: &FromRecording, path: PathBuf) -> Result<(Vec<f64>, Vec<f64>, String), ConfigError> {
+fn state_of(from: &FromRecording, path: &Path) -> Result<(Vec<f64>, Vec<f64>, String), ConfigError> {
     let refuse = |why: &dyn fmt::Display| refused("initial.from", format!("{}: {why}", path.display()));
-    let mut source = RecordingSource::open(&path).map_err(|error| refuse(&error))?;
+    let mut source = RecordingSource::open(path).map_err(|error| refuse(&error))?;
     let physics = source.manifest().physics.clone();
     let mut state: Option<ChainState> = None;
     loop {
@@ -122,6 +122,10 @@ fn state_of(from: &FromRecording, path: PathBuf) -> Result<(Vec<f64>, Vec<f64>, 
     }
     let mut hash = Sha256::new();
     state.u_m.iter().chain(state.v_m_s.iter()).for_each(|x| hash.update(x.to_le_bytes()));
-    let sha256 = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+    let mut sha256 = String::new();
+    for byte in hash.finalize() {
+        // writing to a String cannot fail
+        let _ = write!(sha256, "{byte:02x}");
+    }
     Ok((state.u_m.to_vec(), state.v_m_s.to_vec(), sha256))
 }

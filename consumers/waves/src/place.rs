@@ -249,6 +249,7 @@ impl Sensors {
 mod tests {
     use super::*;
     use schemas::chain::Walls;
+    use schemas::contact::ContactLaw;
 
     /// k = 4, α = 1 between walls: overlaps −0.5 (left wall, open), 1 and 0.25 (contacts), −0.75 (right wall, open).
     #[test]

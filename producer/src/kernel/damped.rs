@@ -15,6 +15,8 @@ pub(super) struct Damped {
     pub(super) contacts: ContactDamping,
     /// Whether bonds, which are never cut, take the place of contacts.
     pub(super) is_bonded: bool,
+    /// The law of δ^q of a damping that is computed as δ^q/δ.
+    pub(super) raised: Option<ContactLaw>,
     rest_overlap_m: Vec<f64>,
     rest_force_n: Vec<f64>,
 }
@@ -32,6 +34,7 @@ impl Damped {
     /// The damping of `chain`, if it has one.
     pub(super) fn of(chain: &Chain) -> Option<Self> {
         chain.damping.clone().map(|contacts| Self {
+            raised: contacts.kind.raised(chain.law.alpha()),
             contacts,
             is_bonded: chain.is_bonded,
             rest_overlap_m: chain.rest_overlap_m.clone(),

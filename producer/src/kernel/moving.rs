@@ -1,7 +1,7 @@
 //! Contacts of moving beads, whatever their force is made of, and what they dissipate: for methods that take forces of velocity.
 
 use super::sweep::{add_up, wall_elastic_n};
-use super::{Kernel, Rest};
+use super::{Damped, Kernel, Rest};
 use schemas::contact::{ContactLaw, Power, PowerUser, evaluate};
 use schemas::damping::Damping;
 use schemas::simd::vectorized;
@@ -33,112 +33,125 @@ impl Kernel {
     pub(crate) fn evaluate_moving(&mut self, beads: &Range<usize>, motion: Motion<'_>, power_w: &mut [f64]) {
         let contacts = self.contacts_of(beads);
         let count = motion.u_m.len();
-        for scratch in &mut self.scratch {
-            scratch.resize(count + 1, 0.0);
+        let mut scratch = std::mem::take(&mut self.scratch);
+        for numbers in &mut scratch {
+            numbers.resize(count, 0.0);
         }
-        let [elastic, raised] = &mut self.scratch;
-        let elastic = &mut elastic[contacts.start + 1..=contacts.end];
-        let rest = &self
+        let rest = self
             .rest
-            .get_or_insert_with(|| Rest { overlap_m: vec![0.0; count - 1], force_n: vec![0.0; count - 1] });
-        let (u_m, v_m_s) =
-            (&motion.u_m[contacts.start..=contacts.end], &motion.v_m_s[contacts.start..=contacts.end]);
-        let (law, terms) = (&self.law, &self.terms[..]);
-        let stiffness = &self.stiffness[contacts.clone()];
+            .take()
+            .unwrap_or_else(|| Rest { overlap_m: vec![0.0; count - 1], force_n: vec![0.0; count - 1] });
+        let [elastic_n, raised] = &mut scratch;
+        self.elastic(&contacts, motion, &rest, &mut elastic_n[contacts.clone()]);
+        let damped = self.damped.take();
+        match &damped {
+            None => {
+                let (elastic_n, rest_n) = (&elastic_n[contacts.clone()], &rest.force_n[contacts.clone()]);
+                let force = &mut self.force[contacts.start + 1..=contacts.end];
+                for c in 0..force.len() {
+                    force[c] = elastic_n[c] - rest_n[c];
+                }
+            }
+            Some(damped) => {
+                let found = [&mut elastic_n[contacts.clone()], &mut raised[contacts.clone()]];
+                self.damp(damped, &contacts, motion, &rest, found, &mut power_w[contacts.clone()]);
+            }
+        }
+        let [left, right] = self.walls_moving(damped.as_ref(), motion);
+        (self.force[0], self.force[count]) = (left.0, if self.is_ring { left.0 } else { right.0 });
+        if damped.is_some() {
+            power_w[count - 1] = left.1 + right.1;
+        }
+        (self.scratch, self.rest, self.damped) = (scratch, Some(rest), damped);
+    }
+
+    /// The elastic forces (N), those at rest included, of `contacts`.
+    fn elastic(&self, contacts: &Range<usize>, motion: Motion<'_>, rest: &Rest, out_n: &mut [f64]) {
+        let law = &self.law;
+        let elastic = Elastic {
+            u_m: &motion.u_m[contacts.start..=contacts.end],
+            contacts: contacts.clone(),
+            stiffness: &self.stiffness[contacts.clone()],
+            rest,
+            terms: &self.terms,
+            law,
+            out_n,
+        };
         vectorized(
             self.arch,
             #[inline(always)]
-            || {
-                law.with_power(Elastic {
-                    u_m,
-                    contacts: contacts.clone(),
-                    stiffness,
-                    rest,
-                    terms,
-                    law,
-                    elastic,
-                })
-            },
+            || law.with_power(elastic),
         );
-        let force = &mut self.force[contacts.start + 1..=contacts.end];
-        let rest_force = &rest.force_n[contacts.clone()];
-        let Some(damped) = &self.damped else {
-            for c in 0..contacts.len() {
-                force[c] = elastic[c] - rest_force[c];
-            }
-            let approaches = self.approaches(motion, false);
-            let [left, right] = [(0, self.walls.left), (1, self.walls.right)].map(|(side, wall)| {
-                let elastic_n = wall_elastic_n(&wall, side, law, terms, approaches[side]);
-                if wall.is_there { elastic_n - wall.rest_force_n } else { 0.0 }
-            });
-            self.force[0] = left;
-            self.force[count] = if self.is_ring { left } else { right };
-            return;
-        };
-        let kind = damped.contacts.kind;
-        let raised_law = kind.raised(law.alpha());
-        let factor = match kind {
-            Damping::ViscousNSPerM(_) => Factor::One,
-            Damping::Restitution(_) => Factor::Root,
-            Damping::KuwabaraKonoS(_) | Damping::Power(_) => Factor::Ratio,
-        };
-        let raised_law = raised_law.as_ref().unwrap_or(law);
-        let raised = &mut raised[contacts.start + 1..=contacts.end];
-        let overlap_m = &rest.overlap_m[contacts.clone()];
+    }
+
+    /// The forces of damped `contacts`, and the power (W) that each dissipates. Of each is known the elastic force (N); where δ^q is
+    /// needed, there is room for it.
+    fn damp(
+        &mut self,
+        damped: &Damped,
+        contacts: &Range<usize>,
+        motion: Motion<'_>,
+        rest: &Rest,
+        [elastic_n, raised]: [&mut [f64]; 2],
+        power_w: &mut [f64],
+    ) {
+        let (u_m, v_m_s) =
+            (&motion.u_m[contacts.start..=contacts.end], &motion.v_m_s[contacts.start..=contacts.end]);
+        let (overlap_m, rest_n) = (&rest.overlap_m[contacts.clone()], &rest.force_n[contacts.clone()]);
+        let factor = Factor::of(damped);
         if !matches!(factor, Factor::One) {
+            let law = damped.raised.as_ref().unwrap_or(&self.law);
+            let raised = Raised { u_m, overlap_m, zero_up_to_m: law.zero_up_to_m(), out: &mut *raised };
             vectorized(
                 self.arch,
                 #[inline(always)]
-                || {
-                    raised_law.with_power(Raised {
-                        u_m,
-                        overlap_m,
-                        raised,
-                        zero_up_to_m: raised_law.zero_up_to_m(),
-                    })
-                },
+                || law.with_power(raised),
             );
         }
         let coefficient = &damped.contacts.coefficient[contacts.clone()];
-        let power = &mut power_w[contacts.clone()];
-        let (is_bonded, zero_up_to_m) = (damped.is_bonded, law.zero_up_to_m());
-        for c in 0..contacts.len() {
-            let overlap = (u_m[c] - u_m[c + 1]) + overlap_m[c];
-            let rate = v_m_s[c] - v_m_s[c + 1];
-            let is_closed = is_bonded || overlap > zero_up_to_m;
-            let known =
-                Known { elastic: elastic[c], raised: raised[c], overlap, rate, coefficient: coefficient[c] };
-            let (damped_n, power_w) = if is_closed { known.damped(factor, is_bonded) } else { (0.0, 0.0) };
-            force[c] = damped_n - rest_force[c];
-            power[c] = power_w;
+        let (is_bonded, zero_up_to_m) = (damped.is_bonded, self.law.zero_up_to_m());
+        let force = &mut self.force[contacts.start + 1..=contacts.end];
+        for c in 0..force.len() {
+            let known = Known {
+                elastic_n: elastic_n[c],
+                raised: raised[c],
+                overlap_m: (u_m[c] - u_m[c + 1]) + overlap_m[c],
+                rate_m_s: v_m_s[c] - v_m_s[c + 1],
+                coefficient: coefficient[c],
+            };
+            let (damped_n, dissipated_w) = known.damped(factor, is_bonded, zero_up_to_m);
+            (force[c], power_w[c]) = (damped_n - rest_n[c], dissipated_w);
         }
-        let [approaches, rates] = [self.approaches(motion, false), self.approaches(motion, true)];
-        let walls = [(0, self.walls.left), (1, self.walls.right)].map(|(side, wall)| {
+    }
+
+    /// Force (N) beyond that at rest and dissipated power (W) of the contacts with the left and with the right wall; of a ring, the
+    /// first is that of the contact that closes it.
+    fn walls_moving(&self, damped: Option<&Damped>, motion: Motion<'_>) -> [(f64, f64); 2] {
+        let approaches = self.approaches(motion.u_m, motion.walls_m);
+        let rates = self.approaches(motion.v_m_s, motion.walls_m_s);
+        [(0, self.walls.left), (1, self.walls.right)].map(|(side, wall)| {
             if !wall.is_there {
                 return (0.0, 0.0);
             }
-            let overlap = wall.overlap_m(approaches[side]);
+            let elastic_n = wall_elastic_n(&wall, side, &self.law, &self.terms, approaches[side]);
+            let Some(damped) = damped else { return (elastic_n - wall.rest_force_n, 0.0) };
+            let overlap_m = wall.overlap_m(approaches[side]);
             let known = Known {
-                elastic: wall_elastic_n(&wall, side, law, terms, approaches[side]),
-                raised: raised_law.force(1.0, overlap),
-                overlap,
-                rate: rates[side],
+                elastic_n,
+                raised: damped.raised.as_ref().unwrap_or(&self.law).force(1.0, overlap_m),
+                overlap_m,
+                rate_m_s: rates[side],
                 coefficient: damped.contacts.wall_coefficient[side],
             };
-            let is_closed = is_bonded || overlap > zero_up_to_m;
-            let (damped_n, power_w) = if is_closed { known.damped(factor, is_bonded) } else { (0.0, 0.0) };
+            let (damped_n, power_w) =
+                known.damped(Factor::of(damped), damped.is_bonded, self.law.zero_up_to_m());
             (damped_n - wall.rest_force_n, power_w)
-        });
-        power_w[count - 1] = walls[0].1 + walls[1].1;
-        self.force[0] = walls[0].0;
-        self.force[count] = if self.is_ring { walls[0].0 } else { walls[1].0 };
+        })
     }
 
-    /// How much nearer the end beads are to the walls, or with `OF_VELOCITIES` how fast they come nearer; of a ring, the last bead
-    /// to the first.
-    fn approaches(&self, motion: Motion<'_>, of_velocities: bool) -> [f64; 2] {
-        let (values, walls) =
-            if of_velocities { (motion.v_m_s, motion.walls_m_s) } else { (motion.u_m, motion.walls_m) };
+    /// How much nearer the end beads of displacements `values` are to walls displaced by `walls`; of a ring, the last bead to the
+    /// first. Of velocities, how fast they come nearer.
+    fn approaches(&self, values: &[f64], walls: [f64; 2]) -> [f64; 2] {
         let last = values.len() - 1;
         if self.is_ring {
             return [values[last] - values[0], 0.0];
@@ -147,27 +160,40 @@ impl Kernel {
     }
 }
 
-/// What is known of a closed contact.
+impl Factor {
+    fn of(damped: &Damped) -> Self {
+        match damped.contacts.kind {
+            Damping::ViscousNSPerM(_) => Self::One,
+            Damping::Restitution(_) => Self::Root,
+            Damping::KuwabaraKonoS(_) | Damping::Power(_) => Self::Ratio,
+        }
+    }
+}
+
+/// What is known of a contact.
 struct Known {
-    elastic: f64,
+    elastic_n: f64,
     raised: f64,
-    overlap: f64,
-    rate: f64,
+    overlap_m: f64,
+    rate_m_s: f64,
     coefficient: f64,
 }
 
 impl Known {
-    /// Its force (N), that at rest included, and the power (W) that it dissipates.
+    /// Its force (N), that at rest included, and the power (W) that it dissipates: 0 where it is not closed, but for bonds.
     #[inline(always)]
-    fn damped(&self, factor: Factor, is_bonded: bool) -> (f64, f64) {
+    fn damped(&self, factor: Factor, is_bonded: bool, zero_up_to_m: f64) -> (f64, f64) {
+        if !is_bonded && self.overlap_m <= zero_up_to_m {
+            return (0.0, 0.0);
+        }
         let factor = match factor {
             Factor::One => 1.0,
-            Factor::Root => (self.raised / self.overlap).sqrt(),
-            Factor::Ratio => self.raised / self.overlap,
+            Factor::Root => (self.raised / self.overlap_m).sqrt(),
+            Factor::Ratio => self.raised / self.overlap_m,
         };
-        let force = self.elastic + self.coefficient * factor * self.rate;
-        let force = if is_bonded || force > 0.0 { force } else { 0.0 };
-        (force, (force - self.elastic) * self.rate)
+        let force_n = self.elastic_n + self.coefficient * factor * self.rate_m_s;
+        let force_n = if is_bonded || force_n > 0.0 { force_n } else { 0.0 };
+        (force_n, (force_n - self.elastic_n) * self.rate_m_s)
     }
 }
 
@@ -179,7 +205,7 @@ struct Elastic<'a> {
     rest: &'a Rest,
     terms: &'a [schemas::term::Term],
     law: &'a ContactLaw,
-    elastic: &'a mut [f64],
+    out_n: &'a mut [f64],
 }
 
 impl PowerUser for Elastic<'_> {
@@ -188,7 +214,7 @@ impl PowerUser for Elastic<'_> {
     #[inline(always)]
     fn run(self, power: impl Power) {
         let with = (power, self.law.zero_up_to_m());
-        add_up((self.u_m, self.contacts), self.stiffness, self.rest, self.terms, with, self.elastic);
+        add_up((self.u_m, self.contacts), self.stiffness, self.rest, self.terms, with, self.out_n);
     }
 }
 
@@ -196,7 +222,7 @@ impl PowerUser for Elastic<'_> {
 struct Raised<'a> {
     u_m: &'a [f64],
     overlap_m: &'a [f64],
-    raised: &'a mut [f64],
+    out: &'a mut [f64],
     zero_up_to_m: f64,
 }
 
@@ -205,10 +231,10 @@ impl PowerUser for Raised<'_> {
 
     #[inline(always)]
     fn run(self, power: impl Power) {
-        let contacts = self.raised.len();
+        let contacts = self.out.len();
         evaluate(
             [&self.u_m[..contacts], &self.u_m[1..], self.overlap_m],
-            self.raised,
+            self.out,
             power,
             self.zero_up_to_m,
             #[inline(always)]

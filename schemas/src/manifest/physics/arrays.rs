@@ -29,7 +29,7 @@ impl Physics {
             None => {
                 let pairs = stiffness.iter().zip(&loads.contacts).enumerate();
                 let of = |c: usize| terms.iter().map(move |term| (&term.law, term.stiffness[c]));
-                pairs.map(|(c, (k, load_n))| balance(&law, *k, of(c), *load_n)).collect()
+                pairs.map(|(c, (k, load_n))| balance(&law, *k, &of(c), *load_n)).collect()
             }
         };
         let is_bonded = self.bonds.is_some();
@@ -42,7 +42,7 @@ impl Physics {
                     Wall::new(&law, stiffness, self.overlap_under(load_n, stiffness))
                 }
                 End::Fixed | End::Periodic => {
-                    Wall::new(&law, stiffness, balance(&law, stiffness, of_terms, load_n))
+                    Wall::new(&law, stiffness, balance(&law, stiffness, &of_terms, load_n))
                 }
             }
         };
@@ -224,7 +224,7 @@ impl Physics {
 fn balance<'a>(
     law: &ContactLaw,
     stiffness: f64,
-    terms: impl Iterator<Item = (&'a TermLaw, f64)> + Clone,
+    terms: &(impl Iterator<Item = (&'a TermLaw, f64)> + Clone),
     load_n: f64,
 ) -> f64 {
     if load_n <= 0.0 {

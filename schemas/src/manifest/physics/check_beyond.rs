@@ -3,7 +3,7 @@
 use super::Physics;
 use super::beyond::{MOST_EXPONENTS, different};
 use super::check::check_positive;
-use crate::config::{Bonds, ConfigError, End, Profile};
+use crate::config::{Bonds, ConfigError, End};
 use crate::damping::Damping;
 use crate::drive::{Place, Quantity, Side};
 use crate::method::Method;
@@ -123,15 +123,15 @@ impl Physics {
     fn check_bonds(&self, bonds: &Bonds) -> Result<(), ConfigError> {
         let contacts = self.beads - 1;
         let any = |value: f64| value == 0.0 || is_positive(value.abs());
-        let springs: [(&str, &Option<Profile>, fn(f64) -> bool, &str); 3] = [
-            ("linear", &bonds.linear, is_0_or_more, "stiffnesses of 0 or more"),
-            ("quadratic", &bonds.quadratic, any, "numbers"),
-            ("cubic", &bonds.cubic, is_0_or_more, "0 or more: else the bond would break away"),
-        ];
-        for (name, stiffness, range, allowed) in springs {
-            if let Some(stiffness) = stiffness {
-                stiffness.check(&format!("chain.bonds.{name}"), contacts, range, allowed)?;
-            }
+        if let Some(linear) = &bonds.linear {
+            linear.check("chain.bonds.linear", contacts, is_0_or_more, "stiffnesses of 0 or more")?;
+        }
+        if let Some(quadratic) = &bonds.quadratic {
+            quadratic.check("chain.bonds.quadratic", contacts, any, "numbers up to 1e100")?;
+        }
+        if let Some(cubic) = &bonds.cubic {
+            let allowed = "0 or more: else the bond would break away";
+            cubic.check("chain.bonds.cubic", contacts, is_0_or_more, allowed)?;
         }
         if let Some(toda) = &bonds.toda {
             let key = "chain.bonds.toda.stiffness";
@@ -258,9 +258,11 @@ impl Physics {
             let key = "initial.thermal";
             match (thermal.temperature_k, thermal.energy_j) {
                 (Some(temperature), None) => {
-                    check_positive("initial.thermal.temperature_k", temperature, "K")?
+                    check_positive("initial.thermal.temperature_k", temperature, "K")?;
                 }
-                (None, Some(energy)) => check_positive("initial.thermal.energy_j", energy, "J")?,
+                (None, Some(energy)) => {
+                    check_positive("initial.thermal.energy_j", energy, "J")?;
+                }
                 _ => {
                     return Err(ConfigError::value(key, "none or both", "one of temperature_k and energy_j"));
                 }

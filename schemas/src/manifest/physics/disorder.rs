@@ -31,7 +31,7 @@ impl Physics {
                     self.apply(disorder, stream, &mut factor);
                     mass_kg.iter_mut().zip(factor).for_each(|(mass_kg, f)| *mass_kg *= f * f * f);
                 }
-                (Disordered::Masses, _) | (Disordered::Stiffnesses, _) => {}
+                (Disordered::Masses | Disordered::Stiffnesses, _) => {}
             }
         }
         let mut stiffness = match &spheres {
@@ -108,11 +108,11 @@ impl Physics {
                     _ => {}
                 }
             }
-            if let Some(two) = disorder.two_valued {
-                if !(0.0..=1.0).contains(&two.fraction) {
-                    let key = format!("{key}.two_valued.fraction");
-                    return Err(ConfigError::number(&key, two.fraction, "a fraction from 0 to 1"));
-                }
+            if let Some(two) = disorder.two_valued
+                && !(0.0..=1.0).contains(&two.fraction)
+            {
+                let key = format!("{key}.two_valued.fraction");
+                return Err(ConfigError::number(&key, two.fraction, "a fraction from 0 to 1"));
             }
             let by_radii = self.spheres.is_some() || self.stiffnesses == StiffnessRule::Radii;
             if disorder.of == Disordered::Radii && !by_radii {

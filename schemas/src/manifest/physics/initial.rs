@@ -83,7 +83,9 @@ impl Physics {
         let sum = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |sum, x| sum + x);
         let momentum = sum(&mut v_m_s.iter().zip(&mass_kg).map(|(v, m)| v * m));
         let drift_m_s = momentum / sum(&mut mass_kg.iter().copied());
-        v_m_s.iter_mut().for_each(|v| *v -= drift_m_s);
+        for v in &mut v_m_s {
+            *v -= drift_m_s;
+        }
         v_m_s
     }
 
