@@ -169,7 +169,7 @@ fn rows_before_the_recorder_listened_are_said_to_be_missing() {
             ResultPublisher::<f64>::create(&bus, &name, topic, stream, &columns, Arc::default()).unwrap();
         let mut publish = |frame| {
             let step = manifest.step_of_frame(frame);
-            rows.publish(frame, step, manifest.physics.time_s(step), &[0.0; 10]).unwrap();
+            rows.publish(frame, step, manifest.physics.time_s(step), &[0.0; 11]).unwrap();
         };
         (0..before).for_each(&mut publish);
         let recorder = place.start("record live:small --json --out recorded.mcap");

@@ -8,6 +8,7 @@ use schemas::manifest::Physics;
 use schemas::method::Method;
 use serde_json::Value;
 use std::collections::BTreeMap;
+use std::fmt::Write;
 
 const CASES: &str = include_str!("../../../tests/reference/driven-state-cases.json");
 
@@ -102,7 +103,7 @@ fn every_drive_law_end_and_dissipation_is_that_of_an_independent_integrator() {
             let Some(usual) = error(1) else { continue };
             let fine = error(if method == Method::VelocityVerlet { 8 } else { 4 }).expect("the same method");
             methods += 1;
-            table += &format!("{name:18} {method:16} {usual:9.1e} {fine:9.1e}\n");
+            let _ = writeln!(table, "{name:18} {method:16} {usual:9.1e} {fine:9.1e}");
             assert!(usual < 1e-2 && fine < 1e-3, "{name}, {method}: {usual:e}, {fine:e}\n{table}");
             assert!(fine < usual / 4.0 || fine < 1e-7, "{name}, {method}: {usual:e}, {fine:e}\n{table}");
         }

@@ -50,7 +50,7 @@ fn vector(physics: &Physics) -> String {
     let wall = |wall: &Wall, side: usize| {
         let coefficient = damping.map_or(0.0, |damping| damping.wall_coefficient[side]);
         let numbers = [wall.stiffness, wall.rest_overlap_m, wall.rest_force_n, coefficient];
-        if !wall.is_there { "null".to_owned() } else { hexadecimal(&numbers) }
+        if wall.is_there { hexadecimal(&numbers) } else { "null".to_owned() }
     };
     let kind = match damping.map(|damping| damping.kind) {
         None => "null",
