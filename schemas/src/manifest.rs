@@ -18,7 +18,7 @@ use std::fmt;
 pub const KERNEL_VERSION: u32 = 2;
 
 /// Version of the schemas of frames, manifests and recordings. Another major version is refused.
-pub const SCHEMA_VERSION: SchemaVersion = SchemaVersion { major: 1, minor: 0 };
+pub const SCHEMA_VERSION: SchemaVersion = SchemaVersion { major: 1, minor: 1 };
 
 /// Largest number of beads: a frame then stays below the 1 GiB that a reader accepts.
 pub const MAX_BEADS: u64 = 20_000_000;
@@ -365,12 +365,12 @@ mod tests {
     fn another_major_version_is_refused_with_both_versions() {
         let json = manifest().to_json().replace("\"major\":1", "\"major\":2");
         let error = RunManifest::from_json(json.as_bytes()).expect_err("newer");
-        assert!(error.to_string().contains("2.0") && error.to_string().contains("1.0"), "{error}");
+        assert!(error.to_string().contains("2.1") && error.to_string().contains("1.1"), "{error}");
     }
 
     /// The manifest with `provenance` and `physics` beginning with more keys, of version `1.minor`.
     fn with_keys(minor: u32, provenance: &str, physics: &str) -> Result<RunManifest, ManifestError> {
-        let json = manifest().to_json().replace("\"minor\":0", &format!("\"minor\":{minor}"));
+        let json = manifest().to_json().replace("\"minor\":1", &format!("\"minor\":{minor}"));
         let json = json.replace("\"provenance\":{", &format!("\"provenance\":{{{provenance}"));
         let json = json.replace("\"physics\":{", &format!("\"physics\":{{{physics}"));
         RunManifest::from_json(json.as_bytes())
@@ -378,22 +378,22 @@ mod tests {
 
     #[test]
     fn a_newer_minor_version_may_say_more_of_where_a_run_comes_from() {
-        let newer = with_keys(1, "\"colour\":\"red\",", "").expect("readable");
+        let newer = with_keys(2, "\"colour\":\"red\",", "").expect("readable");
         assert!(newer.is_newer_minor() && !manifest().is_newer_minor());
         assert_eq!(newer.physics, manifest().physics);
-        assert_eq!(newer.schema_version.to_string(), "1.1");
+        assert_eq!(newer.schema_version.to_string(), "1.2");
         let json = newer.to_json().replacen('{', "{\"signature\":[1],", 1);
         assert!(RunManifest::from_json(json.as_bytes()).is_ok(), "also beside the two parts");
     }
 
     #[test]
     fn a_newer_minor_version_may_not_say_more_of_the_physics() {
-        let json = manifest().to_json().replace("\"minor\":0", "\"minor\":1");
+        let json = manifest().to_json().replace("\"minor\":1", "\"minor\":2");
         let method = json.replace("\"method\":\"rkn4\"", "\"method\":\"gear7\"");
         let impurity = json.replace("{\"bead\":500,", "{\"bead\":500,\"radius_m\":1,");
         assert!(method != json && impurity != json);
         for (read, key) in [
-            (with_keys(1, "", "\"walls\":2,"), "`walls`"),
+            (with_keys(2, "", "\"walls\":2,"), "`walls`"),
             (RunManifest::from_json(method.as_bytes()), "`gear7`"),
             (RunManifest::from_json(impurity.as_bytes()), "`radius_m`"),
         ] {
@@ -401,7 +401,7 @@ mod tests {
             let cause = std::error::Error::source(&error).map(ToString::to_string).unwrap_or_default();
             let text = error.to_string();
             assert!(matches!(error, ManifestError::Newer { .. }), "{text}");
-            assert!(text.contains("1.1") && text.contains("1.0") && cause.contains(key), "{text}: {cause}");
+            assert!(text.contains("1.2") && text.contains("1.1") && cause.contains(key), "{text}: {cause}");
         }
     }
 
@@ -409,9 +409,9 @@ mod tests {
     #[test]
     fn a_hostile_manifest_is_refused() {
         let contact = format!("\"contacts\":[{{\"contact\":{},\"stiffness\":1.0}}],", u64::MAX);
-        assert!(matches!(with_keys(0, "", &contact), Err(ManifestError::Value(_))));
+        assert!(matches!(with_keys(1, "", &contact), Err(ManifestError::Value(_))));
         let twice = "\"contacts\":[{\"contact\":5,\"stiffness\":1e7},{\"contact\":4,\"stiffness\":1e7}],";
-        assert!(matches!(with_keys(0, "", twice), Err(ManifestError::Value(_))));
+        assert!(matches!(with_keys(1, "", twice), Err(ManifestError::Value(_))));
         let json = manifest().to_json().replace("\"velocity_m_s\":5.0", "\"velocity_m_s\":-0.0");
         let json = json.replace("\"striker\"", "\"load\":{\"precompression_n\":1.0},\"striker\"");
         assert!(matches!(RunManifest::from_json(json.as_bytes()), Err(ManifestError::Value(_))));
@@ -420,7 +420,7 @@ mod tests {
     #[test]
     fn unknown_keys_of_our_version_are_refused() {
         for (read, key) in [
-            (with_keys(0, "\"colour\":1,", ""), "provenance.colour"),
+            (with_keys(1, "\"colour\":1,", ""), "provenance.colour"),
             (
                 RunManifest::from_json(manifest().to_json().replacen('{', "{\"more\":1,", 1).as_bytes()),
                 "more",
@@ -429,7 +429,7 @@ mod tests {
             let error = read.expect_err(key);
             assert!(matches!(&error, ManifestError::UnknownKey { key: found } if found == key), "{error}");
         }
-        assert!(matches!(with_keys(0, "", "\"walls\":2,"), Err(ManifestError::Json(_))));
+        assert!(matches!(with_keys(1, "", "\"walls\":2,"), Err(ManifestError::Json(_))));
     }
 
     #[test]

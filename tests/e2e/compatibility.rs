@@ -61,7 +61,7 @@ fn a_later_minor_version_is_read_with_a_notice() {
         add_channel(parts);
     });
     for command in COMMANDS {
-        place.run(command).exits(0).says(&["1.7", "1.0"]);
+        place.run(command).exits(0).says(&["1.7", "1.1"]);
     }
 }
 
@@ -87,7 +87,7 @@ fn a_later_major_version_is_refused_with_what_to_do() {
     let place = Place::new();
     later(&place, |metadata| set(metadata, "schema_version", |_| "2.0".to_owned()), |_| ());
     for command in COMMANDS {
-        place.run(command).exits(2).says(&["2.0", "1.0", "use a Beadline that reads 2.0"]);
+        place.run(command).exits(2).says(&["2.0", "1.1", "use a Beadline that reads 2.0"]);
     }
 }
 
@@ -101,7 +101,7 @@ fn a_later_minor_version_with_more_physics_is_refused() {
     };
     later(&place, change, |_| ());
     for command in COMMANDS {
-        place.run(command).exits(2).says(&["1.7", "1.0", "friction", "use a Beadline that reads 1.7"]);
+        place.run(command).exits(2).says(&["1.7", "1.1", "friction", "use a Beadline that reads 1.7"]);
     }
 }
 

@@ -189,11 +189,11 @@ fn another_schema_version_is_refused_naming_both() {
     let options = AttachOptions::default();
     let attached = LiveSource::attach(&test.bus, Some(&run_name("newer")), Delivery::Lossless, &options);
     let Err(error) = attached else { panic!("attached to a newer schema") };
-    assert!(error.to_string().contains("2.0") && error.to_string().contains("1.0"), "{error}");
+    assert!(error.to_string().contains("2.0") && error.to_string().contains("1.1"), "{error}");
     let ours = manifest("newer", 10);
     let created = StatePublisher::create(&test.bus, &ours, &ours.physics.chain(), &PublishOptions::default());
     let Err(error) = created else { panic!("published over a newer schema") };
-    assert!(error.to_string().contains("2.0") && error.to_string().contains("1.0"), "{error}");
+    assert!(error.to_string().contains("2.0") && error.to_string().contains("1.1"), "{error}");
 }
 
 #[test]

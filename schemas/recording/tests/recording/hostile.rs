@@ -107,14 +107,14 @@ fn another_major_version_is_refused_with_both_named() {
     let error = RecordingSource::open(&path).err().unwrap();
     assert!(matches!(error, ReadError::Manifest { .. }));
     let text = with_causes(&error);
-    assert!(text.contains("2.3") && text.contains("1.0"), "{text}");
+    assert!(text.contains("2.3") && text.contains("1.1"), "{text}");
 }
 
 /// The metadata of a run of a later version, with its checksum: `part` says one thing more.
 fn newer_metadata(part: &str) -> Metadata {
     let mut record = run_metadata(&manifest(3, 1, 1));
     let entries = &mut record.metadata;
-    entries.insert("schema_version".into(), "1.1".into());
+    entries.insert("schema_version".into(), "1.2".into());
     let said = entries[part].replacen('{', "{\"walls\":2,", 1);
     entries.insert(part.to_owned(), said);
     let parts = ["schema_version", "physics", "provenance"].map(|key| format!("{}\n", entries[key]));
@@ -135,7 +135,7 @@ fn a_newer_minor_version_is_read_unless_it_knows_more_of_the_physics() {
     let (steps, missed, end) = read_all(&mut source);
     assert_eq!((steps.len(), missed.len(), end.unwrap()), (4, 0, EndReason::Complete));
     let info = RecordingInfo::read(&path).unwrap();
-    assert!(info.is_complete() && info.manifest.schema_version.to_string() == "1.1");
+    assert!(info.is_complete() && info.manifest.schema_version.to_string() == "1.2");
     // what we make of it is of our version
     let copy = path.with_extension("copy.mcap");
     write_recording(&copy, source.manifest(), &options());
@@ -145,7 +145,7 @@ fn a_newer_minor_version_is_read_unless_it_knows_more_of_the_physics() {
     let error = RecordingSource::open(&path).err().unwrap();
     let text = with_causes(&error);
     assert!(error.is_wrong_file(), "{text}");
-    assert!(["1.1", "1.0", "`walls`"].iter().all(|word| text.contains(word)), "{text}");
+    assert!(["1.2", "1.1", "`walls`"].iter().all(|word| text.contains(word)), "{text}");
 }
 
 #[test]

@@ -67,10 +67,13 @@ impl Audit {
 
     /// Our channels have the right schemas.
     pub(super) fn check_definitions(&mut self) {
-        if self.manifest.schema_version != SCHEMA_VERSION {
+        if self.manifest.is_newer_minor() {
             return;
         }
-        let wrong: Vec<_> = self.messages.contents().channels.values().filter_map(wrong_definition).collect();
+        // an older version said less of a channel
+        let is_ours = self.manifest.schema_version == SCHEMA_VERSION;
+        let channels = self.messages.contents().channels.values().filter(|_| is_ours);
+        let wrong: Vec<_> = channels.filter_map(wrong_definition).collect();
         for what in wrong {
             self.messages.note_about_file(what);
         }
