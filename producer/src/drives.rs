@@ -50,6 +50,11 @@ impl Drives {
         (!drives.is_empty()).then(|| Self { drives: drives.to_vec(), dt_s })
     }
 
+    /// Whether all of them move walls.
+    pub(crate) fn are_at_walls(&self) -> bool {
+        (0..self.count()).all(|d| matches!(self.acts(d), Acts::Wall(_)))
+    }
+
     /// How many there are.
     pub(crate) fn count(&self) -> usize {
         self.drives.len()

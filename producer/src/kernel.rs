@@ -88,8 +88,10 @@ pub struct Kernel {
     /// What presses the contacts together at rest, if anything does.
     rest: Option<Rest>,
     walls: Walls,
-    /// Where the walls are (m).
-    walls_m: [f64; 2],
+    /// Where the walls are (m) at each evaluation of forces in a sweep; the last place is that of all further ones.
+    walls_m: Vec<[f64; 2]>,
+    /// The forces (N) of both walls at each evaluation of the last sweep.
+    wall_forces_n: Vec<[f64; 2]>,
     terms: Vec<Term>,
     sites: Sites,
     is_ring: bool,
@@ -121,7 +123,8 @@ impl Kernel {
             stiffness: aligned(&chain.stiffness),
             rest: (chain.is_loaded() || !chain.terms.is_empty()).then(rest),
             walls: chain.walls,
-            walls_m: [0.0; 2],
+            walls_m: vec![[0.0; 2]],
+            wall_forces_n: Vec::new(),
             terms: chain.terms.clone(),
             sites: chain.sites.clone(),
             is_ring: chain.is_ring,
@@ -144,7 +147,19 @@ impl Kernel {
 
     /// Puts the walls where they are now (m).
     pub(crate) fn move_walls(&mut self, walls_m: [f64; 2]) {
-        self.walls_m = walls_m;
+        self.walls_m.clear();
+        self.walls_m.push(walls_m);
+    }
+
+    /// Puts the walls where they are (m) at each evaluation of forces in the next sweep.
+    pub(crate) fn move_walls_along(&mut self, walls_m: impl Iterator<Item = [f64; 2]>) {
+        self.walls_m.clear();
+        self.walls_m.extend(walls_m);
+    }
+
+    /// The forces (N) of the walls at each evaluation of the last sweep.
+    pub(crate) fn wall_forces_n(&self) -> &[[f64; 2]] {
+        &self.wall_forces_n
     }
 
     /// Whether each bead depends on nothing but its two contacts, which is what sweeps by tiles need.

@@ -91,6 +91,8 @@ struct Others {
     rows: Rows,
     mass_kg: Vec<f64>,
     drives: Option<Drives>,
+    /// Whether there is nothing else than drives that move walls.
+    is_at_walls: bool,
     /// What the drives do now, and did at the beginning of the step.
     now: Vec<Now>,
     before: Vec<Now>,
@@ -105,6 +107,7 @@ impl Splitting {
         let others = (drives.is_some() || !kernel.is_local()).then(|| Others {
             rows: physics.rows(),
             mass_kg: chain.mass_kg.clone(),
+            is_at_walls: kernel.is_local() && drives.as_ref().is_some_and(Drives::are_at_walls),
             drives,
             now: Vec::new(),
             before: Vec::new(),
@@ -117,7 +120,11 @@ impl Splitting {
     /// Advances `state` by as many steps as one sweep can make, at least by one and at most to step `last`.
     pub(crate) fn advance(&mut self, state: &mut ChainState, last: u64) {
         if let Some(mut others) = self.others.take() {
-            self.step_with(&mut others, state);
+            if others.is_at_walls {
+                self.steps_with_walls(&mut others, state, last);
+            } else {
+                self.step_with(&mut others, state);
+            }
             self.others = Some(others);
             return;
         }
@@ -128,15 +135,21 @@ impl Splitting {
             self.kernel.restart(Activity::of(&state.u_m, &state.v_m_s));
             self.kernel.sweep(&[Pass::Forces], &mut state.u_m, &mut state.v_m_s);
         }
+        let steps = self.steps_to(state.step, last);
+        self.kernel.sweep(&self.passes, &mut state.u_m, &mut state.v_m_s);
+        state.step += steps;
+        self.forces_of_step = Some(state.step);
+    }
+
+    /// How many steps from step `step` to `last` one sweep can make; makes its passes.
+    fn steps_to(&mut self, step: u64, last: u64) -> u64 {
         let most = (self.kernel.passes_of_a_sweep() as u64 - 1) / self.stages.passes_per_step();
-        let steps = last.saturating_sub(state.step).clamp(1, most); // integers
+        let steps = last.saturating_sub(step).clamp(1, most); // integers
         if self.steps_together != steps {
             self.passes = self.stages.passes(self.dt_s, steps);
             self.steps_together = steps;
         }
-        self.kernel.sweep(&self.passes, &mut state.u_m, &mut state.v_m_s);
-        state.step += steps;
-        self.forces_of_step = Some(state.step);
+        steps
     }
 
     /// The first bead of `state` whose displacement or velocity is not finite.

@@ -42,6 +42,8 @@ impl Kernel {
         let reach = passes.iter().filter(|pass| **pass == Pass::Forces).count();
         let beads = self.reached(reach);
         debug_assert!(passes.len() <= self.passes_of_a_sweep(), "no pass is a whole tile behind the first");
+        self.wall_forces_n.clear();
+        self.wall_forces_n.resize(reach, [0.0; 2]);
         let law = &self.law;
         let sweep = Sweep {
             passes,
@@ -56,7 +58,8 @@ impl Kernel {
             stiffness: &self.stiffness,
             rest: self.rest.as_ref(),
             walls: self.walls,
-            walls_m: self.walls_m,
+            walls_m: &self.walls_m,
+            wall_forces_n: &mut self.wall_forces_n,
             terms: &self.terms,
             is_ring: self.is_ring,
             law,
@@ -109,7 +112,8 @@ struct Sweep<'a> {
     stiffness: &'a [f64],
     rest: Option<&'a Rest>,
     walls: Walls,
-    walls_m: [f64; 2],
+    walls_m: &'a [[f64; 2]],
+    wall_forces_n: &'a mut [[f64; 2]],
     terms: &'a [Term],
     is_ring: bool,
     law: &'a ContactLaw,
@@ -124,6 +128,7 @@ impl PowerUser for Sweep<'_> {
         let mut start = first;
         while start < last {
             let end = if start + self.tile < last { start + self.tile } else { last };
+            let mut evaluations = 0;
             for pass in 0..self.passes.len() {
                 let lag = pass * BLOCK;
                 let from = if start == first { first } else { start - lag };
@@ -133,7 +138,10 @@ impl PowerUser for Sweep<'_> {
                     Pass::KickKickDrift { last_kick_s, kick_s, drift_s } => {
                         self.kick_drift([last_kick_s, kick_s], drift_s, beads);
                     }
-                    Pass::Forces => self.evaluate_forces(beads, power),
+                    Pass::Forces => {
+                        self.evaluate_forces(beads, power, evaluations);
+                        evaluations += 1;
+                    }
                     Pass::Kick { kick_s } => self.kick(kick_s, beads),
                     Pass::Drift { drift_s } => self.drift(drift_s, beads),
                 }
@@ -223,7 +231,7 @@ impl Sweep<'_> {
 
     /// Evaluates the contacts on the right of `beads`, and those of the end beads with walls.
     #[inline(always)]
-    fn evaluate_forces(&mut self, beads: Range<usize>, power: impl Power) {
+    fn evaluate_forces(&mut self, beads: Range<usize>, power: impl Power, evaluation: usize) {
         let (first, count) = (beads.start, self.stiffness.len());
         let contacts = first..if beads.end < count { beads.end } else { count };
         let (left_m, right_m) = (&self.u_m[contacts.clone()], &self.u_m[first + 1..=contacts.end]);
@@ -273,12 +281,12 @@ impl Sweep<'_> {
                 presses[..beads.len().div_ceil(BLOCK)].fill(true);
             }
         }
-        self.push_by_walls(&beads);
+        self.push_by_walls(&beads, evaluation);
     }
 
     /// The forces of the walls on those end beads that are among `beads`.
     #[inline(always)]
-    fn push_by_walls(&mut self, beads: &Range<usize>) {
+    fn push_by_walls(&mut self, beads: &Range<usize>, evaluation: usize) {
         let count = self.u_m.len();
         let Walls { left, right } = self.walls;
         if self.is_ring {
@@ -288,12 +296,16 @@ impl Sweep<'_> {
             self.presses[(count - 1) / BLOCK] |= self.force[count] != 0.0;
             return;
         }
+        let last = self.walls_m.len() - 1;
+        let [left_m, right_m] = self.walls_m[if evaluation < last { evaluation } else { last }];
         if left.is_there && beads.start == 0 {
-            self.force[0] = wall_force_n(&left, 0, self.law, self.terms, self.walls_m[0] - self.u_m[0]);
+            self.force[0] = wall_force_n(&left, 0, self.law, self.terms, left_m - self.u_m[0]);
+            self.wall_forces_n[evaluation][0] = self.force[0];
         }
         if right.is_there && beads.end == count {
-            let approach_m = self.u_m[count - 1] - self.walls_m[1];
+            let approach_m = self.u_m[count - 1] - right_m;
             self.force[count] = wall_force_n(&right, 1, self.law, self.terms, approach_m);
+            self.wall_forces_n[evaluation][1] = self.force[count];
             self.presses[(count - 1) / BLOCK] |= self.force[count] != 0.0;
         }
     }

@@ -4,7 +4,7 @@
 //! depends on time, or a wall that moves, is to these methods one coordinate more, and they keep their order.
 
 use super::{Others, Splitting};
-use crate::drives::{Acts, Drives, When};
+use crate::drives::{Acts, Drives, Now, When};
 use crate::kernel::{Activity, Pass};
 use crate::state::ChainState;
 
@@ -43,6 +43,50 @@ impl Splitting {
         self.forces_of_step = Some(state.step);
     }
 
+    /// Some steps in one sweep, at least one and at most to step `last`, with drives that do nothing but move walls: where these are
+    /// does not depend on the chain.
+    pub(super) fn steps_with_walls(&mut self, others: &mut Others, state: &mut ChainState, last: u64) {
+        if self.forces_of_step != Some(state.step) {
+            self.start_with(others, state);
+        }
+        let steps = self.steps_to(state.step, last);
+        let mut moments = vec![others.now.clone()];
+        let Some(drives) = &others.drives else { return };
+        let [.., row] = others.rows.split_mut(&mut state.extra);
+        for step in state.step..state.step + steps {
+            let mut after = 0.0;
+            for (stage, (_, a)) in self.stages.kick_drift.iter().enumerate() {
+                after += a;
+                let is_end = stage + 1 == self.stages.kick_drift.len();
+                let after_s = if is_end { self.dt_s } else { after * self.dt_s };
+                drives.at(When { step, after_s, is_end }, row, &mut others.now);
+                moments.push(others.now.clone());
+            }
+            others.now.iter().enumerate().for_each(|(d, now)| row[2 * d + 1] = now.x_m);
+        }
+        let places: Vec<_> = moments[1..].iter().map(|now| walls_at(drives, now)).collect();
+        self.kernel.move_walls_along(places.into_iter());
+        let mut forces = vec![[self.kernel.forces_at(0)[0], self.kernel.forces_at(state.u_m.len() - 1)[1]]];
+        self.kernel.sweep(&self.passes, &mut state.u_m, &mut state.v_m_s);
+        forces.extend(self.kernel.wall_forces_n());
+        let mut at = 0;
+        for _ in 0..steps {
+            let kicks = self.stages.kick_drift.iter().map(|(b, _)| *b).chain([self.stages.last_kick]);
+            for (kick, b) in kicks.enumerate() {
+                let kick_s = b * self.dt_s;
+                for (d, now) in moments[at + kick].iter().enumerate() {
+                    row[2 * d] += match drives.acts(d) {
+                        Acts::Wall(0) => kick_s * (forces[at + kick][0] * now.v_m_s),
+                        _ => -(kick_s * (forces[at + kick][1] * now.v_m_s)),
+                    };
+                }
+            }
+            at += self.stages.kick_drift.len();
+        }
+        state.step += steps;
+        self.forces_of_step = Some(state.step);
+    }
+
     /// The forces at the beginning of a step that another integrator may have come to.
     fn start_with(&mut self, others: &mut Others, state: &mut ChainState) {
         // as without drives: see `Splitting::advance`
@@ -55,7 +99,7 @@ impl Splitting {
         if let Some(drives) = &others.drives {
             let when = When { step: state.step, after_s: 0.0, is_end: false };
             drives.at(when, others.rows.drives_of(&state.extra), &mut others.now);
-            self.kernel.move_walls(walls_of(drives, others));
+            self.kernel.move_walls(walls_at(drives, &others.now));
         }
         self.kernel.sweep(&[Pass::Forces], &mut state.u_m, &mut state.v_m_s);
     }
@@ -69,7 +113,7 @@ impl Splitting {
                 state.u_m[bead] = now.x_m;
             }
         }
-        self.kernel.move_walls(walls_of(drives, others));
+        self.kernel.move_walls(walls_at(drives, &others.now));
     }
 
     /// A kick of `kick_s` by the forces evaluated last, and the work that drives do meanwhile.
@@ -152,9 +196,9 @@ fn finish_step(drives: &Drives, others: &Others, state: &mut ChainState) {
 }
 
 /// Where the walls are (m).
-fn walls_of(drives: &Drives, others: &Others) -> [f64; 2] {
+fn walls_at(drives: &Drives, now: &[Now]) -> [f64; 2] {
     let mut walls_m = [0.0; 2];
-    for (d, now) in others.now.iter().enumerate() {
+    for (d, now) in now.iter().enumerate() {
         if let Acts::Wall(side) = drives.acts(d) {
             walls_m[side] = now.x_m;
         }
