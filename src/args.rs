@@ -298,7 +298,7 @@ pub(crate) struct Overrides {
     /// Time step (s), or `auto:TOL` to find one with max|ΔE/E| ≤ TOL [default: a fraction of the collision time T]
     #[arg(long, value_name = "S|auto:TOL", value_parser = TimeStep::parse)]
     pub(crate) dt: Option<TimeStep>,
-    /// Integration method: velocity-verlet, rkn4 or gear5
+    /// Integration method: velocity-verlet, rkn4, gear5 or rk5
     #[arg(long)]
     pub(crate) method: Option<Method>,
     /// Publish every K-th step

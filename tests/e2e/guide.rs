@@ -177,16 +177,21 @@ fn sweep() {
 }
 
 #[test]
+fn any_chain() {
+    read("docs/guide/7-any-chain.md");
+}
+
+#[test]
 fn own_consumer() {
     // without it the run in the first terminal would wait for ever
     if own_consumer::example().is_some() {
-        read("docs/guide/7-own-consumer.md");
+        read("docs/guide/8-own-consumer.md");
     }
 }
 
 #[test]
 fn questions() {
-    read("docs/guide/8-questions.md");
+    read("docs/guide/9-questions.md");
 }
 
 /// Every page is read by a test, and every page that is named is there.

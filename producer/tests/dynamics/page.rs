@@ -95,7 +95,8 @@ fn vector(physics: &Physics) -> String {
 #[test]
 fn the_page_has_the_bits_of_three_chains() {
     let vectors: Vec<String> = chains().iter().map(vector).collect();
-    let block = format!("```json\n[{}]\n```\n", vectors.join(",\n"));
+    // further chains follow them, which the programs of the page's readers check
+    let block = format!("```json\n[{},\n{{", vectors.join(",\n"));
     let page = include_str!("../../../docs/KERNEL.md");
-    assert!(page.ends_with(&block), "docs/KERNEL.md ends with other vectors than these:\n{block}");
+    assert!(page.contains(&block), "docs/KERNEL.md has other vectors than these:\n{block}");
 }
