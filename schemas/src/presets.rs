@@ -150,7 +150,7 @@ pub const PRESETS: [Preset; 22] = [
     },
     Preset {
         name: "driven-damped",
-        about: "40 beads with dashpots under 10 N, a wall shaken hard: what it puts in, the contacts take up",
+        about: "40 beads with dashpots under 10 N, the first pushed and pulled by 4 N: what goes in, the contacts take up",
         beads: 40,
         duration_s: 0.02,
         change: field::driven_damped,

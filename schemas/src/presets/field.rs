@@ -96,8 +96,9 @@ pub(super) fn disordered(config: &mut RunConfig) {
 }
 
 pub(super) fn driven_damped(config: &mut RunConfig) {
-    shaken(config, 2e-5, 1000.0);
-    config.ends.right = End::Fixed;
+    shaken(config, 4.0, 1000.0);
+    config.ends.left = End::Free;
+    (config.drive[0].at, config.drive[0].prescribes) = (Place::Bead(0), Quantity::Force);
     config.damping = Some(DampingConfig::ViscousNSPerM(0.5));
     config.integrator.method = Method::Rk5;
     sparse(config, 5);
