@@ -206,7 +206,7 @@ pub struct EndsConfig {
     /// Beads with drag at an absorbing end [default: a fifth of the chain, at most 100].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub absorbing_beads: Option<u64>,
-    /// The drag (N·s/m) of the last bead of an absorbing end [default: half of m/T].
+    /// The drag (N·s/m) of the last bead of an absorbing end [default: half of m/T, 1/200 of it in a chain without load or bonds].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub absorbing_drag_n_s_per_m: Option<f64>,
 }

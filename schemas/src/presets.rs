@@ -1,5 +1,7 @@
 //! Ready-made configurations: the runs of the paper, and an example of each thing beyond it.
 
+mod field;
+
 use crate::config::{
     ChainConfig, DampingConfig, End, EndsConfig, Impurity, Initial, IntegratorConfig, LoadConfig, MassRule,
     OnSite, RunConfig, StiffnessRule, StreamConfig, StrikerConfig, TimeConfig,
@@ -20,7 +22,7 @@ pub struct Preset {
 }
 
 /// Every preset; the first is the default.
-pub const PRESETS: [Preset; 11] = [
+pub const PRESETS: [Preset; 22] = [
     Preset {
         name: "light-impurity",
         about: "1000 beads, bead 500 of 0.6 g: the impurity rattles and emits solitary waves both ways",
@@ -110,6 +112,83 @@ pub const PRESETS: [Preset; 11] = [
             config.damping = Some(DampingConfig::Restitution(0.95));
             config.integrator.method = Method::Gear5;
         },
+    },
+    Preset {
+        name: "band-gap",
+        about: "100 beads of 2 g and 1 g in turn under 10 N, the left wall shaken within the gap: it passes no energy on",
+        beads: 100,
+        duration_s: 0.05,
+        change: field::band_gap,
+    },
+    Preset {
+        name: "steel-spheres",
+        about: "52 spheres of bearing steel, 8 mm wide, struck at 1 m/s: the chain of an experiment",
+        beads: 52,
+        duration_s: 0.8e-3,
+        change: field::steel_spheres,
+    },
+    Preset {
+        name: "fput-alpha",
+        about: "31 masses on springs that are not quite linear, in their lowest mode: it gives its energy away and gets it back",
+        beads: 31,
+        duration_s: 10_500.0,
+        change: field::fput_alpha,
+    },
+    Preset {
+        name: "collision",
+        about: "200 beads struck at both ends: two solitary waves meet and leave small ones behind",
+        beads: 200,
+        duration_s: 0.016,
+        change: field::collision,
+    },
+    Preset {
+        name: "disordered",
+        about: "400 masses at random on equal linear springs, the middle one struck: much of the energy stays there",
+        beads: 400,
+        duration_s: 0.018,
+        change: field::disordered,
+    },
+    Preset {
+        name: "driven-damped",
+        about: "40 beads with dashpots under 10 N, the first pushed and pulled by 4 N: what goes in, the contacts take up",
+        beads: 40,
+        duration_s: 0.02,
+        change: field::driven_damped,
+    },
+    Preset {
+        name: "absorbing",
+        about: "300 beads whose last 60 are slowed down: the solitary wave does not come back",
+        beads: 300,
+        duration_s: 0.04,
+        change: field::absorbing,
+    },
+    Preset {
+        name: "resonators",
+        about: "100 beads under 10 N, each with a mass on a spring inside, the left wall shaken in the gap that these make",
+        beads: 100,
+        duration_s: 0.05,
+        change: field::resonators,
+    },
+    Preset {
+        name: "toda",
+        about: "200 masses on the springs of Toda, a soliton of his in their middle: it stays as it is",
+        beads: 200,
+        duration_s: 60.0,
+        change: field::toda,
+    },
+    Preset {
+        name: "piston",
+        about: "200 beads and a wall that moves at 1 m/s: a shock of solitary waves runs ahead of it",
+        beads: 200,
+        duration_s: 0.02,
+        change: field::piston,
+    },
+    Preset {
+        name: "thermal",
+        about: "100 masses on springs with a cubic part, with velocities as of a temperature: energy is in all modes",
+        beads: 100,
+        duration_s: 100.0,
+        change: field::thermal,
     },
 ];
 

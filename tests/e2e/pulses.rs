@@ -334,6 +334,14 @@ fn where_nothing_strikes_pulses_are_found_by_the_scale_of_the_load() {
 fn every_preset_is_followed() {
     let place = Place::new();
     for preset in PRESETS {
+        let config = preset.config();
+        // what is shaken, starts everywhere or has bonds instead of contacts has no pulses, or not only such
+        if !config.striker.more.is_empty()
+            || config.striker.velocity_m_s == 0.0
+            || config.chain.bonds.is_some()
+        {
+            continue;
+        }
         let run = place.start(&format!("run --preset {} --no-record --wait-for 1", preset.name));
         let told = place.run("pulses --json").exits(0);
         run.wait().exits(0);

@@ -11,6 +11,7 @@ mod damped_states;
 mod default_steps;
 mod default_steps_elsewhere;
 mod driven_states;
+mod field;
 mod final_states;
 mod gravity;
 mod loaded;

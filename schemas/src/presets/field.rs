@@ -1,0 +1,156 @@
+//! What presets beyond one struck bead change: drives, laws, initial states, disorder, ends.
+
+use crate::config::{
+    Bonds, DampingConfig, Disorder, Disordered, End, MassRule, ModeShape, Profile, Resonators, RunConfig,
+    Sphere, Spheres, StrikerConfig, Thermal, Toda,
+};
+use crate::drive::{Drive, Place, Quantity, Side, Sine, Waveform};
+use crate::functions::{exp, ln};
+use crate::material::Material;
+use crate::method::Method;
+
+/// Nothing strikes; the left wall is shaken by a sine of that amplitude (m) and frequency (Hz) that grows over ten periods.
+fn shaken(config: &mut RunConfig, amplitude: f64, frequency_hz: f64) {
+    still(config);
+    config.load.precompression_n = 10.0;
+    config.ends.left = End::Fixed;
+    let sine = Sine {
+        amplitude,
+        frequency_hz,
+        phase_rad: 0.0,
+        ramp_s: 10.0 / frequency_hz,
+        until_s: None,
+        ramp_down_s: 0.0,
+    };
+    config.drive = vec![Drive {
+        at: Place::Wall(Side::Left),
+        prescribes: Quantity::Displacement,
+        waveform: Waveform::Sine(sine),
+    }];
+}
+
+/// Nothing strikes.
+fn still(config: &mut RunConfig) {
+    config.striker = StrikerConfig { bead: 0, velocity_m_s: 0.0 }.into();
+}
+
+/// Every so many steps a state.
+fn sparse(config: &mut RunConfig, steps: u64) {
+    config.stream.publish_every_steps = steps;
+    config.stream.record_every_steps = steps;
+}
+
+/// Masses of 1 kg on springs of 1 N/m and what else is said of them: the units of theory.
+fn bonded(config: &mut RunConfig, bonds: Bonds) {
+    still(config);
+    config.chain.bonds = Some(bonds);
+    (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) = (1.0, 1.0, 1.0);
+}
+
+pub(super) fn band_gap(config: &mut RunConfig) {
+    shaken(config, 1e-8, 2300.0);
+    config.chain.masses = MassRule::PatternKg(vec![2e-3, 1e-3]);
+    config.ends.right = End::Absorbing;
+    config.ends.absorbing_beads = Some(60);
+    config.integrator.method = Method::Rk5;
+    sparse(config, 10);
+}
+
+pub(super) fn steel_spheres(config: &mut RunConfig) {
+    let steel = Material { density_kg_m3: 7780.0, young_pa: 203e9, poisson: 0.3 };
+    let sphere = Sphere { radius_m: 4e-3, material: steel };
+    (config.chain.bead_mass_kg, config.chain.stiffness) = (sphere.mass_kg(), sphere.stiffness_with(&sphere));
+    config.chain.spheres = Some(Spheres(vec![sphere]));
+    config.striker.velocity_m_s = 1.0;
+}
+
+pub(super) fn fput_alpha(config: &mut RunConfig) {
+    bonded(
+        config,
+        Bonds { linear: Some(Profile::Same(1.0)), quadratic: Some(Profile::Same(0.25)), ..Bonds::default() },
+    );
+    (config.ends.left, config.ends.right) = (End::Fixed, End::Fixed);
+    config.initial.mode = Some(ModeShape { number: 1, displacement_m: 1.0, velocity_m_s: 0.0 });
+    config.time.dt_s = Some(0.1);
+    sparse(config, 100);
+}
+
+pub(super) fn collision(config: &mut RunConfig) {
+    config.striker.more = vec![StrikerConfig { bead: 199, velocity_m_s: -5.0 }];
+}
+
+pub(super) fn disordered(config: &mut RunConfig) {
+    config.seed = 1;
+    config.disorder = vec![Disorder {
+        of: Disordered::Masses,
+        uniform: Some(0.5),
+        normal: None,
+        log_normal: None,
+        two_valued: None,
+        permuted: false,
+    }];
+    config.chain.bonds = Some(Bonds { linear: Some(Profile::Same(1e5)), ..Bonds::default() });
+    (config.chain.alpha, config.chain.stiffness) = (1.0, 1e5);
+    config.striker = StrikerConfig { bead: 200, velocity_m_s: 1.0 }.into();
+    sparse(config, 10);
+}
+
+pub(super) fn driven_damped(config: &mut RunConfig) {
+    shaken(config, 4.0, 1000.0);
+    config.ends.left = End::Free;
+    (config.drive[0].at, config.drive[0].prescribes) = (Place::Bead(0), Quantity::Force);
+    config.damping = Some(DampingConfig::ViscousNSPerM(0.5));
+    config.integrator.method = Method::Rk5;
+    sparse(config, 5);
+}
+
+pub(super) fn absorbing(config: &mut RunConfig) {
+    config.ends.right = End::Absorbing;
+    config.integrator.method = Method::Rk5;
+    sparse(config, 10);
+}
+
+pub(super) fn resonators(config: &mut RunConfig) {
+    shaken(config, 1e-8, 1750.0);
+    // 1/245 of the period of the highest mode, 4085 Hz: enough for a method of order 5
+    config.time.dt_s = Some(1e-6);
+    config.resonators =
+        Some(Resonators { mass_kg: Profile::Same(0.5e-3), stiffness_n_per_m: Profile::Same(5e4) });
+    config.ends.right = End::Absorbing;
+    config.ends.absorbing_beads = Some(60);
+    config.integrator.method = Method::Rk5;
+    sparse(config, 10);
+}
+
+/// `u = ln(cosh(x − κ)/cosh x) + κ` and `v = sinh κ·(tanh x − tanh(x − κ))` with `x = κ·(i − 50)` and κ = 1.
+pub(super) fn toda(config: &mut RunConfig) {
+    let toda = Toda { stiffness: Profile::Same(1.0), steepness_per_m: 1.0 };
+    bonded(config, Bonds { toda: Some(toda), ..Bonds::default() });
+    let x = |bead: u32| f64::from(bead) - 50.0;
+    // ln cosh x without overflow
+    let ln_cosh = |x: f64| x.abs() + ln(0.5 * (1.0 + exp(-2.0 * x.abs())));
+    let tanh = |x: f64| 1.0 - 2.0 / (exp(2.0 * x) + 1.0);
+    let sinh = 0.5 * (exp(1.0) - exp(-1.0));
+    config.initial.displacements_m = (0..200).map(|i| ln_cosh(x(i) - 1.0) - ln_cosh(x(i)) + 1.0).collect();
+    config.initial.velocities_m_s = (0..200).map(|i| sinh * (tanh(x(i)) - tanh(x(i) - 1.0))).collect();
+}
+
+pub(super) fn piston(config: &mut RunConfig) {
+    still(config);
+    config.ends.left = End::Fixed;
+    config.drive = vec![Drive {
+        at: Place::Wall(Side::Left),
+        prescribes: Quantity::Velocity,
+        waveform: Waveform::Constant(1.0),
+    }];
+}
+
+pub(super) fn thermal(config: &mut RunConfig) {
+    bonded(
+        config,
+        Bonds { linear: Some(Profile::Same(1.0)), cubic: Some(Profile::Same(0.1)), ..Bonds::default() },
+    );
+    config.seed = 1;
+    (config.ends.left, config.ends.right) = (End::Periodic, End::Periodic);
+    config.initial.thermal = Some(Thermal { temperature_k: None, energy_j: Some(0.1) });
+}
