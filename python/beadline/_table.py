@@ -337,7 +337,7 @@ def spectrum(
     map: bool = False,
     beads: slice | None = None,
     segment: int | None = None,
-    window: Literal["hann", "none"] = "hann",
+    window: Literal["hann", "none"] | None = None,
     max_frequency_hz: float | None = None,
     from_s: float | None = None,
     until_s: float | None = None,
@@ -354,7 +354,7 @@ def spectrum(
         map: Or that of all beads over frequency and wavenumber (rad per bead).
         beads: Only these beads in the map: ``slice(10, 90)``.
         segment: Samples in a segment, even: more resolve more, fewer average more.
-        window: How they are weighted: ``"hann"`` for motion that lasts, ``"none"`` for a pulse that has come and gone.
+        window: How they are weighted: ``"hann"``, the default, for motion that lasts, ``"none"`` for a pulse that has come and gone.
         max_frequency_hz: Highest frequency (Hz) of a spectrogram or map.
         from_s, until_s, every_step, jobs: As for :meth:`energies`.
     """
