@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from ._recording import FieldArray, Recording, State, open
     from ._run import Chain, Run, Simulation, preset, presets
     from ._sweep import sweep
-    from ._table import Motion, Pulses, Table, Verdict
+    from ._table import Forces, Motion, Pulses, Table, Verdict
     from .errors import (
         BeadlineError,
         CommandError,
@@ -62,7 +62,7 @@ _PLACES = {
     "_recording": ("FieldArray", "Recording", "State", "open"),
     "_run": ("Chain", "Run", "Simulation", "preset", "presets"),
     "_sweep": ("sweep",),
-    "_table": ("Motion", "Pulses", "Table", "Verdict"),
+    "_table": ("Forces", "Motion", "Pulses", "Table", "Verdict"),
     "errors": (
         "BeadlineError",
         "CommandError",
@@ -83,6 +83,7 @@ __all__ = [
     "ConfigError",
     "Consumer",
     "FieldArray",
+    "Forces",
     "Frame",
     "Live",
     "LiveConsumer",

@@ -52,6 +52,8 @@ _STATE_NAMES = {
     "displacement": "displacement_m",
     "overlap": "overlap_m",
     "force": "force_n",
+    "resonator_displacement": "resonator_displacement_m",
+    "resonator_velocity": "resonator_velocity_m_s",
 }
 
 
@@ -63,7 +65,7 @@ def _array(rec: Recording, field: str) -> FieldArray:
 
 
 def _place(field: str) -> str:
-    return "bead" if field in ("velocity", "displacement") else "contact"
+    return "contact" if field in ("overlap", "force") else "bead"
 
 
 def plot(
@@ -86,8 +88,9 @@ def plot(
     so that no pulse is lost between them.
 
     Args:
-        field: ``"velocity"``, ``"displacement"``, ``"overlap"`` or ``"force"``. A map of a chain
-            under load shows overlaps and forces beyond those at rest.
+        field: ``"velocity"``, ``"displacement"``, ``"overlap"``, ``"force"``,
+            ``"resonator_displacement"`` or ``"resonator_velocity"``. A map of a chain under load
+            shows overlaps and forces beyond those at rest.
         ax: Where to draw; by default in a figure of its own.
         step: A step, or several.
         time_s: A time (s), or several.

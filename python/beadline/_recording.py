@@ -22,13 +22,21 @@ from .errors import RecordingError
 if TYPE_CHECKING:
     from ._native import Doubles, Numbers, StateTuple
 
-FieldName = Literal["displacement", "velocity", "overlap", "force"]
+FieldName = Literal["displacement", "velocity", "overlap", "force", "resonator_displacement", "resonator_velocity"]
 Index = npt.NDArray[np.intp]
 Array = TypeVar("Array", bound=npt.NDArray[Any])
 # positions on an axis
 Axis = range | Index
 
-_UNITS: dict[FieldName, str] = {"displacement": "m", "velocity": "m/s", "overlap": "m", "force": "N"}
+_UNITS: dict[FieldName, str] = {
+    "displacement": "m",
+    "velocity": "m/s",
+    "overlap": "m",
+    "force": "N",
+    "resonator_displacement": "m",
+    "resonator_velocity": "m/s",
+}
+_OF_CONTACTS = ("overlap", "force")
 # memory that is left to others
 _FREE_PART = 0.9
 # of states that are read one after the other, how much is read at once
@@ -78,8 +86,8 @@ class State:
         time_s: Its time (s).
         displacement_m: Displacement of each bead (m), N values.
         velocity_m_s: Velocity of each bead (m/s), N values.
-        extra: What else is needed to go on: of ``"gear5"`` some values for each bead, of resonators their displacements and
-            velocities, of damping and drag the dissipated work, of drives theirs; FORMAT has the order.
+        extra: What else is needed to go on: of ``"gear5"`` some values for each bead, then what ``resonator_displacement_m`` and
+            the others below are made of; FORMAT has the order.
     """
 
     def __init__(self, manifest: _native.Manifest, state: StateTuple) -> None:
@@ -97,6 +105,43 @@ class State:
     def force_n(self) -> Doubles:
         """Force of each contact between two beads (N), N − 1 values, damping and load included."""
         return self._field("force")
+
+    @cached_property
+    def wall_force_n(self) -> Doubles:
+        """Forces of the contacts with the left and the right wall (N), damping and load included, 0 at a free end; where a wall moves,
+        damping is that of a wall at rest. In a ring the first is that of the contact that closes it."""
+        forces = self._manifest.wall_forces_n(self.displacement_m, self.velocity_m_s, self.extra)
+        return _read_only(forces)
+
+    @cached_property
+    def _parts(self) -> list[Doubles]:
+        return [_read_only(part) for part in self._manifest.parts_of(self.extra)]
+
+    @property
+    def resonator_displacement_m(self) -> Doubles:
+        """Displacement of the resonator in each bead (m), N values; none of a run without resonators."""
+        return self._parts[0]
+
+    @property
+    def resonator_velocity_m_s(self) -> Doubles:
+        """Velocity of the resonator in each bead (m/s), N values; none of a run without resonators."""
+        return self._parts[1]
+
+    @property
+    def dissipated_j(self) -> Doubles:
+        """Energy that was dissipated so far (J), N values: of contact ``i`` and of the drag of bead ``i``; the last one is that of walls,
+        or of the contact that closes a ring, and of the drag of the last bead. None of a run without damping and drag."""
+        return self._parts[2]
+
+    @property
+    def drive_work_j(self) -> Doubles:
+        """Work that each drive has done so far (J)."""
+        return self._parts[3]
+
+    @property
+    def drive_displacement_m(self) -> Doubles:
+        """Displacement (m) of the wall or bead that each drive moves; 0 of a force."""
+        return self._parts[4]
 
     @property
     def mass_kg(self) -> Doubles:
@@ -118,7 +163,8 @@ class FieldArray(NDArrayOperatorsMixin):
     computes it on all cores, and so does every function of NumPy's.
 
     Attributes:
-        name: ``"velocity"``, ``"displacement"``, ``"overlap"`` or ``"force"``.
+        name: ``"velocity"``, ``"displacement"``, ``"overlap"``, ``"force"``, ``"resonator_displacement"`` or
+            ``"resonator_velocity"``.
         unit: Its unit.
     """
 
@@ -505,7 +551,9 @@ class Recording:
         return found
 
     def _field(self, name: FieldName) -> FieldArray:
-        places = self.beads if name in ("displacement", "velocity") else self.beads - 1
+        places = self.beads - 1 if name in _OF_CONTACTS else self.beads
+        if name.startswith("resonator") and not self._manifest.rows[0]:
+            raise AttributeError(f"the run has no resonators, so no {name}", name=name, obj=self)
         return FieldArray(self, name, range(len(self.steps)), range(places))
 
     @property
@@ -527,6 +575,24 @@ class Recording:
     def force(self) -> FieldArray:
         """Forces of the contacts between beads (N), shape (steps, N − 1), computed when they are needed."""
         return self._field("force")
+
+    @property
+    def resonator_displacement(self) -> FieldArray:
+        """Displacements of the resonators (m), shape (steps, N), computed when they are needed.
+
+        Raises:
+            AttributeError: If there are none.
+        """
+        return self._field("resonator_displacement")
+
+    @property
+    def resonator_velocity(self) -> FieldArray:
+        """Velocities of the resonators (m/s), shape (steps, N), computed when they are needed.
+
+        Raises:
+            AttributeError: If there are none.
+        """
+        return self._field("resonator_velocity")
 
     def __len__(self) -> int:
         return len(self.steps)
@@ -597,6 +663,10 @@ class Recording:
     contacts = _table.contacts
     pulses = _table.pulses
     deformation = _table.deformation
+    spreading = _table.spreading
+    forces = _table.forces
+    spectrum = _table.spectrum
+    modes = _table.modes
     verify = _table.verify
     share = _table.share
     plot = _plot.plot

@@ -24,17 +24,22 @@ if TYPE_CHECKING:
     from ._native import Doubles
     from ._recording import Recording, State
 
+    Initial = State | tuple["Values", "Values"] | Mapping[str, Any]
+
 Config = dict[str, Any]
 Values = Sequence[float] | npt.NDArray[np.floating[Any]]
+# a number, a value for each place, or a rule such as {"pattern": [1, 2]}
+PerPlace = float | Values | Mapping[str, Any]
 OnFrame = Callable[["State"], object]
 
 
 class Chain:
-    """A chain of beads that repel where they touch, with ``F = k·δ^α``.
+    """A chain of beads that repel where they touch, with ``F = k·δ^α``, or of others: CONFIGURATION explains all of them.
 
     Args:
         beads: Number of beads N.
-        mass_kg: Mass of a bead (kg), or of each bead (N values).
+        mass_kg: Mass of a bead (kg), or of each bead (N values). Like ``alpha`` and ``stiffness`` it may be left out with
+            ``spheres``, and the last two with ``bonds``.
         alpha: Exponent α ≥ 1; 1.5 for spheres.
         stiffness: Stiffness k of a contact (N·m^−α), or of each contact (N − 1 values).
         impurities: Beads of another mass, ``{bead: mass in kg}``.
@@ -42,12 +47,26 @@ class Chain:
         masses: A rule for all masses: ``{"pattern_kg": [1e-3, 2e-3]}`` repeats; with ``{"taper": 0.98}`` each bead has that
             part of the mass of the one before.
         stiffnesses: A rule for all stiffnesses: ``"radii"`` (spheres of one material), or ``{"pattern": [1e7, 2e7]}``.
-        left, right: What the ends touch: ``"free"`` (nothing) or ``"fixed"`` (a wall).
+        spheres: Spheres of a material: ``{"material": "steel", "radius_m": 4.75e-3}``, or several that repeat.
+        odd_spheres: Single other spheres: ``[{"bead": 30, "material": "brass", "radius_m": 4.75e-3}]``.
+        alphas: Exponents of the contacts: a number, N − 1 values, or ``{"pattern": [1.5, 2]}``.
+        second: A second power that is added to every force: ``{"alpha": 3, "stiffness": 1e12}``.
+        gaps_m: Gap of each contact (m) where both displacements are 0: a number, N − 1 values, or a pattern.
+        bonds: Springs that pull as well as push, in place of contacts: ``{"linear": 1.0, "quadratic": 0.25, "cubic": 0.0}``, or
+            ``{"toda": {"stiffness": 1.0, "steepness_per_m": 1.0}}``.
+        disorder: Random factors: ``[{"of": "masses", "uniform": 0.2}]``. They follow from the ``seed`` of the run.
+        on_site: What holds each bead at its place: ``linear_n_per_m``, ``cubic_n_per_m3``, ``drag_n_s_per_m``.
+        resonators: A mass on a spring inside each bead: ``{"mass_kg": 1e-3, "stiffness_n_per_m": 1e4}``.
+        left, right: What the ends touch: ``"free"`` (nothing), ``"fixed"`` (a wall), ``"periodic"`` (both: each other) or
+            ``"absorbing"`` (drag that grows towards the end).
         left_stiffness, right_stiffness: Of the contacts with the walls (N·m^−α); else that of the chain.
+        ends: What else is said of the ends: ``absorbing_beads``, ``absorbing_drag_n_s_per_m``, ``left_material``, ….
         gravity_m_s2: Acceleration of every bead (m/s²), positive towards higher bead numbers.
         precompression_n: Force (N) that presses the chain together.
         restitution: Coefficient of restitution of two beads, between 0 and 1.
         viscous_n_s_per_m: Or a dashpot in every closed contact (N·s/m).
+        kuwabara_kono_s: Or viscoelastic spheres (s): ``F = k·δ^α + α·k·A·δ^(α−1)·dδ/dt``.
+        power_damping: Or any power η·δ^p·dδ/dt: ``{"coefficient": 1.0, "exponent": 0.25}``.
 
     Where each bead has a mass of its own, lengths and times are scaled with the median mass; so are stiffnesses.
     """
@@ -56,23 +75,35 @@ class Chain:
         self,
         beads: int,
         *,
-        mass_kg: float | Values,
-        alpha: float,
-        stiffness: float | Values,
+        mass_kg: float | Values | None = None,
+        alpha: float | None = None,
+        stiffness: float | Values | None = None,
         impurities: Mapping[int, float] | None = None,
         contacts: Mapping[int, float] | None = None,
         masses: Mapping[str, Any] | None = None,
         stiffnesses: str | Mapping[str, Any] | None = None,
+        spheres: Mapping[str, Any] | Sequence[Mapping[str, Any]] | None = None,
+        odd_spheres: Sequence[Mapping[str, Any]] = (),
+        alphas: PerPlace | None = None,
+        second: Mapping[str, Any] | None = None,
+        gaps_m: PerPlace | None = None,
+        bonds: Mapping[str, Any] | None = None,
+        disorder: Sequence[Mapping[str, Any]] = (),
+        on_site: Mapping[str, Any] | None = None,
+        resonators: Mapping[str, Any] | None = None,
         left: str = "free",
         right: str = "free",
         left_stiffness: float | None = None,
         right_stiffness: float | None = None,
+        ends: Mapping[str, Any] | None = None,
         gravity_m_s2: float = 0.0,
         precompression_n: float = 0.0,
         restitution: float | None = None,
         viscous_n_s_per_m: float | None = None,
+        kuwabara_kono_s: float | None = None,
+        power_damping: Mapping[str, float] | None = None,
     ) -> None:
-        chain: Config = {"beads": _whole("beads", beads), "alpha": float(alpha)}
+        chain: Config = {"beads": _whole("beads", beads), "alpha": None if alpha is None else float(alpha)}
         chain["bead_mass_kg"], list_kg = _one_or_each(mass_kg)
         chain["stiffness"], each = _one_or_each(stiffness)
         chain["masses"] = masses if list_kg is None else {"list_kg": list_kg}
@@ -83,12 +114,23 @@ class Chain:
         chain["contacts"] = [
             {"contact": _whole("contacts", contact), "stiffness": float(k)} for contact, k in _each("contacts", contacts or {})
         ]
-        ends = {"left": left, "right": right}
+        chain["spheres"], chain["odd_spheres"] = spheres, list(odd_spheres)
+        chain["alphas"], chain["gaps_m"] = _per_place(alphas), _per_place(gaps_m)
+        chain["second"], chain["bonds"] = _places_of(second), _places_of(bonds)
+        of_walls = {"left_stiffness": left_stiffness, "right_stiffness": right_stiffness}
         self._config: Config = {
             "chain": chain,
-            "ends": {**ends, "left_stiffness": left_stiffness, "right_stiffness": right_stiffness},
+            "disorder": [dict(one) for one in disorder],
+            "ends": {"left": left, "right": right, **of_walls, **(ends or {})},
+            "on_site": _places_of(on_site),
+            "resonators": _places_of(resonators),
             "load": {"gravity_m_s2": float(gravity_m_s2), "precompression_n": float(precompression_n)},
-            "damping": {"restitution": restitution, "viscous_n_s_per_m": viscous_n_s_per_m},
+            "damping": {
+                "restitution": restitution,
+                "viscous_n_s_per_m": viscous_n_s_per_m,
+                "kuwabara_kono_s": kuwabara_kono_s,
+                "power": power_damping,
+            },
         }
 
     @property
@@ -99,7 +141,8 @@ class Chain:
 
     def __repr__(self) -> str:
         chain = self._config["chain"]
-        return f"<Chain of {self.beads} beads, α = {chain['alpha']:g}>"
+        alpha = "" if chain["alpha"] is None else f", α = {chain['alpha']:g}"
+        return f"<Chain of {self.beads} beads{alpha}>"
 
 
 def _whole(name: str, value: Any) -> int:
@@ -110,10 +153,24 @@ def _whole(name: str, value: Any) -> int:
     return number
 
 
-def _one_or_each(values: float | Values) -> tuple[float, list[float] | None]:
+def _one_or_each(values: float | Values | None) -> tuple[float | None, list[float] | None]:
     """A value for all, and the list if there is one for each."""
+    if values is None:
+        return None, None
     array = np.asarray(values, dtype=np.float64)
     return (float(array), None) if array.ndim == 0 else (float(np.median(array)), array.tolist())
+
+
+def _per_place(values: PerPlace | None) -> Any:
+    """A number, a rule, or the rule of a list."""
+    if values is None or isinstance(values, Mapping) or np.ndim(values) == 0:
+        return values
+    return {"list": np.asarray(values, dtype=np.float64).tolist()}
+
+
+def _places_of(table: Mapping[str, Any] | None) -> Config | None:
+    """A table of numbers, rules and lists."""
+    return None if table is None else {key: _per_place(value) for key, value in table.items()}
 
 
 def _each(name: str, values: Mapping[int, float]) -> ItemsView[int, float]:
@@ -124,14 +181,21 @@ def _each(name: str, values: Mapping[int, float]) -> ItemsView[int, float]:
 
 
 class Run:
-    """A run: a chain, what strikes it, and for how long.
+    """A run: a chain, what moves it, and for how long.
 
     Args:
         chain: The chain.
-        strikers: The bead that moves at first, and its velocity (m/s), positive towards higher bead numbers: ``{0: 5.0}``.
+        strikers: Beads that move at first, and their velocities (m/s), positive towards higher bead numbers: ``{0: 5.0}``, or
+            ``{0: 5.0, 99: -5.0}`` for two pulses that meet.
+        drives: What moves walls or beads, or pushes beads: ``[{"wall": "left", "velocity_m_s": 5.0}]`` is a piston,
+            ``[{"bead": 3, "force_n": {"sine": {"amplitude": 1e-3, "frequency_hz": 1e3}}}]`` a shaker. CONFIGURATION has the waveforms.
+        initial: How it begins: displacements (m) and velocities (m/s) of all beads, ``(u, v)``; a :class:`State` of another run,
+            such as ``rec[1000]``; or rules, such as ``{"thermal": {"temperature_k": 300}}``. What it gives is added to strikers.
+        seed: Of everything that is random: disorder and thermal velocities.
         duration_s: Simulated time (s).
         dt_s: Time step (s); by default a fraction of the collision time.
-        method: ``"rkn4"``, ``"velocity-verlet"`` or ``"gear5"``; by default ``"rkn4"``, with damping ``"gear5"``.
+        method: ``"rkn4"``, ``"velocity-verlet"``, ``"gear5"`` or ``"rk5"``; by default ``"rkn4"``, or one that can do what the chain
+            needs.
         name: Name on the bus and in files, of ``a`` to ``z``, digits and ``-``.
         publish_every: Steps from one frame to the next.
 
@@ -144,29 +208,33 @@ class Run:
         self,
         chain: Chain,
         *,
-        strikers: Mapping[int, float],
+        strikers: Mapping[int, float] | None = None,
+        drives: Sequence[Mapping[str, Any]] = (),
+        initial: Initial | None = None,
+        seed: int | None = None,
         duration_s: float,
         dt_s: float | None = None,
         method: str | None = None,
         name: str | None = None,
         publish_every: int = 1,
     ) -> None:
-        struck = list(_each("strikers", strikers))
-        if len(struck) != 1:
-            message = f"strikers: found {len(struck)}; expected one bead and its velocity, such as {{0: 5.0}}"
-            raise ConfigError(message, key="striker")
-        [(bead, velocity_m_s)] = struck
         config = deepcopy(chain._config)
-        config["striker"] = {"bead": _whole("strikers", bead), "velocity_m_s": float(velocity_m_s)}
+        struck = _each("strikers", {} if strikers is None else strikers)
+        each = [{"bead": _whole("strikers", bead), "velocity_m_s": float(v)} for bead, v in struck]
+        config["striker"] = each[0] if len(each) == 1 else each
+        config["drive"] = [dict(drive) for drive in drives]
+        config["initial"] = None if initial is None else _initial(initial)
         config["time"] = {"duration_s": float(duration_s), "dt_s": dt_s}
         config["integrator"] = {"method": method}
         every = _whole("publish_every", publish_every)
         config["stream"] = {"publish_every_steps": every, "record_every_steps": every}
-        self._set(_toml({"name": name, **config}), None, "run")
+        self._set(_toml({"name": name, "seed": seed, **config}), None, "run")
 
-    def _set(self, toml: str, path: str | None, name: str, is_seen: bool = False) -> None:
+    def _set(self, toml: str, path: str | None, name: str, is_seen: bool = False, folder: str | None = None) -> None:
+        # where files are looked for that it names
+        self._folder = os.path.dirname(os.path.abspath(path)) if path is not None else folder or os.getcwd()
         try:
-            self._manifest = _native.Manifest.from_toml(toml, path, name)
+            self._manifest = _native.Manifest.from_toml(toml, path, name, self._folder)
         except ConfigError as error:
             if not is_seen:
                 # nobody has seen these lines
@@ -176,9 +244,11 @@ class Run:
         self._toml = toml
 
     @classmethod
-    def _of(cls, toml: str, path: str | None = None, name: str = "run", is_seen: bool = False) -> Run:
+    def _of(
+        cls, toml: str, path: str | None = None, name: str = "run", is_seen: bool = False, folder: str | None = None
+    ) -> Run:
         run = cls.__new__(cls)
-        run._set(toml, path, name, is_seen)
+        run._set(toml, path, name, is_seen, folder)
         return run
 
     @classmethod
@@ -192,6 +262,16 @@ class Run:
             return cls._of(source, is_seen=True)
         path = Path(source)
         return cls._of(path.read_text(encoding="utf-8"), str(path), path.stem, is_seen=True)
+
+    @classmethod
+    def from_config(cls, config: Mapping[str, Any]) -> Run:
+        """A run of a configuration as nested dictionaries and lists, such as ``tomllib`` reads: everything of CONFIGURATION. Arrays of
+        NumPy's are lists, and what is None is left out.
+
+        Raises:
+            ConfigError: With the key.
+        """
+        return cls._of(_toml(config))
 
     def to_toml(self) -> str:
         """The configuration as ``beadline run`` reads it."""
@@ -216,7 +296,18 @@ class Run:
                 place[last] = value
             except (IndexError, TypeError, ValueError) as error:
                 raise ConfigError(f"{key}: the configuration has no such key", key=key) from error
-        return self._of(_toml(config), None, self.name)
+        return self._of(_toml(config), None, self.name, folder=self._folder)
+
+    def starting_from(self, state: State | tuple[Values, Values]) -> Run:
+        """The same chain, begun from a state: that of any step, ``rec[1000]``, or one that you have changed,
+        ``(displacements in m, velocities in m/s)``. Strikers and other initial states are left out.
+
+        Time begins at 0 again, so drives do, too; resonators begin unstretched and at rest, as everywhere.
+
+        Raises:
+            ConfigError: If it is no state of this chain.
+        """
+        return self.replace({"striker": None, "initial": _initial(state)})
 
     @property
     def name(self) -> str:
@@ -350,6 +441,22 @@ class Run:
         return f"<Run {self.name}: {self._manifest.beads} beads, {self.steps} steps of {self.dt_s:.4g} s>"
 
 
+def _initial(initial: Initial) -> Config:
+    """How a run begins, as a configuration says it."""
+    from ._recording import State
+
+    if isinstance(initial, Mapping):
+        return dict(initial)
+    u_m, v_m_s = (initial.displacement_m, initial.velocity_m_s) if isinstance(initial, State) else initial
+    # a text has no place for the sign of 0, and needs none: it is lost where states are added up
+    return {"displacements_m": _doubles(u_m), "velocities_m_s": _doubles(v_m_s)}
+
+
+def _doubles(values: Values) -> list[float]:
+    found: list[float] = np.asarray(values, dtype=np.float64).tolist()
+    return found
+
+
 def _frames_to(
     call: OnFrame | None, manifest: _native.Manifest, every: int
 ) -> tuple[Callable[..., object], int] | None:
@@ -438,7 +545,7 @@ def preset(name: str) -> Run:
     raise KeyError(f"there is no preset {name!r}; there are: {', '.join(presets())}")
 
 
-def _toml(config: Config) -> str:
+def _toml(config: Mapping[str, Any]) -> str:
     """A configuration as text; what is None or empty is left out."""
     plain = {key: value for key, value in config.items() if not isinstance(value, Mapping)}
     lines = _lines(plain)
@@ -449,7 +556,15 @@ def _toml(config: Config) -> str:
 
 
 def _lines(table: Mapping[str, Any]) -> list[str]:
-    return [f"{key} = {_value(value)}" for key, value in table.items() if value is not None and np.shape(value) != (0,)]
+    return [f"{_key(key)} = {_value(value)}" for key, value in table.items() if not _is_nothing(value)]
+
+
+def _is_nothing(value: Any) -> bool:
+    return value is None or (isinstance(value, list | tuple | np.ndarray) and len(value) == 0)
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key)
 
 
 def _value(value: Any) -> str:

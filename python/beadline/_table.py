@@ -152,6 +152,18 @@ class Pulses(Table):
         self.positions = positions
 
 
+class Forces(Table):
+    """Forces at places in each frame.
+
+    Attributes:
+        peaks: Their peaks: ``place``, ``time_s``, ``force_n`` above that at rest, ``width_s``, ``above_s``.
+    """
+
+    def __init__(self, forces: Table, peaks: Table) -> None:
+        super().__init__(forces.columns, forces.summary)
+        self.peaks = peaks
+
+
 @dataclass(frozen=True)
 class Verdict:
     """Whether a recording is proven; true if so.
@@ -275,6 +287,107 @@ def deformation(
     return analyse(rec, "deformation", contact=contact, **part)[0]
 
 
+def spreading(
+    rec: Recording,
+    *,
+    from_s: float | None = None,
+    until_s: float | None = None,
+    every_step: bool = False,
+    jobs: int | None = None,
+) -> Table:
+    """How far the energy has spread in each frame: its centre, its second moment about it, and the participation number, which is
+    how many beads share it.
+
+    Args:
+        from_s, until_s, every_step, jobs: As for :meth:`energies`.
+    """
+    part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
+    return analyse(rec, "spreading", **part)[0]
+
+
+def forces(
+    rec: Recording,
+    at: str | Sequence[str],
+    *,
+    threshold_n: float | None = None,
+    from_s: float | None = None,
+    until_s: float | None = None,
+    every_step: bool = False,
+    jobs: int | None = None,
+) -> Forces:
+    """Forces (N) in each frame as sensors at places see them, and their peaks.
+
+    Args:
+        at: A place, or several: ``"bead:20"``, ``"contact:7"``, ``"wall:left"``, ``"wall:right"``. A bead has the mean of the forces
+            on its two sides.
+        threshold_n: Least height of a peak (N) above the force at rest; by default 0.01 of the run's force scale.
+        from_s, until_s, every_step, jobs: As for :meth:`energies`.
+    """
+    part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
+    return Forces(*analyse(rec, "forces", "peaks", at=at, threshold_n=threshold_n, **part))
+
+
+def spectrum(
+    rec: Recording,
+    at: str | Sequence[str] = (),
+    *,
+    of: Literal["velocity", "force", "displacement"] = "velocity",
+    transmission: Sequence[tuple[str, str]] = (),
+    spectrogram: bool = False,
+    map: bool = False,
+    beads: slice | None = None,
+    segment: int | None = None,
+    window: Literal["hann", "none"] | None = None,
+    max_frequency_hz: float | None = None,
+    from_s: float | None = None,
+    until_s: float | None = None,
+    every_step: bool = False,
+    jobs: int | None = None,
+) -> Table:
+    """The frequencies of waves: densities at places (of m/s: m²/s²/Hz), one-sided, by Welch's method.
+
+    Args:
+        at: A place, or several, as for :meth:`forces`.
+        of: The quantity.
+        transmission: Pairs of places: gain, phase (rad) and coherence of how the second follows the first.
+        spectrogram: The spectrum of one place over time.
+        map: Or that of all beads over frequency and wavenumber (rad per bead).
+        beads: Only these beads in the map: ``slice(10, 90)``.
+        segment: Samples in a segment, even: more resolve more, fewer average more.
+        window: How they are weighted: ``"hann"``, the default, for motion that lasts, ``"none"`` for a pulse that has come and gone.
+        max_frequency_hz: Highest frequency (Hz) of a spectrogram or map.
+        from_s, until_s, every_step, jobs: As for :meth:`energies`.
+    """
+    part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
+    of_map = {"map": map, "beads": None if beads is None else f"{beads.start}..{beads.stop}"}
+    how = {"of": of, "segment": segment, "window": window, "max_frequency_hz": max_frequency_hz}
+    pairs = [",".join(pair) for pair in transmission]
+    return analyse(rec, "spectrum", at=at, transmission=pairs, spectrogram=spectrogram, **of_map, **how, **part)[0]
+
+
+def modes(
+    rec: Recording,
+    *,
+    shapes: bool = False,
+    energy: bool = False,
+    mode: int | Sequence[int] | None = None,
+    from_s: float | None = None,
+    until_s: float | None = None,
+    every_step: bool = False,
+    jobs: int | None = None,
+) -> Table:
+    """The linear modes of a chain that is pressed together, by ascending frequency: ``frequency_hz``, ``participation_beads``, ….
+
+    Args:
+        shapes: Their shapes instead, a column for each.
+        energy: Or the energy (J) in each of them in each frame.
+        mode: Of shapes and energies: a mode, or several, from 1; by default the lowest 4 and 8.
+        from_s, until_s, every_step, jobs: As for :meth:`energies`.
+    """
+    part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
+    return analyse(rec, "modes", shapes=shapes, energy=energy, mode=mode, **part)[0]
+
+
 def analyse(rec: Recording, name: str, *tables: str, **options: object) -> list[Table]:
     """What the command's analysis ``name`` makes of a recording: its table, and those of flags ``tables``.
 
@@ -282,7 +395,7 @@ def analyse(rec: Recording, name: str, *tables: str, **options: object) -> list[
     """
     flags: list[str] = []
     for key, value in options.items():
-        flag = "--" + re.sub("_[sm]$", "", key).replace("_", "-")
+        flag = "--" + re.sub("_(s|m|n|hz)$", "", key).replace("_", "-")
         if value is True:
             flags.append(flag)
         elif value is not None and value is not False:

@@ -1,10 +1,9 @@
 //! What states hold: fields along the chain, and parts of them.
 
-use numpy::{PyArray1, PyReadonlyArray1};
+use numpy::{PyArray1, PyReadonlyArray1, ToPyArray as _};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use schemas::chain::Chain;
-use schemas::damping::{Damping, damped_force};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 
@@ -15,6 +14,8 @@ pub(crate) enum Field {
     Velocity,
     Overlap,
     Force,
+    ResonatorDisplacement,
+    ResonatorVelocity,
 }
 
 impl Field {
@@ -24,6 +25,8 @@ impl Field {
             "velocity" => Ok(Self::Velocity),
             "overlap" => Ok(Self::Overlap),
             "force" => Ok(Self::Force),
+            "resonator_displacement" => Ok(Self::ResonatorDisplacement),
+            "resonator_velocity" => Ok(Self::ResonatorVelocity),
             _ => Err(PyValueError::new_err(format!("there is no field {name}"))),
         }
     }
@@ -31,6 +34,8 @@ impl Field {
     pub(crate) fn places(self, chain: &Chain) -> usize {
         match self {
             Self::Displacement | Self::Velocity => chain.bead_count(),
+            Self::ResonatorDisplacement | Self::ResonatorVelocity if !chain.rows.resonators => 0,
+            Self::ResonatorDisplacement | Self::ResonatorVelocity => chain.bead_count(),
             Self::Overlap | Self::Force => chain.contact_count(),
         }
     }
@@ -42,27 +47,18 @@ impl Field {
             Self::Velocity => frame.v_m_s[place],
             Self::Overlap => chain.overlap_m(frame.u_m, place),
             Self::Force => force_n(chain, frame, place),
+            Self::ResonatorDisplacement => chain.rows.resonators_of(frame.extra)[0][place],
+            Self::ResonatorVelocity => chain.rows.resonators_of(frame.extra)[1][place],
         }
     }
 }
 
 /// The force of a contact (N), with damping, also that at rest.
 fn force_n(chain: &Chain, frame: &Frame<'_>, contact: usize) -> f64 {
-    let overlap_m = chain.overlap_m(frame.u_m, contact);
-    let stiffness = chain.stiffness[contact];
-    let elastic_n = chain.law.force(stiffness, overlap_m);
-    let Some(damping) = chain.damping.as_ref().filter(|_| overlap_m > chain.law.zero_up_to_m()) else {
-        return elastic_n;
-    };
-    let (coefficient, rate_m_s) =
-        (damping.coefficient[contact], frame.v_m_s[contact] - frame.v_m_s[contact + 1]);
-    let power = elastic_n / stiffness;
-    match damping.kind {
-        Damping::ViscousNSPerM(_) => {
-            damped_force::<false>(elastic_n, power, overlap_m, coefficient, rate_m_s)
-        }
-        Damping::Restitution(_) => damped_force::<true>(elastic_n, power, overlap_m, coefficient, rate_m_s),
-    }
+    let elastic_n = chain.contact_force_n(frame.u_m, contact);
+    let Some(damping) = &chain.damping else { return elastic_n };
+    let rate_m_s = frame.v_m_s[contact] - frame.v_m_s[contact + 1];
+    chain.damped_n(elastic_n, chain.overlap_m(frame.u_m, contact), rate_m_s, damping.coefficient[contact])
 }
 
 /// What is asked for.
@@ -102,6 +98,8 @@ impl Wanted<'_> {
         let whole = match field {
             Field::Displacement => Some(frame.u_m),
             Field::Velocity => Some(frame.v_m_s),
+            Field::ResonatorDisplacement => Some(chain.rows.resonators_of(frame.extra)[0]),
+            Field::ResonatorVelocity => Some(chain.rows.resonators_of(frame.extra)[1]),
             Field::Overlap | Field::Force => None,
         };
         let value = |place| field.value(chain, frame, place);
@@ -124,6 +122,9 @@ pub(crate) fn field_of<'py>(
     v_m_s: &PyReadonlyArray1<'_, f64>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let field = Field::named(field)?;
+    if matches!(field, Field::ResonatorDisplacement | Field::ResonatorVelocity) {
+        return Err(PyValueError::new_err("resonators are parts of extra"));
+    }
     let (u_m, v_m_s) = (u_m.as_slice()?, v_m_s.as_slice()?);
     if u_m.len() != chain.bead_count() || v_m_s.len() != chain.bead_count() {
         return Err(PyValueError::new_err(format!("the chain has {} beads", chain.bead_count())));
@@ -131,4 +132,56 @@ pub(crate) fn field_of<'py>(
     let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m, v_m_s, extra: &[] };
     let values = (0..field.places(chain)).map(|place| field.value(chain, &frame, place));
     Ok(PyArray1::from_iter(py, values))
+}
+
+/// Displacements and velocities of resonators, dissipated work, works and displacements of drives.
+pub(crate) type Parts<'py> = [Bound<'py, PyArray1<f64>>; 5];
+
+/// The parts of a state's `extra`, which are none where the run has none.
+pub(crate) fn parts_of<'py>(
+    py: Python<'py>,
+    chain: &Chain,
+    drives: usize,
+    extra: &PyReadonlyArray1<'_, f64>,
+) -> PyResult<Parts<'py>> {
+    let (extra, rows) = (extra.as_slice()?, chain.rows);
+    check_extra(chain, extra)?;
+    let [w_m, w_m_s] = rows.resonators_of(extra).map(|values| values.to_pyarray(py));
+    let row = rows.drives_of(extra);
+    let of_drives =
+        |which: usize| PyArray1::from_iter(py, row.iter().take(2 * drives).skip(which).step_by(2).copied());
+    Ok([w_m, w_m_s, rows.work_of(extra).to_pyarray(py), of_drives(0), of_drives(1)])
+}
+
+/// Forces (N) of the contacts with the left and the right wall, with damping and those at rest, of `[u_m, v_m_s, extra]`; 0 at a free
+/// end. In a ring the first is that of the contact that closes it.
+pub(crate) fn wall_forces_n<'py>(
+    py: Python<'py>,
+    chain: &Chain,
+    state: [&PyReadonlyArray1<'_, f64>; 3],
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let [u_m, v_m_s, extra] = [state[0].as_slice()?, state[1].as_slice()?, state[2].as_slice()?];
+    check_extra(chain, extra)?;
+    if u_m.len() != chain.bead_count() || v_m_s.len() != chain.bead_count() {
+        return Err(PyValueError::new_err(format!("the chain has {} beads", chain.bead_count())));
+    }
+    let elastic_n = chain.wall_forces_n(u_m, extra);
+    let (approaches_m, rates_m_s) =
+        (chain.wall_approaches_m(u_m, extra), chain.wall_approach_rates_m_s(v_m_s));
+    let forces_n = [0, 1].map(|side| match &chain.damping {
+        Some(damping) if chain.wall(side).is_there => {
+            let overlap_m = chain.wall(side).overlap_m(approaches_m[side]);
+            chain.damped_n(elastic_n[side], overlap_m, rates_m_s[side], damping.wall_coefficient[side])
+        }
+        _ => elastic_n[side],
+    });
+    Ok(forces_n.to_pyarray(py))
+}
+
+fn check_extra(chain: &Chain, extra: &[f64]) -> PyResult<()> {
+    let count = chain.rows.count() * chain.bead_count();
+    if extra.len() == count {
+        return Ok(());
+    }
+    Err(PyValueError::new_err(format!("extra: found {} values; expected {count}", extra.len())))
 }

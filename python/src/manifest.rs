@@ -1,7 +1,7 @@
 //! A run before it runs: its configuration, and what the engine makes of it.
 
 use crate::errors::Why;
-use crate::fields::field_of;
+use crate::fields::{Parts, field_of, parts_of, wall_forces_n};
 use numpy::{PyArray1, PyReadonlyArray1, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -9,7 +9,7 @@ use schemas::chain::Chain;
 use schemas::config::RunConfig;
 use schemas::manifest::RunManifest;
 use schemas::presets::PRESETS;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// What [`Manifest::from_json`] takes.
@@ -34,12 +34,15 @@ impl Manifest {
 
 #[pymethods]
 impl Manifest {
-    /// Reads a configuration; `name` is that of the run if the text has none.
+    /// Reads a configuration; `name` is that of the run if the text has none. What it names is looked for in `folder`, by default
+    /// where `path` is.
     #[staticmethod]
-    #[pyo3(signature = (text, path=None, name="run"))]
-    fn from_toml(text: String, path: Option<PathBuf>, name: &str) -> PyResult<Self> {
+    #[pyo3(signature = (text, path=None, name="run", folder=None))]
+    fn from_toml(text: String, path: Option<PathBuf>, name: &str, folder: Option<PathBuf>) -> PyResult<Self> {
         let located = |error: schemas::config::ConfigError| Why::from(error.located(&text, path.as_deref()));
         let config = RunConfig::from_toml(&text).map_err(located)?;
+        let beside = folder.as_deref().or_else(|| path.as_deref().and_then(Path::parent));
+        let config = experiments::prepared(config, beside).map_err(located)?;
         let run = RunManifest::new(&config, name, beadline::origin()).map_err(located)?;
         Ok(Self::new(run, Some(text)))
     }
@@ -64,6 +67,30 @@ impl Manifest {
         v_m_s: PyReadonlyArray1<'_, f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         field_of(py, &self.chain, field, &u_m, &v_m_s)
+    }
+
+    /// The parts of a state's `extra`: displacements (m) and velocities (m/s) of resonators and dissipated work (J), a value for each bead
+    /// or none; work (J) and displacement (m) of each drive.
+    fn parts_of<'py>(&self, py: Python<'py>, extra: PyReadonlyArray1<'_, f64>) -> PyResult<Parts<'py>> {
+        parts_of(py, &self.chain, self.run.physics.drives.len(), &extra)
+    }
+
+    /// Forces (N) of the contacts with the left and the right wall in a state.
+    fn wall_forces_n<'py>(
+        &self,
+        py: Python<'py>,
+        u_m: PyReadonlyArray1<'_, f64>,
+        v_m_s: PyReadonlyArray1<'_, f64>,
+        extra: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        wall_forces_n(py, &self.chain, [&u_m, &v_m_s, &extra])
+    }
+
+    /// Whether there are resonators, dissipated work, and how many drives.
+    #[getter]
+    fn rows(&self) -> (bool, bool, usize) {
+        let rows = self.chain.rows;
+        (rows.resonators, rows.work, self.run.physics.drives.len())
     }
 
     /// The same run, under an id of its own, with a state recorded every `steps` steps.

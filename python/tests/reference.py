@@ -19,7 +19,7 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "python" / "reference.md"
 CHAPTERS = {
     "Runs": ["Chain", "Run", "Simulation", "preset", "presets"],
     "Recordings": ["open", "Recording", "State", "FieldArray"],
-    "Tables": ["Table", "Motion", "Pulses", "Verdict"],
+    "Tables": ["Table", "Motion", "Pulses", "Forces", "Verdict"],
     "Sweeps": ["sweep"],
     "Live runs": [
         "attach",

@@ -114,6 +114,47 @@ def test_the_deformation_of_several_contacts_is_one_table(rec: bl.Recording) -> 
     assert deformation[is_of_60]["overlap_m"].max() == pytest.approx(peak_m, rel=1e-3)
 
 
+@pytest.fixture(scope="module")
+def pressed() -> bl.Recording:
+    chain = bl.Chain(
+        beads=20, mass_kg=1e-3, alpha=1.5, stiffness=1e7, left="fixed", right="fixed", precompression_n=10.0
+    )
+    return bl.Run(chain, strikers={0: 0.01}, duration_s=2e-3, name="pressed").simulate(every=1)
+
+
+def test_energy_spreads_from_one_bead(pressed: bl.Recording) -> None:
+    spreading = pressed.spreading(until_s=1e-4)
+    assert spreading["participation_beads"][0] == 1.0 < spreading["participation_beads"][-1]
+    assert spreading["second_moment_beads2"][0] == 0.0
+
+
+def test_forces_have_peaks(pressed: bl.Recording) -> None:
+    forces = pressed.forces(["contact:7", "wall:right"], threshold_n=0.01)
+    assert forces["force_contact_7_n"].tobytes() == np.asarray(pressed.force[:, 7]).tobytes()
+    assert forces["force_wall_right_n"][200] == pressed[200].wall_force_n[1]
+    assert set(forces.peaks["place"].tolist()) <= {"contact:7", "wall:right"} and len(forces.peaks) > 0
+
+
+def test_spectra_of_places_of_pairs_and_of_all_beads(pressed: bl.Recording) -> None:
+    spectrum = pressed.spectrum("bead:10", window="none", max_frequency_hz=1e4)
+    assert list(spectrum) == ["frequency_hz", "psd_bead_10_m2_s2_hz"]
+    pair = pressed.spectrum(transmission=[("bead:3", "bead:10")], window="none")
+    assert "gain_bead_3_bead_10" in pair
+    assert list(pressed.spectrum(map=True, beads=slice(2, 18)))[:2] == ["frequency_hz", "q_rad_per_bead"]
+    assert list(pressed.spectrum("bead:10", spectrogram=True))[:2] == ["frequency_hz", "time_s"]
+
+
+def test_modes_are_those_of_the_tangent_springs(pressed: bl.Recording) -> None:
+    modes = pressed.modes()
+    # dF/dδ = 1.5·k·√δ at 10 N; equal beads between walls: 2·√(K/m)·sin(π·n/(2·(N + 1)))
+    slope = 1.5 * 1e7 * np.sqrt(pressed.rest_overlap_m[0])
+    omega = 2 * np.sqrt(slope / 1e-3) * np.sin(np.pi * modes["mode"] / 42)
+    assert modes["frequency_hz"] == pytest.approx(omega / (2 * np.pi), rel=1e-9)
+    assert list(pressed.modes(shapes=True, mode=[1, 3])) == ["bead", "u_mode_1", "u_mode_3"]
+    energy = pressed.modes(energy=True, mode=2, until_s=1e-4)["energy_mode_2_j"]
+    assert energy.max() == pytest.approx(energy.min(), rel=1e-3)
+
+
 def test_a_whole_recording_is_proven(rec: bl.Recording) -> None:
     verdict = _table.verify(rec)
     assert verdict and verdict.verdict == "proven" and verdict.report["steps_recomputed"] == RUN.steps

@@ -1,0 +1,158 @@
+"""Chains of every kind: what moves them, what holds them, what they lose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import beadline as bl
+
+BEADS = bl.Chain(20, mass_kg=1e-3, alpha=1.5, stiffness=1e7)
+SPRINGS = bl.Chain(9, mass_kg=1e-3, bonds={"linear": 1e4}, left="fixed", right="fixed")
+
+
+def total_j(rec: bl.Recording) -> float:
+    energy_j: float = rec.energies()["total_j"][-1]
+    return energy_j
+
+
+def test_several_beads_strike() -> None:
+    rec = bl.Run(BEADS, strikers={0: 5.0, 19: -5.0}, duration_s=5e-4).simulate()
+    assert np.flatnonzero(rec[0].velocity_m_s).tolist() == [0, 19]
+    # a mirror: so many velocities of some m/s sum up to rounding
+    assert np.abs(rec[-1].velocity_m_s + rec[-1].velocity_m_s[::-1]).max() < 1e-10
+    with pytest.raises(bl.ConfigError, match="striker"):
+        bl.Run(BEADS, strikers={0: 5.0, 99: -5.0}, duration_s=1e-3)
+    with pytest.raises(bl.ConfigError):
+        bl.Run(BEADS, duration_s=1e-3)
+
+
+def test_a_run_begins_from_a_state_of_another_to_the_bit() -> None:
+    run = bl.Run(BEADS, strikers={0: 5.0}, duration_s=5e-4, dt_s=5e-7)
+    rec = run.simulate()
+    again = run.starting_from(rec[300]).replace({"time.duration_s": 1e-4}).simulate()
+    assert np.array_equal(again[0].velocity_m_s, rec[300].velocity_m_s)
+    assert np.array_equal(again[200].displacement_m, rec[500].displacement_m)
+    u_m, v_m_s = np.linspace(0.0, -1e-6, 20), rec[300].velocity_m_s.copy()
+    v_m_s[7] *= 2.0
+    changed = bl.Run(BEADS, initial=(u_m, v_m_s), duration_s=1e-4).simulate()
+    assert changed[0].displacement_m.tolist() == u_m.tolist()
+    assert changed[0].velocity_m_s.tolist() == v_m_s.tolist()
+    with pytest.raises(bl.ConfigError, match="displacements_m"):
+        run.starting_from(([0.0], [0.0]))
+
+
+def test_a_mode_of_springs_swings_with_its_frequency() -> None:
+    initial = {"mode": {"number": 2, "displacement_m": 1e-3}}
+    rec = bl.Run(SPRINGS, initial=initial, duration_s=5e-3, dt_s=2e-6, method="rkn4").simulate()
+    omega = 2.0 * np.sqrt(1e4 / 1e-3) * np.sin(np.pi * 2 / 20)
+    expected = rec[0].displacement_m * np.cos(omega * rec[-1].time_s)
+    # fourth order: (ω·Δ)⁴ of ω·t = 10
+    assert np.abs(rec[-1].displacement_m - expected).max() < 1e-3 * 1e-8
+
+
+def test_a_piston_works_as_much_as_the_chain_gains() -> None:
+    chain = bl.Chain(20, mass_kg=1e-3, alpha=1.5, stiffness=1e7, left="fixed")
+    rec = bl.Run(chain, drives=[{"wall": "left", "velocity_m_s": 2.0}], duration_s=5e-4).simulate()
+    state = rec[-1]
+    assert state.drive_displacement_m == pytest.approx([2.0 * state.time_s], rel=1e-12)
+    # the error of the method
+    assert state.drive_work_j == pytest.approx([total_j(rec)], rel=1e-6)
+    left_n, right_n = rec[100].wall_force_n
+    assert left_n > 0.0 and right_n == 0.0
+    assert rec.rest_force_n.max() == 0.0 and state.dissipated_j.size == 0
+
+
+def test_resonators_take_part_in_the_momentum() -> None:
+    chain = bl.Chain(
+        12, mass_kg=1e-3, alpha=1.5, stiffness=1e7, resonators={"mass_kg": [5e-4] * 12, "stiffness_n_per_m": 1e6}
+    )
+    rec = bl.Run(chain, strikers={0: 1.0}, duration_s=5e-4).simulate()
+    state = rec[-1]
+    momentum = state.velocity_m_s.sum() * 1e-3 + state.resonator_velocity_m_s.sum() * 5e-4
+    assert momentum == pytest.approx(1e-3, rel=1e-12)
+    assert rec.resonator_velocity[-1, 3] == state.resonator_velocity_m_s[3]
+    block = np.asarray(rec.resonator_displacement[100:200:50, 2:5])
+    assert block[1].tolist() == rec[150].resonator_displacement_m[2:5].tolist()
+    plain = bl.Run(BEADS, strikers={0: 1.0}, duration_s=1e-4).simulate()
+    assert plain[0].resonator_displacement_m.size == 0
+    with pytest.raises(AttributeError, match="no resonators"):
+        plain.resonator_velocity  # noqa: B018
+
+
+def test_what_is_lost_is_dissipated() -> None:
+    chain = bl.Chain(
+        10,
+        mass_kg=1e-3,
+        alpha=1.5,
+        stiffness=1e7,
+        on_site={"linear_n_per_m": 1e3, "drag_n_s_per_m": 0.1},
+        kuwabara_kono_s=1e-6,
+    )
+    rec = bl.Run(chain, strikers={0: 1.0}, duration_s=1e-3).simulate()
+    assert rec.manifest["physics"]["method"] == "rk5"
+    energies_j = rec.energies()["total_j"]
+    # the error of the method
+    assert rec[-1].dissipated_j.sum() == pytest.approx(energies_j[0] - energies_j[-1], rel=1e-6)
+    force_n = rec[-1].force_n
+    assert force_n.shape == (9,) and force_n.min() >= 0.0
+
+
+def test_disorder_follows_from_the_seed() -> None:
+    chain = bl.Chain(50, mass_kg=1e-3, alpha=1.5, stiffness=1e7, disorder=[{"of": "masses", "uniform": 0.2}])
+
+    def masses(seed: int) -> list[float]:
+        found: list[float] = bl.Run(chain, strikers={0: 1.0}, seed=seed, duration_s=1e-4).simulate().mass_kg.tolist()
+        return found
+
+    assert masses(1) == masses(1) != masses(2)
+    assert 0.8e-3 <= min(masses(1)) < 0.9e-3 and 1.1e-3 < max(masses(1)) <= 1.2e-3
+
+
+def test_spheres_and_every_other_contact_can_be_said() -> None:
+    steel = {"density_kg_m3": 7800.0, "young_pa": 193e9, "poisson": 0.3, "radius_m": 5e-3}
+    spheres = bl.Chain(4, spheres=steel, odd_spheres=[{"bead": 2, "material": "brass", "radius_m": 5e-3}])
+    rec = bl.Run(spheres, strikers={0: 0.1}, duration_s=1e-4).simulate()
+    assert rec.mass_kg[0] == pytest.approx(4 / 3 * np.pi * 5e-3**3 * 7800.0)
+    # two equal spheres: E·√(2·R)/(3·(1 − ν²))
+    assert rec.stiffness[0] == pytest.approx(193e9 * np.sqrt(2 * 5e-3) / (3 * (1 - 0.3**2)))
+    ring = bl.Chain(
+        6, mass_kg=1.0, bonds={"toda": {"stiffness": 1.0, "steepness_per_m": 1.0}}, left="periodic", right="periodic"
+    )
+    rec = bl.Run(ring, initial=(np.zeros(6), [1.0, 0, 0, 0, 0, 0]), duration_s=3.0, dt_s=0.01).simulate()
+    assert total_j(rec) == pytest.approx(0.5, rel=1e-6)
+    # the momentum goes round, and the ring is closed: bead 5 feels bead 0 at once
+    assert rec[-1].velocity_m_s.sum() == pytest.approx(1.0, rel=1e-12)
+    assert abs(rec[10].velocity_m_s[5]) > 1e-3
+    of_each = bl.Chain(
+        4, mass_kg=1e-3, alpha=1.5, stiffness=1e7, alphas=[1.5, 2.0, 1.5], gaps_m=np.array([0.0, 1e-6, 0.0])
+    )
+    assert bl.Run(of_each, strikers={0: 1.0}, duration_s=1e-4).simulate().rest_overlap_m.tolist() == [0.0, -1e-6, 0.0]
+    two = bl.Chain(4, mass_kg=1e-3, alpha=1.5, stiffness=1e7, second={"alpha": 3.0, "stiffness": 1e12})
+    state = bl.Run(two, strikers={0: 1.0}, duration_s=1e-4).simulate()[40]
+    overlap_m = np.maximum(state.overlap_m, 0.0)
+    assert state.force_n == pytest.approx(1e7 * overlap_m**1.5 + 1e12 * overlap_m**3, rel=1e-12)
+
+
+def test_files_that_a_configuration_names_are_beside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "push.csv").write_text("time_s,value\n0,0\n1e-4,1\n2e-4,0\n3e-4,0\n")
+    config = {
+        "chain": {"beads": 5, "bead_mass_kg": 1e-3, "alpha": 1.5, "stiffness": 1e7},
+        "drive": [{"bead": 0, "force_n": {"csv": "push.csv", "interpolation": "linear"}}],
+        "time": {"duration_s": np.float64(3e-4)},
+        "name": None,
+    }
+    with pytest.raises(bl.ConfigError, match="push.csv"):
+        bl.Run.from_config(config)
+    monkeypatch.chdir(tmp_path)
+    run = bl.Run.from_config(config)
+    (tmp_path / "push.toml").write_text(run.to_toml())
+    monkeypatch.chdir("/")
+    again = bl.Run.from_toml(tmp_path / "push.toml")
+    shorter = again.replace({"time.duration_s": 2.5e-4})
+    assert again.manifest["physics"] == run.manifest["physics"]
+    # an impulse of 1 N · 1e-4 s: all of it in the beads; linear pieces, so all but the corners is exact
+    state = shorter.simulate()[-1]
+    assert state.velocity_m_s.sum() * 1e-3 == pytest.approx(1e-4, rel=1e-3)
