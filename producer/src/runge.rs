@@ -62,6 +62,7 @@ pub(crate) struct Runge {
     before: Vec<Now>,
     /// Power (W) that contacts dissipate, N values.
     power_w: Vec<f64>,
+    has_damped_left_wall: bool,
 }
 
 impl Runge {
@@ -92,6 +93,7 @@ impl Runge {
             now: Vec::new(),
             before: Vec::new(),
             power_w: zeros(true),
+            has_damped_left_wall: chain.damping.is_some() && chain.walls.left.is_there,
         }
     }
 
@@ -127,6 +129,8 @@ impl Runge {
         let [w_m, w_m_s] = self.rows.resonators_of(&state.extra);
         let activity = Activity::of(&state.u_m, &state.v_m_s).including(w_m).including(w_m_s);
         let activity = self.drives.iter().fold(activity, |activity, drives| drives.widen(activity, beads));
+        // what the left wall dissipates stands beside the last bead
+        let activity = if self.has_damped_left_wall { activity.with(0).with(beads - 1) } else { activity };
         self.kernel.restart(activity);
         self.slopes.iter_mut().flat_map(|slopes| &mut slopes.arrays).for_each(|array| array.fill(0.0));
         self.at.arrays.iter_mut().for_each(|array| array.fill(0.0));
