@@ -207,6 +207,8 @@ pub(crate) struct DemoArgs {
     beadline run chain.toml --out chain.mcap          a configuration of your own\n  \
     beadline run --no-record --wait-for 2             starts when two analyses are ready\n  \
     beadline run --impurity 400=2e-3 --impurity 600=0.5e-3 --duration 0.1\n  \
+    beadline run --striker 0=5 --striker 999=-5       two pulses that meet\n  \
+    beadline run chain.toml --seed 7 --dry-run        what it would be with another disorder; runs nothing\n  \
     beadline run --resume chain.mcap.partial          goes on with a run that was interrupted\n\n\
     A kill costs at most the last --flush-period of a recording, a power failure the last --sync-period. --resume \
     takes everything of the run from its recording, writes that again as .partial and goes on after its last \
@@ -260,6 +262,9 @@ pub(crate) struct RunArgs {
     /// Check beside the run until when it is determined, as `beadline check` does; exit code 3 if not to its end
     #[arg(long)]
     pub(crate) check: bool,
+    /// Say what would be run, with the masses and stiffnesses of materials, and run nothing
+    #[arg(long, conflicts_with_all = ["resume", "check"])]
+    pub(crate) dry_run: bool,
     /// Begin without a question, however long it takes
     #[arg(long)]
     pub(crate) yes: bool,
@@ -289,9 +294,12 @@ pub(crate) struct Overrides {
     /// A bead of another mass (kg), repeatable; `none` for no impurity
     #[arg(long, value_name = "BEAD=KG", value_parser = parse_impurity)]
     pub(crate) impurity: Vec<Option<(u64, f64)>>,
-    /// The bead that moves at first, and its velocity (m/s)
+    /// A bead that moves at first, and its velocity (m/s), repeatable
     #[arg(long, value_name = "BEAD=M_S", value_parser = parse_pair)]
-    pub(crate) striker: Option<(u64, f64)>,
+    pub(crate) striker: Vec<(u64, f64)>,
+    /// What disorder and thermal velocities are made of
+    #[arg(long, value_name = "N", value_parser = parse_whole)]
+    pub(crate) seed: Option<u64>,
     /// Simulated time (s)
     #[arg(long, value_name = "S", value_parser = parse_number)]
     pub(crate) duration: Option<f64>,

@@ -5,7 +5,7 @@ use crate::failure::{BadInput, Failure};
 use crate::time_step::{self, TimeStep};
 use anyhow::{Context, anyhow};
 use recording::RecordingInfo;
-use schemas::config::{ConfigError, Impurity, RunConfig, StrikerConfig};
+use schemas::config::{ConfigError, Impurity, RunConfig, StrikerConfig, Strikers};
 use schemas::manifest::{Origin, RunManifest};
 use schemas::presets::{PRESETS, Preset};
 use std::fmt::Write;
@@ -133,8 +133,15 @@ fn apply(overrides: &Overrides, name: Option<&String>, config: &mut RunConfig) -
     let impurity = |(bead, mass_kg): &(u64, f64)| Impurity { bead: *bead, mass_kg: *mass_kg };
     let impurities = overrides.impurity.iter().flatten().map(impurity).collect();
     let impurities = (!overrides.impurity.is_empty()).then_some(impurities);
-    let striker = overrides.striker.map(|(bead, velocity_m_s)| StrikerConfig { bead, velocity_m_s }.into());
+    let mut strikers =
+        (overrides.striker.iter()).map(|&(bead, velocity_m_s)| StrikerConfig { bead, velocity_m_s });
+    let striker = strikers.next().map(|first| {
+        let mut all = Strikers::from(first);
+        all.more = strikers.collect();
+        all
+    });
     set(r, ("name", "--name"), &mut config.name, name.map(|name| Some(name.clone())));
+    set(r, ("seed", "--seed"), &mut config.seed, overrides.seed);
     set(r, ("chain.beads", "--beads"), &mut config.chain.beads, overrides.beads);
     set(r, ("chain.alpha", "--alpha"), &mut config.chain.alpha, overrides.alpha);
     set(r, ("chain.stiffness", "--stiffness"), &mut config.chain.stiffness, overrides.stiffness);

@@ -39,11 +39,15 @@ pub const FRAME_INTERVAL: f64 = 0.1;
 /// Steps between two recorded frames, unless the base says otherwise.
 const RECORD_EVERY_STEPS: u64 = 100;
 
+/// Makes a configuration complete whose parts are elsewhere, such as tables in files beside the given directory.
+pub type Prepare = fn(RunConfig, Option<&Path>) -> Result<RunConfig, ConfigError>;
+
 /// A sweep file of which every point is a possible run.
 #[derive(Debug)]
 pub struct Sweep {
     text: String,
     path: PathBuf,
+    prepare: Prepare,
     definition: Definition,
     parameters: Vec<Parameter>,
     identity: [u8; 32],
@@ -116,15 +120,16 @@ pub enum SweepError {
 }
 
 impl Sweep {
-    /// Reads a sweep file, and the configuration that it begins with, and checks every point.
+    /// Reads a sweep file, and the configuration that it begins with, and checks every point, each of which `prepare`
+    /// completes from the directory of the sweep file.
     ///
     /// # Errors
     /// When a file cannot be read, when something in it is impossible (with the file, the line and the key),
     /// or when there are too many points.
-    pub fn read(path: &Path) -> Result<Self, SweepError> {
+    pub fn read(path: &Path, prepare: Prepare) -> Result<Self, SweepError> {
         let unreadable = |source| SweepError::Unreadable { path: path.to_owned(), source };
         let text = fs::read_to_string(path).map_err(unreadable)?;
-        Self::from_toml(&text, path, |path| fs::read_to_string(path))
+        Self::from_toml(&text, path, |path| fs::read_to_string(path), prepare)
     }
 
     /// Like [`Sweep::read`] for the contents `text` of the file `path`; `read` gives the contents of the file
@@ -136,11 +141,13 @@ impl Sweep {
         text: &str,
         path: &Path,
         read: impl Fn(&Path) -> io::Result<String>,
+        prepare: Prepare,
     ) -> Result<Self, SweepError> {
         let definition = Definition::read(text, path, read)?;
         let mut sweep = Self {
             text: text.to_owned(),
             path: path.to_owned(),
+            prepare,
             parameters: parameters(&definition),
             definition,
             identity: [0; 32],
@@ -220,6 +227,7 @@ impl Sweep {
         let text = toml::to_string(&document).unwrap_or_default();
         let blame = |error| blame::blame(self, error, &settings, &text, index);
         let config = RunConfig::from_toml(&text).map_err(blame)?;
+        let config = (self.prepare)(config, self.path.parent()).map_err(blame)?;
         let config = with_intervals(config, &document).map_err(blame)?;
         RunManifest::new(
             &config,

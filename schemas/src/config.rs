@@ -385,11 +385,14 @@ impl ConfigError {
         }
     }
 
-    /// The same error with the line of `toml` at which its key stands, and the file's `path`.
+    /// The same error with the line of `toml` at which its key stands, or would stand, and the file's `path`.
     #[must_use]
     pub fn located(mut self, toml: &str, path: Option<&Path>) -> Self {
         self.path = path.map(Path::to_owned);
-        self.line = self.line.or_else(|| line_of_key(toml, &self.key));
+        // of a key that is not written, the line of what it would stand in
+        let around =
+            std::iter::successors(Some(self.key.as_str()), |key| Some(key.rsplit_once(['.', '['])?.0));
+        self.line = self.line.or_else(|| around.filter_map(|key| line_of_key(toml, key)).next());
         self
     }
 }
@@ -447,6 +450,9 @@ impl RunConfig {
                 usual = [first.mass_kg(), 1.5, first.stiffness_with(second)];
             }
         } else if let Some(bonds) = &chain.bonds {
+            if !bonds.hold() {
+                return Err(Bonds::refusal());
+            }
             let linear = bonds.linear.as_ref().or(bonds.toda.as_ref().map(|toda| &toda.stiffness));
             usual = [f64::NAN, 1.0, linear.map_or(f64::NAN, Profile::largest)];
         }
@@ -502,8 +508,8 @@ pub fn line_at(text: &str, offset: usize) -> usize {
     text.as_bytes()[..end].split(|byte| *byte == b'\n').count()
 }
 
-/// The line of a dotted key such as `chain.impurities[1].mass_kg` in `toml`, if it is there.
-fn line_of_key(toml: &str, key: &str) -> Option<usize> {
+/// The line (from 1) of a dotted key such as `chain.impurities[1].mass_kg` in `toml`, if it is there.
+pub fn line_of_key(toml: &str, key: &str) -> Option<usize> {
     let document = toml::de::DeTable::parse(toml).ok()?;
     let mut table = Some(document.get_ref());
     let mut found = None;

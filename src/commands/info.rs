@@ -5,6 +5,7 @@ use crate::failure::{BadInput, Done, Failure};
 use crate::report::{Rows, report};
 use recording::{ChannelInfo, RecordingInfo};
 use schemas::frame::EndReason;
+use schemas::manifest::Physics;
 use schemas::whole_file::is_being_written;
 use serde_json::json;
 use std::path::Path;
@@ -51,9 +52,6 @@ fn last_steps(info: &RecordingInfo) -> u64 {
 
 fn text(info: &RecordingInfo, is_being_written: bool) -> String {
     let (physics, provenance) = (&info.manifest.physics, &info.manifest.provenance);
-    let impurities: Vec<_> =
-        physics.impurities.iter().map(|i| format!("bead {} of {} kg", i.bead, i.mass_kg)).collect();
-    let particulars = physics.particulars();
     let time = info.time_range_s().map_or("none".to_owned(), |(first, last)| {
         let every = match provenance.record_every_steps {
             steps if steps != 1 && info.frames() != last_steps(info) + 1 => {
@@ -69,18 +67,7 @@ fn text(info: &RecordingInfo, is_being_written: bool) -> String {
         rows.add("part", count(info.begin.part));
     }
     rows.add("run", format_args!("{} {}", provenance.name, provenance.run_id));
-    let (beads, mass_kg, alpha) = (physics.beads, physics.bead_mass_kg, physics.alpha);
-    let stiffness = physics.stiffness;
-    rows.add("chain", format_args!("{beads} beads of {mass_kg} kg, α = {alpha}, k = {stiffness:e} N/m^α"));
-    if !particulars.is_empty() {
-        rows.add("besides", particulars.join(", "));
-    }
-    rows.add("impurities", if impurities.is_empty() { "none".to_owned() } else { impurities.join(", ") });
-    let striker = &physics.striker;
-    rows.add("striker", format_args!("bead {} at {} m/s", striker.bead, striker.velocity_m_s));
-    let (dt, steps) = (display::quantity(physics.dt_s, "s"), count(physics.step_count));
-    let kernel = physics.kernel_version;
-    rows.add("method", format_args!("{}, dt = {dt}, {steps} steps, kernel {kernel}", physics.method));
+    rows.append(of_physics(physics));
     rows.add("made by", format_args!("{} on {}", provenance.program, provenance.host));
     rows.add("schema", info.manifest.schema_version);
     rows.add("time", time);
@@ -92,6 +79,49 @@ fn text(info: &RecordingInfo, is_being_written: bool) -> String {
         rows.add("channel", format_args!("{topic:10} {schema:24} {found:>10} message{plural}"));
     }
     rows.under(info.path.display())
+}
+
+/// The chain, what strikes it, and how it is computed.
+pub(crate) fn of_physics(physics: &Physics) -> Rows {
+    let mut rows = Rows::default();
+    let (beads, mass_kg, alpha) = (physics.beads, physics.bead_mass_kg, physics.alpha);
+    let stiffness = physics.stiffness;
+    rows.add("chain", format_args!("{beads} beads of {mass_kg} kg, α = {alpha}, k = {stiffness:e} N/m^α"));
+    let particulars = physics.particulars();
+    if !particulars.is_empty() {
+        rows.add("besides", particulars.join(", "));
+    }
+    if physics.spheres.is_some() || !physics.disorder.is_empty() {
+        let chain = physics.chain();
+        rows.add("masses", range(&chain.mass_kg, "kg"));
+        rows.add("stiffnesses", range(&chain.stiffness, "N/m^α"));
+        for (name, wall) in [("left wall", chain.walls.left), ("right wall", chain.walls.right)] {
+            if wall.is_there {
+                rows.add(name, format_args!("{:e} N/m^α", wall.stiffness));
+            }
+        }
+    }
+    let impurities: Vec<_> =
+        physics.impurities.iter().map(|i| format!("bead {} of {} kg", i.bead, i.mass_kg)).collect();
+    rows.add("impurities", if impurities.is_empty() { "none".to_owned() } else { impurities.join(", ") });
+    let strikers = std::iter::once(&physics.striker).chain(&physics.strikers);
+    let strikers: Vec<_> = strikers
+        .filter(|striker| striker.velocity_m_s != 0.0)
+        .map(|striker| format!("bead {} at {} m/s", striker.bead, striker.velocity_m_s))
+        .collect();
+    rows.add("striker", if strikers.is_empty() { "none".to_owned() } else { strikers.join(", ") });
+    let (dt, steps) = (display::quantity(physics.dt_s, "s"), count(physics.step_count));
+    let kernel = physics.kernel_version;
+    rows.add("method", format_args!("{}, dt = {dt}, {steps} steps, kernel {kernel}", physics.method));
+    rows
+}
+
+/// The smallest and the largest of `values`, in words.
+fn range(values: &[f64], unit: &str) -> String {
+    let (least, most) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| {
+        (least.min(*value), most.max(*value))
+    });
+    if least == most { format!("{least:e} {unit}") } else { format!("{least:e} to {most:e} {unit}") }
 }
 
 fn to_json(info: &RecordingInfo, is_being_written: bool) -> serde_json::Value {

@@ -1,6 +1,7 @@
 //! `beadline run`: simulate, publish, record.
 
 use crate::args::RunArgs;
+use crate::commands::info::of_physics;
 use crate::configuration::{Configured, configure};
 use crate::determining::{self, Beside};
 use crate::display::{self, bytes, count, counted, duration, seconds};
@@ -43,6 +44,12 @@ const NEARLY: f64 = 1e-12;
 pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     let Some((configured, start)) = Start::of(args)? else { return Ok(Done::Whole) };
     let manifest = &configured.manifest;
+    if args.dry_run {
+        let name = &manifest.provenance.name;
+        let text = || of_physics(&manifest.physics).under(format_args!("run {name} would be"));
+        report(args.json, &json!({ "manifest": manifest, "run_toml": configured.toml }), text)?;
+        return Ok(Done::Whole);
+    }
     let out = start.check_out(args.force)?;
     let options = write_options(args);
     let disk = announce(&configured, out.as_deref(), &options)?;

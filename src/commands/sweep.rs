@@ -30,7 +30,7 @@ pub(crate) fn sweep(args: &SweepArgs) -> Result<Done, Failure> {
         "the finished points are kept in {}, the same command goes on with the others",
         out.display()
     ));
-    let sweep = Sweep::read(file).bad_input()?;
+    let sweep = Sweep::read(file, experiments::prepared).bad_input()?;
     let outcome = if args.merge {
         sweep::merge(&sweep, out)?
     } else {

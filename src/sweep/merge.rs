@@ -134,7 +134,12 @@ mod tests {
     #[test]
     fn rows_of_points_that_the_sweep_does_not_have_do_not_count() {
         let text = "[base]\npreset = \"homogeneous\"\n[grid]\nchain.alpha = [1.5, 2.0]\n";
-        let sweep = Sweep::from_toml(text, Path::new("s.toml"), |_| Err(std::io::ErrorKind::NotFound.into()));
+        let sweep = Sweep::from_toml(
+            text,
+            Path::new("s.toml"),
+            |_| Err(std::io::ErrorKind::NotFound.into()),
+            |config, _| Ok(config),
+        );
         let sweep = sweep.expect("valid");
         let place = tempfile::tempdir().expect("tempdir");
         let directory = Directory::open(place.path(), &sweep, false).expect("empty");

@@ -16,14 +16,14 @@ fn in_project(path: &str) -> PathBuf {
 }
 
 /// A program that recomputes recordings: what runs it, and its source.
-struct Program {
+pub(crate) struct Program {
     interpreter: PathBuf,
     source: PathBuf,
 }
 
 impl Program {
     /// Both of them, unless this machine has not what they need.
-    fn all() -> Vec<Self> {
+    pub(crate) fn all() -> Vec<Self> {
         let with = |interpreter: Option<PathBuf>, source| {
             interpreter.map(|interpreter| Self { interpreter, source: in_project(source) })
         };
@@ -34,7 +34,7 @@ impl Program {
 
     /// Runs it to its end with this exit code, and it prints `says`.
     #[track_caller]
-    fn run<A: AsRef<OsStr>>(
+    pub(crate) fn run<A: AsRef<OsStr>>(
         &self,
         place: &Place,
         arguments: impl IntoIterator<Item = A>,

@@ -21,7 +21,10 @@ pub fn prepared(mut config: RunConfig, beside: Option<&Path>) -> Result<RunConfi
         if let Waveform::Csv { csv, interpolation } = &drive.waveform {
             let key = format!("drive[{i}].{}.csv", drive.prescribes.key());
             let path = place(csv);
-            let refuse = |why: &dyn fmt::Display| refused(&key, format!("{}: {why}", path.display()));
+            let refuse = |why: &dyn fmt::Display| {
+                let found = format!("found {}: {why}", path.display());
+                refused(&key, format!("{found}; allowed: a file with a time (s) and a value in each row"))
+            };
             let text = std::fs::read_to_string(&path).map_err(|error| refuse(&error))?;
             let mut table = table_from_csv(&text).map_err(|why| refuse(&why))?;
             table.interpolation = *interpolation;
@@ -97,7 +100,10 @@ fn wave(config: &RunConfig, solitary: Solitary, beads: usize) -> Result<(Vec<f64
 /// Displacements (m), velocities (m/s) and the hash of a state of a recording, recomputed from the one before where it is not
 /// recorded.
 fn state_of(from: &FromRecording, path: &Path) -> Result<(Vec<f64>, Vec<f64>, String), ConfigError> {
-    let refuse = |why: &dyn fmt::Display| refused("initial.from", format!("{}: {why}", path.display()));
+    let refuse = |why: &dyn fmt::Display| {
+        let found = format!("found {}: {why}", path.display());
+        refused("initial.from", format!("{found}; allowed: a recording and a step of its run"))
+    };
     let mut source = RecordingSource::open(path).map_err(|error| refuse(&error))?;
     let physics = source.manifest().physics.clone();
     let mut state: Option<ChainState> = None;

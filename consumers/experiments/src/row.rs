@@ -225,8 +225,13 @@ mod tests {
     }
 
     fn sweep(text: &str) -> Sweep {
-        Sweep::from_toml(text, Path::new("s.toml"), |_| Err(std::io::ErrorKind::NotFound.into()))
-            .expect("valid")
+        Sweep::from_toml(
+            text,
+            Path::new("s.toml"),
+            |_| Err(std::io::ErrorKind::NotFound.into()),
+            crate::prepared,
+        )
+        .expect("valid")
     }
 
     /// In both chains the reflected energy becomes stationary, but in the shorter a front meets an end 4 T later.

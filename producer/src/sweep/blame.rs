@@ -3,7 +3,7 @@
 use super::Sweep;
 use super::definition::Setting;
 use super::document::KeyPath;
-use schemas::config::ConfigError;
+use schemas::config::{ConfigError, line_of_key};
 use std::fmt::Write;
 use std::path::Path;
 use toml::{Table, Value};
@@ -33,8 +33,7 @@ pub(super) fn blame(
         return error;
     }
     let located = |prefix: &str, text: &str, path: &Path| {
-        let asked = ConfigError { key: format!("{prefix}{}", error.key), ..error.clone() };
-        let line = asked.located(text, Some(path)).line?;
+        let line = line_of_key(text, &format!("{prefix}{}", error.key))?;
         Some(ConfigError { path: Some(path.to_owned()), line: Some(line), ..error.clone() })
     };
     let own = |prefix| located(prefix, &sweep.text, &sweep.path);
@@ -50,11 +49,7 @@ fn key_at(document: &str, line: usize) -> Option<String> {
     let table: Table = document.parse().ok()?;
     let mut keys = Vec::new();
     collect_keys("", &Value::Table(table), &mut keys);
-    let stands = |key: &String| {
-        let asked = ConfigError { path: None, line: None, key: key.clone(), message: String::new() };
-        asked.located(document, None).line == Some(line)
-    };
-    keys.into_iter().rev().find(stands)
+    keys.into_iter().rev().find(|key| line_of_key(document, key) == Some(line))
 }
 
 fn collect_keys(prefix: &str, value: &Value, keys: &mut Vec<String>) {

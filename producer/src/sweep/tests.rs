@@ -36,9 +36,13 @@ publish_every_steps = 2
 ";
 
 fn read(text: &str) -> Result<Sweep, SweepError> {
-    Sweep::from_toml(text, Path::new("dir/s.toml"), |path| {
+    let file = |path: &Path| {
         assert_eq!(path, Path::new("dir/chain.toml"));
         Ok(CHAIN.to_owned())
+    };
+    Sweep::from_toml(text, Path::new("dir/s.toml"), file, |config, beside| {
+        assert_eq!(beside, Some(Path::new("dir")));
+        Ok(config)
     })
 }
 

@@ -1,6 +1,6 @@
 //! What a configuration can say beyond one struck bead and one power law.
 
-use super::{Profile, StrikerConfig};
+use super::{ConfigError, Profile, StrikerConfig};
 use crate::material::Material;
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{Deserializer, MapAccess, SeqAccess, Visitor};
@@ -131,6 +131,19 @@ pub struct OnSite {
     pub drag_n_s_per_m: Option<Profile>,
 }
 
+impl Bonds {
+    /// Whether they have a bottom: a quadratic force alone has none.
+    pub(crate) fn hold(&self) -> bool {
+        self.linear.is_some() || self.cubic.is_some() || self.toda.is_some()
+    }
+
+    /// Why bonds that do not hold cannot be.
+    pub(crate) fn refusal() -> ConfigError {
+        let allowed = "linear, cubic or toda among them: a quadratic force alone has no bottom";
+        ConfigError::value("chain.bonds", "no bonds that hold", allowed)
+    }
+}
+
 impl OnSite {
     /// Whether nothing holds any bead.
     pub fn is_none(&self) -> bool {
@@ -212,7 +225,8 @@ impl TryFrom<WrittenSphere> for Sphere {
         let radius_m = match (written.radius_m, written.diameter_m) {
             (Some(radius_m), None) => radius_m,
             (None, Some(diameter_m)) => 0.5 * diameter_m,
-            _ => return Err("wanted one of radius_m and diameter_m for a sphere".to_owned()),
+            (None, None) => return Err("found no radius; allowed: one of radius_m and diameter_m".to_owned()),
+            _ => return Err("found radius_m and diameter_m; allowed: one of them".to_owned()),
         };
         let of = WrittenMaterial {
             material: written.material,
@@ -244,12 +258,17 @@ impl WrittenMaterial {
             None => None,
             Some(name) => Some(Material::named(name).ok_or_else(|| {
                 let known: Vec<_> = crate::material::MATERIALS.iter().map(|named| named.name).collect();
-                format!("wanted a material of the table ({}), or its numbers, for `{name}`", known.join(", "))
+                format!(
+                    "found the unknown material `{name}`; allowed: {}; or density_kg_m3, young_pa and poisson in its place",
+                    known.join(", ")
+                )
             })?),
         };
         let number = |written: Option<f64>, of: fn(&Material) -> f64, key: &str| {
             written.or_else(|| named.as_ref().map(of)).ok_or_else(|| {
-                format!("wanted {key}: a sphere needs `material`, or density_kg_m3, young_pa and poisson")
+                format!(
+                    "found no {key}; allowed: a `material`, or all of density_kg_m3, young_pa and poisson"
+                )
             })
         };
         Ok(Material {
@@ -336,7 +355,8 @@ impl<'de> Deserialize<'de> for Spheres {
 }
 
 /// One sphere that differs from the others.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "WrittenOddSphere", into = "WrittenOddSphere")]
 pub struct OddSphere {
     /// Which bead, from 0.
     pub bead: u64,
@@ -344,31 +364,41 @@ pub struct OddSphere {
     pub sphere: Sphere,
 }
 
+/// [`WrittenSphere`] with its bead: flattened, it would lose the places of its values.
 #[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct WrittenOddSphere {
     bead: u64,
-    #[serde(flatten)]
-    sphere: std::collections::BTreeMap<String, toml::Value>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    material: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    radius_m: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    diameter_m: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    density_kg_m3: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    young_pa: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    poisson: Option<f64>,
 }
 
-impl Serialize for OddSphere {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        #[derive(Serialize)]
-        struct Whole {
-            bead: u64,
-            #[serde(flatten)]
-            sphere: WrittenSphere,
-        }
-        Whole { bead: self.bead, sphere: self.sphere.into() }.serialize(serializer)
+impl From<OddSphere> for WrittenOddSphere {
+    fn from(odd: OddSphere) -> Self {
+        let sphere = WrittenSphere::from(odd.sphere);
+        let WrittenSphere { material, radius_m, diameter_m, density_kg_m3, young_pa, poisson } = sphere;
+        Self { bead: odd.bead, material, radius_m, diameter_m, density_kg_m3, young_pa, poisson }
     }
 }
 
-impl<'de> Deserialize<'de> for OddSphere {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let WrittenOddSphere { bead, sphere } = WrittenOddSphere::deserialize(deserializer)?;
-        let table = toml::Value::Table(sphere.into_iter().collect());
-        let sphere = Sphere::deserialize(table).map_err(|error| serde::de::Error::custom(error.message()))?;
-        Ok(Self { bead, sphere })
+impl TryFrom<WrittenOddSphere> for OddSphere {
+    type Error = String;
+
+    fn try_from(written: WrittenOddSphere) -> Result<Self, String> {
+        let WrittenOddSphere { bead, material, radius_m, diameter_m, density_kg_m3, young_pa, poisson } =
+            written;
+        let sphere = WrittenSphere { material, radius_m, diameter_m, density_kg_m3, young_pa, poisson };
+        Ok(Self { bead, sphere: sphere.try_into()? })
     }
 }
 

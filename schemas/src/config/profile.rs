@@ -2,7 +2,7 @@
 
 use super::ConfigError;
 use serde::de::value::MapAccessDeserializer;
-use serde::de::{Deserializer, MapAccess, Visitor};
+use serde::de::{Deserializer, Error as _, MapAccess, Visitor};
 use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
 
@@ -17,11 +17,13 @@ pub enum Profile {
     List(Vec<f64>),
 }
 
-#[derive(Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum Written {
-    Pattern(Vec<f64>),
-    List(Vec<f64>),
+#[derive(Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct Written {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pattern: Option<Vec<f64>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    list: Option<Vec<f64>>,
 }
 
 impl Profile {
@@ -79,8 +81,10 @@ impl Serialize for Profile {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
             Self::Same(value) => serializer.serialize_f64(*value),
-            Self::Pattern(values) => Written::Pattern(values.clone()).serialize(serializer),
-            Self::List(values) => Written::List(values.clone()).serialize(serializer),
+            Self::Pattern(values) => {
+                Written { pattern: Some(values.clone()), list: None }.serialize(serializer)
+            }
+            Self::List(values) => Written { list: Some(values.clone()), pattern: None }.serialize(serializer),
         }
     }
 }
@@ -116,10 +120,13 @@ impl<'de> Deserialize<'de> for Profile {
             }
 
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Profile, A::Error> {
-                Ok(match Written::deserialize(MapAccessDeserializer::new(map))? {
-                    Written::Pattern(values) => Profile::Pattern(values),
-                    Written::List(values) => Profile::List(values),
-                })
+                let Written { pattern, list } = Written::deserialize(MapAccessDeserializer::new(map))?;
+                match (pattern, list) {
+                    (Some(values), None) => Ok(Profile::Pattern(values)),
+                    (None, Some(values)) => Ok(Profile::List(values)),
+                    (None, None) => Err(A::Error::custom("found {}; allowed: `pattern` or `list`")),
+                    _ => Err(A::Error::custom("found `pattern` and `list`; allowed: one of them")),
+                }
             }
         }
         deserializer.deserialize_any(Reader)

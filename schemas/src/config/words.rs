@@ -61,12 +61,19 @@ fn in_words(said: &str, key: String, written: &str) -> (String, String) {
     let expected = said.split_once(", expected ").map(|(_, expected)| expected);
     let allowed = match (choice, expected) {
         (Some((_, allowed)), _) if is_about_choice => Some((*allowed).to_owned()),
+        (_, Some("a sequence")) if is_heading(written) => Some(format!("tables under [{written}]")),
         (_, Some(expected)) if said.starts_with("invalid ") && !written.is_empty() => Some(plain(expected)),
         (_, Some(expected)) if said.starts_with("unknown variant ") => Some(names(expected)),
         _ => None,
     };
     let message = allowed.map_or(said, |allowed| format!("found {written}; allowed: {allowed}"));
     (key, message)
+}
+
+/// Whether a value is the heading of a table, such as `[drive]`.
+fn is_heading(written: &str) -> bool {
+    let name = written.strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
+    name.is_some_and(|name| !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_'))
 }
 
 /// The names in `` one of `a`, `b` ``.

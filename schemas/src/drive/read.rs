@@ -40,6 +40,9 @@ impl TryFrom<WrittenDrive> for Drive {
                 return Err("found `wall` and `bead`; allowed: one of them for each drive".to_owned());
             }
         };
+        let given =
+            [written.force_n.is_some(), written.displacement_m.is_some(), written.velocity_m_s.is_some()];
+        let found = given.iter().filter(|is_given| **is_given).count();
         let given = [
             (Quantity::Force, written.force_n),
             (Quantity::Displacement, written.displacement_m),
@@ -47,10 +50,9 @@ impl TryFrom<WrittenDrive> for Drive {
         ];
         let mut given = given.into_iter().filter_map(|(quantity, waveform)| Some((quantity, waveform?)));
         let (Some((prescribes, waveform)), None) = (given.next(), given.next()) else {
-            return Err(
-                "a drive prescribes one of `force_n`, `displacement_m`, `velocity_m_s`; give each its own [[drive]]"
-                    .to_owned(),
-            );
+            return Err(format!(
+                "found {found} of `force_n`, `displacement_m`, `velocity_m_s`; allowed: one for each [[drive]]"
+            ));
         };
         if let (Place::Wall(_), Quantity::Force) = (at, prescribes) {
             return Err(
@@ -115,10 +117,10 @@ impl WrittenWaveform {
         let mut given = given.into_iter().flatten();
         match (given.next(), given.next()) {
             (Some(waveform), None) => Ok(waveform),
-            _ => {
-                Err("allowed: a number, or one of `constant`, `sine`, `chirp`, `step`, `ramp`, `half_sine`, \
-                      `gaussian`, `table`, `csv`")
-            }
+            _ => Err(
+                "found none or several of them; allowed: a number, or one of `constant`, `sine`, `chirp`, `step`, `ramp`, `half_sine`, \
+                      `gaussian`, `table`, `csv`",
+            ),
         }
     }
 }

@@ -113,9 +113,15 @@ impl Physics {
         match self.damping {
             Some(Damping::ViscousNSPerM(_)) | None => Ok(()),
             Some(_) if !self.is_beyond_one_power() => Ok(()),
-            Some(_) => {
+            Some(damping) => {
+                let found = match damping {
+                    Damping::ViscousNSPerM(_) => "viscous_n_s_per_m",
+                    Damping::Restitution(_) => "restitution",
+                    Damping::KuwabaraKonoS(_) => "kuwabara_kono_s",
+                    Damping::Power(_) => "power",
+                };
                 let allowed = "viscous_n_s_per_m where contacts are not one power of one exponent";
-                Err(ConfigError::value("damping", "this damping", allowed))
+                Err(ConfigError::value("damping", found, allowed))
             }
         }
     }
@@ -138,10 +144,8 @@ impl Physics {
             toda.stiffness.check(key, contacts, is_0_or_more, "stiffnesses of 0 or more")?;
             check_positive("chain.bonds.toda.steepness_per_m", toda.steepness_per_m, "1/m")?;
         }
-        let is_none = bonds.linear.is_none() && bonds.cubic.is_none() && bonds.toda.is_none();
-        if is_none {
-            let allowed = "linear, cubic or toda beside it: a quadratic force alone has no bottom";
-            return Err(ConfigError::value("chain.bonds", "no bonds that hold", allowed));
+        if !bonds.hold() {
+            return Err(Bonds::refusal());
         }
         let is_else = self.alphas.is_some()
             || self.second.is_some()
@@ -170,12 +174,13 @@ impl Physics {
             return Err(ConfigError::value("chain.beads", self.beads, "3 beads or more in a ring"));
         }
         let is_absorbing = [ends.left, ends.right].contains(&End::Absorbing);
-        for (key, is_there) in [
-            ("ends.absorbing_beads", ends.absorbing_beads.is_some()),
-            ("ends.absorbing_drag_n_s_per_m", ends.absorbing_drag_n_s_per_m.is_some()),
+        let beads = ends.absorbing_beads.map(|beads| beads as f64);
+        for (key, number) in [
+            ("ends.absorbing_beads", beads),
+            ("ends.absorbing_drag_n_s_per_m", ends.absorbing_drag_n_s_per_m),
         ] {
-            if is_there && !is_absorbing {
-                return Err(ConfigError::value(key, "a number", "left or right = \"absorbing\" with it"));
+            if let (Some(number), false) = (number, is_absorbing) {
+                return Err(ConfigError::number(key, number, "left or right = \"absorbing\" with it"));
             }
         }
         if let Some(beads) = ends.absorbing_beads
@@ -224,6 +229,11 @@ impl Physics {
     }
 
     fn check_initial(&self) -> Result<(), ConfigError> {
+        let strikers: Vec<u64> =
+            std::iter::once(&self.striker).chain(&self.strikers).map(|striker| striker.bead).collect();
+        if let Some(i) = (1..strikers.len()).find(|i| strikers[..*i].contains(&strikers[*i])) {
+            return Err(ConfigError::value(&format!("striker[{i}].bead"), strikers[i], "each bead once"));
+        }
         let initial = &self.initial;
         if let Some(solitary) = initial.solitary {
             let allowed = "lists: a solitary wave is computed before a run is, by `run` and `sweep`";
@@ -263,8 +273,9 @@ impl Physics {
                 (None, Some(energy)) => {
                     check_positive("initial.thermal.energy_j", energy, "J")?;
                 }
-                _ => {
-                    return Err(ConfigError::value(key, "none or both", "one of temperature_k and energy_j"));
+                (temperature, _) => {
+                    let found = if temperature.is_some() { "both" } else { "neither" };
+                    return Err(ConfigError::value(key, found, "one of temperature_k and energy_j"));
                 }
             }
         }
