@@ -208,7 +208,7 @@ pub(crate) struct DemoArgs {
     beadline run --no-record --wait-for 2             starts when two analyses are ready\n  \
     beadline run --impurity 400=2e-3 --impurity 600=0.5e-3 --duration 0.1\n  \
     beadline run --striker 0=5 --striker 999=-5       two pulses that meet\n  \
-    beadline run chain.toml --seed 7 --dry-run        what it would be with another disorder; runs nothing\n  \
+    beadline run chain.toml --seed 7 --dry-run        what it would be, disordered anew\n  \
     beadline run --resume chain.mcap.partial          goes on with a run that was interrupted\n\n\
     A kill costs at most the last --flush-period of a recording, a power failure the last --sync-period. --resume \
     takes everything of the run from its recording, writes that again as .partial and goes on after its last \

@@ -443,7 +443,7 @@ fn tight_limits_are_named() {
     // raised by itself as far as it may be
     bash(&place, &format!("ulimit -S -n 32; {run}")).exits(0);
     place.run("run --duration 8e-3 --name big --record-every-steps 100").exits(0);
-    for limit_kb in [40_000, 60_000, 100_000] {
+    for limit_kb in [48_000, 60_000, 100_000] {
         for command in [
             "energies big.mcap --figure e.png --force",
             "pulses big.mcap --every-step --jobs 8",

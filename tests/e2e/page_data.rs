@@ -45,7 +45,7 @@ fn every_preset_and_golden_recording_has_the_same_states_in_the_page() {
         let physics = Physics::resolve(&preset.config()).unwrap();
         let duration_s = physics.dt_s * (physics.step_count / 50) as f64;
         let out = format!("{}.mcap", preset.name);
-        let flags = format!("--duration {duration_s:e} --record-every-steps 10");
+        let flags = format!("--duration {duration_s:e} --publish-every-steps 1 --record-every-steps 10");
         place.run(&format!("run --preset {} {flags} --out {out}", preset.name)).exits(0);
         files.push(place.path(&out));
     }

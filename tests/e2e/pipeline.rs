@@ -303,10 +303,12 @@ fn every_preset_can_be_printed_edited_and_run() {
         let toml: String = toml
             .lines()
             .map(|line| {
-                if line.starts_with("duration_s") {
-                    "duration_s = 1e-4\n".into()
-                } else {
-                    format!("{line}\n")
+                // shorter by two zeros; that of a waveform stands within braces
+                match line.strip_prefix("duration_s = ") {
+                    Some(duration_s) => {
+                        format!("duration_s = {:e}\n", 0.01 * duration_s.parse::<f64>().unwrap())
+                    }
+                    None => format!("{line}\n"),
                 }
             })
             .collect();

@@ -163,7 +163,7 @@ fn rows_before_the_recorder_listened_are_said_to_be_missing() {
             LiveSource::attach(&bus, Some(&name), Delivery::Latest, &AttachOptions::default()).unwrap();
         let (stream, manifest) = (live.stream(), live.manifest().clone());
         drop(live);
-        let columns = ResultColumns { width: 10, names: COLUMNS.into(), tolerance_m: None };
+        let columns = ResultColumns { width: 11, names: COLUMNS.into(), tolerance_m: None };
         let topic = Topic::Energies;
         let mut rows =
             ResultPublisher::<f64>::create(&bus, &name, topic, stream, &columns, Arc::default()).unwrap();

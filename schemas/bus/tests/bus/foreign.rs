@@ -68,5 +68,5 @@ fn a_foreign_program_reads_frames_manifest_and_status() {
     run.finish(EndReason::Complete).unwrap();
     let status = *reader.entry::<RunStatus>(&1).unwrap().get();
     assert_eq!((status.state, status.frames, status.stream_id), (STATE_DONE, 3, stream.stream_id));
-    assert!(board.attributes().iter().any(|attribute| attribute.value().as_bytes() == b"1.0"));
+    assert!(board.attributes().iter().any(|attribute| attribute.value().as_bytes() == b"1.1"));
 }
