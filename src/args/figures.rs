@@ -106,7 +106,7 @@ pub(crate) enum ColoursArg {
     beadline plot run.mcap --what velocity --range 0.5 --out map.pdf   colours end at ±0.5 m/s\n  \
     beadline plot run.mcap --what pulses --size slide --out pulses.png\n  \
     beadline plot --what velocity --at 0.05                    the only live run, when it gets there\n  \
-    beadline plot sweep/results.csv                            what a sweep has found: says what it chose\n  \
+    beadline plot sweep/results.csv                            what a sweep has found\n  \
     beadline plot sweep/results.csv --x chain.alpha --y forward_v_peak_m_s --by time.dt_s\n  \
     beadline plot sweep/ensemble.csv --y total_j --band        mean ± standard error\n  \
     beadline plot sweep/results.csv --heat reflected_over_total --log x\n\n\

@@ -187,7 +187,8 @@ pub(crate) fn promise(config: &RunConfig) -> f64 {
         (Some(DampingConfig::Restitution(_)), _) => 2e-4,
         (None, Method::VelocityVerlet) => 1e-5,
         (None, Method::Rkn4) if is_of_the_paper && chain.alpha > 1.3 && chain.alpha < 2.0 => 5e-7,
-        (None, Method::Rkn4 | Method::Gear5 | Method::Rk5) => 1e-7,
+        (None, Method::Rkn4 | Method::Gear5) => 1e-7,
+        (None, Method::Rk5) => 5e-7,
         (Some(DampingConfig::KuwabaraKonoS(_) | DampingConfig::Power(_)), _) => 1e-4,
     }
 }

@@ -254,7 +254,7 @@ mod tests {
             recorder.begin(parts, &manifest, stream, (0, 0));
             if has_row {
                 let row =
-                    ResultRow { frame: 0, step: 0, time_s: 0.0, values: RowValues::Numbers(&[0.0; 10]) };
+                    ResultRow { frame: 0, step: 0, time_s: 0.0, values: RowValues::Numbers(&[0.0; 11]) };
                 let (fate, _) = recorder.write_row(stream, &row, |_| Ok(ResultKind::Energies)).unwrap();
                 assert!(matches!(fate, RowFate::Recorded { joined_at: 0 }));
             }

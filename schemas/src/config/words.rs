@@ -174,7 +174,7 @@ mod tests {
                 "alhpa",
                 "line 4: chain.alhpa: found the unknown key `alhpa`; allowed: beads, bead_mass_kg, alpha",
             ),
-            ("[striker]", "[hitter]", "hitter: found the unknown key `hitter`; allowed: name, chain"),
+            ("[striker]", "[hitter]", "hitter: found the unknown key `hitter`; allowed: name, seed, chain"),
             (
                 "{ taper = 0.9 }",
                 "{ taper = 0.9, list_kg = [1.0] }",

@@ -53,8 +53,8 @@ fn drives_that_say_too_little_or_too_much_are_refused() {
     for (text, expected) in [
         ("force_n = 1.0", "without a place"),
         ("bead = 1\nwall = \"left\"\nforce_n = 1.0", "`wall` and `bead`"),
-        ("bead = 1", "one of `force_n`"),
-        ("bead = 1\nforce_n = 1.0\nvelocity_m_s = 1.0", "one of `force_n`"),
+        ("bead = 1", "found 0 of `force_n`"),
+        ("bead = 1\nforce_n = 1.0\nvelocity_m_s = 1.0", "found 2 of `force_n`"),
         ("wall = \"left\"\nforce_n = 1.0", "at a wall"),
         ("wall = \"top\"\nforce_n = 1.0", "top"),
         ("bead = 1\nforce_n = {}", "a number, or one of"),

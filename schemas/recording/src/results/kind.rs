@@ -210,7 +210,8 @@ mod tests {
     }
 
     /// Every kind of double, in one row.
-    const DOUBLES: [f64; 10] = [
+    const DOUBLES: [f64; 11] = [
+        1e-310,
         -0.0,
         0.0,
         5e-324,

@@ -78,7 +78,7 @@ fn rows_of_results_have_channels_of_their_own() {
             let kind = ResultKind::Contacts { tolerance_m: 1e-12 };
             writer.write_row(&kind, &row).unwrap();
             assert!(matches!(writer.write_row(&kind, &row), Err(WriteError::Frame { .. })), "twice");
-            let values = RowValues::Numbers(&[0.5; 10]);
+            let values = RowValues::Numbers(&[0.5; 11]);
             writer.write_row(&ResultKind::Energies, &ResultRow { values, ..row }).unwrap();
         }
     });
