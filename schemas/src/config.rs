@@ -390,9 +390,9 @@ impl ConfigError {
     pub fn located(mut self, toml: &str, path: Option<&Path>) -> Self {
         self.path = path.map(Path::to_owned);
         // of a key that is not written, the line of what it would stand in
-        let around =
+        let mut around =
             std::iter::successors(Some(self.key.as_str()), |key| Some(key.rsplit_once(['.', '['])?.0));
-        self.line = self.line.or_else(|| around.filter_map(|key| line_of_key(toml, key)).next());
+        self.line = self.line.or_else(|| around.find_map(|key| line_of_key(toml, key)));
         self
     }
 }

@@ -38,7 +38,7 @@ fn imbalance(physics: &Physics, state: &ChainState) -> f64 {
 /// The preset with its left wall shaken at that frequency; the largest velocity of bead 35 after the start, over that of the wall.
 fn transmitted(name: &str, at_hz: f64) -> f64 {
     let mut config = preset(name);
-    let Waveform::Sine(sine) = &mut config.drive[0].waveform else { panic!("a sine") };
+    let Waveform::Sine(sine) = &mut config.drive[0].waveform else { unreachable!("a sine") };
     sine.frequency_hz = at_hz;
     let speed = TAU * at_hz * sine.amplitude;
     config.time.duration_s = 0.03;
@@ -65,7 +65,7 @@ fn a_dimer_chain_is_silent_within_its_gap() {
     assert!((edges[1] / edges[0] - 2.0_f64.sqrt()).abs() < 1e-15);
 }
 
-/// Masses on springs inside the beads take up what is between the lower band and `ω0·√(1 + m_r/m)`, ω0 = √(k_r/m_r) = 1e4/s.
+/// Masses on springs inside the beads take up what is between the lower band and `ω0·√(1 + m_r/m)`, `ω0 = √(k_r/m_r) = 1e4/s`.
 #[test]
 fn a_chain_of_resonators_is_silent_within_its_gap() {
     let (m, m_r, k, omega2) = (1e-3_f64, 0.5e-3_f64, 1.5e5_f64, 1e8_f64);
