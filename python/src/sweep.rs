@@ -77,7 +77,12 @@ impl Sweep {
     fn from_toml(py: Python<'_>, text: String, path: PathBuf) -> PyResult<Self> {
         // what checks a hundred thousand points does not stop, and holds nothing
         abandonable(py, move || {
-            let read = producer::sweep::Sweep::from_toml(&text, &path, |path| read_to_string(path), experiments::prepared);
+            let read = producer::sweep::Sweep::from_toml(
+                &text,
+                &path,
+                |path| read_to_string(path),
+                experiments::prepared,
+            );
             Ok(Self { sweep: read? })
         })
     }
