@@ -59,14 +59,12 @@ pub fn caption(manifest: &RunManifest) -> String {
         let _ = write!(text, ", {}", phrase.replace('-', "−"));
     }
     let striker = physics.striker;
+    if striker.velocity_m_s != 0.0 {
+        let speed = short(striker.velocity_m_s);
+        let _ = write!(text, ", v_{{0}} = {speed}\u{a0}m/s on bead {}", striker.bead);
+    }
     let dt = scientific(physics.dt_s);
-    let _ = write!(
-        text,
-        ", v_{{0}} = {}\u{a0}m/s on bead {}; {}, dt = {dt}\u{a0}s",
-        short(striker.velocity_m_s),
-        striker.bead,
-        physics.method
-    );
+    let _ = write!(text, "; {}, dt = {dt}\u{a0}s", physics.method);
     text
 }
 

@@ -41,6 +41,7 @@ const STATISTICS: [(&str, &str); 8] = [
 /// assert_eq!(column_label("chain.impurities[0].mass_kg"), "impurity 0 mass (kg)");
 /// assert_eq!(column_label("forward_v_peak_m_s"), "forward peak velocity (m/s)");
 /// assert_eq!(column_label("standard_error_total_j"), "standard error of total (J)");
+/// assert_eq!(column_label("disorder[0].uniform"), "disorder 0 uniform");
 /// assert_eq!(column_label("chain.alpha"), "α");
 /// ```
 pub fn column_label(column: &str) -> String {
@@ -58,7 +59,7 @@ pub fn column_label(column: &str) -> String {
         _ => (name, ""),
     };
     let words = name.replace("v_peak", "peak_velocity").replace("impurities[", "impurity ");
-    let words = words.replace(['_', '.'], " ").replace(']', "");
+    let words = words.replace(['_', '.', '['], " ").replace(']', "");
     let is_count = prefix.starts_with("rows") || unit.is_empty();
     if is_count { format!("{prefix}{words}") } else { format!("{prefix}{words} ({unit})") }
 }
