@@ -79,7 +79,7 @@ fn every_preset_and_golden_recording_is_recomputed() {
             // the first tenth: NumPy takes half a millisecond a step
             let duration_s = physics.dt_s * (physics.step_count / 10) as f64;
             let out = format!("{}.mcap", preset.name);
-            let flags = format!("--duration {duration_s:e} --record-every-steps 50");
+            let flags = format!("--duration {duration_s:e} --publish-every-steps 1 --record-every-steps 50");
             place.run(&format!("run --preset {} {flags} --out {out}", preset.name)).exits(0);
             files.push(place.path(&out));
         }
