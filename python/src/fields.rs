@@ -33,9 +33,10 @@ impl Field {
 
     pub(crate) fn places(self, chain: &Chain) -> usize {
         match self {
-            Self::Displacement | Self::Velocity => chain.bead_count(),
             Self::ResonatorDisplacement | Self::ResonatorVelocity if !chain.rows.resonators => 0,
-            Self::ResonatorDisplacement | Self::ResonatorVelocity => chain.bead_count(),
+            Self::Displacement | Self::Velocity | Self::ResonatorDisplacement | Self::ResonatorVelocity => {
+                chain.bead_count()
+            }
             Self::Overlap | Self::Force => chain.contact_count(),
         }
     }
