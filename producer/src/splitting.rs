@@ -96,6 +96,8 @@ struct Others {
     /// What the drives do now, and did at the beginning of the step.
     now: Vec<Now>,
     before: Vec<Now>,
+    /// What they do at all moments of a sweep.
+    moments: Vec<Now>,
     /// Net forces (N) of a kick.
     net_n: Vec<f64>,
 }
@@ -111,6 +113,7 @@ impl Splitting {
             drives,
             now: Vec::new(),
             before: Vec::new(),
+            moments: Vec::new(),
             net_n: vec![0.0; chain.bead_count()],
         });
         let dt_s = physics.dt_s;

@@ -50,8 +50,10 @@ impl Splitting {
             self.start_with(others, state);
         }
         let steps = self.steps_to(state.step, last);
-        let mut moments = vec![others.now.clone()];
         let Some(drives) = &others.drives else { return };
+        // what each drive does at the beginning and after each drift, one after the other
+        let (moments, count) = (&mut others.moments, drives.count());
+        moments.clone_from(&others.now);
         let [.., row] = others.rows.split_mut(&mut state.extra);
         for step in state.step..state.step + steps {
             let mut after = 0.0;
@@ -60,24 +62,25 @@ impl Splitting {
                 let is_end = stage + 1 == self.stages.kick_drift.len();
                 let after_s = if is_end { self.dt_s } else { after * self.dt_s };
                 drives.at(When { step, after_s, is_end }, row, &mut others.now);
-                moments.push(others.now.clone());
+                moments.extend_from_slice(&others.now);
             }
             others.now.iter().enumerate().for_each(|(d, now)| row[2 * d + 1] = now.x_m);
         }
-        let places: Vec<_> = moments[1..].iter().map(|now| walls_at(drives, now)).collect();
-        self.kernel.move_walls_along(places.into_iter());
-        let mut forces = vec![[self.kernel.forces_at(0)[0], self.kernel.forces_at(state.u_m.len() - 1)[1]]];
+        self.kernel.move_walls_along(moments.chunks_exact(count).skip(1).map(|now| walls_at(drives, now)));
+        let before_n = [self.kernel.forces_at(0)[0], self.kernel.forces_at(state.u_m.len() - 1)[1]];
         self.kernel.sweep(&self.passes, &mut state.u_m, &mut state.v_m_s);
-        forces.extend(self.kernel.wall_forces_n());
+        let forces_n = self.kernel.wall_forces_n();
         let mut at = 0;
         for _ in 0..steps {
             let kicks = self.stages.kick_drift.iter().map(|(b, _)| *b).chain([self.stages.last_kick]);
             for (kick, b) in kicks.enumerate() {
                 let kick_s = b * self.dt_s;
-                for (d, now) in moments[at + kick].iter().enumerate() {
+                let now = &moments[(at + kick) * count..][..count];
+                let [left_n, right_n] = if at + kick == 0 { before_n } else { forces_n[at + kick - 1] };
+                for (d, now) in now.iter().enumerate() {
                     row[2 * d] += match drives.acts(d) {
-                        Acts::Wall(0) => kick_s * (forces[at + kick][0] * now.v_m_s),
-                        _ => -(kick_s * (forces[at + kick][1] * now.v_m_s)),
+                        Acts::Wall(0) => kick_s * (left_n * now.v_m_s),
+                        _ => -(kick_s * (right_n * now.v_m_s)),
                     };
                 }
             }
