@@ -209,11 +209,6 @@ impl Physics {
         works.fold(0.0, |sum, work_j| sum + work_j)
     }
 
-    /// The energy (J) that a state has lost to dissipation, and not been given by drives: what closes the balance of energies.
-    pub fn lost_j(&self, extra: &[f64]) -> f64 {
-        self.dissipated_j(extra) - self.driven_j(extra)
-    }
-
     /// The time `step·dt` (s).
     pub fn time_s(&self, step: u64) -> f64 {
         step as f64 * self.dt_s
