@@ -362,7 +362,11 @@ impl Chain {
 
     /// Energy of what is on the beads `beads` beside their contacts, in a state with this `extra`.
     pub fn sites_energy(&self, u_m: &[f64], extra: &[f64], beads: Range<usize>) -> Energy {
-        let mut energy = Energy::default();
+        self.with_sites(Energy::default(), u_m, extra, beads)
+    }
+
+    /// `energy`, and what is on the beads `beads` beside their contacts, one kind after the other.
+    fn with_sites(&self, mut energy: Energy, u_m: &[f64], extra: &[f64], beads: Range<usize>) -> Energy {
         if self.sites.has_springs() {
             energy.potential_j += self.sites.springs_j(u_m, beads.clone());
         }
@@ -379,7 +383,7 @@ impl Chain {
         self.contact_energies_j(u_m, scratch);
         let [left, right] = self.wall_energies_j(u_m, extra);
         let beads = 0..self.bead_count();
-        let mut energy = vectorized(
+        let energy = vectorized(
             Arch::new(),
             #[inline(always)]
             || Energy {
@@ -387,17 +391,7 @@ impl Chain {
                 potential_j: ordered_sum([scratch], |[energy_j]| energy_j) + (left + right),
             },
         );
-        if !self.sites.is_none() {
-            if self.sites.has_springs() {
-                energy.potential_j += self.sites.springs_j(u_m, beads.clone());
-            }
-            if self.sites.has_resonators() {
-                let [w_m, w_m_s] = self.rows.resonators_of(extra);
-                energy.kinetic_j += self.sites.kinetic_j(w_m_s, beads.clone());
-                energy.potential_j += self.sites.resonators_j(u_m, w_m, beads);
-            }
-        }
-        energy
+        self.with_sites(energy, u_m, extra, beads)
     }
 }
 

@@ -73,7 +73,7 @@ fn every_interrupted_chain_is_gone_on_with() {
     each(&names, |name| {
         place.run(&format!("run {name}.toml --record-every-steps 20 --out {name}-whole.mcap")).exits(0);
         let duration_s = RunConfig::from_toml(&place.read(&format!("{name}.toml"))).unwrap().time.duration_s;
-        let pace = duration_s / 0.8;
+        let pace = duration_s / 8.0;
         let run = place.start(&format!("run {name}.toml --record-every-steps 20 --pace {pace:e}"));
         place.wait_for_run(name, |run| run.step >= 50);
         run.signal("INT");
