@@ -1,0 +1,1 @@
+//! A live run on another host.

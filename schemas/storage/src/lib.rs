@@ -1,0 +1,1 @@
+//! Bytes where they lie: files, and objects behind URLs.
