@@ -37,8 +37,8 @@ use schemas::run_name::RunName;
 use std::num::NonZero;
 use std::path::PathBuf;
 use values::{
-    parse_count, parse_impurity, parse_jobs, parse_number, parse_pace, parse_pair, parse_rounds,
-    parse_seconds, parse_shard, parse_whole,
+    parse_count, parse_impurity, parse_jobs, parse_number, parse_pace, parse_pair, parse_positive,
+    parse_rounds, parse_seconds, parse_shard, parse_whole,
 };
 
 /// Shocks in granular chains: simulated, streamed, recorded and analysed while they run.
@@ -324,7 +324,8 @@ pub(crate) struct Overrides {
     beadline sweep --example > reflection.toml           a sweep file to begin with\n  \
     beadline sweep reflection.toml --out reflection      all points, on all cores; again: goes on\n  \
     beadline sweep reflection.toml --out all --shard 3/16   one job of an array of 16\n  \
-    beadline sweep reflection.toml --out all --merge     the rows that are there, as tables\n\n\
+    beadline sweep reflection.toml --out all --merge     the rows that are there, as tables\n  \
+    beadline sweep reflection.toml --plan --cores 1000   what it will take, from a few of its points\n\n\
     DIR then has results.csv and results.parquet, and of a sweep over seeds ensemble.csv and .parquet (the same bytes whatever \
     the order, jobs, shards and interruptions), timings.csv, the rows of each shard, and recordings/ if asked for. A run that fails \
     has a row that says why, and makes the exit code 3, as a signal does while points are missing."
@@ -335,7 +336,7 @@ pub(crate) struct SweepArgs {
     #[arg(value_name = "SWEEP.toml", required_unless_present = "example")]
     pub(crate) file: Option<PathBuf>,
     /// Directory for the results; its finished points are not computed again
-    #[arg(long, value_name = "DIR", required_unless_present = "example")]
+    #[arg(long, value_name = "DIR", required_unless_present_any = ["example", "plan"])]
     pub(crate) out: Option<PathBuf>,
     /// Points computed at the same time [default: the cores of this machine]
     #[arg(long, value_name = "N", value_parser = parse_jobs)]
@@ -358,6 +359,12 @@ pub(crate) struct SweepArgs {
     /// Print the summary as JSON
     #[arg(long)]
     pub(crate) json: bool,
+    /// Compute a few points for two seconds, and print what all of them will take: time, disk, shards, what is in the way first
+    #[arg(long, conflicts_with_all = ["out", "shard", "jobs", "force", "record", "yes", "merge"])]
+    pub(crate) plan: bool,
+    /// Cores to plan for, beside those of this machine [default: 1, 100, 1,000 and 10,000]
+    #[arg(long, value_name = "N", requires = "plan", value_parser = parse_positive)]
+    pub(crate) cores: Option<NonZero<u64>>,
     /// Print a sweep file to begin with
     #[arg(long, exclusive = true)]
     pub(crate) example: bool,

@@ -2,30 +2,44 @@
 //!
 //! - [`experiments::row`]: one point, a pure function of the sweep file and an index
 //! - [`directory`]: what is where
+//! - [`pending`]: what is left to compute
+//! - [`plan`]: what all of it will take
 //! - [`mod@work`]: the workers of one process
-//! - [`mod@merge`]: the results, the same bytes whoever computed them in whatever order
+//! - [`mod@merge`], [`sorted`]: the results, the same bytes whoever computed them in whatever order
 
 mod directory;
 mod merge;
+mod pending;
+pub(crate) mod plan;
+mod sorted;
 mod work;
 
 use crate::args::Shard;
 use crate::configuration::origin;
+use crate::display::{count, counted};
 use crate::failure::Failure;
 use crate::forecast::Forecast;
-use consumers::journal::Entry;
+use anyhow::anyhow;
+use consumers::journal::{self, Entry};
 use consumers::table::Cell;
 use directory::Directory;
+use pending::{Guess, Pending, Points};
 use producer::sweep::{ParameterValue, Sweep, Until};
 use recording::{SpaceNeeded, WriteOptions};
-use schemas::manifest::{Physics, RunManifest};
-use serde::{Serialize, Serializer};
+use schemas::manifest::RunManifest;
+use serde::Serialize;
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
-use work::{Job, Tally, work};
+use std::sync::atomic::{AtomicBool, Ordering};
+use work::{Tally, work};
+
+/// Most points that are recorded: each is a file.
+const MOST_RECORDED: u64 = 10_000;
+
+/// Bytes of journals that every shard reads at its end, to merge them if all rows are there.
+const READ_BY_ALL: u64 = 1 << 28;
 
 /// How a sweep is to be computed.
 #[derive(Debug, Clone, Copy)]
@@ -53,13 +67,17 @@ impl Default for Options {
 /// What there is of a sweep.
 #[derive(Debug, Serialize)]
 pub(crate) struct Outcome {
-    /// The rows, by index.
-    #[serde(serialize_with = "as_count")]
-    pub(crate) rows: BTreeMap<u64, Entry>,
-    /// Points whose runs failed: their rows say why.
+    /// How many rows there are; of a stopped sweep, or where the other shards were not looked at, those that this process knows.
+    pub(crate) rows: u64,
+    /// Points whose runs failed: their rows say why. The first thousand.
     pub(crate) failed: Vec<u64>,
-    /// Points that have no row.
+    /// How many these are.
+    pub(crate) failed_count: u64,
+    /// Points that have no row, as far as is known.
     pub(crate) missing: u64,
+    /// Whether rows of other shards were looked for.
+    #[serde(skip)]
+    pub(crate) all_seen: bool,
     /// Points without a row that should have been computed.
     #[serde(skip)]
     pub(crate) left: u64,
@@ -82,10 +100,6 @@ pub(crate) struct Shown {
     pub(crate) recording: Option<PathBuf>,
 }
 
-fn as_count<S: Serializer>(rows: &BTreeMap<u64, Entry>, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_u64(rows.len() as u64)
-}
-
 /// Computes the points of `sweep` that have no row in the directory `out`, and merges the results when all
 /// have one.
 ///
@@ -98,22 +112,62 @@ pub(crate) fn compute(
     options: &Options,
     stop: &AtomicBool,
 ) -> Result<Outcome, Failure> {
+    let points = sweep.point_count();
+    if options.record && points > MOST_RECORDED {
+        return Err(Failure::BadInput(anyhow!(
+            "a recording is a file for each of {}, at most {} are recorded; sweep without recordings, and record the points \
+             that matter in a sweep of their own, with the same values: a run has the same bits wherever it is computed",
+            counted(points, "point"),
+            count(MOST_RECORDED)
+        )));
+    }
     let directory = Directory::open(out, sweep, options.force)?;
-    let journal = directory.journal(options.shard)?;
-    let jobs = pending(sweep, &directory, options)?;
-    work::announce(sweep, &jobs, options.shard);
+    let mut rows = Points::none_of(points);
+    let journal = directory.journal(options.shard, |index| rows.add(index))?;
+    for path in directory.journals_beside(options.shard)? {
+        journal::read(&path, directory.head(), |index, _| {
+            rows.add(index);
+            Ok::<_, Failure>(())
+        })?;
+    }
+    let pending =
+        Pending { directory: &directory, rows: &rows, shard: options.shard, record: options.record };
+    let guess = pending.guess(sweep, pending.indices().count() as u64);
+    work::announce(sweep, guess.count, options.shard);
     if options.record {
         directory.make_recordings()?;
-        check_space(sweep, &directory, &jobs)?;
+        check_space(sweep, &pending)?;
     }
-    if let (Some(job), Until::End) = (jobs.first(), sweep.until()) {
-        let physics = Physics::resolve(&sweep.point(job.index)?.config)?;
-        let bead_steps = jobs.iter().map(|job| job.cost() as f64).sum();
-        Forecast::of_many(&physics, bead_steps, options.threads.min(jobs.len())).confirm(options.yes)?;
+    forecast(sweep, &guess, options)?;
+    let tally = work((sweep, &directory), (&pending, &guess), options, &journal, stop)?;
+    let left = guess.count - tally.computed;
+    drop(journal);
+    let is_whole = options.shard == Shard::WHOLE;
+    // a process that is told to stop has no time, and of many shards not each reads what all have written
+    let is_stopped = left > 0 && stop.load(Ordering::Relaxed);
+    if is_stopped || !(is_whole || directory.journal_bytes()? <= READ_BY_ALL) {
+        let known = rows.count() + tally.added;
+        return Ok(Outcome {
+            rows: known,
+            failed: tally.failed.first.clone(),
+            failed_count: tally.failed.count,
+            missing: points - known,
+            all_seen: is_whole,
+            left,
+            tally,
+            files: None,
+        });
     }
-    let tally = work((sweep, &directory), &jobs, options, journal, stop)?;
-    let left = jobs.len() as u64 - tally.computed;
-    outcome(sweep, &directory, tally, left, false)
+    let is_complete = merge::present(&directory, points)?.count() == points;
+    outcome(sweep, &directory, tally, left, is_complete)
+}
+
+/// Tells how long the points take, if that is long, and asks.
+fn forecast(sweep: &Sweep, guess: &Guess, options: &Options) -> Result<(), Failure> {
+    let (Some(physics), Until::End) = (&guess.like, sweep.until()) else { return Ok(()) };
+    let bead_steps = guess.count as f64 * guess.cost as f64;
+    let threads = options.threads.min(usize::try_from(guess.count).unwrap_or(usize::MAX));
+    Forecast::of_many(physics, bead_steps, threads).confirm(options.yes)
 }
 
 /// Merges the existing rows in the directory `out` of `sweep`, complete or not.
@@ -123,6 +177,18 @@ pub(crate) fn compute(
 pub(crate) fn merge(sweep: &Sweep, out: &Path) -> Result<Outcome, Failure> {
     let directory = Directory::existing(out, sweep)?;
     outcome(sweep, &directory, Tally::default(), 0, true)
+}
+
+/// Tells `take` each existing row in the directory `out` of `sweep`, in the order of the points.
+///
+/// # Errors
+/// When the directory is not one of this sweep, its rows cannot be read, or `take` fails.
+pub(crate) fn each_row(
+    sweep: &Sweep,
+    out: &Path,
+    mut take: impl FnMut(&Entry) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    merge::rows(&Directory::existing(out, sweep)?, sweep.point_count(), |row, _| take(row))
 }
 
 /// The sweep file in the directory of a sweep; none in other directories.
@@ -136,10 +202,18 @@ pub(crate) fn file_in(out: &Path) -> Option<PathBuf> {
 /// When the directory is not one of this sweep, or its rows cannot be read.
 pub(crate) fn shown(sweep: &Sweep, out: &Path, most: usize) -> Result<Vec<Shown>, Failure> {
     let directory = Directory::existing(out, sweep)?;
-    let rows = merge::rows(&directory, sweep.point_count())?;
     let columns = &directory.head().columns;
+    let mut rows: BTreeMap<u64, Entry> = BTreeMap::new();
+    for path in directory.journals()? {
+        journal::read(&path, directory.head(), |index, json| {
+            if index < most as u64 {
+                rows.extend(journal::entry(json, columns).map(|row| (index, row)));
+            }
+            Ok::<_, Failure>(())
+        })?;
+    }
     let point = |index: u64| -> Result<Shown, Failure> {
-        let parameters = sweep.point(index)?.parameters.into_iter().map(|value| match value {
+        let parameters = sweep.parameters_of(index)?.into_iter().map(|value| match value {
             None => Value::Null,
             Some(ParameterValue::Integer(value)) => value.into(),
             Some(ParameterValue::Double(value)) => value.into(),
@@ -165,40 +239,34 @@ fn outcome(
     directory: &Directory,
     tally: Tally,
     left: u64,
-    merge_part: bool,
+    write: bool,
 ) -> Result<Outcome, Failure> {
-    let rows = merge::rows(directory, sweep.point_count())?;
-    let missing = sweep.point_count() - rows.len() as u64;
-    let files = if missing == 0 || merge_part { merge::write(sweep, directory, &rows)? } else { None };
-    let failed = merge::failed(&rows, &directory.head().columns);
-    Ok(Outcome { rows, failed, missing, left, tally, files })
-}
-
-/// The points of the shard that have no row yet, or no recording where there is to be one.
-fn pending(sweep: &Sweep, directory: &Directory, options: &Options) -> Result<Vec<Job>, Failure> {
-    let rows = merge::rows(directory, sweep.point_count())?;
-    let has_recording = |index: u64| !options.record || directory.recording(index).exists();
-    let is_done = |index: &u64| rows.contains_key(index) && has_recording(*index);
-    let indices = (0..sweep.point_count()).filter(|index| options.shard.has(*index) && !is_done(index));
-    let job = |index| -> Result<Job, Failure> {
-        let physics = Physics::resolve(&sweep.point(index)?.config)?;
-        Ok(Job { index, steps: physics.step_count, beads: physics.beads })
-    };
-    indices.map(job).collect()
+    let merged = merge::merge(sweep, directory, write)?;
+    Ok(Outcome {
+        rows: merged.rows,
+        failed: merged.failed.first,
+        failed_count: merged.failed.count,
+        missing: sweep.point_count() - merged.rows,
+        all_seen: true,
+        left,
+        tally,
+        files: merged.files,
+    })
 }
 
 /// Refuses recordings that cannot all fit on their disk. Of points that end early nobody knows.
-fn check_space(sweep: &Sweep, directory: &Directory, jobs: &[Job]) -> Result<(), Failure> {
+fn check_space(sweep: &Sweep, pending: &Pending<'_>) -> Result<(), Failure> {
     if sweep.until() == Until::Stationary {
         return Ok(());
     }
     let mut needed = SpaceNeeded { at_most_bytes: 0, at_least_bytes: 0 };
-    for job in jobs {
-        let manifest = RunManifest::new(&sweep.point(job.index)?.config, "point", origin())?;
+    for index in pending.indices() {
+        let point = sweep.point(index)?;
+        let manifest = RunManifest::of(point.physics, &point.config, "point", origin())?;
         let point = SpaceNeeded::new(&manifest, WriteOptions::default().compression);
         needed.at_most_bytes = needed.at_most_bytes.saturating_add(point.at_most_bytes);
         needed.at_least_bytes = needed.at_least_bytes.saturating_add(point.at_least_bytes);
     }
-    needed.check(&directory.recording(0))?;
+    needed.check(&pending.directory.recording(0))?;
     Ok(())
 }

@@ -13,24 +13,25 @@ mod blame;
 mod definition;
 mod document;
 mod ensemble;
+mod identity;
 mod keys;
 mod sobol;
 mod values;
 
 pub use definition::Until;
 pub use ensemble::Ensemble;
+pub use identity::MOST_CHECKED;
 
-use definition::{Definition, Setting};
+use definition::{Axis, Definition, Setting};
 use schemas::config::{ConfigError, RunConfig};
-use schemas::manifest::{Origin, RunManifest};
-use sha2::{Digest, Sha256};
+use schemas::manifest::{Origin, Physics, RunManifest};
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
-/// Most points of one sweep.
-pub const MAX_POINTS: u64 = 100_000;
+/// Most points of one sweep: a bit for each is in memory.
+pub const MAX_POINTS: u64 = 10_000_000;
 
 /// Time between two analysed frames as a fraction of the collision time T, unless the base says
 /// otherwise: a solitary wave of α = 1.5 passes a bead in about 2 T.
@@ -42,7 +43,7 @@ const RECORD_EVERY_STEPS: u64 = 100;
 /// Makes a configuration complete whose parts are elsewhere, such as tables in files beside the given directory.
 pub type Prepare = fn(RunConfig, Option<&Path>) -> Result<RunConfig, ConfigError>;
 
-/// A sweep file of which every point is a possible run.
+/// A sweep file, each of whose points is computed from its index; those that are checked are possible runs.
 #[derive(Debug)]
 pub struct Sweep {
     text: String,
@@ -93,6 +94,8 @@ pub struct Point {
     pub parameters: Vec<Option<ParameterValue>>,
     /// Its configuration, with the intervals of frames filled in.
     pub config: RunConfig,
+    /// What that leads to.
+    pub physics: Physics,
 }
 
 /// Why a sweep file cannot be used.
@@ -110,7 +113,10 @@ pub enum SweepError {
         source: io::Error,
     },
     /// More points than [`MAX_POINTS`].
-    #[error("{} has {found} points; at most {MAX_POINTS} are allowed", path.display())]
+    #[error(
+        "{} has {found} points; at most {MAX_POINTS} are allowed: make several sweeps of it, for example of other seeds",
+        path.display()
+    )]
     TooMany {
         /// The sweep file.
         path: PathBuf,
@@ -120,8 +126,9 @@ pub enum SweepError {
 }
 
 impl Sweep {
-    /// Reads a sweep file, and the configuration that it begins with, and checks every point, each of which `prepare`
-    /// completes from the directory of the sweep file.
+    /// Reads a sweep file, and the configuration that it begins with, and checks its points, each of which `prepare`
+    /// completes from the directory of the sweep file. Of more than [`MOST_CHECKED`] points some are checked, among them
+    /// those that have each value of a list.
     ///
     /// # Errors
     /// When a file cannot be read, when something in it is impossible (with the file, the line and the key),
@@ -170,8 +177,8 @@ impl Sweep {
         &self.path
     }
 
-    /// SHA-256 of everything that decides the results: the physics of every point, its parameters, its analysed frames and
-    /// when it ends. Comments, layout and `record` are not in it.
+    /// SHA-256 of everything that decides the results: the base, what varies, when points end, and the physics of the points
+    /// that are checked, which has the contents of files in it. Comments, layout and `record` are not in it.
     pub fn identity(&self) -> [u8; 32] {
         self.identity
     }
@@ -203,15 +210,15 @@ impl Sweep {
 
     /// Number of points.
     pub fn point_count(&self) -> u64 {
-        let axes = self.definition.axes.iter().map(Vec::len);
-        let all = axes.chain([self.definition.cases.len(), self.definition.samples.len()]);
-        all.fold(1_u64, |count, values| count.saturating_mul(values as u64))
+        let Definition { cases, samples, axes, .. } = &self.definition;
+        let counts = axes.iter().map(Axis::count).chain([cases.len() as u64, samples.count()]);
+        counts.fold(1, u64::saturating_mul)
     }
 
     /// Point `index`. The last key of the grid varies fastest, then the sample, the cases slowest.
     ///
     /// # Errors
-    /// When there is no such point, or its values are impossible: the latter only while a sweep is read.
+    /// When there is no such point, or its values are impossible: the latter only where it was not checked.
     pub fn point(&self, index: u64) -> Result<Point, ConfigError> {
         let settings = self.settings(index)?;
         let mut document = self.definition.base.clone();
@@ -223,21 +230,31 @@ impl Sweep {
                 message,
             })?;
         }
-        // a table is always TOML
-        let text = toml::to_string(&document).unwrap_or_default();
-        let blame = |error| blame::blame(self, error, &settings, &text, index);
-        let config = RunConfig::from_toml(&text).map_err(blame)?;
-        let config = (self.prepare)(config, self.path.parent()).map_err(blame)?;
-        let config = with_intervals(config, &document).map_err(blame)?;
-        RunManifest::new(
-            &config,
-            "sweep",
-            Origin { program: String::new(), host: String::new(), started_unix_ns: 0 },
-        )
-        .and_then(|manifest| self.check_split(&manifest))
-        .map_err(blame)?;
         let parameters = self.parameters.iter().map(|parameter| parameter.of(&settings)).collect();
-        Ok(Point { index, parameters, config })
+        match self.resolved(&document) {
+            Ok((config, physics)) => Ok(Point { index, parameters, config, physics }),
+            Err(error) => Err(blame::blame(self, error, &settings, &document, index)),
+        }
+    }
+
+    /// The parameters of point `index`, possible or not.
+    ///
+    /// # Errors
+    /// When there is no such point.
+    pub fn parameters_of(&self, index: u64) -> Result<Vec<Option<ParameterValue>>, ConfigError> {
+        let settings = self.settings(index)?;
+        Ok(self.parameters.iter().map(|parameter| parameter.of(&settings)).collect())
+    }
+
+    /// What the configuration `document` of a point leads to.
+    fn resolved(&self, document: &Table) -> Result<(RunConfig, Physics), ConfigError> {
+        let config = (self.prepare)(RunConfig::from_table(document)?, self.path.parent())?;
+        let physics = Physics::resolve(&config)?;
+        let config = with_intervals(config, document, &physics);
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        let manifest = RunManifest::of(physics, &config, "sweep", origin)?;
+        self.check_split(&manifest)?;
+        Ok((config, manifest.physics))
     }
 
     fn check_split(&self, manifest: &RunManifest) -> Result<(), ConfigError> {
@@ -254,7 +271,7 @@ impl Sweep {
     }
 
     /// The settings of point `index`, in the order in which they are applied.
-    fn settings(&self, index: u64) -> Result<Vec<&Setting>, ConfigError> {
+    fn settings(&self, index: u64) -> Result<Vec<Setting>, ConfigError> {
         if index >= self.point_count() {
             let message = format!("there is no point {index}; there are {}", self.point_count());
             return Err(ConfigError {
@@ -264,39 +281,22 @@ impl Sweep {
                 message,
             });
         }
+        let Definition { cases, samples, axes, .. } = &self.definition;
         let mut rest = index;
-        let mut of_grid = Vec::new();
-        for axis in self.definition.axes.iter().rev() {
-            let count = axis.len() as u64;
-            of_grid.push(&axis[index_of(rest % count)]);
-            rest /= count;
+        let mut of_grid = Vec::with_capacity(axes.len());
+        for axis in axes.iter().rev() {
+            of_grid.push(axis.at(rest % axis.count()));
+            rest /= axis.count();
         }
-        let count = self.definition.samples.len() as u64;
-        let sample = &self.definition.samples[index_of(rest % count)];
-        let case = &self.definition.cases[index_of(rest / count)];
-        Ok(case.iter().chain(sample).chain(of_grid.into_iter().rev()).collect())
-    }
-
-    /// Makes every point once, and gives the identity of the sweep.
-    fn check_points(&self) -> Result<[u8; 32], ConfigError> {
-        let mut hash = Sha256::new();
-        hash.update(format!("{:?} {:?} {:?}\n", self.parameters, self.until(), self.split_bead()));
-        if self.check() {
-            hash.update("check\n");
-        }
-        for index in 0..self.point_count() {
-            let point = self.point(index)?;
-            let stream = point.config.stream;
-            let physics = schemas::manifest::Physics::resolve(&point.config)?;
-            hash.update(format!("{:?} {}\n", point.parameters, stream.publish_every_steps));
-            hash.update(physics.hash());
-        }
-        Ok(hash.finalize().into())
+        let mut settings = cases[index_of(rest / samples.count())].clone();
+        settings.extend(samples.at(rest % samples.count()));
+        settings.extend(of_grid.into_iter().rev());
+        Ok(settings)
     }
 }
 
 impl Parameter {
-    fn of(&self, settings: &[&Setting]) -> Option<ParameterValue> {
+    fn of(&self, settings: &[Setting]) -> Option<ParameterValue> {
         let setting = settings.iter().find(|setting| setting.key.to_string() == self.key)?;
         Some(match (self.kind, &setting.value) {
             (ParameterKind::Integer, Value::Integer(value)) => {
@@ -313,9 +313,10 @@ impl Parameter {
 /// The keys of all settings, each once, with the type of its values.
 fn parameters(definition: &Definition) -> Vec<Parameter> {
     let Definition { cases, samples, axes, .. } = definition;
-    let settings = || cases.iter().chain(samples).chain(axes).flatten();
+    let of_cases = cases.iter().flatten().cloned();
+    let of_grid = axes.iter().flat_map(|axis| axis.telling().map(|place| axis.at(place)));
     let mut parameters: Vec<Parameter> = Vec::new();
-    for setting in settings() {
+    for setting in of_cases.chain(samples.ends()).chain(of_grid) {
         let (key, kind) = (setting.key.to_string(), kind(&setting.value));
         match parameters.iter_mut().find(|parameter| parameter.key == key) {
             Some(parameter) if parameter.kind == kind => {}
@@ -337,12 +338,11 @@ fn kind(value: &Value) -> ParameterKind {
     }
 }
 
-/// `config` with the intervals of frames that `document`, which it was read from, leaves open.
-fn with_intervals(mut config: RunConfig, document: &Table) -> Result<RunConfig, ConfigError> {
+/// `config`, which leads to `physics`, with the intervals of frames that `document`, which it was read from, leaves open.
+fn with_intervals(mut config: RunConfig, document: &Table, physics: &Physics) -> RunConfig {
     let is_written = |key| document.get("stream").and_then(|stream| stream.get(key)).is_some();
     let record_written = is_written("record_every_steps");
     if !is_written("publish_every_steps") {
-        let physics = schemas::manifest::Physics::resolve(&config)?;
         let steps = (FRAME_INTERVAL * physics.scales().time_s / physics.dt_s).round();
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 1 to 10000")]
         let steps = if (1.0..=1e4).contains(&steps) { steps as u64 } else { 1 };
@@ -354,7 +354,7 @@ fn with_intervals(mut config: RunConfig, document: &Table) -> Result<RunConfig, 
         let published = config.stream.publish_every_steps.max(1); // integers
         config.stream.record_every_steps = RECORD_EVERY_STEPS.next_multiple_of(published);
     }
-    Ok(config)
+    config
 }
 
 /// An index of something that is in memory.

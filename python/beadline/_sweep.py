@@ -111,7 +111,8 @@ def sweep(
                 rows = _rows_of(executor, text, path, native.point_count, bar.update)
         cells = zip(native.columns, zip(*rows, strict=True), strict=True)
         table = Table({name: column(values, kind) for (name, kind), values in cells})
-        table.summary = {"points": len(table), "failed": np.flatnonzero(table["error"]).tolist()}
+        table.summary = {"points": len(table)}
+    table.summary["failed"] = np.flatnonzero(table["error"]).tolist()
     if table.summary["failed"]:
         failed = f"{len(table.summary['failed'])} of {len(table)} runs failed"
         warnings.warn(f"{failed}; the column `error` says why", RuntimeWarning, stacklevel=2)
@@ -205,7 +206,8 @@ def _in_directory(
             path = os.path.join(directory, "sweep.toml")
             Path(path).write_text(text, encoding="utf-8")
         summary = run_command(["sweep", path, *flags], warn=False)
-    del summary["sweep"]
+    # it names the first ones only
+    del summary["sweep"], summary["failed_count"]
     if summary["results"] is None:
         error = CommandError(f"{summary['missing']} runs have no row; call it again for them")
         error.exit_code = 3

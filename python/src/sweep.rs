@@ -4,7 +4,7 @@ use crate::errors::Why;
 use crate::patience::{LOOK, abandonable, detached};
 use consumers::table::{Cell, Kind};
 use experiments::pool::{NoThread, Told, share};
-use experiments::row::{self, Signals};
+use experiments::row::{self, At, Signals};
 use experiments::{ERROR_COLUMN, columns};
 use producer::sweep::{ParameterValue, SweepError};
 use pyo3::IntoPyObjectExt as _;
@@ -13,7 +13,7 @@ use pyo3::prelude::*;
 use std::fs::read_to_string;
 use std::num::NonZero;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Instant;
 
@@ -75,7 +75,7 @@ impl Sweep {
     /// Reads a sweep; `path` is where it was read, or would be: what it names is found from there.
     #[staticmethod]
     fn from_toml(py: Python<'_>, text: String, path: PathBuf) -> PyResult<Self> {
-        // what checks a hundred thousand points does not stop, and holds nothing
+        // what checks thousands of points does not stop, and holds nothing
         abandonable(py, move || {
             let read = producer::sweep::Sweep::from_toml(
                 &text,
@@ -127,12 +127,12 @@ impl Sweep {
         detached(py, || {
             let stop = &AtomicBool::new(false);
             let compute = |_, job: usize| -> Result<_, Why> {
-                let signals = Signals { stop, step: &AtomicU64::new(0) };
+                let signals = Signals { stop, at: &At::default() };
                 row::compute(&self.sweep, indices[job], beadline::origin(), None, &signals)
             };
             let (mut done, mut looked, mut raised) = (0_usize, Instant::now(), None);
             // what is heard is heard in the thread that Python called, at least every 100 ms
-            let shared = share(indices.len(), jobs.min(indices.len()), stop, compute, |told| {
+            let shared = share(0..indices.len(), jobs.min(indices.len()), stop, compute, |told| {
                 match told {
                     Told::Done(job, row) => (rows[job], done) = (Some(row), done + 1),
                     Told::Broken(_) => done += 1,
@@ -161,8 +161,8 @@ impl Sweep {
 impl Sweep {
     /// The row of a point at which this program went wrong.
     fn of_broken(&self, index: u64) -> PyResult<Vec<Value>> {
-        let point = self.sweep.point(index).map_err(Why::from)?;
-        let mut row: Vec<Value> = point.parameters.into_iter().map(Value::Parameter).collect();
+        let parameters = self.sweep.parameters_of(index).map_err(Why::from)?;
+        let mut row: Vec<Value> = parameters.into_iter().map(Value::Parameter).collect();
         let results = columns(&self.sweep).into_iter().skip(row.len());
         row.extend(results.map(|column| {
             let is_error = column.name == ERROR_COLUMN;

@@ -422,22 +422,33 @@ impl RunConfig {
     /// When the text is not TOML, a key is unknown or missing, or a value has the wrong type; the
     /// error carries the line.
     pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
-        #[derive(Deserialize)]
-        struct Named {
-            integrator: Option<serde::de::IgnoredAny>,
-            striker: Option<serde::de::IgnoredAny>,
+        let config: Self = toml::from_str(text).map_err(|error| ConfigError::of_toml(&error, text))?;
+        let document = text.parse().map_err(|error| ConfigError::of_toml(&error, text))?;
+        config.completed(&document)
+    }
+
+    /// Reads a configuration from a TOML document.
+    ///
+    /// # Errors
+    /// As [`Self::from_toml`]; the line is that in the document as text.
+    pub fn from_table(document: &toml::Table) -> Result<Self, ConfigError> {
+        match Self::deserialize(document.clone()) {
+            Ok(config) => config.completed(document),
+            // only the text knows where the mistake is; a table is always TOML
+            Err(_) => Self::from_toml(&toml::to_string(document).unwrap_or_default()),
         }
-        let unreadable = |error: toml::de::Error| ConfigError::of_toml(&error, text);
-        let mut config: Self = toml::from_str(text).map_err(unreadable)?;
-        let Named { integrator, striker } = toml::from_str(text).map_err(unreadable)?;
-        config.fill_in()?;
-        if striker.is_none() && config.drive.is_empty() && config.initial.is_none() {
+    }
+
+    /// With what `document`, which it was read from, leaves open.
+    fn completed(mut self, document: &toml::Table) -> Result<Self, ConfigError> {
+        self.fill_in()?;
+        if !document.contains_key("striker") && self.drive.is_empty() && self.initial.is_none() {
             return Err(ConfigError::missing("striker"));
         }
-        if integrator.is_none() {
-            config.integrator.method = config.default_method();
+        if !document.contains_key("integrator") {
+            self.integrator.method = self.default_method();
         }
-        Ok(config)
+        Ok(self)
     }
 
     /// The numbers of the scales, where spheres or bonds give them.

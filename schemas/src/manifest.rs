@@ -147,6 +147,19 @@ impl RunManifest {
     /// # Errors
     /// With the key, the value and what is allowed.
     pub fn new(config: &RunConfig, fallback_name: &str, origin: Origin) -> Result<Self, ConfigError> {
+        Self::of(Physics::resolve(config)?, config, fallback_name, origin)
+    }
+
+    /// Like [`Self::new`], where `config` was found to lead to `physics`.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn of(
+        physics: Physics,
+        config: &RunConfig,
+        fallback_name: &str,
+        origin: Origin,
+    ) -> Result<Self, ConfigError> {
         let name = match &config.name {
             None => RunName::closest(fallback_name),
             Some(name) => name.parse().map_err(|_| {
@@ -157,7 +170,7 @@ impl RunManifest {
         let stream = config.stream;
         let manifest = Self {
             schema_version: SCHEMA_VERSION,
-            physics: Physics::resolve(config)?,
+            physics,
             provenance: Provenance {
                 name,
                 run_id: RunId::random(),

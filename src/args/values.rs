@@ -182,11 +182,6 @@ pub(crate) struct Shard {
 impl Shard {
     /// Every point.
     pub(crate) const WHOLE: Self = Self { number: 0, count: 1 };
-
-    /// Whether point `index` is in it.
-    pub(crate) fn has(self, index: u64) -> bool {
-        index % self.count == self.number
-    }
 }
 
 impl fmt::Display for Shard {

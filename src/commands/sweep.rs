@@ -3,7 +3,9 @@
 use crate::args::SweepArgs;
 use crate::display::{self, count, counted, duration};
 use crate::failure::{BadInput, Done, Failure};
+use crate::report::report;
 use crate::signals;
+use crate::sweep::plan::Plan;
 use crate::sweep::{self, Options, Outcome};
 use anyhow::anyhow;
 use producer::sweep::Sweep;
@@ -20,6 +22,9 @@ pub(crate) fn sweep(args: &SweepArgs) -> Result<Done, Failure> {
     if args.example {
         display::print(EXAMPLE)?;
         return Ok(Done::Whole);
+    }
+    if let (Some(file), true) = (&args.file, args.plan) {
+        return plan(file, args);
     }
     let (Some(file), Some(out)) = (&args.file, &args.out) else {
         return Err(Failure::BadInput(anyhow!("a sweep needs SWEEP.toml and --out DIR; see --help")));
@@ -61,6 +66,15 @@ pub(crate) fn sweep(args: &SweepArgs) -> Result<Done, Failure> {
     summary.done(args)
 }
 
+fn plan(file: &Path, args: &SweepArgs) -> Result<Done, Failure> {
+    let start = Instant::now();
+    let stop = signals::stop_flag()?;
+    let sweep = Sweep::read(file, experiments::prepared).bad_input()?;
+    let plan = Plan::of(&sweep, start.elapsed(), args.cores.map(NonZero::get), &stop)?;
+    report(args.json, &plan, || plan.text(file))?;
+    Ok(Done::Whole)
+}
+
 /// What a sweep leaves behind, in numbers.
 #[derive(Serialize)]
 struct Summary<'a> {
@@ -78,8 +92,8 @@ impl Summary<'_> {
     fn text(&self) -> String {
         let mut rows = vec![
             ("computed now", count(self.outcome.tally.computed).to_string()),
-            ("rows", format!("{} of {}", count(self.outcome.rows.len() as u64), count(self.points))),
-            ("failed runs", count(self.outcome.failed.len() as u64).to_string()),
+            ("rows", format!("{} of {}", count(self.outcome.rows), count(self.points))),
+            ("failed runs", count(self.outcome.failed_count).to_string()),
             ("wall time", duration(Duration::from_secs_f64(self.wall_s))),
         ];
         let files = self.outcome.files.iter().flatten();
@@ -94,11 +108,15 @@ impl Summary<'_> {
             ));
         }
         if !self.outcome.failed.is_empty() {
-            let failed = counted(self.outcome.failed.len() as u64, "run");
+            let failed = counted(self.outcome.failed_count, "run");
             display::notice(format_args!("{failed} failed; the column `error` says why"));
         }
         if self.stopped && self.outcome.left > 0 {
             display::notice("stopped: finished points are kept, the same command goes on with the others");
+        } else if !self.outcome.all_seen {
+            display::notice(
+                "nothing is merged, as the shards have much to read; when all are done, --merge makes the tables",
+            );
         } else if self.outcome.missing > 0 {
             let missing = counted(self.outcome.missing, "point");
             display::notice(if args.merge {

@@ -134,7 +134,7 @@ impl Directory {
         let journals = self.journals()?;
         for path in &journals {
             // anything else that is wrong with it is reported here
-            if let Err(error @ JournalError::Busy { .. }) = Journal::open(path, &self.head) {
+            if let Err(error @ JournalError::Busy { .. }) = Journal::open(path, &self.head, |_| ()) {
                 return Err(Failure::Failed(error.into()));
             }
         }
@@ -172,11 +172,10 @@ impl Directory {
         &self.head
     }
 
-    /// Opens the journal of `shard`, which one process at a time may do.
-    pub(super) fn journal(&self, shard: Shard) -> Result<Journal, Failure> {
+    /// Opens the journal of `shard`, which one process at a time may do, and tells `each` the points that have a row there.
+    pub(super) fn journal(&self, shard: Shard, each: impl FnMut(u64)) -> Result<Journal, Failure> {
         let name = format!("{}-of-{}.rows", shard.number, shard.count);
-        let opened = Journal::open(&self.path.join(ROWS).join(name), &self.head);
-        opened.map(|(journal, _)| journal).map_err(|error| match error {
+        Journal::open(&self.rows().join(name), &self.head, each).map_err(|error| match error {
             JournalError::Busy { .. } => Failure::Failed(anyhow!(
                 "{} is being swept by another process; give each a part of it with --shard I/N",
                 self.path.display()
@@ -187,7 +186,24 @@ impl Directory {
 
     /// Every journal there is, in the order of their names.
     pub(super) fn journals(&self) -> Result<Vec<PathBuf>, Failure> {
-        files(&self.path.join(ROWS), |name| Path::new(name).extension().is_some_and(|end| end == "rows"))
+        files(&self.rows(), |name| Path::new(name).extension().is_some_and(|end| end == "rows"))
+    }
+
+    /// The journals that may have rows of points of `shard`, but for its own: those of other shards of as many have none.
+    pub(super) fn journals_beside(&self, shard: Shard) -> Result<Vec<PathBuf>, Failure> {
+        let of_as_many = format!("-of-{}.rows", shard.count);
+        files(&self.rows(), |name| name.ends_with(".rows") && !name.ends_with(&of_as_many))
+    }
+
+    /// What all journals have in them.
+    pub(super) fn journal_bytes(&self) -> Result<u64, Failure> {
+        let sizes = self.journals()?.into_iter().map(|path| Ok(fs::metadata(path)?.len()));
+        sizes.sum()
+    }
+
+    /// Where the journals are.
+    pub(super) fn rows(&self) -> PathBuf {
+        self.path.join(ROWS)
     }
 
     /// Where the recording of a point goes.

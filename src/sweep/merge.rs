@@ -1,6 +1,8 @@
 //! The results of a sweep, the same bytes whoever computed its rows in whatever order.
 
 use super::directory::{Directory, ENSEMBLES};
+use super::pending::Points;
+use super::sorted::Sorter;
 use crate::display::{self, counted};
 use crate::failure::Failure;
 use anyhow::anyhow;
@@ -9,146 +11,272 @@ use consumers::table::{Cell, Column, Kind, Table, TableError};
 use experiments::ERROR_COLUMN;
 use experiments::ensemble::EnsembleTable;
 use producer::sweep::Sweep;
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-/// The existing rows by index, from every journal of the sweep of `point_count` points.
+/// Most failed points that are named.
+const MOST_NAMED: usize = 1000;
+
+/// The rows that there are.
+#[derive(Debug, Default)]
+pub(super) struct Merged {
+    pub(super) rows: u64,
+    pub(super) failed: Failed,
+    /// The tables; none if none were to be written, or if another process is just doing that.
+    pub(super) files: Option<Vec<PathBuf>>,
+}
+
+/// Points whose rows say why they have no results.
+#[derive(Debug, Default)]
+pub(super) struct Failed {
+    /// The first of them.
+    pub(super) first: Vec<u64>,
+    pub(super) count: u64,
+}
+
+impl Failed {
+    pub(super) fn add(&mut self, index: u64) {
+        self.count += 1;
+        if self.first.len() < MOST_NAMED {
+            self.first.push(index);
+        }
+    }
+}
+
+/// Which points have a row.
 ///
 /// # Errors
-/// When a journal cannot be read, or when a row was computed twice with different results.
-pub(super) fn rows(directory: &Directory, point_count: u64) -> Result<BTreeMap<u64, Entry>, Failure> {
-    let mut rows: BTreeMap<u64, Entry> = BTreeMap::new();
+/// When a journal cannot be read.
+pub(super) fn present(directory: &Directory, point_count: u64) -> Result<Points, Failure> {
+    let mut points = Points::none_of(point_count);
     for path in directory.journals()? {
-        let contents = journal::read(&path, directory.head())?;
-        if contents.damaged_count > 0 {
-            let (damaged, path) = (counted(contents.damaged_count, "damaged row"), path.display());
+        journal::read(&path, directory.head(), |index, _| {
+            points.add(index);
+            Ok::<_, Failure>(())
+        })?;
+    }
+    Ok(points)
+}
+
+/// Tells `take` each existing row of the sweep of `point_count` points, also as JSON, in their order, from every journal.
+///
+/// # Errors
+/// When a journal cannot be read, when a row was computed twice with different results, or when `take` fails.
+pub(super) fn rows(
+    directory: &Directory,
+    point_count: u64,
+    mut take: impl FnMut(&Entry, &[u8]) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let mut sorter = Sorter::new(directory.file(""));
+    for path in directory.journals()? {
+        // this program writes none, but somebody may have edited the file
+        let (mut strangers, mut stranger) = (0, 0);
+        let damaged = journal::read(&path, directory.head(), |index, json| {
+            if index < point_count {
+                sorter.push(index, json)?;
+            } else {
+                (strangers, stranger) = (strangers + 1, index);
+            }
+            Ok::<_, Failure>(())
+        })?;
+        let path = path.display();
+        if damaged > 0 {
+            let damaged = counted(damaged, "damaged row");
             display::notice(format_args!("{path}: left out {damaged}"));
         }
-        // this program writes none, but somebody may have edited the file
-        let (entries, strangers): (Vec<_>, Vec<_>) =
-            contents.entries.into_iter().partition(|entry| entry.index < point_count);
-        if let Some(stranger) = strangers.first() {
-            let (strangers, path) = (counted(strangers.len() as u64, "row"), path.display());
+        if strangers > 0 {
+            let strangers = counted(strangers, "row");
             display::notice(format_args!(
-                "{path}: left out {strangers} of points that the sweep does not have, such as point {}",
-                stranger.index
+                "{path}: left out {strangers} of points that the sweep does not have, such as point {stranger}"
             ));
         }
-        for entry in entries {
-            match rows.get(&entry.index) {
-                Some(found) if !is_same(&found.cells, &entry.cells) => {
-                    return Err(Failure::Failed(anyhow!(
-                        "point {} was computed twice with different results, once in {}: two programs differ, or a \
-                         machine computes wrongly",
-                        entry.index,
-                        path.display()
-                    )));
-                }
-                Some(_) => {}
-                None => {
-                    rows.insert(entry.index, entry);
+    }
+    let mut sorted = sorter.finish()?;
+    let mut found: Option<(Entry, Box<[u8]>)> = None;
+    while let Some((index, json)) = sorted.next()? {
+        let entry = journal::entry(&json, &directory.head().columns).ok_or_else(|| {
+            anyhow!(
+                "{}: the row of point {index} has values of other kinds than its columns",
+                directory.rows().display()
+            )
+        })?;
+        match &found {
+            Some((found, _)) if found.index == index => same(found, &entry, directory)?,
+            _ => {
+                if let Some((whole, json)) = found.replace((entry, json)) {
+                    take(&whole, &json)?;
                 }
             }
         }
     }
-    Ok(rows)
+    found.map_or(Ok(()), |(last, json)| take(&last, &json))
 }
 
-/// Whether two rows have the same bits.
-fn is_same(a: &[Cell], b: &[Cell]) -> bool {
+/// Refuses two rows of one point that differ in a bit.
+fn same(a: &Entry, b: &Entry, directory: &Directory) -> Result<(), Failure> {
     let same = |(a, b): (&Cell, &Cell)| match (a, b) {
         (Cell::Double(a), Cell::Double(b)) => a.to_bits() == b.to_bits(),
         (a, b) => a == b,
     };
-    a.len() == b.len() && a.iter().zip(b).all(same)
-}
-
-/// Indices of the rows that say why a point has no results.
-pub(super) fn failed(rows: &BTreeMap<u64, Entry>, columns: &[Column]) -> Vec<u64> {
-    let error = columns.iter().position(|column| column.name == ERROR_COLUMN);
-    let has_error =
-        |entry: &&Entry| error.and_then(|i| entry.cells.get(i)).is_some_and(|c| *c != Cell::Empty);
-    rows.values().filter(has_error).map(|entry| entry.index).collect()
-}
-
-/// Writes the results, their statistics and the timings of `rows`; none if another process is just doing that.
-pub(super) fn write(
-    sweep: &Sweep,
-    directory: &Directory,
-    rows: &BTreeMap<u64, Entry>,
-) -> Result<Option<Vec<PathBuf>>, Failure> {
-    let index = || Column::new("index", Kind::Integer);
-    let columns = [vec![index()], directory.head().columns.clone()].concat();
-    let timing = [index(), Column::new("wall_s", Kind::Double)];
-    let by_index = |cells: fn(&Entry) -> Vec<Cell>| rows.values().map(move |row| (row.index, cells(row)));
-    let ensemble = EnsembleTable::new(sweep, &directory.head().columns);
-    if ensemble.is_none() {
-        directory.remove_ensembles()?;
+    if a.cells.len() == b.cells.len() && a.cells.iter().zip(&b.cells).all(same) {
+        return Ok(());
     }
-    let written = || -> Result<Vec<PathBuf>, TableError> {
-        let mut paths = Vec::new();
-        for name in ["results.csv", "results.parquet"] {
-            paths.push(table(&directory.file(name), &columns, by_index(|row| row.cells.clone()))?);
+    Err(Failure::Failed(anyhow!(
+        "point {} was computed twice with different results, which are in {}: two programs differ, or a machine computes wrongly",
+        a.index,
+        directory.rows().display()
+    )))
+}
+
+/// Goes through the existing rows, and writes the results, their statistics and the timings if `write` says so.
+///
+/// # Errors
+/// As [`rows`], and when a table cannot be written.
+pub(super) fn merge(sweep: &Sweep, directory: &Directory, write: bool) -> Result<Merged, Failure> {
+    let error = directory.head().columns.iter().position(|column| column.name == ERROR_COLUMN);
+    let mut merged = Merged::default();
+    let mut tables = match write.then(|| Tables::create(sweep, directory)).transpose() {
+        Ok(tables) => tables,
+        Err(TableError::Busy { .. }) => None,
+        Err(error) => return Err(error.into()),
+    };
+    rows(directory, sweep.point_count(), |entry, json| {
+        merged.rows += 1;
+        if error.and_then(|place| entry.cells.get(place)).is_some_and(|cell| *cell != Cell::Empty) {
+            merged.failed.add(entry.index);
         }
-        if let Some(ensemble) = &ensemble {
-            let columns = [vec![index()], ensemble.columns()].concat();
-            let groups = ensemble.rows(rows.values().map(|row| (row.index, row.cells.as_slice())));
-            for name in ENSEMBLES {
-                let groups = groups.iter().map(|(group, cells)| (*group, cells.clone()));
-                paths.push(table(&directory.file(name), &columns, groups)?);
+        tables.as_mut().map_or(Ok(()), |tables| tables.add(entry, json))
+    })?;
+    merged.files = tables.map(|tables| tables.finish(directory)).transpose()?;
+    Ok(merged)
+}
+
+/// The tables of a sweep, to which rows are added in their order.
+struct Tables<'a> {
+    results: [Table; 2],
+    timings: Table,
+    ensemble: Option<EnsembleTables<'a>>,
+}
+
+struct EnsembleTables<'a> {
+    rows: EnsembleTable<'a>,
+    tables: [Table; 2],
+    /// Rows that have to come in another order.
+    by_group: Option<Sorter>,
+}
+
+impl<'a> Tables<'a> {
+    fn create(sweep: &Sweep, directory: &'a Directory) -> Result<Self, TableError> {
+        let index = || Column::new("index", Kind::Integer);
+        let of = |columns: &[Column]| [&[index()][..], columns].concat();
+        // the existing tables were merged from the same sweep
+        let create =
+            |name: &str, columns: &[Column]| Table::create(&directory.file(name), &of(columns), true);
+        let columns = &directory.head().columns;
+        let ensemble = EnsembleTable::new(sweep, columns).map(|rows| -> Result<_, TableError> {
+            let columns = rows.columns();
+            let by_group = rows.is_by_group().then(|| Sorter::new(directory.file("")));
+            let [csv, parquet] = ENSEMBLES.map(|name| create(name, &columns));
+            Ok(EnsembleTables { rows, tables: [csv?, parquet?], by_group })
+        });
+        Ok(Self {
+            results: [create("results.csv", columns)?, create("results.parquet", columns)?],
+            timings: create("timings.csv", &[Column::new("wall_s", Kind::Double)])?,
+            ensemble: ensemble.transpose()?,
+        })
+    }
+
+    fn add(&mut self, entry: &Entry, json: &[u8]) -> Result<(), Failure> {
+        for table in &mut self.results {
+            add(table, entry.index, &entry.cells)?;
+        }
+        add(&mut self.timings, entry.index, &[Cell::Double(entry.wall_s)])?;
+        match &mut self.ensemble {
+            Some(EnsembleTables { rows, by_group: Some(sorter), .. }) => {
+                Ok(sorter.push(rows.group(entry.index), json)?)
+            }
+            Some(ensemble) => ensemble.add(entry),
+            None => Ok(()),
+        }
+    }
+
+    /// The tables, in the order in which they are told.
+    fn finish(self, directory: &Directory) -> Result<Vec<PathBuf>, Failure> {
+        let mut tables = Vec::from(self.results);
+        match self.ensemble {
+            Some(ensemble) => tables.extend(ensemble.finish(&directory.head().columns)?),
+            None => directory.remove_ensembles()?,
+        }
+        tables.push(self.timings);
+        Ok(tables.into_iter().map(Table::finish).collect::<Result<_, TableError>>()?)
+    }
+}
+
+impl EnsembleTables<'_> {
+    fn add(&mut self, entry: &Entry) -> Result<(), Failure> {
+        let groups = self.rows.take(entry.index, &entry.cells);
+        self.write(&groups)
+    }
+
+    fn write(&mut self, groups: &[(u64, Vec<Cell>)]) -> Result<(), Failure> {
+        for table in &mut self.tables {
+            groups.iter().try_for_each(|(group, cells)| add(table, *group, cells))?;
+        }
+        Ok(())
+    }
+
+    fn finish(mut self, columns: &[Column]) -> Result<[Table; 2], Failure> {
+        if let Some(mut sorted) = self.by_group.take().map(Sorter::finish).transpose()? {
+            while let Some((_, json)) = sorted.next()? {
+                // it was read before
+                journal::entry(&json, columns).map_or(Ok(()), |entry| self.add(&entry))?;
             }
         }
-        let wall = by_index(|row| vec![Cell::Double(row.wall_s)]);
-        paths.push(table(&directory.file("timings.csv"), &timing, wall)?);
-        Ok(paths)
-    };
-    match written() {
-        Ok(paths) => Ok(Some(paths)),
-        Err(TableError::Busy { .. }) => Ok(None),
-        Err(error) => Err(error.into()),
+        let rest = self.rows.rest();
+        self.write(&rest)?;
+        Ok(self.tables)
     }
 }
 
-fn table(
-    path: &Path,
-    columns: &[Column],
-    rows: impl Iterator<Item = (u64, Vec<Cell>)>,
-) -> Result<PathBuf, TableError> {
-    // the existing tables were merged from the same sweep
-    let mut table = Table::create(path, columns, true)?;
-    for (index, cells) in rows {
-        table.integer(index);
-        for cell in cells {
-            table.cell(cell);
-        }
-        table.end_row()?;
+/// Adds a row to a table.
+pub(super) fn add(table: &mut Table, index: u64, cells: &[Cell]) -> Result<(), Failure> {
+    table.integer(index);
+    for cell in cells {
+        table.cell(cell.clone());
     }
-    table.finish()
+    Ok(table.end_row()?)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::args::Shard;
+    use std::path::Path;
+
+    /// The sweep of so many points in a directory, and the indices of its rows after some were written.
+    fn found(text: &str, written: &[u64]) -> Vec<u64> {
+        let no_files = |_: &Path| Err(std::io::ErrorKind::NotFound.into());
+        let sweep =
+            Sweep::from_toml(text, Path::new("s.toml"), no_files, |config, _| Ok(config)).expect("valid");
+        let place = tempfile::tempdir().expect("tempdir");
+        let directory = Directory::open(place.path(), &sweep, false).expect("empty");
+        let journal = directory.journal(Shard::WHOLE, |_| ()).expect("ours");
+        for index in written {
+            let cells = vec![Cell::Empty; directory.head().columns.len()];
+            journal.append(&Entry { index: *index, wall_s: 1.0, cells }).expect("disk");
+        }
+        let mut found = Vec::new();
+        rows(&directory, sweep.point_count(), |row, _| {
+            found.push(row.index);
+            Ok(())
+        })
+        .expect("readable");
+        assert_eq!(present(&directory, sweep.point_count()).expect("readable").count(), found.len() as u64);
+        found
+    }
 
     #[test]
     fn rows_of_points_that_the_sweep_does_not_have_do_not_count() {
         let text = "[base]\npreset = \"homogeneous\"\n[grid]\nchain.alpha = [1.5, 2.0]\n";
-        let sweep = Sweep::from_toml(
-            text,
-            Path::new("s.toml"),
-            |_| Err(std::io::ErrorKind::NotFound.into()),
-            |config, _| Ok(config),
-        );
-        let sweep = sweep.expect("valid");
-        let place = tempfile::tempdir().expect("tempdir");
-        let directory = Directory::open(place.path(), &sweep, false).expect("empty");
-        let mut journal = directory.journal(Shard::WHOLE).expect("ours");
-        for index in [7, 1, 2, u64::MAX] {
-            let cells = vec![Cell::Empty; directory.head().columns.len()];
-            journal.append(&Entry { index, wall_s: 1.0, cells }).expect("disk");
-        }
-        let rows = rows(&directory, sweep.point_count()).expect("readable");
-        assert_eq!(rows.into_keys().collect::<Vec<_>>(), [1]);
+        assert_eq!(found(text, &[7, 1, 2, u64::MAX, 1]), [1]);
     }
 }

@@ -2,38 +2,26 @@
 
 use super::Options;
 use super::directory::Directory;
+use super::merge::Failed;
+use super::pending::{Guess, Pending};
 use crate::args::Shard;
 use crate::configuration::origin;
 use crate::display::{self, count, counted};
 use crate::failure::Failure;
+use crate::progress::REFRESH;
 use consumers::journal::{Entry, Journal};
+use consumers::table::Cell;
+use experiments::ERROR_COLUMN;
 use experiments::pool::{Told, share};
-use experiments::row::{self, Signals};
+use experiments::row::{self, At, Signals};
 use indicatif::ProgressBar;
 use producer::sweep::{Sweep, Until};
 use serde::Serialize;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// Most workers of one process: more than any machine has cores, fewer than the threads that systems grant.
 const MAX_WORKERS: usize = 1024;
-
-/// A point to be computed, and what it costs.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Job {
-    pub(super) index: u64,
-    /// Steps of the run, unless it ends early.
-    pub(super) steps: u64,
-    pub(super) beads: u64,
-}
-
-impl Job {
-    /// In steps of beads.
-    pub(super) fn cost(self) -> u64 {
-        self.steps.saturating_mul(self.beads)
-    }
-}
 
 /// How the work went.
 #[derive(Debug, Default, Serialize)]
@@ -42,85 +30,110 @@ pub(crate) struct Tally {
     pub(crate) computed: u64,
     /// Points at which this program went wrong; they have no row.
     pub(crate) broken: Vec<u64>,
+    /// Points that had no row before.
+    #[serde(skip)]
+    pub(super) added: u64,
+    /// Points whose rows say why they failed.
+    #[serde(skip)]
+    pub(super) failed: Failed,
 }
 
-/// The step that a worker has reached, and how many beads it steps.
-type At = (AtomicU64, AtomicU64);
+/// A point that was computed.
+struct Computed {
+    /// Steps of beads, had it taken its whole time.
+    expected: u64,
+    /// Steps of beads as it was.
+    steps: u64,
+    failed: bool,
+}
 
 /// Says what is about to be computed.
-pub(super) fn announce(sweep: &Sweep, jobs: &[Job], shard: Shard) {
+pub(super) fn announce(sweep: &Sweep, count_to_compute: u64, shard: Shard) {
     let part = if shard == Shard::WHOLE { String::new() } else { format!(" in shard {shard}") };
     let keys: Vec<_> = sweep.parameters().iter().map(|parameter| parameter.key.as_str()).collect();
     display::notice(format_args!(
         "{} over {}; {} to compute{part}",
         counted(sweep.point_count(), "point"),
         if keys.is_empty() { "nothing".to_owned() } else { keys.join(", ") },
-        count(jobs.len() as u64),
+        count(count_to_compute),
     ));
 }
 
-/// Computes `jobs`, writing each row to `journal` when it is there, until all are done or `stop` is set.
+/// Computes the `pending` points, writing each row to `journal` when it is there, until all are done or `stop` is set. On return
+/// all rows are on the disk.
 ///
 /// # Errors
 /// When a row or a recording cannot be written, or when the operating system grants no thread.
 pub(super) fn work(
     (sweep, directory): (&Sweep, &Directory),
-    jobs: &[Job],
+    (pending, guess): (&Pending<'_>, &Guess),
     options: &Options,
-    journal: Journal,
+    journal: &Journal,
     stop: &AtomicBool,
 ) -> Result<Tally, Failure> {
-    let threads = options.threads.min(jobs.len()).clamp(1, MAX_WORKERS);
+    let points = usize::try_from(guess.count).unwrap_or(usize::MAX);
+    let threads = options.threads.min(points).clamp(1, MAX_WORKERS);
     let at: Vec<At> = (0..threads).map(|_| At::default()).collect();
-    let journal = Mutex::new(journal);
-    // the number of steps; none if it was stopped
-    let compute = |worker: usize, job: usize| -> Result<Option<u64>, Failure> {
-        let (Job { index, beads, .. }, (step, stepped_beads)) = (jobs[job], &at[worker]);
-        stepped_beads.store(beads, Ordering::Relaxed);
+    let error = directory.head().columns.iter().position(|column| column.name == ERROR_COLUMN);
+    let compute = |worker: usize, index: u64| -> Result<Option<Computed>, Failure> {
+        let at = &at[worker];
         let start = Instant::now();
         let recording = options.record.then(|| directory.recording(index));
-        let row =
-            row::compute::<Failure>(sweep, index, origin(), recording.as_deref(), &Signals { stop, step })?;
-        let steps = step.swap(0, Ordering::Relaxed);
+        let signals = Signals { stop, at };
+        let row = row::compute::<Failure>(sweep, index, origin(), recording.as_deref(), &signals)?;
+        let (step, steps) = (at.step.swap(0, Ordering::Relaxed), at.steps.load(Ordering::Relaxed));
         let Some(cells) = row else { return Ok(None) };
-        let entry = Entry { index, wall_s: start.elapsed().as_secs_f64(), cells };
-        // whoever panicked while holding it has not written half a row that the next would not notice
-        let mut journal = journal.lock().unwrap_or_else(PoisonError::into_inner);
-        journal.append(&entry)?;
-        Ok(Some(steps))
+        let failed = error.and_then(|place| cells.get(place)).is_some_and(|cell| *cell != Cell::Empty);
+        journal.append(&Entry { index, wall_s: start.elapsed().as_secs_f64(), cells })?;
+        let cost = |steps: u64| steps.saturating_mul(at.beads.load(Ordering::Relaxed));
+        Ok(Some(Computed { expected: cost(steps), steps: cost(step), failed }))
     };
-    let mut progress = Overview::new(sweep, jobs, &at);
+    let mut progress = Overview::new(sweep, guess, &at);
     let mut tally = Tally::default();
-    let shared = share(jobs.len(), threads, stop, compute, |told| match told {
-        Told::Done(job, steps) => {
-            tally.computed += 1;
-            progress.finished(jobs[job], steps, tally.computed);
+    let mut synced = Ok(());
+    let shared = share(pending.indices(), threads, stop, compute, |told| {
+        match told {
+            Told::Done(index, computed) => {
+                tally.computed += 1;
+                tally.added += u64::from(!pending.rows.has(index));
+                if computed.failed {
+                    tally.failed.add(index);
+                }
+                progress.finished(computed.expected, computed.steps, tally.computed);
+            }
+            Told::Broken(index) => {
+                tally.broken.push(index);
+                progress.finished(guess.cost, guess.cost, tally.computed);
+            }
+            Told::Fewer(started, error) => {
+                display::notice(format_args!("{started} of {threads} workers could be started: {error}"));
+            }
+            Told::Nothing => progress.refresh(tally.computed),
         }
-        Told::Broken(job) => {
-            tally.broken.push(jobs[job].index);
-            progress.finished(jobs[job], jobs[job].steps, tally.computed);
+        if synced.is_ok() {
+            synced = journal.sync_if_due();
+            stop.fetch_or(synced.is_err(), Ordering::Relaxed);
         }
-        Told::Fewer(started, error) => {
-            display::notice(format_args!("{started} of {threads} workers could be started: {error}"));
-        }
-        Told::Nothing => progress.refresh(tally.computed),
     });
     progress.bar.finish_and_clear();
-    shared.map(|()| tally)
+    shared?;
+    synced.and_then(|()| journal.sync())?;
+    Ok(tally)
 }
 
 /// How far all workers are: a bar on a terminal, a line for each tenth elsewhere. Work is counted in steps of
 /// beads.
 struct Overview<'a> {
     at: &'a [At],
-    /// Points in all.
-    points: u64,
+    /// Points in all, and what one costs.
+    guess: &'a Guess,
+    /// Points that are finished.
+    ended: u64,
     /// Whether points end before the time of their runs.
     ends_early: bool,
     bar: ProgressBar,
     start: Instant,
-    /// Of the points that are not finished, if they all took their whole time.
-    unfinished: u64,
+    shown: Instant,
     /// Of the finished points, had they all taken their whole time.
     expected: u64,
     /// Of the finished points, as it was.
@@ -129,27 +142,32 @@ struct Overview<'a> {
 }
 
 impl<'a> Overview<'a> {
-    fn new(sweep: &Sweep, jobs: &[Job], at: &'a [At]) -> Self {
-        let unfinished = jobs.iter().fold(0_u64, |sum, job| sum.saturating_add(job.cost()));
+    fn new(sweep: &Sweep, guess: &'a Guess, at: &'a [At]) -> Self {
         Self {
             at,
-            points: jobs.len() as u64,
+            guess,
+            ended: 0,
             ends_early: sweep.until() == Until::Stationary,
-            bar: display::progress_bar(unfinished, "sweep"),
+            bar: display::progress_bar(guess.count.saturating_mul(guess.cost), "sweep"),
             start: Instant::now(),
-            unfinished,
+            shown: Instant::now(),
             expected: 0,
             finished: 0,
             tenths: 0,
         }
     }
 
-    fn finished(&mut self, job: Job, steps: u64, computed: u64) {
-        self.unfinished = self.unfinished.saturating_sub(job.cost());
-        self.expected = self.expected.saturating_add(job.cost());
-        self.finished = self.finished.saturating_add(Job { steps, ..job }.cost());
-        self.refresh(computed);
-        let tenths = 10 * computed / self.points.max(1);
+    /// Another point is there.
+    fn finished(&mut self, expected: u64, steps: u64, computed: u64) {
+        self.ended += 1;
+        self.expected = self.expected.saturating_add(expected);
+        self.finished = self.finished.saturating_add(steps);
+        // points may be many a millisecond
+        if self.shown.elapsed() >= REFRESH {
+            self.shown = Instant::now();
+            self.refresh(computed);
+        }
+        let tenths = 10 * computed / self.guess.count.max(1);
         if self.bar.is_hidden() && tenths > self.tenths {
             self.tenths = tenths;
             let [points, left] = self.parts(computed);
@@ -165,12 +183,16 @@ impl<'a> Overview<'a> {
         display::tell(&self.bar, &[&points, &left]);
     }
 
+    /// Steps of beads of the points that are not finished, if they all take their whole time.
+    fn unfinished(&self) -> u64 {
+        self.guess.cost.saturating_mul(self.guess.count.saturating_sub(self.ended))
+    }
+
     /// What is done, and what there is in all: points to come end as early as those before did.
     fn work(&self) -> (u64, u64) {
-        let under_way = self
-            .at
-            .iter()
-            .map(|(step, beads)| step.load(Ordering::Relaxed).saturating_mul(beads.load(Ordering::Relaxed)));
+        let steps =
+            |at: &At| at.step.load(Ordering::Relaxed).saturating_mul(at.beads.load(Ordering::Relaxed));
+        let under_way = self.at.iter().map(steps);
         let done = under_way.fold(self.finished, u64::saturating_add);
         let part = if self.expected == 0 { 1.0 } else { self.finished as f64 / self.expected as f64 };
         #[expect(
@@ -178,12 +200,12 @@ impl<'a> Overview<'a> {
             clippy::cast_sign_loss,
             reason = "saturates, is an estimate"
         )]
-        let to_come = (self.unfinished as f64 * part) as u64;
+        let to_come = (self.unfinished() as f64 * part) as u64;
         (done, done.max(self.finished.saturating_add(to_come)))
     }
 
     fn parts(&self, computed: u64) -> [String; 2] {
-        let points = format!("{} of {}", count(computed), counted(self.points, "point"));
+        let points = format!("{} of {}", count(computed), counted(self.guess.count, "point"));
         let (done, total) = self.work();
         // before the first point that ends early nobody knows how early
         let unknown = self.expected == 0 && self.ends_early;

@@ -21,6 +21,7 @@ mod hostile_files;
 mod house;
 mod kernel;
 mod keys;
+mod large_sweeps;
 mod long_runs;
 mod lying;
 mod manners;

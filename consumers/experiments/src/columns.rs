@@ -6,7 +6,7 @@ use consumers::energies::{EnergyOutcome, Reflection};
 use consumers::pulses::{Counts, Measured};
 use consumers::table::{Cell, Column, Kind};
 use consumers::uncertain::Uncertain;
-use producer::sweep::{ParameterKind, ParameterValue, Point, Sweep};
+use producer::sweep::{ParameterKind, ParameterValue, Sweep};
 
 /// The columns of the results, with units.
 const RESULTS: [(&str, Kind); 49] = [
@@ -104,9 +104,9 @@ impl Results {
         Self(vec![Cell::Empty; results(sweep).count()])
     }
 
-    /// The row of `point`.
-    pub(crate) fn cells(self, point: &Point) -> Vec<Cell> {
-        point.parameters.iter().map(|value| parameter(value.as_ref())).chain(self.0).collect()
+    /// The row of a point with these parameters.
+    pub(crate) fn cells(self, parameters: &[Option<ParameterValue>]) -> Vec<Cell> {
+        parameters.iter().map(|value| parameter(value.as_ref())).chain(self.0).collect()
     }
 
     fn set(&mut self, name: &str, cell: Cell) -> &mut Self {

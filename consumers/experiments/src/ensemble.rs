@@ -12,13 +12,28 @@ pub const COUNT_COLUMN: &str = "count";
 const STATISTICS: [&str; 3 + QUANTILES.len()] =
     ["mean_", "standard_error_", "median_", "q05_", "q25_", "q75_", "q95_"];
 
-/// The table of the ensemble of a sweep whose rows have `columns`.
+/// Most rows whose groups are all in memory, unless one group has more.
+const MOST_ROWS: u64 = 100_000;
+
+/// The table of the ensemble of a sweep whose rows have `columns`, made of these rows in their order.
 #[derive(Debug)]
 pub struct EnsembleTable<'a> {
     ensemble: Ensemble,
     columns: &'a [Column],
     /// Columns of numbers beyond the parameters.
     numbers: Vec<usize>,
+    /// The groups that still get rows, which are those of this part of the table.
+    part: u64,
+    groups: BTreeMap<u64, Group>,
+}
+
+/// What is kept of the rows of a group.
+#[derive(Debug, Default)]
+struct Group {
+    shared: Vec<Cell>,
+    count: u64,
+    /// For each column of numbers those that there are.
+    numbers: Vec<Vec<f64>>,
 }
 
 impl<'a> EnsembleTable<'a> {
@@ -26,7 +41,17 @@ impl<'a> EnsembleTable<'a> {
     pub fn new(sweep: &Sweep, columns: &'a [Column]) -> Option<Self> {
         let is_number = |place: &usize| columns[*place].kind != Some(Kind::Word);
         let numbers = (sweep.parameters().len()..columns.len()).filter(is_number).collect();
-        Some(Self { ensemble: sweep.ensemble()?, columns, numbers })
+        Some(Self { ensemble: sweep.ensemble()?, columns, numbers, part: 0, groups: BTreeMap::new() })
+    }
+
+    /// Whether rows are to come group by group, because there are too many between two of one group.
+    pub fn is_by_group(&self) -> bool {
+        self.ensemble.block() > MOST_ROWS && self.ensemble.block() > self.ensemble.member_count()
+    }
+
+    /// The group of the row `index`.
+    pub fn group(&self, index: u64) -> u64 {
+        self.ensemble.group(index)
     }
 
     /// The columns: the parameters that the points of a row share, how many they are, and of each result its statistics and how
@@ -43,25 +68,38 @@ impl<'a> EnsembleTable<'a> {
         columns
     }
 
-    /// A row for each group that `rows`, by index, have points of. Sums are in the order of the indices.
-    pub fn rows<'r>(&self, rows: impl Iterator<Item = (u64, &'r [Cell])>) -> BTreeMap<u64, Vec<Cell>> {
-        let mut groups: BTreeMap<u64, Vec<&[Cell]>> = BTreeMap::new();
-        for (index, cells) in rows {
-            groups.entry(self.ensemble.group(index)).or_default().push(cells);
+    /// Takes the next row, by index or [by group](Self::is_by_group) and in that by index, and gives the rows of the groups
+    /// that have all of theirs. Sums are in the order of the indices.
+    pub fn take(&mut self, index: u64, cells: &[Cell]) -> Vec<(u64, Vec<Cell>)> {
+        let group = self.group(index);
+        let part = if self.is_by_group() { group } else { index / self.ensemble.block() };
+        let whole = if part == self.part { Vec::new() } else { self.rest() };
+        self.part = part;
+        let cell = |place: &usize| cells.get(*place).unwrap_or(&Cell::Empty);
+        let shared = || self.ensemble.shared.iter().map(|place| cell(place).clone()).collect();
+        let group = self.groups.entry(group).or_insert_with(|| {
+            let numbers = vec![Vec::new(); self.numbers.len()];
+            Group { shared: shared(), count: 0, numbers }
+        });
+        group.count += 1;
+        for (values, place) in group.numbers.iter_mut().zip(&self.numbers) {
+            values.extend(number(cell(place)));
         }
-        groups.into_iter().map(|(group, members)| (group, self.row(&members))).collect()
+        whole
     }
 
-    fn row(&self, members: &[&[Cell]]) -> Vec<Cell> {
-        let cell = |member: &[Cell], place: usize| member.get(place).cloned().unwrap_or(Cell::Empty);
-        let mut row: Vec<Cell> = match members.first() {
-            Some(first) => self.ensemble.shared.iter().map(|place| cell(first, *place)).collect(),
-            None => Vec::new(),
-        };
-        let count = members.len() as u64;
+    /// The rows of the groups that were not given yet.
+    pub fn rest(&mut self) -> Vec<(u64, Vec<Cell>)> {
+        std::mem::take(&mut self.groups).into_iter().map(|(number, group)| (number, group.row())).collect()
+    }
+}
+
+impl Group {
+    fn row(self) -> Vec<Cell> {
+        let Self { shared: mut row, count, numbers } = self;
         row.push(Cell::Integer(count));
-        for place in &self.numbers {
-            let found = Statistics::of(members.iter().filter_map(|member| number(member.get(*place)?)));
+        for values in numbers {
+            let found = Statistics::of(values);
             row.extend(statistics(found.as_ref()));
             row.push(Cell::Integer(count - found.map_or(0, |found| found.count)));
         }

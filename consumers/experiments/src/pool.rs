@@ -2,8 +2,9 @@
 
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
@@ -12,11 +13,11 @@ const PERIOD: Duration = Duration::from_millis(100);
 
 /// What a listener hears.
 #[derive(Debug)]
-pub enum Told<T> {
+pub enum Told<J, T> {
     /// A job is done.
-    Done(usize, T),
+    Done(J, T),
     /// A job ended in a panic, which has said why; the others go on.
-    Broken(usize),
+    Broken(J),
     /// The system granted this many threads only, and why; they do everything.
     Fewer(usize, io::Error),
     /// Nothing has happened for a while.
@@ -28,25 +29,23 @@ pub enum Told<T> {
 #[error("no thread to compute in")]
 pub struct NoThread(#[source] io::Error);
 
-/// Has `work(worker, job)` done for each job from 0 to `jobs`, in this order, by so many threads, and tells `hear`. A job
-/// that gives nothing was stopped.
+/// Has `work(worker, job)` done for each of `jobs`, in their order, by so many threads, and tells `hear`. A job that gives
+/// nothing was stopped.
 ///
 /// # Errors
 /// When there is no thread, or when a job fails: then `stop` is set, and the first failure is returned.
-pub fn share<T: Send, E: From<NoThread> + Send>(
-    jobs: usize,
+pub fn share<J: Copy + Send, T: Send, E: From<NoThread> + Send>(
+    jobs: impl Iterator<Item = J> + Send,
     threads: usize,
     stop: &AtomicBool,
-    work: impl Fn(usize, usize) -> Result<Option<T>, E> + Sync,
-    mut hear: impl FnMut(Told<T>),
+    work: impl Fn(usize, J) -> Result<Option<T>, E> + Sync,
+    mut hear: impl FnMut(Told<J, T>),
 ) -> Result<(), E> {
-    let next = AtomicUsize::new(0);
-    let take = |worker: usize, tell: &Sender<Result<Told<T>, E>>| {
+    let jobs = Mutex::new(jobs);
+    let take = |worker: usize, tell: &Sender<Result<Told<J, T>, E>>| {
         while !stop.load(Ordering::Relaxed) {
-            let job = next.fetch_add(1, Ordering::Relaxed);
-            if job >= jobs {
-                return;
-            }
+            let next = jobs.lock().unwrap_or_else(PoisonError::into_inner).next();
+            let Some(job) = next else { return };
             // a bug in one job is no reason to lose the others
             let message = match catch_unwind(AssertUnwindSafe(|| work(worker, job))) {
                 Ok(Ok(Some(done))) => Ok(Told::Done(job, done)),
@@ -96,7 +95,7 @@ mod tests {
     fn outcomes(work: impl Fn(usize) -> Result<Option<usize>, NoThread> + Sync) -> (Vec<String>, bool) {
         let (mut heard, stop) = (Vec::new(), AtomicBool::new(false));
         let ended = share(
-            10,
+            0..10,
             2,
             &stop,
             |_, job| work(job),

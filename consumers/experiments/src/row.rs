@@ -7,10 +7,10 @@ use consumers::determination::TOLERANCE;
 use consumers::energies::Energies;
 use consumers::table::Cell;
 use producer::run::{Conductor, RunError, RunOutcome};
-use producer::sweep::{Point, Sweep, Until};
+use producer::sweep::{ParameterValue, Point, Sweep, Until};
 use recording::hex;
 use recording::{RecordingWriter, WriteError, WriteOptions, state_hash};
-use schemas::config::ConfigError;
+use schemas::config::{ConfigError, RunConfig};
 use schemas::frame::{EndReason, Frame};
 use schemas::manifest::{Origin, RunManifest};
 use std::convert::Infallible;
@@ -26,13 +26,24 @@ const STATIONARY_FOR: f64 = 100.0;
 pub struct Signals<'a> {
     /// Set when the point is to be given up.
     pub stop: &'a AtomicBool,
+    /// How far it is.
+    pub at: &'a At,
+}
+
+/// How far a point is.
+#[derive(Debug, Default)]
+pub struct At {
+    /// Beads of its chain.
+    pub beads: AtomicU64,
+    /// Steps that it takes, unless it ends early.
+    pub steps: AtomicU64,
     /// The step that was reached.
-    pub step: &'a AtomicU64,
+    pub step: AtomicU64,
 }
 
 /// Computes point `index` of `sweep`, and records it if there is a path for that. None if it was stopped.
 ///
-/// The row depends on the sweep and the index alone. A run that fails has a row, too, which says why.
+/// The row depends on the sweep and the index alone. A run that fails or that cannot be has a row, too, which says why.
 ///
 /// # Errors
 /// When there is no such point, or the recording cannot be written.
@@ -46,10 +57,14 @@ pub fn compute<E>(
 where
     E: From<ConfigError> + From<RunError<Infallible, WriteError>> + From<WriteError>,
 {
-    let point = sweep.point(index)?;
-    let manifest = RunManifest::new(&point.config, &format!("point-{index:06}"), origin)?;
+    let Point { parameters, config, physics, .. } = match sweep.point(index) {
+        Ok(point) => point,
+        Err(error) => return Ok(Some(impossible(sweep, &sweep.parameters_of(index)?, error))),
+    };
+    let manifest = RunManifest::of(physics, &config, &format!("point-{index:06}"), origin)?;
+    signals.at.begin(&manifest);
     let mut analyses = Analyses::new(&manifest, sweep.split_bead());
-    let mut recorder = recording.map(|path| record(path, &manifest, sweep, &point)).transpose()?;
+    let mut recorder = recording.map(|path| record(path, &manifest, sweep, (index, &config))).transpose()?;
     let mut conduct = Conduct::new(sweep, &manifest, signals);
     let result = producer::run::run(&manifest, &mut analyses, recorder.as_mut(), &mut conduct);
     let outcome = match result {
@@ -71,7 +86,24 @@ where
     if sweep.check() && !determine(&mut results, sweep, &manifest, analyses.step, signals.stop) {
         return Ok(None);
     }
-    Ok(Some(results.cells(&point)))
+    Ok(Some(results.cells(&parameters)))
+}
+
+/// The row of a point that no run can be.
+fn impossible(sweep: &Sweep, parameters: &[Option<ParameterValue>], error: ConfigError) -> Vec<Cell> {
+    let mut results = Results::of(sweep);
+    // where the sweep file lies decides no row
+    let error = ConfigError { path: None, line: None, ..error };
+    results.word("end", EndReason::Failed.as_str()).word(ERROR_COLUMN, error.to_string());
+    results.cells(parameters)
+}
+
+impl At {
+    fn begin(&self, manifest: &RunManifest) {
+        self.step.store(0, Ordering::Relaxed);
+        self.beads.store(manifest.physics.beads, Ordering::Relaxed);
+        self.steps.store(manifest.physics.step_count, Ordering::Relaxed);
+    }
 }
 
 /// Finds out until when the run up to `last_step` is determined; false if it was stopped.
@@ -100,12 +132,12 @@ fn record(
     path: &Path,
     manifest: &RunManifest,
     sweep: &Sweep,
-    point: &Point,
+    (index, config): (u64, &RunConfig),
 ) -> Result<RecordingWriter, WriteError> {
-    let from = format!("# point {} of {}\n", point.index, sweep.path().display());
+    let from = format!("# point {index} of {}\n", sweep.path().display());
     // what is there is of an attempt that has no row
     let options = WriteOptions { force: true, ..WriteOptions::default() };
-    RecordingWriter::create(path, manifest, &(from + &point.config.to_toml()), &options)
+    RecordingWriter::create(path, manifest, &(from + &config.to_toml()), &options)
 }
 
 fn results(
@@ -202,7 +234,7 @@ impl<R> Conductor<Analyses, R> for Conduct<'_> {
         analyses: &mut Analyses,
         _: Option<&mut R>,
     ) -> ControlFlow<()> {
-        self.signals.step.store(frame.step, Ordering::Relaxed);
+        self.signals.at.step.store(frame.step, Ordering::Relaxed);
         self.settled = self.settled(&analyses.energies, frame.time_s);
         if self.settled.is_some() {
             return ControlFlow::Break(());
@@ -242,7 +274,7 @@ mod tests {
              chain.impurities = [{ bead = 80, mass_kg = 2e-3 }]\n[grid]\n\"chain.beads\" = [100, 240]\n",
         );
         let columns = columns(&sweep);
-        let signals = Signals { stop: &AtomicBool::new(false), step: &AtomicU64::new(0) };
+        let signals = Signals { stop: &AtomicBool::new(false), at: &At::default() };
         for (index, end, collision_times) in [(0, "met end", 0.0..10.0), (1, "stationary", 100.0..101.0)] {
             let row = compute::<Box<dyn std::error::Error>>(&sweep, index, origin(), None, &signals);
             let cells = row.expect("no recording").expect("not stopped");
@@ -253,10 +285,33 @@ mod tests {
             };
             assert_eq!(cell("end"), Some(&Cell::Word(end.to_owned())));
             let point = sweep.point(index).expect("point");
-            let scales = RunManifest::new(&point.config, "point", origin()).expect("valid").physics.scales();
+            let scales = point.physics.scales();
             let stationary_for = (seconds("time_s") - seconds("stationary_since_s")) / scales.time_s;
             assert!(collision_times.contains(&stationary_for), "{end} after {stationary_for} T");
         }
+    }
+
+    /// Of many points not all are tried before the first is computed: one that cannot be has a row that says why, wherever the
+    /// sweep file lies.
+    #[test]
+    fn the_row_of_an_impossible_point_says_why() {
+        let text = "[base]\npreset = \"homogeneous\"\nchain.beads = 2100\n\
+                    chain.impurities = [{ bead = 0, mass_kg = 2e-3 }, { bead = 1, mass_kg = 2e-3 }]\n[grid]\n\
+                    \"chain.impurities[0].bead\" = { from = 1, to = 2000, count = 2000 }\n\
+                    \"chain.impurities[1].bead\" = { from = 2, to = 2001, count = 2000 }\n";
+        let sweep = sweep(text);
+        let signals = Signals { stop: &AtomicBool::new(false), at: &At::default() };
+        let row = compute::<Box<dyn std::error::Error>>(&sweep, 2000, origin(), None, &signals);
+        let cells = row.expect("a row").expect("not stopped");
+        let columns = columns(&sweep);
+        assert_eq!(cells.len(), columns.len());
+        let place = columns.iter().position(|column| column.name == ERROR_COLUMN).expect("a column");
+        let Cell::Word(error) = &cells[place] else { panic!("{:?}", cells[place]) };
+        assert_eq!(cells[..2], [2, 2].map(Cell::Integer));
+        assert!(
+            error.starts_with("chain.impurities[1].bead: found 2") && error.ends_with("(point 2000)"),
+            "{error}"
+        );
     }
 
     /// A run that leaves the range of doubles has no results, but a row like all others that says why.
@@ -268,7 +323,7 @@ mod tests {
         let manifest = RunManifest::new(&point.config, "point", origin()).expect("valid");
         let analyses = Analyses::new(&manifest, None);
         let failed = Err("bead 3 is not finite".to_owned());
-        let cells = results(&sweep, &manifest, &analyses, &failed).cells(&point);
+        let cells = results(&sweep, &manifest, &analyses, &failed).cells(&point.parameters);
         let columns = columns(&sweep);
         assert_eq!(cells.len(), columns.len());
         let value = |name: &str| {

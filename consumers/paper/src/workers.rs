@@ -48,7 +48,7 @@ pub fn observe_all(
     let mut outcomes: Vec<Option<Outcome>> = runs.iter().map(|_| None).collect();
     let mut broken = false;
     share(
-        runs.len(),
+        0..runs.len(),
         jobs,
         stop,
         |_, run| shift.one(&runs[run]),

@@ -13,12 +13,13 @@ use toml::{Table, Value};
 pub(super) fn blame(
     sweep: &Sweep,
     mut error: ConfigError,
-    settings: &[&Setting],
-    document: &str,
+    settings: &[Setting],
+    document: &Table,
     index: u64,
 ) -> ConfigError {
     if error.key.is_empty() {
-        error.key = error.line.and_then(|line| key_at(document, line)).unwrap_or_default();
+        let text = toml::to_string(document).unwrap_or_default(); // a table is always TOML
+        error.key = error.line.and_then(|line| key_at(&text, line)).unwrap_or_default();
     }
     error.line = None;
     if sweep.point_count() > 1 {
@@ -26,7 +27,7 @@ pub(super) fn blame(
         let _ = write!(error.message, " (point {index})");
     }
     let key = KeyPath::parse(&error.key).ok();
-    let sets = |setting: &&&Setting| key.as_ref().is_some_and(|key| setting.key.overlaps(key));
+    let sets = |setting: &&Setting| key.as_ref().is_some_and(|key| setting.key.overlaps(key));
     if let Some(setting) = settings.iter().rev().find(sets) {
         error.path = Some(sweep.path.clone());
         error.line = Some(setting.line);

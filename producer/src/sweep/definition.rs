@@ -4,11 +4,13 @@ mod over;
 mod sample;
 
 pub(super) use over::Over;
+pub(super) use sample::Samples;
 
 use super::SweepError;
 use super::document::{KeyPath, merge};
+use super::index_of;
 use super::keys;
-use super::values;
+use super::values::Range;
 use schemas::config::{ConfigError, line_at};
 use schemas::presets::{PRESETS, Preset};
 use serde::Deserialize;
@@ -22,6 +24,56 @@ pub(super) struct Setting {
     pub(super) key: KeyPath,
     pub(super) value: Value,
     pub(super) line: usize,
+}
+
+/// The values of one key: written in a list, each on its line, or computed from their places.
+#[derive(Debug)]
+pub(super) struct Axis {
+    pub(super) key: KeyPath,
+    values: Values,
+}
+
+#[derive(Debug)]
+enum Values {
+    List(Vec<(Value, usize)>),
+    Range(Range, usize),
+}
+
+impl Axis {
+    /// How many values there are; at least one.
+    pub(super) fn count(&self) -> u64 {
+        match &self.values {
+            Values::List(list) => list.len() as u64,
+            Values::Range(range, _) => range.count(),
+        }
+    }
+
+    /// The value at `place`.
+    pub(super) fn at(&self, place: u64) -> Setting {
+        let (value, line) = match &self.values {
+            Values::List(list) => list[index_of(place)].clone(),
+            Values::Range(range, line) => (range.at(place), *line),
+        };
+        Setting { key: self.key.clone(), value, line }
+    }
+
+    /// Places whose values say of what kind all are: each of a list, the ends of a range.
+    pub(super) fn telling(&self) -> impl Iterator<Item = u64> + use<> {
+        let count = self.count();
+        let step = if matches!(self.values, Values::List(_)) { 1 } else { count - 1 };
+        (0..count).step_by(index_of(step).max(1))
+    }
+
+    /// What decides its values, wherever they are written.
+    pub(super) fn meaning(&self) -> String {
+        match &self.values {
+            Values::List(list) => {
+                let values: Vec<_> = list.iter().map(|(value, _)| value.to_string()).collect();
+                format!("{} = [{}]", self.key, values.join(", "))
+            }
+            Values::Range(range, _) => format!("{} = {range:?}", self.key),
+        }
+    }
 }
 
 /// When a point ends.
@@ -59,9 +111,9 @@ pub(super) struct Definition {
     /// Values set together; at least one case, which may set nothing.
     pub(super) cases: Vec<Vec<Setting>>,
     /// Values drawn together; at least one sample, which may set nothing.
-    pub(super) samples: Vec<Vec<Setting>>,
-    /// Values of one key each, in the order of the file.
-    pub(super) axes: Vec<Vec<Setting>>,
+    pub(super) samples: Samples,
+    /// In the order of the file.
+    pub(super) axes: Vec<Axis>,
     /// What statistics are made over.
     pub(super) over: Option<Over>,
     pub(super) until: Until,
@@ -99,7 +151,7 @@ impl Definition {
         axes.extend(reader.seeds(document.get("seeds"))?);
         let samples = reader.samples(document.get("sample"))?;
         let cases = document.get("case").map_or(Ok(vec![Vec::new()]), |cases| reader.cases(cases))?;
-        keys::check(path, &cases, &samples[..1], &axes)?;
+        keys::check(path, &cases, &samples.at(0), &axes)?;
         Ok(Self {
             base,
             base_file,
@@ -224,10 +276,10 @@ impl Reader<'_> {
         Ok(table)
     }
 
-    fn grid(&self, value: &Located<'_>) -> Result<Vec<Vec<Setting>>, SweepError> {
+    fn grid(&self, value: &Located<'_>) -> Result<Vec<Axis>, SweepError> {
         let mut entries = Vec::new();
         self.entries("", self.table(value, "grid")?, &mut entries)?;
-        entries.into_iter().map(|(key, value)| self.axis(&key, value)).collect()
+        entries.into_iter().map(|(key, value)| self.axis(key, value)).collect()
     }
 
     /// Keys and values of `table` in the order of the file; keys may be written quoted, or dotted as in TOML.
@@ -255,24 +307,28 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn axis(&self, key: &KeyPath, value: &Located<'_>) -> Result<Vec<Setting>, SweepError> {
-        let refuse = |message| self.refuse(value.span().start, &key.to_string(), message);
-        let setting = |value, offset| Setting { key: key.clone(), value, line: line_at(self.text, offset) };
-        match value.get_ref() {
+    fn axis(&self, key: KeyPath, value: &Located<'_>) -> Result<Axis, SweepError> {
+        let name = key.to_string();
+        let refuse = |message| self.refuse(value.span().start, &name, message);
+        let line = |offset| line_at(self.text, offset);
+        let values = match value.get_ref() {
             DeValue::Array(list) if !list.is_empty() => {
-                let value = |entry| self.plain(entry, &key.to_string());
-                list.iter().map(|entry| Ok(setting(value(entry)?, entry.span().start))).collect()
+                let entry = |entry: &Located<'_>| Ok((self.plain(entry, &name)?, line(entry.span().start)));
+                Values::List(list.iter().map(entry).collect::<Result<_, SweepError>>()?)
             }
             DeValue::Table(_) => {
-                let range = self.plain(value, &key.to_string())?;
-                let values = values::range(range.as_table().unwrap_or(&Table::new())).map_err(refuse)?;
-                Ok(values.into_iter().map(|entry| setting(entry, value.span().start)).collect())
+                let range = self.plain(value, &name)?;
+                let range = Range::read(range.as_table().unwrap_or(&Table::new())).map_err(refuse)?;
+                Values::Range(range, line(value.span().start))
             }
-            _ => Err(refuse(format!(
-                "found {}; allowed: a list of values, or a range {{ from = …, to = …, count = … }}",
-                self.written(value)
-            ))),
-        }
+            _ => {
+                return Err(refuse(format!(
+                    "found {}; allowed: a list of values, or a range {{ from = …, to = …, count = … }}",
+                    self.written(value)
+                )));
+            }
+        };
+        Ok(Axis { key, values })
     }
 
     fn cases(&self, value: &Located<'_>) -> Result<Vec<Vec<Setting>>, SweepError> {

@@ -1,7 +1,7 @@
 //! Points that differ in one key alone, such as the seed: what statistics are made of.
 
 use super::Sweep;
-use super::definition::{Definition, Over};
+use super::definition::{Axis, Definition, Over};
 
 /// How the points of a sweep fall into groups of one value of every key but one.
 ///
@@ -25,6 +25,11 @@ impl Ensemble {
         index / (self.stride * self.members) * self.stride + index % self.stride
     }
 
+    /// How many points in a row are all those of some groups.
+    pub fn block(&self) -> u64 {
+        self.stride * self.members
+    }
+
     /// How many points a group has.
     pub fn member_count(&self) -> u64 {
         self.members
@@ -35,19 +40,16 @@ impl Sweep {
     /// What statistics are to be made over, if the sweep file asks for it or sweeps the key `seed`.
     pub fn ensemble(&self) -> Option<Ensemble> {
         let Definition { samples, axes, over, .. } = &self.definition;
-        let count = |axes: &[Vec<_>]| axes.iter().fold(1, |count, axis| count * axis.len() as u64);
-        let (settings, stride, members, over) = match over.as_ref()? {
-            Over::Sample => {
-                (samples.first()?.as_slice(), count(axes), samples.len() as u64, "sample".to_owned())
-            }
+        let count = |axes: &[Axis]| axes.iter().fold(1, |count, axis| count * axis.count());
+        let (keys, stride, members, over): (Vec<String>, _, _, _) = match over.as_ref()? {
+            Over::Sample => (samples.keys().collect(), count(axes), samples.count(), "sample".to_owned()),
             Over::Axis(place) => {
                 let axis = axes.get(*place)?;
-                let key = axis.first()?.key.to_string();
-                (axis.get(..1)?, count(&axes[place + 1..]), axis.len() as u64, key)
+                let key = axis.key.to_string();
+                (vec![key.clone()], count(&axes[place + 1..]), axis.count(), key)
             }
         };
-        let is_left_out = |key: &str| settings.iter().any(|setting| setting.key.to_string() == key);
-        let shared = (0..self.parameters.len()).filter(|place| !is_left_out(&self.parameters[*place].key));
+        let shared = (0..self.parameters.len()).filter(|place| !keys.contains(&self.parameters[*place].key));
         Some(Ensemble { over, shared: shared.collect(), stride, members })
     }
 }

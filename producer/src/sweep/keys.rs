@@ -1,7 +1,7 @@
 //! Which keys a sweep may set.
 
 use super::SweepError;
-use super::definition::Setting;
+use super::definition::{Axis, Setting};
 use schemas::config::ConfigError;
 use std::path::Path;
 
@@ -11,12 +11,12 @@ use std::path::Path;
 pub(super) fn check(
     path: &Path,
     cases: &[Vec<Setting>],
-    samples: &[Vec<Setting>],
-    axes: &[Vec<Setting>],
+    sample: &[Setting],
+    axes: &[Axis],
 ) -> Result<(), SweepError> {
+    let grid: Vec<_> = axes.iter().map(|axis| axis.at(0)).collect();
     for case in cases {
-        let grid = axes.iter().filter_map(|axis| axis.first());
-        let all: Vec<_> = case.iter().chain(samples.iter().flatten()).chain(grid).collect();
+        let all: Vec<_> = case.iter().chain(sample).chain(&grid).collect();
         for (i, setting) in all.iter().enumerate() {
             let earlier = all[..i].iter().find(|other| other.key.overlaps(&setting.key));
             if let Some(message) = mistake(setting, earlier.copied()) {

@@ -12,7 +12,7 @@
 pub(super) const MOST_SIDES: usize = 16;
 
 /// Bits of a number.
-const BITS: usize = 32;
+pub(super) const BITS: usize = 32;
 
 /// The polynomial's inner coefficients as bits, and the first direction numbers, of the second side and those after it.
 const SIDES: [(u32, &[u32]); MOST_SIDES - 1] = [

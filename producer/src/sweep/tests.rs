@@ -208,13 +208,43 @@ fn mistakes_in_the_file_of_the_base_are_located_there() {
 
 #[test]
 fn the_number_of_points_is_limited() {
-    let axis = |key: &str| format!("\"{key}\" = {{ from = 1e-3, to = 2e-3, count = 1000 }}\n");
+    let axis = |key: &str| format!("\"{key}\" = {{ from = 1e-3, to = 2e-3, count = 4000 }}\n");
     let text = format!(
         "[base]\npreset = \"homogeneous\"\n[grid]\n{}{}",
         axis("chain.bead_mass_kg"),
         axis("time.duration_s")
     );
-    assert!(matches!(read(&text), Err(SweepError::TooMany { found: 1_000_000, .. })));
+    assert!(matches!(read(&text), Err(SweepError::TooMany { found: 16_000_000, .. })));
+}
+
+/// Of ten million points some are checked, with the values of every list among them; the others are computed when they are asked
+/// for.
+#[test]
+fn many_points_are_begun_at_once() {
+    let text = "[base]\npreset = \"homogeneous\"\nchain.beads = 40\n[grid]\nchain.alpha = [1.5, 2.0]\n\
+                \"time.duration_s\" = { from = 1e-3, to = 2e-3, count = 1000 }\n\
+                [[case]]\n[[case]]\n\"time.dt_s\" = 1e-7\n";
+    let seeds = |text: &str| format!("seeds = {{ from = 5, count = 2500 }}\n{text}");
+    let sweep = read(&seeds(text)).expect("valid");
+    assert_eq!(sweep.point_count(), MAX_POINTS);
+    let last = sweep.point(MAX_POINTS - 1).expect("possible");
+    assert_eq!((last.config.seed, last.config.chain.alpha, last.config.time.dt_s), (2504, 2.0, Some(1e-7)));
+    refuses(&seeds(&text.replace("2.0]", "0.5]")), 6, &["chain.alpha", "0.5"]);
+    refuses(&seeds(&text.replace("dt_s\" = 1e-7", "dt_s\" = 1.0")), 10, &["time.dt_s"]);
+    let other = read(&seeds(&text.replace("to = 2e-3", "to = 2.1e-3"))).expect("valid");
+    assert_ne!(other.identity(), sweep.identity());
+}
+
+/// What is read of a document is what is read of its text.
+#[test]
+fn a_point_is_its_configuration_as_text() {
+    for preset in schemas::presets::PRESETS {
+        let sweep =
+            read(&format!("[base]\npreset = \"{}\"\n[grid]\nseed = [3]\n", preset.name)).expect("valid");
+        let point = sweep.point(0).expect("point");
+        let again = RunConfig::from_toml(&point.config.to_toml()).expect("TOML");
+        assert_eq!(Physics::resolve(&again).expect("valid").hash(), point.physics.hash(), "{}", preset.name);
+    }
 }
 
 const SAMPLE: &str = "[sample]\nmethod = \"sobol\"\ncount = 4\nranges = { chain.beads = { from = 10, to = 49 }, \

@@ -1,33 +1,88 @@
-//! The values of one axis: a list or a range.
+//! The values of a range, each a function of its place.
 //!
 //! Architecture invariant: values of a range decide the bits of runs, and are computed with reproducible
 //! arithmetic only.
 
+use super::MAX_POINTS;
 use schemas::power::power;
 use toml::{Table, Value};
 
-/// Most values of one range.
-const MAX_COUNT: i64 = 100_000;
-
-/// The values of the range `from … to` that `range` describes, both ends included.
+/// The values of `{ from, to, count, spacing }`, both ends included, each computed from its place.
 ///
 /// Linear: `vᵢ = (from·(n − 1 − i) + to·i)/(n − 1)`; logarithmic: `vᵢ = from·(to/from)^(i/(n − 1))`, with the
 /// power function of the dynamics. The ends are exactly `from` and `to`. A range between whole numbers has whole
 /// numbers, and is refused if they do not fall so.
-pub(super) fn range(range: &Table) -> Result<Vec<Value>, String> {
-    let known = ["from", "to", "count", "spacing"];
-    if let Some(key) = range.keys().find(|key| !known.contains(&key.as_str())) {
-        return Err(format!("found the unknown key `{key}` in a range; allowed: {}", known.join(", ")));
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Range {
+    count: u64,
+    spacing: Spacing,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Spacing {
+    /// `from + gap·i`.
+    Whole {
+        from: i64,
+        gap: i128,
+    },
+    Linear(f64, f64),
+    Log(f64, f64),
+}
+
+impl Range {
+    /// Reads `{ from, to, count, spacing }`.
+    pub(super) fn read(range: &Table) -> Result<Self, String> {
+        let known = ["from", "to", "count", "spacing"];
+        if let Some(key) = range.keys().find(|key| !known.contains(&key.as_str())) {
+            return Err(format!("found the unknown key `{key}` in a range; allowed: {}", known.join(", ")));
+        }
+        let counted =
+            |count: &i64| u64::try_from(*count).ok().filter(|count| (2..=MAX_POINTS).contains(count));
+        let count = range.get("count").and_then(Value::as_integer).as_ref().and_then(counted);
+        let count = count.ok_or_else(|| {
+            wrong("count", range.get("count"), &format!("a whole number from 2 to {MAX_POINTS}"))
+        })?;
+        let (from, to) = (number(range, "from")?, number(range, "to")?);
+        let spacing = match (from, to, is_logarithmic(range)?) {
+            (Value::Integer(from), Value::Integer(to), false) => {
+                Spacing::Whole { from: *from, gap: whole_gap(*from, *to, count)? }
+            }
+            (from, to, false) => Spacing::Linear(double(from), double(to)),
+            (from, to, true) => {
+                let (from, to) = (double(from), double(to));
+                if !(from > 0.0 && to > 0.0) {
+                    return Err(not_logarithmic(from, to));
+                }
+                Spacing::Log(from, to)
+            }
+        };
+        Ok(Self { count, spacing })
     }
-    let count = match range.get("count") {
-        Some(Value::Integer(count)) if (2..=MAX_COUNT).contains(count) => *count,
-        found => return Err(wrong("count", found, "a whole number from 2 to 100000")),
-    };
-    let (from, to) = (number(range, "from")?, number(range, "to")?);
-    match (from, to, is_logarithmic(range)?) {
-        (Value::Integer(from), Value::Integer(to), false) => whole(*from, *to, count),
-        (from, to, false) => Ok(linear(double(from), double(to), count)),
-        (from, to, true) => log(double(from), double(to), count),
+
+    /// The `count` whole numbers after `from`, with that among them.
+    pub(super) fn whole(from: i64, count: u64) -> Self {
+        Self { count, spacing: Spacing::Whole { from, gap: 1 } }
+    }
+
+    /// How many values there are.
+    pub(super) fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// The value at place `i` from 0.
+    pub(super) fn at(&self, i: u64) -> Value {
+        let last = self.count - 1;
+        let (place, gaps) = (i as f64, last as f64);
+        match self.spacing {
+            Spacing::Whole { from, gap } => {
+                // between the ends, which are such numbers
+                Value::Integer(i64::try_from(i128::from(from) + gap * i128::from(i)).unwrap_or(from))
+            }
+            Spacing::Linear(from, _) | Spacing::Log(from, _) if i == 0 => Value::Float(from),
+            Spacing::Linear(_, to) | Spacing::Log(_, to) if i == last => Value::Float(to),
+            Spacing::Linear(from, to) => Value::Float((from * (gaps - place) + to * place) / gaps),
+            Spacing::Log(from, to) => Value::Float(from * power(to / from, place / gaps)),
+        }
     }
 }
 
@@ -117,7 +172,8 @@ fn double(value: &Value) -> f64 {
     }
 }
 
-fn whole(from: i64, to: i64, count: i64) -> Result<Vec<Value>, String> {
+/// What lies between two of `count` whole numbers from `from` to `to`.
+fn whole_gap(from: i64, to: i64, count: u64) -> Result<i128, String> {
     let width = i128::from(to) - i128::from(from);
     let gaps = i128::from(count) - 1;
     if width % gaps != 0 {
@@ -125,31 +181,7 @@ fn whole(from: i64, to: i64, count: i64) -> Result<Vec<Value>, String> {
             "{count} values from {from} to {to} are no whole numbers; change the count, or write {from}.0"
         ));
     }
-    let value = |i: i64| i64::try_from(i128::from(from) + width / gaps * i128::from(i)).unwrap_or(to);
-    Ok((0..count).map(|i| Value::Integer(value(i))).collect())
-}
-
-fn linear(from: f64, to: f64, count: i64) -> Vec<Value> {
-    let gaps = (count - 1) as f64;
-    let inner = |i: i64| (from * (gaps - i as f64) + to * i as f64) / gaps;
-    with_exact_ends(from, to, count, inner)
-}
-
-fn log(from: f64, to: f64, count: i64) -> Result<Vec<Value>, String> {
-    if !(from > 0.0 && to > 0.0) {
-        return Err(not_logarithmic(from, to));
-    }
-    let gaps = (count - 1) as f64;
-    Ok(with_exact_ends(from, to, count, |i| from * power(to / from, i as f64 / gaps)))
-}
-
-fn with_exact_ends(from: f64, to: f64, count: i64, inner: impl Fn(i64) -> f64) -> Vec<Value> {
-    let value = |i: i64| match i {
-        0 => from,
-        last if last == count - 1 => to,
-        i => inner(i),
-    };
-    (0..count).map(|i| Value::Float(value(i))).collect()
+    Ok(width / gaps)
 }
 
 #[cfg(test)]
@@ -157,7 +189,8 @@ mod tests {
     use super::*;
 
     fn values(text: &str) -> Result<Vec<Value>, String> {
-        range(&text.parse().expect("TOML"))
+        let range = Range::read(&text.parse().expect("TOML"))?;
+        Ok((0..range.count()).map(|i| range.at(i)).collect())
     }
 
     fn doubles(text: &str) -> Vec<f64> {
@@ -191,6 +224,33 @@ mod tests {
         let down = values("from = 5\nto = -5\ncount = 3").expect("whole");
         assert_eq!(down, [5, 0, -5].map(Value::Integer));
         assert!(values("from = 1\nto = 2\ncount = 4").expect_err("fractions").contains("1.0"));
+    }
+
+    /// The formulas of the whole list, which earlier versions made before the first point: every value has their bits.
+    #[test]
+    fn a_value_from_its_place_has_the_bits_of_the_list() {
+        let (from, to, count) = (0.6e-3, 5e-3, 1001_i64);
+        let gaps = (count - 1) as f64;
+        let inner = |i: i64| (from * (gaps - i as f64) + to * i as f64) / gaps;
+        let log = |i: i64| from * power(to / from, i as f64 / gaps);
+        let list = |inner: &dyn Fn(i64) -> f64| -> Vec<u64> {
+            let value = |i| {
+                if i == 0 {
+                    from
+                } else if i == count - 1 {
+                    to
+                } else {
+                    inner(i)
+                }
+            };
+            (0..count).map(|i| value(i).to_bits()).collect()
+        };
+        let bits = |text: &str| -> Vec<u64> { doubles(text).into_iter().map(f64::to_bits).collect() };
+        let text = "from = 0.6e-3\nto = 5e-3\ncount = 1001\n";
+        assert_eq!(bits(text), list(&inner));
+        assert_eq!(bits(&format!("{text}spacing = \"log\"")), list(&log));
+        let wide = values("from = -9223372036854775807\nto = 9223372036854775807\ncount = 3").expect("whole");
+        assert_eq!(wide, [-i64::MAX, 0, i64::MAX].map(Value::Integer));
     }
 
     #[test]

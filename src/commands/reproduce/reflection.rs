@@ -51,6 +51,10 @@ fn points_of(
         return Err(anyhow!("the sweep in {path} has no row of {}", counted(outcome.missing, "point")).into());
     }
     let columns = experiments::columns(&sweep);
-    let points = outcome.rows.values().map(|entry| Reflected::of_row(&columns, &entry.cells));
-    Ok(Some(points.collect::<Result<_, _>>()?))
+    let mut points = Vec::new();
+    sweep::each_row(&sweep, &directory, |row| {
+        points.push(Reflected::of_row(&columns, &row.cells)?);
+        Ok(())
+    })?;
+    Ok(Some(points))
 }

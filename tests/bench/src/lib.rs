@@ -57,7 +57,11 @@ pub const GROUPS: [Group; 7] = [
         about: "of a producer and its consumers, along the length of the run and of the chain",
         measure: memory::rows,
     },
-    Group { name: "sweep", about: "a grid of runs on two cores against one", measure: sweep::rows },
+    Group {
+        name: "sweep",
+        about: "a grid of runs on two cores against one, and a point against its dynamics",
+        measure: sweep::rows,
+    },
     Group {
         name: "peers",
         about: "the same physics by LAMMPS, NumPy and Numba, as far as they are installed",

@@ -1,11 +1,27 @@
-//! A grid of reflected energies on all cores against one.
+//! A grid of reflected energies on all cores against one, and what a point costs beside its dynamics.
 
 use super::child::Process;
 use super::{Audience, Bench, Floor, Rounds, timed};
 use anyhow::Error;
+use producer::integrator::Integrator;
+use producer::state::ChainState;
+use producer::sweep::{Point, Sweep};
 use std::fs;
+use std::hint::black_box;
+use std::io::ErrorKind;
 use std::path::Path;
 use std::time::Duration;
+
+/// What most points of a large sweep are: short runs of short chains.
+const POINTS: &str = "\
+[base]
+preset = \"light-impurity\"
+chain.beads = 150
+chain.impurities = [{ bead = 50, mass_kg = 1e-3 }]
+time.duration_s = 0.01
+[grid]
+\"chain.impurities[0].mass_kg\" = { from = 0.6e-3, to = 5e-3, count = 500 }
+";
 
 /// The grid of `beadline sweep --example` with shorter chains: how much an impurity reflects, over its mass
 /// and the contact law.
@@ -19,7 +35,39 @@ pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error
     // two workers, whatever there is: the floor is one for two
     let rounds = Rounds::alternate(bench.rounds, || sweep(&file, &out, "2"), || sweep(&file, &out, "1"))?;
     let figure = format!("{:.2} s", rounds.ours_s());
-    report.row(rounds.row("sweep of reflected energies, 2 workers", "1 worker", Floor::AtLeast(1.9), figure))
+    report.row(rounds.row(
+        "sweep of reflected energies, 2 workers",
+        "1 worker",
+        Floor::AtLeast(1.9),
+        figure,
+    ))?;
+    fs::write(&file, POINTS)?;
+    let no_files = |_: &Path| Err(ErrorKind::NotFound.into());
+    let points = Sweep::from_toml(POINTS, &file, no_files, |config, _| Ok(config))?;
+    let rounds = Rounds::alternate(bench.rounds, || sweep(&file, &out, "1"), || timed(|| dynamics(&points)))?;
+    let figure = format!("{:.2} ms", 1e3 * rounds.ours_s() / points.point_count() as f64);
+    report.row(rounds.row(
+        "a point of 150 beads, 1 worker",
+        "its dynamics alone",
+        Floor::AtMost(1.05),
+        figure,
+    ))
+}
+
+/// The steps of all points, in this thread, with a state where a sweep looks at one.
+fn dynamics(sweep: &Sweep) -> Result<(), Error> {
+    for index in 0..sweep.point_count() {
+        let Point { physics, config, .. } = sweep.point(index)?;
+        let (mut state, mut integrator) = (ChainState::initial(&physics), Integrator::new(&physics));
+        while state.step < physics.step_count {
+            let next = physics.step_count.min(state.step + config.stream.publish_every_steps);
+            while state.step < next {
+                integrator.advance(&mut state, next);
+            }
+        }
+        black_box(&state);
+    }
+    Ok(())
 }
 
 /// All of the grid, from nothing to the tables.

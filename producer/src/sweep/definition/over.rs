@@ -1,7 +1,9 @@
 //! What statistics are made over: seeds, or another key of the grid.
 
+use super::super::MAX_POINTS;
 use super::super::document::KeyPath;
-use super::{Located, Reader, Setting, SweepError};
+use super::super::values::Range;
+use super::{Axis, Located, Reader, SweepError, Values};
 use schemas::config::line_at;
 use toml::Value;
 
@@ -19,7 +21,7 @@ pub(in super::super) enum Over {
 
 impl Reader<'_> {
     /// The key `seed` with the values of `seeds = { from, count }`, if that is there.
-    pub(super) fn seeds(&self, value: Option<&Located<'_>>) -> Result<Option<Vec<Setting>>, SweepError> {
+    pub(super) fn seeds(&self, value: Option<&Located<'_>>) -> Result<Option<Axis>, SweepError> {
         let Some(value) = value else { return Ok(None) };
         let plain = self.plain(value, "seeds")?;
         let wrong = || {
@@ -30,13 +32,14 @@ impl Reader<'_> {
         let whole = |key, default| table.get(key).map_or(Some(default), Value::as_integer);
         let (from, count) = whole("from", 0).zip(whole("count", 0)).ok_or_else(wrong)?;
         let is_known = table.keys().all(|key| key == "from" || key == "count");
-        if !is_known || from < 0 || !(1..=100_000).contains(&count) || from.checked_add(count).is_none() {
+        let count =
+            u64::try_from(count).ok().filter(|count| (1..=MAX_POINTS).contains(count)).ok_or_else(wrong)?;
+        if !is_known || from < 0 || from.checked_add_unsigned(count).is_none() {
             return Err(wrong());
         }
         let line = line_at(self.text, value.span().start);
         let key = KeyPath::parse(SEED).map_err(|_| wrong())?;
-        let setting = |seed| Setting { key: key.clone(), value: Value::Integer(seed), line };
-        Ok(Some((from..from + count).map(setting).collect()))
+        Ok(Some(Axis { key, values: Values::Range(Range::whole(from, count), line) }))
     }
 
     /// What the table `[ensemble]` names; without one the key `seed`, if the grid has it.
@@ -44,9 +47,9 @@ impl Reader<'_> {
         &self,
         value: Option<&Located<'_>>,
         has_sample: bool,
-        axes: &[Vec<Setting>],
+        axes: &[Axis],
     ) -> Result<Option<Over>, SweepError> {
-        let keys: Vec<String> = axes.iter().filter_map(|axis| Some(axis.first()?.key.to_string())).collect();
+        let keys: Vec<String> = axes.iter().map(|axis| axis.key.to_string()).collect();
         let axis = |key: &str| keys.iter().position(|known| known == key).map(Over::Axis);
         let Some(value) = value else { return Ok(axis(SEED)) };
         let table = self.table(value, "ensemble")?;

@@ -2,12 +2,13 @@
 //!
 //! Architecture invariant: the values decide the bits of runs, and are computed with reproducible arithmetic only.
 
+use super::super::MAX_POINTS;
+use super::super::document::KeyPath;
 use super::super::sobol;
 use super::super::values::Interval;
 use super::{Located, Reader, Setting, SweepError};
 use schemas::config::line_at;
 use schemas::philox;
-use toml::Table;
 
 /// Streams of random numbers, two for each range: no other use of a seed has them.
 const STREAMS: u32 = 0x5341_0000;
@@ -23,15 +24,94 @@ enum Method {
     Sobol,
 }
 
+#[expect(clippy::cast_possible_truncation, reason = "far below 2³²")]
+const MOST: u32 = MAX_POINTS as u32;
+
+/// Most points of a Latin hypercube: their orders are in memory.
+const MOST_ORDERED: u32 = 100_000;
+
 const METHODS: [(&str, Method); 3] =
     [("latin-hypercube", Method::LatinHypercube), ("sobol", Method::Sobol), ("random", Method::Random)];
 
 const KNOWN: [&str; 4] = ["method", "count", "seed", "ranges"];
 
+/// Values that are drawn together, each computed from the index of its sample; one sample that sets nothing where there is
+/// no table `[sample]`.
+#[derive(Debug)]
+pub(in super::super) struct Samples {
+    count: u32,
+    sides: Vec<Side>,
+    meaning: String,
+}
+
+/// A range, and what places its values.
+#[derive(Debug)]
+struct Side {
+    key: KeyPath,
+    line: usize,
+    interval: Interval,
+    places: Places,
+}
+
+/// The places of all samples in a range.
+#[derive(Debug)]
+struct Places {
+    seed: u64,
+    stream: u32,
+    draw: Draw,
+}
+
+#[derive(Debug)]
+enum Draw {
+    Random,
+    /// The part of each sample.
+    Ordered(Vec<u32>),
+    Sobol {
+        shift: u32,
+        directions: [u32; sobol::BITS],
+    },
+}
+
+impl Samples {
+    /// How many there are; at least one.
+    pub(in super::super) fn count(&self) -> u64 {
+        self.count.into()
+    }
+
+    /// What sample `index` sets.
+    pub(in super::super) fn at(&self, index: u64) -> Vec<Setting> {
+        let index = u32::try_from(index).unwrap_or(u32::MAX);
+        self.sides.iter().map(|side| side.setting(side.places.fraction(index, self.count))).collect()
+    }
+
+    /// What samples at the ends of all ranges would set.
+    pub(in super::super) fn ends(&self) -> impl Iterator<Item = Setting> {
+        self.sides.iter().flat_map(|side| [0.0, 1.0].map(|fraction| side.setting(fraction)))
+    }
+
+    /// The keys that a sample sets.
+    pub(in super::super) fn keys(&self) -> impl Iterator<Item = String> {
+        self.sides.iter().map(|side| side.key.to_string())
+    }
+
+    /// What decides all values, wherever that is written.
+    pub(in super::super) fn meaning(&self) -> &str {
+        &self.meaning
+    }
+}
+
+impl Side {
+    fn setting(&self, fraction: f64) -> Setting {
+        Setting { key: self.key.clone(), value: self.interval.at(fraction), line: self.line }
+    }
+}
+
 impl Reader<'_> {
-    /// The samples of the table `[sample]`; one that sets nothing where there is none.
-    pub(super) fn samples(&self, value: Option<&Located<'_>>) -> Result<Vec<Vec<Setting>>, SweepError> {
-        let Some(value) = value else { return Ok(vec![Vec::new()]) };
+    /// The samples of the table `[sample]`.
+    pub(super) fn samples(&self, value: Option<&Located<'_>>) -> Result<Samples, SweepError> {
+        let Some(value) = value else {
+            return Ok(Samples { count: 1, sides: Vec::new(), meaning: String::new() });
+        };
         let table = self.table(value, "sample")?;
         if let Some((key, _)) = table.iter().find(|(key, _)| !KNOWN.contains(&key.get_ref().as_ref())) {
             let allowed = format!("found an unknown key; allowed: {}", KNOWN.join(", "));
@@ -51,11 +131,13 @@ impl Reader<'_> {
             let message = format!("found {}; allowed: {names}", self.written(written));
             self.refuse(written.span().start, "sample.method", message)
         })?;
-        let counts = "a whole number from 1 to 100000";
-        let written = needed("count", counts)?;
-        let count: Option<u32> = self.option(Some(written), "sample.count", counts)?;
-        let count = count.filter(|count| (1..=100_000).contains(count)).ok_or_else(|| {
-            let message = format!("found {}; allowed: {counts}", self.written(written));
+        let most = if method == Method::LatinHypercube { MOST_ORDERED } else { MOST };
+        let counts = format!("a whole number from 1 to {most}");
+        let written = needed("count", &counts)?;
+        let count: Option<u32> = self.option(Some(written), "sample.count", &counts)?;
+        let count = count.filter(|count| (1..=most).contains(count)).ok_or_else(|| {
+            let others = if most == MOST { "" } else { "; \"sobol\" and \"random\" take more" };
+            let message = format!("found {}; allowed: {counts}{others}", self.written(written));
             self.refuse(written.span().start, "sample.count", message)
         })?;
         let seed = self.option(table.get("seed"), "sample.seed", "a whole number from 0")?.unwrap_or(0);
@@ -68,18 +150,19 @@ impl Reader<'_> {
             );
             return Err(self.refuse(value.span().start, "sample.ranges", message));
         }
-        let mut samples = vec![Vec::with_capacity(ranges.len()); count as usize];
-        for (side, (blank, interval)) in ranges.iter().enumerate() {
-            let fractions = fractions(method, side, count, seed);
-            for (sample, fraction) in samples.iter_mut().zip(fractions) {
-                sample.push(Setting { value: interval.at(fraction), ..blank.clone() });
-            }
-        }
-        Ok(samples)
+        let meaning: Vec<_> = ranges.iter().map(|(key, _, range)| format!("{key} = {range:?}")).collect();
+        let meaning = format!("{method:?} {count} {seed} {}", meaning.join(", "));
+        let side = |(side, (key, line, interval))| Side {
+            key,
+            line,
+            interval,
+            places: Places::new(method, side, count, seed),
+        };
+        Ok(Samples { count, sides: ranges.into_iter().enumerate().map(side).collect(), meaning })
     }
 
-    /// The ranges, each with a setting that lacks its value.
-    fn ranges(&self, value: &Located<'_>) -> Result<Vec<(Setting, Interval)>, SweepError> {
+    /// The ranges, each with its key and its line.
+    fn ranges(&self, value: &Located<'_>) -> Result<Vec<(KeyPath, usize, Interval)>, SweepError> {
         let mut entries = Vec::new();
         self.entries("", self.table(value, "sample.ranges")?, &mut entries)?;
         if entries.is_empty() {
@@ -95,30 +178,36 @@ impl Reader<'_> {
             let interval = found
                 .and_then(Interval::read)
                 .map_err(|message| self.refuse(value.span().start, &format!("{key}"), message))?;
-            let line = line_at(self.text, value.span().start);
-            Ok((Setting { key, value: toml::Value::Table(Table::new()), line }, interval))
+            Ok((key, line_at(self.text, value.span().start), interval))
         };
         entries.into_iter().map(range).collect()
     }
 }
 
-/// The places, from 0 to 1, of all samples in range `side`.
-fn fractions(method: Method, side: usize, count: u32, seed: u64) -> Vec<f64> {
-    let stream = STREAMS + 2 * u32::try_from(side).unwrap_or(0);
-    let random = |index: u32| philox::uniform(seed, stream, index.into());
-    match method {
-        Method::Random => (0..count).map(random).collect(),
-        Method::LatinHypercube => {
-            let parts = permutation(count, seed, stream + 1);
-            let place = |(index, part)| (f64::from(part) + random(index)) / f64::from(count);
-            (0..count).zip(parts).map(place).collect()
-        }
-        Method::Sobol => {
-            let [shift, ..] = philox::words(seed, stream, 0);
-            let directions = sobol::directions(side);
+impl Places {
+    fn new(method: Method, side: usize, count: u32, seed: u64) -> Self {
+        let stream = STREAMS + 2 * u32::try_from(side).unwrap_or(0);
+        let draw = match method {
+            Method::Random => Draw::Random,
+            Method::LatinHypercube => Draw::Ordered(permutation(count, seed, stream + 1)),
+            Method::Sobol => {
+                let [shift, ..] = philox::words(seed, stream, 0);
+                Draw::Sobol { shift, directions: sobol::directions(side) }
+            }
+        };
+        Self { seed, stream, draw }
+    }
+
+    /// The place, from 0 to 1, of sample `index` of `count`.
+    fn fraction(&self, index: u32, count: u32) -> f64 {
+        let random = || philox::uniform(self.seed, self.stream, index.into());
+        match &self.draw {
+            Draw::Random => random(),
+            Draw::Ordered(parts) => (f64::from(parts[index as usize]) + random()) / f64::from(count),
             // the middle of the cell of 2⁻³²
-            let place = |index| (f64::from(sobol::point(&directions, index) ^ shift) + 0.5) / 4_294_967_296.0;
-            (0..count).map(place).collect()
+            Draw::Sobol { shift, directions } => {
+                (f64::from(sobol::point(directions, index) ^ shift) + 0.5) / 4_294_967_296.0
+            }
         }
     }
 }
@@ -139,6 +228,12 @@ fn permutation(count: u32, seed: u64, stream: u32) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The places of all samples in range `side`.
+    fn fractions(method: Method, side: usize, count: u32, seed: u64) -> Vec<f64> {
+        let places = Places::new(method, side, count, seed);
+        (0..count).map(|index| places.fraction(index, count)).collect()
+    }
 
     /// What makes a Latin hypercube: one sample in each part of each range.
     #[test]

@@ -1,0 +1,59 @@
+//! What decides the rows of a sweep, and the points that are checked before the first is computed.
+
+use super::Sweep;
+use super::definition::{Axis, Definition};
+use schemas::config::ConfigError;
+use schemas::manifest::KERNEL_VERSION;
+use sha2::{Digest, Sha256};
+use std::collections::BTreeSet;
+
+/// Most points that are checked before the first is computed.
+pub const MOST_CHECKED: u64 = 10_000;
+
+/// Of more points than [`MOST_CHECKED`], how many are checked that lie evenly among all.
+const SPREAD: u64 = 1000;
+
+impl Sweep {
+    /// Makes every point that is to be checked once, and gives the identity of the sweep.
+    pub(super) fn check_points(&self) -> Result<[u8; 32], ConfigError> {
+        let Definition { base, cases, samples, axes, .. } = &self.definition;
+        let mut hash = Sha256::new();
+        let mut base = base.clone();
+        base.remove("name");
+        hash.update(format!("kernel {KERNEL_VERSION}\n{base}\n"));
+        hash.update(format!("{:?} {:?} {:?}\n", self.parameters, self.until(), self.split_bead()));
+        if self.check() {
+            hash.update("check\n");
+        }
+        for case in cases {
+            let settings: Vec<_> = case.iter().map(|set| format!("{} = {}", set.key, set.value)).collect();
+            hash.update(format!("case {}\n", settings.join(", ")));
+        }
+        hash.update(format!("sample {}\n", samples.meaning()));
+        for axis in axes {
+            hash.update(format!("{}\n", axis.meaning()));
+        }
+        for index in self.checked_points() {
+            let point = self.point(index)?;
+            hash.update(format!("{index} {}\n", point.config.stream.publish_every_steps));
+            hash.update(point.physics.hash());
+        }
+        Ok(hash.finalize().into())
+    }
+
+    /// All points, if they are few. Else some that lie evenly among them, the first of each case, those with each value of a
+    /// list or at the ends of a range and the first value of all else.
+    fn checked_points(&self) -> BTreeSet<u64> {
+        let count = self.point_count();
+        if count <= MOST_CHECKED {
+            return (0..count).collect();
+        }
+        let Definition { cases, samples, axes, .. } = &self.definition;
+        let spread = (0..SPREAD).map(|i| i * (count - 1) / (SPREAD - 1));
+        let stride = |after: &[Axis]| after.iter().map(Axis::count).product::<u64>();
+        let of_cases = (0..cases.len() as u64).map(|case| case * samples.count() * stride(axes));
+        let of_grid = (0..axes.len())
+            .flat_map(|place| axes[place].telling().map(move |value| value * stride(&axes[place + 1..])));
+        spread.chain(of_cases).chain(of_grid).take(MOST_CHECKED as usize).collect()
+    }
+}
