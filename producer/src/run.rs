@@ -155,7 +155,7 @@ fn simulate<P: FrameSink, R: FrameSink>(
             break (EndReason::Interrupted, number + 1);
         }
         if let Some(last) = &mut last_published {
-            last.clone_from(&state);
+            last.copy_from(&frame);
         }
         let next = manifest.step_of_frame(number + 1);
         let advanced = advance(&mut integrator, &mut state, next, || conductor.between_steps(publisher));

@@ -11,7 +11,7 @@ use schemas::manifest::Physics;
 pub(super) fn shortest_s(physics: &Physics, v_m_s: f64) -> Option<f64> {
     let chain = physics.chain();
     let solitary = || {
-        let wave = SolitaryWave::new(physics.alpha).ok()?.coefficients();
+        let wave = SolitaryWave::coefficients_of(physics.alpha).ok()?;
         let strength = Strength::PeakVelocity { m_s: v_m_s };
         let scale = wave.scaled(physics.bead_mass_kg, physics.stiffness, strength).ok()?;
         let nominal_s = wave.velocity_fwhm_beads / scale.speed_beads_per_s;

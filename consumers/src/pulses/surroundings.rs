@@ -41,7 +41,7 @@ pub(super) struct Reach {
 impl Surroundings {
     pub(super) fn of(manifest: &RunManifest) -> Self {
         let (chain, striker) = (manifest.physics.chain(), &manifest.physics.striker);
-        let wave = SolitaryWave::new(manifest.physics.alpha).ok().map(|wave| wave.coefficients());
+        let wave = SolitaryWave::coefficients_of(manifest.physics.alpha).ok();
         Self {
             obstacles: Obstacles::of(&chain),
             texture: Texture::of(&chain),

@@ -3,6 +3,7 @@
 use super::fixed_point::{Ended, fixed_point};
 use super::profile::EvenProfile;
 use super::{Coefficients, GaussianLimit, WaveError};
+use std::cell::RefCell;
 use std::f64::consts::LN_2;
 
 /// Samples over the narrowest feature of the wave: the error of the differences of tenth order and that of
@@ -19,6 +20,13 @@ const ERROR: f64 = 1e-12;
 /// What rounding changes in one application of the map. The direction in which it contracts least makes
 /// that an error of the wave `1/(1 − 1/α)` times as large.
 const ROUNDING: f64 = 2e-15;
+
+/// Exponents whose coefficients each thread remembers.
+const MOST_REMEMBERED: usize = 16;
+
+thread_local! {
+    static REMEMBERED: RefCell<Vec<(f64, Result<Coefficients, WaveError>)>> = const { RefCell::new(Vec::new()) };
+}
 
 /// The travelling wave of the lattice itself, without approximation.
 ///
@@ -73,6 +81,23 @@ impl SolitaryWave {
             return Err(WaveError::Exponent { alpha, smallest, largest });
         }
         Self::with_resolution(alpha, SAMPLES_PER_FEATURE)
+    }
+
+    /// The coefficients of the wave of the exponent `alpha`, which are remembered: a sweep asks for those of few exponents, at
+    /// each point.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn coefficients_of(alpha: f64) -> Result<Coefficients, WaveError> {
+        REMEMBERED.with_borrow_mut(|remembered| {
+            if let Some((_, found)) = remembered.iter().find(|(known, _)| *known == alpha) {
+                return *found;
+            }
+            let found = Self::new(alpha).map(|wave| wave.coefficients());
+            remembered.truncate(MOST_REMEMBERED - 1);
+            remembered.insert(0, (alpha, found));
+            found
+        })
     }
 
     /// The overlap at `xi_beads` (beads) from the centre, relative to the largest: from 0 to 1, but for rounding.

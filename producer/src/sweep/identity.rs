@@ -1,7 +1,7 @@
 //! What decides the rows of a sweep, and the points that are checked before the first is computed.
 
-use super::Sweep;
 use super::definition::{Axis, Definition};
+use super::{Sweep, index_of};
 use schemas::config::ConfigError;
 use schemas::manifest::KERNEL_VERSION;
 use sha2::{Digest, Sha256};
@@ -54,6 +54,6 @@ impl Sweep {
         let of_cases = (0..cases.len() as u64).map(|case| case * samples.count() * stride(axes));
         let of_grid = (0..axes.len())
             .flat_map(|place| axes[place].telling().map(move |value| value * stride(&axes[place + 1..])));
-        spread.chain(of_cases).chain(of_grid).take(MOST_CHECKED as usize).collect()
+        spread.chain(of_cases).chain(of_grid).take(index_of(MOST_CHECKED)).collect()
     }
 }

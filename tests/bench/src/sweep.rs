@@ -3,9 +3,12 @@
 use super::child::Process;
 use super::{Audience, Bench, Floor, Rounds, timed};
 use anyhow::Error;
+use consumers::energies::{Energies, default_split_bead};
+use consumers::pulses::Pulses;
 use producer::integrator::Integrator;
 use producer::state::ChainState;
 use producer::sweep::{Point, Sweep};
+use schemas::manifest::{Origin, RunManifest};
 use std::fs;
 use std::hint::black_box;
 use std::io::ErrorKind;
@@ -44,28 +47,39 @@ pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error
     fs::write(&file, POINTS)?;
     let no_files = |_: &Path| Err(ErrorKind::NotFound.into());
     let points = Sweep::from_toml(POINTS, &file, no_files, |config, _| Ok(config))?;
-    let rounds = Rounds::alternate(bench.rounds, || sweep(&file, &out, "1"), || timed(|| dynamics(&points)))?;
-    let figure = format!("{:.2} ms", 1e3 * rounds.ours_s() / points.point_count() as f64);
-    report.row(rounds.row(
-        "a point of 150 beads, 1 worker",
-        "its dynamics alone",
-        Floor::AtMost(1.05),
-        figure,
-    ))
+    for (looked, beside, floor) in
+        [(true, "its run and what looks at it", Floor::AtMost(1.05)), (false, "its steps alone", Floor::Any)]
+    {
+        let alone = || timed(|| runs(&points, looked));
+        let rounds = Rounds::alternate(bench.rounds, || sweep(&file, &out, "1"), alone)?;
+        let figure = format!("{:.2} ms", 1e3 * rounds.ours_s() / points.point_count() as f64);
+        report.row(rounds.row("a point of 150 beads, 1 worker", beside, floor, figure))?;
+    }
+    Ok(())
 }
 
-/// The steps of all points, in this thread, with a state where a sweep looks at one.
-fn dynamics(sweep: &Sweep) -> Result<(), Error> {
+/// The runs of all points in this thread, with a state where a sweep has one, which its analyses look at if it is `looked` at.
+fn runs(sweep: &Sweep, looked: bool) -> Result<(), Error> {
+    let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
     for index in 0..sweep.point_count() {
         let Point { physics, config, .. } = sweep.point(index)?;
-        let (mut state, mut integrator) = (ChainState::initial(&physics), Integrator::new(&physics));
-        while state.step < physics.step_count {
-            let next = physics.step_count.min(state.step + config.stream.publish_every_steps);
-            while state.step < next {
-                integrator.advance(&mut state, next);
+        let manifest = RunManifest::of(physics, &config, "point", origin.clone())?;
+        let mut energies = Energies::new(&manifest, default_split_bead(&manifest));
+        let threshold_m_s = Pulses::DEFAULT_THRESHOLD * Pulses::velocity_scale_m_s(&manifest);
+        let mut pulses = Pulses::new(&manifest, threshold_m_s);
+        let (mut state, mut integrator) =
+            (ChainState::initial(&manifest.physics), Integrator::new(&manifest.physics));
+        for number in 0..manifest.frame_count() {
+            while state.step < manifest.step_of_frame(number) {
+                integrator.advance(&mut state, manifest.step_of_frame(number));
+            }
+            let frame = state.as_frame(&manifest, number);
+            if looked {
+                energies.observe(&frame);
+                black_box(pulses.observe(&frame));
             }
         }
-        black_box(&state);
+        black_box((&state, energies.outcome()));
     }
     Ok(())
 }
