@@ -188,7 +188,7 @@ fn whole(value: f64) -> u64 {
 impl OnCores {
     /// A shard for each core, but fewer if they would be short, and more if they would be long.
     fn plan(cores: u64, points: u64, core_s: f64, merge_s: f64) -> Self {
-        let (most, least) = (whole(core_s / SHORTEST_S), whole(core_s / LONGEST_S));
+        let (most, least) = (whole((core_s / SHORTEST_S).floor()), whole(core_s / LONGEST_S));
         let used = cores.min(most.max(1)).min(points);
         // whole rounds of all cores, so that none is idle at the end
         let shards = (least.div_ceil(used) * used).max(used).min(points);
@@ -279,8 +279,11 @@ fn written(sweep: &Sweep, rows: &[Entry]) -> Result<(Sizes, f64), Failure> {
         rows.iter().try_for_each(|row| super::merge::add(&mut table, row.index, &row.cells))?;
         Ok(fs::metadata(table.finish()?)?.len() as f64)
     };
-    let per_row =
-        |name: &str| Ok::<_, Failure>((size_of(name, rows)? - size_of(name, &[])?) / rows.len() as f64);
+    // what a table has whatever its rows is in the one as well
+    let (first, others) = rows.split_at(usize::from(rows.len() > 1));
+    let per_row = |name: &str| -> Result<f64, Failure> {
+        Ok((size_of(name, rows)? - size_of(name, first)?) / others.len() as f64)
+    };
     let journal = lines.iter().map(String::len).sum::<usize>() as f64 / rows.len() as f64;
     let sizes = Sizes { journal, csv: per_row("a.csv")?, parquet: per_row("a.parquet")? };
     let mut tables = [create("b.csv")?, create("b.parquet")?];

@@ -7,7 +7,7 @@ mod disk;
 mod trace;
 
 use crate::harness::{Place, skip};
-use consumers::journal::{self, JournalHead};
+use consumers::journal::{self, JournalError, JournalHead};
 use consumers::table::{Column, Kind};
 use disk::{Disk, Image, Luck};
 use hostile::random::Random;
@@ -118,9 +118,15 @@ impl Scene {
         for (path, content) in image.iter().filter_map(|(path, content)| Some((path, content.as_ref()?))) {
             let (name, at) = (path.display(), self.place.path("d").join(path));
             if is(path, "rows") {
-                let rows = self.head.as_ref().map(|head| journal::read(&at, head));
-                let rows = rows.transpose().map_err(|error| error.to_string())?.unwrap_or_default();
-                facts.extend(rows.entries.iter().map(|entry| format!("row {entry:?}")));
+                let read = self.head.as_ref().map(|head| {
+                    journal::read(&at, head, |_, json| {
+                        facts.extend(
+                            journal::entry(json, &head.columns).map(|entry| format!("row {entry:?}")),
+                        );
+                        Ok::<_, JournalError>(())
+                    })
+                });
+                read.transpose().map_err(|error| error.to_string())?;
             } else if !is(path, "partial") && !is(path, "interrupted") {
                 if !self.whole.get(path).is_some_and(|whole| whole.contains(content)) {
                     return Err(format!("{name} is torn"));
