@@ -7,6 +7,7 @@ mod export;
 mod figures;
 mod pages;
 mod recordings;
+mod slurm;
 mod top;
 mod values;
 mod waves;
@@ -23,6 +24,7 @@ pub(crate) use pages::{ShareArgs, ViewArgs};
 pub(crate) use recordings::{
     ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, RewriteArgs, ThinArgs, VerifyArgs,
 };
+pub(crate) use slurm::SlurmArgs;
 pub(crate) use top::TopArgs;
 pub(crate) use values::{BeadRange, Pace, Shard};
 pub(crate) use waves::{ForcesArgs, ModesArgs, OfArg, SpectrumArgs};
@@ -325,7 +327,9 @@ pub(crate) struct Overrides {
     beadline sweep reflection.toml --out reflection      all points, on all cores; again: goes on\n  \
     beadline sweep reflection.toml --out all --shard 3/16   one job of an array of 16\n  \
     beadline sweep reflection.toml --out all --merge     the rows that are there, as tables\n  \
-    beadline sweep reflection.toml --plan --cores 1000   what it will take, from a few of its points\n\n\
+    beadline sweep reflection.toml --plan --cores 1000   what it will take, from a few of its points\n  \
+    beadline sweep reflection.toml --out all --slurm --time 4:00:00 --partition long --submit   a job array of Slurm\n  \
+    beadline sweep --status all                          how far all of it is, on any machine that sees it\n\n\
     DIR then has results.csv and results.parquet, and of a sweep over seeds ensemble.csv and .parquet (the same bytes whatever \
     the order, jobs, shards and interruptions), timings.csv, the rows of each shard, and recordings/ if asked for. A run that fails \
     has a row that says why, and makes the exit code 3, as a signal does while points are missing."
@@ -333,10 +337,10 @@ pub(crate) struct Overrides {
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub(crate) struct SweepArgs {
     /// What to sweep: a base, a grid, cases
-    #[arg(value_name = "SWEEP.toml", required_unless_present = "example")]
+    #[arg(value_name = "SWEEP.toml", required_unless_present_any = ["example", "status"])]
     pub(crate) file: Option<PathBuf>,
     /// Directory for the results; its finished points are not computed again
-    #[arg(long, value_name = "DIR", required_unless_present_any = ["example", "plan"])]
+    #[arg(long, value_name = "DIR", required_unless_present_any = ["example", "plan", "status"])]
     pub(crate) out: Option<PathBuf>,
     /// Points computed at the same time [default: the cores of this machine]
     #[arg(long, value_name = "N", value_parser = parse_jobs)]
@@ -350,7 +354,7 @@ pub(crate) struct SweepArgs {
     /// Record each point, also if the sweep file does not ask for it
     #[arg(long)]
     pub(crate) record: bool,
-    /// Remove what another sweep has left in DIR
+    /// Remove what another sweep has left in DIR; with --slurm: replace its script, and keep the rows
     #[arg(long, conflicts_with = "shard")]
     pub(crate) force: bool,
     /// Begin without a question, however long it takes
@@ -368,6 +372,11 @@ pub(crate) struct SweepArgs {
     /// Print a sweep file to begin with
     #[arg(long, exclusive = true)]
     pub(crate) example: bool,
+    /// Say how far the sweep in DIR is, and which shards failed, were requeued, have not begun or stand still
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["file", "out", "merge", "shard", "jobs", "record", "force", "yes", "slurm"])]
+    pub(crate) status: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) slurm: SlurmArgs,
 }
 
 #[derive(Debug, Args)]

@@ -6,12 +6,15 @@
 //! - [`plan`]: what all of it will take
 //! - [`mod@work`]: the workers of one process
 //! - [`mod@merge`], [`sorted`]: the results, the same bytes whoever computed them in whatever order
+//! - [`slurm`], [`status`]: the job array of a sweep, and how far it is
 
 mod directory;
 mod merge;
 mod pending;
 pub(crate) mod plan;
+pub(crate) mod slurm;
 mod sorted;
+pub(crate) mod status;
 mod work;
 
 use crate::args::Shard;

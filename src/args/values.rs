@@ -51,6 +51,12 @@ pub(super) fn parse_jobs(text: &str) -> Result<NonZero<usize>, String> {
     jobs.ok_or_else(|| "expected a number of threads from 1 to 1024".to_owned())
 }
 
+/// What stands in a line of a script for sbatch.
+pub(super) fn parse_directive(text: &str) -> Result<String, String> {
+    let is_line = !text.is_empty() && !text.contains(char::is_control);
+    is_line.then(|| text.to_owned()).ok_or_else(|| "expected one line".to_owned())
+}
+
 pub(super) fn parse_pace(text: &str) -> Result<Pace, String> {
     match text {
         "max" => Ok(Pace::Max),

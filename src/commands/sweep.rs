@@ -1,5 +1,7 @@
 //! `beadline sweep`: a grid of runs, a row each.
 
+mod cluster;
+
 use crate::args::SweepArgs;
 use crate::display::{self, count, counted, duration};
 use crate::failure::{BadInput, Done, Failure};
@@ -26,6 +28,9 @@ pub(crate) fn sweep(args: &SweepArgs) -> Result<Done, Failure> {
     if let (Some(file), true) = (&args.file, args.plan) {
         return plan(file, args);
     }
+    if let Some(directory) = &args.status {
+        return cluster::status(directory, args.json);
+    }
     let (Some(file), Some(out)) = (&args.file, &args.out) else {
         return Err(Failure::BadInput(anyhow!("a sweep needs SWEEP.toml and --out DIR; see --help")));
     };
@@ -36,6 +41,9 @@ pub(crate) fn sweep(args: &SweepArgs) -> Result<Done, Failure> {
         out.display()
     ));
     let sweep = Sweep::read(file, experiments::prepared).bad_input()?;
+    if args.slurm.slurm {
+        return cluster::slurm(&sweep, out, args);
+    }
     let outcome = if args.merge {
         sweep::merge(&sweep, out)?
     } else {

@@ -19,9 +19,9 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-const SWEEP_JSON: &str = "sweep.json";
+pub(super) const SWEEP_JSON: &str = "sweep.json";
 const SWEEP_TOML: &str = "sweep.toml";
-const ROWS: &str = "rows";
+pub(super) const ROWS: &str = "rows";
 const RECORDINGS: &str = "recordings";
 pub(super) const ENSEMBLES: [&str; 2] = ["ensemble.csv", "ensemble.parquet"];
 
@@ -231,7 +231,7 @@ pub(super) fn sweep_file(path: &Path) -> Option<PathBuf> {
 }
 
 /// The files in `directory` with names that `wanted` picks, in the order of their names.
-fn files(directory: &Path, wanted: impl Fn(&str) -> bool) -> Result<Vec<PathBuf>, Failure> {
+pub(super) fn files(directory: &Path, wanted: impl Fn(&str) -> bool) -> Result<Vec<PathBuf>, Failure> {
     let entries = match fs::read_dir(directory) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
         entries => entries.with_context(|| directory.display().to_string())?,

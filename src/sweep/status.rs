@@ -1,0 +1,381 @@
+//! How far a sweep in a directory is, whoever computes it: from its journals, the traces of a job array, and squeue if it is
+//! there. Memory is a bit for each point and a few words for each shard.
+
+use super::directory::{ROWS, SWEEP_JSON, files};
+use super::slurm::{SCRIPT, SLURM};
+use crate::failure::{BadInput, Failure};
+use anyhow::Context;
+use consumers::journal;
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, SystemTime};
+
+/// A shard stands still if it has no new row for this long, and for so many times what its longest point took.
+const STILL: Duration = Duration::from_mins(10);
+const STILL_POINTS: f64 = 10.0;
+
+/// How far a sweep is.
+#[derive(Debug, Serialize)]
+pub(crate) struct Status {
+    pub(crate) points: u64,
+    pub(crate) done: u64,
+    /// Lines of journals that are damaged.
+    pub(crate) damaged: u64,
+    /// Points a second of the shards that run; none if none runs.
+    pub(crate) rate: Option<f64>,
+    /// How long the rest takes at that rate (s).
+    pub(crate) left_s: Option<f64>,
+    pub(crate) shard_count: u64,
+    /// How many shards are in each state.
+    pub(crate) shards: HashMap<State, u64>,
+    /// How many shards began more than once.
+    pub(crate) begun_again: u64,
+    /// Those that have begun, and have not all their rows.
+    pub(crate) begun: Vec<Shard>,
+}
+
+/// What a shard is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum State {
+    /// It has all its rows.
+    Done,
+    Running,
+    /// It should run, and has had no new row for long.
+    StandsStill,
+    /// It began, was preempted, requeued or out of time, and is to begin again.
+    Requeued,
+    /// It ended before it was done: asked to, or killed with its machine. Nothing says that it begins again.
+    Stopped,
+    Failed,
+    /// It is in Slurm's queue for the first time.
+    Queued,
+    NotBegun,
+}
+
+/// A shard that has begun.
+#[derive(Debug, Serialize)]
+pub(crate) struct Shard {
+    pub(crate) shard: u64,
+    pub(crate) state: State,
+    pub(crate) points: u64,
+    pub(crate) done: u64,
+    /// How often it began; 0 where that is unknown, outside of a job array.
+    pub(crate) attempts: u64,
+    pub(crate) node: Option<String>,
+    pub(crate) exit_code: Option<u8>,
+    /// Time since its last new row, or since it began (s).
+    pub(crate) quiet_s: f64,
+    #[serde(skip)]
+    rate: Option<f64>,
+}
+
+/// How far the sweep in `directory` is.
+///
+/// # Errors
+/// When it holds no sweep, or cannot be read.
+pub(crate) fn status(directory: &Path) -> Result<Status, Failure> {
+    let points = point_count(directory)?;
+    let rows = Rows::read(directory, points)?;
+    let count = shard_count(directory, &rows).min(points.max(1));
+    let mut done = vec![0_u64; usize::try_from(count)?];
+    rows.each(|index| done[(index % count) as usize] += 1);
+    let queue = Queue::ask(directory);
+    let mut status = Status {
+        points,
+        done: done.iter().sum(),
+        damaged: rows.damaged,
+        rate: None,
+        left_s: None,
+        shard_count: count,
+        shards: HashMap::new(),
+        begun_again: 0,
+        begun: Vec::new(),
+    };
+    for (number, done) in (0..count).zip(done) {
+        // how many of the points leave this remainder
+        let shard =
+            Shard::new(directory, (number, count), (points - number).div_ceil(count), done, &rows, &queue)?;
+        status.begun_again += u64::from(shard.attempts > 1);
+        *status.shards.entry(shard.state).or_default() += 1;
+        if let (State::Running, Some(rate)) = (shard.state, shard.rate) {
+            *status.rate.get_or_insert_default() += rate;
+        }
+        if !matches!(shard.state, State::Done | State::Queued | State::NotBegun) {
+            status.begun.push(shard);
+        }
+    }
+    let left = (points - status.done) as f64;
+    status.left_s = status.rate.filter(|rate| *rate > 0.0).map(|rate| left / rate);
+    Ok(status)
+}
+
+fn point_count(directory: &Path) -> Result<u64, Failure> {
+    #[derive(Deserialize)]
+    struct Sign {
+        points: u64,
+    }
+    let path = directory.join(SWEEP_JSON);
+    let bytes = fs::read(&path).map_err(|_| bad_input!("{} holds no sweep", directory.display()))?;
+    let sign: Sign = serde_json::from_slice(&bytes)
+        .with_context(|| format!("{} cannot be read", path.display()))
+        .bad_input()?;
+    Ok(sign.points)
+}
+
+/// Into how many shards the sweep is divided: what its job array says, else its newest journal.
+fn shard_count(directory: &Path, rows: &Rows) -> u64 {
+    let script = fs::read_to_string(directory.join(SLURM).join(SCRIPT)).unwrap_or_default();
+    let array = script.lines().find_map(|line| line.strip_prefix("#SBATCH --array=0-"));
+    let last = array.map(|array| array.split(|c: char| !c.is_ascii_digit()).next().unwrap_or_default());
+    let newest = || rows.journals.iter().max_by_key(|(_, journal)| journal.written);
+    let count = last.and_then(|last| last.parse::<u64>().ok()?.checked_add(1));
+    count.or_else(|| newest().map(|((_, count), _)| *count)).unwrap_or(1).max(1)
+}
+
+/// The points that have a row.
+struct Rows {
+    bits: Vec<u64>,
+    journals: HashMap<(u64, u64), JournalFile>,
+    damaged: u64,
+    longest_s: f64,
+}
+
+/// The journal of a shard.
+struct JournalFile {
+    rows: u64,
+    created: Option<SystemTime>,
+    written: SystemTime,
+}
+
+impl Rows {
+    fn read(directory: &Path, points: u64) -> Result<Self, Failure> {
+        let bits = vec![0; usize::try_from(points.div_ceil(64))?];
+        let mut rows = Self { bits, journals: HashMap::new(), damaged: 0, longest_s: 0.0 };
+        for path in files(&directory.join(ROWS), |name| name.ends_with(".rows"))? {
+            let mut count = 0;
+            let metadata = fs::metadata(&path).with_context(|| path.display().to_string())?;
+            let damaged = journal::scan(&path, |index, wall_s| {
+                count += 1;
+                rows.longest_s = if wall_s > rows.longest_s { wall_s } else { rows.longest_s };
+                if index < points {
+                    rows.bits[(index / 64) as usize] |= 1 << (index % 64);
+                }
+            })?;
+            rows.damaged += damaged;
+            if let Some(shard) = shard_of(&path) {
+                let (created, written) = (metadata.created().ok(), metadata.modified()?);
+                rows.journals.insert(shard, JournalFile { rows: count, created, written });
+            }
+        }
+        Ok(rows)
+    }
+
+    /// The points, in ascending order.
+    fn each(&self, mut take: impl FnMut(u64)) {
+        for (word, bits) in (0..).zip(&self.bits) {
+            let mut bits = *bits;
+            while bits != 0 {
+                take(64 * word + u64::from(bits.trailing_zeros()));
+                bits &= bits - 1;
+            }
+        }
+    }
+
+    fn still(&self) -> Duration {
+        STILL.max(Duration::try_from_secs_f64(STILL_POINTS * self.longest_s).unwrap_or(Duration::MAX))
+    }
+}
+
+/// Number and count of `I-of-N.rows`.
+fn shard_of(path: &Path) -> Option<(u64, u64)> {
+    let (number, count) = path.file_stem()?.to_str()?.split_once("-of-")?;
+    Some((number.parse().ok()?, count.parse().ok()?))
+}
+
+/// What a task of a job array has left of itself.
+#[derive(Debug, Default, PartialEq)]
+struct Trace {
+    attempts: u64,
+    begun_s: f64,
+    /// Rows before the last attempt.
+    rows_before: u64,
+    node: Option<String>,
+    exit_code: Option<u8>,
+    requeued: bool,
+}
+
+impl Trace {
+    fn parse(text: &str) -> Self {
+        let mut trace = Self::default();
+        for line in text.lines() {
+            match *line.split_whitespace().collect::<Vec<_>>() {
+                [at, "begun", lines, ref node @ ..] => {
+                    // the first line of a journal is no row
+                    let rows_before = lines.parse::<u64>().unwrap_or(0).saturating_sub(1);
+                    let node = node.first().map(|node| (*node).to_owned());
+                    let begun_s = at.parse().unwrap_or(0.0);
+                    trace =
+                        Self { attempts: trace.attempts + 1, begun_s, rows_before, node, ..Self::default() };
+                }
+                [_, "ended", code] => trace.exit_code = code.parse().ok(),
+                [_, "requeued"] => trace.requeued = true,
+                _ => {}
+            }
+        }
+        trace
+    }
+}
+
+impl Shard {
+    fn new(
+        directory: &Path,
+        (number, count): (u64, u64),
+        points: u64,
+        done: u64,
+        rows: &Rows,
+        queue: &Queue,
+    ) -> Result<Self, Failure> {
+        let now = SystemTime::now();
+        let path = directory.join(SLURM).join(format!("{number}-of-{count}.trace"));
+        let trace = Trace::parse(&fs::read_to_string(path).unwrap_or_default());
+        let journal = rows.journals.get(&(number, count));
+        let begun = (trace.attempts > 0)
+            .then(|| SystemTime::UNIX_EPOCH + Duration::from_secs_f64(trace.begun_s))
+            .or_else(|| journal.and_then(|journal| journal.created));
+        let last = begun.max(journal.map(|journal| journal.written));
+        let since = |time: SystemTime| now.duration_since(time).unwrap_or_default();
+        let quiet = last.map(since).unwrap_or_default();
+        let has_begun = trace.attempts > 0 || journal.is_some();
+        let state = if done == points {
+            State::Done
+        } else {
+            state(has_begun, &trace, queue.state_of(number), quiet > rows.still())
+        };
+        let new_rows = journal.map_or(0, |journal| journal.rows.saturating_sub(trace.rows_before));
+        // until a whole second has gone by nobody knows
+        let rate = begun.map(since).filter(|since| since.as_secs() > 0);
+        let rate = rate.map(|since| new_rows as f64 / since.as_secs_f64());
+        let Trace { attempts, node, exit_code, .. } = trace;
+        Ok(Self {
+            shard: number,
+            state,
+            points,
+            done,
+            attempts,
+            node,
+            exit_code,
+            quiet_s: quiet.as_secs_f64(),
+            rate,
+        })
+    }
+}
+
+/// What is known of a shard that has not all its rows, in a word.
+fn state(has_begun: bool, trace: &Trace, queued: Queued, is_still: bool) -> State {
+    let going_on = if is_still { State::StandsStill } else { State::Running };
+    if trace.attempts == 0 {
+        return match queued {
+            Queued::Waits => State::Queued,
+            Queued::Runs => State::Running,
+            _ if has_begun => going_on,
+            _ => State::NotBegun,
+        };
+    }
+    match (queued, trace.exit_code) {
+        (Queued::Waits, _) => State::Requeued,
+        (Queued::Unknown, _) if trace.requeued => State::Requeued,
+        (Queued::Runs, None) | (Queued::Unknown, None) => going_on,
+        (_, None | Some(0 | 3)) => State::Stopped,
+        (_, Some(_)) => State::Failed,
+    }
+}
+
+/// What Slurm says of a task.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Queued {
+    /// There is no Slurm here, it does not answer, or it is just cleaning up.
+    Unknown,
+    Waits,
+    Runs,
+    /// It knows of no such task.
+    Gone,
+}
+
+/// Slurm's queue of a sweep's tasks; none where it cannot be asked.
+struct Queue(Option<HashMap<u64, Queued>>);
+
+impl Queue {
+    fn ask(directory: &Path) -> Self {
+        let Ok(directory) = fs::canonicalize(directory) else { return Self(None) };
+        // state, number in the array, working directory
+        let output = Command::new("squeue").args(["--noheader", "--array", "--format=%T %K %Z"]).output();
+        let said = output.ok().filter(|output| output.status.success()).map(|output| output.stdout);
+        Self(said.map(|said| Self::parse(&String::from_utf8_lossy(&said), &directory)))
+    }
+
+    fn parse(said: &str, directory: &Path) -> HashMap<u64, Queued> {
+        let task = |line: &str| {
+            let mut words = line.splitn(3, ' ');
+            let (state, number, place) = (words.next()?, words.next()?, words.next()?);
+            let queued = match state {
+                "PENDING" | "REQUEUED" | "REQUEUE_HOLD" | "SPECIAL_EXIT" => Queued::Waits,
+                "RUNNING" | "CONFIGURING" | "SUSPENDED" | "STOPPED" => Queued::Runs,
+                _ => Queued::Unknown,
+            };
+            (Path::new(place.trim_end()) == directory).then_some((number.parse().ok()?, queued))
+        };
+        said.lines().filter_map(task).collect()
+    }
+
+    fn state_of(&self, number: u64) -> Queued {
+        let Some(tasks) = &self.0 else { return Queued::Unknown };
+        tasks.get(&number).copied().unwrap_or(Queued::Gone)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_trace_says_how_the_last_attempt_went() {
+        let trace = Trace::parse("5 begun 0 a\n9 ended 3\n9 requeued\n12 begun 4 b\n");
+        let node = Some("b".to_owned());
+        let begun = Trace { attempts: 2, begun_s: 12.0, rows_before: 3, node, ..Trace::default() };
+        assert_eq!(trace, begun);
+        assert_eq!(Trace::parse("5 begun 0\n7 ended 137\ntorn").exit_code, Some(137));
+    }
+
+    #[test]
+    fn what_a_shard_does_is_known_from_its_trace_and_the_queue() {
+        let trace = |text| Trace::parse(text);
+        let begun = "5 begun 0 a\n";
+        for (text, queued, expected) in [
+            ("", Queued::Waits, State::Queued),
+            ("", Queued::Gone, State::NotBegun),
+            (begun, Queued::Runs, State::Running),
+            // killed with its node, and not in the queue any more
+            (begun, Queued::Gone, State::Stopped),
+            (begun, Queued::Waits, State::Requeued),
+            ("5 begun 0 a\n6 ended 3\n6 requeued\n", Queued::Unknown, State::Requeued),
+            ("5 begun 0 a\n6 ended 3\n", Queued::Unknown, State::Stopped),
+            ("5 begun 0 a\n6 ended 137\n", Queued::Gone, State::Failed),
+        ] {
+            assert_eq!(state(text == begun, &trace(text), queued, false), expected, "{text:?} {queued:?}");
+        }
+        assert_eq!(state(true, &trace(begun), Queued::Runs, true), State::StandsStill);
+        assert_eq!(state(true, &trace(""), Queued::Gone, true), State::StandsStill);
+    }
+
+    #[test]
+    fn tasks_of_other_directories_do_not_count() {
+        let said = "PENDING 3 /a b\nRUNNING 4 /a b\nRUNNING 5 /a\nCOMPLETING 6 /a b\nRUNNING N/A /a b\n";
+        let tasks = Queue(Some(Queue::parse(said, Path::new("/a b"))));
+        let found = [3, 4, 5, 6].map(|number| tasks.state_of(number));
+        assert_eq!(found, [Queued::Waits, Queued::Runs, Queued::Gone, Queued::Unknown]);
+    }
+}
