@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -183,7 +184,9 @@ def _rows_of(
             tell(len(rows))
     except BaseException:
         for task in tasks:
-            task.cancel()
+            # Parsl cannot
+            with contextlib.suppress(NotImplementedError):
+                task.cancel()
         raise
     return rows
 

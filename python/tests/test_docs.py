@@ -69,7 +69,8 @@ def environment(tmp_path: Path) -> Iterator[dict[str, str]]:
     command.write_text(f'#!/bin/sh\nexec {sys.executable} -m beadline "$@"\n')
     command.chmod(0o755)
     package = str(Path(beadline.__file__).resolve().parents[1])
-    path = f"{command.parent}:{os.environ['PATH']}"
+    # as in an activated environment
+    path = f"{command.parent}:{Path(sys.executable).parent}:{os.environ['PATH']}"
     # names of sockets have no room for more
     with tempfile.TemporaryDirectory(prefix="bl-", dir="/tmp") as root:
         own = {"PATH": path, "BEADLINE_ROOT": root, "MPLBACKEND": "Agg", "PYTHONPATH": package}
