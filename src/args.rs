@@ -326,7 +326,7 @@ pub(crate) struct Overrides {
     beadline sweep --example > reflection.toml           a sweep file to begin with\n  \
     beadline sweep reflection.toml --out reflection      all points, on all cores; again: goes on\n  \
     beadline sweep reflection.toml --out all --shard 3/16   one job of an array of 16\n  \
-    beadline sweep reflection.toml --out all --merge     the rows that are there, as tables\n  \
+    beadline sweep --merge all                           the rows that are there, as tables\n  \
     beadline sweep reflection.toml --plan --cores 1000   what it will take, from a few of its points\n  \
     beadline sweep reflection.toml --out all --slurm --time 4:00:00 --partition long --submit   a job array of Slurm\n  \
     beadline sweep --status all                          how far all of it is, on any machine that sees it\n\n\
@@ -340,7 +340,7 @@ pub(crate) struct SweepArgs {
     #[arg(value_name = "SWEEP.toml", required_unless_present_any = ["example", "status"])]
     pub(crate) file: Option<PathBuf>,
     /// Directory for the results; its finished points are not computed again
-    #[arg(long, value_name = "DIR", required_unless_present_any = ["example", "plan", "status"])]
+    #[arg(long, value_name = "DIR", required_unless_present_any = ["example", "plan", "status", "merge"])]
     pub(crate) out: Option<PathBuf>,
     /// Points computed at the same time [default: the cores of this machine]
     #[arg(long, value_name = "N", value_parser = parse_jobs)]
@@ -348,7 +348,7 @@ pub(crate) struct SweepArgs {
     /// Compute only the points whose index leaves the remainder I by N
     #[arg(long, value_name = "I/N", value_parser = parse_shard)]
     pub(crate) shard: Option<Shard>,
-    /// Compute nothing; make tables of the existing rows
+    /// Compute nothing; make tables of the existing rows: `--merge DIR`, or with SWEEP.toml and --out
     #[arg(long, conflicts_with_all = ["shard", "jobs", "force", "record", "yes"])]
     pub(crate) merge: bool,
     /// Record each point, also if the sweep file does not ask for it

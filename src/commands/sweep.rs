@@ -31,9 +31,13 @@ pub(crate) fn sweep(args: &SweepArgs) -> Result<Done, Failure> {
     if let Some(directory) = &args.status {
         return cluster::status(directory, args.json);
     }
-    let (Some(file), Some(out)) = (&args.file, &args.out) else {
+    // a directory has the file that it was made of
+    let merged = args.file.as_ref().filter(|_| args.merge && args.out.is_none());
+    let merged = merged.and_then(|directory| Some((sweep::file_in(directory)?, directory.clone())));
+    let Some((file, out)) = merged.or_else(|| args.file.clone().zip(args.out.clone())) else {
         return Err(Failure::BadInput(anyhow!("a sweep needs SWEEP.toml and --out DIR; see --help")));
     };
+    let (file, out) = (file.as_path(), out.as_path());
     let start = Instant::now();
     let stop = signals::stop_flag()?;
     signals::would_leave(format!(

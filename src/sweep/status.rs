@@ -59,7 +59,8 @@ pub(crate) enum State {
 /// A shard that has begun.
 #[derive(Debug, Serialize)]
 pub(crate) struct Shard {
-    pub(crate) shard: u64,
+    #[serde(rename = "shard")]
+    pub(crate) number: u64,
     pub(crate) state: State,
     pub(crate) points: u64,
     pub(crate) done: u64,
@@ -82,7 +83,8 @@ pub(crate) fn status(directory: &Path) -> Result<Status, Failure> {
     let rows = Rows::read(directory, points)?;
     let count = shard_count(directory, &rows).min(points.max(1));
     let mut done = vec![0_u64; usize::try_from(count)?];
-    rows.each(|index| done[(index % count) as usize] += 1);
+    let shards = done.len();
+    rows.each(|index| done[index % shards] += 1);
     let queue = Queue::ask(directory);
     let mut status = Status {
         points,
@@ -98,7 +100,7 @@ pub(crate) fn status(directory: &Path) -> Result<Status, Failure> {
     for (number, done) in (0..count).zip(done) {
         // how many of the points leave this remainder
         let shard =
-            Shard::new(directory, (number, count), (points - number).div_ceil(count), done, &rows, &queue)?;
+            Shard::new(directory, (number, count), (points - number).div_ceil(count), done, &rows, &queue);
         status.begun_again += u64::from(shard.attempts > 1);
         *status.shards.entry(shard.state).or_default() += 1;
         if let (State::Running, Some(rate)) = (shard.state, shard.rate) {
@@ -155,14 +157,16 @@ impl Rows {
     fn read(directory: &Path, points: u64) -> Result<Self, Failure> {
         let bits = vec![0; usize::try_from(points.div_ceil(64))?];
         let mut rows = Self { bits, journals: HashMap::new(), damaged: 0, longest_s: 0.0 };
-        for path in files(&directory.join(ROWS), |name| name.ends_with(".rows"))? {
+        for path in
+            files(&directory.join(ROWS), |name| Path::new(name).extension().is_some_and(|end| end == "rows"))?
+        {
             let mut count = 0;
             let metadata = fs::metadata(&path).with_context(|| path.display().to_string())?;
             let damaged = journal::scan(&path, |index, wall_s| {
                 count += 1;
                 rows.longest_s = if wall_s > rows.longest_s { wall_s } else { rows.longest_s };
-                if index < points {
-                    rows.bits[(index / 64) as usize] |= 1 << (index % 64);
+                if let Some(index) = usize::try_from(index).ok().filter(|_| index < points) {
+                    rows.bits[index / 64] |= 1 << (index % 64);
                 }
             })?;
             rows.damaged += damaged;
@@ -175,11 +179,11 @@ impl Rows {
     }
 
     /// The points, in ascending order.
-    fn each(&self, mut take: impl FnMut(u64)) {
+    fn each(&self, mut take: impl FnMut(usize)) {
         for (word, bits) in (0..).zip(&self.bits) {
             let mut bits = *bits;
             while bits != 0 {
-                take(64 * word + u64::from(bits.trailing_zeros()));
+                take(64 * word + bits.trailing_zeros() as usize);
                 bits &= bits - 1;
             }
         }
@@ -238,7 +242,7 @@ impl Shard {
         done: u64,
         rows: &Rows,
         queue: &Queue,
-    ) -> Result<Self, Failure> {
+    ) -> Self {
         let now = SystemTime::now();
         let path = directory.join(SLURM).join(format!("{number}-of-{count}.trace"));
         let trace = Trace::parse(&fs::read_to_string(path).unwrap_or_default());
@@ -260,17 +264,7 @@ impl Shard {
         let rate = begun.map(since).filter(|since| since.as_secs() > 0);
         let rate = rate.map(|since| new_rows as f64 / since.as_secs_f64());
         let Trace { attempts, node, exit_code, .. } = trace;
-        Ok(Self {
-            shard: number,
-            state,
-            points,
-            done,
-            attempts,
-            node,
-            exit_code,
-            quiet_s: quiet.as_secs_f64(),
-            rate,
-        })
+        Self { number, state, points, done, attempts, node, exit_code, quiet_s: quiet.as_secs_f64(), rate }
     }
 }
 
@@ -288,7 +282,7 @@ fn state(has_begun: bool, trace: &Trace, queued: Queued, is_still: bool) -> Stat
     match (queued, trace.exit_code) {
         (Queued::Waits, _) => State::Requeued,
         (Queued::Unknown, _) if trace.requeued => State::Requeued,
-        (Queued::Runs, None) | (Queued::Unknown, None) => going_on,
+        (Queued::Runs | Queued::Unknown, None) => going_on,
         (_, None | Some(0 | 3)) => State::Stopped,
         (_, Some(_)) => State::Failed,
     }

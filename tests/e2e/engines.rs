@@ -30,7 +30,8 @@ fn makes_the_same_bytes(program: &Path, arguments: &[&str]) {
     place.write("sweep.toml", SWEEP);
     let command = Path::new(env!("CARGO_BIN_EXE_beadline")).parent().unwrap();
     let path = std::env::var_os("PATH").unwrap_or_default();
-    let path = std::env::join_paths([command.to_owned()].into_iter().chain(std::env::split_paths(&path))).unwrap();
+    let path =
+        std::env::join_paths([command.to_owned()].into_iter().chain(std::env::split_paths(&path))).unwrap();
     let mut engine = place.foreign(program, arguments);
     engine.env("PATH", path).env("HOME", place.path(""));
     Running::start(arguments[arguments.len() - 1], engine).wait().exits(0);

@@ -71,7 +71,7 @@ fn a_node_that_dies_costs_nothing() {
     let some = status()["done"].as_u64().unwrap();
     assert!((20..10_000).contains(&some), "{some}");
     // the rows that are there can be merged at any time
-    cluster.beadline("sweep s.toml --out all --merge").exits(3).says(&["missing in the results"]);
+    cluster.beadline("sweep --merge all").exits(3).says(&["missing in the results"]);
     wait_until("the dead node to be missed", || cluster.node_state("two").starts_with("down").then_some(()));
     cluster.start_node("two");
 
@@ -198,6 +198,8 @@ fn the_status_tells_what_has_begun_and_what_stands_still() {
     let begun = long_ago.duration_since(std::time::UNIX_EPOCH).unwrap().as_secs();
     place.write("all/slurm/3-of-100.trace", &format!("{begun} begun 1 node7\n"));
     let words = place.run("sweep --status all").exits(0).stdout();
+    place.run("sweep --merge all").exits(3).says(&["missing in the results: 9,850 points"]);
+    assert_eq!(place.read("all/results.csv").lines().count(), 151);
     let still = "3/100: 50 of 100 points, on node7, no row for 3 h";
     assert!(words.contains("stand still") && words.contains(still), "{words}");
 }

@@ -77,12 +77,15 @@ fn words(status: &Status, directory: &Path) -> String {
     if status.begun_again > 0 {
         rows.add("begun again", counted(status.begun_again, "shard"));
     }
+    if status.done == status.points && !directory.join("results.csv").exists() {
+        rows.add("next", format_args!("beadline sweep --merge {}", directory.display()));
+    }
     rows.under(format_args!("sweep in {}", directory.display()))
 }
 
 /// A shard, and what is known of it.
 fn named(shard: &Shard, of: u64) -> String {
-    let mut text = format!("{}/{of}: {} of {} points", shard.shard, count(shard.done), count(shard.points));
+    let mut text = format!("{}/{of}: {} of {} points", shard.number, count(shard.done), count(shard.points));
     let mut add = |part: String| text.extend([", ".to_owned(), part]);
     if shard.attempts > 1 {
         add(format!("begun {} times", shard.attempts));
@@ -95,7 +98,7 @@ fn named(shard: &Shard, of: u64) -> String {
     }
     add(format!("no row for {}", left(shard.quiet_s)));
     if shard.state == State::Failed {
-        add(format!("see slurm/{}-of-{of}.out", shard.shard));
+        add(format!("see slurm/{}-of-{of}.out", shard.number));
     }
     text
 }
