@@ -373,7 +373,7 @@ pub(crate) struct SweepArgs {
     #[arg(long, exclusive = true)]
     pub(crate) example: bool,
     /// Say how far the sweep in DIR is, and which shards failed, were requeued, have not begun or stand still
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["file", "out", "merge", "shard", "jobs", "record", "force", "yes", "slurm"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["file", "out", "merge", "shard", "jobs", "record", "force", "yes", "slurm", "plan"])]
     pub(crate) status: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) slurm: SlurmArgs,

@@ -9,7 +9,7 @@ use std::num::NonZero;
 #[command(next_help_heading = "As a job array of Slurm")]
 pub(crate) struct SlurmArgs {
     /// Compute nothing; write the script of a job array, DIR/slurm/array.sh
-    #[arg(long, conflicts_with_all = ["shard", "merge", "jobs", "yes"])]
+    #[arg(long, conflicts_with_all = ["shard", "merge", "jobs", "yes", "plan"])]
     pub(crate) slurm: bool,
     /// Send it with sbatch
     #[arg(long, requires = "slurm")]
