@@ -150,7 +150,9 @@ impl Journal {
         }
         let walked = walk(&mut BufReader::new(&file), path, Some(head), |json| {
             let row = skimmed(json, head);
-            row.iter().for_each(|row| each(row.index));
+            if let Some(row) = &row {
+                each(row.index);
+            }
             Ok::<_, JournalError>(row.is_some())
         })?;
         file.set_len(walked.whole_bytes).map_err(&io)?;
@@ -233,7 +235,9 @@ pub fn scan(path: &Path, mut each: impl FnMut(u64, f64)) -> Result<u64, JournalE
     let file = File::open(path).map_err(JournalError::io(path))?;
     let walked = walk(&mut BufReader::new(file), path, None, |json| {
         let row = serde_json::from_slice::<Skimmed>(json).ok();
-        row.iter().for_each(|row| each(row.index, row.wall_s));
+        if let Some(row) = &row {
+            each(row.index, row.wall_s);
+        }
         Ok::<_, JournalError>(row.is_some())
     })?;
     Ok(walked.damaged_count)

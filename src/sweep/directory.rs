@@ -192,7 +192,8 @@ impl Directory {
     /// The journals that may have rows of points of `shard`, but for its own: those of other shards of as many have none.
     pub(super) fn journals_beside(&self, shard: Shard) -> Result<Vec<PathBuf>, Failure> {
         let of_as_many = format!("-of-{}.rows", shard.count);
-        files(&self.rows(), |name| name.ends_with(".rows") && !name.ends_with(&of_as_many))
+        let others = self.journals()?.into_iter();
+        Ok(others.filter(|path| !path.to_string_lossy().ends_with(&of_as_many)).collect())
     }
 
     /// What all journals have in them.

@@ -13,19 +13,19 @@ const LOOKED_AT: usize = 100;
 pub(super) struct Points {
     bits: Vec<u64>,
     /// Points of the sweep.
-    points: u64,
+    all: u64,
     count: u64,
 }
 
 impl Points {
     /// None of `points`.
     pub(super) fn none_of(points: u64) -> Self {
-        Self { bits: vec![0; place(points).0 + 1], points, count: 0 }
+        Self { bits: vec![0; place(points).0 + 1], all: points, count: 0 }
     }
 
     /// Adds a point; one that the sweep does not have is none.
     pub(super) fn add(&mut self, index: u64) {
-        if index < self.points && !self.has(index) {
+        if index < self.all && !self.has(index) {
             let (word, bit) = place(index);
             self.bits[word] |= bit;
             self.count += 1;
@@ -62,7 +62,7 @@ impl Pending<'_> {
     pub(super) fn indices(&self) -> impl Iterator<Item = u64> {
         let has_recording = |index| !self.record || self.directory.recording(index).exists();
         let step = usize::try_from(self.shard.count).unwrap_or(usize::MAX);
-        let shard = (self.shard.number..self.rows.points).step_by(step);
+        let shard = (self.shard.number..self.rows.all).step_by(step);
         shard.filter(move |index| !(self.rows.has(*index) && has_recording(*index)))
     }
 

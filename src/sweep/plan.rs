@@ -239,7 +239,7 @@ fn tried(sweep: &Sweep, stop: &AtomicBool) -> Result<Tried, Failure> {
         });
         let mut tried = Tried { rows: Vec::new(), times_s: Vec::new() };
         let most = MOST_TRIED.min(u32::try_from(sweep.point_count()).unwrap_or(u32::MAX));
-        for place in (0..most).map(|place| place.reverse_bits()) {
+        for place in (0..most).map(u32::reverse_bits) {
             let index = (u128::from(place) * u128::from(sweep.point_count())) >> 32;
             let index = u64::try_from(index).unwrap_or(0); // below the number of points
             let (start, at) = (Instant::now(), At::default());

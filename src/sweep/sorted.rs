@@ -80,11 +80,14 @@ impl Sorter {
     }
 }
 
+/// The number of a row, its source, the row.
+type Head = (u64, usize, Box<[u8]>);
+
 /// Rows in ascending order.
 pub(super) struct Sorted {
     sources: Vec<Source>,
     /// The next row of each source, the least number first, and of equal ones that of the first source.
-    heads: BinaryHeap<Reverse<(u64, usize, Box<[u8]>)>>,
+    heads: BinaryHeap<Reverse<Head>>,
 }
 
 enum Source {
