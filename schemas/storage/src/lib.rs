@@ -1,1 +1,33 @@
 //! Bytes where they lie: files, and objects behind URLs.
+//!
+//! A URL (`s3://BUCKET/KEY`, `gs://BUCKET/KEY`, `az://CONTAINER/BLOB`, `http://…`, `https://…`) is a path like that of a
+//! file: [`Reader::open`] opens either, [`list`] lists either. Credentials and endpoints come from the environment
+//! variables `AWS_*`, `GOOGLE_*` and `AZURE_*`, as the object_store crate reads them.
+//!
+//! Architecture invariants: nothing else imports `object_store`. Memory is bounded by the parts of an object that are kept,
+//! never by its size. Every answer is of the object that was opened, or an error.
+
+mod error;
+mod list;
+mod reader;
+#[cfg(feature = "remote")]
+mod remote;
+#[cfg(not(feature = "remote"))]
+#[path = "without.rs"]
+mod remote;
+
+pub use error::StorageError;
+pub use list::{Entry, list};
+pub use reader::Reader;
+pub use remote::forget;
+
+use std::path::Path;
+
+/// What a URL may begin with.
+const SCHEMES: [&str; 5] = ["s3", "gs", "az", "http", "https"];
+
+/// Whether `path` is a URL, and not the name of a file.
+pub fn is_url(path: &Path) -> bool {
+    let scheme = path.to_str().and_then(|text| text.split_once("://")).map(|(scheme, _)| scheme);
+    scheme.is_some_and(|scheme| SCHEMES.contains(&scheme))
+}

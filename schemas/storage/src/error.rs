@@ -1,0 +1,52 @@
+//! What goes wrong with objects behind URLs.
+
+use std::io;
+
+/// Why an object cannot be read or written.
+#[derive(Debug, Clone, thiserror::Error)]
+pub enum StorageError {
+    /// The feature `remote` is not there.
+    #[error(
+        "this command was built without `remote`, which reads and writes URLs: `cargo install beadline --features remote` \
+         has it"
+    )]
+    NotBuilt,
+    /// Not a URL of an object.
+    #[error(
+        "{0}; a URL looks like s3://BUCKET/KEY, gs://BUCKET/KEY, az://CONTAINER/BLOB or https://HOST/PATH"
+    )]
+    Url(String),
+    /// There is no such object, bucket or container.
+    #[error("not found: {0}")]
+    NotFound(String),
+    /// No credentials, wrong ones, or ones that may not.
+    #[error(
+        "access denied: {0}; credentials come from the environment (AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, \
+         GOOGLE_APPLICATION_CREDENTIALS, AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY)"
+    )]
+    Denied(String),
+    /// The object is another one than when it was opened.
+    #[error("it was changed while it was read; read it again")]
+    Changed,
+    /// The server sends whole objects only.
+    #[error(
+        "the server does not send parts of objects (HTTP range requests), which reading needs; copy it to a file"
+    )]
+    NoRanges,
+    /// Anything else, after all retries.
+    #[error("{0}")]
+    Failed(String),
+}
+
+impl From<StorageError> for io::Error {
+    fn from(error: StorageError) -> Self {
+        let kind = match &error {
+            StorageError::NotBuilt | StorageError::NoRanges => io::ErrorKind::Unsupported,
+            StorageError::Url(_) => io::ErrorKind::InvalidInput,
+            StorageError::NotFound(_) => io::ErrorKind::NotFound,
+            StorageError::Denied(_) => io::ErrorKind::PermissionDenied,
+            StorageError::Changed | StorageError::Failed(_) => io::ErrorKind::Other,
+        };
+        Self::new(kind, error)
+    }
+}

@@ -1,0 +1,117 @@
+//! Reads an object from place to place, with few requests: what is expected in large parts, the next one on its way while
+//! one is used; else little at first, and more each time that reading simply goes on.
+
+use super::object::{Object, Part};
+use std::io::{self, BufRead, Read, Seek, SeekFrom};
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+
+/// What is asked for where nothing is expected: the beginning of most recordings.
+const LITTLE_BYTES: u64 = 64 << 10;
+
+/// How many times more when reading goes on.
+const GROWTH: u64 = 8;
+
+/// The most that one request brings.
+const MOST_BYTES: u64 = 8 << 20;
+
+/// A reader of an object.
+#[derive(Debug)]
+pub(crate) struct ObjectReader {
+    object: Arc<Object>,
+    position: u64,
+    /// Where the bytes at hand are from.
+    here: Range<u64>,
+    bytes: Arc<Vec<u8>>,
+    /// On its way.
+    next: Option<Arc<Part>>,
+    expected: Range<u64>,
+    /// Asked for last, where nothing was expected.
+    amount: u64,
+}
+
+impl ObjectReader {
+    pub(crate) fn open(url: &Path) -> io::Result<Self> {
+        let object = Object::open(url)?;
+        Ok(Self {
+            object,
+            position: 0,
+            here: 0..0,
+            bytes: Arc::default(),
+            next: None,
+            expected: 0..0,
+            amount: 0,
+        })
+    }
+
+    pub(crate) fn size(&self) -> u64 {
+        self.object.size()
+    }
+
+    pub(crate) fn expect(&mut self, range: Range<u64>) {
+        self.expected = range;
+    }
+
+    pub(crate) fn expected(&self) -> Range<u64> {
+        self.expected.clone()
+    }
+
+    pub(crate) fn expects(&self, offset: u64) -> bool {
+        self.expected.contains(&offset) || self.here.contains(&offset)
+    }
+
+    /// Where a part that starts at `offset` should end.
+    fn end_of(&self, offset: u64) -> u64 {
+        let end = if self.expected.contains(&offset) { self.expected.end } else { offset + self.amount };
+        end.min(offset + MOST_BYTES).min(self.size()) // integers
+    }
+
+    /// Brings the bytes at the position.
+    fn load(&mut self) -> io::Result<()> {
+        let goes_on = self.amount > 0 && self.position == self.here.end;
+        self.amount = if goes_on { (self.amount * GROWTH).min(MOST_BYTES) } else { LITTLE_BYTES }; // integers
+        let part = self.object.part(self.position, self.end_of(self.position))?;
+        let end = part.range.end;
+        let is_stream = self.expected.contains(&end) || (goes_on && self.amount == MOST_BYTES);
+        self.next =
+            (is_stream && end < self.size()).then(|| self.object.part(end, self.end_of(end))).transpose()?;
+        self.bytes = part.wait()?;
+        self.here = part.range.clone();
+        Ok(())
+    }
+}
+
+impl BufRead for ObjectReader {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        if self.position < self.size() && !self.here.contains(&self.position) {
+            self.load()?;
+        }
+        let at = usize::try_from(self.position.saturating_sub(self.here.start)).unwrap_or(usize::MAX);
+        Ok(self.bytes.get(at..).unwrap_or_default())
+    }
+
+    fn consume(&mut self, amount: usize) {
+        self.position += amount as u64;
+    }
+}
+
+impl Read for ObjectReader {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.fill_buf()?.read(buffer)?;
+        self.consume(count);
+        Ok(count)
+    }
+}
+
+impl Seek for ObjectReader {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let (base, offset) = match to {
+            SeekFrom::Start(offset) => (offset, 0),
+            SeekFrom::End(offset) => (self.size(), offset),
+            SeekFrom::Current(offset) => (self.position, offset),
+        };
+        self.position = base.checked_add_signed(offset).ok_or(io::ErrorKind::InvalidInput)?;
+        Ok(self.position)
+    }
+}

@@ -1,0 +1,120 @@
+//! The store of a URL, and what it says when it refuses.
+
+use crate::StorageError;
+use object_store::aws::AmazonS3Builder;
+use object_store::azure::MicrosoftAzureBuilder;
+use object_store::gcp::GoogleCloudStorageBuilder;
+use object_store::http::HttpBuilder;
+use object_store::path::Path as ObjectPath;
+use object_store::{BackoffConfig, ClientConfigKey, Error, ObjectStore, RetryConfig};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// How often a request is tried again, and for how long.
+const RETRIES: usize = 6;
+const RETRY_FOR: Duration = Duration::from_secs(60);
+
+/// Keeps connections from object to object.
+static STORES: Mutex<BTreeMap<String, Arc<dyn ObjectStore>>> = Mutex::new(BTreeMap::new());
+
+/// The store of the URL `url`, and the object's name there.
+pub(crate) fn of_object(url: &Path) -> Result<(Arc<dyn ObjectStore>, ObjectPath), StorageError> {
+    let (base, key) = split(url)?;
+    if key.is_empty() || key.ends_with('/') {
+        return Err(StorageError::Url("no object is named".into()));
+    }
+    Ok((of_base(base)?, object_path(base, key)?))
+}
+
+/// The store of the URL `url`, the prefix of names that it stands for, and what URLs of objects there begin with.
+pub(crate) fn of_directory(
+    url: &Path,
+) -> Result<(Arc<dyn ObjectStore>, Option<ObjectPath>, String), StorageError> {
+    let (base, key) = split(url)?;
+    let key = key.trim_end_matches('/');
+    let prefix = if key.is_empty() { None } else { Some(object_path(base, key)?) };
+    Ok((of_base(base)?, prefix, base.to_owned()))
+}
+
+/// `s3://BUCKET` and `KEY`.
+fn split(url: &Path) -> Result<(&str, &str), StorageError> {
+    let text = url.to_str().ok_or_else(|| StorageError::Url("it is not UTF-8".into()))?;
+    let host = text.find("://").map_or(0, |at| at + 3);
+    let end = text[host..].find('/').map_or(text.len(), |at| host + at);
+    let (base, key) = (&text[..end], text[end..].trim_start_matches('/'));
+    if base.len() == host {
+        return Err(StorageError::Url("it names no bucket, container or host".into()));
+    }
+    if base.starts_with("http") && (base.contains('@') || key.contains(['?', '#'])) {
+        return Err(StorageError::Url("names, passwords and queries in URLs are not read".into()));
+    }
+    Ok((base, key))
+}
+
+fn object_path(base: &str, key: &str) -> Result<ObjectPath, StorageError> {
+    // keys of buckets are written as they are, as other tools do
+    let parsed =
+        if base.starts_with("http") { ObjectPath::from_url_path(key) } else { ObjectPath::parse(key) };
+    parsed.map_err(|error| StorageError::Url(error.to_string()))
+}
+
+fn of_base(base: &str) -> Result<Arc<dyn ObjectStore>, StorageError> {
+    let mut stores = STORES.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(store) = stores.get(base) {
+        return Ok(Arc::clone(store));
+    }
+    super::handle()?; // which chooses the cryptography
+    let store = build(base).map_err(|error| StorageError::Url(error.to_string()))?;
+    stores.insert(base.to_owned(), Arc::clone(&store));
+    Ok(store)
+}
+
+fn build(base: &str) -> object_store::Result<Arc<dyn ObjectStore>> {
+    let retry = RetryConfig {
+        max_retries: RETRIES,
+        retry_timeout: RETRY_FOR,
+        backoff: BackoffConfig { max_backoff: Duration::from_secs(5), ..BackoffConfig::default() },
+    };
+    Ok(match base.split("://").next() {
+        Some("s3") => Arc::new(AmazonS3Builder::from_env().with_url(base).with_retry(retry).build()?),
+        Some("gs") => {
+            Arc::new(GoogleCloudStorageBuilder::from_env().with_url(base).with_retry(retry).build()?)
+        }
+        Some("az") => Arc::new(MicrosoftAzureBuilder::from_env().with_url(base).with_retry(retry).build()?),
+        _ => {
+            let http = HttpBuilder::new().with_url(base).with_config(ClientConfigKey::AllowHttp, "true");
+            Arc::new(http.with_retry(retry).build()?)
+        }
+    })
+}
+
+/// What a store's error means.
+pub(crate) fn refused(error: Error) -> StorageError {
+    if causes(&error).any(|cause| matches!(cause.downcast_ref(), Some(Error::Precondition { .. }))) {
+        return StorageError::Changed;
+    }
+    let text = error.to_string();
+    match error {
+        Error::NotFound { .. } if text.contains("NoSuchBucket") => {
+            StorageError::NotFound("there is no such bucket".into())
+        }
+        Error::NotFound { .. } => StorageError::NotFound("there is no such object".into()),
+        Error::PermissionDenied { .. } | Error::Unauthenticated { .. } => {
+            StorageError::Denied(code(&text).unwrap_or("the store does not say why").to_owned())
+        }
+        _ if text.contains("non-partial response") => StorageError::NoRanges,
+        _ => StorageError::Failed(text),
+    }
+}
+
+/// `AccessDenied`, as S3 has it in its answer.
+fn code(text: &str) -> Option<&str> {
+    text.split_once("<Code>")?.1.split_once("</Code>").map(|(code, _)| code)
+}
+
+fn causes<'a>(error: &'a Error) -> impl Iterator<Item = &'a (dyn std::error::Error + 'static)> {
+    let first: &(dyn std::error::Error + 'static) = error;
+    std::iter::successors(Some(first), |cause| (*cause).source())
+}
