@@ -88,7 +88,7 @@ impl<'a> Session<'a> {
             args,
             figures,
             publishes: false,
-            source: Frames::of(source, args, window.from_s)?,
+            source: Frames::of(source, args, window)?,
             window,
             live,
             stop,
@@ -101,8 +101,7 @@ impl<'a> Session<'a> {
 
     /// The steps that are looked at.
     pub(crate) fn steps(&self) -> RangeInclusive<u64> {
-        let physics = &self.manifest().physics;
-        physics.step_at_or_after(self.window.from_s)..=physics.step_at_or_before(self.window.until_s)
+        self.window.steps(self.manifest())
     }
 
     /// A publisher of results, if the source is live and nobody else publishes them.

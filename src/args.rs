@@ -122,9 +122,16 @@ pub(crate) enum Command {
     /// What the bench runs in other processes
     #[command(subcommand, hide = true)]
     BenchPart(PartArgs),
-    /// List the live runs of this user, when they end, and who listens
-    #[command(after_help = "Example:\n  beadline ls --json | jq '.[].consumers'")]
+    /// List the live runs of this user, when they end, and who listens; or the recordings of a place
+    #[command(after_help = "Examples:\n  \
+        beadline ls --json | jq '.[].consumers'\n  \
+        beadline ls results                         the recordings in a directory and below\n  \
+        beadline ls s3://bucket/2026                the same in a store, two requests for each at most\n\n\
+        Of recordings only beginnings and summaries are read. Exit code 3: one of them cannot be read.")]
     Ls {
+        /// A directory or a URL with recordings [default: live runs]
+        #[arg(value_name = "DIR|URL")]
+        place: Option<PathBuf>,
         /// Print JSON
         #[arg(long)]
         json: bool,

@@ -4,7 +4,7 @@ use crate::args::FramesArgs;
 use crate::failure::{BadInput, Failure};
 use bus::{AttachError, AttachNotice, AttachOptions, Bus, Delivery, LiveSource};
 use producer::resimulation::{Lend, ParallelResimulation, Resimulation, ResimulationError};
-use schemas::frame::{EndReason, FrameSource, Received};
+use schemas::frame::{EndReason, FrameSource, Received, Window};
 use schemas::manifest::RunManifest;
 use schemas::run_name::RunName;
 use source::{Source, SourceError};
@@ -35,10 +35,11 @@ pub(crate) fn is_of_a_file(error: &FramesError) -> bool {
 }
 
 impl Frames {
-    /// The part of `source` that the flags ask for, at least from the time `from_s` on.
-    pub(crate) fn of(mut source: Source, args: &FramesArgs, from_s: f64) -> Result<Self, Failure> {
-        let first_step = source.manifest().physics.step_at_or_after(from_s);
-        source.seek(first_step).bad_input()?;
+    /// The part of `source` that the flags ask for, at least that in `window`.
+    pub(crate) fn of(mut source: Source, args: &FramesArgs, window: Window) -> Result<Self, Failure> {
+        let steps = window.steps(source.manifest());
+        let first_step = *steps.start();
+        source.seek(&steps).bad_input()?;
         let lend = if args.every_step { Lend::Steps } else { Lend::Frames };
         if args.from_start || args.every_step || args.fill_gaps {
             return Self::recomputed(source, lend, args.from_start, first_step, args.jobs);

@@ -74,7 +74,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Replay(args) => commands::replay::replay(&args),
         Command::Bench(args) => commands::bench::bench(&args),
         Command::BenchPart(args) => commands::bench::part(&args),
-        Command::Ls { json, names } => commands::ls::ls(json, names),
+        Command::Ls { place, json, names } => commands::ls::ls(place.as_deref(), json, names),
         Command::Top(args) => commands::top::top(&args),
         Command::Thin(args) => commands::thin::thin(&args),
         Command::Expand(args) => commands::thin::expand(&args),

@@ -133,7 +133,7 @@ impl Resumption {
         let Some(last_step) = self.info().last_step else { return Ok(()) };
         let from = last_step.saturating_sub(MOST_PROVEN / manifest.physics.beads);
         let mut source = Source::recording(self.recording.path(), stop).bad_input()?;
-        source.seek(from).bad_input()?;
+        source.seek(&(from..=u64::MAX)).bad_input()?;
         let mut frames = Frames::recomputed(source, Lend::Frames, from == 0, from, None)?;
         let mut progress = Progress::new(last_step, "proving");
         loop {

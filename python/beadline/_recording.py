@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import operator
 import os
+import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -46,22 +47,29 @@ _ROWS_BYTES = 4_000_000
 
 
 def open(path: str | os.PathLike[str]) -> Recording:
-    """Opens a recording: whole, cut short, or still being written (then as ``PATH.partial``).
+    """Opens a recording: whole, cut short, or still being written (then as ``PATH.partial``). A URL works, too: ``s3://``, ``gs://``,
+    ``az://``, ``http://`` or ``https://``.
 
     Raises:
         FileNotFoundError: If there is none.
         RecordingError: If it is no recording, is damaged up to its first state, or holds no state.
     """
-    # absolute, so that it stays the same file in another directory
-    path = Path(os.path.abspath(path))
-    partial = Path(f"{path}.partial")
-    path = partial if not path.exists() and partial.exists() else path
-    recording = Recording(_native.States.open(path), str(path))
+    path = os.fspath(path)
+    if not _is_url(path):
+        # absolute, so that it stays the same file in another directory
+        path = os.path.abspath(path)
+        partial = f"{path}.partial"
+        path = partial if not os.path.exists(path) and os.path.exists(partial) else path
+    recording = Recording(_native.States.open(path), path)
     if not recording.about["states"]:
         channels = ", ".join(topic for topic, _ in recording.about["channels"])
         what = f"{path} holds no states, only {channels}: open the recording that it was made of"
-        raise RecordingError(what, path=str(path))
+        raise RecordingError(what, path=path)
     return recording
+
+
+def _is_url(path: str) -> bool:
+    return re.match(r"(s3|gs|az|https?)://", path) is not None
 
 
 def mcap(path: str | os.PathLike[str]) -> Path:
@@ -686,12 +694,14 @@ class Recording:
 
     def __reduce__(self) -> tuple[Any, ...]:
         if self.path is not None:
-            return open, (os.path.abspath(self.path),)
+            return open, (self.path,)
         return _of_kept, (self._manifest, *self._states.kept())
 
     def __repr__(self) -> str:
         # as short as it can be said here
-        place = "in memory" if self.path is None else min(self.path, os.path.relpath(self.path), key=len)
+        place = self.path or "in memory"
+        if self.path is not None and not _is_url(self.path):
+            place = min(self.path, os.path.relpath(self.path), key=len)
         return f"<Recording of {self.name}: {self.beads} beads, steps {self.first_step} to {self.last_step}, {place}>"
 
 

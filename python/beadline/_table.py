@@ -438,7 +438,9 @@ def share(
     Raises:
         FileExistsError: If there is such a file.
     """
-    page = Path(path if path is not None else Path(rec.path or rec.name).with_suffix(".html"))
+    own = rec.path or rec.name
+    own = os.path.basename(own) if "://" in own else own
+    page = Path(path if path is not None else Path(own).with_suffix(".html"))
     flags = ["--force"] if force else []
     flags += [] if every is None else [f"--every-steps={every}"]
     with rec._file() as file:

@@ -2,7 +2,7 @@
 
 use bus::{AttachError, BusError, LiveError, PublishError, ResultsError, RootError};
 use producer::resimulation::{Difference, OtherKernel, ResimulationError};
-use pyo3::exceptions::{PyFileExistsError, PyOSError, PyRuntimeError};
+use pyo3::exceptions::{PyFileExistsError, PyFileNotFoundError, PyOSError, PyRuntimeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use recording::{ReadError, WriteError};
@@ -105,11 +105,15 @@ impl From<ManifestError> for Why {
 
 impl From<ReadError> for Why {
     fn from(error: ReadError) -> Self {
-        // without a number it is no error of the system: the file became shorter
-        if let ReadError::Io { path, source } = &error
-            && source.raw_os_error().is_some()
-        {
-            return Self::of_io(source, path);
+        // without a number it is no error of the system: the file became shorter, or a store refused
+        if let ReadError::Io { path, source } = &error {
+            if source.raw_os_error().is_some() {
+                return Self::of_io(source, path);
+            }
+            if source.kind() == io::ErrorKind::NotFound {
+                let said = format!("{}: {source}", path.display());
+                return PyFileNotFoundError::new_err(said).into();
+            }
         }
         let is_damaged = matches!(
             error,

@@ -303,6 +303,8 @@ impl States {
     #[staticmethod]
     fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         abandonable(py, move || {
+            // an object may be another one since it was opened last
+            storage::forget(&path);
             let info = RecordingInfo::read(&path)?;
             let (Some(first_step), Some(last_step)) = (info.first_step, info.last_step) else {
                 let why = Why::new("RecordingError", format!("{} holds no states", path.display()));

@@ -2,6 +2,7 @@
 
 use crate::manifest::RunManifest;
 use std::fmt;
+use std::ops::RangeInclusive;
 
 /// One published state, lent by its source until the next call.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -106,6 +107,12 @@ pub struct Window {
 }
 
 impl Window {
+    /// Its steps.
+    pub fn steps(&self, manifest: &RunManifest) -> RangeInclusive<u64> {
+        let physics = &manifest.physics;
+        physics.step_at_or_after(self.from_s)..=physics.step_at_or_before(self.until_s)
+    }
+
     /// All of a run.
     pub const WHOLE: Self = Self { from_s: 0.0, until_s: f64::INFINITY };
 

@@ -109,7 +109,8 @@ fn recording(args: &ExportArgs) -> Result<PathBuf, Failure> {
 fn open(args: &ExportArgs, from: &Path, stop: &Arc<AtomicBool>) -> Result<(Frames, Window), Failure> {
     let recorded = Source::recording(from, stop).bad_input()?;
     let window = window(args.from, args.until, recorded.manifest())?;
-    let first_step = recorded.manifest().physics.step_at_or_after(window.from_s);
+    let steps = window.steps(recorded.manifest());
+    let first_step = *steps.start();
     let provenance = &recorded.manifest().provenance;
     let (publish, record) = (provenance.publish_every_steps, provenance.record_every_steps);
     let lend = match args.every_steps.map(NonZero::get) {
@@ -122,7 +123,7 @@ fn open(args: &ExportArgs, from: &Path, stop: &Arc<AtomicBool>) -> Result<(Frame
     };
     let mut source =
         if lend == Some(Lend::Steps) { Source::all_states(from, stop).bad_input()? } else { recorded };
-    source.seek(first_step).bad_input()?;
+    source.seek(&steps).bad_input()?;
     let frames = match lend {
         Some(lend) => Frames::recomputed(source, lend, false, first_step, args.jobs)?,
         None => Frames::as_they_come(source),
@@ -133,8 +134,7 @@ fn open(args: &ExportArgs, from: &Path, stop: &Arc<AtomicBool>) -> Result<(Frame
 impl Exporting {
     fn begin(export: Box<dyn Export>, args: &ExportArgs, excerpt: &Excerpt) -> Self {
         let Excerpt { manifest, window, .. } = excerpt;
-        let first_step = manifest.physics.step_at_or_after(window.from_s);
-        let last_step = manifest.physics.step_at_or_before(window.until_s);
+        let (first_step, last_step) = window.steps(manifest).into_inner();
         let length = last_step.saturating_sub(first_step);
         Self {
             export,

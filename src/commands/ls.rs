@@ -1,11 +1,17 @@
-//! `beadline ls`: the runs on this user's bus, how far they are, and who listens.
+//! `beadline ls`: the runs on this user's bus, how far they are, and who listens; or the recordings of a place.
+
+mod recordings;
 
 use crate::display;
 use crate::failure::{Done, Failure};
 use bus::{Bus, ConsumerInfo, RunInfo, list_runs};
 use serde_json::json;
+use std::path::Path;
 
-pub(crate) fn ls(as_json: bool, names_only: bool) -> Result<Done, Failure> {
+pub(crate) fn ls(place: Option<&Path>, as_json: bool, names_only: bool) -> Result<Done, Failure> {
+    if let Some(place) = place {
+        return recordings::ls(place, as_json, names_only);
+    }
     let bus = Bus::from_env()?;
     let runs = list_runs(&bus)?;
     display::notice_of_bus(&bus);
@@ -29,29 +35,37 @@ const COLUMNS: [(&str, u32); 8] =
 
 /// A line for each run, and below it one for each of its consumers.
 fn table(runs: &[RunInfo], columns: usize) -> String {
-    let rows: Vec<_> = runs.iter().map(cells).collect();
-    let header = COLUMNS.map(|(name, _)| name.to_owned());
-    let width = |column: usize| {
-        let cells = rows.iter().chain([&header]).map(|row| row[column].chars().count());
-        cells.max().unwrap_or(0)
-    };
-    let total = |most: u32| -> usize {
-        (0..COLUMNS.len()).filter(|column| COLUMNS[*column].1 <= most).map(|column| width(column) + 2).sum()
-    };
-    let most = (0..=3).rev().find(|most| total(*most) - 2 <= columns).unwrap_or(0);
-    let line = |row: &[String; COLUMNS.len()]| {
-        let shown = (0..COLUMNS.len()).filter(|column| COLUMNS[*column].1 <= most);
-        let cells: Vec<_> = shown.map(|column| format!("{:1$}", row[column], width(column))).collect();
-        format!("{}\n", cells.join("  ").trim_end())
-    };
-    let mut text = line(&header);
-    for (run, row) in runs.iter().zip(&rows) {
-        text.push_str(&line(row));
+    let mut lines = aligned(COLUMNS, runs.iter().map(cells).collect(), columns).into_iter();
+    let mut text = lines.next().unwrap_or_default();
+    for (run, line) in runs.iter().zip(lines) {
+        text.push_str(&line);
         for consumer in &run.consumers {
             text.push_str(&consumer_line(consumer, &run.consumers));
         }
     }
     text
+}
+
+/// A line of the names of columns, and one for each row, in as many of the columns as have room.
+fn aligned<const N: usize>(
+    columns: [(&str, u32); N],
+    rows: Vec<[String; N]>,
+    columns_of_terminal: usize,
+) -> Vec<String> {
+    let header = columns.map(|(name, _)| name.to_owned());
+    let rows: Vec<_> = std::iter::once(header).chain(rows).collect();
+    let widths: [usize; N] =
+        std::array::from_fn(|column| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0));
+    let total = |most: u32| -> usize {
+        widths.iter().zip(columns).filter(|(_, (_, rank))| *rank <= most).map(|(width, _)| width + 2).sum()
+    };
+    let most = (0..=3).rev().find(|most| total(*most) - 2 <= columns_of_terminal).unwrap_or(0);
+    let line = |row: &[String; N]| {
+        let shown = (0..N).filter(|column| columns[*column].1 <= most);
+        let cells: Vec<_> = shown.map(|column| format!("{:1$}", row[column], widths[column])).collect();
+        format!("{}\n", cells.join("  ").trim_end())
+    };
+    rows.iter().map(line).collect()
 }
 
 /// What the list shows of a run.

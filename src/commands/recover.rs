@@ -23,6 +23,7 @@ use std::num::NonZero;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
+use storage::is_url;
 
 pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
     let (from, to, force) = (args.file.as_path(), args.output.out.as_path(), args.output.force);
@@ -42,7 +43,7 @@ pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
         run_toml = None;
     }
     let expected = Audit::expected_counts(from);
-    if !locked.as_ref().is_some_and(|locked| is_at(locked, from)) {
+    if !is_url(from) && !locked.as_ref().is_some_and(|locked| is_at(locked, from)) {
         return Err(Failure::Failed(anyhow!(
             "{} was replaced or moved meanwhile; nothing was written",
             from.display()
@@ -142,7 +143,7 @@ fn working_place(from: &Path, to: &Path) -> PathBuf {
         name.push(suffix);
         PathBuf::from(name)
     };
-    let is_source = with(".partial").canonicalize().ok() == from.canonicalize().ok();
+    let is_source = from.canonicalize().is_ok_and(|from| with(".partial").canonicalize().ok() == Some(from));
     if is_source { with(".recovered") } else { to.to_owned() }
 }
 

@@ -51,9 +51,11 @@ fn crates_use_what_the_architecture_says() {
     only("prost", &["beadline-recording"]);
     only("clap", &["beadline"]);
     only("indicatif", &["beadline"]);
-    for server in ["axum", "hyper", "tokio"] {
+    for server in ["axum", "hyper"] {
         only(server, &["beadline-page"]);
     }
+    only("tokio", &["beadline-page", "beadline-storage"]);
+    only("object_store", &["beadline-storage"]);
     only("nalgebra", &["beadline-waves"]);
     only("realfft", &["beadline-waves"]);
     only("rustfft", &["beadline-waves"]);
@@ -64,14 +66,17 @@ fn crates_use_what_the_architecture_says() {
     };
     assert_eq!(ours("beadline-schemas"), [""; 0]);
     assert_eq!(ours("beadline-bus"), ["beadline-schemas"]);
-    assert_eq!(ours("beadline-recording"), ["beadline-schemas"]);
-    assert_eq!(ours("beadline-producer"), ["beadline-recording", "beadline-schemas"]);
-    assert_eq!(ours("beadline-consumers"), ["beadline-recording", "beadline-schemas"]);
+    assert_eq!(ours("beadline-recording"), ["beadline-schemas", "beadline-storage"]);
+    assert_eq!(ours("beadline-producer"), ["beadline-recording", "beadline-schemas", "beadline-storage"]);
+    assert_eq!(ours("beadline-consumers"), ["beadline-recording", "beadline-schemas", "beadline-storage"]);
     assert_eq!(ours("beadline-figure"), ["beadline-schemas"]);
     assert_eq!(ours("beadline-waves"), ["beadline-schemas"]);
-    assert_eq!(ours("beadline-page"), ["beadline-schemas"]);
+    assert_eq!(ours("beadline-page"), ["beadline-schemas", "beadline-storage"]);
     assert_eq!(users(&all, "beadline-bench"), ["beadline"]);
-    assert_eq!(ours("beadline-recorder"), ["beadline-bus", "beadline-recording", "beadline-schemas"]);
+    assert_eq!(
+        ours("beadline-recorder"),
+        ["beadline-bus", "beadline-recording", "beadline-schemas", "beadline-storage"]
+    );
     for package in
         ["beadline-producer", "beadline-consumers", "beadline-paper", "beadline-exports", "beadline-screen"]
     {

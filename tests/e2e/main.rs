@@ -43,6 +43,8 @@ mod recordings;
 mod recovering;
 mod reference;
 mod reflection;
+#[cfg(feature = "remote")]
+mod remote;
 mod replay;
 mod reproduce;
 mod resume;

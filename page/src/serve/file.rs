@@ -4,29 +4,28 @@ use super::blocking;
 use axum::body::{Body, Bytes};
 use axum::http::{HeaderValue, Method, Response, StatusCode, header, request::Parts};
 use hyper::body::{Body as HttpBody, Frame, SizeHint};
-use std::fs::File;
 use std::future::Future;
-use std::io;
+use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::ops::Range;
-use std::os::unix::fs::FileExt as _;
 use std::path::Path;
 use std::pin::Pin;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll};
+use storage::{Reader, is_url};
 
 /// Read at a time (bytes): all of a file that is in memory.
 const PIECE_BYTES: u64 = 1 << 18;
 
-/// The file at `path`, if it is one, with its size.
-pub(super) fn open(path: &Path) -> Option<(File, u64)> {
-    let file = File::open(path).ok()?;
-    let found = file.metadata().ok()?;
-    found.is_file().then_some((file, found.len()))
+/// The file or the object at `path`, if it is one.
+pub(super) fn open(path: &Path) -> Option<Reader> {
+    let is_one = is_url(path) || path.is_file();
+    is_one.then(|| Reader::open(path).ok())?
 }
 
-/// The answer to a request for a file of `size` bytes.
+/// The answer to a request for a file.
 #[expect(clippy::unnecessary_wraps, reason = "as its neighbours")]
-pub(super) fn answer((file, size): (File, u64), parts: &Parts) -> Option<Response<Body>> {
+pub(super) fn answer(mut file: Reader, parts: &Parts) -> Option<Response<Body>> {
+    let size = file.size();
     let asked = match parts.headers.get(header::RANGE) {
         Some(value) => match value.to_str().ok().and_then(|value| value.strip_prefix("bytes=")) {
             // several ranges may be answered by the whole
@@ -51,7 +50,9 @@ pub(super) fn answer((file, size): (File, u64), parts: &Parts) -> Option<Respons
         *response.status_mut() = StatusCode::PARTIAL_CONTENT;
     }
     if parts.method != Method::HEAD {
-        *response.body_mut() = Body::new(Pieces { file: Arc::new(file), left: range, reading: None });
+        file.expect(range.clone(), false);
+        let file = Arc::new(Mutex::new(file));
+        *response.body_mut() = Body::new(Pieces { file, left: range, reading: None });
     }
     Some(response)
 }
@@ -78,7 +79,7 @@ type Reading = Pin<Box<dyn Future<Output = Option<io::Result<Bytes>>> + Send>>;
 
 /// The rest of a range, read piece by piece as the client takes it.
 struct Pieces {
-    file: Arc<File>,
+    file: Arc<Mutex<Reader>>,
     left: Range<u64>,
     reading: Option<Reading>,
 }
@@ -114,9 +115,11 @@ impl HttpBody for Pieces {
     }
 }
 
-fn read(file: &File, from: u64, count: u64) -> io::Result<Bytes> {
+fn read(file: &Mutex<Reader>, from: u64, count: u64) -> io::Result<Bytes> {
     let mut bytes = vec![0; usize::try_from(count).map_err(io::Error::other)?];
-    file.read_exact_at(&mut bytes, from)?;
+    let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
+    file.seek(SeekFrom::Start(from))?;
+    file.read_exact(&mut bytes)?;
     Ok(bytes.into())
 }
 

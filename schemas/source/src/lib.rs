@@ -10,6 +10,7 @@ use schemas::manifest::RunManifest;
 use schemas::results::{ResultColumns, Topic};
 use schemas::run_name::RunName;
 use std::fmt;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
@@ -131,15 +132,17 @@ impl Source {
         Ok(Self::File(Box::new(RecordingSource::open_all(path)?), Arc::clone(stop)))
     }
 
-    /// Goes to the last state at or before `step`, if it is a recording.
+    /// Goes to the last state at or before the first of `steps`, if it is a recording. Nothing after the last of them is
+    /// wanted.
     ///
     /// # Errors
     /// When the recording cannot be read.
-    pub fn seek(&mut self, step: u64) -> Result<(), ReadError> {
-        match self {
-            Self::File(file, _) if step > 0 => file.seek_to_step(step),
-            Self::File(..) | Self::Live(_) => Ok(()),
+    pub fn seek(&mut self, steps: &RangeInclusive<u64>) -> Result<(), ReadError> {
+        let Self::File(file, _) = self else { return Ok(()) };
+        if *steps.end() < file.manifest().physics.step_count {
+            file.expect_until(*steps.end());
         }
+        if *steps.start() > 0 { file.seek_to_step(*steps.start()) } else { Ok(()) }
     }
 
     /// What ends it early, if it is a recording.

@@ -26,12 +26,20 @@ impl Reader {
     /// # Errors
     /// When it cannot be read.
     pub fn open(path: &Path) -> io::Result<Self> {
+        Self::with_buffer(path, FILE_BUFFER_BYTES)
+    }
+
+    /// The same; of a file, `bytes` bytes are read together.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn with_buffer(path: &Path, bytes: usize) -> io::Result<Self> {
         if is_url(path) {
             return Ok(Self(Inner::Object(ObjectReader::open(path)?)));
         }
         let file = File::open(path)?;
         let size = file.metadata()?.len();
-        Ok(Self(Inner::File(BufReader::with_capacity(FILE_BUFFER_BYTES, file), size)))
+        Ok(Self(Inner::File(BufReader::with_capacity(bytes, file), size)))
     }
 
     /// In bytes, when it was opened.
@@ -47,10 +55,11 @@ impl Reader {
         matches!(self.0, Inner::Object(_))
     }
 
-    /// Says that all of `range` will be read, and nothing after it soon: an object is then asked for no other bytes.
-    pub fn expect(&mut self, range: Range<u64>) {
+    /// Says that all of `range` will be read: an object is then asked for no other bytes. `and_more` says that reading may
+    /// well go on after it.
+    pub fn expect(&mut self, range: Range<u64>, and_more: bool) {
         if let Inner::Object(object) = &mut self.0 {
-            object.expect(range);
+            object.expect(range, and_more);
         }
     }
 
@@ -59,14 +68,6 @@ impl Reader {
         match &self.0 {
             Inner::File(..) => true,
             Inner::Object(object) => object.expects(offset),
-        }
-    }
-
-    /// What is expected, for another reader of the same bytes.
-    pub fn expected(&self) -> Range<u64> {
-        match &self.0 {
-            Inner::File(..) => 0..0,
-            Inner::Object(object) => object.expected(),
         }
     }
 

@@ -19,15 +19,11 @@ impl ObjectReader {
         match self.0 {}
     }
 
-    pub(crate) fn expect(&mut self, _: Range<u64>) {
+    pub(crate) fn expect(&mut self, _: Range<u64>, _: bool) {
         match self.0 {}
     }
 
     pub(crate) fn expects(&self, _: u64) -> bool {
-        match self.0 {}
-    }
-
-    pub(crate) fn expected(&self) -> Range<u64> {
         match self.0 {}
     }
 }

@@ -46,7 +46,7 @@ enum Kind {
 }
 
 /// Size and time of the last change of a file.
-type Stamp = (u64, Option<SystemTime>);
+type Stamp = Option<(u64, Option<SystemTime>)>;
 
 /// `Entry` of the page.
 #[derive(Serialize)]
@@ -195,7 +195,8 @@ impl Runs {
 
     fn results_of(&self, path: &Path) -> Result<String, Failure> {
         let stamp = |found: fs::Metadata| (found.len(), found.modified().ok());
-        let stamp = fs::metadata(path).map(stamp)?;
+        // an object behind a URL is read once: it may not change
+        let stamp = fs::metadata(path).map(stamp).ok();
         // one at a time: each takes all cores
         let mut kept = self.results.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, text)) = kept.get(path).filter(|(known, _)| *known == stamp) {

@@ -116,14 +116,15 @@ impl Ahead {
     /// Has the thread decompress the chunk after the one of `chunk_bytes` that `records` has just read at `offset`.
     pub(crate) fn request_next(&mut self, offset: u64, chunk_bytes: u64, records: &RecordReader) {
         self.in_sequence += 1;
-        if self.in_sequence < 2 || chunk_bytes < SMALLEST_CHUNK_BYTES || self.is_asked {
+        let from = offset + RECORD_HEAD_BYTES + records.body().len() as u64;
+        let is_worth_it = self.in_sequence > 1 && chunk_bytes >= SMALLEST_CHUNK_BYTES;
+        if !is_worth_it || self.is_asked || !records.expects(from) {
             return;
         }
         if let Thread::NotStarted = self.thread {
             self.thread = start(records, self.most_bytes).unwrap_or(Thread::None);
         }
         if let Thread::Runs { requests, .. } = &self.thread {
-            let from = offset + RECORD_HEAD_BYTES + records.body().len() as u64;
             self.is_asked = requests.send(Request { from, buffer: std::mem::take(&mut self.spare) }).is_ok();
         }
     }

@@ -10,9 +10,10 @@ use crate::read::contents::Contents;
 use crate::read::info::{next_of_summary, seek_summary};
 use crate::read::records::RecordReader;
 use mcap::records::{ChunkIndex, Record, op};
-use std::fs::File;
-use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::io::{self, Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::Path;
+use storage::Reader;
 
 /// More places are thinned out; these take 12 MiB. A reader goes through everything between two of them.
 const MOST_PLACES: usize = 1 << 19;
@@ -26,6 +27,8 @@ pub(crate) struct ChunkPlace {
     pub(crate) number: u64,
     /// Smallest log time in it (ns).
     start_ns: u64,
+    /// Largest log time in it (ns), if that is known.
+    end_ns: u64,
 }
 
 /// The places of a file in its order; at least the beginning of the file.
@@ -36,36 +39,53 @@ pub(crate) struct Index {
     pub(crate) known: Contents,
     /// Every so many chunks have a place.
     every: u64,
+    /// Where the last chunk ends, if that is known.
+    end: u64,
 }
 
 impl Index {
     /// Of the file `path`: from its summary section if it has a valid one, else from the headers of its chunks,
     /// which are not decompressed.
     pub(crate) fn read(path: &Path) -> Result<Self, ReadError> {
-        let mut records = RecordReader::open(path)?;
+        let mut records = RecordReader::at_end(path)?;
         match Self::from_summary(&mut records) {
             Some(index) => Ok(index),
             None => Self::from_headers(path, records.file_bytes()).map_err(ReadError::io(path)),
         }
     }
 
+    /// A reader of the file `path` at its first record; and the index if each stretch of the file costs a request. Then what
+    /// a reader of states begins with comes in one: everything up to the end of the first chunk.
+    pub(crate) fn and_reader(path: &Path) -> Result<(Option<Self>, RecordReader), ReadError> {
+        let mut records = RecordReader::at_end(path)?;
+        let mut index = None;
+        if records.is_remote() {
+            index = Self::from_summary(&mut records);
+            let first = index.as_ref().and_then(|index| Some(index.stretch(*index.places.get(1)?, 0)));
+            records.expect(0..first.map_or(0, |first| first.end), true);
+        }
+        records.begin()?;
+        Ok((index, records))
+    }
+
     /// Only the beginning of the file: everything is read through.
     pub(crate) fn beginning() -> Self {
-        let first = ChunkPlace { offset: mcap::MAGIC.len() as u64, number: 0, start_ns: 0 };
-        Self { places: vec![first], known: Contents::default(), every: 1 }
+        let first = ChunkPlace { offset: mcap::MAGIC.len() as u64, number: 0, start_ns: 0, end_ns: 0 };
+        Self { places: vec![first], known: Contents::default(), every: 1, end: 0 }
     }
 
     fn from_summary(records: &mut RecordReader) -> Option<Self> {
         let summary_start = seek_summary(records)?;
         let mut index = Self::beginning();
-        let (mut chunks, mut statistics, mut end) = (0, None, 0);
+        let (mut chunks, mut statistics) = (0, None);
         loop {
             match next_of_summary(records)? {
                 Record::Footer(_) => break,
                 Record::Statistics(found) => statistics = Some(found.chunk_count),
                 Record::ChunkIndex(chunk) => {
-                    end = checked_end(&chunk, end, summary_start)?;
-                    index.add(chunk.chunk_start_offset, chunks, chunk.message_start_time);
+                    index.end = checked_end(&chunk, index.end, summary_start)?;
+                    let times_ns = (chunk.message_start_time, chunk.message_end_time);
+                    index.add(chunk.chunk_start_offset, chunks, times_ns);
                     chunks += 1;
                 }
                 record => index.known.add(record).ok()?,
@@ -76,7 +96,7 @@ impl Index {
 
     /// Goes from record to record, as long as they are whole.
     fn from_headers(path: &Path, size: u64) -> io::Result<Self> {
-        let mut file = BufReader::with_capacity(4096, File::open(path)?);
+        let mut file = Reader::with_buffer(path, 4096)?;
         let (mut index, mut chunks) = (Self::beginning(), 0);
         let mut offset = file.seek(SeekFrom::Start(mcap::MAGIC.len() as u64))?;
         // opcode, length, and of a chunk its smallest log time
@@ -90,7 +110,7 @@ impl Index {
                 break;
             }
             if opcode == op::CHUNK {
-                index.add(offset, chunks, u64::from_le_bytes(start_ns));
+                index.add(offset, chunks, (u64::from_le_bytes(start_ns), u64::MAX));
                 chunks += 1;
             }
             // both are within the file, so the difference fits
@@ -100,15 +120,28 @@ impl Index {
         Ok(index)
     }
 
+    /// The same from the beginning of the file on.
+    pub(crate) fn stretch_from_the_beginning(&self, until_ns: u64) -> Range<u64> {
+        self.places.first().map_or(0..0, |first| self.stretch(*first, until_ns))
+    }
+
     /// Adds chunk `number`; if there are too many, every second is dropped.
-    fn add(&mut self, offset: u64, number: u64, start_ns: u64) {
+    fn add(&mut self, offset: u64, number: u64, (start_ns, end_ns): (u64, u64)) {
         if self.places.len() == MOST_PLACES {
             self.every *= 2;
             self.places.retain(|place| place.number.is_multiple_of(self.every));
         }
         if number.is_multiple_of(self.every) {
-            self.places.push(ChunkPlace { offset, number, start_ns });
+            self.places.push(ChunkPlace { offset, number, start_ns, end_ns });
         }
+    }
+
+    /// The bytes from `place` up to the first state at or after the time `until_ns`, by the log times of the chunks.
+    pub(crate) fn stretch(&self, place: ChunkPlace, until_ns: u64) -> Range<u64> {
+        let from = self.places.partition_point(|other| other.offset < place.offset);
+        let later = self.places.get(from..).unwrap_or_default();
+        let past = later.iter().position(|other| other.end_ns >= until_ns).map_or(later.len(), |at| at + 1);
+        place.offset..later.get(past).map_or(self.end, |next| next.offset)
     }
 
     /// The last place from which the first state, as `first_step` finds it, is not after `step`; or the

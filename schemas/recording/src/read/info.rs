@@ -83,13 +83,39 @@ impl RecordingInfo {
         Self::within(path, |file_bytes| file_bytes.saturating_mul(GLANCE_TIMES).saturating_add(GLANCE_BYTES))
     }
 
-    fn within(path: &Path, most_bytes: impl Fn(u64) -> u64) -> Result<Self, ReadError> {
+    /// Only from its beginning and its summary: of a file without a summary no state is counted, and none is read.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn summary(path: &Path) -> Result<Self, ReadError> {
         let mut messages = MessageReader::open(path)?;
-        if messages.read_head().is_ok() {
-            let (mut records, contents, manifest) = messages.into_parts();
-            if let Some(summary) = SummarySection::read(&mut records) {
-                return Ok(summary.into_info(path, &records, contents, manifest));
-            }
+        messages.read_head()?;
+        let (mut records, contents, manifest) = messages.into_parts();
+        if let Some(summary) = SummarySection::read(&mut records) {
+            return Ok(summary.into_info(path, &records, contents, manifest));
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            manifest,
+            run_toml: contents.run_toml,
+            channels: Vec::new(),
+            first_step: None,
+            last_step: None,
+            file_bytes: records.file_bytes(),
+            uncompressed_bytes: 0,
+            begin: contents.begin,
+            end: None,
+            finished: false,
+            damage: None,
+        })
+    }
+
+    fn within(path: &Path, most_bytes: impl Fn(u64) -> u64) -> Result<Self, ReadError> {
+        match Self::summary(path) {
+            Ok(info) if info.finished => return Ok(info),
+            Err(error @ ReadError::Io { .. }) => return Err(error),
+            // what can be read is read through; what not even begins is refused again
+            Ok(_) | Err(_) => {}
         }
         let messages = MessageReader::open(path)?;
         let most_bytes = most_bytes(messages.file_bytes());

@@ -75,7 +75,12 @@ const MESSAGE_HEAD_BYTES: usize = 2 + 4 + 8 + 8;
 impl MessageReader {
     /// Opens the recording `path` and reads its manifest.
     pub(crate) fn open(path: &Path) -> Result<Self, ReadError> {
-        let mut records = RecordReader::open(path)?;
+        Self::of(RecordReader::open(path)?)
+    }
+
+    /// Reads the manifest that `records`, at its first record, has.
+    pub(crate) fn of(mut records: RecordReader) -> Result<Self, ReadError> {
+        let path = &records.path().to_owned();
         check_profile(path, records.next()?)?;
         let manifest = match records.next()? {
             Some(RawRecord { opcode: op::METADATA, body, offset }) => {
@@ -194,6 +199,11 @@ impl MessageReader {
         self.records.seek(place.offset)
     }
 
+    /// Says which bytes of the file will be read, and whether more may be after them.
+    pub(crate) fn expect(&mut self, bytes: Range<u64>, and_more: bool) {
+        self.records.expect(bytes, and_more);
+    }
+
     /// The next message of any channel; none at the end or where an unfinished file is torn.
     pub(crate) fn next(&mut self) -> Result<Option<RawMessage<'_>>, ReadError> {
         loop {
@@ -231,7 +241,7 @@ impl MessageReader {
 
     /// Reads up to the first chunk: the attachment with the configuration comes before it.
     pub(crate) fn read_head(&mut self) -> Result<(), ReadError> {
-        while !self.in_chunk {
+        while self.records.peek() != Some(op::CHUNK) {
             match self.next_in_file().or_else(|error| self.go_on_after(error))? {
                 Step::Other => {}
                 Step::Message(_) | Step::End => break,

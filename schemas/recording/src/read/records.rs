@@ -2,12 +2,16 @@
 
 use crate::error::ReadError;
 use mcap::records::op;
-use std::fs::{self, File};
-use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::fs;
+use std::io::{self, BufRead, Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
+use storage::{Reader, is_url};
 
 /// Largest record that is read.
 pub const MAX_RECORD_BYTES: u64 = 1 << 30;
+
+const MAGIC_BYTES: u64 = mcap::MAGIC.len() as u64;
 
 /// Opcode and length of a record.
 pub(crate) const RECORD_HEAD_BYTES: u64 = 9;
@@ -17,7 +21,7 @@ pub(crate) const RECORD_HEAD_BYTES: u64 = 9;
 #[derive(Debug)]
 pub(crate) struct RecordReader {
     path: PathBuf,
-    file: BufReader<File>,
+    file: Reader,
     size: u64,
     /// Where to stop: the end of the file, or of its footer.
     end: u64,
@@ -53,37 +57,46 @@ pub(crate) struct RawRecord<'a> {
 impl RecordReader {
     /// At the first record of the file `path`.
     pub(crate) fn open(path: &Path) -> Result<Self, ReadError> {
+        let mut records = Self::at_end(path)?;
+        records.begin()?;
+        Ok(records)
+    }
+
+    /// Of the file `path`, of which only the end was looked at: an object behind a URL comes with its end.
+    pub(crate) fn at_end(path: &Path) -> Result<Self, ReadError> {
         let io = ReadError::io(path);
-        let is_file = fs::metadata(path).map_err(&io)?.is_file();
         let not_mcap = || ReadError::NotMcap { path: path.to_owned() };
-        if !is_file {
+        if !is_url(path) && !fs::metadata(path).map_err(&io)?.is_file() {
             return Err(not_mcap());
         }
-        let mut file = File::open(path).map_err(&io)?;
-        let end = file.metadata().map_err(&io)?.len();
-        let magic_bytes = mcap::MAGIC.len() as u64;
-        if end < magic_bytes {
-            return Err(not_mcap());
-        }
-        let last = read_magic(&mut file, end - magic_bytes).map_err(&io)?;
-        let first = read_magic(&mut file, 0).map_err(&io)?;
-        if first != mcap::MAGIC {
-            return Err(not_mcap());
-        }
-        let mut crc = crc32fast::Hasher::new();
-        crc.update(&first);
+        let mut file = Reader::open(path).map_err(&io)?;
+        let end = file.size();
+        let last_magic = end.checked_sub(MAGIC_BYTES).ok_or_else(not_mcap)?;
+        let last = read_magic(&mut file, last_magic).map_err(&io)?;
         Ok(Self {
             path: path.to_owned(),
-            file: BufReader::with_capacity(1 << 16, file),
+            file,
             size: end,
             end,
-            position: magic_bytes,
-            closed: end > magic_bytes && last == mcap::MAGIC,
-            crc,
-            section: Section::Data,
+            position: end,
+            closed: last_magic > 0 && last == mcap::MAGIC,
+            crc: crc32fast::Hasher::new(),
+            section: Section::Part,
             chunk_crc: 0,
             body: Vec::new(),
         })
+    }
+
+    /// Goes to the first record.
+    pub(crate) fn begin(&mut self) -> Result<(), ReadError> {
+        let first = read_magic(&mut self.file, 0).map_err(ReadError::io(&self.path))?;
+        if first != mcap::MAGIC {
+            return Err(ReadError::NotMcap { path: self.path.clone() });
+        }
+        self.crc = crc32fast::Hasher::new();
+        self.crc.update(&first);
+        (self.position, self.end, self.section) = (MAGIC_BYTES, self.size, Section::Data);
+        Ok(())
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -113,6 +126,26 @@ impl RecordReader {
     /// Size of the file in bytes.
     pub(crate) fn file_bytes(&self) -> u64 {
         self.size
+    }
+
+    /// Whether each stretch of the file costs a request.
+    pub(crate) fn is_remote(&self) -> bool {
+        self.file.is_remote()
+    }
+
+    /// Says which bytes will be read, and whether more may be after them.
+    pub(crate) fn expect(&mut self, bytes: Range<u64>, and_more: bool) {
+        self.file.expect(bytes, and_more);
+    }
+
+    /// Whether reading at `offset` was expected.
+    pub(crate) fn expects(&self, offset: u64) -> bool {
+        self.file.expects(offset)
+    }
+
+    /// Opcode of the next record, if there is one.
+    pub(crate) fn peek(&mut self) -> Option<u8> {
+        self.file.fill_buf().ok()?.first().copied()
     }
 
     /// Where the next record starts.
@@ -198,7 +231,7 @@ impl RecordReader {
             return Err(too_long());
         }
         let io = ReadError::io(&self.path);
-        let read = (&mut self.file).take(length).read_to_end(&mut self.body).map_err(&io)?;
+        let read = self.file.read_to(length, &mut self.body).map_err(&io)?;
         if read < room { Err(io(io::ErrorKind::UnexpectedEof.into())) } else { Ok(()) }
     }
 
@@ -281,7 +314,7 @@ pub(crate) fn check_crc(path: &Path, part: &str, found: u32, computed: u32) -> R
     Err(ReadError::Crc { path: path.to_owned(), part: part.to_owned(), found, computed })
 }
 
-fn read_magic(file: &mut File, offset: u64) -> io::Result<[u8; 8]> {
+fn read_magic(file: &mut Reader, offset: u64) -> io::Result<[u8; 8]> {
     let mut magic = [0; 8];
     file.seek(SeekFrom::Start(offset))?;
     file.read_exact(&mut magic)?;

@@ -2,6 +2,7 @@
 
 use crate::error::ReadError;
 use crate::head;
+use crate::log_time_ns;
 use crate::proto;
 use crate::read::decode::{self, StateHead, StateLengths};
 use crate::read::index::Index;
@@ -31,6 +32,8 @@ pub struct RecordingSource {
     all: bool,
     /// Read when it is needed.
     index: Option<Index>,
+    /// The step after which nothing is read, if that is known.
+    until: Option<u64>,
     /// `[u | v | extra]` of the state read last.
     doubles: Vec<f64>,
     /// Read, but not lent.
@@ -63,7 +66,7 @@ impl RecordingSource {
     /// When it cannot be read, is no recording, is of another major schema version, holds no states, or
     /// is damaged up to its first state.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        Self::of(MessageReader::open(path)?, false)
+        Self::of(path, false)
     }
 
     /// Opens the recording `path` with all of its states, also those that were recomputed between frames.
@@ -71,15 +74,18 @@ impl RecordingSource {
     /// # Errors
     /// As [`open`](Self::open).
     pub fn open_all(path: &Path) -> Result<Self, ReadError> {
-        Self::of(MessageReader::open(path)?, true)
+        Self::of(path, true)
     }
 
-    fn of(messages: MessageReader, all: bool) -> Result<Self, ReadError> {
+    fn of(path: &Path, all: bool) -> Result<Self, ReadError> {
+        let (index, records) = Index::and_reader(path)?;
+        let messages = MessageReader::of(records)?;
         let mut source = Self {
             lengths: StateLengths::of(messages.manifest()),
             messages,
             all,
-            index: None,
+            index,
+            until: None,
             doubles: Vec::new(),
             next: Next::Unknown,
             accounted: None,
@@ -87,6 +93,20 @@ impl RecordingSource {
         };
         source.advance()?;
         Ok(source)
+    }
+
+    /// Says that nothing is read after the first state at or after `step`: so much is asked for at once where each stretch of
+    /// the file costs a request.
+    pub fn expect_until(&mut self, step: u64) {
+        self.until = Some(step);
+        if let Some(index) = &self.index {
+            let stretch = index.stretch_from_the_beginning(self.time_ns(step));
+            self.messages.expect(stretch, false);
+        }
+    }
+
+    fn time_ns(&self, step: u64) -> u64 {
+        log_time_ns(self.messages.manifest().physics.time_s(step))
     }
 
     /// Goes to the last state at or before `step`, or to the first state if all are after it; may be called at any
@@ -116,7 +136,10 @@ impl RecordingSource {
 
     fn seek_by(&mut self, index: &Index, step: u64) -> Result<(), ReadError> {
         let time_s = self.messages.manifest().physics.time_s(step);
+        let until_ns = self.time_ns(self.until.map_or(step, |until| until.max(step))); // integers
+        let is_open = self.until.is_none();
         let place = index.find(step, time_s, |place| {
+            self.messages.expect(index.stretch(place, until_ns), is_open);
             self.messages.seek(place, &index.known)?;
             self.next_head().map(|head| head.map(|head| head.step))
         })?;
@@ -124,7 +147,12 @@ impl RecordingSource {
         let (mut before, mut last) = (0, step);
         loop {
             match self.next_head() {
-                Ok(Some(head)) if head.step <= step => (before, last) = (before + 1, head.step),
+                Ok(Some(head)) if head.step <= step => {
+                    (before, last) = (before + 1, head.step);
+                    if last == step {
+                        break;
+                    }
+                }
                 // damage after the state does not matter here
                 Err(error) if before == 0 => return Err(error),
                 Ok(_) | Err(_) => break,

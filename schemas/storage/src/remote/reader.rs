@@ -27,7 +27,9 @@ pub(crate) struct ObjectReader {
     /// On its way.
     next: Option<Arc<Part>>,
     expected: Range<u64>,
-    /// Asked for last, where nothing was expected.
+    /// Reading may go on after what is expected.
+    and_more: bool,
+    /// How much is asked for where nothing is expected.
     amount: u64,
 }
 
@@ -41,6 +43,7 @@ impl ObjectReader {
             bytes: Arc::default(),
             next: None,
             expected: 0..0,
+            and_more: false,
             amount: 0,
         })
     }
@@ -49,12 +52,8 @@ impl ObjectReader {
         self.object.size()
     }
 
-    pub(crate) fn expect(&mut self, range: Range<u64>) {
-        self.expected = range;
-    }
-
-    pub(crate) fn expected(&self) -> Range<u64> {
-        self.expected.clone()
+    pub(crate) fn expect(&mut self, range: Range<u64>, and_more: bool) {
+        (self.expected, self.and_more) = (range, and_more);
     }
 
     pub(crate) fn expects(&self, offset: u64) -> bool {
@@ -69,11 +68,18 @@ impl ObjectReader {
 
     /// Brings the bytes at the position.
     fn load(&mut self) -> io::Result<()> {
-        let goes_on = self.amount > 0 && self.position == self.here.end;
-        self.amount = if goes_on { (self.amount * GROWTH).min(MOST_BYTES) } else { LITTLE_BYTES }; // integers
+        let goes_on = !self.here.is_empty() && self.position == self.here.end;
+        let is_expected = self.expected.contains(&self.position);
+        self.amount = match (is_expected, goes_on) {
+            (true, _) if self.and_more => MOST_BYTES,
+            (true, _) => LITTLE_BYTES / GROWTH,
+            (false, true) => (self.amount * GROWTH).min(MOST_BYTES), // integers
+            (false, false) => LITTLE_BYTES,
+        };
         let part = self.object.part(self.position, self.end_of(self.position))?;
         let end = part.range.end;
-        let is_stream = self.expected.contains(&end) || (goes_on && self.amount == MOST_BYTES);
+        let is_stream =
+            self.expected.contains(&end) || (!is_expected && goes_on && self.amount == MOST_BYTES);
         self.next =
             (is_stream && end < self.size()).then(|| self.object.part(end, self.end_of(end))).transpose()?;
         self.bytes = part.wait()?;

@@ -1,0 +1,148 @@
+//! `beadline ls DIR|URL`: the recordings there, from their beginnings and summaries.
+
+use super::aligned;
+use crate::display::{self, bytes, count, counted, seconds};
+use crate::failure::{BadInput, Done, Failure};
+use anyhow::Context as _;
+use recording::{ReadError, RecordingInfo};
+use schemas::frame::EndReason;
+use schemas::whole_file::is_being_written;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// Recordings that are asked for at the same time.
+const IN_FLIGHT: usize = 8;
+
+/// Columns, and whether one is left out where the terminal is too narrow: the highest number first.
+const COLUMNS: [(&str, u32); 8] = [
+    ("FILE", 0),
+    ("RUN", 1),
+    ("BEADS", 2),
+    ("STEPS", 0),
+    ("STATES", 1),
+    ("TIME", 3),
+    ("SIZE", 0),
+    ("STATE", 0),
+];
+
+/// A recording, or why it cannot be read.
+type Found = Result<RecordingInfo, ReadError>;
+
+pub(super) fn ls(place: &Path, as_json: bool, names_only: bool) -> Result<Done, Failure> {
+    let paths = recordings(place).with_context(|| format!("cannot list {}", place.display())).bad_input()?;
+    if names_only {
+        paths.iter().try_for_each(|path| display::print(format_args!("{}\n", path.display())))?;
+        return Ok(Done::Whole);
+    }
+    let (found, lost): (Vec<_>, Vec<_>) = read_all(&paths).into_iter().partition(Result::is_ok);
+    let found: Vec<_> = found.into_iter().flatten().collect();
+    for error in lost.iter().filter_map(|lost| lost.as_ref().err()) {
+        notice!("{:#}", anyhow::anyhow!("{error}"));
+    }
+    if as_json {
+        display::print_json(&found.iter().map(to_json).collect::<Vec<_>>())?;
+    } else if found.is_empty() {
+        notice!("no recordings in {}", place.display());
+    } else {
+        let rows = found.iter().map(|info| cells(info, place)).collect();
+        display::print(aligned(COLUMNS, rows, display::columns_of(std::io::stdout())).concat())?;
+    }
+    Ok(Done::whole_if(lost.is_empty()))
+}
+
+/// Everything at `place` that has the name of a recording.
+fn recordings(place: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let is_recording = |path: &Path| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        name.ends_with(".mcap") || name.ends_with(".mcap.partial")
+    };
+    if is_recording(place) && !place.is_dir() {
+        return Ok(vec![place.to_owned()]);
+    }
+    let found = storage::list(place)?.into_iter().map(|entry| entry.path);
+    Ok(found.filter(|path| is_recording(path)).collect())
+}
+
+/// What they say of themselves, in their order, several at a time.
+fn read_all(paths: &[PathBuf]) -> Vec<Found> {
+    let next = Mutex::new(paths.iter().enumerate());
+    let work = || {
+        let mut done = Vec::new();
+        loop {
+            let Some((i, path)) = next.lock().unwrap_or_else(PoisonError::into_inner).next() else {
+                return done;
+            };
+            done.push((i, RecordingInfo::summary(path)));
+        }
+    };
+    let mut all: Vec<(usize, Found)> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..IN_FLIGHT.min(paths.len())).map(|_| scope.spawn(work)).collect();
+        let join = |worker: std::thread::ScopedJoinHandle<'_, _>| {
+            worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        };
+        workers.into_iter().flat_map(join).collect()
+    });
+    all.sort_by_key(|(i, _)| *i);
+    all.into_iter().map(|(_, found)| found).collect()
+}
+
+/// How it ended, in a word or two.
+fn state(info: &RecordingInfo) -> String {
+    match &info.end {
+        None if is_being_written(&info.path) => "being written".to_owned(),
+        None => "not closed".to_owned(),
+        Some(_) if info.is_complete() => "complete".to_owned(),
+        Some(end) if end.reason == EndReason::Continued || info.begin.part > 1 => {
+            format!("part {}", info.begin.part)
+        }
+        Some(end) => end.reason.to_string(),
+    }
+}
+
+fn cells(info: &RecordingInfo, place: &Path) -> [String; COLUMNS.len()] {
+    let (physics, provenance) = (&info.manifest.physics, &info.manifest.provenance);
+    let path = info.path.strip_prefix(place).ok().filter(|path| !path.as_os_str().is_empty());
+    let all = count(physics.step_count);
+    let steps = match info.last_step {
+        Some(last) if last == physics.step_count => all.to_string(),
+        Some(last) => format!("{} of {all}", count(last)),
+        None => format!("? of {all}"),
+    };
+    let every = match provenance.record_every_steps {
+        1 => "every step".to_owned(),
+        every => format!("every {}", counted(every, "step")),
+    };
+    [
+        path.unwrap_or(&info.path).display().to_string(),
+        provenance.name.to_string(),
+        count(physics.beads).to_string(),
+        steps,
+        every,
+        info.time_range_s().map_or_else(|| "–".to_owned(), |(_, last_s)| seconds(last_s)),
+        bytes(info.file_bytes).to_string(),
+        state(info),
+    ]
+}
+
+fn to_json(info: &RecordingInfo) -> serde_json::Value {
+    let (physics, provenance) = (&info.manifest.physics, &info.manifest.provenance);
+    json!({
+        "path": info.path,
+        "name": provenance.name,
+        "run_id": provenance.run_id,
+        "beads": physics.beads,
+        "step_count": physics.step_count,
+        "first_step": info.first_step,
+        "last_step": info.last_step,
+        "time_range_s": info.time_range_s(),
+        "states": info.finished.then(|| info.frames()),
+        "record_every_steps": provenance.record_every_steps,
+        "file_bytes": info.file_bytes,
+        "part": info.begin.part,
+        "finished": info.finished,
+        "complete": info.is_complete(),
+        "being_written": is_being_written(&info.path),
+        "end_reason": info.end.as_ref().map(|end| end.reason.as_str()),
+    })
+}
