@@ -71,9 +71,9 @@ fn begin(
 ) -> Result<Option<Replay<Frames>>, Failure> {
     let mut source = Source::recording(&args.file, stop).bad_input()?;
     let manifest = published_manifest(source.manifest(), args.name.clone(), args.every_step);
-    let steps = window.steps(&manifest);
-    let first_step = *steps.start();
-    source.seek(&steps).bad_input()?;
+    let first_step = manifest.physics.step_at_or_after(window.from_s);
+    // its end is that of a stream, and not an interruption
+    source.seek(&(first_step..=u64::MAX)).bad_input()?;
     let frames = if is_sparse(source.manifest(), &manifest) {
         let context = || format!("{} does not hold every frame to be published", args.file.display());
         check_kernel(&manifest).with_context(context).bad_input()?;

@@ -77,7 +77,7 @@ fn a_window_takes_a_request_for_its_stretch() {
 #[test]
 fn every_analysis_of_an_object_gives_the_bytes_of_the_file() {
     let (place, server) = (Place::new(), Server::start());
-    place.run("run --preset light-impurity --beads 300 --duration 0.02 --out run.mcap").exits(0);
+    place.run("run --preset light-impurity --beads 600 --duration 0.02 --out run.mcap").exits(0);
     server.put("bucket/run.mcap", &place.path("run.mcap"));
     let size = fs::metadata(place.path("run.mcap")).unwrap().len();
     for (words, ending) in [
@@ -134,11 +134,11 @@ fn cut_connections_and_throttling_cost_only_time() {
     let (place, server) = sparse();
     place.run("energies sparse.mcap --every-step --out file.csv").exits(0);
     let throttled = Fault::Status(503, "<Error><Code>SlowDown</Code></Error>");
-    server.faults([throttled, Fault::Cut(1000), Fault::None, Fault::Cut(70_000), throttled, Fault::Cut(0)]);
+    server.faults([throttled, Fault::Cut(1000), Fault::None, Fault::Cut(7000), throttled, Fault::Cut(0)]);
     let words = "energies s3://bucket/sparse.mcap --every-step --out object.csv";
     server.start_s3(&place, words).wait().exits(0);
     assert_eq!(place.read("file.csv"), place.read("object.csv"));
-    assert!(server.requests() >= 9);
+    assert!(server.requests() >= 8, "{:?}", server.asked());
     server.always(Some(throttled));
     let ended = server.start_s3(&place, "info s3://bucket/sparse.mcap").wait().exits(2);
     ended.says(&["s3://bucket/sparse.mcap", "503", "SlowDown", "retries"]);
@@ -152,7 +152,8 @@ fn an_object_that_changes_is_an_error() {
         server.faults(faults);
         let words = "energies s3://bucket/sparse.mcap --every-step --out object.csv";
         let ended = server.start_s3(&place, words).wait();
-        assert!(matches!(ended.code(), Some(1 | 2)), "{}", ended.stderr());
+        // what came before is kept, as of a damaged file
+        assert!(matches!(ended.code(), Some(2 | 3)), "{}", ended.stderr());
         ended.says(&["s3://bucket/sparse.mcap", "changed while it was read"]);
     }
 }

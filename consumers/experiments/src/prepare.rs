@@ -10,13 +10,15 @@ use schemas::frame::{FrameSource, Received};
 use sha2::{Digest, Sha256};
 use std::fmt::{self, Write};
 use std::path::Path;
+use storage::is_url;
 
 /// `config` with everything in it that it only names. Files are looked for `beside` the configuration.
 ///
 /// # Errors
 /// When a file cannot be read, or there is no such wave.
 pub fn prepared(mut config: RunConfig, beside: Option<&Path>) -> Result<RunConfig, ConfigError> {
-    let place = |path: &Path| beside.map_or_else(|| path.to_owned(), |beside| beside.join(path));
+    let beside = |path: &Path| beside.filter(|_| !is_url(path));
+    let place = |path: &Path| beside(path).map_or_else(|| path.to_owned(), |beside| beside.join(path));
     for (i, drive) in config.drive.iter_mut().enumerate() {
         if let Waveform::Csv { csv, interpolation } = &drive.waveform {
             let key = format!("drive[{i}].{}.csv", drive.prescribes.key());

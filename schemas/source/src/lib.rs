@@ -132,15 +132,15 @@ impl Source {
         Ok(Self::File(Box::new(RecordingSource::open_all(path)?), Arc::clone(stop)))
     }
 
-    /// Goes to the last state at or before the first of `steps`, if it is a recording. Nothing after the last of them is
-    /// wanted.
+    /// Goes to the last state at or before the first of `steps`, if it is a recording, and ends with the first one at or after the
+    /// last of them.
     ///
     /// # Errors
     /// When the recording cannot be read.
     pub fn seek(&mut self, steps: &RangeInclusive<u64>) -> Result<(), ReadError> {
         let Self::File(file, _) = self else { return Ok(()) };
         if *steps.end() < file.manifest().physics.step_count {
-            file.expect_until(*steps.end());
+            file.end_at(*steps.end());
         }
         if *steps.start() > 0 { file.seek_to_step(*steps.start()) } else { Ok(()) }
     }

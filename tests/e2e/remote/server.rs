@@ -158,6 +158,9 @@ fn answer(
     let size = bytes.len() as u64;
     let wanted = headers.get("range").filter(|_| !state.has_no_ranges);
     let range = wanted.map_or(0..size, |range| part(range, size));
+    if range.is_empty() && wanted.is_some() {
+        return send(stream, 416, "", b"", 0);
+    }
     let (status, place) = match wanted {
         Some(_) => (206, format!("Content-Range: bytes {}-{}/{size}\r\n", range.start, range.end - 1)),
         None => (200, String::new()),

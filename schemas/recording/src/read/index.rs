@@ -27,7 +27,9 @@ pub(crate) struct ChunkPlace {
     pub(crate) number: u64,
     /// Smallest log time in it (ns).
     start_ns: u64,
-    /// Largest log time in it (ns), if that is known.
+    /// Where it ends, and those after it that have no place.
+    end: u64,
+    /// Largest log time in it (ns).
     end_ns: u64,
 }
 
@@ -39,8 +41,6 @@ pub(crate) struct Index {
     pub(crate) known: Contents,
     /// Every so many chunks have a place.
     every: u64,
-    /// Where the last chunk ends, if that is known.
-    end: u64,
 }
 
 impl Index {
@@ -70,22 +70,24 @@ impl Index {
 
     /// Only the beginning of the file: everything is read through.
     pub(crate) fn beginning() -> Self {
-        let first = ChunkPlace { offset: mcap::MAGIC.len() as u64, number: 0, start_ns: 0, end_ns: 0 };
-        Self { places: vec![first], known: Contents::default(), every: 1, end: 0 }
+        let first =
+            ChunkPlace { offset: mcap::MAGIC.len() as u64, number: 0, start_ns: 0, end: 0, end_ns: 0 };
+        Self { places: vec![first], known: Contents::default(), every: 1 }
     }
 
     fn from_summary(records: &mut RecordReader) -> Option<Self> {
         let summary_start = seek_summary(records)?;
         let mut index = Self::beginning();
-        let (mut chunks, mut statistics) = (0, None);
+        let (mut chunks, mut statistics, mut end) = (0, None, 0);
         loop {
             match next_of_summary(records)? {
                 Record::Footer(_) => break,
                 Record::Statistics(found) => statistics = Some(found.chunk_count),
                 Record::ChunkIndex(chunk) => {
-                    index.end = checked_end(&chunk, index.end, summary_start)?;
-                    let times_ns = (chunk.message_start_time, chunk.message_end_time);
-                    index.add(chunk.chunk_start_offset, chunks, times_ns);
+                    end = checked_end(&chunk, end, summary_start)?;
+                    let (offset, number) = (chunk.chunk_start_offset, chunks);
+                    let (start_ns, end_ns) = (chunk.message_start_time, chunk.message_end_time);
+                    index.add(ChunkPlace { offset, number, start_ns, end, end_ns });
                     chunks += 1;
                 }
                 record => index.known.add(record).ok()?,
@@ -110,7 +112,8 @@ impl Index {
                 break;
             }
             if opcode == op::CHUNK {
-                index.add(offset, chunks, (u64::from_le_bytes(start_ns), u64::MAX));
+                let start_ns = u64::from_le_bytes(start_ns);
+                index.add(ChunkPlace { offset, number: chunks, start_ns, end: next, end_ns: u64::MAX });
                 chunks += 1;
             }
             // both are within the file, so the difference fits
@@ -120,28 +123,40 @@ impl Index {
         Ok(index)
     }
 
-    /// The same from the beginning of the file on.
-    pub(crate) fn stretch_from_the_beginning(&self, until_ns: u64) -> Range<u64> {
-        self.places.first().map_or(0..0, |first| self.stretch(*first, until_ns))
-    }
-
-    /// Adds chunk `number`; if there are too many, every second is dropped.
-    fn add(&mut self, offset: u64, number: u64, (start_ns, end_ns): (u64, u64)) {
+    /// Adds a chunk; if there are too many, every second is dropped.
+    fn add(&mut self, place: ChunkPlace) {
+        let add_to = |kept: &mut ChunkPlace, other: &ChunkPlace| {
+            (kept.end, kept.end_ns) = (other.end, kept.end_ns.max(other.end_ns)); // integers
+        };
         if self.places.len() == MOST_PLACES {
             self.every *= 2;
-            self.places.retain(|place| place.number.is_multiple_of(self.every));
+            let every = self.every;
+            self.places.dedup_by(|place, kept| {
+                let is_dropped = !place.number.is_multiple_of(every);
+                if is_dropped {
+                    add_to(kept, place);
+                }
+                is_dropped
+            });
         }
-        if number.is_multiple_of(self.every) {
-            self.places.push(ChunkPlace { offset, number, start_ns, end_ns });
+        match self.places.last_mut() {
+            Some(kept) if !place.number.is_multiple_of(self.every) => add_to(kept, &place),
+            _ => self.places.push(place),
         }
     }
 
-    /// The bytes from `place` up to the first state at or after the time `until_ns`, by the log times of the chunks.
+    /// The bytes from `place` up to the end of the chunk with the first state at or after the time `until_ns`, by the log times
+    /// of the chunks.
     pub(crate) fn stretch(&self, place: ChunkPlace, until_ns: u64) -> Range<u64> {
         let from = self.places.partition_point(|other| other.offset < place.offset);
         let later = self.places.get(from..).unwrap_or_default();
-        let past = later.iter().position(|other| other.end_ns >= until_ns).map_or(later.len(), |at| at + 1);
-        place.offset..later.get(past).map_or(self.end, |next| next.offset)
+        let last = later.iter().find(|other| other.end_ns >= until_ns).or(later.last());
+        place.offset..last.map_or(place.offset, |last| last.end)
+    }
+
+    /// The same from the beginning of the file on.
+    pub(crate) fn stretch_from_the_beginning(&self, until_ns: u64) -> Range<u64> {
+        self.places.first().map_or(0..0, |first| self.stretch(*first, until_ns))
     }
 
     /// The last place from which the first state, as `first_step` finds it, is not after `step`; or the

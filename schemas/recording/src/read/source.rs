@@ -32,7 +32,7 @@ pub struct RecordingSource {
     all: bool,
     /// Read when it is needed.
     index: Option<Index>,
-    /// The step after which nothing is read, if that is known.
+    /// The step at which it ends before its end.
     until: Option<u64>,
     /// `[u | v | extra]` of the state read last.
     doubles: Vec<f64>,
@@ -95,9 +95,9 @@ impl RecordingSource {
         Ok(source)
     }
 
-    /// Says that nothing is read after the first state at or after `step`: so much is asked for at once where each stretch of
-    /// the file costs a request.
-    pub fn expect_until(&mut self, step: u64) {
+    /// Ends with the first state at or after `step`, as if it were interrupted: whoever reads ahead reads no more, and so much is
+    /// asked for at once where each stretch of the file costs a request.
+    pub fn end_at(&mut self, step: u64) {
         self.until = Some(step);
         if let Some(index) = &self.index {
             let stretch = index.stretch_from_the_beginning(self.time_ns(step));
@@ -259,6 +259,10 @@ impl FrameSource for RecordingSource {
 
     fn receive(&mut self) -> Result<Received<'_>, ReadError> {
         if matches!(self.next, Next::Unknown) {
+            // the state read last was lent
+            if self.read.zip(self.until).is_some_and(|(step, until)| step >= until) {
+                return Ok(Received::End(EndReason::Interrupted));
+            }
             self.advance()?;
         }
         match self.next {
