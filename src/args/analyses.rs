@@ -11,7 +11,7 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, Args)]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub(crate) struct FramesArgs {
-    /// `live` (the only live run), `live:RUN`, or a recording
+    /// `live` (the only live run), `live:RUN`, or a recording: a file or a URL
     #[arg(value_name = "SOURCE", default_value = "live")]
     pub(crate) source: Named,
     /// Attach without ever holding the run back: frames may be missed, and are counted

@@ -10,6 +10,13 @@ fn recorded(place: &Place) -> Vec<u8> {
     fs::read(place.path("run.mcap")).unwrap()
 }
 
+#[cfg(not(feature = "remote"))]
+#[test]
+fn a_url_says_how_to_get_a_command_that_reads_it() {
+    let ended = Place::new().run("info s3://bucket/run.mcap").exits(2);
+    ended.says(&["s3://bucket/run.mcap", "`cargo install beadline --features remote`"]);
+}
+
 #[test]
 fn info_shows_what_is_in_a_recording() {
     let place = Place::new();

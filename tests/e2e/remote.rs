@@ -84,10 +84,13 @@ fn every_analysis_of_an_object_gives_the_bytes_of_the_file() {
         ("energies", "csv"),
         ("impurity", "csv"),
         ("contacts", "csv"),
-        ("deformation", "csv"),
+        ("deformation --contact 5", "csv"),
         ("pulses", "csv"),
-        ("spectrum", "csv"),
-        ("forces", "csv"),
+        ("spreading", "csv"),
+        ("spectrum --at bead:20", "csv"),
+        ("forces --at contact:20", "csv"),
+        ("plot --what velocity", "png"),
+        ("export --to npz", "npz"),
         ("export --to csv --beads 0..2", "csv"),
         ("thin --every-steps 100", "mcap"),
         ("expand", "mcap"),
@@ -112,7 +115,9 @@ fn every_analysis_of_an_object_gives_the_bytes_of_the_file() {
             fs::remove_file(place.path(format!("{out}.{ending}"))).unwrap();
         }
     }
-    server.start_s3(&place, "verify s3://bucket/run.mcap").wait().exits(0);
+    for words in ["verify s3://bucket/run.mcap", "replay s3://bucket/run.mcap --wait-for 0"] {
+        server.start_s3(&place, words).wait().exits(0);
+    }
 }
 
 #[test]
