@@ -2,7 +2,7 @@
 //!
 //! A URL (`s3://BUCKET/KEY`, `gs://BUCKET/KEY`, `az://CONTAINER/BLOB`, `http://…`, `https://…`) is a path like that of a
 //! file: [`Reader::open`] opens either, [`list`] lists either. Credentials and endpoints come from the environment
-//! variables `AWS_*`, `GOOGLE_*` and `AZURE_*`, as the object_store crate reads them.
+//! variables `AWS_*`, `GOOGLE_*` and `AZURE_*`, as the crate `object_store` reads them.
 //!
 //! Architecture invariants: nothing else imports `object_store`. Memory is bounded by the parts of an object that are kept,
 //! never by its size. Every answer is of the object that was opened, or an error.

@@ -1,4 +1,4 @@
-//! Objects behind URLs, by the object_store crate: one thread makes all requests, and callers wait for it.
+//! Objects behind URLs, by the crate `object_store`: one thread makes all requests, and callers wait for it.
 
 mod object;
 mod reader;
@@ -13,6 +13,7 @@ use std::future::Future;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{OnceLock, mpsc};
+use store::Directory;
 use tokio::runtime::{Builder, Handle};
 
 /// The thread that makes requests, started by the first one.
@@ -43,7 +44,7 @@ pub(crate) fn wait<T: Send + 'static>(
 
 /// All objects under the URL `root`.
 pub(crate) fn list(root: &Path) -> io::Result<Vec<Entry>> {
-    let (store, prefix, base) = store::of_directory(root)?;
+    let Directory { store, prefix, base } = store::of_directory(root)?;
     let entry = move |found: object_store::ObjectMeta| Entry {
         path: PathBuf::from(format!("{base}/{}", found.location)),
         bytes: found.size,

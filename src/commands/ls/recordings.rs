@@ -37,8 +37,9 @@ pub(super) fn ls(place: &Path, as_json: bool, names_only: bool) -> Result<Done, 
     }
     let (found, lost): (Vec<_>, Vec<_>) = read_all(&paths).into_iter().partition(Result::is_ok);
     let found: Vec<_> = found.into_iter().flatten().collect();
-    for error in lost.iter().filter_map(|lost| lost.as_ref().err()) {
-        notice!("{:#}", anyhow::anyhow!("{error}"));
+    let is_whole = lost.is_empty();
+    for error in lost.into_iter().filter_map(Result::err) {
+        notice!("{:#}", anyhow::Error::new(error));
     }
     if as_json {
         display::print_json(&found.iter().map(to_json).collect::<Vec<_>>())?;
@@ -48,7 +49,7 @@ pub(super) fn ls(place: &Path, as_json: bool, names_only: bool) -> Result<Done, 
         let rows = found.iter().map(|info| cells(info, place)).collect();
         display::print(aligned(COLUMNS, rows, display::columns_of(std::io::stdout())).concat())?;
     }
-    Ok(Done::whole_if(lost.is_empty()))
+    Ok(Done::whole_if(is_whole))
 }
 
 /// Everything at `place` that has the name of a recording.

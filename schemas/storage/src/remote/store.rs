@@ -14,7 +14,7 @@ use std::time::Duration;
 
 /// How often a request is tried again, and for how long.
 const RETRIES: usize = 6;
-const RETRY_FOR: Duration = Duration::from_secs(60);
+const RETRY_FOR: Duration = Duration::from_mins(1);
 
 /// Keeps connections from object to object.
 static STORES: Mutex<BTreeMap<String, Arc<dyn ObjectStore>>> = Mutex::new(BTreeMap::new());
@@ -28,14 +28,21 @@ pub(crate) fn of_object(url: &Path) -> Result<(Arc<dyn ObjectStore>, ObjectPath)
     Ok((of_base(base)?, object_path(base, key)?))
 }
 
-/// The store of the URL `url`, the prefix of names that it stands for, and what URLs of objects there begin with.
-pub(crate) fn of_directory(
-    url: &Path,
-) -> Result<(Arc<dyn ObjectStore>, Option<ObjectPath>, String), StorageError> {
+/// Where objects are.
+pub(crate) struct Directory {
+    pub(crate) store: Arc<dyn ObjectStore>,
+    /// What their names begin with.
+    pub(crate) prefix: Option<ObjectPath>,
+    /// What their URLs begin with.
+    pub(crate) base: String,
+}
+
+/// The store of the URL `url`, and which of its objects are below that.
+pub(crate) fn of_directory(url: &Path) -> Result<Directory, StorageError> {
     let (base, key) = split(url)?;
     let key = key.trim_end_matches('/');
     let prefix = if key.is_empty() { None } else { Some(object_path(base, key)?) };
-    Ok((of_base(base)?, prefix, base.to_owned()))
+    Ok(Directory { store: of_base(base)?, prefix, base: base.to_owned() })
 }
 
 /// `s3://BUCKET` and `KEY`.
@@ -91,6 +98,7 @@ fn build(base: &str) -> object_store::Result<Arc<dyn ObjectStore>> {
 }
 
 /// What a store's error means.
+#[expect(clippy::needless_pass_by_value, reason = "for `map_err`")]
 pub(crate) fn refused(error: Error) -> StorageError {
     if causes(&error).any(|cause| matches!(cause.downcast_ref(), Some(Error::Precondition { .. }))) {
         return StorageError::Changed;
