@@ -2,8 +2,9 @@
 
 use super::{handle, store, wait};
 use crate::StorageError;
+use futures_util::TryStreamExt as _;
 use object_store::path::Path as ObjectPath;
-use object_store::{Error, GetOptions, GetRange, ObjectMeta, ObjectStore};
+use object_store::{Error, GetOptions, GetRange, GetResult, ObjectMeta, ObjectStore};
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -137,23 +138,14 @@ impl Object {
             ..GetOptions::default()
         };
         let answer = match self.store.get_opts(&self.path, options).await {
-            Ok(answer) if same(&answer.meta, found) => answer.bytes().await.map_err(store::refused),
+            Ok(answer) if same(&answer.meta, found) => body(answer, range.end - range.start).await,
             Ok(_) => Err(StorageError::Changed),
             Err(error) => Err(store::refused(error)),
         };
         if matches!(answer, Err(StorageError::Changed)) {
             forget(&self.url);
         }
-        let bytes = Vec::from(answer?);
-        if bytes.len() as u64 == range.end - range.start {
-            Ok(bytes)
-        } else {
-            Err(StorageError::Failed(format!(
-                "{} bytes came instead of {}",
-                bytes.len(),
-                range.end - range.start
-            )))
-        }
+        answer
     }
 }
 
@@ -184,12 +176,23 @@ async fn tail(
         Err(error) => return Err(store::refused(error)),
     };
     let (found, start) = (answer.meta.clone(), answer.range.start);
-    let bytes = answer.bytes().await.map_err(store::refused)?;
-    if bytes.len() as u64 == found.size - start {
-        Ok((found, start, bytes.into()))
-    } else {
-        Err(StorageError::Failed(format!("{} bytes came of its last {TAIL_BYTES}", bytes.len())))
+    let bytes = body(answer, (found.size - start).min(TAIL_BYTES)).await?; // integers
+    Ok((found, start, bytes))
+}
+
+/// The `count` bytes that were asked for, and no more, whatever the server sends.
+async fn body(answer: GetResult, count: u64) -> Result<Vec<u8>, StorageError> {
+    let mut pieces = answer.into_stream();
+    let mut bytes = Vec::new();
+    while let Some(piece) = pieces.try_next().await.map_err(store::refused)? {
+        bytes.extend_from_slice(&piece);
+        if bytes.len() as u64 > count {
+            break;
+        }
     }
+    let found = bytes.len();
+    let what = || StorageError::Failed(format!("the answer has {found} bytes instead of {count}"));
+    if found as u64 == count { Ok(bytes) } else { Err(what()) }
 }
 
 impl Part {

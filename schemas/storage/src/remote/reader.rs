@@ -62,8 +62,9 @@ impl ObjectReader {
 
     /// Where a part that starts at `offset` should end.
     fn end_of(&self, offset: u64) -> u64 {
-        let end = if self.expected.contains(&offset) { self.expected.end } else { offset + self.amount };
-        end.min(offset + MOST_BYTES).min(self.size()) // integers
+        let most = if self.expected.contains(&offset) { self.expected.end - offset } else { self.amount };
+        // a server may claim any size
+        offset.saturating_add(most.min(MOST_BYTES)).min(self.size()) // integers
     }
 
     /// Brings the bytes at the position.
@@ -98,7 +99,7 @@ impl BufRead for ObjectReader {
     }
 
     fn consume(&mut self, amount: usize) {
-        self.position += amount as u64;
+        self.position = self.position.saturating_add(amount as u64);
     }
 }
 
