@@ -27,6 +27,8 @@ mod long_runs;
 mod lying;
 mod manners;
 mod mcap_readers;
+#[cfg(feature = "remote")]
+mod object_store;
 mod other_tools;
 mod own_consumer;
 mod page;
