@@ -22,7 +22,7 @@ pub(crate) use export::ExportArgs;
 pub(crate) use figures::{AxisArg, BandArg, ColoursArg, LookArgs, PlotArgs, What};
 pub(crate) use pages::{ShareArgs, ViewArgs};
 pub(crate) use recordings::{
-    ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, RewriteArgs, ThinArgs, VerifyArgs,
+    CatalogArgs, ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, RewriteArgs, ThinArgs, UploadArgs, VerifyArgs,
 };
 pub(crate) use slurm::SlurmArgs;
 pub(crate) use top::TopArgs;
@@ -151,6 +151,10 @@ pub(crate) enum Command {
     Verify(VerifyArgs),
     /// Make a whole recording of a damaged or unfinished one
     Recover(RecoverArgs),
+    /// Send a recording to a store, such as S3
+    Upload(UploadArgs),
+    /// Make a table of the recordings in a directory or behind a URL
+    Catalog(CatalogArgs),
     /// Show what is in a recording
     #[command(after_help = "Examples:\n  \
         beadline info run.mcap\n  \
@@ -219,7 +223,8 @@ pub(crate) struct DemoArgs {
     beadline run --impurity 400=2e-3 --impurity 600=0.5e-3 --duration 0.1\n  \
     beadline run --striker 0=5 --striker 999=-5       two pulses that meet\n  \
     beadline run chain.toml --seed 7 --dry-run        what it would be, disordered anew\n  \
-    beadline run --resume chain.mcap.partial          goes on with a run that was interrupted\n\n\
+    beadline run --resume chain.mcap.partial          goes on with a run that was interrupted\n  \
+    beadline run chain.toml --out s3://bucket/chain.mcap   sent to a store while it is written\n\n\
     A kill costs at most the last --flush-period of a recording, a power failure the last --sync-period. --resume \
     takes everything of the run from its recording, writes that again as .partial and goes on after its last \
     state; the result is what it would have been without the interruption. It takes .mcap.partial, or an .mcap \
@@ -239,8 +244,11 @@ pub(crate) struct RunArgs {
     #[arg(long, value_name = "RUN")]
     pub(crate) name: Option<String>,
     /// Recording to write [default: RUN.mcap]
-    #[arg(long, value_name = "FILE.mcap", conflicts_with = "no_record")]
+    #[arg(long, value_name = "FILE.mcap|URL", conflicts_with = "no_record")]
     pub(crate) out: Option<PathBuf>,
+    /// Where a recording that goes to a URL is until it is there [default: beadline/spool in the user's cache]
+    #[arg(long, value_name = "DIR", conflicts_with = "no_record")]
+    pub(crate) spool: Option<PathBuf>,
     /// Publish only, write no recording
     #[arg(long)]
     pub(crate) no_record: bool,

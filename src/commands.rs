@@ -1,6 +1,7 @@
 //! One module for each mode; each reads from top to bottom.
 
 pub(crate) mod bench;
+pub(crate) mod catalog;
 pub(crate) mod check;
 pub(crate) mod contacts;
 pub(crate) mod deformation;
@@ -27,5 +28,6 @@ pub(crate) mod spreading;
 pub(crate) mod sweep;
 pub(crate) mod thin;
 pub(crate) mod top;
+pub(crate) mod upload;
 pub(crate) mod verify;
 pub(crate) mod view;

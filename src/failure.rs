@@ -11,6 +11,7 @@ use schemas::whole_file::WholeFileError;
 use serde_json::json;
 use std::any::Any;
 use std::ffi::OsString;
+use storage::StorageError;
 
 /// How a command ended that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -146,6 +147,7 @@ fn is_in_the_way(error: &Error) -> bool {
         cause.downcast_ref().is_some_and(WriteError::is_in_the_way)
             || cause.downcast_ref().is_some_and(WholeFileError::is_in_the_way)
             || cause.downcast_ref().is_some_and(ExportError::is_in_the_way)
+            || cause.downcast_ref().is_some_and(StorageError::is_of_usage)
     })
 }
 

@@ -24,6 +24,7 @@ mod signals;
 mod stage;
 mod sweep;
 mod time_step;
+mod uploading;
 
 pub use configuration::origin;
 
@@ -81,6 +82,8 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Export(args) => commands::export::export(&args),
         Command::Verify(args) => commands::verify::verify(&args),
         Command::Recover(args) => commands::recover::recover(&args),
+        Command::Upload(args) => commands::upload::upload(&args),
+        Command::Catalog(args) => commands::catalog::catalog(&args),
         Command::Info { file, json } => commands::info::info(&file, json),
         Command::Completions { shell } => commands::manual::completions(shell),
         Command::Man(args) => commands::manual::man(&args),

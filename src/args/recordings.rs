@@ -17,7 +17,8 @@ use std::path::PathBuf;
     beadline record --out run.mcap                            the only live run, from here on\n  \
     beadline record live:long --out long.mcap --from-start    with what came before, recomputed\n  \
     beadline record --out run.mcap --split-size 500MB         run-part-0001.mcap, …-0002.mcap …\n  \
-    beadline record --out run.mcap --split-duration 0.01      a part for each 10 simulated ms\n\n\
+    beadline record --out run.mcap --split-duration 0.01      a part for each 10 simulated ms\n  \
+    beadline record --out s3://bucket/run.mcap                sent to a store while it is written\n\n\
     The run waits for the recorder when it cannot keep up. A part is finished before the next one begins; each \
     is a recording by itself: `beadline info`, `verify` and every analysis read it. Results are those that \
     `beadline energies`, `impurity`, `contacts` and `pulses` publish, from the first row on if the analysis \
@@ -31,8 +32,11 @@ pub(crate) struct RecordArgs {
     #[arg(value_name = "SOURCE", default_value = "live")]
     pub(crate) source: Named,
     /// Recording to write; parts of it are NAME-part-0001.mcap and so on
-    #[arg(long, value_name = "FILE.mcap")]
+    #[arg(long, value_name = "FILE.mcap|URL")]
     pub(crate) out: PathBuf,
+    /// Where a recording that goes to a URL is until it is there [default: beadline/spool in the user's cache]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) spool: Option<PathBuf>,
     /// Go on in a new part with the first frame after the file has this size
     #[arg(long, value_name = "BYTES|500MB", value_parser = parse_split_size)]
     pub(crate) split_size: Option<u64>,
@@ -214,4 +218,46 @@ pub(crate) struct RecoverArgs {
     pub(crate) no_fill: bool,
     #[command(flatten)]
     pub(crate) output: RewriteArgs,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline upload run.mcap s3://bucket/run.mcap\n  \
+    beadline upload run.mcap.partial s3://bucket/run.mcap     recovers run.mcap first, and sends that\n\n\
+    The object is there when all of it was sent, and not before; its size is compared, and FILE stays. What an earlier \
+    attempt with this FILE left in the store is removed. Credentials and endpoints come from the environment (AWS_*, \
+    GOOGLE_*, AZURE_*). Exit code 3: it was asked to stop, or the recording could not be recovered without loss.")]
+pub(crate) struct UploadArgs {
+    /// The recording
+    pub(crate) file: PathBuf,
+    /// Where it goes: s3://BUCKET/KEY, gs://BUCKET/KEY or az://CONTAINER/BLOB
+    pub(crate) url: PathBuf,
+    /// Replace an object that exists
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline catalog runs --out catalog.parquet\n  \
+    beadline catalog s3://bucket/runs --out catalog.csv\n  \
+    duckdb -c \"SELECT path, alpha, steps FROM 'catalog.parquet' WHERE complete = 1\"\n\n\
+    A row for each .mcap and .mcap.partial, in the order of their names, from their summaries alone; `docs/CATALOG.md` has \
+    the columns. What cannot be read has a row that says why, in the column `error`, and makes the exit code 3.")]
+pub(crate) struct CatalogArgs {
+    /// A directory or a URL
+    #[arg(value_name = "DIR|URL")]
+    pub(crate) root: PathBuf,
+    /// The table
+    #[arg(long, value_name = "FILE.parquet|.csv")]
+    pub(crate) out: PathBuf,
+    /// Replace a table that exists
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
 }

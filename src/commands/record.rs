@@ -8,16 +8,18 @@ use crate::outputs::{check_directory, check_free};
 use crate::progress::Progress;
 use crate::report::{Rows, report};
 use crate::signals;
+use crate::uploading::{Spool, Uploaded};
 use anyhow::anyhow;
 use bus::{AttachNotice, AttachOptions, Bus, Delivery, LiveSource};
 use producer::resimulation::Lend;
 use recorder::{DueFrames, Recorder, RowTally, RowThreads};
-use recording::{Disk, DiskWatch, Finished, PartsWriter, Split, WriteOptions, part_path};
+use recording::{Disk, DiskWatch, Finished, PartsWriter, SpaceNeeded, Split, WriteOptions, part_path};
 use schemas::frame::{EndReason, FrameSource, Received};
 use schemas::manifest::RunManifest;
 use serde_json::{Value, json};
 use source::{Named, Source};
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -36,7 +38,12 @@ pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
         ));
     };
     let split = Split { bytes: args.split_size, duration_s: args.split_duration };
-    let reserve_bytes = check_output(args, &split)?;
+    let spool = Spool::of(Some(&args.out), args.spool.as_deref(), split.is_split())?;
+    // what waits in the spool is not in the store yet
+    let force = args.force && spool.is_none();
+    spool.as_ref().map_or(Ok(()), Spool::prepare)?;
+    let out = spool.as_ref().map_or(&args.out, |spool| &spool.file).as_path();
+    let reserve_bytes = check_output(args, out, &split, force)?;
     let stop = signals::stop_flag()?;
     let bus = Bus::from_env()?;
     let recorder = Arc::new(Recorder::default());
@@ -47,19 +54,23 @@ pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
     display::notice_of_version(&manifest);
     let begins_at = if args.from_start { 0 } else { live.first_frame() };
     let options = WriteOptions {
-        force: args.force,
+        force,
         flush_period: Duration::from_secs_f64(args.flush_period),
         sync_period: Duration::from_secs_f64(args.sync_period),
         ..WriteOptions::default()
     };
     let first_step = manifest.step_of_frame(begins_at);
-    let parts = PartsWriter::create(&args.out, &manifest, None, first_step, &options, &split)?;
+    let at_most_bytes = SpaceNeeded::new(&manifest, options.compression).at_most_bytes;
+    let expected_bytes = split.bytes.map_or(at_most_bytes, |bytes| bytes.min(at_most_bytes));
+    let upload = spool.as_ref().map(|spool| spool.begin(&manifest, expected_bytes, args.force)).transpose()?;
+    let parts = PartsWriter::create(out, &manifest, None, first_step, &options, &split)?;
     recorder.begin(parts, &manifest, live.stream(), (begins_at, live.first_frame()));
 
-    signals::would_leave(what_stays(args, &split));
+    signals::would_leave(what_stays(out, &split, spool.as_ref()));
+    let sending = spool.clone().zip(upload).map(|(spool, upload)| spool.send(upload)).transpose()?;
     let mut source = frames(args, live)?;
     let mut session = Following {
-        due: DueFrames::new(&recorder, &manifest, DiskWatch::new(&args.out, reserve_bytes)),
+        due: DueFrames::new(&recorder, &manifest, DiskWatch::new(out, reserve_bytes)),
         manifest: &manifest,
         recorder: &recorder,
         missed_count: 0,
@@ -78,9 +89,11 @@ pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
     };
     recorder.end_frames(range.as_ref().ok().copied().flatten().map(|(_, last)| last), patience);
     let (results, trouble) = rows.finish();
-    let parts = recorder.finish(end);
+    let mut parts = recorder.finish(end);
+    let finished = parts.as_deref_mut().unwrap_or_default();
+    let uploaded = sending.map(|sending| sending.finish(finished, &stop));
     if parts.is_err() || range.is_err() {
-        display::notice(what_stays(args, &split));
+        display::notice(what_stays(out, &split, spool.as_ref()));
     }
     followed?;
     let summary = Summary {
@@ -93,6 +106,7 @@ pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
         disk_is_short,
         results: results.into_iter().filter(RowTally::is_worth_telling).collect(),
         parts: parts?,
+        uploaded,
     };
     if let Some(error) = trouble {
         notice!("results were not recorded: {error}");
@@ -101,23 +115,23 @@ pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
 }
 
 /// Refuses an output that could not be written in the end. Returns how much of its disk must stay free.
-fn check_output(args: &RecordArgs, split: &Split) -> Result<u64, Failure> {
-    if args.out.extension().is_none_or(|end| end != "mcap") {
+fn check_output(args: &RecordArgs, out: &Path, split: &Split, force: bool) -> Result<u64, Failure> {
+    if out.extension().is_none_or(|end| end != "mcap") {
         return Err(bad_input!("--out {}: a recording is written as .mcap", args.out.display()));
     }
     if split.is_split() {
-        check_directory(&args.out)?;
-        PartsWriter::check(&args.out, split, args.force)?;
+        check_directory(out)?;
+        PartsWriter::check(out, split, force)?;
     } else {
-        check_free(&args.out, args.force)?;
+        check_free(out, force)?;
     }
-    let disk = Disk::of(&args.out)?;
+    let disk = Disk::of(out)?;
     let reserve_bytes = args.min_free.unwrap_or_else(|| disk.default_reserve_bytes());
     if disk.free_bytes < reserve_bytes {
         let (free, reserve) = (bytes(disk.free_bytes), bytes(reserve_bytes));
         return Err(Failure::Failed(anyhow!(
             "{}: only {free} are free there, and {reserve} are to be left; choose another disk, or a smaller --min-free",
-            args.out.display()
+            out.display()
         )));
     }
     Ok(reserve_bytes)
@@ -167,14 +181,15 @@ fn frames(args: &RecordArgs, live: LiveSource) -> Result<Frames, Failure> {
 }
 
 /// After a write error, or an end at once: where everything before it is.
-fn what_stays(args: &RecordArgs, split: &Split) -> String {
-    let path = if split.is_split() { part_path(&args.out, 1) } else { args.out.clone() };
+fn what_stays(out: &Path, split: &Split, spool: Option<&Spool>) -> String {
+    let path = if split.is_split() { part_path(out, 1) } else { out.to_owned() };
     let parts =
         if split.is_split() { " and the parts after it, the last one as .partial" } else { ".partial" };
     format!(
         "what was recorded before stays in {}{parts}, which every analysis reads; `beadline recover` makes a finished \
-         recording of it",
-        path.display()
+         recording of it{}",
+        path.display(),
+        spool.map_or_else(String::new, |spool| format!(", and {}", spool.advice()))
     )
 }
 
@@ -233,6 +248,8 @@ struct Summary<'a> {
     disk_is_short: bool,
     results: Vec<RowTally>,
     parts: Vec<Finished>,
+    /// What came of sending them, if they go to a URL.
+    uploaded: Option<Uploaded>,
 }
 
 impl Summary<'_> {
@@ -242,7 +259,8 @@ impl Summary<'_> {
         // a part that is continued is not the end
         let ended_well = self.end.is_orderly() && self.end != EndReason::Detached;
         let rows_are_whole = self.results.iter().all(RowTally::is_whole);
-        Ok(Done::whole_if(ended_well && rows_are_whole && self.missed_count == 0))
+        let is_sent = self.uploaded.as_ref().is_none_or(Uploaded::is_whole);
+        Ok(Done::whole_if(ended_well && rows_are_whole && self.missed_count == 0 && is_sent))
     }
 
     fn total(&self, number: impl Fn(&Finished) -> u64) -> u64 {
@@ -271,6 +289,7 @@ impl Summary<'_> {
                 rows.add("last part", size(last));
             }
         }
+        self.uploaded.iter().for_each(|uploaded| uploaded.add_to(&mut rows));
         rows.under(format_args!("{} {}", self.manifest.provenance.name, self.end))
     }
 
@@ -298,11 +317,13 @@ impl Summary<'_> {
             "states": self.total(|part| part.frames),
             "disk_is_short": self.disk_is_short,
             "results": self.results.iter().map(rows).collect::<BTreeMap<_, _>>(),
+            "upload": self.uploaded.as_ref().map(Uploaded::json),
             "parts": self.parts.iter().map(part).collect::<Vec<_>>(),
         })
     }
 
     fn warn(&self) {
+        self.uploaded.iter().for_each(Uploaded::tell);
         if self.begins_at > 0 && self.range.is_some() {
             let (first, last) = (count(self.begins_at), count(self.begins_at - 1));
             notice!(

@@ -22,12 +22,25 @@ use std::fs::{File, Metadata, TryLockError};
 use std::num::NonZero;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use storage::is_url;
 
 pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
     let (from, to, force) = (args.file.as_path(), args.output.out.as_path(), args.output.force);
-    let stop = signals::stop_flag()?;
+    let outcome = recover_file(from, to, !args.no_fill, force, &signals::stop_flag()?)?;
+    report(args.output.json, &to_json(&outcome), || text(from, &outcome))?;
+    Ok(Done::whole_if(outcome.is_whole()))
+}
+
+/// Makes the whole recording `to` of the recording `from`; frames that are lost are recomputed if `fill`.
+pub(crate) fn recover_file(
+    from: &Path,
+    to: &Path,
+    fill: bool,
+    force: bool,
+    stop: &Arc<AtomicBool>,
+) -> Result<Outcome, Failure> {
     // held from before it is opened, so that no run begins to write it
     let locked = if from.is_file() { Some(lock(from)?) } else { None };
     let audit = Audit::open(from).bad_input()?;
@@ -63,7 +76,7 @@ pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
         progress.at(step);
         !stop.load(Ordering::Relaxed)
     };
-    let recovered = recover_states(audit, &begin, !args.no_fill, expected.as_ref(), &mut writer, &mut watch);
+    let recovered = recover_states(audit, &begin, fill, expected.as_ref(), &mut writer, &mut watch);
     progress.finish();
     let recovery = match recovered {
         Ok(recovery) => recovery,
@@ -87,21 +100,26 @@ pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
     }
     // the file that it was made from may be wrong in more ways than can be repaired
     let cores = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
-    let verified = verify_file(&finished.path, None, cores, &stop)?;
-    let outcome = Outcome { recovery, finished, lying_toml, verified };
-    report(args.output.json, &to_json(&manifest, &outcome), || text(from, &manifest, &outcome))?;
-    let is_whole = outcome.recovery.is_whole() && outcome.lying_toml.is_empty();
-    Ok(Done::whole_if(is_whole && !outcome.verified.is_refuted()))
+    let verified = verify_file(&finished.path, None, cores, stop)?;
+    Ok(Outcome { manifest, recovery, finished, lying_toml, verified })
 }
 
 /// What came of it.
-struct Outcome {
+pub(crate) struct Outcome {
+    manifest: RunManifest,
     recovery: Recovery,
     finished: Finished,
     /// How the configuration in the file differs from its manifest; it was left out then.
     lying_toml: Vec<String>,
     /// The new recording.
     verified: Verified,
+}
+
+impl Outcome {
+    /// Whether everything that was in the file is in the new one, and as it must be.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.recovery.is_whole() && self.lying_toml.is_empty() && !self.verified.is_refuted()
+    }
 }
 
 /// Whether a state of the run can be read in the file.
@@ -147,8 +165,8 @@ fn working_place(from: &Path, to: &Path) -> PathBuf {
     if is_source { with(".recovered") } else { to.to_owned() }
 }
 
-fn text(from: &Path, manifest: &RunManifest, outcome: &Outcome) -> String {
-    let Outcome { recovery, finished, lying_toml, verified } = outcome;
+fn text(from: &Path, outcome: &Outcome) -> String {
+    let Outcome { manifest, recovery, finished, lying_toml, verified } = outcome;
     let mut rows = Rows::default();
     rows.add("states", states(recovery));
     if let Some(last) = recovery.last_step {
@@ -194,8 +212,8 @@ fn states(recovery: &Recovery) -> String {
     text
 }
 
-fn to_json(manifest: &RunManifest, outcome: &Outcome) -> serde_json::Value {
-    let Outcome { recovery, finished, lying_toml, verified } = outcome;
+fn to_json(outcome: &Outcome) -> serde_json::Value {
+    let Outcome { manifest, recovery, finished, lying_toml, verified } = outcome;
     let others = recovery.others.iter();
     let others = others.map(|(topic, counts)| (topic, json!({ "kept": counts.kept, "lost": counts.lost })));
     json!({

@@ -14,6 +14,7 @@ use crate::report::{Rows, report};
 use crate::resumption::{self, Begun, Resumption};
 use crate::signals;
 use crate::stage::{Begin, Left, Stage};
+use crate::uploading::{Spool, Uploaded};
 use bus::{PublishCounts, PublishError, PublishOptions, StatePublisher};
 use consumers::determination::Outcome as Determined;
 use consumers::determination::verdict;
@@ -25,6 +26,7 @@ use schemas::summary::Drift;
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::slice;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -42,7 +44,10 @@ const MANY_ROUNDINGS: f64 = 30.0;
 const NEARLY: f64 = 1e-12;
 
 pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
-    let Some((configured, start)) = Start::of(args)? else { return Ok(Done::Whole) };
+    let spool = Spool::of(args.out.as_deref(), args.spool.as_deref(), false)?;
+    // what waits in the spool is not in the store yet
+    let force = args.force && spool.is_none();
+    let Some((configured, start)) = Start::of(args, spool.as_ref(), force)? else { return Ok(Done::Whole) };
     let manifest = &configured.manifest;
     if args.dry_run {
         let name = &manifest.provenance.name;
@@ -50,25 +55,34 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         report(args.json, &json!({ "manifest": manifest, "run_toml": configured.toml }), text)?;
         return Ok(Done::Whole);
     }
-    let out = start.check_out(args.force)?;
-    let options = write_options(args);
+    spool.as_ref().map_or(Ok(()), Spool::prepare)?;
+    let out = start.check_out(force)?;
+    let options = WriteOptions { force, ..write_options(args) };
     let disk = announce(&configured, out.as_deref(), &options)?;
     let first_step = start.first_frame().map_or(0, |frame| manifest.step_of_frame(frame));
     Forecast::of_run(manifest, first_step, args.pace, disk).confirm(args.yes)?;
 
+    let expected_bytes = SpaceNeeded::new(manifest, options.compression).at_most_bytes;
+    let upload = spool.as_ref().map(|spool| spool.begin(manifest, expected_bytes, args.force)).transpose()?;
     let (keyboard, stop) = Keyboard::open()?;
-    let Some((mut publisher, begun)) = start.prepare(args, &configured, &options, &stop)? else {
+    let prepared = start.prepare(args, &configured, &options, &stop);
+    let Ok(Some((mut publisher, begun))) = prepared else {
+        if let Some(upload) = upload {
+            upload.give_up();
+        }
+        prepared?;
         notice!("stopped before the run began; nothing was recorded");
         return Ok(Done::Lossy);
     };
     let Begun { mut recorder, state, old } = begun;
     if let Some(path) = &out {
-        signals::would_leave(what_stays(path));
+        signals::would_leave(what_stays(path, spool.as_ref()));
     }
+    let sending = spool.clone().zip(upload).map(|(spool, upload)| spool.send(upload)).transpose()?;
     let beside = args.check.then(|| Beside::start(manifest, &stop)).transpose()?;
     let first_step = state.as_ref().map_or(0, |state| state.step);
     let begin = Begin { pace: args.pace, is_paused: false, step: first_step, can_seek: false };
-    let mut stage = Stage::new(manifest, begin, keyboard.as_ref(), stop);
+    let mut stage = Stage::new(manifest, begin, keyboard.as_ref(), Arc::clone(&stop));
     let result = match state {
         Some(state) => producer::run::resume(manifest, state, &mut publisher, recorder.as_mut(), &mut stage),
         None => producer::run::run(manifest, &mut publisher, recorder.as_mut(), &mut stage),
@@ -79,13 +93,15 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
 
     let reason = result.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
     // the recording first, so that it is there when consumers hear of the end; both are finished even if one fails
-    let recording = recorder.map(|recorder| recorder.finish(reason)).transpose();
+    let mut recording = recorder.map(|recorder| recorder.finish(reason)).transpose();
     if let Ok(Some(finished)) = &recording {
         signals::would_leave(format!("{} is finished", finished.path.display()));
     }
     let counts = publisher.finish(reason);
+    let finished = recording.as_mut().ok().and_then(Option::as_mut).map(slice::from_mut);
+    let uploaded = sending.map(|sending| sending.finish(finished.unwrap_or_default(), &stop));
     if let (Some(path), true) = (&out, failed_to_record(&result, &recording)) {
-        tell_what_stays(path);
+        tell_what_stays(path, spool.as_ref());
     }
     let (outcome, recording, counts) = (result?, recording?, counts?);
     if let Some(old) = old {
@@ -96,14 +112,17 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     let compared = beside.map(Beside::finish).transpose()?;
     let determined = compared.and_then(|compared| compared.determination.outcome());
     let is_determined = determined.as_ref().is_none_or(|determined| determined.first_lost().is_none());
-    let summary = Summary { manifest, outcome, first_step, counts, left, recording, determined };
+    let is_sent = uploaded.as_ref().is_none_or(Uploaded::is_whole);
+    let summary = Summary { manifest, outcome, first_step, counts, left, recording, uploaded, determined };
     report(args.json, &summary.json(), || summary.text())?;
+    summary.uploaded.iter().for_each(Uploaded::tell);
     if let (EndReason::Interrupted, Some(recording)) = (reason, &summary.recording) {
         let path = recording.path.display();
-        notice!("`beadline run --resume {path}` goes on with it");
+        let copy = if spool.is_some() && is_sent { ", once it is copied to a file," } else { "" };
+        notice!("`beadline run --resume {path}`{copy} goes on with it");
     }
     tell_drift(&manifest.physics, outcome.relative_drift);
-    Ok(Done::whole_if(counts.evicted == 0 && reason == EndReason::Complete && is_determined))
+    Ok(Done::whole_if(counts.evicted == 0 && reason == EndReason::Complete && is_determined && is_sent))
 }
 
 /// What a run begins with.
@@ -116,9 +135,14 @@ enum Start {
 
 impl Start {
     /// The run that the arguments mean, and what it begins with; none if there is nothing left to be done.
-    fn of(args: &RunArgs) -> Result<Option<(Configured, Self)>, Failure> {
+    fn of(
+        args: &RunArgs,
+        spool: Option<&Spool>,
+        force: bool,
+    ) -> Result<Option<(Configured, Self)>, Failure> {
+        let out = spool.map(|spool| &spool.file).or(args.out.as_ref());
         if let Some(path) = &args.resume {
-            let found = Resumption::find(path, args.out.as_deref(), args.force)?;
+            let found = Resumption::find(path, out.map(PathBuf::as_path), force)?;
             let found = found.unless_complete()?;
             return Ok(
                 found.map(|found| (Configured::recorded(found.info()), Self::Resumed(Box::new(found))))
@@ -126,7 +150,7 @@ impl Start {
         }
         let configured = configure(args)?;
         let name = &configured.manifest.provenance.name;
-        let out = || args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.mcap")));
+        let out = || out.cloned().unwrap_or_else(|| PathBuf::from(format!("{name}.mcap")));
         let out = (!args.no_record).then(out);
         Ok(Some((configured, Self::Fresh(out))))
     }
@@ -195,7 +219,6 @@ impl Start {
 
 fn write_options(args: &RunArgs) -> WriteOptions {
     WriteOptions {
-        force: args.force,
         flush_period: Duration::from_secs_f64(args.flush_period),
         sync_period: Duration::from_secs_f64(args.sync_period),
         ..WriteOptions::default()
@@ -223,20 +246,27 @@ fn tell_drift(physics: &Physics, drift: f64) {
 }
 
 /// Where the recording `path` is if the process is ended at once.
-fn what_stays(path: &Path) -> String {
+fn what_stays(path: &Path, spool: Option<&Spool>) -> String {
     let path = path.display();
     format!(
         "{path}.partial has what was recorded: `beadline run --resume {path}.partial` goes on with it, and every \
-         analysis reads it"
+         analysis reads it{}",
+        advice(spool)
     )
 }
 
+/// How to send what was recorded, if it was to be sent.
+fn advice(spool: Option<&Spool>) -> String {
+    spool.map_or_else(String::new, |spool| format!("; {}", spool.advice()))
+}
+
 /// Says where what was recorded is, and how to go on, when the rest could not be written.
-fn tell_what_stays(path: &Path) {
+fn tell_what_stays(path: &Path, spool: Option<&Spool>) {
     let path = path.display();
     notice!(
         "what was recorded before stays in {path}.partial, which every analysis reads; when there is room, \
-         `beadline run --resume {path}.partial` goes on, with --out in another place"
+         `beadline run --resume {path}.partial` goes on, with --out in another place{}",
+        advice(spool)
     );
 }
 
@@ -326,6 +356,8 @@ struct Summary<'a> {
     counts: PublishCounts,
     left: Left,
     recording: Option<Finished>,
+    /// What came of sending it, if it goes to a URL.
+    uploaded: Option<Uploaded>,
     /// Until when the run is determined, if asked.
     determined: Option<Determined>,
 }
@@ -357,6 +389,7 @@ impl Summary<'_> {
             rows.add("held back by the disk", duration(*held_back));
             rows.add("recording", format_args!("{}, {} ({ratio:.2} : 1)", path.display(), bytes(*size)));
         }
+        self.uploaded.iter().for_each(|uploaded| uploaded.add_to(&mut rows));
         rows.under(format_args!("{} {}", self.manifest.provenance.name, outcome.reason))
     }
 
@@ -384,6 +417,7 @@ impl Summary<'_> {
             "held_back_s": self.counts.held_back.as_secs_f64(),
             "consumers_dropped": self.left.dropped.names,
             "recording": recording,
+            "upload": self.uploaded.as_ref().map(Uploaded::json),
             "check": self.determined.as_ref().map(|it| determining::json(&self.manifest.physics, it)),
         })
     }

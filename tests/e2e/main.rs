@@ -5,6 +5,7 @@ mod any_chain;
 mod any_input;
 mod any_sweep;
 mod bench;
+mod catalogs;
 mod check;
 mod compatibility;
 mod configuration;
@@ -61,6 +62,8 @@ mod thinning;
 mod time_step;
 mod top;
 mod uncertainty;
+#[cfg(feature = "remote")]
+mod uploads;
 mod verifying;
 mod view;
 mod waves;

@@ -19,6 +19,9 @@ pub enum StorageError {
     /// There is no such object, bucket or container.
     #[error("not found: {0}")]
     NotFound(String),
+    /// There is an object of this name.
+    #[error("it exists already; choose another name, or replace it with --force")]
+    Exists,
     /// No credentials, wrong ones, or ones that may not.
     #[error(
         "access denied: {0}; credentials come from the environment (AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, \
@@ -38,12 +41,20 @@ pub enum StorageError {
     Failed(String),
 }
 
+impl StorageError {
+    /// Whether another name, or another build of the command, is needed.
+    pub fn is_of_usage(&self) -> bool {
+        matches!(self, Self::NotBuilt | Self::Url(_) | Self::Exists)
+    }
+}
+
 impl From<StorageError> for io::Error {
     fn from(error: StorageError) -> Self {
         let kind = match &error {
             StorageError::NotBuilt | StorageError::NoRanges => io::ErrorKind::Unsupported,
             StorageError::Url(_) => io::ErrorKind::InvalidInput,
             StorageError::NotFound(_) => io::ErrorKind::NotFound,
+            StorageError::Exists => io::ErrorKind::AlreadyExists,
             StorageError::Denied(_) => io::ErrorKind::PermissionDenied,
             StorageError::Changed | StorageError::Failed(_) => io::ErrorKind::Other,
         };

@@ -15,11 +15,13 @@ mod remote;
 #[cfg(not(feature = "remote"))]
 #[path = "without.rs"]
 mod remote;
+mod sender;
 
 pub use error::StorageError;
 pub use list::{Entry, list};
 pub use reader::Reader;
-pub use remote::forget;
+pub use remote::{Upload, forget};
+pub use sender::{Begun, Errand, Outcome, SendError, SendOptions, Sender, Sent};
 
 use std::path::Path;
 

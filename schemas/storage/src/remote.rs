@@ -3,9 +3,11 @@
 mod object;
 mod reader;
 mod store;
+mod upload;
 
 pub use object::forget;
 pub(crate) use reader::ObjectReader;
+pub use upload::Upload;
 
 use crate::{Entry, StorageError};
 use futures_util::TryStreamExt as _;

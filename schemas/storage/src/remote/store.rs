@@ -21,11 +21,17 @@ static STORES: Mutex<BTreeMap<String, Arc<dyn ObjectStore>>> = Mutex::new(BTreeM
 
 /// The store of the URL `url`, and the object's name there.
 pub(crate) fn of_object(url: &Path) -> Result<(Arc<dyn ObjectStore>, ObjectPath), StorageError> {
+    let (base, path) = place_of_object(url)?;
+    Ok((of_base(base)?, path))
+}
+
+/// `s3://BUCKET` of the URL `url`, and the object's name there.
+pub(super) fn place_of_object(url: &Path) -> Result<(&str, ObjectPath), StorageError> {
     let (base, key) = split(url)?;
     if key.is_empty() || key.ends_with('/') {
         return Err(StorageError::Url("no object is named".into()));
     }
-    Ok((of_base(base)?, object_path(base, key)?))
+    Ok((base, object_path(base, key)?))
 }
 
 /// Where objects are.
@@ -78,12 +84,17 @@ fn of_base(base: &str) -> Result<Arc<dyn ObjectStore>, StorageError> {
     Ok(store)
 }
 
-fn build(base: &str) -> object_store::Result<Arc<dyn ObjectStore>> {
-    let retry = RetryConfig {
+/// How requests are tried again.
+pub(super) fn retries() -> RetryConfig {
+    RetryConfig {
         max_retries: RETRIES,
         retry_timeout: RETRY_FOR,
         backoff: BackoffConfig { max_backoff: Duration::from_secs(5), ..BackoffConfig::default() },
-    };
+    }
+}
+
+fn build(base: &str) -> object_store::Result<Arc<dyn ObjectStore>> {
+    let retry = retries();
     Ok(match base.split("://").next() {
         Some("s3") => Arc::new(AmazonS3Builder::from_env().with_url(base).with_retry(retry).build()?),
         Some("gs") => {

@@ -1,0 +1,217 @@
+//! Writes an object in parts. It is there when it is whole, and not before.
+
+use super::store::{self, retries};
+use super::wait;
+use crate::StorageError;
+use object_store::aws::{AmazonS3Builder, Checksum};
+use object_store::azure::{AzureConfigKey, MicrosoftAzureBuilder};
+use object_store::gcp::{GoogleCloudStorageBuilder, GoogleConfigKey};
+use object_store::multipart::{MultipartStore, PartId};
+use object_store::path::Path as ObjectPath;
+use object_store::{
+    Attribute, Attributes, ClientConfigKey, ClientOptions, Error, GetOptions, HeaderMap, HeaderValue, ObjectMeta,
+    ObjectStore, PutMultipartOptions,
+};
+use reqwest::header::IF_NONE_MATCH;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Slowest connection over which a part arrives before its request is given up.
+const LEAST_BYTES_PER_S: u64 = 100_000;
+
+/// What an object says about itself: the run that it is a recording of.
+const RUN: &str = "beadline-run";
+
+trait Store: ObjectStore + MultipartStore {}
+
+impl<S: ObjectStore + MultipartStore> Store for S {}
+
+/// The store that an object is written to.
+#[derive(Debug, Clone)]
+struct Target {
+    store: Arc<dyn Store>,
+    /// The same, which completes no object that is there already; none if the store cannot do that.
+    new_only: Option<Arc<dyn Store>>,
+    /// Whether an object can say more about itself than its size.
+    takes_attributes: bool,
+    path: ObjectPath,
+}
+
+/// An object that is being written.
+#[derive(Debug)]
+pub struct Upload {
+    target: Target,
+    id: String,
+    parts: Vec<PartId>,
+    bytes: u64,
+    run: String,
+    replace: bool,
+}
+
+impl Upload {
+    /// Begins the object behind `url`, a recording of the run `run`, in parts of about `part_bytes`. The store says here whether
+    /// it takes them.
+    ///
+    /// # Errors
+    /// When there is one and it is not to be replaced, or when the store refuses.
+    pub fn begin(url: &Path, run: &str, part_bytes: u64, replace: bool) -> Result<Self, StorageError> {
+        let target = Target::of(url, part_bytes)?;
+        if !replace && target.look()?.is_some() {
+            return Err(StorageError::Exists);
+        }
+        let (asked, name) = (target.clone(), (Attribute::Metadata(RUN.into()), run.to_owned()));
+        let id = wait(async move {
+            let begun = if asked.takes_attributes {
+                let attributes = Attributes::from_iter([name]);
+                let options = PutMultipartOptions { attributes, ..PutMultipartOptions::default() };
+                asked.store.create_multipart_opts(&asked.path, options).await
+            } else {
+                asked.store.create_multipart(&asked.path).await
+            };
+            begun.map_err(store::refused)
+        })?;
+        Ok(Self { target, id, parts: Vec::new(), bytes: 0, run: run.to_owned(), replace })
+    }
+
+    /// Gives up the upload `id` of the object behind `url`, and has the store remove its parts.
+    ///
+    /// # Errors
+    /// When the store refuses. An upload that is not there any more is given up.
+    pub fn give_up(url: &Path, id: &str) -> Result<(), StorageError> {
+        let (target, id) = (Target::of(url, 0)?, id.to_owned());
+        match wait(async move {
+            target.store.abort_multipart(&target.path, &id).await.map_err(store::refused)
+        }) {
+            Err(StorageError::NotFound(_)) => Ok(()),
+            ended => ended,
+        }
+    }
+
+    /// What the store calls it.
+    pub fn id(&self) -> &str {
+        &self.id
+    }
+
+    /// Bytes sent so far.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Parts sent so far.
+    pub fn parts(&self) -> usize {
+        self.parts.len()
+    }
+
+    /// Sends the next part. After an error it may be sent again.
+    ///
+    /// # Errors
+    /// When the store refuses, after all retries.
+    pub fn send(&mut self, part: Vec<u8>) -> Result<(), StorageError> {
+        let (target, id, index, bytes) = (self.target.clone(), self.id.clone(), self.parts.len(), part.len());
+        let part = wait(async move {
+            target.store.put_part(&target.path, &id, index, part.into()).await.map_err(store::refused)
+        })?;
+        self.parts.push(part);
+        self.bytes += bytes as u64;
+        Ok(())
+    }
+
+    /// Completes the object, and looks whether it is there as it was sent. After an error it may be completed again.
+    ///
+    /// # Errors
+    /// When the store refuses, when there is such an object by now, or when it is not as long as it must be.
+    pub fn complete(&mut self) -> Result<(), StorageError> {
+        if !self.replace && self.target.look()?.is_some_and(|found| !self.is_sent(&found)) {
+            return Err(StorageError::Exists);
+        }
+        let (target, id, parts) = (self.target.clone(), self.id.clone(), self.parts.clone());
+        let new_only = target.new_only.filter(|_| !self.replace);
+        let completed = wait(async move {
+            let store = new_only.unwrap_or(target.store);
+            let ended = store.complete_multipart(&target.path, &id, parts).await;
+            ended.map_err(|error| match error {
+                Error::Precondition { .. } | Error::AlreadyExists { .. } => StorageError::Exists,
+                error => store::refused(error),
+            })
+        });
+        // an answer may be lost on its way, and what was asked for again is refused
+        let found = self.target.look()?;
+        match (completed, found) {
+            (_, Some(found)) if self.is_sent(&found) => Ok(()),
+            (Err(error), _) => Err(error),
+            (Ok(result), Some((found, _))) if found.size == self.bytes && found.e_tag == result.e_tag => Ok(()),
+            (Ok(_), found) => {
+                let there = found.map_or(0, |(found, _)| found.size);
+                Err(StorageError::Failed(format!("the store has {there} bytes, {} were sent", self.bytes)))
+            }
+        }
+    }
+
+    /// Whether an object is what was sent.
+    fn is_sent(&self, (found, attributes): &(ObjectMeta, Attributes)) -> bool {
+        let run = attributes.get(&Attribute::Metadata(RUN.into()));
+        found.size == self.bytes && run.is_some_and(|run| **run == *self.run)
+    }
+}
+
+impl Target {
+    fn of(url: &Path, part_bytes: u64) -> Result<Self, StorageError> {
+        let (base, path) = store::place_of_object(url)?;
+        super::handle()?; // which chooses the cryptography
+        let timeout = format!("{} seconds", 60 + part_bytes / LEAST_BYTES_PER_S); // integers
+        let stores: object_store::Result<Stores> = match base.split("://").next() {
+            Some("s3") => s3(base, &timeout),
+            Some("gs") => {
+                let gs = GoogleCloudStorageBuilder::from_env().with_url(base).with_retry(retries());
+                let gs = gs.with_config(GoogleConfigKey::Client(ClientConfigKey::Timeout), timeout).build();
+                gs.map(|gs| (Arc::new(gs) as _, None))
+            }
+            Some("az") => {
+                let az = MicrosoftAzureBuilder::from_env().with_url(base).with_retry(retries());
+                let az = az.with_config(AzureConfigKey::Client(ClientConfigKey::Timeout), timeout).build();
+                az.map(|az| (Arc::new(az) as _, None))
+            }
+            _ => return Err(StorageError::Url("what is behind http:// and https:// is only read".into())),
+        };
+        let (store, new_only) = stores.map_err(|error| StorageError::Url(error.to_string()))?;
+        Ok(Self { store, new_only, takes_attributes: !base.starts_with("az"), path })
+    }
+
+    /// What the store says of the object, if there is one.
+    fn look(&self) -> Result<Option<(ObjectMeta, Attributes)>, StorageError> {
+        let target = self.clone();
+        let options = GetOptions { head: true, ..GetOptions::default() };
+        let found = wait(async move {
+            let found = target.store.get_opts(&target.path, options).await.map_err(store::refused)?;
+            Ok((found.meta, found.attributes))
+        });
+        match found {
+            Ok(found) => Ok(Some(found)),
+            Err(StorageError::NotFound(_)) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+}
+
+type Stores = (Arc<dyn Store>, Option<Arc<dyn Store>>);
+
+/// A bucket, and the same under the condition that there is no such object.
+fn s3(base: &str, timeout: &str) -> object_store::Result<Stores> {
+    let build = |options: ClientOptions| {
+        let options = options.with_config(ClientConfigKey::Timeout, timeout);
+        let builder = AmazonS3Builder::from_env().with_url(base).with_client_options(options);
+        builder.with_checksum_algorithm(Checksum::SHA256).with_retry(retries()).build()
+    };
+    let condition = HeaderMap::from_iter([(IF_NONE_MATCH, HeaderValue::from_static("*"))]);
+    let new_only = build(client_options().with_default_headers(condition))?;
+    Ok((Arc::new(build(client_options())?), Some(Arc::new(new_only))))
+}
+
+/// What the environment says of connections to S3; options that are given replace it.
+fn client_options() -> ClientOptions {
+    let known = std::env::vars().filter_map(|(name, value)| {
+        let key = name.strip_prefix("AWS_")?.to_ascii_lowercase().parse::<ClientConfigKey>().ok()?;
+        Some((key, value))
+    });
+    known.fold(ClientOptions::new(), |options, (key, value)| options.with_config(key, value))
+}
