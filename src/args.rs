@@ -22,7 +22,8 @@ pub(crate) use export::ExportArgs;
 pub(crate) use figures::{AxisArg, BandArg, ColoursArg, LookArgs, PlotArgs, What};
 pub(crate) use pages::{ShareArgs, ViewArgs};
 pub(crate) use recordings::{
-    CatalogArgs, ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, RewriteArgs, ThinArgs, UploadArgs, VerifyArgs,
+    CatalogArgs, ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, RewriteArgs, ThinArgs, UploadArgs,
+    VerifyArgs,
 };
 pub(crate) use slurm::SlurmArgs;
 pub(crate) use top::TopArgs;

@@ -37,7 +37,9 @@ impl Spool {
     ) -> Result<Option<Self>, Failure> {
         let Some(url) = out.filter(|out| is_url(out)) else {
             return match directory {
-                Some(_) => Err(bad_input!("--spool is for a recording that goes to a URL; name one with --out")),
+                Some(_) => {
+                    Err(bad_input!("--spool is for a recording that goes to a URL; name one with --out"))
+                }
                 None => Ok(None),
             };
         };

@@ -15,9 +15,8 @@ use schemas::config::StrikerConfig;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::error::Error as _;
-use std::sync::Mutex;
-use std::sync::PoisonError;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 use storage::{Entry, list};
 
@@ -32,8 +31,8 @@ type Of = (&'static str, Kind, fn(&RecordingInfo) -> Cell);
 
 /// After `path` and `bytes`, and before `error`. A name has its unit.
 const COLUMNS: [Of; 44] = [
-    ("run", Word, |it| word(&it.manifest.provenance.name)),
-    ("run_id", Word, |it| word(it.manifest.provenance.run_id)),
+    ("run", Word, |it| word(it.manifest.provenance.name.as_str())),
+    ("run_id", Word, |it| word(it.manifest.provenance.run_id.to_string())),
     ("part", Integer, |it| Cell::Integer(it.begin.part)),
     ("finished", Integer, |it| flag(it.finished)),
     ("complete", Integer, |it| flag(it.is_complete())),
@@ -77,18 +76,16 @@ const COLUMNS: [Of; 44] = [
         let particulars = it.manifest.physics.particulars();
         if particulars.is_empty() { Cell::Empty } else { word(particulars.join(", ")) }
     }),
-    ("method", Word, |it| word(it.manifest.physics.method)),
+    ("method", Word, |it| word(it.manifest.physics.method.to_string())),
     ("dt_s", Double, |it| Cell::Double(it.manifest.physics.dt_s)),
     ("steps", Integer, |it| Cell::Integer(it.manifest.physics.step_count)),
-    ("duration_s", Double, |it| {
-        Cell::Double(it.manifest.physics.time_s(it.manifest.physics.step_count))
-    }),
+    ("duration_s", Double, |it| Cell::Double(it.manifest.physics.time_s(it.manifest.physics.step_count))),
     ("kernel_version", Integer, |it| Cell::Integer(it.manifest.physics.kernel_version.into())),
     ("physics_sha256", Word, |it| word(hex(&it.manifest.physics.hash()))),
     ("program", Word, |it| word(&it.manifest.provenance.program)),
     ("host", Word, |it| word(&it.manifest.provenance.host)),
     ("started_unix_ns", Integer, |it| Cell::Integer(it.manifest.provenance.started_unix_ns)),
-    ("schema_version", Word, |it| word(it.manifest.schema_version)),
+    ("schema_version", Word, |it| word(it.manifest.schema_version.to_string())),
     ("uncompressed_bytes", Integer, |it| {
         if it.finished { Cell::Integer(it.uncompressed_bytes) } else { Cell::Empty }
     }),
@@ -103,7 +100,8 @@ pub(crate) fn catalog(args: &CatalogArgs) -> Result<Done, Failure> {
     entries.retain(is_recording);
     let around = |name: &str, kind| Column::new(name, kind);
     let columns = COLUMNS.iter().map(|(name, kind, _)| around(name, *kind));
-    let columns: Vec<_> = [around("path", Word), around("bytes", Integer)].into_iter().chain(columns).collect();
+    let columns: Vec<_> =
+        [around("path", Word), around("bytes", Integer)].into_iter().chain(columns).collect();
     let columns = [columns, vec![around("error", Word)]].concat();
     let mut table = Table::create(&args.out, &columns, args.force)?;
     let mut progress = Progress::new(entries.len() as u64, "recordings");
@@ -141,10 +139,9 @@ fn is_recording(entry: &Entry) -> bool {
 fn look(entries: &[Entry]) -> Vec<Result<RecordingInfo, ReadError>> {
     let (next, found) = (AtomicUsize::new(0), Mutex::new(Vec::with_capacity(entries.len())));
     let work = || {
-        while let Some((index, entry)) = {
+        loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
-            entries.get(index).map(|entry| (index, entry))
-        } {
+            let Some(entry) = entries.get(index) else { break };
             let info = RecordingInfo::summary(&entry.path);
             found.lock().unwrap_or_else(PoisonError::into_inner).push((index, info));
         }
@@ -180,8 +177,12 @@ fn add_row(table: &mut Table, entry: &Entry, info: &Result<RecordingInfo, ReadEr
 /// The topics of results, in the order of the file.
 fn results(info: &RecordingInfo) -> Cell {
     let own = ["/chain", "/state", "/summary"];
-    let topics: Vec<_> =
-        info.channels.iter().map(|channel| channel.topic.as_str()).filter(|topic| !own.contains(topic)).collect();
+    let topics: Vec<_> = info
+        .channels
+        .iter()
+        .map(|channel| channel.topic.as_str())
+        .filter(|topic| !own.contains(topic))
+        .collect();
     if topics.is_empty() { Cell::Empty } else { word(topics.join(" ")) }
 }
 
@@ -191,8 +192,8 @@ fn strikers(info: &RecordingInfo) -> impl Iterator<Item = &StrikerConfig> {
     std::iter::once(&physics.striker).chain(&physics.strikers).filter(|striker| striker.velocity_m_s != 0.0)
 }
 
-fn word(text: impl ToString) -> Cell {
-    Cell::Word(text.to_string())
+fn word(text: impl Into<String>) -> Cell {
+    Cell::Word(text.into())
 }
 
 fn flag(is_so: bool) -> Cell {
@@ -207,7 +208,7 @@ fn if_any<T>(value: Option<T>, cell: impl FnOnce(T) -> Cell) -> Cell {
 fn json_word(value: &impl Serialize) -> Cell {
     match serde_json::to_value(value) {
         Ok(Value::String(text)) => Cell::Word(text),
-        Ok(value) => word(value),
+        Ok(value) => word(value.to_string()),
         Err(_) => Cell::Empty,
     }
 }

@@ -62,7 +62,8 @@ pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
     let first_step = manifest.step_of_frame(begins_at);
     let at_most_bytes = SpaceNeeded::new(&manifest, options.compression).at_most_bytes;
     let expected_bytes = split.bytes.map_or(at_most_bytes, |bytes| bytes.min(at_most_bytes));
-    let upload = spool.as_ref().map(|spool| spool.begin(&manifest, expected_bytes, args.force)).transpose()?;
+    let upload =
+        spool.as_ref().map(|spool| spool.begin(&manifest, expected_bytes, args.force)).transpose()?;
     let parts = PartsWriter::create(out, &manifest, None, first_step, &options, &split)?;
     recorder.begin(parts, &manifest, live.stream(), (begins_at, live.first_frame()));
 

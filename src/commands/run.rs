@@ -135,11 +135,7 @@ enum Start {
 
 impl Start {
     /// The run that the arguments mean, and what it begins with; none if there is nothing left to be done.
-    fn of(
-        args: &RunArgs,
-        spool: Option<&Spool>,
-        force: bool,
-    ) -> Result<Option<(Configured, Self)>, Failure> {
+    fn of(args: &RunArgs, spool: Option<&Spool>, force: bool) -> Result<Option<(Configured, Self)>, Failure> {
         let out = spool.map(|spool| &spool.file).or(args.out.as_ref());
         if let Some(path) = &args.resume {
             let found = Resumption::find(path, out.map(PathBuf::as_path), force)?;

@@ -7,9 +7,11 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Duration;
 
 /// Some 20 MB of recording, in a second or more.
-const CHAIN: &str = "run --beads 300 --impurity 150=0.6e-3 --duration 0.03 --name run --pace 0.03 --spool spool";
+const CHAIN: &str =
+    "run --beads 300 --impurity 150=0.6e-3 --duration 0.03 --name run --pace 0.03 --spool spool";
 
 const PART_BYTES: u64 = 5 << 20;
 
@@ -78,7 +80,7 @@ fn what_a_store_does_not_take_is_sent_again() {
             (true, 0) => Act::Refuse(503, "SlowDown"),
             (true, 1) => Act::CutRequest(1 << 20),
             (true, 2) => Act::CutAnswer(0),
-            _ => Act::Pass,
+            _ => Act::Delay(Duration::from_millis(100)),
         }
     });
     bucket.run(&place, &format!("{CHAIN} --out {}", bucket.url("run.mcap"))).exits(0);
@@ -96,7 +98,10 @@ fn a_store_that_refuses_does_so_before_the_run_begins() {
         .says(&["s3://no-such-bucket/run.mcap", "no such bucket"]);
     bucket.behave(|_| Act::Refuse(403, "InvalidAccessKeyId"));
     let url = bucket.url("run.mcap");
-    bucket.run(&place, &format!("{short} --out {url}")).exits(1).says(&["access denied", "AWS_ACCESS_KEY_ID"]);
+    bucket
+        .run(&place, &format!("{short} --out {url}"))
+        .exits(1)
+        .says(&["access denied", "AWS_ACCESS_KEY_ID"]);
     bucket.behave(|_| Act::Pass);
     bucket.put("run.mcap", b"mine");
     bucket.run(&place, &format!("{short} --out {url}")).exits(2).says(&["exists already", "--force"]);
@@ -142,7 +147,10 @@ fn a_run_outlives_its_store_and_is_sent_later() {
         if parts > 1 { Act::Refuse(403, "ExpiredToken") } else { Act::Pass }
     });
     let url = bucket.url("run.mcap");
-    bucket.run(&place, &format!("{CHAIN} --out {url}")).exits(3).says(&["ExpiredToken", "beadline upload spool/s3/"]);
+    bucket
+        .run(&place, &format!("{CHAIN} --out {url}"))
+        .exits(3)
+        .says(&["ExpiredToken", "beadline upload spool/s3/"]);
     let file = spooled(&place, &bucket, "run.mcap");
     assert!(RecordingInfo::read(&file).unwrap().is_complete());
     assert_eq!(bucket.open_uploads(), 1);
@@ -216,7 +224,8 @@ fn a_killed_run_goes_on_and_is_sent() {
 #[test]
 fn each_part_of_a_recording_is_an_object() {
     let (place, Some(bucket)) = (Place::new(), Bucket::new()) else { return };
-    let run = place.start("run --beads 300 --impurity none --duration 0.02 --name run --no-record --wait-for 1");
+    let run =
+        place.start("run --beads 300 --impurity none --duration 0.02 --name run --no-record --wait-for 1");
     let url = bucket.url("runs/run.mcap");
     let record = format!("record live:run --out {url} --split-size 2MB --spool spool --timeout 100 --json");
     let json = bucket.run(&place, &record).exits(0).json();

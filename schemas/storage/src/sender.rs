@@ -214,7 +214,12 @@ struct Work {
 }
 
 impl Work {
-    fn all(self, first: Errand, upload: Upload, next: impl Fn(u64) -> Option<Errand>) -> Result<(), SendError> {
+    fn all(
+        self,
+        first: Errand,
+        upload: Upload,
+        next: impl Fn(u64) -> Option<Errand>,
+    ) -> Result<(), SendError> {
         let (mut errand, mut upload) = (first, Some(upload));
         for number in 1.. {
             let Some(sent) = self.one(number, &errand, upload.take())? else { break };
@@ -269,7 +274,13 @@ impl Work {
     }
 
     /// Sends what is in the file until it is whole, and completes the object.
-    fn follow(&self, number: u64, file: &File, errand: &Errand, upload: &mut Upload) -> Result<(), SendError> {
+    fn follow(
+        &self,
+        number: u64,
+        file: &File,
+        errand: &Errand,
+        upload: &mut Upload,
+    ) -> Result<(), SendError> {
         loop {
             let files = self.shared.files();
             let is_whole = is_at(file, &errand.file);

@@ -9,8 +9,8 @@ use object_store::gcp::{GoogleCloudStorageBuilder, GoogleConfigKey};
 use object_store::multipart::{MultipartStore, PartId};
 use object_store::path::Path as ObjectPath;
 use object_store::{
-    Attribute, Attributes, ClientConfigKey, ClientOptions, Error, GetOptions, HeaderMap, HeaderValue, ObjectMeta,
-    ObjectStore, PutMultipartOptions,
+    Attribute, Attributes, ClientConfigKey, ClientOptions, Error, GetOptions, HeaderMap, HeaderValue,
+    ObjectMeta, ObjectStore, PutMultipartOptions,
 };
 use reqwest::header::IF_NONE_MATCH;
 use std::path::Path;
@@ -79,9 +79,9 @@ impl Upload {
     /// When the store refuses. An upload that is not there any more is given up.
     pub fn give_up(url: &Path, id: &str) -> Result<(), StorageError> {
         let (target, id) = (Target::of(url, 0)?, id.to_owned());
-        match wait(async move {
-            target.store.abort_multipart(&target.path, &id).await.map_err(store::refused)
-        }) {
+        match wait(
+            async move { target.store.abort_multipart(&target.path, &id).await.map_err(store::refused) },
+        ) {
             Err(StorageError::NotFound(_)) => Ok(()),
             ended => ended,
         }
@@ -139,7 +139,9 @@ impl Upload {
         match (completed, found) {
             (_, Some(found)) if self.is_sent(&found) => Ok(()),
             (Err(error), _) => Err(error),
-            (Ok(result), Some((found, _))) if found.size == self.bytes && found.e_tag == result.e_tag => Ok(()),
+            (Ok(result), Some((found, _))) if found.size == self.bytes && found.e_tag == result.e_tag => {
+                Ok(())
+            }
             (Ok(_), found) => {
                 let there = found.map_or(0, |(found, _)| found.size);
                 Err(StorageError::Failed(format!("the store has {there} bytes, {} were sent", self.bytes)))
