@@ -230,7 +230,7 @@ pub(crate) struct RecoverArgs {
 pub(crate) struct UploadArgs {
     /// The recording
     pub(crate) file: PathBuf,
-    /// Where it goes: s3://BUCKET/KEY, gs://BUCKET/KEY or az://CONTAINER/BLOB
+    /// Where it goes: a URL (s3://, gs://, az://)
     pub(crate) url: PathBuf,
     /// Replace an object that exists
     #[arg(long)]
