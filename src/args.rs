@@ -8,6 +8,7 @@ mod figures;
 mod pages;
 mod recordings;
 mod slurm;
+mod relay;
 mod top;
 mod values;
 mod waves;
@@ -26,6 +27,7 @@ pub(crate) use recordings::{
     VerifyArgs,
 };
 pub(crate) use slurm::SlurmArgs;
+pub(crate) use relay::RelayArgs;
 pub(crate) use top::TopArgs;
 pub(crate) use values::{BeadRange, Pace, Shard};
 pub(crate) use waves::{ForcesArgs, ModesArgs, OfArg, SpectrumArgs};
@@ -118,6 +120,8 @@ pub(crate) enum Command {
     Record(RecordArgs),
     /// Publish a recording again, so that analyses cannot tell it from the run
     Replay(ReplayArgs),
+    /// Have a live run on another host, recomputed there and proven
+    Relay(RelayArgs),
     /// Measure this machine: each figure beside its limit, as ratios
     Bench(BenchArgs),
     /// What the bench runs in other processes

@@ -19,6 +19,7 @@ pub(crate) mod presets;
 pub(crate) mod pulses;
 pub(crate) mod record;
 pub(crate) mod recover;
+pub(crate) mod relay;
 pub(crate) mod replay;
 pub(crate) mod reproduce;
 pub(crate) mod run;

@@ -73,6 +73,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Reproduce(args) => commands::reproduce::reproduce(&args),
         Command::Record(args) => commands::record::record(&args),
         Command::Replay(args) => commands::replay::replay(&args),
+        Command::Relay(args) => commands::relay::relay(&args),
         Command::Bench(args) => commands::bench::bench(&args),
         Command::BenchPart(args) => commands::bench::part(&args),
         Command::Ls { place, json, names } => commands::ls::ls(place.as_deref(), json, names),

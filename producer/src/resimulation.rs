@@ -351,11 +351,7 @@ fn is_same(a: &[f64], b: &[f64]) -> bool {
 }
 
 /// The first double in which `found` is not the state `computed` from that of `from_step`.
-pub(crate) fn difference(
-    computed: &ChainState,
-    found: &Frame<'_>,
-    from_step: Option<u64>,
-) -> Option<Difference> {
+pub fn difference(computed: &ChainState, found: &Frame<'_>, from_step: Option<u64>) -> Option<Difference> {
     let beads = computed.u_m.len();
     let arrays = [(&computed.u_m, found.u_m), (&computed.v_m_s, found.v_m_s), (&computed.extra, found.extra)];
     for (array, (computed, values)) in arrays.into_iter().enumerate() {

@@ -25,7 +25,7 @@ const CONTENTS: [(&str, &[&str]); 7] = [
     ("Look", &["view", "share", "top", "ls"]),
     (
         "Record, prove, share",
-        &["record", "replay", "info", "catalog", "verify", "recover", "thin", "expand", "export", "upload"],
+        &["record", "replay", "relay", "info", "catalog", "verify", "recover", "thin", "expand", "export", "upload"],
     ),
     ("The paper", &["reproduce"]),
     ("This machine", &["bench", "completions", "man"]),

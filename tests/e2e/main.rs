@@ -48,6 +48,8 @@ mod reference;
 mod reflection;
 #[cfg(feature = "remote")]
 mod remote;
+#[cfg(feature = "relay")]
+mod relay;
 mod replay;
 mod reproduce;
 mod resume;

@@ -1,0 +1,307 @@
+//! The far side on its bus: a run that arrives in pieces is published as if it were a run of this host.
+
+mod results;
+
+use crate::message::{Message, MessageError, Place};
+use crate::recompute::{Proven, Recompute, RecomputeError};
+use bus::{Bus, PublishCounts, PublishError, StatePublisher};
+use producer::resimulation::{Difference, OtherKernel};
+use results::Results;
+use schemas::frame::{EndReason, Frame, FrameSink as _};
+use schemas::manifest::RunManifest;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// How often consumers are served while frames are computed.
+const SERVE_PERIOD: Duration = Duration::from_millis(20);
+/// With messages that have waited longer than this, for so long, we are too slow to recompute.
+const TOO_OLD: Duration = Duration::from_secs(10);
+
+/// Why the far side cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum FarError {
+    /// What arrived.
+    #[error(transparent)]
+    Message(#[from] MessageError),
+    /// The state that arrived is not the one that was computed.
+    #[error("what arrived is not what the run leads to; nothing after step {proven_step} was published")]
+    Differs {
+        /// The last step that was published.
+        proven_step: u64,
+        /// Where it differs.
+        source: Difference,
+    },
+    /// Frames are missing that cannot be computed here.
+    #[error(
+        "the frames {from} to {to} did not arrive and cannot be recomputed here: the run has another kernel version; \
+         `--hold` on the near side loses none"
+    )]
+    Lost {
+        /// The first.
+        from: u64,
+        /// The last.
+        to: u64,
+    },
+    /// The run was computed by another dynamics.
+    #[error("the frames of this run can only be sent, with `--frames`, not recomputed here")]
+    Kernel(#[from] OtherKernel),
+    /// The bus.
+    #[error(transparent)]
+    Publish(#[from] PublishError),
+}
+
+/// What arrived, and what became of it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Arrived {
+    /// Messages.
+    pub messages: u64,
+    /// Their bytes.
+    pub bytes: u64,
+    /// Frames published.
+    pub frames: u64,
+    /// Of these, recomputed and proven by a later state.
+    pub proven: u64,
+    /// Of these, recomputed after the last state: nothing proves them.
+    pub unproven: u64,
+    /// Rows of results published.
+    pub rows: u64,
+    /// Rows of results that were lost on the way.
+    pub rows_lost: u64,
+}
+
+/// A run from elsewhere on the bus of this host.
+pub struct Far {
+    manifest: RunManifest,
+    bus: Publishing,
+    /// The last frame, from which the next ones are computed; none before the first.
+    recompute: Option<Recompute>,
+    /// Frames come as they are.
+    frames: bool,
+    results: Results,
+    scratch: Vec<f64>,
+    arrived: Arrived,
+    /// Since when messages are too old, and how long consumers had held us back then.
+    late: Option<(Instant, Duration)>,
+}
+
+/// The bus, as the one to whom frames are given.
+struct Publishing {
+    publisher: StatePublisher,
+    next_frame: u64,
+    served: Instant,
+    stop: Arc<AtomicBool>,
+}
+
+impl Proven for Publishing {
+    type Error = PublishError;
+
+    fn accept(&mut self, frame: &Frame<'_>) -> Result<(), PublishError> {
+        self.publisher.accept(frame)?;
+        self.next_frame = frame.frame + 1;
+        Ok(())
+    }
+
+    fn between(&mut self) -> Result<(), PublishError> {
+        if self.served.elapsed() < SERVE_PERIOD {
+            return Ok(());
+        }
+        if self.stop.load(Ordering::Relaxed) {
+            return Err(PublishError::Stopped { frame: self.next_frame });
+        }
+        self.served = Instant::now();
+        self.publisher.serve()
+    }
+}
+
+/// The first frame of a message, if it has frames.
+///
+/// # Errors
+/// When it is no message about this run.
+pub fn first_frame(bytes: &[u8], manifest: &RunManifest) -> Result<Option<u64>, MessageError> {
+    Ok(match Message::decode(bytes, manifest)? {
+        Message::Frames { first, .. } => Some(first),
+        Message::Rows { .. } | Message::End { .. } => None,
+    })
+}
+
+impl Far {
+    /// Publishes on `bus` through `publisher`, of which `first_frame` is the first frame, until `stop` is set.
+    pub fn new(
+        manifest: RunManifest,
+        bus: &Bus,
+        publisher: StatePublisher,
+        first_frame: u64,
+        frames: bool,
+        stop: Arc<AtomicBool>,
+    ) -> Self {
+        let results = Results::new(bus, &manifest, publisher.stream(), first_frame, Arc::clone(&stop));
+        let bus = Publishing { publisher, next_frame: first_frame, served: Instant::now(), stop };
+        Self {
+            manifest,
+            bus,
+            recompute: None,
+            frames,
+            results,
+            scratch: Vec::new(),
+            arrived: Arrived::default(),
+            late: None,
+        }
+    }
+
+    /// The bus, to look at its consumers.
+    pub fn publisher(&mut self) -> &mut StatePublisher {
+        &mut self.bus.publisher
+    }
+
+    /// What arrived so far.
+    pub fn arrived(&self) -> Arrived {
+        let (rows, lost) = self.results.counts();
+        Arrived { rows, rows_lost: self.arrived.rows_lost + lost, ..self.arrived }
+    }
+
+    /// The last step published.
+    pub fn step(&self) -> u64 {
+        self.manifest.step_of_frame(self.bus.next_frame.saturating_sub(1))
+    }
+
+    /// Results that could not be published, in words, since the last call.
+    pub fn take_troubles(&mut self) -> Vec<String> {
+        self.results.take_troubles()
+    }
+
+    /// Whether others make frames faster than we recompute them: whether messages wait for us for long, though hardly
+    /// any consumer holds us back.
+    pub fn is_too_slow(&mut self, place: Place) -> bool {
+        if self.frames || Duration::from_millis(place.age_ms) < TOO_OLD {
+            self.late = None;
+            return false;
+        }
+        let held_back = self.bus.publisher.counts().held_back;
+        let (since, before) = *self.late.get_or_insert((Instant::now(), held_back));
+        since.elapsed() >= TOO_OLD && 2 * (held_back - before) < since.elapsed()
+    }
+
+    /// Frames come as they are from now on.
+    pub fn expect_frames(&mut self) {
+        self.frames = true;
+    }
+
+    /// Serves consumers while nothing arrives.
+    ///
+    /// # Errors
+    /// When the bus cannot be used.
+    pub fn serve(&mut self) -> Result<(), FarError> {
+        Ok(self.bus.publisher.serve()?)
+    }
+
+    /// Takes a message; gives the end of the run, if it is that.
+    ///
+    /// # Errors
+    /// When it is none, does not follow from the one before, or cannot be published.
+    pub fn take(&mut self, place: Place, bytes: &[u8]) -> Result<Option<EndReason>, FarError> {
+        self.arrived.messages += 1;
+        self.arrived.bytes += bytes.len() as u64;
+        self.arrived.rows_lost = place.rows_lost;
+        let before = self.bus.next_frame;
+        let taken = match Message::decode(bytes, &self.manifest)? {
+            Message::Frames { first, doubles } => self.take_frames(first, doubles).map(|()| None),
+            Message::Rows { head, rows } => {
+                self.results.take(&head, rows)?;
+                Ok(None)
+            }
+            Message::End { reason, last_frame } => {
+                let up_to = last_frame.filter(|last| *last >= self.bus.next_frame);
+                up_to.map_or(Ok(()), |last| self.run_on(last)).map(|()| Some(reason))
+            }
+        };
+        self.arrived.frames += self.bus.next_frame - before;
+        self.results.publish_up_to(self.bus.next_frame);
+        taken
+    }
+
+    fn take_frames(&mut self, first: u64, doubles: &[u8]) -> Result<(), FarError> {
+        let (manifest, beads) = (self.manifest.clone(), self.beads());
+        let mut scratch = std::mem::take(&mut self.scratch);
+        let last = first + (doubles.len() / (8 * manifest.frame_doubles())) as u64 - 1;
+        for (number, bytes) in (first..).zip(doubles.chunks_exact(8 * manifest.frame_doubles())) {
+            if number < self.bus.next_frame {
+                continue; // again, after a cut
+            }
+            scratch.clear();
+            scratch
+                .extend(bytes.chunks_exact(8).map(|x| f64::from_le_bytes(x.try_into().unwrap_or_default())));
+            let step = manifest.step_of_frame(number);
+            let frame = Frame::of_doubles((number, step, manifest.physics.time_s(step)), beads, &scratch);
+            self.take_frame(&manifest, &frame)?;
+            if number == last
+                && let Some(recompute) = self.recompute.as_mut().filter(|_| self.frames)
+            {
+                recompute.believe(&frame);
+            }
+        }
+        self.scratch = scratch;
+        Ok(())
+    }
+
+    fn take_frame(&mut self, manifest: &RunManifest, frame: &Frame<'_>) -> Result<(), FarError> {
+        let next = self.bus.next_frame;
+        let sent = self.frames && frame.frame == next;
+        match &mut self.recompute {
+            Some(_) if sent => {}
+            Some(recompute) => {
+                let reached = recompute.reach(frame, &mut self.bus);
+                reached.map_err(|error| refused(error, manifest, next))?;
+                self.arrived.proven += self.bus.next_frame - next;
+                return Ok(());
+            }
+            None if frame.frame == next => match Recompute::begin(manifest, frame) {
+                Ok(recompute) => {
+                    if let Some(source) = recompute.initial_difference() {
+                        return Err(FarError::Differs { proven_step: 0, source });
+                    }
+                    self.recompute = Some(recompute);
+                }
+                Err(error) if !self.frames => return Err(error.into()),
+                Err(_) => {}
+            },
+            None => return Err(FarError::Lost { from: next, to: frame.frame - 1 }),
+        }
+        Ok(self.bus.accept(frame)?)
+    }
+
+    /// Computes what comes after the last state.
+    fn run_on(&mut self, last: u64) -> Result<(), FarError> {
+        let next = self.bus.next_frame;
+        let Some(recompute) = &mut self.recompute else {
+            return Err(FarError::Lost { from: next, to: last });
+        };
+        let reached = recompute.run_on(last, &mut self.bus);
+        reached.map_err(|error| refused(error, &self.manifest, next))?;
+        self.arrived.unproven += self.bus.next_frame - next;
+        Ok(())
+    }
+
+    fn beads(&self) -> usize {
+        usize::try_from(self.manifest.physics.beads).unwrap_or(usize::MAX)
+    }
+
+    /// Ends the run on this bus as the other one ended.
+    ///
+    /// # Errors
+    /// When the end could not be written.
+    pub fn finish(mut self, reason: EndReason) -> Result<PublishCounts, FarError> {
+        self.results.finish();
+        Ok(self.bus.publisher.finish(reason)?)
+    }
+}
+
+fn refused(error: RecomputeError<PublishError>, manifest: &RunManifest, next_frame: u64) -> FarError {
+    match error {
+        RecomputeError::Differs(source) => {
+            let proven_step = manifest.step_of_frame(next_frame.saturating_sub(1));
+            FarError::Differs { proven_step, source }
+        }
+        RecomputeError::Sink(error) => error.into(),
+    }
+}

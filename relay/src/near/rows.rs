@@ -1,0 +1,198 @@
+//! Results that analyses publish on the near bus, each kind in a thread of its own.
+
+use crate::log::{Kind, SharedLog};
+use crate::message::{RowsHead, RowsMessage};
+use bus::{
+    Bus, Delivery, OwnTopicsWatch, ResultElement, ResultReceived, ResultSubscriber, ResultWatch,
+    ResultsError, StreamId,
+};
+use schemas::frame::EndReason;
+use schemas::results::Topic;
+use schemas::run_name::RunName;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+/// Bytes of a message of rows.
+const BATCH_BYTES: usize = 64 << 10;
+/// Longest wait for more of them.
+const BATCH_PERIOD: Duration = Duration::from_millis(10);
+/// How long to wait for a publisher before looking again.
+const LOOK_PERIOD: Duration = Duration::from_millis(100);
+/// How long to trust that publishers of topics that are not ours announce themselves.
+const OWN_LOOK_PERIOD: Duration = Duration::from_secs(1);
+/// How long after the end of the run a living publisher may be silent.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// A value as bytes.
+pub(super) trait Value: ResultElement {
+    /// Least significant byte first.
+    fn bytes(self) -> impl Iterator<Item = u8>;
+}
+
+impl Value for f64 {
+    fn bytes(self) -> impl Iterator<Item = u8> {
+        self.to_le_bytes().into_iter()
+    }
+}
+
+impl Value for u8 {
+    fn bytes(self) -> impl Iterator<Item = u8> {
+        std::iter::once(self)
+    }
+}
+
+/// The threads that send rows of results into a log.
+pub struct RowSenders<P> {
+    log: Arc<SharedLog<P>>,
+    started: Mutex<Vec<JoinHandle<()>>>,
+    over: Arc<AtomicBool>,
+    /// Rows of other publishings are not ours.
+    stream: Arc<Mutex<Option<StreamId>>>,
+    failures: Arc<Mutex<Vec<String>>>,
+}
+
+impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
+    /// None yet.
+    pub fn new(log: Arc<SharedLog<P>>) -> Self {
+        Self {
+            log,
+            started: Mutex::default(),
+            over: Arc::default(),
+            stream: Arc::default(),
+            failures: Arc::default(),
+        }
+    }
+
+    /// Starts sending the results of `run`, once: before the run is joined, so that no row is missed.
+    ///
+    /// # Errors
+    /// When the bus cannot be used.
+    pub fn start(&self, bus: &Bus, run: &RunName) -> Result<(), ResultsError> {
+        let mut started = lock(&self.started);
+        if !started.is_empty() {
+            return Ok(());
+        }
+        for topic in [Topic::Energies, Topic::Impurity, Topic::Contacts, Topic::Pulses] {
+            started.push(self.spawn(ResultWatch::create(bus, run, topic)?));
+        }
+        let (watch, bus, run) = (OwnTopicsWatch::create(bus, run)?, bus.clone(), run.clone());
+        let others = self.another();
+        started.push(thread::spawn(move || others.look_out(&watch, &bus, &run)));
+        Ok(())
+    }
+
+    fn another(&self) -> Self {
+        Self {
+            log: Arc::clone(&self.log),
+            started: Mutex::default(),
+            over: Arc::clone(&self.over),
+            stream: Arc::clone(&self.stream),
+            failures: Arc::clone(&self.failures),
+        }
+    }
+
+    /// Sends rows of this publishing of the run alone.
+    pub fn joined(&self, stream: StreamId) {
+        *lock(&self.stream) = Some(stream);
+    }
+
+    fn spawn(&self, watch: ResultWatch) -> JoinHandle<()> {
+        let it = self.another();
+        thread::spawn(move || {
+            let sent =
+                if watch.topic() == Topic::Contacts { it.send::<u8>(&watch) } else { it.send::<f64>(&watch) };
+            if let Err(error) = sent {
+                lock(&it.failures).push(error.to_string());
+            }
+        })
+    }
+
+    /// Starts a thread for each topic of somebody else's.
+    fn look_out(&self, watch: &OwnTopicsWatch, bus: &Bus, run: &RunName) {
+        let (mut known, mut looked) = (Vec::new(), None::<Instant>);
+        while !self.over.load(Ordering::Relaxed) {
+            let came = looked.is_some() && watch.wait(LOOK_PERIOD);
+            if !came && looked.is_some_and(|at| at.elapsed() < OWN_LOOK_PERIOD) {
+                continue;
+            }
+            looked = Some(Instant::now());
+            for topic in watch.topics().unwrap_or_default() {
+                if !known.contains(&topic)
+                    && let Ok(watch) = ResultWatch::create(bus, run, topic)
+                {
+                    known.push(topic);
+                    lock(&self.started).push(self.spawn(watch));
+                }
+            }
+        }
+        for thread in std::mem::take(&mut *lock(&self.started)) {
+            let _ = thread.join();
+        }
+    }
+
+    fn send<T: Value>(&self, watch: &ResultWatch) -> Result<(), ResultsError> {
+        let mut over_since = None;
+        loop {
+            let over = self.over.load(Ordering::Relaxed);
+            match watch.attach::<T>(Delivery::Lossless, Arc::default())? {
+                Some(mut rows) => self.send_all(&mut rows, watch.topic())?,
+                None if over && over_since.get_or_insert_with(Instant::now).elapsed() >= LOOK_PERIOD => {
+                    return Ok(());
+                }
+                None => watch.wait(LOOK_PERIOD),
+            }
+        }
+    }
+
+    /// Sends the rows of one publisher.
+    fn send_all<T: Value>(&self, rows: &mut ResultSubscriber<T>, topic: Topic) -> Result<(), ResultsError> {
+        let mut head = RowsHead::new(topic, rows.columns());
+        let (mut batch, mut count, mut since) = (RowsMessage::default(), 0, Instant::now());
+        let mut heard = Instant::now();
+        loop {
+            match rows.receive_soon()? {
+                Some(ResultReceived::Row(row)) => {
+                    heard = Instant::now();
+                    if lock(&self.stream).is_none_or(|stream| stream == row.stream) {
+                        if batch.is_empty() {
+                            since = heard;
+                        }
+                        batch.push(row.frame, row.values.iter().flat_map(|value| value.bytes()));
+                        count += 1;
+                    }
+                }
+                Some(ResultReceived::Missed { .. }) => {}
+                Some(ResultReceived::End(reason)) => head.ended = Some(reason == EndReason::Complete),
+                None if self.over.load(Ordering::Relaxed) && heard.elapsed() >= PATIENCE => {
+                    head.ended = Some(false)
+                }
+                None => {}
+            }
+            let is_due = batch.len() >= BATCH_BYTES || since.elapsed() >= BATCH_PERIOD;
+            if head.ended.is_some() || (is_due && !batch.is_empty()) {
+                let message = batch.finish(&head);
+                let (bytes, count) = (message.len(), std::mem::take(&mut count));
+                self.log.change(|log| log.push(Kind::Rows(count), message.into(), bytes, Instant::now()));
+            }
+            if head.ended.is_some() {
+                return Ok(());
+            }
+        }
+    }
+
+    /// The run is over: waits for the rest of its rows, and gives what went wrong.
+    pub fn finish(&self) -> Vec<String> {
+        self.over.store(true, Ordering::Relaxed);
+        for thread in std::mem::take(&mut *lock(&self.started)) {
+            let _ = thread.join();
+        }
+        std::mem::take(&mut *lock(&self.failures))
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    // a thread that panicked has said why
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -1,0 +1,252 @@
+//! On the other host.
+
+use super::{endpoint, of_wire};
+use crate::args::RelayArgs;
+use crate::display::{self, bytes, count, counted, per_second};
+use crate::failure::{Done, Failure};
+use crate::progress::Progress;
+use crate::publishing::{self, Dropped};
+use crate::report::{Rows, report};
+use crate::signals;
+use bus::{Bus, PublishError, PublishOptions};
+use indicatif::ProgressBar;
+use relay::far::{Arrived, Far, FarError, first_frame};
+use relay::message::Place;
+use relay::wire::{Arrival, Endpoint, Fetching, Payload, Waiting};
+use schemas::frame::EndReason;
+use schemas::manifest::RunManifest;
+use serde_json::json;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// How long to wait for a message before consumers are served.
+const PATIENCE: Duration = Duration::from_millis(50);
+
+pub(super) fn far(args: &RelayArgs, connect: &str) -> Result<Done, Failure> {
+    let connect = endpoint("--connect", connect)?;
+    let stop = signals::stop_flag()?;
+    let bus = Bus::from_env()?;
+    let Some(fetching) = meet(args, &connect, &bus, &stop)? else {
+        notice!("stopped before there was a run at {connect}");
+        return Ok(Done::Lossy);
+    };
+    let manifest = RunManifest::from_json(fetching.offer.manifest.as_bytes())?;
+    display::notice_of_version(&manifest);
+    let session = Session { args, manifest: &manifest, fetching: &fetching, stop: &stop };
+    let summary = session.publish(&bus)?;
+    fetching.stop().map_err(of_wire)?;
+    summary.report(args.json)
+}
+
+/// Connects, and waits for a run to be offered.
+fn meet(
+    args: &RelayArgs,
+    connect: &Endpoint,
+    bus: &Bus,
+    stop: &Arc<AtomicBool>,
+) -> Result<Option<Fetching>, Failure> {
+    // the same for each start on this bus, so that the near side waits for no earlier one
+    let mut hasher = DefaultHasher::new();
+    bus.prefix().hash(&mut hasher);
+    let mut told = None;
+    let tell = |waiting| {
+        if told.replace(waiting) != Some(waiting) {
+            match waiting {
+                Waiting::Nobody => notice!("nothing listens at {connect} yet: waiting"),
+                Waiting::NoRun => notice!("connected to {connect}: waiting for its run"),
+            }
+        }
+    };
+    Fetching::start(connect, args.config.as_deref(), hasher.finish(), args.frames, stop, tell)
+        .map_err(of_wire)
+}
+
+/// One run that is fetched.
+struct Session<'a> {
+    args: &'a RelayArgs,
+    manifest: &'a RunManifest,
+    fetching: &'a Fetching,
+    stop: &'a Arc<AtomicBool>,
+}
+
+impl Session<'_> {
+    fn publish(&self, bus: &Bus) -> Result<Summary, Failure> {
+        let name = &self.manifest.provenance.name;
+        let Some((place, message, first)) = self.first()? else {
+            notice!("there is no frame of {name}");
+            return Ok(Summary::new(self.manifest, EndReason::Stopped));
+        };
+        let options = PublishOptions {
+            first_frame: first,
+            stuck_after: Duration::from_secs_f64(self.args.stall_timeout),
+            stop: Arc::clone(self.stop),
+            ..PublishOptions::default()
+        };
+        let mut publisher = publishing::open(self.manifest, &options, self.args.wait_for)?;
+        notice!("{name} is published here from frame {} on", count(first));
+        if !publishing::wait_for_consumers(self.args.wait_for, &mut publisher, self.stop)? {
+            publisher.finish(EndReason::Interrupted)?;
+            return Ok(Summary::new(self.manifest, EndReason::Stopped));
+        }
+        let frames = self.args.frames || self.fetching.offer.frames;
+        let far = Far::new(self.manifest.clone(), bus, publisher, first, frames, Arc::clone(self.stop));
+        self.follow(far, first, (place, message))
+    }
+
+    /// The first message with a frame; none if there is none.
+    fn first(&self) -> Result<Option<(Place, Payload, u64)>, Failure> {
+        loop {
+            match self.fetching.next(PATIENCE) {
+                Some(Arrival::Message(place, payload)) => {
+                    let found = first_frame(&payload.to_bytes(), self.manifest)?;
+                    if let Some(first) = found {
+                        return Ok(Some((place, payload, first)));
+                    }
+                    self.fetching.done(place.seq);
+                }
+                Some(Arrival::Failed(error)) => return Err(of_wire(error)),
+                None if self.stop.load(Ordering::Relaxed) || self.is_given_up() => return Ok(None),
+                None => {}
+            }
+        }
+    }
+
+    fn is_given_up(&self) -> bool {
+        let silent = self.fetching.silence() >= Duration::from_secs_f64(self.args.silence);
+        if silent {
+            notice!("the near side has been silent for {} s: the connection is lost", self.args.silence);
+        }
+        silent
+    }
+
+    /// Publishes what arrives until the run ends.
+    fn follow(&self, mut far: Far, first_frame: u64, first: (Place, Payload)) -> Result<Summary, Failure> {
+        let (start, mut progress) = (Instant::now(), Progress::of_run(self.manifest));
+        let (mut dropped, quiet) = (Dropped::default(), ProgressBar::hidden());
+        let mut next = Some(Arrival::Message(first.0, first.1));
+        let reason = loop {
+            match next {
+                Some(Arrival::Message(place, payload)) => {
+                    match far.take(place, &payload.to_bytes()) {
+                        Ok(None) => self.fetching.done(place.seq),
+                        Ok(Some(reason)) => {
+                            self.fetching.done(place.seq);
+                            break reason;
+                        }
+                        Err(FarError::Publish(PublishError::Stopped { .. })) => break EndReason::Stopped,
+                        Err(error) => return Err(end_failed(far, error.into())),
+                    }
+                    if far.is_too_slow(place) {
+                        notice!("this host is too slow to recompute: it asks for the frames themselves");
+                        self.fetching.ask_for_frames();
+                        far.expect_frames();
+                    }
+                }
+                Some(Arrival::Failed(error)) => return Err(end_failed(far, of_wire(error))),
+                None if self.stop.load(Ordering::Relaxed) => break EndReason::Stopped,
+                None if self.is_given_up() => break EndReason::ProducerLost,
+                None => far.serve()?,
+            }
+            if progress.at(far.step()) {
+                let arrived = far.arrived();
+                let parts = [counted(arrived.frames, "frame"), bytes(arrived.bytes).to_string()];
+                progress.tell(&parts.each_ref().map(String::as_str));
+                dropped.tell(far.publisher(), &quiet);
+            }
+            for trouble in far.take_troubles() {
+                notice!("results that came along are not published here: {trouble}");
+            }
+            next = self.fetching.next(PATIENCE);
+        };
+        progress.finish();
+        dropped.tell(far.publisher(), &quiet);
+        let arrived = far.arrived();
+        let counts = far.finish(reason)?;
+        Ok(Summary {
+            first_frame,
+            arrived,
+            evicted: counts.evicted,
+            seconds: start.elapsed().as_secs_f64(),
+            ..Summary::new(self.manifest, reason)
+        })
+    }
+}
+
+/// Tells consumers that the run failed here.
+fn end_failed(far: Far, error: Failure) -> Failure {
+    // the first error says more than one about the end
+    let _ = far.finish(EndReason::Failed);
+    error
+}
+
+/// What was published, in numbers.
+struct Summary {
+    run: String,
+    reason: EndReason,
+    first_frame: u64,
+    arrived: Arrived,
+    evicted: u64,
+    frame_bytes: u64,
+    seconds: f64,
+}
+
+impl Summary {
+    fn new(manifest: &RunManifest, reason: EndReason) -> Self {
+        Self {
+            run: manifest.provenance.name.to_string(),
+            reason,
+            first_frame: 0,
+            arrived: Arrived::default(),
+            evicted: 0,
+            frame_bytes: 8 * manifest.frame_doubles() as u64,
+            seconds: 0.0,
+        }
+    }
+
+    fn report(&self, as_json: bool) -> Result<Done, Failure> {
+        let Arrived {
+            messages,
+            bytes: arrived_bytes,
+            frames,
+            proven,
+            unproven,
+            rows: result_rows,
+            rows_lost,
+        } = self.arrived;
+        let json = json!({
+            "run": self.run,
+            "end": self.reason.as_str(),
+            "first_frame": self.first_frame,
+            "frames": frames,
+            "frames_proven": proven,
+            "frames_unproven": unproven,
+            "frames_bytes": self.frame_bytes * frames,
+            "messages": messages,
+            "arrived_bytes": arrived_bytes,
+            "rows": result_rows,
+            "rows_lost": rows_lost,
+            "consumers_dropped": self.evicted,
+            "seconds": self.seconds,
+        });
+        report(as_json, &json, || {
+            let mut rows = Rows::default();
+            let rate = per_second(frames as f64 / self.seconds, "frames");
+            rows.add("frames", format_args!("{} from {} on, {rate}", count(frames), count(self.first_frame)));
+            rows.add("recomputed", format_args!("{} and proven by the states that arrived", count(proven)));
+            if unproven > 0 {
+                rows.add("unproven", format_args!("{}, after the last state that arrived", count(unproven)));
+            }
+            rows.add("arrived", format_args!("{} in {}", bytes(arrived_bytes), counted(messages, "message")));
+            if result_rows + rows_lost > 0 {
+                rows.add(
+                    "results",
+                    format_args!("{}, {} lost", counted(result_rows, "row"), count(rows_lost)),
+                );
+            }
+            rows.under(format_args!("{} {}", self.run, self.reason))
+        })?;
+        Ok(Done::whole_if(self.reason.is_orderly() && rows_lost == 0 && self.evicted == 0))
+    }
+}
