@@ -113,6 +113,11 @@ impl<'a, P: Clone + From<Vec<u8>>> Sender<'a, P> {
         }
     }
 
+    /// The last frame that the run has published, as far as is known.
+    pub fn last_frame(&self) -> u64 {
+        self.last_frame.unwrap_or(0)
+    }
+
     /// Sends every frame from now on.
     pub fn send_frames(&mut self) {
         self.sending.frames = true;

@@ -9,8 +9,7 @@ use bus::{
 use schemas::frame::EndReason;
 use schemas::results::Topic;
 use schemas::run_name::RunName;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
@@ -47,7 +46,8 @@ impl Value for u8 {
 pub struct RowSenders<P> {
     log: Arc<SharedLog<P>>,
     started: Mutex<Vec<JoinHandle<()>>>,
-    over: Arc<AtomicBool>,
+    /// The last frame that is sent, once that is known.
+    last_frame: Arc<OnceLock<u64>>,
     /// Rows of other publishings are not ours.
     stream: Arc<Mutex<Option<StreamId>>>,
     failures: Arc<Mutex<Vec<String>>>,
@@ -59,7 +59,7 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
         Self {
             log,
             started: Mutex::default(),
-            over: Arc::default(),
+            last_frame: Arc::default(),
             stream: Arc::default(),
             failures: Arc::default(),
         }
@@ -87,7 +87,7 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
         Self {
             log: Arc::clone(&self.log),
             started: Mutex::default(),
-            over: Arc::clone(&self.over),
+            last_frame: Arc::clone(&self.last_frame),
             stream: Arc::clone(&self.stream),
             failures: Arc::clone(&self.failures),
         }
@@ -112,7 +112,7 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
     /// Starts a thread for each topic of somebody else's.
     fn look_out(&self, watch: &OwnTopicsWatch, bus: &Bus, run: &RunName) {
         let (mut known, mut looked) = (Vec::new(), None::<Instant>);
-        while !self.over.load(Ordering::Relaxed) {
+        while self.last_frame.get().is_none() {
             let came = looked.is_some() && watch.wait(LOOK_PERIOD);
             if !came && looked.is_some_and(|at| at.elapsed() < OWN_LOOK_PERIOD) {
                 continue;
@@ -135,9 +135,14 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
     fn send<T: Value>(&self, watch: &ResultWatch) -> Result<(), ResultsError> {
         let mut over_since = None;
         loop {
-            let over = self.over.load(Ordering::Relaxed);
+            let over = self.last_frame.get().is_some();
             match watch.attach::<T>(Delivery::Lossless, Arc::default())? {
-                Some(mut rows) => self.send_all(&mut rows, watch.topic())?,
+                Some(mut rows) => {
+                    self.send_all(&mut rows, watch.topic())?;
+                    if self.last_frame.get().is_some() {
+                        return Ok(());
+                    }
+                }
                 None if over && over_since.get_or_insert_with(Instant::now).elapsed() >= LOOK_PERIOD => {
                     return Ok(());
                 }
@@ -153,6 +158,12 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
         let mut heard = Instant::now();
         loop {
             match rows.receive_soon()? {
+                // the run goes on without us
+                Some(ResultReceived::Row(row))
+                    if self.last_frame.get().is_some_and(|last| row.frame > *last) =>
+                {
+                    head.ended = Some(false);
+                }
                 Some(ResultReceived::Row(row)) => {
                     heard = Instant::now();
                     if lock(&self.stream).is_none_or(|stream| stream == row.stream) {
@@ -165,8 +176,8 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
                 }
                 Some(ResultReceived::Missed { .. }) => {}
                 Some(ResultReceived::End(reason)) => head.ended = Some(reason == EndReason::Complete),
-                None if self.over.load(Ordering::Relaxed) && heard.elapsed() >= PATIENCE => {
-                    head.ended = Some(false)
+                None if self.last_frame.get().is_some() && heard.elapsed() >= PATIENCE => {
+                    head.ended = Some(false);
                 }
                 None => {}
             }
@@ -182,9 +193,9 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
         }
     }
 
-    /// The run is over: waits for the rest of its rows, and gives what went wrong.
-    pub fn finish(&self) -> Vec<String> {
-        self.over.store(true, Ordering::Relaxed);
+    /// No frame is sent after `last_frame`: waits for the rest of the rows, and gives what went wrong.
+    pub fn finish(&self, last_frame: u64) -> Vec<String> {
+        let _ = self.last_frame.set(last_frame);
         for thread in std::mem::take(&mut *lock(&self.started)) {
             let _ = thread.join();
         }

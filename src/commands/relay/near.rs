@@ -54,6 +54,7 @@ pub(super) fn near(args: &RelayArgs) -> Result<Done, Failure> {
         rows: Arc::new(RowSenders::new(Arc::clone(&log))),
     };
     let summary = relayed.relay(name.as_ref())?;
+    warn(&serving);
     serving.stop().map_err(of_wire)?;
     summary.report(args.json)
 }
@@ -117,7 +118,7 @@ impl Near<'_> {
         };
         drop(live);
         let seconds = start.elapsed().as_secs_f64();
-        for trouble in self.rows.finish() {
+        for trouble in self.rows.finish(sender.last_frame()) {
             notice!("results were not sent: {trouble}");
         }
         sender.end(reason);
