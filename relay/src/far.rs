@@ -179,7 +179,7 @@ impl Far {
         }
         let held_back = self.bus.publisher.counts().held_back;
         let (since, before) = *self.late.get_or_insert((Instant::now(), held_back));
-        since.elapsed() >= TOO_OLD && 2 * (held_back - before) < since.elapsed()
+        since.elapsed() >= TOO_OLD && 2 * held_back.saturating_sub(before) < since.elapsed()
     }
 
     /// Frames come as they are from now on.

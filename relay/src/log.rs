@@ -13,7 +13,7 @@ pub const WINDOW_BYTES: usize = 8 << 20;
 /// Most messages that are on their way to one far side.
 pub const WINDOW_MESSAGES: u64 = 32;
 /// Most messages that wait for a far side that holds the run back.
-const HOLD_MESSAGES: u64 = 8;
+const HOLD_MESSAGES: usize = 8;
 
 /// What a message is to those who come late or are slow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,6 +56,8 @@ pub struct Log<P> {
     next: u64,
     bytes: usize,
     receivers: HashMap<u64, Receiver>,
+    /// A far side has asked for the run.
+    was_joined: bool,
     /// How long a far side may be silent.
     patience: Duration,
     ended: bool,
@@ -73,6 +75,7 @@ impl<P: Clone> Log<P> {
             next: 1,
             bytes: 0,
             receivers: HashMap::new(),
+            was_joined: false,
             patience,
             ended: false,
             rows_lost: 0,
@@ -119,9 +122,12 @@ impl<P: Clone> Log<P> {
         self.entries.iter().rev().find(|entry| entry.kind == Kind::Frames).map(|entry| entry.seq)
     }
 
-    /// A far side asks for the run: what it has before it asks for messages. It begins with the last state.
+    /// A far side asks for the run: what it has before it asks for messages. The first one, for which the run was
+    /// joined, begins with the first message, any other one with the last state.
     pub fn join(&mut self, receiver: u64, now: Instant) -> u64 {
-        let done = self.last_state().unwrap_or(self.next) - 1;
+        let first = self.entries.front().map(|first| first.seq);
+        let is_first = !std::mem::replace(&mut self.was_joined, true);
+        let done = first.filter(|_| is_first).or_else(|| self.last_state()).unwrap_or(self.next) - 1;
         self.receivers.insert(receiver, Receiver { done, heard: now });
         done
     }
@@ -152,7 +158,7 @@ impl<P: Clone> Log<P> {
         self.forget_done(now);
         let done = self.receivers.values().map(|receiver| receiver.done).min().unwrap_or(self.next - 1);
         let waiting = self.entries.iter().filter(|entry| entry.seq > done && entry.kind == Kind::Frames);
-        waiting.count() < HOLD_MESSAGES as usize
+        waiting.count() < HOLD_MESSAGES
     }
 
     /// How many far sides there are.
@@ -251,12 +257,14 @@ mod tests {
     }
 
     #[test]
-    fn a_far_side_begins_with_the_last_state_and_gets_what_follows() {
+    fn the_first_far_side_begins_with_the_first_state_a_later_one_with_the_last() {
         let now = Instant::now();
         let mut log = log(3, now);
         log.push(Kind::Rows(5), 4, 10, now);
-        assert_eq!(log.join(7, now), 2);
-        assert_eq!(fetch(&log, 7, 2), [3, 4]);
+        assert_eq!(log.join(7, now), 0);
+        assert_eq!(fetch(&log, 7, 0), [1, 2, 3, 4]);
+        assert_eq!(log.join(8, now), 2);
+        assert_eq!(fetch(&log, 8, 2), [3, 4]);
     }
 
     #[test]
@@ -331,6 +339,7 @@ mod tests {
         log.join(7, now);
         log.join(8, now);
         log.push(Kind::End, 2, 10, now);
+        log.hear(8, Some(1), now);
         log.hear(7, Some(2), now);
         assert!(!log.is_over(now));
         log.hear(8, Some(2), now);

@@ -60,6 +60,7 @@ fn crates_use_what_the_architecture_says() {
     only("realfft", &["beadline-waves"]);
     only("rustfft", &["beadline-waves"]);
     only("ratatui", &["beadline", "beadline-screen"]);
+    only("zenoh", &["beadline-relay"]);
     only("anyhow", &["beadline", "beadline-bench", "beadline-paper"]);
     let ours = |package: &str| -> Vec<String> {
         needed(&all, package).into_iter().filter(|name| name.starts_with("beadline")).collect()

@@ -174,12 +174,11 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
                         count += 1;
                     }
                 }
-                Some(ResultReceived::Missed { .. }) => {}
                 Some(ResultReceived::End(reason)) => head.ended = Some(reason == EndReason::Complete),
                 None if self.last_frame.get().is_some() && heard.elapsed() >= PATIENCE => {
                     head.ended = Some(false);
                 }
-                None => {}
+                Some(ResultReceived::Missed { .. }) | None => {}
             }
             let is_due = batch.len() >= BATCH_BYTES || since.elapsed() >= BATCH_PERIOD;
             if head.ended.is_some() || (is_due && !batch.is_empty()) {
