@@ -202,6 +202,7 @@ fn frames_themselves_can_be_sent() {
     let hosts = Hosts::new();
     let (_, far) = has_same_tables(&hosts, SMALL, "contacts", "--frames", "");
     assert!(far.json()["arrived_bytes"].as_u64() >= far.json()["frames_bytes"].as_u64());
+    assert_eq!(far.json()["frames_proven"], 0);
     // the far side asks
     let (_, far) = has_same_tables(&hosts, SMALL, "contacts", "--hold", "--frames");
     assert_eq!(far.json()["frames_proven"], 0);

@@ -162,15 +162,16 @@ impl Shared {
         let run = loop {
             if let Some(run) = &self.offered().run {
                 request.versions.check(run.recomputed && !request.frames)?;
-                break Some((run.manifest.clone(), run.stream));
+                break Some((run.manifest.clone(), run.stream, !run.recomputed));
             }
             if start.elapsed() >= ANSWER_TIME {
                 break None;
             }
             thread::sleep(Duration::from_millis(5));
         };
-        let frames = self.frames.load(Ordering::Relaxed);
-        let run = run.map(|(manifest, stream)| {
+        let asked = self.frames.load(Ordering::Relaxed);
+        let run = run.map(|(manifest, stream, sent)| {
+            let frames = sent || asked;
             let seq = self.log.change(|log| log.join(request.receiver, Instant::now()));
             Offer { manifest, have: Have { stream, seq }, frames }
         });
