@@ -7,8 +7,8 @@ mod export;
 mod figures;
 mod pages;
 mod recordings;
-mod slurm;
 mod relay;
+mod slurm;
 mod top;
 mod values;
 mod waves;
@@ -26,8 +26,8 @@ pub(crate) use recordings::{
     CatalogArgs, ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, RewriteArgs, ThinArgs, UploadArgs,
     VerifyArgs,
 };
-pub(crate) use slurm::SlurmArgs;
 pub(crate) use relay::RelayArgs;
+pub(crate) use slurm::SlurmArgs;
 pub(crate) use top::TopArgs;
 pub(crate) use values::{BeadRange, Pace, Shard};
 pub(crate) use waves::{ForcesArgs, ModesArgs, OfArg, SpectrumArgs};

@@ -25,7 +25,10 @@ const CONTENTS: [(&str, &[&str]); 7] = [
     ("Look", &["view", "share", "top", "ls"]),
     (
         "Record, prove, share",
-        &["record", "replay", "relay", "info", "catalog", "verify", "recover", "thin", "expand", "export", "upload"],
+        &[
+            "record", "replay", "relay", "info", "catalog", "verify", "recover", "thin", "expand", "export",
+            "upload",
+        ],
     ),
     ("The paper", &["reproduce"]),
     ("This machine", &["bench", "completions", "man"]),

@@ -46,10 +46,10 @@ mod recordings;
 mod recovering;
 mod reference;
 mod reflection;
-#[cfg(feature = "remote")]
-mod remote;
 #[cfg(feature = "relay")]
 mod relay;
+#[cfg(feature = "remote")]
+mod remote;
 mod replay;
 mod reproduce;
 mod resume;
