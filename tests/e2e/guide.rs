@@ -1,7 +1,8 @@
 //! Every command that the guide shows, run page by page as a reader would.
 //!
 //! A block of code says by its first line how: `sh` has to succeed, `sh fails` has to end with an error, `sh terminal-1` and
-//! the `sh terminal-2` after it run at the same time, `sh viewer` goes on until Ctrl-C, `sh install` is what CI does before. With `BEADLINE_RENEW_PICTURES` set
+//! the `sh terminal-2` after it run at the same time, `sh viewer` goes on until Ctrl-C, `sh install` is what CI does before; what
+//! names a feature of the build, as `sh relay`, is run where that is there. With `BEADLINE_RENEW_PICTURES` set
 //! the pictures of the guide are made anew.
 
 use crate::harness::{Ended, Place, Running, python, skip};
@@ -121,9 +122,19 @@ impl Reader<'_> {
     }
 }
 
+/// Leaves the words out of the first line of `block` that name a feature of the build; false if this one has it not.
+fn is_built(block: &mut Block) -> bool {
+    let features = [("relay", cfg!(feature = "relay")), ("remote", cfg!(feature = "remote"))];
+    let found = features.iter().find(|(feature, _)| block.kind.contains(&format!(" {feature}")));
+    let Some((feature, is_there)) = found else { return true };
+    block.kind = block.kind.replace(&format!(" {feature}"), "");
+    *is_there
+}
+
 fn read(page: &str) {
     let text = fs::read_to_string(root().join(page)).unwrap();
-    let blocks = blocks(&text);
+    let mut blocks = blocks(&text);
+    blocks.retain_mut(is_built);
     let uses_python = |block: &Block| block.kind.starts_with("python");
     let python = if blocks.iter().any(uses_python) { python() } else { None };
     let reader = Reader { page, place: Place::new(), python };
@@ -182,16 +193,21 @@ fn any_chain() {
 }
 
 #[test]
+fn elsewhere() {
+    read("docs/guide/8-elsewhere.md");
+}
+
+#[test]
 fn own_consumer() {
     // without it the run in the first terminal would wait for ever
     if own_consumer::example().is_some() {
-        read("docs/guide/8-own-consumer.md");
+        read("docs/guide/9-own-consumer.md");
     }
 }
 
 #[test]
 fn questions() {
-    read("docs/guide/9-questions.md");
+    read("docs/guide/10-questions.md");
 }
 
 /// Every page is read by a test, and every page that is named is there.
