@@ -1,5 +1,6 @@
 //! `beadline catalog DIR|URL`: a table of recordings, a row for each, from their summaries.
 
+use super::ls::{is_recording, summaries};
 use crate::args::CatalogArgs;
 use crate::display::count;
 use crate::failure::{BadInput, Done, Failure};
@@ -15,13 +16,8 @@ use schemas::config::StrikerConfig;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::error::Error as _;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
-use std::thread;
+use std::sync::atomic::Ordering;
 use storage::{Entry, list};
-
-/// Recordings that are looked at together: each waits for its disk, or for a store.
-const AT_ONCE: usize = 16;
 
 /// Rows that wait in memory for the ones before them.
 const WINDOW: usize = 1024;
@@ -97,7 +93,7 @@ pub(crate) fn catalog(args: &CatalogArgs) -> Result<Done, Failure> {
     let stop = signals::stop_flag()?;
     let root = || args.root.display().to_string();
     let mut entries = list(&args.root).with_context(root).bad_input()?;
-    entries.retain(is_recording);
+    entries.retain(|entry| is_recording(&entry.path));
     let around = |name: &str, kind| Column::new(name, kind);
     let columns = COLUMNS.iter().map(|(name, kind, _)| around(name, *kind));
     let columns: Vec<_> =
@@ -107,7 +103,8 @@ pub(crate) fn catalog(args: &CatalogArgs) -> Result<Done, Failure> {
     let mut progress = Progress::new(entries.len() as u64, "recordings");
     let (mut done, mut error_count) = (0, 0);
     for window in entries.chunks(WINDOW) {
-        for (entry, info) in window.iter().zip(look(window)) {
+        let paths: Vec<_> = window.iter().map(|entry| entry.path.as_path()).collect();
+        for (entry, info) in window.iter().zip(summaries(&paths)) {
             error_count += u64::from(!add_row(&mut table, entry, &info));
             table.end_row()?;
             done += 1;
@@ -128,28 +125,6 @@ pub(crate) fn catalog(args: &CatalogArgs) -> Result<Done, Failure> {
     };
     report(args.json, &json!({ "path": path, "recordings": done, "errors": error_count }), text)?;
     Ok(Done::whole_if(error_count == 0))
-}
-
-fn is_recording(entry: &Entry) -> bool {
-    let name = entry.path.to_string_lossy();
-    name.ends_with(".mcap") || name.ends_with(".mcap.partial")
-}
-
-/// What is in each of `entries`, in their order.
-fn look(entries: &[Entry]) -> Vec<Result<RecordingInfo, ReadError>> {
-    let (next, found) = (AtomicUsize::new(0), Mutex::new(Vec::with_capacity(entries.len())));
-    let work = || {
-        loop {
-            let index = next.fetch_add(1, Ordering::Relaxed);
-            let Some(entry) = entries.get(index) else { break };
-            let info = RecordingInfo::summary(&entry.path);
-            found.lock().unwrap_or_else(PoisonError::into_inner).push((index, info));
-        }
-    };
-    thread::scope(|scope| (0..AT_ONCE.min(entries.len())).for_each(|_| drop(scope.spawn(work))));
-    let mut found = found.into_inner().unwrap_or_else(PoisonError::into_inner);
-    found.sort_unstable_by_key(|(index, _)| *index);
-    found.into_iter().map(|(_, info)| info).collect()
 }
 
 /// Adds the cells of a row; whether nothing is wrong.

@@ -2,6 +2,8 @@
 
 mod recordings;
 
+pub(super) use recordings::{is_recording, summaries};
+
 use crate::display;
 use crate::failure::{Done, Failure};
 use bus::{Bus, ConsumerInfo, RunInfo, list_runs};

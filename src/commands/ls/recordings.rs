@@ -11,8 +11,8 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// Recordings that are asked for at the same time.
-const IN_FLIGHT: usize = 8;
+/// Recordings that are looked at together: each waits for its disk, or for a store.
+const AT_ONCE: usize = 16;
 
 /// Columns, and whether one is left out where the terminal is too narrow: the highest number first.
 const COLUMNS: [(&str, u32); 8] = [
@@ -35,7 +35,7 @@ pub(super) fn ls(place: &Path, as_json: bool, names_only: bool) -> Result<Done, 
         paths.iter().try_for_each(|path| display::print(format_args!("{}\n", path.display())))?;
         return Ok(Done::Whole);
     }
-    let (found, lost): (Vec<_>, Vec<_>) = read_all(&paths).into_iter().partition(Result::is_ok);
+    let (found, lost): (Vec<_>, Vec<_>) = summaries(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>()).into_iter().partition(Result::is_ok);
     let found: Vec<_> = found.into_iter().flatten().collect();
     let is_whole = lost.is_empty();
     for error in lost.into_iter().filter_map(Result::err) {
@@ -54,10 +54,6 @@ pub(super) fn ls(place: &Path, as_json: bool, names_only: bool) -> Result<Done, 
 
 /// Everything at `place` that has the name of a recording.
 fn recordings(place: &Path) -> std::io::Result<Vec<PathBuf>> {
-    let is_recording = |path: &Path| {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        name.ends_with(".mcap") || name.ends_with(".mcap.partial")
-    };
     if is_recording(place) && !place.is_dir() {
         return Ok(vec![place.to_owned()]);
     }
@@ -65,8 +61,14 @@ fn recordings(place: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(found.filter(|path| is_recording(path)).collect())
 }
 
-/// What they say of themselves, in their order, several at a time.
-fn read_all(paths: &[PathBuf]) -> Vec<Found> {
+/// Whether `path` has the name of a recording, finished or not.
+pub(crate) fn is_recording(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    name.ends_with(".mcap") || name.ends_with(".mcap.partial")
+}
+
+/// What recordings say of themselves, in the order of `paths`, several at a time.
+pub(crate) fn summaries(paths: &[&Path]) -> Vec<Found> {
     let next = Mutex::new(paths.iter().enumerate());
     let work = || {
         let mut done = Vec::new();
@@ -78,7 +80,7 @@ fn read_all(paths: &[PathBuf]) -> Vec<Found> {
         }
     };
     let mut all: Vec<(usize, Found)> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..IN_FLIGHT.min(paths.len())).map(|_| scope.spawn(work)).collect();
+        let workers: Vec<_> = (0..AT_ONCE.min(paths.len())).map(|_| scope.spawn(work)).collect();
         let join = |worker: std::thread::ScopedJoinHandle<'_, _>| {
             worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
         };
