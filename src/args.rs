@@ -349,8 +349,8 @@ pub(crate) struct Overrides {
     beadline sweep reflection.toml --out all --shard 3/16   one job of an array of 16\n  \
     beadline sweep --merge all                           the rows that are there, as tables\n  \
     beadline sweep reflection.toml --plan --cores 1000   what it will take, from a few of its points\n  \
-    beadline sweep reflection.toml --out all --slurm --time 4:00:00 --partition long --submit   a job array of Slurm\n  \
-    beadline sweep --status all                          how far all of it is, on any machine that sees it\n\n\
+    beadline sweep reflection.toml --out all --slurm --time 4:00:00 --submit   a job array of Slurm\n  \
+    beadline sweep --status all                          how far it is, wherever DIR is seen\n\n\
     DIR then has results.csv and results.parquet, and of a sweep over seeds ensemble.csv and .parquet (the same bytes whatever \
     the order, jobs, shards and interruptions), timings.csv, the rows of each shard, and recordings/ if asked for. A run that fails \
     has a row that says why, and makes the exit code 3, as a signal does while points are missing."

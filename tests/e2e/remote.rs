@@ -3,6 +3,7 @@
 mod server;
 
 use crate::harness::Place;
+use crate::object_store::Bucket;
 use server::{Asked, Fault, Server};
 use std::fs;
 use std::path::Path;
@@ -38,6 +39,33 @@ fn info_of_an_object_takes_two_requests() {
         assert_eq!(without_path(found), of_file, "{words}");
         let asked = server.asked();
         assert!(asked.len() == 2 && total(&asked) <= (256 + 64) << 10, "{asked:?}");
+    }
+}
+
+/// The same from a server that somebody else wrote.
+#[test]
+fn an_s3_server_is_asked_as_often() {
+    let Some(bucket) = Bucket::new() else { return };
+    let place = Place::new();
+    place.run(SPARSE).exits(0);
+    bucket.put("sparse.mcap", &fs::read(place.path("sparse.mcap")).unwrap());
+    let url = bucket.url("sparse.mcap");
+    for (words, most_requests) in [
+        ("info {} --json", 2),
+        ("plot {} --what velocity --at 0.0129 --every-step --force --out at.svg", 3),
+        ("export {} --to csv --beads 0..3 --every-step --from 0.03 --until 0.045 --force --out part.csv", 3),
+    ] {
+        let of_file = place.run(&words.replace("{}", "sparse.mcap")).exits(0).stdout();
+        let made = ["at.svg", "part.csv"].map(|name| fs::read(place.path(name)).ok());
+        let of_object = bucket.run(&place, &words.replace("{}", &url)).exits(0).stdout();
+        assert_eq!(of_object.replace(&url, "sparse.mcap"), of_file, "{words}");
+        assert_eq!(["at.svg", "part.csv"].map(|name| fs::read(place.path(name)).ok()), made, "{words}");
+        let requests = bucket.take_requests();
+        assert!(requests.len() <= most_requests, "{words}: {requests:?}");
+        assert!(
+            requests.iter().all(|request| request.status == 206 && !request.range().is_empty()),
+            "{requests:?}"
+        );
     }
 }
 

@@ -35,7 +35,9 @@ pub(super) fn ls(place: &Path, as_json: bool, names_only: bool) -> Result<Done, 
         paths.iter().try_for_each(|path| display::print(format_args!("{}\n", path.display())))?;
         return Ok(Done::Whole);
     }
-    let (found, lost): (Vec<_>, Vec<_>) = summaries(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>()).into_iter().partition(Result::is_ok);
+    let (found, lost): (Vec<_>, Vec<_>) = summaries(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>())
+        .into_iter()
+        .partition(Result::is_ok);
     let found: Vec<_> = found.into_iter().flatten().collect();
     let is_whole = lost.is_empty();
     for error in lost.into_iter().filter_map(Result::err) {
