@@ -25,7 +25,6 @@ use std::path::PathBuf;
     Exit code 0: the run ended in order, and so did this side. 3: something was lost, the run or the other side vanished, or \
     it was asked to stop."
 )]
-#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub(crate) struct RelayArgs {
     /// Near side: `live` (the only live run) or `live:RUN`
     #[arg(long, value_name = "SOURCE", conflicts_with = "connect")]

@@ -100,7 +100,7 @@ impl Hosts {
     }
 
     /// `beadline WORDS` on one of both.
-    fn start(&self, place: &Place, namespace: Option<&String>, words: &str) -> Running {
+    fn start(place: &Place, namespace: Option<&String>, words: &str) -> Running {
         let command = match namespace {
             None => place.command(words.split_whitespace()),
             Some(namespace) => {
@@ -112,11 +112,11 @@ impl Hosts {
     }
 
     fn near(&self, words: &str) -> Running {
-        self.start(&self.near, self.network.as_ref().map(|network| &network.near), words)
+        Self::start(&self.near, self.network.as_ref().map(|network| &network.near), words)
     }
 
     fn far(&self, words: &str) -> Running {
-        self.start(&self.far, self.network.as_ref().map(|network| &network.far), words)
+        Self::start(&self.far, self.network.as_ref().map(|network| &network.far), words)
     }
 
     fn relay_from(&self, more: &str) -> Running {

@@ -130,6 +130,7 @@ impl<'a> Cluster<'a> {
 }
 
 impl Drop for Cluster<'_> {
+    #[expect(clippy::print_stdout, reason = "what a test that fails shows")]
     fn drop(&mut self) {
         let daemons = self.nodes.iter_mut().map(|(_, daemon)| daemon);
         daemons.chain([&mut self.controller]).for_each(end);
