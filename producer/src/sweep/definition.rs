@@ -61,7 +61,7 @@ impl Axis {
     pub(super) fn telling(&self) -> impl Iterator<Item = u64> + use<> {
         let count = self.count();
         let step = if matches!(self.values, Values::List(_)) { 1 } else { count - 1 };
-        (0..count).step_by(index_of(step).max(1))
+        (0..count).step_by(index_of(step).max(1)) // integers
     }
 
     /// What decides its values, wherever they are written.

@@ -50,7 +50,7 @@ impl Sweep {
         }
         let Definition { cases, samples, axes, .. } = &self.definition;
         let spread = (0..SPREAD).map(|i| i * (count - 1) / (SPREAD - 1));
-        let stride = |after: &[Axis]| after.iter().map(Axis::count).product::<u64>();
+        let stride = |after: &[Axis]| after.iter().map(Axis::count).product::<u64>(); // integers
         let of_cases = (0..cases.len() as u64).map(|case| case * samples.count() * stride(axes));
         let of_grid = (0..axes.len())
             .flat_map(|place| axes[place].telling().map(move |value| value * stride(&axes[place + 1..])));
