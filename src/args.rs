@@ -164,7 +164,7 @@ pub(crate) enum Command {
     #[command(after_help = "Examples:\n  \
         beadline info run.mcap\n  \
         beadline info run.mcap.partial         also of a run that is going on, or was killed\n  \
-        beadline info s3://bucket/run.mcap     where it lies, in two requests; every command that reads recordings takes URLs\n  \
+        beadline info s3://bucket/run.mcap     where it lies; all commands that read take URLs\n  \
         beadline info run.mcap --json | jq .physics")]
     Info {
         /// The recording: a file, or a URL (s3://, gs://, az://, http://, https://)
