@@ -14,7 +14,7 @@ fn recorded(place: &Place) -> Vec<u8> {
 #[test]
 fn a_url_says_how_to_get_a_command_that_reads_it() {
     let ended = Place::new().run("info s3://bucket/run.mcap").exits(2);
-    ended.says(&["s3://bucket/run.mcap", "`cargo install beadline --features remote`"]);
+    ended.says(&["s3://bucket/run.mcap", "`cargo install --path . --features remote`"]);
 }
 
 #[test]

@@ -7,8 +7,8 @@ use std::io;
 pub enum StorageError {
     /// The feature `remote` is not there.
     #[error(
-        "this command was built without `remote`, which reads and writes URLs: `cargo install beadline --features remote` \
-         has it"
+        "this command was built without `remote`, which reads and writes URLs: `cargo install --path . --features \
+         remote` in its source builds one that has it"
     )]
     NotBuilt,
     /// Not a URL of an object.
