@@ -241,7 +241,8 @@ impl MessageReader {
 
     /// Reads up to the first chunk: the attachment with the configuration comes before it.
     pub(crate) fn read_head(&mut self) -> Result<(), ReadError> {
-        while self.records.peek() != Some(op::CHUNK) {
+        // a search after damage has loaded the chunk that it found
+        while !self.in_chunk && self.records.peek() != Some(op::CHUNK) {
             match self.next_in_file().or_else(|error| self.go_on_after(error))? {
                 Step::Other => {}
                 Step::Message(_) | Step::End => break,

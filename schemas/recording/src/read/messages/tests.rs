@@ -104,6 +104,28 @@ fn damage_is_the_same() {
 }
 
 #[test]
+fn the_head_ends_where_damage_is_on_both_sides_of_the_first_chunk() {
+    let (_directory, path, chunks) = recording();
+    let mut bytes = fs::read(&path).expect("bytes");
+    let mut records = RecordReader::open(&path).expect("a recording");
+    let mut manifest = None;
+    while manifest.is_none() {
+        let record = records.next().expect("whole").expect("the manifest");
+        manifest = (record.opcode == op::METADATA).then_some(record.offset + 9 + record.body.len() as u64);
+    }
+    let after_manifest = usize::try_from(manifest.expect("its end")).expect("small");
+    assert!(after_manifest < chunks[0].start);
+    for record in [after_manifest, chunks[0].end] {
+        // its length, of eight bytes
+        bytes[record + 8] = 0xff;
+    }
+    fs::write(&path, bytes).expect("written");
+    let mut messages = MessageReader::salvaging(&path).expect("a recording");
+    messages.read_head().expect("an end");
+    assert_eq!(messages.contents().run_toml, None);
+}
+
+#[test]
 fn chunks_in_another_order_are_the_same() {
     let (_directory, path, chunks) = recording();
     let whole = fs::read(&path).expect("bytes");
