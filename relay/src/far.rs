@@ -3,18 +3,21 @@
 mod results;
 
 use crate::message::{Message, MessageError, Place};
-use crate::recompute::{Proven, Recompute, RecomputeError};
+use crate::recompute::{Recompute, initial_difference};
 use bus::{Bus, PublishCounts, PublishError, StatePublisher};
 use producer::resimulation::{Difference, OtherKernel};
 use results::Results;
 use schemas::frame::{EndReason, Frame, FrameSink as _};
 use schemas::manifest::RunManifest;
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// How often consumers are served while frames are computed.
 const SERVE_PERIOD: Duration = Duration::from_millis(20);
+/// States whose frames are not all published: of one they are, of one they are computed, and one is next.
+const MOST_ASKED: usize = 3;
 /// With messages that have waited longer than this, for so long, we are too slow to recompute.
 const TOO_OLD: Duration = Duration::from_secs(10);
 
@@ -73,9 +76,17 @@ pub struct Arrived {
 /// A run from elsewhere on the bus of this host.
 pub struct Far {
     manifest: RunManifest,
-    bus: Publishing,
-    /// The last frame, from which the next ones are computed; none before the first.
+    publisher: StatePublisher,
+    next_frame: u64,
+    stop: Arc<AtomicBool>,
+    /// Goes on from the last frame that arrived; none before the first.
     recompute: Option<Recompute>,
+    /// The messages whose frames are computed.
+    asked: VecDeque<u64>,
+    /// The first frame after all that was asked for.
+    next_asked: u64,
+    /// Number of the message taken last.
+    seq: u64,
     /// Frames come as they are.
     frames: bool,
     results: Results,
@@ -83,35 +94,6 @@ pub struct Far {
     arrived: Arrived,
     /// Since when messages are too old, and how long consumers had held us back then.
     late: Option<(Instant, Duration)>,
-}
-
-/// The bus, as the one to whom frames are given.
-struct Publishing {
-    publisher: StatePublisher,
-    next_frame: u64,
-    served: Instant,
-    stop: Arc<AtomicBool>,
-}
-
-impl Proven for Publishing {
-    type Error = PublishError;
-
-    fn accept(&mut self, frame: &Frame<'_>) -> Result<(), PublishError> {
-        self.publisher.accept(frame)?;
-        self.next_frame = frame.frame + 1;
-        Ok(())
-    }
-
-    fn between(&mut self) -> Result<(), PublishError> {
-        if self.served.elapsed() < SERVE_PERIOD {
-            return Ok(());
-        }
-        if self.stop.load(Ordering::Relaxed) {
-            return Err(PublishError::Stopped { frame: self.next_frame });
-        }
-        self.served = Instant::now();
-        self.publisher.serve()
-    }
 }
 
 /// The first frame of a message, if it has frames.
@@ -136,11 +118,15 @@ impl Far {
         stop: Arc<AtomicBool>,
     ) -> Self {
         let results = Results::new(bus, &manifest, publisher.stream(), first_frame, Arc::clone(&stop));
-        let bus = Publishing { publisher, next_frame: first_frame, served: Instant::now(), stop };
         Self {
             manifest,
-            bus,
+            publisher,
+            next_frame: first_frame,
+            stop,
             recompute: None,
+            asked: VecDeque::new(),
+            next_asked: first_frame,
+            seq: 0,
             frames,
             results,
             scratch: Vec::new(),
@@ -151,7 +137,7 @@ impl Far {
 
     /// The bus, to look at its consumers.
     pub fn publisher(&mut self) -> &mut StatePublisher {
-        &mut self.bus.publisher
+        &mut self.publisher
     }
 
     /// What arrived so far.
@@ -162,7 +148,7 @@ impl Far {
 
     /// The last step published.
     pub fn step(&self) -> u64 {
-        self.manifest.step_of_frame(self.bus.next_frame.saturating_sub(1))
+        self.manifest.step_of_frame(self.next_frame.saturating_sub(1))
     }
 
     /// Results that could not be published, in words, since the last call.
@@ -177,7 +163,7 @@ impl Far {
             self.late = None;
             return false;
         }
-        let held_back = self.bus.publisher.counts().held_back;
+        let held_back = self.publisher.counts().held_back;
         let (since, before) = *self.late.get_or_insert((Instant::now(), held_back));
         since.elapsed() >= TOO_OLD && 2 * held_back.saturating_sub(before) < since.elapsed()
     }
@@ -192,32 +178,47 @@ impl Far {
     /// # Errors
     /// When the bus cannot be used.
     pub fn serve(&mut self) -> Result<(), FarError> {
-        Ok(self.bus.publisher.serve()?)
+        Ok(self.publisher.serve()?)
     }
 
-    /// Takes a message; gives the end of the run, if it is that.
+    /// Whether frames are computed that have not been published.
+    pub fn is_recomputing(&self) -> bool {
+        !self.asked.is_empty()
+    }
+
+    /// All messages up to this one have been published.
+    pub fn done(&self) -> u64 {
+        self.asked.front().map_or(self.seq, |seq| seq.saturating_sub(1))
+    }
+
+    /// Takes a message; gives the end of the run, if it is that, when everything has been published.
     ///
     /// # Errors
     /// When it is none, does not follow from the one before, or cannot be published.
     pub fn take(&mut self, place: Place, bytes: &[u8]) -> Result<Option<EndReason>, FarError> {
+        self.seq = place.seq;
         self.arrived.messages += 1;
         self.arrived.bytes += bytes.len() as u64;
         self.arrived.rows_lost = place.rows_lost;
-        let before = self.bus.next_frame;
-        let taken = match Message::decode(bytes, &self.manifest)? {
-            Message::Frames { first, doubles } => self.take_frames(first, doubles).map(|()| None),
+        match Message::decode(bytes, &self.manifest)? {
+            Message::Frames { first, doubles } => self.take_frames(first, doubles)?,
             Message::Rows { head, rows } => {
                 self.results.take(&head, rows)?;
-                Ok(None)
+                self.results.publish_up_to(self.next_frame);
             }
             Message::End { reason, last_frame } => {
-                let up_to = last_frame.filter(|last| *last >= self.bus.next_frame);
-                up_to.map_or(Ok(()), |last| self.run_on(last)).map(|()| Some(reason))
+                if let Some(last) = last_frame.filter(|last| *last >= self.next_asked) {
+                    let Some(recompute) = &self.recompute else {
+                        return Err(FarError::Lost { from: self.next_frame, to: last });
+                    };
+                    recompute.run_on(last);
+                    self.asks_up_to(last);
+                }
+                self.publish_asked(0)?;
+                return Ok(Some(reason));
             }
-        };
-        self.arrived.frames += self.bus.next_frame - before;
-        self.results.publish_up_to(self.bus.next_frame);
-        taken
+        }
+        Ok(None)
     }
 
     fn take_frames(&mut self, first: u64, doubles: &[u8]) -> Result<(), FarError> {
@@ -225,7 +226,7 @@ impl Far {
         let mut scratch = std::mem::take(&mut self.scratch);
         let last = first + (doubles.len() / (8 * manifest.frame_doubles())) as u64 - 1;
         for (number, bytes) in (first..).zip(doubles.chunks_exact(8 * manifest.frame_doubles())) {
-            if number < self.bus.next_frame {
+            if number < self.next_asked {
                 continue; // again, after a cut
             }
             scratch.clear();
@@ -235,7 +236,7 @@ impl Far {
             let frame = Frame::of_doubles((number, step, manifest.physics.time_s(step)), beads, &scratch);
             self.take_frame(&manifest, &frame)?;
             if number == last
-                && let Some(recompute) = self.recompute.as_mut().filter(|_| self.frames)
+                && let Some(recompute) = self.recompute.as_ref().filter(|_| self.frames)
             {
                 recompute.believe(&frame);
             }
@@ -245,19 +246,17 @@ impl Far {
     }
 
     fn take_frame(&mut self, manifest: &RunManifest, frame: &Frame<'_>) -> Result<(), FarError> {
-        let next = self.bus.next_frame;
-        let sent = self.frames && frame.frame == next;
-        match &mut self.recompute {
-            Some(_) if sent => {}
+        let is_next = frame.frame == self.next_asked;
+        match &self.recompute {
+            Some(_) if self.frames && is_next => {}
             Some(recompute) => {
-                let reached = recompute.reach(frame, &mut self.bus);
-                reached.map_err(|error| refused(error, manifest, next))?;
-                self.arrived.proven += self.bus.next_frame - next;
-                return Ok(());
+                recompute.reach(frame);
+                self.asks_up_to(frame.frame);
+                return self.publish_asked(MOST_ASKED - 1);
             }
-            None if frame.frame == next => match Recompute::begin(manifest, frame) {
+            None if is_next => match Recompute::begin(manifest, frame) {
                 Ok(recompute) => {
-                    if let Some(source) = recompute.initial_difference() {
+                    if let Some(source) = initial_difference(manifest, frame) {
                         return Err(FarError::Differs { proven_step: 0, source });
                     }
                     self.recompute = Some(recompute);
@@ -265,20 +264,62 @@ impl Far {
                 Err(error) if !self.frames => return Err(error.into()),
                 Err(_) => {}
             },
-            None => return Err(FarError::Lost { from: next, to: frame.frame - 1 }),
+            None => return Err(FarError::Lost { from: self.next_asked, to: frame.frame - 1 }),
         }
-        Ok(self.bus.accept(frame)?)
+        self.publish_asked(0)?;
+        self.publish(frame)?;
+        self.next_asked = self.next_frame;
+        self.results.publish_up_to(self.next_frame);
+        Ok(())
     }
 
-    /// Computes what comes after the last state.
-    fn run_on(&mut self, last: u64) -> Result<(), FarError> {
-        let next = self.bus.next_frame;
-        let Some(recompute) = &mut self.recompute else {
-            return Err(FarError::Lost { from: next, to: last });
+    fn asks_up_to(&mut self, last: u64) {
+        self.asked.push_back(self.seq);
+        self.next_asked = last + 1;
+    }
+
+    /// Publishes what has been computed until no more than this many states are left that lead to more.
+    fn publish_asked(&mut self, most_left: usize) -> Result<(), FarError> {
+        while self.asked.len() > most_left {
+            self.publish_next()?;
+        }
+        Ok(())
+    }
+
+    /// Publishes the next frames that have been computed, or serves consumers for a while.
+    ///
+    /// # Errors
+    /// When they do not lead to the state that arrived, or cannot be published.
+    pub fn publish_next(&mut self) -> Result<(), FarError> {
+        let Some(recompute) = &mut self.recompute else { return Ok(()) };
+        let proven_step = self.manifest.step_of_frame(self.next_frame.saturating_sub(1));
+        let found =
+            recompute.next(SERVE_PERIOD).map_err(|source| FarError::Differs { proven_step, source })?;
+        let Some(window) = found else {
+            if self.stop.load(Ordering::Relaxed) {
+                return Err(PublishError::Stopped { frame: self.next_frame }.into());
+            }
+            return self.serve();
         };
-        let reached = recompute.run_on(last, &mut self.bus);
-        reached.map_err(|error| refused(error, &self.manifest, next))?;
-        self.arrived.unproven += self.bus.next_frame - next;
+        let before = self.next_frame;
+        let manifest = self.manifest.clone();
+        window.frames(&manifest).try_for_each(|frame| self.publish(&frame))?;
+        let counted = if window.is_proven { &mut self.arrived.proven } else { &mut self.arrived.unproven };
+        *counted += self.next_frame - before;
+        if window.is_last {
+            self.asked.pop_front();
+        }
+        if let Some(recompute) = &self.recompute {
+            recompute.reuse(window);
+        }
+        self.results.publish_up_to(self.next_frame);
+        Ok(())
+    }
+
+    fn publish(&mut self, frame: &Frame<'_>) -> Result<(), FarError> {
+        self.publisher.accept(frame)?;
+        self.next_frame = frame.frame + 1;
+        self.arrived.frames += 1;
         Ok(())
     }
 
@@ -292,16 +333,6 @@ impl Far {
     /// When the end could not be written.
     pub fn finish(mut self, reason: EndReason) -> Result<PublishCounts, FarError> {
         self.results.finish();
-        Ok(self.bus.publisher.finish(reason)?)
-    }
-}
-
-fn refused(error: RecomputeError<PublishError>, manifest: &RunManifest, next_frame: u64) -> FarError {
-    match error {
-        RecomputeError::Differs(source) => {
-            let proven_step = manifest.step_of_frame(next_frame.saturating_sub(1));
-            FarError::Differs { proven_step, source }
-        }
-        RecomputeError::Sink(error) => error.into(),
+        Ok(self.publisher.finish(reason)?)
     }
 }

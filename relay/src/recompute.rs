@@ -1,143 +1,225 @@
-//! From one state that arrived to the next: every frame between, proven before anybody sees it.
+//! From one state that arrived to the next: every frame between, in a thread of its own, proven before anybody sees it.
 
 use producer::integrator::Integrator;
 use producer::resimulation::{Difference, OtherKernel, check_kernel, difference};
 use producer::state::ChainState;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
+use std::panic;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
 
-/// Most bytes of frames that wait for their proof; later ones are computed a second time.
-const MOST_WAITING_BYTES: usize = 64 << 20;
+/// Most bytes of frames in a window. One is filled, one waits, one is published and one is used again; frames that have no
+/// room until they are proven are computed a second time.
+const MOST_WINDOW_BYTES: usize = 16 << 20;
 
-/// Who gets the frames.
-pub trait Proven {
-    /// What goes wrong there.
-    type Error: std::error::Error + 'static;
-
-    /// Takes the next frame, which is proven.
-    ///
-    /// # Errors
-    /// When it does not go on.
-    fn accept(&mut self, frame: &Frame<'_>) -> Result<(), Self::Error>;
-
-    /// Is called after each frame that is computed.
-    ///
-    /// # Errors
-    /// When it does not go on.
-    fn between(&mut self) -> Result<(), Self::Error>;
-}
-
-/// Why frames were not published.
-#[derive(Debug, thiserror::Error)]
-pub enum RecomputeError<E: std::error::Error + 'static> {
-    /// A state does not follow from the one before.
-    #[error(transparent)]
-    Differs(Difference),
-    /// Whoever takes the frames.
-    #[error(transparent)]
-    Sink(#[from] E),
-}
-
-/// The last proven state of a run, and what it leads to.
+/// The first frame of a run as it arrived, and what it leads to. What is asked for is computed in the order of the questions,
+/// while what was computed before is published.
 pub struct Recompute {
-    manifest: RunManifest,
-    proven: ChainState,
-    /// Stands at `proven`; none if that did not come from it.
-    integrator: Option<Integrator>,
-    /// Frames that wait for their proof, `[u | v | extra]` of each.
-    waiting: Vec<f64>,
-    most_waiting: usize,
+    asks: Sender<Ask>,
+    windows: Receiver<Result<Window, Difference>>,
+    used: Sender<Vec<f64>>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// Successive frames.
+#[derive(Debug)]
+pub struct Window {
+    first: u64,
+    doubles: Vec<f64>,
+    /// Whether a state proves them.
+    pub is_proven: bool,
+    /// Whether nothing is left of what was asked for.
+    pub is_last: bool,
+}
+
+impl Window {
+    /// Its frames, of the run of `manifest`.
+    pub fn frames(&self, manifest: &RunManifest) -> impl Iterator<Item = Frame<'_>> {
+        let beads = usize::try_from(manifest.physics.beads).unwrap_or(usize::MAX);
+        (self.first..).zip(self.doubles.chunks_exact(manifest.frame_doubles())).map(
+            move |(frame, doubles)| {
+                let step = manifest.step_of_frame(frame);
+                Frame::of_doubles((frame, step, manifest.physics.time_s(step)), beads, doubles)
+            },
+        )
+    }
+}
+
+enum Ask {
+    /// All frames up to this one, which this state proves, if there is one.
+    Reach(u64, Option<ChainState>),
+    /// Nothing: the next question goes on from here.
+    Believe(ChainState),
 }
 
 impl Recompute {
-    /// Begins with a state that arrived.
+    /// Begins with a frame that arrived.
     ///
     /// # Errors
     /// When the run was computed by another dynamics.
     pub fn begin(manifest: &RunManifest, first: &Frame<'_>) -> Result<Self, OtherKernel> {
+        Self::with_windows(manifest, first, MOST_WINDOW_BYTES / size_of::<f64>())
+    }
+
+    fn with_windows(
+        manifest: &RunManifest,
+        first: &Frame<'_>,
+        most_doubles: usize,
+    ) -> Result<Self, OtherKernel> {
         check_kernel(manifest)?;
-        Ok(Self {
+        let (asks, asked) = channel();
+        let (found, windows) = sync_channel(1);
+        let (used, free) = channel();
+        let stop = Arc::new(AtomicBool::new(false));
+        let mut computing = Computing {
             manifest: manifest.clone(),
             proven: ChainState::of_frame(first),
             integrator: None,
-            waiting: Vec::new(),
-            most_waiting: MOST_WAITING_BYTES / size_of::<f64>(),
-        })
+            most_doubles,
+            found,
+            free,
+            stop: Arc::clone(&stop),
+        };
+        let thread = thread::spawn(move || while asked.recv().is_ok_and(|ask| computing.answer(ask)) {});
+        Ok(Self { asks, windows, used, stop, thread: Some(thread) })
     }
 
-    /// How the first state of a run differs from the manifest's initial condition.
-    pub fn initial_difference(&self) -> Option<Difference> {
-        let initial = (self.proven.step == 0).then(|| ChainState::initial(&self.manifest.physics))?;
-        difference(&initial, &self.proven.as_frame(&self.manifest, 0), None)
+    /// Asks for all frames up to `target`, which has arrived.
+    pub fn reach(&self, target: &Frame<'_>) {
+        self.ask(Ask::Reach(target.frame, Some(ChainState::of_frame(target))));
+    }
+
+    /// Asks for all frames up to frame `last`, which no state proves.
+    pub fn run_on(&self, last: u64) {
+        self.ask(Ask::Reach(last, None));
     }
 
     /// Goes on from a frame that arrived and was published as it is.
-    pub fn believe(&mut self, frame: &Frame<'_>) {
-        self.proven.copy_from(frame);
-        self.integrator = None;
+    pub fn believe(&self, frame: &Frame<'_>) {
+        self.ask(Ask::Believe(ChainState::of_frame(frame)));
     }
 
-    /// Computes all frames up to that of `target`, compares, and only then gives them away.
+    fn ask(&self, ask: Ask) {
+        // a thread that is gone says so where windows are awaited
+        let _ = self.asks.send(ask);
+    }
+
+    /// The next frames that were asked for, if there are some within this time.
     ///
     /// # Errors
-    /// When the computed state has other bits: then nobody got any of these frames.
-    pub fn reach<P: Proven>(
-        &mut self,
-        target: &Frame<'_>,
-        sink: &mut P,
-    ) -> Result<(), RecomputeError<P::Error>> {
-        self.publish_up_to(target.frame, Some(target), sink)
-    }
-
-    /// Computes all frames up to frame `last`, which no state proves.
-    ///
-    /// # Errors
-    /// When they cannot be given away.
-    pub fn run_on<P: Proven>(&mut self, last: u64, sink: &mut P) -> Result<(), RecomputeError<P::Error>> {
-        self.publish_up_to(last, None, sink)
-    }
-
-    fn publish_up_to<P: Proven>(
-        &mut self,
-        last: u64,
-        target: Option<&Frame<'_>>,
-        sink: &mut P,
-    ) -> Result<(), RecomputeError<P::Error>> {
-        let manifest = &self.manifest;
-        let from_step = self.proven.step;
-        let first = manifest.frame_at(from_step) + 1;
-        let state = &mut self.proven;
-        let integrator = self.integrator.get_or_insert_with(|| Integrator::new(&manifest.physics));
-        self.waiting.clear();
-        for frame in first..=last {
-            advance(integrator, state, manifest.step_of_frame(frame));
-            if self.waiting.len() < self.most_waiting || frame == first {
-                for values in [&state.u_m, &state.v_m_s, &state.extra] {
-                    self.waiting.extend_from_slice(values);
+    /// When a state that arrived does not follow from the one before: then nothing more comes.
+    pub fn next(&mut self, patience: Duration) -> Result<Option<Window>, Difference> {
+        match self.windows.recv_timeout(patience) {
+            Ok(found) => found.map(Some),
+            Err(RecvTimeoutError::Timeout) => Ok(None),
+            Err(RecvTimeoutError::Disconnected) => {
+                if let Some(Err(panicked)) = self.thread.take().map(JoinHandle::join) {
+                    panic::resume_unwind(panicked);
                 }
+                Ok(None)
             }
-            sink.between()?;
         }
-        if let Some(found) = target.and_then(|target| difference(state, target, Some(from_step))) {
-            return Err(RecomputeError::Differs(found));
+    }
+
+    /// Takes the memory of a window back.
+    pub fn reuse(&self, window: Window) {
+        let _ = self.used.send(window.doubles);
+    }
+}
+
+impl Drop for Recompute {
+    /// Nobody waits for the thread, which ends with the frame that it computes.
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+}
+
+/// How the first state of a run differs from the initial condition of its manifest.
+pub fn initial_difference(manifest: &RunManifest, first: &Frame<'_>) -> Option<Difference> {
+    let initial = (first.step == 0).then(|| ChainState::initial(&manifest.physics))?;
+    difference(&initial, first, None)
+}
+
+/// The last proven state of a run, in the thread.
+struct Computing {
+    manifest: RunManifest,
+    proven: ChainState,
+    /// Stands at `proven`; none if that did not come from it.
+    integrator: Option<Integrator>,
+    most_doubles: usize,
+    found: SyncSender<Result<Window, Difference>>,
+    free: Receiver<Vec<f64>>,
+    stop: Arc<AtomicBool>,
+}
+
+impl Computing {
+    /// Whether to go on.
+    fn answer(&mut self, ask: Ask) -> bool {
+        match ask {
+            Ask::Reach(last, target) => self.reach(last, target.as_ref()).is_some(),
+            Ask::Believe(state) => {
+                (self.proven, self.integrator) = (state, None);
+                true
+            }
         }
-        let waiting = (first..).zip(self.waiting.chunks_exact(manifest.frame_doubles()));
-        let mut given = None;
-        for (frame, doubles) in waiting {
-            let step = manifest.step_of_frame(frame);
-            let place = (frame, step, manifest.physics.time_s(step));
-            let frame = Frame::of_doubles(place, state.u_m.len(), doubles);
-            sink.accept(&frame)?;
-            given = Some(frame);
+    }
+
+    /// Computes all frames up to `last`, compares, and only then gives them away; none if nobody wants more.
+    fn reach(&mut self, last: u64, target: Option<&ChainState>) -> Option<()> {
+        let Self { manifest, proven, most_doubles, found, free, stop, .. } = self;
+        let integrator = self.integrator.get_or_insert_with(|| Integrator::new(&manifest.physics));
+        let from_step = proven.step;
+        let begin = |first| {
+            let mut doubles = free.try_recv().unwrap_or_default();
+            doubles.clear();
+            Window { first, doubles, is_proven: target.is_some(), is_last: false }
+        };
+        let next = |integrator: &mut Integrator, state: &mut ChainState, frame| {
+            advance(integrator, state, manifest.step_of_frame(frame));
+            (!stop.load(Ordering::Relaxed)).then_some(())
+        };
+        let mut window = begin(manifest.frame_at(from_step) + 1);
+        // the last one that had room
+        let mut again = None;
+        for frame in window.first..=last {
+            next(integrator, proven, frame)?;
+            if again.is_none() {
+                window.push(proven);
+                again = (window.doubles.len() >= *most_doubles).then(|| (frame, proven.clone()));
+            }
         }
-        // what had no room is computed once more, now that it is proven
-        let Some(given) = given.filter(|given| given.frame < last) else { return Ok(()) };
-        let mut again = (ChainState::of_frame(&given), Integrator::new(&manifest.physics));
-        for frame in given.frame + 1..=last {
-            advance(&mut again.1, &mut again.0, manifest.step_of_frame(frame));
-            sink.accept(&again.0.as_frame(manifest, frame))?;
+        if let Some(different) =
+            target.and_then(|target| difference(proven, &target.as_frame(manifest, last), Some(from_step)))
+        {
+            let _ = found.send(Err(different));
+            return None;
         }
-        Ok(())
+        if let Some((frame, mut state)) = again {
+            // the rest is computed once more, now that it is proven
+            let mut integrator = Integrator::new(&manifest.physics);
+            for frame in frame + 1..=last {
+                if window.doubles.len() >= *most_doubles {
+                    let full = std::mem::replace(&mut window, begin(frame));
+                    found.send(Ok(full)).ok()?;
+                }
+                next(&mut integrator, &mut state, frame)?;
+                window.push(&state);
+            }
+        }
+        found.send(Ok(Window { is_last: true, ..window })).ok()
+    }
+}
+
+impl Window {
+    fn push(&mut self, state: &ChainState) {
+        for values in [&state.u_m, &state.v_m_s, &state.extra] {
+            self.doubles.extend_from_slice(values);
+        }
     }
 }
 
@@ -154,7 +236,6 @@ mod tests {
     use schemas::manifest::Origin;
     use schemas::method::Method;
     use schemas::presets::PRESETS;
-    use std::convert::Infallible;
 
     fn manifest(method: Method) -> RunManifest {
         let mut config: RunConfig = PRESETS[0].config();
@@ -179,20 +260,20 @@ mod tests {
         all
     }
 
-    #[derive(Default)]
-    struct Taken(Vec<ChainState>);
-
-    impl Proven for Taken {
-        type Error = Infallible;
-
-        fn accept(&mut self, frame: &Frame<'_>) -> Result<(), Infallible> {
-            self.0.push(ChainState::of_frame(frame));
-            Ok(())
+    /// Everything that was asked for, up to the `count`th answer's end.
+    fn taken(
+        recompute: &mut Recompute,
+        manifest: &RunManifest,
+        count: usize,
+    ) -> Result<Vec<ChainState>, Difference> {
+        let (mut all, mut ends) = (Vec::new(), 0);
+        while ends < count {
+            let Some(window) = recompute.next(Duration::from_secs(1))? else { continue };
+            all.extend(window.frames(manifest).map(|frame| ChainState::of_frame(&frame)));
+            ends += usize::from(window.is_last);
+            recompute.reuse(window);
         }
-
-        fn between(&mut self) -> Result<(), Infallible> {
-            Ok(())
-        }
+        Ok(all)
     }
 
     #[test]
@@ -201,14 +282,14 @@ mod tests {
             let manifest = manifest(method);
             let all = frames(&manifest);
             let last = all.len() - 1;
-            for most_waiting in [0, 3 * manifest.frame_doubles(), usize::MAX] {
-                let mut recompute = Recompute::begin(&manifest, &all[3].as_frame(&manifest, 3)).unwrap();
-                recompute.most_waiting = most_waiting;
-                let mut taken = Taken::default();
-                recompute.reach(&all[40].as_frame(&manifest, 40), &mut taken).unwrap();
-                recompute.reach(&all[60].as_frame(&manifest, 60), &mut taken).unwrap();
-                recompute.run_on(last as u64, &mut taken).unwrap();
-                assert_eq!(taken.0, all[4..], "{method:?}, {most_waiting}");
+            for most_doubles in [0, 3 * manifest.frame_doubles(), usize::MAX] {
+                let first = all[3].as_frame(&manifest, 3);
+                let mut recompute = Recompute::with_windows(&manifest, &first, most_doubles).unwrap();
+                recompute.reach(&all[40].as_frame(&manifest, 40));
+                recompute.reach(&all[60].as_frame(&manifest, 60));
+                recompute.run_on(last as u64);
+                let found = taken(&mut recompute, &manifest, 3).unwrap();
+                assert_eq!(found, all[4..], "{method:?}, {most_doubles}");
             }
         }
     }
@@ -220,20 +301,18 @@ mod tests {
         let mut recompute = Recompute::begin(&manifest, &all[3].as_frame(&manifest, 3)).unwrap();
         let mut wrong = all[40].clone();
         wrong.v_m_s[2] = -wrong.v_m_s[2];
-        let mut taken = Taken::default();
-        let said = recompute.reach(&wrong.as_frame(&manifest, 40), &mut taken).unwrap_err().to_string();
-        assert!(taken.0.is_empty() && said.contains("velocity of bead 2 at step 80"), "{said}");
+        recompute.reach(&wrong.as_frame(&manifest, 40));
+        let said = taken(&mut recompute, &manifest, 1).unwrap_err().to_string();
+        assert!(said.contains("velocity of bead 2 at step 80"), "{said}");
     }
 
     #[test]
     fn the_first_state_of_a_run_is_proven_by_its_manifest() {
         let manifest = manifest(Method::Rkn4);
         let mut first = ChainState::initial(&manifest.physics);
-        let begin = |first: &ChainState| {
-            Recompute::begin(&manifest, &first.as_frame(&manifest, 0)).unwrap().initial_difference()
-        };
-        assert_eq!(begin(&first), None);
+        let differs = |first: &ChainState| initial_difference(&manifest, &first.as_frame(&manifest, 0));
+        assert_eq!(differs(&first), None);
         first.u_m[7] = 1e-9;
-        assert_eq!(begin(&first).map(|found| found.bead), Some(7));
+        assert_eq!(differs(&first).map(|found| found.bead), Some(7));
     }
 }

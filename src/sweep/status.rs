@@ -2,6 +2,7 @@
 //! there. Memory is a bit for each point and a few words for each shard.
 
 use super::directory::{ROWS, SWEEP_JSON, files};
+use super::pending::Points;
 use super::slurm::{SCRIPT, SLURM};
 use crate::failure::{BadInput, Failure};
 use anyhow::Context;
@@ -83,12 +84,13 @@ pub(crate) fn status(directory: &Path) -> Result<Status, Failure> {
     let rows = Rows::read(directory, points)?;
     let count = shard_count(directory, &rows).min(points.max(1));
     let mut done = vec![0_u64; usize::try_from(count)?];
-    let shards = done.len();
-    rows.each(|index| done[index % shards] += 1);
+    for index in (0..points).filter(|index| rows.points.has(*index)) {
+        done[usize::try_from(index % count)?] += 1;
+    }
     let queue = Queue::ask(directory);
     let mut status = Status {
         points,
-        done: done.iter().sum(),
+        done: rows.points.count(),
         damaged: rows.damaged,
         rate: None,
         left_s: None,
@@ -138,9 +140,9 @@ fn shard_count(directory: &Path, rows: &Rows) -> u64 {
     count.or_else(|| newest().map(|((_, count), _)| *count)).unwrap_or(1).max(1)
 }
 
-/// The points that have a row.
+/// The points that have a row, and the journals that say so.
 struct Rows {
-    bits: Vec<u64>,
+    points: Points,
     journals: HashMap<(u64, u64), JournalFile>,
     damaged: u64,
     longest_s: f64,
@@ -155,8 +157,8 @@ struct JournalFile {
 
 impl Rows {
     fn read(directory: &Path, points: u64) -> Result<Self, Failure> {
-        let bits = vec![0; usize::try_from(points.div_ceil(64))?];
-        let mut rows = Self { bits, journals: HashMap::new(), damaged: 0, longest_s: 0.0 };
+        let points = Points::none_of(points);
+        let mut rows = Self { points, journals: HashMap::new(), damaged: 0, longest_s: 0.0 };
         for path in
             files(&directory.join(ROWS), |name| Path::new(name).extension().is_some_and(|end| end == "rows"))?
         {
@@ -165,9 +167,7 @@ impl Rows {
             let damaged = journal::scan(&path, |index, wall_s| {
                 count += 1;
                 rows.longest_s = if wall_s > rows.longest_s { wall_s } else { rows.longest_s };
-                if let Some(index) = usize::try_from(index).ok().filter(|_| index < points) {
-                    rows.bits[index / 64] |= 1 << (index % 64);
-                }
+                rows.points.add(index);
             })?;
             rows.damaged += damaged;
             if let Some(shard) = shard_of(&path) {
@@ -176,17 +176,6 @@ impl Rows {
             }
         }
         Ok(rows)
-    }
-
-    /// The points, in ascending order.
-    fn each(&self, mut take: impl FnMut(usize)) {
-        for (word, bits) in (0..).zip(&self.bits) {
-            let mut bits = *bits;
-            while bits != 0 {
-                take(64 * word + bits.trailing_zeros() as usize);
-                bits &= bits - 1;
-            }
-        }
     }
 
     fn still(&self) -> Duration {

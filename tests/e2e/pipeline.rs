@@ -173,9 +173,9 @@ fn ls_shows_who_listens_and_when_the_run_ends() {
     let found: Vec<String> = consumers.iter().map(who).collect();
     assert_eq!(found, ["latest energies", "lossless contacts", "lossless energies"]);
     assert_eq!(consumers[1]["pid"], others[1].id());
-    // its queue and what it holds
+    // its queue, what it holds, and what it took after it had told its place: 14 frames in 0.1 s, if nothing delays it
     let lag = |consumer: usize| consumers[consumer]["lag_frames"].as_u64().unwrap();
-    assert!(lag(1) <= 70 && lag(2) < 60, "{consumers:?}");
+    assert!(lag(1) < 100 && lag(2) < 60, "{consumers:?}");
     let (step, steps) = (listed["step"].as_f64().unwrap(), listed["step_count"].as_f64().unwrap());
     assert!(step < steps && listed["ends_in_s"].as_f64().unwrap() > 1.0, "{listed}");
     let text = place.run("ls").exits(0).stdout();

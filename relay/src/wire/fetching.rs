@@ -132,8 +132,9 @@ impl Fetching {
 
     /// All messages up to this one have been published.
     pub fn done(&self, seq: u64) {
-        self.shared.done.store(seq, Ordering::Relaxed);
-        self.shared.wake();
+        if self.shared.done.swap(seq, Ordering::Relaxed) != seq {
+            self.shared.wake();
+        }
     }
 
     /// Asks for every frame from now on.

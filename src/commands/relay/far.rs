@@ -127,27 +127,30 @@ impl Session<'_> {
         let (mut dropped, quiet) = (Dropped::default(), ProgressBar::hidden());
         let mut next = Some(Arrival::Message(first.0, first.1));
         let reason = loop {
-            match next {
+            let taken = match next {
                 Some(Arrival::Message(place, payload)) => {
-                    match far.take(place, &payload.to_bytes()) {
-                        Ok(None) => self.fetching.done(place.seq),
-                        Ok(Some(reason)) => {
-                            self.fetching.done(place.seq);
-                            break reason;
-                        }
-                        Err(FarError::Publish(PublishError::Stopped { .. })) => break EndReason::Stopped,
-                        Err(error) => return Err(end_failed(far, error.into())),
-                    }
+                    let taken = far.take(place, &payload.to_bytes());
                     if far.is_too_slow(place) {
                         notice!("this host is too slow to recompute: it asks for the frames themselves");
                         self.fetching.ask_for_frames();
                         far.expect_frames();
                     }
+                    taken
                 }
                 Some(Arrival::Failed(error)) => return Err(end_failed(far, of_wire(error))),
+                None if far.is_recomputing() => far.publish_next().map(|()| None),
                 None if self.stop.load(Ordering::Relaxed) => break EndReason::Stopped,
                 None if self.is_given_up() => break EndReason::ProducerLost,
-                None => far.serve()?,
+                None => far.serve().map(|()| None),
+            };
+            match taken {
+                Ok(None) => self.fetching.done(far.done()),
+                Ok(Some(reason)) => {
+                    self.fetching.done(far.done());
+                    break reason;
+                }
+                Err(FarError::Publish(PublishError::Stopped { .. })) => break EndReason::Stopped,
+                Err(error) => return Err(end_failed(far, error.into())),
             }
             if progress.at(far.step()) {
                 let arrived = far.arrived();
@@ -158,7 +161,7 @@ impl Session<'_> {
             for trouble in far.take_troubles() {
                 notice!("results that came along are not published here: {trouble}");
             }
-            next = self.fetching.next(PATIENCE);
+            next = self.fetching.next(if far.is_recomputing() { Duration::ZERO } else { PATIENCE });
         };
         progress.finish();
         dropped.tell(far.publisher(), &quiet);
