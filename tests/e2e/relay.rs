@@ -1,13 +1,9 @@
 //! A live run on another host: two network namespaces, or loopback where the system grants none.
 
+mod strangers;
+
 use crate::harness::{Ended, Place, Running, python, skip, wait_until};
-use ::relay::message::{self, FramesMessage, Have, Offer, Request, Versions, Welcome, to_json};
-use ::relay::wire::zenoh::{self, Session, Wait as _};
 use bus::RunInfo;
-use producer::integrator::Integrator;
-use producer::state::ChainState;
-use schemas::manifest::RunManifest;
-use schemas::presets::PRESETS;
 use std::fs;
 use std::io::{Read as _, Write as _};
 use std::net::TcpListener;
@@ -472,127 +468,4 @@ fn certificates(place: &Place) -> Option<std::path::PathBuf> {
         skip("certificates are made by OpenSSL's command");
     }
     made.then(|| place.path("keys"))
-}
-
-/// A Zenoh of a stranger's, at the near side's place or connected to it.
-fn stranger(key: &str, port: u16) -> Session {
-    let mut config = zenoh::Config::default();
-    config.insert_json5("scouting/multicast/enabled", "false").unwrap();
-    config.insert_json5("listen/endpoints", "[]").unwrap();
-    config.insert_json5(key, &format!("[\"tcp/127.0.0.1:{port}\"]")).unwrap();
-    zenoh::open(config).wait().unwrap()
-}
-
-/// What a near side answers to `request`, and whether that is a refusal.
-fn asked(session: &Session, request: &str) -> (bool, String) {
-    wait_until("an answer", || {
-        let replies = session.get("beadline/relay/*").payload(request).wait().unwrap();
-        let reply = replies.recv().ok()?;
-        Some(match reply.result() {
-            Ok(sample) => (false, sample.payload().try_to_string().unwrap().into_owned()),
-            Err(refused) => (true, refused.payload().try_to_string().unwrap().into_owned()),
-        })
-    })
-}
-
-fn request(versions: Versions) -> String {
-    to_json(&Request { versions, receiver: 5, frames: false, have: None, done: 0 })
-}
-
-#[test]
-fn garbage_ends_nothing_else() {
-    let hosts = Hosts::on_loopback();
-    let [running, near, far] = hosts.relay(SMALL, "", "--wait-for 1");
-    let session = stranger("connect/endpoints", hosts.port);
-    for garbage in ["", "{}", "GET / HTTP/1.1", &"[".repeat(100_000)] {
-        let (refused, said) = asked(&session, garbage);
-        assert!(refused && said.contains("what no `beadline relay`"), "{said}");
-    }
-    session.put("beadline/relay-done", "{").wait().unwrap();
-    session.close().wait().unwrap();
-    let (there, here) =
-        (hosts.far("energies live:shock --out t.csv"), hosts.near("energies live:shock --out t.csv"));
-    for process in [there, here, running] {
-        process.wait().exits(0);
-    }
-    let near = near.wait().exits(0).says(&["turned somebody away"]);
-    has_all(&near, &far.wait().exits(0), hosts.near.read("t.csv").lines().count() as u64 - 1);
-}
-
-#[test]
-fn another_version_is_told_on_both_sides() {
-    let hosts = Hosts::on_loopback();
-    let [running, near, far] = hosts.relay(LONG, "", "");
-    let session = stranger("connect/endpoints", hosts.port);
-    let kernel = Versions { kernel: Versions::OURS.kernel + 1, ..Versions::OURS };
-    let protocol = Versions { protocol: 9, ..Versions::OURS };
-    for (versions, word) in
-        [(kernel, "kernel: the other side has version 3, this one has 2"), (protocol, "version 9")]
-    {
-        let (refused, said) = asked(&session, &request(versions));
-        assert!(refused && said.contains(word), "{said}");
-    }
-    session.close().wait().unwrap();
-    running.signal("INT");
-    running.wait().exits(3);
-    far.wait();
-    near.wait().says(&[
-        "kernel: the other side has version 3",
-        "`--frames`",
-        "relay protocol: the other side has version 9",
-    ]);
-}
-
-/// A near side that says whatever `answer` gives to a request with that many messages; its numbers are its order.
-fn lying_near(port: u16, versions: Versions, manifest: &RunManifest, messages: Vec<Vec<u8>>) -> Session {
-    let session = stranger("listen/endpoints", port);
-    let manifest = manifest.to_json();
-    let answer = move |query: zenoh::query::Query| {
-        let request: Request = message::request(&query.payload().unwrap().to_bytes()).unwrap();
-        let Some(have) = request.have else {
-            let run =
-                Some(Offer { manifest: manifest.clone(), have: Have { stream: 1, seq: 0 }, frames: false });
-            query.reply("beadline/relay/any", to_json(&Welcome { versions, run })).wait().unwrap();
-            return;
-        };
-        for (seq, message) in (1..).zip(&messages).skip(usize::try_from(have.seq).unwrap()) {
-            let place = message::Place { seq, after: seq - 1, rows_lost: 0, age_ms: 0 };
-            query.reply("beadline/relay/any", message.clone()).attachment(place.encode()).wait().unwrap();
-        }
-    };
-    session.declare_queryable("beadline/relay/any").callback(answer).background().wait().unwrap();
-    session
-}
-
-#[test]
-fn what_a_near_side_says_is_not_believed() {
-    let mut config = PRESETS[0].config();
-    config.time.duration_s = 1e-3;
-    let manifest = RunManifest::new(&config, "shock", beadline::origin()).unwrap();
-    let mut state = ChainState::initial(&manifest.physics);
-    let message = |state: &ChainState| {
-        let mut message = FramesMessage::default();
-        message.push(&state.as_frame(&manifest, state.step));
-        message.finish()
-    };
-    let first = message(&state);
-    let mut integrator = Integrator::new(&manifest.physics);
-    (0..100).for_each(|_| integrator.step(&mut state));
-    state.v_m_s[3] = -state.v_m_s[3];
-    let kernel = Versions { kernel: 7, ..Versions::OURS };
-    for (versions, messages, said) in [
-        (
-            Versions::OURS,
-            vec![first.clone(), message(&state)],
-            vec!["velocity of bead 3 at step 100", "after step 0"],
-        ),
-        (Versions::OURS, vec![first.clone(), vec![7; 100]], vec!["what no `beadline relay`"]),
-        (Versions::OURS, vec![first[..900].to_vec()], vec!["what no `beadline relay`"]),
-        (kernel, vec![first], vec!["kernel: the other side has version 7, this one has 2", "--frames"]),
-    ] {
-        let hosts = Hosts::on_loopback();
-        let session = lying_near(hosts.port, versions, &manifest, messages);
-        hosts.relay_to("").wait().exits(1).says(&said);
-        session.close().wait().unwrap();
-    }
 }

@@ -148,6 +148,35 @@ fn every_analysis_of_an_object_gives_the_bytes_of_the_file() {
     }
 }
 
+/// What takes a recording in other ways than analyses do.
+#[test]
+fn modes_checks_and_initial_states_are_taken_from_objects() {
+    let (place, server) = (Place::new(), Server::start());
+    let run = "run --preset precompressed --duration 2e-3 --record-every-steps 50 --out run.mcap";
+    place.run(run).exits(0);
+    server.put("bucket/run.mcap", &place.path("run.mcap"));
+    for words in ["modes {} --json", "check {} --json"] {
+        let file = place.run(&words.replace("{}", "run.mcap")).exits(0).stdout();
+        let words = words.replace("{}", "s3://bucket/run.mcap");
+        let object = server.start_s3(&place, &words).wait().exits(0).stdout();
+        assert_eq!(object.replace("s3://bucket/", ""), file, "{words}");
+    }
+    server.asked();
+    let preset = place.run("preset precompressed").exits(0).stdout();
+    let unstruck = preset.replace("[striker]\nbead = 0\nvelocity_m_s = 0.01\n", "");
+    assert_ne!(unstruck, preset);
+    let initial = |source: &str| {
+        let from = format!("[initial]\nfrom = {{ recording = \"{source}\", step = 180 }}\n");
+        place.write("begun.toml", &(unstruck.clone() + &from));
+        let words = "run begun.toml --no-record --duration 1e-5 --dry-run --json";
+        server.start_s3(&place, words).wait().exits(0).json()["manifest"]["physics"]["initial"].to_string()
+    };
+    let (file, object) = (initial("run.mcap"), initial("s3://bucket/run.mcap"));
+    assert!(file.contains("sha256"), "{file}");
+    assert_eq!(object.replace("s3://bucket/", ""), file);
+    assert!(server.asked().len() <= 3);
+}
+
 #[test]
 fn reading_through_an_object_takes_few_large_requests() {
     let (place, server) = (Place::new(), Server::start());

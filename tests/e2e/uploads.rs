@@ -7,6 +7,7 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread;
 use std::time::Duration;
 
 /// Some 20 MB of recording, in a second or more.
@@ -177,6 +178,26 @@ fn a_network_that_goes_away_costs_nothing() {
     bucket.run(&place, &format!("{CHAIN} --out {url}")).exits(3).says(&["beadline upload spool/s3/"]);
     bucket.behave(|_| Act::Pass);
     let file = spooled(&place, &bucket, "run.mcap");
+    bucket.run(&place, &format!("upload {} {url}", file.display())).exits(0);
+    assert!(bucket.get("run.mcap").unwrap() == fs::read(&file).unwrap());
+    assert_eq!(bucket.open_uploads(), 0);
+}
+
+/// The store has become slow, and somebody does not wait for it any longer.
+#[test]
+fn sending_the_rest_can_be_left_for_later() {
+    let (place, Some(bucket)) = (Place::new(), Bucket::new()) else { return };
+    let slow = Duration::from_secs(4);
+    bucket.behave(move |request| if request.is_part() { Act::Delay(slow) } else { Act::Pass });
+    let (url, file) = (bucket.url("run.mcap"), spooled(&place, &bucket, "run.mcap"));
+    let run = bucket.start(&place, &format!("{CHAIN} --out {url}"));
+    wait_until("the whole recording", || file.exists().then_some(()));
+    // a signal that comes while the file gets its name is one that ends the run
+    thread::sleep(Duration::from_millis(500));
+    run.signal("INT");
+    run.wait().exits(3).says(&["beadline upload spool/s3/"]);
+    assert!(bucket.get("run.mcap").is_none());
+    bucket.behave(|_| Act::Pass);
     bucket.run(&place, &format!("upload {} {url}", file.display())).exits(0);
     assert!(bucket.get("run.mcap").unwrap() == fs::read(&file).unwrap());
     assert_eq!(bucket.open_uploads(), 0);

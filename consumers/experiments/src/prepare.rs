@@ -108,22 +108,15 @@ fn state_of(from: &FromRecording, path: &Path) -> Result<(Vec<f64>, Vec<f64>, St
     };
     let mut source = RecordingSource::open(path).map_err(|error| refuse(&error))?;
     let physics = source.manifest().physics.clone();
-    let mut state: Option<ChainState> = None;
-    loop {
-        match source.receive() {
-            Ok(Received::Frame(frame)) if frame.step <= from.step => match &mut state {
-                Some(state) => state.copy_from(&frame),
-                None => state = Some(ChainState::of_frame(&frame)),
-            },
-            Ok(Received::Frame(_) | Received::End { .. }) => break,
-            Ok(_) => {}
-            Err(error) => return Err(refuse(&error)),
-        }
-    }
-    let mut state = state.ok_or_else(|| refuse(&"no state up to that step is recorded"))?;
     if from.step > physics.step_count {
         return Err(refuse(&format!("step {} is after its last, {}", from.step, physics.step_count)));
     }
+    source.seek_to_step(from.step).map_err(|error| refuse(&error))?;
+    let mut state = match source.receive() {
+        Ok(Received::Frame(frame)) if frame.step <= from.step => ChainState::of_frame(&frame),
+        Ok(_) => return Err(refuse(&"no state up to that step is recorded")),
+        Err(error) => return Err(refuse(&error)),
+    };
     let mut integrator = Integrator::new(&physics);
     while state.step < from.step {
         integrator.advance(&mut state, from.step);

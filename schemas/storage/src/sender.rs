@@ -286,7 +286,8 @@ impl Work {
             let is_whole = is_at(file, &errand.file);
             let length = file.metadata().map_err(unreadable(&errand.file))?.len();
             while upload.bytes() < length {
-                let part = part_bytes(self.options.expected_bytes, upload);
+                let (parts, sent) = (upload.parts() as u64, upload.bytes());
+                let part = part_bytes(self.options.expected_bytes, parts, sent);
                 let part = if is_whole { part.min(length - upload.bytes()) } else { part }; // integers
                 if length - upload.bytes() < part {
                     break;
@@ -350,11 +351,11 @@ fn unreadable(file: &Path) -> impl Fn(io::Error) -> SendError + '_ {
     |source| SendError::File { file: file.to_owned(), source }
 }
 
-/// The size of the next part: all of one size, as some stores want it, unless there is far more than was expected.
-fn part_bytes(expected_bytes: u64, upload: &Upload) -> u64 {
+/// The size of the part that follows `parts` parts of `sent_bytes`: all of one size, as some stores want it, unless there is
+/// far more than was expected.
+fn part_bytes(expected_bytes: u64, parts: u64, sent_bytes: u64) -> u64 {
     let usual = usual_part_bytes(expected_bytes);
-    let is_usual = (upload.parts() as u64) < MOST_PARTS / 2;
-    if is_usual { usual } else { usual.max(upload.bytes() / (MOST_PARTS / 10)) }
+    if parts < MOST_PARTS / 2 { usual } else { usual.max(sent_bytes / (MOST_PARTS / 10)) }
 }
 
 fn usual_part_bytes(expected_bytes: u64) -> u64 {
@@ -400,4 +401,22 @@ fn note_of(errand: &Errand) -> PathBuf {
 fn is_at(file: &File, path: &Path) -> bool {
     let ours = file.metadata().map(|found| (found.dev(), found.ino()));
     path.symlink_metadata().is_ok_and(|found| ours.is_ok_and(|ours| ours == (found.dev(), found.ino())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_far_larger_than_expected_has_room_in_its_parts() {
+        for expected_bytes in [0, 1 << 30, 25 << 30] {
+            let (mut sent, mut part) = (0, 0);
+            for parts in 0..MOST_PARTS {
+                part = part_bytes(expected_bytes, parts, sent);
+                sent += part;
+            }
+            // no store takes parts of more than 5 GiB
+            assert!(sent > 3 << 40 && part < 5 << 30, "{expected_bytes}: {sent} in parts up to {part}");
+        }
+    }
 }

@@ -22,10 +22,11 @@ trace begun "$before" "$SLURMD_NODENAME"
     --jobs "${SLURM_CPUS_PER_TASK:-1}" --yes@RECORD@ &
 program=$!
 
-# SIGTERM, and then 30 s or what the site grants until SIGKILL, comes from Slurm to the program, too: it keeps the rows it has
+# SIGTERM, and then 30 s or what the site grants until SIGKILL, comes from Slurm to the program, too: it keeps the rows it has.
+# Whoever cancels a task that is out of time does not want it again, and one that is preempted begins again by itself
 heard=
-trap 'heard=yes' TERM
 out_of_time=
+trap 'heard=yes; out_of_time=' TERM
 trap 'heard=yes; out_of_time=yes; kill -TERM "$program"' USR1
 
 # a signal ends the wait, and not the program

@@ -107,9 +107,12 @@ impl<'a> Cluster<'a> {
         wait_until("an empty queue", || self.ask("squeue --noheader").stdout.is_empty().then_some(()));
     }
 
+    /// Again and again: a task may just be asking to be requeued.
     pub(super) fn cancel_all(&self) {
-        assert!(self.ask("scancel --user=root").status.success());
-        self.wait_for_empty_queue();
+        wait_until("an empty queue", || {
+            assert!(self.ask("scancel --user=root").status.success());
+            self.ask("squeue --noheader").stdout.is_empty().then_some(())
+        });
     }
 
     /// `beadline` on this cluster.
