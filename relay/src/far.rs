@@ -75,7 +75,7 @@ pub struct Arrived {
 
 /// A run from elsewhere on the bus of this host.
 pub struct Far {
-    manifest: RunManifest,
+    manifest: Arc<RunManifest>,
     publisher: StatePublisher,
     next_frame: u64,
     stop: Arc<AtomicBool>,
@@ -119,7 +119,7 @@ impl Far {
     ) -> Self {
         let results = Results::new(bus, &manifest, publisher.stream(), first_frame, Arc::clone(&stop));
         Self {
-            manifest,
+            manifest: Arc::new(manifest),
             publisher,
             next_frame: first_frame,
             stop,
@@ -222,7 +222,7 @@ impl Far {
     }
 
     fn take_frames(&mut self, first: u64, doubles: &[u8]) -> Result<(), FarError> {
-        let (manifest, beads) = (self.manifest.clone(), self.beads());
+        let (manifest, beads) = (Arc::clone(&self.manifest), self.beads());
         let mut scratch = std::mem::take(&mut self.scratch);
         let last = first + (doubles.len() / (8 * manifest.frame_doubles())) as u64 - 1;
         for (number, bytes) in (first..).zip(doubles.chunks_exact(8 * manifest.frame_doubles())) {
@@ -302,7 +302,7 @@ impl Far {
             return self.serve();
         };
         let before = self.next_frame;
-        let manifest = self.manifest.clone();
+        let manifest = Arc::clone(&self.manifest);
         window.frames(&manifest).try_for_each(|frame| self.publish(&frame))?;
         let counted = if window.is_proven { &mut self.arrived.proven } else { &mut self.arrived.unproven };
         *counted += self.next_frame - before;
