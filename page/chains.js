@@ -5,10 +5,12 @@
 //     const stepper = stepperOf(physics, chain);   // used like a `Stepper`; states need the number of their `step`
 
 import { A1, A2, A3, B1, B2, B3, B4, Power, Stepper, excessSeries, fromHex, isSimple, sum } from "./kernel.js";
+import { Knots, Piece } from "./pieces.js";
 import { Waveform, expm1, q2 } from "./waveforms.js";
 
 /** @import { Chain, DriveEntry, Physics } from "./types.js" */
 /** @import { Motion } from "./kernel.js" */
+/** @import { When } from "./pieces.js" */
 
 /**
  * What recomputes a chain, whichever it is.
@@ -99,7 +101,6 @@ class Drive {
     if (shape === undefined) {
       throw new Error("a drive without force, displacement or velocity");
     }
-    this.dt = dt;
     this.wall = entry.wall;
     this.bead = entry.bead ?? -1;
     this.wave = new Waveform(shape, dt);
@@ -109,25 +110,27 @@ class Drive {
     this.movesBead = this.moves && this.wall === undefined;
     /** Force (N), or displacement (m) and velocity (m/s), at the time of `set`. */
     this.f = this.x = this.v = 0;
+    /** The velocity (m/s) of its bead at the beginning of a piece. */
+    this.startedAt = 0;
   }
 
   /**
-   * Goes to the time s after step n; the end of a step is the beginning of the next one.
-   * @param {number} n
-   * @param {number} s
-   * @param {number} before displacement at step n
+   * Goes to a time; the end of a step is the beginning of the next one.
+   * @param {When} when
+   * @param {number} before displacement at the beginning of the piece
    */
-  set(n, s, before) {
-    const { wave, dt } = this;
-    const [step, late] = s === dt ? [n + 1, 0] : [n, s];
+  set({ n, start, since, s, isEnd, beside }, before) {
+    const { wave } = this;
+    const [step, late] = isEnd ? [n + 1, 0] : [n, s];
+    const [value, slope] = beside === 0 ? wave.at(step, late) : wave.at(n, s + beside);
     if (!this.moves) {
-      this.f = wave.value(step, late);
+      this.f = value;
     } else if (!this.isVelocity) {
-      [this.x, this.v] = wave.at(step, late);
+      [this.x, this.v] = [beside === 0 ? value : wave.value(step, late), slope];
     } else {
-      const [a, b, c] = GAUSS.map((g) => wave.value(n, s * g));
-      this.x = before + s * ((5 / 18) * a + (8 / 18) * b + (5 / 18) * c);
-      this.v = wave.value(step, late);
+      const [a, b, c] = GAUSS.map((g) => wave.value(n, start + since * g));
+      this.x = before + since * ((5 / 18) * a + (8 / 18) * b + (5 / 18) * c);
+      this.v = value;
     }
   }
 }
@@ -178,7 +181,7 @@ export class AnyStepper extends Stepper {
     });
     /** The first term of each contact, as the others are. */
     this.law = new Term("power", physics.alpha, this.k);
-    this.isBonded = chain.stiffness.every((k) => k === 0);
+    this.isBonded = physics.bonds !== undefined;
     const array = (/** @type {Float64Array | undefined} */ values) => {
       if (values !== undefined && values.length !== 0 && values.length !== n) {
         throw new Error("physics and chain do not belong together");
@@ -191,6 +194,7 @@ export class AnyStepper extends Stepper {
     this.resonatorMass = array(chain.resonatorMass);
     this.resonatorStiffness = array(chain.resonatorStiffness) ?? new Float64Array(n);
     this.drives = (physics.drives ?? []).map((entry) => new Drive(entry, this.dt));
+    this.knots = new Knots(physics.kernel_version < 3 ? [] : this.drives.map(({ wave }) => wave), this.dt);
     this.dampingPower = chain.dampingPower ? new Power(chain.dampingPower) : undefined;
     if (this.method !== "rk5" && (this.damped || this.drag !== undefined)) {
       throw new Error(`damping or drag with the method ${this.method}`);
@@ -215,12 +219,13 @@ export class AnyStepper extends Stepper {
 
   initialState() {
     const state = super.initialState();
-    this.setDrives(0, 0, new Float64Array(2 * this.drives.length));
+    this.setDrives(new Piece(0, 0, this.dt, true).begin(), new Float64Array(2 * this.drives.length));
     this.drives.forEach((drive, d) => {
       if (drive.moves) {
-        state.extra[this.atDrives + 2 * d + 1] = drive.x;
+        // −0 becomes +0
+        state.extra[this.atDrives + 2 * d + 1] = drive.x + 0;
         if (drive.movesBead) {
-          [state.u[drive.bead], state.v[drive.bead]] = [drive.x, drive.v];
+          [state.u[drive.bead], state.v[drive.bead]] = [drive.x + 0, drive.v + 0];
         }
       }
     });
@@ -233,25 +238,29 @@ export class AnyStepper extends Stepper {
       throw new Error("a state without the number of its step");
     }
     for (let n = state.step; n < state.step + count; n += 1) {
-      const before = state.extra.slice(this.atDrives, this.atDrives + 2 * this.drives.length);
-      if (this.method === "rk5") {
-        this.stepRk5(state, n, before);
-      } else {
-        this.stepSplit(state, n, before);
+      for (const piece of this.knots.pieces(n)) {
+        const before = state.extra.slice(this.atDrives, this.atDrives + 2 * this.drives.length);
+        for (const drive of this.drives) {
+          drive.startedAt = state.v[drive.bead];
+        }
+        if (this.method === "rk5") {
+          this.stepRk5(state, piece, before);
+        } else {
+          this.stepSplit(state, piece, before);
+        }
+        this.endPiece(state, piece.end(), before);
       }
-      this.endStep(state, n, before);
     }
   }
 
   /**
-   * All drives at the time s after step n.
-   * @param {number} n
-   * @param {number} s
-   * @param {Float64Array} before their numbers at step n
+   * All drives at a time.
+   * @param {When} when
+   * @param {Float64Array} before their numbers at the beginning of the piece
    */
-  setDrives(n, s, before) {
+  setDrives(when, before) {
     this.drives.forEach((drive, d) => {
-      drive.set(n, s, before[2 * d + 1]);
+      drive.set(when, before[2 * d + 1]);
       if (drive.wall === "left") {
         [this.xLeft, this.vLeft] = [drive.x, drive.v];
       } else if (drive.wall === "right") {
@@ -260,21 +269,19 @@ export class AnyStepper extends Stepper {
     });
   }
 
-  /** What is moved arrives at the end of step n. @param {Motion} state @param {number} n @param {Float64Array} before */
-  endStep({ u, v, extra }, n, before) {
+  /** What is moved arrives at the end of a piece. @param {Motion} state @param {When} end @param {Float64Array} before */
+  endPiece({ u, v, extra }, end, before) {
     this.drives.forEach((drive, d) => {
       const [at, bead] = [this.atDrives + 2 * d, drive.bead];
       if (!drive.moves) {
         return;
       }
-      drive.set(n, 0, before[2 * d + 1]);
-      const old = drive.v;
-      drive.set(n, this.dt, before[2 * d + 1]);
+      drive.set(end, before[2 * d + 1]);
       extra[at + 1] = drive.x;
       if (drive.movesBead) {
         const half = 0.5 * this.mass[bead];
         [u[bead], v[bead]] = [drive.x, drive.v];
-        extra[at] += half * (drive.v * drive.v) - half * (old * old);
+        extra[at] += half * (drive.v * drive.v) - half * (drive.startedAt * drive.startedAt);
       }
     });
   }
@@ -351,17 +358,18 @@ export class AnyStepper extends Stepper {
   }
 
   /**
-   * One step of kicks and drifts.
+   * A piece of a step by kicks and drifts.
    * @param {Motion} state
-   * @param {number} n
+   * @param {Piece} piece
    * @param {Float64Array} before
    */
-  stepSplit(state, n, before) {
+  stepSplit(state, piece, before) {
     const { u, v, extra } = state;
-    const { dt, beads } = this;
+    const { beads } = this;
     const { kicks, drifts } = SPLIT[this.method];
+    const dt = piece.length;
     let passed = 0;
-    this.setDrives(n, 0, before);
+    this.setDrives(piece.begin(), before);
     this.kickAll(state, kicks[0] * dt);
     drifts.forEach((drift, i) => {
       const d = drift * dt;
@@ -372,7 +380,7 @@ export class AnyStepper extends Stepper {
         }
       }
       passed += drift;
-      this.setDrives(n, i === drifts.length - 1 ? dt : passed * dt, before);
+      this.setDrives(i === drifts.length - 1 ? piece.end() : piece.within(passed * dt), before);
       for (const drive of this.drives) {
         if (drive.movesBead) {
           u[drive.bead] = drive.x;
@@ -411,30 +419,31 @@ export class AnyStepper extends Stepper {
   }
 
   /**
-   * One step of rk5.
+   * A piece of a step of rk5.
    * @param {Motion} state
-   * @param {number} n
+   * @param {Piece} piece
    * @param {Float64Array} before
    */
-  stepRk5({ u, v, extra }, n, before) {
-    const { whole, stage, rates, dt, beads } = this;
+  stepRk5({ u, v, extra }, piece, before) {
+    const { whole, stage, rates, beads } = this;
+    const dt = piece.length;
     whole.set(u);
     whole.set(v, beads);
     whole.set(extra, 2 * beads);
     STAGES.forEach((c, s) => {
-      this.advance(COUNTS[s]);
-      this.setDrives(n, c * dt, before);
+      this.advance(COUNTS[s], dt);
+      this.setDrives(c === 0 ? piece.begin() : c === 1 ? piece.end() : piece.within(c * dt), before);
       this.derive(stage, rates[s]);
     });
-    this.advance(WEIGHTS);
+    this.advance(WEIGHTS, dt);
     u.set(stage.subarray(0, beads));
     v.set(stage.subarray(beads, 2 * beads));
     extra.set(stage.subarray(2 * beads));
   }
 
-  /** `stage` becomes the state ahead by these counts of the derivatives. @param {number[]} counts */
-  advance(counts) {
-    const { whole, stage, rates, dt } = this;
+  /** `stage` becomes the state ahead by these counts of the derivatives. @param {number[]} counts @param {number} dt */
+  advance(counts, dt) {
+    const { whole, stage, rates } = this;
     stage.set(whole);
     for (let i = 0; counts.length > 0 && i < whole.length; i += 1) {
       let change = counts[0] * rates[0][i];
@@ -512,7 +521,7 @@ export class AnyStepper extends Stepper {
     this.drives.forEach((drive, d) => {
       if (drive.wall !== undefined) {
         const x = extra[this.atDrives + 2 * d + 1];
-        drive.set(step, 0, x);
+        drive.set(new Piece(step, 0, this.dt, true).begin(), x);
         walls[drive.wall] = { x, v: drive.v };
       }
     });

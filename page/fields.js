@@ -1,7 +1,7 @@
 // What a state shows: a quantity for each bead or contact, energies, and what is reduced to a pixel.
 
 import { stepperOf } from "./chains.js";
-import { KERNEL_VERSION, METHODS } from "./kernel.js";
+import { KERNEL_VERSION, METHODS, isKnown } from "./kernel.js";
 import { unknownPhysics } from "./keys.js";
 
 /** Kinetic, potential, left, split bead, right, dissipated, driven (J). */
@@ -31,8 +31,8 @@ function missing({ bonds, second, resonators, ends }, { terms, resonatorMass, ri
  * @param {import("./types.d.ts").Chain} chain
  */
 export function whyNotRecomputed(physics, chain) {
-  if (physics.kernel_version !== KERNEL_VERSION) {
-    return `This run was computed by kernel ${physics.kernel_version}, and this page has kernel ${KERNEL_VERSION}.`;
+  if (!isKnown(physics.kernel_version)) {
+    return `This run was computed by kernel ${physics.kernel_version}, and this page has kernels 2 to ${KERNEL_VERSION}.`;
   }
   if (!METHODS.includes(physics.method)) {
     return `This page does not have the method ${physics.method}.`;
@@ -83,11 +83,11 @@ export class Fields {
    */
   constructor({ physics }, chain) {
     // energies are the same whatever moved the beads
-    const isKnown = METHODS.includes(physics.method);
-    const method = isKnown ? physics.method : "rk5";
+    const isOurs = METHODS.includes(physics.method);
+    const method = isOurs ? physics.method : "rk5";
     this.stepper = stepperOf({ ...physics, kernel_version: KERNEL_VERSION, method }, chain);
     /** Which array of `extra` has the dissipated work; −1: none, or not known. */
-    this.work = isKnown ? this.stepper.extraNames.indexOf("W") : -1;
+    this.work = isOurs ? this.stepper.extraNames.indexOf("W") : -1;
     this.chain = chain;
     this.splitBead = splitBeadOf(physics);
     this.toleranceM = 1e-6 * scalesOf(physics, chain).length_m;

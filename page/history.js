@@ -1,7 +1,6 @@
 // The states of a run: those that came with it, those that were recomputed and kept, and through both any step.
 
 import { stepperOf } from "./chains.js";
-import { KERNEL_VERSION } from "./kernel.js";
 import { whyNotRecomputed } from "./fields.js";
 
 /** @typedef {import("./types.d.ts").State} State */
@@ -71,6 +70,7 @@ export class History {
   constructor(manifest, chain, recording, firstStep, lastStep) {
     const { physics } = manifest;
     this.dt = physics.dt_s;
+    this.kernel = physics.kernel_version;
     this.recording = recording;
     this.firstStep = firstStep;
     this.lastStep = lastStep;
@@ -199,7 +199,7 @@ export class History {
     const received = this.kept.filter((state) => state.received);
     proof.states = recording?.stateCount ?? received.length;
     if (whyNot === "" && proof.states === 0) {
-      proof.whyNot = `Nothing is stored here: every state is computed by this page, with kernel ${KERNEL_VERSION}.`;
+      proof.whyNot = `Nothing is stored here: every state is computed by this page, with kernel ${this.kernel}.`;
     }
     /** @type {State | undefined} */
     let before = this.firstStep === 0 && !this.isStartGiven && proof.whyNot === "" ? this.initialState() : undefined;

@@ -20,7 +20,10 @@
  * @typedef {{ u: Float64Array, v: Float64Array, extra: Float64Array, step?: number }} Motion
  */
 
-export const KERNEL_VERSION = 2;
+export const KERNEL_VERSION = 3;
+
+/** Versions of the dynamics that this page has. @param {number} version */
+export const isKnown = (version) => version === 2 || version === KERNEL_VERSION;
 
 const double = new Float64Array(1);
 const words = new Uint32Array(double.buffer); // the lower half of its bits, the upper half
@@ -301,8 +304,8 @@ export class Stepper {
    */
   constructor(physics, chain, power = new Power(physics.alpha)) {
     const n = chain.mass.length;
-    if (physics.kernel_version !== KERNEL_VERSION) {
-      throw new Error(`kernel version ${physics.kernel_version}, not ${KERNEL_VERSION}`);
+    if (!isKnown(physics.kernel_version)) {
+      throw new Error(`kernel version ${physics.kernel_version}, not 2 or ${KERNEL_VERSION}`);
     }
     if (physics.beads !== n || chain.stiffness.length !== n - 1 || physics.alpha !== power.alpha) {
       throw new Error("physics and chain do not belong together");

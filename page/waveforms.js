@@ -44,7 +44,7 @@ function halves(a) {
 }
 
 /** @param {number} a @param {number} b @returns {Pair} */
-function twoProduct(a, b) {
+export function twoProduct(a, b) {
   const p = a * b;
   const [[a1, a2], [b1, b2]] = [halves(a), halves(b)];
   return [p, a1 * b1 - p + a1 * b2 + a2 * b1 + a2 * b2];
@@ -282,6 +282,28 @@ export class Waveform {
       throw new Error(`a waveform that is not known here: ${Object.keys(shape)}`);
     }
     return [shape.constant, 0];
+  }
+
+  /** Where it jumps, has a kink, or goes over into another formula (s). @returns {number[]} */
+  knots() {
+    const { sine, chirp, step, ramp, half_sine: half, table } = this.shape;
+    const oscillation = sine ?? chirp;
+    if (oscillation) {
+      const { ramp_s: up = 0, ramp_down_s: down = 0 } = oscillation;
+      const end = chirp ? chirp.duration_s : sine?.until_s;
+      const last = end === undefined ? [] : down > 0 ? [end - down, end] : [end];
+      return up > 0 ? [up, ...last] : last;
+    }
+    if (step) {
+      return [step.at_s ?? 0, (step.at_s ?? 0) + (step.rise_s ?? 0)];
+    }
+    if (ramp) {
+      return [ramp.from_s ?? 0, ramp.to_s];
+    }
+    if (half) {
+      return [half.at_s ?? 0, (half.at_s ?? 0) + half.duration_s];
+    }
+    return table ? table.times_s : [];
   }
 
   /** @param {number} n @param {number} s */

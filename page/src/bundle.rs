@@ -34,6 +34,7 @@ pub(crate) const MODULES: &[(&str, &str)] = &[
     ("mcap", include_str!("../mcap.js")),
     ("page", include_str!("../page.js")),
     ("pictures", include_str!("../pictures.js")),
+    ("pieces", include_str!("../pieces.js")),
     ("pointer", include_str!("../pointer.js")),
     ("profile", include_str!("../profile.js")),
     ("prove", include_str!("../prove.js")),

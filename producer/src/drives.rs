@@ -40,8 +40,13 @@ pub(crate) struct When {
     pub(crate) step: u64,
     /// How long after its beginning (s).
     pub(crate) after_s: f64,
+    /// When its piece began, and how long (s) after that.
+    pub(crate) from_s: f64,
+    pub(crate) since_s: f64,
     /// Whether it is its end, which is the beginning of the next one.
     pub(crate) is_end: bool,
+    /// How much later (s) forces and velocities are asked for: away from a knot, into the piece.
+    pub(crate) beside_s: f64,
 }
 
 impl Drives {
@@ -75,35 +80,43 @@ impl Drives {
 
     /// What each does at `when`; `row` is that of the drives in the state at the beginning of the step.
     pub(crate) fn at(&self, when: When, row: &[f64], now: &mut Vec<Now>) {
-        let moment = if when.is_end {
+        let at = if when.is_end {
             Moment::new(when.step + 1, self.dt_s, 0.0)
         } else {
             Moment::new(when.step, self.dt_s, when.after_s)
         };
+        let is_beside = when.beside_s != 0.0;
+        let beside =
+            if is_beside { Moment::new(when.step, self.dt_s, when.after_s + when.beside_s) } else { at };
         now.clear();
         now.extend(self.drives.iter().enumerate().map(|(d, drive)| {
-            let (value, slope) = drive.waveform.value_and_slope(moment);
+            let (value, slope) = drive.waveform.value_and_slope(beside);
             match drive.prescribes {
                 Quantity::Force => Now { force_n: value, ..Now::default() },
-                Quantity::Displacement => Now { x_m: value, v_m_s: slope, force_n: 0.0 },
+                Quantity::Displacement => {
+                    let x_m = if is_beside { drive.waveform.value(at) } else { value };
+                    Now { x_m, v_m_s: slope, force_n: 0.0 }
+                }
                 Quantity::Velocity => {
-                    let x_m = row[2 * d + 1] + self.way_m(drive, when.step, when.after_s);
+                    let x_m = row[2 * d + 1] + self.way_m(drive, when);
                     Now { x_m, v_m_s: value, force_n: 0.0 }
                 }
             }
         }));
     }
 
-    /// The way (m) that a prescribed velocity makes within `s` (s) from the beginning of step `step`: Gauss's quadrature with three
-    /// points, of sixth order.
-    fn way_m(&self, drive: &Drive, step: u64, s: f64) -> f64 {
+    /// The way (m) that a prescribed velocity makes from the beginning of a piece until `when`: Gauss's quadrature with three points, of
+    /// sixth order.
+    fn way_m(&self, drive: &Drive, when: When) -> f64 {
         // ½ ∓ √15/10
         const NODES: [f64; 3] = [0.112_701_665_379_258_31, 0.5, 0.887_298_334_620_741_7];
         const WEIGHTS: [f64; 3] = [5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0];
+        let When { step, from_s, since_s: s, .. } = when;
         if s == 0.0 {
             return 0.0;
         }
-        let part = |i: usize| WEIGHTS[i] * drive.waveform.value(Moment::new(step, self.dt_s, s * NODES[i]));
+        let value = |node: f64| drive.waveform.value(Moment::new(step, self.dt_s, from_s + s * node));
+        let part = |i: usize| WEIGHTS[i] * value(NODES[i]);
         s * (part(0) + part(1) + part(2))
     }
 }
@@ -118,8 +131,11 @@ impl Drives {
         })
     }
 
-    /// The velocity (m/s) of the bead that drive `d` pushes, if it pushes one.
-    pub(crate) fn pushed_velocity(&self, d: usize, v_m_s: &[f64]) -> f64 {
-        if let Acts::Pushes(bead) = self.acts(d) { v_m_s[bead] } else { 0.0 }
+    /// The velocity (m/s) of the bead at which drive `d` acts, 0 at a wall.
+    pub(crate) fn velocity_at(&self, d: usize, v_m_s: &[f64]) -> f64 {
+        match self.acts(d) {
+            Acts::Pushes(bead) | Acts::Moves(bead) => v_m_s[bead],
+            Acts::Wall(_) => 0.0,
+        }
     }
 }

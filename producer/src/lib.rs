@@ -9,6 +9,7 @@ pub mod energy_error;
 mod gear;
 pub mod integrator;
 pub mod kernel;
+mod pieces;
 pub mod recovery;
 pub mod replay;
 pub mod resimulation;

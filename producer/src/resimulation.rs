@@ -11,7 +11,7 @@ pub use parallel::ParallelResimulation;
 use crate::integrator::Integrator;
 use crate::state::ChainState;
 use schemas::frame::{EndReason, Frame, FrameSource, Received};
-use schemas::manifest::{KERNEL_VERSION, RunManifest};
+use schemas::manifest::{KERNEL_VERSIONS, RunManifest};
 use serde::{Serialize, Serializer};
 use std::fmt;
 
@@ -159,8 +159,9 @@ pub enum ResimulationError<E: std::error::Error + 'static> {
 /// A run that this program's dynamics does not reproduce.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the run was computed by kernel version {found}, this program has version {KERNEL_VERSION}: nothing is wrong with it, but \
-     its steps can only be recomputed by a Beadline with version {found}"
+    "the run was computed by kernel version {found}, this program has versions {} to {}: nothing is wrong with it, but \
+     its steps can only be recomputed by a Beadline with version {found}",
+    KERNEL_VERSIONS.start(), KERNEL_VERSIONS.end()
 )]
 pub struct OtherKernel {
     /// The kernel version of the run.
@@ -173,7 +174,7 @@ pub struct OtherKernel {
 /// When it has another kernel version.
 pub fn check_kernel(manifest: &RunManifest) -> Result<(), OtherKernel> {
     let found = manifest.physics.kernel_version;
-    if found == KERNEL_VERSION { Ok(()) } else { Err(OtherKernel { found }) }
+    if KERNEL_VERSIONS.contains(&found) { Ok(()) } else { Err(OtherKernel { found }) }
 }
 
 impl<S: FrameSource> Resimulation<S> {

@@ -8,6 +8,7 @@
 
 use crate::drives::{Acts, Drives, Now, When};
 use crate::kernel::{Activity, Kernel, Motion};
+use crate::pieces::{Knots, Piece};
 use crate::state::ChainState;
 use schemas::chain::Chain;
 use schemas::manifest::Physics;
@@ -58,8 +59,10 @@ pub(crate) struct Runge {
     slopes: [Values; STAGES],
     /// The state at a stage.
     at: Values,
+    knots: Knots,
     now: Vec<Now>,
-    before: Vec<Now>,
+    /// The velocities (m/s) at the beginning of a piece of the beads that drives move.
+    started_m_s: Vec<f64>,
     /// Power (W) that contacts dissipate, N values.
     power_w: Vec<f64>,
     has_damped_left_wall: bool,
@@ -90,8 +93,9 @@ impl Runge {
             slopes_of_step: None,
             slopes: std::array::from_fn(|_| values()),
             at: values(),
+            knots: Knots::of(&physics.drives, physics.dt_s, physics.kernel_version),
             now: Vec::new(),
-            before: Vec::new(),
+            started_m_s: Vec::new(),
             power_w: zeros(true),
             has_damped_left_wall: chain.damping.is_some() && chain.walls.left.is_there,
         }
@@ -102,24 +106,35 @@ impl Runge {
         if self.slopes_of_step != Some(state.step) {
             self.restart(state);
         }
+        let knots = std::mem::take(&mut self.knots);
+        for piece in knots.pieces(state.step) {
+            self.make_piece(piece, state);
+        }
+        self.knots = knots;
+        state.step += 1;
+        self.slopes_of_step = Some(state.step);
+    }
+
+    /// A step, or a piece of one.
+    fn make_piece(&mut self, piece: Piece, state: &mut ChainState) {
+        let dt_s = piece.length_s();
+        if piece.begins_at_knot() {
+            let beads = self.kernel.reached(1);
+            self.put_moved(piece.start(), state);
+            self.evaluate(0, &beads);
+        }
         // each evaluation reaches one bead further
         let beads = self.kernel.reached(STAGES + 1);
-        let step = state.step;
-        self.before.clone_from(&self.now);
         for (stage, c) in C.iter().enumerate().skip(1) {
-            self.combine(stage, state, &beads);
-            let is_end = stage == STAGES - 1;
-            let after_s = if is_end { self.dt_s } else { c * self.dt_s };
-            self.put_moved(When { step, after_s, is_end }, state);
+            self.combine(stage, dt_s, state, &beads);
+            self.put_moved(if stage == STAGES - 1 { piece.end() } else { piece.within(c * dt_s) }, state);
             self.evaluate(stage, &beads);
         }
-        self.combine(STAGES, state, &beads);
-        self.put_moved(When { step, after_s: self.dt_s, is_end: true }, state);
+        self.combine(STAGES, dt_s, state, &beads);
+        self.put_moved(piece.end(), state);
         self.store(state, &beads);
-        state.step += 1;
         self.kernel.widen(&beads, &self.at.arrays[U], &self.at.arrays[V]);
         self.evaluate(0, &beads);
-        self.slopes_of_step = Some(state.step);
     }
 
     /// The first slopes of a state that another integrator may have come to.
@@ -142,15 +157,15 @@ impl Runge {
             self.at.arrays[W_V].copy_from_slice(w_m_s);
         }
         if let Some(drives) = &self.drives {
-            let when = When { step: state.step, after_s: 0.0, is_end: false };
-            drives.at(when, self.rows.drives_of(&state.extra), &mut self.now);
+            let start = Piece::whole(state.step, self.dt_s).start();
+            drives.at(start, self.rows.drives_of(&state.extra), &mut self.now);
         }
         let beads = self.kernel.reached(1);
         self.evaluate(0, &beads);
     }
 
     /// The state at `stage`, or at the end of the step, from the slopes before.
-    fn combine(&mut self, stage: usize, state: &ChainState, beads: &Range<usize>) {
+    fn combine(&mut self, stage: usize, dt_s: f64, state: &ChainState, beads: &Range<usize>) {
         let weights = A[stage - 1];
         let used: Vec<usize> = (0..STAGES).filter(|s| weights[*s] != 0.0).collect();
         let n = state.u_m.len();
@@ -161,7 +176,6 @@ impl Runge {
             let (from, to) = (&from[beads.clone()], &mut self.at.arrays[array][beads.clone()]);
             let slopes: [&[f64]; STAGES] =
                 std::array::from_fn(|s| &self.slopes[s].arrays[array][beads.clone()]);
-            let dt_s = self.dt_s;
             vectorized(
                 arch,
                 #[inline(always)]
@@ -175,7 +189,7 @@ impl Runge {
                 let part = weights[*s] * self.slopes[*s].works_j[d];
                 sum = if turn == 0 { part } else { sum + part };
             }
-            self.at.works_j[d] = row[2 * d] + self.dt_s * sum;
+            self.at.works_j[d] = row[2 * d] + dt_s * sum;
         }
     }
 
@@ -258,6 +272,10 @@ impl Runge {
     /// Writes the state at the end of the step.
     fn store(&mut self, state: &mut ChainState, beads: &Range<usize>) {
         let [u_m, v_m_s, w_m, w_m_s, work_j] = &self.at.arrays;
+        if let Some(drives) = &self.drives {
+            self.started_m_s.clear();
+            self.started_m_s.extend((0..drives.count()).map(|d| drives.velocity_at(d, &state.v_m_s)));
+        }
         state.u_m[beads.clone()].copy_from_slice(&u_m[beads.clone()]);
         state.v_m_s[beads.clone()].copy_from_slice(&v_m_s[beads.clone()]);
         let [to_w, to_w_v, to_work, row] = self.rows.split_mut(&mut state.extra);
@@ -271,7 +289,7 @@ impl Runge {
             row[2 * d] = self.at.works_j[d];
             if let Acts::Moves(bead) = drives.acts(d) {
                 let kinetic_j = |v: f64| 0.5 * self.mass_kg[bead] * (v * v);
-                row[2 * d] += kinetic_j(now.v_m_s) - kinetic_j(self.before[d].v_m_s);
+                row[2 * d] += kinetic_j(now.v_m_s) - kinetic_j(self.started_m_s[d]);
             }
             row[2 * d + 1] = now.x_m;
         }

@@ -8,6 +8,7 @@ mod beyond;
 
 use crate::drives::{Drives, Now};
 use crate::kernel::{Activity, Kernel, Pass};
+use crate::pieces::Knots;
 use crate::state::ChainState;
 use schemas::chain::Chain;
 use schemas::manifest::Physics;
@@ -91,11 +92,13 @@ struct Others {
     rows: Rows,
     mass_kg: Vec<f64>,
     drives: Option<Drives>,
+    knots: Knots,
     /// Whether there is nothing else than drives that move walls.
     is_at_walls: bool,
-    /// What the drives do now, and did at the beginning of the step.
+    /// What the drives do now.
     now: Vec<Now>,
-    before: Vec<Now>,
+    /// The velocities (m/s) at the beginning of a piece of the beads that drives move.
+    started_m_s: Vec<f64>,
     /// What they do at all moments of a sweep.
     moments: Vec<Now>,
     /// Net forces (N) of a kick.
@@ -111,8 +114,9 @@ impl Splitting {
             mass_kg: chain.mass_kg.clone(),
             is_at_walls: kernel.is_local() && drives.as_ref().is_some_and(Drives::are_at_walls),
             drives,
+            knots: Knots::of(&physics.drives, physics.dt_s, physics.kernel_version),
             now: Vec::new(),
-            before: Vec::new(),
+            started_m_s: Vec::new(),
             moments: Vec::new(),
             net_n: vec![0.0; chain.bead_count()],
         });
@@ -123,7 +127,9 @@ impl Splitting {
     /// Advances `state` by as many steps as one sweep can make, at least by one and at most to step `last`.
     pub(crate) fn advance(&mut self, state: &mut ChainState, last: u64) {
         if let Some(mut others) = self.others.take() {
-            if others.is_at_walls {
+            let knot = others.knots.next(state.step);
+            if others.is_at_walls && knot != Some(state.step) {
+                let last = knot.filter(|knot| *knot < last).unwrap_or(last);
                 self.steps_with_walls(&mut others, state, last);
             } else {
                 self.step_with(&mut others, state);

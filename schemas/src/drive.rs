@@ -1,10 +1,12 @@
 //! Drives: what a bead or a wall is made to do, or which force pushes a bead, as a function of time.
 
 mod check;
+mod knots;
 mod read;
 mod table;
 mod waveform;
 
+pub use knots::{APART, knots_of};
 pub use table::{Interpolation, Table, table_from_csv};
 pub use waveform::{Chirp, Gaussian, HalfSine, Ramp, Sine, Step, Waveform};
 

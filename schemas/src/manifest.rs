@@ -14,8 +14,12 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Version of the dynamics: changes whenever the bits of any run change.
-pub const KERNEL_VERSION: u32 = 2;
+/// Newest version of the dynamics: changes whenever the bits of any run change.
+pub const KERNEL_VERSION: u32 = 3;
+
+/// Versions of the dynamics that this program has. A run says the first of them that gives its bits, so that one without what version 3
+/// changed is what it always was.
+pub const KERNEL_VERSIONS: std::ops::RangeInclusive<u32> = 2..=KERNEL_VERSION;
 
 /// Version of the schemas of frames, manifests and recordings. Another major version is refused.
 pub const SCHEMA_VERSION: SchemaVersion = SchemaVersion { major: 1, minor: 1 };

@@ -109,12 +109,12 @@ fn a_later_minor_version_with_more_physics_is_refused() {
 #[test]
 fn another_kernel_version_is_said_plainly() {
     let place = Place::new();
-    let other = |json: &str| json.replace("\"kernel_version\":2", "\"kernel_version\":3");
+    let other = |json: &str| json.replace("\"kernel_version\":2", "\"kernel_version\":4");
     later(&place, |metadata| set(metadata, "physics", other), |_| ());
     for command in ["info later.mcap", "energies later.mcap"] {
         place.run(command).exits(0);
     }
-    let words = ["kernel version 3", "nothing is wrong with it"];
+    let words = ["kernel version 4", "nothing is wrong with it"];
     place.run("energies later.mcap --every-step").exits(3).says(&words);
     // what can be checked is checked, and nothing is proven
     let text = place.run("verify later.mcap").exits(3).stdout();

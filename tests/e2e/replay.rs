@@ -297,7 +297,7 @@ fn a_recording_of_another_kernel_is_replayed_as_it_is() {
     place.run(&format!("{SMALL} --publish-every-steps 7")).exits(0);
     let mut source = RecordingSource::open(&place.path("small.mcap")).unwrap();
     let mut manifest = source.manifest().clone();
-    manifest.physics.kernel_version += 1;
+    manifest.physics.kernel_version = schemas::manifest::KERNEL_VERSION + 1;
     let options = WriteOptions::default();
     let mut writer = RecordingWriter::create(&place.path("other.mcap"), &manifest, "", &options).unwrap();
     while let Received::Frame(frame) = source.receive().unwrap() {

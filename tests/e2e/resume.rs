@@ -359,11 +359,11 @@ fn what_cannot_be_gone_on_with_is_refused_and_stays() {
 
     let info = RecordingInfo::read(&place.path("run.mcap")).unwrap();
     let mut other = info.manifest;
-    other.physics.kernel_version += 1;
+    other.physics.kernel_version = schemas::manifest::KERNEL_VERSION + 1;
     RecordingWriter::create(&place.path("kernel.mcap"), &other, "", &WriteOptions::default())
         .and_then(|writer| writer.finish(EndReason::Interrupted))
         .unwrap();
-    place.run("run --resume kernel.mcap").exits(3).says(&["kernel version 3"]);
+    place.run("run --resume kernel.mcap").exits(3).says(&["kernel version 4"]);
 
     assert!(fs::read(place.path("run.mcap")).unwrap() == recording);
     assert!(fs::read(place.path("inside.mcap")).unwrap() == damaged);

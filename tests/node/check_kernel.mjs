@@ -15,7 +15,7 @@ import { createRequire } from "node:module";
 import { fileURLToPath } from "node:url";
 
 import { stepperOf } from "../../page/chains.js";
-import { KERNEL_VERSION, Power, fromHex, toHex } from "../../page/kernel.js";
+import { KERNEL_VERSION, Power, fromHex, isKnown, toHex } from "../../page/kernel.js";
 import { unknownPhysics } from "../../page/keys.js";
 
 const PIECE_BYTES = 1 << 20;
@@ -159,8 +159,8 @@ function readManifest(metadata) {
     throw damaged(`schema version ${version}, not 1`);
   }
   const values = JSON.parse(physics);
-  if (values.kernel_version !== KERNEL_VERSION) {
-    throw new Stop(3, `kernel version ${values.kernel_version}: this recomputes version ${KERNEL_VERSION}`);
+  if (!isKnown(values.kernel_version)) {
+    throw new Stop(3, `kernel version ${values.kernel_version}: this recomputes versions 2 to ${KERNEL_VERSION}`);
   }
   const unknown = unknownPhysics(values);
   if (unknown !== "") {
@@ -331,7 +331,7 @@ function checkPage(path) {
   };
   const vectors = JSON.parse(block[1]);
   for (const [index, of] of vectors.entries()) {
-    const physics = { kernel_version: KERNEL_VERSION, beads: of.m.length, ...of };
+    const physics = { kernel_version: 2, beads: of.m.length, ...of };
     physics.damping = of.damping === null ? undefined : { [of.damping]: {} };
     const chain = {
       ...{ mass: array(of.m), stiffness: array(of.k), restOverlap: array(of.rho), restForce: array(of.R) },

@@ -12,6 +12,7 @@ import struct
 from decimal import Decimal, localcontext
 
 import numpy as np
+from pieces import Piece, knots, pieces
 from waveforms import Waveform, expm1, q2
 
 np.seterr(all="ignore")
@@ -215,22 +216,25 @@ class Drive:
         self.moves = self.kind != "force_n"
         self.moves_bead = self.moves and "bead" in entry
 
-    def time(self, n, s):
-        """s after step n; the end of a step is the beginning of the next one."""
-        return (n + 1, 0.0) if s == self.dt else (n, s)
+    def at_time(self, when):
+        """The end of a step is the beginning of the next one."""
+        return (when.n + 1, 0.0) if when.is_end else (when.n, when.s)
 
-    def force(self, n, s):
-        return self.wave.value(*self.time(n, s))
+    def beside(self, when):
+        return (when.n, when.s + when.beside) if when.beside else self.at_time(when)
 
-    def velocity(self, n, s):
-        return (self.wave.value if self.kind == "velocity_m_s" else self.wave.slope)(*self.time(n, s))
+    def force(self, when):
+        return self.wave.value(*self.beside(when))
 
-    def displacement(self, n, s, before):
-        """`before` is the displacement at step n."""
+    def velocity(self, when):
+        return (self.wave.value if self.kind == "velocity_m_s" else self.wave.slope)(*self.beside(when))
+
+    def displacement(self, when, before):
+        """`before` is the displacement at the beginning of the piece."""
         if self.kind == "displacement_m":
-            return self.wave.value(*self.time(n, s))
-        v = [self.wave.value(n, s * g) for g in GAUSS]
-        return before + s * (5 / 18 * v[0] + 8 / 18 * v[1] + 5 / 18 * v[2])
+            return self.wave.value(*self.at_time(when))
+        v = [self.wave.value(when.n, when.start + when.since * g) for g in GAUSS]
+        return before + when.since * (5 / 18 * v[0] + 8 / 18 * v[1] + 5 / 18 * v[2])
 
 
 class Chain:
@@ -255,11 +259,12 @@ class Chain:
         alpha = float(physics["alpha"])
         self.laws = [Law("power", alpha, k)] + [Law(*term) for term in terms]
         self.alpha, self.power = alpha, self.laws[0].power
-        self.bonds = not np.any(between[0])
+        self.bonds = "bonds" in physics
         self.on_site, self.on_site_cubic, self.drag, self.m_r, self.k_r = (
             more.get(name) for name in ("on_site", "on_site_cubic", "drag", "resonator_mass", "resonator_stiffness")
         )
         self.drives = [Drive(entry, self.dt) for entry in physics.get("drives", ())]
+        self.knots = knots([drive.wave for drive in self.drives], self.dt) if physics.get("kernel_version", 2) > 2 else []
         damping = physics.get("damping") or ()
         self.damped, self.restitution = bool(damping), "restitution" in damping
         self.damping = Power(more["q"]) if more.get("q") else None
@@ -282,17 +287,23 @@ class Chain:
         """The state of step n + 1 from that of step n."""
         if self.method == "gear5":
             return self.gear5(state)
-        after = self.rk5(state, n) if self.method == "rk5" else self.kick_and_drift(state, n)
+        for piece in pieces(self.knots, n, self.dt):
+            state = self.piece(state, piece)
+        return state
+
+    def piece(self, state, piece):
+        """The state at the end of a piece of a step."""
+        after = self.rk5(state, piece) if self.method == "rk5" else self.kick_and_drift(state, piece)
         if not self.drives:
             return after
-        row, before = self.part(after, "drives"), self.part(state, "drives")
+        row, before, end = self.part(after, "drives"), self.part(state, "drives"), piece.end()
         for i, drive in enumerate(self.drives):
             if not drive.moves:
                 continue
-            at, m, x = drive.at, self.m, drive.displacement(n, self.dt, before[2 * i + 1])
+            at, m, x = drive.at, self.m, drive.displacement(end, before[2 * i + 1])
             row[2 * i + 1] = x
             if drive.moves_bead:
-                old, new = drive.velocity(n, 0.0), drive.velocity(n, self.dt)
+                old, new = state[1, at], drive.velocity(end)
                 after[0, at], after[1, at] = x, new
                 row[2 * i] += 0.5 * m[at] * (new * new) - 0.5 * m[at] * (old * old)
         return after
@@ -301,12 +312,12 @@ class Chain:
         """A row of a state, to be changed in place; None if this chain has none of that name."""
         return state[self.names.index(name)] if name in self.names else None
 
-    def moved(self, n, s, row):
-        """Displacement and velocity of all that is moved at the time s after step n: of "left", "right" and of beads."""
+    def moved(self, when, row):
+        """Displacement and velocity of all that is moved at a time of a step: of "left", "right" and of beads."""
         found = {"left": (0.0, 0.0), "right": (0.0, 0.0)}
         for i, drive in enumerate(self.drives):
             if drive.moves:
-                found[drive.at] = drive.displacement(n, s, row[2 * i + 1]), drive.velocity(n, s)
+                found[drive.at] = drive.displacement(when, row[2 * i + 1]), drive.velocity(when)
         return found
 
     def approach(self, x, left=0.0, right=0.0):
@@ -351,26 +362,26 @@ class Chain:
             G = G + r
         return G, r
 
-    def kick_and_drift(self, state, n):
+    def kick_and_drift(self, state, piece):
         state = state.copy()
         u, v = state[:2]
         w, w_v, row = (self.part(state, name) for name in ("w", "w_v", "drives"))
         start = None if row is None else row.copy()
-        kicks, drifts, passed, s = KICKS[self.method], DRIFTS[self.method], 0.0, 0.0
-        at = self.moved(n, s, start)
+        kicks, drifts, passed, when = KICKS[self.method], DRIFTS[self.method], 0.0, piece.begin()
+        at = self.moved(when, start)
         for i, b in enumerate(kicks):
             if i:
-                d = drifts[i - 1] * self.dt
+                d = drifts[i - 1] * piece.length
                 passed += drifts[i - 1]
                 u += d * v
                 if w is not None:
                     w += d * w_v
-                s = self.dt if i == len(drifts) else passed * self.dt
-                at = self.moved(n, s, start)
+                when = piece.end() if i == len(drifts) else piece.within(passed * piece.length)
+                at = self.moved(when, start)
                 for drive in self.drives:
                     if drive.moves_bead:
                         u[drive.at] = at[drive.at][0]
-            h = b * self.dt
+            h = b * piece.length
             F = self.elastic(self.approach(u, at["left"][0], at["right"][0]) + self.rho)[1] - self.R
             G, r = self.on_bead(F, u, w)
             before = v.copy()
@@ -380,7 +391,7 @@ class Chain:
             for i, drive in enumerate(self.drives):
                 j = drive.at
                 if not drive.moves:
-                    f = drive.force(n, s)
+                    f = drive.force(when)
                     v[j] += h * (1 / self.m[j]) * f
                     row[2 * i] += h * f * (0.5 * (before[j] + v[j]))
                 elif j == "left":
@@ -392,7 +403,7 @@ class Chain:
                     row[2 * i] -= h * (G[j] * at[j][1])
         return state
 
-    def rk5(self, state, n):
+    def rk5(self, state, piece):
         slopes = []
 
         def advanced(weights):
@@ -402,18 +413,19 @@ class Chain:
             for weight, slope in zip(weights[1:], slopes[1:]):
                 if weight:
                     change = change + weight * slope
-            return state + self.dt * change
+            return state + piece.length * change
 
         for c, weights in STAGES:
-            slopes.append(self.rates(advanced(weights), n, c * self.dt, self.part(state, "drives")))
+            when = piece.end() if c == 1 else piece.within(c * piece.length) if c else piece.begin()
+            slopes.append(self.rates(advanced(weights), when, self.part(state, "drives")))
         return advanced(WEIGHTS)
 
-    def rates(self, state, n, s, start):
-        """The derivatives of all rows of a state at the time s after step n; moved beads in it are put where they are then."""
+    def rates(self, state, when, start):
+        """The derivatives of all rows of a state at a time of a step; moved beads in it are put where they are then."""
         rates = np.zeros_like(state)
         u, v = state[:2]
         w, w_v, row = self.part(state, "w"), self.part(state, "w_v"), self.part(rates, "drives")
-        at = self.moved(n, s, start)
+        at = self.moved(when, start)
         for drive in self.drives:
             if drive.moves_bead:
                 u[drive.at], v[drive.at] = at[drive.at]
@@ -438,7 +450,7 @@ class Chain:
         for i, drive in enumerate(self.drives):
             j = drive.at
             if not drive.moves:
-                f = drive.force(n, s)
+                f = drive.force(when)
                 rates[1, j] += 1 / self.m[j] * f
                 row[2 * i] = f * v[j]
             elif j == "left":
@@ -482,12 +494,13 @@ class Chain:
         for striker in self.strikers:
             if striker["velocity_m_s"]:
                 state[1, striker["bead"]] = striker["velocity_m_s"]
+        beginning = Piece(0, 0.0, self.dt, True, 0.0, 0.0).begin()
         for i, drive in enumerate(self.drives):
             if drive.moves:
-                x = drive.displacement(0, 0.0, 0.0)
+                x = drive.displacement(beginning, 0.0) + 0.0  # never -0
                 self.part(state, "drives")[2 * i + 1] = x
                 if drive.moves_bead:
-                    state[:2, drive.at] = x, drive.velocity(0, 0.0)
+                    state[:2, drive.at] = x, drive.velocity(beginning) + 0.0
         if self.method != "gear5":
             return state
         q = [state[0], state[1] * self.dt]

@@ -274,5 +274,21 @@ class Waveform:
     def value(self, n, s):
         return self.kind(moment(n, s, self.dt), self.shape)[0]
 
+    def knots(self):
+        """Where it jumps, has a kink, or goes over into another formula."""
+        w = self.shape
+        if self.kind in (sine, chirp):
+            end = w["duration_s"] if self.kind is chirp else w.get("until_s")
+            found = [w["ramp_s"]] if w["ramp_s"] > 0 else []
+            found += [end - w["ramp_down_s"]] if end is not None and w["ramp_down_s"] > 0 else []
+            return found + ([] if end is None else [end])
+        if self.kind is step:
+            return [w["at_s"], w["at_s"] + w["rise_s"]]
+        if self.kind is ramp:
+            return [w["from_s"], w["to_s"]]
+        if self.kind is half_sine:
+            return [w["at_s"], w["at_s"] + w["duration_s"]]
+        return list(w["times_s"]) if self.kind is table else []
+
     def slope(self, n, s):
         return self.kind(moment(n, s, self.dt), self.shape)[1]

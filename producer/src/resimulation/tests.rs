@@ -221,7 +221,7 @@ fn another_initial_state_is_named() {
 #[test]
 fn another_dynamics_is_refused_by_name() {
     let mut m = manifest(10);
-    m.physics.kernel_version += 1;
+    m.physics.kernel_version = schemas::manifest::KERNEL_VERSION + 1;
     let source = Script { manifest: m, items: Vec::new(), next: 0 };
     let error = Resimulation::new(source, Lend::Frames).err().expect("another kernel");
     assert!(error.to_string().contains(&format!("version {}", KERNEL_VERSION + 1)), "{error}");

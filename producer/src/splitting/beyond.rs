@@ -6,21 +6,40 @@
 use super::{Others, Splitting};
 use crate::drives::{Acts, Drives, Now, When};
 use crate::kernel::{Activity, Pass};
+use crate::pieces::Piece;
 use crate::state::ChainState;
 
 impl Splitting {
     /// One step.
     pub(super) fn step_with(&mut self, others: &mut Others, state: &mut ChainState) {
-        let step = state.step;
-        if self.forces_of_step != Some(step) {
+        if self.forces_of_step != Some(state.step) {
             self.start_with(others, state);
         }
-        others.before.clone_from(&others.now);
+        let knots = std::mem::take(&mut others.knots);
+        for piece in knots.pieces(state.step) {
+            self.make_piece(piece, others, state);
+        }
+        others.knots = knots;
+        state.step += 1;
+        self.forces_of_step = Some(state.step);
+    }
+
+    /// A step, or a piece of one.
+    fn make_piece(&mut self, piece: Piece, others: &mut Others, state: &mut ChainState) {
+        let dt_s = piece.length_s();
+        if let Some(drives) = &others.drives {
+            if piece.begins_at_knot() {
+                drives.at(piece.start(), others.rows.drives_of(&state.extra), &mut others.now);
+            }
+            others.started_m_s.clear();
+            let beads = (0..drives.count()).map(|d| drives.velocity_at(d, &state.v_m_s));
+            others.started_m_s.extend(beads);
+        }
         let last = self.stages.kick_drift.len() - 1;
         let mut after = 0.0;
         for (stage, (b, a)) in self.stages.kick_drift.iter().enumerate() {
-            self.kick_with(others, b * self.dt_s, state);
-            let drift_s = a * self.dt_s;
+            self.kick_with(others, b * dt_s, state);
+            let drift_s = a * dt_s;
             self.kernel.sweep(&[Pass::Drift { drift_s }], &mut state.u_m, &mut state.v_m_s);
             let [w_m, w_m_s, ..] = others.rows.split_mut(&mut state.extra);
             let beads = self.kernel.active_beads();
@@ -30,17 +49,14 @@ impl Splitting {
                 }
             }
             after += a;
-            let is_end = stage == last;
-            let after_s = if is_end { self.dt_s } else { after * self.dt_s };
-            self.move_to(others, When { step, after_s, is_end }, state);
+            let when = if stage == last { piece.end() } else { piece.within(after * dt_s) };
+            self.move_to(others, when, state);
             self.kernel.sweep(&[Pass::Forces], &mut state.u_m, &mut state.v_m_s);
         }
-        self.kick_with(others, self.stages.last_kick * self.dt_s, state);
+        self.kick_with(others, self.stages.last_kick * dt_s, state);
         if let Some(drives) = &others.drives {
-            finish_step(drives, others, state);
+            finish_piece(drives, others, state);
         }
-        state.step += 1;
-        self.forces_of_step = Some(state.step);
     }
 
     /// Some steps in one sweep, at least one and at most to step `last`, with drives that do nothing but move walls: where these are
@@ -56,12 +72,12 @@ impl Splitting {
         moments.clone_from(&others.now);
         let [.., row] = others.rows.split_mut(&mut state.extra);
         for step in state.step..state.step + steps {
-            let mut after = 0.0;
+            let (piece, mut after) = (Piece::whole(step, self.dt_s), 0.0);
             for (stage, (_, a)) in self.stages.kick_drift.iter().enumerate() {
                 after += a;
                 let is_end = stage + 1 == self.stages.kick_drift.len();
-                let after_s = if is_end { self.dt_s } else { after * self.dt_s };
-                drives.at(When { step, after_s, is_end }, row, &mut others.now);
+                let when = if is_end { piece.end() } else { piece.within(after * self.dt_s) };
+                drives.at(when, row, &mut others.now);
                 moments.extend_from_slice(&others.now);
             }
             others.now.iter().enumerate().for_each(|(d, now)| row[2 * d + 1] = now.x_m);
@@ -100,8 +116,8 @@ impl Splitting {
             others.drives.iter().fold(activity, |activity, drives| drives.widen(activity, state.u_m.len()));
         self.kernel.restart(activity);
         if let Some(drives) = &others.drives {
-            let when = When { step: state.step, after_s: 0.0, is_end: false };
-            drives.at(when, others.rows.drives_of(&state.extra), &mut others.now);
+            let start = Piece::whole(state.step, self.dt_s).start();
+            drives.at(start, others.rows.drives_of(&state.extra), &mut others.now);
             self.kernel.move_walls(walls_at(drives, &others.now));
         }
         self.kernel.sweep(&[Pass::Forces], &mut state.u_m, &mut state.v_m_s);
@@ -123,7 +139,7 @@ impl Splitting {
     fn kick_with(&mut self, others: &mut Others, kick_s: f64, state: &mut ChainState) {
         let before: Vec<f64> = match &others.drives {
             None => Vec::new(),
-            Some(drives) => (0..drives.count()).map(|d| drives.pushed_velocity(d, &state.v_m_s)).collect(),
+            Some(drives) => (0..drives.count()).map(|d| drives.velocity_at(d, &state.v_m_s)).collect(),
         };
         let moved_net: Vec<f64> = match &others.drives {
             None => Vec::new(),
@@ -185,14 +201,14 @@ impl Splitting {
     }
 }
 
-/// The ends of moved beads' steps: their velocities, and the work that accelerates them; where drives have put what they move.
-fn finish_step(drives: &Drives, others: &Others, state: &mut ChainState) {
+/// The ends of moved beads' pieces: their velocities, and the work that accelerates them; where drives have put what they move.
+fn finish_piece(drives: &Drives, others: &Others, state: &mut ChainState) {
     let [.., row] = others.rows.split_mut(&mut state.extra);
     for (d, now) in others.now.iter().enumerate() {
         if let Acts::Moves(bead) = drives.acts(d) {
             state.v_m_s[bead] = now.v_m_s;
             let kinetic_j = |v: f64| 0.5 * others.mass_kg[bead] * (v * v);
-            row[2 * d] += kinetic_j(now.v_m_s) - kinetic_j(others.before[d].v_m_s);
+            row[2 * d] += kinetic_j(now.v_m_s) - kinetic_j(others.started_m_s[d]);
         }
         row[2 * d + 1] = now.x_m;
     }

@@ -250,11 +250,11 @@ impl Waveform {
     pub(super) fn jump(&self) -> Option<String> {
         match self {
             Self::Step(step) if step.rise_s == 0.0 => Some("a step with no `rise_s`".to_owned()),
-            Self::Sine(Sine { until_s: Some(until_s), ramp_down_s: 0.0, amplitude, .. }) => {
-                let before = Moment::new(0, 0.0, until_s.next_down());
-                let left = self.value(before).abs();
-                (left > 1e-9 * amplitude.abs())
-                    .then(|| format!("a sine that ends at {}", amounts::typed(left)))
+            Self::Sine(Sine { until_s: Some(end_s), ramp_down_s: 0.0, amplitude, .. })
+            | Self::Chirp(Chirp { duration_s: end_s, ramp_down_s: 0.0, amplitude, .. }) => {
+                let left = self.value(Moment::new(0, 0.0, end_s.next_down())).abs();
+                let ends = || format!("a {} that ends at {}", self.kind(), amounts::typed(left));
+                (left > 1e-9 * amplitude.abs()).then(ends)
             }
             _ => None,
         }

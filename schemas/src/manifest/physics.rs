@@ -6,6 +6,7 @@ mod check;
 mod check_beyond;
 mod disorder;
 mod initial;
+mod kernel;
 mod particulars;
 mod time_step;
 
@@ -28,7 +29,7 @@ use sha2::{Digest, Sha256};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Physics {
-    /// The dynamics that computed it, [`KERNEL_VERSION`].
+    /// The dynamics that computed it: the first of [`KERNEL_VERSIONS`](super::KERNEL_VERSIONS) that gives its bits.
     pub kernel_version: u32,
     /// Number of beads N.
     pub beads: u64,
@@ -151,6 +152,7 @@ impl Physics {
         physics.check_chain(&chain.impurities, &chain.contacts)?;
         (physics.dt_s, physics.step_count) = physics.steps(config.time)?;
         physics.check_drive_times()?;
+        physics.kernel_version = physics.first_kernel();
         Ok(physics)
     }
 

@@ -21,7 +21,7 @@ use crate::write::schedule::Schedule;
 use mcap::records::MessageHeader;
 use prost::Message;
 use schemas::frame::EndReason;
-use schemas::manifest::{KERNEL_VERSION, RunManifest};
+use schemas::manifest::{KERNEL_VERSIONS, RunManifest};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -113,7 +113,7 @@ impl Audit {
         let messages = MessageReader::salvaging(path)?;
         let manifest = messages.manifest().clone();
         let physics = &manifest.physics;
-        let is_resolved_by_us = physics.kernel_version == KERNEL_VERSION && !manifest.is_newer_minor();
+        let is_resolved_by_us = KERNEL_VERSIONS.contains(&physics.kernel_version) && !manifest.is_newer_minor();
         Ok(Self {
             lengths: StateLengths::of(&manifest),
             longest_summary: decode::longest_summary(&manifest),

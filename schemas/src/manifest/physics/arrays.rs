@@ -3,51 +3,57 @@
 //! What is computed here decides bits, with the arithmetic of the dynamics: every machine resolves a manifest
 //! to the same arrays.
 
+use super::disorder::Resolved;
 use super::{Physics, usize_of};
 use crate::chain::{Chain, Wall, Walls};
-use crate::config::{End, MassRule, StiffnessRule};
+use crate::config::{End, MassRule, Sphere, StiffnessRule};
 use crate::contact::ContactLaw;
 use crate::damping::{ContactDamping, Damping};
 use crate::drive::{Place, Side};
 use crate::power::power;
-use crate::term::TermLaw;
+use crate::term::{Term, TermLaw};
 
 impl Physics {
     /// The resolved masses, stiffnesses and rest overlaps, and all else that acts.
     pub fn chain(&self) -> Chain {
-        let (mass_kg, stiffness) = self.masses_and_stiffnesses();
+        let Resolved { mass_kg, stiffness, walls: [left, right] } = self.masses_and_stiffnesses();
         let loads = self.loads(&mass_kg);
         let law = ContactLaw::new(self.alpha);
-        let [left, right] = self.wall_stiffnesses(&mass_kg);
-        let (stiffness, terms) = self.terms(stiffness);
-        let rest_overlap_m = match &self.gaps_m {
-            Some(gaps_m) => gaps_m.values(stiffness.len()).iter().map(|gap_m| 0.0 - gap_m).collect(),
-            None if terms.is_empty() => {
-                let pairs = stiffness.iter().zip(&loads.contacts);
-                pairs.map(|(k, load_n)| self.overlap_under(*load_n, *k)).collect()
+        let (mut stiffness, mut terms) = self.terms(stiffness);
+        let overlap_m = |stiffness: f64, load_n: f64, of_terms: &dyn Fn(&Term) -> f64| {
+            if terms.is_empty() {
+                return self.overlap_under(load_n, stiffness);
             }
+            balance(&law, stiffness, &terms.iter().map(|term| (&term.law, of_terms(term))), load_n)
+        };
+        let mut rest_overlap_m: Vec<f64> = match &self.gaps_m {
+            Some(gaps_m) => gaps_m.values(stiffness.len()).iter().map(|gap_m| 0.0 - gap_m).collect(),
             None => {
-                let pairs = stiffness.iter().zip(&loads.contacts).enumerate();
-                let of = |c: usize| terms.iter().map(move |term| (&term.law, term.stiffness[c]));
-                pairs.map(|(c, (k, load_n))| balance(&law, *k, &of(c), *load_n)).collect()
+                // a contact that closes a ring carries what the first one does
+                let loads_n = loads.contacts.iter().chain(&loads.contacts);
+                let pairs = stiffness.iter().zip(loads_n).enumerate();
+                pairs.map(|(c, (k, load_n))| overlap_m(*k, *load_n, &|term| term.stiffness[c])).collect()
             }
         };
         let is_bonded = self.bonds.is_some();
         let wall = |end: End, stiffness: f64, load_n: f64, side: usize| {
             let stiffness = if is_bonded { 0.0 } else { stiffness };
-            let of_terms = terms.iter().map(|term| (&term.law, term.wall_stiffness[side]));
             match end {
                 End::Free | End::Absorbing => Wall::default(),
-                End::Fixed | End::Periodic if terms.is_empty() => {
-                    Wall::new(&law, stiffness, self.overlap_under(load_n, stiffness))
-                }
                 End::Fixed | End::Periodic => {
-                    Wall::new(&law, stiffness, balance(&law, stiffness, &of_terms, load_n))
+                    let rest_m = overlap_m(stiffness, load_n, &|term| term.wall_stiffness[side]);
+                    Wall::new(&law, stiffness, rest_m)
                 }
             }
         };
         let is_ring = self.ends.left == End::Periodic;
-        let walls = if is_ring {
+        let walls = if stiffness.len() == mass_kg.len() {
+            let closing = [&mut stiffness, &mut rest_overlap_m].map(|values| values.pop().unwrap_or_default());
+            for term in &mut terms {
+                term.wall_stiffness = [term.stiffness.pop().unwrap_or_default(), 0.0];
+            }
+            Walls { left: Wall::new(&law, closing[0], closing[1]), right: Wall::default() }
+        } else if is_ring {
             Walls { left: wall(End::Periodic, left, self.load.precompression_n, 0), right: Wall::default() }
         } else {
             Walls {
@@ -122,17 +128,24 @@ impl Physics {
         self.bead_mass_kg * power(ratio, bead)
     }
 
-    /// The stiffness of each contact (N·m^−α), N − 1 values.
-    pub(super) fn contact_stiffnesses(&self, mass_kg: &[f64]) -> Vec<f64> {
-        let contacts = mass_kg.len() - 1;
-        let mut stiffness: Vec<f64> = match &self.stiffnesses {
-            StiffnessRule::Uniform => vec![self.stiffness; contacts],
-            StiffnessRule::Radii => {
-                mass_kg.windows(2).map(|pair| self.stiffness_of_spheres(pair[0], pair[1])).collect()
+    /// The stiffness of each contact (N·m^−α), [`Physics::contacts_by_rule`] values.
+    pub(super) fn contact_stiffnesses(&self, mass_kg: &[f64], spheres: Option<&[Sphere]>) -> Vec<f64> {
+        let (contacts, beads) = (usize_of(self.contacts_by_rule()), mass_kg.len());
+        let pairs = (0..contacts).map(|c| (c, (c + 1) % beads));
+        let mut stiffness: Vec<f64> = match (&self.stiffnesses, spheres) {
+            (_, Some(spheres)) => pairs.map(|(i, j)| spheres[i].stiffness_with(&spheres[j])).collect(),
+            (StiffnessRule::Uniform, None) => vec![self.stiffness; contacts],
+            (StiffnessRule::Radii, None) => {
+                pairs.map(|(i, j)| self.stiffness_of_spheres(mass_kg[i], mass_kg[j])).collect()
             }
-            StiffnessRule::Pattern(pattern) => pattern.iter().copied().cycle().take(contacts).collect(),
-            StiffnessRule::List(list) => list.clone(),
+            (StiffnessRule::Pattern(pattern), None) => {
+                pattern.iter().copied().cycle().take(contacts).collect()
+            }
+            (StiffnessRule::List(list), None) => list.clone(),
         };
+        if let (Some(closing), Some(asked)) = (stiffness.get_mut(beads - 1), self.ends.left_stiffness) {
+            *closing = asked;
+        }
         for odd in &self.contacts {
             stiffness[usize_of(odd.contact)] = odd.stiffness;
         }
@@ -140,18 +153,16 @@ impl Physics {
     }
 
     /// The stiffnesses (N·m^−α) that the contacts with the left and with the right wall have where there is one.
-    pub(super) fn wall_stiffnesses(&self, mass_kg: &[f64]) -> [f64; 2] {
-        let usual = |end_bead_kg: f64| match self.stiffnesses {
-            StiffnessRule::Radii => self.stiffness_at_wall(end_bead_kg),
-            _ => self.stiffness,
-        };
+    pub(super) fn wall_stiffnesses(&self, mass_kg: &[f64], spheres: Option<&[Sphere]>) -> [f64; 2] {
         let [first_kg, last_kg] = [mass_kg[0], mass_kg[mass_kg.len() - 1]];
-        if let Some(stiffnesses) = self.sphere_walls() {
-            return stiffnesses;
-        }
+        let usual = match (spheres, &self.stiffnesses) {
+            (Some(spheres), _) => self.sphere_walls(spheres),
+            (None, StiffnessRule::Radii) => [self.stiffness_at_wall(first_kg), self.stiffness_at_wall(last_kg)],
+            (None, _) => [self.stiffness; 2],
+        };
         [
-            self.ends.left_stiffness.unwrap_or_else(|| usual(first_kg)),
-            self.ends.right_stiffness.unwrap_or_else(|| usual(last_kg)),
+            self.ends.left_stiffness.unwrap_or(usual[0]),
+            self.ends.right_stiffness.unwrap_or(usual[1]),
         ]
     }
 

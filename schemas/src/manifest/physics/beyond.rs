@@ -129,13 +129,6 @@ impl Physics {
     }
 
     /// The sphere that each bead is, before any disorder; none in a chain of masses.
-    pub(super) fn sphere(&self, bead: usize) -> Option<Sphere> {
-        let odd = self.odd_spheres.iter().find(|odd| usize_of(odd.bead) == bead);
-        let pattern = &self.spheres.as_ref()?.0;
-        Some(odd.map_or_else(|| pattern[bead % pattern.len()], |odd| odd.sphere))
-    }
-
-    /// All of them, N, or none.
     pub(super) fn all_spheres(&self) -> Option<Vec<Sphere>> {
         let pattern = &self.spheres.as_ref()?.0;
         let mut all: Vec<Sphere> = pattern.iter().copied().cycle().take(usize_of(self.beads)).collect();
@@ -145,25 +138,16 @@ impl Physics {
         Some(all)
     }
 
-    /// Stiffnesses (N·m^−3/2) of the contacts of the spheres at the ends with walls.
-    pub(super) fn sphere_walls(&self) -> Option<[f64; 2]> {
-        let beads = usize_of(self.beads);
-        let ends = [
-            (0, self.ends.left_material, self.ends.left_stiffness),
-            (beads - 1, self.ends.right_material, self.ends.right_stiffness),
-        ];
-        self.spheres.as_ref()?;
-        let of = |(bead, material, stiffness): (usize, Option<WallMaterial>, Option<f64>)| {
-            let sphere = self.sphere(bead)?;
-            let by_hertz = match (material, self.ends.left) {
-                // the contact that closes a ring joins the last sphere to the first
-                (_, End::Periodic) => self.sphere(beads - 1)?.stiffness_with(&self.sphere(0)?),
-                (Some(wall), _) => sphere.stiffness_at(&wall.0),
-                (None, _) => sphere.stiffness_at(&sphere.material),
-            };
-            Some(stiffness.unwrap_or(by_hertz))
+    /// Stiffnesses (N·m^−3/2) of the contacts of `spheres` with walls.
+    pub(super) fn sphere_walls(&self, spheres: &[Sphere]) -> [f64; 2] {
+        let (first, last) = (&spheres[0], &spheres[spheres.len() - 1]);
+        let at = |sphere: &Sphere, material: Option<WallMaterial>| match (material, self.ends.left) {
+            // the contact that closes a ring joins the last sphere to the first
+            (_, End::Periodic) => last.stiffness_with(first),
+            (Some(wall), _) => sphere.stiffness_at(&wall.0),
+            (None, _) => sphere.stiffness_at(&sphere.material),
         };
-        Some([of(ends[0])?, of(ends[1])?])
+        [at(first, self.ends.left_material), at(last, self.ends.right_material)]
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::Physics;
 use super::arrays::{larger, smaller};
+use super::disorder::Resolved;
 use crate::config::{ConfigError, End, Impurity, MassRule, OddContact, StiffnessRule};
 use crate::manifest::{MAX_BEADS, MAX_STEPS};
 use std::collections::BTreeSet;
@@ -99,7 +100,7 @@ impl Physics {
                 self.check_pattern("chain.stiffnesses.pattern", pattern, STIFFNESS_UNIT)
             }
             StiffnessRule::List(list) => {
-                check_list("chain.stiffnesses.list", list, self.beads - 1, "contact", STIFFNESS_UNIT)
+                check_list("chain.stiffnesses.list", list, self.contacts_by_rule(), "contact", STIFFNESS_UNIT)
             }
             StiffnessRule::Radii if self.alpha == 1.5 => Ok(()),
             StiffnessRule::Radii => {
@@ -133,8 +134,8 @@ impl Physics {
         let mut seen = BTreeSet::new();
         for (i, odd) in contacts.iter().enumerate() {
             let key = format!("chain.contacts[{i}].contact");
-            if odd.contact >= self.beads - 1 {
-                let allowed = format!("contacts 0 to {} of this chain", self.beads - 2);
+            if odd.contact >= self.contacts_by_rule() {
+                let allowed = format!("contacts 0 to {} of this chain", self.contacts_by_rule() - 1);
                 return Err(ConfigError::value(&key, odd.contact, &allowed));
             }
             check_positive(&format!("chain.contacts[{i}].stiffness"), odd.stiffness, STIFFNESS_UNIT)?;
@@ -243,9 +244,8 @@ impl Physics {
     /// The ends of the ranges of masses and stiffnesses.
     pub(super) fn extremes(&self) -> Extremes {
         if self.spheres.is_some() || !self.disorder.is_empty() {
-            let (masses, stiffnesses) = self.masses_and_stiffnesses();
-            let ((lightest_kg, heaviest_kg), (softest, mut stiffest)) = (range(&masses), range(&stiffnesses));
-            let walls = self.wall_stiffnesses(&masses);
+            let Resolved { mass_kg, stiffness, walls } = self.masses_and_stiffnesses();
+            let ((lightest_kg, heaviest_kg), (softest, mut stiffest)) = (range(&mass_kg), range(&stiffness));
             for (end, stiffness) in [(self.ends.left, walls[0]), (self.ends.right, walls[1])] {
                 stiffest = if end == End::Fixed { larger(stiffest, stiffness) } else { stiffest };
             }

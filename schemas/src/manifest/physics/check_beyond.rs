@@ -77,7 +77,7 @@ impl Physics {
     }
 
     fn check_laws(&self) -> Result<(), ConfigError> {
-        let contacts = self.beads - 1;
+        let contacts = self.contacts_by_rule();
         if let Some(alphas) = &self.alphas {
             let key = "chain.alphas";
             let allowed = "exponents from 1 to 1000";
@@ -127,7 +127,7 @@ impl Physics {
     }
 
     fn check_bonds(&self, bonds: &Bonds) -> Result<(), ConfigError> {
-        let contacts = self.beads - 1;
+        let contacts = self.contacts_by_rule();
         let any = |value: f64| value == 0.0 || is_positive(value.abs());
         if let Some(linear) = &bonds.linear {
             linear.check("chain.bonds.linear", contacts, is_0_or_more, "stiffnesses of 0 or more")?;
@@ -164,6 +164,10 @@ impl Physics {
     fn check_ends(&self) -> Result<(), ConfigError> {
         let ends = &self.ends;
         let sides = [("left", ends.left, ends.right), ("right", ends.right, ends.left)];
+        if let (End::Periodic, Some(stiffness), 3..) = (ends.right, ends.right_stiffness, self.kernel_version) {
+            let allowed = "nothing in a ring, whose ends are one contact: chain.contacts, with the number of the last bead";
+            return Err(ConfigError::number("ends.right_stiffness", stiffness, allowed));
+        }
         if let Some((side, ..)) =
             sides.iter().find(|(_, this, other)| *this == End::Periodic && this != other)
         {

@@ -1,19 +1,35 @@
 //! What a seed makes of the masses and stiffnesses that the rules give.
 
-use super::{Physics, usize_of};
-use crate::config::{ConfigError, Disorder, Disordered, Sphere, StiffnessRule};
+use super::Physics;
+use crate::config::{ConfigError, Disorder, Disordered, End, Sphere, StiffnessRule};
 use crate::functions::exp;
 use crate::philox::uniform;
 use crate::random::{normal, permutation};
 
+/// Masses and stiffnesses of a chain, before powers and bonds share out the stiffnesses.
+pub(super) struct Resolved {
+    /// Mass of each bead (kg), N values.
+    pub(super) mass_kg: Vec<f64>,
+    /// Stiffness of each contact (N·m^−α), [`Physics::contacts_by_rule`] values.
+    pub(super) stiffness: Vec<f64>,
+    /// Stiffnesses (N·m^−α) of the contacts with the walls, where there are walls.
+    pub(super) walls: [f64; 2],
+}
+
 impl Physics {
     /// The mass of each bead (kg), N values.
     pub(super) fn chain_masses_kg(&self) -> Vec<f64> {
-        self.masses_and_stiffnesses().0
+        self.masses_and_stiffnesses().mass_kg
     }
 
-    /// Masses (kg, N values) and stiffnesses (N − 1 values) of the chain.
-    pub(super) fn masses_and_stiffnesses(&self) -> (Vec<f64>, Vec<f64>) {
+    /// How many contacts the rules of the chain give a number: N − 1, and in a ring the one that closes it, number N − 1. Kernel 2
+    /// took that one for a wall.
+    pub(super) fn contacts_by_rule(&self) -> u64 {
+        self.beads - u64::from(self.ends.left != End::Periodic || self.kernel_version < 3)
+    }
+
+    /// Masses and stiffnesses of the chain.
+    pub(super) fn masses_and_stiffnesses(&self) -> Resolved {
         let mut spheres = self.all_spheres();
         let mut mass_kg = self.masses_kg();
         for (disorder, stream) in self.disorder.iter().zip(0..) {
@@ -34,16 +50,11 @@ impl Physics {
                 (Disordered::Masses | Disordered::Stiffnesses, _) => {}
             }
         }
-        let mut stiffness = match &spheres {
-            Some(spheres) => {
-                mass_kg = spheres.iter().map(Sphere::mass_kg).collect();
-                let pairs = spheres.windows(2);
-                let mut stiffness: Vec<f64> = pairs.map(|pair| pair[0].stiffness_with(&pair[1])).collect();
-                self.contacts.iter().for_each(|odd| stiffness[usize_of(odd.contact)] = odd.stiffness);
-                stiffness
-            }
-            None => self.contact_stiffnesses(&mass_kg),
-        };
+        if let Some(spheres) = &spheres {
+            mass_kg = spheres.iter().map(Sphere::mass_kg).collect();
+        }
+        let mut stiffness = self.contact_stiffnesses(&mass_kg, spheres.as_deref());
+        let by_radii = self.wall_stiffnesses(&mass_kg, spheres.as_deref());
         for (disorder, stream) in self.disorder.iter().zip(0..) {
             match disorder.of {
                 Disordered::Masses => self.apply(disorder, stream, &mut mass_kg),
@@ -51,7 +62,12 @@ impl Physics {
                 Disordered::Radii => {}
             }
         }
-        (mass_kg, stiffness)
+        let walls = if self.kernel_version < 3 {
+            self.wall_stiffnesses(&mass_kg, self.all_spheres().as_deref())
+        } else {
+            by_radii
+        };
+        Resolved { mass_kg, stiffness, walls }
     }
 
     /// Changes `values` as `disorder` says, by the numbers of `stream`.
@@ -124,7 +140,7 @@ impl Physics {
         if self.disorder.is_empty() {
             return Ok(());
         }
-        let (mass_kg, stiffness) = self.masses_and_stiffnesses();
+        let Resolved { mass_kg, stiffness, .. } = self.masses_and_stiffnesses();
         let wrong = |values: &[f64]| values.iter().position(|value| !(1e-100..=1e100).contains(value));
         let last = format!("disorder[{}]", self.disorder.len() - 1);
         let seed = self.seed;
