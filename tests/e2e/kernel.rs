@@ -50,9 +50,10 @@ impl Program {
     }
 }
 
-/// Golden recordings of this kernel: loads, walls, damping of both kinds, parts, thinned.
+/// Golden recordings of kernels 2 and 3: loads, walls, damping of both kinds, parts, thinned, drives, rings.
 fn golden() -> Vec<PathBuf> {
-    let mut files: Vec<_> = (fs::read_dir(in_project("tests/golden/1.0-kernel-2")).unwrap())
+    let mut files: Vec<_> = (["1.0-kernel-2", "1.1-kernel-2", "1.1-kernel-3"].iter())
+        .flat_map(|version| fs::read_dir(in_project(&format!("tests/golden/{version}"))).unwrap())
         .map(|entry| entry.unwrap().path())
         .filter(|path| path.extension().is_some_and(|end| end == "mcap"))
         .filter(|path| !path.ends_with("contacts.mcap"))
