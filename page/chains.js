@@ -123,14 +123,15 @@ class Drive {
     const { wave } = this;
     const [step, late] = isEnd ? [n + 1, 0] : [n, s];
     const [value, slope] = beside === 0 ? wave.at(step, late) : wave.at(n, s + beside);
+    const atKnot = beside === 0 ? value : value - slope * beside;
     if (!this.moves) {
-      this.f = value;
+      this.f = atKnot;
     } else if (!this.isVelocity) {
       [this.x, this.v] = [beside === 0 ? value : wave.value(step, late), slope];
     } else {
       const [a, b, c] = GAUSS.map((g) => wave.value(n, start + since * g));
       this.x = before + since * ((5 / 18) * a + (8 / 18) * b + (5 / 18) * c);
-      this.v = value;
+      this.v = atKnot;
     }
   }
 }

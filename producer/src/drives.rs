@@ -91,15 +91,17 @@ impl Drives {
         now.clear();
         now.extend(self.drives.iter().enumerate().map(|(d, drive)| {
             let (value, slope) = drive.waveform.value_and_slope(beside);
+            // along the slope back to the knot
+            let at_knot = if is_beside { value - slope * when.beside_s } else { value };
             match drive.prescribes {
-                Quantity::Force => Now { force_n: value, ..Now::default() },
+                Quantity::Force => Now { force_n: at_knot, ..Now::default() },
                 Quantity::Displacement => {
                     let x_m = if is_beside { drive.waveform.value(at) } else { value };
                     Now { x_m, v_m_s: slope, force_n: 0.0 }
                 }
                 Quantity::Velocity => {
                     let x_m = row[2 * d + 1] + self.way_m(drive, when);
-                    Now { x_m, v_m_s: value, force_n: 0.0 }
+                    Now { x_m, v_m_s: at_knot, force_n: 0.0 }
                 }
             }
         }));

@@ -224,10 +224,11 @@ class Drive:
         return (when.n, when.s + when.beside) if when.beside else self.at_time(when)
 
     def force(self, when):
-        return self.wave.value(*self.beside(when))
+        value = self.wave.value(*self.beside(when))
+        return value - self.wave.slope(*self.beside(when)) * when.beside if when.beside else value
 
     def velocity(self, when):
-        return (self.wave.value if self.kind == "velocity_m_s" else self.wave.slope)(*self.beside(when))
+        return self.force(when) if self.kind == "velocity_m_s" else self.wave.slope(*self.beside(when))
 
     def displacement(self, when, before):
         """`before` is the displacement at the beginning of the piece."""

@@ -58,7 +58,7 @@ fn the_momentum_of_a_free_chain_is_the_impulse_of_its_forces() {
 fn the_work_of_walls_and_beads_closes_the_balance_where_velocities_jump() {
     let chain = "[chain]\nbeads = 8\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n[ends]\nleft = \"fixed\"\n";
     let table = "{ table = { times_s = [0.0, 1e-4, 1.1e-4, 2e-3], values = [0.0, 0.0, 1e-5, 1e-5] } }";
-    let (step, time) = ("{ step = { amplitude = 0.5, at_s = 3.333e-5 } }", "[time]\nduration_s = 1e-3\n");
+    let (step, time) = ("{ step = { amplitude = 0.5, at_s = 3.333e-5 } }", "[time]\nduration_s = 1e-3\ndt_s = 3e-7\n");
     let places = [
         format!("wall = \"left\"\ndisplacement_m = {table}"),
         format!("wall = \"left\"\nvelocity_m_s = {step}"),
@@ -67,11 +67,12 @@ fn the_work_of_walls_and_beads_closes_the_balance_where_velocities_jump() {
         format!("bead = 3\nforce_n = {step}"),
     ];
     for place in places {
-        for (method, bound) in [(Method::VelocityVerlet, 2e-5), (Method::Rkn4, 2e-6), (Method::Rk5, 2e-6)] {
+        for (method, bound) in [(Method::VelocityVerlet, 5e-4), (Method::Rkn4, 5e-6), (Method::Rk5, 5e-6)] {
             let (physics, state) = end_of(&format!("{chain}[[drive]]\n{place}\n{time}"), method);
             let energy = physics.chain().energy(&state.u_m, &state.v_m_s, &state.extra, &mut [0.0; 7]);
             let driven_j = physics.driven_j(&state.extra);
             let off = (energy.total_j() - driven_j).abs() / driven_j;
+            println!("{place}, {method}: {off:.1e}");
             assert!(driven_j > 0.0 && off < bound, "{place}, {method}: {off:e} of {driven_j:e} J");
         }
     }
