@@ -2,6 +2,7 @@
 
 import { ENERGY_COUNT } from "./fields.js";
 import { make, save } from "./elements.js";
+import { fileWords, takeRecording } from "./taking.js";
 
 /** @typedef {import("./run.js").Run} Run */
 
@@ -99,6 +100,10 @@ export function exportDialog(page) {
     ["CSV: curves", "energies and followed beads over the time in view", () => text("curves", curvesCsv(run))],
     ["CSV: map", "the map as it is painted", () => text("map", mapCsv(run))],
   ];
+  const words = fileWords(page.source, run.info);
+  if (words !== undefined) {
+    files.push(["MCAP", words, () => takeRecording(/** @type {any} */ (page.source), name).catch((error) => run.fault(error))]);
+  }
   return make(
     "div",
     { class: "files" },

@@ -10,10 +10,11 @@ import { Engine } from "./engine.js";
 import { folderTable } from "./folder.js";
 import { watchGestures } from "./gestures.js";
 import { watchKeys } from "./keyboard.js";
+import { Original, carriedNotes } from "./notes.js";
 import { Pictures } from "./pictures.js";
 import { prove } from "./prove.js";
 import { ReadOut } from "./readout.js";
-import { Run } from "./run.js";
+import { Run, unitOf } from "./run.js";
 import { Tabs } from "./tabs.js";
 import { thumbnail } from "./thumbnails.js";
 import { Timeline } from "./timeline.js";
@@ -36,11 +37,15 @@ function sentence(error) {
 export class Page {
   constructor() {
     this.view = readView(location.hash);
+    this.original = new Original();
+    this.notes = carriedNotes();
     this.startWorker = workerMaker();
     /** @type {Run | undefined} */
     this.run = undefined;
     /** With one thing changed. @type {Run | undefined} */
     this.second = undefined;
+    /** Where the run comes from. @type {Source | undefined} */
+    this.source = undefined;
     /** @type {Entry[]} */
     this.entries = [];
     /** Where the pointer is: place and step of the map. @type {{ place: number, step: number } | undefined} */
@@ -168,6 +173,7 @@ export class Page {
     }
     const run = this.runOf(engine);
     this.run = run;
+    this.source = source;
     document.title = `${title} · Beadline`;
     byId("name").textContent = title;
     this.note(
@@ -310,7 +316,8 @@ export class Page {
    * @param {Partial<import("./view.js").View>} change
    */
   look(change) {
-    Object.assign(this.view, change);
+    const isOther = change.field !== undefined && change.field !== this.view.field;
+    Object.assign(this.view, isOther ? { colours: undefined } : {}, change);
     this.hover = undefined; // what is under the pointer has become another
     clearTimeout(this.writing);
     this.writing = setTimeout(() => this.write(), 250);
@@ -466,6 +473,12 @@ export class Page {
     /** @type {HTMLSelectElement} */ (byId("field")).value = field;
     byId("log").setAttribute("aria-pressed", String(log));
     /** @type {HTMLButtonElement} */ (byId("log")).disabled = field === "contacts";
+    /** @type {HTMLButtonElement} */ (byId("colours")).disabled = field === "contacts";
+    byId("colours").setAttribute("aria-pressed", String(this.view.colours !== undefined));
+    const [least, largest] = this.view.colours ?? [];
+    byId("colours").title =
+      least === undefined ? "fix the ends of the colours (k)" : `fixed from ${least} to ${largest} ${unitOf(field)} (k)`;
+    byId("ruler").setAttribute("aria-pressed", String(this.view.ruler !== undefined));
     /** @type {HTMLButtonElement} */ (byId("whole")).disabled = !this.view.places && !this.view.steps;
   }
 
@@ -483,7 +496,7 @@ export class Page {
       const { value } = /** @type {HTMLSelectElement} */ (event.target);
       this.look({ field: /** @type {any} */ (value) });
     });
-    const sameNamed = ["log", "whole", "prove", "change", "export", "open", "theme", "help"].map((id) => [id, id]);
+    const sameNamed = ["log", "colours", "ruler", "whole", "prove", "change", "export", "open", "theme", "help"].map((id) => [id, id]);
     for (const [id, action] of [...sameNamed, ["choose", "open"], ["list-back", "back"]]) {
       byId(id).addEventListener("click", () => act(this, action, 0, ""));
     }

@@ -2,10 +2,12 @@
 
 import { byId } from "./elements.js";
 import { FIELDS } from "./view.js";
+import { drawRuler } from "./ruler.js";
 import { placeWord } from "./run.js";
 import { amount } from "./axes.js";
 import { theme, colourScale } from "./colours.js";
 import { drawMap, mapScales } from "./map.js";
+import { drawNotes } from "./notes.js";
 import { drawProfile } from "./profile.js";
 import { drawEnergies, drawTrajectories } from "./curves.js";
 
@@ -38,6 +40,7 @@ export class Pictures {
     if (name === "map" || name === "second") {
       drawMap(surface, box, shown.rows, this.mapView(shown), colours);
       this.drawBox(surface, box);
+      this.drawOver(surface, box, shown);
     } else if (name === "profile") {
       drawProfile(
         surface,
@@ -110,6 +113,7 @@ export class Pictures {
       steps: /** @type {[number, number]} */ ([steps[0] * factor, steps[1] * factor]),
       field: page.view.field,
       log: page.view.log,
+      range: page.view.colours,
       cursor: run.state?.step,
       dt_s: run.physics.dt_s,
       impurities: run.physics.impurities.map((impurity) => impurity.bead),
@@ -117,6 +121,20 @@ export class Pictures {
       pulses: page.view.tab === "pulses" ? run.pulses : [],
       events: page.view.tab === "events" ? (run.events.get(bead)?.events ?? []) : [],
     };
+  }
+
+  /** The ruler, and notes. @param {Surface} surface @param {Box} box @param {Run} shown */
+  drawOver(surface, box, shown) {
+    const { page } = this;
+    const view = this.mapView(shown);
+    const factor = shown === page.run ? 1 : page.secondStep(1);
+    const colours = theme(page.isDark);
+    if (page.source?.kind === "bytes") {
+      drawNotes(surface, box, view, page.notes, factor, colours);
+    }
+    if (page.view.ruler) {
+      drawRuler(surface, box, view, page.view.ruler, factor, /** @type {Run} */ (page.run).physics, colours);
+    }
   }
 
   /** Where a map or a profile has its plot, in its canvas. @param {string} id */

@@ -19,6 +19,9 @@ export function unitOf(field) {
   return { velocity: "m/s", displacement: "m", overlap: "m", energy: "J", contacts: "" }[field];
 }
 
+/** The part of a live run that is seen on the map of its whole duration. */
+const LEAST_PART = 1 / 200;
+
 /** Until rows are shown though some are missing. */
 const PATIENCE_MS = 400;
 
@@ -69,14 +72,15 @@ export class Run {
   }
 
   /**
-   * The last step that a whole map shows. That of a live run is ahead of it and doubles, so that the map grows downward
-   * and rarely shrinks.
+   * The last step that a whole map shows. That of a live run is the end of its duration, so that nothing moves while it
+   * goes; of one so long that nothing would be seen yet it is ahead and doubles.
    */
   get endStep() {
     const { kind, firstStep, lastStep } = this.info;
     const isGrowing = kind === "live" && this.ended === "";
-    const room = isGrowing ? 2 ** Math.ceil(Math.log2(Math.max(lastStep, 64))) : lastStep;
-    return Math.max(firstStep + 1, isGrowing ? Math.min(room, this.physics.step_count) : lastStep);
+    const { step_count: all } = this.physics;
+    const ahead = lastStep < LEAST_PART * all ? Math.min(2 ** Math.ceil(Math.log2(Math.max(lastStep, 64))), all) : all;
+    return Math.max(firstStep + 1, isGrowing ? ahead : lastStep);
   }
 
   /** Where the cursor is until it is moved: at the end, unless all of the run would have to be computed for it. */

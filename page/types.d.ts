@@ -13,6 +13,8 @@ export interface Physics {
   strikers?: { bead: number; velocity_m_s: number }[];
   /** The state of step 0 is another one than strikers and drives make. */
   initial?: unknown;
+  spheres?: { radius_m: number } | { radius_m: number }[];
+  odd_spheres?: { bead: number; radius_m: number }[];
   drives?: DriveEntry[];
   bonds?: unknown;
   second?: unknown;
