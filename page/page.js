@@ -4,7 +4,7 @@ import { act } from "./actions.js";
 import { Board } from "./board.js";
 import { carried, carriedRecording, carriedResults, listing, resultsOf, sourceOf } from "./carried.js";
 import { watchDrops, workerMaker } from "./carried.js";
-import { changedSource, readChange } from "./changing.js";
+import { changedSource, describe, readChange } from "./changing.js";
 import { byId, make } from "./elements.js";
 import { Engine } from "./engine.js";
 import { folderTable } from "./folder.js";
@@ -41,6 +41,8 @@ export class Page {
     this.run = undefined;
     /** With one thing changed. @type {Run | undefined} */
     this.second = undefined;
+    /** What is changed in it. @type {{ name: string, now: string, then: string } | undefined} */
+    this.changed = undefined;
     /** @type {Entry[]} */
     this.entries = [];
     /** Where the pointer is: place and step of the map. @type {{ place: number, step: number } | undefined} */
@@ -226,7 +228,7 @@ export class Page {
     if (this.run || this.hasFailed) {
       this.renewReady();
     }
-    [this.run, this.second, this.hover] = [undefined, undefined, undefined];
+    [this.run, this.second, this.changed, this.hover] = [undefined, undefined, undefined, undefined];
     this.note();
   }
 
@@ -570,7 +572,7 @@ export class Page {
     this.changing += 1;
     const changing = this.changing;
     this.second?.close();
-    this.second = undefined;
+    [this.second, this.changed] = [undefined, undefined];
     byId("second-panel").hidden = true;
     if (!run || !change) {
       this.board.invalidate();
@@ -583,6 +585,7 @@ export class Page {
         return;
       }
       this.second = this.runOf(engine);
+      this.changed = describe(change, run);
       byId("second-panel").hidden = false;
       await this.second.seek(this.secondStep(this.step));
     } catch (error) {
