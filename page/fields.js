@@ -4,8 +4,8 @@ import { stepperOf } from "./chains.js";
 import { KERNEL_VERSION, METHODS } from "./kernel.js";
 import { unknownPhysics } from "./keys.js";
 
-/** Kinetic, potential, left, split bead, right, dissipated, driven (J). */
-export const ENERGY_COUNT = 7;
+/** Kinetic, potential, left, split bead, right, dissipated, driven, total (J). */
+export const ENERGY_COUNT = 8;
 
 /**
  * What `physics` says that a chain has, and the chain does not have it; "" if there is nothing.
@@ -150,7 +150,7 @@ export class Fields {
       dissipated += extra[work * u.length + i];
     }
     const driven = stepper.drivenWork(state);
-    into.set([kinetic, potential, sides[0], sides[1], sides[2], dissipated, driven], at);
+    into.set([kinetic, potential, sides[0], sides[1], sides[2], dissipated, driven, kinetic + potential], at);
   }
 
   /**
@@ -190,7 +190,7 @@ export class Fields {
           const overlap = u[place] - u[place + 1] + restOverlap[place];
           // compressed before open before touching
           value = overlap > tolerance ? 1 : overlap < -tolerance ? 2 : 0;
-          shown = value === 1 || shown === 1 ? 1 : value === 2 ? 2 : shown;
+          shown = outermost(field, shown, value);
           continue;
         }
         if (Math.abs(value) > Math.abs(shown)) {
@@ -200,6 +200,19 @@ export class Fields {
       into[column] = shown;
     }
   }
+}
+
+/**
+ * What a cell shows that stands for two values of a field: the one farther from 0, of contacts the rarer class.
+ * @param {import("./types.d.ts").Field} field
+ * @param {number} a
+ * @param {number} b
+ */
+export function outermost(field, a, b) {
+  if (field === "contacts") {
+    return a === 1 || b === 1 ? 1 : Math.max(a, b);
+  }
+  return Math.abs(b) > Math.abs(a) ? b : a;
 }
 
 /**

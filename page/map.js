@@ -101,7 +101,7 @@ class Picture {
   widen(rows) {
     const end = rows.count * rows.columns;
     let [low, high] = [0, 0];
-    for (let i = this.seen; i < end; i += 1) {
+    for (let i = Math.min(this.seen, rows.fresh * rows.columns); i < end; i += 1) {
       const value = rows.cells[i];
       if (value < low) {
         low = value;
@@ -130,6 +130,8 @@ class Picture {
       this.painted = 0;
     }
     const { scale } = this;
+    this.painted = Math.min(this.painted, rows.fresh);
+    rows.fresh = rows.count;
     if (this.painted === rows.count) {
       return scale;
     }

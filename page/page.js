@@ -4,7 +4,7 @@ import { act } from "./actions.js";
 import { Board } from "./board.js";
 import { carried, carriedRecording, carriedResults, listing, resultsOf, sourceOf } from "./carried.js";
 import { watchDrops, workerMaker } from "./carried.js";
-import { changedSource, readChange } from "./changing.js";
+import { changedSource, describe, readChange } from "./changing.js";
 import { byId, make } from "./elements.js";
 import { Engine } from "./engine.js";
 import { folderTable } from "./folder.js";
@@ -46,6 +46,8 @@ export class Page {
     this.second = undefined;
     /** Where the run comes from. @type {Source | undefined} */
     this.source = undefined;
+    /** What is changed in it. @type {{ name: string, now: string, then: string } | undefined} */
+    this.changed = undefined;
     /** @type {Entry[]} */
     this.entries = [];
     /** Where the pointer is: place and step of the map. @type {{ place: number, step: number } | undefined} */
@@ -232,7 +234,7 @@ export class Page {
     if (this.run || this.hasFailed) {
       this.renewReady();
     }
-    [this.run, this.second, this.hover] = [undefined, undefined, undefined];
+    [this.run, this.second, this.changed, this.hover] = [undefined, undefined, undefined, undefined];
     this.note();
   }
 
@@ -583,7 +585,7 @@ export class Page {
     this.changing += 1;
     const changing = this.changing;
     this.second?.close();
-    this.second = undefined;
+    [this.second, this.changed] = [undefined, undefined];
     byId("second-panel").hidden = true;
     if (!run || !change) {
       this.board.invalidate();
@@ -596,6 +598,7 @@ export class Page {
         return;
       }
       this.second = this.runOf(engine);
+      this.changed = describe(change, run);
       byId("second-panel").hidden = false;
       await this.second.seek(this.secondStep(this.step));
     } catch (error) {

@@ -1,15 +1,16 @@
 // What is drawn on each canvas: the run, and the changed one, in the window that is looked at.
 
 import { byId } from "./elements.js";
+import { changeWords } from "./caption.js";
 import { FIELDS } from "./view.js";
 import { drawRuler } from "./ruler.js";
 import { placeWord } from "./run.js";
-import { amount } from "./axes.js";
+import { LABEL_PX, amount } from "./axes.js";
 import { theme, colourScale } from "./colours.js";
 import { drawMap, mapScales } from "./map.js";
 import { drawNotes } from "./notes.js";
 import { drawProfile } from "./profile.js";
-import { drawEnergies, drawTrajectories } from "./curves.js";
+import { drawEnergies, drawTrajectories, leftOut } from "./curves.js";
 
 /** @typedef {import("./surface.js").Box} Box */
 /** @typedef {import("./surface.js").Surface} Surface */
@@ -39,6 +40,7 @@ export class Pictures {
     }
     if (name === "map" || name === "second") {
       drawMap(surface, box, shown.rows, this.mapView(shown), colours);
+      this.drawTitle(surface, box, shown);
       this.drawBox(surface, box);
       this.drawOver(surface, box, shown);
     } else if (name === "profile") {
@@ -67,6 +69,7 @@ export class Pictures {
           second_dt_s: second?.physics.dt_s,
           splitName: isImpurity ? "impurity" : `bead ${split}`,
           events: this.page.followed.flatMap((bead) => run.events.get(bead)?.events ?? []),
+          leftOut: leftOut(run.rows, run.info),
         },
         this.mapView(run),
         colours,
@@ -90,7 +93,7 @@ export class Pictures {
     const now = amount((run.state?.step ?? 0) * dt, "s", 6);
     const words = {
       map: `Map of ${field}, ${where} to the right, ${when} downward`,
-      second: `The same map with one thing changed${second ? "" : ", not there"}`,
+      second: second ? `The same map, changed: ${changeWords(this.page)}` : "The same map with one thing changed, not there",
       profile: `${field} of ${where} at ${now}`,
       energies: `Energies, ${when}`,
       path: `Displacement and velocity of beads ${this.page.followed.join(", ")}, ${when}`,
@@ -154,6 +157,22 @@ export class Pictures {
       places: [from, to],
     } = this.page.window();
     return from + x * (to - from);
+  }
+
+  /** Which of two maps this is, in its corner. @param {Surface} surface @param {Box} box @param {Run} shown */
+  drawTitle(surface, box, shown) {
+    const { run, changed } = this.page;
+    if (changed === undefined) {
+      return;
+    }
+    const { name, now, then } = changed;
+    const own = { recording: "recorded", live: "live", start: "unchanged" }[shown.info.kind];
+    const text = shown === run ? `${own}, ${name} ${then}` : `changed: ${name} ${now}`;
+    const { plot } = mapScales(box, this.mapView(shown));
+    const { foreground, background } = theme(this.page.isDark);
+    const size = Math.min(LABEL_PX, (LABEL_PX * (plot.width - 16)) / surface.textWidth(text, LABEL_PX, true));
+    const at = plot.y + plot.height - 12;
+    surface.text(plot.x + 8, at, text, { size, colour: foreground, bold: true, halo: background });
   }
 
   /** The box that is being drawn. @param {Surface} surface @param {Box} box */

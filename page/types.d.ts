@@ -204,19 +204,25 @@ export interface RowsRequest {
   follow: number[];
 }
 
-/** Rows in the order of steps. Each shows one state; the space up to the next row is its. */
+/**
+ * Rows in the order of steps. The space up to the next row is its: it shows the state of its step and, up to the step
+ * `seen`, the extremes of all steps there.
+ */
 export interface Rows {
   request: RowsRequest;
   columns: number;
   /** Rows that are there; the arrays may be longer. */
   count: number;
   steps: Float64Array;
-  /** `columns` values a row: of the places of a column the one that is largest in magnitude. */
+  /** `columns` values a row: of the places and steps of a cell the one that is largest in magnitude. */
   cells: Float32Array;
-  /** ENERGY_COUNT values a row (J): kinetic, potential, left, split bead, right, dissipated, driven. */
-  energies: Float64Array;
-  /** u and v for each followed bead, a row after the other. */
-  followed: Float64Array;
+  /** The least and the largest of ENERGY_COUNT energies (J), then of u and v of each followed bead, a row after the other. */
+  lows: Float64Array;
+  highs: Float64Array;
+  /** Steps up to this one were all looked at, or where none is recomputed the states that are there. */
+  seen: number;
+  /** The first row that may look different from when it was painted. */
+  fresh: number;
   /** Whether all rows are there that were asked for, at their steps. */
   isWhole: boolean;
 }

@@ -12,6 +12,7 @@ pub(crate) const MODULES: &[(&str, &str)] = &[
     ("actions", include_str!("../actions.js")),
     ("axes", include_str!("../axes.js")),
     ("board", include_str!("../board.js")),
+    ("caption", include_str!("../caption.js")),
     ("carried", include_str!("../carried.js")),
     ("chains", include_str!("../chains.js")),
     ("change", include_str!("../change.js")),

@@ -46,6 +46,9 @@ pub(crate) struct ShareArgs {
     /// Carry every K-th step, the first and the last [default: as many as 2 MB hold]
     #[arg(long, value_name = "K", value_parser = parse_whole, requires = "file")]
     pub(crate) every_steps: Option<u64>,
+    /// Find the pulses however long it takes [default: where a chain is short, or a run]
+    #[arg(long, requires = "file")]
+    pub(crate) pulses: bool,
     /// Replace a file that exists, and make pages of more than 200 MB
     #[arg(long)]
     pub(crate) force: bool,

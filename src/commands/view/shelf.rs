@@ -202,10 +202,8 @@ impl Runs {
         if let Some((_, text)) = kept.get(path).filter(|(known, _)| *known == stamp) {
             return Ok(text.clone());
         }
-        let text = serde_json::to_string(&results::of_recording(path, &self.stop)?)?;
-        if !self.stop.load(Ordering::Relaxed) {
-            kept.insert(path.to_owned(), (stamp, text.clone()));
-        }
+        let text = serde_json::to_string(&results::of_recording(path, &self.stop, |_| {})?)?;
+        kept.insert(path.to_owned(), (stamp, text.clone()));
         Ok(text)
     }
 }
