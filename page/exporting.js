@@ -3,6 +3,7 @@
 import { captionOf } from "./caption.js";
 import { curveCount } from "./rows.js";
 import { make, save } from "./elements.js";
+import { filmWords, hasFilm, makeFilm } from "./film.js";
 import { fileWords, takeRecording } from "./taking.js";
 
 /** @typedef {import("./run.js").Run} Run */
@@ -139,15 +140,24 @@ export function exportDialog(page) {
     ],
     ["CSV: map", "the map as it is painted: of each cell the value farthest from 0", () => text("map", mapCsv(run))],
   ];
+  const filmed = (/** @type {"webm" | "png"} */ kind) => () => makeFilm(page, kind, name);
+  const [webm, png] = [filmed("webm"), filmed("png")];
+  files.push(["WebM", filmWords(page), webm], ["PNG series", "the same as pictures in a ZIP file, at twice the size", png]);
   const words = fileWords(page.source, run.info);
   if (words !== undefined) {
     files.push(["MCAP", words, () => takeRecording(/** @type {any} */ (page.source), name).catch((error) => run.fault(error))]);
   }
+  /** @type {Map<unknown, boolean>} */
+  const isNone = new Map([
+    [curves, isTooLong],
+    [webm, !hasFilm(page, "webm")],
+    [png, !hasFilm(page, "png")],
+  ]);
   return make(
     "div",
     { class: "files" },
     ...files.flatMap(([what, words, onclick]) => [
-      make("button", { onclick, disabled: onclick === curves && isTooLong }, what),
+      make("button", { onclick, disabled: isNone.get(onclick) }, what),
       make("span", {}, words),
     ]),
   );

@@ -45,7 +45,7 @@ export class Original {
   withNotes(notes) {
     // in a script nothing but `<` can end it
     const text = JSON.stringify(notes).replace(/</g, "\\u003c");
-    const block = `<script type="application/json" id="${ID}">${text}<${"/"}script>\n`;
+    const block = `<script type="application/json" id="${ID}">${text}<${"/"}script>`;
     const parts = this.parts.flatMap((part) => {
       if (typeof part === "string") {
         return [part];

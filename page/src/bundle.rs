@@ -25,6 +25,7 @@ pub(crate) const MODULES: &[(&str, &str)] = &[
     ("events", include_str!("../events.js")),
     ("exporting", include_str!("../exporting.js")),
     ("fields", include_str!("../fields.js")),
+    ("film", include_str!("../film.js")),
     ("folder", include_str!("../folder.js")),
     ("gestures", include_str!("../gestures.js")),
     ("history", include_str!("../history.js")),
@@ -54,7 +55,9 @@ pub(crate) const MODULES: &[(&str, &str)] = &[
     ("timeline", include_str!("../timeline.js")),
     ("view", include_str!("../view.js")),
     ("waveforms", include_str!("../waveforms.js")),
+    ("webm", include_str!("../webm.js")),
     ("worker", include_str!("../worker.js")),
+    ("zip", include_str!("../zip.js")),
     ("zstd", include_str!("../zstd.js")),
 ];
 
