@@ -40,6 +40,9 @@ export function captionOf(page, { isTable = false } = {}) {
   if (words) {
     lines.push(`changed, dashed: ${words}`);
   }
+  if (page.comparison.other) {
+    lines.push(`compared, dashed: ${page.comparison.other.name}${page.comparison.difference ? ", and the difference as a map" : ""}`);
+  }
   const missing = isTable ? "" : leftOut(run.rows, info);
   if (missing) {
     lines.push(`curves and map: ${missing}`);

@@ -15,6 +15,7 @@ import { LEFT_PX, TICK_PX, bottomAxis, frame, leftAxis, legend, linear } from ".
  * @property {Rows | undefined} rows
  * @property {Rows | undefined} [second]
  * @property {number} [second_dt_s]
+ * @property {string} [secondName]
  * @property {string} [splitName] what the bead between left and right is called
  * @property {import("./types.d.ts").Event[]} [events] of followed beads
  * @property {string} [leftOut] what the curves leave out
@@ -149,7 +150,7 @@ function drawCurves(
 export function drawEnergies(
   surface,
   box,
-  { rows, second, second_dt_s: secondDt, splitName = "split bead", leftOut: note = "" },
+  { rows, second, second_dt_s: secondDt, secondName, splitName = "split bead", leftOut: note = "" },
   view,
   theme,
 ) {
@@ -185,7 +186,7 @@ export function drawEnergies(
   add(second, secondDt ?? dt, [5, 3]);
   add(rows, dt, []);
   const entries = kinds.map(({ name, colour }) => ({ name, colour }));
-  const top = drawLegend(surface, box, entries, second !== undefined, theme);
+  const top = drawLegend(surface, box, entries, second !== undefined, theme, secondName);
   const look = { name: "energy", unit: "J", hasZero: true, note };
   drawCurves(surface, box, curvePlot(box, top), curves, look, view, theme);
 }
@@ -194,10 +195,10 @@ export function drawEnergies(
  * A legend above a plot; returns where the plot may begin.
  * @param {Surface} surface @param {Box} box
  * @param {{ name: string, colour: string, dash?: number[] }[]} entries
- * @param {boolean} hasSecond @param {Theme} theme
+ * @param {boolean} hasSecond @param {Theme} theme @param {string} [secondName]
  */
-function drawLegend(surface, box, entries, hasSecond, theme) {
-  const all = hasSecond ? [...entries, { name: "changed", colour: theme.muted, dash: [5, 3] }] : entries;
+function drawLegend(surface, box, entries, hasSecond, theme, secondName = "changed") {
+  const all = hasSecond ? [...entries, { name: secondName, colour: theme.muted, dash: [5, 3] }] : entries;
   return (
     4 + legend(surface, { x: box.x + LEFT_PX, y: box.y + 2, width: box.width - LEFT_PX - 8, height: 0 }, all, theme) + 4
   );
@@ -214,7 +215,7 @@ function drawLegend(surface, box, entries, hasSecond, theme) {
 export function drawTrajectories(
   surface,
   box,
-  { rows, second, second_dt_s: secondDt, events = [], leftOut: note = "" },
+  { rows, second, second_dt_s: secondDt, secondName, events = [], leftOut: note = "" },
   view,
   theme,
 ) {
@@ -222,7 +223,7 @@ export function drawTrajectories(
   const colours = theme.curves.slice(0, 6);
   const colourOf = (/** @type {number} */ i) => colours[i % colours.length];
   const entries = follow.map((bead, i) => ({ name: `bead ${bead}`, colour: colourOf(i) }));
-  const top = drawLegend(surface, box, entries, second !== undefined, theme);
+  const top = drawLegend(surface, box, entries, second !== undefined, theme, secondName);
   const whole = curvePlot(box, top);
   const high = (whole.height - 8) / 2;
   const dt = view.dt_s ?? 1;

@@ -5,6 +5,7 @@ import { Board } from "./board.js";
 import { carried, carriedRecording, carriedResults, listing, resultsOf, sourceOf } from "./carried.js";
 import { watchDrops, workerMaker } from "./carried.js";
 import { changedSource, describe, readChange } from "./changing.js";
+import { Comparison } from "./comparing.js";
 import { byId, make } from "./elements.js";
 import { Engine } from "./engine.js";
 import { folderTable } from "./folder.js";
@@ -39,6 +40,7 @@ export class Page {
     this.view = readView(location.hash);
     this.original = new Original();
     this.notes = carriedNotes();
+    this.comparison = new Comparison(this);
     this.startWorker = workerMaker();
     /** @type {Run | undefined} */
     this.run = undefined;
@@ -114,7 +116,11 @@ export class Page {
   async beginServed() {
     const { entries, kind, title } = await listing();
     this.entries = entries;
-    const entry = entries.find(({ id }) => id === this.view.run) ?? (kind === "one" ? entries[0] : undefined);
+    const isOwn = kind === "one" || kind === "pair";
+    const entry = entries.find(({ id }) => id === this.view.run) ?? (isOwn ? entries[0] : undefined);
+    if (kind === "pair" && !this.view.run) {
+      this.look({ other: entries[1].id, run: entries[0].id });
+    }
     if (entry) {
       await this.openEntry(entry);
     } else {
@@ -213,6 +219,7 @@ export class Page {
     }
     this.opened?.(run.info);
     this.applyChange(readChange(this.view.change));
+    void this.comparison.restore();
   }
 
   /** @param {Engine} engine */
@@ -231,6 +238,7 @@ export class Page {
     this.timeline.pause();
     this.run?.close();
     this.second?.close();
+    this.comparison.close();
     if (this.run || this.hasFailed) {
       this.renewReady();
     }
@@ -401,6 +409,7 @@ export class Page {
   /** Before each drawing: asks for what is missing, and brings words up to date. */
   prepare() {
     const { run, second } = this;
+    const { difference } = this.comparison;
     if (!run) {
       return;
     }
@@ -416,12 +425,15 @@ export class Page {
         second.seek(this.secondStep(this.step));
       }
     }
+    if (difference) {
+      this.askRows(difference, "second", 1);
+    }
     const isCheap = run.info.recomputes && run.beads * run.info.lastStep < CHEAP;
     const isGrowing = run.info.kind === "live" && run.ended === "";
     if (!isGrowing && run.rows?.isWhole && (this.view.tab === "events" || isCheap)) {
       run.find(this.bead);
     }
-    const isBusy = !isGrowing && ![run, ...(second ? [second] : [])].every(({ rows }) => rows?.isWhole);
+    const isBusy = !isGrowing && ![run, second, difference].every((one) => one === undefined || one.rows?.isWhole);
     byId("map-panel").classList.toggle("busy", isBusy);
     this.timeline.show(this.step, this.isFollowing);
     this.showKind();
@@ -512,7 +524,7 @@ export class Page {
   /** Somebody else wrote the fragment: a link, or the address bar. */
   readAgain() {
     const before = this.view.run;
-    const change = this.view.change;
+    const { change, other, difference } = this.view;
     this.view = readView(location.hash);
     this.applyTheme();
     const entry = this.entries.find(({ id }) => id === this.view.run);
@@ -526,8 +538,11 @@ export class Page {
       if (!this.isFollowing) {
         this.seek(this.step);
       }
-      if (this.view.change !== change) {
+      if (this.view.change !== change || this.view.other !== other) {
         this.applyChange(readChange(this.view.change));
+        void this.comparison.restore();
+      } else if (this.view.difference !== difference) {
+        void this.comparison.showDifference();
       }
     }
   }
@@ -585,7 +600,11 @@ export class Page {
     this.changing += 1;
     const changing = this.changing;
     this.second?.close();
+    this.comparison.close();
     [this.second, this.changed] = [undefined, undefined];
+    if (change) {
+      this.look({ other: "" });
+    }
     byId("second-panel").hidden = true;
     if (!run || !change) {
       this.board.invalidate();
@@ -617,6 +636,8 @@ export function start() {
     const { step: at, time_s, u, v } = await /** @type {Run} */ (page.run).engine.state(step);
     return { step: at, time_s, u, v };
   };
+  const told = (/** @type {Run | undefined} */ run) =>
+    run && { info: run.info, state: (/** @type {number} */ step) => run.engine.state(step) };
   Object.defineProperty(window, "beadline", {
     value: {
       get ready() {
@@ -633,10 +654,13 @@ export function start() {
         await page.ready;
         await page.seek(step);
       },
-      /** The run with one thing changed, if there is one. */
+      /** The run with one thing changed, or the other one that is compared. */
       get changed() {
-        const engine = page.second?.engine;
-        return engine && { info: engine.info, state: (/** @type {number} */ step) => engine.state(step) };
+        return told(page.second);
+      },
+      /** This run less the other one, if that is shown. */
+      get difference() {
+        return told(page.comparison.difference);
       },
       prove: async () => {
         await page.ready;

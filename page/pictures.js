@@ -33,7 +33,7 @@ export class Pictures {
    */
   draw(name, surface, box) {
     const { run, second } = this.page;
-    const shown = name === "second" ? second : run;
+    const shown = name === "second" ? this.page.comparison.shown : run;
     const colours = theme(this.page.isDark);
     if (!run || !shown) {
       return;
@@ -53,6 +53,7 @@ export class Pictures {
           fields: run.fields,
           second: second?.state,
           secondFields: second?.fields,
+          secondName: this.page.comparison.other?.name,
         },
         this.mapView(run),
         colours,
@@ -67,6 +68,7 @@ export class Pictures {
           rows: run.rows,
           second: second?.rows,
           second_dt_s: second?.physics.dt_s,
+          secondName: this.page.comparison.other?.name,
           splitName: isImpurity ? "impurity" : `bead ${split}`,
           events: this.page.followed.flatMap((bead) => run.events.get(bead)?.events ?? []),
           leftOut: leftOut(run.rows, run.info),
@@ -109,15 +111,15 @@ export class Pictures {
   mapView(run) {
     const { page } = this;
     const { places, steps } = page.window();
-    const factor = run === page.run ? 1 : page.secondStep(1);
+    const factor = run === page.second ? page.secondStep(1) : 1;
     const bead = page.bead;
     return {
       places,
       steps: /** @type {[number, number]} */ ([steps[0] * factor, steps[1] * factor]),
       field: page.view.field,
       log: page.view.log,
-      range: page.view.colours,
-      cursor: run.state?.step,
+      range: page.view.colours ?? page.comparison.commonEnds(run),
+      cursor: run === page.comparison.difference ? page.run?.state?.step : run.state?.step,
       dt_s: run.physics.dt_s,
       impurities: run.physics.impurities.map((impurity) => impurity.bead),
       chosen: [...new Set([...page.view.beads, ...(page.view.bead === undefined ? [] : [bead])])],
@@ -130,7 +132,7 @@ export class Pictures {
   drawOver(surface, box, shown) {
     const { page } = this;
     const view = this.mapView(shown);
-    const factor = shown === page.run ? 1 : page.secondStep(1);
+    const factor = shown === page.second ? page.secondStep(1) : 1;
     const colours = theme(page.isDark);
     if (page.source?.kind === "bytes") {
       drawNotes(surface, box, view, page.notes, factor, colours);
@@ -142,8 +144,8 @@ export class Pictures {
 
   /** Where a map or a profile has its plot, in its canvas. @param {string} id */
   plot(id) {
-    const { run, second } = this.page;
-    const shown = id === "second" ? second : run;
+    const { run, comparison } = this.page;
+    const shown = id === "second" ? comparison.shown : run;
     const { width, height } = this.page.board.size(id);
     if (!shown || width < 2 || height < 2) {
       return undefined;
@@ -161,13 +163,14 @@ export class Pictures {
 
   /** Which of two maps this is, in its corner. @param {Surface} surface @param {Box} box @param {Run} shown */
   drawTitle(surface, box, shown) {
-    const { run, changed } = this.page;
-    if (changed === undefined) {
+    const { run, changed, comparison } = this.page;
+    const { name = "", now = "", then = "" } = changed ?? {};
+    const own = { recording: "recorded", live: "live", start: "unchanged" }[shown.info.kind];
+    const ofChange = shown === run ? `${own}, ${name} ${then}` : `changed: ${name} ${now}`;
+    const text = changed === undefined ? comparison.title(shown) : ofChange;
+    if (text === "") {
       return;
     }
-    const { name, now, then } = changed;
-    const own = { recording: "recorded", live: "live", start: "unchanged" }[shown.info.kind];
-    const text = shown === run ? `${own}, ${name} ${then}` : `changed: ${name} ${now}`;
     const { plot } = mapScales(box, this.mapView(shown));
     const { foreground, background } = theme(this.page.isDark);
     const size = Math.min(LABEL_PX, (LABEL_PX * (plot.width - 16)) / surface.textWidth(text, LABEL_PX, true));

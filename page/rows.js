@@ -100,6 +100,12 @@ export class RowTable {
     }
   }
 
+  /** How many rows there are before the first two that are farther apart than twice this. @param {number} stride */
+  contiguous(stride) {
+    const gap = this.rows.findIndex(({ step }, i) => i > 0 && step - this.rows[i - 1].step > 2 * stride);
+    return gap < 0 ? this.rows.length : gap;
+  }
+
   /** Whether there is a row of this step. */
   has(/** @type {number} */ step) {
     return this.rows[rankOf(this.rows, step) - 1]?.step === step;
@@ -142,12 +148,13 @@ export class RowTable {
   }
 
   /**
-   * The rows from `from` on in arrays of their own.
+   * The rows from `from` on, or of them those before `end`, in arrays of their own.
    * @param {number} from
+   * @param {number} [end]
    */
-  packed(from) {
+  packed(from, end) {
     const { columns } = this;
-    const rows = this.rows.slice(from);
+    const rows = this.rows.slice(from, end);
     const wide = curveCount(this.request.follow);
     const steps = new Float64Array(rows.length);
     const cells = new Float32Array(rows.length * columns);

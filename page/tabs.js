@@ -1,6 +1,7 @@
 // The tables of a run, one at a time.
 
 import { changeForm, readChange } from "./changing.js";
+import { compareForm } from "./comparing.js";
 import { byId, make } from "./elements.js";
 import { noteList } from "./notes.js";
 import { eventTable, liveTable, pulseTable, runTable } from "./tables.js";
@@ -56,6 +57,7 @@ export class Tabs {
       live: `${run.ended}${run.status?.step}${run.status?.frames_seen}`,
       events: `${page.bead} ${events?.events.length} ${events?.isDone} ${run.ended}`,
       notes: `${page.notes.length} ${page.bead} ${page.timeline.isPlaying ? "" : page.step}`,
+      compare: `${page.comparison.other?.name} ${page.view.difference} ${run.state?.step} ${page.second?.state?.step}`,
       change: `${page.view.change} ${page.second !== undefined}`,
     };
     const shown = `${tab} ${state[/** @type {keyof typeof state} */ (tab)]}`;
@@ -81,6 +83,7 @@ export class Tabs {
       events: () => eventTable(run, page.bead, seek),
       live: () => liveTable(run),
       notes: () => noteList(page),
+      compare: () => compareForm(page),
       change: () => changeForm(run, page.second, readChange(page.view.change), change),
     };
     panel.replaceChildren(...contents[tab]());

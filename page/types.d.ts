@@ -160,7 +160,8 @@ export type Source =
   | { kind: "file"; file: File }
   | { kind: "url"; url: string }
   | { kind: "live"; url: string }
-  | { kind: "start"; manifest: Manifest; chain: Chain };
+  | { kind: "start"; manifest: Manifest; chain: Chain }
+  | { kind: "difference"; first: Source; other: Source };
 
 export type Field = "velocity" | "displacement" | "overlap" | "energy" | "contacts";
 
@@ -303,6 +304,6 @@ export interface Entry {
 /** What the server has. */
 export interface Listing {
   title: string;
-  kind: "one" | "folder" | "sweep";
+  kind: "one" | "pair" | "folder" | "sweep";
   entries: Entry[];
 }

@@ -23,6 +23,8 @@
  * @property {string} tab
  * @property {string} speed
  * @property {string} change
+ * @property {string} other entry that is compared
+ * @property {boolean} difference
  */
 
 /** @type {[Field, string][]} */
@@ -34,7 +36,7 @@ export const FIELDS = [
   ["contacts", "contacts"],
 ];
 
-export const TABS = ["run", "pulses", "events", "notes", "live", "change"];
+export const TABS = ["run", "pulses", "events", "notes", "live", "change", "compare"];
 
 /** What a window has of each at least. */
 export const LEAST_STEPS = 4;
@@ -57,6 +59,8 @@ export function freshView() {
     tab: "run",
     speed: "",
     change: "",
+    other: "",
+    difference: false,
   };
 }
 
@@ -117,6 +121,8 @@ export function readView(fragment) {
     tab: TABS.includes(tab) ? tab : view.tab,
     speed: parts.get("speed") ?? "",
     change: parts.get("change") ?? "",
+    other: parts.get("with") ?? "",
+    difference: parts.get("difference") === "1",
   };
 }
 
@@ -143,6 +149,8 @@ export function writeView(view) {
     tab: view.tab === fresh.tab ? "" : view.tab,
     speed: view.speed,
     change: view.change,
+    with: view.other,
+    difference: view.difference ? "1" : "",
   };
   return Object.entries(parts)
     .filter(([, value]) => value)

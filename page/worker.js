@@ -4,6 +4,7 @@ import { Recording } from "./recording.js";
 import { bytesOfArray, bytesOfFile, bytesOfUrl } from "./mcap.js";
 import { Fields, scalesOf } from "./fields.js";
 import { History, copyOf } from "./history.js";
+import { DifferenceFields, DifferenceHistory } from "./difference.js";
 import { Follower } from "./events.js";
 import { Live } from "./live.js";
 import { Tasks } from "./tasks.js";
@@ -50,6 +51,12 @@ function chainOf(chain) {
   };
 }
 
+/**
+ * Rows that grow with a live run: how many were sent, whether those before the page came are there, whether steps are being
+ * looked at and until when they were.
+ * @typedef {{ table: RowTable, tell: Tell, sent: number, over: () => void, isFilled: boolean, isLooking: boolean, looked: number }} Following
+ */
+
 /** One run. */
 class Run {
   /**
@@ -69,7 +76,7 @@ class Run {
     this.live = undefined;
     /** How often rows were asked for. */
     this.rowsAsked = 0;
-    /** What follows a live run, until it is over. @type {{ table: RowTable, tell: Tell, sent: number, over: () => void } | undefined} */
+    /** What follows a live run, until it is over. @type {Following | undefined} */
     this.following = undefined;
     /** @type {import("./types.d.ts").Info} */
     this.info = {
@@ -87,6 +94,15 @@ class Run {
       toleranceM: this.fields.toleranceM,
       splitBead: this.fields.splitBead,
     };
+  }
+
+  /** This run less another one: its states are differences. @param {Run} other */
+  less(other) {
+    const run = new Run("start", this.info.manifest, this.chain, undefined);
+    const history = new DifferenceHistory(this.history, other.history);
+    const fields = new DifferenceFields(this.fields, other.fields);
+    const { firstStep, lastStep } = history;
+    return Object.assign(run, { history, fields, info: { ...run.info, firstStep, lastStep } });
   }
 
   /** The newest frame of a live run. */
@@ -109,6 +125,10 @@ class Run {
       if (table.append(state)) {
         following.sent = 0;
       }
+      if (!following.isFilled) {
+        return; // a curve to here from where they end would show what never was
+      }
+      this.lookOn(following);
       // the last one that was sent has grown
       const from = Math.max(0, following.sent - 1);
       following.tell({ from, ...table.packed(from), isWhole: false });
@@ -141,15 +161,21 @@ class Run {
     const last = Math.min(request.steps[1], history.lastStep);
     if (this.live !== undefined && request.steps[1] === Infinity) {
       return new Promise((over, failed) => {
-        const following = { table, tell, sent: 0, over: () => over(undefined) };
+        /** @type {Following} */
+        const following = { table, tell, sent: 0, over: () => over(undefined), isFilled: true, isLooking: false, looked: 0 };
         this.following = following;
-        if ((last - history.firstStep) * this.chain.mass.length > FEW_TO_CATCH_UP) {
+        if (!this.isFew(last)) {
           tell({ from: 0, ...table.packed(0), isWhole: false });
           return;
         }
-        const fill = this.fill(table, [history.firstStep, last], request.rows >> 1, () => {
-          following.sent = table.rows.length;
-          tell({ from: 0, ...table.packed(0), isWhole: false });
+        following.isFilled = false;
+        const { stride } = stepsShown([history.firstStep, last], request.rows >> 1);
+        const fill = this.fill(table, [history.firstStep, last], request.rows >> 1, (isWhole) => {
+          following.isFilled = isWhole;
+          // newer rows as far apart as these
+          table.stride = Math.max(table.stride, stride);
+          following.sent = isWhole ? table.rows.length : table.contiguous(stride);
+          tell({ from: 0, ...table.packed(0, following.sent), isWhole: false });
         });
         this.tasks.add(URGENCY.rows, fill).catch(failed);
       });
@@ -166,6 +192,34 @@ class Run {
     return undefined;
   }
 
+  /** Whether the steps of a live run up to this one are recomputed unasked. @param {number} last */
+  isFew(last) {
+    return (last - this.history.firstStep) * this.chain.mass.length <= FEW_TO_CATCH_UP;
+  }
+
+  /**
+   * Looks at the steps of a live run from where it has, as long as they are few: rows from before the page came and later
+   * ones show the same.
+   * @param {Following} following
+   */
+  lookOn(following) {
+    const { lastStep } = this.history;
+    const isTime = performance.now() - following.looked > EXTREMES_EVERY_MS;
+    if (following.isLooking || !isTime || this.history.whyNot !== "" || !this.isFew(lastStep)) {
+      return;
+    }
+    following.isLooking = true;
+    const { table, tell } = following;
+    const looking = this.lookAtAll(table, lastStep, () => {
+      following.sent = table.rows.length;
+      tell({ from: 0, ...table.packed(0), isWhole: false });
+    });
+    const over = () => {
+      Object.assign(following, { isLooking: false, looked: performance.now() });
+    };
+    this.tasks.add(URGENCY.extremes, looking).then(over, over);
+  }
+
   /**
    * Gives rows the extremes of all steps up to the next one.
    * @param {RowTable} table
@@ -178,7 +232,7 @@ class Run {
       table.widen(state);
       table.seen = state.step;
     };
-    for await (const _ of this.history.each([table.rows[0].step, last], look)) {
+    for await (const _ of this.history.each([Math.max(table.rows[0].step, table.seen), last], look)) {
       if (performance.now() - told > EXTREMES_EVERY_MS) {
         told = performance.now();
         tell();
@@ -319,6 +373,10 @@ async function open(source, say) {
   }
   if (source.kind === "live") {
     return openLive(source.url, say);
+  }
+  if (source.kind === "difference") {
+    const [first, other] = [await open(source.first, say), await open(source.other, say)];
+    return first.less(other);
   }
   const bytes =
     source.kind === "bytes" ? bytesOfArray(source.bytes) : source.kind === "file" ? bytesOfFile(source.file) : await bytesOfUrl(source.url);

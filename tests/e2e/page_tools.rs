@@ -58,6 +58,19 @@ fn a_film_goes_through_the_time_in_view() {
     check_by(SCRIPT, &place, "film", ["run.html"]);
 }
 
+/// Two recordings one under the other, and the difference of their states at the same times, whatever their steps.
+#[test]
+fn two_recordings_are_compared_and_subtracted() {
+    let place = Place::new();
+    let run = "run --beads 100 --record-every-steps 100 --duration 0.004";
+    place.run(&format!("{run} --impurity 50=0.6e-3 --dt 1.4e-6 --name light --out light.mcap")).exits(0);
+    place.run(&format!("{run} --impurity 50=0.9e-3 --dt 1.4e-6 --name heavy --out heavy.mcap")).exits(0);
+    place.run(&format!("{run} --impurity 50=0.6e-3 --dt 1.1e-6 --name fine --out fine.mcap")).exits(0);
+    place.run("view light.mcap live").fails(2).says("each is a recording");
+    place.run("share light.mcap --out light.html").exits(0);
+    check_by(SCRIPT, &place, "compare", ["light.mcap", "heavy.mcap", "fine.mcap", "light.html"]);
+}
+
 /// The axis of time ends where the run will, and rows of a page that comes late are as dense before as after.
 #[test]
 fn a_live_map_has_the_axis_of_the_whole_run() {

@@ -209,6 +209,64 @@ const scenarios = {
     say(`${webm.name}: ${webm.bytes.length} bytes, ${width} × ${height}, ${ms} ms; ${zip.name}: ${pictures.length} pictures`);
   },
 
+  /** Side by side, the difference, in the address, with steps of another length, of a shared file with a chosen one. */
+  async compare(light, heavy, fine, html) {
+    const url = await start("view", light, heavy).line;
+    const page = await openPage(url);
+    await page.waitForSelector("#second-panel:not([hidden])");
+    const titles = await drawnTexts(page);
+    assert.ok(titles.includes("light") && titles.includes(heavy), `${titles}`);
+    await page.click("#tab-compare");
+    await page.click("#compare-difference");
+    const subtracted = (one, steps) =>
+      one.evaluate(async (all) => {
+        const found = [];
+        for (const step of all) {
+          const [a, d] = [await window.beadline.state(step), await window.beadline.difference.state(step)];
+          found.push({ a: [...a.u, ...a.v], d: [...d.u, ...d.v], most: Math.max(...a.v.map(Math.abs)) });
+        }
+        return found;
+      }, steps);
+    const isThere = (one) => until("the difference", () => one.evaluate(() => window.beadline.difference !== undefined));
+    await isThere(page);
+    const others = await page.evaluate(async () => {
+      const found = [];
+      for (const step of [0, 777, 2500]) {
+        const { u, v } = await window.beadline.changed.state(step);
+        found.push([...u, ...v]);
+      }
+      return found;
+    });
+    const found = await subtracted(page, [0, 777, 2500]);
+    found.forEach(({ a, d }, i) => d.forEach((value, j) => assert.equal(value, a[j] - others[i][j])));
+    assert.ok(found[2].d.some((value) => Math.abs(value) > 0.1), "runs that differ");
+    assert.ok((await drawnTexts(page)).includes(`light − ${heavy}`));
+    await hashUntil(page, /with=1&difference=1/);
+    await page.reload();
+    await ready(page);
+    await isThere(page);
+    await page.click('#tab button:text-is("Take back")');
+    await page.waitForSelector("#second-panel", { state: "hidden" });
+    await page.over();
+
+    // the same chain with other steps: nothing but the errors of both runs is left
+    const file = await shared(html);
+    await file.click("#tab-compare");
+    await file.check("#compare-difference");
+    const [chooser] = await Promise.all([
+      file.waitForEvent("filechooser"),
+      file.click('#tab button:text-is("Choose a file")'),
+    ]);
+    await chooser.setFiles(fine);
+    await isThere(file);
+    await textUntil(file, "#tab", /time steps differ/);
+    const [{ d, most }] = await subtracted(file, [2501]);
+    const left = Math.max(...d.map(Math.abs));
+    assert.ok(left > 0 && left < 2e-5 * most, `${left} of ${most} m/s`);
+    say(`${titles.length} texts; with steps of another length ${left.toExponential(1)} m/s of ${most.toFixed(2)} are left`);
+    await file.over();
+  },
+
   /** A slow run: its whole duration is on the axis. */
   async axis() {
     const words = "run --beads 100 --impurity 50=0.6e-3 --duration 0.2 --pace 0.003 --no-record";
