@@ -156,7 +156,7 @@ export class Fields {
   /**
    * Writes a row of a map to `into`: for each of `columns` columns the value that is largest in magnitude among
    * the places `first` to `last`, so that no pulse is lost between pixels; of contacts the rarest class
-   * (0 touching, 1 compressed, 2 open). Overlaps of a loaded chain count from rest.
+   * (0 touching, 1 compressed, 2 open). Overlaps of a loaded chain count from rest, forces from 0, without damping.
    * @param {import("./types.d.ts").Field} field
    * @param {import("./types.d.ts").State} state
    * @param {[number, number]} places
@@ -182,6 +182,8 @@ export class Fields {
           value = u[place];
         } else if (field === "overlap") {
           value = u[place] - u[place + 1];
+        } else if (field === "force") {
+          value = this.force(place, u[place] - u[place + 1] + restOverlap[place]);
         } else if (field === "energy") {
           const { kinetic, potential } = stepper.resonatorEnergy(state, place);
           value = 0.5 * mass[place] * (v[place] * v[place]) + 0.5 * (contactJ[place] + contactJ[place + 1]);

@@ -49,7 +49,7 @@ export const KEYS = [
   key("a", "a", "beads to the left", "panPlaces", -0.25),
   key("d", "d", "beads to the right", "panPlaces", 0.25),
   key("0", "0", "all of it", "whole"),
-  key("1 2 3 4 5", "1 … 5", "velocity, displacement, overlap, energy density, contacts", "field"),
+  key("1 2 3 4 5 6", "1 … 6", "velocity, displacement, overlap, energy density, contacts, force", "field"),
   key("l", "l", "logarithmic colours, linear ones", "log"),
   key("k", "k", "fix the ends of the colours", "colours"),
   key("r", "r", "a ruler from the chosen bead at the cursor, or none", "ruler"),

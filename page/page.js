@@ -16,6 +16,7 @@ import { Pictures } from "./pictures.js";
 import { prove } from "./prove.js";
 import { ReadOut } from "./readout.js";
 import { Run, unitOf } from "./run.js";
+import { Spectrum } from "./spectrum.js";
 import { Tabs } from "./tabs.js";
 import { thumbnail } from "./thumbnails.js";
 import { Timeline } from "./timeline.js";
@@ -41,6 +42,7 @@ export class Page {
     this.original = new Original();
     this.notes = carriedNotes();
     this.comparison = new Comparison(this);
+    this.spectrum = new Spectrum(this);
     this.startWorker = workerMaker();
     /** @type {Run | undefined} */
     this.run = undefined;
@@ -211,6 +213,7 @@ export class Page {
     };
     results.then((found) => {
       run.pulses = found?.pulses ?? [];
+      run.modes = found?.modes ?? [];
       this.tabs.forget();
       this.board.invalidate();
     });
@@ -239,6 +242,7 @@ export class Page {
     this.run?.close();
     this.second?.close();
     this.comparison.close();
+    this.spectrum.close();
     if (this.run || this.hasFailed) {
       this.renewReady();
     }

@@ -39,7 +39,7 @@ function valuesOf(state, field, [from, to], fields) {
   const first = Math.max(0, Math.floor(from));
   const count = Math.min(last, Math.ceil(to)) - first + 1;
   const values = new Float64Array(Math.max(0, count));
-  if (field === "energy") {
+  if (field === "energy" || field === "force") {
     if (count > 0) {
       fields?.row(field, state, [first, first + count - 1], count, values);
     }

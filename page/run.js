@@ -1,6 +1,7 @@
 // One run as it is looked at: its engine, the state at the cursor, the rows of its map, its events.
 
 import { Fields } from "./fields.js";
+import { isOfContacts } from "./map.js";
 
 /** @typedef {import("./types.d.ts").State} State */
 /** @typedef {import("./types.d.ts").Field} Field */
@@ -11,12 +12,12 @@ import { Fields } from "./fields.js";
  * @param {Field} field
  */
 export function placeWord(field) {
-  return field === "overlap" || field === "contacts" ? "contact" : "bead";
+  return isOfContacts(field) ? "contact" : "bead";
 }
 
 /** The unit of a field's values; "" of classes. @param {Field} field */
 export function unitOf(field) {
-  return { velocity: "m/s", displacement: "m", overlap: "m", energy: "J", contacts: "" }[field];
+  return { velocity: "m/s", displacement: "m", overlap: "m", energy: "J", contacts: "", force: "N" }[field];
 }
 
 /** The part of a live run that is seen on the map of its whole duration. */
@@ -52,6 +53,8 @@ export class Run {
     this.events = new Map();
     /** @type {import("./types.d.ts").Pulse[]} */
     this.pulses = [];
+    /** @type {import("./types.d.ts").Mode[]} */
+    this.modes = [];
     this.asked = "";
     /** @type {number | undefined} */
     this.wanted = undefined;

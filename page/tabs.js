@@ -4,6 +4,7 @@ import { changeForm, readChange } from "./changing.js";
 import { compareForm } from "./comparing.js";
 import { byId, make } from "./elements.js";
 import { noteList } from "./notes.js";
+import { spectrumPanel } from "./spectrum.js";
 import { eventTable, liveTable, pulseTable, runTable } from "./tables.js";
 import { TABS } from "./view.js";
 
@@ -58,6 +59,7 @@ export class Tabs {
       events: `${page.bead} ${events?.events.length} ${events?.isDone} ${run.ended}`,
       notes: `${page.notes.length} ${page.bead} ${page.timeline.isPlaying ? "" : page.step}`,
       compare: `${page.comparison.other?.name} ${page.view.difference} ${run.state?.step} ${page.second?.state?.step}`,
+      spectrum: `${page.spectrum.key} ${page.spectrum.words} ${page.spectrum.found?.segments} ${run.modes.length} ${page.isDark}`,
       change: `${page.view.change} ${page.second !== undefined}`,
     };
     const shown = `${tab} ${state[/** @type {keyof typeof state} */ (tab)]}`;
@@ -84,6 +86,7 @@ export class Tabs {
       live: () => liveTable(run),
       notes: () => noteList(page),
       compare: () => compareForm(page),
+      spectrum: () => spectrumPanel(page),
       change: () => changeForm(run, page.second, readChange(page.view.change), change),
     };
     panel.replaceChildren(...contents[tab]());

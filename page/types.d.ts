@@ -163,7 +163,7 @@ export type Source =
   | { kind: "start"; manifest: Manifest; chain: Chain }
   | { kind: "difference"; first: Source; other: Source };
 
-export type Field = "velocity" | "displacement" | "overlap" | "energy" | "contacts";
+export type Field = "velocity" | "displacement" | "overlap" | "energy" | "contacts" | "force";
 
 /** What is known of a run as soon as it is open. */
 export interface Info {
@@ -193,7 +193,7 @@ export interface Info {
 /** What a map, curves and their followed beads need: a row for each of some steps. */
 export interface RowsRequest {
   field: Field;
-  /** First and last bead (of "overlap" and "contacts": contact). */
+  /** First and last bead (of "overlap", "contacts" and "force": contact). */
   places: [number, number];
   /** Columns at most; there is one for each place where there are fewer places. */
   columns: number;
@@ -269,9 +269,19 @@ export interface Pulse {
   track: number[];
 }
 
+/** A linear mode, as `beadline modes` tells it. */
+export interface Mode {
+  mode: number;
+  frequency_hz: number;
+  participation_beads: number;
+  centre_bead: number;
+}
+
 /** What comes beside a recording: computed by the command. */
 export interface Results {
   pulses: Pulse[];
+  /** None of a chain that is not linear about rest, or is too long. */
+  modes?: Mode[];
 }
 
 /** How a live run is doing, about four times a second. */

@@ -34,9 +34,10 @@ export const FIELDS = [
   ["overlap", "overlap"],
   ["energy", "energy density"],
   ["contacts", "contacts"],
+  ["force", "force"],
 ];
 
-export const TABS = ["run", "pulses", "events", "notes", "live", "change", "compare"];
+export const TABS = ["run", "pulses", "events", "notes", "live", "change", "compare", "spectrum"];
 
 /** What a window has of each at least. */
 export const LEAST_STEPS = 4;

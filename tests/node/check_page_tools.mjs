@@ -8,7 +8,7 @@ import assert from "node:assert/strict";
 import fs from "node:fs";
 import zlib from "node:zlib";
 
-import { cleanUp, exported, openPage, ready, sameStates, saved, say, shared } from "./browser.mjs";
+import { cleanUp, csv, exported, openPage, ready, sameStates, saved, say, shared } from "./browser.mjs";
 import { start, textOf, textUntil, told, until, viewOf, viewed } from "./browser.mjs";
 
 const [scenario, ...rest] = process.argv.slice(3);
@@ -267,6 +267,59 @@ const scenarios = {
     await file.over();
   },
 
+  /** Spectra, modes and forces beside those of the commands. */
+  async waves(file, html) {
+    const page = await shared(html);
+    await page.evaluate(() => window.beadline.seek(100));
+    const chosen = () => page.evaluate(() => Number(document.getElementById("readout").dataset.place));
+    await until("bead 20", async () => {
+      const bead = await chosen();
+      await page.keyboard.press(bead < 20 ? "]" : bead > 20 ? "[" : "Shift");
+      return bead === 20;
+    });
+    await page.click("#tab-spectrum");
+    for (const [of, at] of [["velocity", "bead:20"], ["force", "contact:20"]]) {
+      await page.selectOption("#spectrum-of", of);
+      const place = of === "force" ? "contact 20" : "bead 20";
+      const [, segments, length] = await textUntil(page, "#tab", new RegExp(`${place},.*view, (\\d+) segments of (\\d+)`));
+      const found = csv((await saved(page, () => page.click('#tab button:text-is("CSV")'))).bytes);
+      const words = ["--at", at, "--of", of, "--every-step", "--segment", length, "--out", `${of}.csv`];
+      await told("spectrum", file, ...words);
+      const expected = csv(fs.readFileSync(`${of}.csv`));
+      assert.equal(found.count, expected.count);
+      const [, column] = found.columns;
+      const theirs = expected.columns.find((name) => name.endsWith(column.replace("density", "")));
+      let [most, worst] = [0, 0];
+      for (let line = 0; line < found.count; line += 1) {
+        const [own, other] = [found.numbers(line), expected.numbers(line)];
+        assert.ok(Math.abs(own.frequency_hz - other.frequency_hz) <= 1e-9 * own.frequency_hz);
+        most = Math.max(most, other[theirs]);
+        worst = Math.max(worst, Math.abs(own[column] - other[theirs]));
+      }
+      assert.ok(most > 0 && worst < 1e-12 * most, `${of}: ${worst} of ${most}`);
+      say(`${of}: ${found.count} frequencies, ${segments} segments, apart by ${(worst / most).toExponential(1)} of the largest`);
+    }
+    await told("modes", file, "--out", "modes.csv");
+    const modes = csv(fs.readFileSync("modes.csv"));
+    const rows = await page.$$eval("#tab tbody tr", (all) => all.map((row) => [...row.cells].map((cell) => cell.textContent)));
+    assert.equal(rows.length, modes.count);
+    const column = modes.columns.find((name) => name === "frequency_hz");
+    for (const line of [0, 20, modes.count - 1]) {
+      const [, number, prefix] = /^([\d.]+) (k?)Hz$/.exec(rows[line][1]);
+      const shown = Number(number) * (prefix ? 1000 : 1);
+      assert.ok(Math.abs(shown / modes.numbers(line)[column] - 1) < 1e-5, `mode ${line}: ${rows[line]}`);
+    }
+    await page.keyboard.press("6");
+    const { k, alpha, overlap } = await page.evaluate(async () => {
+      const { manifest, chain } = window.beadline.info;
+      const { u } = await window.beadline.state(100);
+      return { k: chain.stiffness[20], alpha: manifest.physics.alpha, overlap: u[20] - u[21] + chain.restOverlap[20] };
+    });
+    const [, force] = await textUntil(page, "#readout", /^contact 20.*step 100force ([\d.e-]+) N/);
+    assert.ok(Math.abs(force / (k * overlap ** alpha) - 1) < 1e-12, `${force} N`);
+    await page.over();
+  },
+
   /** A slow run: its whole duration is on the axis. */
   async axis() {
     const words = "run --beads 100 --impurity 50=0.6e-3 --duration 0.2 --pace 0.003 --no-record";
@@ -277,8 +330,23 @@ const scenarios = {
     const { step_count: all } = await page.evaluate(() => window.beadline.info.manifest.physics);
     const { steps, allSteps } = await viewOf(page);
     assert.deepEqual([steps[1], allSteps[1]], [all, all]);
-    const texts = await drawnTexts(page);
-    assert.ok(texts.includes("200"), "200 ms on the axis");
+    assert.ok((await drawnTexts(page)).includes("200"), "200 ms on the axis");
+    // however often one looks, rows from the first step on are equally far apart
+    const stepsShown = async () => {
+      const { count, numbers } = csv((await exported(page, "CSV: map")).bytes);
+      return Array.from({ length: count }, (_, line) => numbers(line).step);
+    };
+    const later = (await step()) + 2000;
+    let [looks, widest] = [0, 0];
+    for (let shown = []; (shown.at(-1) ?? 0) < later; looks += 1) {
+      shown = await stepsShown();
+      const gaps = shown.slice(1).map((at, i) => at - shown[i]).slice(0, -1).sort((a, b) => a - b);
+      assert.ok(shown.length === 0 || shown[0] === 0, `rows from step ${shown[0]} on`);
+      widest = Math.max(widest, gaps.length > 10 ? gaps.at(-1) / gaps[gaps.length >> 1] : 0);
+    }
+    assert.ok(widest > 0 && widest <= 4, `a gap of ${widest} times the usual one`);
+    await until("every step looked at", async () => !(await drawnTexts(page)).some((text) => /sample every/.test(text)));
+    say(`${looks} looks, the widest gap ${widest} times the usual one`);
     await page.over();
   },
 };

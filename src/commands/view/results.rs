@@ -1,4 +1,5 @@
-//! Results that the page shows beside a recording: the pulses, as `beadline pulses` finds them.
+//! Results that the page shows beside a recording: the pulses, as `beadline pulses` finds them, and the linear modes, as
+//! `beadline modes` does.
 
 use crate::commands::pulses::is_coarse;
 use crate::failure::{BadInput, Failure};
@@ -16,9 +17,14 @@ use source::Source;
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use waves::linear::LinearChain;
+use waves::modes::Modes;
 
 /// Points of a track.
 const TRACK_POINTS: usize = 200;
+
+/// Beads of a chain whose modes are found unasked: the time grows with the third power.
+const MOST_MODE_BEADS: u64 = 400;
 
 /// `Results` of the page.
 #[derive(Debug, Default, Serialize)]
@@ -27,6 +33,8 @@ pub(crate) struct Results {
     pub(crate) pulses: Vec<Value>,
     /// How many more there are.
     more: u64,
+    /// Of a chain that has some, and at most [`MOST_MODE_BEADS`].
+    modes: Vec<Value>,
 }
 
 /// Whether steps are recomputed to find pulses.
@@ -65,7 +73,25 @@ pub(crate) fn of_recording(
     pulses.finish().iter().for_each(|happening| strongest.take(happening));
     let shown = strongest.pulses().to_vec();
     let more = pulses.counts().pulses.saturating_sub(shown.len() as u64);
-    Ok(Results { pulses: shown.iter().map(|pulse| told(pulse, &strongest)).collect(), more })
+    let pulses = shown.iter().map(|pulse| told(pulse, &strongest)).collect();
+    Ok(Results { pulses, more, modes: modes(&manifest) })
+}
+
+/// The linear modes; none of a chain without, or with too many beads.
+fn modes(manifest: &RunManifest) -> Vec<Value> {
+    if manifest.physics.beads > MOST_MODE_BEADS {
+        return Vec::new();
+    }
+    let modes = LinearChain::of(&manifest.physics.chain()).ok().and_then(|chain| Modes::of(&chain).ok());
+    let told = |modes: &Modes, mode: usize| {
+        json!({
+            "mode": mode + 1,
+            "frequency_hz": modes.frequency_hz(mode),
+            "participation_beads": modes.participation_beads(mode),
+            "centre_bead": modes.centre_bead(mode),
+        })
+    };
+    modes.map_or_else(Vec::new, |modes| (0..modes.count()).map(|mode| told(&modes, mode)).collect())
 }
 
 struct Tracks {
