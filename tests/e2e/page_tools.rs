@@ -75,7 +75,9 @@ fn two_recordings_are_compared_and_subtracted() {
 #[test]
 fn spectra_and_modes_are_those_of_the_commands() {
     let place = Place::new();
-    place.run("run --preset precompressed --beads 40 --duration 0.004 --record-every-steps 50 --out run.mcap").exits(0);
+    place
+        .run("run --preset precompressed --beads 40 --duration 0.004 --record-every-steps 50 --out run.mcap")
+        .exits(0);
     place.run("share run.mcap --out run.html").exits(0);
     check_by(SCRIPT, &place, "waves", ["run.mcap", "run.html"]);
 }

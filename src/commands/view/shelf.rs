@@ -286,7 +286,9 @@ fn recording(named: &Named) -> Result<PathBuf, Failure> {
             RecordingInfo::glance(path).bad_input()?;
             Ok(path.clone())
         }
-        other => Err(bad_input!("{other}: of several sources each is a recording; a folder or a live run is viewed alone")),
+        other => Err(bad_input!(
+            "{other}: of several sources each is a recording; a folder or a live run is viewed alone"
+        )),
     }
 }
 
