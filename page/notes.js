@@ -34,7 +34,8 @@ export function carriedNotes() {
 export class Original {
   constructor() {
     const { documentElement: root, head, body } = document;
-    this.before = `<!doctype html>\n${root.outerHTML.slice(0, root.outerHTML.indexOf(">") + 1)}\n${head.outerHTML}\n<body>`;
+    const tag = /** @type {Element} */ (root.cloneNode(false)).outerHTML.replace("</html>", "");
+    this.before = `<!doctype html>\n${tag}\n${head.outerHTML}\n<body>`;
     /** @type {(string | HTMLScriptElement)[]} */
     this.parts = [...body.childNodes].map((node) =>
       node instanceof HTMLScriptElement ? node : node instanceof Element ? node.outerHTML : (node.textContent ?? ""),
