@@ -63,9 +63,9 @@ fn a_film_goes_through_the_time_in_view() {
 fn two_recordings_are_compared_and_subtracted() {
     let place = Place::new();
     let run = "run --beads 100 --record-every-steps 100 --duration 0.004";
-    place.run(&format!("{run} --impurity 50=0.6e-3 --dt 1.4e-6 --name light --out light.mcap")).exits(0);
-    place.run(&format!("{run} --impurity 50=0.9e-3 --dt 1.4e-6 --name heavy --out heavy.mcap")).exits(0);
-    place.run(&format!("{run} --impurity 50=0.6e-3 --dt 1.1e-6 --name fine --out fine.mcap")).exits(0);
+    place.run(&format!("{run} --impurity 20=0.6e-3 --dt 1.4e-6 --name light --out light.mcap")).exits(0);
+    place.run(&format!("{run} --impurity 20=0.9e-3 --dt 1.4e-6 --name heavy --out heavy.mcap")).exits(0);
+    place.run(&format!("{run} --impurity 20=0.6e-3 --dt 1.1e-6 --name fine --out fine.mcap")).exits(0);
     place.run("view light.mcap live").exits(2).says(&["each is a recording"]);
     place.run("share light.mcap --out light.html").exits(0);
     check_by(SCRIPT, &place, "compare", ["light.mcap", "heavy.mcap", "fine.mcap", "light.html"]);
