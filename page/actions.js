@@ -1,6 +1,7 @@
 // What keys and buttons do.
 
 import { carried, chooseFile } from "./carried.js";
+import { colourForm } from "./colouring.js";
 import { byId } from "./elements.js";
 import { exportDialog } from "./exporting.js";
 import { keyTable } from "./keyboard.js";
@@ -81,6 +82,14 @@ export function act(page, action, by, key) {
     whole: () => page.look({ places: undefined, steps: undefined }),
     field: () => page.look({ field: FIELDS[Number(key) - 1][0] }),
     log: () => page.look({ log: !view.log }),
+    colours: () => {
+      if (view.field !== "contacts") {
+        const dialog = /** @type {HTMLDialogElement} */ (byId("dialog"));
+        page.dialog("Numbers at the ends of the colours", colourForm(page, () => dialog.close()));
+      }
+    },
+    ruler: () => page.look({ ruler: view.ruler ? undefined : [page.bead, page.step, page.bead, page.step] }),
+    rulerEnd: () => view.ruler && page.look({ ruler: [view.ruler[0], view.ruler[1], page.bead, page.step] }),
     prove: () => void page.prove().catch(() => {}),
     change: () => {
       page.look({ tab: "change" });

@@ -1,7 +1,7 @@
 // The canvases of the page: sized, drawn once a frame when something has changed, and drawn again for a file.
 
 import { byId, save } from "./elements.js";
-import { CanvasSurface, SvgSurface } from "./surface.js";
+import { CanvasSurface, SvgSurface, widthOf } from "./surface.js";
 
 /** @typedef {import("./surface.js").Surface} Surface */
 /** @typedef {(surface: Surface, box: import("./surface.js").Box) => void} Draw */
@@ -14,6 +14,27 @@ const PERIODS_MS = new Map([
   ["path", 200],
   ["marks", 200],
 ]);
+
+/** Text of captions (px). */
+const CAPTION_PX = 11;
+
+/**
+ * A text in lines of a width, broken between words.
+ * @param {string} text @param {number} width
+ */
+function folded(text, width) {
+  /** @type {string[]} */
+  const lines = [];
+  for (const word of text.split(" ")) {
+    const longer = `${lines.at(-1)} ${word}`;
+    if (lines.length > 0 && widthOf(longer, CAPTION_PX, false) <= width) {
+      lines[lines.length - 1] = longer;
+    } else {
+      lines.push(word);
+    }
+  }
+  return lines;
+}
 
 /** Canvases by the ids of their elements. */
 export class Board {
@@ -102,16 +123,24 @@ export class Board {
    * Draws all that is seen side by side, as the page has it.
    * @template {Surface} T
    * @param {(width: number, height: number) => T} surfaceOf
+   * @param {string[]} caption lines below all else
    */
-  compose(surfaceOf) {
+  compose(surfaceOf, caption) {
     const all = this.panels.map(({ canvas, draw }) => ({ draw, place: canvas.getBoundingClientRect(), id: canvas.id }));
     const panels = all.filter(({ place, id }) => place.width > 1 && place.height > 1 && id !== "marks");
     const left = Math.min(...panels.map(({ place }) => place.left));
     const top = Math.min(...panels.map(({ place }) => place.top));
     const width = Math.ceil(Math.max(...panels.map(({ place }) => place.right)) - left);
     const height = Math.ceil(Math.max(...panels.map(({ place }) => place.bottom)) - top);
-    const surface = surfaceOf(width, height);
-    surface.rect(0, 0, width, height, getComputedStyle(document.body).backgroundColor);
+    const { backgroundColor, color } = getComputedStyle(document.body);
+    const lines = caption.flatMap((line) => folded(line, width - 2 * CAPTION_PX));
+    const whole = height + Math.ceil((lines.length + 0.5) * 1.4 * CAPTION_PX);
+    const surface = surfaceOf(width, whole);
+    surface.rect(0, 0, width, whole, backgroundColor);
+    lines.forEach((line, i) => {
+      const y = height + (i + 0.75) * 1.4 * CAPTION_PX;
+      surface.text(CAPTION_PX, y, line, { size: CAPTION_PX, colour: color });
+    });
     for (const { draw, place } of panels) {
       const [x, y] = [Math.round(place.left - left), Math.round(place.top - top)];
       draw(surface, { x, y, width: Math.round(place.width), height: Math.round(place.height) });
@@ -119,20 +148,20 @@ export class Board {
     return surface;
   }
 
-  /** @param {string} name of the file, without its ending */
-  saveSvg(name) {
-    const surface = this.compose((width, height) => new SvgSurface(width, height));
+  /** @param {string} name of the file, without its ending @param {string[]} caption */
+  saveSvg(name, caption) {
+    const surface = this.compose((width, height) => new SvgSurface(width, height), caption);
     save(`${name}.svg`, new Blob([surface.toString()], { type: "image/svg+xml" }));
   }
 
-  /** At twice the size of the screen. @param {string} name of the file, without its ending */
-  savePng(name) {
+  /** At twice the size of the screen. @param {string} name of the file, without its ending @param {string[]} caption */
+  savePng(name, caption) {
     const canvas = document.createElement("canvas");
     this.compose((width, height) => {
       canvas.width = 2 * width;
       canvas.height = 2 * height;
       return new CanvasSurface(/** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d")), width, height, 2);
-    });
+    }, caption);
     canvas.toBlob((blob) => blob && save(`${name}.png`, blob));
   }
 }

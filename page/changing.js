@@ -1,6 +1,7 @@
 // The form in which one thing is changed, and the configuration of what is changed.
 
 import { changed, changesOf, configuration, whyNotChanged, whyNothingChanged } from "./change.js";
+import { amount } from "./axes.js";
 import { make } from "./elements.js";
 
 /** @typedef {import("./change.js").Change} Change */
@@ -16,6 +17,23 @@ export function readChange(text) {
   return match
     ? { what: /** @type {Change["what"]} */ (match[1]), bead: Number(match[2]), value: Number(match[3]) }
     : undefined;
+}
+
+/**
+ * A change in words: what is changed, to what, and what it was.
+ * @param {Change} change
+ * @param {Run} run
+ */
+export function describe(change, { physics, info }) {
+  const known = changesOf(physics, info.chain).find((one) => isSame(one.change, change));
+  const [name, unit] = known ? [known.name, known.unit] : [change.what, ""];
+  const then = known ? amount(known.change.value, unit, 6) : "";
+  return { name, now: amount(change.value, unit, 6), then };
+}
+
+/** Whether two changes are of the same thing. @param {Change} a @param {Change} b */
+function isSame(a, b) {
+  return a.what === b.what && (a.what !== "mass" || a.bead === b.bead);
 }
 
 /**
@@ -48,8 +66,6 @@ export function changeForm(run, second, change, onchange) {
     return [make("p", { class: "words" }, whyNothing)];
   }
   const choices = changesOf(physics, info.chain);
-  const isSame = (/** @type {Change} */ a, /** @type {Change} */ b) =>
-    a.what === b.what && (a.what !== "mass" || a.bead === b.bead);
   const chosen = Math.max(
     0,
     choices.findIndex((one) => change && isSame(one.change, change)),

@@ -204,7 +204,7 @@ export class ColourScale {
     return Uint32Array.from({ length: 1 << 16 }, (_, upper) => {
       // the middle of its floats, but of powers of two themselves: classes and 0 are exact
       word[0] = (upper << 16) | (upper & 0x7f ? 0x8000 : 0);
-      const shade = this.shade(float[0]);
+      const shade = this.shade(Math.min(Math.max(float[0], this.from), this.to)); // beyond the ends as at the ends
       return levels[Math.round(LEVELS * (Number.isNaN(shade) ? 0 : shade)) + LEVELS];
     });
   }

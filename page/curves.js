@@ -1,7 +1,8 @@
 // Curves over time: energies, and what followed beads do.
 
 import { ENERGY_COUNT } from "./fields.js";
-import { LEFT_PX, bottomAxis, frame, leftAxis, legend, linear } from "./axes.js";
+import { curveCount } from "./rows.js";
+import { LEFT_PX, TICK_PX, bottomAxis, frame, leftAxis, legend, linear } from "./axes.js";
 
 /** @typedef {import("./surface.js").Box} Box */
 /** @typedef {import("./surface.js").Surface} Surface */
@@ -14,8 +15,10 @@ import { LEFT_PX, bottomAxis, frame, leftAxis, legend, linear } from "./axes.js"
  * @property {Rows | undefined} rows
  * @property {Rows | undefined} [second]
  * @property {number} [second_dt_s]
+ * @property {string} [secondName]
  * @property {string} [splitName] what the bead between left and right is called
  * @property {import("./types.d.ts").Event[]} [events] of followed beads
+ * @property {string} [leftOut] what the curves leave out
  */
 /** x (in the unit of its axis) and value in turns. */
 /** @typedef {{ points: Float64Array, colour: string, dash?: number[] }} Curve */
@@ -31,14 +34,45 @@ export function curvePlot({ x, y, width, height }, top = 8) {
   };
 }
 
-/** A curve of a number a row. @param {Rows} rows @param {number} dt @param {(row: number) => number} value */
-function pointsOf({ steps, count }, dt, value) {
-  const points = new Float64Array(2 * count);
+/**
+ * A curve through rows, from the least to the largest value in each: which of both comes first is the one that is nearer
+ * to where the curve is.
+ * @param {Rows} rows @param {number} dt @param {number} column of `lows` and `highs`
+ */
+function pointsOf({ steps, count, lows, highs, request }, dt, column) {
+  const wide = curveCount(request.follow);
+  const points = [];
+  let at = NaN;
   for (let i = 0; i < count; i += 1) {
-    points[2 * i] = steps[i] * dt;
-    points[2 * i + 1] = value(i);
+    const [low, high] = [lows[i * wide + column], highs[i * wide + column]];
+    const isUp = !(Math.abs(at - high) < Math.abs(at - low));
+    points.push(steps[i] * dt, isUp ? low : high);
+    if (low !== high) {
+      points.push(steps[i] * dt, isUp ? high : low);
+    }
+    at = isUp ? high : low;
   }
-  return points;
+  return Float64Array.from(points);
+}
+
+/**
+ * What a curve leaves out, in a few words; "" where every step was looked at.
+ * @param {Rows | undefined} rows @param {import("./types.d.ts").Info | undefined} info
+ */
+export function leftOut(rows, info) {
+  if (rows === undefined || info === undefined || rows.count < 2) {
+    return "";
+  }
+  const { steps, count, seen } = rows;
+  const apart = Math.round((steps[count - 1] - steps[0]) / (count - 1));
+  if (!info.recomputes) {
+    return seen >= steps[count - 1] ? "extremes of the recorded states" : `a recorded state every ${apart} steps`;
+  }
+  if (seen >= steps[count - 1]) {
+    return "";
+  }
+  const samples = `a sample every ${apart} steps`;
+  return seen < 0 ? samples : `${samples} beyond step ${seen}: others are being looked at`;
 }
 
 /** @param {View} view */
@@ -51,7 +85,7 @@ function timeOf({ steps: [from, to], dt_s: dt }) {
 /**
  * One plot of curves over time, with the cursor.
  * @param {Surface} surface @param {Box} box @param {Box} plot @param {Curve[]} curves
- * @param {{ name: string, unit: string, hasZero?: boolean, isBare?: boolean, marks?: number[] }} look
+ * @param {{ name: string, unit: string, hasZero?: boolean, isBare?: boolean, marks?: number[], note?: string }} look
  * @param {View} view @param {Theme} theme
  */
 function drawCurves(
@@ -59,7 +93,7 @@ function drawCurves(
   box,
   plot,
   curves,
-  { name, unit, hasZero = false, isBare = false, marks = [] },
+  { name, unit, hasZero = false, isBare = false, marks = [], note = "" },
   view,
   theme,
 ) {
@@ -98,6 +132,8 @@ function drawCurves(
       surface.lines([at, plot.y, at, plot.y + plot.height], { colour: theme.accent, width: 1, crisp: true });
     }
   });
+  const size = Math.min(TICK_PX, (TICK_PX * (plot.width - 12)) / Math.max(1, surface.textWidth(note, TICK_PX)));
+  surface.text(plot.x + 6, plot.y + 10, note, { size, colour: theme.foreground, halo: theme.background });
   frame(surface, plot, theme);
   bottomAxis(surface, box, plot, time, theme, { isBare });
 }
@@ -114,55 +150,55 @@ function drawCurves(
 export function drawEnergies(
   surface,
   box,
-  { rows, second, second_dt_s: secondDt, splitName = "split bead" },
+  { rows, second, second_dt_s: secondDt, secondName, splitName = "split bead", leftOut: note = "" },
   view,
   theme,
 ) {
   const [blue, vermillion, green, purple, orange, sky] = theme.curves;
   const has = (/** @type {Rows | undefined} */ some, /** @type {number} */ part) => {
+    const wide = curveCount(some?.request.follow ?? []);
     for (let i = 0; some !== undefined && i < some.count; i += 1) {
-      if (some.energies[i * ENERGY_COUNT + part] !== 0) {
+      if (some.lows[i * wide + part] !== 0 || some.highs[i * wide + part] !== 0) {
         return true;
       }
     }
     return false;
   };
-  /** @type {{ name: string, colour: string, parts: number[] }[]} */
+  /** @type {{ name: string, colour: string, part: number }[]} */
   const kinds = [
-    { name: "kinetic", colour: sky, parts: [0] },
-    { name: "potential", colour: orange, parts: [1] },
-    { name: "left", colour: blue, parts: [2] },
-    { name: splitName, colour: purple, parts: [3] },
-    { name: "right", colour: vermillion, parts: [4] },
-    ...(has(rows, 5) || has(second, 5) ? [{ name: "dissipated", colour: green, parts: [5] }] : []),
-    ...(has(rows, 6) || has(second, 6) ? [{ name: "driven", colour: theme.muted, parts: [6] }] : []),
-    { name: "total", colour: theme.foreground, parts: [0, 1] },
+    { name: "kinetic", colour: sky, part: 0 },
+    { name: "potential", colour: orange, part: 1 },
+    { name: "left", colour: blue, part: 2 },
+    { name: splitName, colour: purple, part: 3 },
+    { name: "right", colour: vermillion, part: 4 },
+    ...(has(rows, 5) || has(second, 5) ? [{ name: "dissipated", colour: green, part: 5 }] : []),
+    ...(has(rows, 6) || has(second, 6) ? [{ name: "driven", colour: theme.muted, part: 6 }] : []),
+    { name: "total", colour: theme.foreground, part: 7 },
   ];
   const dt = view.dt_s ?? 1;
   /** @type {Curve[]} */
   const curves = [];
   const add = (/** @type {Rows | undefined} */ some, /** @type {number} */ dt, /** @type {number[]} */ dash) => {
-    for (const { colour, parts } of some === undefined ? [] : kinds) {
-      const value = (/** @type {number} */ i) =>
-        parts.reduce((sum, part) => sum + /** @type {Rows} */ (some).energies[i * ENERGY_COUNT + part], 0);
-      curves.push({ points: pointsOf(/** @type {Rows} */ (some), dt, value), colour, dash });
+    for (const { colour, part } of some === undefined ? [] : kinds) {
+      curves.push({ points: pointsOf(/** @type {Rows} */ (some), dt, part), colour, dash });
     }
   };
   add(second, secondDt ?? dt, [5, 3]);
   add(rows, dt, []);
   const entries = kinds.map(({ name, colour }) => ({ name, colour }));
-  const top = drawLegend(surface, box, entries, second !== undefined, theme);
-  drawCurves(surface, box, curvePlot(box, top), curves, { name: "energy", unit: "J", hasZero: true }, view, theme);
+  const top = drawLegend(surface, box, entries, second !== undefined, theme, secondName);
+  const look = { name: "energy", unit: "J", hasZero: true, note };
+  drawCurves(surface, box, curvePlot(box, top), curves, look, view, theme);
 }
 
 /**
  * A legend above a plot; returns where the plot may begin.
  * @param {Surface} surface @param {Box} box
  * @param {{ name: string, colour: string, dash?: number[] }[]} entries
- * @param {boolean} hasSecond @param {Theme} theme
+ * @param {boolean} hasSecond @param {Theme} theme @param {string} [secondName]
  */
-function drawLegend(surface, box, entries, hasSecond, theme) {
-  const all = hasSecond ? [...entries, { name: "changed", colour: theme.muted, dash: [5, 3] }] : entries;
+function drawLegend(surface, box, entries, hasSecond, theme, secondName = "changed") {
+  const all = hasSecond ? [...entries, { name: secondName, colour: theme.muted, dash: [5, 3] }] : entries;
   return (
     4 + legend(surface, { x: box.x + LEFT_PX, y: box.y + 2, width: box.width - LEFT_PX - 8, height: 0 }, all, theme) + 4
   );
@@ -176,12 +212,18 @@ function drawLegend(surface, box, entries, hasSecond, theme) {
  * @param {View} view
  * @param {Theme} theme
  */
-export function drawTrajectories(surface, box, { rows, second, second_dt_s: secondDt, events = [] }, view, theme) {
+export function drawTrajectories(
+  surface,
+  box,
+  { rows, second, second_dt_s: secondDt, secondName, events = [], leftOut: note = "" },
+  view,
+  theme,
+) {
   const follow = rows?.request.follow ?? [];
   const colours = theme.curves.slice(0, 6);
   const colourOf = (/** @type {number} */ i) => colours[i % colours.length];
   const entries = follow.map((bead, i) => ({ name: `bead ${bead}`, colour: colourOf(i) }));
-  const top = drawLegend(surface, box, entries, second !== undefined, theme);
+  const top = drawLegend(surface, box, entries, second !== undefined, theme, secondName);
   const whole = curvePlot(box, top);
   const high = (whole.height - 8) / 2;
   const dt = view.dt_s ?? 1;
@@ -192,12 +234,11 @@ export function drawTrajectories(surface, box, { rows, second, second_dt_s: seco
     /** @type {Curve[]} */
     const curves = [];
     const add = (/** @type {Rows | undefined} */ some, /** @type {number} */ dt, /** @type {number[]} */ dash) => {
-      const wide = 2 * (some?.request.follow.length ?? 0);
       some?.request.follow.forEach((bead, i) => {
         const rank = follow.indexOf(bead);
         if (rank >= 0) {
           curves.push({
-            points: pointsOf(some, dt, (row) => some.followed[row * wide + 2 * i + part]),
+            points: pointsOf(some, dt, ENERGY_COUNT + 2 * i + part),
             colour: colourOf(rank),
             dash,
           });
@@ -209,6 +250,6 @@ export function drawTrajectories(surface, box, { rows, second, second_dt_s: seco
     const plot = { ...whole, y: whole.y + part * (high + 8), height: high };
     const seen = part === 0 ? events.filter(({ bead }) => follow.includes(bead)) : [];
     const marks = seen.flatMap(({ step, u_m: u }) => [step * dt, u]);
-    drawCurves(surface, box, plot, curves, { ...look, isBare: part === 0, marks }, view, theme);
+    drawCurves(surface, box, plot, curves, { ...look, isBare: part === 0, marks, note: part === 0 ? note : "" }, view, theme);
   });
 }

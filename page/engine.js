@@ -1,6 +1,6 @@
 // A run as the page sees it: everything is asked of a worker that has it.
 
-import { ENERGY_COUNT } from "./fields.js";
+import { curveCount } from "./rows.js";
 
 /** @typedef {import("./types.d.ts").State} State */
 /** @typedef {import("./types.d.ts").Rows} Rows */
@@ -150,7 +150,7 @@ export class Engine {
   rows(request, onrows) {
     this.rowsAsked += 1;
     const asked = this.rowsAsked;
-    const wide = 2 * request.follow.length;
+    const wide = curveCount(request.follow);
     /** @type {Rows} */
     let rows = {
       request,
@@ -158,27 +158,40 @@ export class Engine {
       count: 0,
       steps: new Float64Array(0),
       cells: new Float32Array(0),
-      energies: new Float64Array(0),
-      followed: new Float64Array(0),
+      lows: new Float64Array(0),
+      highs: new Float64Array(0),
+      seen: -1,
+      fresh: 0,
       isWhole: false,
     };
-    return this.ask("rows", [request], ({ from, columns, steps, cells, energies, followed, isWhole }) => {
+    return this.ask("rows", [request], ({ from, columns, steps, cells, lows, highs, seen, isWhole }) => {
       if (asked !== this.rowsAsked) {
         return;
       }
       if (from === 0) {
         // all of them anew, in an object of its own: whoever has painted the rows before sees that it is another
-        rows = { request, columns, count: steps.length, steps, cells, energies, followed, isWhole };
+        rows = { request, columns, count: steps.length, steps, cells, lows, highs, seen, fresh: 0, isWhole };
       } else {
         rows.steps = Growing.put(rows.steps, steps, from);
         rows.cells = Growing.put(rows.cells, cells, from * columns);
-        rows.energies = Growing.put(rows.energies, energies, from * ENERGY_COUNT);
-        rows.followed = Growing.put(rows.followed, followed, from * wide);
+        rows.lows = Growing.put(rows.lows, lows, from * wide);
+        rows.highs = Growing.put(rows.highs, highs, from * wide);
         rows.count = from + steps.length;
-        rows.isWhole = isWhole;
+        rows.fresh = Math.min(rows.fresh, from);
+        Object.assign(rows, { seen, isWhole });
       }
       onrows(rows);
     });
+  }
+
+  /**
+   * Energies and followed beads at every step, or where steps are not recomputed at every state that is there.
+   * @param {{ steps: [number, number], follow: number[] }} request
+   * @param {(part: { steps: Float64Array, values: Float64Array }) => void} onpart some steps, and `curveCount` values of each
+   * @returns {Promise<void>}
+   */
+  series(request, onpart) {
+    return this.ask("series", [request], onpart);
   }
 
   /**

@@ -1,9 +1,15 @@
 // What is seen as a file: pictures, and tables in CSV, with numbers in full and units in the names.
 
-import { ENERGY_COUNT } from "./fields.js";
+import { captionOf } from "./caption.js";
+import { curveCount } from "./rows.js";
 import { make, save } from "./elements.js";
+import { filmWords, hasFilm, makeFilm } from "./film.js";
+import { fileWords, takeRecording } from "./taking.js";
 
 /** @typedef {import("./run.js").Run} Run */
+
+/** Rows of a table that a browser still holds in memory as text. */
+const MOST_ROWS = 2_000_000;
 
 /** @param {(string | number)[][]} rows */
 function csv(rows) {
@@ -29,30 +35,37 @@ export function profileCsv({ state, fields }, [first, last]) {
 }
 
 /**
- * Energies, and the beads that are followed, at the rows in view.
+ * Energies, and the beads that are followed, at every step; where steps are not recomputed, of every state that is there.
  * @param {Run} run
+ * @param {{ steps: [number, number], follow: number[] }} request
+ * @param {(rows: number) => void} onrows how many there are so far
+ * @returns {Promise<string[]>} pieces of the text
  */
-export function curvesCsv({ rows, physics }) {
-  const names = ["kinetic_J", "potential_J", "left_J", "split_bead_J", "right_J", "dissipated_J", "driven_J"];
-  const follow = rows?.request.follow ?? [];
-  /** @type {(string | number)[][]} */
-  const lines = [["step", "time_s", ...names, ...follow.flatMap((bead) => [`u_${bead}_m`, `v_${bead}_m_s`])]];
-  for (let i = 0; rows && i < rows.count; i += 1) {
-    const wide = 2 * follow.length;
-    const energies = rows.energies.subarray(i * ENERGY_COUNT, (i + 1) * ENERGY_COUNT);
-    lines.push([
-      rows.steps[i],
-      rows.steps[i] * physics.dt_s,
-      ...energies,
-      ...rows.followed.subarray(i * wide, (i + 1) * wide),
-    ]);
-  }
-  return csv(lines);
+export async function curvesCsv({ engine, physics }, request, onrows) {
+  const { follow } = request;
+  const names = ["kinetic_J", "potential_J", "left_J", "split_bead_J", "right_J", "dissipated_J", "driven_J", "total_J"];
+  const beads = follow.flatMap((bead) => [`u_${bead}_m`, `v_${bead}_m_s`]);
+  const pieces = [csv([["step", "time_s", ...names, ...beads]])];
+  const wide = curveCount(follow);
+  let count = 0;
+  await engine.series(request, ({ steps, values }) => {
+    /** @type {(string | number)[][]} */
+    const lines = [];
+    steps.forEach((step, i) => {
+      lines.push([step, step * physics.dt_s, ...values.subarray(i * wide, (i + 1) * wide)]);
+    });
+    if (lines.length > 0) {
+      pieces.push(csv(lines));
+    }
+    count += lines.length;
+    onrows(count);
+  });
+  return pieces;
 }
 
 /**
  * The map: a line for each row, a column for each column of the picture, named by its first place. These numbers are
- * what is painted: of several places the one of the largest magnitude, in single precision.
+ * what is painted: of the places and steps of a cell the value of the largest magnitude, in single precision.
  * @param {Run} run
  */
 export function mapCsv({ rows, physics }) {
@@ -78,8 +91,30 @@ export function mapCsv({ rows, physics }) {
 export function exportDialog(page) {
   const run = /** @type {Run} */ (page.run);
   const name = run.info.manifest.provenance.name.replace(/[^\w-]+/g, "-") || "beadline";
-  const text = (/** @type {string} */ part, /** @type {string} */ csv) =>
-    save(`${name}-${part}.csv`, new Blob([csv], { type: "text/csv" }));
+  const text = (/** @type {string} */ part, /** @type {string[]} */ ...pieces) => {
+    const head = captionOf(page, { isTable: true }).map((line) => `# ${line.replace(/[\r\n]/g, " ")}\n`);
+    save(`${name}-${part}.csv`, new Blob([...head, ...pieces], { type: "text/csv" }));
+  };
+  const { steps } = page.window();
+  /** @type {[number, number]} */
+  const window = [Math.max(run.info.firstStep, Math.floor(steps[0])), Math.min(run.info.lastStep, Math.ceil(steps[1]))];
+  const stepCount = window[1] - window[0] + 1;
+  const isTooLong = stepCount > MOST_ROWS;
+  const curves = async (/** @type {{ currentTarget: HTMLButtonElement }} */ { currentTarget: button }) => {
+    const words = button.textContent ?? "";
+    button.disabled = true;
+    try {
+      const request = { steps: window, follow: page.followed };
+      const onrows = (/** @type {number} */ rows) => {
+        button.textContent = `${Math.round((100 * rows) / stepCount)} %`;
+      };
+      text("curves", ...(await curvesCsv(run, request, onrows)));
+    } catch (error) {
+      run.fault(error);
+    }
+    button.textContent = words;
+    button.disabled = false;
+  };
   const places = () => {
     const [from, to] = page.window().places;
     return /** @type {[number, number]} */ ([
@@ -87,21 +122,43 @@ export function exportDialog(page) {
       Math.min(run.beads - 1, Math.ceil(to - 0.5)),
     ]);
   };
-  /** @type {[string, string, () => void][]} */
+  /** @type {[string, string, (event: any) => void][]} */
   const files = [
-    ["PNG", "all panels, at twice the size", () => page.board.savePng(name)],
-    ["SVG", "all panels, for a paper or slides", () => page.board.saveSvg(name)],
+    ["PNG", "all panels with a caption, at twice the size", () => page.board.savePng(name, captionOf(page))],
+    ["SVG", "all panels with a caption, for a paper or slides", () => page.board.saveSvg(name, captionOf(page))],
     [
       "CSV: profile",
       "displacement, velocity, energy of the beads in view at the cursor",
       () => text("profile", profileCsv(run, places())),
     ],
-    ["CSV: curves", "energies and followed beads over the time in view", () => text("curves", curvesCsv(run))],
-    ["CSV: map", "the map as it is painted", () => text("map", mapCsv(run))],
+    [
+      "CSV: curves",
+      run.info.recomputes
+        ? `energies and followed beads at every step in view: ${stepCount}${isTooLong ? ", too many: zoom in" : ""}`
+        : "energies and followed beads of every recorded state in view",
+      curves,
+    ],
+    ["CSV: map", "the map as it is painted: of each cell the value farthest from 0", () => text("map", mapCsv(run))],
   ];
+  const filmed = (/** @type {"webm" | "png"} */ kind) => () => makeFilm(page, kind, name);
+  const [webm, png] = [filmed("webm"), filmed("png")];
+  files.push(["WebM", filmWords(page), webm], ["PNG series", "the same as pictures in a ZIP file, at twice the size", png]);
+  const words = fileWords(page.source, run.info);
+  if (words !== undefined) {
+    files.push(["MCAP", words, () => takeRecording(/** @type {any} */ (page.source), name).catch((error) => run.fault(error))]);
+  }
+  /** @type {Map<unknown, boolean>} */
+  const isNone = new Map([
+    [curves, isTooLong],
+    [webm, !hasFilm(page, "webm")],
+    [png, !hasFilm(page, "png")],
+  ]);
   return make(
     "div",
     { class: "files" },
-    ...files.flatMap(([what, words, onclick]) => [make("button", { onclick }, what), make("span", {}, words)]),
+    ...files.flatMap(([what, words, onclick]) => [
+      make("button", { onclick, disabled: isNone.get(onclick) }, what),
+      make("span", {}, words),
+    ]),
   );
 }

@@ -4,8 +4,8 @@ import { stepperOf } from "./chains.js";
 import { KERNEL_VERSION, METHODS, isKnown } from "./kernel.js";
 import { unknownPhysics } from "./keys.js";
 
-/** Kinetic, potential, left, split bead, right, dissipated, driven (J). */
-export const ENERGY_COUNT = 7;
+/** Kinetic, potential, left, split bead, right, dissipated, driven, total (J). */
+export const ENERGY_COUNT = 8;
 
 /**
  * What `physics` says that a chain has, and the chain does not have it; "" if there is nothing.
@@ -150,13 +150,13 @@ export class Fields {
       dissipated += extra[work * u.length + i];
     }
     const driven = stepper.drivenWork(state);
-    into.set([kinetic, potential, sides[0], sides[1], sides[2], dissipated, driven], at);
+    into.set([kinetic, potential, sides[0], sides[1], sides[2], dissipated, driven, kinetic + potential], at);
   }
 
   /**
    * Writes a row of a map to `into`: for each of `columns` columns the value that is largest in magnitude among
    * the places `first` to `last`, so that no pulse is lost between pixels; of contacts the rarest class
-   * (0 touching, 1 compressed, 2 open). Overlaps of a loaded chain count from rest.
+   * (0 touching, 1 compressed, 2 open). Overlaps of a loaded chain count from rest, forces from 0, without damping.
    * @param {import("./types.d.ts").Field} field
    * @param {import("./types.d.ts").State} state
    * @param {[number, number]} places
@@ -182,6 +182,8 @@ export class Fields {
           value = u[place];
         } else if (field === "overlap") {
           value = u[place] - u[place + 1];
+        } else if (field === "force") {
+          value = this.force(place, u[place] - u[place + 1] + restOverlap[place]);
         } else if (field === "energy") {
           const { kinetic, potential } = stepper.resonatorEnergy(state, place);
           value = 0.5 * mass[place] * (v[place] * v[place]) + 0.5 * (contactJ[place] + contactJ[place + 1]);
@@ -190,7 +192,7 @@ export class Fields {
           const overlap = u[place] - u[place + 1] + restOverlap[place];
           // compressed before open before touching
           value = overlap > tolerance ? 1 : overlap < -tolerance ? 2 : 0;
-          shown = value === 1 || shown === 1 ? 1 : value === 2 ? 2 : shown;
+          shown = outermost(field, shown, value);
           continue;
         }
         if (Math.abs(value) > Math.abs(shown)) {
@@ -200,6 +202,19 @@ export class Fields {
       into[column] = shown;
     }
   }
+}
+
+/**
+ * What a cell shows that stands for two values of a field: the one farther from 0, of contacts the rarer class.
+ * @param {import("./types.d.ts").Field} field
+ * @param {number} a
+ * @param {number} b
+ */
+export function outermost(field, a, b) {
+  if (field === "contacts") {
+    return a === 1 || b === 1 ? 1 : Math.max(a, b);
+  }
+  return Math.abs(b) > Math.abs(a) ? b : a;
 }
 
 /**

@@ -2,6 +2,7 @@
 
 import { byId } from "./elements.js";
 import { watchPointer } from "./pointer.js";
+import { placeWord } from "./run.js";
 import { LEAST_PLACES, LEAST_STEPS, within } from "./view.js";
 
 /** @typedef {import("./page.js").Page} Page */
@@ -66,6 +67,17 @@ function wireCanvas(page, id) {
     onzoom: (ofPlaces, ofSteps, x, y) =>
       isMap ? page.zoom(ofPlaces, ofSteps, x, y) : page.zoom(ofPlaces * ofSteps, 1, x, y),
     onpan: (byX, byY) => page.pan(byX, isMap ? byY : 0),
+    onrule: (x0, y0, x1, y1) => {
+      if (!isMap || !page.view.ruler) {
+        return false;
+      }
+      const { places, steps } = page.window();
+      const half = placeWord(page.view.field) === "contact" ? 0.5 : 0; // contact i is between beads i and i + 1
+      const bead = (/** @type {number} */ x) => places[0] + x * (places[1] - places[0]) + half;
+      const step = (/** @type {number} */ y) => steps[0] + y * (steps[1] - steps[0]);
+      page.look({ ruler: [bead(x0), step(y0), bead(x1), step(y1)] });
+      return true;
+    },
     onbox: (box) => {
       page.box = isMap ? box : undefined;
       page.board.invalidate();

@@ -188,6 +188,43 @@ export class History {
   }
 
   /**
+   * Shows `look` every step from one to another, or where steps cannot be recomputed every state that is there; what it is
+   * shown it may not keep.
+   * @param {[number, number]} steps
+   * @param {(state: State) => void} look
+   */
+  async *each([first, last], look) {
+    let began = performance.now();
+    if (this.whyNot !== "") {
+      for await (const state of this.recording?.states(first) ?? this.kept.slice()) {
+        if (state.step > last) {
+          return;
+        }
+        if (state.step >= first) {
+          look(state);
+        }
+        if (performance.now() - began > PIECE_MS) {
+          yield;
+          began = performance.now();
+        }
+      }
+      return;
+    }
+    const state = copyOf(yield* this.at(first));
+    look(state);
+    while (state.step < last) {
+      /** @type {Stepper} */ (this.stepper).step(state);
+      state.step += 1;
+      state.time_s = state.step * this.dt;
+      look(state);
+      if (performance.now() - began > PIECE_MS) {
+        yield;
+        began = performance.now();
+      }
+    }
+  }
+
+  /**
    * Recomputes what is stored, each state from the one before it, and compares the bits. Yields what it found so far.
    * @returns {AsyncGenerator<import("./types.d.ts").Proof, import("./types.d.ts").Proof>}
    */

@@ -49,8 +49,11 @@ export const KEYS = [
   key("a", "a", "beads to the left", "panPlaces", -0.25),
   key("d", "d", "beads to the right", "panPlaces", 0.25),
   key("0", "0", "all of it", "whole"),
-  key("1 2 3 4 5", "1 … 5", "velocity, displacement, overlap, energy density, contacts", "field"),
+  key("1 2 3 4 5 6", "1 … 6", "velocity, displacement, overlap, energy density, contacts, force", "field"),
   key("l", "l", "logarithmic colours, linear ones", "log"),
+  key("k", "k", "fix the ends of the colours", "colours"),
+  key("r", "r", "a ruler from the chosen bead at the cursor, or none", "ruler"),
+  key("R", "shift r", "its other end to the chosen bead at the cursor", "rulerEnd"),
   key("t", "t", "light, dark", "theme"),
   key("v", "v", "prove the recording", "prove"),
   key("c", "c", "change one thing", "change"),
@@ -90,7 +93,7 @@ export function watchKeys(act) {
 export function keyTable() {
   const pointer = [
     ["wheel", "zoom into time; with shift into beads, with ctrl into both"],
-    ["drag", "move; with shift: zoom into a box"],
+    ["drag", "move; with shift: zoom into a box; lays the ruler where there is one"],
     ["click", "choose time and bead"],
     ["double click", "all of it"],
     ["two fingers", "move and zoom"],

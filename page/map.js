@@ -32,15 +32,16 @@ export const FIELD_LABELS = {
   overlap: ["overlap", "m"],
   energy: ["energy", "J"],
   contacts: ["contact", ""],
+  force: ["elastic force", "N"],
 };
 
 export const CONTACT_CLASSES = ["touching", "compressed", "open"];
 
 /** Parts of the largest number below which colours are linear. */
-const LINEAR_PART = { velocity: 1e-3, displacement: 1e-3, overlap: 1e-3, energy: 1e-6, contacts: 0 };
+const LINEAR_PART = { velocity: 1e-3, displacement: 1e-3, overlap: 1e-3, energy: 1e-6, contacts: 0, force: 1e-3 };
 
 /** Whether a field belongs to contacts rather than to beads. */
-export const isOfContacts = (/** @type {Field} */ field) => field === "overlap" || field === "contacts";
+export const isOfContacts = (/** @type {Field} */ field) => ["overlap", "contacts", "force"].includes(field);
 
 const NARROW_PX = 560;
 const BAR_PX = 13;
@@ -101,7 +102,7 @@ class Picture {
   widen(rows) {
     const end = rows.count * rows.columns;
     let [low, high] = [0, 0];
-    for (let i = this.seen; i < end; i += 1) {
+    for (let i = Math.min(this.seen, rows.fresh * rows.columns); i < end; i += 1) {
       const value = rows.cells[i];
       if (value < low) {
         low = value;
@@ -130,6 +131,8 @@ class Picture {
       this.painted = 0;
     }
     const { scale } = this;
+    this.painted = Math.min(this.painted, rows.fresh);
+    rows.fresh = rows.count;
     if (this.painted === rows.count) {
       return scale;
     }

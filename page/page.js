@@ -4,16 +4,19 @@ import { act } from "./actions.js";
 import { Board } from "./board.js";
 import { carried, carriedRecording, carriedResults, listing, resultsOf, sourceOf } from "./carried.js";
 import { watchDrops, workerMaker } from "./carried.js";
-import { changedSource, readChange } from "./changing.js";
+import { changedSource, describe, readChange } from "./changing.js";
+import { Comparison } from "./comparing.js";
 import { byId, make } from "./elements.js";
 import { Engine } from "./engine.js";
 import { folderTable } from "./folder.js";
 import { watchGestures } from "./gestures.js";
 import { watchKeys } from "./keyboard.js";
+import { Original, carriedNotes } from "./notes.js";
 import { Pictures } from "./pictures.js";
 import { prove } from "./prove.js";
 import { ReadOut } from "./readout.js";
-import { Run } from "./run.js";
+import { Run, unitOf } from "./run.js";
+import { Spectrum } from "./spectrum.js";
 import { Tabs } from "./tabs.js";
 import { thumbnail } from "./thumbnails.js";
 import { Timeline } from "./timeline.js";
@@ -36,11 +39,19 @@ function sentence(error) {
 export class Page {
   constructor() {
     this.view = readView(location.hash);
+    this.original = new Original();
+    this.notes = carriedNotes();
+    this.comparison = new Comparison(this);
+    this.spectrum = new Spectrum(this);
     this.startWorker = workerMaker();
     /** @type {Run | undefined} */
     this.run = undefined;
     /** With one thing changed. @type {Run | undefined} */
     this.second = undefined;
+    /** Where the run comes from. @type {Source | undefined} */
+    this.source = undefined;
+    /** What is changed in it. @type {{ name: string, now: string, then: string } | undefined} */
+    this.changed = undefined;
     /** @type {Entry[]} */
     this.entries = [];
     /** Where the pointer is: place and step of the map. @type {{ place: number, step: number } | undefined} */
@@ -107,7 +118,11 @@ export class Page {
   async beginServed() {
     const { entries, kind, title } = await listing();
     this.entries = entries;
-    const entry = entries.find(({ id }) => id === this.view.run) ?? (kind === "one" ? entries[0] : undefined);
+    const isOwn = kind === "one" || kind === "pair";
+    const entry = entries.find(({ id }) => id === this.view.run) ?? (isOwn ? entries[0] : undefined);
+    if (kind === "pair" && !this.view.run) {
+      this.look({ other: entries[1].id, run: entries[0].id });
+    }
     if (entry) {
       await this.openEntry(entry);
     } else {
@@ -168,6 +183,7 @@ export class Page {
     }
     const run = this.runOf(engine);
     this.run = run;
+    this.source = source;
     document.title = `${title} · Beadline`;
     byId("name").textContent = title;
     this.note(
@@ -197,6 +213,7 @@ export class Page {
     };
     results.then((found) => {
       run.pulses = found?.pulses ?? [];
+      run.modes = found?.modes ?? [];
       this.tabs.forget();
       this.board.invalidate();
     });
@@ -205,6 +222,7 @@ export class Page {
     }
     this.opened?.(run.info);
     this.applyChange(readChange(this.view.change));
+    void this.comparison.restore();
   }
 
   /** @param {Engine} engine */
@@ -223,10 +241,12 @@ export class Page {
     this.timeline.pause();
     this.run?.close();
     this.second?.close();
+    this.comparison.close();
+    this.spectrum.close();
     if (this.run || this.hasFailed) {
       this.renewReady();
     }
-    [this.run, this.second, this.hover] = [undefined, undefined, undefined];
+    [this.run, this.second, this.changed, this.hover] = [undefined, undefined, undefined, undefined];
     this.note();
   }
 
@@ -310,7 +330,8 @@ export class Page {
    * @param {Partial<import("./view.js").View>} change
    */
   look(change) {
-    Object.assign(this.view, change);
+    const isOther = change.field !== undefined && change.field !== this.view.field;
+    Object.assign(this.view, isOther ? { colours: undefined } : {}, change);
     this.hover = undefined; // what is under the pointer has become another
     clearTimeout(this.writing);
     this.writing = setTimeout(() => this.write(), 250);
@@ -392,6 +413,7 @@ export class Page {
   /** Before each drawing: asks for what is missing, and brings words up to date. */
   prepare() {
     const { run, second } = this;
+    const { difference } = this.comparison;
     if (!run) {
       return;
     }
@@ -407,12 +429,15 @@ export class Page {
         second.seek(this.secondStep(this.step));
       }
     }
+    if (difference) {
+      this.askRows(difference, "second", 1);
+    }
     const isCheap = run.info.recomputes && run.beads * run.info.lastStep < CHEAP;
     const isGrowing = run.info.kind === "live" && run.ended === "";
     if (!isGrowing && run.rows?.isWhole && (this.view.tab === "events" || isCheap)) {
       run.find(this.bead);
     }
-    const isBusy = !isGrowing && ![run, ...(second ? [second] : [])].every(({ rows }) => rows?.isWhole);
+    const isBusy = !isGrowing && ![run, second, difference].every((one) => one === undefined || one.rows?.isWhole);
     byId("map-panel").classList.toggle("busy", isBusy);
     this.timeline.show(this.step, this.isFollowing);
     this.showKind();
@@ -466,6 +491,12 @@ export class Page {
     /** @type {HTMLSelectElement} */ (byId("field")).value = field;
     byId("log").setAttribute("aria-pressed", String(log));
     /** @type {HTMLButtonElement} */ (byId("log")).disabled = field === "contacts";
+    /** @type {HTMLButtonElement} */ (byId("colours")).disabled = field === "contacts";
+    byId("colours").setAttribute("aria-pressed", String(this.view.colours !== undefined));
+    const [least, largest] = this.view.colours ?? [];
+    byId("colours").title =
+      least === undefined ? "fix the ends of the colours (k)" : `fixed from ${least} to ${largest} ${unitOf(field)} (k)`;
+    byId("ruler").setAttribute("aria-pressed", String(this.view.ruler !== undefined));
     /** @type {HTMLButtonElement} */ (byId("whole")).disabled = !this.view.places && !this.view.steps;
   }
 
@@ -483,7 +514,7 @@ export class Page {
       const { value } = /** @type {HTMLSelectElement} */ (event.target);
       this.look({ field: /** @type {any} */ (value) });
     });
-    const sameNamed = ["log", "whole", "prove", "change", "export", "open", "theme", "help"].map((id) => [id, id]);
+    const sameNamed = ["log", "colours", "ruler", "whole", "prove", "change", "export", "open", "theme", "help"].map((id) => [id, id]);
     for (const [id, action] of [...sameNamed, ["choose", "open"], ["list-back", "back"]]) {
       byId(id).addEventListener("click", () => act(this, action, 0, ""));
     }
@@ -497,7 +528,7 @@ export class Page {
   /** Somebody else wrote the fragment: a link, or the address bar. */
   readAgain() {
     const before = this.view.run;
-    const change = this.view.change;
+    const { change, other, difference } = this.view;
     this.view = readView(location.hash);
     this.applyTheme();
     const entry = this.entries.find(({ id }) => id === this.view.run);
@@ -511,8 +542,11 @@ export class Page {
       if (!this.isFollowing) {
         this.seek(this.step);
       }
-      if (this.view.change !== change) {
+      if (this.view.change !== change || this.view.other !== other) {
         this.applyChange(readChange(this.view.change));
+        void this.comparison.restore();
+      } else if (this.view.difference !== difference) {
+        void this.comparison.showDifference();
       }
     }
   }
@@ -570,7 +604,11 @@ export class Page {
     this.changing += 1;
     const changing = this.changing;
     this.second?.close();
-    this.second = undefined;
+    this.comparison.close();
+    [this.second, this.changed] = [undefined, undefined];
+    if (change) {
+      this.look({ other: "" });
+    }
     byId("second-panel").hidden = true;
     if (!run || !change) {
       this.board.invalidate();
@@ -583,6 +621,7 @@ export class Page {
         return;
       }
       this.second = this.runOf(engine);
+      this.changed = describe(change, run);
       byId("second-panel").hidden = false;
       await this.second.seek(this.secondStep(this.step));
     } catch (error) {
@@ -601,6 +640,8 @@ export function start() {
     const { step: at, time_s, u, v } = await /** @type {Run} */ (page.run).engine.state(step);
     return { step: at, time_s, u, v };
   };
+  const told = (/** @type {Run | undefined} */ run) =>
+    run && { info: run.info, state: (/** @type {number} */ step) => run.engine.state(step) };
   Object.defineProperty(window, "beadline", {
     value: {
       get ready() {
@@ -617,10 +658,13 @@ export function start() {
         await page.ready;
         await page.seek(step);
       },
-      /** The run with one thing changed, if there is one. */
+      /** The run with one thing changed, or the other one that is compared. */
       get changed() {
-        const engine = page.second?.engine;
-        return engine && { info: engine.info, state: (/** @type {number} */ step) => engine.state(step) };
+        return told(page.second);
+      },
+      /** This run less the other one, if that is shown. */
+      get difference() {
+        return told(page.comparison.difference);
       },
       prove: async () => {
         await page.ready;

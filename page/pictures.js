@@ -1,13 +1,16 @@
 // What is drawn on each canvas: the run, and the changed one, in the window that is looked at.
 
 import { byId } from "./elements.js";
+import { changeWords } from "./caption.js";
 import { FIELDS } from "./view.js";
+import { drawRuler } from "./ruler.js";
 import { placeWord } from "./run.js";
-import { amount } from "./axes.js";
+import { LABEL_PX, amount } from "./axes.js";
 import { theme, colourScale } from "./colours.js";
 import { drawMap, mapScales } from "./map.js";
+import { drawNotes } from "./notes.js";
 import { drawProfile } from "./profile.js";
-import { drawEnergies, drawTrajectories } from "./curves.js";
+import { drawEnergies, drawTrajectories, leftOut } from "./curves.js";
 
 /** @typedef {import("./surface.js").Box} Box */
 /** @typedef {import("./surface.js").Surface} Surface */
@@ -30,14 +33,16 @@ export class Pictures {
    */
   draw(name, surface, box) {
     const { run, second } = this.page;
-    const shown = name === "second" ? second : run;
+    const shown = name === "second" ? this.page.comparison.shown : run;
     const colours = theme(this.page.isDark);
     if (!run || !shown) {
       return;
     }
     if (name === "map" || name === "second") {
       drawMap(surface, box, shown.rows, this.mapView(shown), colours);
+      this.drawTitle(surface, box, shown);
       this.drawBox(surface, box);
+      this.drawOver(surface, box, shown);
     } else if (name === "profile") {
       drawProfile(
         surface,
@@ -48,6 +53,7 @@ export class Pictures {
           fields: run.fields,
           second: second?.state,
           secondFields: second?.fields,
+          secondName: this.page.comparison.other?.name,
         },
         this.mapView(run),
         colours,
@@ -62,8 +68,10 @@ export class Pictures {
           rows: run.rows,
           second: second?.rows,
           second_dt_s: second?.physics.dt_s,
+          secondName: this.page.comparison.other?.name,
           splitName: isImpurity ? "impurity" : `bead ${split}`,
           events: this.page.followed.flatMap((bead) => run.events.get(bead)?.events ?? []),
+          leftOut: leftOut(run.rows, run.info),
         },
         this.mapView(run),
         colours,
@@ -87,7 +95,7 @@ export class Pictures {
     const now = amount((run.state?.step ?? 0) * dt, "s", 6);
     const words = {
       map: `Map of ${field}, ${where} to the right, ${when} downward`,
-      second: `The same map with one thing changed${second ? "" : ", not there"}`,
+      second: second ? `The same map, changed: ${changeWords(this.page)}` : "The same map with one thing changed, not there",
       profile: `${field} of ${where} at ${now}`,
       energies: `Energies, ${when}`,
       path: `Displacement and velocity of beads ${this.page.followed.join(", ")}, ${when}`,
@@ -103,14 +111,15 @@ export class Pictures {
   mapView(run) {
     const { page } = this;
     const { places, steps } = page.window();
-    const factor = run === page.run ? 1 : page.secondStep(1);
+    const factor = run === page.second ? page.secondStep(1) : 1;
     const bead = page.bead;
     return {
       places,
       steps: /** @type {[number, number]} */ ([steps[0] * factor, steps[1] * factor]),
       field: page.view.field,
       log: page.view.log,
-      cursor: run.state?.step,
+      range: page.view.colours ?? page.comparison.commonEnds(run),
+      cursor: run === page.comparison.difference ? page.run?.state?.step : run.state?.step,
       dt_s: run.physics.dt_s,
       impurities: run.physics.impurities.map((impurity) => impurity.bead),
       chosen: [...new Set([...page.view.beads, ...(page.view.bead === undefined ? [] : [bead])])],
@@ -119,10 +128,24 @@ export class Pictures {
     };
   }
 
+  /** The ruler, and notes. @param {Surface} surface @param {Box} box @param {Run} shown */
+  drawOver(surface, box, shown) {
+    const { page } = this;
+    const view = this.mapView(shown);
+    const factor = shown === page.second ? page.secondStep(1) : 1;
+    const colours = theme(page.isDark);
+    if (page.source?.kind === "bytes") {
+      drawNotes(surface, box, view, page.notes, factor, colours);
+    }
+    if (page.view.ruler) {
+      drawRuler(surface, box, view, page.view.ruler, factor, /** @type {Run} */ (page.run).physics, colours);
+    }
+  }
+
   /** Where a map or a profile has its plot, in its canvas. @param {string} id */
   plot(id) {
-    const { run, second } = this.page;
-    const shown = id === "second" ? second : run;
+    const { run, comparison } = this.page;
+    const shown = id === "second" ? comparison.shown : run;
     const { width, height } = this.page.board.size(id);
     if (!shown || width < 2 || height < 2) {
       return undefined;
@@ -136,6 +159,23 @@ export class Pictures {
       places: [from, to],
     } = this.page.window();
     return from + x * (to - from);
+  }
+
+  /** Which of two maps this is, in its corner. @param {Surface} surface @param {Box} box @param {Run} shown */
+  drawTitle(surface, box, shown) {
+    const { run, changed, comparison } = this.page;
+    const { name = "", now = "", then = "" } = changed ?? {};
+    const own = { recording: "recorded", live: "live", start: "unchanged" }[shown.info.kind];
+    const ofChange = shown === run ? `${own}, ${name} ${then}` : `changed: ${name} ${now}`;
+    const text = changed === undefined ? comparison.title(shown) : ofChange;
+    if (text === "") {
+      return;
+    }
+    const { plot } = mapScales(box, this.mapView(shown));
+    const { foreground, background } = theme(this.page.isDark);
+    const size = Math.min(LABEL_PX, (LABEL_PX * (plot.width - 16)) / surface.textWidth(text, LABEL_PX, true));
+    const at = plot.y + plot.height - 12;
+    surface.text(plot.x + 8, at, text, { size, colour: foreground, bold: true, halo: background });
   }
 
   /** The box that is being drawn. @param {Surface} surface @param {Box} box */

@@ -10,6 +10,7 @@
  * @property {() => void} onwhole
  * @property {(factorX: number, factorY: number, x: number, y: number) => void} onzoom
  * @property {(byX: number, byY: number) => void} onpan
+ * @property {(x0: number, y0: number, x1: number, y1: number) => boolean} onrule a drag that may lay a ruler: whether it did
  * @property {(box: [number, number, number, number] | undefined) => void} onbox while it is drawn: x0, y0, x1, y1
  * @property {(box: [number, number, number, number]) => void} onboxed
  */
@@ -95,7 +96,7 @@ export function watchPointer(canvas, gestures) {
       gestures.onpan((before[0] - place[0]) / 2, (before[1] - place[1]) / 2);
     } else if (hasMoved && isBox) {
       gestures.onbox(boxTo(place));
-    } else if (hasMoved && !wasPinch) {
+    } else if (hasMoved && !wasPinch && !gestures.onrule(...start, ...place)) {
       gestures.onpan(before[0] - place[0], before[1] - place[1]);
     }
     down.set(event.pointerId, place);

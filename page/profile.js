@@ -24,6 +24,7 @@ import { FIELD_LABELS, isOfContacts, mapScales, placeOfBead, placesOf, plotOf } 
  * @property {Valuer} [fields]
  * @property {State | undefined} [second]
  * @property {Valuer} [secondFields]
+ * @property {string} [secondName]
  */
 
 /** Beads in view up to which they are drawn as beads. */
@@ -38,7 +39,7 @@ function valuesOf(state, field, [from, to], fields) {
   const first = Math.max(0, Math.floor(from));
   const count = Math.min(last, Math.ceil(to)) - first + 1;
   const values = new Float64Array(Math.max(0, count));
-  if (field === "energy") {
+  if (field === "energy" || field === "force") {
     if (count > 0) {
       fields?.row(field, state, [first, first + count - 1], count, values);
     }
@@ -182,7 +183,7 @@ export function drawProfile(surface, box, data, view, theme) {
     notes.push(`${beyond} ${places} beyond the frame, as far as ${amount(farthest, unit, 3)}`);
   }
   if (second !== undefined) {
-    notes.push("dashed: changed");
+    notes.push(`dashed: ${data.secondName ?? "changed"}`);
   }
   notes.forEach((note, i) => {
     const size = Math.min(TICK_PX, (TICK_PX * (plot.width - 16)) / surface.textWidth(note, TICK_PX));

@@ -587,11 +587,12 @@ export class Recording {
     return chunk === undefined ? undefined : this.lastIn(chunk, step);
   }
 
-  /** All states, in order. */
-  async *states() {
+  /** All states, in order, or those from the chunk on in which a step is. @param {number} [from] */
+  async *states(from = -1) {
     let before = -1;
-    let coming = this.load(this.places[0]);
-    for (let i = 0; i < this.places.length; i += 1) {
+    const begin = Math.max(0, this.places.findIndex((place) => place === this.placeBefore(from)));
+    let coming = this.load(this.places[begin]);
+    for (let i = begin; i < this.places.length; i += 1) {
       const chunk = await coming;
       if (i + 1 < this.places.length) {
         coming = this.load(this.places[i + 1]);

@@ -1,6 +1,7 @@
 // One run as it is looked at: its engine, the state at the cursor, the rows of its map, its events.
 
 import { Fields } from "./fields.js";
+import { isOfContacts } from "./map.js";
 
 /** @typedef {import("./types.d.ts").State} State */
 /** @typedef {import("./types.d.ts").Field} Field */
@@ -11,13 +12,16 @@ import { Fields } from "./fields.js";
  * @param {Field} field
  */
 export function placeWord(field) {
-  return field === "overlap" || field === "contacts" ? "contact" : "bead";
+  return isOfContacts(field) ? "contact" : "bead";
 }
 
 /** The unit of a field's values; "" of classes. @param {Field} field */
 export function unitOf(field) {
-  return { velocity: "m/s", displacement: "m", overlap: "m", energy: "J", contacts: "" }[field];
+  return { velocity: "m/s", displacement: "m", overlap: "m", energy: "J", contacts: "", force: "N" }[field];
 }
+
+/** The part of a live run that is seen on the map of its whole duration. */
+const LEAST_PART = 1 / 200;
 
 /** Until rows are shown though some are missing. */
 const PATIENCE_MS = 400;
@@ -49,6 +53,8 @@ export class Run {
     this.events = new Map();
     /** @type {import("./types.d.ts").Pulse[]} */
     this.pulses = [];
+    /** @type {import("./types.d.ts").Mode[]} */
+    this.modes = [];
     this.asked = "";
     /** @type {number | undefined} */
     this.wanted = undefined;
@@ -69,14 +75,15 @@ export class Run {
   }
 
   /**
-   * The last step that a whole map shows. That of a live run is ahead of it and doubles, so that the map grows downward
-   * and rarely shrinks.
+   * The last step that a whole map shows. That of a live run is the end of its duration, so that nothing moves while it
+   * goes; of one so long that nothing would be seen yet it is ahead and doubles.
    */
   get endStep() {
     const { kind, firstStep, lastStep } = this.info;
     const isGrowing = kind === "live" && this.ended === "";
-    const room = isGrowing ? 2 ** Math.ceil(Math.log2(Math.max(lastStep, 64))) : lastStep;
-    return Math.max(firstStep + 1, isGrowing ? Math.min(room, this.physics.step_count) : lastStep);
+    const { step_count: all } = this.physics;
+    const ahead = lastStep < LEAST_PART * all ? Math.min(2 ** Math.ceil(Math.log2(Math.max(lastStep, 64))), all) : all;
+    return Math.max(firstStep + 1, isGrowing ? ahead : lastStep);
   }
 
   /** Where the cursor is until it is moved: at the end, unless all of the run would have to be computed for it. */

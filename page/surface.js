@@ -31,7 +31,7 @@ function snapped(/** @type {number} */ x, /** @type {number} */ width, /** @type
 /** @type {CanvasRenderingContext2D | undefined} */
 let ruler;
 
-function widthOf(/** @type {string} */ string, /** @type {number} */ size, /** @type {boolean | undefined} */ bold) {
+export function widthOf(/** @type {string} */ string, /** @type {number} */ size, /** @type {boolean | undefined} */ bold) {
   if (typeof document === "undefined") {
     return 0.56 * size * string.length;
   }

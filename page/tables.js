@@ -46,11 +46,10 @@ function lawOf(physics) {
 }
 
 /**
- * Parameters and provenance.
- * @param {Run} run
+ * Names and values of what a chain is, and what happens to it.
+ * @param {import("./types.d.ts").Physics} physics
  */
-export function runTable({ info, physics }) {
-  const { provenance } = info.manifest;
+function chainPairs(physics) {
   const { impurities, load, damping, ends } = physics;
   /** @type {[string, string][]} */
   const chain = [
@@ -102,6 +101,22 @@ export function runTable({ info, physics }) {
     const { coefficient, exponent } = damping.power;
     chain.push(["damping", `η·δ^p·dδ/dt, η = ${amount(coefficient, "")}, p = ${exponent}`]);
   }
+  return chain;
+}
+
+/** The parameters of a run in a line. @param {Run} run */
+export function summaryOf({ physics }) {
+  const parts = chainPairs(physics).map(([name, value]) => (name === "contact law" ? value : `${name} ${value}`));
+  return [...parts, `${physics.method}, dt = ${amount(physics.dt_s, "s", 6)}`].join("; ");
+}
+
+/**
+ * Parameters and provenance.
+ * @param {Run} run
+ */
+export function runTable({ info, physics }) {
+  const { provenance } = info.manifest;
+  const chain = chainPairs(physics);
   const { length_m: length, time_s: time } = info.scales;
   /** @type {[string, string][]} */
   const time_ = [

@@ -1,7 +1,10 @@
 // The tables of a run, one at a time.
 
 import { changeForm, readChange } from "./changing.js";
+import { compareForm } from "./comparing.js";
 import { byId, make } from "./elements.js";
+import { noteList } from "./notes.js";
+import { spectrumPanel } from "./spectrum.js";
 import { eventTable, liveTable, pulseTable, runTable } from "./tables.js";
 import { TABS } from "./view.js";
 
@@ -19,7 +22,10 @@ export class Tabs {
   /** Makes the buttons, for another run. */
   open() {
     const { page } = this;
-    const tabs = TABS.filter((name) => name !== "live" || page.run?.info.kind === "live");
+    const tabs = TABS.filter((name) => {
+      const { kind } = page.run?.info ?? {};
+      return (name !== "live" || kind === "live") && (name !== "notes" || page.source?.kind === "bytes");
+    });
     const buttons = tabs.map((name) => {
       const onclick = () => page.look({ tab: name });
       const onkeydown = (/** @type {KeyboardEvent} */ event) => {
@@ -51,6 +57,9 @@ export class Tabs {
       pulses: run.pulses.length,
       live: `${run.ended}${run.status?.step}${run.status?.frames_seen}`,
       events: `${page.bead} ${events?.events.length} ${events?.isDone} ${run.ended}`,
+      notes: `${page.notes.length} ${page.bead} ${page.timeline.isPlaying ? "" : page.step}`,
+      compare: `${page.comparison.other?.name} ${page.view.difference} ${run.state?.step} ${page.second?.state?.step}`,
+      spectrum: `${page.spectrum.key} ${page.spectrum.words} ${page.spectrum.found?.segments} ${run.modes.length} ${page.isDark}`,
       change: `${page.view.change} ${page.second !== undefined}`,
     };
     const shown = `${tab} ${state[/** @type {keyof typeof state} */ (tab)]}`;
@@ -75,6 +84,9 @@ export class Tabs {
       pulses: () => pulseTable(run, seek),
       events: () => eventTable(run, page.bead, seek),
       live: () => liveTable(run),
+      notes: () => noteList(page),
+      compare: () => compareForm(page),
+      spectrum: () => spectrumPanel(page),
       change: () => changeForm(run, page.second, readChange(page.view.change), change),
     };
     panel.replaceChildren(...contents[tab]());

@@ -74,6 +74,13 @@ export class Timeline {
     this.select.value = speed || this.defaultSpeed;
   }
 
+  /** Steps that the cursor goes in some seconds of playing; in a picture, where it shows every step or frame. @param {number} seconds */
+  stepsIn(seconds) {
+    const { value } = this.select;
+    const dt = this.run?.physics.dt_s ?? 1;
+    return value === "step" ? 1 : value === "frame" ? this.frameSteps : (Number(value) * seconds) / dt;
+  }
+
   /** Moves by some steps. @param {number} steps */
   by(steps) {
     this.pause();

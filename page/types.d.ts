@@ -13,6 +13,8 @@ export interface Physics {
   strikers?: { bead: number; velocity_m_s: number }[];
   /** The state of step 0 is another one than strikers and drives make. */
   initial?: unknown;
+  spheres?: { radius_m: number } | { radius_m: number }[];
+  odd_spheres?: { bead: number; radius_m: number }[];
   drives?: DriveEntry[];
   bonds?: unknown;
   second?: unknown;
@@ -158,9 +160,10 @@ export type Source =
   | { kind: "file"; file: File }
   | { kind: "url"; url: string }
   | { kind: "live"; url: string }
-  | { kind: "start"; manifest: Manifest; chain: Chain };
+  | { kind: "start"; manifest: Manifest; chain: Chain }
+  | { kind: "difference"; first: Source; other: Source };
 
-export type Field = "velocity" | "displacement" | "overlap" | "energy" | "contacts";
+export type Field = "velocity" | "displacement" | "overlap" | "energy" | "contacts" | "force";
 
 /** What is known of a run as soon as it is open. */
 export interface Info {
@@ -190,7 +193,7 @@ export interface Info {
 /** What a map, curves and their followed beads need: a row for each of some steps. */
 export interface RowsRequest {
   field: Field;
-  /** First and last bead (of "overlap" and "contacts": contact). */
+  /** First and last bead (of "overlap", "contacts" and "force": contact). */
   places: [number, number];
   /** Columns at most; there is one for each place where there are fewer places. */
   columns: number;
@@ -202,19 +205,25 @@ export interface RowsRequest {
   follow: number[];
 }
 
-/** Rows in the order of steps. Each shows one state; the space up to the next row is its. */
+/**
+ * Rows in the order of steps. The space up to the next row is its: it shows the state of its step and, up to the step
+ * `seen`, the extremes of all steps there.
+ */
 export interface Rows {
   request: RowsRequest;
   columns: number;
   /** Rows that are there; the arrays may be longer. */
   count: number;
   steps: Float64Array;
-  /** `columns` values a row: of the places of a column the one that is largest in magnitude. */
+  /** `columns` values a row: of the places and steps of a cell the one that is largest in magnitude. */
   cells: Float32Array;
-  /** ENERGY_COUNT values a row (J): kinetic, potential, left, split bead, right, dissipated, driven. */
-  energies: Float64Array;
-  /** u and v for each followed bead, a row after the other. */
-  followed: Float64Array;
+  /** The least and the largest of ENERGY_COUNT energies (J), then of u and v of each followed bead, a row after the other. */
+  lows: Float64Array;
+  highs: Float64Array;
+  /** Steps up to this one were all looked at, or where none is recomputed the states that are there. */
+  seen: number;
+  /** The first row that may look different from when it was painted. */
+  fresh: number;
   /** Whether all rows are there that were asked for, at their steps. */
   isWhole: boolean;
 }
@@ -260,9 +269,19 @@ export interface Pulse {
   track: number[];
 }
 
+/** A linear mode, as `beadline modes` tells it. */
+export interface Mode {
+  mode: number;
+  frequency_hz: number;
+  participation_beads: number;
+  centre_bead: number;
+}
+
 /** What comes beside a recording: computed by the command. */
 export interface Results {
   pulses: Pulse[];
+  /** None of a chain that is not linear about rest, or is too long. */
+  modes?: Mode[];
 }
 
 /** How a live run is doing, about four times a second. */
@@ -295,6 +314,6 @@ export interface Entry {
 /** What the server has. */
 export interface Listing {
   title: string;
-  kind: "one" | "folder" | "sweep";
+  kind: "one" | "pair" | "folder" | "sweep";
   entries: Entry[];
 }

@@ -6,11 +6,14 @@
 /**
  * `run` is an entry of the server's list. `places` are beads, `steps` steps, both of real numbers; undefined is all of
  * them. `step` is the cursor; undefined follows a live run. `beads`: those that are followed besides the impurity,
- * `bead` the chosen one.
+ * `bead` the chosen one. `colours` are the numbers at the ends of the colours; undefined takes those of what is seen.
+ * `ruler` lies from a bead and a step to another bead and step.
  * @typedef {object} View
  * @property {string} run
  * @property {Field} field
  * @property {boolean} log
+ * @property {[number, number] | undefined} colours
+ * @property {import("./ruler.js").Ruler | undefined} ruler
  * @property {string} theme "", "light" or "dark"
  * @property {[number, number] | undefined} places
  * @property {[number, number] | undefined} steps
@@ -20,6 +23,8 @@
  * @property {string} tab
  * @property {string} speed
  * @property {string} change
+ * @property {string} other entry that is compared
+ * @property {boolean} difference
  */
 
 /** @type {[Field, string][]} */
@@ -29,9 +34,10 @@ export const FIELDS = [
   ["overlap", "overlap"],
   ["energy", "energy density"],
   ["contacts", "contacts"],
+  ["force", "force"],
 ];
 
-export const TABS = ["run", "pulses", "events", "live", "change"];
+export const TABS = ["run", "pulses", "events", "notes", "live", "change", "compare", "spectrum"];
 
 /** What a window has of each at least. */
 export const LEAST_STEPS = 4;
@@ -43,6 +49,8 @@ export function freshView() {
     run: "",
     field: "velocity",
     log: true,
+    colours: undefined,
+    ruler: undefined,
     theme: "",
     places: undefined,
     steps: undefined,
@@ -52,6 +60,8 @@ export function freshView() {
     tab: "run",
     speed: "",
     change: "",
+    other: "",
+    difference: false,
   };
 }
 
@@ -60,6 +70,20 @@ function range(text) {
   const ends = (text ?? "").split("..").map(Number);
   const isRange = ends.length === 2 && ends.every(Number.isFinite) && ends[0] < ends[1];
   return isRange ? /** @type {[number, number]} */ ([ends[0], ends[1]]) : undefined;
+}
+
+/** A range of colours, which 0 is in. @param {string | null} text */
+function colours(text) {
+  const ends = range(text);
+  return ends && ends[0] <= 0 && ends[1] >= 0 ? ends : undefined;
+}
+
+/** @param {string | null} text @returns {import("./ruler.js").Ruler | undefined} */
+function rulerOf(text) {
+  const numbers = (text ?? "").split(",").map(Number);
+  return text && numbers.length === 4 && numbers.every(Number.isFinite)
+    ? [numbers[0], numbers[1], numbers[2], numbers[3]]
+    : undefined;
 }
 
 /** @param {string | null} text */
@@ -83,6 +107,8 @@ export function readView(fragment) {
     run: parts.get("run") ?? "",
     field: field ? field[0] : view.field,
     log: parts.get("log") !== "0",
+    colours: colours(parts.get("colours")),
+    ruler: rulerOf(parts.get("ruler")),
     theme: theme === "light" || theme === "dark" ? theme : "",
     places: range(parts.get("beads")),
     steps: range(parts.get("steps")),
@@ -96,6 +122,8 @@ export function readView(fragment) {
     tab: TABS.includes(tab) ? tab : view.tab,
     speed: parts.get("speed") ?? "",
     change: parts.get("change") ?? "",
+    other: parts.get("with") ?? "",
+    difference: parts.get("difference") === "1",
   };
 }
 
@@ -111,6 +139,8 @@ export function writeView(view) {
     run: view.run,
     field: view.field === fresh.field ? "" : view.field,
     log: view.log ? "" : "0",
+    colours: view.colours?.join("..") ?? "",
+    ruler: view.ruler?.map((number) => Number(number.toFixed(3))).join(",") ?? "",
     theme: view.theme,
     beads: span(view.places),
     steps: span(view.steps),
@@ -120,6 +150,8 @@ export function writeView(view) {
     tab: view.tab === fresh.tab ? "" : view.tab,
     speed: view.speed,
     change: view.change,
+    with: view.other,
+    difference: view.difference ? "1" : "",
   };
   return Object.entries(parts)
     .filter(([, value]) => value)

@@ -4,16 +4,23 @@ import { Recording } from "./recording.js";
 import { bytesOfArray, bytesOfFile, bytesOfUrl } from "./mcap.js";
 import { Fields, scalesOf } from "./fields.js";
 import { History, copyOf } from "./history.js";
+import { DifferenceFields, DifferenceHistory } from "./difference.js";
 import { Follower } from "./events.js";
 import { Live } from "./live.js";
 import { Tasks } from "./tasks.js";
-import { RowTable, stepsShown } from "./rows.js";
+import { RowTable, curveCount, stepsShown } from "./rows.js";
 
 /** @typedef {import("./types.d.ts").State} State */
 /** @typedef {import("./types.d.ts").RowsRequest} RowsRequest */
 /** @typedef {(value: unknown) => void} Tell sends a part of an answer */
 
-const URGENCY = { state: 3, rows: 2, events: 1, proof: 0 };
+const URGENCY = { state: 5, rows: 4, series: 3, events: 2, extremes: 1, proof: 0 };
+/** Beads times steps up to which every step in view is looked at unasked: a minute or two, while nothing else is to do. */
+const MOST_LOOKED_AT = 2e9;
+/** Between two messages with rows whose extremes grow (ms). */
+const EXTREMES_EVERY_MS = 400;
+/** Rows of a message of a series. */
+const SERIES_ROWS = 4096;
 /**
  * What a page that came late recomputes at once, beads times steps: some seconds. Of more, it does when somebody looks
  * back, so that a run that is only watched has the machine to itself.
@@ -44,6 +51,12 @@ function chainOf(chain) {
   };
 }
 
+/**
+ * Rows that grow with a live run: how many were sent, whether those before the page came are there, whether steps are being
+ * looked at and until when they were.
+ * @typedef {{ table: RowTable, tell: Tell, sent: number, over: () => void, isFilled: boolean, isLooking: boolean, looked: number }} Following
+ */
+
 /** One run. */
 class Run {
   /**
@@ -61,7 +74,9 @@ class Run {
     this.chain = chain;
     /** @type {Live | undefined} */
     this.live = undefined;
-    /** What follows a live run, until it is over. @type {{ table: RowTable, tell: Tell, sent: number, over: () => void } | undefined} */
+    /** How often rows were asked for. */
+    this.rowsAsked = 0;
+    /** What follows a live run, until it is over. @type {Following | undefined} */
     this.following = undefined;
     /** @type {import("./types.d.ts").Info} */
     this.info = {
@@ -79,6 +94,15 @@ class Run {
       toleranceM: this.fields.toleranceM,
       splitBead: this.fields.splitBead,
     };
+  }
+
+  /** This run less another one: its states are differences. @param {Run} other */
+  less(other) {
+    const run = new Run("start", this.info.manifest, this.chain, undefined);
+    const history = new DifferenceHistory(this.history, other.history);
+    const fields = new DifferenceFields(this.fields, other.fields);
+    const { firstStep, lastStep } = history;
+    return Object.assign(run, { history, fields, info: { ...run.info, firstStep, lastStep } });
   }
 
   /** The newest frame of a live run. */
@@ -101,10 +125,14 @@ class Run {
       if (table.append(state)) {
         following.sent = 0;
       }
-      if (table.rows.length > following.sent) {
-        following.tell({ from: following.sent, ...table.packed(following.sent), isWhole: false });
-        following.sent = table.rows.length;
+      if (!following.isFilled) {
+        return; // a curve to here from where they end would show what never was
       }
+      this.lookOn(following);
+      // the last one that was sent has grown
+      const from = Math.max(0, following.sent - 1);
+      following.tell({ from, ...table.packed(from), isWhole: false });
+      following.sent = table.rows.length;
     }
   }
 
@@ -121,8 +149,11 @@ class Run {
    * @param {RowsRequest} request
    * @param {Tell} tell
    */
-  rows(request, tell) {
+  async rows(request, tell) {
     this.tasks.drop(URGENCY.rows);
+    this.tasks.drop(URGENCY.extremes);
+    this.rowsAsked += 1;
+    const asked = this.rowsAsked;
     this.following?.over();
     this.following = undefined;
     const { history } = this;
@@ -130,23 +161,112 @@ class Run {
     const last = Math.min(request.steps[1], history.lastStep);
     if (this.live !== undefined && request.steps[1] === Infinity) {
       return new Promise((over, failed) => {
-        const following = { table, tell, sent: 0, over: () => over(undefined) };
+        /** @type {Following} */
+        const following = { table, tell, sent: 0, over: () => over(undefined), isFilled: true, isLooking: false, looked: 0 };
         this.following = following;
-        if ((last - history.firstStep) * this.chain.mass.length > FEW_TO_CATCH_UP) {
+        if (!this.isFew(last)) {
           tell({ from: 0, ...table.packed(0), isWhole: false });
           return;
         }
-        const fill = this.fill(table, [history.firstStep, last], request.rows >> 1, () => {
-          following.sent = table.rows.length;
-          tell({ from: 0, ...table.packed(0), isWhole: false });
+        following.isFilled = false;
+        const { stride } = stepsShown([history.firstStep, last], request.rows >> 1);
+        const fill = this.fill(table, [history.firstStep, last], request.rows >> 1, (isWhole) => {
+          following.isFilled = isWhole;
+          // newer rows as far apart as these
+          table.stride = Math.max(table.stride, stride);
+          following.sent = isWhole ? table.rows.length : table.contiguous(stride);
+          tell({ from: 0, ...table.packed(0, following.sent), isWhole: false });
         });
         this.tasks.add(URGENCY.rows, fill).catch(failed);
       });
     }
-    const first = Math.max(request.steps[0], history.firstStep);
-    return this.tasks.add(URGENCY.rows, this.fill(table, [Math.min(first, last), last], request.rows, (isWhole) => {
+    const first = Math.min(Math.max(request.steps[0], history.firstStep), last);
+    await this.tasks.add(URGENCY.rows, this.fill(table, [first, last], request.rows, (isWhole) => {
       tell({ from: 0, ...table.packed(0), isWhole });
     }));
+    if (asked === this.rowsAsked && table.seen < last && (last - first) * this.chain.mass.length <= MOST_LOOKED_AT) {
+      await this.tasks.add(URGENCY.extremes, this.lookAtAll(table, last, () => {
+        tell({ from: 0, ...table.packed(0), isWhole: true });
+      }));
+    }
+    return undefined;
+  }
+
+  /** Whether the steps of a live run up to this one are recomputed unasked. @param {number} last */
+  isFew(last) {
+    return (last - this.history.firstStep) * this.chain.mass.length <= FEW_TO_CATCH_UP;
+  }
+
+  /**
+   * Looks at the steps of a live run from where it has, as long as they are few: rows from before the page came and later
+   * ones show the same.
+   * @param {Following} following
+   */
+  lookOn(following) {
+    const { lastStep } = this.history;
+    const isTime = performance.now() - following.looked > EXTREMES_EVERY_MS;
+    if (following.isLooking || !isTime || this.history.whyNot !== "" || !this.isFew(lastStep)) {
+      return;
+    }
+    following.isLooking = true;
+    const { table, tell } = following;
+    const looking = this.lookAtAll(table, lastStep, () => {
+      following.sent = table.rows.length;
+      tell({ from: 0, ...table.packed(0), isWhole: false });
+    });
+    const over = () => {
+      Object.assign(following, { isLooking: false, looked: performance.now() });
+    };
+    this.tasks.add(URGENCY.extremes, looking).then(over, over);
+  }
+
+  /**
+   * Gives rows the extremes of all steps up to the next one.
+   * @param {RowTable} table
+   * @param {number} last
+   * @param {() => void} tell
+   */
+  async *lookAtAll(table, last, tell) {
+    let told = performance.now();
+    const look = (/** @type {State} */ state) => {
+      table.widen(state);
+      table.seen = state.step;
+    };
+    for await (const _ of this.history.each([Math.max(table.rows[0].step, table.seen), last], look)) {
+      if (performance.now() - told > EXTREMES_EVERY_MS) {
+        told = performance.now();
+        tell();
+      }
+      yield;
+    }
+    table.seen = last;
+    tell();
+  }
+
+  /**
+   * Energies and followed beads at every step.
+   * @param {{ steps: [number, number], follow: number[] }} request
+   * @param {(part: { steps: Float64Array, values: Float64Array }) => void} tell
+   */
+  async *series({ steps, follow }, tell) {
+    const table = new RowTable(this.fields, { field: "velocity", places: [0, 0], columns: 1, steps, rows: 0, follow });
+    /** @type {{ step: number, values: Float64Array }[]} */
+    let rows = [];
+    const flush = () => {
+      const wide = curveCount(follow);
+      const values = new Float64Array(rows.length * wide);
+      rows.forEach((row, i) => values.set(row.values, i * wide));
+      tell({ steps: Float64Array.from(rows, ({ step }) => step), values });
+      rows = [];
+    };
+    const look = (/** @type {State} */ state) => void rows.push({ step: state.step, values: table.curvesOf(state) });
+    for await (const _ of this.history.each(steps, look)) {
+      if (rows.length >= SERIES_ROWS) {
+        flush();
+      }
+      yield;
+    }
+    flush();
   }
 
   /**
@@ -183,6 +303,7 @@ class Run {
     }
     if (this.following?.table !== table && history.whyNot === "") {
       table.rows = table.rows.filter(({ step }) => wanted.has(step));
+      table.seen = stride === 1 ? steps[1] : table.seen;
     }
     tell(true);
   }
@@ -205,29 +326,15 @@ class Run {
       told = performance.now();
       tell({ events, isDone: false });
     };
-    if (info.recomputes) {
-      const state = copyOf(first);
-      while (state.step < history.lastStep) {
-        for (let i = 0; i < history.piece && state.step < history.lastStep; i += 1) {
-          /** @type {import("./kernel.js").Stepper} */ (history.stepper).step(state);
-          state.step += 1;
-          state.time_s = state.step * history.dt;
-          events.push(...follower.observe(state));
-        }
-        yield;
-        if (performance.now() - told > 10 * ROWS_EVERY_MS) {
-          breathe();
-        }
+    const look = (/** @type {State} */ state) => {
+      if (state.step > first.step) {
+        events.push(...follower.observe(state));
       }
-    } else {
-      for await (const state of history.recording?.states() ?? history.kept.slice()) {
-        if (state.step > first.step) {
-          events.push(...follower.observe(state));
-        }
-        if (performance.now() - told > ROWS_EVERY_MS) {
-          breathe();
-          yield;
-        }
+    };
+    for await (const _ of history.each([first.step, history.lastStep], look)) {
+      yield;
+      if (performance.now() - told > 10 * ROWS_EVERY_MS) {
+        breathe();
       }
     }
     return { events, isDone: true };
@@ -266,6 +373,10 @@ async function open(source, say) {
   }
   if (source.kind === "live") {
     return openLive(source.url, say);
+  }
+  if (source.kind === "difference") {
+    const [first, other] = [await open(source.first, say), await open(source.other, say)];
+    return first.less(other);
   }
   const bytes =
     source.kind === "bytes" ? bytesOfArray(source.bytes) : source.kind === "file" ? bytesOfFile(source.file) : await bytesOfUrl(source.url);
@@ -351,6 +462,7 @@ export function serve() {
     },
     state: (_, step) => run?.state(step),
     rows: async (tell, request) => run?.rows(request, tell),
+    series: (tell, request) => run?.tasks.add(URGENCY.series, run.series(request, tell)),
     events: (tell, bead) => {
       run?.tasks.drop(URGENCY.events);
       return run?.tasks.add(URGENCY.events, run.events(bead, tell));

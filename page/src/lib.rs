@@ -10,6 +10,6 @@ mod bundle;
 mod carried;
 mod serve;
 
-pub use carried::{Carried, carried_bytes, page};
+pub use carried::{Carried, Packed, page};
 pub use serve::live::{LiveFeed, LiveWriter};
 pub use serve::{MAX_LIVE_CLIENTS, Served, Server, Shelf};

@@ -10,14 +10,16 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:\n  \
     beadline view                          the runs of this user, as they go\n  \
     beadline view run.mcap --open          a recording, in the browser\n  \
+    beadline view run.mcap other.mcap      two of them one under the other, or their difference\n  \
     beadline view results/                 the recordings in a folder, or the points of a sweep\n  \
     ssh -L 8080:localhost:8080 host beadline view --port 8080      of another machine\n\n\
     Whoever knows the printed address can see everything that is served, and nobody else: a part of it is random. The \
     page never holds a run back. Ctrl-C ends it.")]
 pub(crate) struct ViewArgs {
-    /// `live` (the live runs of this user), `live:RUN`, a recording, a folder of recordings, or the directory of a sweep
-    #[arg(value_name = "SOURCE", default_value = "live")]
-    pub(crate) source: Named,
+    /// `live` (the live runs of this user), `live:RUN`, a recording or several, a folder of recordings, or the directory of a
+    /// sweep
+    #[arg(value_name = "SOURCE", default_value = "live", num_args = 1..)]
+    pub(crate) sources: Vec<Named>,
     /// Port to listen at [default: one that is free]
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     pub(crate) port: u16,
@@ -46,6 +48,9 @@ pub(crate) struct ShareArgs {
     /// Carry every K-th step, the first and the last [default: as many as 2 MB hold]
     #[arg(long, value_name = "K", value_parser = parse_whole, requires = "file")]
     pub(crate) every_steps: Option<u64>,
+    /// Find the pulses however long it takes [default: where a chain is short, or a run]
+    #[arg(long, requires = "file")]
+    pub(crate) pulses: bool,
     /// Replace a file that exists, and make pages of more than 200 MB
     #[arg(long)]
     pub(crate) force: bool,

@@ -1,7 +1,7 @@
 //! `beadline demo`: the whole pipeline once, each part a process of its own.
 
 use crate::args::DemoArgs;
-use crate::commands::share::share_recording;
+use crate::commands::share::{Sharing, share_recording};
 use crate::commands::thin::thin_quietly;
 use crate::configuration::preset;
 use crate::display::{self, bytes, count, seconds};
@@ -80,7 +80,12 @@ pub(crate) fn demo(args: &DemoArgs) -> Result<Done, Failure> {
     let passages = look_at_recording(args)?;
     let sparse = thin_quietly(&recording_path(dir), &sparse_path(dir), SPARSE_EVERY_STEPS, args.force)?;
 
-    share_recording(&recording_path(dir), &page_path(dir), None, args.force)?;
+    share_recording(
+        &recording_path(dir),
+        &page_path(dir),
+        &Sharing { force: args.force, ..Sharing::default() },
+        &stop,
+    )?;
 
     let mut text = summary(&run, &consumers);
     text.push_str(&sizes(dir, &sparse)?);

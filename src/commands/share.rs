@@ -1,14 +1,16 @@
 //! `beadline share`: a recording as one HTML file that anyone can open.
 
 use super::thin::thin_for_page;
-use super::view::results;
+use super::view::results::{self, Results};
 use crate::args::ShareArgs;
 use crate::display::{self, bytes, count};
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::check_place;
+use crate::progress::Progress;
 use crate::report::{Rows, report};
 use crate::signals;
-use page::{Carried, carried_bytes, page};
+use anyhow::anyhow;
+use page::{Carried, Packed, page};
 use producer::resimulation::check_kernel;
 use recording::{RecordingInfo, RecordingSource};
 use schemas::frame::{FrameSource, Received};
@@ -16,11 +18,17 @@ use schemas::whole_file;
 use serde::Serialize;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A page that may be sent to anybody (bytes).
 const SMALL_BYTES: usize = 2_000_000;
 /// A page that browsers still open (bytes).
 const MOST_BYTES: usize = 200_000_000;
+/// What the states of a page take unpacked: memory of the browser, and of the disk on the way (bytes).
+const UNPACKED_BYTES: u64 = 64_000_000;
+/// Numbers of beads that are looked at for pulses unasked: a matter of seconds.
+const FEW_BEADS_LOOKED_AT: u64 = 200_000_000;
 /// States that are measured, to know how many fit.
 const SAMPLES: u64 = 16;
 /// What comes with a state besides its doubles: its summary, and its place in the index (bytes in the page).
@@ -39,15 +47,29 @@ pub(crate) struct Shared {
     states: u64,
     /// States that it shows: every step, if they can be recomputed.
     pub(crate) steps: u64,
-    pulses: usize,
+    /// None where they were not looked for.
+    pulses: Option<usize>,
     recomputes: bool,
+}
+
+/// How a recording is shared.
+#[derive(Debug, Default)]
+pub(crate) struct Sharing {
+    /// Every K-th state, or as many as a small page holds.
+    pub(crate) every_steps: Option<u64>,
+    /// Pulses are found however long it takes.
+    pub(crate) pulses: bool,
+    pub(crate) force: bool,
 }
 
 pub(crate) fn share(args: &ShareArgs) -> Result<Done, Failure> {
     let default = || args.file.as_ref().map_or("beadline.html".into(), |file| file.with_extension("html"));
     let out = args.out.clone().unwrap_or_else(default);
     let shared = match &args.file {
-        Some(file) => share_recording(file, &out, args.every_steps, args.force)?,
+        Some(file) => {
+            let ShareArgs { every_steps, pulses, force, .. } = *args;
+            share_recording(file, &out, &Sharing { every_steps, pulses, force }, &signals::stop_flag()?)?
+        }
         None => share_nothing(&out, args.force)?,
     };
     report(args.json, &shared, || words(&shared))?;
@@ -66,18 +88,19 @@ fn share_nothing(out: &Path, force: bool) -> Result<Shared, Failure> {
         every_steps: None,
         states: 0,
         steps: 0,
-        pulses: 0,
+        pulses: None,
         recomputes: false,
     })
 }
 
-/// The page with the recording `file` inside: every `every_steps`-th state, or as many as a small page holds.
+/// The page with the recording `file` inside.
 pub(crate) fn share_recording(
     file: &Path,
     out: &Path,
-    every_steps: Option<u64>,
-    force: bool,
+    sharing: &Sharing,
+    stop: &Arc<AtomicBool>,
 ) -> Result<Shared, Failure> {
+    let Sharing { every_steps, force, .. } = *sharing;
     check_place(out, Some(file), force)?;
     let info = RecordingInfo::read(file).bad_input()?;
     display::notice_of_version(&info.manifest);
@@ -85,10 +108,9 @@ pub(crate) fn share_recording(
     if let Err(error) = &recomputes {
         notice!("{}: {error}; the page shows the states that it carries, and none between", file.display());
     }
-    let stop = signals::stop_flag()?;
-    let found = results::of_recording(file, &stop)?;
-    let results = serde_json::to_string(&found)?;
-    let size = Sizes::measure(&info, &results)?;
+    let found = pulses(&info, sharing, stop)?;
+    let results = packed(&serde_json::to_vec(&found.as_ref().unwrap_or(&Results::default()))?, stop)?;
+    let size = Sizes::measure(&info, &results, stop)?;
     let mut every = every_steps.unwrap_or_else(|| size.fitting_steps(&info));
     if size.page_bytes(&info, every) > MOST_BYTES && !force {
         return Err(too_large(size.page_bytes(&info, every)));
@@ -98,10 +120,10 @@ pub(crate) fn share_recording(
     let thinned = out.with_extension(format!("{}.mcap", std::process::id()));
     let mut attempts = 1;
     let (page, states) = loop {
-        let finished = thin_for_page(&info, &thinned, every)?;
+        let finished = thin_for_page(&info, &thinned, every, stop)?;
         let (thinned, states) = (Scratch(finished.path), finished.frames);
-        let recording = fs::read(&thinned.0)?;
-        let page = page(Carried::Embedded { title, recording: &recording, results: results.as_bytes() });
+        let recording = packed(&fs::read(&thinned.0)?, stop)?;
+        let page = page(Carried::Embedded { title, recording: &recording, results: &results });
         let is_small = page.len() <= SMALL_BYTES || states <= 2;
         if every_steps.is_some() || is_small || attempts == MAX_ATTEMPTS {
             break (page, states);
@@ -113,6 +135,7 @@ pub(crate) fn share_recording(
     if page.len() > MOST_BYTES && !force {
         return Err(too_large(page.len()));
     }
+    go_on(stop)?;
     whole_file::write(out, page.as_bytes(), force)?;
     if every_steps.is_none() && page.len() > SMALL_BYTES {
         notice!(
@@ -126,9 +149,52 @@ pub(crate) fn share_recording(
         every_steps: Some(every),
         states,
         steps: if recomputes.is_ok() { covered_steps(&info) + 1 } else { states },
-        pulses: found.pulses.len(),
+        pulses: found.map(|found| found.pulses.len()),
         recomputes: recomputes.is_ok(),
     })
+}
+
+/// The pulses, unless it takes long to find them and nobody insists.
+fn pulses(
+    info: &RecordingInfo,
+    sharing: &Sharing,
+    stop: &Arc<AtomicBool>,
+) -> Result<Option<Results>, Failure> {
+    let (beads, states) = (info.manifest.physics.beads, results::states_looked_at(info));
+    if !sharing.pulses && states.saturating_mul(beads) > FEW_BEADS_LOOKED_AT {
+        notice!(
+            "pulses are not looked for, because that takes a look at {} states of {} beads: --pulses does it",
+            count(states),
+            count(beads)
+        );
+        return Ok(None);
+    }
+    let mut progress = Progress::of_run(&info.manifest);
+    let found = results::of_recording(&info.path, stop, |tally| {
+        progress.at(info.manifest.step_of_frame(tally.last_frame.unwrap_or(0)));
+    });
+    progress.finish();
+    found.map(Some)
+}
+
+/// `bytes` as the page carries them, with a bar where there are many.
+fn packed(bytes: &[u8], stop: &AtomicBool) -> Result<Packed, Failure> {
+    let mut progress = Progress::new(bytes.len() as u64, "packing");
+    let packed = Packed::new(bytes, |done| {
+        progress.at(done as u64);
+        !stop.load(Ordering::Relaxed)
+    });
+    progress.finish();
+    packed.ok_or_else(stopped)
+}
+
+/// An error once the user has asked for an end.
+fn go_on(stop: &AtomicBool) -> Result<(), Failure> {
+    if stop.load(Ordering::Relaxed) { Err(stopped()) } else { Ok(()) }
+}
+
+fn stopped() -> Failure {
+    Failure::Stopped(anyhow!("stopped: nothing was written"))
 }
 
 fn too_large(page_bytes: usize) -> Failure {
@@ -143,38 +209,45 @@ fn too_large(page_bytes: usize) -> Failure {
 struct Sizes {
     without_states: usize,
     of_a_state: usize,
+    /// Of a state, before it is packed.
+    unpacked: u64,
 }
 
 impl Sizes {
     /// Packs some states of the recording one by one.
-    fn measure(info: &RecordingInfo, results: &str) -> Result<Self, Failure> {
+    fn measure(info: &RecordingInfo, results: &Packed, stop: &AtomicBool) -> Result<Self, Failure> {
         let without_states =
-            page(Carried::Embedded { title: "", recording: &[], results: results.as_bytes() }).len();
+            page(Carried::Embedded { title: "", recording: &Packed::default(), results }).len();
         let (Some(first), Some(last)) = (info.first_step, info.last_step) else {
             return Err(bad_input!("{} holds no state", info.path.display()));
         };
         let mut source = RecordingSource::open_all(&info.path).bad_input()?;
-        let (mut all, mut count) = (0, 0);
+        let (mut all, mut count, mut largest) = (0, 0, 0);
         for sample in 0..SAMPLES {
+            go_on(stop)?;
             source
                 .seek_to_step(first + (last - first) / SAMPLES * sample + (last - first) / SAMPLES / 2)
                 .bad_input()?;
             if let Received::Frame(frame) = source.receive().bad_input()? {
                 let values = [frame.u_m, frame.v_m_s, frame.extra].into_iter().flatten();
-                all += carried_bytes(&values.flat_map(|value| value.to_le_bytes()).collect::<Vec<_>>());
+                let unpacked: Vec<_> = values.flat_map(|value| value.to_le_bytes()).collect();
+                largest = largest.max(unpacked.len());
+                all += packed(&unpacked, stop)?.page_bytes();
                 count += 1;
             }
         }
-        Ok(Self { without_states, of_a_state: all / count.max(1) + BESIDE_A_STATE })
+        let of_a_state = all / count.max(1) + BESIDE_A_STATE;
+        Ok(Self { without_states, of_a_state, unpacked: largest as u64 })
     }
 
     /// The steps between two states of a small page.
     fn fitting_steps(&self, info: &RecordingInfo) -> u64 {
         let room = (SMALL_BYTES / 100 * 97).saturating_sub(self.without_states);
+        let most = ((room / self.of_a_state) as u64).min(UNPACKED_BYTES / self.unpacked.max(1));
         // the first and the last one are always there
-        let most = (room / self.of_a_state).saturating_sub(2).max(1) as u64;
+        let most = most.saturating_sub(2).max(1);
         let steps = covered_steps(info).div_ceil(most);
-        rounded_up(steps.max(info.manifest.provenance.record_every_steps), info)
+        rounded_up(steps, info)
     }
 
     /// A page with every `every_steps`-th state.
@@ -189,10 +262,10 @@ fn covered_steps(info: &RecordingInfo) -> u64 {
     info.last_step.zip(info.first_step).map_or(0, |(last, first)| last.saturating_sub(first))
 }
 
-/// A number of steps after which there is a frame.
+/// A number of steps after which the recording holds a state.
 fn rounded_up(steps: u64, info: &RecordingInfo) -> u64 {
-    let published = info.manifest.provenance.publish_every_steps;
-    steps.div_ceil(published).max(1).saturating_mul(published)
+    let recorded = info.manifest.provenance.record_every_steps;
+    steps.div_ceil(recorded).max(1).saturating_mul(recorded)
 }
 
 /// A file that goes away.
@@ -216,7 +289,8 @@ fn words(shared: &Shared) -> String {
             "recorded ones only"
         };
         rows.add("steps to look at", format_args!("{}, {how}", count(shared.steps)));
-        rows.add("pulses", count(shared.pulses as u64));
+        let pulses = shared.pulses.map(|pulses| count(pulses as u64).to_string());
+        rows.add("pulses", pulses.unwrap_or_else(|| "not looked for; --pulses finds them".to_owned()));
     } else {
         rows.add("to look at", "what is dropped onto it");
     }

@@ -19,7 +19,8 @@ use serde_json::json;
 use source::Source;
 use std::num::NonZero;
 use std::path::Path;
-use std::sync::atomic::Ordering;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A recording to be written again with other states.
 struct Rewrite<'a> {
@@ -38,8 +39,8 @@ struct Rewrite<'a> {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Place {
     File,
-    /// In a page: without other channels, and without compression, which browsers do not know. If the dynamics is not
-    /// known here, states that the recording holds are kept as they are.
+    /// In a page: without other channels, and without compression, which browsers do not know. States that the recording
+    /// holds are kept as they are: the page proves them where somebody asks for it.
     Page,
 }
 
@@ -79,12 +80,17 @@ pub(crate) fn thin_quietly(
     force: bool,
 ) -> Result<Finished, Failure> {
     let rewrite = Rewrite { force, ..Rewrite::new(from, to, every_steps) };
-    rewrite.write(&RecordingInfo::read(from)?)
+    rewrite.write(&RecordingInfo::read(from)?, &signals::stop_flag()?)
 }
 
-/// The same of the recording `info`, for a page.
-pub(crate) fn thin_for_page(info: &RecordingInfo, to: &Path, every_steps: u64) -> Result<Finished, Failure> {
-    Rewrite { place: Place::Page, ..Rewrite::new(&info.path, to, every_steps) }.write(info)
+/// The same of the recording `info`, for a page; states between those that it holds are recomputed.
+pub(crate) fn thin_for_page(
+    info: &RecordingInfo,
+    to: &Path,
+    every_steps: u64,
+    stop: &Arc<AtomicBool>,
+) -> Result<Finished, Failure> {
+    Rewrite { place: Place::Page, ..Rewrite::new(&info.path, to, every_steps) }.write(info, stop)
 }
 
 /// Recomputes the states in between.
@@ -109,24 +115,24 @@ impl Rewrite<'_> {
     fn run(&self, done: &str) -> Result<Done, Failure> {
         let info = RecordingInfo::read(self.from).bad_input()?;
         display::notice_of_version(&info.manifest);
-        let finished = self.write(&info)?;
+        let finished = self.write(&info, &signals::stop_flag()?)?;
         self.report(done, &info, &finished)?;
         Ok(Done::Whole)
     }
 
-    fn write(&self, info: &RecordingInfo) -> Result<Finished, Failure> {
+    fn write(&self, info: &RecordingInfo, stop: &Arc<AtomicBool>) -> Result<Finished, Failure> {
         check_place(self.to, Some(self.from), self.force)?;
         let Some(end) = info.end.as_ref().filter(|_| info.finished) else {
             return Err(self.unfinished(info));
         };
-        let stop = signals::stop_flag()?;
         let manifest = self.manifest(&info.manifest)?;
         let options =
             WriteOptions { force: self.force, compression: self.compression(), ..WriteOptions::default() };
         SpaceNeeded::new(&manifest, options.compression).check(self.to)?;
-        let source = Source::all_states(self.from, &stop).bad_input()?;
+        let source = Source::all_states(self.from, stop).bad_input()?;
         let lend = if self.is_between_frames(&manifest) { Lend::Steps } else { Lend::Frames };
-        let mut states = if self.place == Place::Page && check_kernel(&manifest).is_err() {
+        let holds = self.every_steps.is_multiple_of(info.manifest.provenance.record_every_steps);
+        let mut states = if self.place == Place::Page && (holds || check_kernel(&manifest).is_err()) {
             Frames::as_they_come(source)
         } else {
             Frames::recomputed(source, lend, false, 0, self.jobs)?

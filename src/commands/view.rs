@@ -26,7 +26,7 @@ pub(crate) fn view(args: &ViewArgs) -> Result<Done, Failure> {
         return Err(bad_input!("--host {}: expected one address of this machine", args.host));
     }
     let stop = signals::patient_stop_flag()?;
-    let runs = Arc::new(Runs::open(&args.source, &stop)?);
+    let runs = Arc::new(Runs::open(&args.sources, &stop)?);
     if stop.load(Ordering::Relaxed) {
         return Ok(Done::Whole); // while it waited for a run
     }

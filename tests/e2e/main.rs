@@ -34,6 +34,7 @@ mod other_tools;
 mod own_consumer;
 mod page;
 mod page_data;
+mod page_tools;
 mod pipeline;
 mod plot;
 mod power;

@@ -28,12 +28,23 @@ fn with_browser(variable: &str, usual: &str) -> Option<PathBuf> {
 /// it measured.
 #[track_caller]
 fn check<A: AsRef<OsStr>>(place: &Place, scenario: &str, arguments: impl IntoIterator<Item = A>) {
+    check_by("check_page.mjs", place, scenario, arguments);
+}
+
+/// The same by another script beside it.
+#[track_caller]
+pub(crate) fn check_by<A: AsRef<OsStr>>(
+    script: &str,
+    place: &Place,
+    scenario: &str,
+    arguments: impl IntoIterator<Item = A>,
+) {
     let browser = match scenario {
         "firefox" => with_browser("BEADLINE_CHECK_FIREFOX", "/usr/bin/firefox-esr"),
         _ => with_browser("BEADLINE_CHECK_BROWSER", "/usr/bin/chromium"),
     };
     let Some(node) = browser else { return };
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/node/check_page.mjs");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/node").join(script);
     let mut words: Vec<OsString> =
         vec![script.into(), env!("CARGO_BIN_EXE_beadline").into(), scenario.to_owned().into()];
     words.extend(arguments.into_iter().map(|word| word.as_ref().to_owned()));

@@ -156,7 +156,7 @@ export async function exported(page, button) {
 
 /** The columns of a table in CSV, and a function that gives the numbers of a line. */
 export function csv(text) {
-  const [head, ...lines] = String(text).trim().split("\n");
+  const [head, ...lines] = String(text).trim().split("\n").filter((line) => !line.startsWith("#"));
   const columns = head.split(",");
   const numbers = (line) => Object.fromEntries(lines[line].split(",").map((cell, i) => [columns[i], Number(cell)]));
   return { columns, count: lines.length, numbers };

@@ -1,37 +1,62 @@
-//! Results that the page shows beside a recording: the pulses, as `beadline pulses` finds them.
+//! Results that the page shows beside a recording: the pulses, as `beadline pulses` finds them, and the linear modes, as
+//! `beadline modes` does.
 
 use crate::commands::pulses::is_coarse;
 use crate::failure::{BadInput, Failure};
 use crate::frames::Frames;
+use anyhow::anyhow;
 use consumers::follow::{Analysis, Tally, follow};
 use consumers::pulses::{Path, Pulse, Pulses, Strongest};
 use producer::resimulation::{Lend, check_kernel};
+use recording::RecordingInfo;
 use schemas::frame::{Frame, FrameSource as _};
+use schemas::manifest::RunManifest;
 use serde::Serialize;
 use serde_json::{Value, json};
 use source::Source;
 use std::convert::Infallible;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
+use waves::linear::LinearChain;
+use waves::modes::Modes;
 
 /// Points of a track.
 const TRACK_POINTS: usize = 200;
 
+/// Beads of a chain whose modes are found unasked: the time grows with the third power.
+const MOST_MODE_BEADS: u64 = 400;
+
 /// `Results` of the page.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 pub(crate) struct Results {
     /// The strongest ones.
     pub(crate) pulses: Vec<Value>,
     /// How many more there are.
     more: u64,
+    /// Of a chain that has some, and at most [`MOST_MODE_BEADS`].
+    modes: Vec<Value>,
 }
 
-/// The pulses of the recording at `path`; steps are recomputed where it has too few, and can be.
-pub(crate) fn of_recording(path: &std::path::Path, stop: &Arc<AtomicBool>) -> Result<Results, Failure> {
+/// Whether steps are recomputed to find pulses.
+fn recomputes(manifest: &RunManifest) -> bool {
+    is_coarse(manifest, manifest.provenance.record_every_steps) && check_kernel(manifest).is_ok()
+}
+
+/// States that are looked at to find the pulses of a recording.
+pub(crate) fn states_looked_at(info: &RecordingInfo) -> u64 {
+    let covered = info.last_step.zip(info.first_step).map_or(0, |(last, first)| last.saturating_sub(first));
+    if recomputes(&info.manifest) { covered } else { info.frames() }
+}
+
+/// The pulses of the recording at `path`; steps are recomputed where it has too few, and can be. `watch` sees each frame's tally.
+pub(crate) fn of_recording(
+    path: &std::path::Path,
+    stop: &Arc<AtomicBool>,
+    watch: impl FnMut(&Tally),
+) -> Result<Results, Failure> {
     let source = Source::recording(path, stop).bad_input()?;
     let manifest = source.manifest().clone();
-    let needs_more = is_coarse(&manifest, manifest.provenance.record_every_steps);
-    let mut frames = if needs_more && check_kernel(&manifest).is_ok() {
+    let mut frames = if recomputes(&manifest) {
         Frames::recomputed(Source::all_states(path, stop).bad_input()?, Lend::Steps, false, 0, None)?
     } else {
         Frames::as_they_come(source)
@@ -40,12 +65,33 @@ pub(crate) fn of_recording(path: &std::path::Path, stop: &Arc<AtomicBool>) -> Re
     let mut tracks =
         Tracks { pulses: Pulses::new(&manifest, threshold_m_s), strongest: Strongest::new(true) };
     // as for `beadline pulses`, results before a damage are kept
-    let _ = follow(&mut frames, &mut tracks, &mut Tally::default(), |_| {});
+    let _ = follow(&mut frames, &mut tracks, &mut Tally::default(), watch);
+    if stop.load(Ordering::Relaxed) {
+        return Err(Failure::Stopped(anyhow!("stopped: nothing was written")));
+    }
     let Tracks { mut pulses, mut strongest } = tracks;
     pulses.finish().iter().for_each(|happening| strongest.take(happening));
     let shown = strongest.pulses().to_vec();
     let more = pulses.counts().pulses.saturating_sub(shown.len() as u64);
-    Ok(Results { pulses: shown.iter().map(|pulse| told(pulse, &strongest)).collect(), more })
+    let pulses = shown.iter().map(|pulse| told(pulse, &strongest)).collect();
+    Ok(Results { pulses, more, modes: modes(&manifest) })
+}
+
+/// The linear modes; none of a chain without, or with too many beads.
+fn modes(manifest: &RunManifest) -> Vec<Value> {
+    if manifest.physics.beads > MOST_MODE_BEADS {
+        return Vec::new();
+    }
+    let modes = LinearChain::of(&manifest.physics.chain()).ok().and_then(|chain| Modes::of(&chain).ok());
+    let told = |modes: &Modes, mode: usize| {
+        json!({
+            "mode": mode + 1,
+            "frequency_hz": modes.frequency_hz(mode),
+            "participation_beads": modes.participation_beads(mode),
+            "centre_bead": modes.centre_bead(mode),
+        })
+    };
+    modes.map_or_else(Vec::new, |modes| (0..modes.count()).map(|mode| told(&modes, mode)).collect())
 }
 
 struct Tracks {

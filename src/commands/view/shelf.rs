@@ -41,6 +41,8 @@ pub(super) struct Runs {
 enum Kind {
     Live(Arc<Watches>, Option<RunName>),
     Recording(PathBuf),
+    /// Several, in the order in which they were named.
+    Recordings(Vec<PathBuf>),
     Folder(PathBuf),
     Sweep(PathBuf, Box<Sweep>),
 }
@@ -67,9 +69,20 @@ struct Entry {
 }
 
 impl Runs {
-    /// What `named` is; waits for a live run until `stop` is set.
-    pub(super) fn open(named: &Named, stop: &Arc<AtomicBool>) -> Result<Self, Failure> {
+    /// What is named, one or several recordings; waits for a live run until `stop` is set.
+    pub(super) fn open(named: &[Named], stop: &Arc<AtomicBool>) -> Result<Self, Failure> {
         let kind = match named {
+            [only] => Self::kind(only, stop)?,
+            several => Kind::Recordings(several.iter().map(recording).collect::<Result<_, _>>()?),
+        };
+        let runs = Self { kind, files: Mutex::default(), results: Mutex::default(), stop: Arc::clone(stop) };
+        // what cannot be listed is told before anything is served
+        runs.entries()?;
+        Ok(runs)
+    }
+
+    fn kind(named: &Named, stop: &Arc<AtomicBool>) -> Result<Kind, Failure> {
+        Ok(match named {
             Named::Live(name) => {
                 let bus = Bus::from_env()?;
                 wait_for_run(&bus, name.as_ref(), stop)?;
@@ -82,15 +95,8 @@ impl Runs {
                 ),
                 None => Kind::Folder(path.clone()),
             },
-            Named::File(path) => {
-                RecordingInfo::glance(path).bad_input()?;
-                Kind::Recording(path.clone())
-            }
-        };
-        let runs = Self { kind, files: Mutex::default(), results: Mutex::default(), stop: Arc::clone(stop) };
-        // what cannot be listed is told before anything is served
-        runs.entries()?;
-        Ok(runs)
+            file @ Named::File(_) => Kind::Recording(recording(file)?),
+        })
     }
 
     /// Waits until nothing runs any more, after the stop flag was set.
@@ -113,6 +119,7 @@ impl Runs {
                 Ok(names.iter().map(live_entry).collect())
             }
             Kind::Recording(path) => Ok(vec![self.recording_entry(path)]),
+            Kind::Recordings(paths) => Ok(paths.iter().map(|path| self.recording_entry(path)).collect()),
             Kind::Folder(folder) => {
                 let found =
                     fs::read_dir(folder).bad_input()?.filter_map(Result::ok).map(|found| found.path());
@@ -202,10 +209,8 @@ impl Runs {
         if let Some((_, text)) = kept.get(path).filter(|(known, _)| *known == stamp) {
             return Ok(text.clone());
         }
-        let text = serde_json::to_string(&results::of_recording(path, &self.stop)?)?;
-        if !self.stop.load(Ordering::Relaxed) {
-            kept.insert(path.to_owned(), (stamp, text.clone()));
-        }
+        let text = serde_json::to_string(&results::of_recording(path, &self.stop, |_| {})?)?;
+        kept.insert(path.to_owned(), (stamp, text.clone()));
         Ok(text)
     }
 }
@@ -215,10 +220,8 @@ impl Shelf for Runs {
         match &self.kind {
             Kind::Live(_, Some(name)) => name.to_string(),
             Kind::Live(_, None) => "live runs".to_owned(),
-            Kind::Recording(path) | Kind::Folder(path) | Kind::Sweep(path, _) => {
-                let path = path.canonicalize().unwrap_or_else(|_| path.clone());
-                path.file_name().unwrap_or_default().to_string_lossy().into_owned()
-            }
+            Kind::Recording(path) | Kind::Folder(path) | Kind::Sweep(path, _) => name(path),
+            Kind::Recordings(paths) => paths.iter().map(|path| name(path)).collect::<Vec<_>>().join(", "),
         }
     }
 
@@ -226,6 +229,7 @@ impl Shelf for Runs {
         let listing = self.entries().map(|entries| {
             let kind = match &self.kind {
                 Kind::Sweep(..) => "sweep",
+                Kind::Recordings(paths) if paths.len() == 2 => "pair",
                 Kind::Live(..) | Kind::Recording(_) if entries.len() == 1 => "one",
                 _ => "folder",
             };
@@ -273,6 +277,24 @@ fn live_entry(name: &RunName) -> Entry {
         values: Map::new(),
         error: None,
     }
+}
+
+/// The path of one of several sources, which is a recording.
+fn recording(named: &Named) -> Result<PathBuf, Failure> {
+    match named {
+        Named::File(path) if !path.is_dir() => {
+            RecordingInfo::glance(path).bad_input()?;
+            Ok(path.clone())
+        }
+        other => Err(bad_input!(
+            "{other}: of several sources each is a recording; a folder or a live run is viewed alone"
+        )),
+    }
+}
+
+fn name(path: &Path) -> String {
+    let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 fn is_recording(path: &Path) -> bool {
