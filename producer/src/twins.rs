@@ -1,9 +1,9 @@
 //! Twins of a run: they differ from it by as much as its step and its rounding decide.
 //!
 //! The energy of a symplectic method stays where it is while the motion itself goes wrong, so its drift says nothing
-//! about that. Two more runs do:
+//! about that. Three more runs do:
 //!
-//! - the *halved* twin makes two steps of `dt/2` for each step of the run;
+//! - the *halved* twin makes two steps of `dt/2` for each step of the run, and the *quartered* twin four of `dt/4`;
 //! - the *moved* twin has the same step, and each velocity that is not zero at step 0 moved by one unit in its last
 //!   place, away from zero.
 //!
@@ -25,6 +25,7 @@ pub struct Twins {
     physics: Physics,
     run: Sibling,
     halved: Sibling,
+    quartered: Sibling,
     moved: Sibling,
 }
 
@@ -35,6 +36,8 @@ pub struct Together<'a> {
     pub run: Frame<'a>,
     /// The twin with half the step.
     pub halved: Frame<'a>,
+    /// The twin with a quarter of the step.
+    pub quartered: Frame<'a>,
     /// The twin with moved velocities.
     pub moved: Frame<'a>,
 }
@@ -72,15 +75,8 @@ impl Twins {
             state: ChainState::initial(physics),
             steps_in_step: 1,
         };
-        let mut halved = physics.clone();
-        halved.dt_s *= 0.5;
-        halved.step_count *= 2;
-        let halved = Sibling {
-            which: "the twin with half the step",
-            integrator: Integrator::new(&halved),
-            state: ChainState::initial(&halved),
-            steps_in_step: 2,
-        };
+        let halved = Sibling::finer(physics, 2, "the twin with half the step");
+        let quartered = Sibling::finer(physics, 4, "the twin with a quarter of the step");
         let (u_m, mut v_m_s) = physics.initial_state();
         let at_rest_m_s = load_speed_m_s(physics);
         for v in &mut v_m_s {
@@ -91,15 +87,15 @@ impl Twins {
             state: ChainState::starting_at(physics, &u_m, &v_m_s),
             ..run.clone()
         };
-        Self { physics: physics.clone(), run, halved, moved }
+        Self { physics: physics.clone(), run, halved, quartered, moved }
     }
 
-    /// Advances all three to step `step` of the run, if they are not there yet.
+    /// Advances all four to step `step` of the run, if they are not there yet.
     ///
     /// # Errors
     /// When a state is not finite.
     pub fn advance_to(&mut self, step: u64) -> Result<(), NonFinite> {
-        [&mut self.run, &mut self.halved, &mut self.moved]
+        [&mut self.run, &mut self.halved, &mut self.quartered, &mut self.moved]
             .into_iter()
             .try_for_each(|sibling| sibling.advance_to(step))
     }
@@ -108,12 +104,26 @@ impl Twins {
     pub fn together(&self) -> Together<'_> {
         let step = self.run.state.step;
         let time_s = self.physics.time_s(step);
-        let [run, halved, moved] = [&self.run, &self.halved, &self.moved].map(|each| each.at(step, time_s));
-        Together { run, halved, moved }
+        let all = [&self.run, &self.halved, &self.quartered, &self.moved];
+        let [run, halved, quartered, moved] = all.map(|each| each.at(step, time_s));
+        Together { run, halved, quartered, moved }
     }
 }
 
 impl Sibling {
+    /// A twin that makes `parts` steps for each step of the run.
+    fn finer(physics: &Physics, parts: u64, which: &'static str) -> Self {
+        let mut finer = physics.clone();
+        finer.dt_s /= parts as f64;
+        finer.step_count *= parts;
+        Self {
+            which,
+            integrator: Integrator::new(&finer),
+            state: ChainState::initial(&finer),
+            steps_in_step: parts,
+        }
+    }
+
     /// Its state as that of step `step` of the run.
     fn at(&self, step: u64, time_s: f64) -> Frame<'_> {
         let ChainState { u_m, v_m_s, extra, .. } = &self.state;
@@ -193,18 +203,21 @@ mod tests {
                 }
                 state
             };
-            let mut half = physics.clone();
-            (half.dt_s, half.step_count) = (physics.dt_s / 2.0, physics.step_count * 2);
-            let expected = [alone(&physics, 5.0), alone(&half, 5.0), alone(&physics, 5.0_f64.next_up())];
-            let Together { run, halved, moved } = twins.together();
-            for (found, expected) in [run, halved, moved].into_iter().zip(&expected) {
+            let finer = |parts: u64| {
+                let mut finer = physics.clone();
+                (finer.dt_s, finer.step_count) = (physics.dt_s / parts as f64, physics.step_count * parts);
+                alone(&finer, 5.0)
+            };
+            let expected = [alone(&physics, 5.0), finer(2), finer(4), alone(&physics, 5.0_f64.next_up())];
+            let Together { run, halved, quartered, moved } = twins.together();
+            for (found, expected) in [run, halved, quartered, moved].into_iter().zip(&expected) {
                 assert_eq!((found.u_m, found.v_m_s), (&expected.u_m[..], &expected.v_m_s[..]), "{method}");
                 assert_eq!(
                     (found.step, found.time_s),
                     (physics.step_count, physics.time_s(physics.step_count))
                 );
             }
-            assert!(halved.u_m != run.u_m && moved.u_m != run.u_m);
+            assert!(halved.u_m != run.u_m && quartered.u_m != halved.u_m && moved.u_m != run.u_m);
         }
     }
 
