@@ -11,10 +11,12 @@
 //! the last place of 0 is `2^-1074`. So it rests in the moved twin, too. (Moved by `2^-52·v0` it would drift apart
 //! from its neighbours before the shock arrives, a disturbance that no computation of this run has.) In a loaded chain
 //! overlaps are rounded relative to those at rest, however weak the kick is; there the unit is that of `L/T` of the
-//! load, where this is the larger one.
+//! load, where this is the larger one. Where nothing moves at first, because drives set the chain in motion, it is the beads that they move
+//! first that begin with one unit in the last place of `L/T`.
 
 use crate::integrator::Integrator;
 use crate::state::ChainState;
+use schemas::drive::{Drive, Place, Quantity, Side};
 use schemas::frame::Frame;
 use schemas::manifest::Physics;
 use schemas::scales::Scales;
@@ -79,8 +81,10 @@ impl Twins {
         let quartered = Sibling::finer(physics, 4, "the twin with a quarter of the step");
         let (u_m, mut v_m_s) = physics.initial_state();
         let at_rest_m_s = load_speed_m_s(physics);
-        for v in &mut v_m_s {
-            *v = moved(*v, at_rest_m_s);
+        if v_m_s.iter().all(|v| *v == 0.0) {
+            driven_first(physics).for_each(|bead| v_m_s[bead] = moved_by_m_s(physics));
+        } else {
+            v_m_s.iter_mut().for_each(|v| *v = moved(*v, at_rest_m_s));
         }
         let moved = Sibling {
             which: "the twin with moved velocities",
@@ -153,8 +157,27 @@ fn moved(v: f64, least: f64) -> f64 {
 
 /// By how much the moved twin of `physics` differs from the run at step 0 (m/s).
 pub fn moved_by_m_s(physics: &Physics) -> f64 {
-    let v = physics.striker.velocity_m_s;
-    (moved(v, load_speed_m_s(physics)) - v).abs()
+    let (v, load_m_s) = (physics.striker.velocity_m_s, load_speed_m_s(physics));
+    let v = if v == 0.0 { physics.scales().speed_m_s() } else { v };
+    (moved(v, load_m_s) - v).abs()
+}
+
+/// The beads that drives move first: those with a force on them, and the neighbours of what has a prescribed motion.
+fn driven_first(physics: &Physics) -> impl Iterator<Item = usize> {
+    let last = physics.beads - 1;
+    let first = move |drive: &Drive| match (drive.at, drive.prescribes) {
+        (Place::Wall(Side::Left), _) => 0,
+        (Place::Wall(Side::Right), _) => last,
+        (Place::Bead(bead), Quantity::Force) => bead,
+        (Place::Bead(bead), _) => {
+            if bead < last {
+                bead + 1
+            } else {
+                bead - 1
+            }
+        }
+    };
+    physics.drives.iter().map(first).filter_map(|bead| usize::try_from(bead).ok())
 }
 
 /// `L/T` (m/s) of the load, 0 in an unloaded chain.
@@ -231,6 +254,21 @@ mod tests {
         let twins = Twins::new(&struck);
         let Together { run, moved, .. } = twins.together();
         assert_eq!(run.v_m_s.iter().zip(moved.v_m_s).filter(|(run, moved)| run != moved).count(), 1);
+    }
+
+    /// A chain that a drive sets in motion has a rounding error, too.
+    #[test]
+    fn what_a_drive_moves_first_is_moved() {
+        let shaken = "[chain]\nbeads = 6\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n[[drive]]\nbead = 2\n\
+            force_n = { half_sine = { amplitude = 1.0, duration_s = 1e-4 } }\n[striker]\nbead = 0\nvelocity_m_s = 0\n\
+            [time]\nduration_s = 1e-3\n";
+        let config = RunConfig::from_toml(shaken).expect("a configuration");
+        let physics = Physics::resolve(&config).expect("valid");
+        let mut twins = Twins::new(&physics);
+        twins.advance_to(physics.step_count).expect("finite");
+        let Together { run, moved, .. } = twins.together();
+        assert!(run.u_m != moved.u_m);
+        assert!(moved_by_m_s(&physics) > 0.0);
     }
 
     /// Under 100 N overlaps are some 0.46 mm: a kick of 1e-13 m/s changes them by little more than their rounding.

@@ -268,7 +268,7 @@ fn the_truth_is_within_what_a_check_says() {
         let (off, quantity) = off(&config);
         if off > 1.0 {
             outside += 1;
-            println!("{}, run {number}: {quantity} is {off:.2} times as far off as was said", KINDS[kind]);
+            println!("{}, run {number}: {quantity}, {off:.2}\n{}", KINDS[kind], config.to_toml());
         }
         assert!(off < 3.0, "{}, run {number}: {quantity}, {off}\n{}", KINDS[kind], config.to_toml());
         worst = if off > worst { off } else { worst };
