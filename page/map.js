@@ -299,8 +299,9 @@ function drawMarks(surface, scales, view, theme) {
     impurities.forEach((bead) => upright(bead, theme.muted, [5, 4]));
   }
   (view.chosen ?? []).forEach((bead) => upright(bead, theme.accent, [2, 3]));
+  const numbered = /** @type {number[][]} */ ([]);
   for (const { track, pulse } of view.pulses ?? []) {
-    drawTrack(surface, scales, view, track, String(pulse), theme);
+    drawTrack(surface, scales, view, track, String(pulse), theme, numbered);
   }
   for (const { bead, step } of view.events ?? []) {
     surface.circle(at(bead), y(step), 3.5, { fill: theme.background, colour: theme.accent, width: 1.5 });
@@ -314,8 +315,9 @@ function drawMarks(surface, scales, view, theme) {
 /**
  * @param {Surface} surface @param {Scales} scales @param {View} view
  * @param {number[]} track @param {string} name @param {Theme} theme
+ * @param {number[][]} numbered where numbers stand already: one that would cover another is left out
  */
-function drawTrack(surface, { plot, x, y }, view, track, name, theme) {
+function drawTrack(surface, { plot, x, y }, view, track, name, theme, numbered) {
   const dt = view.dt_s ?? 1;
   const points = track.map((number, i) => (i % 2 === 0 ? x(placeOfBead(track[i + 1], view)) : y(track[i - 1] / dt)));
   surface.lines(points, { colour: theme.foreground, width: 1.2, dash: [2, 4] });
@@ -336,16 +338,13 @@ function drawTrack(surface, { plot, x, y }, view, track, name, theme) {
       }
     }
   }
-  if (seen.length > 0) {
-    const [right, down] = seen[Math.floor(0.75 * (seen.length - 1))];
-    surface.text(right, down, name, {
-      size: TICK_PX,
-      align: "center",
-      colour: theme.foreground,
-      bold: true,
-      halo: theme.background,
-    });
-  }
+  const place = seen[Math.floor(0.75 * (seen.length - 1))];
+  const isApart = (/** @type {number[]} */ [right, down]) =>
+    Math.abs(right - place[0]) > 0.8 * TICK_PX * (name.length + 1) || Math.abs(down - place[1]) > 1.3 * TICK_PX;
+  if (!place || !numbered.every(isApart)) return;
+  numbered.push(place);
+  const { foreground: colour, background: halo } = theme;
+  surface.text(place[0], place[1], name, { size: TICK_PX, align: "center", colour, bold: true, halo });
 }
 
 /**

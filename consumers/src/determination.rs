@@ -1,9 +1,12 @@
-//! Until when a run is determined, and to which digits: the run is compared with two twins, one with half the step and
-//! one that differs in the last place of what moves at first (`producer::twins` makes them).
+//! Until when a run is determined, and to which digits: the run is compared with three twins, those with half and with a quarter of
+//! the step, and one that differs in the last place of what moves at first (`producer::twins` makes them).
 //!
-//! - The *error of the step* is taken as [`STEP_FACTOR`] times the difference to the twin with half the step. It is
-//!   exact where halving the step halves the error; where the error falls as `dt^(α+1)`, it is `2·(1 − 2^−(α+1))` times
-//!   the true one, 1.65 times for α = 1.5. Errors that collisions have multiplied fall more slowly at first.
+//! - The *error of the step* is taken as [`STEP_FACTOR`] times the larger difference to the twins with shorter steps, the largest
+//!   of the last [`LOOKS`] looks, which is about T. Two things make one difference at one time too small. The error of a
+//!   collision has a factor that depends on where in a step the contact closes and opens, and that may be small or of the
+//!   other sign in a run and much the same in its twin: in a quarter of the step it is 2^(2·(α+1)) times smaller at most, 32 times for α = 1.5, too
+//!   small to hide that of the run. And where two states swing about each other, their differences go through zero.
+//!   Where the error falls as `dt` the estimate is 1.5 times the true one, where it falls as `dt^(α+1)` twice.
 //! - The *error of rounding* is the difference to the moved twin. Where motion is chaotic it grows exponentially,
 //!   until nothing of the run is left in its twin: no step and no solver helps there.
 //! - A quantity is *determined* until the last look before either error first exceeds the tolerance, in units of its
@@ -29,6 +32,7 @@ pub use words::{label, time, verdict};
 use schemas::frame::Frame;
 use schemas::manifest::{Physics, RunManifest};
 use siblings::Sibling;
+use std::collections::VecDeque;
 
 /// The tolerance unless another is asked for: four digits, more than a figure shows.
 pub const TOLERANCE: f64 = 1e-4;
@@ -36,8 +40,11 @@ pub const TOLERANCE: f64 = 1e-4;
 /// The part of the contacts that may be in another class.
 pub const CONTACTS_APART: f64 = 0.01;
 
-/// What the difference to the twin with half the step is multiplied by.
+/// What the differences to the twins with shorter steps are multiplied by.
 pub const STEP_FACTOR: f64 = 2.0;
+
+/// Looks over which the error of the step is the largest.
+pub const LOOKS: usize = 10;
 
 /// A step so short that it does not count is worth it if it lengthens the determined time by this factor.
 pub const WORTH_A_STEP: f64 = 1.25;
@@ -57,12 +64,14 @@ pub struct Determination {
     split_bead: u64,
     /// By how much the moved twin was moved, in units of v0.
     moved_by: f64,
-    /// The run, the halved twin, the moved twin.
-    siblings: [Sibling; 3],
-    /// Of each quantity, to the halved and to the moved twin.
+    /// The run, the halved, the quartered and the moved twin.
+    siblings: [Sibling; 4],
+    /// Of each quantity, the errors of the step and of rounding.
     courses: [[Course; 2]; Quantity::COUNT],
-    /// The differences at the last look.
+    /// The differences at the last look, to the twins with shorter steps and to the moved one.
     before: [[f64; Quantity::COUNT]; 2],
+    /// Those to the twins with shorter steps, of the last looks.
+    recent: VecDeque<[f64; Quantity::COUNT]>,
     trail: Trail,
     last: Option<(u64, f64)>,
 }
@@ -91,9 +100,10 @@ impl Determination {
             tolerance,
             split_bead,
             moved_by: moved_by_m_s / physics.scales().speed_m_s(),
-            siblings: [sibling.clone(), sibling.clone(), sibling],
+            siblings: [sibling.clone(), sibling.clone(), sibling.clone(), sibling],
             courses: [[Course::default(); 2]; Quantity::COUNT],
             before: [[0.0; Quantity::COUNT]; 2],
+            recent: VecDeque::with_capacity(LOOKS),
             trail: Trail::default(),
             last: None,
             physics: physics.clone(),
@@ -107,24 +117,32 @@ impl Determination {
         steps.max(1)
     }
 
-    /// Compares the states of the run, of the halved and of the moved twin at one time.
-    pub fn look(&mut self, run: &Frame<'_>, halved: &Frame<'_>, moved: &Frame<'_>) {
-        let [of_run, of_halved, of_moved] = &mut self.siblings;
+    /// Compares the states of the run, of the twins with half and a quarter of its step, and of the moved twin at one time.
+    pub fn look(&mut self, run: &Frame<'_>, [halved, quartered]: [&Frame<'_>; 2], moved: &Frame<'_>) {
+        let [of_run, of_halved, of_quartered, of_moved] = &mut self.siblings;
         of_run.look(run);
-        let differences = [(of_halved, halved), (of_moved, moved)].map(|(sibling, frame)| {
+        let differences = [(of_halved, halved), (of_quartered, quartered), (of_moved, moved)];
+        let [halved, quartered, moved] = differences.map(|(sibling, frame)| {
             sibling.look(frame);
             of_run.differences(run, sibling, frame)
         });
-        let mut errors = [[0.0; Quantity::COUNT]; 2];
-        for (twin, factor) in [(0, STEP_FACTOR), (1, 1.0)] {
-            for (i, quantity) in Quantity::ALL.into_iter().enumerate() {
-                let (now, before) = (differences[twin][i], self.before[twin][i]);
-                errors[twin][i] = if quantity.is_count() { now.min(before) } else { factor * now };
-                self.courses[i][twin].take(run.time_s, errors[twin][i], self.tolerance_of(quantity));
-            }
+        let shorter = std::array::from_fn(|i| larger(halved[i], quartered[i]));
+        self.recent.truncate(LOOKS - 1);
+        self.recent.push_front(shorter);
+        let of_looks = |i: usize| self.recent.iter().map(|look| look[i]).fold(0.0, larger);
+        let (mut step, mut rounding) = ([0.0; Quantity::COUNT], [0.0; Quantity::COUNT]);
+        for (i, quantity) in Quantity::ALL.into_iter().enumerate() {
+            (step[i], rounding[i]) = if quantity.is_count() {
+                (shorter[i].min(self.before[0][i]), moved[i].min(self.before[1][i]))
+            } else {
+                (STEP_FACTOR * of_looks(i), moved[i])
+            };
+            let tolerance = self.tolerance_of(quantity);
+            let [of_step, of_rounding] = &mut self.courses[i];
+            of_step.take(run.time_s, step[i], tolerance);
+            of_rounding.take(run.time_s, rounding[i], tolerance);
         }
-        self.before = differences;
-        let [step, rounding] = errors;
+        self.before = [shorter, moved];
         self.trail.push(Sample { time_s: run.time_s, step, rounding });
         self.last = Some((run.step, run.time_s));
     }
@@ -165,6 +183,11 @@ impl Determination {
     pub fn physics(&self) -> &Physics {
         &self.physics
     }
+}
+
+/// The larger number; `b` is not NaN.
+fn larger(a: f64, b: f64) -> f64 {
+    if b > a { b } else { a }
 }
 
 impl Outcome {

@@ -29,12 +29,12 @@ pub struct EnergyRow {
     /// Kinetic plus potential energy.
     pub total_j: f64,
     /// Beads left of the split bead, their contacts (that with a left wall included), and half the contact with
-    /// the split bead.
+    /// the split bead. The contact that closes a ring joins both sides: half of it counts here, half on the right.
     pub left_j: f64,
     /// The split bead and half of each of its contacts.
     pub split_j: f64,
     /// Beads right of the split bead, their contacts (that with a right wall included), and half the contact with
-    /// the split bead.
+    /// the split bead; and half the contact that closes a ring.
     pub right_j: f64,
     /// Work that damped contacts have dissipated so far; 0 without damping.
     pub dissipated_j: f64,
@@ -82,7 +82,28 @@ pub struct Energies {
     contact_j: Vec<f64>,
     watch: Result<ReflectionWatch, Undefined>,
     max_abs_drift: f64,
+    /// The largest error of the balance of energies so far (J), and the largest term of that.
+    balance: Balance,
     last: Option<EnergyRow>,
+}
+
+/// The balance of energies: what the chain has and has dissipated is what it had at first and what drives have given it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Balance {
+    initial_j: f64,
+    /// By how much it was off at most (J).
+    off_j: f64,
+    /// Its largest term (J).
+    largest_j: f64,
+}
+
+impl Balance {
+    fn take(&mut self, row: &EnergyRow) {
+        let kept_j = row.total_j + row.dissipated_j;
+        let larger = |most: f64, j: f64| if j.abs() > most { j.abs() } else { most };
+        self.off_j = larger(self.off_j, kept_j - row.driven_j - self.initial_j);
+        self.largest_j = [self.initial_j, kept_j, row.driven_j].into_iter().fold(self.largest_j, larger);
+    }
 }
 
 /// What is left at the end of a run.
@@ -98,16 +119,17 @@ pub struct EnergyOutcome {
     pub reflection: Result<Reflection, Undefined>,
     /// Largest |relative drift| of any frame.
     pub max_abs_drift: f64,
+    /// Whether drives do work on the chain.
+    pub is_driven: bool,
+    /// Whether the chain is a ring, and half of the contact that closes it counts on either side.
+    pub is_ring: bool,
+    balance: Balance,
 }
 
 impl EnergyOutcome {
     /// How far the energies of the last frame may be off for the time step (J), unless energy is just crossing.
     pub fn step_error_j(&self) -> f64 {
-        step_error_j(
-            self.last.total_j + self.last.dissipated_j - self.last.driven_j,
-            self.max_abs_drift,
-            self.beads,
-        )
+        step_error_j(self.balance.off_j, self.balance.largest_j, self.beads)
     }
 }
 
@@ -129,6 +151,7 @@ impl Energies {
             drift: Drift::new(&manifest.physics, &chain),
             split_bead: usize::try_from(split_bead).unwrap_or(usize::MAX).min(chain.bead_count() - 1),
             contact_j: vec![0.0; chain.contact_count()],
+            balance: Balance { initial_j: manifest.physics.initial_energy().total_j(), ..Balance::default() },
             physics: manifest.physics.clone(),
             max_abs_drift: 0.0,
             last: None,
@@ -144,6 +167,7 @@ impl Energies {
             #[inline(always)]
             || self.sums(frame),
         );
+        self.balance.take(&row);
         if row.relative_drift.abs() > self.max_abs_drift {
             self.max_abs_drift = row.relative_drift.abs();
         }
@@ -182,11 +206,14 @@ impl Energies {
         // the totals do not depend on where the chain is divided
         let kinetic_j = chain.kinetic_j(v, 0..chain.bead_count());
         let [left_wall, right_wall] = chain.wall_energies_j(frame.u_m, frame.extra);
+        let walls_j = left_wall + right_wall;
+        let [left_wall, closing_split, right_wall] =
+            if chain.is_ring { self.closing_j(left_wall) } else { [left_wall, 0.0, right_wall] };
         let sites = |beads| chain.sites_energy(frame.u_m, frame.extra, beads);
         let (left, right) = (sites(0..s), sites(s + 1..chain.bead_count()));
         let (all, split) = (sites(0..chain.bead_count()), sites(s..s + 1));
         let kinetic_j = kinetic_j + all.kinetic_j;
-        let potential_j = total(contact_j) + (left_wall + right_wall) + all.potential_j;
+        let potential_j = total(contact_j) + walls_j + all.potential_j;
         let total_j = kinetic_j + potential_j;
         let dissipated_j = self.physics.dissipated_j(frame.extra);
         let driven_j = self.physics.driven_j(frame.extra);
@@ -195,13 +222,24 @@ impl Energies {
             potential_j,
             total_j,
             left_j: kinetic_left + potential_left + 0.5 * left_contact + left_wall + left.total_j(),
-            split_j: kinetic_split + 0.5 * (left_contact + right_contact) + split.total_j(),
+            split_j: kinetic_split + 0.5 * (left_contact + right_contact) + closing_split + split.total_j(),
             right_j: kinetic_right + potential_right + 0.5 * right_contact + right_wall + right.total_j(),
             dissipated_j,
             driven_j,
             relative_drift: self.drift.of(total_j + dissipated_j, driven_j, v),
             inbound_j: f64::NAN,
             corrected_j: f64::NAN,
+        }
+    }
+
+    /// The energy (J) of the contact that closes a ring, half of it where bead 0 is and half where the last one is: left of the
+    /// split bead, in it, right of it.
+    fn closing_j(&self, energy_j: f64) -> [f64; 3] {
+        let half_j = 0.5 * energy_j;
+        match self.split_bead {
+            0 => [0.0, half_j, half_j],
+            last if last + 1 == self.chain.bead_count() => [half_j, half_j, 0.0],
+            _ => [half_j, 0.0, half_j],
         }
     }
 
@@ -218,6 +256,9 @@ impl Energies {
             last,
             reflection: self.watch.as_ref().map(ReflectionWatch::found).map_err(|undefined| *undefined),
             max_abs_drift: self.max_abs_drift,
+            is_driven: !self.physics.drives.is_empty(),
+            is_ring: self.chain.is_ring,
+            balance: self.balance,
         })
     }
 }
@@ -320,6 +361,42 @@ mod tests {
         assert_eq!(row.inbound_j, row.split_j + 5.0 + 1.0 + 0.5);
         // the pulse was there in the first frame: the energy that it left behind is unknown
         assert!(row.corrected_j.is_nan() && reflection.recoil.is_none());
+    }
+
+    /// The contact that closes a ring of 5 has 16·½⁴ = 1 J: half of it where bead 0 is, half where bead 4 is.
+    #[test]
+    fn the_contact_that_closes_a_ring_is_on_both_sides() {
+        let u_m = [0.0, 0.0, 0.0, 0.0, 0.5];
+        let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &[0.0; 5], extra: &[] };
+        for (split, expected) in [(2, [0.5, 0.0, 0.5]), (0, [0.0, 0.5, 0.5]), (4, [0.5, 0.5, 0.0])] {
+            let mut m = manifest(5, 2);
+            let ends = &mut m.physics.ends;
+            (ends.left, ends.right) = (schemas::config::End::Periodic, schemas::config::End::Periodic);
+            let row = Energies::new(&m, split).observe(&frame);
+            assert_eq!(([row.left_j, row.split_j, row.right_j], row.total_j), (expected, 1.0), "{split}");
+        }
+    }
+
+    /// A chain at rest to which drives have given 1 J and that has 1 J and 2⁻²⁰ J more: that is what the balance is off by.
+    #[test]
+    fn a_driven_chain_that_began_with_nothing_is_not_exact() {
+        let balance = |given_j: f64, total_j: f64| {
+            let mut balance = Balance::default();
+            let row = Energies::new(&manifest(5, 2), 2).observe(&Frame {
+                frame: 0,
+                step: 0,
+                time_s: 0.0,
+                u_m: &[0.0; 5],
+                v_m_s: &[0.0; 5],
+                extra: &[],
+            });
+            balance.take(&EnergyRow { total_j, driven_j: given_j, ..row });
+            balance.take(&row);
+            (balance.off_j, balance.largest_j)
+        };
+        let off_j = (2.0_f64).powi(-20);
+        assert_eq!(balance(1.0, 1.0 + off_j), (off_j, 1.0 + off_j));
+        assert_eq!(balance(3.0, 1.0), (2.0, 3.0), "the work is a term of its own");
     }
 
     #[test]

@@ -22,6 +22,7 @@ mod found;
 mod front;
 mod lead;
 mod obstacles;
+mod origins;
 mod passing;
 mod probes;
 mod sight;
@@ -71,12 +72,18 @@ impl Direction {
 pub enum Birth {
     /// It was there when the frames began, or began again after a gap.
     UnderWay,
-    /// The striker.
+    /// A striker.
     Striker,
+    /// A driven bead, or a wall that a drive moves.
+    Drive,
     /// An impurity, or where two kinds of beads meet.
     Impurity,
-    /// An end of the chain.
+    /// A free end of the chain.
     End,
+    /// A wall that stands still.
+    Wall,
+    /// The contact that closes a ring, where the numbers of the beads begin again: a pulse that came round.
+    Seam,
     /// Two pulses that met.
     Collision,
     /// A pulse of the same direction that it splits from.
@@ -91,8 +98,11 @@ impl Birth {
         match self {
             Self::UnderWay => "under-way",
             Self::Striker => "striker",
+            Self::Drive => "drive",
             Self::Impurity => "impurity",
             Self::End => "end",
+            Self::Wall => "wall",
+            Self::Seam => "seam",
             Self::Collision => "collision",
             Self::Split => "split",
             Self::Chain => "chain",
@@ -107,8 +117,12 @@ pub enum Fate {
     UnderWay,
     /// It met an impurity, or another kind of beads.
     Impurity,
-    /// It reached an end of the chain.
+    /// It reached a free end of the chain.
     End,
+    /// It reached a wall.
+    Wall,
+    /// It reached the contact that closes a ring, and goes on as another pulse at the other end of the numbers.
+    Seam,
     /// It became part of another pulse.
     Merged,
     /// It sank below the threshold, or lost its crest.
@@ -124,6 +138,8 @@ impl Fate {
             Self::UnderWay => "under-way",
             Self::Impurity => "impurity",
             Self::End => "end",
+            Self::Wall => "wall",
+            Self::Seam => "seam",
             Self::Merged => "merged",
             Self::Faded => "faded",
             Self::Gap => "gap",

@@ -1,9 +1,9 @@
 //! Twins of a run: they differ from it by as much as its step and its rounding decide.
 //!
 //! The energy of a symplectic method stays where it is while the motion itself goes wrong, so its drift says nothing
-//! about that. Two more runs do:
+//! about that. Three more runs do:
 //!
-//! - the *halved* twin makes two steps of `dt/2` for each step of the run;
+//! - the *halved* twin makes two steps of `dt/2` for each step of the run, and the *quartered* twin four of `dt/4`;
 //! - the *moved* twin has the same step, and each velocity that is not zero at step 0 moved by one unit in its last
 //!   place, away from zero.
 //!
@@ -11,10 +11,12 @@
 //! the last place of 0 is `2^-1074`. So it rests in the moved twin, too. (Moved by `2^-52·v0` it would drift apart
 //! from its neighbours before the shock arrives, a disturbance that no computation of this run has.) In a loaded chain
 //! overlaps are rounded relative to those at rest, however weak the kick is; there the unit is that of `L/T` of the
-//! load, where this is the larger one.
+//! load, where this is the larger one. Where nothing moves at first, because drives set the chain in motion, it is the beads that they move
+//! first that begin with one unit in the last place of `L/T`.
 
 use crate::integrator::Integrator;
 use crate::state::ChainState;
+use schemas::drive::{Drive, Place, Quantity, Side};
 use schemas::frame::Frame;
 use schemas::manifest::Physics;
 use schemas::scales::Scales;
@@ -25,6 +27,7 @@ pub struct Twins {
     physics: Physics,
     run: Sibling,
     halved: Sibling,
+    quartered: Sibling,
     moved: Sibling,
 }
 
@@ -35,6 +38,8 @@ pub struct Together<'a> {
     pub run: Frame<'a>,
     /// The twin with half the step.
     pub halved: Frame<'a>,
+    /// The twin with a quarter of the step.
+    pub quartered: Frame<'a>,
     /// The twin with moved velocities.
     pub moved: Frame<'a>,
 }
@@ -72,34 +77,29 @@ impl Twins {
             state: ChainState::initial(physics),
             steps_in_step: 1,
         };
-        let mut halved = physics.clone();
-        halved.dt_s *= 0.5;
-        halved.step_count *= 2;
-        let halved = Sibling {
-            which: "the twin with half the step",
-            integrator: Integrator::new(&halved),
-            state: ChainState::initial(&halved),
-            steps_in_step: 2,
-        };
+        let halved = Sibling::finer(physics, 2, "the twin with half the step");
+        let quartered = Sibling::finer(physics, 4, "the twin with a quarter of the step");
         let (u_m, mut v_m_s) = physics.initial_state();
         let at_rest_m_s = load_speed_m_s(physics);
-        for v in &mut v_m_s {
-            *v = moved(*v, at_rest_m_s);
+        if v_m_s.iter().all(|v| *v == 0.0) {
+            driven_first(physics).for_each(|bead| v_m_s[bead] = moved_by_m_s(physics));
+        } else {
+            v_m_s.iter_mut().for_each(|v| *v = moved(*v, at_rest_m_s));
         }
         let moved = Sibling {
             which: "the twin with moved velocities",
             state: ChainState::starting_at(physics, &u_m, &v_m_s),
             ..run.clone()
         };
-        Self { physics: physics.clone(), run, halved, moved }
+        Self { physics: physics.clone(), run, halved, quartered, moved }
     }
 
-    /// Advances all three to step `step` of the run, if they are not there yet.
+    /// Advances all four to step `step` of the run, if they are not there yet.
     ///
     /// # Errors
     /// When a state is not finite.
     pub fn advance_to(&mut self, step: u64) -> Result<(), NonFinite> {
-        [&mut self.run, &mut self.halved, &mut self.moved]
+        [&mut self.run, &mut self.halved, &mut self.quartered, &mut self.moved]
             .into_iter()
             .try_for_each(|sibling| sibling.advance_to(step))
     }
@@ -108,12 +108,26 @@ impl Twins {
     pub fn together(&self) -> Together<'_> {
         let step = self.run.state.step;
         let time_s = self.physics.time_s(step);
-        let [run, halved, moved] = [&self.run, &self.halved, &self.moved].map(|each| each.at(step, time_s));
-        Together { run, halved, moved }
+        let all = [&self.run, &self.halved, &self.quartered, &self.moved];
+        let [run, halved, quartered, moved] = all.map(|each| each.at(step, time_s));
+        Together { run, halved, quartered, moved }
     }
 }
 
 impl Sibling {
+    /// A twin that makes `parts` steps for each step of the run.
+    fn finer(physics: &Physics, parts: u64, which: &'static str) -> Self {
+        let mut finer = physics.clone();
+        finer.dt_s /= parts as f64;
+        finer.step_count *= parts;
+        Self {
+            which,
+            integrator: Integrator::new(&finer),
+            state: ChainState::initial(&finer),
+            steps_in_step: parts,
+        }
+    }
+
     /// Its state as that of step `step` of the run.
     fn at(&self, step: u64, time_s: f64) -> Frame<'_> {
         let ChainState { u_m, v_m_s, extra, .. } = &self.state;
@@ -143,8 +157,27 @@ fn moved(v: f64, least: f64) -> f64 {
 
 /// By how much the moved twin of `physics` differs from the run at step 0 (m/s).
 pub fn moved_by_m_s(physics: &Physics) -> f64 {
-    let v = physics.striker.velocity_m_s;
-    (moved(v, load_speed_m_s(physics)) - v).abs()
+    let (v, load_m_s) = (physics.striker.velocity_m_s, load_speed_m_s(physics));
+    let v = if v == 0.0 { physics.scales().speed_m_s() } else { v };
+    (moved(v, load_m_s) - v).abs()
+}
+
+/// The beads that drives move first: those with a force on them, and the neighbours of what has a prescribed motion.
+fn driven_first(physics: &Physics) -> impl Iterator<Item = usize> {
+    let last = physics.beads - 1;
+    let first = move |drive: &Drive| match (drive.at, drive.prescribes) {
+        (Place::Wall(Side::Left), _) => 0,
+        (Place::Wall(Side::Right), _) => last,
+        (Place::Bead(bead), Quantity::Force) => bead,
+        (Place::Bead(bead), _) => {
+            if bead < last {
+                bead + 1
+            } else {
+                bead - 1
+            }
+        }
+    };
+    physics.drives.iter().map(first).filter_map(|bead| usize::try_from(bead).ok())
 }
 
 /// `L/T` (m/s) of the load, 0 in an unloaded chain.
@@ -193,18 +226,21 @@ mod tests {
                 }
                 state
             };
-            let mut half = physics.clone();
-            (half.dt_s, half.step_count) = (physics.dt_s / 2.0, physics.step_count * 2);
-            let expected = [alone(&physics, 5.0), alone(&half, 5.0), alone(&physics, 5.0_f64.next_up())];
-            let Together { run, halved, moved } = twins.together();
-            for (found, expected) in [run, halved, moved].into_iter().zip(&expected) {
+            let finer = |parts: u64| {
+                let mut finer = physics.clone();
+                (finer.dt_s, finer.step_count) = (physics.dt_s / parts as f64, physics.step_count * parts);
+                alone(&finer, 5.0)
+            };
+            let expected = [alone(&physics, 5.0), finer(2), finer(4), alone(&physics, 5.0_f64.next_up())];
+            let Together { run, halved, quartered, moved } = twins.together();
+            for (found, expected) in [run, halved, quartered, moved].into_iter().zip(&expected) {
                 assert_eq!((found.u_m, found.v_m_s), (&expected.u_m[..], &expected.v_m_s[..]), "{method}");
                 assert_eq!(
                     (found.step, found.time_s),
                     (physics.step_count, physics.time_s(physics.step_count))
                 );
             }
-            assert!(halved.u_m != run.u_m && moved.u_m != run.u_m);
+            assert!(halved.u_m != run.u_m && quartered.u_m != halved.u_m && moved.u_m != run.u_m);
         }
     }
 
@@ -218,6 +254,21 @@ mod tests {
         let twins = Twins::new(&struck);
         let Together { run, moved, .. } = twins.together();
         assert_eq!(run.v_m_s.iter().zip(moved.v_m_s).filter(|(run, moved)| run != moved).count(), 1);
+    }
+
+    /// A chain that a drive sets in motion has a rounding error, too.
+    #[test]
+    fn what_a_drive_moves_first_is_moved() {
+        let shaken = "[chain]\nbeads = 6\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n[[drive]]\nbead = 2\n\
+            force_n = { half_sine = { amplitude = 1.0, duration_s = 1e-4 } }\n[striker]\nbead = 0\nvelocity_m_s = 0\n\
+            [time]\nduration_s = 1e-3\n";
+        let config = RunConfig::from_toml(shaken).expect("a configuration");
+        let physics = Physics::resolve(&config).expect("valid");
+        let mut twins = Twins::new(&physics);
+        twins.advance_to(physics.step_count).expect("finite");
+        let Together { run, moved, .. } = twins.together();
+        assert!(run.u_m != moved.u_m);
+        assert!(moved_by_m_s(&physics) > 0.0);
     }
 
     /// Under 100 N overlaps are some 0.46 mm: a kick of 1e-13 m/s changes them by little more than their rounding.

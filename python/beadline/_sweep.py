@@ -69,7 +69,7 @@ def sweep(
             fastest. Or ranges as of a sweep file: ``{"from": 1, "to": 2, "count": 5, "spacing": "log"}``.
         cases: Keys that are set together; every case is combined with the whole grid.
         until: ``"end"``; ``"stationary"`` ends a run when its reflected energy no longer changes.
-        check: Adds columns of how long each run is determined; takes four times as long.
+        check: Adds columns of how long each run is determined; takes eight times as long.
         split: The bead that divides reflected from transmitted energy; by default the first impurity
             that is not the striker, else the middle bead.
         jobs: Runs that are computed at the same time; by default one for each core.

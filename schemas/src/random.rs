@@ -67,6 +67,66 @@ mod tests {
         assert_eq!((normals, orders), (200, 8));
     }
 
+    /// The values of `docs/CONFIGURATION.md`, which `tests/python/random_chains.py` makes of that page.
+    #[test]
+    fn the_values_of_the_page_are_made() {
+        let page = include_str!("../../docs/CONFIGURATION.md");
+        let (_, values) = page.split_once("```json random\n").expect("values to check with");
+        let (values, _) = values.split_once("```").expect("their end");
+        let rows: Vec<serde_json::Value> = serde_json::from_str(values).expect("rows");
+        let hex = |x: f64| format!("{:016x}", x.to_bits());
+        for row in &rows {
+            let number = |key: &str| row[key].as_u64().expect("a whole number");
+            let stream = || u32::try_from(number("stream")).expect("a stream");
+            let seed = number("seed");
+            let found = match row["of"].as_str().expect("of what") {
+                "words" => {
+                    let words = crate::philox::words(seed, stream(), number("index"));
+                    words.map(|word| format!("{word:08x}")).to_vec().into()
+                }
+                "uniform" => hex(uniform(seed, stream(), number("index"))).into(),
+                "normal" => hex(normal(seed, stream(), number("index"))).into(),
+                "order" => {
+                    permutation(seed, stream(), usize::try_from(number("count")).expect("a count")).into()
+                }
+                "masses" => of_chain(row).0.into_iter().map(hex).collect::<Vec<_>>().into(),
+                "velocities" => of_chain(row).1.into_iter().map(hex).collect::<Vec<_>>().into(),
+                other => serde_json::Value::from(format!("{other} is unknown")),
+            };
+            assert_eq!(found, row["value"], "{row}");
+        }
+        assert!(rows.len() >= 10);
+    }
+
+    /// Masses (kg) and thermal velocities (m/s) of the chain of a row.
+    fn of_chain(row: &serde_json::Value) -> (Vec<f64>, Vec<f64>) {
+        let disorder: Vec<String> = row["disorder"]
+            .as_array()
+            .expect("a list")
+            .iter()
+            .map(|entry| {
+                let (key, value) = entry.as_object().and_then(|entry| entry.iter().next()).expect("a key");
+                let value = match &value["factor"] {
+                    serde_json::Value::Null => value.to_string(),
+                    factor => format!("{{ fraction = {}, factor = {factor} }}", value["fraction"]),
+                };
+                format!("[[disorder]]\nof = \"masses\"\n{key} = {value}\n")
+            })
+            .collect();
+        let energy_j = row["energy_j"].as_f64().unwrap_or(1.0);
+        let text = format!(
+            "seed = {}\n[chain]\nbeads = {}\nbead_mass_kg = {}\nalpha = 1.5\nstiffness = 1e7\n{}\
+             [initial]\nthermal = {{ energy_j = {energy_j:e} }}\n[striker]\nbead = 0\nvelocity_m_s = 0\n[time]\nduration_s = 1e-6\n",
+            row["seed"],
+            row["beads"],
+            row["bead_mass_kg"],
+            disorder.concat()
+        );
+        let config = crate::config::RunConfig::from_toml(&text).expect("valid");
+        let physics = crate::manifest::Physics::resolve(&config).expect("possible");
+        (physics.chain().mass_kg, physics.initial_state().1)
+    }
+
     /// Moments of n numbers have the standard deviations √(1/n), √(2/n), √(15/n) and √(96/n); the largest distance between
     /// the distributions is above 1.63/√n once in a hundred times. The seed is fixed, so the test is, too.
     #[test]

@@ -14,12 +14,13 @@ use std::path::PathBuf;
     beadline check --preset walls --figure growth.png how the differences grow\n  \
     beadline check chain.toml --dt 2e-7               a configuration, as for `beadline run`\n  \
     beadline check --beads 1200 --impurity 0=10e-3 --tolerance 1e-3\n\n\
-    Energy that is conserved does not make a run right. Two twins are computed beside it: one with half the step, and one \
-    whose velocities differ in the last place at first. Each quantity is determined until one of them first differs \
-    by more than the tolerance, in units of L, v0 and ½·m·v0²; counts until they differ (of contacts, 1 in 100 may). The error of the step is taken \
-    as twice the difference to the first twin, that of rounding as the difference to the second. What \
+    Energy that is conserved does not make a run right. Three twins are computed beside it: with half and with a quarter of \
+    the step, and one whose velocities differ in the last place at first. The error of the step is taken as twice the larger \
+    difference to the first two, the largest of about the last T; that of rounding as the difference to the third. Each \
+    quantity is determined until one of these first exceeds the tolerance, in units of L, v0 and ½·m·v0²; counts until \
+    they differ (of contacts, 1 in 100 may). What \
     ends the time is the step (a shorter one helps) or chaos (nothing helps).\n\
-    It takes four times as long as the run. Exit code 3: something is not determined to the end."
+    It takes eight times as long as the run. Exit code 3: something is not determined to the end."
 )]
 pub(crate) struct CheckArgs {
     /// A recording, or a configuration file

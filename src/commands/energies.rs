@@ -88,11 +88,20 @@ fn rows(outcome: Option<&EnergyOutcome>) -> Rows {
     if last.dissipated_j != 0.0 {
         rows.add("dissipated", format_args!("{} {unit}", text(last.dissipated_j)));
     }
+    if outcome.is_ring {
+        rows.add("ring contact", "half of its energy counts left, half right: it joins both");
+    }
     match &outcome.reflection {
         Ok(reflection) => add_reflection(&mut rows, reflection, outcome.split_bead),
         Err(undefined) => rows.add("reflected", undefined),
     }
     rows.add("largest |ΔE/E|", format_args!("{:.1e}", outcome.max_abs_drift));
+    if outcome.is_driven || last.dissipated_j != 0.0 {
+        rows.add(
+            "±",
+            "from the balance of energies alone; `beadline check` says what a shorter step changes",
+        );
+    }
     rows
 }
 
@@ -149,6 +158,7 @@ fn json(outcome: &EnergyOutcome) -> Value {
             Err(undefined) => json!({ "undefined": undefined.to_string() }),
         },
         "max_abs_relative_drift": outcome.max_abs_drift,
+        "step_error_j": outcome.step_error_j(),
     })
 }
 

@@ -36,6 +36,16 @@ fn a_configuration_file_is_run() {
     assert_eq!(info["complete"], true);
 }
 
+/// No source of their numbers was found; the message names the numbers that take their place.
+#[test]
+fn materials_without_a_source_have_no_name() {
+    let contact = "bead_mass_kg = 1e-3\n    alpha = 1.5\n    stiffness = 1e7\n    impurities = [{ bead = 20, mass_kg = 2e-3 }]\n".replace("    ", "");
+    for name in ["ptfe", "tungsten-carbide"] {
+        let spheres = format!("spheres = {{ material = \"{name}\", radius_m = 5e-3 }}\n");
+        refuses(&contact, &spheres, &[name, "chrome-steel", "density_kg_m3, young_pa and poisson"]);
+    }
+}
+
 #[test]
 fn unknown_keys() {
     refuses("stiffness", "stifness", &["mine.toml:6", "stifness", "stiffness"]);

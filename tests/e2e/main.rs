@@ -30,6 +30,7 @@ mod manners;
 mod mcap_readers;
 #[cfg(feature = "remote")]
 mod object_store;
+mod origins;
 mod other_tools;
 mod own_consumer;
 mod page;

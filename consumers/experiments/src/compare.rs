@@ -38,8 +38,8 @@ pub fn compare(
     let (mut step, mut stopped) = (0, false);
     loop {
         twins.advance_to(step)?;
-        let Together { run, halved, moved } = twins.together();
-        determination.look(&run, &halved, &moved);
+        let Together { run, halved, quartered, moved } = twins.together();
+        determination.look(&run, [&halved, &quartered], &moved);
         progress(step);
         stopped = stopped || stop.load(Ordering::Relaxed);
         if step == last_step || stopped {

@@ -340,7 +340,7 @@ impl ReflectionWatch {
     }
 
     fn step_error_j(&self, parts: &Parts) -> f64 {
-        step_error_j(parts.total_j, parts.max_abs_drift, self.end_beads[1] + 1)
+        step_error_j(parts.total_j * parts.max_abs_drift, parts.total_j, self.end_beads[1] + 1)
     }
 
     fn end_that_moved(&self, parts: &Parts) -> Option<u64> {
@@ -448,9 +448,9 @@ mod tests {
         }
         let found = watch.found();
         let (energies, recoil) = (found.energies.expect("arrived"), found.recoil.expect("seen at 9 T"));
-        assert_eq!(energies.step_error_j, step_error_j(1.0, (2.0_f64).powi(-18), 200));
+        assert_eq!(energies.step_error_j, step_error_j((2.0_f64).powi(-18), 1.0, 200));
         assert_eq!(energies.uncertainty_j, energies.step_error_j);
-        assert_eq!(recoil.uncertainty_j, step_error_j(1.0, (2.0_f64).powi(-20), 200));
+        assert_eq!(recoil.uncertainty_j, step_error_j((2.0_f64).powi(-20), 1.0, 200));
         let corrected = found.corrected().expect("both are known");
         assert_eq!(corrected.uncertainty_j, energies.uncertainty_j + recoil.uncertainty_j);
         // what the one side lacks the other has: dr/t·(1 + r/t), with r = 1/4 and t = 3/4

@@ -2,6 +2,7 @@
 
 use super::Obstacles;
 use super::crest::History;
+use super::origins::Origins;
 use super::texture::Texture;
 use super::track::{Measured, REACH, Track};
 use crate::theory::{Coefficients, SolitaryWave, Strength};
@@ -19,8 +20,8 @@ pub(super) struct Surroundings {
     /// Nothing pulls in a chain that is not loaded: its pulses move the way their beads do.
     pub(super) loaded: bool,
     pub(super) reach: Reach,
-    /// The bead that is struck, if one is.
-    pub(super) striker: Option<i64>,
+    /// What makes pulses.
+    pub(super) origins: Origins,
     /// The exact solitary wave, where there is one.
     wave: Option<Coefficients>,
 }
@@ -40,14 +41,14 @@ pub(super) struct Reach {
 
 impl Surroundings {
     pub(super) fn of(manifest: &RunManifest) -> Self {
-        let (chain, striker) = (manifest.physics.chain(), &manifest.physics.striker);
+        let chain = manifest.physics.chain();
         let wave = SolitaryWave::coefficients_of(manifest.physics.alpha).ok();
         Self {
             obstacles: Obstacles::of(&chain),
             texture: Texture::of(&chain),
             loaded: chain.is_loaded(),
             reach: Reach::of(wave.as_ref()),
-            striker: (striker.velocity_m_s != 0.0).then(|| signed(striker.bead)),
+            origins: Origins::of(&manifest.physics),
             wave,
             chain,
         }

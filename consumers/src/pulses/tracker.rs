@@ -31,6 +31,8 @@ pub struct Pulses {
     counts: Counts,
     last_step: Option<u64>,
     lead: Lead,
+    /// Whether a pulse has run into the left, and into the right end.
+    met_ends: [bool; 2],
     /// When the frames began, or began again (s), and whether the chain had moved before.
     resumed: Option<(f64, bool)>,
 }
@@ -68,6 +70,7 @@ impl Pulses {
             counts: Counts::default(),
             last_step: None,
             lead: Lead::default(),
+            met_ends: [false; 2],
             resumed: None,
         }
     }
@@ -240,7 +243,7 @@ impl Pulses {
             _ => best,
         };
         let Some(i) = best else {
-            let birth = self.birth(bead, crest);
+            let birth = self.birth((bead, ahead), crest);
             self.tracks.push(Track::new(passed, ahead, birth));
             return;
         };
@@ -303,9 +306,11 @@ impl Pulses {
         others.any(|(_, other)| edges.enclose(nearest(other.position_beads(time_s))))
     }
 
-    fn birth(&self, bead: i64, crest: &Crest) -> Birth {
-        let near = self.around.reach.origin;
-        let to_obstacle = |sign| self.around.obstacles.ahead(bead, sign);
+    /// What a crest comes from that begins a track at `bead`, in the direction `ahead`, or 0 where that is not known.
+    fn birth(&self, (bead, ahead): (i64, i64), crest: &Crest) -> Birth {
+        let around = &self.around;
+        let near = around.reach.origin;
+        let to_obstacle = |sign| around.obstacles.ahead(bead, sign);
         let (left, right) = (to_obstacle(-1), to_obstacle(1));
         let close = |track: &&Track| {
             track.number > 0 && (track.position_beads(crest.time_s) - bead as f64).abs() <= near as f64
@@ -313,16 +318,38 @@ impl Pulses {
         let opposite = |track: &Track| track.sign != crest.v_m_s.signum();
         let neighbour = self.tracks.iter().filter(close).map(opposite).max();
         let resumed = self.resumed.is_some_and(|(since_s, moving)| {
-            moving && crest.time_s - since_s < self.around.longest_step_s(bead, crest.v_m_s)
+            moving && crest.time_s - since_s < around.longest_step_s(bead, crest.v_m_s)
         });
-        match (left, right) {
-            _ if resumed => Birth::UnderWay,
-            _ if self.around.striker.is_some_and(|striker| (bead - striker).abs() <= near) => Birth::Striker,
-            ((distance, true), _) | (_, (distance, true)) if distance <= near => Birth::Impurity,
-            ((distance, false), _) | (_, (distance, false)) if distance <= near => Birth::End,
-            _ => neighbour
-                .map_or(Birth::Chain, |opposite| if opposite { Birth::Collision } else { Birth::Split }),
+        if resumed {
+            return Birth::UnderWay;
         }
+        if let Some(maker) = around.origins.maker(bead, near, self.come_back(near)) {
+            return maker;
+        }
+        // a ring goes on beyond its seam: what runs towards that does not come from it
+        let from_end = |((distance, is_obstacle), outward): ((i64, bool), i64)| {
+            let birth = around.origins.birth_at(outward < 0);
+            let can_be = !is_obstacle && distance <= near && (birth != Birth::Seam || ahead != outward);
+            can_be.then_some(birth)
+        };
+        match (left, right) {
+            ((distance, true), _) | (_, (distance, true)) if distance <= near => Birth::Impurity,
+            _ => from_end((left, -1)).or_else(|| from_end((right, 1))).unwrap_or_else(|| {
+                neighbour
+                    .map_or(Birth::Chain, |opposite| if opposite { Birth::Collision } else { Birth::Split })
+            }),
+        }
+    }
+
+    /// Whether a pulse has come within `near` beads of the left, and of the right end, on its way there.
+    fn come_back(&self, near: i64) -> [bool; 2] {
+        [(0, -1), (1, 1)].map(|(side, ahead)| {
+            let arrives = |track: &Track| {
+                let (distance, is_obstacle) = self.around.obstacles.ahead(track.head().bead, ahead);
+                track.number > 0 && track.ahead == ahead && !is_obstacle && distance <= near
+            };
+            self.met_ends[side] || self.tracks.iter().any(arrives)
+        })
     }
 
     /// Ends the tracks that have not gone on for too long; with `all` every one.
@@ -353,6 +380,9 @@ impl Pulses {
 
     fn end(&mut self, mut track: Track, now_s: f64, at_last: bool) {
         let fate = self.fate(&track, now_s, at_last);
+        if matches!(fate, Fate::End | Fate::Wall | Fate::Seam) {
+            self.met_ends[usize::from(track.ahead > 0)] = true;
+        }
         while let Some(point) = track.next_point(true) {
             self.happenings.push(Happening::Passed(point));
         }
@@ -388,7 +418,7 @@ impl Pulses {
         match (distance <= near, is_obstacle) {
             _ if at_last && !(out_of_sight && distance <= near) => Fate::UnderWay,
             (true, true) => Fate::Impurity,
-            (true, false) => Fate::End,
+            (true, false) => self.around.origins.fate_at(track.ahead),
             _ if track.gap => Fate::Gap,
             _ if self.tracks.iter().any(merged) => Fate::Merged,
             _ => Fate::Faded,

@@ -15,6 +15,8 @@ pub struct Modes {
     vectors: DMatrix<f64>,
     root_mass: Vec<f64>,
     beads: usize,
+    /// The bead of each resonator, in the order of the rows.
+    carriers: Vec<usize>,
 }
 
 /// Why there are no modes.
@@ -81,10 +83,15 @@ impl Modes {
                 springs[(row, column)] /= root_mass[row] * root_mass[column];
             }
         }
-        Self::solved(springs, root_mass, beads)
+        Self::solved(springs, root_mass, beads, carriers)
     }
 
-    fn solved(matrix: DMatrix<f64>, root_mass: Vec<f64>, beads: usize) -> Result<Self, ModesError> {
+    fn solved(
+        matrix: DMatrix<f64>,
+        root_mass: Vec<f64>,
+        beads: usize,
+        carriers: Vec<usize>,
+    ) -> Result<Self, ModesError> {
         let count = matrix.nrows();
         let found = SymmetricEigen::try_new(matrix, f64::EPSILON, 100 * count.max(10));
         let found = found.ok_or(ModesError::NotFound)?;
@@ -102,7 +109,7 @@ impl Modes {
             omega_rad_s.push(if square > zero { square.sqrt() } else { 0.0 });
         }
         let vectors = DMatrix::from_fn(count, count, |row, column| found.eigenvectors[(row, order[column])]);
-        Ok(Self { omega_rad_s, vectors, root_mass, beads })
+        Ok(Self { omega_rad_s, vectors, root_mass, beads, carriers })
     }
 
     /// Number of modes.
@@ -131,16 +138,26 @@ impl Modes {
         shape.into_iter().map(|u| u / farthest).collect()
     }
 
-    /// How many beads take part in a mode: `1/Σ eᵢ²` with the part `eᵢ` of its kinetic energy that is in bead `i`; 1 for
-    /// one bead alone, N if all have the same, 2N/3 for a standing sine.
+    /// The part of a mode's kinetic energy that is in each bead and its resonator together, N values.
+    fn parts(&self, mode: usize) -> Vec<f64> {
+        let part = |row: usize| self.vectors[(row, mode)].powi(2);
+        let mut parts: Vec<f64> = (0..self.beads).map(part).collect();
+        for (index, bead) in self.carriers.iter().enumerate() {
+            parts[*bead] += part(self.beads + index);
+        }
+        parts
+    }
+
+    /// How many beads take part in a mode: `1/Σ eᵢ²` with the part `eᵢ` of its kinetic energy that is in bead `i` and its
+    /// resonator; 1 for one bead alone, N if all have the same, 2N/3 for a standing sine.
     pub fn participation_beads(&self, mode: usize) -> f64 {
-        1.0 / self.vectors.column(mode).iter().map(|y| y.powi(4)).sum::<f64>()
+        1.0 / self.parts(mode).into_iter().map(|part| part * part).sum::<f64>()
     }
 
     /// The bead with most of a mode's energy, with its resonator's.
     pub fn centre_bead(&self, mode: usize) -> usize {
-        let energy = |bead: &usize| self.vectors[(*bead, mode)].powi(2);
-        (0..self.beads).max_by(|a, b| energy(a).total_cmp(&energy(b))).unwrap_or(0)
+        let parts = self.parts(mode);
+        (0..self.beads).max_by(|a, b| parts[*a].total_cmp(&parts[*b])).unwrap_or(0)
     }
 
     /// Energy (J) in a mode, `½(ẏ² + ω²·y²)` of the state's part along it, for displacements (m) and velocities (m/s)
@@ -209,5 +226,27 @@ mod tests {
         let expected = (3.0 * (1.0 / 2.0 + 1.0 / 0.5_f64)).sqrt();
         assert_eq!(modes.omega_rad_s()[0], 0.0);
         assert!((modes.omega_rad_s()[1] / expected - 1.0).abs() < 1e-14);
+    }
+
+    /// Masses inside all of N equal beads make 2N modes, each of which all beads share, on a free ring of springs: a mode that
+    /// turns has the same energy in every bead, and one that stands 2N/3. No mode has more than N.
+    #[test]
+    fn a_resonator_is_no_bead_of_its_own() {
+        let mut linear = chain(12, &[2.0], 5.0, 0.0);
+        linear.ring_n_per_m = 5.0;
+        linear.resonators = vec![Resonator { mass_kg: 0.5, stiffness_n_per_m: 3.0 }; 12];
+        let modes = Modes::of(&linear).expect("modes");
+        assert_eq!(modes.count(), 24);
+        // the beads together, and against the masses in them: the same in each
+        let alike = (0..24).filter(|mode| (modes.participation_beads(*mode) - 12.0).abs() < 1e-9).count();
+        assert!(alike >= 2, "{alike}");
+        assert!((0..24).all(|mode| modes.participation_beads(mode) < 12.0 + 1e-9));
+        // most of the energy of one free resonator among heavy walls is its bead's
+        let mut alone = chain(3, &[1e9, 1.0, 1e9], 5.0, 0.0);
+        let none = Resonator { mass_kg: 0.0, stiffness_n_per_m: 0.0 };
+        alone.resonators = vec![none, Resonator { mass_kg: 100.0, stiffness_n_per_m: 3.0 }, none];
+        let modes = Modes::of(&alone).expect("modes");
+        assert_eq!([3, 2].map(|mode| modes.centre_bead(mode)), [1, 1]);
+        assert!([3, 2].iter().all(|mode| (modes.participation_beads(*mode) - 1.0).abs() < 1e-6));
     }
 }
