@@ -172,6 +172,6 @@ fn materials_are_shown_as_masses_and_stiffnesses() {
         };
         assert!((number("masses") / mass_kg - 1.0).abs() < 1e-12, "{shown}");
         assert!((number("stiffnesses") / stiffness - 1.0).abs() < 1e-12, "{shown}");
-        assert!(shown.contains("spheres of radius 0.005 m"), "{shown}");
+        assert!(shown.contains("(radius 5 mm)"), "{shown}");
     }
 }

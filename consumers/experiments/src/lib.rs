@@ -9,9 +9,15 @@ mod analyses;
 mod columns;
 pub mod compare;
 pub mod ensemble;
+mod measures;
 pub mod pool;
 mod prepare;
 pub mod row;
 
 pub use columns::{ERROR_COLUMN, columns};
 pub use prepare::prepared;
+
+use producer::sweep::Hooks;
+
+/// What sweeps need of us.
+pub const HOOKS: Hooks = Hooks { prepare: prepared, measure: measures::check };

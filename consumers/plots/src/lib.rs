@@ -17,7 +17,9 @@ pub use determination::determination;
 pub use fields::{ColourSteps, profile, profiles, space_time};
 pub use pulses::pulses;
 pub use spreading::spreading;
-pub use tables::{Band, HeatMap, TableCurve, TableFigure, column_label, heat_map, table_curves};
+pub use tables::{
+    Band, HeatMap, TableCurve, TableFigure, TablePanel, TablePoint, column_label, heat_map, table_curves,
+};
 
 use consumers::contacts::{COMPRESSED, Class, OPEN, TOUCHING};
 use consumers::energies::{EnergyRow, Reflection, STATIONARY};

@@ -78,7 +78,7 @@ impl Runs {
             Named::File(path) if path.is_dir() => match sweep::file_in(path) {
                 Some(file) => Kind::Sweep(
                     path.clone(),
-                    Box::new(Sweep::read(&file, experiments::prepared).bad_input()?),
+                    Box::new(Sweep::read(&file, experiments::HOOKS).bad_input()?),
                 ),
                 None => Kind::Folder(path.clone()),
             },
