@@ -52,8 +52,10 @@ pub struct Hooks {
 
 impl Hooks {
     /// Configurations that are complete, and no analyses.
-    pub const NONE: Self =
-        Self { prepare: |config, _| Ok(config), measure: |_, _| Err("nothing looks at these runs".to_owned()) };
+    pub const NONE: Self = Self {
+        prepare: |config, _| Ok(config),
+        measure: |_, _| Err("nothing looks at these runs".to_owned()),
+    };
 }
 
 /// A sweep file, each of whose points is computed from its index; those that are checked are possible runs.

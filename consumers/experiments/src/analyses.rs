@@ -72,12 +72,7 @@ impl Analyses {
     }
 }
 
-fn take_pulses(
-    leading: &mut [Leading; 2],
-    ways: &mut [Way; 2],
-    happenings: &[Happening],
-    split_bead: u64,
-) {
+fn take_pulses(leading: &mut [Leading; 2], ways: &mut [Way; 2], happenings: &[Happening], split_bead: u64) {
     for happening in happenings {
         if let Happening::Ended(pulse) = happening {
             leading.iter_mut().for_each(|way| way.take(pulse, split_bead));

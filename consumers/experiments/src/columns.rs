@@ -119,7 +119,12 @@ impl Results {
 
     /// The row of a point with these parameters.
     pub(crate) fn cells(self, parameters: &[Option<ParameterValue>]) -> Vec<Cell> {
-        parameters.iter().map(|value| parameter(value.as_ref())).chain(self.results).chain(self.measured).collect()
+        parameters
+            .iter()
+            .map(|value| parameter(value.as_ref()))
+            .chain(self.results)
+            .chain(self.measured)
+            .collect()
     }
 
     fn set(&mut self, name: &str, cell: Cell) -> &mut Self {

@@ -70,7 +70,13 @@ const KNOWN: [Known; 9] = [
         places: BEADS,
         begin: looks::impurity,
     },
-    Known { name: "contacts", counts: &ContactCounts::COLUMNS, numbers: &[], places: "", begin: looks::contacts },
+    Known {
+        name: "contacts",
+        counts: &ContactCounts::COLUMNS,
+        numbers: &[],
+        places: "",
+        begin: looks::contacts,
+    },
     Known {
         name: "pulses",
         counts: &["pulse_count", "bead"],
@@ -116,8 +122,7 @@ const KNOWN: [Known; 9] = [
 ];
 
 /// The ends of names that are units, which may be left out.
-const UNITS: [&str; 10] =
-    ["j", "n", "m", "s", "hz", "beads", "beads2", "m_s", "n_s", "beads_per_s"];
+const UNITS: [&str; 10] = ["j", "n", "m", "s", "hz", "beads", "beads2", "m_s", "n_s", "beads_per_s"];
 
 impl Known {
     fn needs_place(&self) -> bool {
@@ -135,13 +140,18 @@ impl Known {
             return Ok(found);
         }
         let unit = |name: &'static str| name.strip_prefix(asked)?.strip_prefix('_');
-        let mut fitting = self.columns().filter(|(name, _)| unit(name).is_some_and(|unit| UNITS.contains(&unit)));
+        let mut fitting =
+            self.columns().filter(|(name, _)| unit(name).is_some_and(|unit| UNITS.contains(&unit)));
         if let (Some(found), None) = (fitting.next(), fitting.next()) {
             return Ok(found);
         }
         let known: Vec<&str> = self.columns().map(|(name, _)| name).collect();
         let hint = did_you_mean(asked, known.iter().copied());
-        Err(format!("found the unknown column `{asked}` of {}; allowed: {}{hint}", self.name, known.join(", ")))
+        Err(format!(
+            "found the unknown column `{asked}` of {}; allowed: {}{hint}",
+            self.name,
+            known.join(", ")
+        ))
     }
 }
 
@@ -290,6 +300,21 @@ mod tests {
         ] {
             let said = check(text, None).expect_err(text);
             assert!(said.contains(says), "{text}: {said}");
+        }
+    }
+
+    /// CONFIGURATION names every column of every analysis; those of theories by the beginnings of their names.
+    #[test]
+    fn every_column_is_documented() {
+        let page = include_str!("../../../docs/CONFIGURATION.md");
+        for known in &KNOWN {
+            let row = page.lines().find(|line| line.starts_with(&format!("| `{}` | ", known.name)));
+            let row = row.unwrap_or_else(|| panic!("{} is not documented", known.name));
+            for (column, _) in known.columns() {
+                let column = column.strip_prefix("exact_").unwrap_or(column);
+                let column = column.strip_prefix("continuum_").unwrap_or(column);
+                assert!(row.contains(&format!("`{column}`")), "{column} of {} is not documented", known.name);
+            }
         }
     }
 

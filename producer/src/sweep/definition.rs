@@ -8,9 +8,9 @@ pub(super) use sample::Samples;
 
 use super::SweepError;
 use super::document::{KeyPath, merge};
-use super::{index_of, measure_key};
 use super::keys;
 use super::values::Range;
+use super::{index_of, measure_key};
 use schemas::config::{ConfigError, line_at};
 use schemas::manifest::RunManifest;
 use schemas::presets::{PRESETS, Preset};
@@ -194,7 +194,11 @@ impl Definition {
         for (place, line) in self.measure_lines.iter().enumerate() {
             let named = check(&self.measure[place], None).and_then(|name| {
                 let is_twice = self.measure[..place].contains(&name);
-                if is_twice { Err(format!("found `{name}` twice; allowed: each column once")) } else { Ok(name) }
+                if is_twice {
+                    Err(format!("found `{name}` twice; allowed: each column once"))
+                } else {
+                    Ok(name)
+                }
             });
             self.measure[place] = named.map_err(|message| ConfigError {
                 path: Some(path.to_owned()),
@@ -267,7 +271,8 @@ impl Reader<'_> {
     /// The names in `measure`, each with its line.
     fn measure(&self, value: Option<&Located<'_>>) -> Result<Vec<(String, usize)>, SweepError> {
         let Some(value) = value else { return Ok(Vec::new()) };
-        let allowed = "a list of columns of analyses, such as [\"energies.driven_j\", \"forces.peak_n@right\"]";
+        let allowed =
+            "a list of columns of analyses, such as [\"energies.driven_j\", \"forces.peak_n@right\"]";
         let DeValue::Array(list) = value.get_ref() else {
             let found = format!("found {}; allowed: {allowed}", self.written(value));
             return Err(self.refuse(value.span().start, "measure", found));

@@ -15,6 +15,7 @@ use gaps::Gaps;
 use plots::{
     Band, HeatMap, TableCurve, TableFigure, TablePanel, TablePoint, column_label, heat_map, table_curves,
 };
+use producer::sweep::Sweep;
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -137,10 +138,26 @@ fn caption(
         [] => {}
         keys => text.extend(["; ", curve, " over ", &keys.join(", ")]),
     }
+    text.extend(of_sweep(path).map(|common| format!("; {common}")));
     for gaps in gaps {
         text.extend(gaps.words().map(|words| format!("; {}: {words}", gaps.column)));
     }
     text
+}
+
+/// Most runs of a sweep that are compared for what they have in common.
+const MOST_COMPARED: u64 = 2000;
+
+/// The parameters that all runs of a sweep have in common, if the table lies in its directory and they are not too many.
+fn of_sweep(path: &Path) -> Option<String> {
+    let is_ours = path.file_stem().is_some_and(|stem| stem == "results" || stem == "ensemble");
+    let file = crate::sweep::file_in(path.parent()?).filter(|_| is_ours)?;
+    // what it names may lie elsewhere: the figure is the same without these words
+    let sweep = Sweep::read(&file, experiments::HOOKS).ok()?;
+    let count = sweep.point_count();
+    let runs = (0..count.min(MOST_COMPARED + 1)).map_while(|index| Some(sweep.point(index).ok()?.physics));
+    let runs: Vec<_> = runs.collect();
+    (runs.len() as u64 == count).then(|| plots::common_caption(&runs))
 }
 
 /// Numbers of an axis; none that a logarithmic one cannot show.

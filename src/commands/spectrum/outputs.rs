@@ -271,7 +271,8 @@ impl Found {
         }
         if let Results::Spectra { frequencies_hz, densities, .. } = &self.results {
             for (place, density) in asked.places.iter().zip(densities) {
-                let DensitySummary { mean_square, peak_hz, peak } = DensitySummary::of(frequencies_hz, density);
+                let DensitySummary { mean_square, peak_hz, peak } =
+                    DensitySummary::of(frequencies_hz, density);
                 let (rms, at) = (
                     display::quantity(mean_square.sqrt(), asked.quantity.unit()),
                     display::quantity(peak_hz, "Hz"),
@@ -290,7 +291,8 @@ impl Found {
         let mut places = Vec::new();
         if let Results::Spectra { frequencies_hz, densities, .. } = &self.results {
             for (place, density) in asked.places.iter().zip(densities) {
-                let DensitySummary { mean_square, peak_hz, peak } = DensitySummary::of(frequencies_hz, density);
+                let DensitySummary { mean_square, peak_hz, peak } =
+                    DensitySummary::of(frequencies_hz, density);
                 places.push(json!({
                     "place": place.to_string(),
                     "mean_square": mean_square,

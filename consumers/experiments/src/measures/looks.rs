@@ -297,8 +297,7 @@ fn place_of(manifest: &RunManifest, place: Option<&str>) -> Result<Place, String
         "right" => Ok(Place::Wall(Side::Right)),
         _ => text.parse().map(Place::Bead).or_else(|_| text.parse()),
     };
-    let found: Place =
-        found.map_err(|_: String| format!("found @{text}; allowed: {}", super::PLACES))?;
+    let found: Place = found.map_err(|_: String| format!("found @{text}; allowed: {}", super::PLACES))?;
     found.check(&manifest.physics.chain()).map_err(|error| error.to_string())
 }
 

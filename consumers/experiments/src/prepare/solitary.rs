@@ -25,12 +25,12 @@ pub(super) fn waves(config: &RunConfig, beads: usize) -> Result<Vec<State>, Conf
         return Ok(Vec::new());
     }
     check_chain(config, &key(0))?;
-    let exact = SolitaryWave::new(config.chain.alpha)
-        .map_err(|error| refused(&key(0), error.to_string()))?;
+    let exact = SolitaryWave::new(config.chain.alpha).map_err(|error| refused(&key(0), error.to_string()))?;
     for (i, wave) in asked.iter().enumerate() {
         let meets = |other: &&Solitary| exact.overlap(0.5 * (wave.bead - other.bead)) > MEETING;
         if let Some(other) = asked[..i].iter().find(meets) {
-            let apart = (1..).find(|beads| exact.overlap(0.5 * f64::from(*beads)) <= MEETING).unwrap_or(i32::MAX);
+            let apart =
+                (1..).find(|beads| exact.overlap(0.5 * f64::from(*beads)) <= MEETING).unwrap_or(i32::MAX);
             let message = format!(
                 "found {}, and a wave at bead {}, with which it overlaps; allowed: {apart} beads apart, where the sum of two \
                  exact waves is exact",
@@ -63,10 +63,14 @@ fn scaled(
         (Some(speed), None) => ("speed_beads_s", speed, Strength::Speed { beads_per_s: speed.abs() }),
         (None, Some(peak)) => ("velocity_m_s", peak, Strength::PeakVelocity { m_s: peak.abs() }),
         (None, None) => {
-            return Err(refused(key, "found no strength; allowed: one of speed_beads_s and velocity_m_s".to_owned()));
+            return Err(refused(
+                key,
+                "found no strength; allowed: one of speed_beads_s and velocity_m_s".to_owned(),
+            ));
         }
         _ => {
-            let found = "found speed_beads_s and velocity_m_s; allowed: one of them, as each follows from the other";
+            let found =
+                "found speed_beads_s and velocity_m_s; allowed: one of them, as each follows from the other";
             return Err(refused(key, found.to_owned()));
         }
     };

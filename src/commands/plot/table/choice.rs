@@ -188,7 +188,7 @@ fn nothing_varies(columns: &Columns) -> Failure {
     )
 }
 
-/// The first result that is worth a look: a favourite, or else one that differs from row to row.
+/// The first result that is worth a look: one that was asked for, a favourite, or else any that differs from row to row.
 fn default_result(columns: &Columns, x: &str) -> Result<String, Failure> {
     let results = columns.results();
     let varies = |name: &&str| -> bool {
@@ -198,9 +198,11 @@ fn default_result(columns: &Columns, x: &str) -> Result<String, Failure> {
         let differs = |pair: &[f64]| (pair[0] - pair[1]).abs() > ROUNDING * largest;
         means.len() * 2 > columns.row_count() && means.windows(2).any(differs)
     };
+    // what the sweep has asked for by name, such as `energies.driven_j`
+    let asked = results.iter().filter(|name| name.contains('.'));
     let favourites = FAVOURITES.iter().filter(|name| results.contains(name));
     let others = results.iter().filter(|name| !ABOUT_RUNS.contains(name));
-    let found = favourites.chain(others).filter(|name| **name != x).find(|name| varies(name));
+    let found = asked.chain(favourites).chain(others).filter(|name| **name != x).find(|name| varies(name));
     found.map(|name| (*name).to_owned()).ok_or_else(|| {
         bad_input!("no result differs from row to row; name one with --y: {}", results.join(", "))
     })
