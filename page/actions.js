@@ -81,6 +81,10 @@ export function act(page, action, by, key) {
     whole: () => page.look({ places: undefined, steps: undefined }),
     field: () => page.look({ field: FIELDS[Number(key) - 1][0] }),
     log: () => page.look({ log: !view.log }),
+    digits: () => {
+      page.look({ digits: !view.digits });
+      page.tabs.forget();
+    },
     prove: () => void page.prove().catch(() => {}),
     change: () => {
       page.look({ tab: "change" });

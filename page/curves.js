@@ -132,7 +132,7 @@ function drawCurves(
     }
   });
   const size = Math.min(TICK_PX, (TICK_PX * (plot.width - 12)) / Math.max(1, surface.textWidth(note, TICK_PX)));
-  surface.text(plot.x + 6, plot.y + 10, note, { size, colour: theme.foreground, halo: theme.background });
+  surface.text(plot.x + 6, plot.y + 0.3 * plot.height, note, { size, colour: theme.foreground, halo: theme.background });
   frame(surface, plot, theme);
   bottomAxis(surface, box, plot, time, theme, { isBare });
 }
@@ -193,7 +193,7 @@ export function drawEnergies(
 /**
  * A legend above a plot; returns where the plot may begin.
  * @param {Surface} surface @param {Box} box
- * @param {{ name: string, colour: string, dash?: number[] }[]} entries
+ * @param {{ name: string, colour: string, dash?: number[], isCircle?: boolean }[]} entries
  * @param {boolean} hasSecond @param {Theme} theme
  */
 function drawLegend(surface, box, entries, hasSecond, theme) {
@@ -221,7 +221,11 @@ export function drawTrajectories(
   const follow = rows?.request.follow ?? [];
   const colours = theme.curves.slice(0, 6);
   const colourOf = (/** @type {number} */ i) => colours[i % colours.length];
-  const entries = follow.map((bead, i) => ({ name: `bead ${bead}`, colour: colourOf(i) }));
+  const circle = { name: "a contact opens or closes, or the bead turns", colour: theme.accent, isCircle: true };
+  const entries = [
+    ...follow.map((bead, i) => ({ name: `bead ${bead}`, colour: colourOf(i) })),
+    ...(events.length > 0 ? [circle] : []),
+  ];
   const top = drawLegend(surface, box, entries, second !== undefined, theme);
   const whole = curvePlot(box, top);
   const high = (whole.height - 8) / 2;

@@ -51,6 +51,7 @@ export const KEYS = [
   key("0", "0", "all of it", "whole"),
   key("1 2 3 4 5", "1 … 5", "velocity, displacement, overlap, energy density, contacts", "field"),
   key("l", "l", "logarithmic colours, linear ones", "log"),
+  key("g", "g", "all digits of what is read out, or six", "digits"),
   key("t", "t", "light, dark", "theme"),
   key("v", "v", "prove the recording", "prove"),
   key("c", "c", "change one thing", "change"),

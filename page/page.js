@@ -45,6 +45,8 @@ export class Page {
     this.changed = undefined;
     /** @type {Entry[]} */
     this.entries = [];
+    /** What was swept. @type {string[]} */
+    this.keys = [];
     /** Where the pointer is: place and step of the map. @type {{ place: number, step: number } | undefined} */
     this.hover = undefined;
     /** A box being drawn on the map, parts of the plot. @type {[number, number, number, number] | undefined} */
@@ -107,8 +109,9 @@ export class Page {
   }
 
   async beginServed() {
-    const { entries, kind, title } = await listing();
+    const { entries, kind, title, keys } = await listing();
     this.entries = entries;
+    this.keys = keys ?? [];
     const entry = entries.find(({ id }) => id === this.view.run) ?? (kind === "one" ? entries[0] : undefined);
     if (entry) {
       await this.openEntry(entry);
@@ -125,6 +128,7 @@ export class Page {
     byId("kind").textContent = `${this.entries.length} ${this.entries.length === 1 ? "run" : "runs"}`;
     const table = folderTable(
       this.entries,
+      { keys: this.keys, isDark: () => this.isDark },
       (entry) => {
         this.look({ ...freshView(), theme: this.view.theme, run: entry.id });
         this.openEntry(entry).catch((error) => this.fail(error));
@@ -217,6 +221,9 @@ export class Page {
       (message) => this.note(sentence(message)),
     );
     engine.onfault = (message) => run.fault(new Error(message));
+    engine.onnote = (note) => {
+      byId("notes").append(make("p", { class: "bad" }, sentence(note)));
+    };
     return run;
   }
 
@@ -416,7 +423,7 @@ export class Page {
     }
     const isBusy = !isGrowing && ![run, ...(second ? [second] : [])].every(({ rows }) => rows?.isWhole);
     byId("map-panel").classList.toggle("busy", isBusy);
-    this.timeline.show(this.step, this.isFollowing);
+    this.timeline.show(this.step, this.isFollowing, this.bead);
     this.showKind();
     this.tabs.show();
     this.pictures.describe();
@@ -456,7 +463,9 @@ export class Page {
   showKind() {
     const { info, status, ended } = /** @type {Run} */ (this.run);
     const live = ended ? "live run, ended" : status ? `live · ${Math.round(status.steps_per_s)} steps/s` : "live";
-    const kind = { live, recording: `recording · ${info.storedCount} states`, start: "computed here" }[info.kind];
+    const { lastStep, manifest } = info;
+    const part = lastStep < manifest.physics.step_count ? ` up to step ${lastStep}, where its row ended` : "";
+    const kind = { live, recording: `recording · ${info.storedCount} states`, start: `computed here${part}` }[info.kind];
     byId("kind").textContent = kind;
     byId("kind").className = info.kind === "live" && !ended ? "live" : "";
   }

@@ -158,7 +158,7 @@ export type Source =
   | { kind: "file"; file: File }
   | { kind: "url"; url: string }
   | { kind: "live"; url: string }
-  | { kind: "start"; manifest: Manifest; chain: Chain };
+  | { kind: "start"; manifest: Manifest; chain: Chain; lastStep?: number };
 
 export type Field = "velocity" | "displacement" | "overlap" | "energy" | "contacts";
 
@@ -294,6 +294,8 @@ export interface Entry {
   bytes: number | undefined;
   /** Columns of a sweep's results. */
   values: Record<string, number | string | null>;
+  /** What is wrong with the file. */
+  damage: string | undefined;
   /** Why it cannot be shown. */
   error: string | undefined;
 }
@@ -302,5 +304,7 @@ export interface Entry {
 export interface Listing {
   title: string;
   kind: "one" | "folder" | "sweep";
+  /** Columns of what was swept, in their order. */
+  keys: string[] | undefined;
   entries: Entry[];
 }

@@ -20,6 +20,7 @@
  * @property {string} tab
  * @property {string} speed
  * @property {string} change
+ * @property {boolean} digits whether numbers are read out with all of their digits
  */
 
 /** @type {[Field, string][]} */
@@ -52,6 +53,7 @@ export function freshView() {
     tab: "run",
     speed: "",
     change: "",
+    digits: false,
   };
 }
 
@@ -96,6 +98,7 @@ export function readView(fragment) {
     tab: TABS.includes(tab) ? tab : view.tab,
     speed: parts.get("speed") ?? "",
     change: parts.get("change") ?? "",
+    digits: parts.get("digits") === "all",
   };
 }
 
@@ -120,6 +123,7 @@ export function writeView(view) {
     tab: view.tab === fresh.tab ? "" : view.tab,
     speed: view.speed,
     change: view.change,
+    digits: view.digits ? "all" : "",
   };
   return Object.entries(parts)
     .filter(([, value]) => value)

@@ -18,6 +18,7 @@ pub(crate) const MODULES: &[(&str, &str)] = &[
     ("change", include_str!("../change.js")),
     ("changing", include_str!("../changing.js")),
     ("colours", include_str!("../colours.js")),
+    ("compare", include_str!("../compare.js")),
     ("curves", include_str!("../curves.js")),
     ("elements", include_str!("../elements.js")),
     ("engine", include_str!("../engine.js")),

@@ -12,6 +12,7 @@ use producer::sweep::Sweep;
 use recording::RecordingInfo;
 use schemas::manifest::RunManifest;
 use schemas::run_name::RunName;
+use schemas::whole_file::is_being_written;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use source::Named;
@@ -63,6 +64,8 @@ struct Entry {
     bytes: Option<u64>,
     values: Map<String, Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    damage: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<String>,
 }
 
@@ -83,7 +86,10 @@ impl Runs {
                 None => Kind::Folder(path.clone()),
             },
             Named::File(path) => {
-                RecordingInfo::glance(path).bad_input()?;
+                let info = RecordingInfo::glance(path).bad_input()?;
+                if let Some(damage) = damage(&info, path) {
+                    notice!("{damage}");
+                }
                 Kind::Recording(path.clone())
             }
         };
@@ -141,9 +147,12 @@ impl Runs {
     fn recording_entry(&self, path: &Path) -> Entry {
         let id = self.id(path);
         let info = RecordingInfo::glance(path);
-        let (manifest, bytes, error) = match info {
-            Ok(info) => (Some(info.manifest), Some(info.file_bytes), None),
-            Err(error) => (None, None, Some(format!("{:#}", anyhow::Error::new(error)))),
+        let (manifest, bytes, damage, error) = match info {
+            Ok(info) => {
+                let damage = damage(&info, path);
+                (Some(info.manifest), Some(info.file_bytes), damage, None)
+            }
+            Err(error) => (None, None, None, Some(format!("{:#}", anyhow::Error::new(error)))),
         };
         Entry {
             name: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
@@ -153,6 +162,7 @@ impl Runs {
             manifest,
             bytes,
             values: Map::new(),
+            damage,
             error,
             id,
         }
@@ -176,6 +186,7 @@ impl Runs {
                     manifest: None,
                     bytes,
                     values,
+                    damage: None,
                     error: None,
                 }
             }
@@ -188,6 +199,7 @@ impl Runs {
                 manifest: None,
                 bytes: None,
                 values,
+                damage: None,
                 error: None,
             },
         }
@@ -227,7 +239,11 @@ impl Shelf for Runs {
                 Kind::Live(..) | Kind::Recording(_) if entries.len() == 1 => "one",
                 _ => "folder",
             };
-            json!({ "title": self.title(), "kind": kind, "entries": entries }).to_string()
+            let keys: Vec<_> = match &self.kind {
+                Kind::Sweep(_, sweep) => sweep.parameters().iter().map(|parameter| parameter.key.clone()).collect(),
+                _ => Vec::new(),
+            };
+            json!({ "title": self.title(), "kind": kind, "keys": keys, "entries": entries }).to_string()
         });
         Some(listing.map_err(said))
     }
@@ -269,7 +285,20 @@ fn live_entry(name: &RunName) -> Entry {
         manifest: None,
         bytes: None,
         values: Map::new(),
+        damage: None,
         error: None,
+    }
+}
+
+/// What is wrong with a recording, as a sentence; nothing is with one that is being written.
+fn damage(info: &RecordingInfo, path: &Path) -> Option<String> {
+    let shown = path.display();
+    match &info.damage {
+        Some(damage) => Some(format!("{shown} is damaged: {damage}; what is whole in it is shown")),
+        None if !info.finished && !is_being_written(path) => {
+            Some(format!("{shown} was not closed; what is whole in it is shown"))
+        }
+        None => None,
     }
 }
 
