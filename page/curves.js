@@ -47,7 +47,8 @@ function pointsOf({ steps, count, lows, highs, request }, dt, column) {
     const isUp = !(Math.abs(at - high) < Math.abs(at - low));
     points.push(steps[i] * dt, isUp ? low : high);
     if (low !== high) {
-      points.push(steps[i] * dt, isUp ? high : low);
+      const next = i + 1 < count ? steps[i + 1] : steps[i];
+      points.push(0.5 * (steps[i] + next) * dt, isUp ? high : low);
     }
     at = isUp ? high : low;
   }

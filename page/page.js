@@ -454,8 +454,13 @@ export class Page {
             Math.max(run.info.firstStep, Math.floor(steps[0] * factor)),
             Math.min(run.info.lastStep, Math.ceil(steps[1] * factor)),
           ],
-      // enough that a pulse does not leap over beads from row to row
-      rows: Math.max(16, Math.round(plot.height * ratio), Math.min(Math.ceil(places[1] - places[0]), 1000)),
+      // enough that a pulse does not leap over beads from row to row, and for curves a row for each pixel
+      rows: Math.max(
+        16,
+        Math.round(plot.height * ratio),
+        Math.round(this.board.size("energies").width * ratio),
+        Math.min(Math.ceil(places[1] - places[0]), 1000),
+      ),
       follow: this.followed,
     });
   }

@@ -149,7 +149,7 @@ export class Pictures {
     }
     const { name, now, then } = changed;
     const own = { recording: "recorded", live: "live", start: "unchanged" }[shown.info.kind];
-    const text = shown === run ? `${own}, ${name} ${then}` : `changed: ${name} ${now}`;
+    const text = shown === run ? `${own}: ${name} ${then}` : `changed: ${name} ${now}`;
     const { plot } = mapScales(box, this.mapView(shown));
     const { foreground, background } = theme(this.page.isDark);
     const size = Math.min(LABEL_PX, (LABEL_PX * (plot.width - 16)) / surface.textWidth(text, LABEL_PX, true));

@@ -86,6 +86,18 @@ fn a_changed_value_is_named_by_step_and_bead() {
 }
 
 #[test]
+fn damage_is_said_before_anybody_looks_there() {
+    let place = Place::new();
+    let (manifest, states) = lying::run(&place);
+    lying::write(&place, "whole.mcap", &manifest, &BeginRecord::default(), &states, EndReason::Complete);
+    let mut bytes = fs::read(place.path("whole.mcap")).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(place.path("damaged.mcap"), bytes).unwrap();
+    check(&place, "damaged", ["damaged.mcap"]);
+}
+
+#[test]
 fn what_the_pointer_reads_out_is_what_is_exported() {
     let place = Place::new();
     place
