@@ -4,7 +4,7 @@ import { act } from "./actions.js";
 import { Board } from "./board.js";
 import { carried, carriedRecording, carriedResults, listing, resultsOf, sourceOf } from "./carried.js";
 import { watchDrops, workerMaker } from "./carried.js";
-import { changedSource, describe, readChange } from "./changing.js";
+import { changedSource, describe, readChange, writeChange } from "./changing.js";
 import { byId, make } from "./elements.js";
 import { Engine } from "./engine.js";
 import { folderTable } from "./folder.js";
@@ -575,7 +575,7 @@ export class Page {
 
   /** @param {Change | undefined} change */
   change(change) {
-    const text = change ? `${change.what}:${change.bead}:${change.value}` : "";
+    const text = change ? writeChange(change) : "";
     this.look({ change: text });
     this.applyChange(change);
   }

@@ -142,9 +142,9 @@ mod tests {
             assert_eq!(series.span_s(), Some((0.0, f64::from(count - 1))));
             assert_eq!((points[0].0, points[points.len() - 1].0), (0.0, f64::from(count - 1)));
             for part in points.chunks(64).filter(|part| part.len() == 64) {
-                let (low, high) = part.iter().fold((9.0_f64, 0.0_f64), |(low, high), (_, value)| {
-                    (low.min(*value), high.max(*value))
-                });
+                let (low, high) = part
+                    .iter()
+                    .fold((9.0_f64, 0.0_f64), |(low, high), (_, value)| (low.min(*value), high.max(*value)));
                 assert_eq!((low, high), (0.0, 8.0), "{count} samples");
             }
             assert!(series.curve(1).any(|point| point == (12_345.0, 1.0)), "a single peak of {count}");

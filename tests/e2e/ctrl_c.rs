@@ -52,7 +52,14 @@ fn every_long_command_ends_at_ctrl_c_with_3() {
     manifest.provenance.record_every_steps = STEPS;
     let (first, mut last) = (states.remove(0), states.remove(0));
     last.0 = STEPS;
-    lying::write(&place, "long.mcap", &manifest, &BeginRecord::default(), &[first, last], EndReason::Complete);
+    lying::write(
+        &place,
+        "long.mcap",
+        &manifest,
+        &BeginRecord::default(),
+        &[first, last],
+        EndReason::Complete,
+    );
     let base = "chain.beads = 60\ntime.duration_s = 1e7\n";
     place.write("run.toml", base);
     let indented = base.replace("chain", "base.chain").replace("time.", "base.time.");
@@ -71,7 +78,8 @@ fn every_long_command_ends_at_ctrl_c_with_3() {
     }
     assert!(failed.is_empty(), "{}", failed.join("\n"));
     // nothing hidden is left, either, but what a run or a sweep goes on with
-    let names = fs::read_dir(place.path(".")).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let names =
+        fs::read_dir(place.path(".")).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
     let hidden: Vec<_> = names.filter(|name| name.starts_with('.')).collect();
     assert!(hidden.is_empty(), "{hidden:?}");
 }

@@ -240,7 +240,9 @@ impl Shelf for Runs {
                 _ => "folder",
             };
             let keys: Vec<_> = match &self.kind {
-                Kind::Sweep(_, sweep) => sweep.parameters().iter().map(|parameter| parameter.key.clone()).collect(),
+                Kind::Sweep(_, sweep) => {
+                    sweep.parameters().iter().map(|parameter| parameter.key.clone()).collect()
+                }
                 _ => Vec::new(),
             };
             json!({ "title": self.title(), "kind": kind, "keys": keys, "entries": entries }).to_string()
