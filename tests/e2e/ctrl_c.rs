@@ -26,8 +26,8 @@ const LONG: [(&str, &[&str]); 19] = [
     ("pulses long.mcap --every-step", &[]),
     ("spreading long.mcap --every-step", &[]),
     ("forces long.mcap --at bead:3 --every-step", &[]),
-    ("run --beads 60 --duration 1e7 --yes --out run.mcap", &[]),
-    ("run --beads 60 --duration 1e7 --yes --no-record", &[]),
+    ("run --preset striker-3g --duration 1e4 --record-every-steps 1000000000 --yes --out run.mcap", &[]),
+    ("run --preset striker-3g --duration 1e7 --yes --no-record", &[]),
     ("sweep sweep.toml --out sweep --yes", &["sweep/results.csv"]),
     ("check run.toml", &[]),
     ("reproduce --out paper", &["paper/REPORT.md"]),
@@ -60,10 +60,12 @@ fn every_long_command_ends_at_ctrl_c_with_3() {
         &[first, last],
         EndReason::Complete,
     );
-    let base = "chain.beads = 60\ntime.duration_s = 1e7\n";
-    place.write("run.toml", base);
-    let indented = base.replace("chain", "base.chain").replace("time.", "base.time.");
-    place.write("sweep.toml", &format!("{indented}[grid]\n\"chain.alpha\" = [1.5, 2.0]\n"));
+    let preset = place.run("preset striker-3g").exits(0).stdout();
+    let longer =
+        |line: &str| if line.starts_with("duration_s") { "duration_s = 1e7".into() } else { line.to_owned() };
+    place.write("run.toml", &preset.lines().map(longer).collect::<Vec<_>>().join("\n"));
+    let sweep = "[base]\npreset = \"striker-3g\"\ntime.duration_s = 1e7\n[grid]\nchain.alpha = [1.5, 2.0]\n";
+    place.write("sweep.toml", sweep);
 
     let mut failed = Vec::new();
     for (words, files) in LONG {
