@@ -30,13 +30,15 @@ if TYPE_CHECKING:
         consumer,
         live_runs,
     )
+    from ._files import Verdict, View
     from ._recording import FieldArray, Recording, State, open
     from ._run import Chain, Run, Simulation, preset, presets
     from ._sweep import sweep
-    from ._table import Forces, Motion, Pulses, Table, Verdict
+    from ._table import Forces, Motion, Pulses, Table
     from .errors import (
         BeadlineError,
         CommandError,
+        CommandValueError,
         ConfigError,
         LiveError,
         LostError,
@@ -47,6 +49,7 @@ if TYPE_CHECKING:
 
 # where each name is: the command, which is in this package, too, starts without NumPy
 _PLACES = {
+    "_files": ("Verdict", "View"),
     "_live": (
         "AsyncLive",
         "Consumer",
@@ -62,10 +65,11 @@ _PLACES = {
     "_recording": ("FieldArray", "Recording", "State", "open"),
     "_run": ("Chain", "Run", "Simulation", "preset", "presets"),
     "_sweep": ("sweep",),
-    "_table": ("Forces", "Motion", "Pulses", "Table", "Verdict"),
+    "_table": ("Forces", "Motion", "Pulses", "Table"),
     "errors": (
         "BeadlineError",
         "CommandError",
+        "CommandValueError",
         "ConfigError",
         "LiveError",
         "LostError",
@@ -80,6 +84,7 @@ __all__ = [
     "BeadlineError",
     "Chain",
     "CommandError",
+    "CommandValueError",
     "ConfigError",
     "Consumer",
     "FieldArray",
@@ -101,6 +106,7 @@ __all__ = [
     "State",
     "Table",
     "Verdict",
+    "View",
     "__version__",
     "attach",
     "attach_async",

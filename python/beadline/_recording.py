@@ -7,17 +7,19 @@ import operator
 import os
 import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from types import EllipsisType, TracebackType
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from . import _native, _plot, _table
+from . import _files, _html, _native, _plot, _table
+from ._numbers import count, in_si
 from .errors import RecordingError
 
 if TYPE_CHECKING:
@@ -28,6 +30,12 @@ Index = npt.NDArray[np.intp]
 Array = TypeVar("Array", bound=npt.NDArray[Any])
 # positions on an axis
 Axis = range | Index
+# what selects along an axis
+Along = (
+    int | np.integer[Any] | slice | Sequence[int] | Sequence[bool] | npt.NDArray[np.integer[Any]] | npt.NDArray[np.bool_] | range
+)
+Key = Along | EllipsisType | None
+Axes = int | tuple[int, ...] | None
 
 _UNITS: dict[FieldName, str] = {
     "displacement": "m",
@@ -156,8 +164,34 @@ class State:
         """Mass of each bead (kg), N values."""
         return _read_only(self._manifest.mass_kg)
 
+    @cached_property
+    def _energy_j(self) -> tuple[float, float]:
+        return self._manifest.energy_j(self.displacement_m, self.velocity_m_s, self.extra)
+
+    @property
+    def kinetic_j(self) -> float:
+        """Kinetic energy of all beads and resonators (J)."""
+        return self._energy_j[0]
+
+    @property
+    def potential_j(self) -> float:
+        """Potential energy of all contacts, springs and loads (J)."""
+        return self._energy_j[1]
+
+    @property
+    def total_j(self) -> float:
+        """Kinetic plus potential energy (J)."""
+        return self.kinetic_j + self.potential_j
+
     def _field(self, name: FieldName) -> Doubles:
         return _read_only(self._manifest.field_of(name, self.displacement_m, self.velocity_m_s))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        arrays = self.displacement_m, self.velocity_m_s, self.extra
+        return State, (self._manifest, (self.frame, self.step, self.time_s, *arrays))
+
+    def _repr_html_(self) -> str:
+        return _html.of_state(self)
 
     def __repr__(self) -> str:
         return f"<State at step {self.step}, {self.time_s:.6g} s, of {self.velocity_m_s.size} beads>"
@@ -220,6 +254,12 @@ class FieldArray(NDArrayOperatorsMixin):
     def __contains__(self, value: object) -> bool:
         return any(bool(np.any(block == value)) for _, block in self.blocks())
 
+    @overload
+    def __getitem__(self, key: tuple[int, int]) -> float: ...
+    @overload
+    def __getitem__(self, key: slice | EllipsisType | tuple[slice, slice | int] | tuple[int, slice]) -> FieldArray: ...
+    @overload
+    def __getitem__(self, key: Key | tuple[Key, ...] | npt.NDArray[np.bool_]) -> Any: ...
     def __getitem__(self, key: Any) -> Any:
         keys = _spread(key, self.ndim)
         if keys is None:
@@ -266,7 +306,7 @@ class FieldArray(NDArrayOperatorsMixin):
         """
         lengths = " × ".join(f"{length:,}" for length in self.shape)
         remedy = "take a part, such as [::100], or go through it in blocks()"
-        _check_memory(f"{self.name} of {lengths} values", self.nbytes, remedy)
+        check_memory(f"{self.name} of {lengths} values", self.nbytes, remedy)
         (rows, row_of), (columns, column_of) = map(_ascending, self._axes)
         steps = np.ascontiguousarray(self._recording._step_at(rows), dtype=np.uint64)
         places = np.ascontiguousarray(columns, dtype=np.uint64)
@@ -279,7 +319,7 @@ class FieldArray(NDArrayOperatorsMixin):
 
     def blocks(self, most_bytes: int = 32_000_000) -> Iterator[tuple[slice, Doubles]]:
         """The values in blocks of rows, of at most ``most_bytes`` if a row is not more, each with the slice of its rows."""
-        rows = max(1, int(most_bytes // max(8, self.nbytes // max(1, len(self)))))
+        rows = max(1, int(count("most_bytes", most_bytes) // max(8, self.nbytes // max(1, len(self)))))
         for begin in range(0, len(self), rows):
             part = slice(begin, min(begin + rows, len(self)))
             yield part, np.asarray(self[part])
@@ -299,25 +339,33 @@ class FieldArray(NDArrayOperatorsMixin):
     def __array_function__(self, function: Any, types: Any, args: Any, options: Any) -> Any:
         return function(*_computed(args), **{name: _computed(value) for name, value in options.items()})
 
-    def max(self, axis: int | None = None) -> Any:
+    def max(self, axis: Axes = None, *, keepdims: bool = False) -> Any:
         """The largest value, or that along an axis."""
-        return np.asarray(self).max(axis=axis)
+        return np.asarray(self).max(axis=axis, keepdims=keepdims)
 
-    def min(self, axis: int | None = None) -> Any:
+    def min(self, axis: Axes = None, *, keepdims: bool = False) -> Any:
         """The smallest value, or that along an axis."""
-        return np.asarray(self).min(axis=axis)
+        return np.asarray(self).min(axis=axis, keepdims=keepdims)
 
-    def mean(self, axis: int | None = None) -> Any:
+    def mean(self, axis: Axes = None, *, keepdims: bool = False) -> Any:
         """The mean, or that along an axis."""
-        return np.asarray(self).mean(axis=axis)
+        return np.asarray(self).mean(axis=axis, keepdims=keepdims)
 
-    def sum(self, axis: int | None = None) -> Any:
+    def sum(self, axis: Axes = None, *, keepdims: bool = False) -> Any:
         """The sum, or that along an axis."""
-        return np.asarray(self).sum(axis=axis)
+        return np.asarray(self).sum(axis=axis, keepdims=keepdims)
 
-    def argmax(self, axis: int | None = None) -> Any:
+    def std(self, axis: Axes = None, *, ddof: float = 0, keepdims: bool = False) -> Any:
+        """The standard deviation, or that along an axis; with ``ddof=1`` that of a sample."""
+        return np.asarray(self).std(axis=axis, ddof=ddof, keepdims=keepdims)
+
+    def argmax(self, axis: int | None = None, *, keepdims: bool = False) -> Any:
         """Where the largest value is, or that along an axis."""
-        return np.asarray(self).argmax(axis=axis)
+        return np.asarray(self).argmax(axis=axis, keepdims=keepdims)
+
+    def astype(self, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+        """The computed array with another type."""
+        return np.asarray(self).astype(dtype, copy=False)
 
     @property
     def T(self) -> Doubles:
@@ -416,7 +464,8 @@ def _same_kind(key: Any, inverse: Index) -> Any:
     return int(inverse) if inverse.ndim == 0 and isinstance(key, int | np.integer) else inverse
 
 
-def _check_memory(what: str, needed_bytes: int, remedy: str) -> None:
+def check_memory(what: str, needed_bytes: int, remedy: str) -> None:
+    """Refuses what would take more memory than there is."""
     free_bytes = _free_bytes()
     if needed_bytes > _FREE_PART * free_bytes:
         takes = f"{what} takes {needed_bytes / 1e9:,.1f} GB, {free_bytes / 1e9:,.1f} GB are free"
@@ -442,7 +491,7 @@ class Recording:
 
     Every step of it can be had: what was not kept is recomputed, and proven by the next state that was. ``rec[12345]`` is
     the :class:`State` of a step, ``rec[-1]`` the last one, ``len(rec)`` the number of steps; a loop over ``rec`` goes
-    through all of them, :meth:`states` through those that are kept.
+    through all of them, :meth:`states` through those that are kept. ``with bl.open(…) as rec`` closes it at the end.
 
     Attributes:
         path: The file; None of a run in memory.
@@ -453,9 +502,28 @@ class Recording:
     summary: dict[str, Any] | None = None
 
     def __init__(self, states: _native.States, path: str | None = None) -> None:
-        self._states = states
+        self._open: _native.States | None = states
         self._manifest = states.manifest
         self.path = path
+
+    @property
+    def _states(self) -> _native.States:
+        if self._open is None:
+            again = "make the run again" if self.path is None else f"bl.open({self.path!r}) opens it again"
+            raise ValueError(f"the recording of {self.name} is closed: {again}")
+        return self._open
+
+    def close(self) -> None:
+        """Lets go of the file, or of the states in memory. What was computed stays; anything else is a ``ValueError`` from now on."""
+        self._open = None
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
 
     @property
     def name(self) -> str:
@@ -482,6 +550,17 @@ class Recording:
     def dt_s(self) -> float:
         """Time step (s)."""
         return self._manifest.dt_s
+
+    @property
+    def duration_s(self) -> float:
+        """Simulated time (s) up to the last step that is kept."""
+        return self.last_step * self.dt_s
+
+    @property
+    def alpha(self) -> float:
+        """Exponent α of the contacts."""
+        alpha: float = self.manifest["physics"]["alpha"]
+        return alpha
 
     @cached_property
     def mass_kg(self) -> Doubles:
@@ -534,7 +613,7 @@ class Recording:
         """The steps that are kept."""
         first, last, every = self.first_step, self.last_step, self.record_every
         # the last one is said by the file, which may be a stranger's
-        _check_memory("a list of the recorded steps", 32 * ((last - first) // every), "take single steps, such as rec[1000]")
+        check_memory("a list of the recorded steps", 32 * ((last - first) // every), "take single steps, such as rec[1000]")
         begin = -(-first // every) * every
         between = np.arange(begin, last + 1, every, dtype=np.uint64)
         ends = [first] * (first < begin), [last] * (last % every > 0 and last > first)
@@ -549,7 +628,7 @@ class Recording:
     @property
     def time_s(self) -> Doubles:
         """Their times (s)."""
-        _check_memory("a list of all times", 32 * len(self.steps), "multiply steps that you take with rec.dt_s")
+        check_memory("a list of all times", 32 * len(self.steps), "multiply steps that you take with rec.dt_s")
         times_s: Doubles = self._step_at(np.arange(len(self.steps))).astype(np.float64) * self.dt_s
         return times_s
 
@@ -623,12 +702,26 @@ class Recording:
     def __iter__(self) -> Iterator[State]:
         return self.states(every=1)
 
+    def __contains__(self, state: object) -> bool:
+        """Whether it has this state, to the bit."""
+        if not isinstance(state, State):
+            raise TypeError(f"found {state!r} in rec; expected a State, or a value in an array, such as rec.velocity")
+        if not self.first_step <= state.step <= self.last_step or state.velocity_m_s.size != self.beads:
+            return False
+        own = self[state.step]
+        pairs = zip((own.displacement_m, own.velocity_m_s), (state.displacement_m, state.velocity_m_s), strict=True)
+        return all(a.tobytes() == b.tobytes() for a, b in pairs)
+
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
+        raise TypeError("a recording is many arrays: take one, such as np.asarray(rec.velocity[::100])")
+
     def at(self, *, time_s: float) -> State:
         """The state nearest to the time ``time_s`` (s).
 
         Raises:
             ValueError: If the recording does not reach there.
         """
+        time_s = float(in_si("time_s", time_s))
         step = round(time_s / self.dt_s) if np.isfinite(time_s) else -1
         if not self.first_step <= step <= self.last_step:
             begin_s, end_s = self.first_step * self.dt_s, self.last_step * self.dt_s
@@ -640,9 +733,7 @@ class Recording:
 
     def states(self, every: int | None = None) -> Iterator[State]:
         """States one after the other: those that are kept, or every so many steps."""
-        if every is not None and every < 1:
-            raise ValueError(f"every: found {every}; expected 1 or more")
-        steps = self.recorded_steps if every is None else self.steps[::every]
+        steps = self.recorded_steps if every is None else self.steps[:: count("every", every)]
         beads = self.beads
         # enough for all cores, and little beside what is there
         most = max(1, _BLOCK_BYTES // (16 * beads))
@@ -675,11 +766,16 @@ class Recording:
     forces = _table.forces
     spectrum = _table.spectrum
     modes = _table.modes
-    verify = _table.verify
-    share = _table.share
+    verify = _files.verify
+    check = _files.check
+    share = _files.share
+    export = _files.export
+    thin = _files.thin
+    recover = _files.recover
+    view = _files.view
     plot = _plot.plot
     to_xarray = _plot.to_xarray
-    _repr_html_ = _plot.html
+    _repr_html_ = _html.of_recording
 
     @contextmanager
     def _file(self) -> Iterator[str]:
@@ -707,3 +803,13 @@ class Recording:
 
 def _of_kept(manifest: _native.Manifest, steps: Numbers, doubles: Doubles, end: str) -> Recording:
     return Recording(_native.States.of_kept(manifest, steps, doubles, end))
+
+
+@lru_cache(maxsize=2)
+def _manifest_of(json: bytes) -> _native.Manifest:
+    return _native.Manifest.from_json(json, None)
+
+
+def of_frame(json: bytes, state: StateTuple) -> State:
+    """The state that a frame of a live run becomes in another process."""
+    return State(_manifest_of(json), state)

@@ -6,16 +6,18 @@ import json
 import os
 import re
 import tomllib
+import warnings
 from collections.abc import Callable, ItemsView, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _native
+from ._numbers import count, in_si
 from .errors import ConfigError
 
 if TYPE_CHECKING:
@@ -26,11 +28,22 @@ if TYPE_CHECKING:
 
     Initial = State | tuple["Values", "Values"] | Mapping[str, Any]
 
+class Quantity(Protocol):
+    """A number, or an array, with a unit: of pint, astropy, unyt and others."""
+
+    def to(self, unit: Any, /) -> Any:
+        """The same in another unit."""
+
+
 Config = dict[str, Any]
+Number = float | Quantity
 Values = Sequence[float] | npt.NDArray[np.floating[Any]]
 # a number, a value for each place, or a rule such as {"pattern": [1, 2]}
-PerPlace = float | Values | Mapping[str, Any]
+PerPlace = Number | Values | Mapping[str, Any]
 OnFrame = Callable[["State"], object]
+
+# runs that take longer than this are told of, and refused (s)
+_TOLD_S, _ABSURD_S = 60.0, 365 * 86400.0
 
 
 class Chain:
@@ -69,17 +82,21 @@ class Chain:
         power_damping: Or any power η·δ^p·dδ/dt: ``{"coefficient": 1.0, "exponent": 0.25}``.
 
     Where each bead has a mass of its own, lengths and times are scaled with the median mass; so are stiffnesses.
+
+    Numbers are in SI units. Quantities with units, of pint, astropy or unyt, are converted to the unit that the name ends with; others
+    are refused. So it is in :class:`Run`, too. ``spheres`` have their masses and stiffnesses from the material: others beside them are
+    refused.
     """
 
     def __init__(
         self,
         beads: int,
         *,
-        mass_kg: float | Values | None = None,
+        mass_kg: Number | Values | None = None,
         alpha: float | None = None,
-        stiffness: float | Values | None = None,
-        impurities: Mapping[int, float] | None = None,
-        contacts: Mapping[int, float] | None = None,
+        stiffness: Number | Values | None = None,
+        impurities: Mapping[int, Number] | None = None,
+        contacts: Mapping[int, Number] | None = None,
         masses: Mapping[str, Any] | None = None,
         stiffnesses: str | Mapping[str, Any] | None = None,
         spheres: Mapping[str, Any] | Sequence[Mapping[str, Any]] | None = None,
@@ -93,38 +110,49 @@ class Chain:
         resonators: Mapping[str, Any] | None = None,
         left: str = "free",
         right: str = "free",
-        left_stiffness: float | None = None,
-        right_stiffness: float | None = None,
+        left_stiffness: Number | None = None,
+        right_stiffness: Number | None = None,
         ends: Mapping[str, Any] | None = None,
-        gravity_m_s2: float = 0.0,
-        precompression_n: float = 0.0,
+        gravity_m_s2: Number = 0.0,
+        precompression_n: Number = 0.0,
         restitution: float | None = None,
-        viscous_n_s_per_m: float | None = None,
-        kuwabara_kono_s: float | None = None,
-        power_damping: Mapping[str, float] | None = None,
+        viscous_n_s_per_m: Number | None = None,
+        kuwabara_kono_s: Number | None = None,
+        power_damping: Mapping[str, Any] | None = None,
     ) -> None:
-        chain: Config = {"beads": _whole("beads", beads), "alpha": None if alpha is None else float(alpha)}
-        chain["bead_mass_kg"], list_kg = _one_or_each(mass_kg)
-        chain["stiffness"], each = _one_or_each(stiffness)
+        alpha = _number("alpha", alpha)
+        chain: Config = {"beads": _whole("beads", beads), "alpha": alpha}
+        # the unit of every stiffness
+        unit = None if alpha is None else f"N/m**{alpha:g}"
+        chain["bead_mass_kg"], list_kg = _one_or_each("mass_kg", mass_kg)
+        chain["stiffness"], each = _one_or_each("stiffness", stiffness, unit)
         chain["masses"] = masses if list_kg is None else {"list_kg": list_kg}
         chain["stiffnesses"] = stiffnesses if each is None else {"list": each}
         chain["impurities"] = [
-            {"bead": _whole("impurities", bead), "mass_kg": float(mass)} for bead, mass in _each("impurities", impurities or {})
+            {"bead": _whole("impurities", bead), "mass_kg": _number(f"impurities[{bead!r}]", mass, "kg")}
+            for bead, mass in _each("impurities", impurities or {})
         ]
         chain["contacts"] = [
-            {"contact": _whole("contacts", contact), "stiffness": float(k)} for contact, k in _each("contacts", contacts or {})
+            {"contact": _whole("contacts", contact), "stiffness": _number(f"contacts[{contact!r}]", k, unit)}
+            for contact, k in _each("contacts", contacts or {})
         ]
-        chain["spheres"], chain["odd_spheres"] = spheres, list(odd_spheres)
-        chain["alphas"], chain["gaps_m"] = _per_place(alphas), _per_place(gaps_m)
-        chain["second"], chain["bonds"] = _places_of(second), _places_of(bonds)
-        of_walls = {"left_stiffness": left_stiffness, "right_stiffness": right_stiffness}
+        chain["spheres"], chain["odd_spheres"] = spheres, _tables("odd_spheres", odd_spheres)
+        chain["alphas"], chain["gaps_m"] = _per_place("alphas", alphas), _per_place("gaps_m", gaps_m)
+        chain["second"], chain["bonds"] = _places_of("second", second), _places_of("bonds", bonds)
+        of_walls = {
+            "left_stiffness": _number("left_stiffness", left_stiffness, unit),
+            "right_stiffness": _number("right_stiffness", right_stiffness, unit),
+        }
         self._config: Config = {
             "chain": chain,
-            "disorder": [dict(one) for one in disorder],
-            "ends": {"left": left, "right": right, **of_walls, **(ends or {})},
-            "on_site": _places_of(on_site),
-            "resonators": _places_of(resonators),
-            "load": {"gravity_m_s2": float(gravity_m_s2), "precompression_n": float(precompression_n)},
+            "disorder": _tables("disorder", disorder),
+            "ends": {"left": left, "right": right, **of_walls, **_table("ends", ends)},
+            "on_site": _places_of("on_site", on_site),
+            "resonators": _places_of("resonators", resonators),
+            "load": {
+                "gravity_m_s2": _number("gravity_m_s2", gravity_m_s2),
+                "precompression_n": _number("precompression_n", precompression_n),
+            },
             "damping": {
                 "restitution": restitution,
                 "viscous_n_s_per_m": viscous_n_s_per_m,
@@ -132,6 +160,7 @@ class Chain:
                 "power": power_damping,
             },
         }
+        self._config = in_si("", self._config)
 
     @property
     def beads(self) -> int:
@@ -147,33 +176,74 @@ class Chain:
 
 def _whole(name: str, value: Any) -> int:
     """A whole number, such as 1000 or 1e3."""
-    number = int(value)
-    if number != value:
-        raise ConfigError(f"{name}: found {value!r}; expected a whole number", key=name)
-    return number
+    try:
+        number = int(in_si(name, value))
+        if number == value:
+            return number
+    except (OverflowError, TypeError, ValueError) as error:
+        if isinstance(error, ConfigError):
+            raise
+    raise ConfigError(f"{name}: found {value!r}; expected a whole number", key=name)
 
 
-def _one_or_each(values: float | Values | None) -> tuple[float | None, list[float] | None]:
+def _number(name: str, value: Any, unit: str | None = None) -> float | None:
+    """A number in SI units."""
+    if value is None:
+        return None
+    number = in_si(name, value, unit)
+    try:
+        return float(number)
+    except (OverflowError, TypeError, ValueError) as error:
+        raise ConfigError(f"{name}: found {value!r}; expected a number", key=name) from error
+
+
+def _numbers(name: str, values: Any, unit: str | None = None) -> npt.NDArray[np.float64]:
+    """A number, or one for each place, in SI units."""
+    try:
+        return np.asarray(in_si(name, values, unit), dtype=np.float64)
+    except (OverflowError, TypeError, ValueError) as error:
+        if isinstance(error, ConfigError):
+            raise
+        raise ConfigError(f"{name}: found {values!r}; expected numbers", key=name) from error
+
+
+def _one_or_each(name: str, values: Any, unit: str | None = None) -> tuple[float | None, list[float] | None]:
     """A value for all, and the list if there is one for each."""
     if values is None:
         return None, None
-    array = np.asarray(values, dtype=np.float64)
+    array = _numbers(name, values, unit)
     return (float(array), None) if array.ndim == 0 else (float(np.median(array)), array.tolist())
 
 
-def _per_place(values: PerPlace | None) -> Any:
+def _per_place(name: str, values: Any) -> Any:
     """A number, a rule, or the rule of a list."""
-    if values is None or isinstance(values, Mapping) or np.ndim(values) == 0:
+    if values is None or isinstance(values, Mapping | bool | int | float | str):
         return values
-    return {"list": np.asarray(values, dtype=np.float64).tolist()}
+    array = _numbers(name, values)
+    return float(array) if array.ndim == 0 else {"list": array.tolist()}
 
 
-def _places_of(table: Mapping[str, Any] | None) -> Config | None:
+def _places_of(name: str, table: Mapping[str, Any] | None) -> Config | None:
     """A table of numbers, rules and lists."""
-    return None if table is None else {key: _per_place(value) for key, value in table.items()}
+    return None if table is None else {key: _per_place(f"{name}.{key}", value) for key, value in _table(name, table).items()}
 
 
-def _each(name: str, values: Mapping[int, float]) -> ItemsView[int, float]:
+def _table(name: str, table: Mapping[str, Any] | None) -> Config:
+    if isinstance(table, Mapping | None):
+        return dict(table or {})
+    raise ConfigError(f"{name}: found {table!r}; expected a dictionary", key=name)
+
+
+def _tables(name: str, tables: Sequence[Mapping[str, Any]]) -> list[Config]:
+    """Tables in a list; a single one is taken for a list of it."""
+    if isinstance(tables, Mapping):
+        return [dict(tables)]
+    if isinstance(tables, str) or not np.iterable(tables):
+        raise ConfigError(f"{name}: found {tables!r}; expected a list of dictionaries", key=name)
+    return [_table(f"{name}[{number}]", one) for number, one in enumerate(tables)]
+
+
+def _each(name: str, values: Mapping[int, Any]) -> ItemsView[int, Any]:
     try:
         return values.items()
     except AttributeError:
@@ -208,23 +278,25 @@ class Run:
         self,
         chain: Chain,
         *,
-        strikers: Mapping[int, float] | None = None,
+        strikers: Mapping[int, Number] | None = None,
         drives: Sequence[Mapping[str, Any]] = (),
         initial: Initial | None = None,
         seed: int | None = None,
-        duration_s: float,
-        dt_s: float | None = None,
+        duration_s: Number,
+        dt_s: Number | None = None,
         method: str | None = None,
         name: str | None = None,
         publish_every: int = 1,
     ) -> None:
         config = deepcopy(chain._config)
         struck = _each("strikers", {} if strikers is None else strikers)
-        each = [{"bead": _whole("strikers", bead), "velocity_m_s": float(v)} for bead, v in struck]
+        each = [
+            {"bead": _whole("strikers", bead), "velocity_m_s": _number(f"strikers[{bead!r}]", v, "m/s")} for bead, v in struck
+        ]
         config["striker"] = each[0] if len(each) == 1 else each
-        config["drive"] = [dict(drive) for drive in drives]
+        config["drive"] = _tables("drives", drives)
         config["initial"] = None if initial is None else _initial(initial)
-        config["time"] = {"duration_s": float(duration_s), "dt_s": dt_s}
+        config["time"] = {"duration_s": _number("duration_s", duration_s), "dt_s": _number("dt_s", dt_s)}
         config["integrator"] = {"method": method}
         every = _whole("publish_every", publish_every)
         config["stream"] = {"publish_every_steps": every, "record_every_steps": every}
@@ -262,6 +334,24 @@ class Run:
             return cls._of(source, is_seen=True)
         path = Path(source)
         return cls._of(path.read_text(encoding="utf-8"), str(path), path.stem, is_seen=True)
+
+    @classmethod
+    def from_recording(cls, rec: Recording) -> Run:
+        """The run that a recording is of, to be made again or changed: ``bl.Run.from_recording(rec).replace(…)``.
+
+        Raises:
+            ValueError: If the recording has no configuration.
+        """
+        if not rec.toml:
+            raise ValueError(f"{rec!r} has no configuration: describe the run with bl.Run(…)")
+        folder = None if rec.path is None or "://" in rec.path else os.path.dirname(rec.path)
+        run = cls.__new__(cls)
+        if rec.recomputes:
+            # files that its text names may be gone
+            run._folder, run._toml, run._manifest = folder or os.getcwd(), rec.toml, rec._manifest
+        else:
+            run._set(rec.toml, None, rec.name, folder=folder)
+        return run
 
     @classmethod
     def from_config(cls, config: Mapping[str, Any]) -> Run:
@@ -351,10 +441,12 @@ class Run:
         on_frame: OnFrame | None = None,
         on_frame_every: int = 1,
         progress: bool | None = None,
+        yes: bool = False,
     ) -> Recording:
         """Simulates the run and records it.
 
-        Ctrl-C ends it in order: the file is whole and says that it was interrupted.
+        Ctrl-C ends it in order: the file is whole and says that it was interrupted. A run of more than a minute begins with a warning
+        that says how long it takes at least.
 
         Args:
             path: The file, ``.mcap``; by default the name of the run.
@@ -367,18 +459,23 @@ class Run:
                 make this run, nor attach to it.
             on_frame_every: Frames from one call to the next.
             progress: Whether to show how far it is; by default in terminals and notebooks.
+            yes: Begin without that warning, also if it takes more than a year.
 
         Raises:
             FileExistsError: If there is such a file.
+            ValueError: If it takes more than a year, which looks like a mistake.
             RunError: If the values are no longer finite.
             LiveError: If it cannot be published.
         """
         from ._recording import mcap, open
 
+        wait_for = count("wait_for", wait_for, 0)
         if wait_for and not publish:
             raise ValueError(f"wait_for: found {wait_for}; expected 0, or publish=True")
-        manifest = self._begun(self._manifest.publish_every_steps if every is None else every)
+        manifest = self._begun(self._manifest.publish_every_steps if every is None else count("every", every))
         path = mcap(path if path is not None else f"{self.name}.mcap")
+        if force or not path.exists():
+            self._confirm(yes)
         with self._progress(progress) as tell:
             summary = _native.record(
                 manifest,
@@ -400,20 +497,26 @@ class Run:
         on_frame: OnFrame | None = None,
         on_frame_every: int = 1,
         progress: bool | None = None,
+        yes: bool = False,
     ) -> Recording:
         """Simulates the run in memory, without a file.
 
         Args:
             every: Steps between two states that are kept; the steps between them are recomputed when they are asked for.
-            on_frame, on_frame_every, progress: As for :meth:`record`.
+            on_frame, on_frame_every, progress, yes: As for :meth:`record`.
 
         Raises:
+            MemoryError: If there is not enough of it for the states that are kept.
+            ValueError: If it takes more than a year, which looks like a mistake.
             RunError: If the values are no longer finite.
         """
-        from ._recording import Recording
+        from ._recording import Recording, check_memory
 
         published = self._manifest.publish_every_steps
-        manifest = self._begun(-(-every // published) * published)
+        manifest = self._begun(-(-count("every", every) // published) * published)
+        kept_bytes = 8 * self._manifest.frame_doubles * (self.steps // manifest.record_every_steps + 2)
+        check_memory(f"a run that keeps every {every:,}. step", kept_bytes, "keep fewer with every=…, or record() them in a file")
+        self._confirm(yes)
         with self._progress(progress) as tell:
             on = _frames_to(on_frame, manifest, on_frame_every)
             states, summary = _native.simulate(manifest, on_progress=tell, on_frame=on)
@@ -426,9 +529,18 @@ class Run:
         return Simulation(self._manifest)
 
     def _begun(self, every: int) -> _native.Manifest:
-        if every < 1:
-            raise ValueError(f"every: found {every}; expected 1 or more steps")
         return self._manifest.begun(every)
+
+    def _confirm(self, yes: bool) -> None:
+        """Tells of a long run before it begins, as the command does."""
+        from ._progress import duration
+
+        takes_s = 0.0 if yes else self._manifest.computing_s()
+        if takes_s > _ABSURD_S:
+            takes = f"this takes at least {duration(takes_s)}, which looks like a mistake"
+            raise ValueError(f"{takes}; take a shorter duration or fewer beads, or yes=True")
+        if takes_s > _TOLD_S:
+            warnings.warn(f"this takes at least {duration(takes_s)}; yes=True begins without this warning", RuntimeWarning, 3)
 
     @contextmanager
     def _progress(self, show: bool | None) -> Iterator[Callable[[int], object]]:
@@ -436,6 +548,11 @@ class Run:
 
         with Progress(self.steps, self.name, show) as bar:
             yield bar.update
+
+    def _repr_html_(self) -> str:
+        from ._html import of_run
+
+        return of_run(self)
 
     def __repr__(self) -> str:
         return f"<Run {self.name}: {self._manifest.beads} beads, {self.steps} steps of {self.dt_s:.4g} s>"
@@ -447,14 +564,14 @@ def _initial(initial: Initial) -> Config:
 
     if isinstance(initial, Mapping):
         return dict(initial)
-    u_m, v_m_s = (initial.displacement_m, initial.velocity_m_s) if isinstance(initial, State) else initial
+    pair = (initial.displacement_m, initial.velocity_m_s) if isinstance(initial, State) else initial
+    if not isinstance(pair, tuple | list) or len(pair) != 2:
+        found = f"{len(pair)} parts" if isinstance(pair, tuple | list) else repr(pair)
+        wanted = "a State, (displacements in m, velocities in m/s), or a dictionary of rules"
+        raise ConfigError(f"initial: found {found}; expected {wanted}", key="initial")
     # a text has no place for the sign of 0, and needs none: it is lost where states are added up
-    return {"displacements_m": _doubles(u_m), "velocities_m_s": _doubles(v_m_s)}
-
-
-def _doubles(values: Values) -> list[float]:
-    found: list[float] = np.asarray(values, dtype=np.float64).tolist()
-    return found
+    names = ("displacements_m", "velocities_m_s")
+    return {name: _numbers(f"initial.{name}", values).tolist() for name, values in zip(names, pair, strict=True)}
 
 
 def _frames_to(
@@ -464,9 +581,7 @@ def _frames_to(
 
     if call is None:
         return None
-    if every < 1:
-        raise ValueError(f"on_frame_every: found {every}; expected 1 or more")
-    return (lambda *state: call(State(manifest, state))), every
+    return (lambda *state: call(State(manifest, state))), count("on_frame_every", every)
 
 
 class Simulation:
@@ -485,7 +600,7 @@ class Simulation:
         Raises:
             RunError: If the values are no longer finite.
         """
-        self._native.step(steps)
+        self._native.step(count("steps", steps, 0))
         return self
 
     @property
@@ -547,6 +662,7 @@ def preset(name: str) -> Run:
 
 def _toml(config: Mapping[str, Any]) -> str:
     """A configuration as text; what is None or empty is left out."""
+    config = in_si("", config)
     plain = {key: value for key, value in config.items() if not isinstance(value, Mapping)}
     lines = _lines(plain)
     for name, table in config.items():
@@ -574,5 +690,10 @@ def _value(value: Any) -> str:
         return "{ " + ", ".join(_lines(value)) + " }"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_value, value)) + "]"
-    # numbers, texts and truth values are written as in JSON, but for the words for no number
-    return json.dumps(value).replace("NaN", "nan").replace("Infinity", "inf")
+    if isinstance(value, float) and not np.isfinite(value):
+        return repr(float(value))
+    try:
+        # numbers, texts and truth values are written as in JSON
+        return json.dumps(value)
+    except TypeError as error:
+        raise ConfigError(f"found {value!r}; expected a number, a text, a truth value, or lists and dictionaries of them") from error
