@@ -30,9 +30,11 @@ if TYPE_CHECKING:
         consumer,
         live_runs,
     )
+    from ._chain import Chain
+    from ._fields import FieldArray
     from ._files import Verdict, View
-    from ._recording import FieldArray, Recording, State, open
-    from ._run import Chain, Run, Simulation, preset, presets
+    from ._recording import Recording, State, open
+    from ._run import Run, Simulation, preset, presets
     from ._sweep import sweep
     from ._table import Forces, Motion, Pulses, Table
     from .errors import (
@@ -49,6 +51,8 @@ if TYPE_CHECKING:
 
 # where each name is: the command, which is in this package, too, starts without NumPy
 _PLACES = {
+    "_chain": ("Chain",),
+    "_fields": ("FieldArray",),
     "_files": ("Verdict", "View"),
     "_live": (
         "AsyncLive",
@@ -62,8 +66,8 @@ _PLACES = {
         "consumer",
         "live_runs",
     ),
-    "_recording": ("FieldArray", "Recording", "State", "open"),
-    "_run": ("Chain", "Run", "Simulation", "preset", "presets"),
+    "_recording": ("Recording", "State", "open"),
+    "_run": ("Run", "Simulation", "preset", "presets"),
     "_sweep": ("sweep",),
     "_table": ("Forces", "Motion", "Pulses", "Table"),
     "errors": (

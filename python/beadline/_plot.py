@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from xarray import Dataset
 
+    from ._fields import FieldArray
     from ._native import Doubles
-    from ._recording import FieldArray, Recording, State
+    from ._recording import Recording, State
     from ._table import Table
 
 Scale = Literal["log", "linear"]

@@ -85,6 +85,7 @@ def sweep(
     Raises:
         ConfigError: If a run cannot be; none was begun then.
     """
+    jobs = None if jobs is None else count("jobs", jobs)
     settings: dict[str, Any] = {"until": until, "check": check, "split_bead": split}
     settings |= {"case": list(cases), "grid": dict(grid or {})}
     if isinstance(run, Run):

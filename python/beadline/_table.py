@@ -67,7 +67,7 @@ class Table(dict[str, Column]):
     def __eq__(self, other: object) -> bool:
         return self is other
 
-    def __hash__(self) -> int:
+    def __hash__(self) -> int:  # type: ignore[override]
         return id(self)
 
     def __setitem__(self, name: str, values: npt.ArrayLike) -> None:
