@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import ItemsView, Mapping, Sequence
+from fractions import Fraction
 from typing import Any, Protocol
 
 import numpy as np
@@ -100,10 +101,10 @@ class Chain:
         kuwabara_kono_s: Number | None = None,
         power_damping: Mapping[str, Any] | None = None,
     ) -> None:
-        alpha = number("alpha", alpha)
+        alpha = number_if_any("alpha", alpha)
         chain: Config = {"beads": whole("beads", beads), "alpha": alpha}
         # the unit of every stiffness
-        unit = None if alpha is None else f"N/m**{alpha:g}"
+        unit = None if alpha is None or not np.isfinite(alpha) else _unit_of_stiffness(alpha)
         chain["bead_mass_kg"], list_kg = _one_or_each("mass_kg", mass_kg)
         chain["stiffness"], each = _one_or_each("stiffness", stiffness, unit)
         chain["masses"] = masses if list_kg is None else {"list_kg": list_kg}
@@ -120,8 +121,8 @@ class Chain:
         chain["alphas"], chain["gaps_m"] = _per_place("alphas", alphas), _per_place("gaps_m", gaps_m)
         chain["second"], chain["bonds"] = _places_of("second", second), _places_of("bonds", bonds)
         of_walls = {
-            "left_stiffness": number("left_stiffness", left_stiffness, unit),
-            "right_stiffness": number("right_stiffness", right_stiffness, unit),
+            "left_stiffness": number_if_any("left_stiffness", left_stiffness, unit),
+            "right_stiffness": number_if_any("right_stiffness", right_stiffness, unit),
         }
         self._config: Config = {
             "chain": chain,
@@ -154,6 +155,12 @@ class Chain:
         return f"<Chain of {self.beads} beads{alpha}>"
 
 
+def _unit_of_stiffness(alpha: float) -> str | None:
+    # packages of units know no other powers than fractions
+    power = Fraction(alpha).limit_denominator(1000)
+    return f"N/m**({power})" if power == alpha else None
+
+
 def whole(name: str, value: Any) -> int:
     """A whole number, such as 1000 or 1e3."""
     try:
@@ -166,15 +173,19 @@ def whole(name: str, value: Any) -> int:
     raise ConfigError(f"{name}: found {value!r}; expected a whole number", key=name)
 
 
-def number(name: str, value: Any, unit: str | None = None) -> float | None:
+def number(name: str, value: Any, unit: str | None = None) -> float:
     """A number in SI units."""
-    if value is None:
-        return None
-    number = in_si(name, value, unit)
     try:
-        return float(number)
+        return float(in_si(name, value, unit))
     except (OverflowError, TypeError, ValueError) as error:
+        if isinstance(error, ConfigError):
+            raise
         raise ConfigError(f"{name}: found {value!r}; expected a number", key=name) from error
+
+
+def number_if_any(name: str, value: Any, unit: str | None = None) -> float | None:
+    """A number in SI units, or None."""
+    return None if value is None else number(name, value, unit)
 
 
 def numbers(name: str, values: Any, unit: str | None = None) -> npt.NDArray[np.float64]:

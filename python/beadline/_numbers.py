@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from datetime import timedelta
 from typing import Any
 
@@ -52,11 +53,10 @@ def count(name: str, value: Any, least: int = 1) -> int:
     Raises:
         ValueError: If it is none.
     """
-    try:
+    number, is_whole = 0, False
+    with suppress(OverflowError, TypeError, ValueError):
         number = int(value)
         is_whole = number == value
-    except (OverflowError, TypeError, ValueError):
-        is_whole = False
     if not is_whole:
         raise ValueError(f"{name}: found {value!r}; expected a whole number")
     if not least <= number < 2**63:
@@ -74,18 +74,18 @@ def in_si(key: str, value: Any, unit: str | None = None) -> Any:
     if isinstance(value, Mapping):
         return {name: in_si(f"{key}.{name}" if key else str(name), part, unit) for name, part in value.items()}
     if isinstance(value, list | tuple):
-        is_plain = all(type(part) is float for part in value)
+        is_plain = all(type(part) in (float, int) for part in value)
         return value if is_plain else [in_si(key, part, unit) for part in value]
     if isinstance(value, np.ndarray) and value.dtype == object:
         return [in_si(key, part, unit) for part in value]
     has = _unit_that_has(value)
+    if isinstance(value, timedelta) and unit == "s":
+        return value.total_seconds()
     if has is None or unit is not None and has in (unit, shown(unit)):
         return value if has is None else np.asarray(getattr(value, "magnitude", value))
     try:
-        if isinstance(value, timedelta):
-            value = value.total_seconds() if unit == "s" else None
-            return float(value)
-        converted = value.to("" if unit is None else unit)
+        convert: Any = getattr(value, "to")  # noqa: B009
+        converted = convert("" if unit is None else unit)
         return np.asarray(converted.magnitude if hasattr(converted, "magnitude") else converted.value)[()]
     except Exception as error:
         wanted = "a number" if unit is None else f"a number, or a quantity that is a multiple of {shown(unit)}"

@@ -469,12 +469,13 @@ class Recording:
     @contextmanager
     def _file(self) -> Iterator[str]:
         """A file with this recording, for the command."""
+        states = self._states
         if self.path is not None:
             yield self.path
             return
         with tempfile.TemporaryDirectory(prefix="beadline-") as directory:
             path = os.path.join(directory, f"{self.name}.mcap")
-            self._states.save(path)
+            states.save(path)
             yield path
 
     def __reduce__(self) -> tuple[Any, ...]:

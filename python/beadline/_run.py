@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _native
-from ._chain import Chain, Config, Number, Values, items_of, number, numbers, tables, whole
+from ._chain import Chain, Config, Number, Values, items_of, number, number_if_any, numbers, tables, whole
 from ._numbers import count, in_si
 from .errors import ConfigError
 
@@ -80,7 +80,7 @@ class Run:
         config["striker"] = each[0] if len(each) == 1 else each
         config["drive"] = tables("drives", drives)
         config["initial"] = None if initial is None else _initial(initial)
-        config["time"] = {"duration_s": number("duration_s", duration_s), "dt_s": number("dt_s", dt_s)}
+        config["time"] = {"duration_s": number("duration_s", duration_s), "dt_s": number_if_any("dt_s", dt_s)}
         config["integrator"] = {"method": method}
         every = whole("publish_every", publish_every)
         config["stream"] = {"publish_every_steps": every, "record_every_steps": every}

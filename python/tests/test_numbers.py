@@ -39,7 +39,7 @@ def test_quantities_are_converted_to_the_unit_of_their_name(kind: Callable[[], C
         5,
         mass_kg=q(1.0, "g"),
         alpha=1.5,
-        stiffness=q(1e4, "kN / m**1.5"),
+        stiffness=q(1e4, "kN / m**(3/2)"),
         impurities={2: q(600.0, "mg")},
         right="fixed",
         precompression_n=q(2.0, "mN"),
