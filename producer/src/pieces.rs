@@ -94,12 +94,6 @@ impl Piece {
     /// Its end.
     pub(crate) fn end(&self) -> When {
         let beside_s = 0.0 - self.inward_s[1];
-        When {
-            after_s: self.to_s,
-            since_s: self.length_s(),
-            is_end: self.is_last,
-            beside_s,
-            ..self.start()
-        }
+        When { after_s: self.to_s, since_s: self.length_s(), is_end: self.is_last, beside_s, ..self.start() }
     }
 }

@@ -207,7 +207,9 @@ fn two_exact_solitary_waves_are_started_by_speed_or_amplitude() {
     let found = place.run("pulses two.mcap --json").exits(0).json()["results"]["pulses"].clone();
     let found = found.as_array().unwrap();
     assert_eq!(found.len(), 2, "{found:?}");
-    for (direction, key, expected) in [("forward", "speed_beads_per_s", 9000.0), ("backward", "v_peak_m_s", -1.0)] {
+    for (direction, key, expected) in
+        [("forward", "speed_beads_per_s", 9000.0), ("backward", "v_peak_m_s", -1.0)]
+    {
         let pulse = found.iter().find(|pulse| pulse["direction"] == direction).unwrap();
         let [value, speed, width] =
             [key, "speed_over_solitary", "fwhm_over_solitary"].map(|key| pulse[key].as_f64().unwrap());
@@ -218,9 +220,15 @@ fn two_exact_solitary_waves_are_started_by_speed_or_amplitude() {
         ("36\nvelocity_m_s = 1.0", "initial.solitary[1].bead: found 36, and a wave at bead 30.5"),
         ("36\nvelocity_m_s = 1.0", "beads apart, where the sum of two exact waves is exact"),
         ("170", "initial.solitary[1]: found no strength; allowed: one of speed_beads_s and velocity_m_s"),
-        ("170\nvelocity_m_s = 1.0\nspeed_beads_s = 2.0", "initial.solitary[1]: found speed_beads_s and velocity_m_s"),
+        (
+            "170\nvelocity_m_s = 1.0\nspeed_beads_s = 2.0",
+            "initial.solitary[1]: found speed_beads_s and velocity_m_s",
+        ),
         ("170\nvelocity_m_s = 0.0", "initial.solitary[1].velocity_m_s: found 0; "),
-        ("170\nvelocty_m_s = 1.0", "unknown key `velocty_m_s`; allowed: bead, speed_beads_s, velocity_m_s; did you mean"),
+        (
+            "170\nvelocty_m_s = 1.0",
+            "unknown key `velocty_m_s`; allowed: bead, speed_beads_s, velocity_m_s; did you mean",
+        ),
     ] {
         place.write("bad.toml", &waves(other));
         place.run("run bad.toml").exits(2).says(&["bad.toml:", says]);

@@ -77,7 +77,8 @@ fn columns_of_any_analysis_are_those_of_its_command() {
     is("energies.left_j", &energies["last"]["left_j"]);
     assert!(energies["last"]["driven_j"].as_f64().unwrap().abs() > 0.0);
     let impurity = found(&place, "impurity --bead 10");
-    let turns = impurity["events"].as_array().unwrap().iter().filter(|event| event["event"] == "turns").count();
+    let turns =
+        impurity["events"].as_array().unwrap().iter().filter(|event| event["event"] == "turns").count();
     is("impurity.event_count@10", &impurity["event_count"]);
     is("impurity.turn_count@10", &turns.into());
     is("contacts.compressed_count", &found(&place, "contacts")["last"]["compressed"]);
@@ -130,16 +131,28 @@ fn what_cannot_be_measured_is_refused_with_its_line() {
     let place = Place::new();
     let base = "[base]\npreset = \"homogeneous\"\nchain.beads = 20\ntime.duration_s = 1e-3\n[grid]\nchain.alpha = [1.5, 2.0]\n";
     for (measure, says) in [
-        ("[\"energies.drivn_j\"]", "measure[0]: found the unknown column `drivn_j` of energies; allowed: split_bead"),
+        (
+            "[\"energies.drivn_j\"]",
+            "measure[0]: found the unknown column `drivn_j` of energies; allowed: split_bead",
+        ),
         ("[\"energies.drivn_j\"]", "did you mean `driven_j`?"),
-        ("[\"energy.driven_j\"]", "found the unknown analysis `energy`; allowed: energies, impurity, contacts, pulses"),
+        (
+            "[\"energy.driven_j\"]",
+            "found the unknown analysis `energy`; allowed: energies, impurity, contacts, pulses",
+        ),
         ("[\"forces.peak_n\"]", "found no place; allowed: `forces.peak_n@…`"),
         ("[\"forces.peak_n@right\"]", "wall:right: this end of the chain is free"),
         ("[\"forces.peak_n@99\"]", "bead:99: the chain has beads 0 to 19"),
         ("[\"impurity.u_m@99\"]", "found @99; allowed: beads 0 to 19 of this chain"),
         ("[\"modes.frequency_hz@1\"]", "contact 0 is not pressed together at rest"),
-        ("[\"spreading.centre\", \"spreading.centre_beads\"]", "measure[1]: found `spreading.centre_beads` twice"),
-        ("\"energies.driven_j\"", "measure: found \"energies.driven_j\"; allowed: a list of columns of analyses"),
+        (
+            "[\"spreading.centre\", \"spreading.centre_beads\"]",
+            "measure[1]: found `spreading.centre_beads` twice",
+        ),
+        (
+            "\"energies.driven_j\"",
+            "measure: found \"energies.driven_j\"; allowed: a list of columns of analyses",
+        ),
         ("[3]", "measure[0]: found 3; allowed: a text in quotes"),
     ] {
         place.write("s.toml", &format!("# a comment\nmeasure = {measure}\n{base}"));
@@ -149,7 +162,10 @@ fn what_cannot_be_measured_is_refused_with_its_line() {
     let sparse = "measure = [\"spectrum.peak_hz@12\"]\n[base]\npreset = \"precompressed\"\nchain.beads = 40\n\
         time.duration_s = 5e-3\nstream = { publish_every_steps = 500, record_every_steps = 500 }\n";
     place.write("s.toml", sparse);
-    place.run("sweep s.toml --out dir").exits(2).says(&["s.toml:1: measure[0]", "set stream.publish_every_steps to less"]);
+    place
+        .run("sweep s.toml --out dir")
+        .exits(2)
+        .says(&["s.toml:1: measure[0]", "set stream.publish_every_steps to less"]);
     place.write("s.toml", &format!("mesure = []\n{base}"));
     place.run("sweep s.toml --out dir").exits(2).says(&["s.toml:1: mesure", "did you mean `measure`?"]);
 }

@@ -107,11 +107,18 @@ fn rows_without_a_value_are_counted_and_means_of_fewer_are_marked() {
     let values = |x: u32| (0..3).map(move |seed| row(x, seed, if (x, seed) == (2, 1) { "" } else { "1.5" }));
     let rows: String = (1..=2).flat_map(values).collect();
     let csv = format!("index,chain.beads,seed,end,peak_n\n{}", rows + &row(3, 0, ""));
-    let csv: String = csv.lines().enumerate().map(|(i, line)| if i == 0 { format!("{line}\n") } else { format!("{i},{line}\n") }).collect();
+    let csv: String = csv
+        .lines()
+        .enumerate()
+        .map(|(i, line)| if i == 0 { format!("{line}\n") } else { format!("{i},{line}\n") })
+        .collect();
     place.write("r.csv", &csv);
     let ended = plot(&place, "r.csv --x chain.beads --y peak_n --out r.svg");
     assert_eq!(ended["left_out"][0]["rows"], 7);
-    assert_eq!((&ended["left_out"][0]["without_value"], &ended["left_out"][0]["of_fewer"]), (&json!(2), &json!(1)));
+    assert_eq!(
+        (&ended["left_out"][0]["without_value"], &ended["left_out"][0]["of_fewer"]),
+        (&json!(2), &json!(1))
+    );
     let svg = place.read("r.svg").replace('\u{a0}', " ");
     for says in ["2 of 7 rows", "have no value", "mean of fewer rows"] {
         assert!(svg.contains(says), "{says}");
@@ -124,7 +131,10 @@ fn rows_without_a_value_are_counted_and_means_of_fewer_are_marked() {
     // a whole table says nothing of the kind
     place.write("whole.csv", &results(&[1.5, 2.0], 6, 3));
     let whole = plot(&place, "whole.csv --out w.svg");
-    assert_eq!((&whole["left_out"][0]["without_value"], &whole["left_out"][0]["of_fewer"]), (&json!(0), &json!(0)));
+    assert_eq!(
+        (&whole["left_out"][0]["without_value"], &whole["left_out"][0]["of_fewer"]),
+        (&json!(0), &json!(0))
+    );
     assert!(!place.read("w.svg").contains("fewer"));
 }
 

@@ -169,7 +169,8 @@ fn modes_need_no_striker() {
     place.write("struck.toml", &format!("{chain}[striker]\nbead = 0\nvelocity_m_s = 0.1\n"));
     let bonds = "[chain]\nbeads = 9\nbead_mass_kg = 1.0\nbonds = { linear = 1.0, cubic = 0.5 }\n[time]\nduration_s = 1.0\n";
     place.write("bonds.toml", bonds);
-    let modes = |name: &str| place.run(&format!("modes {name}.toml --json")).exits(0).json()["results"].clone();
+    let modes =
+        |name: &str| place.run(&format!("modes {name}.toml --json")).exits(0).json()["results"].clone();
     assert_eq!(modes("still"), modes("struck"));
     let top_hz = number(&modes("bonds")["modes"][8]["frequency_hz"]);
     assert!((top_hz - 2.0 * (8.0 * PI / 18.0).sin() / TAU).abs() < 1e-12, "{top_hz}");

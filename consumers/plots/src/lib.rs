@@ -66,9 +66,10 @@ fn phrases(physics: &Physics) -> Vec<String> {
         format!("k = {}\u{a0}N\u{a0}m^{{−α}}", scientific(physics.stiffness)),
     ];
     let impurities = physics.impurities.iter().take(4);
-    phrases.extend(impurities.map(|impurity| {
-        format!("bead {}: {}\u{a0}g", impurity.bead, short(impurity.mass_kg * 1e3))
-    }));
+    phrases.extend(
+        impurities
+            .map(|impurity| format!("bead {}: {}\u{a0}g", impurity.bead, short(impurity.mass_kg * 1e3))),
+    );
     if physics.impurities.len() > 4 {
         phrases.push(format!("… ({} impurities)", physics.impurities.len()));
     }

@@ -24,7 +24,10 @@ const METHODS: [Method; 3] = [Method::VelocityVerlet, Method::Rkn4, Method::Rk5]
 /// cut off, and half of one, as well as a method integrates a sine.
 #[test]
 fn the_momentum_of_a_free_chain_is_the_impulse_of_its_forces() {
-    let cut = |t: f64| 100.0 / (2.0 * std::f64::consts::PI * 5000.0) * (1.0 - (2.0 * std::f64::consts::PI * 5000.0 * t).cos());
+    let cut = |t: f64| {
+        100.0 / (2.0 * std::f64::consts::PI * 5000.0)
+            * (1.0 - (2.0 * std::f64::consts::PI * 5000.0 * t).cos())
+    };
     let half = 2.0 / std::f64::consts::PI;
     // waveform, its integral, and by which part a method may miss it
     let forces = [
@@ -47,7 +50,10 @@ fn the_momentum_of_a_free_chain_is_the_impulse_of_its_forces() {
         for method in METHODS {
             let (physics, state) = end_of(&toml, method);
             let momentum: f64 = state.v_m_s.iter().map(|v| physics.bead_mass_kg * v).sum();
-            assert!((momentum / impulse_ns - 1.0).abs() < part, "{waveform}, {method}: {momentum:e}, {impulse_ns:e}");
+            assert!(
+                (momentum / impulse_ns - 1.0).abs() < part,
+                "{waveform}, {method}: {momentum:e}, {impulse_ns:e}"
+            );
         }
     }
 }
@@ -56,9 +62,11 @@ fn the_momentum_of_a_free_chain_is_the_impulse_of_its_forces() {
 /// 7 % when steps did not end at kinks).
 #[test]
 fn the_work_of_walls_and_beads_closes_the_balance_where_velocities_jump() {
-    let chain = "[chain]\nbeads = 8\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n[ends]\nleft = \"fixed\"\n";
+    let chain =
+        "[chain]\nbeads = 8\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n[ends]\nleft = \"fixed\"\n";
     let table = "{ table = { times_s = [0.0, 1e-4, 1.1e-4, 2e-3], values = [0.0, 0.0, 1e-5, 1e-5] } }";
-    let (step, time) = ("{ step = { amplitude = 0.5, at_s = 3.333e-5 } }", "[time]\nduration_s = 1e-3\ndt_s = 3e-7\n");
+    let (step, time) =
+        ("{ step = { amplitude = 0.5, at_s = 3.333e-5 } }", "[time]\nduration_s = 1e-3\ndt_s = 3e-7\n");
     let places = [
         format!("wall = \"left\"\ndisplacement_m = {table}"),
         format!("wall = \"left\"\nvelocity_m_s = {step}"),

@@ -113,7 +113,8 @@ impl Audit {
         let messages = MessageReader::salvaging(path)?;
         let manifest = messages.manifest().clone();
         let physics = &manifest.physics;
-        let is_resolved_by_us = KERNEL_VERSIONS.contains(&physics.kernel_version) && !manifest.is_newer_minor();
+        let is_resolved_by_us =
+            KERNEL_VERSIONS.contains(&physics.kernel_version) && !manifest.is_newer_minor();
         Ok(Self {
             lengths: StateLengths::of(&manifest),
             longest_summary: decode::longest_summary(&manifest),

@@ -48,7 +48,8 @@ impl Physics {
         };
         let is_ring = self.ends.left == End::Periodic;
         let walls = if stiffness.len() == mass_kg.len() {
-            let closing = [&mut stiffness, &mut rest_overlap_m].map(|values| values.pop().unwrap_or_default());
+            let closing =
+                [&mut stiffness, &mut rest_overlap_m].map(|values| values.pop().unwrap_or_default());
             for term in &mut terms {
                 term.wall_stiffness = [term.stiffness.pop().unwrap_or_default(), 0.0];
             }
@@ -157,13 +158,12 @@ impl Physics {
         let [first_kg, last_kg] = [mass_kg[0], mass_kg[mass_kg.len() - 1]];
         let usual = match (spheres, &self.stiffnesses) {
             (Some(spheres), _) => self.sphere_walls(spheres),
-            (None, StiffnessRule::Radii) => [self.stiffness_at_wall(first_kg), self.stiffness_at_wall(last_kg)],
+            (None, StiffnessRule::Radii) => {
+                [self.stiffness_at_wall(first_kg), self.stiffness_at_wall(last_kg)]
+            }
             (None, _) => [self.stiffness; 2],
         };
-        [
-            self.ends.left_stiffness.unwrap_or(usual[0]),
-            self.ends.right_stiffness.unwrap_or(usual[1]),
-        ]
+        [self.ends.left_stiffness.unwrap_or(usual[0]), self.ends.right_stiffness.unwrap_or(usual[1])]
     }
 
     /// `k·√(2·r_i·r_j/(r_i + r_j))` (N·m^−3/2): Hertz's law for spheres of one material.

@@ -184,7 +184,8 @@ impl Physics {
     fn check_ends(&self) -> Result<(), ConfigError> {
         let ends = &self.ends;
         let sides = [("left", ends.left, ends.right), ("right", ends.right, ends.left)];
-        if let (End::Periodic, Some(stiffness), 3..) = (ends.right, ends.right_stiffness, self.kernel_version) {
+        if let (End::Periodic, Some(stiffness), 3..) = (ends.right, ends.right_stiffness, self.kernel_version)
+        {
             let allowed = "nothing in a ring, whose ends are one contact: chain.contacts, with the number of the last bead";
             return Err(ConfigError::number("ends.right_stiffness", stiffness, allowed));
         }

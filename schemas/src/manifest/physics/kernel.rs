@@ -16,7 +16,9 @@ impl Physics {
     /// Whether the steps of this run are made in pieces.
     fn has_knots(&self) -> bool {
         let end_s = self.time_s(self.step_count);
-        self.drives.iter().any(|drive| drive.waveform.knots_s().iter().any(|knot_s| (0.0..=end_s).contains(knot_s)))
+        self.drives
+            .iter()
+            .any(|drive| drive.waveform.knots_s().iter().any(|knot_s| (0.0..=end_s).contains(knot_s)))
     }
 
     /// Whether it is a ring whose contacts a rule tells apart.
@@ -67,8 +69,7 @@ mod tests {
     fn a_run_has_the_first_version_that_gives_its_bits() {
         let version = |more: &str| physics(&chain(10, &format!("{PLAIN}{more}"))).kernel_version;
         let ring_of = |stiffnesses: &str| version(&format!("{stiffnesses}{RING}"));
-        let drive =
-            |waveform: &str| version(&format!("[[drive]]\nbead = 3\nforce_n = {{ {waveform} }}\n"));
+        let drive = |waveform: &str| version(&format!("[[drive]]\nbead = 3\nforce_n = {{ {waveform} }}\n"));
         assert_eq!((version(""), ring_of(""), ring_of("gaps_m = 1e-6\n")), (2, 2, 3));
         assert_eq!(ring_of("stiffnesses = \"radii\"\n"), 3);
         assert_eq!(drive("sine = { amplitude = 1.0, frequency_hz = 900.0 }"), 2);
@@ -91,7 +92,10 @@ mod tests {
         assert!((dimer.walls.left.rest_force_n / 1000.0 - 1.0).abs() < 1e-12);
         let bonds = "bonds = { linear = { list = [1.0, 2.0, 3.0] } }\nbead_mass_kg = 1.0\n";
         let bonded = physics(&chain(3, &format!("{bonds}{RING}"))).chain();
-        assert_eq!((&bonded.terms[0].stiffness[..], bonded.terms[0].wall_stiffness[0]), (&[1.0, 2.0][..], 3.0));
+        assert_eq!(
+            (&bonded.terms[0].stiffness[..], bonded.terms[0].wall_stiffness[0]),
+            (&[1.0, 2.0][..], 3.0)
+        );
         let disordered = "seed = 7\n[[disorder]]\nof = \"stiffnesses\"\nuniform = 0.2\n";
         let ring = physics(&format!("{disordered}{}", chain(5, &format!("{PLAIN}{RING}")))).chain();
         assert!((ring.walls.left.stiffness / 1e7 - 1.0).abs() > 1e-3, "{:?}", ring.walls.left);
@@ -103,7 +107,9 @@ mod tests {
     #[test]
     fn disorder_of_radii_reaches_the_walls() {
         let spheres = |factor: f64| {
-            let disorder = format!("[[disorder]]\nof = \"radii\"\ntwo_valued = {{ fraction = 1.0, factor = {factor:?} }}\n");
+            let disorder = format!(
+                "[[disorder]]\nof = \"radii\"\ntwo_valued = {{ fraction = 1.0, factor = {factor:?} }}\n"
+            );
             let walls = "[ends]\nleft = \"fixed\"\nright = \"fixed\"\n";
             let beads = "spheres = { material = \"steel\", radius_m = 5e-3 }\n";
             physics(&chain(4, &format!("{beads}{walls}{disorder}"))).chain()
@@ -118,7 +124,8 @@ mod tests {
     #[test]
     fn a_list_for_a_ring_has_a_number_for_its_last_contact() {
         let ring = chain(4, &format!("{PLAIN}stiffnesses = {{ list = [1e7, 2e7, 3e7] }}\n{RING}"));
-        let error = Physics::resolve(&RunConfig::from_toml(&ring).expect("a configuration")).expect_err("too few");
+        let error =
+            Physics::resolve(&RunConfig::from_toml(&ring).expect("a configuration")).expect_err("too few");
         assert!(error.to_string().contains("4 values"), "{error}");
     }
 }
