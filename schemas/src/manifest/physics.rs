@@ -9,6 +9,8 @@ mod initial;
 mod particulars;
 mod time_step;
 
+pub use time_step::Limit;
+
 use super::{KERNEL_VERSION, to_json, usize_of};
 use crate::chain::Energy;
 use crate::config::{
