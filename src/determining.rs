@@ -17,6 +17,9 @@ use std::thread::{self, JoinHandle};
 /// How much the thread beside a run gives way to others.
 const NICENESS: i32 = 10;
 
+/// A longer step is worth a line from this factor on.
+const WORTH_LONGER: f64 = 1.5;
+
 /// A comparison in a thread of its own, beside a run.
 pub(crate) struct Beside {
     thread: JoinHandle<Result<Compared, NonFinite>>,
@@ -95,7 +98,27 @@ pub(crate) fn explanation(physics: &Physics, outcome: &Outcome) -> String {
         // writing to a String cannot fail
         let _ = write!(text, "; what differs in the last place grows as exp({:.3} t/T)", rate * collision_s);
     }
-    text + "\n"
+    text += "\n";
+    if let Some(longer_s) = longer_step_s(physics, outcome) {
+        let times = longer_s / physics.dt_s;
+        // writing to a String cannot fail
+        let _ = writeln!(text, "  a step {times:.1} times as long would do, --dt {longer_s:.2e}");
+    }
+    text
+}
+
+/// The longest step (s) with which everything would still be determined to the end, by the order of the method, if it is at least half as long
+/// again.
+fn longer_step_s(physics: &Physics, outcome: &Outcome) -> Option<f64> {
+    if outcome.first_lost().is_some() {
+        return None;
+    }
+    let measured = outcome.quantities.iter().filter(|each| !each.quantity.is_count());
+    let worst = measured.map(|each| each.step.worst).fold(0.0, f64::max);
+    // errors that collisions multiply, and luck: a factor of 4
+    let times = (outcome.tolerance / (4.0 * worst)).powf(1.0 / producer::time_step::order(physics));
+    let longer_s = (times * physics.dt_s).min(physics.longest_dt_s());
+    (longer_s >= WORTH_LONGER * physics.dt_s).then_some(longer_s)
 }
 
 /// The same for programs.
@@ -125,6 +148,7 @@ pub(crate) fn json(physics: &Physics, outcome: &Outcome) -> Value {
         "determined_until_s": lost.and_then(|lost| lost.until_s),
         "bounded_by": lost.and_then(|lost| lost.bound).map(Bound::as_str),
         "growth_per_s": outcome.growth_per_s,
+        "longer_dt_s": longer_step_s(physics, outcome),
         "quantities": quantities.collect::<Vec<_>>(),
     })
 }

@@ -38,6 +38,11 @@ impl Activity {
         Self { beads: first..end }
     }
 
+    /// The beads in it.
+    pub(crate) fn beads(&self) -> Range<usize> {
+        self.beads.clone()
+    }
+
     /// This window, widened over `bead`.
     pub(crate) fn with(mut self, bead: usize) -> Self {
         let beads = &self.beads;

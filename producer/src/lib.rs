@@ -7,6 +7,7 @@ mod aligned;
 mod drives;
 pub mod energy_error;
 mod gear;
+pub mod growth;
 pub mod integrator;
 pub mod kernel;
 mod pieces;

@@ -1,5 +1,6 @@
 //! The one path of a frame: advance → publish → record.
 
+use crate::growth::{Growth, Lost};
 use crate::integrator::Integrator;
 use crate::state::ChainState;
 use schemas::frame::{EndReason, Frame, FrameSink};
@@ -20,6 +21,8 @@ pub struct RunOutcome {
     pub last_step: u64,
     /// ΔE/E of the last state ([`Drift`]).
     pub relative_drift: f64,
+    /// From when on the last places of its numbers decide where beads are, where the conductor watches for that.
+    pub lost: Option<Lost>,
 }
 
 /// Why a run could not go on. Frames published and recorded before stay valid.
@@ -75,6 +78,11 @@ pub trait Conductor<P: FrameSink, R> {
         ControlFlow::Continue(())
     }
 
+    /// Whether the run is to be watched for chaos, which costs a hundredth of its time ([`Growth`]).
+    fn watches_growth(&self) -> bool {
+        false
+    }
+
     /// Whether the publisher refused a frame because the run is to end, which is no error.
     fn is_stop(&self, _error: &P::Error) -> bool {
         false
@@ -122,6 +130,7 @@ fn simulate<P: FrameSink, R: FrameSink>(
     conductor: &mut impl Conductor<P, R>,
 ) -> Result<RunOutcome, RunError<P::Error, R::Error>> {
     let mut integrator = Integrator::new(&manifest.physics);
+    let mut growth = if conductor.watches_growth() { Growth::of(&manifest.physics, &state) } else { None };
     let mut number = manifest.frame_at(state.step);
     let first = if fresh { number } else { number + 1 };
     let last_frame = (!fresh && manifest.is_recorded(state.step)).then_some(number);
@@ -158,7 +167,8 @@ fn simulate<P: FrameSink, R: FrameSink>(
             last.copy_from(&frame);
         }
         let next = manifest.step_of_frame(number + 1);
-        let advanced = advance(&mut integrator, &mut state, next, || conductor.between_steps(publisher));
+        let advanced =
+            advance(&mut integrator, &mut growth, &mut state, next, || conductor.between_steps(publisher));
         if advanced?.is_break() {
             // there are steps between frames, so there is a copy
             state = last_published.unwrap_or(state);
@@ -173,6 +183,7 @@ fn simulate<P: FrameSink, R: FrameSink>(
         recorded_count: recording.count,
         last_step: state.step,
         relative_drift: drift(&manifest.physics, &state),
+        lost: growth.and_then(|growth| growth.lost()),
     })
 }
 
@@ -208,12 +219,16 @@ impl<R: FrameSink> Recording<'_, R> {
 /// Advances `state` to `step`, asking `between` on the way whether to go on.
 fn advance<P: std::error::Error, R: std::error::Error>(
     integrator: &mut Integrator,
+    growth: &mut Option<Growth>,
     state: &mut ChainState,
     step: u64,
     mut between: impl FnMut() -> ControlFlow<()>,
 ) -> Result<ControlFlow<()>, RunError<P, R>> {
     while state.step < step {
-        integrator.advance(state, step);
+        integrator.advance(state, growth.as_ref().map_or(step, |growth| growth.next_before(step)));
+        if let Some(growth) = growth {
+            growth.look(state);
+        }
         if state.step < step && between().is_break() {
             return Ok(ControlFlow::Break(()));
         }

@@ -62,8 +62,8 @@ pub fn choose(config: &RunConfig, tolerance: f64, progress: &mut dyn Progress) -
 
 /// How the error falls with the step: where contacts open like dt^(α+1) at best, with damping that goes with δ^p
 /// like dt^(p+1).
-fn order(physics: &Physics) -> f64 {
-    let by_contacts = f64::from(physics.method.order()).min(physics.alpha + 1.0);
+pub fn order(physics: &Physics) -> f64 {
+    let by_contacts = f64::from(physics.method.order()).min(physics.smallest_alpha() + 1.0);
     physics.damping.map_or(by_contacts, |damping| by_contacts.min(damping.exponent(physics.alpha) + 1.0))
 }
 

@@ -5,7 +5,7 @@
 
 mod physics;
 
-pub use physics::Physics;
+pub use physics::{Limit, Physics};
 
 use crate::config::{ConfigError, RunConfig};
 use crate::run_name::RunName;

@@ -11,14 +11,25 @@ use fixed::Power;
 pub(crate) use table::bounds;
 pub use table::{PowerTable, Powers};
 
-/// `x^exponent` for a positive, finite `x` and a finite exponent: rounded to 90 binary digits, and these to a double.
+/// `x^exponent` for `x` of 0 or more and a finite exponent: rounded to 90 binary digits, and these to a double; NaN for any other `x`
+/// or exponent.
 ///
 /// It is `+0` below `2^−1021` and `+∞` from `2^1023` on, and takes about a microsecond.
 ///
 /// ```
 /// assert_eq!(schemas::power::power(4.0, 2.5), 32.0);
+/// assert_eq!(schemas::power::power(0.0, 2.5), 0.0);
 /// ```
 pub fn power(x: f64, exponent: f64) -> f64 {
+    let is_number = x >= 0.0 && exponent.is_finite();
+    if !is_number || x == 0.0 || x == f64::INFINITY {
+        return match (is_number, exponent == 0.0) {
+            (false, _) => f64::NAN,
+            (true, true) => 1.0,
+            (true, false) if (x == 0.0) == (exponent > 0.0) => 0.0,
+            (true, false) => f64::INFINITY,
+        };
+    }
     let beyond = if (x < 1.0) == (exponent > 0.0) { 0.0 } else { f64::INFINITY };
     Power::of(x, exponent).filter(Power::is_normal).map_or(beyond, |power| power.in_two_doubles()[0])
 }
@@ -93,6 +104,17 @@ mod tests {
         for exponent in [1.0, 1.3, 400.0] {
             assert_eq!(power(1.0, exponent), 1.0);
         }
+    }
+
+    /// A displacement of 0 and an overlap beyond all doubles are numbers that configurations lead to.
+    #[test]
+    fn nothing_and_infinity_have_powers() {
+        assert_eq!([2.5, 0.0, -1.0].map(|exponent| power(0.0, exponent)), [0.0, 1.0, f64::INFINITY]);
+        assert_eq!(
+            [2.5, 0.0, -1.0].map(|exponent| power(f64::INFINITY, exponent)),
+            [f64::INFINITY, 1.0, 0.0]
+        );
+        assert!(power(-1.0, 2.0).is_nan() && power(f64::NAN, 2.0).is_nan() && power(2.0, f64::NAN).is_nan());
     }
 
     #[test]

@@ -18,10 +18,11 @@ use crate::uploading::{Spool, Uploaded};
 use bus::{PublishCounts, PublishError, PublishOptions, StatePublisher};
 use consumers::determination::Outcome as Determined;
 use consumers::determination::verdict;
+use producer::growth::Lost;
 use producer::run::{Conductor, RunError, RunOutcome};
 use recording::{Finished, RecordingWriter, SpaceNeeded, WriteError, WriteOptions};
 use schemas::frame::{EndReason, Frame};
-use schemas::manifest::{Physics, RunManifest};
+use schemas::manifest::{Limit, Physics, RunManifest};
 use schemas::summary::Drift;
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
@@ -51,8 +52,14 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     let manifest = &configured.manifest;
     if args.dry_run {
         let name = &manifest.provenance.name;
-        let text = || of_physics(&manifest.physics).under(format_args!("run {name} would be"));
-        report(args.json, &json!({ "manifest": manifest, "run_toml": configured.toml }), text)?;
+        let chosen = chosen_step(&manifest.physics);
+        let text = || {
+            let mut rows = of_physics(&manifest.physics);
+            rows.add("step", &chosen);
+            rows.under(format_args!("run {name} would be"))
+        };
+        let found = json!({ "manifest": manifest, "run_toml": configured.toml, "step": &chosen });
+        report(args.json, &found, text)?;
         return Ok(Done::Whole);
     }
     spool.as_ref().map_or(Ok(()), Spool::prepare)?;
@@ -122,6 +129,9 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         notice!("`beadline run --resume {path}`{copy} goes on with it");
     }
     tell_drift(&manifest.physics, outcome.relative_drift);
+    if !args.check {
+        tell_lost(&manifest.physics, outcome.lost);
+    }
     Ok(Done::whole_if(counts.evicted == 0 && reason == EndReason::Complete && is_determined && is_sent))
 }
 
@@ -241,6 +251,36 @@ fn tell_drift(physics: &Physics, drift: f64) {
     }
 }
 
+/// Says so if roundings have grown until they count.
+fn tell_lost(physics: &Physics, lost: Option<Lost>) {
+    let Some(Lost { at_s, growth_per_s }) = lost else { return };
+    let time_s = physics.scales().time_s;
+    notice!(
+        "the run is chaotic: what differs in the last place grows as exp({:.2} t/T), and from about {} ({:.0} T) on it decides where \
+         some beads are; `beadline check` says until when each number is determined",
+        growth_per_s * time_s,
+        seconds(at_s),
+        at_s / time_s,
+    );
+}
+
+/// What decided the step, in words.
+fn chosen_step(physics: &Physics) -> String {
+    let (usual_s, limit) = physics.usual_step();
+    let words = physics.limit_words(limit);
+    if has_default_step(physics) {
+        format!("as it is by default, {words}")
+    } else {
+        format!("as asked; {} would be the default, {words}", seconds(usual_s))
+    }
+}
+
+/// Whether the step is the one that a run over its time has by default.
+fn has_default_step(physics: &Physics) -> bool {
+    let default = physics.whole_steps(physics.time_s(physics.step_count), None);
+    default.is_ok_and(|(dt_s, _)| (dt_s / physics.dt_s - 1.0).abs() <= NEARLY)
+}
+
 /// Where the recording `path` is if the process is ended at once.
 fn what_stays(path: &Path, spool: Option<&Spool>) -> String {
     let path = path.display();
@@ -283,7 +323,7 @@ fn announce(configured: &Configured, out: Option<&Path>, options: &WriteOptions)
         "{}: {} of {}, {} of {}",
         manifest.provenance.name,
         counted(manifest.physics.step_count, "step"),
-        seconds(manifest.physics.dt_s),
+        step_in_words(&manifest.physics),
         counted(manifest.frame_count(), "frame"),
         bytes(frame_bytes),
     );
@@ -304,6 +344,15 @@ fn announce(configured: &Configured, out: Option<&Path>, options: &WriteOptions)
     );
     tell_end(configured);
     Ok(needed.at_least_bytes as f64 / free.max(1) as f64)
+}
+
+/// The step, and what decided it where that is not T.
+fn step_in_words(physics: &Physics) -> String {
+    let (dt, (_, limit)) = (seconds(physics.dt_s), physics.usual_step());
+    if limit == Limit::Collision || !has_default_step(physics) {
+        return dt.to_string();
+    }
+    format!("{dt} ({})", physics.limit_words(limit))
 }
 
 /// Says so if the given step does not divide the duration.
@@ -336,6 +385,10 @@ impl Conductor<StatePublisher, RecordingWriter> for Stage<'_> {
 
     fn between_steps(&mut self, publisher: &mut StatePublisher) -> ControlFlow<()> {
         Stage::between_steps(self, publisher)
+    }
+
+    fn watches_growth(&self) -> bool {
+        true
     }
 
     fn is_stop(&self, error: &PublishError) -> bool {
@@ -408,6 +461,8 @@ impl Summary<'_> {
             "frames_published": outcome.published_count,
             "frames_recorded": self.recorded_count(),
             "relative_drift": outcome.relative_drift,
+            "lost_at_s": outcome.lost.map(|lost| lost.at_s),
+            "growth_per_s": outcome.lost.map(|lost| lost.growth_per_s),
             "wall_s": self.left.wall.as_secs_f64(),
             "paused_s": self.left.paused.as_secs_f64(),
             "held_back_s": self.counts.held_back.as_secs_f64(),

@@ -50,6 +50,22 @@ fn chaos_is_told_from_the_step() {
     assert!((0.03..0.07).contains(&rate), "{rate}"); // from 1e-16 to 1e-3 in 550 T: 0.054
 }
 
+/// The runs of the paper are determined to their ends, and say nothing; those that are not say so without being asked for twins.
+#[test]
+fn a_run_says_that_it_is_chaotic() {
+    let place = Place::new();
+    let chaotic = format!("run --beads 1200 --impurity 0=10e-3 --duration {} --no-record", 700.0 * T_S);
+    let run =
+        place.run(&chaotic).exits(0).says(&["the run is chaotic", "grows as exp(0.0", "beadline check"]);
+    let lost_t = number(&place.run(&format!("{chaotic} --json")).exits(0).json()["lost_at_s"]) / T_S;
+    assert!((380.0..660.0).contains(&lost_t), "{lost_t}: {}", run.stderr());
+    place.run("run --preset walls --duration 0.1 --no-record").exits(0).says(&["the run is chaotic"]);
+    for preset in &PRESETS[..5] {
+        let run = place.run(&format!("run --preset {} --no-record", preset.name)).exits(0);
+        assert!(!run.stderr().contains("chaotic"), "{}: {}", preset.name, run.stderr());
+    }
+}
+
 /// Under 100 N overlaps are 0.46 mm, rounded to 5e-20 m, and a kick of 1e-13 m/s moves beads by some 1e-17 m: no step helps.
 #[test]
 fn a_kick_too_weak_for_its_load_is_bounded_by_rounding() {

@@ -58,3 +58,130 @@ fn what_rounding_does_not_allow_is_refused_with_what_is_possible() {
     assert!(!place.path("homogeneous.mcap").exists() && !place.path("homogeneous.mcap.partial").exists());
     place.run(&format!("{CHAIN} --dt auto:often")).exits(2).says(&["auto:TOL"]);
 }
+
+/// A chain of `chain` and what else, over `duration_s`.
+fn chain(rest: &str, duration_s: &str) -> String {
+    format!(
+        "[chain]\nbeads = 8\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n{rest}\n[time]\nduration_s = {duration_s}\n"
+    )
+}
+
+const SHAKEN: &str = "[ends]\nleft = \"fixed\"\n[[drive]]\nwall = \"left\"\n\
+    displacement_m = { sine = { amplitude = 1e-5, frequency_hz = 1000.0, ramp_s = 0.001 } }";
+
+/// Nothing strikes, nothing presses: the overlap that decides how fast such a damping acts is that of the drive.
+#[test]
+fn dampings_of_a_driven_unloaded_chain_have_a_step() {
+    let place = Place::new();
+    for damping in ["kuwabara_kono_s = 1e-6", "power = { coefficient = 1e3, exponent = 0.5 }"] {
+        let toml = chain(&format!("{SHAKEN}\n[damping]\n{damping}\n[integrator]\nmethod = \"rk5\""), "2e-3");
+        place.write("hang.toml", &toml);
+        let run = place.run("run hang.toml --no-record --json").exits(0).json();
+        assert!(run["relative_drift"].as_f64().unwrap().abs() < 1e-4, "{damping}: {run}");
+    }
+}
+
+/// Such runs never began: their step was a power of 0.
+#[test]
+fn a_chain_that_nothing_moves_is_refused() {
+    let place = Place::new();
+    let zeros = [
+        "[initial]\ngaussian = { bead = 5, width_beads = 2, displacement_m = 0.0 }",
+        "[[drive]]\nbead = 3\nforce_n = { sine = { amplitude = 0.0, frequency_hz = 1000.0 } }",
+        "[[striker]]\nbead = 0\nvelocity_m_s = 0.0\n[[striker]]\nbead = 1\nvelocity_m_s = 0.0",
+    ];
+    for zero in zeros {
+        place.write("zero.toml", &chain(zero, "1e-3"));
+        for words in ["run zero.toml --dry-run", "check zero.toml", "run zero.toml --dt 1e-6"] {
+            place.run(words).exits(2).says(&["nothing sets this chain in motion"]);
+        }
+    }
+    let wrong = [
+        (
+            "[initial]\ngaussian = { bead = nan, width_beads = 2, displacement_m = 1e-6 }",
+            "initial.gaussian.bead",
+        ),
+        ("[initial]\nplane_wave = { cycles = inf, velocity_m_s = 1.0 }", "initial.plane_wave.cycles"),
+        (
+            "[initial]\nplane_wave = { cycles = 1, velocity_m_s = 1.0, phase_rad = nan }",
+            "initial.plane_wave.phase_rad",
+        ),
+        ("[initial]\nvelocities_m_s = [1e-250, 0, 0, 0, 0, 0, 0, 0]", "L = "),
+        ("[[drive]]\nbead = 3\nforce_n = { sine = { amplitude = nan, frequency_hz = 1000.0 } }", "amplitude"),
+    ];
+    for (wrong, says) in wrong {
+        place.write("wrong.toml", &chain(wrong, "1e-3"));
+        place.run("run wrong.toml --dry-run").exits(2).says(&[says]);
+    }
+}
+
+/// A point of a sweep whose drive has the amplitude 0 has a row with the reason; the others are computed.
+#[test]
+fn a_sweep_goes_on_over_a_chain_that_nothing_moves() {
+    let place = Place::new();
+    let sweep = "[base]\nchain.beads = 8\nchain.bead_mass_kg = 1e-3\nchain.alpha = 1.5\nchain.stiffness = 1e7\n\
+        time.duration_s = 1e-4\n\
+        drive = [{ bead = 3, force_n = { sine = { amplitude = 0.1, frequency_hz = 1000.0, ramp_s = 1e-4 } } }]\n\
+        [grid]\n\"drive[0].force_n.sine.amplitude\" = [0.0, 0.1]\n";
+    place.write("amp.toml", sweep);
+    place.run("sweep amp.toml --out amp");
+    let rows = place.read("amp/results.csv");
+    assert!(rows.contains("nothing sets this chain in motion") && rows.lines().count() == 3, "{rows}");
+}
+
+/// Masses of 1 kg on springs whose force grows as exp(50 δ): the energy of the striker bounds how far they are pressed.
+#[test]
+fn a_hard_toda_chain_has_a_step_that_its_energy_allows() {
+    let place = Place::new();
+    let toda = "[chain]\nbeads = 8\nbead_mass_kg = 1.0\n\
+        bonds = { toda = { stiffness = 1.0, steepness_per_m = 50.0 } }\n\
+        [striker]\nbead = 0\nvelocity_m_s = 1.5\n[time]\nduration_s = 4.0\n";
+    place.write("toda.toml", toda);
+    let would = place.run("run toda.toml --dry-run --json").exits(0).json();
+    let steps = would["manifest"]["physics"]["step_count"].as_u64().unwrap();
+    assert!((1_000..100_000).contains(&steps), "{steps} steps");
+    assert!(would["step"].as_str().unwrap().contains("by the contact of beads 0 and 1"), "{would}");
+    let run = place.run("run toda.toml --no-record --json --dt 5e-4").exits(0).json();
+    assert!(run["relative_drift"].as_f64().unwrap().abs() < 1e-5, "{run}");
+}
+
+/// α = 3 and α = 1.3 in turn, of nearly the same slopes under their load: each contact has the step of its own law.
+#[test]
+fn exponents_far_apart_have_the_steps_of_their_own_laws() {
+    let place = Place::new();
+    let toml = "[chain]\nbeads = 8\nbead_mass_kg = 1e-3\nalpha = 1.3\nstiffness = 1.59e6\n\
+        alphas = { pattern = [3.0, 1.3] }\nstiffnesses = { pattern = [1e13, 1.59e6] }\n\
+        [load]\nprecompression_n = 1.346\n[striker]\nbead = 0\nvelocity_m_s = 1.365\n[time]\nduration_s = 0.00146\n";
+    place.write("alphas.toml", toml);
+    let run = place.run("run alphas.toml --no-record --json").exits(0).json();
+    assert!(run["steps"].as_u64().unwrap() < 50_000, "{run}");
+    assert!(run["relative_drift"].as_f64().unwrap().abs() < 1e-7, "{run}");
+}
+
+#[test]
+fn what_decides_the_step_is_said() {
+    let place = Place::new();
+    let said = |words: &str, expected: &str| {
+        let text = place.run(&format!("run {words} --dry-run")).exits(0).stdout();
+        assert!(text.contains(expected), "{words}: {text}");
+    };
+    said("--preset homogeneous", "as it is by default, by the collision time T");
+    said("--preset homogeneous --dt 1e-6", "as asked; 1.45 µs would be the default, by the collision time T");
+    said("--preset light-impurity --impurity 500=0.1e-3", "by bead 500, the lightest");
+    said("--preset band-gap", "by the contact of beads 0 and 1");
+    place.write("stiff.toml", &chain("[damping]\nviscous_n_s_per_m = 500.0\n[integrator]\nmethod = \"rk5\"\n[striker]\nbead = 0\nvelocity_m_s = 5.0", "1e-5"));
+    said("stiff.toml", "by the damping");
+    place.run("run stiff.toml --no-record").exits(0).says(&["(by the damping)"]);
+}
+
+/// A longer step than the default does where four digits are enough, and `check` says how long: then it is true.
+#[test]
+fn check_says_which_longer_step_would_do() {
+    let place = Place::new();
+    let chain = "check --preset dimer --beads 40 --duration 3e-3";
+    let check = place.run(&format!("{chain} --json")).exits(0).json();
+    let longer_s = check["longer_dt_s"].as_f64().unwrap();
+    assert!(longer_s > 1.5 * check["dt_s"].as_f64().unwrap(), "{longer_s:e}");
+    place.run(&format!("{chain} --dt {longer_s:e}")).exits(0);
+    assert!(place.run(chain).exits(0).stdout().contains("times as long would do, --dt"));
+}

@@ -14,6 +14,7 @@ mod driven_states;
 mod field;
 mod final_states;
 mod gravity;
+mod growth;
 mod knots;
 mod loaded;
 mod orders;

@@ -1,5 +1,7 @@
 //! The default time step keeps the promised energy error whatever a configuration says: chains drawn from a seed.
 
+mod beyond;
+
 use producer::energy_error::energy_error;
 use schemas::config::{DampingConfig, End, Impurity, MassRule, OddContact, RunConfig, StiffnessRule};
 use schemas::manifest::Physics;
@@ -61,11 +63,60 @@ pub(crate) enum Kind {
     Dashpot,
     /// A coefficient of restitution.
     Restitution,
+    /// Masses or stiffnesses from a seed.
+    Disorder,
+    /// Spheres of one or two materials and radii.
+    Spheres,
+    /// Springs with quadratic and cubic parts.
+    Bonds,
+    /// Toda's bonds, from nearly linear to nearly hard.
+    Toda,
+    /// Two exponents in turn.
+    Alphas,
+    /// A second power in each contact.
+    Second,
+    /// A ring.
+    Ring,
+    /// Resonators in the beads.
+    Resonators,
+    /// Springs at the beads' places.
+    OnSite,
+    /// Gaps between the beads.
+    Gaps,
+    /// Displacements or velocities of many beads at first.
+    Initial,
+    /// An absorbing end, and drag.
+    Absorbing,
+    /// A wall that a smooth displacement moves.
+    DrivenWall,
+    /// A bead that a smooth velocity moves.
+    DrivenBead,
+    /// A bead that a smooth force pushes.
+    Pushed,
 }
 
 impl Kind {
     pub(crate) const ALL: [Self; 6] =
         [Self::Free, Self::OneWall, Self::TwoWalls, Self::Loaded, Self::Dashpot, Self::Restitution];
+
+    /// What goes beyond one struck bead and one power law. Drives that jump or have kinks are not among them.
+    const BEYOND: [Self; 15] = [
+        Self::Disorder,
+        Self::Spheres,
+        Self::Bonds,
+        Self::Toda,
+        Self::Alphas,
+        Self::Second,
+        Self::Ring,
+        Self::Resonators,
+        Self::OnSite,
+        Self::Gaps,
+        Self::Initial,
+        Self::Absorbing,
+        Self::DrivenWall,
+        Self::DrivenBead,
+        Self::Pushed,
+    ];
 
     pub(crate) fn is_damped(self) -> bool {
         matches!(self, Self::Dashpot | Self::Restitution)
@@ -83,6 +134,11 @@ pub(crate) fn chain(random: &mut Random, kind: Kind, method: Method) -> RunConfi
         Method::Rkn4 | Method::VelocityVerlet => (60, 300.0),
     };
     config.chain.beads = 5 + random.below(most_beads - 4);
+    if Kind::BEYOND.contains(&kind) {
+        config.integrator.method = beyond::method(kind, method);
+        let fewest = if matches!(kind, Kind::Ring | Kind::Alphas) { 3.0 } else { 2.0 };
+        config.chain.beads = whole(random.ratio(fewest, most_beads as f64));
+    }
     config.chain.alpha = if random.happens(0.4) {
         1.5
     } else if random.happens(0.5) {
@@ -101,15 +157,21 @@ pub(crate) fn chain(random: &mut Random, kind: Kind, method: Method) -> RunConfi
     let time_s = length_m / 5.0;
     ends(random, &mut config, kind);
     match kind {
-        Kind::Free | Kind::OneWall | Kind::TwoWalls => {}
         Kind::Loaded => load(random, &mut config, length_m),
         Kind::Dashpot => {
             config.damping = Some(DampingConfig::ViscousNSPerM(random.ratio(1e-3, 2.0) * 1e-3 / time_s));
         }
         Kind::Restitution => config.damping = Some(DampingConfig::Restitution(random.between(0.1, 0.99))),
+        _ => {}
     }
     config.time.duration_s = random.ratio(20.0, longest_t) * time_s;
+    beyond::change(random, &mut config, kind, length_m, time_s);
     config
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive number")]
+fn whole(number: f64) -> u64 {
+    number as u64
 }
 
 fn masses(random: &mut Random, config: &mut RunConfig) {
@@ -118,7 +180,7 @@ fn masses(random: &mut Random, config: &mut RunConfig) {
     chain.masses = match random.below(6) {
         0..=2 => MassRule::Uniform,
         3 => {
-            let count = 2 + random.below(2);
+            let count = (2 + random.below(2)).min(chain.beads);
             MassRule::PatternKg((0..count).map(|_| random.ratio(0.1e-3, 3e-3)).collect())
         }
         4 => MassRule::Taper(random.between(0.93, 1.07)),
@@ -158,6 +220,7 @@ fn ends(random: &mut Random, config: &mut RunConfig, kind: Kind) {
             let mut end = || if random.happens(0.5) { End::Free } else { End::Fixed };
             (end(), end())
         }
+        _ => (End::Free, End::Free),
     };
     if ends.right == End::Fixed && random.happens(0.2) {
         ends.right_stiffness = Some(random.ratio(1e6, 1e8));
@@ -202,22 +265,34 @@ pub(crate) fn error(config: &RunConfig) -> f64 {
     energy_error(&physics, u64::MAX, look_every, |_| {}).largest
 }
 
-/// Holds `count` chains of each of `kinds` to what is promised of them.
+/// Holds `count` chains of each of `kinds` to what is promised of them, and prints what they came to.
 #[expect(clippy::print_stdout, reason = "what was found, for who looks with --nocapture")]
 fn search(seed: u64, count: u64, method: Method, kinds: &[Kind]) {
+    let mut broken = Vec::new();
     for kind in kinds {
         let mut random = Random(seed);
-        let mut worst = (0.0, 0.0);
+        let mut errors = Vec::new();
         for index in 0..count {
             let config = chain(&mut random, *kind, method);
             let (found, promised) = (error(&config), promise(&config));
-            assert!(found < promised, "{method}, {kind:?}, chain {index}: {found:e}\n{}", config.to_toml());
-            if found / promised > worst.0 {
-                worst = (found / promised, found);
+            errors.push(found);
+            if found >= promised || found.is_nan() {
+                let physics = Physics::resolve(&config).unwrap();
+                let limit = physics.limit_words(physics.usual_step().1);
+                broken.push(format!(
+                    "{method}, {kind:?}, chain {index}: {found:e}, {limit}\n{}",
+                    config.to_toml()
+                ));
             }
         }
-        println!("{method}, {kind:?}: {count} chains, max|ΔE/E| = {:.1e}", worst.1);
+        errors.sort_by(f64::total_cmp);
+        let above = errors.iter().filter(|error| **error >= 1e-7).count();
+        let [median, most] = [errors.len() / 2, errors.len() - 1].map(|place| errors[place]);
+        println!(
+            "{method}, {kind:?}: {count} chains, max|ΔE/E| = {most:.1e}, median {median:.1e}, {above} above 1e-7"
+        );
     }
+    assert!(broken.is_empty(), "{} chains break their promise:\n{}", broken.len(), broken.join("\n"));
 }
 
 const UNDAMPED: [Kind; 4] = [Kind::Free, Kind::OneWall, Kind::TwoWalls, Kind::Loaded];
@@ -238,6 +313,11 @@ fn energy_and_dissipated_work_of_random_damped_chains_add_up() {
     search(4, 10, Method::Gear5, &[Kind::Dashpot, Kind::Restitution]);
 }
 
+#[test]
+fn energy_of_random_chains_of_every_other_kind_is_kept() {
+    search(5, 4, Method::Rkn4, &Kind::BEYOND);
+}
+
 /// More of them, for another seed: `BEADLINE_CHAINS=SEED cargo test -p beadline-producer more_random -- --nocapture`.
 #[test]
 fn more_random_chains_keep_their_energy_if_asked() {
@@ -245,4 +325,11 @@ fn more_random_chains_keep_their_energy_if_asked() {
     search(seed, 400, Method::Rkn4, &UNDAMPED);
     search(seed, 60, Method::Gear5, &Kind::ALL);
     search(seed, 60, Method::VelocityVerlet, &UNDAMPED);
+}
+
+/// A thousand chains of the other kinds: `BEADLINE_CHAINS=SEED cargo test -p beadline-producer other_random -- --nocapture`.
+#[test]
+fn other_random_chains_keep_their_energy_if_asked() {
+    let Some(seed) = std::env::var("BEADLINE_CHAINS").ok().and_then(|seed| seed.parse().ok()) else { return };
+    search(seed, 67, Method::Rkn4, &Kind::BEYOND);
 }

@@ -10,6 +10,8 @@ mod kernel;
 mod particulars;
 mod time_step;
 
+pub use time_step::Limit;
+
 use super::{KERNEL_VERSION, to_json, usize_of};
 use crate::chain::Energy;
 use crate::config::{

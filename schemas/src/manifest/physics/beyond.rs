@@ -122,12 +122,6 @@ impl Physics {
         part * self.bead_mass_kg / self.scales().time_s
     }
 
-    /// The highest frequency (Hz) of any drive.
-    pub(super) fn highest_drive_hz(&self) -> Option<f64> {
-        let of = self.drives.iter().filter_map(|drive| drive.waveform.highest_hz());
-        of.fold(None, |most, hz| if most.is_some_and(|most| most >= hz) { most } else { Some(hz) })
-    }
-
     /// The sphere that each bead is, before any disorder; none in a chain of masses.
     pub(super) fn all_spheres(&self) -> Option<Vec<Sphere>> {
         let pattern = &self.spheres.as_ref()?.0;

@@ -189,10 +189,16 @@ impl Physics {
 
     fn check_velocity(&self) -> Result<(), ConfigError> {
         let velocity_m_s = self.striker.velocity_m_s;
-        let is_moved = !self.initial.is_none() || !self.drives.is_empty() || !self.strikers.is_empty();
-        if velocity_m_s == 0.0 && self.load.is_none() && !is_moved {
-            let allowed = "a velocity other than 0: nothing else would set this chain in motion";
-            return Err(ConfigError::number("striker.velocity_m_s", velocity_m_s, allowed));
+        let is_moved = self.typical_speed_m_s() > 0.0 || self.typical_overlap_m() > 0.0;
+        if !is_moved && self.load.is_none() {
+            if self.initial.is_none() && self.drives.is_empty() && self.strikers.is_empty() {
+                let allowed = "a velocity other than 0: nothing else would set this chain in motion";
+                return Err(ConfigError::number("striker.velocity_m_s", velocity_m_s, allowed));
+            }
+            let key = if self.drives.is_empty() { "initial" } else { "drive" };
+            let allowed =
+                "a displacement, velocity or force other than 0 somewhere: nothing sets this chain in motion";
+            return Err(ConfigError::value(key, "only zeros", allowed));
         }
         for (i, striker) in std::iter::once(&self.striker).chain(&self.strikers).enumerate() {
             let velocity_m_s = striker.velocity_m_s;
@@ -211,6 +217,13 @@ impl Physics {
 
     /// Overlaps come from `m·v0²/k` and from `load/k`, which must be far from where forces are flushed to zero.
     fn check_scales(&self) -> Result<(), ConfigError> {
+        let scales = self.scales();
+        let is_scale = |scale: f64| scale > 0.0 && scale.is_finite();
+        if !is_scale(scales.length_m) || !is_scale(scales.time_s) {
+            let found = format!("L = {:e} m, T = {:e} s", scales.length_m, scales.time_s);
+            let allowed = "masses, stiffnesses and a speed, displacement or force with scales L and T that doubles can hold";
+            return Err(ConfigError::value("chain", found, allowed));
+        }
         if self.bonds.is_some() {
             return Ok(());
         }

@@ -3,7 +3,7 @@
 use super::Physics;
 use super::beyond::{MOST_EXPONENTS, different};
 use super::check::check_positive;
-use crate::config::{Bonds, ConfigError, End, Spheres};
+use crate::config::{Bonds, ConfigError, End, Gaussian, PlaneWave, Spheres};
 use crate::damping::Damping;
 use crate::drive::{Place, Quantity, Side};
 use crate::method::Method;
@@ -276,6 +276,35 @@ impl Physics {
                 return Err(ConfigError::number(&key, *wrong, "numbers up to 1e100"));
             }
         }
+        let shapes = initial.gaussian.iter().flat_map(|bell| {
+            let Gaussian { bead, displacement_m, velocity_m_s, width_beads: _ } = *bell;
+            [
+                ("gaussian.bead", bead),
+                ("gaussian.displacement_m", displacement_m),
+                ("gaussian.velocity_m_s", velocity_m_s),
+            ]
+        });
+        let shapes = shapes.chain(initial.plane_wave.iter().flat_map(|wave| {
+            let PlaneWave { cycles, displacement_m, velocity_m_s, phase_rad } = *wave;
+            [
+                ("plane_wave.cycles", cycles),
+                ("plane_wave.displacement_m", displacement_m),
+                ("plane_wave.velocity_m_s", velocity_m_s),
+                ("plane_wave.phase_rad", phase_rad),
+            ]
+        }));
+        let shapes = shapes.chain(initial.mode.iter().flat_map(|mode| {
+            [("mode.displacement_m", mode.displacement_m), ("mode.velocity_m_s", mode.velocity_m_s)]
+        }));
+        for (name, found) in shapes {
+            if !(found.abs() <= 1e100) {
+                return Err(ConfigError::number(
+                    &format!("initial.{name}"),
+                    found,
+                    "a number of at most 1e100 in size",
+                ));
+            }
+        }
         if let Some(bell) = initial.gaussian {
             check_positive("initial.gaussian.width_beads", bell.width_beads, "beads")?;
         }
@@ -316,6 +345,8 @@ impl Physics {
         }
         for (i, drive) in self.drives.iter().enumerate() {
             let key = format!("drive[{i}]");
+            // its numbers decide the step, on which the rest of what is checked depends
+            drive.check(&key, 0.0)?;
             match drive.at {
                 Place::Bead(bead) => self.check_bead(&format!("{key}.bead"), bead)?,
                 Place::Wall(side) => {

@@ -1,5 +1,7 @@
 //! Which time steps resolve a run, and which one it has by default.
 
+mod limits;
+
 use super::Physics;
 use super::arrays::{larger, smaller};
 use crate::config::{ConfigError, End, TimeConfig};
@@ -7,72 +9,172 @@ use crate::damping::Damping;
 use crate::manifest::MAX_STEPS;
 use crate::method::Method;
 use crate::power::power;
+use crate::term::TermLaw;
+pub use limits::Limit;
+
+/// What one part of a chain allows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Allowed {
+    /// The step (s) that it has by default.
+    usual_s: f64,
+    /// The longest one (s) that a run may have, where it sets one.
+    longest_s: f64,
+    by: Limit,
+}
+
+/// Contacts of one exponent.
+#[derive(Debug, Clone, Copy)]
+struct OneLaw {
+    alpha: f64,
+    /// The largest stiffness (N·m^−α) among them.
+    stiffest: f64,
+}
 
 impl Physics {
-    /// The step (s) with which energy is conserved as `docs/NUMERICS.md` promises:
-    /// `min(struck·T_struck, fraction·T_load)·min(1, 5/α)` with the fraction of [`Method::default_step_fraction`],
+    /// The step (s) with which energy is conserved as `docs/NUMERICS.md` promises, and what decides it: the shortest that any part of
+    /// the chain allows.
+    ///
+    /// Contacts allow `min(struck·T_struck, fraction·T_load)·min(1, 5/α)` with the fraction of [`Method::default_step_fraction`],
     /// and for `struck` what [`Physics::struck_fraction`] leaves of it. With damping it is a quarter of that, or
     /// `fraction·T_settle` where that is less (0.4 of it for dashpots): the force jumps, or has a kink, where a damped
     /// contact closes, and the balance of energies is of the order of `dt/T_settle`.
     ///
     /// `T_struck` is the shortest of T (of a bead of `bead_mass_kg`), of the striker's own collision time with the
-    /// stiffest contact, and of `√2·T_fast` ([`Physics::fastest_s`]), which counts where a bead is less than about half
-    /// as heavy as the others. `T_load` is [`Physics::fastest_loaded_s`]: where a load keeps contacts closed, the force
+    /// stiffest contact, and of `√2·T_fast` ([`Physics::collision_s`] of the lightest bead), which counts where a bead is less than
+    /// about half as heavy as the others. `T_load` is [`Physics::fastest_loaded_s`]: where a load keeps contacts closed, the force
     /// is smooth and only the frequency of the stiffest contact counts. `T_settle` is [`Physics::settling_s`]. The larger α, the shorter the part of T in which a contact is stiff.
-    fn default_dt_s(&self) -> f64 {
-        let by_others_s = self.default_by_others_s();
-        match by_others_s {
-            Some(by_others_s) if self.bonds.is_some() => by_others_s,
-            Some(by_others_s) => smaller(by_others_s, self.default_by_contacts_s()),
-            None => self.default_by_contacts_s(),
-        }
+    ///
+    /// Smooth forces allow the fraction (that of α = 2) of [`Physics::fastest_linear`], drag four times that of the time in which it
+    /// stops a bead, a drive a hundredth of its shortest period.
+    pub fn usual_step(&self) -> (f64, Limit) {
+        let shortest = self.allowed().into_iter().reduce(|a, b| if b.usual_s < a.usual_s { b } else { a });
+        // every chain has a contact or a bond
+        shortest.map_or((self.scales().time_s, Limit::Collision), |allowed| (allowed.usual_s, allowed.by))
     }
 
-    /// What contacts of one power allow.
-    fn default_by_contacts_s(&self) -> f64 {
-        let fraction = self.method.default_step_fraction(self.alpha);
-        let usual_s = self.scales().time_s;
-        let struck_s = match (self.fastest_s(), self.collision_s(self.striker_kg())) {
+    fn default_dt_s(&self) -> f64 {
+        self.usual_step().0
+    }
+
+    /// What each part of the chain allows.
+    fn allowed(&self) -> Vec<Allowed> {
+        let mut allowed = Vec::new();
+        if self.bonds.is_none() {
+            for law in self.laws() {
+                self.by_contacts(law, &mut allowed);
+            }
+        }
+        // smooth forces: as for α = 2
+        let fraction = self.method.default_step_fraction(2.0);
+        let linear = self.fastest_linear();
+        allowed.extend(linear.map(|(time_s, by)| Allowed {
+            usual_s: fraction * time_s,
+            longest_s: 0.25 * time_s,
+            by,
+        }));
+        let drag = self.fastest_drag();
+        allowed.extend(drag.map(|(time_s, bead)| Allowed {
+            usual_s: 4.0 * fraction * time_s,
+            longest_s: 0.25 * (4.0 * time_s),
+            by: Limit::Drag(bead),
+        }));
+        allowed.extend(self.drives.iter().zip(0..).filter_map(|(drive, number)| {
+            let usual_s = 0.01 / drive.waveform.highest_hz()?;
+            Some(Allowed { usual_s, longest_s: f64::INFINITY, by: Limit::Drive(number) })
+        }));
+        allowed
+    }
+
+    /// What contacts of `law` allow.
+    fn by_contacts(&self, law: OneLaw, allowed: &mut Vec<Allowed>) {
+        let fraction = self.method.default_step_fraction(law.alpha);
+        let struck = self.struck_fraction(law.alpha);
+        // what is given or driven may open contacts that a load keeps closed
+        let opens = (!self.initial.is_none() || !self.drives.is_empty())
+            && self.typical_overlap_m() + self.struck_overlap_m(law)
+                > 0.5 * self.smallest_rest_overlap_m(law);
+        let loaded = if opens { struck } else { fraction };
+        let lightest_kg = self.extremes().lightest_kg;
+        let longest_s = f64::INFINITY;
+        let mut by = Vec::new();
+        let loaded_s = self.fastest_loaded_s(law);
+        match (self.collision_s(law, lightest_kg), self.collision_s(law, self.striker_kg())) {
             (Some(fast_s), Some(striker_s)) => {
-                self.struck_fraction() * smaller(usual_s, smaller(2.0_f64.sqrt() * fast_s, striker_s))
+                let bead_s = match &self.alphas {
+                    Some(_) => self.collision_s(law, self.bead_mass_kg).unwrap_or(fast_s),
+                    None => self.scales().time_s,
+                };
+                by.push((struck * bead_s, longest_s, Limit::Collision));
+                by.push((struck * (2.0_f64.sqrt() * fast_s), fast_s, Limit::Lightest));
+                by.push((struck * striker_s, longest_s, Limit::Striker));
             }
-            _ => fraction * usual_s,
-        };
-        let dt_s =
-            self.fastest_loaded_s().map_or(struck_s, |loaded_s| smaller(struck_s, fraction * loaded_s));
-        let dt_s = match (self.settling_s(), self.damping) {
-            (Some(settling_s), Some(Damping::ViscousNSPerM(_))) => {
-                smaller(0.25 * dt_s, 0.4 * fraction * settling_s)
+            // nothing moves at first: what drives and displacements do
+            _ => {
+                let fraction = if self.load.is_none() { struck } else { loaded };
+                let time_s = self.scales().time_s;
+                by.push((
+                    fraction * time_s,
+                    if loaded_s.is_none() { time_s } else { longest_s },
+                    Limit::Collision,
+                ));
             }
-            (Some(_), Some(Damping::KuwabaraKonoS(_) | Damping::Power(_))) => 0.25 * dt_s,
-            (Some(settling_s), _) => smaller(0.25 * dt_s, fraction * settling_s),
-            (None, _) => dt_s,
-        };
-        dt_s * self.stiff_fraction()
+        }
+        by.extend(loaded_s.map(|time_s| (loaded * time_s, time_s, Limit::Load)));
+        if let (Some(settling_s), Some(damping)) = (self.settling_s(law), self.damping) {
+            by.iter_mut().for_each(|(usual_s, ..)| *usual_s *= 0.25);
+            let usual_s = match damping {
+                Damping::ViscousNSPerM(_) => 0.4 * fraction * settling_s,
+                Damping::Restitution(_) => fraction * settling_s,
+                Damping::KuwabaraKonoS(_) | Damping::Power(_) => f64::INFINITY,
+            };
+            by.push((usual_s, settling_s, Limit::Damping));
+        }
+        let stiff = stiff_fraction(law.alpha);
+        allowed.extend(by.into_iter().map(|(usual_s, longest_s, by)| Allowed {
+            usual_s: usual_s * stiff,
+            longest_s: 0.25 * longest_s * stiff,
+            by,
+        }));
     }
 
     /// What is left of [`Method::default_step_fraction`] where contacts open and close at full speed, each time with an
     /// error of the order `dt^(α+1)`.
     ///
-    /// Half of it between two walls, where they do so again and again. With `rkn4` at most 0.0075 up to α = 1.5, and a
+    /// Half of it where they do so again and again. With `rkn4` at most 0.0075 up to α = 1.5, and a
     /// straight line to 0.02 at α = 2, but for the chains of the paper. Velocity Verlet needs steps so short for its own
     /// second order that this does not matter.
-    fn struck_fraction(&self) -> f64 {
-        let usual = self.method.default_step_fraction(self.alpha);
+    fn struck_fraction(&self, alpha: f64) -> f64 {
+        let usual = self.method.default_step_fraction(alpha);
         let blunt = match self.method {
             Method::VelocityVerlet => return usual,
-            Method::Rkn4 if !self.is_of_the_paper() => 0.0075 + 0.025 * larger(self.alpha - 1.5, 0.0),
+            Method::Rkn4 if !self.is_of_the_paper() => 0.0075 + 0.025 * larger(alpha - 1.5, 0.0),
             Method::Rkn4 | Method::Gear5 | Method::Rk5 => usual,
         };
-        let is_walled = self.ends.left == End::Fixed && self.ends.right == End::Fixed;
-        smaller(usual, blunt) * if is_walled { 0.5 } else { 1.0 }
+        smaller(usual, blunt) * if self.opens_again_and_again() { 0.5 } else { 1.0 }
     }
 
-    /// Whether it is a chain of equal beads and impurities with free ends that nothing loads: in these a contact
+    /// Whether beads are sent back again and again: by two walls, by springs at their places, by a drive that swings; or whether many
+    /// of them move at first.
+    fn opens_again_and_again(&self) -> bool {
+        let is_walled = self.ends.left == End::Fixed && self.ends.right == End::Fixed;
+        let swings = self.drives.iter().any(|drive| drive.waveform.highest_hz().is_some());
+        is_walled || swings || !self.initial.is_none() || !self.on_site.is_none()
+    }
+
+    /// Whether it is a chain of equal beads and impurities with free ends that nothing loads, and that is struck: in these a contact
     /// opens at full speed only where the shock reaches an end, or an impurity.
     fn is_of_the_paper(&self) -> bool {
         let is_even = self.masses.is_uniform() && self.stiffnesses.is_uniform() && self.contacts.is_empty();
-        is_even && self.ends.is_free() && self.load.is_none()
+        let is_even = is_even && self.disorder.is_empty() && self.odd_spheres.is_empty();
+        let is_even = is_even && self.spheres.as_ref().is_none_or(|spheres| spheres.0.len() == 1);
+        let is_plain = !self.is_beyond_one_power() && self.gaps_m.is_none() && self.resonators.is_none();
+        let is_struck = self.initial.is_none() && self.drives.is_empty();
+        is_even
+            && is_plain
+            && is_struck
+            && self.ends.is_free()
+            && self.load.is_none()
+            && self.on_site.is_none()
     }
 
     /// Step (s) and number of steps of a run: a step that was asked for is kept, another one divides the duration.
@@ -97,68 +199,98 @@ impl Physics {
         Ok((duration_s / step_count as f64, step_count))
     }
 
-    /// `T_fast = √(m_light/(k·L_s^(α−1)))` (s), with the overlap scale `L_s = (m_s·v0²/k)^(1/(α+1))` of the striker and
-    /// the largest k: how fast the lightest bead moves between neighbours that the shock presses together.
-    /// It is T in a chain of equal beads; nothing when nothing strikes.
-    fn fastest_s(&self) -> Option<f64> {
-        self.collision_s(self.extremes().lightest_kg)
+    /// The laws of the contacts. Where there is one only, this takes no array.
+    fn laws(&self) -> Vec<OneLaw> {
+        if !self.is_beyond_one_power() {
+            return vec![OneLaw { alpha: self.alpha, stiffest: self.extremes().stiffest }];
+        }
+        let chain = self.chain();
+        let walls = [&chain.walls.left, &chain.walls.right].map(|wall| wall.stiffness);
+        let of = |alpha: f64, stiffness: &[f64], walls: [f64; 2]| OneLaw {
+            alpha,
+            stiffest: stiffness.iter().chain(&walls).copied().fold(0.0, larger),
+        };
+        let further = chain.terms.iter().filter_map(|term| match &term.law {
+            TermLaw::Power(law) => Some(of(law.alpha(), &term.stiffness, term.wall_stiffness)),
+            TermLaw::Spring(_) | TermLaw::Toda(_) => None,
+        });
+        let all = std::iter::once(of(chain.law.alpha(), &chain.stiffness, walls)).chain(further);
+        all.filter(|law| law.stiffest > 0.0).collect()
     }
 
-    /// The same for a bead of `mass_kg`.
-    fn collision_s(&self, mass_kg: f64) -> Option<f64> {
-        let stiffest = self.extremes().stiffest;
-        let ratio = self.striker_ratio(stiffest)?;
-        let pressed = power(ratio, (self.alpha - 1.0) / (self.alpha + 1.0));
-        Some((mass_kg / (stiffest * pressed)).sqrt())
+    /// The smallest exponent of any contact; infinite where there are none but bonds, which are smooth.
+    pub fn smallest_alpha(&self) -> f64 {
+        if self.bonds.is_some() {
+            return f64::INFINITY;
+        }
+        let alphas = self.alphas.as_ref().map_or(vec![self.alpha], |alphas| alphas.written().to_vec());
+        alphas.into_iter().chain(self.second.iter().map(|second| second.alpha)).fold(f64::INFINITY, smaller)
     }
 
-    /// `T_load`: as [`Physics::fastest_s`], for the overlap `L_s + δ_rest` with the largest rest overlap; nothing in
-    /// a chain that is not loaded.
-    fn fastest_loaded_s(&self) -> Option<f64> {
-        let rest_m = self.largest_rest_overlap_m();
+    /// `√(m/(k·L_s^(α−1)))` (s), with the overlap scale `L_s = (m_s·v0²/k)^(1/(α+1))` of the striker and the largest k of `law`: how fast
+    /// a bead of `mass_kg` moves between neighbours that the shock presses together. It is T in a chain of equal beads, and T_fast of
+    /// the lightest; nothing when nothing strikes.
+    fn collision_s(&self, law: OneLaw, mass_kg: f64) -> Option<f64> {
+        let ratio = self.striker_ratio(law.stiffest)?;
+        let pressed = power(ratio, (law.alpha - 1.0) / (law.alpha + 1.0));
+        Some((mass_kg / (law.stiffest * pressed)).sqrt())
+    }
+
+    /// `T_load`: as T_fast, for the overlap `L_s + δ_rest` with the largest rest overlap; nothing in a chain that is not loaded.
+    fn fastest_loaded_s(&self, law: OneLaw) -> Option<f64> {
+        let rest_m = match &self.alphas {
+            // each contact is pressed as its own law says
+            Some(_) if !self.load.is_none() => {
+                power(self.extreme_loads_n().1 / law.stiffest, 1.0 / law.alpha)
+            }
+            _ => self.largest_rest_overlap_m(),
+        };
         if rest_m == 0.0 {
             return None;
         }
-        let extremes = self.extremes();
-        let struck_m =
-            self.striker_ratio(extremes.stiffest).map_or(0.0, |ratio| power(ratio, 1.0 / (self.alpha + 1.0)));
-        let pressed = power(rest_m + struck_m, self.alpha - 1.0);
-        Some((extremes.lightest_kg / (extremes.stiffest * pressed)).sqrt())
+        let struck_m = self.struck_overlap_m(law);
+        let pressed = power(rest_m + struck_m, law.alpha - 1.0);
+        Some((self.extremes().lightest_kg / (law.stiffest * pressed)).sqrt())
     }
 
-    /// The shorter of the times of [`Physics::fastest_s`] and [`Physics::fastest_loaded_s`].
-    fn fastest_contact_s(&self) -> f64 {
-        match (self.fastest_s(), self.fastest_loaded_s()) {
-            (Some(struck_s), Some(loaded_s)) => smaller(struck_s, loaded_s),
-            (Some(alone_s), None) | (None, Some(alone_s)) => alone_s,
-            // a chain in which nothing can move was refused before
-            (None, None) => self.scales().time_s,
+    /// The overlap (m) of the stiffest contact of `law` under the smallest load, 0 in a chain that is not loaded.
+    fn smallest_rest_overlap_m(&self, law: OneLaw) -> f64 {
+        if self.load.is_none() {
+            0.0
+        } else {
+            power(self.extreme_loads_n().0 / law.stiffest, 1.0 / law.alpha)
         }
+    }
+
+    /// The overlap scale L_s of the striker and the stiffest contact of `law`, 0 where nothing strikes.
+    fn struck_overlap_m(&self, law: OneLaw) -> f64 {
+        self.striker_ratio(law.stiffest).map_or(0.0, |ratio| power(ratio, 1.0 / (law.alpha + 1.0)))
     }
 
     /// `T_settle` (s): in it damping between two neighbours at rest slows the lightest bead down by a factor e. For
     /// dashpots that is `m_light/(2γ)`; for a coefficient of restitution `η·δ^p` is less than
-    /// `ζ·√(2·(α+1))·m_light/T`, with the T of [`Physics::fastest_contact_s`].
-    fn settling_s(&self) -> Option<f64> {
+    /// `ζ·√(2·(α+1))·m_light/T`, with the shorter of T_fast and T_load; for others it is that of the overlap that is to be expected.
+    fn settling_s(&self, law: OneLaw) -> Option<f64> {
+        let lightest_kg = self.extremes().lightest_kg;
         self.damping.map(|damping| match damping {
-            Damping::ViscousNSPerM(coefficient) => self.extremes().lightest_kg / (2.0 * coefficient),
+            Damping::ViscousNSPerM(coefficient) => lightest_kg / (2.0 * coefficient),
             Damping::Restitution(restitution) => {
-                let rates = 2.0 * restitution.damping_ratio * (2.0 * (self.alpha + 1.0)).sqrt();
-                self.fastest_contact_s() / rates
+                let rates = 2.0 * restitution.damping_ratio * (2.0 * (law.alpha + 1.0)).sqrt();
+                let times = [self.collision_s(law, lightest_kg), self.fastest_loaded_s(law)];
+                let contact_s = times.into_iter().flatten().reduce(smaller);
+                contact_s.unwrap_or_else(|| self.scales().time_s) / rates
             }
             // η·δ^p of the overlaps of the shock
             Damping::KuwabaraKonoS(_) | Damping::Power(_) => {
-                let extremes = self.extremes();
-                let struck = self.striker_ratio(extremes.stiffest);
-                let struck_m = struck.map_or(0.0, |ratio| power(ratio, 1.0 / (self.alpha + 1.0)));
-                let overlap_m = self.largest_rest_overlap_m() + struck_m;
-                let eta = damping.coefficient(self.alpha, extremes.stiffest, extremes.lightest_kg);
-                extremes.lightest_kg / (2.0 * eta * power(overlap_m, damping.exponent(self.alpha)))
+                let pressed_m = self.largest_rest_overlap_m() + self.struck_overlap_m(law);
+                let overlap_m = if pressed_m > 0.0 { pressed_m } else { self.typical_overlap_m() };
+                let eta = damping.coefficient(law.alpha, law.stiffest, lightest_kg);
+                lightest_kg / (2.0 * eta * power(overlap_m, damping.exponent(law.alpha)))
             }
         })
     }
 
-    /// `m_s·v0²/k` (m^(α+1)) of the striker, if it moves.
+    /// `m_s·v0²/k` (m^(α+1)) of the striker, or of a bead at the speed at which drives move what they move, if anything moves.
     fn striker_ratio(&self, stiffness: f64) -> Option<f64> {
         let speed_m_s = self.typical_speed_m_s();
         let mass_kg = if self.striker.velocity_m_s == 0.0 { self.bead_mass_kg } else { self.striker_kg() };
@@ -166,91 +298,10 @@ impl Physics {
         (speed_m_s > 0.0).then_some(ratio)
     }
 
-    /// What drives, bonds, springs at the beads' places, resonators and drag allow, if there are any: the fraction of
-    /// [`Method::default_step_fraction`] of [`Physics::fastest_linear_s`], a quarter of that of the time in which drag stops a bead, and a
-    /// hundredth of the shortest period of a drive.
-    fn default_by_others_s(&self) -> Option<f64> {
-        // smooth forces: as for α = 2
-        let fraction = self.method.default_step_fraction(2.0);
-        let linear_s = self.fastest_linear_s().map(|time_s| fraction * time_s);
-        let drag_s = self.drag_s().map(|time_s| 4.0 * fraction * time_s);
-        let drive_s = self.highest_drive_hz().map(|hz| 0.01 / hz);
-        [linear_s, drag_s, drive_s].into_iter().flatten().reduce(smaller)
-    }
-
-    /// The time (s) in which the strongest drag slows the lightest bead down by a factor e.
-    fn drag_s(&self) -> Option<f64> {
-        if !self.has_drag() {
-            return None;
-        }
-        let strongest = self.sites().drag_n_s_per_m.into_iter().fold(0.0, larger);
-        (strongest > 0.0).then(|| self.extremes().lightest_kg / strongest)
-    }
-
-    /// `2/ω` (s) of the highest frequency that the lightest bead could have by all forces that are not one power of the overlap, at
-    /// the largest overlap and displacement that is to be expected; nothing where there are no others.
-    fn fastest_linear_s(&self) -> Option<f64> {
-        let sites = self.sites();
-        let is_softened = self.initial.is_none() && self.drives.is_empty();
-        let is_alone = !self.is_beyond_one_power() && sites.is_none();
-        if is_alone && is_softened {
-            return None;
-        }
-        let lightest_kg = self.extremes().lightest_kg;
-        let chain = self.chain();
-        let speed_m_s = self.typical_speed_m_s();
-        // where forces are linear a speed compresses a bond by v·√(m/k)
-        let tangents = chain.tangents_n_per_m();
-        let softest = tangents.iter().copied().filter(|k| *k > 0.0).reduce(smaller);
-        let struck_m = match softest {
-            Some(softest) => speed_m_s * (self.bead_mass_kg / softest).sqrt(),
-            None => {
-                self.striker_ratio(self.stiffness).map_or(0.0, |ratio| power(ratio, 1.0 / (self.alpha + 1.0)))
-            }
-        };
-        let moved_m = larger(struck_m, self.typical_overlap_m());
-        let at = |c: usize| {
-            let overlap_m = larger(chain.rest_overlap_m[c], 0.0) + moved_m;
-            let by_law = chain.law.tangent(chain.stiffness[c], overlap_m);
-            chain.terms.iter().fold(by_law, |sum, term| sum + term.law.tangent(term.stiffness[c], overlap_m))
-        };
-        let mut squared = (0..chain.contact_count()).map(at).fold(0.0, larger) / lightest_kg;
-        let most = |values: &[f64]| values.iter().copied().fold(0.0, larger);
-        let on_site = most(&sites.linear_n_per_m) + 3.0 * most(&sites.cubic_n_per_m3) * (moved_m * moved_m);
-        squared += 0.25 * on_site / lightest_kg;
-        for (mass_kg, stiffness) in sites.resonator_kg.iter().zip(&sites.resonator_n_per_m) {
-            if *mass_kg > 0.0 {
-                squared = larger(squared, 0.25 * stiffness * (1.0 / mass_kg + 1.0 / lightest_kg) + squared);
-            }
-        }
-        (squared > 0.0).then(|| 1.0 / squared.sqrt())
-    }
-
-    /// `min(1, 5/α)`.
-    fn stiff_fraction(&self) -> f64 {
-        if self.alpha > 5.0 { 5.0 / self.alpha } else { 1.0 }
-    }
-
     /// The longest step (s) that a run may have: a quarter of the collision time of its lightest bead, or of the time in
     /// which damping settles, by 5/α less above α = 5.
     pub fn longest_dt_s(&self) -> f64 {
-        let linear_s = self.fastest_linear_s();
-        let others_s = match (linear_s, self.drag_s()) {
-            (Some(linear_s), Some(drag_s)) => Some(smaller(linear_s, 4.0 * drag_s)),
-            (linear_s, drag_s) => linear_s.or(drag_s.map(|drag_s| 4.0 * drag_s)),
-        };
-        let others_s = others_s.map(|time_s| 0.25 * time_s);
-        match others_s {
-            Some(others_s) if self.bonds.is_some() => others_s,
-            Some(others_s) => smaller(others_s, self.longest_by_contacts_s()),
-            None => self.longest_by_contacts_s(),
-        }
-    }
-
-    fn longest_by_contacts_s(&self) -> f64 {
-        let contact_s = self.fastest_contact_s();
-        let fastest_s = self.settling_s().map_or(contact_s, |settling_s| smaller(contact_s, settling_s));
-        0.25 * fastest_s * self.stiff_fraction()
+        self.allowed().into_iter().map(|allowed| allowed.longest_s).fold(f64::INFINITY, smaller)
     }
 
     pub(super) fn check_dt(&self, dt_s: f64) -> Result<(), ConfigError> {
@@ -265,6 +316,11 @@ impl Physics {
         );
         Err(ConfigError::number("time.dt_s", dt_s, &allowed))
     }
+}
+
+/// `min(1, 5/α)`.
+fn stiff_fraction(alpha: f64) -> f64 {
+    if alpha > 5.0 { 5.0 / alpha } else { 1.0 }
 }
 
 /// `steps` as a number of steps of `dt_s`, if there can be so many.

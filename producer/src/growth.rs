@@ -1,0 +1,335 @@
+//! From when on the last places of its numbers decide where the beads of a run are, found beside the run at little cost.
+//!
+//! What roundings change obeys, as long as it is small, the linear equations
+//! `m·d²δu_i/dt² = s_{i−1}·(δu_{i−1} − δu_i) − s_i·(δu_i − δu_{i+1})` with the slopes `s` of the contacts along the run itself. They are
+//! made by leapfrog with steps of about 0.3 T of the lightest bead: one evaluation of forces in the time in which the run makes sixty or
+//! more. At each of these steps each number gets a rounding more, of a sign that a hash gives. So there is no second run: the states
+//! are those of the run.
+//!
+//! It is an estimate, good to a factor of some tens, as is the number of roundings; where differences grow exponentially that is a few T
+//! of the time at which they count. `beadline check` finds it by twins.
+
+use crate::kernel::Activity;
+use crate::state::ChainState;
+use pulp::Arch;
+use schemas::chain::Chain;
+use schemas::damping::Damping;
+use schemas::drive::{Place, Quantity};
+use schemas::functions::ln;
+use schemas::manifest::Physics;
+use schemas::simd::{ordered_sum, vectorized};
+use schemas::term::TermLaw;
+use std::ops::Range;
+
+/// Time between two looks in units of the longest step that a run may have, a quarter of the collision time of its lightest bead.
+const LOOK_INTERVAL: f64 = 1.2;
+
+/// Evaluations of forces between two looks, at least: a look takes up to one and a half.
+const FEWEST_EVALUATIONS: u64 = 75;
+
+/// The longest time between two looks, in the same units; leapfrog is stable up to 4/√α.
+const LONGEST_INTERVAL: f64 = 1.6;
+
+/// What a rounding changes of a number, a part of it: one unit in the last place of what is just above a power of two.
+const ROUNDING: f64 = f64::EPSILON;
+
+/// Differences count from this on, in units of L and L/T: what `beadline check` tolerates.
+const COUNTS: f64 = 1e-4;
+
+/// From here on their growth is measured.
+const MEASURED: f64 = 1e-10;
+
+/// Growth over six decades that takes no more than this many times the time before it is exponential: that of a power of the time
+/// would take 10 times with `t^6`, and 1000 times with `t^2`.
+const SUDDEN: f64 = 4.0;
+
+/// Beads that are watched at most: it takes five numbers for each.
+const MOST_BEADS: usize = 1_000_000;
+
+/// Where the motion of a run is lost to rounding.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lost {
+    /// From this time on (s) roundings count.
+    pub at_s: f64,
+    /// The rate λ (1/s) of the growth `exp(λt)` before.
+    pub growth_per_s: f64,
+}
+
+/// What roundings change of a run, beside it.
+#[derive(Debug, Clone)]
+pub struct Growth {
+    chain: Chain,
+    laws: Vec<TermLaw>,
+    dashpot_n_s_per_m: f64,
+    /// Beads whose motion is prescribed.
+    moved: Vec<usize>,
+    dt_s: f64,
+    every: u64,
+    next: u64,
+    looks: u64,
+    /// L (m) and L/T (m/s).
+    scales: [f64; 2],
+    /// The differences: displacements (m) and velocities (m/s).
+    du_m: Vec<f64>,
+    dv_m_s: Vec<f64>,
+    /// The time between looks over the mass (s/kg) of each bead.
+    kick_s_per_kg: Vec<f64>,
+    /// ± a rounding for each bead.
+    rounding: Vec<f64>,
+    /// The slope of each contact (N/m), and the force (N) of a law, or of the differences.
+    slope: Vec<f64>,
+    force_n: Vec<f64>,
+    /// The time (s) and the difference of the last look at which it was below [`MEASURED`].
+    small: (f64, f64),
+    began_s: Option<f64>,
+    lost: Option<Lost>,
+    is_over: bool,
+}
+
+impl Growth {
+    /// For the run of `physics` from `state` on; none where what happens inside beads or closed contacts is more than is watched
+    /// (resonators, dampings that are no dashpots), and where steps are so long that looking would cost more than some hundredths.
+    pub fn of(physics: &Physics, state: &ChainState) -> Option<Self> {
+        let beads = state.u_m.len();
+        let dashpot_n_s_per_m = match physics.damping {
+            None => 0.0,
+            Some(Damping::ViscousNSPerM(coefficient)) => coefficient,
+            Some(_) => return None,
+        };
+        if physics.resonators.is_some() || beads > MOST_BEADS {
+            return None;
+        }
+        let chain = physics.chain();
+        let mut laws = vec![TermLaw::Power(chain.law.clone())];
+        laws.extend(chain.terms.iter().map(|term| term.law.clone()));
+        let moved = physics.drives.iter().filter_map(|drive| match (drive.at, drive.prescribes) {
+            (Place::Bead(bead), Quantity::Displacement | Quantity::Velocity) => usize::try_from(bead).ok(),
+            _ => None,
+        });
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        let every = (LOOK_INTERVAL * physics.longest_dt_s() / physics.dt_s) as u64;
+        let every =
+            every.max(FEWEST_EVALUATIONS.div_ceil(u64::from(physics.method.force_evaluations_per_step()))); // integers
+        if every as f64 * physics.dt_s > LONGEST_INTERVAL * physics.longest_dt_s() {
+            return None;
+        }
+        let sign = |bead: usize| if hash(bead as u64) & 1 == 0 { ROUNDING } else { -ROUNDING };
+        let scales = physics.scales();
+        Some(Self {
+            laws,
+            dashpot_n_s_per_m,
+            moved: moved.collect(),
+            dt_s: physics.dt_s,
+            every,
+            next: state.step + every,
+            looks: 0,
+            scales: [scales.length_m, scales.speed_m_s()],
+            du_m: vec![0.0; beads],
+            dv_m_s: vec![0.0; beads],
+            kick_s_per_kg: chain
+                .mass_kg
+                .iter()
+                .map(|mass_kg| every as f64 * physics.dt_s / mass_kg)
+                .collect(),
+            rounding: (0..beads).map(sign).collect(),
+            slope: vec![0.0; beads],
+            force_n: vec![0.0; beads],
+            small: (0.0, 0.0),
+            began_s: None,
+            lost: None,
+            is_over: false,
+            chain,
+        })
+    }
+
+    /// The step that it wants to see next, or `step` if that comes first.
+    pub fn next_before(&self, step: u64) -> u64 {
+        if self.is_over || self.next > step { step } else { self.next }
+    }
+
+    /// From when on roundings count, if they do, because they have grown exponentially.
+    pub fn lost(&self) -> Option<Lost> {
+        self.lost
+    }
+
+    /// Looks at the run, if it has come to the step that was wanted.
+    pub fn look(&mut self, state: &ChainState) {
+        if self.is_over || state.step < self.next {
+            return;
+        }
+        self.next = state.step + self.every;
+        let beads = Activity::of(&state.u_m, &state.v_m_s).beads();
+        if beads.is_empty() {
+            return;
+        }
+        self.looks += 1;
+        vectorized(
+            Arch::new(),
+            #[inline(always)]
+            || {
+                self.find_slopes(&state.u_m, &beads);
+                self.kick(state, &beads);
+                self.drift(state, &beads);
+            },
+        );
+        for bead in &self.moved {
+            (self.du_m[*bead], self.dv_m_s[*bead]) = (0.0, 0.0);
+        }
+        self.measure(state.step as f64 * self.dt_s, &beads);
+    }
+
+    /// The contacts that touch one of `beads`.
+    fn contacts_of(&self, beads: &Range<usize>) -> Range<usize> {
+        beads.start.saturating_sub(1)..beads.end.min(self.chain.contact_count()) // integers
+    }
+
+    #[inline(always)]
+    fn find_slopes(&mut self, u_m: &[f64], beads: &Range<usize>) {
+        let contacts = self.contacts_of(beads);
+        let u_m = &u_m[contacts.start..=contacts.end];
+        let rest_m = &self.chain.rest_overlap_m[contacts.clone()];
+        let (slope, force_n) = (&mut self.slope[contacts.clone()], &mut self.force_n[contacts.clone()]);
+        slope.fill(0.0);
+        let terms = self.chain.terms.iter().map(|term| &term.stiffness);
+        for (law, stiffness) in self.laws.iter().zip(std::iter::once(&self.chain.stiffness).chain(terms)) {
+            let stiffness = &stiffness[contacts.clone()];
+            law.forces(u_m, stiffness, rest_m, force_n);
+            for c in 0..slope.len() {
+                let overlap_m = (u_m[c] - u_m[c + 1]) + rest_m[c];
+                slope[c] += match law {
+                    TermLaw::Power(law) => {
+                        if overlap_m > 0.0 {
+                            law.alpha() * (force_n[c] / overlap_m)
+                        } else {
+                            0.0
+                        }
+                    }
+                    TermLaw::Spring(1) => stiffness[c],
+                    TermLaw::Spring(2) => 2.0 * stiffness[c] * overlap_m,
+                    TermLaw::Spring(_) => 3.0 * stiffness[c] * (overlap_m * overlap_m),
+                    TermLaw::Toda(b) => stiffness[c] + b * force_n[c],
+                };
+            }
+        }
+    }
+
+    /// The velocities change by what the forces of a look do, over the time to the next one.
+    #[inline(always)]
+    fn kick(&mut self, state: &ChainState, beads: &Range<usize>) {
+        let contacts = self.contacts_of(beads);
+        let (du_m, slope) = (&self.du_m[contacts.start..=contacts.end], &self.slope[contacts.clone()]);
+        let force_n = &mut self.force_n[contacts.clone()];
+        for c in 0..slope.len() {
+            force_n[c] = slope[c] * (du_m[c] - du_m[c + 1]);
+        }
+        if self.dashpot_n_s_per_m > 0.0 {
+            let dv_m_s = &self.dv_m_s[contacts.start..=contacts.end];
+            for c in 0..slope.len() {
+                if slope[c] > 0.0 {
+                    force_n[c] += self.dashpot_n_s_per_m * (dv_m_s[c] - dv_m_s[c + 1]);
+                }
+            }
+        }
+        let time_s = self.every as f64 * self.dt_s;
+        let kick_s_per_kg = &self.kick_s_per_kg[contacts.start..=contacts.end];
+        let dv_m_s = &mut self.dv_m_s[contacts.start..=contacts.end];
+        let count = force_n.len();
+        for i in 1..count {
+            dv_m_s[i] += kick_s_per_kg[i] * (force_n[i - 1] - force_n[i]);
+        }
+        dv_m_s[0] -= kick_s_per_kg[0] * force_n[0];
+        dv_m_s[count] += kick_s_per_kg[count] * force_n[count - 1];
+        self.kick_ends(state, time_s);
+        self.kick_at_sites(state, beads, time_s);
+    }
+
+    /// What walls do, or the contact that closes a ring.
+    fn kick_ends(&mut self, state: &ChainState, time_s: f64) {
+        let chain = &self.chain;
+        let approaches = chain.wall_approaches_m(&state.u_m, &state.extra);
+        let last = state.u_m.len() - 1;
+        for (side, bead) in [(0, 0), (1, last)] {
+            let wall = chain.wall(side);
+            if !wall.is_there {
+                continue;
+            }
+            let overlap_m = wall.overlap_m(approaches[side]);
+            let by_law = chain.law.tangent(wall.stiffness, overlap_m);
+            let slope = chain
+                .terms
+                .iter()
+                .fold(by_law, |sum, term| sum + term.law.tangent(term.wall_stiffness[side], overlap_m));
+            let other = if chain.is_ring { last } else { bead };
+            let approach_m = if chain.is_ring { self.du_m[last] - self.du_m[0] } else { -self.du_m[bead] };
+            self.dv_m_s[bead] += time_s * (slope * approach_m / chain.mass_kg[bead]);
+            if chain.is_ring {
+                self.dv_m_s[other] -= time_s * (slope * approach_m / chain.mass_kg[other]);
+            }
+        }
+    }
+
+    /// What springs at the beads' places and drag do.
+    fn kick_at_sites(&mut self, state: &ChainState, beads: &Range<usize>, time_s: f64) {
+        let sites = &self.chain.sites;
+        for i in beads.clone() {
+            let mut force_n = 0.0;
+            if sites.has_springs() {
+                let cubic = sites.cubic_n_per_m3.get(i).copied().unwrap_or(0.0);
+                let u_m = state.u_m[i];
+                force_n -= (sites.linear_n_per_m[i] + 3.0 * cubic * (u_m * u_m)) * self.du_m[i];
+            } else if !sites.has_drag() {
+                return;
+            }
+            if sites.has_drag() {
+                force_n -= sites.drag_n_s_per_m[i] * self.dv_m_s[i];
+            }
+            self.dv_m_s[i] += time_s * (force_n / self.chain.mass_kg[i]);
+        }
+    }
+
+    /// The displacements change until the next look; each number gets a rounding more.
+    #[inline(always)]
+    fn drift(&mut self, state: &ChainState, beads: &Range<usize>) {
+        let time_s = self.every as f64 * self.dt_s;
+        let sign = if hash(self.looks) & 1 == 0 { 1.0 } else { -1.0 };
+        let (du_m, dv_m_s) = (&mut self.du_m[beads.clone()], &mut self.dv_m_s[beads.clone()]);
+        let (u_m, v_m_s) = (&state.u_m[beads.clone()], &state.v_m_s[beads.clone()]);
+        let rounding = &self.rounding[beads.clone()];
+        for i in 0..du_m.len() {
+            dv_m_s[i] += sign * rounding[i] * v_m_s[i];
+            du_m[i] += time_s * dv_m_s[i] + sign * rounding[i] * u_m[i];
+        }
+    }
+
+    fn measure(&mut self, time_s: f64, beads: &Range<usize>) {
+        let size = |values: &[f64], scale: f64| {
+            let values = &values[beads.clone()];
+            let squares = vectorized(
+                Arch::new(),
+                #[inline(always)]
+                || ordered_sum([values], |[x]| x * x),
+            );
+            squares.sqrt() / scale
+        };
+        let (by_u, by_v) = (size(&self.du_m, self.scales[0]), size(&self.dv_m_s, self.scales[1]));
+        let difference = if by_u > by_v { by_u } else { by_v };
+        let began_s = *self.began_s.get_or_insert(time_s);
+        if difference < MEASURED {
+            self.small = (time_s, difference);
+        } else if !(difference < COUNTS) {
+            self.is_over = true;
+            let (since_s, before) = self.small;
+            let grown_s = time_s - since_s;
+            let is_sudden = grown_s <= SUDDEN * (since_s - began_s);
+            if is_sudden && difference.is_finite() && before > 0.0 {
+                self.lost = Some(Lost { at_s: time_s, growth_per_s: ln(difference / before) / grown_s });
+            }
+        }
+    }
+}
+
+/// A whole number whose bits look random.
+fn hash(number: u64) -> u64 {
+    let mixed = number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    (mixed ^ mixed >> 32).wrapping_mul(0xd6e8_feb8_6659_fd93) >> 40
+}

@@ -1,0 +1,223 @@
+//! Chains that go beyond one struck bead and one power law, drawn from a seed.
+
+use super::{Kind, Random};
+use schemas::config::{
+    Bonds, Disorder, Disordered, End, Gaussian, MassRule, ModeShape, OnSite, Profile, Resonators, RunConfig,
+    SecondPower, Sphere, Spheres, StiffnessRule, StrikerConfig, Thermal, Toda,
+};
+use schemas::drive::{self, Drive, Place, Quantity, Side, Sine, Waveform};
+use schemas::material::Material;
+use schemas::method::Method;
+
+/// Makes the chain `config`, whose collisions have the length `length_m` and take `time_s`, one of `kind`. Small chains are as likely as large ones.
+pub(super) fn change(random: &mut Random, config: &mut RunConfig, kind: Kind, length_m: f64, time_s: f64) {
+    let last = config.chain.beads - 1;
+    let tangent = 1.5e7 * length_m.powf(config.chain.alpha - 1.0);
+    match kind {
+        Kind::Disorder => disorder(random, config),
+        Kind::Spheres => spheres(random, config),
+        Kind::Bonds | Kind::Toda => bonds(random, config, kind),
+        Kind::Alphas => {
+            // equally stiff at an overlap of L, or nearly so
+            plain(config);
+            let alphas = [config.chain.alpha, random.ratio(1.2, 4.0)];
+            let stiffness =
+                alphas.map(|alpha| random.ratio(0.2, 5.0) * 1e7 * length_m.powf(config.chain.alpha - alpha));
+            config.chain.alphas = Some(Profile::Pattern(alphas.to_vec()));
+            config.chain.stiffnesses = StiffnessRule::Pattern(stiffness.to_vec());
+        }
+        Kind::Second => {
+            plain(config);
+            let alpha = random.ratio(1.2, 4.0);
+            let stiffness = random.ratio(0.01, 10.0) * 1e7 * length_m.powf(config.chain.alpha - alpha);
+            config.chain.second = Some(SecondPower { alpha, stiffness: Profile::Same(stiffness) });
+        }
+        Kind::Ring => {
+            (config.ends.left, config.ends.right) = (End::Periodic, End::Periodic);
+            config.chain.stiffnesses = StiffnessRule::Uniform;
+        }
+        Kind::Resonators => {
+            let (mass_kg, stiffness) = (random.ratio(0.1e-3, 3e-3), tangent * random.ratio(0.01, 3.0));
+            config.resonators = Some(Resonators {
+                mass_kg: Profile::Same(mass_kg),
+                stiffness_n_per_m: Profile::Same(stiffness),
+            });
+        }
+        Kind::OnSite => {
+            let linear = tangent * random.ratio(0.01, 3.0);
+            let cubic = random.happens(0.5).then(|| linear / (length_m * length_m));
+            config.on_site = OnSite {
+                linear_n_per_m: Some(Profile::Same(linear)),
+                cubic_n_per_m3: cubic.map(Profile::Same),
+                drag_n_s_per_m: None,
+            };
+        }
+        Kind::Gaps => {
+            let gaps = (0..last).map(|_| length_m * random.ratio(0.01, 3.0)).collect();
+            config.chain.gaps_m = Some(Profile::List(gaps));
+            if random.happens(0.5) {
+                (config.ends.left, config.ends.right) = (End::Fixed, End::Fixed);
+            }
+        }
+        Kind::Initial => initial(random, config, length_m),
+        Kind::Absorbing => {
+            config.ends.right = End::Absorbing;
+            if random.happens(0.5) {
+                config.on_site.drag_n_s_per_m = Some(Profile::Same(random.ratio(1e-3, 0.3) * 1e-3 / time_s));
+            }
+        }
+        Kind::DrivenWall | Kind::DrivenBead | Kind::Pushed => driven(random, config, kind, length_m, time_s),
+        _ => {}
+    }
+}
+
+/// Which method a kind needs, where that is not the one that was asked for.
+pub(super) fn method(kind: Kind, asked: Method) -> Method {
+    if kind == Kind::Absorbing { Method::Rk5 } else { asked }
+}
+
+fn plain(config: &mut RunConfig) {
+    config.chain.stiffnesses = StiffnessRule::Uniform;
+    config.chain.contacts.clear();
+}
+
+fn disorder(random: &mut Random, config: &mut RunConfig) {
+    config.seed = random.below(1000);
+    let of = if random.happens(0.5) { Disordered::Masses } else { Disordered::Stiffnesses };
+    let mut one =
+        Disorder { of, uniform: None, normal: None, log_normal: None, two_valued: None, permuted: false };
+    if random.happens(0.5) {
+        one.uniform = Some(random.between(0.05, 0.9));
+    } else {
+        one.log_normal = Some(random.between(0.05, 0.7));
+    }
+    config.disorder = vec![one];
+    // half of them are what else would be a chain of the paper
+    if random.happens(0.5) {
+        plain(config);
+        config.chain.masses = MassRule::Uniform;
+    }
+    ends(random, config);
+}
+
+/// Free ends as often as not, else walls at one or both.
+fn ends(random: &mut Random, config: &mut RunConfig) {
+    let mut end = || if random.happens(0.7) { End::Free } else { End::Fixed };
+    (config.ends.left, config.ends.right) = (end(), end());
+}
+
+fn spheres(random: &mut Random, config: &mut RunConfig) {
+    plain(config);
+    config.chain.masses = MassRule::Uniform;
+    config.chain.impurities.clear();
+    config.chain.alpha = 1.5;
+    let steel = Material { density_kg_m3: 7780.0, young_pa: 203e9, poisson: 0.3 };
+    let soft = Material { density_kg_m3: 2150.0, young_pa: 1.46e9, poisson: 0.46 };
+    let mut sphere = || Sphere {
+        radius_m: random.ratio(2e-3, 10e-3),
+        material: if random.happens(0.7) { steel } else { soft },
+    };
+    let pattern: Vec<Sphere> = (0..2).map(|_| sphere()).collect();
+    (config.chain.bead_mass_kg, config.chain.stiffness) =
+        (pattern[0].mass_kg(), pattern[0].stiffness_with(&pattern[1]));
+    let first = random.happens(0.3).then(|| vec![pattern[0]]);
+    config.chain.spheres = Some(Spheres(first.unwrap_or(pattern)));
+    config.striker.velocity_m_s = config.striker.velocity_m_s.signum() * random.ratio(0.01, 5.0);
+    ends(random, config);
+}
+
+/// Masses of 1 kg on springs of 1 N/m, with nonlinear parts up to some ten times as strong as that.
+fn bonds(random: &mut Random, config: &mut RunConfig, kind: Kind) {
+    plain(config);
+    config.chain.masses = MassRule::Uniform;
+    config.chain.impurities.clear();
+    if random.happens(0.5) {
+        let bead = random.below(config.chain.beads);
+        config.chain.impurities = vec![schemas::config::Impurity { bead, mass_kg: random.ratio(0.05, 5.0) }];
+    }
+    (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) = (1.0, 1.0, 1.0);
+    let speed_m_s = random.ratio(0.01, 2.0);
+    config.striker = StrikerConfig { bead: config.striker.bead, velocity_m_s: speed_m_s }.into();
+    let same = |value: f64| Some(Profile::Same(value));
+    config.chain.bonds = Some(if kind == Kind::Toda {
+        let steepness_per_m = random.ratio(0.1, 50.0);
+        Bonds { toda: Some(Toda { stiffness: Profile::Same(1.0), steepness_per_m }), ..Bonds::default() }
+    } else if random.happens(0.5) {
+        Bonds { linear: same(1.0), cubic: same(random.ratio(0.01, 10.0)), ..Bonds::default() }
+    } else {
+        Bonds {
+            linear: same(1.0),
+            quadratic: same(0.25 / speed_m_s),
+            cubic: same(0.1 / (speed_m_s * speed_m_s)),
+            ..Bonds::default()
+        }
+    });
+    if random.happens(0.2) {
+        config.striker = StrikerConfig { bead: 0, velocity_m_s: 0.0 }.into();
+        let energy_j = Some(random.ratio(0.01, 0.3));
+        config.initial.thermal = Some(Thermal { temperature_k: None, energy_j });
+    }
+    ends(random, config);
+    config.time.duration_s = random.ratio(20.0, 300.0);
+}
+
+/// Displacements or velocities of many beads in place of a striker, loaded as often as not.
+fn initial(random: &mut Random, config: &mut RunConfig, length_m: f64) {
+    config.striker = StrikerConfig { bead: 0, velocity_m_s: 0.0 }.into();
+    let (displacement_m, velocity_m_s) = if random.happens(0.5) {
+        (length_m * random.ratio(0.1, 3.0), 0.0)
+    } else {
+        (0.0, random.ratio(0.5, 5.0))
+    };
+    if random.happens(0.7) {
+        let bead = random.below(config.chain.beads) as f64;
+        let width_beads = random.between(0.5, 5.0);
+        config.initial.gaussian = Some(Gaussian { bead, width_beads, displacement_m, velocity_m_s });
+    } else {
+        let number = 1 + random.below(config.chain.beads - 1);
+        config.initial.mode = Some(ModeShape { number, displacement_m, velocity_m_s });
+    }
+    ends(random, config);
+}
+
+/// A sine that grows over some periods, or a Gaussian, of a period of 2 to 50 T; loaded as often as not.
+fn driven(random: &mut Random, config: &mut RunConfig, kind: Kind, length_m: f64, time_s: f64) {
+    config.striker = StrikerConfig { bead: 0, velocity_m_s: 0.0 }.into();
+    ends(random, config);
+    let is_loaded = random.happens(0.5);
+    if is_loaded {
+        config.load.precompression_n = 1e7 * (length_m * random.ratio(0.1, 3.0)).powf(config.chain.alpha);
+    }
+    let period_s = time_s * random.ratio(2.0, 50.0);
+    let (at, prescribes, amplitude) = match kind {
+        Kind::DrivenWall => {
+            config.ends.left = End::Fixed;
+            (Place::Wall(Side::Left), Quantity::Displacement, length_m * random.ratio(0.01, 3.0))
+        }
+        Kind::DrivenBead => {
+            let bead = random.below(config.chain.beads);
+            (Place::Bead(bead), Quantity::Velocity, 5.0 * random.ratio(0.01, 1.0))
+        }
+        _ => {
+            let bead = random.below(config.chain.beads);
+            let force_n = 1e7 * (length_m * random.ratio(0.01, 1.0)).powf(config.chain.alpha);
+            (Place::Bead(bead), Quantity::Force, force_n)
+        }
+    };
+    let waveform = if random.happens(0.5) {
+        let (frequency_hz, ramp_s) = (1.0 / period_s, period_s * random.between(1.0, 4.0));
+        Waveform::Sine(Sine {
+            amplitude,
+            frequency_hz,
+            phase_rad: 0.0,
+            ramp_s,
+            until_s: None,
+            ramp_down_s: 0.0,
+        })
+    } else {
+        let width_s = 0.2 * period_s;
+        Waveform::Gaussian(drive::Gaussian { amplitude, at_s: 9.0 * width_s, width_s, frequency_hz: 0.0 })
+    };
+    config.drive = vec![Drive { at, prescribes, waveform }];
+    config.time.duration_s = config.time.duration_s.max(3.0 * period_s);
+}
