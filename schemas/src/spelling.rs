@@ -34,9 +34,9 @@ fn edits(one: &[char], other: &[char]) -> usize {
         let mut row = vec![i];
         for j in 1..=other.len() {
             let replaced = rows[i - 1][j - 1] + usize::from(one[i - 1] != other[j - 1]);
-            let mut least = replaced.min(rows[i - 1][j] + 1).min(row[j - 1] + 1);
+            let mut least = replaced.min(rows[i - 1][j] + 1).min(row[j - 1] + 1); // integers
             if i > 1 && j > 1 && one[i - 1] == other[j - 2] && one[i - 2] == other[j - 1] {
-                least = least.min(rows[i - 2][j - 2] + 1);
+                least = least.min(rows[i - 2][j - 2] + 1); // integers
             }
             row.push(least);
         }
