@@ -270,7 +270,7 @@ const scenarios = {
   /** Spectra, modes and forces beside those of the commands. */
   async waves(file, html) {
     const page = await shared(html);
-    await page.evaluate(() => window.beadline.seek(100));
+    await page.evaluate(() => window.beadline.seek(1200));
     const chosen = () => page.evaluate(() => Number(document.getElementById("readout").dataset.place));
     await until("bead 20", async () => {
       const bead = await chosen();
@@ -310,13 +310,14 @@ const scenarios = {
       assert.ok(Math.abs(shown / modes.numbers(line)[column] - 1) < 1e-5, `mode ${line}: ${rows[line]}`);
     }
     await page.keyboard.press("6");
-    const { k, alpha, overlap } = await page.evaluate(async () => {
+    const { k, alpha, overlap, rest } = await page.evaluate(async () => {
       const { manifest, chain } = window.beadline.info;
-      const { u } = await window.beadline.state(100);
-      return { k: chain.stiffness[20], alpha: manifest.physics.alpha, overlap: u[20] - u[21] + chain.restOverlap[20] };
+      const { u } = await window.beadline.state(1200);
+      const overlap = u[20] - u[21] + chain.restOverlap[20];
+      return { k: chain.stiffness[20], alpha: manifest.physics.alpha, overlap, rest: chain.restForce[20] };
     });
-    const [, force] = await textUntil(page, "#readout", /^contact 20.*step 100force ([\d.e-]+) N/);
-    assert.ok(Math.abs(force / (k * overlap ** alpha) - 1) < 1e-12, `${force} N`);
+    const [, force] = await textUntil(page, "#readout", /^contact 20.*step 1200force from rest ([\d.e-]+) N/);
+    assert.ok(Math.abs(force - (k * overlap ** alpha - rest)) < 1e-12 * rest && Math.abs(force) > 1e-5 * rest, `${force} N`);
     await page.over();
   },
 
