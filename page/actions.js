@@ -90,6 +90,10 @@ export function act(page, action, by, key) {
     },
     ruler: () => page.look({ ruler: view.ruler ? undefined : [page.bead, page.step, page.bead, page.step] }),
     rulerEnd: () => view.ruler && page.look({ ruler: [view.ruler[0], view.ruler[1], page.bead, page.step] }),
+    digits: () => {
+      page.look({ digits: !view.digits });
+      page.tabs.forget();
+    },
     prove: () => void page.prove().catch(() => {}),
     change: () => {
       page.look({ tab: "change" });

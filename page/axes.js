@@ -296,14 +296,14 @@ export function leftAxis(surface, plot, quantity, theme, { isDown = false, hasGr
 /**
  * Names beside short lines, in rows from the top left on; returns the height that they take.
  * @param {Surface} surface @param {Box} box
- * @param {{ name: string, colour: string, dash?: number[], isBlock?: boolean }[]} entries
+ * @param {{ name: string, colour: string, dash?: number[], isBlock?: boolean, isCircle?: boolean }[]} entries
  * @param {Theme} theme
  * @param {boolean} [isDrawn] false to ask for the height only
  */
 export function legend(surface, box, entries, theme, isDrawn = true) {
   const ROW = 17;
   let [x, y] = [box.x, box.y];
-  for (const { name, colour, dash, isBlock } of entries) {
+  for (const { name, colour, dash, isBlock, isCircle } of entries) {
     const wide = (isBlock ? 11 : 20) + 6 + surface.textWidth(name, TICK_PX);
     if (x > box.x && x + wide > box.x + box.width) {
       [x, y] = [box.x, y + ROW];
@@ -311,6 +311,8 @@ export function legend(surface, box, entries, theme, isDrawn = true) {
     if (isDrawn && isBlock) {
       surface.rect(x, y + ROW / 2 - 5.5, 11, 11, colour);
       frame(surface, { x, y: y + ROW / 2 - 5.5, width: 11, height: 11 }, { ...theme, foreground: theme.muted });
+    } else if (isDrawn && isCircle) {
+      surface.circle(x + 10, y + ROW / 2, 3.5, { fill: theme.background, colour, width: 1.5 });
     } else if (isDrawn) {
       surface.lines([x, y + ROW / 2, x + 20, y + ROW / 2], { colour, width: 2, dash });
     }

@@ -34,7 +34,7 @@ export function captionOf(page, { isTable = false } = {}) {
   const lines = [
     `${provenance.name}: ${summaryOf(run)}`,
     `${isTable ? "" : `map of ${field}, `}${where}, ${time(steps[0])} to ${time(steps[1])}; at the cursor ` +
-      `${time(page.step)}, step ${page.step} of ${amount(dt, "s", 6)}`,
+      `${time(page.step)}, step ${page.step}`,
   ];
   const words = changeWords(page);
   if (words) {

@@ -103,13 +103,14 @@ export async function resultsOf(entry) {
  * @param {Entry} entry
  * @returns {Promise<Source>}
  */
-export async function sourceOf({ error, kind, url }) {
+export async function sourceOf({ error, kind, url, values }) {
   if (error !== undefined) {
     throw new Error(error);
   }
   if (kind === "start") {
     const { manifest, chain } = await answer(url);
-    return { kind, manifest, chain };
+    // a point is computed as far as its row says that it went
+    return { kind, manifest, chain, lastStep: typeof values.steps === "number" ? values.steps : undefined };
   }
   return { kind: kind === "live" ? "live" : "url", url };
 }

@@ -1,15 +1,65 @@
-// Change one thing: the chain of a run with another mass, exponent or striker, and its configuration.
+// Change one thing: the chain of a run with another mass, exponent, striker, drive or bond, and its configuration.
 
-import { beyondPlain } from "./keys.js";
+import { beyondPlain, unknownPhysics } from "./keys.js";
 
 /** @typedef {import("./types.d.ts").Manifest} Manifest */
 /** @typedef {import("./types.d.ts").Chain} Chain */
 /** @typedef {import("./types.d.ts").Physics} Physics */
 
 /**
- * What is changed: `what` is "mass" (kg, of `bead`), "alpha" or "speed" (m/s).
- * @typedef {{ what: "mass" | "alpha" | "speed", bead: number, value: number }} Change
+ * What is changed: "mass" (kg, of `bead`), "alpha", "speed" of the striker (m/s), a number of the drive `bead` at the path
+ * `part`, or the stiffness `part` of all bonds.
+ * @typedef {{ what: "mass" | "alpha" | "speed" | "drive" | "bond", bead: number, value: number, part?: string }} Change
  */
+
+/** Numbers of a waveform that are changed here: a drive with others has the same steps. */
+const OF_DRIVES = ["constant", "amplitude", "frequency_hz", "phase_rad"];
+
+/** Stiffnesses of bonds, and the springs that they make: terms of δ, δ² and δ³. @type {[string, number, string][]} */
+const OF_BONDS = [
+  ["linear", 1, "N/m"],
+  ["quadratic", 2, "N/m²"],
+  ["cubic", 3, "N/m³"],
+];
+
+/**
+ * The numbers of drives that can be changed.
+ * @param {Physics} physics
+ * @returns {{ name: string, unit: string, change: Change }[]}
+ */
+function ofDrives({ drives = [] }) {
+  return drives.flatMap((drive, bead) => {
+    const where = drive.wall ? `${drive.wall} wall` : `bead ${drive.bead}`;
+    return /** @type {const} */ (["force_n", "displacement_m", "velocity_m_s"]).flatMap((kind) =>
+      Object.entries(drive[kind] ?? {}).flatMap(([shape, held]) => {
+        const numbers = typeof held === "number" ? { [shape]: held } : /** @type {Record<string, unknown>} */ (held);
+        return Object.entries(numbers)
+          .filter(([key, value]) => OF_DRIVES.includes(key) && typeof value === "number")
+          .map(([key, value]) => ({
+            name: `${key.replace(/_\w+$/, "")} of the drive of ${where}`,
+            unit: { frequency_hz: "Hz", phase_rad: "rad" }[key] ?? { force_n: "N", displacement_m: "m", velocity_m_s: "m/s" }[kind],
+            change: { what: /** @type {const} */ ("drive"), bead, value: Number(value), part: key === shape ? `${kind}.${key}` : `${kind}.${shape}.${key}` },
+          }));
+      }),
+    );
+  });
+}
+
+/**
+ * The stiffnesses of bonds that can be changed: those that all bonds have.
+ * @param {Physics} physics @param {Chain} chain
+ * @returns {{ name: string, unit: string, change: Change }[]}
+ */
+function ofBonds({ bonds }, { terms = [] }) {
+  return OF_BONDS.flatMap(([part, power, unit]) => {
+    const value = /** @type {Record<string, unknown> | undefined} */ (bonds)?.[part];
+    const springs = terms.filter((term) => term.kind === "spring" && term.parameter === power);
+    const isOfAll = springs.length === 1 && springs[0].stiffness.every((k) => k === value);
+    return typeof value === "number" && isOfAll
+      ? [{ name: `${part} stiffness of bonds`, unit, change: { what: /** @type {const} */ ("bond"), bead: 0, value, part } }]
+      : [];
+  });
+}
 
 /**
  * What can be changed in a run.
@@ -17,24 +67,36 @@ import { beyondPlain } from "./keys.js";
  * @param {Chain} chain
  * @returns {{ name: string, unit: string, change: Change }[]}
  */
-export function changesOf({ impurities, striker, alpha }, chain) {
+export function changesOf(physics, chain) {
+  const { impurities, striker, alpha } = physics;
+  const isPlain = beyondPlain(physics) === "";
   const beads = [...new Set([...impurities.map(({ bead }) => bead), striker.bead])];
-  return [
+  const all = [
     ...beads.map((bead) => ({
       name: `mass of bead ${bead}`,
       unit: "kg",
       change: /** @type {Change} */ ({ what: "mass", bead, value: chain.mass[bead] }),
     })),
-    { name: "exponent α", unit: "", change: { what: "alpha", bead: 0, value: alpha } },
-    { name: "speed of the striker", unit: "m/s", change: { what: "speed", bead: 0, value: striker.velocity_m_s } },
+    ...(isPlain ? [{ name: "exponent α", unit: "", change: /** @type {Change} */ ({ what: "alpha", bead: 0, value: alpha }) }] : []),
+    {
+      name: "speed of the striker",
+      unit: "m/s",
+      change: /** @type {Change} */ ({ what: "speed", bead: 0, value: striker.velocity_m_s }),
+    },
+    ...ofDrives(physics),
+    ...ofBonds(physics, chain),
   ];
+  return isPlain ? all : all.filter(({ change }) => whyNotChanged(change, physics) === "");
 }
 
 /** Why no change is made here in this chain; "" if some can be. @param {Physics} physics */
 export function whyNothingChanged(physics) {
-  const beyond = beyondPlain(physics);
+  const beyond = physics.initial === undefined ? unknownPhysics(physics) : "initial";
   return beyond && `Nothing is changed here in a chain with ${beyond}: change its configuration, and run that.`;
 }
+
+/** Keys beside which the mass of a bead, and nothing else, becomes another one. */
+const MASSES_ARE_FREE = ["bonds", "drives", "strikers", "gaps_m", "second", "alphas"];
 
 /**
  * Why a change is not made here; "" if it can be.
@@ -47,10 +109,20 @@ export function whyNotChanged({ what, value }, physics) {
     return whyNothing;
   }
   const { load, damping, stiffnesses } = physics;
+  if (what === "drive" || what === "bond") {
+    const isRight = Number.isFinite(value) && (what === "drive" || !load);
+    return isRight ? "" : load ? "Bonds cannot be changed here under load: the overlaps at rest depend on them." : "Expected a number.";
+  }
+  const others = Object.fromEntries(Object.entries(physics).filter(([key]) => !MASSES_ARE_FREE.includes(key)));
+  const beyond = what === "speed" ? "" : beyondPlain(what === "mass" ? /** @type {any} */ (others) : physics);
+  if (beyond) {
+    const name = { mass: "A mass", alpha: "α" }[/** @type {"mass" | "alpha"} */ (what)];
+    return `${name} cannot be changed here in a chain with ${beyond}: change its configuration, and run that.`;
+  }
   if (!Number.isFinite(value) || (what === "mass" && value <= 0) || (what === "alpha" && (value < 1 || value > 10))) {
     return { mass: "A mass is more than 0 kg.", alpha: "α is from 1 to 10.", speed: "A speed is a number." }[what];
   }
-  if (what === "speed" && value === 0 && !load) {
+  if (what === "speed" && value === 0 && !load && !physics.drives?.length && !physics.strikers?.length) {
     return "A striker at rest leaves the chain at rest.";
   }
   if (what === "alpha" && (load || damping)) {
@@ -86,7 +158,7 @@ function collisionTime({ bead_mass_kg: m, stiffness: k, alpha, striker: { veloci
  * @param {Chain} chain
  * @returns {{ manifest: Manifest, chain: Chain }}
  */
-export function changed({ what, bead, value }, manifest, chain) {
+export function changed({ what, bead, value, part = "" }, manifest, chain) {
   const before = manifest.physics;
   const physics = structuredClone(before);
   const other = structuredClone(chain);
@@ -105,6 +177,27 @@ export function changed({ what, bead, value }, manifest, chain) {
     physics.striker.velocity_m_s = value;
     const [now, then] = [collisionTime(physics), collisionTime(before)];
     shorter = now > 0 && then > 0 ? now / then : 1;
+    shorter = beyondPlain(before) && !(shorter < 1) ? 1 : shorter;
+  } else if (what === "drive") {
+    const [keys, last] = [part.split("."), part.split(".").at(-1) ?? ""];
+    const held = keys.slice(0, -1).reduce((/** @type {any} */ inside, key) => inside?.[key], physics.drives?.[bead]);
+    if (typeof held?.[last] !== "number") {
+      throw new Error(`There is no number ${part} in drive ${bead}.`);
+    }
+    held[last] = value;
+  } else if (what === "bond") {
+    const bonds = /** @type {Record<string, number>} */ (physics.bonds ?? {});
+    const power = OF_BONDS.find(([name]) => name === part)?.[1];
+    const spring = other.terms?.find((term) => term.kind === "spring" && term.parameter === power);
+    if (!spring || typeof bonds[part] !== "number") {
+      throw new Error(`There is no stiffness ${part} of all bonds.`);
+    }
+    shorter = part === "linear" && value > bonds[part] ? Math.sqrt(bonds[part] / value) : 1;
+    bonds[part] = value;
+    spring.stiffness.fill(value);
+    for (const end of /** @type {const} */ (["leftWall", "rightWall", "ring"])) {
+      spring[end] = spring[end] ? value : spring[end];
+    }
   } else {
     const length = Math.abs(before.striker.velocity_m_s) * collisionTime(before);
     const factor = Math.pow(length, before.alpha - value);
@@ -155,21 +248,26 @@ export function configuration({ physics, provenance }) {
   const { damping, dt_s, step_count, ends, load, striker, method } = physics;
   const { publish_every_steps, record_every_steps } = provenance;
   const kind = damping?.restitution ? { restitution: damping.restitution.coefficient } : damping;
+  const { seed, disorder, spheres, odd_spheres, alphas, second, gaps_m, bonds, on_site, resonators, drives, strikers } =
+    /** @type {any} */ (physics);
+  // spheres and bonds stand for what they make
+  const law = spheres ? {} : bonds ? { bead_mass_kg, masses } : { bead_mass_kg, alpha, stiffness, masses, stiffnesses };
+  const isStruck = striker.velocity_m_s !== 0;
+  const hasOne = !strikers?.length;
+  const top = { seed, disorder, drive: drives, striker: hasOne ? undefined : [striker, ...strikers] };
   const tables = Object.entries({
     chain: {
       beads,
-      bead_mass_kg,
-      alpha,
-      stiffness,
-      masses,
-      stiffnesses,
+      ...law,
+      ...{ spheres, odd_spheres, alphas, second, gaps_m, bonds },
       impurities: impurities.length > 0 ? impurities : undefined,
       contacts: contacts?.length ? contacts : undefined,
     },
     ends,
     load,
     damping: kind,
-    striker,
+    ...{ on_site, resonators },
+    striker: hasOne && (isStruck || !drives?.length) ? striker : undefined,
     time: { duration_s: dt_s * step_count, dt_s },
     integrator: { method },
     stream: { publish_every_steps, record_every_steps },
@@ -178,5 +276,8 @@ export function configuration({ physics, provenance }) {
     const lines = Object.entries(table ?? {}).filter(([, value]) => value !== undefined && value !== null);
     return [`[${name}]`, ...lines.map(([key, value]) => `${key} = ${tomlValue(value)}`), ""].join("\n");
   });
-  return [`name = ${JSON.stringify(provenance.name)}`, "", ...text].join("\n");
+  const first = Object.entries(top)
+    .filter(([, value]) => value !== undefined)
+    .map(([key, value]) => `${key} = ${tomlValue(value)}`);
+  return [`name = ${JSON.stringify(provenance.name)}`, ...first, "", ...text].join("\n");
 }

@@ -13,10 +13,15 @@ import { make } from "./elements.js";
  * @returns {Change | undefined}
  */
 export function readChange(text) {
-  const match = /^(mass|alpha|speed):(\d{1,12}):([-+.e\d]{1,32})$/.exec(text);
+  const match = /^(mass|alpha|speed|drive|bond):(\d{1,12})(?:\.([\w.]{1,64}))?:([-+.e\d]{1,32})$/.exec(text);
   return match
-    ? { what: /** @type {Change["what"]} */ (match[1]), bead: Number(match[2]), value: Number(match[3]) }
+    ? { what: /** @type {Change["what"]} */ (match[1]), bead: Number(match[2]), value: Number(match[4]), part: match[3] }
     : undefined;
+}
+
+/** A change for the fragment. @param {Change} change */
+export function writeChange({ what, bead, part, value }) {
+  return `${what}:${bead}${part ? `.${part}` : ""}:${value}`;
 }
 
 /**
@@ -33,7 +38,7 @@ export function describe(change, { physics, info }) {
 
 /** Whether two changes are of the same thing. @param {Change} a @param {Change} b */
 function isSame(a, b) {
-  return a.what === b.what && (a.what !== "mass" || a.bead === b.bead);
+  return a.what === b.what && a.part === b.part && (!["mass", "drive"].includes(a.what) || a.bead === b.bead);
 }
 
 /**

@@ -48,7 +48,8 @@ function pointsOf({ steps, count, lows, highs, request }, dt, column) {
     const isUp = !(Math.abs(at - high) < Math.abs(at - low));
     points.push(steps[i] * dt, isUp ? low : high);
     if (low !== high) {
-      points.push(steps[i] * dt, isUp ? high : low);
+      const next = i + 1 < count ? steps[i + 1] : steps[i];
+      points.push(0.5 * (steps[i] + next) * dt, isUp ? high : low);
     }
     at = isUp ? high : low;
   }
@@ -133,7 +134,7 @@ function drawCurves(
     }
   });
   const size = Math.min(TICK_PX, (TICK_PX * (plot.width - 12)) / Math.max(1, surface.textWidth(note, TICK_PX)));
-  surface.text(plot.x + 6, plot.y + 10, note, { size, colour: theme.foreground, halo: theme.background });
+  surface.text(plot.x + 6, plot.y + 0.3 * plot.height, note, { size, colour: theme.foreground, halo: theme.background });
   frame(surface, plot, theme);
   bottomAxis(surface, box, plot, time, theme, { isBare });
 }
@@ -194,7 +195,7 @@ export function drawEnergies(
 /**
  * A legend above a plot; returns where the plot may begin.
  * @param {Surface} surface @param {Box} box
- * @param {{ name: string, colour: string, dash?: number[] }[]} entries
+ * @param {{ name: string, colour: string, dash?: number[], isCircle?: boolean }[]} entries
  * @param {boolean} hasSecond @param {Theme} theme @param {string} [secondName]
  */
 function drawLegend(surface, box, entries, hasSecond, theme, secondName = "changed") {
@@ -222,7 +223,11 @@ export function drawTrajectories(
   const follow = rows?.request.follow ?? [];
   const colours = theme.curves.slice(0, 6);
   const colourOf = (/** @type {number} */ i) => colours[i % colours.length];
-  const entries = follow.map((bead, i) => ({ name: `bead ${bead}`, colour: colourOf(i) }));
+  const circle = { name: "a contact opens or closes, or the bead turns", colour: theme.accent, isCircle: true };
+  const entries = [
+    ...follow.map((bead, i) => ({ name: `bead ${bead}`, colour: colourOf(i) })),
+    ...(events.length > 0 ? [circle] : []),
+  ];
   const top = drawLegend(surface, box, entries, second !== undefined, theme, secondName);
   const whole = curvePlot(box, top);
   const high = (whole.height - 8) / 2;

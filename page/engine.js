@@ -40,6 +40,8 @@ export class Engine {
     this.onend = undefined;
     /** @type {((message: string) => void) | undefined} */
     this.onfault = undefined;
+    /** What is found to be wrong with a file that is shown. @type {((note: string) => void) | undefined} */
+    this.onnote = undefined;
     /** @type {Map<number, { done: (value: any) => void, failed: (error: Error) => void, part: (value: any) => void }>} */
     this.asked = new Map();
     this.next = 0;
@@ -120,6 +122,8 @@ export class Engine {
       this.onstatus?.(value);
     } else if (event === "end") {
       this.onend?.(value.reason);
+    } else if (event === "note") {
+      this.onnote?.(value);
     } else {
       this.onfault?.(value);
     }

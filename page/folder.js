@@ -1,5 +1,6 @@
 // A folder of recordings, a sweep, live runs: a table with a picture of each, sorted by whatever differs.
 
+import { comparison, passes, title } from "./compare.js";
 import { make } from "./elements.js";
 
 /** @typedef {import("./types.d.ts").Entry} Entry */
@@ -36,13 +37,6 @@ function short(value) {
   return size < 1e-3 ? Number(value.toPrecision(5)).toExponential() : `${Number(value.toPrecision(5))}`;
 }
 
-/** The name of a column: a path with its unit. @param {string} path */
-function title(path) {
-  const unit = /_(kg|s|m|m_s|m_s2|n|J)$/.exec(path);
-  const name = (unit ? path.slice(0, unit.index) : path).replace(/\.0\b/g, "").replace(/[._]/g, " ");
-  return unit ? `${name} (${unit[1].replace("n", "N").replace("_", "/").replace("2", "²")})` : name;
-}
-
 /**
  * @param {number | string | undefined} a
  * @param {number | string | undefined} b
@@ -56,18 +50,26 @@ function order(a, b, direction) {
   return direction * (isNumber ? a - b : String(a).localeCompare(String(b), undefined, { numeric: true }));
 }
 
+/** Columns of a table. */
+const MOST_COLUMNS = 24;
+
 /**
- * The table. `paint` draws a picture of an entry when it comes into sight, one after the other.
+ * The table under a plot of any two columns; what was swept stands first. `paint` draws a picture of an entry when it comes
+ * into sight, one after the other.
  * @param {Entry[]} entries
+ * @param {{ keys: string[], isDark: () => boolean }} look what was swept
  * @param {(entry: Entry) => void} onopen
  * @param {(entry: Entry, canvas: HTMLCanvasElement) => Promise<void>} paint
  */
-export function folderTable(entries, onopen, paint) {
+export function folderTable(entries, { keys, isDark }, onopen, paint) {
   const rows = entries.map((entry) => ({ entry, traits: traits(entry) }));
   const names = [...new Set(rows.flatMap((row) => Object.keys(row.traits)))];
   const shown = rows.filter(({ entry }) => entry.error === undefined);
   const differing = names.filter((name) => new Set(shown.map((row) => row.traits[name])).size > 1);
-  const columns = (differing.length > 0 ? differing : ["beads", "step_count"]).slice(0, 24);
+  const swept = keys.filter((key) => names.includes(key));
+  const others = differing.filter((name) => !swept.includes(name));
+  const known = [...swept, ...others];
+  const columns = (known.length > 0 ? known : ["beads", "step_count"]).slice(0, MOST_COLUMNS);
   let sortedBy = "";
   let direction = 1;
 
@@ -106,6 +108,7 @@ export function folderTable(entries, onopen, paint) {
         entry.error === undefined
           ? make("button", { class: "link", onclick: () => onopen(entry) }, entry.name)
           : make("span", {}, entry.name);
+      const damage = entry.damage === undefined ? [] : [make("div", { class: "bad" }, entry.damage)];
       const cells =
         entry.error === undefined
           ? columns.map((column) => {
@@ -114,7 +117,7 @@ export function folderTable(entries, onopen, paint) {
               return make("td", { class: typeof value === "number" ? "number" : undefined, title: value }, text);
             })
           : [make("td", { class: "bad", colspan: columns.length }, entry.error)];
-      const line = make("tr", {}, make("td", {}, canvas), make("td", {}, name), ...cells);
+      const line = make("tr", {}, make("td", {}, canvas), make("td", {}, name, ...damage), ...cells);
       if (entry.error === undefined) {
         line.addEventListener("click", (event) => {
           if (!(/** @type {HTMLElement} */ (event.target).closest("button"))) {
@@ -152,5 +155,24 @@ export function folderTable(entries, onopen, paint) {
     );
     return head;
   });
-  return make("table", { "aria-label": "runs" }, make("thead", {}, make("tr", {}, make("td"), ...heads)), body);
+  const table = make("table", { "aria-label": "runs" }, make("thead", {}, make("tr", {}, make("td"), ...heads)), body);
+  const numbers = known.filter((name) => shown.some((row) => typeof row.traits[name] === "number"));
+  const plot = numbers.length > 1 && shown.length > 1 ? comparison(numbers, swept, isDark) : undefined;
+  const filter = make("input", {
+    type: "search",
+    placeholder: "filter: a word, or alpha>=1.5",
+    "aria-label": "filter: words, and comparisons such as alpha>=1.5",
+  });
+  const look = () => {
+    const compared = rows.map((row) => ({ ...row, name: row.entry.name, open: () => onopen(row.entry) }));
+    const looked = compared.filter((row) => passes(filter.value, row));
+    rows.forEach((row, i) => {
+      /** @type {HTMLElement} */ (lines.get(row)).hidden = !looked.includes(compared[i]);
+    });
+    plot?.show(looked.filter(({ entry }) => entry.error === undefined));
+  };
+  filter.addEventListener("input", look);
+  look();
+  const tools = rows.length > 1 ? [make("div", { class: "row" }, filter)] : [];
+  return make("div", {}, ...(plot ? [plot.element] : []), ...tools, table);
 }

@@ -54,6 +54,7 @@ export const KEYS = [
   key("k", "k", "fix the ends of the colours", "colours"),
   key("r", "r", "a ruler from the chosen bead at the cursor, or none", "ruler"),
   key("R", "shift r", "its other end to the chosen bead at the cursor", "rulerEnd"),
+  key("g", "g", "all digits of what is read out, or six", "digits"),
   key("t", "t", "light, dark", "theme"),
   key("v", "v", "prove the recording", "prove"),
   key("c", "c", "change one thing", "change"),

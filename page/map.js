@@ -305,6 +305,17 @@ function drawMarks(surface, scales, view, theme) {
   for (const { bead, step } of view.events ?? []) {
     surface.circle(at(bead), y(step), 3.5, { fill: theme.background, colour: theme.accent, width: 1.5 });
   }
+  const words = [
+    impurities.length > 0 && impurities.length <= 12 ? "dashed: impurity" : "",
+    (view.pulses ?? []).length > 0 ? "dotted: pulses by number" : "",
+    (view.events ?? []).length > 0 ? "circles: a contact opens or closes, or the bead turns" : "",
+  ].filter(Boolean);
+  surface.text(plot.x + plot.width - 6, plot.y + 10, words.join("; "), {
+    size: TICK_PX,
+    align: "right",
+    colour: theme.foreground,
+    halo: theme.background,
+  });
   if (view.cursor !== undefined) {
     const here = y(view.cursor);
     surface.lines([plot.x, here, plot.x + plot.width, here], { colour: theme.accent, width: 1, crisp: true });

@@ -4,7 +4,7 @@ import { act } from "./actions.js";
 import { Board } from "./board.js";
 import { carried, carriedRecording, carriedResults, listing, resultsOf, sourceOf } from "./carried.js";
 import { watchDrops, workerMaker } from "./carried.js";
-import { changedSource, describe, readChange } from "./changing.js";
+import { changedSource, describe, readChange, writeChange } from "./changing.js";
 import { Comparison } from "./comparing.js";
 import { byId, make } from "./elements.js";
 import { Engine } from "./engine.js";
@@ -54,6 +54,8 @@ export class Page {
     this.changed = undefined;
     /** @type {Entry[]} */
     this.entries = [];
+    /** What was swept. @type {string[]} */
+    this.keys = [];
     /** Where the pointer is: place and step of the map. @type {{ place: number, step: number } | undefined} */
     this.hover = undefined;
     /** A box being drawn on the map, parts of the plot. @type {[number, number, number, number] | undefined} */
@@ -116,8 +118,9 @@ export class Page {
   }
 
   async beginServed() {
-    const { entries, kind, title } = await listing();
+    const { entries, kind, title, keys } = await listing();
     this.entries = entries;
+    this.keys = keys ?? [];
     const isOwn = kind === "one" || kind === "pair";
     const entry = entries.find(({ id }) => id === this.view.run) ?? (isOwn ? entries[0] : undefined);
     if (kind === "pair" && !this.view.run) {
@@ -138,6 +141,7 @@ export class Page {
     byId("kind").textContent = `${this.entries.length} ${this.entries.length === 1 ? "run" : "runs"}`;
     const table = folderTable(
       this.entries,
+      { keys: this.keys, isDark: () => this.isDark },
       (entry) => {
         this.look({ ...freshView(), theme: this.view.theme, run: entry.id });
         this.openEntry(entry).catch((error) => this.fail(error));
@@ -233,6 +237,9 @@ export class Page {
       (message) => this.note(sentence(message)),
     );
     engine.onfault = (message) => run.fault(new Error(message));
+    engine.onnote = (note) => {
+      byId("notes").append(make("p", { class: "bad" }, sentence(note)));
+    };
     return run;
   }
 
@@ -439,7 +446,7 @@ export class Page {
     }
     const isBusy = !isGrowing && ![run, second, difference].every((one) => one === undefined || one.rows?.isWhole);
     byId("map-panel").classList.toggle("busy", isBusy);
-    this.timeline.show(this.step, this.isFollowing);
+    this.timeline.show(this.step, this.isFollowing, this.bead);
     this.showKind();
     this.tabs.show();
     this.pictures.describe();
@@ -470,8 +477,13 @@ export class Page {
             Math.max(run.info.firstStep, Math.floor(steps[0] * factor)),
             Math.min(run.info.lastStep, Math.ceil(steps[1] * factor)),
           ],
-      // enough that a pulse does not leap over beads from row to row
-      rows: Math.max(16, Math.round(plot.height * ratio), Math.min(Math.ceil(places[1] - places[0]), 1000)),
+      // enough that a pulse does not leap over beads from row to row, and for curves a row for each pixel
+      rows: Math.max(
+        16,
+        Math.round(plot.height * ratio),
+        Math.round(this.board.size("energies").width * ratio),
+        Math.min(Math.ceil(places[1] - places[0]), 1000),
+      ),
       follow: this.followed,
     });
   }
@@ -479,7 +491,9 @@ export class Page {
   showKind() {
     const { info, status, ended } = /** @type {Run} */ (this.run);
     const live = ended ? "live run, ended" : status ? `live · ${Math.round(status.steps_per_s)} steps/s` : "live";
-    const kind = { live, recording: `recording · ${info.storedCount} states`, start: "computed here" }[info.kind];
+    const { lastStep, manifest } = info;
+    const part = lastStep < manifest.physics.step_count ? ` up to step ${lastStep}, where its row ended` : "";
+    const kind = { live, recording: `recording · ${info.storedCount} states`, start: `computed here${part}` }[info.kind];
     byId("kind").textContent = kind;
     byId("kind").className = info.kind === "live" && !ended ? "live" : "";
   }
@@ -593,7 +607,7 @@ export class Page {
 
   /** @param {Change | undefined} change */
   change(change) {
-    const text = change ? `${change.what}:${change.bead}:${change.value}` : "";
+    const text = change ? writeChange(change) : "";
     this.look({ change: text });
     this.applyChange(change);
   }

@@ -166,7 +166,7 @@ export class Pictures {
     const { run, changed, comparison } = this.page;
     const { name = "", now = "", then = "" } = changed ?? {};
     const own = { recording: "recorded", live: "live", start: "unchanged" }[shown.info.kind];
-    const ofChange = shown === run ? `${own}, ${name} ${then}` : `changed: ${name} ${now}`;
+    const ofChange = shown === run ? `${own}: ${name} ${then}` : `changed: ${name} ${now}`;
     const text = changed === undefined ? comparison.title(shown) : ofChange;
     if (text === "") {
       return;

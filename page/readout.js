@@ -1,9 +1,12 @@
-// What is read out: the values at the pointer, or else at the cursor, in full; and what is said of them.
+// What is read out: the values at the pointer, or else at the cursor, in six digits or in full; and what is said of them.
 
 import { amount } from "./axes.js";
 import { byId, make } from "./elements.js";
 import { placeWord, unitOf } from "./run.js";
 import { FIELDS } from "./view.js";
+
+/** Digits of a number that nobody has asked for all of. */
+const DIGITS = 6;
 
 /** @typedef {import("./page.js").Page} Page */
 /** @typedef {import("./run.js").Run} Run */
@@ -17,7 +20,7 @@ export class ReadOut {
     this.saying = 0;
   }
 
-  /** The values at the pointer, or else at the cursor, in full. */
+  /** The values at the pointer, or else at the cursor. */
   show() {
     const { page } = this;
     const run = /** @type {Run} */ (page.run);
@@ -26,7 +29,8 @@ export class ReadOut {
     const show = (/** @type {import("./types.d.ts").State} */ state) => {
       const place = Math.min(at.place, run.lastPlace(field));
       const value = run.value(field, state, place);
-      const word = field === "contacts" ? ["touching", "compressed", "open"][value] : `${value} ${unitOf(field)}`;
+      const number = page.view.digits ? `${value}` : `${Number(value.toPrecision(DIGITS))}`;
+      const word = field === "contacts" ? ["touching", "compressed", "open"][value] : `${number} ${unitOf(field)}`;
       const parts = [`${placeWord(field)} ${place}`, amount(state.time_s, "s", 7), `step ${state.step}`];
       const name = FIELDS.find(([one]) => one === field)?.[1] ?? "";
       const output = byId("readout");
@@ -34,6 +38,7 @@ export class ReadOut {
         ...parts.map((part) => make("span", {}, part)),
         make("b", {}, field === "contacts" ? word : `${name} ${word}`),
       );
+      output.title = `${value}: all digits by the key g`;
       Object.assign(output.dataset, { place, step: state.step, value });
       if (!page.hover && !page.timeline.isPlaying && !page.isFollowing) {
         this.say(`${parts.join(", ")}, ${name} ${word}`);

@@ -587,6 +587,23 @@ export class Recording {
     return chunk === undefined ? undefined : this.lastIn(chunk, step);
   }
 
+  /**
+   * Reads every chunk that was not read, and tells what is wrong with one.
+   * @param {(note: string) => void} tell
+   */
+  async *check(tell) {
+    for (const place of this.places.filter(({ isRead }) => !isRead)) {
+      const known = this.notes.length;
+      try {
+        this.unpack(place, await readExactly(this.bytes, place.offset, place.length));
+        this.notes.slice(known).forEach(tell);
+      } catch (error) {
+        tell(/** @type {Error} */ (error).message);
+      }
+      yield;
+    }
+  }
+
   /** All states, in order, or those from the chunk on in which a step is. @param {number} [from] */
   async *states(from = -1) {
     let before = -1;

@@ -35,33 +35,34 @@ const FURTHER = [
   ...["disorder", "seed", "initial"],
 ];
 
-/** @param {import("./types.d.ts").Physics} physics */
-function lawOf(physics) {
+/** @param {import("./types.d.ts").Physics} physics @param {number | undefined} digits */
+function lawOf(physics, digits) {
   const { alpha, stiffness } = physics;
   if ("bonds" in physics) {
     return "two-sided bonds";
   }
   const isMore = "second" in physics || "alphas" in physics;
-  return `F = k·δ^α, α = ${alpha}, k = ${amount(stiffness, "")} N/m^α${isMore ? ", and more below" : ""}`;
+  return `F = k·δ^α, α = ${alpha}, k = ${amount(stiffness, "", digits)} N/m^α${isMore ? ", and more below" : ""}`;
 }
 
 /**
  * Names and values of what a chain is, and what happens to it.
  * @param {import("./types.d.ts").Physics} physics
+ * @param {number | undefined} digits of numbers; undefined: all of them
  */
-function chainPairs(physics) {
+function chainPairs(physics, digits) {
   const { impurities, load, damping, ends } = physics;
   /** @type {[string, string][]} */
   const chain = [
-    ["beads", `${physics.beads} of ${amount(physics.bead_mass_kg, "kg")}`],
-    ["contact law", lawOf(physics)],
+    ["beads", `${physics.beads} of ${amount(physics.bead_mass_kg, "kg", digits)}`],
+    ["contact law", lawOf(physics, digits)],
   ];
   const strikers = [physics.striker, ...(physics.strikers ?? [])].filter(({ velocity_m_s: v }) => v !== 0);
   for (const { bead, velocity_m_s: speed } of strikers) {
-    chain.push(["striker", `bead ${bead} at ${amount(speed, "m/s")}`]);
+    chain.push(["striker", `bead ${bead} at ${amount(speed, "m/s", digits)}`]);
   }
   if (impurities.length > 0) {
-    const some = impurities.slice(0, 6).map(({ bead, mass_kg: mass }) => `bead ${bead} of ${amount(mass, "kg")}`);
+    const some = impurities.slice(0, 6).map(({ bead, mass_kg: mass }) => `bead ${bead} of ${amount(mass, "kg", digits)}`);
     chain.push(["impurities", some.join(", ") + (impurities.length > 6 ? ` and ${impurities.length - 6} more` : "")]);
   }
   if (physics.masses !== undefined) {
@@ -83,10 +84,10 @@ function chainPairs(physics) {
     chain.push(["ends", `${ends.left ?? "free"}, ${ends.right ?? "free"}`]);
   }
   if (load?.gravity_m_s2) {
-    chain.push(["gravity", amount(load.gravity_m_s2, "m/s²")]);
+    chain.push(["gravity", amount(load.gravity_m_s2, "m/s²", digits)]);
   }
   if (load?.precompression_n) {
-    chain.push(["precompression", amount(load.precompression_n, "N")]);
+    chain.push(["precompression", amount(load.precompression_n, "N", digits)]);
   }
   if (damping?.restitution) {
     chain.push(["restitution", `${damping.restitution.coefficient}`]);
@@ -95,33 +96,34 @@ function chainPairs(physics) {
     chain.push(["viscous damping", `${damping.viscous_n_s_per_m} N·s/m`]);
   }
   if (damping?.kuwabara_kono_s !== undefined) {
-    chain.push(["damping of Kuwabara and Kono", amount(damping.kuwabara_kono_s, "s")]);
+    chain.push(["damping of Kuwabara and Kono", amount(damping.kuwabara_kono_s, "s", digits)]);
   }
   if (damping?.power) {
     const { coefficient, exponent } = damping.power;
-    chain.push(["damping", `η·δ^p·dδ/dt, η = ${amount(coefficient, "")}, p = ${exponent}`]);
+    chain.push(["damping", `η·δ^p·dδ/dt, η = ${amount(coefficient, "", digits)}, p = ${exponent}`]);
   }
   return chain;
 }
 
 /** The parameters of a run in a line. @param {Run} run */
 export function summaryOf({ physics }) {
-  const parts = chainPairs(physics).map(([name, value]) => (name === "contact law" ? value : `${name} ${value}`));
+  const parts = chainPairs(physics, 6).map(([name, value]) => (name === "contact law" ? value : `${name} ${value}`));
   return [...parts, `${physics.method}, dt = ${amount(physics.dt_s, "s", 6)}`].join("; ");
 }
 
 /**
  * Parameters and provenance.
  * @param {Run} run
+ * @param {number} [digits] of numbers; without it all of them
  */
-export function runTable({ info, physics }) {
+export function runTable({ info, physics }, digits) {
   const { provenance } = info.manifest;
-  const chain = chainPairs(physics);
+  const chain = chainPairs(physics, digits);
   const { length_m: length, time_s: time } = info.scales;
   /** @type {[string, string][]} */
   const time_ = [
     ["duration", `${amount(physics.step_count * physics.dt_s, "s", 9)}, ${physics.step_count} steps`],
-    ["dt", amount(physics.dt_s, "s")],
+    ["dt", amount(physics.dt_s, "s", digits)],
     ["method", `${physics.method}, kernel ${physics.kernel_version}`],
     ...(time > 0
       ? /** @type {[string, string][]} */ ([["scales", `L = ${amount(length, "m", 6)}, T = ${amount(time, "s", 6)}`]])

@@ -80,7 +80,7 @@ export class Tabs {
     const change = (/** @type {import("./change.js").Change | undefined} */ wanted) => page.change(wanted);
     /** @type {Record<string, () => Node[]>} */
     const contents = {
-      run: () => runTable(run),
+      run: () => runTable(run, page.view.digits ? undefined : 6),
       pulses: () => pulseTable(run, seek),
       events: () => eventTable(run, page.bead, seek),
       live: () => liveTable(run),

@@ -154,8 +154,9 @@ export class Timeline {
    * Shows where the cursor is.
    * @param {number} step
    * @param {boolean} isFollowing
+   * @param {number} bead the chosen one
    */
-  show(step, isFollowing) {
+  show(step, isFollowing, bead) {
     const { run, slider } = this;
     if (!run) {
       return;
@@ -172,6 +173,12 @@ export class Timeline {
     slider.value = String(step);
     slider.setAttribute("aria-valuetext", `${time}, step ${step}`);
     byId("time").textContent = time;
+    const { events, births } = this.marks(bead);
+    const ticks = [
+      births.length > 0 ? `upper ticks: ${births.length} pulses begin` : "",
+      events.length > 0 ? `lower ticks: ${events.length} events of bead ${bead}` : "",
+    ];
+    byId("ticks").textContent = ticks.filter(Boolean).join("; ");
     byId("at").textContent = `step ${step} of ${run.info.lastStep}`;
   }
 

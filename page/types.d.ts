@@ -160,7 +160,7 @@ export type Source =
   | { kind: "file"; file: File }
   | { kind: "url"; url: string }
   | { kind: "live"; url: string }
-  | { kind: "start"; manifest: Manifest; chain: Chain }
+  | { kind: "start"; manifest: Manifest; chain: Chain; lastStep?: number }
   | { kind: "difference"; first: Source; other: Source };
 
 export type Field = "velocity" | "displacement" | "overlap" | "energy" | "contacts" | "force";
@@ -307,6 +307,8 @@ export interface Entry {
   bytes: number | undefined;
   /** Columns of a sweep's results. */
   values: Record<string, number | string | null>;
+  /** What is wrong with the file. */
+  damage: string | undefined;
   /** Why it cannot be shown. */
   error: string | undefined;
 }
@@ -315,5 +317,7 @@ export interface Entry {
 export interface Listing {
   title: string;
   kind: "one" | "pair" | "folder" | "sweep";
+  /** Columns of what was swept, in their order. */
+  keys: string[] | undefined;
   entries: Entry[];
 }

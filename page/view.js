@@ -25,6 +25,7 @@
  * @property {string} change
  * @property {string} other entry that is compared
  * @property {boolean} difference
+ * @property {boolean} digits whether numbers are read out with all of their digits
  */
 
 /** @type {[Field, string][]} */
@@ -62,6 +63,7 @@ export function freshView() {
     change: "",
     other: "",
     difference: false,
+    digits: false,
   };
 }
 
@@ -124,6 +126,7 @@ export function readView(fragment) {
     change: parts.get("change") ?? "",
     other: parts.get("with") ?? "",
     difference: parts.get("difference") === "1",
+    digits: parts.get("digits") === "all",
   };
 }
 
@@ -152,6 +155,7 @@ export function writeView(view) {
     change: view.change,
     with: view.other,
     difference: view.difference ? "1" : "",
+    digits: view.digits ? "all" : "",
   };
   return Object.entries(parts)
     .filter(([, value]) => value)

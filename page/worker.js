@@ -14,7 +14,7 @@ import { RowTable, curveCount, stepsShown } from "./rows.js";
 /** @typedef {import("./types.d.ts").RowsRequest} RowsRequest */
 /** @typedef {(value: unknown) => void} Tell sends a part of an answer */
 
-const URGENCY = { state: 5, rows: 4, series: 3, events: 2, extremes: 1, proof: 0 };
+const URGENCY = { state: 5, rows: 4, series: 3, events: 2, extremes: 1, proof: 0.5, damage: 0 };
 /** Beads times steps up to which every step in view is looked at unasked: a minute or two, while nothing else is to do. */
 const MOST_LOOKED_AT = 2e9;
 /** Between two messages with rows whose extremes grow (ms). */
@@ -64,10 +64,11 @@ class Run {
    * @param {import("./types.d.ts").Manifest} manifest
    * @param {import("./types.d.ts").Chain} chain
    * @param {Recording | undefined} recording
+   * @param {number} [startsUpTo] the last step of what is computed here from its start
    */
-  constructor(kind, manifest, chain, recording) {
+  constructor(kind, manifest, chain, recording, startsUpTo = manifest.physics.step_count) {
     const { physics } = manifest;
-    const [firstStep, lastStep] = [recording?.firstStep ?? 0, recording?.lastStep ?? (kind === "start" ? physics.step_count : 0)];
+    const { firstStep, lastStep } = recording ?? { firstStep: 0, lastStep: kind === "start" ? startsUpTo : 0 };
     this.tasks = new Tasks();
     this.fields = new Fields(manifest, chain);
     this.history = new History(manifest, chain, recording, firstStep, lastStep);
@@ -371,7 +372,7 @@ async function open(source, say) {
     if (source.manifest.physics.initial !== undefined) {
       throw new Error("This page does not make the initial state of this run: run it, and open its recording.");
     }
-    return new Run("start", source.manifest, chainOf(source.chain), undefined);
+    return new Run("start", source.manifest, chainOf(source.chain), undefined, source.lastStep);
   }
   if (source.kind === "live") {
     return openLive(source.url, say);
@@ -383,7 +384,9 @@ async function open(source, say) {
   const bytes =
     source.kind === "bytes" ? bytesOfArray(source.bytes) : source.kind === "file" ? bytesOfFile(source.file) : await bytesOfUrl(source.url);
   const recording = await Recording.open(bytes);
-  return new Run("recording", recording.manifest, recording.chain, recording);
+  const run = new Run("recording", recording.manifest, recording.chain, recording);
+  run.tasks.add(URGENCY.damage, recording.check((note) => say("note", note))).catch(() => {});
+  return run;
 }
 
 /**

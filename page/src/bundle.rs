@@ -19,6 +19,7 @@ pub(crate) const MODULES: &[(&str, &str)] = &[
     ("changing", include_str!("../changing.js")),
     ("colouring", include_str!("../colouring.js")),
     ("colours", include_str!("../colours.js")),
+    ("compare", include_str!("../compare.js")),
     ("comparing", include_str!("../comparing.js")),
     ("curves", include_str!("../curves.js")),
     ("difference", include_str!("../difference.js")),

@@ -10,6 +10,7 @@ mod check;
 mod compatibility;
 mod configuration;
 mod crash;
+mod ctrl_c;
 mod deformation;
 mod disk;
 mod engines;

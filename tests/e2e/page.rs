@@ -97,6 +97,18 @@ fn a_changed_value_is_named_by_step_and_bead() {
 }
 
 #[test]
+fn damage_is_said_before_anybody_looks_there() {
+    let place = Place::new();
+    let (manifest, states) = lying::run(&place);
+    lying::write(&place, "whole.mcap", &manifest, &BeginRecord::default(), &states, EndReason::Complete);
+    let mut bytes = fs::read(place.path("whole.mcap")).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(place.path("damaged.mcap"), bytes).unwrap();
+    check(&place, "damaged", ["damaged.mcap"]);
+}
+
+#[test]
 fn what_the_pointer_reads_out_is_what_is_exported() {
     let place = Place::new();
     place
@@ -199,7 +211,45 @@ chain.alpha = [1.5, 2.0]
 fn a_changed_chain_is_what_its_configuration_gives() {
     let place = Place::new();
     place.run(&format!("{RUN} --duration 0.004")).exits(0);
-    check(&place, "change", ["run.mcap"]);
+    check(
+        &place,
+        "change",
+        ["run.mcap", "mass of bead 50=0.0008", "exponent α=1.8", "speed of the striker=7"],
+    );
+}
+
+/// Chains beyond one power law: what is changed leaves what it does not concern as it was resolved.
+#[test]
+fn bonds_drives_and_spheres_are_changed_as_their_configurations_give_it() {
+    let place = Place::new();
+    let bonds = "\
+chain = { beads = 30, bead_mass_kg = 1e-3, bonds = { linear = 1e5, quadratic = 1e8, cubic = 1e13 } }
+ends = { left = \"fixed\", right = \"fixed\" }
+striker = { bead = 3, velocity_m_s = 0.5 }
+drive = [{ bead = 10, force_n = { sine = { amplitude = 2.0, frequency_hz = 1000.0 } } }]
+time = { duration_s = 0.003 }
+";
+    let spheres = "\
+seed = 7
+chain = { beads = 30, spheres = { material = \"steel\", radius_m = 9.5e-3 } }
+disorder = [{ of = \"radii\", uniform = 0.1 }]
+ends = { left = \"fixed\", right = \"fixed\" }
+load = { precompression_n = 10.0 }
+drive = [{ wall = \"left\", displacement_m = { sine = { amplitude = 3e-7, frequency_hz = 6.3e3, ramp_s = 1e-4 } } }]
+time = { duration_s = 0.003 }
+";
+    for (name, text) in [("bonds", bonds), ("spheres", spheres)] {
+        place.write(&format!("{name}.toml"), text);
+        place.run(&format!("run {name}.toml --out {name}.mcap")).exits(0);
+    }
+    let drive = "amplitude of the drive of bead 10=3.5";
+    check(
+        &place,
+        "change",
+        ["bonds.mcap", drive, "linear stiffness of bonds=137000", "mass of bead 3=0.002"],
+    );
+    let wall = "frequency of the drive of left wall=8000";
+    check(&place, "change", ["spheres.mcap", "speed of the striker=0.2", wall]);
 }
 
 #[test]

@@ -85,6 +85,13 @@ const scenarios = {
     await page.over();
   },
 
+  /** A recording with a chunk that is damaged, far from its ends: said without anybody looking there. */
+  async damaged(file) {
+    const page = await viewed(file);
+    await textUntil(page, "#notes", /checksum of the chunk at byte \d+ is wrong|the recording is damaged/i);
+    await page.over();
+  },
+
   /** What the pointer reads out is what `beadline export` writes of every step, to the last digit. */
   async readout(file, table) {
     const { numbers } = csv(fs.readFileSync(table));
@@ -93,7 +100,7 @@ const scenarios = {
       displacement: ({ step, place }) => numbers(step)[`u_${place}_m`],
       overlap: ({ step, place }) => numbers(step)[`u_${place}_m`] - numbers(step)[`u_${Number(place) + 1}_m`],
     };
-    const page = await viewed(file, { fragment: "#bead=1&at=1500" });
+    const page = await viewed(file, { fragment: "#bead=1&at=1500&digits=all" });
     const cursor = "1 1500";
     let before = cursor;
     const values = new Set();
@@ -111,6 +118,11 @@ const scenarios = {
       }
     }
     assert.equal(values.size, 9, "values that say something");
+    await page.keyboard.press("g");
+    const digits = async () => /(\d[\d.]*)(e\S+)? m$/.exec(await textOf(page, "#readout b"))?.[1].replace(/^[0.]+|\./g, "");
+    await until("six digits", async () => (await digits())?.length <= 6);
+    await page.keyboard.press("g");
+    await until("all digits", async () => (await digits())?.length > 6);
     say(`read out and exported: ${[...values].join(", ")}`);
     await page.over();
   },
@@ -385,6 +397,17 @@ const scenarios = {
       const up = await sorted("ascending");
       assert.ok(up.length > 1 && up.every((value, i) => i === 0 || value >= up[i - 1]), `${up}`);
       assert.deepEqual(await sorted("descending"), up.toReversed());
+      const swept = await page.evaluate(() => document.querySelector("#list th:nth-child(3)").textContent);
+      assert.match(swept, source.endsWith("recordings") ? /./ : /^(alpha|impurities)/, `${heads}: what was swept stands first`);
+      const plot = page.locator("#list canvas.comparison");
+      await until("a plot of all runs", async () =>
+        (await plot.getAttribute("aria-label"))?.includes(`: ${up.length} runs`),
+      );
+      await page.fill("#list input[type=search]", "alpha>1.7");
+      const visible = () => page.$$eval("#list tbody tr", (rows) => rows.filter((row) => !row.hidden).length);
+      assert.equal(await visible(), up.filter((value) => value > 1.7).length);
+      await until("a plot of those", async () => (await plot.getAttribute("aria-label"))?.includes(`: ${await visible()} runs`));
+      await page.fill("#list input[type=search]", "");
       await until("pictures", () =>
         page.$$eval("#list tbody canvas", (all) =>
           all.every((canvas) => {
@@ -414,9 +437,8 @@ const scenarios = {
   },
 
   /** The chain with one thing changed, beside the recording; its configuration gives what the page shows. */
-  async change(file) {
-    const changes = { "mass of bead 50": "0.0008", "exponent α": "1.8", "speed of the striker": "7" };
-    for (const [what, value] of Object.entries(changes)) {
+  async change(file, ...changes) {
+    for (const [what, value] of changes.map((words) => words.split("="))) {
       const page = await viewed(file);
       await page.keyboard.press("c");
       await page.selectOption("#change-what", { label: what });
@@ -436,6 +458,10 @@ const scenarios = {
       assert.equal(run.step, info.lastStep, what);
       last.u.forEach((u, bead) => assert.equal(u, run[`u_${bead}_m`], `${what}: u of bead ${bead}`));
       last.v.forEach((v, bead) => assert.equal(v, run[`v_${bead}_m_s`], `${what}: v of bead ${bead}`));
+      const { bytes: svg } = await exported(page, "SVG");
+      assert.match(String(svg), new RegExp(`>recorded: ${what} `), "the map above says which it is");
+      assert.match(String(svg), new RegExp(`>changed: ${what} \\d`), "and the map below");
+      assert.match(String(svg), new RegExp(`changed, dashed: ${what}: .*recorded`), "and the caption");
       const hash = await until("the change in the address", () =>
         page.evaluate(() => /change=/.exec(location.hash)?.input),
       );
@@ -463,10 +489,12 @@ const scenarios = {
       const row = profile.numbers(line);
       assert.deepEqual([row.step, row.displacement_m, row.velocity_m_s], [333, u[row.bead], v[row.bead]]);
     }
-    const curves = await until("curves", async () => {
-      const found = csv((await exported(page, "CSV: curves")).bytes);
-      return found.count > 100 && found;
-    });
+    const { bytes: text } = await exported(page, "CSV: curves");
+    assert.match(String(text), /^# \S+: beads 100 of 1 g; .*impurities bead 50 of 0.6 g; .*\n# .*step 333/);
+    const curves = csv(text);
+    const { lastStep } = await page.evaluate(() => window.beadline.info);
+    assert.equal(curves.count, lastStep + 1, "every step");
+    assert.ok([0, 1, 777, lastStep].every((step) => curves.numbers(step).step === step));
     for (const line of [0, curves.count >> 1, curves.count - 1]) {
       const row = curves.numbers(line);
       const [u50, v50] = await page.evaluate(async (step) => {
@@ -487,6 +515,9 @@ const scenarios = {
       return [parsed.documentElement.localName, parsed.querySelectorAll("parsererror, script").length];
     }, String(svg.bytes));
     assert.deepEqual(root, ["svg", 0]);
+    const { run_id: id } = await page.evaluate(() => window.beadline.info.manifest.provenance);
+    assert.ok(String(svg.bytes).includes(id), "the caption names the run");
+    assert.match(String(svg.bytes), /impurities bead 50 of 0.6 g/);
     say(`png ${png.bytes.length} bytes, svg ${svg.bytes.length} bytes, ${curves.count} rows of curves`);
     await page.over();
   },

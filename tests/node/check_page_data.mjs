@@ -319,20 +319,25 @@ function made({ version = "1.0", physics, provenance, mass = 1, step = [3], time
   return new Uint8Array(Buffer.concat([...head, chunk, end, record(15, u32(0)), footer, magic]));
 }
 
-/** One thing is changed in plain chains, and in no others. */
+/** A mass is changed in chains where nothing else follows from it, a speed in all but those whose beginning is given. */
 function checkChanges() {
   const plain = { ends: { left: "free", right: "fixed" }, striker: { bead: 0, velocity_m_s: 5 }, method: "rk5" };
   assert.equal(whyNothingChanged(plain), "");
-  for (const [more, name] of [
-    [{ drives: [] }, /drives/],
-    [{ initial: {} }, /initial/],
-    [{ bonds: { linear: 1 } }, /bonds/],
-    [{ strikers: [] }, /strikers/],
-    [{ ends: { left: "periodic", right: "periodic" } }, /periodic/],
-    [{ damping: { kuwabara_kono_s: 1 } }, /damping\.kuwabara_kono_s/],
-    [{ weather: 1 }, /weather/],
+  const [mass, speed, alpha] = [["mass", 1e-3], ["speed", 1], ["alpha", 2]].map(([what, value]) => ({ what, bead: 0, value }));
+  for (const [more, massIs, speedIs] of [
+    [{ drives: [] }, /^$/, /^$/],
+    [{ bonds: { linear: 1 } }, /^$/, /^$/],
+    [{ strikers: [] }, /^$/, /^$/],
+    [{ spheres: {} }, /spheres/, /^$/],
+    [{ disorder: [], seed: 3 }, /seed|disorder/, /^$/],
+    [{ ends: { left: "periodic", right: "periodic" } }, /periodic/, /^$/],
+    [{ damping: { kuwabara_kono_s: 1 } }, /damping\.kuwabara_kono_s/, /^$/],
+    [{ initial: {} }, /initial/, /initial/],
+    [{ weather: 1 }, /weather/, /weather/],
   ]) {
-    assert.match(whyNotChanged({ what: "speed", bead: 0, value: 1 }, { ...plain, ...more }), name);
+    assert.match(whyNotChanged(mass, { ...plain, ...more }), massIs);
+    assert.match(whyNotChanged(speed, { ...plain, ...more }), speedIs);
+    assert.notEqual(whyNotChanged(alpha, { ...plain, ...more }), "");
   }
 }
 

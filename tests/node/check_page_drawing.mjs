@@ -9,6 +9,11 @@ import { ColourScale, diverging, sequential, theme } from "../../page/colours.js
 import { curvePlot } from "../../page/curves.js";
 import { mapScales } from "../../page/map.js";
 import { SvgSurface, escaped } from "../../page/surface.js";
+import { passes, title } from "../../page/compare.js";
+import { leftOut } from "../../page/curves.js";
+import { Fields } from "../../page/fields.js";
+import { History } from "../../page/history.js";
+import { RowTable, stepsShown } from "../../page/rows.js";
 
 // Ticks are round, and written as our figures write them.
 const shown = (from, to, count, more = {}) => ticks({ from, to, name: "x", ...more }, count);
@@ -70,4 +75,73 @@ const svg = new SvgSurface(10, 10);
 svg.text(1, 2, "</svg><script>", { colour: "\"><script>" });
 svg.lines([0, 0, NaN, 0, 1, 1, 2, 2], { colour: "red" });
 assert.ok(!svg.toString().includes("<script>") && svg.toString().includes('d="M0 0M1 1L2 2"'));
+// Names of columns say their units; a filter chooses.
+assert.deepEqual(
+  ["chain.impurities[0].mass_kg", "forward_energy_j", "forward_v_peak_m_s", "forward_speed_beads_per_s", "alpha"].map(title),
+  ["impurities mass (kg)", "forward energy (J)", "forward v peak (m/s)", "forward speed (beads/s)", "alpha"],
+);
+const compared = { name: "walls", traits: { "chain.alpha": 1.8, end: "complete" }, open() {} };
+assert.ok(["", "walls", "alpha>1.7 alpha<=1.8", "end=complete", "COMPL", "alpha!=2"].every((one) => passes(one, compared)));
+assert.ok(["gap", "alpha>1.8", "walls alpha=2", "beta=1"].every((one) => !passes(one, compared)));
+
+// Rows of many steps show the extremes of every step, where samples would show a slow swing.
+{
+  const beads = 12;
+  const physics = {
+    ...{ kernel_version: 2, beads, bead_mass_kg: 1e-3, alpha: 1.5, stiffness: 1e7, impurities: [] },
+    ...{ striker: { bead: 0, velocity_m_s: 5 }, method: "rkn4", dt_s: 1.45e-6, step_count: 5000 },
+  };
+  const chain = {
+    ...{ mass: new Float64Array(beads).fill(1e-3), stiffness: new Float64Array(beads - 1).fill(1e7) },
+    ...{ restOverlap: new Float64Array(beads - 1), restForce: new Float64Array(beads - 1), damping: new Float64Array(0) },
+  };
+  const manifest = { schema_version: "1.1", physics, provenance: {} };
+  const [fields, history] = [new Fields(manifest, chain), new History(manifest, chain, undefined, 0, 5000)];
+  const request = { field: "velocity", places: [0, beads - 1], columns: 4, steps: [0, 5000], rows: 40, follow: [3] };
+  const done = async (work) => {
+    for await (const _ of work);
+  };
+  const valueOf = async (work) => {
+    for (;;) {
+      const { done: isDone, value } = await work.next();
+      if (isDone) {
+        return value;
+      }
+    }
+  };
+  const table = new RowTable(fields, request);
+  const { stride, shown } = stepsShown(request.steps, request.rows);
+  assert.equal(stride, 128);
+  for (const step of shown) {
+    table.insert(await valueOf(history.at(step)));
+  }
+  const sampled = table.packed(0);
+  await done(history.each([0, 5000], (state) => table.widen(state)));
+  const all = [];
+  await done(history.each([0, 5000], (state) => all.push(table.rowOf(state))));
+  assert.equal(all.length, 5001);
+  table.rows.forEach((row, i) => {
+    const steps = all.filter(({ step }) => step >= row.step && step < (shown[i + 1] ?? Infinity));
+    row.lows.forEach((low, column) => {
+      assert.equal(low, Math.min(...steps.map(({ lows }) => lows[column])));
+      assert.equal(row.highs[column], Math.max(...steps.map(({ highs }) => highs[column])));
+    });
+    row.cells.forEach((cell, column) => {
+      assert.equal(Math.abs(cell), Math.max(...steps.map(({ cells }) => Math.abs(cells[column]))));
+    });
+  });
+  const swing = ({ lows, highs }) => Math.max(...highs) - Math.min(...lows);
+  assert.ok(table.rows.some((row) => row.highs[0] - row.lows[0] > 1e-3), "a swing within a row");
+  assert.ok(swing(table.packed(0)) > swing(sampled), "that samples do not show");
+  const rows = { ...sampled, request, count: shown.length };
+  assert.match(leftOut(rows, { recomputes: true }), /^a sample every 12\d steps$/);
+  assert.equal(leftOut({ ...rows, seen: 5000 }, { recomputes: true }), "");
+  // a live run that is thinned keeps what it was shown
+  const live = new RowTable(fields, { ...request, rows: 16 });
+  await done(history.each([0, 3000], (state) => live.append(state)));
+  assert.ok(live.rows.length <= 16);
+  const most = Math.max(...all.slice(0, 3001).map(({ highs }) => highs[0]));
+  assert.equal(Math.max(...live.rows.map(({ highs }) => highs[0])), most);
+}
+
 console.log("drawing: ticks, amounts, colours, scales and SVG are right");

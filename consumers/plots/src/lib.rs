@@ -164,7 +164,7 @@ fn scattering(panel: Panel, rows: &Series<{ EnergyRow::COLUMNS.len() }>, reflect
         .line("may still cross", part(INBOUND))
         .horizontal("", STATIONARY);
     if let Some(since) = reflection.stationary_since {
-        let last_s = rows.times_s().last().copied().unwrap_or(since.time_s);
+        let last_s = rows.span_s().map_or(since.time_s, |(_, last_s)| last_s);
         let until_s = reflection.met_end.map_or(last_s, |(_, met)| met.time_s);
         panel = panel.band_x("stationary", since.time_s * 1e3, until_s * 1e3);
     }
@@ -202,10 +202,9 @@ pub fn trajectories(
 
 /// The times (ms) from a little before the first event to the end, or all of them.
 fn shown_ms(motions: &[Series<{ Motion::QUANTITIES.len() }>], events: &[Event]) -> (f64, f64) {
-    let times_s = motions.first().map(Series::times_s).unwrap_or_default();
-    let (Some(first), Some(last)) = (times_s.first(), times_s.last()) else { return (0.0, 1.0) };
-    let begin = events.first().map_or(*first, |event| event.time_s - 0.04 * (last - event.time_s));
-    (if begin > *first { begin } else { *first } * 1e3, last * 1e3)
+    let Some((first_s, last_s)) = motions.first().and_then(Series::span_s) else { return (0.0, 1.0) };
+    let begin_s = events.first().map_or(first_s, |event| event.time_s - 0.04 * (last_s - event.time_s));
+    (if begin_s > first_s { begin_s } else { first_s } * 1e3, last_s * 1e3)
 }
 
 /// The space-time map of the contacts, time running down as in the paper.

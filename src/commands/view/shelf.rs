@@ -12,6 +12,7 @@ use producer::sweep::Sweep;
 use recording::RecordingInfo;
 use schemas::manifest::RunManifest;
 use schemas::run_name::RunName;
+use schemas::whole_file::is_being_written;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use source::Named;
@@ -64,6 +65,8 @@ struct Entry {
     #[serde(skip_serializing_if = "Option::is_none")]
     bytes: Option<u64>,
     values: Map<String, Value>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    damage: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<String>,
 }
@@ -148,9 +151,12 @@ impl Runs {
     fn recording_entry(&self, path: &Path) -> Entry {
         let id = self.id(path);
         let info = RecordingInfo::glance(path);
-        let (manifest, bytes, error) = match info {
-            Ok(info) => (Some(info.manifest), Some(info.file_bytes), None),
-            Err(error) => (None, None, Some(format!("{:#}", anyhow::Error::new(error)))),
+        let (manifest, bytes, damage, error) = match info {
+            Ok(info) => {
+                let damage = damage(&info, path);
+                (Some(info.manifest), Some(info.file_bytes), damage, None)
+            }
+            Err(error) => (None, None, None, Some(format!("{:#}", anyhow::Error::new(error)))),
         };
         Entry {
             name: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
@@ -160,6 +166,7 @@ impl Runs {
             manifest,
             bytes,
             values: Map::new(),
+            damage,
             error,
             id,
         }
@@ -183,6 +190,7 @@ impl Runs {
                     manifest: None,
                     bytes,
                     values,
+                    damage: None,
                     error: None,
                 }
             }
@@ -195,6 +203,7 @@ impl Runs {
                 manifest: None,
                 bytes: None,
                 values,
+                damage: None,
                 error: None,
             },
         }
@@ -233,7 +242,13 @@ impl Shelf for Runs {
                 Kind::Live(..) | Kind::Recording(_) if entries.len() == 1 => "one",
                 _ => "folder",
             };
-            json!({ "title": self.title(), "kind": kind, "entries": entries }).to_string()
+            let keys: Vec<_> = match &self.kind {
+                Kind::Sweep(_, sweep) => {
+                    sweep.parameters().iter().map(|parameter| parameter.key.clone()).collect()
+                }
+                _ => Vec::new(),
+            };
+            json!({ "title": self.title(), "kind": kind, "keys": keys, "entries": entries }).to_string()
         });
         Some(listing.map_err(said))
     }
@@ -275,6 +290,7 @@ fn live_entry(name: &RunName) -> Entry {
         manifest: None,
         bytes: None,
         values: Map::new(),
+        damage: None,
         error: None,
     }
 }
@@ -283,7 +299,10 @@ fn live_entry(name: &RunName) -> Entry {
 fn recording(named: &Named) -> Result<PathBuf, Failure> {
     match named {
         Named::File(path) if !path.is_dir() => {
-            RecordingInfo::glance(path).bad_input()?;
+            let info = RecordingInfo::glance(path).bad_input()?;
+            if let Some(damage) = damage(&info, path) {
+                notice!("{damage}");
+            }
             Ok(path.clone())
         }
         other => Err(bad_input!(
@@ -295,6 +314,18 @@ fn recording(named: &Named) -> Result<PathBuf, Failure> {
 fn name(path: &Path) -> String {
     let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// What is wrong with a recording, as a sentence; nothing is with one that is being written.
+fn damage(info: &RecordingInfo, path: &Path) -> Option<String> {
+    let shown = path.display();
+    match &info.damage {
+        Some(damage) => Some(format!("{shown} is damaged: {damage}; what is whole in it is shown")),
+        None if !info.finished && !is_being_written(path) => {
+            Some(format!("{shown} was not closed; what is whole in it is shown"))
+        }
+        None => None,
+    }
 }
 
 fn is_recording(path: &Path) -> bool {
