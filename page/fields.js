@@ -156,7 +156,7 @@ export class Fields {
   /**
    * Writes a row of a map to `into`: for each of `columns` columns the value that is largest in magnitude among
    * the places `first` to `last`, so that no pulse is lost between pixels; of contacts the rarest class
-   * (0 touching, 1 compressed, 2 open). Overlaps of a loaded chain count from rest, forces from 0, without damping.
+   * (0 touching, 1 compressed, 2 open). Overlaps and forces of a loaded chain count from rest; forces are without damping.
    * @param {import("./types.d.ts").Field} field
    * @param {import("./types.d.ts").State} state
    * @param {[number, number]} places
@@ -165,7 +165,7 @@ export class Fields {
    */
   row(field, state, [first, last], columns, into) {
     const { u, v } = state;
-    const { mass, restOverlap } = this.chain;
+    const { mass, restOverlap, restForce } = this.chain;
     const { stepper } = this;
     const contactJ = field === "energy" ? this.contacts(state) : this.contactJ;
     const tolerance = this.toleranceM;
@@ -183,7 +183,7 @@ export class Fields {
         } else if (field === "overlap") {
           value = u[place] - u[place + 1];
         } else if (field === "force") {
-          value = this.force(place, u[place] - u[place + 1] + restOverlap[place]);
+          value = this.force(place, u[place] - u[place + 1] + restOverlap[place]) - (restForce[place] ?? 0);
         } else if (field === "energy") {
           const { kinetic, potential } = stepper.resonatorEnergy(state, place);
           value = 0.5 * mass[place] * (v[place] * v[place]) + 0.5 * (contactJ[place] + contactJ[place + 1]);

@@ -32,7 +32,7 @@ export const FIELD_LABELS = {
   overlap: ["overlap", "m"],
   energy: ["energy", "J"],
   contacts: ["contact", ""],
-  force: ["elastic force", "N"],
+  force: ["force from rest", "N"],
 };
 
 export const CONTACT_CLASSES = ["touching", "compressed", "open"];

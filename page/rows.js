@@ -100,6 +100,19 @@ export class RowTable {
     }
   }
 
+  /**
+   * Gives a state of a live run a row, where the one before is as far away as rows are, or makes that stand for it, too.
+   * @param {State} state
+   */
+  place(state) {
+    const rank = rankOf(this.rows, state.step);
+    if (rank > 0 && state.step < this.rows[rank - 1].step + this.stride) {
+      this.merge(this.rows[rank - 1], this.rowOf(state));
+    } else {
+      this.rows.splice(rank, 0, this.rowOf(state));
+    }
+  }
+
   /** How many rows there are before the first two that are farther apart than twice this. @param {number} stride */
   contiguous(stride) {
     const gap = this.rows.findIndex(({ step }, i) => i > 0 && step - this.rows[i - 1].step > 2 * stride);

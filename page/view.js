@@ -35,7 +35,7 @@ export const FIELDS = [
   ["overlap", "overlap"],
   ["energy", "energy density"],
   ["contacts", "contacts"],
-  ["force", "force"],
+  ["force", "force from rest"],
 ];
 
 export const TABS = ["run", "pulses", "events", "notes", "live", "change", "compare", "spectrum"];

@@ -211,10 +211,11 @@ class Run {
     }
     following.isLooking = true;
     const { table, tell } = following;
-    const looking = this.lookAtAll(table, lastStep, () => {
+    const tellAll = () => {
       following.sent = table.rows.length;
       tell({ from: 0, ...table.packed(0), isWhole: false });
-    });
+    };
+    const looking = this.lookAtAll(table, lastStep, tellAll, (state) => table.place(state));
     const over = () => {
       Object.assign(following, { isLooking: false, looked: performance.now() });
     };
@@ -226,11 +227,12 @@ class Run {
    * @param {RowTable} table
    * @param {number} last
    * @param {() => void} tell
+   * @param {(state: State) => void} put
    */
-  async *lookAtAll(table, last, tell) {
+  async *lookAtAll(table, last, tell, put = (state) => table.widen(state)) {
     let told = performance.now();
     const look = (/** @type {State} */ state) => {
-      table.widen(state);
+      put(state);
       table.seen = state.step;
     };
     for await (const _ of this.history.each([Math.max(table.rows[0].step, table.seen), last], look)) {
