@@ -56,6 +56,9 @@ function pointsOf({ steps, count, lows, highs, request }, dt, column) {
   return Float64Array.from(points);
 }
 
+/** The part of a live run whose steps may still be looked at before that is said. */
+const NEWEST_PART = 0.05;
+
 /**
  * What a curve leaves out, in a few words; "" where every step was looked at.
  * @param {Rows | undefined} rows @param {import("./types.d.ts").Info | undefined} info
@@ -69,7 +72,9 @@ export function leftOut(rows, info) {
   if (!info.recomputes) {
     return seen >= steps[count - 1] ? "extremes of the recorded states" : `a recorded state every ${apart} steps`;
   }
-  if (seen >= steps[count - 1]) {
+  // the newest steps of a live run are looked at as it goes on
+  const newest = info.kind === "live" ? NEWEST_PART * (steps[count - 1] - steps[0]) : 0;
+  if (seen >= steps[count - 1] - newest) {
     return "";
   }
   const samples = `a sample every ${apart} steps`;
