@@ -11,7 +11,7 @@ const STEPS: u64 = 1_000_000_000_000;
 
 /// Commands, and the files that must not be there when they were stopped; `long.mcap` has the first and the last of [`STEPS`]
 /// steps. Results of analyses up to where they were stopped are kept, and said to end there.
-const LONG: [(&str, &[&str]); 19] = [
+const LONG: [(&str, &[&str]); 18] = [
     ("share long.mcap --pulses", &["long.html"]),
     ("share long.mcap --every-steps 1000000", &["long.html"]),
     ("thin long.mcap --every-steps 1000000000000 --out thin.mcap", &["thin.mcap"]),
@@ -19,7 +19,6 @@ const LONG: [(&str, &[&str]); 19] = [
     ("verify long.mcap", &[]),
     ("export long.mcap --every-step --out states.csv", &["states.csv"]),
     ("plot long.mcap --what velocity --fill-gaps --out map.png", &[]),
-    ("plot long.mcap --what velocity --at 100000 --out profile.png", &["profile.png"]),
     ("energies long.mcap --every-step", &[]),
     ("impurity long.mcap --every-step", &[]),
     ("contacts long.mcap --every-step", &[]),
