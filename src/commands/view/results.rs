@@ -29,7 +29,7 @@ pub(crate) struct Results {
     more: u64,
 }
 
-/// Whether steps are recomputed to find pulses.
+/// True where steps are recomputed to find pulses.
 fn recomputes(manifest: &RunManifest) -> bool {
     is_coarse(manifest, manifest.provenance.record_every_steps) && check_kernel(manifest).is_ok()
 }

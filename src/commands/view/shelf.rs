@@ -292,7 +292,7 @@ fn live_entry(name: &RunName) -> Entry {
     }
 }
 
-/// What is wrong with a recording, as a sentence; nothing is with one that is being written.
+/// Damage of a recording as a sentence; none of one that is being written.
 fn damage(info: &RecordingInfo, path: &Path) -> Option<String> {
     let shown = path.display();
     match &info.damage {
