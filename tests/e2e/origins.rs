@@ -10,7 +10,7 @@ use std::process::Command;
 /// 1 g, 1e7 N·m^−3/2.
 fn chain(place: &Place, name: &str, beads: u64, rest: &str) {
     let text = format!(
-        "[chain]\nbeads = {beads}\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n{rest}\n[stream]\npublish_every_steps = 4\n"
+        "[chain]\nbeads = {beads}\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n{rest}\n[stream]\npublish_every_steps = 4\nrecord_every_steps = 4\n"
     );
     place.write(&format!("{name}.toml"), &text);
     place.run(&format!("run {name}.toml")).exits(0);
