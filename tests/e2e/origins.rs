@@ -122,7 +122,7 @@ fn participation_counts_beads_and_not_what_is_in_them() {
 #[test]
 fn the_usual_drag_of_an_absorbing_end_is_that_of_the_page() {
     let place = Place::new();
-    let striker = "[striker]\nbead = 0\nvelocity_m_s = 5\n[time]\nduration_s = 2e-3";
+    let striker = "[striker]\nbead = 0\nvelocity_m_s = 5\n[time]\nduration_s = 8e-3";
     let last = |name: &str, drag: &str| {
         chain(&place, name, 60, &format!("[ends]\nright = \"absorbing\"\n{drag}{striker}"));
         place.run(&format!("energies {name}.mcap --json")).exits(0).json()["results"]["last"].clone()
