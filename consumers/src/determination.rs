@@ -40,7 +40,7 @@ pub const TOLERANCE: f64 = 1e-4;
 /// The part of the contacts that may be in another class.
 pub const CONTACTS_APART: f64 = 0.01;
 
-/// What the differences to the twins with shorter steps are multiplied by.
+/// The factor of the differences to the twins with shorter steps.
 pub const STEP_FACTOR: f64 = 2.0;
 
 /// Looks over which the error of the step is the largest.
@@ -66,7 +66,7 @@ pub struct Determination {
     moved_by: f64,
     /// The run, the halved, the quartered and the moved twin.
     siblings: [Sibling; 4],
-    /// Of each quantity, the errors of the step and of rounding.
+    /// The errors of the step and of rounding, of each quantity.
     courses: [[Course; 2]; Quantity::COUNT],
     /// The differences at the last look, to the twins with shorter steps and to the moved one.
     before: [[f64; Quantity::COUNT]; 2],

@@ -119,9 +119,9 @@ pub struct EnergyOutcome {
     pub reflection: Result<Reflection, Undefined>,
     /// Largest |relative drift| of any frame.
     pub max_abs_drift: f64,
-    /// Whether drives do work on the chain.
+    /// Drives do work on the chain.
     pub is_driven: bool,
-    /// Whether the chain is a ring, and half of the contact that closes it counts on either side.
+    /// The chain is a ring: half of the contact that closes it counts on either side.
     pub is_ring: bool,
     balance: Balance,
 }

@@ -10,7 +10,7 @@ use std::process::Command;
 /// 1 g, 1e7 N·m^−3/2.
 fn chain(place: &Place, name: &str, beads: u64, rest: &str) {
     let text = format!(
-        "[chain]\nbeads = {beads}\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n{rest}\n[stream]\npublish_every_steps = 4\n"
+        "[chain]\nbeads = {beads}\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n{rest}\n[stream]\npublish_every_steps = 4\nrecord_every_steps = 4\n"
     );
     place.write(&format!("{name}.toml"), &text);
     place.run(&format!("run {name}.toml")).exits(0);
@@ -122,7 +122,7 @@ fn participation_counts_beads_and_not_what_is_in_them() {
 #[test]
 fn the_usual_drag_of_an_absorbing_end_is_that_of_the_page() {
     let place = Place::new();
-    let striker = "[striker]\nbead = 0\nvelocity_m_s = 5\n[time]\nduration_s = 2e-3";
+    let striker = "[striker]\nbead = 0\nvelocity_m_s = 5\n[time]\nduration_s = 8e-3";
     let last = |name: &str, drag: &str| {
         chain(&place, name, 60, &format!("[ends]\nright = \"absorbing\"\n{drag}{striker}"));
         place.run(&format!("energies {name}.mcap --json")).exits(0).json()["results"]["last"].clone()

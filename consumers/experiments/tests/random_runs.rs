@@ -46,7 +46,7 @@ impl Random {
     }
 }
 
-/// What is drawn, beside beads, masses and times.
+/// The kinds of runs, which decide what is drawn beside beads, masses and times.
 const KINDS: [&str; 18] = [
     "free",
     "wall",
@@ -217,7 +217,7 @@ impl Finer {
 
 /// The differences of `manifest`'s run to one with a part of its step at the end, as a check has them of its moved twin.
 fn truth(manifest: &RunManifest) -> Outcome {
-    /// What is left of an error that falls as the step itself is a 16th; of those of contacts that open, a thousandth.
+    /// A 16th is left of an error that falls as the step itself; of those of contacts that open, a thousandth.
     const PARTS: u64 = 16;
     let physics = &manifest.physics;
     let [mut run, mut finer] = [1, PARTS].map(|parts| Finer::new(physics, parts));
@@ -234,7 +234,7 @@ fn truth(manifest: &RunManifest) -> Outcome {
     }
 }
 
-/// How far a run is off at its end, in what its check says that it may be, of the quantity where that is most.
+/// The error of a run at its end over what its check says that it may be, of the quantity where that is most.
 fn off(config: &RunConfig) -> (f64, &'static str) {
     /// Rounding of sixteen times as many steps, in units of the scales.
     const ROUNDED: f64 = 1e-11;

@@ -11,7 +11,7 @@
 /// The error of a part of the energy, in largest errors of the total.
 pub const STEP_SAFETY: f64 = 3.0;
 
-/// How far a part of the energy of a chain of `beads` may be off for the time step and rounding (J), where the balance of energies was off by
+/// The error (J) that time step and rounding may give a part of the energy of a chain of `beads`, where the balance of energies was off by
 /// up to `off_j` (J) so far, and the largest term of that balance was `largest_j` (J).
 pub fn step_error_j(off_j: f64, largest_j: f64, beads: u64) -> f64 {
     STEP_SAFETY * off_j + beads as f64 * f64::EPSILON * largest_j

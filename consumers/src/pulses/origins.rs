@@ -1,4 +1,4 @@
-//! What pulses come from and run into: strikers, drives, and what is beyond the ends.
+//! Origins of pulses and what they run into: strikers, drives, walls, free ends, the seam of a ring.
 
 use super::surroundings::signed;
 use super::{Birth, Fate};
@@ -36,8 +36,8 @@ impl Origins {
         }
     }
 
-    /// What makes pulses within `near` beads of `bead`, if something does; nothing that strikes where pulses have `come_back` from the
-    /// ends since: it strikes once.
+    /// The maker of pulses within `near` beads of `bead`, if there is one; no striker at an end to which pulses have `come_back` since: it
+    /// strikes once.
     pub(super) fn maker(&self, bead: i64, near: i64, come_back: [bool; 2]) -> Option<Birth> {
         let is_near = |place: &i64| (bead - place).abs() <= near;
         let is_over = |place: &i64| {
@@ -50,7 +50,7 @@ impl Origins {
         self.drives.iter().any(is_near).then_some(Birth::Drive)
     }
 
-    /// What a pulse comes from that begins near an end, the left one where that is so.
+    /// The origin of a pulse that begins near the left or the right end.
     pub(super) fn birth_at(&self, is_left: bool) -> Birth {
         match self.beyond[usize::from(!is_left)] {
             End::Fixed => Birth::Wall,
@@ -59,7 +59,7 @@ impl Origins {
         }
     }
 
-    /// What becomes of a pulse that reaches the end in the direction `ahead`.
+    /// The fate of a pulse that reaches the end in the direction `ahead`.
     pub(super) fn fate_at(&self, ahead: i64) -> Fate {
         match self.beyond[usize::from(ahead > 0)] {
             End::Fixed => Fate::Wall,

@@ -20,7 +20,7 @@ pub(super) struct Surroundings {
     /// Nothing pulls in a chain that is not loaded: its pulses move the way their beads do.
     pub(super) loaded: bool,
     pub(super) reach: Reach,
-    /// What makes pulses.
+    /// The makers of pulses.
     pub(super) origins: Origins,
     /// The exact solitary wave, where there is one.
     wave: Option<Coefficients>,

@@ -31,7 +31,7 @@ pub struct Pulses {
     counts: Counts,
     last_step: Option<u64>,
     lead: Lead,
-    /// Whether a pulse has run into the left, and into the right end.
+    /// A pulse has run into the left, and into the right end.
     met_ends: [bool; 2],
     /// When the frames began, or began again (s), and whether the chain had moved before.
     resumed: Option<(f64, bool)>,
@@ -306,7 +306,7 @@ impl Pulses {
         others.any(|(_, other)| edges.enclose(nearest(other.position_beads(time_s))))
     }
 
-    /// What a crest comes from that begins a track at `bead`, in the direction `ahead`, or 0 where that is not known.
+    /// The origin of a crest that begins a track at `bead`, in the direction `ahead`, or 0 where that is not known.
     fn birth(&self, (bead, ahead): (i64, i64), crest: &Crest) -> Birth {
         let around = &self.around;
         let near = around.reach.origin;
@@ -341,7 +341,7 @@ impl Pulses {
         }
     }
 
-    /// Whether a pulse has come within `near` beads of the left, and of the right end, on its way there.
+    /// True where a pulse has come within `near` beads of the left, and of the right end, on its way there.
     fn come_back(&self, near: i64) -> [bool; 2] {
         [(0, -1), (1, 1)].map(|(side, ahead)| {
             let arrives = |track: &Track| {

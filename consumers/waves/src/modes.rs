@@ -158,7 +158,7 @@ impl Modes {
         parts
     }
 
-    /// How many beads take part in a mode: `1/Σ eᵢ²` with the part `eᵢ` of its kinetic energy that is in bead `i` and its
+    /// The number of beads that take part in a mode: `1/Σ eᵢ²` with the part `eᵢ` of its kinetic energy that is in bead `i` and its
     /// resonator; 1 for one bead alone, N if all have the same, 2N/3 for a standing sine.
     pub fn participation_beads(&self, mode: usize) -> f64 {
         1.0 / self.parts(mode).into_iter().map(|part| part * part).sum::<f64>()
