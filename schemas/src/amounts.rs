@@ -86,6 +86,12 @@ pub fn quantity(value: f64, unit: &str) -> String {
     format!("{} {prefix}{unit}", number(value / one))
 }
 
+/// The same as one would type it: `0.3 µm`.
+pub fn typed_quantity(value: f64, unit: &str) -> String {
+    let (prefix, one) = prefix(value);
+    format!("{} {prefix}{unit}", typed(value / one))
+}
+
 /// Two results with the prefix of the larger one: `-0.396405 to 3.23870 m/s`.
 pub fn range([from, to]: [f64; 2], unit: &str) -> String {
     let (prefix, one) = prefix(if to.abs() > from.abs() { to } else { from });
@@ -198,6 +204,7 @@ mod tests {
         for (value, expected) in cases {
             assert_eq!(quantity(value, "J"), expected);
         }
+        assert_eq!([3e-7, 0.0, -2.5].map(|m| typed_quantity(m, "m")), ["300 nm", "0 m", "-2.5 m"]);
         assert_eq!(range([-0.396_405, 3.2387], "m/s"), "-0.396405 to 3.23870 m/s");
         assert_eq!(range([-0.010_166_1, 0.000_641_949], "m"), "-10.1661 to 0.641949 mm");
     }

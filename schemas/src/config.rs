@@ -6,6 +6,7 @@
 mod beyond;
 mod initial;
 mod profile;
+mod several;
 mod words;
 
 pub use beyond::{
@@ -422,9 +423,31 @@ impl RunConfig {
     /// When the text is not TOML, a key is unknown or missing, or a value has the wrong type; the
     /// error carries the line.
     pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
+        let (config, document) = Self::with_document(text)?;
+        config.is_moved_in(&document)?;
+        Ok(config)
+    }
+
+    /// Like [`Self::from_toml`], of a chain that nothing has to move: for what is asked of the chain and not of a run.
+    ///
+    /// # Errors
+    /// As [`Self::from_toml`].
+    pub fn of_chain(text: &str) -> Result<Self, ConfigError> {
+        Self::with_document(text).map(|(config, _)| config)
+    }
+
+    fn with_document(text: &str) -> Result<(Self, toml::Table), ConfigError> {
         let config: Self = toml::from_str(text).map_err(|error| ConfigError::of_toml(&error, text))?;
         let document = text.parse().map_err(|error| ConfigError::of_toml(&error, text))?;
-        config.completed(&document)
+        Ok((config.completed(&document)?, document))
+    }
+
+    /// Refuses a run in which nothing moves.
+    fn is_moved_in(&self, document: &toml::Table) -> Result<(), ConfigError> {
+        if !document.contains_key("striker") && self.drive.is_empty() && self.initial.is_none() {
+            return Err(ConfigError::missing("striker"));
+        }
+        Ok(())
     }
 
     /// Reads a configuration from a TOML document.
@@ -433,7 +456,11 @@ impl RunConfig {
     /// As [`Self::from_toml`]; the line is that in the document as text.
     pub fn from_table(document: &toml::Table) -> Result<Self, ConfigError> {
         match Self::deserialize(document.clone()) {
-            Ok(config) => config.completed(document),
+            Ok(config) => {
+                let config = config.completed(document)?;
+                config.is_moved_in(document)?;
+                Ok(config)
+            }
             // only the text knows where the mistake is; a table is always TOML
             Err(_) => Self::from_toml(&toml::to_string(document).unwrap_or_default()),
         }
@@ -441,18 +468,16 @@ impl RunConfig {
 
     /// With what `document`, which it was read from, leaves open.
     fn completed(mut self, document: &toml::Table) -> Result<Self, ConfigError> {
-        self.fill_in()?;
-        if !document.contains_key("striker") && self.drive.is_empty() && self.initial.is_none() {
-            return Err(ConfigError::missing("striker"));
-        }
+        self.fill_in(document)?;
         if !document.contains_key("integrator") {
             self.integrator.method = self.default_method();
         }
         Ok(self)
     }
 
-    /// The numbers of the scales, where spheres or bonds give them.
-    fn fill_in(&mut self) -> Result<(), ConfigError> {
+    /// The numbers of the scales that `document` does not write, where spheres or bonds give them.
+    fn fill_in(&mut self, document: &toml::Table) -> Result<(), ConfigError> {
+        let written = document.get("chain").and_then(toml::Value::as_table);
         let chain = &mut self.chain;
         let mut usual = [f64::NAN; 3];
         if let Some(Spheres(spheres)) = &chain.spheres {
@@ -470,6 +495,10 @@ impl RunConfig {
         let keys = ["chain.bead_mass_kg", "chain.alpha", "chain.stiffness"];
         let numbers = [&mut chain.bead_mass_kg, &mut chain.alpha, &mut chain.stiffness];
         for ((number, usual), key) in numbers.into_iter().zip(usual).zip(keys) {
+            let is_written = || written.is_some_and(|chain| chain.contains_key(&key["chain.".len()..]));
+            if number.is_nan() && is_written() {
+                return Err(ConfigError::value(key, "nan", "a number"));
+            }
             if number.is_nan() {
                 *number = usual;
             }
@@ -601,6 +630,25 @@ mod tests {
         let error = RunConfig::from_toml(&TEXT.replace("stiffness", "stifness")).expect_err("typo");
         assert_eq!(error.line, Some(6));
         assert!(error.message.contains("stifness") && error.message.contains("stiffness"), "{error}");
+    }
+
+    /// A number that is none is not one that was left out, also where spheres would give it.
+    #[test]
+    fn nan_is_not_missing() {
+        for (from, to, says) in [
+            ("stiffness = 1e7", "stiffness = nan", "line 6: chain.stiffness: found nan; allowed: a number"),
+            ("bead_mass_kg = 1e-3", "bead_mass_kg = -nan", "line 4: chain.bead_mass_kg: found nan"),
+            (
+                "alpha = 0.5",
+                "alpha = nan\nspheres = { material = \"steel\", radius_m = 5e-3 }",
+                "line 5: chain.alpha: found nan",
+            ),
+            ("stiffness = 1e7\n", "", "chain.stiffness: missing; "),
+        ] {
+            let text = TEXT.replace(from, to);
+            let error = RunConfig::from_toml(&text).expect_err(to).located(&text, None).to_string();
+            assert!(error.contains(says), "{to}: {error}");
+        }
     }
 
     #[test]

@@ -109,14 +109,14 @@ impl Drive {
         Ok(())
     }
 
-    /// A phrase for captions: `displacement of the left wall: sine of 6300 Hz`.
+    /// A phrase for captions: `displacement of the left wall: sine of 10 nm at 6300 Hz`.
     pub fn words(&self) -> String {
         let quantity = match self.prescribes {
             Quantity::Force => "force on",
             Quantity::Displacement => "displacement of",
             Quantity::Velocity => "velocity of",
         };
-        format!("{quantity} {}: {}", self.at, self.waveform.words())
+        format!("{quantity} {}: {}", self.at, self.waveform.words(self.prescribes.unit()))
     }
 }
 

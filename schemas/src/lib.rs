@@ -26,6 +26,7 @@ pub mod run_name;
 pub mod scales;
 pub mod simd;
 pub mod sites;
+pub mod spelling;
 pub mod summary;
 pub mod term;
 pub mod whole_file;

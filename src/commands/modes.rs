@@ -12,7 +12,7 @@ use consumers::follow::Analysis;
 use consumers::series::Series;
 use consumers::table::Table;
 use plots::{ModeShape, ModesShown};
-use schemas::config::RunConfig;
+use schemas::config::{ConfigError, RunConfig};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use serde_json::{Value, json};
@@ -100,9 +100,20 @@ fn configured(args: &ModesArgs) -> Result<Option<RunManifest>, Failure> {
 fn read(path: &Path) -> Result<RunManifest, Failure> {
     let unreadable = || format!("{} cannot be read", path.display());
     let text = fs::read_to_string(path).with_context(unreadable).bad_input()?;
-    let config = RunConfig::from_toml(&text).map_err(|error| error.located(&text, Some(path))).bad_input()?;
+    let located = |error: ConfigError| error.located(&text, Some(path));
+    let config = RunConfig::of_chain(&text).map_err(located).bad_input()?;
+    let mut config = experiments::prepared(config, path.parent()).map_err(located).bad_input()?;
+    let is_moved = !config.striker.is_none() || !config.initial.is_none() || !config.drive.is_empty();
+    if !is_moved && config.load.is_none() {
+        // what is no run: its modes are the same whatever strikes it
+        config.striker.velocity_m_s = 1.0;
+    }
     let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-    RunManifest::new(&config, &stem, origin()).map_err(|error| error.located(&text, Some(path))).bad_input()
+    let mut manifest = RunManifest::new(&config, &stem, origin()).map_err(located).bad_input()?;
+    if !is_moved {
+        manifest.physics.striker.velocity_m_s = 0.0;
+    }
+    Ok(manifest)
 }
 
 /// All modes: frequencies, participation, bands.

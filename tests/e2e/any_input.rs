@@ -172,6 +172,50 @@ fn materials_are_shown_as_masses_and_stiffnesses() {
         };
         assert!((number("masses") / mass_kg - 1.0).abs() < 1e-12, "{shown}");
         assert!((number("stiffnesses") / stiffness - 1.0).abs() < 1e-12, "{shown}");
-        assert!(shown.contains("spheres of radius 0.005 m"), "{shown}");
+        assert!(shown.contains("(radius 5 mm)"), "{shown}");
+    }
+}
+
+/// Two exact waves, one given by its speed and one by its peak velocity, travel as theory says and keep their shape.
+#[test]
+fn two_exact_solitary_waves_are_started_by_speed_or_amplitude() {
+    let place = Place::new();
+    let chain = CHAIN.replace("beads = 10", "beads = 200");
+    let waves = |other: &str| {
+        format!(
+            "{chain}[[initial.solitary]]\nbead = 30.5\nspeed_beads_s = 9000.0\n[[initial.solitary]]\nbead = {other}\n\
+             [time]\nduration_s = 5e-3\n"
+        )
+    };
+    place.write("two.toml", &waves("170\nvelocity_m_s = -1.0"));
+    place.run("run two.toml").exits(0);
+    let found = place.run("pulses two.mcap --json").exits(0).json()["results"]["pulses"].clone();
+    let found = found.as_array().unwrap();
+    assert_eq!(found.len(), 2, "{found:?}");
+    for (direction, key, expected) in
+        [("forward", "speed_beads_per_s", 9000.0), ("backward", "v_peak_m_s", -1.0)]
+    {
+        let pulse = found.iter().find(|pulse| pulse["direction"] == direction).unwrap();
+        let [value, speed, width] =
+            [key, "speed_over_solitary", "fwhm_over_solitary"].map(|key| pulse[key].as_f64().unwrap());
+        assert!((value / expected - 1.0).abs() < 1e-4, "{direction}: {value}");
+        assert!((speed - 1.0).abs() < 1e-4 && (width - 1.0).abs() < 1e-3, "{direction}: {speed} {width}");
+    }
+    for (other, says) in [
+        ("36\nvelocity_m_s = 1.0", "initial.solitary[1].bead: found 36, and a wave at bead 30.5"),
+        ("36\nvelocity_m_s = 1.0", "beads apart, where the sum of two exact waves is exact"),
+        ("170", "initial.solitary[1]: found no strength; allowed: one of speed_beads_s and velocity_m_s"),
+        (
+            "170\nvelocity_m_s = 1.0\nspeed_beads_s = 2.0",
+            "initial.solitary[1]: found speed_beads_s and velocity_m_s",
+        ),
+        ("170\nvelocity_m_s = 0.0", "initial.solitary[1].velocity_m_s: found 0; "),
+        (
+            "170\nvelocty_m_s = 1.0",
+            "unknown key `velocty_m_s`; allowed: bead, speed_beads_s, velocity_m_s; did you mean",
+        ),
+    ] {
+        place.write("bad.toml", &waves(other));
+        place.run("run bad.toml").exits(2).says(&["bad.toml:", says]);
     }
 }

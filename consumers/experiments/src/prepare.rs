@@ -1,10 +1,11 @@
 //! What a configuration names and a run has to hold: tables in files, states of recordings, exact solitary waves.
 
-use consumers::theory::{SolitaryWave, Strength};
+mod solitary;
+
 use producer::integrator::Integrator;
 use producer::state::ChainState;
 use recording::RecordingSource;
-use schemas::config::{ConfigError, FromRecording, RunConfig, Solitary};
+use schemas::config::{ConfigError, FromRecording, RunConfig};
 use schemas::drive::{Waveform, table_from_csv};
 use schemas::frame::{FrameSource, Received};
 use sha2::{Digest, Sha256};
@@ -34,11 +35,11 @@ pub fn prepared(mut config: RunConfig, beside: Option<&Path>) -> Result<RunConfi
         }
     }
     let beads = usize::try_from(config.chain.beads).unwrap_or(usize::MAX);
-    if let Some(solitary) = config.initial.solitary.take() {
-        let (u_m, v_m_s) = wave(&config, solitary, beads)?;
+    for (u_m, v_m_s) in solitary::waves(&config, beads)? {
         add(&mut config.initial.displacements_m, u_m);
         add(&mut config.initial.velocities_m_s, v_m_s);
     }
+    config.initial.solitary.clear();
     if let Some(from) = config.initial.from.clone()
         && from.sha256.is_none()
     {
@@ -65,38 +66,6 @@ fn add(list: &mut Vec<f64>, more: Vec<f64>) {
     } else {
         list.iter_mut().zip(more).for_each(|(value, more)| *value += more);
     }
-}
-
-/// Displacements (m) and velocities (m/s) of an exact solitary wave.
-fn wave(config: &RunConfig, solitary: Solitary, beads: usize) -> Result<(Vec<f64>, Vec<f64>), ConfigError> {
-    let key = "initial.solitary.speed_beads_s";
-    let chain = &config.chain;
-    let refuse = |why: &dyn fmt::Display| refused(key, format!("found {}; {why}", solitary.speed_beads_s));
-    let is_even = chain.masses.is_uniform() && chain.stiffnesses.is_uniform() && config.load.is_none();
-    if !is_even || chain.bonds.is_some() || chain.alphas.is_some() || chain.second.is_some() {
-        return Err(refuse(&"an exact solitary wave is that of equal beads, one power and no load"));
-    }
-    let exact = SolitaryWave::new(chain.alpha).map_err(|error| refuse(&error))?;
-    let strength = Strength::Speed { beads_per_s: solitary.speed_beads_s.abs() };
-    let scale = exact
-        .coefficients()
-        .scaled(chain.bead_mass_kg, chain.stiffness, strength)
-        .map_err(|error| refuse(&error))?;
-    let sign = if solitary.speed_beads_s < 0.0 { -1.0 } else { 1.0 };
-    let velocity = |i: usize| sign * scale.velocity_m_s * exact.velocity(i as f64 - solitary.bead);
-    // contact c, half a bead behind bead c + 1, is overlapped; displacements begin at the side to which the wave goes
-    let overlap = |c: usize| scale.overlap_m * exact.overlap(c as f64 + 0.5 - solitary.bead);
-    let mut u_m = vec![0.0; beads];
-    if sign > 0.0 {
-        for i in (0..beads - 1).rev() {
-            u_m[i] = u_m[i + 1] + overlap(i);
-        }
-    } else {
-        for i in 1..beads {
-            u_m[i] = u_m[i - 1] - overlap(i - 1);
-        }
-    }
-    Ok((u_m, (0..beads).map(velocity).collect()))
 }
 
 /// Displacements (m), velocities (m/s) and the hash of a state of a recording, recomputed from the one before where it is not

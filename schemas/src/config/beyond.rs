@@ -1,9 +1,10 @@
 //! What a configuration can say beyond one struck bead and one power law.
 
+use super::several::several;
 use super::{ConfigError, Profile, StrikerConfig};
 use crate::material::Material;
-use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
-use serde::de::{Deserializer, MapAccess, SeqAccess, Visitor};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
 use std::ops::{Deref, DerefMut};
@@ -55,26 +56,9 @@ impl Serialize for Strikers {
 
 impl<'de> Deserialize<'de> for Strikers {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Reader;
-        impl<'de> Visitor<'de> for Reader {
-            type Value = Strikers;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a table")
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Strikers, A::Error> {
-                StrikerConfig::deserialize(MapAccessDeserializer::new(map)).map(Strikers::from)
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Strikers, A::Error> {
-                let mut all =
-                    Vec::<StrikerConfig>::deserialize(SeqAccessDeserializer::new(list))?.into_iter();
-                let first = all.next().unwrap_or_default();
-                Ok(Strikers { first, more: all.collect() })
-            }
-        }
-        deserializer.deserialize_any(Reader)
+        let mut all = several::<_, StrikerConfig>(deserializer)?.into_iter();
+        let first = all.next().unwrap_or_default();
+        Ok(Self { first, more: all.collect() })
     }
 }
 
@@ -334,23 +318,7 @@ impl Serialize for Spheres {
 
 impl<'de> Deserialize<'de> for Spheres {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Reader;
-        impl<'de> Visitor<'de> for Reader {
-            type Value = Spheres;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a sphere, or a list of spheres")
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Spheres, A::Error> {
-                Ok(Spheres(vec![Sphere::deserialize(MapAccessDeserializer::new(map))?]))
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Spheres, A::Error> {
-                Vec::deserialize(SeqAccessDeserializer::new(list)).map(Spheres)
-            }
-        }
-        deserializer.deserialize_any(Reader)
+        several(deserializer).map(Self)
     }
 }
 

@@ -1,5 +1,6 @@
 //! The `[initial]` table: displacements and velocities at step 0, beside those of strikers.
 
+use super::several::several;
 use serde::{Deserialize, Serialize};
 
 /// What stands in it is added up.
@@ -21,9 +22,9 @@ pub struct Initial {
     /// A mode of equal beads between fixed ends.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mode: Option<ModeShape>,
-    /// An exact solitary wave, which becomes lists before it is a run.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub solitary: Option<Solitary>,
+    /// Exact solitary waves, which become lists before a run begins.
+    #[serde(skip_serializing_if = "Vec::is_empty", deserialize_with = "several")]
+    pub solitary: Vec<Solitary>,
     /// Normal velocities.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub thermal: Option<Thermal>,
@@ -86,14 +87,18 @@ pub struct ModeShape {
     pub velocity_m_s: f64,
 }
 
-/// The solitary wave of an unloaded chain of equal beads.
+/// The solitary wave of an unloaded chain of equal beads, given by its speed or by its amplitude.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Solitary {
     /// Where its crest is, in beads.
     pub bead: f64,
     /// The speed (beads/s) at which it travels; negative: to the left.
-    pub speed_beads_s: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed_beads_s: Option<f64>,
+    /// The largest velocity (m/s) of a bead in it; negative: it travels to the left.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub velocity_m_s: Option<f64>,
 }
 
 /// Normal velocities of all beads, without total momentum: one of its keys.

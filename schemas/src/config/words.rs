@@ -1,6 +1,7 @@
 //! Says in plain words what is wrong with a TOML text, instead of the parser's.
 
 use super::{ConfigError, line_at};
+use crate::spelling::did_you_mean;
 use std::ops::Range;
 use toml::de::{DeTable, DeValue};
 
@@ -52,8 +53,8 @@ fn in_words(said: &str, key: String, written: &str) -> (String, String) {
         return (key, format!("missing; {EXAMPLE}"));
     }
     if let Some((found, expected)) = said.strip_prefix("unknown field ").and_then(|s| s.split_once(", ")) {
-        let known = names(expected);
-        return (key, format!("found the unknown key {found}; allowed: {known}"));
+        let hint = did_you_mean(found.trim_matches('`'), each_name(expected));
+        return (key, format!("found the unknown key {found}; allowed: {}{hint}", names(expected)));
     }
     let choice =
         CHOICES.iter().find(|(of, _)| key == *of || key.strip_prefix(of).is_some_and(|k| k.starts_with('.')));
@@ -66,8 +67,12 @@ fn in_words(said: &str, key: String, written: &str) -> (String, String) {
         (_, Some(expected)) if said.starts_with("unknown variant ") => Some(names(expected)),
         _ => None,
     };
-    let message = allowed.map_or(said, |allowed| format!("found {written}; allowed: {allowed}"));
-    (key, message)
+    let variant = said.strip_prefix("unknown variant ").and_then(|said| said.split_once(", "));
+    let hint = variant.map_or_else(String::new, |(found, expected)| {
+        did_you_mean(found.trim_matches('`'), each_name(expected))
+    });
+    let message = allowed.map(|allowed| format!("found {written}; allowed: {allowed}{hint}"));
+    (key, message.unwrap_or(said))
 }
 
 /// Whether a value is the heading of a table, such as `[drive]`.
@@ -78,8 +83,12 @@ fn is_heading(written: &str) -> bool {
 
 /// The names in `` one of `a`, `b` ``.
 fn names(expected: &str) -> String {
-    let names: Vec<&str> = expected.split('`').skip(1).step_by(2).collect();
+    let names: Vec<&str> = each_name(expected).collect();
     if names.is_empty() { "none here".to_owned() } else { names.join(", ") }
+}
+
+fn each_name(expected: &str) -> impl Iterator<Item = &str> {
+    expected.split('`').skip(1).step_by(2)
 }
 
 /// A type of the parser in plain words.
@@ -174,6 +183,10 @@ mod tests {
                 "alhpa",
                 "line 4: chain.alhpa: found the unknown key `alhpa`; allowed: beads, bead_mass_kg, alpha",
             ),
+            ("alpha", "alhpa", "bonds; did you mean `alpha`?"),
+            ("bead_mass_kg", "bead_mass", "bonds; did you mean `bead_mass_kg`?"),
+            ("[stream]", "[steram]", "stream; did you mean `stream`?"),
+            ("{ taper = 0.9 }", "{ tapper = 0.9 }", "{ list_kg = […] }; did you mean `taper`?"),
             ("[striker]", "[hitter]", "hitter: found the unknown key `hitter`; allowed: name, seed, chain"),
             (
                 "{ taper = 0.9 }",

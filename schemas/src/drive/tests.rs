@@ -35,7 +35,7 @@ fn drives_round_trip() {
     assert_eq!(json, written);
     assert_eq!(serde_json::from_str::<Drive>(&json).expect("the same"), drive);
     assert_eq!(read(&toml::to_string(&drive).expect("toml")).expect("the same"), drive);
-    assert_eq!(drive.words(), "displacement of the left wall: sine of 6300 Hz");
+    assert_eq!(drive.words(), "displacement of the left wall: sine of 10 nm at 6300 Hz");
     for waveform in all() {
         let json = serde_json::to_string(&waveform).expect("json");
         assert_eq!(serde_json::from_str::<Waveform>(&json).expect("the same"), waveform);

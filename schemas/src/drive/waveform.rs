@@ -221,25 +221,33 @@ impl Waveform {
         }
     }
 
-    /// A phrase for captions: `sine of 6300 Hz`.
-    pub fn words(&self) -> String {
+    /// A phrase for captions: `sine of 10 nm at 6300 Hz`; `unit` is that of the values.
+    pub fn words(&self, unit: &str) -> String {
         let (number, seconds) = (amounts::typed, amounts::seconds);
+        let of = |amplitude: f64| amounts::typed_quantity(amplitude, unit);
         match self {
-            Self::Constant(value) => format!("constant {}", number(*value)),
-            Self::Sine(sine) => format!("sine of {} Hz", number(sine.frequency_hz)),
+            Self::Constant(value) => format!("constant {}", of(*value)),
+            Self::Sine(sine) => format!("sine of {} at {} Hz", of(sine.amplitude), number(sine.frequency_hz)),
             Self::Chirp(chirp) => {
                 let [from, to] = [chirp.from_hz, chirp.to_hz].map(number);
-                format!("chirp from {from} to {to} Hz in {}", seconds(chirp.duration_s))
+                let duration = seconds(chirp.duration_s);
+                format!("chirp of {} from {from} to {to} Hz in {duration}", of(chirp.amplitude))
             }
-            Self::Step(step) => format!("step at {}", seconds(step.at_s)),
-            Self::Ramp(ramp) => format!("ramp from {} to {}", seconds(ramp.from_s), seconds(ramp.to_s)),
-            Self::HalfSine(half) => format!("half-sine of {}", seconds(half.duration_s)),
-            Self::Gaussian(gaussian) if gaussian.frequency_hz == 0.0 => {
-                format!("Gaussian of {} at {}", seconds(gaussian.width_s), seconds(gaussian.at_s))
+            Self::Step(step) => format!("step of {} at {}", of(step.amplitude), seconds(step.at_s)),
+            Self::Ramp(ramp) => {
+                let [from, to] = [ramp.from_s, ramp.to_s].map(seconds);
+                format!("ramp to {} from {from} to {to}", of(ramp.amplitude))
+            }
+            Self::HalfSine(half) => {
+                format!("half-sine of {}, {} long", of(half.amplitude), seconds(half.duration_s))
             }
             Self::Gaussian(gaussian) => {
-                let [width, at] = [gaussian.width_s, gaussian.at_s].map(seconds);
-                format!("burst of {} Hz, {width} at {at}", number(gaussian.frequency_hz))
+                let (height, [width, at]) =
+                    (of(gaussian.amplitude), [gaussian.width_s, gaussian.at_s].map(seconds));
+                match gaussian.frequency_hz {
+                    0.0 => format!("Gaussian of {height}, width {width}, at {at}"),
+                    hertz => format!("burst of {height} at {} Hz, width {width}, at {at}", number(hertz)),
+                }
             }
             Self::Table(table) => format!("table of {} values", table.values.len()),
             Self::Csv { csv, .. } => format!("table in {}", csv.display()),

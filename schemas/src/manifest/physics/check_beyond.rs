@@ -235,13 +235,9 @@ impl Physics {
             return Err(ConfigError::value(&format!("striker[{i}].bead"), strikers[i], "each bead once"));
         }
         let initial = &self.initial;
-        if let Some(solitary) = initial.solitary {
+        if !initial.solitary.is_empty() {
             let allowed = "lists: a solitary wave is computed before a run is, by `run` and `sweep`";
-            return Err(ConfigError::number(
-                "initial.solitary.speed_beads_s",
-                solitary.speed_beads_s,
-                allowed,
-            ));
+            return Err(ConfigError::value("initial.solitary", "a wave", allowed));
         }
         let lists =
             [("displacements_m", &initial.displacements_m), ("velocities_m_s", &initial.velocities_m_s)];

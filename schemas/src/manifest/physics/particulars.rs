@@ -1,9 +1,11 @@
 //! A run in words, for captions and listings.
 
 use super::Physics;
-use crate::config::{Disordered, End, MassRule, StiffnessRule};
+use crate::amounts::{typed, typed_quantity};
+use crate::config::{Disorder, Disordered, End, MassRule, Sphere, StiffnessRule, TwoValued};
 use crate::damping::Damping;
 use crate::drive::Drive;
+use crate::material::{MATERIALS, Material};
 
 /// How many values are written out.
 const SHOWN: usize = 4;
@@ -59,11 +61,17 @@ impl Physics {
     /// What goes beyond one struck bead and one power law.
     fn beyond_in_words(&self, phrases: &mut Vec<String>) {
         if let Some(spheres) = &self.spheres {
-            let radii: Vec<f64> = spheres.0.iter().map(|sphere| sphere.radius_m).collect();
-            phrases.push(format!("spheres of radius {} m", first_of(&radii)));
+            let mut words: Vec<_> = spheres.0.iter().take(SHOWN).map(sphere_in_words).collect();
+            words.extend(
+                (spheres.0.len() > SHOWN).then(|| format!("… ({} kinds of spheres)", spheres.0.len())),
+            );
+            let in_turn = if spheres.0.len() > 1 { " in turn" } else { "" };
+            phrases.push(format!("spheres of {}{in_turn}", words.join(", ")));
         }
-        if !self.odd_spheres.is_empty() {
-            phrases.push(format!("{} other spheres", self.odd_spheres.len()));
+        let odd = self.odd_spheres.iter().take(SHOWN);
+        phrases.extend(odd.map(|odd| format!("bead {}: {}", odd.bead, sphere_in_words(&odd.sphere))));
+        if self.odd_spheres.len() > SHOWN {
+            phrases.push(format!("… ({} other spheres)", self.odd_spheres.len()));
         }
         phrases.extend(self.alphas.as_ref().map(|alphas| format!("α of {}", first_of(alphas.written()))));
         phrases.extend(self.second.as_ref().map(|second| format!("a second power, α = {}", second.alpha)));
@@ -85,7 +93,7 @@ impl Physics {
                 Disordered::Radii => "radii",
                 Disordered::Stiffnesses => "stiffnesses",
             };
-            phrases.push(format!("disordered {of}, seed {}", self.seed));
+            phrases.push(format!("disordered {of} ({}), seed {}", disorder_in_words(disorder), self.seed));
         }
         let on_site = &self.on_site;
         if on_site.linear_n_per_m.is_some() || on_site.cubic_n_per_m3.is_some() {
@@ -116,6 +124,32 @@ impl Physics {
     }
 }
 
+/// `steel (radius 4.76 mm)`
+fn sphere_in_words(sphere: &Sphere) -> String {
+    let Material { density_kg_m3, young_pa, poisson } = sphere.material;
+    let name = MATERIALS.iter().find(|known| known.material == sphere.material).map(|known| known.name);
+    let material = name.map_or_else(
+        || format!("ρ = {density_kg_m3} kg/m³, E = {} GPa and ν = {poisson}", typed(young_pa / 1e9)),
+        str::to_owned,
+    );
+    format!("{material} (radius {})", typed_quantity(sphere.radius_m, "m"))
+}
+
+/// What chance does to each value: `uniform ±20 %`.
+fn disorder_in_words(disorder: &Disorder) -> String {
+    let percent = |part: f64| typed(100.0 * part);
+    let words = [
+        disorder.uniform.map(|width| format!("uniform ±{} %", percent(width))),
+        disorder.normal.map(|width| format!("normal, {} %", percent(width))),
+        disorder.log_normal.map(|width| format!("log-normal, s = {}", typed(width))),
+        disorder
+            .two_valued
+            .map(|TwoValued { fraction, factor }| format!("{} % times {}", percent(fraction), typed(factor))),
+        disorder.permuted.then(|| "permuted".to_owned()),
+    ];
+    words.into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
 /// The first few values, in words.
 fn first_of(values: &[f64]) -> String {
     let mut words: Vec<_> = values.iter().take(SHOWN).map(f64::to_string).collect();
@@ -126,7 +160,7 @@ fn first_of(values: &[f64]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{DampingConfig, OddContact};
+    use crate::config::{DampingConfig, OddContact, RunConfig};
     use crate::method::Method;
     use crate::presets::PRESETS;
 
@@ -153,5 +187,27 @@ mod tests {
             "coefficient of restitution 0.9",
         ];
         assert_eq!(found, expected);
+    }
+
+    /// What a referee asks of a figure: what drives the chain, how disordered it is, what it is made of, and whether it is a ring.
+    #[test]
+    fn drives_disorder_materials_and_rings_have_their_numbers() {
+        let text = "seed = 7\n[chain]\nbeads = 20\nspheres = [{ material = \"steel\", radius_m = 4.76e-3 }, \
+            { density_kg_m3 = 2500, young_pa = 70e9, poisson = 0.2, radius_m = 2e-3 }]\n\
+            odd_spheres = [{ bead = 9, material = \"brass\", diameter_m = 6e-3 }]\n\
+            [[disorder]]\nof = \"radii\"\nuniform = 0.05\n[[disorder]]\nof = \"stiffnesses\"\n\
+            two_valued = { fraction = 0.3, factor = 2 }\n[ends]\nleft = \"periodic\"\nright = \"periodic\"\n\
+            [[drive]]\nbead = 3\nforce_n = { sine = { amplitude = 0.25, frequency_hz = 6300 } }\n\
+            [time]\nduration_s = 1e-3\n";
+        let config = RunConfig::from_toml(text).expect("valid");
+        let expected = [
+            "a ring",
+            "spheres of steel (radius 4.76 mm), ρ = 2500 kg/m³, E = 70 GPa and ν = 0.2 (radius 2 mm) in turn",
+            "bead 9: brass (radius 3 mm)",
+            "disordered radii (uniform ±5 %), seed 7",
+            "disordered stiffnesses (30 % times 2), seed 7",
+            "force on bead 3: sine of 250 mN at 6300 Hz",
+        ];
+        assert_eq!(Physics::resolve(&config).expect("valid").particulars(), expected);
     }
 }
