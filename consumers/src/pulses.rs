@@ -160,3 +160,14 @@ pub struct Pulse {
     /// Its full width at half maximum relative to that wave's.
     pub fwhm_over_solitary: Option<f64>,
 }
+
+impl Pulse {
+    /// The one of the larger peak velocity; the first, if they have the same.
+    pub fn stronger(one: Option<Self>, other: Option<Self>) -> Option<Self> {
+        let peak = |pulse: &Self| pulse.measured.point.v_peak_m_s.abs();
+        match (one, other) {
+            (Some(one), Some(other)) => Some(if peak(&other) > peak(&one) { other } else { one }),
+            (one, other) => one.or(other),
+        }
+    }
+}

@@ -40,15 +40,30 @@ pub const FRAME_INTERVAL: f64 = 0.1;
 /// Steps between two recorded frames, unless the base says otherwise.
 const RECORD_EVERY_STEPS: u64 = 100;
 
-/// Makes a configuration complete whose parts are elsewhere, such as tables in files beside the given directory.
-pub type Prepare = fn(RunConfig, Option<&Path>) -> Result<RunConfig, ConfigError>;
+/// What a sweep needs of those who complete its configurations and look at its runs.
+#[derive(Debug, Clone, Copy)]
+pub struct Hooks {
+    /// Makes a configuration complete whose parts are elsewhere, such as tables in files beside the given directory.
+    pub prepare: fn(RunConfig, Option<&Path>) -> Result<RunConfig, ConfigError>,
+    /// The whole name of a column that `measure` names. What is no column of an analysis, or none of the given run, is refused
+    /// with what is allowed.
+    pub measure: fn(&str, Option<&RunManifest>) -> Result<String, String>,
+}
+
+impl Hooks {
+    /// Configurations that are complete, and no analyses.
+    pub const NONE: Self = Self {
+        prepare: |config, _| Ok(config),
+        measure: |_, _| Err("nothing looks at these runs".to_owned()),
+    };
+}
 
 /// A sweep file, each of whose points is computed from its index; those that are checked are possible runs.
 #[derive(Debug)]
 pub struct Sweep {
     text: String,
     path: PathBuf,
-    prepare: Prepare,
+    hooks: Hooks,
     definition: Definition,
     parameters: Vec<Parameter>,
     identity: [u8; 32],
@@ -126,17 +141,17 @@ pub enum SweepError {
 }
 
 impl Sweep {
-    /// Reads a sweep file, and the configuration that it begins with, and checks its points, each of which `prepare`
-    /// completes from the directory of the sweep file. Of more than [`MOST_CHECKED`] points some are checked, among them
+    /// Reads a sweep file, and the configuration that it begins with, and checks its points, each of which `hooks`
+    /// complete from the directory of the sweep file. Of more than [`MOST_CHECKED`] points some are checked, among them
     /// those that have each value of a list.
     ///
     /// # Errors
     /// When a file cannot be read, when something in it is impossible (with the file, the line and the key),
     /// or when there are too many points.
-    pub fn read(path: &Path, prepare: Prepare) -> Result<Self, SweepError> {
+    pub fn read(path: &Path, hooks: Hooks) -> Result<Self, SweepError> {
         let unreadable = |source| SweepError::Unreadable { path: path.to_owned(), source };
         let text = fs::read_to_string(path).map_err(unreadable)?;
-        Self::from_toml(&text, path, |path| fs::read_to_string(path), prepare)
+        Self::from_toml(&text, path, |path| fs::read_to_string(path), hooks)
     }
 
     /// Like [`Sweep::read`] for the contents `text` of the file `path`; `read` gives the contents of the file
@@ -148,13 +163,14 @@ impl Sweep {
         text: &str,
         path: &Path,
         read: impl Fn(&Path) -> io::Result<String>,
-        prepare: Prepare,
+        hooks: Hooks,
     ) -> Result<Self, SweepError> {
-        let definition = Definition::read(text, path, read)?;
+        let mut definition = Definition::read(text, path, read)?;
+        definition.name_measures(path, hooks.measure)?;
         let mut sweep = Self {
             text: text.to_owned(),
             path: path.to_owned(),
-            prepare,
+            hooks,
             parameters: parameters(&definition),
             definition,
             identity: [0; 32],
@@ -203,6 +219,11 @@ impl Sweep {
         self.definition.check
     }
 
+    /// Columns of analyses that each row has beside the usual ones.
+    pub fn measure(&self) -> &[String] {
+        &self.definition.measure
+    }
+
     /// The bead that divides left from right, if the file names one.
     pub fn split_bead(&self) -> Option<u64> {
         self.definition.split_bead
@@ -248,12 +269,20 @@ impl Sweep {
 
     /// What the configuration `document` of a point leads to.
     fn resolved(&self, document: &Table) -> Result<(RunConfig, Physics), ConfigError> {
-        let config = (self.prepare)(RunConfig::from_table(document)?, self.path.parent())?;
+        let config = (self.hooks.prepare)(RunConfig::from_table(document)?, self.path.parent())?;
         let physics = Physics::resolve(&config)?;
         let config = with_intervals(config, document, &physics);
         let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
         let manifest = RunManifest::of(physics, &config, "sweep", origin)?;
         self.check_split(&manifest)?;
+        for (place, name) in self.measure().iter().enumerate() {
+            (self.hooks.measure)(name, Some(&manifest)).map_err(|message| ConfigError {
+                path: None,
+                line: None,
+                key: measure_key(place),
+                message,
+            })?;
+        }
         Ok((config, manifest.physics))
     }
 
@@ -355,6 +384,11 @@ fn with_intervals(mut config: RunConfig, document: &Table, physics: &Physics) ->
         config.stream.record_every_steps = RECORD_EVERY_STEPS.next_multiple_of(published);
     }
     config
+}
+
+/// The key of an entry of `measure`.
+fn measure_key(place: usize) -> String {
+    format!("measure[{place}]")
 }
 
 /// An index of something that is in memory.

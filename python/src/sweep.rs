@@ -81,7 +81,7 @@ impl Sweep {
                 &text,
                 &path,
                 |path| read_to_string(path),
-                experiments::prepared,
+                experiments::HOOKS,
             );
             Ok(Self { sweep: read? })
         })

@@ -142,14 +142,11 @@ fn threshold_n(args: &ForcesArgs, manifest: &RunManifest) -> Result<f64, Failure
     if let Some(threshold_n) = args.threshold {
         return Ok(threshold_n);
     }
-    let scales = manifest.physics.scales();
-    let scale_n = manifest.physics.bead_mass_kg * scales.length_m / (scales.time_s * scales.time_s);
-    if scale_n.is_finite() && scale_n > 0.0 {
-        return Ok(1e-2 * scale_n);
-    }
-    Err(bad_input!(
-        "the run has no force scale, since nothing strikes and nothing is loaded; say --threshold N"
-    ))
+    Peaks::default_threshold_n(&manifest.physics).ok_or_else(|| {
+        bad_input!(
+            "the run has no force scale, since nothing strikes and nothing is loaded; say --threshold N"
+        )
+    })
 }
 
 fn columns(places: &[Place]) -> Vec<String> {

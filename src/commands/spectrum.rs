@@ -121,11 +121,11 @@ impl Asked {
         };
         match self.kind {
             Kind::Spectra => {
-                let length = match self.window {
-                    Window::Hann => length(4, 1 << 16),
-                    Window::None => length(1, 1 << 20),
-                };
-                Engine::Spectra(Welch::new(self.places.len(), length, &self.pairs, self.window))
+                let (signals, pairs, window) = (self.places.len(), &self.pairs, self.window);
+                Engine::Spectra(match self.segment {
+                    Some(length) => Welch::new(signals, length, pairs, window),
+                    None => Welch::for_samples(signals, samples, pairs, window),
+                })
             }
             Kind::Spectrogram => Engine::Spectrogram(Spectrogram::new(samples, length(12, 1 << 14))),
             Kind::Map => {

@@ -44,7 +44,7 @@ pub(crate) fn sweep(args: &SweepArgs) -> Result<Done, Failure> {
         "the finished points are kept in {}, the same command goes on with the others",
         out.display()
     ));
-    let sweep = Sweep::read(file, experiments::prepared).bad_input()?;
+    let sweep = Sweep::read(file, experiments::HOOKS).bad_input()?;
     if args.slurm.slurm {
         return cluster::slurm(&sweep, out, args);
     }
@@ -81,7 +81,7 @@ pub(crate) fn sweep(args: &SweepArgs) -> Result<Done, Failure> {
 fn plan(file: &Path, args: &SweepArgs) -> Result<Done, Failure> {
     let start = Instant::now();
     let stop = signals::stop_flag()?;
-    let sweep = Sweep::read(file, experiments::prepared).bad_input()?;
+    let sweep = Sweep::read(file, experiments::HOOKS).bad_input()?;
     let plan = Plan::of(&sweep, start.elapsed(), args.cores.map(NonZero::get), &stop)?;
     report(args.json, &plan, || plan.text(file))?;
     Ok(Done::Whole)

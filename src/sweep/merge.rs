@@ -250,13 +250,13 @@ pub(super) fn add(table: &mut Table, index: u64, cells: &[Cell]) -> Result<(), F
 mod tests {
     use super::*;
     use crate::args::Shard;
+    use producer::sweep::Hooks;
     use std::path::Path;
 
     /// The sweep of so many points in a directory, and the indices of its rows after some were written.
     fn found(text: &str, written: &[u64]) -> Vec<u64> {
         let no_files = |_: &Path| Err(std::io::ErrorKind::NotFound.into());
-        let sweep =
-            Sweep::from_toml(text, Path::new("s.toml"), no_files, |config, _| Ok(config)).expect("valid");
+        let sweep = Sweep::from_toml(text, Path::new("s.toml"), no_files, Hooks::NONE).expect("valid");
         let place = tempfile::tempdir().expect("tempdir");
         let directory = Directory::open(place.path(), &sweep, false).expect("empty");
         let journal = directory.journal(Shard::WHOLE, |_| ()).expect("ours");

@@ -84,13 +84,13 @@ fn script(
         directive("cpus-per-task", &args.cpus.to_string())?,
     ];
     let given = [
-        ("time", &args.time),
-        ("mem", &args.mem),
-        ("partition", &args.partition),
-        ("account", &args.account),
+        ("time", args.time.as_ref().map(|time| time.text.as_str())),
+        ("mem", args.mem.as_deref()),
+        ("partition", args.partition.as_deref()),
+        ("account", args.account.as_deref()),
     ];
     for (name, value) in given {
-        options.extend(value.as_deref().map(|value| directive(name, value)).transpose()?);
+        options.extend(value.map(|value| directive(name, value)).transpose()?);
     }
     options.extend(args.sbatch.iter().map(|line| format!("#SBATCH {line}")));
     Ok(TASK

@@ -28,6 +28,7 @@ mod long_runs;
 mod lying;
 mod manners;
 mod mcap_readers;
+mod measures;
 #[cfg(feature = "remote")]
 mod object_store;
 mod other_tools;

@@ -167,6 +167,7 @@ fn without_slurm_there_is_a_script_to_take_there() {
     ended.says(&["sbatch is not on this machine", "slurm/array.sh"]);
     place.run("sweep s.toml --out all --submit").exits(2).says(&["--slurm"]);
     place.run("sweep s.toml --out all --slurm --time 1\u{7}").exits(2).says(&["one line"]);
+    place.run("sweep s.toml --out all --slurm --time 25h").exits(2).says(&["D-HH:MM:SS; 25h is 1-01:00:00"]);
 }
 
 /// Also where no engine leaves traces.

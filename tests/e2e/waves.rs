@@ -159,6 +159,43 @@ fn a_dimer_chain_has_its_gap_and_an_impurity_its_mode_in_it() {
     refused.says(&["contact 0 is not pressed together", "precompression_n"]);
 }
 
+/// What strikes a chain is no matter of its modes: the same with a striker, without one, and of bonds that nothing loads.
+#[test]
+fn modes_need_no_striker() {
+    let place = Place::new();
+    let chain = "[chain]\nbeads = 9\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n[ends]\nleft = \"fixed\"\n\
+        right = \"fixed\"\n[load]\nprecompression_n = 10.0\n[time]\nduration_s = 1e-3\n";
+    place.write("still.toml", chain);
+    place.write("struck.toml", &format!("{chain}[striker]\nbead = 0\nvelocity_m_s = 0.1\n"));
+    let bonds = "[chain]\nbeads = 9\nbead_mass_kg = 1.0\nbonds = { linear = 1.0, cubic = 0.5 }\n[time]\nduration_s = 1.0\n";
+    place.write("bonds.toml", bonds);
+    let modes =
+        |name: &str| place.run(&format!("modes {name}.toml --json")).exits(0).json()["results"].clone();
+    assert_eq!(modes("still"), modes("struck"));
+    let top_hz = number(&modes("bonds")["modes"][8]["frequency_hz"]);
+    assert!((top_hz - 2.0 * (8.0 * PI / 18.0).sin() / TAU).abs() < 1e-12, "{top_hz}");
+    // a chain that is not linear says so, not that nothing moves it
+    place.write("loose.toml", &chain.replace("10.0", "0.0"));
+    place.run("modes loose.toml").exits(2).says(&["is not pressed together at rest"]);
+    // a run needs something that moves
+    place.run("run still.toml").exits(2).says(&["striker: missing"]);
+}
+
+/// Beyond the band there is no motion to transmit: what is drawn ends there, and says why.
+#[test]
+fn a_transmission_is_drawn_where_it_is_coherent() {
+    let place = Place::new();
+    place.run("run --preset thermal --name shaken").exits(0);
+    let words = "spectrum shaken.mcap --transmission bead:1,bead:30 --figure t.svg --json";
+    let ended = place.run(words).exits(0).json();
+    let segments = ended["results"]["segment_count"].as_u64().unwrap();
+    assert!(segments > 1, "{ended}");
+    let svg = place.read("t.svg").replace('\u{a0}', " ");
+    for says in [format!("the coherence of {segments} segments"), "least for |H".to_owned()] {
+        assert!(svg.contains(&says), "{says}");
+    }
+}
+
 /// Energies in modes stay while motion is small, and together are the energy of the chain.
 #[test]
 fn weak_sound_keeps_the_energy_of_each_mode() {

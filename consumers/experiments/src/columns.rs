@@ -1,6 +1,7 @@
 //! The columns of a sweep's rows.
 
 use crate::analyses::Leading;
+use crate::measures;
 use consumers::determination::{Outcome, Quantity};
 use consumers::energies::{EnergyOutcome, Reflection};
 use consumers::pulses::{Counts, Measured};
@@ -75,7 +76,7 @@ const CHECKED: [(&str, Kind); 4] = [
 /// The column of why a point has no results.
 pub const ERROR_COLUMN: &str = "error";
 
-/// The columns of a sweep's rows: its parameters, then the results.
+/// The columns of a sweep's rows: its parameters, then the results, then those of other analyses that it asks for.
 pub fn columns(sweep: &Sweep) -> Vec<Column> {
     let kind = |kind| match kind {
         ParameterKind::Integer => Kind::Integer,
@@ -84,7 +85,7 @@ pub fn columns(sweep: &Sweep) -> Vec<Column> {
     };
     let parameters = sweep.parameters().iter().map(|p| Column::new(p.key.clone(), kind(p.kind)));
     let results = results(sweep).map(|(name, kind)| Column::new(*name, *kind));
-    parameters.chain(results).collect()
+    parameters.chain(results).chain(measures::columns(sweep.measure())).collect()
 }
 
 /// The columns of the results of `sweep`.
@@ -95,24 +96,41 @@ fn results(sweep: &Sweep) -> impl Iterator<Item = &'static (&'static str, Kind)>
     }))
 }
 
-/// The values of [`RESULTS`] and of [`CHECKED`], if the sweep asks for these; those that are not set do not exist.
-pub(crate) struct Results(Vec<Cell>);
+/// The values of [`RESULTS`] and of [`CHECKED`], if the sweep asks for these, and of what else it asks for; those that are not
+/// set do not exist.
+pub(crate) struct Results {
+    results: Vec<Cell>,
+    measured: Vec<Cell>,
+}
 
 impl Results {
     /// Nothing yet.
     pub(crate) fn of(sweep: &Sweep) -> Self {
-        Self(vec![Cell::Empty; results(sweep).count()])
+        Self {
+            results: vec![Cell::Empty; results(sweep).count()],
+            measured: vec![Cell::Empty; sweep.measure().len()],
+        }
+    }
+
+    /// Sets the values of other analyses that the sweep asks for.
+    pub(crate) fn measured(&mut self, cells: Vec<Cell>) {
+        self.measured = cells;
     }
 
     /// The row of a point with these parameters.
     pub(crate) fn cells(self, parameters: &[Option<ParameterValue>]) -> Vec<Cell> {
-        parameters.iter().map(|value| parameter(value.as_ref())).chain(self.0).collect()
+        parameters
+            .iter()
+            .map(|value| parameter(value.as_ref()))
+            .chain(self.results)
+            .chain(self.measured)
+            .collect()
     }
 
     fn set(&mut self, name: &str, cell: Cell) -> &mut Self {
         let column = RESULTS.iter().chain(&CHECKED).position(|(column, _)| *column == name);
         debug_assert!(column.is_some(), "there is no column `{name}`");
-        if let Some(place) = column.and_then(|column| self.0.get_mut(column)) {
+        if let Some(place) = column.and_then(|column| self.results.get_mut(column)) {
             *place = cell;
         }
         self

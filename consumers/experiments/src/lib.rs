@@ -1,6 +1,7 @@
 //! Runs and what looks at them, in one process and without a bus.
 //!
 //! - [`row`]: a point of a sweep, a pure function of the sweep file and an index
+//! - [`measures`]: columns of any analysis that a row has when it is asked for them by name
 //! - [`ensemble`]: what the rows of points have in common that differ in one key
 //! - [`compare`]: a run and its twins, side by side
 //! - [`pool`]: jobs shared out among threads
@@ -9,9 +10,15 @@ mod analyses;
 mod columns;
 pub mod compare;
 pub mod ensemble;
+mod measures;
 pub mod pool;
 mod prepare;
 pub mod row;
 
 pub use columns::{ERROR_COLUMN, columns};
 pub use prepare::prepared;
+
+use producer::sweep::Hooks;
+
+/// What sweeps need of us.
+pub const HOOKS: Hooks = Hooks { prepare: prepared, measure: measures::check };

@@ -63,7 +63,14 @@ where
     };
     let manifest = RunManifest::of(physics, &config, &format!("point-{index:06}"), origin)?;
     signals.at.begin(&manifest);
-    let mut analyses = Analyses::new(&manifest, sweep.split_bead());
+    let mut analyses = match Analyses::new(&manifest, sweep.split_bead(), sweep.measure()) {
+        Ok(analyses) => analyses,
+        Err((place, message)) => {
+            let key = format!("measure[{place}]");
+            let error = ConfigError { path: None, line: None, key, message };
+            return Ok(Some(impossible(sweep, &parameters, error)));
+        }
+    };
     let mut recorder = recording.map(|path| record(path, &manifest, sweep, (index, &config))).transpose()?;
     let mut conduct = Conduct::new(sweep, &manifest, signals);
     let result = producer::run::run(&manifest, &mut analyses, recorder.as_mut(), &mut conduct);
@@ -82,7 +89,7 @@ where
     let reason = outcome.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
     recorder.map(|recorder| recorder.finish(reason)).transpose()?;
     let mut results =
-        results(sweep, &manifest, &analyses, &outcome.map(|outcome| (outcome, conduct.settled)));
+        results(sweep, &manifest, &mut analyses, &outcome.map(|outcome| (outcome, conduct.settled)));
     if sweep.check() && !determine(&mut results, sweep, &manifest, analyses.step, signals.stop) {
         return Ok(None);
     }
@@ -143,7 +150,7 @@ fn record(
 fn results(
     sweep: &Sweep,
     manifest: &RunManifest,
-    analyses: &Analyses,
+    analyses: &mut Analyses,
     outcome: &Result<(RunOutcome, Option<Settled>), String>,
 ) -> Results {
     let physics = &manifest.physics;
@@ -164,6 +171,7 @@ fn results(
                 results.energies(&energies);
             }
             results.pulses(&analyses.pulses.counts(), &analyses.leading);
+            results.measured(analyses.measured(manifest));
         }
         Err(error) => {
             results.word("end", EndReason::Failed.as_str()).word(ERROR_COLUMN, error.as_str());
@@ -261,7 +269,7 @@ mod tests {
             text,
             Path::new("s.toml"),
             |_| Err(std::io::ErrorKind::NotFound.into()),
-            crate::prepared,
+            crate::HOOKS,
         )
         .expect("valid")
     }
@@ -321,9 +329,9 @@ mod tests {
         let sweep = sweep(text);
         let point = sweep.point(0).expect("point");
         let manifest = RunManifest::new(&point.config, "point", origin()).expect("valid");
-        let analyses = Analyses::new(&manifest, None);
+        let mut analyses = Analyses::new(&manifest, None, &[]).unwrap_or_else(|(_, why)| panic!("{why}"));
         let failed = Err("bead 3 is not finite".to_owned());
-        let cells = results(&sweep, &manifest, &analyses, &failed).cells(&point.parameters);
+        let cells = results(&sweep, &manifest, &mut analyses, &failed).cells(&point.parameters);
         let columns = columns(&sweep);
         assert_eq!(cells.len(), columns.len());
         let value = |name: &str| {

@@ -31,13 +31,63 @@ pub struct Spectra<'a> {
     pub densities: &'a [Vec<f64>],
     /// How places follow each other.
     pub transmissions: &'a [TransmissionCurve<'a>],
-    /// Whether their coherence is known.
-    pub has_coherence: bool,
+    /// Segments that were averaged: of one alone no coherence is known.
+    pub segment_count: u64,
     /// Where linear waves travel.
     pub bands_hz: &'a [Band],
     /// The highest frequency that is shown (Hz).
     pub top_hz: f64,
 }
+
+impl Spectra<'_> {
+    /// The coherence that two signals without any relation exceed once in a hundred lines; none if it is not known.
+    ///
+    /// # Source
+    /// J. S. Bendat and A. G. Piersol, *Random Data*, 4th ed. (Wiley 2010), chapter 9: of n segments of such signals the
+    /// coherence is above x with the probability (1 − x)^(n − 1).
+    fn least_coherence(&self) -> Option<f64> {
+        (self.segment_count > 1).then(|| 1.0 - 0.01_f64.powf(1.0 / (self.segment_count - 1) as f64))
+    }
+
+    /// `|H₁|` of a pair, NaN at frequencies that say nothing about it: where the coherence may be chance, or, if it is not known,
+    /// above all bands, and where the first place has no density that is shown.
+    fn gain(&self, TransmissionCurve { from, found, .. }: &TransmissionCurve<'_>) -> Vec<f64> {
+        let first = self.places.iter().position(|place| place == from);
+        let density = first.and_then(|first| self.densities.get(first)).map_or(&[][..], Vec::as_slice);
+        let largest = density.iter().skip(1).fold(0.0_f64, |high, value| high.max(*value));
+        let (least, top_hz) = (self.least_coherence(), self.bands_hz.last().map(|band| band[1]));
+        let is_told = |line: usize, coherence: f64| match (least, top_hz) {
+            (Some(least), _) => coherence > least,
+            (None, Some(top_hz)) => self.frequencies_hz[line] <= top_hz,
+            (None, None) => true,
+        };
+        let gain = found.gain.iter().zip(&found.coherence).enumerate();
+        gain.map(|(line, (gain, coherence))| {
+            let has_density = density.get(line).is_some_and(|value| *value >= SHOWN_DENSITY * largest);
+            if has_density && is_told(line, *coherence) { *gain } else { f64::NAN }
+        })
+        .collect()
+    }
+
+    /// What is said of the frequencies at which `|H₁|` is drawn.
+    fn gain_caption(&self) -> String {
+        let part = super::scientific(SHOWN_DENSITY);
+        let where_dense = format!("; |H_{{1}}| where the first place has {part} of its largest density");
+        match (self.least_coherence(), self.bands_hz.is_empty()) {
+            (Some(least), _) => format!(
+                "{where_dense}, and the coherence of {} segments is above {least:.2}, which chance exceeds in 1 % of lines",
+                self.segment_count
+            ),
+            (None, false) => {
+                format!("{where_dense}, up to the top of the band: one segment has no coherence")
+            }
+            (None, true) => format!("{where_dense}; one segment has no coherence"),
+        }
+    }
+}
+
+/// Densities below this part of the largest are rounding, or leak from other frequencies.
+const SHOWN_DENSITY: f64 = 1e-10;
 
 /// How one place follows another.
 #[derive(Debug)]
@@ -105,10 +155,10 @@ pub fn spectra(manifest: &RunManifest, shown: &Spectra<'_>) -> Figure {
     let unit = density_unit(shown.quantity);
     let mut y = Axis::new(format!("{} PSD ({unit})", shown.quantity.name())).log();
     if largest > 0.0 {
-        // rounding, far below, is not worth the room
+        // what is far below is not worth the room
         let lowest = shown.densities.iter().flat_map(|density| curve(density));
         let lowest = lowest.map(|point| point.1).filter(|value| *value > 0.0).fold(largest, f64::min);
-        y = y.limits(lowest.max(1e-10 * largest), 3.0 * largest);
+        y = y.limits(lowest.max(SHOWN_DENSITY * largest), 3.0 * largest);
     }
     let mut panel = with_bands(Panel::new().x_axis(x()).y_axis(y), true).height(1.1);
     for (place, density) in shown.places.iter().zip(shown.densities) {
@@ -121,12 +171,17 @@ pub fn spectra(manifest: &RunManifest, shown: &Spectra<'_>) -> Figure {
     let mut gain = with_bands(Panel::new().x_axis(x()), false).y_axis(Axis::new("|H_{1}|").log());
     let coherence = Panel::new().x_axis(x()).y_axis(Axis::new("coherence").limits(0.0, 1.05)).height(0.6);
     let mut coherence = with_bands(coherence, false);
-    for TransmissionCurve { from, to, found } in shown.transmissions {
-        gain = gain.line(format!("{} → {}", named(*from), named(*to)), curve(&found.gain));
+    for pair in shown.transmissions {
+        let TransmissionCurve { from, to, found } = pair;
+        gain = gain.line(format!("{} → {}", named(*from), named(*to)), curve(&shown.gain(pair)));
         coherence = coherence.line("", curve(&found.coherence));
     }
-    let figure = figure.panel(gain);
-    if shown.has_coherence { figure.panel(coherence) } else { figure }
+    let text = caption(manifest) + &shown.gain_caption();
+    let figure = figure.caption(text).panel(gain);
+    match shown.least_coherence() {
+        Some(least) => figure.panel(coherence.horizontal("least for |H_{1}|", least)),
+        None => figure,
+    }
 }
 
 /// What a density is shown over.
@@ -376,4 +431,40 @@ pub fn forces(manifest: &RunManifest, sensors: &[SensedForces<'_>]) -> Figure {
     }
     let figure = Figure::new().shared_x().caption(caption(manifest)).panel(force);
     if has_overlap { figure.panel(overlap) } else { figure }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Five segments: chance exceeds 1 − 0.01^(1/4) = 0.68.
+    #[test]
+    fn a_gain_is_drawn_where_it_means_something() {
+        let found = Transmission {
+            gain: vec![1.0; 4],
+            phase_rad: vec![0.0; 4],
+            coherence: vec![1.0, 0.9, 0.6, 1.0],
+            mean_coherence: 0.9,
+        };
+        let pair = TransmissionCurve { from: Place::Bead(1), to: Place::Bead(2), found: &found };
+        let mut shown = Spectra {
+            quantity: Quantity::Velocity,
+            frequencies_hz: &[0.0, 1.0, 2.0, 3.0],
+            places: &[Place::Bead(2), Place::Bead(1)],
+            densities: &[vec![1.0; 4], vec![1.0, 1.0, 1.0, 1e-12]],
+            transmissions: &[],
+            segment_count: 5,
+            bands_hz: &[],
+            top_hz: 3.0,
+        };
+        let is_drawn =
+            |shown: &Spectra<'_>| shown.gain(&pair).iter().map(|gain| !gain.is_nan()).collect::<Vec<_>>();
+        assert_eq!(is_drawn(&shown), [true, true, false, false]);
+        assert!(shown.gain_caption().contains("above 0.68"), "{}", shown.gain_caption());
+        // one segment has no coherence: what leaks above the band is not drawn
+        shown.segment_count = 1;
+        assert_eq!(is_drawn(&shown), [true, true, true, false]);
+        shown.bands_hz = &[[0.0, 1.5]];
+        assert_eq!(is_drawn(&shown), [true, true, false, false]);
+    }
 }

@@ -45,17 +45,27 @@ impl Modes {
     /// The largest number of beads and resonators; the matrix then takes 128 MiB.
     pub const MOST: usize = 4096;
 
+    /// How many modes `chain` has: one for each bead and each resonator.
+    ///
+    /// # Errors
+    /// When they are more than [`Modes::MOST`].
+    pub fn count_of(chain: &LinearChain) -> Result<usize, ModesError> {
+        let beads = chain.bead_count();
+        let count = beads + (0..beads).filter(|bead| chain.resonator(*bead).is_some()).count();
+        if count > Self::MOST {
+            return Err(ModesError::TooMany { count, most: Self::MOST });
+        }
+        Ok(count)
+    }
+
     /// The modes of `chain`.
     ///
     /// # Errors
     /// When there are too many beads, or the equilibrium is unstable.
     pub fn of(chain: &LinearChain) -> Result<Self, ModesError> {
+        let count = Self::count_of(chain)?;
         let beads = chain.bead_count();
         let carriers: Vec<usize> = (0..beads).filter(|bead| chain.resonator(*bead).is_some()).collect();
-        let count = beads + carriers.len();
-        if count > Self::MOST {
-            return Err(ModesError::TooMany { count, most: Self::MOST });
-        }
         let inner = carriers.iter().filter_map(|bead| chain.resonator(*bead));
         let masses = chain.mass_kg.iter().copied().chain(inner.map(|inner| inner.mass_kg));
         let root_mass: Vec<f64> = masses.map(f64::sqrt).collect();

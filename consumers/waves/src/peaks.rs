@@ -1,5 +1,7 @@
 //! The peaks of a force over time.
 
+use schemas::manifest::Physics;
+
 /// A peak of a force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Peak {
@@ -51,6 +53,14 @@ impl Peaks {
     pub const MOST: usize = 10_000;
     /// Samples of a rise that are kept.
     const RISE: usize = 4096;
+
+    /// The least height (N) of a peak unless another is asked for: a hundredth of the run's scale of forces m·L/T². None where
+    /// nothing strikes and nothing is loaded, which has no such scale.
+    pub fn default_threshold_n(physics: &Physics) -> Option<f64> {
+        let scales = physics.scales();
+        let scale_n = physics.bead_mass_kg * scales.length_m / (scales.time_s * scales.time_s);
+        (scale_n.is_finite() && scale_n > 0.0).then_some(1e-2 * scale_n)
+    }
 
     /// Peaks above `threshold_n` (N).
     pub fn new(threshold_n: f64) -> Self {

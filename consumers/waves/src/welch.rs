@@ -4,6 +4,7 @@
 //! P. D. Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70, doi:10.1109/TAU.1967.1161901; J. S. Bendat and A. G.
 //! Piersol, *Random Data*, 4th ed. (Wiley 2010), chapter 6 (the estimate H₁ and the coherence).
 
+use crate::sampling::segment_length;
 use crate::segments::{Segments, Window};
 use realfft::num_complex::Complex;
 
@@ -28,6 +29,30 @@ pub struct Transmission {
     pub mean_coherence: f64,
 }
 
+/// What a density amounts to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DensitySummary {
+    /// Its integral.
+    pub mean_square: f64,
+    /// Where it is largest (Hz).
+    pub peak_hz: f64,
+    /// How large.
+    pub peak: f64,
+}
+
+impl DensitySummary {
+    /// Of a density at evenly spaced frequencies from 0, which is left out for the peak.
+    pub fn of(frequencies_hz: &[f64], density: &[f64]) -> Self {
+        let step_hz = frequencies_hz.get(1).copied().unwrap_or(0.0);
+        let highest = (1..density.len()).max_by(|a, b| density[*a].total_cmp(&density[*b])).unwrap_or(0);
+        Self {
+            mean_square: density.iter().sum::<f64>() * step_hz,
+            peak_hz: frequencies_hz[highest],
+            peak: density[highest],
+        }
+    }
+}
+
 impl Welch {
     /// For `signals` signals in segments of `length` samples; `pairs` of them are compared.
     pub fn new(signals: usize, length: usize, pairs: &[(usize, usize)], window: Window) -> Self {
@@ -39,6 +64,16 @@ impl Welch {
             cross: vec![vec![Complex::default(); lines]; pairs.len()],
             segments,
         }
+    }
+
+    /// Like [`Welch::new`], in segments of a length that suits `samples` samples: so that 4 of them, which overlap by half, fill
+    /// these, or without a window one alone.
+    pub fn for_samples(signals: usize, samples: u64, pairs: &[(usize, usize)], window: Window) -> Self {
+        let (segments, longest) = match window {
+            Window::Hann => (4, 1 << 16),
+            Window::None => (1, 1 << 20),
+        };
+        Self::new(signals, segment_length(samples, segments, (64, longest)), pairs, window)
     }
 
     /// Adds a sample of each signal.

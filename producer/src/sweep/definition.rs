@@ -8,11 +8,13 @@ pub(super) use sample::Samples;
 
 use super::SweepError;
 use super::document::{KeyPath, merge};
-use super::index_of;
 use super::keys;
 use super::values::Range;
+use super::{index_of, measure_key};
 use schemas::config::{ConfigError, line_at};
+use schemas::manifest::RunManifest;
 use schemas::presets::{PRESETS, Preset};
+use schemas::spelling::did_you_mean;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use toml::de::{DeTable, DeValue, ValueDeserializer};
@@ -120,6 +122,10 @@ pub(super) struct Definition {
     pub(super) record: bool,
     pub(super) check: bool,
     pub(super) split_bead: Option<u64>,
+    /// Columns of analyses beside the usual ones.
+    pub(super) measure: Vec<String>,
+    /// The lines on which these stand.
+    measure_lines: Vec<usize>,
 }
 
 /// A sweep file being read.
@@ -128,8 +134,19 @@ struct Reader<'a> {
     path: &'a Path,
 }
 
-const KNOWN: [&str; 10] =
-    ["base", "grid", "case", "sample", "seeds", "ensemble", "until", "record", "check", "split_bead"];
+const KNOWN: [&str; 11] = [
+    "base",
+    "grid",
+    "case",
+    "sample",
+    "seeds",
+    "ensemble",
+    "until",
+    "record",
+    "check",
+    "split_bead",
+    "measure",
+];
 
 impl Definition {
     /// Reads the sweep file `path` with the contents `text`; `read` gives the contents of another file.
@@ -143,8 +160,7 @@ impl Definition {
         let document = document.get_ref();
         let unknown = document.iter().find(|(key, _)| !KNOWN.contains(&key.get_ref().as_ref()));
         if let Some((key, _)) = unknown {
-            let allowed = format!("found an unknown key; allowed: {}", KNOWN.join(", "));
-            return Err(reader.refuse(key.span().start, key.get_ref(), allowed));
+            return Err(reader.refuse(key.span().start, key.get_ref(), unknown_key(key.get_ref(), &KNOWN)));
         }
         let (base, base_file) = reader.base(document.get("base"), read)?;
         let mut axes = document.get("grid").map_or(Ok(Vec::new()), |grid| reader.grid(grid))?;
@@ -152,6 +168,7 @@ impl Definition {
         let samples = reader.samples(document.get("sample"))?;
         let cases = document.get("case").map_or(Ok(vec![Vec::new()]), |cases| reader.cases(cases))?;
         keys::check(path, &cases, &samples.at(0), &axes)?;
+        let (measure, measure_lines) = reader.measure(document.get("measure"))?.into_iter().unzip();
         Ok(Self {
             base,
             base_file,
@@ -163,7 +180,34 @@ impl Definition {
             record: reader.option(document.get("record"), "record", "true or false")?.unwrap_or(false),
             check: reader.option(document.get("check"), "check", "true or false")?.unwrap_or(false),
             split_bead: reader.option(document.get("split_bead"), "split_bead", "the number of a bead")?,
+            measure,
+            measure_lines,
         })
+    }
+
+    /// Gives what `measure` names its whole names, which `check` knows, and refuses what it does not know.
+    pub(super) fn name_measures(
+        &mut self,
+        path: &Path,
+        check: impl Fn(&str, Option<&RunManifest>) -> Result<String, String>,
+    ) -> Result<(), ConfigError> {
+        for (place, line) in self.measure_lines.iter().enumerate() {
+            let named = check(&self.measure[place], None).and_then(|name| {
+                let is_twice = self.measure[..place].contains(&name);
+                if is_twice {
+                    Err(format!("found `{name}` twice; allowed: each column once"))
+                } else {
+                    Ok(name)
+                }
+            });
+            self.measure[place] = named.map_err(|message| ConfigError {
+                path: Some(path.to_owned()),
+                line: Some(*line),
+                key: measure_key(place),
+                message,
+            })?;
+        }
+        Ok(())
     }
 }
 
@@ -224,6 +268,22 @@ impl Reader<'_> {
         })
     }
 
+    /// The names in `measure`, each with its line.
+    fn measure(&self, value: Option<&Located<'_>>) -> Result<Vec<(String, usize)>, SweepError> {
+        let Some(value) = value else { return Ok(Vec::new()) };
+        let allowed =
+            "a list of columns of analyses, such as [\"energies.driven_j\", \"forces.peak_n@right\"]";
+        let DeValue::Array(list) = value.get_ref() else {
+            let found = format!("found {}; allowed: {allowed}", self.written(value));
+            return Err(self.refuse(value.span().start, "measure", found));
+        };
+        let entry = |(place, entry): (usize, &Located<'_>)| {
+            let name: Option<String> = self.option(Some(entry), &measure_key(place), "a text in quotes")?;
+            Ok((name.unwrap_or_default(), line_at(self.text, entry.span().start)))
+        };
+        list.iter().enumerate().map(entry).collect()
+    }
+
     /// The `[base]` table over the preset or the file that it names.
     fn base(
         &self,
@@ -263,8 +323,9 @@ impl Reader<'_> {
 
     fn preset(&self, name: &str, base: &DeTable<'_>) -> Result<Table, SweepError> {
         let config = Preset::find(name).map(|preset| preset.config()).ok_or_else(|| {
-            let message =
-                format!("found `{name}`; allowed: {}", PRESETS.map(|preset| preset.name).join(", "));
+            let known = PRESETS.map(|preset| preset.name);
+            let hint = did_you_mean(name, known);
+            let message = format!("found `{name}`; allowed: {}{hint}", known.join(", "));
             self.refuse(base.get("preset").map_or(0, |value| value.span().start), "base.preset", message)
         })?;
         // a configuration written as TOML is always a table
@@ -352,6 +413,12 @@ impl Reader<'_> {
         };
         entries.into_iter().map(setting).collect()
     }
+}
+
+/// Says that a key is unknown, and which are known.
+fn unknown_key(key: &str, known: &[&str]) -> String {
+    let hint = did_you_mean(key, known.iter().copied());
+    format!("found an unknown key; allowed: {}{hint}", known.join(", "))
 }
 
 /// `text`, the contents of `path`, is no TOML.

@@ -25,6 +25,9 @@ impl Sweep {
         if self.check() {
             hash.update("check\n");
         }
+        if !self.measure().is_empty() {
+            hash.update(format!("measure {:?}\n", self.measure()));
+        }
         for case in cases {
             let settings: Vec<_> = case.iter().map(|set| format!("{} = {}", set.key, set.value)).collect();
             hash.update(format!("case {}\n", settings.join(", ")));

@@ -40,10 +40,11 @@ fn read(text: &str) -> Result<Sweep, SweepError> {
         assert_eq!(path, Path::new("dir/chain.toml"));
         Ok(CHAIN.to_owned())
     };
-    Sweep::from_toml(text, Path::new("dir/s.toml"), file, |config, beside| {
+    let prepare: fn(RunConfig, Option<&Path>) -> Result<RunConfig, ConfigError> = |config, beside| {
         assert_eq!(beside, Some(Path::new("dir")));
         Ok(config)
-    })
+    };
+    Sweep::from_toml(text, Path::new("dir/s.toml"), file, Hooks { prepare, ..Hooks::NONE })
 }
 
 fn config(sweep: &Sweep, index: u64) -> RunConfig {

@@ -5,6 +5,7 @@
 
 use super::MAX_POINTS;
 use schemas::power::power;
+use schemas::spelling::did_you_mean;
 use toml::{Table, Value};
 
 /// The values of `{ from, to, count, spacing }`, both ends included, each computed from its place.
@@ -34,7 +35,11 @@ impl Range {
     pub(super) fn read(range: &Table) -> Result<Self, String> {
         let known = ["from", "to", "count", "spacing"];
         if let Some(key) = range.keys().find(|key| !known.contains(&key.as_str())) {
-            return Err(format!("found the unknown key `{key}` in a range; allowed: {}", known.join(", ")));
+            let hint = did_you_mean(key, known);
+            return Err(format!(
+                "found the unknown key `{key}` in a range; allowed: {}{hint}",
+                known.join(", ")
+            ));
         }
         let counted =
             |count: &i64| u64::try_from(*count).ok().filter(|count| (2..=MAX_POINTS).contains(count));
@@ -101,7 +106,8 @@ impl Interval {
     pub(super) fn read(range: &Table) -> Result<Self, String> {
         let known = ["from", "to", "spacing"];
         if let Some(key) = range.keys().find(|key| !known.contains(&key.as_str())) {
-            return Err(format!("found `{key}` in a range of [sample]; allowed: {}", known.join(", ")));
+            let hint = did_you_mean(key, known);
+            return Err(format!("found `{key}` in a range of [sample]; allowed: {}{hint}", known.join(", ")));
         }
         let (from, to) = (number(range, "from")?, number(range, "to")?);
         let logarithmic = is_logarithmic(range)?;

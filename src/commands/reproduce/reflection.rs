@@ -34,7 +34,7 @@ fn points_of(
     stop: &AtomicBool,
 ) -> Result<Option<Vec<Reflected>>, Failure> {
     let no_files = |path: &Path| Err(std::io::Error::other(format!("{} is not read", path.display())));
-    let sweep = Sweep::from_toml(text, Path::new("reflection.toml"), no_files, experiments::prepared)?;
+    let sweep = Sweep::from_toml(text, Path::new("reflection.toml"), no_files, experiments::HOOKS)?;
     // rows of another version of this program stay beside these
     let identity = recording::hex(&sweep.identity()[..6]);
     let version = env!("CARGO_PKG_VERSION");

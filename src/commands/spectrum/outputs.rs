@@ -13,7 +13,7 @@ use std::f64::consts::PI;
 use std::path::PathBuf;
 use waves::grid::Grid;
 use waves::segments::Window;
-use waves::welch::Transmission;
+use waves::welch::{DensitySummary, Transmission};
 
 /// What was asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -199,7 +199,7 @@ impl Found {
                         places: &asked.places,
                         densities,
                         transmissions: &transmissions,
-                        has_coherence: self.has_coherence(),
+                        segment_count: self.segment_count,
                         bands_hz,
                         top_hz: self.top_hz,
                     },
@@ -271,7 +271,8 @@ impl Found {
         }
         if let Results::Spectra { frequencies_hz, densities, .. } = &self.results {
             for (place, density) in asked.places.iter().zip(densities) {
-                let Summary { mean_square, peak_hz, peak } = Summary::of(frequencies_hz, density);
+                let DensitySummary { mean_square, peak_hz, peak } =
+                    DensitySummary::of(frequencies_hz, density);
                 let (rms, at) = (
                     display::quantity(mean_square.sqrt(), asked.quantity.unit()),
                     display::quantity(peak_hz, "Hz"),
@@ -290,7 +291,8 @@ impl Found {
         let mut places = Vec::new();
         if let Results::Spectra { frequencies_hz, densities, .. } = &self.results {
             for (place, density) in asked.places.iter().zip(densities) {
-                let Summary { mean_square, peak_hz, peak } = Summary::of(frequencies_hz, density);
+                let DensitySummary { mean_square, peak_hz, peak } =
+                    DensitySummary::of(frequencies_hz, density);
                 places.push(json!({
                     "place": place.to_string(),
                     "mean_square": mean_square,
@@ -324,26 +326,5 @@ impl Found {
             "places": places,
             "transmissions": transmissions.collect::<Vec<_>>(),
         })
-    }
-}
-
-/// What a density amounts to.
-struct Summary {
-    /// Its integral.
-    mean_square: f64,
-    /// Where it is largest (Hz), and how large.
-    peak_hz: f64,
-    peak: f64,
-}
-
-impl Summary {
-    fn of(frequencies_hz: &[f64], density: &[f64]) -> Self {
-        let step_hz = frequencies_hz.get(1).copied().unwrap_or(0.0);
-        let highest = (1..density.len()).max_by(|a, b| density[*a].total_cmp(&density[*b])).unwrap_or(0);
-        Self {
-            mean_square: density.iter().sum::<f64>() * step_hz,
-            peak_hz: frequencies_hz[highest],
-            peak: density[highest],
-        }
     }
 }

@@ -27,6 +27,11 @@ pub(super) fn slurm(sweep: &Sweep, out: &Path, args: &SweepArgs) -> Result<Done,
                 counted(sweep.point_count().div_ceil(array.array_size), "point")
             ),
         );
+        if let Some(limit) = &args.slurm.time {
+            // 25:00 are minutes, whatever was meant
+            let words = limit.seconds.map_or_else(|| "none".to_owned(), |seconds| left(seconds as f64));
+            rows.add("time limit", words);
+        }
         match &array.job {
             Some(job) => rows.add("job", job),
             None => rows.add("send it", format_args!("sbatch {script}")),

@@ -76,10 +76,9 @@ impl Runs {
                 Kind::Live(Arc::new(Watches::new(bus, stop)), name.clone())
             }
             Named::File(path) if path.is_dir() => match sweep::file_in(path) {
-                Some(file) => Kind::Sweep(
-                    path.clone(),
-                    Box::new(Sweep::read(&file, experiments::prepared).bad_input()?),
-                ),
+                Some(file) => {
+                    Kind::Sweep(path.clone(), Box::new(Sweep::read(&file, experiments::HOOKS).bad_input()?))
+                }
                 None => Kind::Folder(path.clone()),
             },
             Named::File(path) => {

@@ -7,7 +7,7 @@ use consumers::energies::{Energies, default_split_bead};
 use consumers::pulses::Pulses;
 use producer::integrator::Integrator;
 use producer::state::ChainState;
-use producer::sweep::{Point, Sweep};
+use producer::sweep::{Hooks, Point, Sweep};
 use schemas::manifest::{Origin, RunManifest};
 use std::fs;
 use std::hint::black_box;
@@ -46,7 +46,7 @@ pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error
     ))?;
     fs::write(&file, POINTS)?;
     let no_files = |_: &Path| Err(ErrorKind::NotFound.into());
-    let points = Sweep::from_toml(POINTS, &file, no_files, |config, _| Ok(config))?;
+    let points = Sweep::from_toml(POINTS, &file, no_files, Hooks::NONE)?;
     for (looked, beside, floor) in
         [(true, "its run and what looks at it", Floor::AtMost(1.05)), (false, "its steps alone", Floor::Any)]
     {

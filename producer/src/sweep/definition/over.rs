@@ -3,7 +3,7 @@
 use super::super::MAX_POINTS;
 use super::super::document::KeyPath;
 use super::super::values::Range;
-use super::{Axis, Located, Reader, SweepError, Values};
+use super::{Axis, Located, Reader, SweepError, Values, unknown_key};
 use schemas::config::line_at;
 use toml::Value;
 
@@ -54,8 +54,12 @@ impl Reader<'_> {
         let Some(value) = value else { return Ok(axis(SEED)) };
         let table = self.table(value, "ensemble")?;
         if let Some((key, _)) = table.iter().find(|(key, _)| key.get_ref() != "over") {
-            let message = "found an unknown key; allowed: over".to_owned();
-            return Err(self.refuse(key.span().start, &format!("ensemble.{}", key.get_ref()), message));
+            let name = key.get_ref();
+            return Err(self.refuse(
+                key.span().start,
+                &format!("ensemble.{name}"),
+                unknown_key(name, &["over"]),
+            ));
         }
         let written = table.get("over");
         let name: Option<String> = self.option(written, "ensemble.over", "the name of a key")?;

@@ -6,7 +6,7 @@ use super::super::MAX_POINTS;
 use super::super::document::KeyPath;
 use super::super::sobol;
 use super::super::values::Interval;
-use super::{Located, Reader, Setting, SweepError};
+use super::{Located, Reader, Setting, SweepError, unknown_key};
 use schemas::config::line_at;
 use schemas::philox;
 
@@ -114,8 +114,8 @@ impl Reader<'_> {
         };
         let table = self.table(value, "sample")?;
         if let Some((key, _)) = table.iter().find(|(key, _)| !KNOWN.contains(&key.get_ref().as_ref())) {
-            let allowed = format!("found an unknown key; allowed: {}", KNOWN.join(", "));
-            return Err(self.refuse(key.span().start, &format!("sample.{}", key.get_ref()), allowed));
+            let name = key.get_ref();
+            return Err(self.refuse(key.span().start, &format!("sample.{name}"), unknown_key(name, &KNOWN)));
         }
         let needed = |key: &str, allowed: &str| {
             table.get(key).ok_or_else(|| {
