@@ -84,6 +84,8 @@ pub(crate) enum BandArg {
 pub(crate) enum AxisArg {
     X,
     Y,
+    /// No axis
+    None,
 }
 
 /// How colours follow numbers.
@@ -109,13 +111,14 @@ pub(crate) enum ColoursArg {
     beadline plot sweep/results.csv                            what a sweep has found\n  \
     beadline plot sweep/results.csv --x chain.alpha --y forward_v_peak_m_s --by time.dt_s\n  \
     beadline plot sweep/ensemble.csv --y total_j --band        mean ± standard error\n  \
-    beadline plot sweep/results.csv --heat reflected_over_total --log x\n\n\
+    beadline plot sweep/results.csv --heat reflected_over_total --log none\n\n\
     Velocity, displacement, overlap and energy density are drawn along the chain at one time (--at, --frame; recomputed where a \
     recording does not hold it), or over space and time; of a cell that stands for several beads or frames the \
     value farthest from 0 is shown, so that no pulse is lost. A map of a sparse recording shows what it holds; \
     --fill-gaps and --every-step recompute the rest.\n\n\
     Of a table (.csv, .parquet), such as a sweep leaves, columns are drawn over each other: rows that differ in nothing that is \
-    drawn are averaged, --band shows how they scatter; samples of ranges are points. Without --x and --y these are a swept column and \
+    drawn are averaged, --band shows how they scatter; samples of ranges are points. Rows without a value are counted, and means of \
+    fewer rows than others are marked by a cross. Without --x and --y these are a swept column and \
     the first result that differs from row to row."
 )]
 pub(crate) struct PlotArgs {
@@ -148,8 +151,8 @@ pub(crate) struct PlotArgs {
         help_heading = TABLES
     )]
     pub(crate) band: Option<BandArg>,
-    /// Logarithmic axes: x, y or x,y
-    #[arg(long, value_enum, hide_possible_values = true, value_name = "x,y", value_delimiter = ',', help_heading = TABLES)]
+    /// Logarithmic axes: x, y, x,y or none [default: those of swept columns whose values follow each other by the logarithm]
+    #[arg(long, value_enum, hide_possible_values = true, value_name = "x,y|none", value_delimiter = ',', help_heading = TABLES)]
     pub(crate) log: Vec<AxisArg>,
     /// Along the chain, in the first frame at or after this simulated time (s)
     #[arg(long, value_name = "S", value_parser = parse_time, conflicts_with_all = ["frame", "from", "until"])]

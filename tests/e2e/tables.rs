@@ -91,9 +91,70 @@ fn an_ensemble_is_drawn_from_either_of_its_tables() {
             let svg = place.read(file);
             svg.lines().filter(|line| line.starts_with("<path")).map(str::to_owned).collect()
         };
+        let words = place.read("e.svg").replace('\u{a0}', " ");
+        // what all runs have in common is named, and what was swept is not
+        assert!(words.contains("1 g,") && !words.contains("α = 1.3"), "{words}");
         assert_eq!(curves("e.svg"), curves("p.svg"), "{band}");
         assert!(!curves("r.svg").is_empty());
     }
+}
+
+/// Two of nine rows have no value: one of a point of three, and all that one point has.
+#[test]
+fn rows_without_a_value_are_counted_and_means_of_fewer_are_marked() {
+    let place = Place::new();
+    let row = |x: u32, seed: u32, value: &str| format!("{x},{seed},complete,{value}\n");
+    let values = |x: u32| (0..3).map(move |seed| row(x, seed, if (x, seed) == (2, 1) { "" } else { "1.5" }));
+    let rows: String = (1..=2).flat_map(values).collect();
+    let csv = format!("index,chain.beads,seed,end,peak_n\n{}", rows + &row(3, 0, ""));
+    let csv: String = csv
+        .lines()
+        .enumerate()
+        .map(|(i, line)| if i == 0 { format!("{line}\n") } else { format!("{i},{line}\n") })
+        .collect();
+    place.write("r.csv", &csv);
+    let ended = plot(&place, "r.csv --x chain.beads --y peak_n --out r.svg");
+    assert_eq!(ended["left_out"][0]["rows"], 7);
+    assert_eq!(
+        (&ended["left_out"][0]["without_value"], &ended["left_out"][0]["of_fewer"]),
+        (&json!(2), &json!(1))
+    );
+    let svg = place.read("r.svg").replace('\u{a0}', " ");
+    for says in ["2 of 7 rows", "have no value", "mean of fewer rows"] {
+        assert!(svg.contains(says), "{says}");
+    }
+    let said = place.run("plot r.csv --x chain.beads --y peak_n --out r.svg --force").exits(0).stdout();
+    assert!(said.contains("peak_n: 2 of 7 rows have no value, 1 mean of fewer rows"), "{said}");
+    let heat = plot(&place, "r.csv --x chain.beads --y seed --heat peak_n --out h.svg");
+    assert_eq!(heat["left_out"][0]["without_value"], 2);
+    assert!(place.read("h.svg").replace('\u{a0}', " ").contains("2 of 7 rows have no value"));
+    // a whole table says nothing of the kind
+    place.write("whole.csv", &results(&[1.5, 2.0], 6, 3));
+    let whole = plot(&place, "whole.csv --out w.svg");
+    assert_eq!(
+        (&whole["left_out"][0]["without_value"], &whole["left_out"][0]["of_fewer"]),
+        (&json!(0), &json!(0))
+    );
+    assert!(!place.read("w.svg").contains("fewer"));
+}
+
+/// The axis that was swept by the logarithm is logarithmic, whichever it is, unless another one is asked for.
+#[test]
+fn a_swept_axis_is_logarithmic_where_its_values_are() {
+    let place = Place::new();
+    let mut csv = "index,chain.alpha,striker.velocity_m_s,end,total_j\n".to_owned();
+    for (i, (alpha, v)) in (0..5).flat_map(|a| (0..5).map(move |v| (a, v))).enumerate() {
+        let (alpha, v) = (1.2 + 0.2 * f64::from(alpha), 0.1 * 2.0_f64.powi(v));
+        csv += &format!("{i},{alpha},{v},complete,{}\n", alpha * v);
+    }
+    place.write("r.csv", &csv);
+    let log = |words: &str| plot(&place, &format!("r.csv {words} --out h.svg"))["log"].clone();
+    assert_eq!(log("--heat total_j"), json!(["y"]));
+    assert_eq!(log("--heat total_j --x striker.velocity_m_s --y chain.alpha"), json!(["x"]));
+    assert_eq!(log("--x striker.velocity_m_s --y total_j"), json!(["x"]));
+    assert_eq!(log("--x chain.alpha --y total_j"), json!([]));
+    assert_eq!(log("--heat total_j --log none"), json!([]));
+    assert_eq!(log("--heat total_j --log x,y"), json!(["x", "y"]));
 }
 
 #[test]

@@ -17,7 +17,9 @@ pub use determination::determination;
 pub use fields::{ColourSteps, profile, profiles, space_time};
 pub use pulses::pulses;
 pub use spreading::spreading;
-pub use tables::{Band, HeatMap, TableCurve, TableFigure, column_label, heat_map, table_curves};
+pub use tables::{
+    Band, HeatMap, TableCurve, TableFigure, TablePanel, TablePoint, column_label, heat_map, table_curves,
+};
 
 use consumers::contacts::{COMPRESSED, Class, OPEN, TOUCHING};
 use consumers::energies::{EnergyRow, Reflection, STATIONARY};
@@ -25,8 +27,7 @@ use consumers::impurity::{Event, EventKind, Motion};
 use consumers::series::Series;
 use consumers::space_time::{Cell, Extent, Picture};
 use figure::{Axis, Colour, Curve, Figure, FigureError, Panel, Raster};
-use schemas::manifest::RunManifest;
-use std::fmt::Write;
+use schemas::manifest::{Physics, RunManifest};
 
 /// Columns of an [`EnergyRow`] in a series of them.
 const TOTAL: usize = 2;
@@ -40,32 +41,45 @@ const CORRECTED: usize = 9;
 /// The parameters of a run as one line of text.
 pub fn caption(manifest: &RunManifest) -> String {
     let physics = &manifest.physics;
-    let mut text = format!(
-        "{}: N = {}, m = {}\u{a0}g, α = {}, k = {}\u{a0}N\u{a0}m^{{−α}}",
-        manifest.provenance.name,
-        physics.beads,
-        short(physics.bead_mass_kg * 1e3),
-        short(physics.alpha),
-        scientific(physics.stiffness),
+    let dt = scientific(physics.dt_s);
+    let (name, phrases) = (&manifest.provenance.name, phrases(physics).join(", "));
+    format!("{name}: {phrases}; {}, dt = {dt}\u{a0}s", physics.method)
+}
+
+/// The parameters that all of several runs have in common, in the words of [`caption`].
+pub fn common_caption<'a>(runs: impl IntoIterator<Item = &'a Physics>) -> String {
+    let mut runs = runs.into_iter();
+    let mut common = runs.next().map(phrases).unwrap_or_default();
+    for physics in runs {
+        let own = phrases(physics);
+        common.retain(|phrase| own.contains(phrase));
+    }
+    common.join(", ")
+}
+
+/// What a run is made of, a phrase for each parameter.
+fn phrases(physics: &Physics) -> Vec<String> {
+    let mut phrases = vec![
+        format!("N = {}", physics.beads),
+        format!("m = {}\u{a0}g", short(physics.bead_mass_kg * 1e3)),
+        format!("α = {}", short(physics.alpha)),
+        format!("k = {}\u{a0}N\u{a0}m^{{−α}}", scientific(physics.stiffness)),
+    ];
+    let impurities = physics.impurities.iter().take(4);
+    phrases.extend(
+        impurities
+            .map(|impurity| format!("bead {}: {}\u{a0}g", impurity.bead, short(impurity.mass_kg * 1e3))),
     );
-    // writing to a String cannot fail
-    for impurity in physics.impurities.iter().take(4) {
-        let _ = write!(text, ", bead {}: {}\u{a0}g", impurity.bead, short(impurity.mass_kg * 1e3));
-    }
     if physics.impurities.len() > 4 {
-        let _ = write!(text, ", … ({} impurities)", physics.impurities.len());
+        phrases.push(format!("… ({} impurities)", physics.impurities.len()));
     }
-    for phrase in physics.particulars() {
-        let _ = write!(text, ", {}", phrase.replace('-', "−"));
-    }
+    phrases.extend(physics.particulars().iter().map(|phrase| phrase.replace('-', "−")));
     let striker = physics.striker;
     if striker.velocity_m_s != 0.0 {
         let speed = short(striker.velocity_m_s);
-        let _ = write!(text, ", v_{{0}} = {speed}\u{a0}m/s on bead {}", striker.bead);
+        phrases.push(format!("v_{{0}} = {speed}\u{a0}m/s on bead {}", striker.bead));
     }
-    let dt = scientific(physics.dt_s);
-    let _ = write!(text, "; {}, dt = {dt}\u{a0}s", physics.method);
-    text
+    phrases
 }
 
 /// A number in at most six digits.

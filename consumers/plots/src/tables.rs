@@ -7,7 +7,7 @@ pub use heat::{HeatMap, heat_map};
 pub use labels::column_label;
 
 use consumers::statistics::Statistics;
-use figure::{Axis, Curve, Figure, Mark, Panel};
+use figure::{Axis, Colour, Curve, Figure, Mark, Panel};
 
 /// What a band around a curve shows, and which middle the curve then has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,8 +23,30 @@ pub enum Band {
 pub struct TableCurve {
     /// Its name in the legend.
     pub label: String,
-    /// The values at each x, by rising x.
-    pub points: Vec<(f64, Statistics)>,
+    /// Its points, by rising x.
+    pub points: Vec<TablePoint>,
+}
+
+/// The values at one x.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TablePoint {
+    /// Where.
+    pub x: f64,
+    /// What they have in common.
+    pub found: Statistics,
+    /// They are fewer than those of other points, or than there should be.
+    pub is_of_fewer: bool,
+}
+
+/// A column of results over x.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TablePanel {
+    /// The column.
+    pub column: String,
+    /// Its curves.
+    pub curves: Vec<TableCurve>,
+    /// A short text inside the panel: how many rows have no value.
+    pub note: String,
 }
 
 /// What is drawn over one x axis.
@@ -32,8 +54,8 @@ pub struct TableCurve {
 pub struct TableFigure {
     /// The column of the x axis.
     pub x: String,
-    /// A panel for each column of results, with its curves.
-    pub panels: Vec<(String, Vec<TableCurve>)>,
+    /// A panel for each column of results.
+    pub panels: Vec<TablePanel>,
     /// Whether the axes are logarithmic.
     pub log: [bool; 2],
     /// What lies around the curves.
@@ -51,34 +73,46 @@ pub fn table_curves(table: &TableFigure) -> Figure {
         if log { axis.log() } else { axis }
     };
     let mut figure = Figure::new().shared_x().caption(table.caption.clone());
-    for (place, (name, curves)) in table.panels.iter().enumerate() {
-        let mut panel = Panel::new().x_axis(axis(&table.x, table.log[0])).y_axis(axis(name, table.log[1]));
+    for (place, TablePanel { column, curves, note }) in table.panels.iter().enumerate() {
+        let mut panel = Panel::new().x_axis(axis(&table.x, table.log[0])).y_axis(axis(column, table.log[1]));
         for curve in curves {
             // of several panels the first names the curves
             let label = if place == 0 { curve.label.as_str() } else { "" };
             panel = panel.curve(drawn(label, curve, table));
         }
-        figure = figure.panel(panel);
+        let points = curves.iter().flat_map(|curve| &curve.points);
+        let of_fewer = points.filter(|point| point.is_of_fewer);
+        let of_fewer: Vec<_> = of_fewer.map(|point| (point.x, middle(table, &point.found))).collect();
+        if !of_fewer.is_empty() {
+            let name = format!("{} of fewer rows", middle_name(table));
+            panel = panel.curve(Curve::points(name, of_fewer).mark(Mark::Cross).colour(Colour::Black));
+        }
+        figure = figure.panel(panel.note(note.clone()));
     }
     figure
+}
+
+/// The middle of values that a curve goes through.
+fn middle(table: &TableFigure, found: &Statistics) -> f64 {
+    if table.band == Some(Band::Quantiles) { found.median } else { found.mean }
+}
+
+fn middle_name(table: &TableFigure) -> &'static str {
+    if table.band == Some(Band::Quantiles) { "median" } else { "mean" }
 }
 
 /// Most points of a curve that are marked.
 const MARKED: usize = 40;
 
 fn drawn(label: &str, curve: &TableCurve, table: &TableFigure) -> Curve {
-    let middle = |found: &Statistics| match table.band {
-        Some(Band::Quantiles) => found.median,
-        Some(Band::StandardError) | None => found.mean,
-    };
-    let points = curve.points.iter().map(|(x, found)| (*x, middle(found)));
+    let points = curve.points.iter().map(|point| (point.x, middle(table, &point.found)));
     let drawn = match (table.scattered, curve.points.len()) {
         (true, _) => Curve::points(label, points),
         (false, ..=MARKED) => Curve::line(label, points).mark(Mark::Circle),
         (false, _) => Curve::line(label, points),
     };
     let band = |low: &dyn Fn(&Statistics) -> f64, high: &dyn Fn(&Statistics) -> f64| -> Vec<_> {
-        curve.points.iter().map(|(x, found)| (*x, low(found), high(found))).collect()
+        curve.points.iter().map(|TablePoint { x, found, .. }| (*x, low(found), high(found))).collect()
     };
     match table.band {
         None => drawn,

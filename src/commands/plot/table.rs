@@ -2,16 +2,20 @@
 
 mod choice;
 mod columns;
+mod gaps;
 
-use crate::args::{AxisArg, BandArg, ColoursArg, PlotArgs};
+use crate::args::{BandArg, ColoursArg, PlotArgs};
 use crate::display::{self, count, counted};
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::{check_figures, check_places, extension};
 use crate::report::{Rows, report};
 use choice::{Choice, Drawn};
-use columns::Columns;
-use consumers::statistics::Statistics;
-use plots::{Band, HeatMap, TableCurve, TableFigure, column_label, heat_map, table_curves};
+use columns::{Columns, Values};
+use gaps::Gaps;
+use plots::{
+    Band, HeatMap, TableCurve, TableFigure, TablePanel, TablePoint, column_label, heat_map, table_curves,
+};
+use producer::sweep::Sweep;
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -32,14 +36,19 @@ pub(super) fn plot(args: &PlotArgs, path: &Path) -> Result<Done, Failure> {
     let out = args.out.clone().unwrap_or_else(|| default_out(path, &choice));
     check_figures(std::slice::from_ref(&out), args.look)?;
     check_places(&[&out], &args.frames)?;
-    let figure = match &choice.drawn {
-        Drawn::Heat { heat } => heat_map(&heat_of(args, path, &columns, &choice, heat)?)?,
+    let (figure, gaps) = match &choice.drawn {
+        Drawn::Heat { heat } => {
+            let (map, gaps) = heat_of(args, path, &columns, &choice, heat)?;
+            (heat_map(&map)?, gaps)
+        }
         Drawn::Curves { by } => {
-            let figure = curves_of(args, path, &columns, &choice, by.as_deref())?;
-            table_curves(&figure)
+            let (figure, gaps) = curves_of(args, path, &columns, &choice, by.as_deref())?;
+            (table_curves(&figure), gaps)
         }
     };
     figure.write(&out, args.look.options(), args.frames.force)?;
+    let log = ["x", "y"].into_iter().zip(choice.log).filter(|(_, is_log)| *is_log).map(|(axis, _)| axis);
+    let log: Vec<&str> = log.collect();
     let outcome = json!({
         "table": path,
         "rows": columns.row_count(),
@@ -48,6 +57,8 @@ pub(super) fn plot(args: &PlotArgs, path: &Path) -> Result<Done, Failure> {
         "by": choice.by(),
         "heat": choice.heat(),
         "averaged_over": choice.averaged,
+        "log": log,
+        "left_out": gaps,
         "figures": [&out],
     });
     report(args.frames.json, &outcome, || {
@@ -67,6 +78,11 @@ pub(super) fn plot(args: &PlotArgs, path: &Path) -> Result<Done, Failure> {
         if !choice.averaged.is_empty() {
             rows.add("averaged over", choice.averaged.join(", "));
         }
+        if !log.is_empty() {
+            rows.add("logarithmic", said(&log.join(", "), args.log.is_empty()));
+        }
+        let left_out = gaps.iter().filter_map(|gaps| Some(format!("{}: {}", gaps.column, gaps.words()?)));
+        rows.each("left out", left_out);
         rows.add("figure", out.display());
         rows.under(format_args!("plot of {}", path.display()))
     })?;
@@ -108,19 +124,46 @@ fn default_out(path: &Path, choice: &Choice) -> PathBuf {
     format!("{stem}-{}{end}.png", what.chars().map(plain).collect::<String>()).into()
 }
 
-fn log_of(args: &PlotArgs) -> [bool; 2] {
-    [AxisArg::X, AxisArg::Y].map(|axis| args.log.contains(&axis))
+fn caption(
+    path: &Path,
+    columns: &Columns,
+    choice: &Choice,
+    (curve, has_band): (&str, bool),
+    gaps: &[Gaps],
+) -> String {
+    let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let mut text = format!("{name}, {}", counted(columns.row_count() as u64, "row"));
+    match choice.averaged.as_slice() {
+        [] if columns.is_ensemble() || has_band => text.extend(["; ", curve]),
+        [] => {}
+        keys => text.extend(["; ", curve, " over ", &keys.join(", ")]),
+    }
+    text.extend(of_sweep(path).map(|common| format!("; {common}")));
+    for gaps in gaps {
+        text.extend(gaps.words().map(|words| format!("; {}: {words}", gaps.column)));
+    }
+    text
 }
 
-fn caption(path: &Path, columns: &Columns, choice: &Choice, (curve, has_band): (&str, bool)) -> String {
-    let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    let rows = counted(columns.row_count() as u64, "row");
-    let averaged = match choice.averaged.as_slice() {
-        [] if columns.is_ensemble() || has_band => format!("; {curve}"),
-        [] => String::new(),
-        keys => format!("; {curve} over {}", keys.join(", ")),
-    };
-    format!("{name}, {rows}{averaged}")
+/// Most runs of a sweep that are compared for what they have in common.
+const MOST_COMPARED: u64 = 2000;
+
+/// The parameters that all runs of a sweep have in common, if the table lies in its directory and they are not too many.
+fn of_sweep(path: &Path) -> Option<String> {
+    let is_ours = path.file_stem().is_some_and(|stem| stem == "results" || stem == "ensemble");
+    let file = crate::sweep::file_in(path.parent()?).filter(|_| is_ours)?;
+    // what it names may lie elsewhere: the figure is the same without these words
+    let sweep = Sweep::read(&file, experiments::HOOKS).ok()?;
+    let count = sweep.point_count();
+    let runs = (0..count.min(MOST_COMPARED + 1)).map_while(|index| Some(sweep.point(index).ok()?.physics));
+    let runs: Vec<_> = runs.collect();
+    (runs.len() as u64 == count).then(|| plots::common_caption(&runs))
+}
+
+/// Numbers of an axis; none that a logarithmic one cannot show.
+fn places(columns: &Columns, name: &str, is_log: bool) -> Result<Vec<Option<f64>>, Failure> {
+    let shown = |x: &f64| !is_log || *x > 0.0;
+    Ok(columns.numbers(name)?.into_iter().map(|x| x.filter(shown)).collect())
 }
 
 fn heat_of(
@@ -129,20 +172,34 @@ fn heat_of(
     columns: &Columns,
     choice: &Choice,
     heat: &str,
-) -> Result<HeatMap, Failure> {
+) -> Result<(HeatMap, Vec<Gaps>), Failure> {
     let y = choice.y.first().map_or("", String::as_str);
-    let numbers = [columns.numbers(&choice.x)?, columns.numbers(y)?, columns.result(heat)?.means()];
-    let rows = (0..columns.row_count()).filter_map(|row| {
-        let [x, y, value] = [0, 1, 2].map(|i| numbers[i].get(row).copied().flatten());
-        Some([x?, y?, value.unwrap_or(f64::NAN)])
+    let axes = [places(columns, &choice.x, choice.log[0])?, places(columns, y, choice.log[1])?];
+    let found = columns.result(heat)?;
+    let mut gaps = Gaps::new(heat, columns.row_count());
+    let mut cells: BTreeMap<[Sortable; 2], Vec<usize>> = BTreeMap::new();
+    for row in 0..columns.row_count() {
+        match [axes[0][row], axes[1][row]] {
+            [Some(x), Some(y)] => cells.entry([Sortable(x), Sortable(y)]).or_default().push(row),
+            _ => gaps.off_axes(1),
+        }
+    }
+    let values: Vec<Values> = cells.values().map(|rows| found.values(rows)).collect();
+    gaps.of_fewer(&values);
+    let means = found.means();
+    gaps.without_value(cells.values().flatten().filter(|row| means[**row].is_none()).count());
+    let rows = cells.iter().flat_map(|([Sortable(x), Sortable(y)], rows)| {
+        rows.iter().map(|row| [*x, *y, means[*row].unwrap_or(f64::NAN)])
     });
-    Ok(HeatMap {
+    let gaps = vec![gaps];
+    let map = HeatMap {
         columns: [choice.x.clone(), y.to_owned(), heat.to_owned()],
-        log: log_of(args),
+        log: choice.log,
         log_colours: args.colours == Some(ColoursArg::Log),
         values: rows.collect(),
-        caption: caption(path, columns, choice, ("mean", false)),
-    })
+        caption: caption(path, columns, choice, ("mean", false), &gaps),
+    };
+    Ok((map, gaps))
 }
 
 fn curves_of(
@@ -151,60 +208,80 @@ fn curves_of(
     columns: &Columns,
     choice: &Choice,
     by: Option<&str>,
-) -> Result<TableFigure, Failure> {
+) -> Result<(TableFigure, Vec<Gaps>), Failure> {
     let band = args.band.map(|band| match band {
         BandArg::StandardError => Band::StandardError,
         BandArg::Quantiles => Band::Quantiles,
     });
-    let x = columns.numbers(&choice.x)?;
-    let names = by.map(|by| columns.keys(by)).transpose()?;
-    let mut panels = Vec::new();
+    let (mut panels, mut gaps) = (Vec::new(), Vec::new());
     for y in &choice.y {
-        let found = columns.result(y)?;
-        // rows of one curve and one x, in the order of the table
-        let mut groups: BTreeMap<(usize, Sortable), Vec<usize>> = BTreeMap::new();
-        for (row, x) in x.iter().enumerate() {
-            let curve = names.as_ref().map_or(0, |names| names.of[row]);
-            let Some(x) = x.filter(|x| !log_of(args)[0] || *x > 0.0) else { continue };
-            groups.entry((curve, Sortable(x))).or_default().push(row);
-        }
-        let labels: Vec<String> = match (by, &names) {
-            (Some(by), Some(names)) => names.known.iter().map(|value| named(by, value)).collect(),
-            _ => vec![String::new()],
-        };
-        let mut curves: Vec<TableCurve> =
-            labels.into_iter().map(|label| TableCurve { label, points: Vec::new() }).collect();
-        for ((curve, Sortable(x)), rows) in groups {
-            let statistics: Option<Statistics> = found.statistics(&rows);
-            curves[curve].points.extend(statistics.map(|statistics| (x, statistics)));
-        }
-        let has_band = |found: &Statistics| found.standard_error.is_some();
-        let points = || curves.iter().flat_map(|curve| &curve.points);
-        if band.is_some() && !points().any(|(_, found)| has_band(found)) {
-            display::notice(format_args!(
-                "no band for {y}: there is one row for each {}; bands are of rows that differ in something else, such as the seed",
-                choice.x
-            ));
-        }
-        if points().next().is_none() {
-            return Err(bad_input!("{y} has no numbers over {}", choice.x));
-        }
-        curves.retain(|curve| !curve.points.is_empty());
-        panels.push((y.clone(), curves));
+        let (panel, left_out) = panel_of(columns, choice, (y, by), band)?;
+        panels.push(panel);
+        gaps.push(left_out);
     }
     let curve = match band {
         None => "mean",
         Some(Band::StandardError) => "mean ± standard error",
         Some(Band::Quantiles) => "median, 25 % to 75 % and 5 % to 95 %",
     };
-    Ok(TableFigure {
+    let figure = TableFigure {
         x: choice.x.clone(),
         panels,
-        log: log_of(args),
+        log: choice.log,
         band,
         scattered: choice.scattered,
-        caption: caption(path, columns, choice, (curve, band.is_some())),
-    })
+        caption: caption(path, columns, choice, (curve, band.is_some()), &gaps),
+    };
+    Ok((figure, gaps))
+}
+
+/// The curves of the column `y`, one for each value of `by`, and what they leave out.
+fn panel_of(
+    columns: &Columns,
+    choice: &Choice,
+    (y, by): (&str, Option<&str>),
+    band: Option<Band>,
+) -> Result<(TablePanel, Gaps), Failure> {
+    let x = places(columns, &choice.x, choice.log[0])?;
+    let names = by.map(|by| columns.keys(by)).transpose()?;
+    let found = columns.result(y)?;
+    let mut gaps = Gaps::new(y, columns.row_count());
+    // rows of one curve and one x, in the order of the table
+    let mut groups: BTreeMap<(usize, Sortable), Vec<usize>> = BTreeMap::new();
+    for (row, x) in x.iter().enumerate() {
+        let curve = names.as_ref().map_or(0, |names| names.of[row]);
+        match x {
+            Some(x) => groups.entry((curve, Sortable(*x))).or_default().push(row),
+            None => gaps.off_axes(1),
+        }
+    }
+    let labels: Vec<String> = match (by, &names) {
+        (Some(by), Some(names)) => names.known.iter().map(|value| named(by, value)).collect(),
+        _ => vec![String::new()],
+    };
+    let mut curves: Vec<TableCurve> =
+        labels.into_iter().map(|label| TableCurve { label, points: Vec::new() }).collect();
+    let values: Vec<Values> = groups.values().map(|rows| found.values(rows)).collect();
+    let of_fewer = gaps.of_fewer(&values);
+    for ((curve, Sortable(x)), (values, is_of_fewer)) in groups.keys().zip(values.iter().zip(of_fewer)) {
+        let Some(found) = values.found else { continue };
+        gaps.off_axes(usize::from(choice.log[1] && found.mean <= 0.0));
+        curves[*curve].points.push(TablePoint { x: *x, found, is_of_fewer });
+    }
+    let means = found.means();
+    gaps.without_value(groups.values().flatten().filter(|row| means[**row].is_none()).count());
+    let points = || curves.iter().flat_map(|curve| &curve.points);
+    if band.is_some() && !points().any(|point| point.found.standard_error.is_some()) {
+        display::notice(format_args!(
+            "no band for {y}: there is one row for each {}; bands are of rows that differ in something else, such as the seed",
+            choice.x
+        ));
+    }
+    if points().next().is_none() {
+        return Err(bad_input!("{y} has no numbers over {}", choice.x));
+    }
+    curves.retain(|curve| !curve.points.is_empty());
+    Ok((TablePanel { column: y.to_owned(), curves, note: gaps.note() }, gaps))
 }
 
 /// A number by its size.

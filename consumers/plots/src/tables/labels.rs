@@ -43,12 +43,17 @@ const STATISTICS: [(&str, &str); 8] = [
 /// assert_eq!(column_label("standard_error_total_j"), "standard error of total (J)");
 /// assert_eq!(column_label("disorder[0].uniform"), "disorder 0 uniform");
 /// assert_eq!(column_label("chain.alpha"), "α");
+/// assert_eq!(column_label("forces.peak_n@right"), "forces peak at right (N)");
 /// ```
 pub fn column_label(column: &str) -> String {
     let (prefix, name) = STATISTICS
         .iter()
         .find_map(|(start, words)| Some((*words, column.strip_prefix(start)?)))
         .unwrap_or(("", column));
+    let (name, place) = match name.split_once('@') {
+        Some((name, place)) => (name, format!(" at {place}")),
+        None => (name, String::new()),
+    };
     let name = name.strip_prefix("chain.").unwrap_or(name);
     if name == "alpha" {
         return format!("{prefix}α");
@@ -61,5 +66,6 @@ pub fn column_label(column: &str) -> String {
     let words = name.replace("v_peak", "peak_velocity").replace("impurities[", "impurity ");
     let words = words.replace(['_', '.', '['], " ").replace(']', "");
     let is_count = prefix.starts_with("rows") || unit.is_empty();
-    if is_count { format!("{prefix}{words}") } else { format!("{prefix}{words} ({unit})") }
+    let words = format!("{prefix}{words}{place}");
+    if is_count { words } else { format!("{words} ({unit})") }
 }

@@ -1,7 +1,7 @@
 //! Which columns are drawn where nobody said it.
 
 use super::columns::{Columns, Keys};
-use crate::args::PlotArgs;
+use crate::args::{AxisArg, PlotArgs};
 use crate::failure::Failure;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -32,6 +32,8 @@ pub(super) struct Choice {
     pub(super) averaged: Vec<String>,
     /// Rows that lie beside each other differ in more than x.
     pub(super) scattered: bool,
+    /// Whether the x axis and the y axis are logarithmic.
+    pub(super) log: [bool; 2],
 }
 
 /// How it is drawn.
@@ -90,7 +92,8 @@ impl Choice {
                 ));
             }
         }
-        Ok(Self { x, y, drawn: Drawn::Curves { by }, averaged, scattered })
+        let log = log(args, columns, [Some(&x), None])?;
+        Ok(Self { x, y, drawn: Drawn::Curves { by }, averaged, scattered, log })
     }
 
     fn map(
@@ -113,7 +116,8 @@ impl Choice {
             None => default_result(columns, &x)?,
         };
         let (averaged, _) = rest(columns, &[x.as_str(), y.as_str()], varying)?;
-        Ok(Self { x, y: vec![y], drawn: Drawn::Heat { heat }, averaged, scattered: false })
+        let log = log(args, columns, [Some(&x), Some(&y)])?;
+        Ok(Self { x, y: vec![y], drawn: Drawn::Heat { heat }, averaged, scattered: false, log })
     }
 
     pub(super) fn by(&self) -> Option<&str> {
@@ -129,6 +133,39 @@ impl Choice {
             Drawn::Heat { heat } => Some(heat),
         }
     }
+}
+
+/// The axes that are logarithmic: those asked for, else those with a swept column whose values follow each other by the
+/// logarithm.
+fn log(args: &PlotArgs, columns: &Columns, axes: [Option<&str>; 2]) -> Result<[bool; 2], Failure> {
+    if !args.log.is_empty() {
+        return Ok([AxisArg::X, AxisArg::Y].map(|axis| args.log.contains(&axis)));
+    }
+    let swept = columns.swept();
+    let mut log = [false; 2];
+    for (log, name) in log.iter_mut().zip(axes) {
+        let Some(name) = name.filter(|name| swept.contains(name)) else { continue };
+        let mut values: Vec<f64> = columns.numbers(name)?.into_iter().flatten().collect();
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+        *log = is_logarithmic(&values);
+    }
+    Ok(log)
+}
+
+/// Whether rising `values` span at least a factor of 4, and lie more evenly by their logarithms than by themselves.
+fn is_logarithmic(values: &[f64]) -> bool {
+    let [first, _, .., last] = values else { return false };
+    if *first <= 0.0 || last / first < 4.0 {
+        return false;
+    }
+    let unevenness = |place: fn(f64) -> f64| -> f64 {
+        let (from, to, steps) = (place(*first), place(*last), values.len() as f64 - 1.0);
+        let part = |value: &f64| (place(*value) - from) / (to - from);
+        values.iter().enumerate().map(|(i, value)| (part(value) - i as f64 / steps).abs()).sum()
+    };
+    // to rounding, so that neither wins by it
+    unevenness(f64::ln) + 1e-9 < unevenness(|value| value)
 }
 
 /// The swept columns with more than one value.
@@ -151,7 +188,7 @@ fn nothing_varies(columns: &Columns) -> Failure {
     )
 }
 
-/// The first result that is worth a look: a favourite, or else one that differs from row to row.
+/// The first result that is worth a look: one that was asked for, a favourite, or else any that differs from row to row.
 fn default_result(columns: &Columns, x: &str) -> Result<String, Failure> {
     let results = columns.results();
     let varies = |name: &&str| -> bool {
@@ -161,9 +198,11 @@ fn default_result(columns: &Columns, x: &str) -> Result<String, Failure> {
         let differs = |pair: &[f64]| (pair[0] - pair[1]).abs() > ROUNDING * largest;
         means.len() * 2 > columns.row_count() && means.windows(2).any(differs)
     };
+    // what the sweep has asked for by name, such as `energies.driven_j`
+    let asked = results.iter().filter(|name| name.contains('.'));
     let favourites = FAVOURITES.iter().filter(|name| results.contains(name));
     let others = results.iter().filter(|name| !ABOUT_RUNS.contains(name));
-    let found = favourites.chain(others).filter(|name| **name != x).find(|name| varies(name));
+    let found = asked.chain(favourites).chain(others).filter(|name| **name != x).find(|name| varies(name));
     found.map(|name| (*name).to_owned()).ok_or_else(|| {
         bad_input!("no result differs from row to row; name one with --y: {}", results.join(", "))
     })
@@ -192,4 +231,22 @@ fn rest(columns: &Columns, taken: &[&str], varying: &[(&str, Keys)]) -> Result<(
     let averaged =
         if repeats { rest.iter().map(|(name, _)| (*name).to_owned()).collect() } else { Vec::new() };
     Ok((averaged, scattered))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_logarithmic;
+
+    #[test]
+    fn values_that_follow_each_other_by_the_logarithm_are_told_from_others() {
+        for log in [&[1.0, 10.0, 100.0][..], &[0.5e-3, 1e-3, 2e-3, 4e-3], &[1.0, 2.0, 5.0, 10.0, 20.0, 50.0]]
+        {
+            assert!(is_logarithmic(log), "{log:?}");
+        }
+        for plain in
+            [&[1.0, 2.0, 3.0, 4.0][..], &[0.0, 1.0, 10.0], &[1.5, 2.0], &[1.0, 100.0], &[1.0, 1.1, 1.21]]
+        {
+            assert!(!is_logarithmic(plain), "{plain:?}");
+        }
+    }
 }

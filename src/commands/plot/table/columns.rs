@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use consumers::statistics::Statistics;
 use consumers::table::Cell;
-use consumers::table::read::{self, ReadTableError, Values};
+use consumers::table::read::{self, ReadTableError};
 use std::path::Path;
 
 /// What the columns of an ensemble's table begin with, of each result.
@@ -11,7 +11,7 @@ const MEAN: &str = "mean_";
 
 /// A table in memory.
 #[derive(Debug)]
-pub(super) struct Columns(Vec<Values>);
+pub(super) struct Columns(Vec<read::Values>);
 
 /// The different values of a column, in their order, and which of them each row has.
 #[derive(Debug)]
@@ -24,7 +24,26 @@ pub(super) struct Keys {
 #[derive(Debug)]
 pub(super) enum Found {
     Numbers(Vec<Option<f64>>),
-    Statistics(Vec<Option<Statistics>>),
+    Statistics(Vec<Option<Statistics>>, Vec<Members>),
+}
+
+/// Points of which a row of an ensemble's table is made.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Members {
+    count: u64,
+    /// Those without a value.
+    missing: u64,
+}
+
+/// The values of some rows.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Values {
+    /// None if no row has one.
+    pub(super) found: Option<Statistics>,
+    /// How many values there should be.
+    pub(super) expected: u64,
+    /// How many there are not.
+    pub(super) missing: u64,
 }
 
 impl Columns {
@@ -63,7 +82,7 @@ impl Columns {
         self.find("count").is_some() && self.0.iter().any(|column| column.name.starts_with(MEAN))
     }
 
-    fn find(&self, name: &str) -> Option<&Values> {
+    fn find(&self, name: &str) -> Option<&read::Values> {
         self.0.iter().find(|column| column.name == name)
     }
 
@@ -115,19 +134,22 @@ impl Columns {
         let (mean, error, median) = (of(MEAN)?, of("standard_error_")?, of("median_")?);
         let quantiles = [of("q05_")?, of("q25_")?, of("q75_")?, of("q95_")?];
         let (count, missing) = (self.numbers("count")?, of("missing_")?);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
+        let whole = |numbers: &[Option<f64>], row: usize| numbers[row].unwrap_or(0.0) as u64;
+        let members = |row: usize| Members { count: whole(&count, row), missing: whole(&missing, row) };
         let row = |row: usize| {
             let [q05, q25, q75, q95] = &quantiles;
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
-            let count = (count[row]? - missing[row]?) as u64;
+            let Members { count, missing } = members(row);
             Some(Statistics {
-                count,
+                count: count.saturating_sub(missing),
                 mean: mean[row]?,
                 standard_error: error[row],
                 median: median[row]?,
                 quantiles: [q05[row]?, q25[row]?, q75[row]?, q95[row]?],
             })
         };
-        Ok(Found::Statistics((0..self.row_count()).map(row).collect()))
+        let rows = || 0..self.row_count();
+        Ok(Found::Statistics(rows().map(row).collect(), rows().map(members).collect()))
     }
 
     /// The different values of a column: numbers by size, words by their letters, and what is empty last.
@@ -153,22 +175,33 @@ impl Columns {
 
 impl Found {
     /// The mean of each row.
-    pub(super) fn means(self) -> Vec<Option<f64>> {
+    pub(super) fn means(&self) -> Vec<Option<f64>> {
         match self {
-            Self::Numbers(numbers) => numbers,
-            Self::Statistics(found) => found.into_iter().map(|found| Some(found?.mean)).collect(),
+            Self::Numbers(numbers) => numbers.clone(),
+            Self::Statistics(found, _) => found.iter().map(|found| Some((*found)?.mean)).collect(),
         }
     }
 
-    /// The statistics of these rows; of several ensembles those of their means.
-    pub(super) fn statistics(&self, rows: &[usize]) -> Option<Statistics> {
-        match (self, rows) {
-            (Self::Numbers(numbers), _) => Statistics::of(rows.iter().filter_map(|row| numbers[*row])),
-            (Self::Statistics(found), [row]) => found[*row],
-            (Self::Statistics(found), _) => {
-                Statistics::of(rows.iter().filter_map(|row| Some(found[*row]?.mean)))
-            }
+    /// The values of these rows; of several ensembles their means.
+    pub(super) fn values(&self, rows: &[usize]) -> Values {
+        let mean = |row: &usize| match self {
+            Self::Numbers(numbers) => numbers[*row],
+            Self::Statistics(found, _) => Some(found[*row]?.mean),
+        };
+        let found = match (self, rows) {
+            (Self::Statistics(found, _), [row]) => found[*row],
+            _ => Statistics::of(rows.iter().filter_map(mean)),
+        };
+        let (mut expected, mut missing) = (0, 0);
+        for row in rows {
+            let members = match self {
+                Self::Numbers(numbers) => Members { count: 1, missing: u64::from(numbers[*row].is_none()) },
+                Self::Statistics(_, members) => members[*row],
+            };
+            expected += members.count;
+            missing += members.missing;
         }
+        Values { found, expected, missing }
     }
 }
 
