@@ -60,7 +60,8 @@ impl WindowArg {
     Densities are one-sided, by Welch's method: means over segments that overlap by half, less their mean, under a \
     Hann window (by 7/8 in the spectrogram). Their integral over frequency is the mean square. Samples are those of frames; the sampling \
     frequency is told, and a warning where the recording is too sparse for it. Transmission is the estimate \
-    H1 = S_ab/S_aa, with its phase, and its coherence if there are several segments; a pulse that passes both places \
+    H1 = S_ab/S_aa, with its phase, and its coherence if there are several segments: a figure has |H1| where that is above chance, and of one \
+    segment up to the top of the band; a pulse that passes both places \
     wants --window none, motion that lasts wants segments much longer than the way between them. The map has q in rad per bead, above 0 for waves to the right; the \
     dispersion relation of a chain that is linear about its equilibrium is drawn over it. --out and --figure are of \
     what was asked for: spectra, the spectrogram or the map, which is no finer in the table than in the figure."

@@ -239,15 +239,14 @@ impl Measures {
             let wrong = |why| (i, why);
             let Measure { known, column, place, .. } = Measure::parse(text).map_err(wrong)?;
             let at = found.iter().position(|known_at| *known_at == (known.name, place));
-            let at = match at {
-                Some(at) => at,
-                None => {
-                    let mut look = (known.begin)(manifest, place).map_err(wrong)?;
-                    look.prepare().map_err(wrong)?;
-                    measures.looks.push(look);
-                    found.push((known.name, place));
-                    found.len() - 1
-                }
+            let at = if let Some(at) = at {
+                at
+            } else {
+                let mut look = (known.begin)(manifest, place).map_err(wrong)?;
+                look.prepare().map_err(wrong)?;
+                measures.looks.push(look);
+                found.push((known.name, place));
+                found.len() - 1
             };
             measures.columns.push((at, column));
         }

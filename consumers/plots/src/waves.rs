@@ -49,32 +49,39 @@ impl Spectra<'_> {
         (self.segment_count > 1).then(|| 1.0 - 0.01_f64.powf(1.0 / (self.segment_count - 1) as f64))
     }
 
-    /// `|H₁|` of a pair, NaN at frequencies that say nothing about it: where the coherence may be chance, or the first place has
-    /// no density that is shown.
+    /// `|H₁|` of a pair, NaN at frequencies that say nothing about it: where the coherence may be chance, or, if it is not known,
+    /// above all bands, and where the first place has no density that is shown.
     fn gain(&self, TransmissionCurve { from, found, .. }: &TransmissionCurve<'_>) -> Vec<f64> {
         let first = self.places.iter().position(|place| place == from);
         let density = first.and_then(|first| self.densities.get(first)).map_or(&[][..], Vec::as_slice);
         let largest = density.iter().skip(1).fold(0.0_f64, |high, value| high.max(*value));
-        let least = self.least_coherence();
+        let (least, top_hz) = (self.least_coherence(), self.bands_hz.last().map(|band| band[1]));
+        let is_told = |line: usize, coherence: f64| match (least, top_hz) {
+            (Some(least), _) => coherence > least,
+            (None, Some(top_hz)) => self.frequencies_hz[line] <= top_hz,
+            (None, None) => true,
+        };
         let gain = found.gain.iter().zip(&found.coherence).enumerate();
         gain.map(|(line, (gain, coherence))| {
             let has_density = density.get(line).is_some_and(|value| *value >= SHOWN_DENSITY * largest);
-            let is_coherent = least.is_none_or(|least| *coherence > least);
-            if has_density && is_coherent { *gain } else { f64::NAN }
+            if has_density && is_told(line, *coherence) { *gain } else { f64::NAN }
         })
         .collect()
     }
 
     /// What is said of the frequencies at which `|H₁|` is drawn.
     fn gain_caption(&self) -> String {
-        let where_dense =
-            format!("where the first place has {} of its largest density", super::scientific(SHOWN_DENSITY));
-        match self.least_coherence() {
-            Some(least) => format!(
-                "; |H_{{1}}| {where_dense}, and the coherence of {} segments is above {least:.2}, which chance exceeds in 1 % of lines",
+        let part = super::scientific(SHOWN_DENSITY);
+        let where_dense = format!("; |H_{{1}}| where the first place has {part} of its largest density");
+        match (self.least_coherence(), self.bands_hz.is_empty()) {
+            (Some(least), _) => format!(
+                "{where_dense}, and the coherence of {} segments is above {least:.2}, which chance exceeds in 1 % of lines",
                 self.segment_count
             ),
-            None => format!("; |H_{{1}}| {where_dense}; one segment has no coherence"),
+            (None, false) => {
+                format!("{where_dense}, up to the top of the band: one segment has no coherence")
+            }
+            (None, true) => format!("{where_dense}; one segment has no coherence"),
         }
     }
 }
@@ -454,7 +461,10 @@ mod tests {
             |shown: &Spectra<'_>| shown.gain(&pair).iter().map(|gain| !gain.is_nan()).collect::<Vec<_>>();
         assert_eq!(is_drawn(&shown), [true, true, false, false]);
         assert!(shown.gain_caption().contains("above 0.68"), "{}", shown.gain_caption());
+        // one segment has no coherence: what leaks above the band is not drawn
         shown.segment_count = 1;
         assert_eq!(is_drawn(&shown), [true, true, true, false]);
+        shown.bands_hz = &[[0.0, 1.5]];
+        assert_eq!(is_drawn(&shown), [true, true, false, false]);
     }
 }

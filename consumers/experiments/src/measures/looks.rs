@@ -75,6 +75,7 @@ fn number(place: Option<&str>, what: &str, numbers: std::ops::Range<u64>) -> Res
 #[derive(Default)]
 struct Energies(Option<EnergyOutcome>);
 
+#[allow(clippy::unnecessary_wraps, reason = "one of the functions of the table, others of which refuse")]
 pub(super) fn energies(_: &RunManifest, _: Option<&str>) -> Begun {
     Ok(Box::new(Energies::default()))
 }
@@ -142,6 +143,7 @@ impl Look for Impurity {
 
 struct LastContacts(Contacts);
 
+#[allow(clippy::unnecessary_wraps, reason = "one of the functions of the table, others of which refuse")]
 pub(super) fn contacts(manifest: &RunManifest, _: Option<&str>) -> Begun {
     Ok(Box::new(LastContacts(Contacts::new(manifest, default_tolerance_m(manifest)))))
 }
@@ -217,6 +219,7 @@ struct LastSpreading {
     last: Option<SpreadingRow>,
 }
 
+#[allow(clippy::unnecessary_wraps, reason = "one of the functions of the table, others of which refuse")]
 pub(super) fn spreading(manifest: &RunManifest, _: Option<&str>) -> Begun {
     Ok(Box::new(LastSpreading { spreading: Spreading::new(manifest), last: None }))
 }
@@ -443,7 +446,8 @@ struct Mode {
 pub(super) fn modes(manifest: &RunManifest, place: Option<&str>) -> Begun {
     let chain = LinearChain::of(&manifest.physics.chain()).map_err(|error| error.to_string())?;
     let count = Modes::count_of(&chain).map_err(|error: ModesError| error.to_string())?;
-    let mode = usize::try_from(number(place, "mode", 1..count as u64 + 1)? - 1).unwrap_or(0);
+    let end = count as u64 + 1;
+    let mode = usize::try_from(number(place, "mode", 1..end)? - 1).unwrap_or(0);
     Ok(Box::new(Mode { chain, mode, modes: None, largest_j: 0.0, last_j: 0.0 }))
 }
 
