@@ -255,4 +255,37 @@ mod tests {
             Physics::resolve(&config).expect(preset.name);
         }
     }
+
+    /// Documents, figures and recordings count these steps.
+    #[test]
+    fn presets_keep_their_steps() {
+        let steps = [
+            ("light-impurity", 55_189),
+            ("heavy-impurity", 55_189),
+            ("homogeneous", 11_038),
+            ("striker-3g", 4_829),
+            ("striker-10g", 4_829),
+            ("dimer", 31_105),
+            ("tapered", 40_492),
+            ("precompressed", 7_962),
+            ("gravity", 14_278),
+            ("walls", 73_586),
+            ("damped", 132_454),
+            ("band-gap", 61_239),
+            ("steel-spheres", 4_013),
+            ("fput-alpha", 105_000),
+            ("collision", 11_038),
+            ("disordered", 12_703),
+            ("driven-damped", 80_000),
+            ("absorbing", 67_593),
+            ("resonators", 50_000),
+            ("toda", 8_155),
+            ("piston", 26_667),
+            ("thermal", 6_205),
+        ];
+        for (preset, expected) in PRESETS.iter().zip(steps) {
+            let physics = Physics::resolve(&preset.config()).expect(preset.name);
+            assert_eq!((preset.name, physics.step_count), expected);
+        }
+    }
 }

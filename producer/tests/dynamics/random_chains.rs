@@ -244,7 +244,14 @@ fn load(random: &mut Random, config: &mut RunConfig, length_m: f64) {
 pub(crate) fn promise(config: &RunConfig) -> f64 {
     let chain = &config.chain;
     let is_even = chain.masses.is_uniform() && chain.stiffnesses.is_uniform() && chain.contacts.is_empty();
-    let is_of_the_paper = is_even && config.ends.is_free() && config.load.is_none();
+    let is_struck = config.disorder.is_empty() && config.initial.is_none() && config.drive.is_empty();
+    let is_plain = is_struck
+        && chain.alphas.is_none()
+        && chain.second.is_none()
+        && chain.gaps_m.is_none()
+        && config.on_site.is_none()
+        && config.resonators.is_none();
+    let is_of_the_paper = is_even && is_plain && config.ends.is_free() && config.load.is_none();
     match (config.damping, config.integrator.method) {
         (Some(DampingConfig::ViscousNSPerM(_)), _) => 1e-3,
         (Some(DampingConfig::Restitution(_)), _) => 2e-4,

@@ -91,8 +91,7 @@ impl Physics {
         let struck = self.struck_fraction(law.alpha);
         // what is given or driven may open contacts that a load keeps closed
         let opens = (!self.initial.is_none() || !self.drives.is_empty())
-            && self.typical_overlap_m() + self.struck_overlap_m(law)
-                > 0.5 * self.smallest_rest_overlap_m(law);
+            && self.typical_overlap_m() + self.struck_overlap_m(law) > self.smallest_rest_overlap_m(law);
         let loaded = if opens { struck } else { fraction };
         let lightest_kg = self.extremes().lightest_kg;
         let longest_s = f64::INFINITY;
