@@ -76,15 +76,15 @@ pub struct RunConfig {
 pub struct ChainConfig {
     /// Number of beads N.
     pub beads: u64,
-    /// Mass of a bead (kg), unless `masses` says otherwise. With `spheres` it may be left out: that of the first.
-    #[serde(default = "left_out")]
+    /// Mass of a bead (kg), unless `masses` says otherwise. With `spheres` it is left out: that of the first.
+    #[serde(default = "left_out", skip_serializing_if = "is_left_out")]
     pub bead_mass_kg: f64,
     /// Exponent α of the contact law. May be left out with `spheres`, where it is 1.5, and with `bonds`.
-    #[serde(default = "left_out")]
+    #[serde(default = "left_out", skip_serializing_if = "is_left_out")]
     pub alpha: f64,
-    /// Stiffness k of a contact (N·m^−α), unless `stiffnesses` says otherwise. May be left out with `spheres` and `bonds`:
-    /// that of the first contact.
-    #[serde(default = "left_out")]
+    /// Stiffness k of a contact (N·m^−α), unless `stiffnesses` says otherwise. It is left out with `spheres`, and may be with
+    /// `bonds`: that of the first contact.
+    #[serde(default = "left_out", skip_serializing_if = "is_left_out")]
     pub stiffness: f64,
     /// A rule for the masses of all beads.
     #[serde(default, skip_serializing_if = "MassRule::is_uniform")]
@@ -121,6 +121,11 @@ pub struct ChainConfig {
 /// A number that a configuration does not give; [`RunConfig::from_toml`] finds it, or says that it is missing.
 fn left_out() -> f64 {
     f64::NAN
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
+fn is_left_out(number: &f64) -> bool {
+    number.is_nan()
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
@@ -441,7 +446,7 @@ impl RunConfig {
 
     /// With what `document`, which it was read from, leaves open.
     fn completed(mut self, document: &toml::Table) -> Result<Self, ConfigError> {
-        self.fill_in()?;
+        self.fill_in(document)?;
         if !document.contains_key("striker") && self.drive.is_empty() && self.initial.is_none() {
             return Err(ConfigError::missing("striker"));
         }
@@ -452,14 +457,11 @@ impl RunConfig {
     }
 
     /// The numbers of the scales, where spheres or bonds give them.
-    fn fill_in(&mut self) -> Result<(), ConfigError> {
+    fn fill_in(&mut self, document: &toml::Table) -> Result<(), ConfigError> {
         let chain = &mut self.chain;
         let mut usual = [f64::NAN; 3];
-        if let Some(Spheres(spheres)) = &chain.spheres {
-            if let Some(first) = spheres.first() {
-                let second = spheres.get(1).unwrap_or(first);
-                usual = [first.mass_kg(), 1.5, first.stiffness_with(second)];
-            }
+        if let Some(spheres) = &chain.spheres {
+            usual = spheres.scales().unwrap_or(usual);
         } else if let Some(bonds) = &chain.bonds {
             if !bonds.hold() {
                 return Err(Bonds::refusal());
@@ -469,7 +471,13 @@ impl RunConfig {
         }
         let keys = ["chain.bead_mass_kg", "chain.alpha", "chain.stiffness"];
         let numbers = [&mut chain.bead_mass_kg, &mut chain.alpha, &mut chain.stiffness];
+        let written = document.get("chain").and_then(toml::Value::as_table);
         for ((number, usual), key) in numbers.into_iter().zip(usual).zip(keys) {
+            let is_written =
+                written.zip(key.strip_prefix("chain.")).is_some_and(|(chain, name)| chain.contains_key(name));
+            if number.is_nan() && is_written {
+                return Err(ConfigError::value(key, "nan", "a number"));
+            }
             if number.is_nan() {
                 *number = usual;
             }
@@ -508,8 +516,20 @@ impl RunConfig {
 
     /// The configuration as TOML text that reads back to an equal configuration.
     pub fn to_toml(&self) -> String {
+        let mut config = self.clone();
+        let chain = &mut config.chain;
+        if let Some(scales) = chain.spheres.as_ref().and_then(Spheres::scales) {
+            // as it was written: other spheres have others
+            for (number, usual) in
+                [&mut chain.bead_mass_kg, &mut chain.alpha, &mut chain.stiffness].into_iter().zip(scales)
+            {
+                if *number == usual {
+                    *number = left_out();
+                }
+            }
+        }
         // every field is a plain table, number or string, which TOML can always express
-        toml::to_string(self).unwrap_or_default()
+        toml::to_string(&config).unwrap_or_default()
     }
 }
 

@@ -89,6 +89,21 @@ fn materials() {
                 "odd_spheres",
                 &["odd_spheres[0].radius_m", "found \"big\"", "a number"],
             ),
+            (
+                "bead_mass_kg = 5.0\nspheres = { material = \"steel\", radius_m = 5e-3 }",
+                "bead_mass_kg",
+                &["chain.bead_mass_kg: found 5", "none beside `spheres`", "e-3 kg"],
+            ),
+            (
+                "spheres = { material = \"steel\", radius_m = 5e-3 }\nstiffness = 1e7",
+                "stiffness",
+                &["chain.stiffness: found 1e7", "none beside `spheres`", "leave one of them out"],
+            ),
+            (
+                "alpha = 1.5\nbead_mass_kg = 1e-3\nstiffness = nan",
+                "stiffness",
+                &["chain.stiffness: found nan", "a number"],
+            ),
         ],
     );
 }

@@ -149,6 +149,7 @@ impl Physics {
         physics.contacts.sort_by_key(|odd| odd.contact);
         physics.odd_spheres.sort_by_key(|odd| odd.bead);
         physics.check_chain(&chain.impurities, &chain.contacts)?;
+        physics.check_scales_of_spheres()?;
         (physics.dt_s, physics.step_count) = physics.steps(config.time)?;
         physics.check_drive_times()?;
         Ok(physics)

@@ -3,7 +3,7 @@
 use super::Physics;
 use super::beyond::{MOST_EXPONENTS, different};
 use super::check::check_positive;
-use crate::config::{Bonds, ConfigError, End};
+use crate::config::{Bonds, ConfigError, End, Spheres};
 use crate::damping::Damping;
 use crate::drive::{Place, Quantity, Side};
 use crate::method::Method;
@@ -74,6 +74,26 @@ impl Physics {
             return Err(ConfigError::value("chain.spheres", "spheres", allowed));
         }
         Ok(())
+    }
+
+    /// Refuses a mass or a stiffness that spheres do not have. Recordings of before may hold one; it never moved a bead.
+    pub(super) fn check_scales_of_spheres(&self) -> Result<(), ConfigError> {
+        let Some([mass_kg, _, stiffness]) = self.spheres.as_ref().and_then(Spheres::scales) else {
+            return Ok(());
+        };
+        let rows = [
+            ("chain.bead_mass_kg", self.bead_mass_kg, mass_kg, "kg"),
+            ("chain.stiffness", self.stiffness, stiffness, "N·m^−3/2"),
+        ];
+        match rows.iter().find(|(_, found, usual, _)| found != usual) {
+            Some((key, found, usual, unit)) => {
+                let allowed = format!(
+                    "none beside `spheres`, whose material and radius say it ({usual:e} {unit}): leave one of them out"
+                );
+                Err(ConfigError::number(key, *found, &allowed))
+            }
+            None => Ok(()),
+        }
     }
 
     fn check_laws(&self) -> Result<(), ConfigError> {
