@@ -19,8 +19,9 @@ pub(crate) fn relay(args: &RelayArgs) -> Result<Done, Failure> {
 #[cfg(not(feature = "relay"))]
 pub(crate) fn relay(_: &RelayArgs) -> Result<Done, Failure> {
     Err(bad_input!(
-        "this beadline was built without `relay`, which takes longer to build than all the rest; \
-         `cargo install --path . --features relay` in its source builds one that has it"
+        "this beadline was built without `relay`, which takes longer to build than all the rest (that of the Python package \
+         always is); with Rust from rustup.rs, `cargo install --git {} --features relay beadline` installs one that has it",
+        env!("CARGO_PKG_REPOSITORY")
     ))
 }
 

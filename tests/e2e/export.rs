@@ -149,7 +149,7 @@ fn what_cannot_be_exported_is_refused_before_anything_is_written() {
     refused("full.mcap --out e.npz --from 1.003e-4 --until 1.015e-4", &["no state", "--every-step"]);
     refused("full.mcap --out e.npz --every-steps 7 --every-step", &["cannot be used with"]);
     if !cfg!(feature = "hdf5") {
-        refused("full.mcap --out e.h5", &["without hdf5", "cargo build --release --features hdf5"]);
+        refused("full.mcap --out e.h5", &["without hdf5", "cargo install", "--features hdf5 beadline"]);
     }
 }
 

@@ -123,7 +123,9 @@ pub enum ExportError {
     File(#[from] WholeFileError),
     /// This program was built without the format.
     #[error(
-        "this beadline was built without {format}; `cargo build --release --features {format}` makes one that has it"
+        "this beadline was built without {format} (that of the Python package always is); with Rust from rustup.rs, `cargo install \
+         --git {} --features {format} beadline` installs one that has it",
+        env!("CARGO_PKG_REPOSITORY")
     )]
     NotBuilt {
         /// The format.
