@@ -43,6 +43,11 @@ enum Verdict {
     Refuse,
 }
 
+/// Wall time (s) that the run of `manifest` takes at least, found by making some steps; 0 of a short one.
+pub fn computing_s(manifest: &RunManifest) -> f64 {
+    Forecast::of_run(manifest, 0, Pace::Max, 0.0).wall_s
+}
+
 impl Forecast {
     /// For the steps of `manifest`'s run after `first_step` at `pace`, and a recording that takes the part `disk` of what
     /// is free.

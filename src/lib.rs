@@ -27,6 +27,7 @@ mod time_step;
 mod uploading;
 
 pub use configuration::origin;
+pub use forecast::computing_s;
 
 use args::{Cli, Command};
 use clap::FromArgMatches;

@@ -30,13 +30,17 @@ if TYPE_CHECKING:
         consumer,
         live_runs,
     )
-    from ._recording import FieldArray, Recording, State, open
-    from ._run import Chain, Run, Simulation, preset, presets
+    from ._chain import Chain
+    from ._fields import FieldArray
+    from ._files import Verdict, View
+    from ._recording import Recording, State, open
+    from ._run import Run, Simulation, preset, presets
     from ._sweep import sweep
-    from ._table import Forces, Motion, Pulses, Table, Verdict
+    from ._table import Forces, Motion, Pulses, Table
     from .errors import (
         BeadlineError,
         CommandError,
+        CommandValueError,
         ConfigError,
         LiveError,
         LostError,
@@ -47,6 +51,9 @@ if TYPE_CHECKING:
 
 # where each name is: the command, which is in this package, too, starts without NumPy
 _PLACES = {
+    "_chain": ("Chain",),
+    "_fields": ("FieldArray",),
+    "_files": ("Verdict", "View"),
     "_live": (
         "AsyncLive",
         "Consumer",
@@ -59,13 +66,14 @@ _PLACES = {
         "consumer",
         "live_runs",
     ),
-    "_recording": ("FieldArray", "Recording", "State", "open"),
-    "_run": ("Chain", "Run", "Simulation", "preset", "presets"),
+    "_recording": ("Recording", "State", "open"),
+    "_run": ("Run", "Simulation", "preset", "presets"),
     "_sweep": ("sweep",),
-    "_table": ("Forces", "Motion", "Pulses", "Table", "Verdict"),
+    "_table": ("Forces", "Motion", "Pulses", "Table"),
     "errors": (
         "BeadlineError",
         "CommandError",
+        "CommandValueError",
         "ConfigError",
         "LiveError",
         "LostError",
@@ -80,6 +88,7 @@ __all__ = [
     "BeadlineError",
     "Chain",
     "CommandError",
+    "CommandValueError",
     "ConfigError",
     "Consumer",
     "FieldArray",
@@ -101,6 +110,7 @@ __all__ = [
     "State",
     "Table",
     "Verdict",
+    "View",
     "__version__",
     "attach",
     "attach_async",

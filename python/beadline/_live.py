@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _native
+from ._chain import number
 from ._native import Frame as Frame
 from ._native import Live as Live
 
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 
 # how long frames may come one after the other before other tasks have a turn (s)
 _TURN_S = 0.005
+
+# longest time to wait for a run: some 300 years (s)
+_MOST_S = 1e10
 
 
 def attach(
@@ -43,7 +47,17 @@ def attach(
     Raises:
         LiveError: If no run comes in time, or there are several and none was named.
     """
-    return _native.attach(name, latest, timeout_s, label, _native.Stop())
+    return _native.attach(name, latest, _patience(timeout_s), label, _native.Stop())
+
+
+def _patience(timeout_s: float | None) -> float | None:
+    """How long to wait (s)."""
+    if timeout_s is None:
+        return None
+    found = number("timeout_s", timeout_s)
+    if not 0.0 <= found <= _MOST_S:
+        raise ValueError(f"timeout_s: found {timeout_s!r}; expected seconds from 0 to {_MOST_S:g}, or None to wait for ever")
+    return found
 
 
 def attach_async(
@@ -71,7 +85,7 @@ class AsyncLive:
     def __init__(
         self, name: str | None, latest: bool, timeout_s: float | None, label: str
     ) -> None:
-        self._wanted = name, latest, timeout_s, label
+        self._wanted = name, latest, _patience(timeout_s), label
         self._turn_began_s = time.monotonic()
 
     async def attach(self) -> Live:
@@ -203,6 +217,12 @@ class Consumer:
         self.columns = [columns] if isinstance(columns, str) else list(columns)
         self.name = name or function.__name__.strip("_").replace("_", "-").lower()
         self.__doc__ = function.__doc__
+        # where pickle looks for it, which is not where the function would be
+        self.__module__ = function.__module__
+        self.__qualname__ = getattr(function, "__qualname__", self.name)
+
+    def __reduce__(self) -> str:
+        return self.__qualname__
 
     def __call__(self, frame: Frame | State) -> Row:
         return self.function(frame)

@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
+    from ._fields import FieldArray
     from ._native import Doubles
-    from ._recording import FieldArray, Recording
+    from ._recording import Recording
 
 Steps = npt.NDArray[np.int64]
 

@@ -1,12 +1,9 @@
-"""What is seen of a recording: figures, its summary in a notebook, and a dataset of xarray."""
+"""What is seen of a recording: figures, and a dataset of xarray; figures of tables."""
 
 from __future__ import annotations
 
-import base64
-import html as markup
 import json
 import math
-import zlib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,14 +11,17 @@ import numpy as np
 import numpy.typing as npt
 
 from ._extras import need
-from ._map import Map, Shades, Steps, diverging, map_of, rows_of, see_through, shades_of
+from ._map import Map, Shades, Steps, diverging, map_of, rows_of, shades_of
+from ._numbers import count, in_si, name_and_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from xarray import Dataset
 
+    from ._fields import FieldArray
     from ._native import Doubles
-    from ._recording import FieldArray, Recording, State
+    from ._recording import Recording, State
+    from ._table import Table
 
 Scale = Literal["log", "linear"]
 
@@ -35,11 +35,11 @@ _MOST_ROWS, _MOST_COLUMNS, _FINE_ROWS = 600, 1000, 300
 # columns of a map that need no pixels of their own to be sharp
 _SHARP_COLUMNS = 1000
 
-# of a summary: most pixels of its map, and most doubles that are read for it
-_SMALL_ROWS, _SMALL_COLUMNS, _SMALL_DOUBLES = 180, 360, 20_000_000
-
 # most impurities, and most beads, that are marked one by one
 _MOST_LINES, _MOST_DISCS = 8, 60
+
+# of a table, most curves whose legend is among them
+_FEW_CURVES = 4
 
 # of fewer beads, ticks between those with numbers would be between beads
 _FEW_PLACES = 50
@@ -105,13 +105,22 @@ def plot(
     array = _array(rec, field)
     if step is not None and time_s is not None:
         raise ValueError("found step and time_s; expected one of them")
-    if every is not None and every < 1:
-        raise ValueError(f"every: found {every}; expected 1 or more")
+    of_map = {"during_s": during_s, "every": every, "scale": scale}
+    beside = [name for name, value in of_map.items() if value is not None]
+    if beside and (step is not None or time_s is not None):
+        profile = "step" if step is not None else "time_s"
+        raise ValueError(f"{beside[0]}: found beside {profile}, which draws along the chain; expected it of a map only")
+    every = None if every is None else count("every", every)
+    time_s, during_s = in_si("time_s", time_s), in_si("during_s", during_s)
+    limit = in_si("limit", limit, array.unit)
+    if during_s is not None and np.shape(during_s) != (2,):
+        raise ValueError(f"during_s: found {during_s!r}; expected the first and the last time (s), such as (0.01, 0.02)")
     if scale not in (None, "log", "linear"):
         raise ValueError(f"scale: found {scale!r}; expected 'log' or 'linear'")
     every_place = range(array.shape[1])
-    places = every_place[beads] if isinstance(beads, slice) else every_place
-    if not isinstance(beads, slice | None) or not places or places.step != 1:
+    is_part = isinstance(beads, slice) and beads.step in (None, 1)
+    places = every_place[beads] if isinstance(beads, slice) and is_part else every_place
+    if beads is not None and not is_part or not places:
         raise ValueError(
             f"beads: found {beads}; expected neighbours from 0 to {array.shape[1] - 1}, such as "
             f"slice(0, {array.shape[1]})"
@@ -311,92 +320,6 @@ def _draw_profiles(
     ax.set_ylabel(f"{field} ({unit})")
 
 
-def html(rec: Recording) -> str:
-    """A summary of a recording for a notebook, with a small map.
-
-    It never fails: it says what cannot be read.
-    """
-    # the file may be of a stranger: nothing in it is markup
-    try:
-        rows = "".join(
-            f'<tr><th style="text-align:left">{name}</th>'
-            f'<td style="text-align:left">{markup.escape(str(value))}</td></tr>'
-            for name, value in _summary(rec)
-        )
-    except Exception as error:
-        rows = f"<tr><td>{markup.escape(f'{type(error).__name__}: {error}')}</td></tr>"
-    try:
-        picture = _small_map(rec)
-    except Exception as error:
-        picture = f"<em>no map: {markup.escape(f'{type(error).__name__}: {error}')}</em>"
-    return (
-        '<div style="display:flex;flex-wrap:wrap;gap:1em;align-items:flex-start">'
-        f"<table>{rows}</table><div>{picture}</div></div>"
-    )
-
-
-def _summary(rec: Recording) -> list[tuple[str, object]]:
-    about, physics = rec.about, rec.manifest["physics"]
-    times_ms = 1e3 * rec.first_step * rec.dt_s, 1e3 * rec.last_step * rec.dt_s
-    ended = about["end"] or ("not finished: it goes on, or was cut short" if rec.path else "")
-    every = f"{rec.record_every:,} steps" if rec.record_every > 1 else "step"
-    rows: list[tuple[str, object]] = [
-        ("run", rec.name),
-        ("chain", f"{rec.beads:,} beads, α = {physics['alpha']:g}"),
-        ("steps", f"{rec.first_step:,} to {rec.last_step:,} of {rec.dt_s:.4g} s"),
-        ("time", f"{times_ms[0]:.4g} to {times_ms[1]:.4g} ms"),
-        ("states kept", f"{about['states']:,}, one every {every}"),
-        ("other steps", "recomputed when asked for" if rec.recomputes else "need another Beadline"),
-        ("ended", ended),
-        ("size", f"{_size(about['bytes'])}{'' if rec.path else ' in memory'}"),
-    ]
-    rows += [("file", rec.path)] if rec.path else []
-    return rows + ([("damage", about["damage"])] if about["damage"] else [])
-
-
-def _size(size_bytes: int) -> str:
-    return f"{size_bytes / 1e6:,.2f} MB" if size_bytes >= 1e6 else f"{size_bytes / 1e3:,.1f} kB"
-
-
-def _small_map(rec: Recording) -> str:
-    rows = min(_SMALL_ROWS, max(2, _SMALL_DOUBLES // rec.beads))
-    drawn = map_of(rec, rec.velocity, range(rec.beads), rows, _SMALL_COLUMNS)
-    low, high = drawn.extremes
-    shades = np.nan_to_num(shades_of(low, high, is_log=True).of(drawn.values))
-    pixels = (127 + (127 * shades).round()).astype(np.uint8)
-    colours = (255 * see_through(np.linspace(-1, 1, 255))).round().astype(np.uint8)
-    data = base64.b64encode(png(pixels, colours)).decode()
-    said = f"velocity over beads (across) and time (down), from {low:.3g} to {high:.3g} m/s"
-    style = f"width:{_SMALL_COLUMNS}px;height:{_SMALL_ROWS}px;border:1px solid #8888"
-    # a bead that has several pixels has edges
-    style += ";image-rendering:pixelated" if rec.beads < _SMALL_COLUMNS / 2 else ""
-    image = f'<img alt="{said}" style="{style}" src="data:image/png;base64,{data}">'
-    return f"{image}<br><small>{said}</small>"
-
-
-def png(pixels: npt.NDArray[np.uint8], colours: npt.NDArray[np.uint8]) -> bytes:
-    """A PNG of pixels (rows × columns) that are numbers of colours (n × sRGB and opacity)."""
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        check = zlib.crc32(kind + data).to_bytes(4, "big")
-        return len(data).to_bytes(4, "big") + kind + data + check
-
-    height, width = pixels.shape
-    # 8 bits a pixel, of a palette
-    head = width.to_bytes(4, "big") + height.to_bytes(4, "big") + bytes([8, 3, 0, 0, 0])
-    # each row begins with its filter: none
-    rows = np.pad(pixels, ((0, 0), (1, 0))).tobytes()
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        [
-            chunk(b"IHDR", head),
-            chunk(b"PLTE", colours[:, :3].tobytes()),
-            chunk(b"tRNS", colours[:, 3].tobytes()),
-            chunk(b"IDAT", zlib.compress(rows)),
-            chunk(b"IEND", b""),
-        ]
-    )
-
-
 def to_xarray(
     rec: Recording,
     every: int | None = None,
@@ -411,11 +334,8 @@ def to_xarray(
     Its dimensions are ``time`` (s), ``bead`` and ``contact``; ``step``, ``mass_kg`` and
     ``stiffness`` are coordinates, and the attribute ``manifest`` is the run as JSON.
     """
+    steps: Steps = np.asarray(rec.recorded_steps if every is None else rec.steps[:: count("every", every)], np.int64)
     xr: Any = need("xarray")
-    if every is None:
-        steps: Steps = np.asarray(rec.recorded_steps, np.int64)
-    else:
-        steps = np.asarray(rec.steps[::every], np.int64)
     rows = rows_of(rec, steps)
     variables = {
         name: xr.Variable(
@@ -457,3 +377,40 @@ def _lazily(array: FieldArray, rows: Steps) -> Any:
             return np.asarray(array[rows[key[0]]][..., key[1]])
 
     return indexing.LazilyIndexedArray(Lazy())
+
+
+def plot_table(table: Table, y: str | Sequence[str] | None, x: str | None, ax: Axes | None) -> Axes:
+    """Draws columns of a table over another one."""
+    units = table.units
+    below = x or ("time_s" if "time_s" in table else next(iter(table), ""))
+    numbers = [name for name in table if table[name].dtype.kind in "if" and name not in ("frame", "step", below)]
+    if y is None:
+        y = [name for name in numbers if units[name] == units[numbers[-1]]] if numbers else []
+    names = [y] if isinstance(y, str) else list(y)
+    columns = {name: table[name] for name in [below, *names]}
+    found = {units[name] for name in names}
+    if len(found) != 1 or any(column.dtype.kind not in "if" for column in columns.values()):
+        said = ", ".join(sorted(found)) or "no column"
+        raise ValueError(f"y: found {said}; expected columns of numbers of one unit, such as {numbers[-1:]}")
+    axes: Any = ax
+    if ax is None:
+        axes = need("matplotlib.pyplot").subplots(figsize=(6.4, 3.6), layout="constrained")[1]
+    for number, name in enumerate(names):
+        colour, dashes = _CURVES[number % len(_CURVES)], ("-", "--", ":")[number // len(_CURVES) % 3]
+        axes.plot(columns[below], columns[name], dashes, color=colour, lw=1.2, label=_words(name))
+    axes.set_xlabel(_label(_words(below), units[below]))
+    axes.set_ylabel(_label(_words(names[0]), units[names[0]]) if len(names) == 1 else units[names[0]])
+    if len(names) > 1:
+        # beside the curves where it would hide them
+        place = {} if len(names) <= _FEW_CURVES else {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
+        axes.legend(frameon=False, fontsize="small", **place)
+    drawn: Axes = axes
+    return drawn
+
+
+def _words(name: str) -> str:
+    return name_and_unit(name)[0].replace("_", " ")
+
+
+def _label(words: str, unit: str) -> str:
+    return f"{words} ({unit})".strip() if unit else words

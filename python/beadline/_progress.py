@@ -53,7 +53,7 @@ class Progress:
         self._next_s = now_s + _BETWEEN_S
         rate = done / (now_s - self._begin_s)
         decimals = 0 if rate >= 100 else 1
-        left = f", {_duration((self._total - done) / rate)} left" if done else ""
+        left = f", {duration((self._total - done) / rate)} left" if done else ""
         text = (
             f"{self._what}: {done:,} of {self._total:,} {self._unit}, {rate:,.{decimals}f}/s{left}"
         )
@@ -89,7 +89,11 @@ def _is_notebook() -> bool:
     return hasattr(shell, "kernel")
 
 
-def _duration(duration_s: float) -> str:
+def duration(duration_s: float) -> str:
+    """A rough time, as people say it."""
+    days = duration_s / 86400
+    if days > 3:
+        return f"{days:,.0f} days" if days < 1000 else f"{days / 365.25:,.0f} years"
     minutes, seconds = divmod(round(duration_s), 60)
     hours, minutes = divmod(minutes, 60)
     return (

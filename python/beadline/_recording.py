@@ -9,41 +9,28 @@ import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
-from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from . import _native, _plot, _table
+from . import _files, _html, _native, _plot, _table
+from ._chain import number
+from ._fields import FieldArray, FieldName, Index, check_memory
+from ._numbers import count
 from .errors import RecordingError
 
 if TYPE_CHECKING:
     from ._native import Doubles, Numbers, StateTuple
 
-FieldName = Literal["displacement", "velocity", "overlap", "force", "resonator_displacement", "resonator_velocity"]
-Index = npt.NDArray[np.intp]
 Array = TypeVar("Array", bound=npt.NDArray[Any])
-# positions on an axis
-Axis = range | Index
 
-_UNITS: dict[FieldName, str] = {
-    "displacement": "m",
-    "velocity": "m/s",
-    "overlap": "m",
-    "force": "N",
-    "resonator_displacement": "m",
-    "resonator_velocity": "m/s",
-}
 _OF_CONTACTS = ("overlap", "force")
-# memory that is left to others
-_FREE_PART = 0.9
 # of states that are read one after the other, how much is read at once
 _BLOCK_BYTES = 32_000_000
-# and of rows of an array, of which a loop may not want all
-_ROWS_BYTES = 4_000_000
 
 
 def open(path: str | os.PathLike[str]) -> Recording:
@@ -156,285 +143,37 @@ class State:
         """Mass of each bead (kg), N values."""
         return _read_only(self._manifest.mass_kg)
 
+    @cached_property
+    def _energy_j(self) -> tuple[float, float]:
+        return self._manifest.energy_j(self.displacement_m, self.velocity_m_s, self.extra)
+
+    @property
+    def kinetic_j(self) -> float:
+        """Kinetic energy of all beads and resonators (J)."""
+        return self._energy_j[0]
+
+    @property
+    def potential_j(self) -> float:
+        """Potential energy of all contacts, springs and loads (J)."""
+        return self._energy_j[1]
+
+    @property
+    def total_j(self) -> float:
+        """Kinetic plus potential energy (J)."""
+        return self.kinetic_j + self.potential_j
+
     def _field(self, name: FieldName) -> Doubles:
         return _read_only(self._manifest.field_of(name, self.displacement_m, self.velocity_m_s))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        arrays = self.displacement_m, self.velocity_m_s, self.extra
+        return State, (self._manifest, (self.frame, self.step, self.time_s, *arrays))
+
+    def _repr_html_(self) -> str:
+        return _html.of_state(self)
+
     def __repr__(self) -> str:
         return f"<State at step {self.step}, {self.time_s:.6g} s, of {self.velocity_m_s.size} beads>"
-
-
-class FieldArray(NDArrayOperatorsMixin):
-    """A quantity at every step and place of a recording, computed when it is needed.
-
-    It has the shape (steps, places) and is indexed like an array of NumPy's. Slices, and a list or mask of either axis, give
-    another such array; a number for both gives a float; what selects point by point is computed at once. ``np.asarray``
-    computes it on all cores, and so does every function of NumPy's.
-
-    Attributes:
-        name: ``"velocity"``, ``"displacement"``, ``"overlap"``, ``"force"``, ``"resonator_displacement"`` or
-            ``"resonator_velocity"``.
-        unit: Its unit.
-    """
-
-    def __init__(self, recording: Recording, name: FieldName, rows: Axis | int, columns: Axis | int) -> None:
-        self._recording = recording
-        self.name: FieldName = name
-        self.unit = _UNITS[name]
-        # positions on the axes of the whole array; a number takes the axis away
-        self._axes: tuple[Axis | int, Axis | int] = (rows, columns)
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """(steps, places), of those axes that are left."""
-        return tuple(len(axis) for axis in self._axes if not isinstance(axis, int))
-
-    @property
-    def ndim(self) -> int:
-        """Number of axes."""
-        return len(self.shape)
-
-    @property
-    def size(self) -> int:
-        """Number of values."""
-        return int(np.prod(self.shape, dtype=object))
-
-    @property
-    def nbytes(self) -> int:
-        """Size of the computed array (bytes)."""
-        return 8 * self.size
-
-    @property
-    def dtype(self) -> np.dtype[np.float64]:
-        """float64."""
-        return np.dtype(np.float64)
-
-    def __len__(self) -> int:
-        if not self.shape:
-            raise TypeError("len() of a single value")
-        return self.shape[0]
-
-    def __iter__(self) -> Iterator[Any]:
-        for _, block in self.blocks(_ROWS_BYTES):
-            yield from block
-
-    def __contains__(self, value: object) -> bool:
-        return any(bool(np.any(block == value)) for _, block in self.blocks())
-
-    def __getitem__(self, key: Any) -> Any:
-        keys = _spread(key, self.ndim)
-        if keys is None:
-            return self._points(key)
-        axes = list(self._axes)
-        left = iter(keys)
-        axes = [axis if isinstance(axis, int) else _chosen(axis, next(left)) for axis in axes]
-        rows, columns = axes
-        part = FieldArray(self._recording, self.name, rows, columns)
-        return part if part.shape else float(part.compute())
-
-    def _points(self, key: Any) -> Any:
-        """What NumPy's rules make of ``key``, from no more rows and columns than it needs."""
-        keys = list(key) if isinstance(key, tuple) else [key]
-        axes = [axis for axis in self._axes if not isinstance(axis, int)]
-        used = sum(np.ndim(k) if _is_mask(k) else 1 for k in keys if k is not None and k is not Ellipsis)
-        if Ellipsis not in [k for k in keys if k is None or k is Ellipsis]:
-            keys.append(Ellipsis)
-        at = next(number for number, k in enumerate(keys) if k is Ellipsis)
-        keys[at : at + 1] = [slice(None)] * (len(axes) - used)
-        needed: list[Index] = []
-        again: list[Any] = []
-        for one in keys:
-            if one is None or _is_truth(one):
-                again.append(one)
-                continue
-            for k in _of_mask(one, axes[len(needed) :]) if _is_mask(one) else [one]:
-                if len(needed) == len(axes):
-                    raise IndexError(f"too many indices: the array has {len(axes)} axes")
-                key_of_axis = k if isinstance(k, slice) else _as_index(k)
-                positions = _positions(_chosen(range(len(axes[len(needed)])), key_of_axis))
-                unique, inverse = np.unique(positions, return_inverse=True)
-                needed.append(unique)
-                again.append(_same_kind(k, inverse.reshape(np.shape(positions))))
-        block = self[tuple(needed)] if len(needed) < 2 else self[needed[0]][:, needed[1]]
-        return np.asarray(block)[tuple(again)]
-
-    def compute(self) -> Doubles:
-        """The values, in memory.
-
-        Raises:
-            MemoryError: If there is not enough of it.
-            RecordingError: If the file is damaged there.
-        """
-        lengths = " × ".join(f"{length:,}" for length in self.shape)
-        remedy = "take a part, such as [::100], or go through it in blocks()"
-        _check_memory(f"{self.name} of {lengths} values", self.nbytes, remedy)
-        (rows, row_of), (columns, column_of) = map(_ascending, self._axes)
-        steps = np.ascontiguousarray(self._recording._step_at(rows), dtype=np.uint64)
-        places = np.ascontiguousarray(columns, dtype=np.uint64)
-        values = self._recording._states.gather(self.name, steps, places)
-        for axis, back in enumerate((row_of, column_of)):
-            if back is not None:
-                values = values.take(back, axis=axis)
-        shaped: Doubles = values.reshape(self.shape)
-        return shaped
-
-    def blocks(self, most_bytes: int = 32_000_000) -> Iterator[tuple[slice, Doubles]]:
-        """The values in blocks of rows, of at most ``most_bytes`` if a row is not more, each with the slice of its rows."""
-        rows = max(1, int(most_bytes // max(8, self.nbytes // max(1, len(self)))))
-        for begin in range(0, len(self), rows):
-            part = slice(begin, min(begin + rows, len(self)))
-            yield part, np.asarray(self[part])
-
-    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
-        if copy is False:
-            raise ValueError(f"{self.name} is computed: it cannot be had without a copy")
-        values = self.compute()
-        return values if dtype is None else values.astype(dtype, copy=False)
-
-    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
-        if any(isinstance(it, FieldArray) for it in options.get("out", ())):
-            raise TypeError(f"{self.name} of a recording cannot be changed: change a copy, np.array(...)")
-        computed = (np.asarray(it) if isinstance(it, FieldArray) else it for it in inputs)
-        return getattr(ufunc, method)(*computed, **options)
-
-    def __array_function__(self, function: Any, types: Any, args: Any, options: Any) -> Any:
-        return function(*_computed(args), **{name: _computed(value) for name, value in options.items()})
-
-    def max(self, axis: int | None = None) -> Any:
-        """The largest value, or that along an axis."""
-        return np.asarray(self).max(axis=axis)
-
-    def min(self, axis: int | None = None) -> Any:
-        """The smallest value, or that along an axis."""
-        return np.asarray(self).min(axis=axis)
-
-    def mean(self, axis: int | None = None) -> Any:
-        """The mean, or that along an axis."""
-        return np.asarray(self).mean(axis=axis)
-
-    def sum(self, axis: int | None = None) -> Any:
-        """The sum, or that along an axis."""
-        return np.asarray(self).sum(axis=axis)
-
-    def argmax(self, axis: int | None = None) -> Any:
-        """Where the largest value is, or that along an axis."""
-        return np.asarray(self).argmax(axis=axis)
-
-    @property
-    def T(self) -> Doubles:
-        """The computed array with its axes exchanged."""
-        return np.asarray(self).T
-
-    def __getattr__(self, name: str) -> Any:
-        # only for what is not found
-        hint = f": take np.asarray(…).{name}" if not name.startswith("_") and hasattr(np.ndarray, name) else ""
-        raise AttributeError(f"a lazy array has no {name}{hint}", name=name, obj=self)
-
-    def __repr__(self) -> str:
-        return f"<{self.name} ({self.unit}) of {self._recording.name}, shape {self.shape}: computed when it is needed>"
-
-
-def _computed(value: Any) -> Any:
-    if isinstance(value, FieldArray):
-        return np.asarray(value)
-    if isinstance(value, list | tuple):
-        return type(value)(_computed(item) for item in value)
-    return value
-
-
-def _is_mask(key: Any) -> bool:
-    return not isinstance(key, slice) and key is not None and key is not Ellipsis and np.asarray(key).dtype == bool
-
-
-def _of_mask(mask: Any, axes: list[Axis]) -> tuple[Index, ...]:
-    lengths = tuple(map(len, axes[: np.ndim(mask)]))
-    if np.shape(mask) != lengths:
-        raise IndexError(f"the mask has the shape {np.shape(mask)}, the array {lengths} there")
-    return np.nonzero(mask)
-
-
-def _spread(key: Any, ndim: int) -> list[Any] | None:
-    """One key an axis, if each chooses along its axis alone; else None."""
-    keys = list(key) if isinstance(key, tuple) else [key]
-    if any(k is None for k in keys) or len(keys) > ndim + (Ellipsis in [k for k in keys if k is Ellipsis]):
-        return None
-    if any(k is Ellipsis for k in keys):
-        at = next(number for number, k in enumerate(keys) if k is Ellipsis)
-        keys[at : at + 1] = [slice(None)] * (ndim + 1 - len(keys))
-    keys += [slice(None)] * (ndim - len(keys))
-    if any(k is Ellipsis for k in keys):
-        return None
-    dimensions = [0 if isinstance(k, slice) else np.ndim(k) for k in keys]
-    arrays = sum(1 for k, n in zip(keys, dimensions, strict=True) if n > 0)
-    numbers = sum(1 for k, n in zip(keys, dimensions, strict=True) if n == 0 and not isinstance(k, slice))
-    if max(dimensions, default=0) > 1 or arrays > 1 or (arrays and numbers) or any(_is_truth(k) for k in keys):
-        return None
-    return [k if isinstance(k, slice) else _as_index(k) for k in keys]
-
-
-def _is_truth(key: Any) -> bool:
-    """A single truth value, which NumPy takes as another axis."""
-    return _is_mask(key) and np.ndim(key) == 0
-
-
-def _as_index(key: Any) -> Any:
-    array = np.asarray(key)
-    # an empty list has no type
-    return array.astype(np.intp) if array.size == 0 and isinstance(key, list | tuple) else array
-
-
-def _chosen(axis: Axis, key: Any) -> Any:
-    """What a slice or an array of indices takes of an axis; a number for a single one."""
-    if isinstance(axis, range) and isinstance(key, slice):
-        return axis[key]
-    if isinstance(axis, range) and np.issubdtype(key.dtype, np.integer):
-        # an axis may be much longer than memory
-        length, key = len(axis), key.astype(np.intp)
-        beyond = key[(key < -length) | (key >= length)]
-        if beyond.size:
-            raise IndexError(f"index {beyond[0]} is out of bounds for an axis of {length:,}")
-        found = axis.start + axis.step * np.where(key < 0, key + length, key)
-    else:
-        found = _positions(axis)[key]
-    return int(found) if found.ndim == 0 else found
-
-
-def _positions(axis: Axis | int) -> Index:
-    return np.arange(axis.start, axis.stop, axis.step) if isinstance(axis, range) else np.asarray(axis)
-
-
-def _ascending(axis: Axis | int) -> tuple[Index, Index | None]:
-    """The positions of an axis in their order, each once, and where each of the axis is there, if not at its own place."""
-    positions = np.atleast_1d(_positions(axis))
-    return (positions, None) if np.all(positions[1:] > positions[:-1]) else np.unique(positions, return_inverse=True)
-
-
-def _same_kind(key: Any, inverse: Index) -> Any:
-    """An index of the kind that ``key`` is, so that NumPy puts the axes where it would."""
-    if isinstance(key, slice):
-        backwards = len(inverse) > 1 and inverse[0] > inverse[-1]
-        return slice(None, None, -1) if backwards else slice(None)
-    return int(inverse) if inverse.ndim == 0 and isinstance(key, int | np.integer) else inverse
-
-
-def _check_memory(what: str, needed_bytes: int, remedy: str) -> None:
-    free_bytes = _free_bytes()
-    if needed_bytes > _FREE_PART * free_bytes:
-        takes = f"{what} takes {needed_bytes / 1e9:,.1f} GB, {free_bytes / 1e9:,.1f} GB are free"
-        raise MemoryError(f"{takes}: {remedy}")
-
-
-def _free_bytes() -> float:
-    """Memory that this process may still have."""
-    import resource
-
-    try:
-        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-        free = 1024.0 * int(next(line for line in lines if line.startswith("MemAvailable")).split()[1])
-        used = os.sysconf("SC_PAGE_SIZE") * int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-    except (OSError, StopIteration, ValueError):
-        return float("inf")
-    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
-    return free if limit == resource.RLIM_INFINITY else min(free, float(limit - used))
 
 
 class Recording:
@@ -442,7 +181,7 @@ class Recording:
 
     Every step of it can be had: what was not kept is recomputed, and proven by the next state that was. ``rec[12345]`` is
     the :class:`State` of a step, ``rec[-1]`` the last one, ``len(rec)`` the number of steps; a loop over ``rec`` goes
-    through all of them, :meth:`states` through those that are kept.
+    through all of them, :meth:`states` through those that are kept. ``with bl.open(…) as rec`` closes it at the end.
 
     Attributes:
         path: The file; None of a run in memory.
@@ -453,9 +192,28 @@ class Recording:
     summary: dict[str, Any] | None = None
 
     def __init__(self, states: _native.States, path: str | None = None) -> None:
-        self._states = states
+        self._open: _native.States | None = states
         self._manifest = states.manifest
         self.path = path
+
+    @property
+    def _states(self) -> _native.States:
+        if self._open is None:
+            again = "make the run again" if self.path is None else f"bl.open({self.path!r}) opens it again"
+            raise ValueError(f"the recording of {self.name} is closed: {again}")
+        return self._open
+
+    def close(self) -> None:
+        """Lets go of the file, or of the states in memory. What was computed stays; anything else is a ``ValueError`` from now on."""
+        self._open = None
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
 
     @property
     def name(self) -> str:
@@ -482,6 +240,17 @@ class Recording:
     def dt_s(self) -> float:
         """Time step (s)."""
         return self._manifest.dt_s
+
+    @property
+    def duration_s(self) -> float:
+        """Simulated time (s) up to the last step that is kept."""
+        return self.last_step * self.dt_s
+
+    @property
+    def alpha(self) -> float:
+        """Exponent α of the contacts."""
+        alpha: float = self.manifest["physics"]["alpha"]
+        return alpha
 
     @cached_property
     def mass_kg(self) -> Doubles:
@@ -534,7 +303,7 @@ class Recording:
         """The steps that are kept."""
         first, last, every = self.first_step, self.last_step, self.record_every
         # the last one is said by the file, which may be a stranger's
-        _check_memory("a list of the recorded steps", 32 * ((last - first) // every), "take single steps, such as rec[1000]")
+        check_memory("a list of the recorded steps", 32 * ((last - first) // every), "take single steps, such as rec[1000]")
         begin = -(-first // every) * every
         between = np.arange(begin, last + 1, every, dtype=np.uint64)
         ends = [first] * (first < begin), [last] * (last % every > 0 and last > first)
@@ -549,7 +318,7 @@ class Recording:
     @property
     def time_s(self) -> Doubles:
         """Their times (s)."""
-        _check_memory("a list of all times", 32 * len(self.steps), "multiply steps that you take with rec.dt_s")
+        check_memory("a list of all times", 32 * len(self.steps), "multiply steps that you take with rec.dt_s")
         times_s: Doubles = self._step_at(np.arange(len(self.steps))).astype(np.float64) * self.dt_s
         return times_s
 
@@ -623,12 +392,26 @@ class Recording:
     def __iter__(self) -> Iterator[State]:
         return self.states(every=1)
 
+    def __contains__(self, state: object) -> bool:
+        """Whether it has this state, to the bit."""
+        if not isinstance(state, State):
+            raise TypeError(f"found {state!r} in rec; expected a State, or a value in an array, such as rec.velocity")
+        if not self.first_step <= state.step <= self.last_step or state.velocity_m_s.size != self.beads:
+            return False
+        own = self[state.step]
+        pairs = zip((own.displacement_m, own.velocity_m_s), (state.displacement_m, state.velocity_m_s), strict=True)
+        return all(a.tobytes() == b.tobytes() for a, b in pairs)
+
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
+        raise TypeError("a recording is many arrays: take one, such as np.asarray(rec.velocity[::100])")
+
     def at(self, *, time_s: float) -> State:
         """The state nearest to the time ``time_s`` (s).
 
         Raises:
             ValueError: If the recording does not reach there.
         """
+        time_s = number("time_s", time_s)
         step = round(time_s / self.dt_s) if np.isfinite(time_s) else -1
         if not self.first_step <= step <= self.last_step:
             begin_s, end_s = self.first_step * self.dt_s, self.last_step * self.dt_s
@@ -640,9 +423,7 @@ class Recording:
 
     def states(self, every: int | None = None) -> Iterator[State]:
         """States one after the other: those that are kept, or every so many steps."""
-        if every is not None and every < 1:
-            raise ValueError(f"every: found {every}; expected 1 or more")
-        steps = self.recorded_steps if every is None else self.steps[::every]
+        steps = self.recorded_steps if every is None else self.steps[:: count("every", every)]
         beads = self.beads
         # enough for all cores, and little beside what is there
         most = max(1, _BLOCK_BYTES // (16 * beads))
@@ -675,21 +456,27 @@ class Recording:
     forces = _table.forces
     spectrum = _table.spectrum
     modes = _table.modes
-    verify = _table.verify
-    share = _table.share
+    verify = _files.verify
+    check = _files.check
+    share = _files.share
+    export = _files.export
+    thin = _files.thin
+    recover = _files.recover
+    view = _files.view
     plot = _plot.plot
     to_xarray = _plot.to_xarray
-    _repr_html_ = _plot.html
+    _repr_html_ = _html.of_recording
 
     @contextmanager
     def _file(self) -> Iterator[str]:
         """A file with this recording, for the command."""
+        states = self._states
         if self.path is not None:
             yield self.path
             return
         with tempfile.TemporaryDirectory(prefix="beadline-") as directory:
             path = os.path.join(directory, f"{self.name}.mcap")
-            self._states.save(path)
+            states.save(path)
             yield path
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -707,3 +494,13 @@ class Recording:
 
 def _of_kept(manifest: _native.Manifest, steps: Numbers, doubles: Doubles, end: str) -> Recording:
     return Recording(_native.States.of_kept(manifest, steps, doubles, end))
+
+
+@lru_cache(maxsize=2)
+def _manifest_of(json: bytes) -> _native.Manifest:
+    return _native.Manifest.from_json(json, None)
+
+
+def of_frame(json: bytes, state: StateTuple) -> State:
+    """The state that a frame of a live run becomes in another process."""
+    return State(_manifest_of(json), state)

@@ -1,4 +1,4 @@
-"""Chains, runs of them, and runs made step by step."""
+"""Runs of chains, and runs made step by step."""
 
 from __future__ import annotations
 
@@ -6,16 +6,18 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Callable, ItemsView, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from . import _native
+from ._chain import Chain, Config, Number, Values, items_of, number, number_if_any, numbers, tables, whole
+from ._numbers import count, in_si
 from .errors import ConfigError
 
 if TYPE_CHECKING:
@@ -24,160 +26,12 @@ if TYPE_CHECKING:
     from ._native import Doubles
     from ._recording import Recording, State
 
-    Initial = State | tuple["Values", "Values"] | Mapping[str, Any]
+    Initial = State | tuple[Values, Values] | Mapping[str, Any]
 
-Config = dict[str, Any]
-Values = Sequence[float] | npt.NDArray[np.floating[Any]]
-# a number, a value for each place, or a rule such as {"pattern": [1, 2]}
-PerPlace = float | Values | Mapping[str, Any]
 OnFrame = Callable[["State"], object]
 
-
-class Chain:
-    """A chain of beads that repel where they touch, with ``F = k·δ^α``, or of others: CONFIGURATION explains all of them.
-
-    Args:
-        beads: Number of beads N.
-        mass_kg: Mass of a bead (kg), or of each bead (N values). Like ``alpha`` and ``stiffness`` it may be left out with
-            ``spheres``, and the last two with ``bonds``.
-        alpha: Exponent α ≥ 1; 1.5 for spheres.
-        stiffness: Stiffness k of a contact (N·m^−α), or of each contact (N − 1 values).
-        impurities: Beads of another mass, ``{bead: mass in kg}``.
-        contacts: Contacts of another stiffness, ``{contact: stiffness}``.
-        masses: A rule for all masses: ``{"pattern_kg": [1e-3, 2e-3]}`` repeats; with ``{"taper": 0.98}`` each bead has that
-            part of the mass of the one before.
-        stiffnesses: A rule for all stiffnesses: ``"radii"`` (spheres of one material), or ``{"pattern": [1e7, 2e7]}``.
-        spheres: Spheres of a material: ``{"material": "steel", "radius_m": 4.75e-3}``, or several that repeat.
-        odd_spheres: Single other spheres: ``[{"bead": 30, "material": "brass", "radius_m": 4.75e-3}]``.
-        alphas: Exponents of the contacts: a number, N − 1 values, or ``{"pattern": [1.5, 2]}``.
-        second: A second power that is added to every force: ``{"alpha": 3, "stiffness": 1e12}``.
-        gaps_m: Gap of each contact (m) where both displacements are 0: a number, N − 1 values, or a pattern.
-        bonds: Springs that pull as well as push, in place of contacts: ``{"linear": 1.0, "quadratic": 0.25, "cubic": 0.0}``, or
-            ``{"toda": {"stiffness": 1.0, "steepness_per_m": 1.0}}``.
-        disorder: Random factors: ``[{"of": "masses", "uniform": 0.2}]``. They follow from the ``seed`` of the run.
-        on_site: What holds each bead at its place: ``linear_n_per_m``, ``cubic_n_per_m3``, ``drag_n_s_per_m``.
-        resonators: A mass on a spring inside each bead: ``{"mass_kg": 1e-3, "stiffness_n_per_m": 1e4}``.
-        left, right: What the ends touch: ``"free"`` (nothing), ``"fixed"`` (a wall), ``"periodic"`` (both: each other) or
-            ``"absorbing"`` (drag that grows towards the end).
-        left_stiffness, right_stiffness: Of the contacts with the walls (N·m^−α); else that of the chain.
-        ends: What else is said of the ends: ``absorbing_beads``, ``absorbing_drag_n_s_per_m``, ``left_material``, ….
-        gravity_m_s2: Acceleration of every bead (m/s²), positive towards higher bead numbers.
-        precompression_n: Force (N) that presses the chain together.
-        restitution: Coefficient of restitution of two beads, between 0 and 1.
-        viscous_n_s_per_m: Or a dashpot in every closed contact (N·s/m).
-        kuwabara_kono_s: Or viscoelastic spheres (s): ``F = k·δ^α + α·k·A·δ^(α−1)·dδ/dt``.
-        power_damping: Or any power η·δ^p·dδ/dt: ``{"coefficient": 1.0, "exponent": 0.25}``.
-
-    Where each bead has a mass of its own, lengths and times are scaled with the median mass; so are stiffnesses.
-    """
-
-    def __init__(
-        self,
-        beads: int,
-        *,
-        mass_kg: float | Values | None = None,
-        alpha: float | None = None,
-        stiffness: float | Values | None = None,
-        impurities: Mapping[int, float] | None = None,
-        contacts: Mapping[int, float] | None = None,
-        masses: Mapping[str, Any] | None = None,
-        stiffnesses: str | Mapping[str, Any] | None = None,
-        spheres: Mapping[str, Any] | Sequence[Mapping[str, Any]] | None = None,
-        odd_spheres: Sequence[Mapping[str, Any]] = (),
-        alphas: PerPlace | None = None,
-        second: Mapping[str, Any] | None = None,
-        gaps_m: PerPlace | None = None,
-        bonds: Mapping[str, Any] | None = None,
-        disorder: Sequence[Mapping[str, Any]] = (),
-        on_site: Mapping[str, Any] | None = None,
-        resonators: Mapping[str, Any] | None = None,
-        left: str = "free",
-        right: str = "free",
-        left_stiffness: float | None = None,
-        right_stiffness: float | None = None,
-        ends: Mapping[str, Any] | None = None,
-        gravity_m_s2: float = 0.0,
-        precompression_n: float = 0.0,
-        restitution: float | None = None,
-        viscous_n_s_per_m: float | None = None,
-        kuwabara_kono_s: float | None = None,
-        power_damping: Mapping[str, float] | None = None,
-    ) -> None:
-        chain: Config = {"beads": _whole("beads", beads), "alpha": None if alpha is None else float(alpha)}
-        chain["bead_mass_kg"], list_kg = _one_or_each(mass_kg)
-        chain["stiffness"], each = _one_or_each(stiffness)
-        chain["masses"] = masses if list_kg is None else {"list_kg": list_kg}
-        chain["stiffnesses"] = stiffnesses if each is None else {"list": each}
-        chain["impurities"] = [
-            {"bead": _whole("impurities", bead), "mass_kg": float(mass)} for bead, mass in _each("impurities", impurities or {})
-        ]
-        chain["contacts"] = [
-            {"contact": _whole("contacts", contact), "stiffness": float(k)} for contact, k in _each("contacts", contacts or {})
-        ]
-        chain["spheres"], chain["odd_spheres"] = spheres, list(odd_spheres)
-        chain["alphas"], chain["gaps_m"] = _per_place(alphas), _per_place(gaps_m)
-        chain["second"], chain["bonds"] = _places_of(second), _places_of(bonds)
-        of_walls = {"left_stiffness": left_stiffness, "right_stiffness": right_stiffness}
-        self._config: Config = {
-            "chain": chain,
-            "disorder": [dict(one) for one in disorder],
-            "ends": {"left": left, "right": right, **of_walls, **(ends or {})},
-            "on_site": _places_of(on_site),
-            "resonators": _places_of(resonators),
-            "load": {"gravity_m_s2": float(gravity_m_s2), "precompression_n": float(precompression_n)},
-            "damping": {
-                "restitution": restitution,
-                "viscous_n_s_per_m": viscous_n_s_per_m,
-                "kuwabara_kono_s": kuwabara_kono_s,
-                "power": power_damping,
-            },
-        }
-
-    @property
-    def beads(self) -> int:
-        """Number of beads N."""
-        beads: int = self._config["chain"]["beads"]
-        return beads
-
-    def __repr__(self) -> str:
-        chain = self._config["chain"]
-        alpha = "" if chain["alpha"] is None else f", α = {chain['alpha']:g}"
-        return f"<Chain of {self.beads} beads{alpha}>"
-
-
-def _whole(name: str, value: Any) -> int:
-    """A whole number, such as 1000 or 1e3."""
-    number = int(value)
-    if number != value:
-        raise ConfigError(f"{name}: found {value!r}; expected a whole number", key=name)
-    return number
-
-
-def _one_or_each(values: float | Values | None) -> tuple[float | None, list[float] | None]:
-    """A value for all, and the list if there is one for each."""
-    if values is None:
-        return None, None
-    array = np.asarray(values, dtype=np.float64)
-    return (float(array), None) if array.ndim == 0 else (float(np.median(array)), array.tolist())
-
-
-def _per_place(values: PerPlace | None) -> Any:
-    """A number, a rule, or the rule of a list."""
-    if values is None or isinstance(values, Mapping) or np.ndim(values) == 0:
-        return values
-    return {"list": np.asarray(values, dtype=np.float64).tolist()}
-
-
-def _places_of(table: Mapping[str, Any] | None) -> Config | None:
-    """A table of numbers, rules and lists."""
-    return None if table is None else {key: _per_place(value) for key, value in table.items()}
-
-
-def _each(name: str, values: Mapping[int, float]) -> ItemsView[int, float]:
-    try:
-        return values.items()
-    except AttributeError:
-        raise TypeError(f"{name}: found {values!r}; expected numbers and values, such as {{0: 5.0}}") from None
+# runs that take longer than this are told of, and refused (s)
+_TOLD_S, _ABSURD_S = 60.0, 365 * 86400.0
 
 
 class Run:
@@ -208,25 +62,27 @@ class Run:
         self,
         chain: Chain,
         *,
-        strikers: Mapping[int, float] | None = None,
+        strikers: Mapping[int, Number] | None = None,
         drives: Sequence[Mapping[str, Any]] = (),
         initial: Initial | None = None,
         seed: int | None = None,
-        duration_s: float,
-        dt_s: float | None = None,
+        duration_s: Number,
+        dt_s: Number | None = None,
         method: str | None = None,
         name: str | None = None,
         publish_every: int = 1,
     ) -> None:
         config = deepcopy(chain._config)
-        struck = _each("strikers", {} if strikers is None else strikers)
-        each = [{"bead": _whole("strikers", bead), "velocity_m_s": float(v)} for bead, v in struck]
+        struck = items_of("strikers", {} if strikers is None else strikers)
+        each = [
+            {"bead": whole("strikers", bead), "velocity_m_s": number(f"strikers[{bead!r}]", v, "m/s")} for bead, v in struck
+        ]
         config["striker"] = each[0] if len(each) == 1 else each
-        config["drive"] = [dict(drive) for drive in drives]
+        config["drive"] = tables("drives", drives)
         config["initial"] = None if initial is None else _initial(initial)
-        config["time"] = {"duration_s": float(duration_s), "dt_s": dt_s}
+        config["time"] = {"duration_s": number("duration_s", duration_s), "dt_s": number_if_any("dt_s", dt_s)}
         config["integrator"] = {"method": method}
-        every = _whole("publish_every", publish_every)
+        every = whole("publish_every", publish_every)
         config["stream"] = {"publish_every_steps": every, "record_every_steps": every}
         self._set(_toml({"name": name, "seed": seed, **config}), None, "run")
 
@@ -262,6 +118,24 @@ class Run:
             return cls._of(source, is_seen=True)
         path = Path(source)
         return cls._of(path.read_text(encoding="utf-8"), str(path), path.stem, is_seen=True)
+
+    @classmethod
+    def from_recording(cls, recording: Recording) -> Run:
+        """The run that a recording is of, to be made again or changed: ``bl.Run.from_recording(rec).replace(…)``.
+
+        Raises:
+            ValueError: If the recording has no configuration.
+        """
+        if not recording.toml:
+            raise ValueError(f"{recording!r} has no configuration: describe the run with bl.Run(…)")
+        folder = None if recording.path is None or "://" in recording.path else os.path.dirname(recording.path)
+        run = cls.__new__(cls)
+        if recording.recomputes:
+            # files that its text names may be gone
+            run._folder, run._toml, run._manifest = folder or os.getcwd(), recording.toml, recording._manifest
+        else:
+            run._set(recording.toml, None, recording.name, folder=folder)
+        return run
 
     @classmethod
     def from_config(cls, config: Mapping[str, Any]) -> Run:
@@ -351,10 +225,12 @@ class Run:
         on_frame: OnFrame | None = None,
         on_frame_every: int = 1,
         progress: bool | None = None,
+        yes: bool = False,
     ) -> Recording:
         """Simulates the run and records it.
 
-        Ctrl-C ends it in order: the file is whole and says that it was interrupted.
+        Ctrl-C ends it in order: the file is whole and says that it was interrupted. A run of more than a minute begins with a warning
+        that says how long it takes at least.
 
         Args:
             path: The file, ``.mcap``; by default the name of the run.
@@ -367,18 +243,23 @@ class Run:
                 make this run, nor attach to it.
             on_frame_every: Frames from one call to the next.
             progress: Whether to show how far it is; by default in terminals and notebooks.
+            yes: Begin without that warning, also if it takes more than a year.
 
         Raises:
             FileExistsError: If there is such a file.
+            ValueError: If it takes more than a year, which looks like a mistake.
             RunError: If the values are no longer finite.
             LiveError: If it cannot be published.
         """
         from ._recording import mcap, open
 
+        wait_for = count("wait_for", wait_for, 0)
         if wait_for and not publish:
             raise ValueError(f"wait_for: found {wait_for}; expected 0, or publish=True")
-        manifest = self._begun(self._manifest.publish_every_steps if every is None else every)
+        manifest = self._begun(self._manifest.publish_every_steps if every is None else count("every", every))
         path = mcap(path if path is not None else f"{self.name}.mcap")
+        if force or not path.exists():
+            self._confirm(yes)
         with self._progress(progress) as tell:
             summary = _native.record(
                 manifest,
@@ -400,20 +281,27 @@ class Run:
         on_frame: OnFrame | None = None,
         on_frame_every: int = 1,
         progress: bool | None = None,
+        yes: bool = False,
     ) -> Recording:
         """Simulates the run in memory, without a file.
 
         Args:
             every: Steps between two states that are kept; the steps between them are recomputed when they are asked for.
-            on_frame, on_frame_every, progress: As for :meth:`record`.
+            on_frame, on_frame_every, progress, yes: As for :meth:`record`.
 
         Raises:
+            MemoryError: If there is not enough of it for the states that are kept.
+            ValueError: If it takes more than a year, which looks like a mistake.
             RunError: If the values are no longer finite.
         """
+        from ._fields import check_memory
         from ._recording import Recording
 
         published = self._manifest.publish_every_steps
-        manifest = self._begun(-(-every // published) * published)
+        manifest = self._begun(-(-count("every", every) // published) * published)
+        kept_bytes = 8 * self._manifest.frame_doubles * (self.steps // manifest.record_every_steps + 2)
+        check_memory(f"a run that keeps every {every:,}. step", kept_bytes, "keep fewer with every=…, or record() them in a file")
+        self._confirm(yes)
         with self._progress(progress) as tell:
             on = _frames_to(on_frame, manifest, on_frame_every)
             states, summary = _native.simulate(manifest, on_progress=tell, on_frame=on)
@@ -426,9 +314,18 @@ class Run:
         return Simulation(self._manifest)
 
     def _begun(self, every: int) -> _native.Manifest:
-        if every < 1:
-            raise ValueError(f"every: found {every}; expected 1 or more steps")
         return self._manifest.begun(every)
+
+    def _confirm(self, yes: bool) -> None:
+        """Tells of a long run before it begins, as the command does."""
+        from ._progress import duration
+
+        takes_s = 0.0 if yes else self._manifest.computing_s()
+        if takes_s > _ABSURD_S:
+            takes = f"this takes at least {duration(takes_s)}, which looks like a mistake"
+            raise ValueError(f"{takes}; take a shorter duration or fewer beads, or yes=True")
+        if takes_s > _TOLD_S:
+            warnings.warn(f"this takes at least {duration(takes_s)}; yes=True begins without this warning", RuntimeWarning, 3)
 
     @contextmanager
     def _progress(self, show: bool | None) -> Iterator[Callable[[int], object]]:
@@ -436,6 +333,11 @@ class Run:
 
         with Progress(self.steps, self.name, show) as bar:
             yield bar.update
+
+    def _repr_html_(self) -> str:
+        from ._html import of_run
+
+        return of_run(self)
 
     def __repr__(self) -> str:
         return f"<Run {self.name}: {self._manifest.beads} beads, {self.steps} steps of {self.dt_s:.4g} s>"
@@ -447,14 +349,14 @@ def _initial(initial: Initial) -> Config:
 
     if isinstance(initial, Mapping):
         return dict(initial)
-    u_m, v_m_s = (initial.displacement_m, initial.velocity_m_s) if isinstance(initial, State) else initial
+    pair = (initial.displacement_m, initial.velocity_m_s) if isinstance(initial, State) else initial
+    if not isinstance(pair, tuple | list) or len(pair) != 2:
+        found = f"{len(pair)} parts" if isinstance(pair, tuple | list) else repr(pair)
+        wanted = "a State, (displacements in m, velocities in m/s), or a dictionary of rules"
+        raise ConfigError(f"initial: found {found}; expected {wanted}", key="initial")
     # a text has no place for the sign of 0, and needs none: it is lost where states are added up
-    return {"displacements_m": _doubles(u_m), "velocities_m_s": _doubles(v_m_s)}
-
-
-def _doubles(values: Values) -> list[float]:
-    found: list[float] = np.asarray(values, dtype=np.float64).tolist()
-    return found
+    names = ("displacements_m", "velocities_m_s")
+    return {name: numbers(f"initial.{name}", values).tolist() for name, values in zip(names, pair, strict=True)}
 
 
 def _frames_to(
@@ -464,9 +366,7 @@ def _frames_to(
 
     if call is None:
         return None
-    if every < 1:
-        raise ValueError(f"on_frame_every: found {every}; expected 1 or more")
-    return (lambda *state: call(State(manifest, state))), every
+    return (lambda *state: call(State(manifest, state))), count("on_frame_every", every)
 
 
 class Simulation:
@@ -485,7 +385,7 @@ class Simulation:
         Raises:
             RunError: If the values are no longer finite.
         """
-        self._native.step(steps)
+        self._native.step(count("steps", steps, 0))
         return self
 
     @property
@@ -547,6 +447,7 @@ def preset(name: str) -> Run:
 
 def _toml(config: Mapping[str, Any]) -> str:
     """A configuration as text; what is None or empty is left out."""
+    config = in_si("", config)
     plain = {key: value for key, value in config.items() if not isinstance(value, Mapping)}
     lines = _lines(plain)
     for name, table in config.items():
@@ -574,5 +475,10 @@ def _value(value: Any) -> str:
         return "{ " + ", ".join(_lines(value)) + " }"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_value, value)) + "]"
-    # numbers, texts and truth values are written as in JSON, but for the words for no number
-    return json.dumps(value).replace("NaN", "nan").replace("Infinity", "inf")
+    if isinstance(value, float) and not np.isfinite(value):
+        return repr(float(value))
+    try:
+        # numbers, texts and truth values are written as in JSON
+        return json.dumps(value)
+    except TypeError as error:
+        raise ConfigError(f"found {value!r}; expected a number, a text, a truth value, or lists and dictionaries of them") from error

@@ -22,6 +22,7 @@ import numpy as np
 
 from . import _native
 from ._command import run_command
+from ._numbers import count, in_si
 from ._progress import Progress
 from ._run import Run, _value
 from ._table import Kind, Table, column, read_csv
@@ -84,6 +85,7 @@ def sweep(
     Raises:
         ConfigError: If a run cannot be; none was begun then.
     """
+    jobs = None if jobs is None else count("jobs", jobs)
     settings: dict[str, Any] = {"until": until, "check": check, "split_bead": split}
     settings |= {"case": list(cases), "grid": dict(grid or {})}
     if isinstance(run, Run):
@@ -98,7 +100,8 @@ def sweep(
         if path == _MADE:
             # nobody has seen its lines
             error.path = error.line = None
-            error.args = (re.sub(rf"^{_MADE}(:\d+)?: ", "", str(error)),)
+            error.key = {"split_bead": "split"}.get(error.key or "", error.key)
+            error.args = (re.sub(rf"^{_MADE}(:\d+)?: ", "", str(error)).replace("split_bead:", "split:"),)
         raise
     if out is not None and executor is None:
         table = _in_directory(text, path, native, out, jobs, record, force)
@@ -133,15 +136,16 @@ def _text(run: Run, settings: Mapping[str, Any]) -> str:
 
     names = ("until", "check", "split_bead")
     plain = {key: settings[key] for key in names if settings[key] is not None}
-    grid = {key: _listed(values) for key, values in settings["grid"].items()}
+    grid = {key: _listed(key, values) for key, values in settings["grid"].items()}
     lines = [*entries({**plain, "base": base}), "[grid]", *entries(grid)]
     for case in settings["case"]:
-        lines += ["[[case]]", *entries(case)]
+        lines += ["[[case]]", *entries(in_si("", case))]
     return "\n".join(lines) + "\n"
 
 
-def _listed(values: Any) -> Any:
+def _listed(key: str, values: Any) -> Any:
     """Values of any sequence, such as a range or a Series, as a list; anything else as it is."""
+    values = in_si(key, values)
     is_one = not np.iterable(values) or issubclass(type(values), str | Mapping)
     return values if is_one else list(values)
 
@@ -217,5 +221,5 @@ def _in_directory(
         raise error
     kinds: dict[str, Kind] = {"index": "integer", **dict(native.columns)}
     table = read_csv(Path(out) / "results.csv", summary, kinds)
-    del table.columns["index"]
+    del table["index"]
     return table

@@ -1,15 +1,14 @@
-"""Tables of results, and what the command's analyses, proofs and pages make of a recording."""
+"""Tables of results, and what the command's analyses make of a recording."""
 
 from __future__ import annotations
 
 import csv
-import html
 import math
+import operator
 import os
 import re
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
@@ -17,52 +16,65 @@ import numpy as np
 import numpy.typing as npt
 
 from ._command import Json, run_command
-from .errors import CommandError
+from ._numbers import count, in_si, shown, unit_of
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from ._recording import Recording
 
 Column = npt.NDArray[Any]
 Kind = Literal["integer", "double", "word"]
 Rows = slice | Sequence[int] | npt.NDArray[np.bool_] | npt.NDArray[np.integer[Any]]
 
-# rows that a table shows of itself at most, and of a longer one at its begin and at its end
-_ALL_SHOWN, _SHOWN = 30, 5
 
+class Table(dict[str, Column]):
+    """Named columns of one length: a dictionary of arrays, which pandas, Polars and pyarrow take as it is.
 
-class Table:
-    """Named columns of one length.
+    ``table["total_j"]`` is a column, ``table[["time_s", "total_j"]]`` a table of some columns, ``table[:100]`` and
+    ``table[table["time_s"] > 0.01]`` are tables of some rows. ``len(table)`` is the number of rows, unlike that of other
+    dictionaries. Whole numbers are int64; where one is missing the column is of doubles. A missing number is NaN, a missing word ``""``.
 
-    ``table["total_j"]`` is a column, ``table[:100]`` and ``table[table["time_s"] > 0.01]`` are tables of
-    some of the rows, and ``len(table)`` is their number. Whole numbers are int64; where one is missing
-    the column is of doubles. A missing number is NaN, a missing word ``""``.
+    ``pd.DataFrame(table)``, ``pl.DataFrame(table)``, ``pa.table(table)`` and ``np.asarray(table)``, which has a field for each column,
+    have all of it.
 
     Attributes:
-        columns: The columns by name.
         summary: What the command prints about all of it with ``--json``, if anything.
     """
 
-    columns: dict[str, Column]
     summary: Json
 
-    def __init__(self, columns: Mapping[str, Column], summary: Json | None = None) -> None:
-        self.columns = dict(columns)
+    def __init__(self, columns: Mapping[str, npt.ArrayLike], summary: Json | None = None) -> None:
+        super().__init__({name: np.asarray(column) for name, column in columns.items()})
         self.summary = summary or {}
-        if len(set(map(len, self.columns.values()))) > 1:
+        if len(set(map(len, self.values()))) > 1:
             raise ValueError("the columns of a table have one length")
 
+    @property
+    def columns(self) -> dict[str, Column]:
+        """The columns by name."""
+        return dict(self)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The unit of each column, which its name ends with; ``""`` of numbers and words without one."""
+        return {name: shown(unit_of(name) or "") for name in self}
+
     def __len__(self) -> int:
-        return len(next(iter(self.columns.values()), ()))
+        return len(next(iter(self.values()), ()))
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.columns)
+    # two tables are the same one, or not: columns are compared one by one
+    def __eq__(self, other: object) -> bool:
+        return self is other
 
-    def __contains__(self, name: object) -> bool:
-        return name in self.columns
+    def __hash__(self) -> int:  # type: ignore[override]
+        return id(self)
 
-    def keys(self) -> Iterable[str]:
-        """The names of the columns."""
-        return self.columns.keys()
+    def __setitem__(self, name: str, values: npt.ArrayLike) -> None:
+        column = np.asarray(values)
+        if self.keys() and column.shape != (len(self),):
+            raise ValueError(f"{name}: found the shape {column.shape}; expected a value for each of {len(self)} rows")
+        super().__setitem__(name, column)
 
     def _ipython_key_completions_(self) -> list[str]:
         return list(self)
@@ -70,16 +82,60 @@ class Table:
     @overload
     def __getitem__(self, key: str) -> Column: ...
     @overload
+    def __getitem__(self, key: list[str] | tuple[str, ...]) -> Table: ...
+    @overload
     def __getitem__(self, key: Rows) -> Table: ...
-    def __getitem__(self, key: str | Rows) -> Column | Table:
+    def __getitem__(self, key: str | list[str] | tuple[str, ...] | Rows) -> Column | Table:
         if isinstance(key, str):
             try:
-                return self.columns[key]
+                return super().__getitem__(key)
             except KeyError:
                 raise KeyError(f"there is no column {key!r}; there are: {', '.join(self)}") from None
+        if isinstance(key, list | tuple) and key and all(isinstance(name, str) for name in key):
+            return Table({str(name): self[str(name)] for name in key}, self.summary)
         if not isinstance(key, slice) and np.ndim(key) == 0:
             raise TypeError(f"found table[{key}]; expected the name of a column, a slice, a mask or a list")
-        return Table({name: column[key] for name, column in self.columns.items()}, self.summary)
+        rows: Any = key if isinstance(key, slice) else np.asarray(key)
+        if not isinstance(key, slice) and not len(rows):
+            rows = slice(0)
+        return Table({name: column[rows] for name, column in self.items()}, self.summary)
+
+    def head(self, rows: int = 5) -> Table:
+        """The first rows."""
+        return self[: count("rows", rows, 0)]
+
+    def plot(self, y: str | Sequence[str] | None = None, x: str | None = None, *, ax: Axes | None = None) -> Axes:
+        """Draws columns of one unit over another column, with a point for every row.
+
+        Args:
+            y: A column, or several; by default all numbers that have the unit of the last one.
+            x: The column below; by default ``time_s`` if there is one, else the first.
+            ax: Where to draw; by default in a figure of its own.
+        """
+        from ._plot import plot_table
+
+        return plot_table(self, y, x, ax)
+
+    def to_csv(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
+        """Writes the table as text, with numbers that read back to their bits. ``force`` replaces a file that exists.
+
+        Raises:
+            FileExistsError: If there is such a file.
+        """
+        path = Path(path)
+        if path.exists() and not force:
+            raise FileExistsError(f"{path} exists already; choose another name, or replace it with force=True")
+        partial = path.with_name(f"{path.name}.partial")
+        try:
+            with partial.open("w", newline="", encoding="utf-8") as file:
+                write = csv.writer(file, lineterminator="\n").writerow
+                write(self)
+                columns = (["" if value != value else value for value in column.tolist()] for column in self.values())
+                for row in zip(*columns, strict=True):
+                    write(row)
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
 
     def to_pandas(self) -> Any:
         """As a DataFrame of pandas."""
@@ -101,30 +157,38 @@ class Table:
 
     def to_numpy(self) -> npt.NDArray[np.void]:
         """As a structured array, a field for each column."""
-        rows = np.empty(len(self), [(name, column.dtype) for name, column in self.columns.items()])
-        for name, column in self.columns.items():
+        rows = np.empty(len(self), [(name, column.dtype) for name, column in self.items()])
+        for name, column in self.items():
             rows[name] = column
         return rows
+
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
+        if copy is False:
+            raise ValueError("the rows of a table are made when they are asked for: they cannot be had without a copy")
+        rows = self.to_numpy()
+        return rows if dtype is None else rows.astype(dtype)
+
+    def __arrow_c_stream__(self, requested_schema: object = None) -> object:
+        # Polars asks in its own way; of the others pyarrow makes the stream, or Polars if only that is there
+        from .errors import MissingExtraError
+
+        try:
+            made = self.to_arrow()
+        except MissingExtraError:
+            try:
+                made = self.to_polars()
+            except MissingExtraError:
+                made = self.to_arrow()
+        stream: object = made.__arrow_c_stream__(requested_schema)
+        return stream
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} of {len(self)} rows: {', '.join(self)}>"
 
     def _repr_html_(self) -> str:
-        def row(tag: str, cells: Iterable[object]) -> str:
-            written = (f"<{tag}>{html.escape(str(cell))}</{tag}>" for cell in cells)
-            return f"<tr>{''.join(written)}</tr>"
+        from ._html import of_table
 
-        def values(index: int) -> list[object]:
-            found = (column[index] for column in self.columns.values())
-            return [index, *(f"{cell:.6g}" if isinstance(cell, float) else cell for cell in found)]
-
-        count = len(self)
-        shown = [range(_SHOWN), range(count - _SHOWN, count)]
-        if count <= _ALL_SHOWN:
-            shown = [range(count)]
-        between = row("td", ["…"] * (1 + len(self.columns)))
-        body = between.join("".join(row("td", values(index)) for index in part) for part in shown)
-        return f"<table style='white-space:nowrap'>{row('th', ['', *self])}{body}</table><p>{count:,} rows</p>"
+        return of_table(self)
 
 
 class Motion(Table):
@@ -135,7 +199,7 @@ class Motion(Table):
     """
 
     def __init__(self, motion: Table, events: Table) -> None:
-        super().__init__(motion.columns, motion.summary)
+        super().__init__(motion, motion.summary)
         self.events = events
 
 
@@ -148,7 +212,7 @@ class Pulses(Table):
     """
 
     def __init__(self, pulses: Table, positions: Table) -> None:
-        super().__init__(pulses.columns, pulses.summary)
+        super().__init__(pulses, pulses.summary)
         self.positions = positions
 
 
@@ -160,32 +224,8 @@ class Forces(Table):
     """
 
     def __init__(self, forces: Table, peaks: Table) -> None:
-        super().__init__(forces.columns, forces.summary)
+        super().__init__(forces, forces.summary)
         self.peaks = peaks
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """Whether a recording is proven; true if so.
-
-    Attributes:
-        verdict: What was found, in words.
-        report: The JSON of ``beadline verify``: what was proven, compared, damaged or different.
-    """
-
-    verdict: str
-    report: Json
-
-    @property
-    def is_proven(self) -> bool:
-        """Whether every state is what the one before leads to, and nothing is missing or damaged."""
-        return bool(self.report["proven"])
-
-    def __bool__(self) -> bool:
-        return self.is_proven
-
-    def __repr__(self) -> str:
-        return f"<Verdict: {self.verdict}>"
 
 
 def energies(
@@ -359,8 +399,10 @@ def spectrum(
         from_s, until_s, every_step, jobs: As for :meth:`energies`.
     """
     part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-    of_map = {"map": map, "beads": None if beads is None else f"{beads.start}..{beads.stop}"}
+    of_map = {"map": map, "beads": range_of("beads", beads)}
     how = {"of": of, "segment": segment, "window": window, "max_frequency_hz": max_frequency_hz}
+    if isinstance(transmission, str) or any(isinstance(pair, str) or len(pair) != 2 for pair in transmission):
+        raise ValueError(f'transmission: found {transmission!r}; expected pairs of places, such as [("bead:3", "bead:90")]')
     pairs = [",".join(pair) for pair in transmission]
     return analyse(rec, "spectrum", at=at, transmission=pairs, spectrogram=spectrogram, **of_map, **how, **part)[0]
 
@@ -394,62 +436,30 @@ def analyse(rec: Recording, name: str, *tables: str, **options: object) -> list[
     Names of ``options`` are those of flags, followed by units.
     """
     flags: list[str] = []
+    keys: dict[str, str] = {}
     for key, value in options.items():
-        flag = "--" + re.sub("_(s|m|n|hz)$", "", key).replace("_", "-")
+        flag = re.sub("_(s|m|n|hz)$", "", key).replace("_", "-")
+        keys[flag] = key
         if value is True:
-            flags.append(flag)
+            flags.append(f"--{flag}")
         elif value is not None and value is not False:
             # numbers are written in the shortest form that reads back to their bits
-            flags += [f"{flag}={one}" for one in np.atleast_1d(np.asarray(value)).tolist()]
+            flags += [f"--{flag}={one}" for one in np.atleast_1d(np.asarray(in_si(key, value))).tolist()]
     with rec._file() as file, tempfile.TemporaryDirectory(prefix="beadline-") as directory:
         paths = {table: os.path.join(directory, f"{table}.csv") for table in ("out", *tables)}
         outputs = [f"--{table}={path}" for table, path in paths.items()]
-        summary = run_command([name, file, *flags, *outputs], path=file)
+        summary = run_command([name, file, *flags, *outputs], path=file, keys=keys)
         return [read_csv(path, summary) for path in paths.values()]
 
 
-def verify(rec: Recording, *, jobs: int | None = None) -> Verdict:
-    """Proves a recording: makes every state again from the one before, and compares the bits.
-
-    Args:
-        jobs: Threads; by default one for each core.
-    """
-    with rec._file() as file:
-        flags = [] if jobs is None else [f"--jobs={jobs}"]
-        report = run_command(["verify", file, *flags], path=file, warn=False)
-    return Verdict(report["verdict"], report)
-
-
-def share(
-    rec: Recording,
-    path: str | os.PathLike[str] | None = None,
-    *,
-    every: int | None = None,
-    force: bool = False,
-) -> Json:
-    """Makes one HTML file of a recording that anyone can open, with every step in it. Says what is in it:
-    ``path``, ``bytes``, ``steps``, ….
-
-    Args:
-        path: The page; by default it is named after the recording.
-        every: Steps between two that it carries; it recomputes the others. By default as many as 2 MB hold.
-        force: Replace a file that exists, and make pages of more than 200 MB.
-
-    Raises:
-        FileExistsError: If there is such a file.
-    """
-    own = rec.path or rec.name
-    own = os.path.basename(own) if "://" in own else own
-    page = Path(path if path is not None else Path(own).with_suffix(".html"))
-    flags = ["--force"] if force else []
-    flags += [] if every is None else [f"--every-steps={every}"]
-    with rec._file() as file:
-        try:
-            return run_command(["share", file, f"--out={page}", *flags], path=file)
-        except CommandError as error:
-            if error.exit_code == 2 and page.exists() and not force:
-                raise FileExistsError(str(error)) from error
-            raise
+def range_of(name: str, beads: slice | None) -> str | None:
+    """Neighbouring beads, as a command takes them."""
+    if beads is None:
+        return None
+    if not isinstance(beads, slice) or beads.step not in (None, 1):
+        raise ValueError(f"{name}: found {beads!r}; expected neighbours, such as slice(10, 90)")
+    ends = (beads.start or 0, beads.stop)
+    return "..".join("" if end is None else str(operator.index(end)) for end in ends)
 
 
 def read_csv(

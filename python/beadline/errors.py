@@ -83,5 +83,9 @@ class CommandError(BeadlineError):
     exit_code: int | None = None
 
 
+class CommandValueError(CommandError, ValueError):
+    """A command of Beadline's was asked for what cannot be: ``key`` says which argument, the message what is expected."""
+
+
 class MissingExtraError(BeadlineError, ImportError):
     """A package is not installed that this needs; the message has the ``pip`` line."""

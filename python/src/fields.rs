@@ -161,11 +161,7 @@ pub(crate) fn wall_forces_n<'py>(
     chain: &Chain,
     state: [&PyReadonlyArray1<'_, f64>; 3],
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let [u_m, v_m_s, extra] = [state[0].as_slice()?, state[1].as_slice()?, state[2].as_slice()?];
-    check_extra(chain, extra)?;
-    if u_m.len() != chain.bead_count() || v_m_s.len() != chain.bead_count() {
-        return Err(PyValueError::new_err(format!("the chain has {} beads", chain.bead_count())));
-    }
+    let [u_m, v_m_s, extra] = slices_of(chain, &state)?;
     let elastic_n = chain.wall_forces_n(u_m, extra);
     let (approaches_m, rates_m_s) =
         (chain.wall_approaches_m(u_m, extra), chain.wall_approach_rates_m_s(v_m_s));
@@ -177,6 +173,23 @@ pub(crate) fn wall_forces_n<'py>(
         _ => elastic_n[side],
     });
     Ok(forces_n.to_pyarray(py))
+}
+
+/// Kinetic and potential energy (J) of `[u_m, v_m_s, extra]`.
+pub(crate) fn energy_j(chain: &Chain, state: [&PyReadonlyArray1<'_, f64>; 3]) -> PyResult<(f64, f64)> {
+    let [u_m, v_m_s, extra] = slices_of(chain, &state)?;
+    let energy = chain.energy(u_m, v_m_s, extra, &mut vec![0.0; chain.contact_count()]);
+    Ok((energy.kinetic_j, energy.potential_j))
+}
+
+/// The parts of a state of this chain.
+fn slices_of<'a>(chain: &Chain, state: &[&'a PyReadonlyArray1<'_, f64>; 3]) -> PyResult<[&'a [f64]; 3]> {
+    let [u_m, v_m_s, extra] = [state[0].as_slice()?, state[1].as_slice()?, state[2].as_slice()?];
+    check_extra(chain, extra)?;
+    if u_m.len() != chain.bead_count() || v_m_s.len() != chain.bead_count() {
+        return Err(PyValueError::new_err(format!("the chain has {} beads", chain.bead_count())));
+    }
+    Ok([u_m, v_m_s, extra])
 }
 
 fn check_extra(chain: &Chain, extra: &[f64]) -> PyResult<()> {

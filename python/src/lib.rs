@@ -4,6 +4,7 @@
 //! Nothing here holds the interpreter while it computes, reads or waits, and signals are looked at every 50 ms:
 //! [`patience`].
 
+mod arrays;
 mod errors;
 mod fields;
 mod live;

@@ -6,14 +6,14 @@ mod shared;
 use crate::errors::Why;
 use crate::fields::field_of;
 use crate::patience::{LOOK, stoppable};
-use crate::run::set_writeable;
+use crate::run::{StateTuple, set_writeable, state_of};
 use bus::{AttachOptions, BORROWED, Bus, Delivery, LiveSource, RunInfo, list_runs};
 use numpy::ndarray::ArrayView1;
 use numpy::npyffi::NPY_ARRAY_WRITEABLE;
 use numpy::{PyArray1, PyArrayMethods as _, PyUntypedArrayMethods as _, ToPyArray as _};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
 use results::Results;
 use schemas::chain::Chain;
 use schemas::frame::{EndReason, Frame as StateFrame, FrameSource as _, HeldFrame, Received};
@@ -74,6 +74,9 @@ struct Frame {
 }
 
 type Array<'py> = Bound<'py, PyArray1<f64>>;
+
+/// The manifest as JSON, and the state.
+type Pickled<'py> = (Bound<'py, PyBytes>, StateTuple<'py>);
 
 impl Frame {
     fn state(&self) -> StateFrame<'_> {
@@ -172,6 +175,12 @@ impl Frame {
         let mut held = HeldFrame::default();
         held.hold(&self.state());
         Self { memory: Memory::Own(held), run: Arc::clone(&self.run), missed: self.missed }
+    }
+
+    /// In another process it is a ``State``.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Pickled<'py>)> {
+        let make = py.import("beadline._recording")?.getattr("of_frame")?;
+        Ok((make, (PyBytes::new(py, self.run.json.as_bytes()), state_of(py, &self.state())?)))
     }
 
     fn __repr__(&self) -> String {

@@ -1,7 +1,7 @@
 //! A run before it runs: its configuration, and what the engine makes of it.
 
 use crate::errors::Why;
-use crate::fields::{Parts, field_of, parts_of, wall_forces_n};
+use crate::fields::{Parts, energy_j, field_of, parts_of, wall_forces_n};
 use numpy::{PyArray1, PyReadonlyArray1, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -84,6 +84,27 @@ impl Manifest {
         extra: PyReadonlyArray1<'_, f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         wall_forces_n(py, &self.chain, [&u_m, &v_m_s, &extra])
+    }
+
+    /// Kinetic and potential energy (J) of a state.
+    fn energy_j(
+        &self,
+        u_m: PyReadonlyArray1<'_, f64>,
+        v_m_s: PyReadonlyArray1<'_, f64>,
+        extra: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<(f64, f64)> {
+        energy_j(&self.chain, [&u_m, &v_m_s, &extra])
+    }
+
+    /// Wall time (s) that the run takes at least on this machine, found by making some steps; 0 of a short one.
+    fn computing_s(&self, py: Python<'_>) -> f64 {
+        py.detach(|| beadline::computing_s(&self.run))
+    }
+
+    /// Doubles of a state.
+    #[getter]
+    fn frame_doubles(&self) -> usize {
+        self.run.frame_doubles()
     }
 
     /// Whether there are resonators, dissipated work, and how many drives.

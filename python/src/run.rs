@@ -1,11 +1,12 @@
 //! Runs: recorded, kept in memory, or made step by step.
 
+use crate::arrays;
 use crate::errors::Why;
 use crate::manifest::Manifest;
 use crate::patience::{Looks, detached, stoppable};
 use crate::states::States;
 use bus::{Bus, PublishError, PublishOptions, StatePublisher, WaitOutcome};
-use numpy::{PyArray1, PyArrayMethods as _, ToPyArray as _};
+use numpy::{PyArray1, PyArrayMethods as _};
 use producer::integrator::Integrator;
 use producer::run::{Conductor, RunError, RunOutcome};
 use producer::state::ChainState;
@@ -58,7 +59,7 @@ impl<P: FrameSink, R> Conductor<P, R> for Listener {
         {
             let stop = &self.stop;
             self.looks.call(|py| {
-                let state = state_of(py, frame);
+                let state = state_of(py, frame)?;
                 if call.call1(py, state)?.is_truthy(py)? {
                     stop.store(true, Ordering::Relaxed);
                 }
@@ -85,9 +86,9 @@ type Array<'py> = Bound<'py, PyArray1<f64>>;
 /// Frame, step, time (s), and copies of displacements, velocities and what else there is.
 pub(crate) type StateTuple<'py> = (u64, u64, f64, Array<'py>, Array<'py>, Array<'py>);
 
-pub(crate) fn state_of<'py>(py: Python<'py>, frame: &Frame<'_>) -> StateTuple<'py> {
-    let [u, v, extra] = [frame.u_m, frame.v_m_s, frame.extra].map(|part| part.to_pyarray(py));
-    (frame.frame, frame.step, frame.time_s, u, v, extra)
+pub(crate) fn state_of<'py>(py: Python<'py>, frame: &Frame<'_>) -> PyResult<StateTuple<'py>> {
+    let [u, v, extra] = [frame.u_m, frame.v_m_s, frame.extra].map(|part| arrays::of(py, part));
+    Ok((frame.frame, frame.step, frame.time_s, u?, v?, extra?))
 }
 
 /// Where frames go that somebody may listen to.
@@ -303,28 +304,28 @@ impl Simulation {
     }
 
     /// A copy of the state.
-    fn state<'py>(&self, py: Python<'py>) -> StateTuple<'py> {
+    fn state<'py>(&self, py: Python<'py>) -> PyResult<StateTuple<'py>> {
         state_of(py, &self.state.as_frame(&self.manifest, self.manifest.frame_at(self.state.step)))
     }
 
     /// The displacements (m), read-only, which go on with the run.
-    fn u_m(&mut self, py: Python<'_>) -> Py<PyArray1<f64>> {
+    fn u_m(&mut self, py: Python<'_>) -> PyResult<Py<PyArray1<f64>>> {
         lend(py, &mut self.lent[0], &self.state.u_m)
     }
 
     /// The velocities (m/s), read-only, which go on with the run.
-    fn v_m_s(&mut self, py: Python<'_>) -> Py<PyArray1<f64>> {
+    fn v_m_s(&mut self, py: Python<'_>) -> PyResult<Py<PyArray1<f64>>> {
         lend(py, &mut self.lent[1], &self.state.v_m_s)
     }
 }
 
-fn lend(py: Python<'_>, lent: &mut Option<Py<PyArray1<f64>>>, values: &[f64]) -> Py<PyArray1<f64>> {
-    lent.get_or_insert_with(|| {
-        let array = values.to_pyarray(py);
-        set_writeable(&array, false);
-        array.unbind()
-    })
-    .clone_ref(py)
+fn lend(py: Python<'_>, lent: &mut Option<Py<PyArray1<f64>>>, values: &[f64]) -> PyResult<Py<PyArray1<f64>>> {
+    if let Some(array) = lent {
+        return Ok(array.clone_ref(py));
+    }
+    let array = arrays::of(py, values)?;
+    set_writeable(&array, false);
+    Ok(lent.insert(array.unbind()).clone_ref(py))
 }
 
 fn copy_into(array: &Bound<'_, PyArray1<f64>>, values: &[f64]) -> PyResult<()> {

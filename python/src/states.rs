@@ -2,13 +2,14 @@
 
 mod reader;
 
+use crate::arrays;
 use crate::errors::Why;
 use crate::fields::{Field, Places, Wanted};
 use crate::manifest::Manifest;
 use crate::patience::{abandonable, detached, interruptible};
 use crate::run::{StateTuple, state_of};
 use numpy::ndarray::Array2;
-use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyArrayMethods as _, PyReadonlyArray1, PyReadonlyArray2};
 use producer::resimulation::{Lend, OtherKernel, Resimulation, check_kernel};
 use producer::state::ChainState;
 use pyo3::exceptions::PyValueError;
@@ -283,12 +284,14 @@ impl States {
         if !steps.is_sorted_by(|a, b| a < b) || !are_there {
             return Err(PyValueError::new_err("steps must ascend and exist"));
         }
-        let mut rows = Array2::<f64>::zeros((steps.len(), wanted.width()));
-        if let Some(values) = rows.as_slice_mut().filter(|values| !values.is_empty()) {
+        let rows = arrays::zeros(py, steps.len() * wanted.width())?;
+        let mut values = rows.try_readwrite()?;
+        let values = values.as_slice_mut()?;
+        if !values.is_empty() {
             let pieces = self.pieces(steps, values, wanted.width());
             self.fill_all(py, pieces, wanted)?;
         }
-        Ok(rows.into_pyarray(py))
+        rows.reshape([steps.len(), wanted.width()])
     }
 }
 
@@ -381,7 +384,7 @@ impl States {
         self.fill_all(py, vec![(&[step], &mut doubles)], &wanted)?;
         let (run, beads) = (self.run(), self.manifest.chain.bead_count());
         let head = (run.frame_at(step), step, run.physics.time_s(step));
-        Ok(state_of(py, &Frame::of_doubles(head, beads, &doubles)))
+        state_of(py, &Frame::of_doubles(head, beads, &doubles))
     }
 
     /// Values of `field` at `steps`, which ascend, and `places`: one row a step.

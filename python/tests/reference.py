@@ -18,8 +18,8 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "python" / "reference.md"
 
 CHAPTERS = {
     "Runs": ["Chain", "Run", "Simulation", "preset", "presets"],
-    "Recordings": ["open", "Recording", "State", "FieldArray"],
-    "Tables": ["Table", "Motion", "Pulses", "Forces", "Verdict"],
+    "Recordings": ["open", "Recording", "State", "FieldArray", "Verdict", "View"],
+    "Tables": ["Table", "Motion", "Pulses", "Forces"],
     "Sweeps": ["sweep"],
     "Live runs": [
         "attach",
@@ -36,6 +36,7 @@ CHAPTERS = {
     "Errors": [
         "BeadlineError",
         "CommandError",
+        "CommandValueError",
         "ConfigError",
         "LiveError",
         "LostError",

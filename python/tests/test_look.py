@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import beadline as bl
-from beadline import _plot, _progress
+from beadline import _html, _progress
 from beadline._map import diverging, map_of
 
 matplotlib.use("Agg")
@@ -121,6 +121,14 @@ def test_what_cannot_be_drawn_is_refused(rec: bl.Recording) -> None:
         rec.plot("velocity", beads=5)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="scale: found 'log10'; expected 'log' or 'linear'"):
         rec.plot("velocity", scale="log10")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="during_s: found beside step"):
+        rec.plot("velocity", step=1, during_s=(0.0, 1e-3))
+    with pytest.raises(ValueError, match="scale: found beside time_s"):
+        rec.plot("velocity", time_s=1e-3, scale="log")
+    with pytest.raises(ValueError, match="during_s: found 5; expected the first and the last time"):
+        rec.plot("velocity", during_s=5)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="beads: found slice"):
+        rec.plot("velocity", beads=slice(0, 5, 0))
     with pytest.raises(TypeError, match="float"):
         rec.plot("velocity", step=10.5)  # type: ignore[arg-type]
 
@@ -143,10 +151,17 @@ def test_a_summary_has_a_picture_and_says_what_there_is(rec: bl.Recording) -> No
     assert image[0, -1, 3] == 0.0
 
 
+def test_runs_states_and_tables_show_themselves(rec: bl.Recording) -> None:
+    run = bl.Run.from_recording(rec)
+    assert "60 beads, α = 1.5" in run._repr_html_() and "bead 0 at 5 m/s" in run._repr_html_()
+    state = rec[1000]
+    assert f"bead {np.abs(state.velocity_m_s).argmax()}," in state._repr_html_() and "J kinetic" in state._repr_html_()
+
+
 def test_a_picture_has_the_colours_of_its_palette() -> None:
     palette = np.array([[255, 0, 0, 255], [0, 0, 255, 51]], np.uint8)
     pixels = np.array([[0, 1, 1], [1, 0, 1]], np.uint8)
-    image = matplotlib.image.imread(io.BytesIO(_plot.png(pixels, palette)))
+    image = matplotlib.image.imread(io.BytesIO(_html.png(pixels, palette)))
     assert np.array_equal((255 * image).round(), palette[pixels])
 
 

@@ -72,8 +72,8 @@ def test_what_a_recording_has_cannot_be_changed_by_mistake(full: bl.Recording) -
 
 
 def test_a_lazy_array_says_where_its_other_methods_are(full: bl.Recording) -> None:
-    with pytest.raises(AttributeError, match=r"a lazy array has no std: take np\.asarray\(…\)\.std"):
-        full.velocity.std()
+    with pytest.raises(AttributeError, match=r"a lazy array has no var: take np\.asarray\(…\)\.var"):
+        full.velocity.var()
     assert not hasattr(full.velocity, "nothing")
 
 

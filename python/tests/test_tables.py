@@ -7,6 +7,7 @@ import os
 import pickle
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy.typing as npt
 import pytest
 
 import beadline as bl
-from beadline import _table
+from beadline import _files, _table
 
 CHAIN = bl.Chain(beads=120, mass_kg=1e-3, alpha=1.5, stiffness=1e7, impurities={40: 0.6e-3})
 RUN = bl.Run(CHAIN, strikers={0: 5.0}, duration_s=8e-3, name="short")
@@ -156,9 +157,9 @@ def test_modes_are_those_of_the_tangent_springs(pressed: bl.Recording) -> None:
 
 
 def test_a_whole_recording_is_proven(rec: bl.Recording) -> None:
-    verdict = _table.verify(rec)
+    verdict = _files.verify(rec)
     assert verdict and verdict.verdict == "proven" and verdict.report["steps_recomputed"] == RUN.steps
-    assert _table.verify(RUN.simulate(every=50), jobs=1)
+    assert _files.verify(RUN.simulate(every=50), jobs=1)
 
 
 def test_what_is_missing_of_a_recording_is_told(tmp_path: Path) -> None:
@@ -170,7 +171,7 @@ def test_what_is_missing_of_a_recording_is_told(tmp_path: Path) -> None:
     with pytest.warns(RuntimeWarning, match="not finished, or is damaged"):
         energies = _table.energies(cut)
     assert 0 < len(energies) < states
-    assert not _table.verify(cut)
+    assert not _files.verify(cut)
 
 
 def test_a_file_that_is_no_recording_any_more_is_an_error_of_that_file(tmp_path: Path) -> None:
@@ -183,18 +184,33 @@ def test_a_file_that_is_no_recording_any_more_is_an_error_of_that_file(tmp_path:
 
 
 def test_an_impossible_option_is_an_error_of_the_command(rec: bl.Recording) -> None:
-    with pytest.raises(bl.CommandError, match="beads 0 to 119") as caught:
+    with pytest.raises(bl.CommandError, match="^split: found 500; the chain has beads 0 to 119$") as caught:
         _table.energies(rec, split=500)
-    assert caught.value.exit_code == 2
+    assert (caught.value.exit_code, caught.value.key) == (2, "split") and isinstance(caught.value, ValueError)
+    for said, ask in {
+        "split: found -1; expected a whole number, 0 or more": lambda: rec.energies(split=-1),
+        "from_s: found nan; expected a simulated time in seconds, 0 or more": lambda: rec.energies(from_s=float("nan")),
+        "from_s: found 2; expected a time before until_s 1": lambda: rec.energies(from_s=2, until_s=1),
+        "jobs: found 0; expected a number of threads from 1 to 1024": lambda: rec.energies(jobs=0),
+        "contact: found none; expected one or more": lambda: rec.deformation([]),
+        "at: found bed:9; expected bead:N, contact:N, wall:left or wall:right": lambda: rec.forces("bed:9"),
+        "window: found x; expected hann, none": lambda: rec.spectrum("bead:3", window="x"),  # type: ignore[arg-type]
+        "transmission: found ['bead:3']; expected pairs": lambda: rec.spectrum(transmission=["bead:3"]),  # type: ignore[list-item]
+        "beads: found 5; expected neighbours": lambda: rec.spectrum(map=True, beads=5),  # type: ignore[arg-type]
+        "tolerance_m: found -1; expected a length in m, 0 or more": lambda: rec.contacts(tolerance_m=-1.0),
+    }.items():
+        with pytest.raises(ValueError) as raised:
+            ask()
+        assert str(raised.value).startswith(said), str(raised.value)
 
 
 def test_a_page_does_not_replace_another(rec: bl.Recording, tmp_path: Path) -> None:
     page = tmp_path / "x.html"
-    told = _table.share(rec, page)
+    told = _files.share(rec, page)
     assert told["path"] == str(page) and told["bytes"] == page.stat().st_size
     with pytest.raises(FileExistsError, match=r"x\.html exists already"):
-        _table.share(RUN.simulate(), page)
-    assert _table.share(RUN.simulate(), page, every=100, force=True)["every_steps"] == 100
+        _files.share(RUN.simulate(), page)
+    assert _files.share(RUN.simulate(), page, every=100, force=True)["every_steps"] == 100
 
 
 @pytest.mark.extras
@@ -232,7 +248,7 @@ INTERRUPTED = """
 import os, signal, sys, threading, time
 from pathlib import Path
 import beadline as bl
-from beadline import _table
+from beadline import _files, _table
 rec = bl.preset("light-impurity").record(sys.argv[1], every=1000)
 interrupted_s = []
 def interrupt():
@@ -259,3 +275,54 @@ def test_ctrl_c_leaves_no_process_and_no_file(tmp_path: Path) -> None:
     # 0.2 s, and what a busy machine adds
     assert float(took_s) < 2.0 and children == []
     assert list(temporary.iterdir()) == []
+
+
+@pytest.mark.extras
+def test_frames_of_others_take_a_table_as_it_is(rec: bl.Recording) -> None:
+    pd, pl, pa = (pytest.importorskip(name) for name in ("pandas", "polars", "pyarrow"))
+    events = rec.impurity().events
+    for table in (events, events[:1], events[:0]):
+        for frame in (pd.DataFrame(table), pl.DataFrame(table), pa.table(table), pa.table(pa.RecordBatchReader.from_stream(table))):
+            names = frame.column_names if isinstance(frame, pa.Table) else list(frame.columns)
+            assert names == list(table) and frame.shape == (len(table), 4)
+            for name in ("time_s", "bead"):
+                assert np.array_equal(np.asarray(frame[name]), table[name])
+    rows = np.asarray(events)
+    assert rows.dtype.names == tuple(events) and rows["u_m"].tobytes() == events["u_m"].tobytes()
+
+
+def test_a_table_is_a_mapping_of_columns_with_units(rec: bl.Recording, tmp_path: Path) -> None:
+    energies = rec.energies()
+    assert isinstance(energies, Mapping) and len(energies.keys()) == len(list(energies)) == len(dict(energies))
+    assert energies.units["time_s"] == "s" and energies.units["total_j"] == "J" and energies.units["step"] == ""
+    assert rec.impurity().units["v_40_m_s"] == "m/s"
+    part = energies[["time_s", "total_j"]].head(3)
+    assert list(part) == ["time_s", "total_j"] and len(part) == 3 and part == part and part != energies
+    part["lost_j"] = part["total_j"][0] - part["total_j"]
+    assert part[part["lost_j"] >= 0.0].units["lost_j"] == "J" and len(part[[]]) == 0
+    with pytest.raises(ValueError, match="few: found the shape .* each of 3 rows"):
+        part["few"] = [1.0]
+    path = tmp_path / "part.csv"
+    rec.contacts().to_csv(path)
+    assert has_bits(_table.read_csv(path), {name: list(map(_cell, column)) for name, column in rec.contacts().items()})
+    with pytest.raises(FileExistsError, match="force=True"):
+        part.to_csv(path)
+    part.to_csv(path, force=True)
+    assert _table.read_csv(path)["total_j"].tobytes() == part["total_j"].tobytes() and len(list(tmp_path.iterdir())) == 1
+
+
+def _cell(value: object) -> str:
+    return "" if value != value else str(value)
+
+
+@pytest.mark.extras
+def test_a_table_draws_columns_of_one_unit(rec: bl.Recording) -> None:
+    pytest.importorskip("matplotlib").use("Agg")
+    energies = rec.energies()
+    ax = energies.plot(["kinetic_j", "potential_j"])
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time (s)", "J")
+    assert [line.get_label() for line in ax.get_lines()] == ["kinetic", "potential"]
+    assert energies.plot("total_j", x="step").get_ylabel() == "total (J)"
+    with pytest.raises(ValueError, match="y: found J, s; expected columns of numbers of one unit"):
+        energies.plot(["total_j", "time_s"], x="step")
+    assert len(energies.plot().get_lines()) > 3

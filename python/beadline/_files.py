@@ -1,0 +1,254 @@
+"""What the command makes of a recording: proofs, other files, pages."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import tempfile
+import weakref
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from ._command import PROGRAM, Json, failure, run_command
+from ._numbers import count, in_si
+from ._table import Table, range_of, read_csv
+
+if TYPE_CHECKING:
+    from ._recording import Recording
+
+# how long a page may take to end (s)
+_PATIENCE_S = 5.0
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a recording is proven; true if so.
+
+    Attributes:
+        verdict: What was found, in words.
+        report: The JSON of ``beadline verify``: what was proven, compared, damaged or different.
+    """
+
+    verdict: str
+    report: Json
+
+    @property
+    def is_proven(self) -> bool:
+        """Whether every state is what the one before leads to, and nothing is missing or damaged."""
+        return bool(self.report["proven"])
+
+    def __bool__(self) -> bool:
+        return self.is_proven
+
+    def __repr__(self) -> str:
+        return f"<Verdict: {self.verdict}>"
+
+
+def verify(rec: Recording, *, jobs: int | None = None) -> Verdict:
+    """Proves a recording: makes every state again from the one before, and compares the bits.
+
+    Args:
+        jobs: Threads; by default one for each core.
+    """
+    with rec._file() as file:
+        flags = [] if jobs is None else [f"--jobs={jobs}"]
+        report = run_command(["verify", file, *flags], path=file, warn=False)
+    return Verdict(report["verdict"], report)
+
+
+def share(
+    rec: Recording,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    every: int | None = None,
+    force: bool = False,
+) -> Json:
+    """Makes one HTML file of a recording that anyone can open, with every step in it. Says what is in it:
+    ``path``, ``bytes``, ``steps``, ….
+
+    Args:
+        path: The page; by default it is named after the recording.
+        every: Steps between two that it carries; it recomputes the others. By default as many as 2 MB hold.
+        force: Replace a file that exists, and make pages of more than 200 MB.
+
+    Raises:
+        FileExistsError: If there is such a file.
+    """
+    own = rec.path or rec.name
+    own = os.path.basename(own) if "://" in own else own
+    page = Path(path if path is not None else Path(own).with_suffix(".html"))
+    return _make(rec, "share", page, force, {"every-steps": None if every is None else count("every", every)})
+
+
+def export(
+    rec: Recording,
+    path: str | os.PathLike[str],
+    *,
+    to: str | None = None,
+    from_s: float | None = None,
+    until_s: float | None = None,
+    beads: slice | None = None,
+    every: int | None = None,
+    every_step: bool = False,
+    clouds: int | None = None,
+    jobs: int | None = None,
+    force: bool = False,
+) -> Json:
+    """Writes the states in another format. Says what was written: ``paths``, ``states``, ….
+
+    Args:
+        path: The file.
+        to: ``"npz"``, ``"csv"``, ``"parquet"``, ``"foxglove"`` or ``"ros2"``; by default the one that the name of the file ends with.
+        from_s, until_s: The first and the last simulated time (s).
+        beads: Only these beads: ``slice(100, 200)``.
+        every: Only each of so many steps; those that were not kept are recomputed.
+        every_step: Or every step.
+        clouds: Point clouds of the chain, of ``"foxglove"``; by default 300.
+        jobs: Threads that recompute; by default one for each core.
+        force: Replace a file that exists.
+
+    Raises:
+        FileExistsError: If there is such a file.
+        CommandValueError: If the format is not known, or not in this build.
+    """
+    part = {"from": in_si("from_s", from_s), "until": in_si("until_s", until_s), "beads": range_of("beads", beads)}
+    steps = {"every-steps": None if every is None else count("every", every), "every-step": every_step}
+    return _make(rec, "export", path, force, {"to": to, **part, **steps, "clouds": clouds, "jobs": jobs})
+
+
+def thin(
+    rec: Recording, path: str | os.PathLike[str], every: int, *, jobs: int | None = None, force: bool = False
+) -> Recording:
+    """Writes a smaller recording of the same run, and gives it: every step can still be had. What is left out is proven first.
+
+    Args:
+        path: The file, ``.mcap``.
+        every: Steps between two states that it keeps.
+        jobs: Threads; by default one for each core.
+        force: Replace a file that exists.
+
+    Raises:
+        FileExistsError: If there is such a file.
+    """
+    from ._recording import mcap, open
+
+    _make(rec, "thin", mcap(path), force, {"every-steps": count("every", every), "jobs": jobs})
+    return open(path)
+
+
+def recover(
+    rec: Recording, path: str | os.PathLike[str], *, fill: bool = True, jobs: int | None = None, force: bool = False
+) -> Recording:
+    """Writes a whole recording of what is left of a damaged or unfinished one, and gives it. What was lost between is recomputed.
+
+    What cannot be brought back is a ``RuntimeWarning``, and ``summary`` of the new recording says what was done.
+
+    Args:
+        path: The file, ``.mcap``.
+        fill: Recompute what was lost; else it is left out.
+        jobs: Threads; by default one for each core.
+        force: Replace a file that exists.
+
+    Raises:
+        FileExistsError: If there is such a file.
+    """
+    from ._recording import mcap, open
+
+    summary = _make(rec, "recover", mcap(path), force, {"no-fill": not fill, "jobs": jobs})
+    recovered = open(path)
+    recovered.summary = summary
+    return recovered
+
+
+def check(rec: Recording, *, tolerance: float | None = None) -> Table:
+    """Says until when the run is determined, and to how many digits: a table of how its errors grow over time, those of the time step
+    and of rounding, in units of L, v0 and ½·m·v0². ``summary`` has ``determined_until_s``, the digits of each quantity, ….
+
+    Args:
+        tolerance: Largest error of a determined quantity, in these units; by default 1e-4.
+    """
+    with rec._file() as file, tempfile.TemporaryDirectory(prefix="beadline-") as directory:
+        out = os.path.join(directory, "out.csv")
+        flags = [] if tolerance is None else [f"--tolerance={tolerance}"]
+        summary = run_command(["check", file, *flags, f"--out={out}"], path=file)
+        return read_csv(out, summary)
+
+
+def _make(
+    rec: Recording, command: str, path: str | os.PathLike[str], force: bool, options: dict[str, str | float | bool | None]
+) -> Json:
+    """What a command says that makes ``path`` of a recording."""
+    flags = [f"--{flag}" for flag, value in {**options, "force": force}.items() if value is True]
+    flags += [f"--{flag}={value}" for flag, value in options.items() if value is not None and not isinstance(value, bool)]
+    with rec._file() as file:
+        return run_command([command, file, f"--out={os.fspath(path)}", *flags], path=file)
+
+
+class View:
+    """A page that this machine serves, until it is closed or Python ends; also for ``with``.
+
+    Attributes:
+        url: Its address, with a random part that nobody else knows.
+    """
+
+    def __init__(self, rec: Recording, *, open: bool, port: int) -> None:
+        with ExitStack() as stack, tempfile.TemporaryFile() as notices:
+            file = stack.enter_context(rec._file())
+            flags = [f"--port={port}", *(["--open"] if open else [])]
+            process = subprocess.Popen(
+                [*PROGRAM, "view", file, *flags],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=notices,
+                start_new_session=True,
+            )
+            stack.callback(_end, process)
+            assert process.stdout is not None
+            self.url = process.stdout.readline().decode().strip()
+            if not self.url:
+                code = process.wait()
+                notices.seek(0)
+                raise failure(notices.read().decode(errors="replace").strip().splitlines(), code, file)
+            self._close = weakref.finalize(self, stack.pop_all().close)
+
+    def close(self) -> None:
+        """Ends it."""
+        self._close()
+
+    def __enter__(self) -> View:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"<View at {self.url}>"
+
+    def _repr_html_(self) -> str:
+        return f'<a href="{self.url}" target="_blank">{self.url}</a>'
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    process.send_signal(signal.SIGINT)
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(_PATIENCE_S)
+    process.kill()
+    process.wait()
+    assert process.stdout is not None
+    process.stdout.close()
+
+
+def view(rec: Recording, *, open: bool = True, port: int = 0) -> View:
+    """Shows the recording on the page, in the browser, and goes on.
+
+    Args:
+        open: Open it in the browser; ``url`` of what is given is its address.
+        port: Where it is served, on this machine only; by default one that is free.
+    """
+    return View(rec, open=open, port=count("port", port, 0))
