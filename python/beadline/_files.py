@@ -169,7 +169,7 @@ def check(rec: Recording, *, tolerance: float | None = None) -> Table:
     and of rounding, in units of L, v0 and ½·m·v0². ``summary`` has ``determined_until_s``, the digits of each quantity, ….
 
     Args:
-        tolerance: Largest error of a determined quantity, in these units; by default 0.001.
+        tolerance: Largest error of a determined quantity, in these units; by default 1e-4.
     """
     with rec._file() as file, tempfile.TemporaryDirectory(prefix="beadline-") as directory:
         out = os.path.join(directory, "out.csv")

@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _native
+from ._chain import number
 from ._native import Frame as Frame
 from ._native import Live as Live
-from ._numbers import in_si
 
 if TYPE_CHECKING:
     from ._recording import Recording, State
@@ -54,7 +54,7 @@ def _patience(timeout_s: float | None) -> float | None:
     """How long to wait (s)."""
     if timeout_s is None:
         return None
-    found = float(in_si("timeout_s", timeout_s))
+    found = number("timeout_s", timeout_s)
     if not 0.0 <= found <= _MOST_S:
         raise ValueError(f"timeout_s: found {timeout_s!r}; expected seconds from 0 to {_MOST_S:g}, or None to wait for ever")
     return found

@@ -38,6 +38,9 @@ _SHARP_COLUMNS = 1000
 # most impurities, and most beads, that are marked one by one
 _MOST_LINES, _MOST_DISCS = 8, 60
 
+# of a table, most curves whose legend is among them
+_FEW_CURVES = 4
+
 # of fewer beads, ticks between those with numbers would be between beads
 _FEW_PLACES = 50
 
@@ -331,11 +334,8 @@ def to_xarray(
     Its dimensions are ``time`` (s), ``bead`` and ``contact``; ``step``, ``mass_kg`` and
     ``stiffness`` are coordinates, and the attribute ``manifest`` is the run as JSON.
     """
+    steps: Steps = np.asarray(rec.recorded_steps if every is None else rec.steps[:: count("every", every)], np.int64)
     xr: Any = need("xarray")
-    if every is None:
-        steps: Steps = np.asarray(rec.recorded_steps, np.int64)
-    else:
-        steps = np.asarray(rec.steps[:: count("every", every)], np.int64)
     rows = rows_of(rec, steps)
     variables = {
         name: xr.Variable(
@@ -395,12 +395,15 @@ def plot_table(table: Table, y: str | Sequence[str] | None, x: str | None, ax: A
     axes: Any = ax
     if ax is None:
         axes = need("matplotlib.pyplot").subplots(figsize=(6.4, 3.6), layout="constrained")[1]
-    for name, colour in zip(names, _CURVES * len(names), strict=False):
-        axes.plot(columns[below], columns[name], color=colour, lw=1.2, label=_words(name))
+    for number, name in enumerate(names):
+        colour, dashes = _CURVES[number % len(_CURVES)], ("-", "--", ":")[number // len(_CURVES) % 3]
+        axes.plot(columns[below], columns[name], dashes, color=colour, lw=1.2, label=_words(name))
     axes.set_xlabel(_label(_words(below), units[below]))
-    axes.set_ylabel(_label(_words(names[0]) if len(names) == 1 else "", units[names[0]]))
+    axes.set_ylabel(_label(_words(names[0]), units[names[0]]) if len(names) == 1 else units[names[0]])
     if len(names) > 1:
-        axes.legend(frameon=False, fontsize="small")
+        # beside the curves where it would hide them
+        place = {} if len(names) <= _FEW_CURVES else {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
+        axes.legend(frameon=False, fontsize="small", **place)
     drawn: Axes = axes
     return drawn
 

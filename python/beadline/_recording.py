@@ -18,8 +18,9 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _files, _html, _native, _plot, _table
+from ._chain import number
 from ._fields import FieldArray, FieldName, Index, check_memory
-from ._numbers import count, in_si
+from ._numbers import count
 from .errors import RecordingError
 
 if TYPE_CHECKING:
@@ -410,7 +411,7 @@ class Recording:
         Raises:
             ValueError: If the recording does not reach there.
         """
-        time_s = float(in_si("time_s", time_s))
+        time_s = number("time_s", time_s)
         step = round(time_s / self.dt_s) if np.isfinite(time_s) else -1
         if not self.first_step <= step <= self.last_step:
             begin_s, end_s = self.first_step * self.dt_s, self.last_step * self.dt_s

@@ -120,21 +120,21 @@ class Run:
         return cls._of(path.read_text(encoding="utf-8"), str(path), path.stem, is_seen=True)
 
     @classmethod
-    def from_recording(cls, rec: Recording) -> Run:
+    def from_recording(cls, recording: Recording) -> Run:
         """The run that a recording is of, to be made again or changed: ``bl.Run.from_recording(rec).replace(…)``.
 
         Raises:
             ValueError: If the recording has no configuration.
         """
-        if not rec.toml:
-            raise ValueError(f"{rec!r} has no configuration: describe the run with bl.Run(…)")
-        folder = None if rec.path is None or "://" in rec.path else os.path.dirname(rec.path)
+        if not recording.toml:
+            raise ValueError(f"{recording!r} has no configuration: describe the run with bl.Run(…)")
+        folder = None if recording.path is None or "://" in recording.path else os.path.dirname(recording.path)
         run = cls.__new__(cls)
-        if rec.recomputes:
+        if recording.recomputes:
             # files that its text names may be gone
-            run._folder, run._toml, run._manifest = folder or os.getcwd(), rec.toml, rec._manifest
+            run._folder, run._toml, run._manifest = folder or os.getcwd(), recording.toml, recording._manifest
         else:
-            run._set(rec.toml, None, rec.name, folder=folder)
+            run._set(recording.toml, None, recording.name, folder=folder)
         return run
 
     @classmethod

@@ -105,7 +105,7 @@ class Table(dict[str, Column]):
         return self[: count("rows", rows, 0)]
 
     def plot(self, y: str | Sequence[str] | None = None, x: str | None = None, *, ax: Axes | None = None) -> Axes:
-        """Draws columns of one unit over another column.
+        """Draws columns of one unit over another column, with a point for every row.
 
         Args:
             y: A column, or several; by default all numbers that have the unit of the last one.

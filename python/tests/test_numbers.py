@@ -163,6 +163,7 @@ def test_counts_are_whole_and_fit() -> None:
         "jobs": lambda: bl.sweep(run, {"chain.alpha": [1.5]}, jobs=0),
         "rows": lambda: rec.energies().head(-1),
         "timeout_s": lambda: bl.attach("x", timeout_s=-1.0),
+        "time_s": lambda: rec.at(time_s="noon"),  # type: ignore[arg-type]
     }.items():
         with pytest.raises(ValueError, match=f"^{name}: found "):
             ask()

@@ -320,7 +320,7 @@ def test_a_table_draws_columns_of_one_unit(rec: bl.Recording) -> None:
     pytest.importorskip("matplotlib").use("Agg")
     energies = rec.energies()
     ax = energies.plot(["kinetic_j", "potential_j"])
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time (s)", "(J)")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time (s)", "J")
     assert [line.get_label() for line in ax.get_lines()] == ["kinetic", "potential"]
     assert energies.plot("total_j", x="step").get_ylabel() == "total (J)"
     with pytest.raises(ValueError, match="y: found J, s; expected columns of numbers of one unit"):
