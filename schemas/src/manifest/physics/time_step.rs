@@ -152,12 +152,16 @@ impl Physics {
         smaller(usual, blunt) * if self.opens_again_and_again() { 0.5 } else { 1.0 }
     }
 
-    /// Whether beads are sent back again and again: by two walls, by springs at their places, by a drive that swings; or whether many
+    /// Whether beads are sent back again and again: by two walls, in a ring, by springs at their places, by a drive that swings; or whether many
     /// of them move at first.
     fn opens_again_and_again(&self) -> bool {
         let is_walled = self.ends.left == End::Fixed && self.ends.right == End::Fixed;
         let swings = self.drives.iter().any(|drive| drive.waveform.highest_hz().is_some());
-        is_walled || swings || !self.initial.is_none() || !self.on_site.is_none()
+        is_walled
+            || self.ends.left == End::Periodic
+            || swings
+            || !self.initial.is_none()
+            || !self.on_site.is_none()
     }
 
     /// Whether it is a chain of equal beads and impurities with free ends that nothing loads, and that is struck: in these a contact
