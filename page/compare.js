@@ -35,7 +35,7 @@ const UNITS = [
 export function nameAndUnit(path) {
   const found = UNITS.find(([end]) => path.toLowerCase().endsWith(`_${end}`));
   const name = found ? path.slice(0, -1 - found[0].length) : path;
-  const words = name.replace(/\.0\b|\[0\]/g, "").replace(/[._]/g, " ").replace(/^physics |^chain /, "");
+  const words = name.replace(/\.0\b|\[0\]/g, "").replace(/[._]/g, " ").replace(/^chain /, "");
   return [words, found?.[1] ?? ""];
 }
 

@@ -113,7 +113,9 @@ export function folderTable(entries, { keys, isDark }, onopen, paint) {
         entry.error === undefined
           ? columns.map((column) => {
               const value = row.traits[column];
-              const text = typeof value === "number" ? short(value) : `${value ?? ""}`;
+              const words = `${value ?? ""}`;
+              const cut = words.length > 24 ? `${words.slice(0, 12)} …` : words;
+              const text = typeof value === "number" ? short(value) : cut;
               return make("td", { class: typeof value === "number" ? "number" : undefined, title: value }, text);
             })
           : [make("td", { class: "bad", colspan: columns.length }, entry.error)];

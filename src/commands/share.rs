@@ -25,7 +25,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const SMALL_BYTES: usize = 2_000_000;
 /// A page that browsers still open (bytes).
 const MOST_BYTES: usize = 200_000_000;
-/// What the states of a page take unpacked: memory of the browser, and of the disk on the way (bytes).
+/// Most that the states of a page take unpacked: memory of the browser, and disk on the way (bytes).
 const UNPACKED_BYTES: u64 = 64_000_000;
 /// Numbers of beads that are looked at for pulses unasked: a matter of seconds.
 const FEW_BEADS_LOOKED_AT: u64 = 200_000_000;

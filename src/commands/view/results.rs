@@ -37,7 +37,7 @@ pub(crate) struct Results {
     modes: Vec<Value>,
 }
 
-/// Whether steps are recomputed to find pulses.
+/// True where steps are recomputed to find pulses.
 fn recomputes(manifest: &RunManifest) -> bool {
     is_coarse(manifest, manifest.provenance.record_every_steps) && check_kernel(manifest).is_ok()
 }

@@ -316,7 +316,7 @@ fn name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// What is wrong with a recording, as a sentence; nothing is with one that is being written.
+/// Damage of a recording as a sentence; none of one that is being written.
 fn damage(info: &RecordingInfo, path: &Path) -> Option<String> {
     let shown = path.display();
     match &info.damage {
