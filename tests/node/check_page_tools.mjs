@@ -93,7 +93,7 @@ const scenarios = {
     const [, rate, speed] = /^(\d+) beads\/s = ([\d.]+) m\/s$/.exec(words);
     assert.ok(Math.abs(rate / expected - 1) < 0.02, `${words}, where the pulse has ${expected} beads/s`);
     assert.ok(Math.abs(speed / (rate * 0.01) - 1) < 0.01, `${words}, with 10 mm a bead`);
-    await hashUntil(page, /ruler=/);
+    await hashUntil(page, new RegExp(`ruler=${ruler.map((end) => Number(end.toFixed(3))).join(",")}`));
     await page.reload();
     await ready(page);
     assert.ok((await viewOf(page)).ruler.every((end, i) => Math.abs(end - ruler[i]) < 1e-3), "after a reload");
