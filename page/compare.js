@@ -174,7 +174,7 @@ export function comparison(columns, keys, isDark) {
   };
   const said = make("span", { class: "words" });
   const near = (/** @type {MouseEvent} */ { offsetX, offsetY }) => {
-    const far = (/** @type {{ x: number, y: number }} */ { x, y }) => Math.hypot(x - offsetX, y - offsetY);
+    const far = (/** @type {Record<"x" | "y", number>} */ { x, y }) => Math.hypot(x - offsetX, y - offsetY);
     const [found] = [...placed].sort((a, b) => far(a) - far(b));
     return found && far(found) < 12 ? found.run : undefined;
   };

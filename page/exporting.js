@@ -100,7 +100,7 @@ export function exportDialog(page) {
   const window = [Math.max(run.info.firstStep, Math.floor(steps[0])), Math.min(run.info.lastStep, Math.ceil(steps[1]))];
   const stepCount = window[1] - window[0] + 1;
   const isTooLong = stepCount > MOST_ROWS;
-  const curves = async (/** @type {{ currentTarget: HTMLButtonElement }} */ { currentTarget: button }) => {
+  const curves = async (/** @type {Record<"currentTarget", HTMLButtonElement>} */ { currentTarget: button }) => {
     const words = button.textContent ?? "";
     button.disabled = true;
     try {
