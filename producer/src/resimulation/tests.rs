@@ -224,5 +224,8 @@ fn another_dynamics_is_refused_by_name() {
     m.physics.kernel_version = schemas::manifest::KERNEL_VERSION + 1;
     let source = Script { manifest: m, items: Vec::new(), next: 0 };
     let error = Resimulation::new(source, Lend::Frames).err().expect("another kernel");
-    assert!(error.to_string().contains(&format!("version {}", KERNEL_VERSION + 1)), "{error}");
+    assert!(
+        error.to_string().contains(&format!("version {}", schemas::manifest::KERNEL_VERSION + 1)),
+        "{error}"
+    );
 }
