@@ -23,7 +23,12 @@ export class Piece {
    * @param {number} before how far from its end
    */
   constructor(n, start, stop, isLast, after = 0, before = 0) {
-    [this.n, this.start, this.stop, this.isLast, this.after, this.before] = [n, start, stop, isLast, after, before];
+    this.n = n;
+    this.start = start;
+    this.stop = stop;
+    this.isLast = isLast;
+    this.after = after;
+    this.before = before;
     this.length = stop - start;
   }
 

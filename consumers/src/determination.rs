@@ -95,12 +95,11 @@ impl Determination {
     /// For `manifest`'s run, which `split_bead` divides; `moved_by_m_s` is by how much the moved twin differs at first.
     pub fn new(manifest: &RunManifest, split_bead: u64, tolerance: f64, moved_by_m_s: f64) -> Self {
         let physics = &manifest.physics;
-        let sibling = Sibling::new(manifest, split_bead);
         Self {
             tolerance,
             split_bead,
             moved_by: moved_by_m_s / physics.scales().speed_m_s(),
-            siblings: [sibling.clone(), sibling.clone(), sibling.clone(), sibling],
+            siblings: std::array::from_fn(|_| Sibling::new(manifest, split_bead)),
             courses: [[Course::default(); 2]; Quantity::COUNT],
             before: [[0.0; Quantity::COUNT]; 2],
             recent: VecDeque::with_capacity(LOOKS),

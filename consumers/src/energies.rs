@@ -89,6 +89,7 @@ pub struct Energies {
 
 /// The balance of energies: what the chain has and has dissipated is what it had at first and what drives have given it.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[expect(clippy::struct_field_names, reason = "units stand in names")]
 struct Balance {
     initial_j: f64,
     /// By how much it was off at most (J).
@@ -101,7 +102,8 @@ impl Balance {
     fn take(&mut self, row: &EnergyRow) {
         let kept_j = row.total_j + row.dissipated_j;
         let larger = |most: f64, j: f64| if j.abs() > most { j.abs() } else { most };
-        self.off_j = larger(self.off_j, kept_j - row.driven_j - self.initial_j);
+        let off_j = kept_j - row.driven_j - self.initial_j;
+        self.off_j = [off_j].into_iter().fold(self.off_j, larger);
         self.largest_j = [self.initial_j, kept_j, row.driven_j].into_iter().fold(self.largest_j, larger);
     }
 }

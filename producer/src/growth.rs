@@ -316,7 +316,7 @@ impl Growth {
         let began_s = *self.began_s.get_or_insert(time_s);
         if difference < MEASURED {
             self.small = (time_s, difference);
-        } else if !(difference < COUNTS) {
+        } else if difference >= COUNTS || difference.is_nan() {
             self.is_over = true;
             let (since_s, before) = self.small;
             let grown_s = time_s - since_s;

@@ -84,7 +84,9 @@ impl Twins {
         if v_m_s.iter().all(|v| *v == 0.0) {
             driven_first(physics).for_each(|bead| v_m_s[bead] = moved_by_m_s(physics));
         } else {
-            v_m_s.iter_mut().for_each(|v| *v = moved(*v, at_rest_m_s));
+            for v in &mut v_m_s {
+                *v = moved(*v, at_rest_m_s);
+            }
         }
         let moved = Sibling {
             which: "the twin with moved velocities",

@@ -107,7 +107,7 @@ pub(crate) struct SpectrumArgs {
     allow_negative_numbers = true,
     after_help = "Examples:\n  \
     beadline modes --preset precompressed --figure modes.png\n  \
-    beadline modes chain.toml --out modes.csv            of a configuration, also of a chain that nothing strikes\n  \
+    beadline modes chain.toml --out modes.csv            of a configuration\n  \
     beadline modes run.mcap --shapes --mode 1 --mode 50 --figure shapes.svg\n  \
     beadline modes run.mcap --energy --out energies.csv --figure energies.png\n\n\
     Modes are those of small motions about the equilibrium, counted from 1 by ascending frequency. The chain has to \

@@ -350,7 +350,7 @@ fn announce(configured: &Configured, out: Option<&Path>, options: &WriteOptions)
 fn step_in_words(physics: &Physics) -> String {
     let (dt, (_, limit)) = (seconds(physics.dt_s), physics.usual_step());
     if limit == Limit::Collision || !has_default_step(physics) {
-        return dt.to_string();
+        return dt.clone();
     }
     format!("{dt} ({})", physics.limit_words(limit))
 }

@@ -2,6 +2,7 @@
 
 use crate::harness::Place;
 use serde_json::{Value, json};
+use std::fmt::Write as _;
 
 /// A table as a sweep over a law, a mass and seeds leaves it: `value` is exact, so that means are known.
 fn results(alphas: &[f64], masses: u32, seeds: u32) -> String {
@@ -145,7 +146,7 @@ fn a_swept_axis_is_logarithmic_where_its_values_are() {
     let mut csv = "index,chain.alpha,striker.velocity_m_s,end,total_j\n".to_owned();
     for (i, (alpha, v)) in (0..5).flat_map(|a| (0..5).map(move |v| (a, v))).enumerate() {
         let (alpha, v) = (1.2 + 0.2 * f64::from(alpha), 0.1 * 2.0_f64.powi(v));
-        csv += &format!("{i},{alpha},{v},complete,{}\n", alpha * v);
+        let _ = writeln!(csv, "{i},{alpha},{v},complete,{}", alpha * v);
     }
     place.write("r.csv", &csv);
     let log = |words: &str| plot(&place, &format!("r.csv {words} --out h.svg"))["log"].clone();

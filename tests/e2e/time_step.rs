@@ -117,16 +117,14 @@ fn a_chain_that_nothing_moves_is_refused() {
 
 /// A point of a sweep whose drive has the amplitude 0 has a row with the reason; the others are computed.
 #[test]
-fn a_sweep_goes_on_over_a_chain_that_nothing_moves() {
+fn a_sweep_says_at_which_point_nothing_moves() {
     let place = Place::new();
     let sweep = "[base]\nchain.beads = 8\nchain.bead_mass_kg = 1e-3\nchain.alpha = 1.5\nchain.stiffness = 1e7\n\
         time.duration_s = 1e-4\n\
         drive = [{ bead = 3, force_n = { sine = { amplitude = 0.1, frequency_hz = 1000.0, ramp_s = 1e-4 } } }]\n\
         [grid]\n\"drive[0].force_n.sine.amplitude\" = [0.0, 0.1]\n";
     place.write("amp.toml", sweep);
-    place.run("sweep amp.toml --out amp");
-    let rows = place.read("amp/results.csv");
-    assert!(rows.contains("nothing sets this chain in motion") && rows.lines().count() == 3, "{rows}");
+    place.run("sweep amp.toml --out amp").exits(2).says(&["nothing sets this chain in motion", "(point 0)"]);
 }
 
 /// Masses of 1 kg on springs whose force grows as exp(50 δ): the energy of the striker bounds how far they are pressed.

@@ -75,8 +75,12 @@ impl Analyses {
 fn take_pulses(leading: &mut [Leading; 2], ways: &mut [Way; 2], happenings: &[Happening], split_bead: u64) {
     for happening in happenings {
         if let Happening::Ended(pulse) = happening {
-            leading.iter_mut().for_each(|way| way.take(pulse, split_bead));
-            ways.iter_mut().for_each(|way| way.take(pulse));
+            for way in leading.iter_mut() {
+                way.take(pulse, split_bead);
+            }
+            for way in ways.iter_mut() {
+                way.take(pulse);
+            }
         }
     }
 }

@@ -1,5 +1,13 @@
 //! Runs drawn from a seed: what a check says that a run may be off by contains what it is off by, whatever a configuration says.
 
+#![allow(
+    clippy::panic,
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::too_many_lines,
+    reason = "a test; a kind stands in one place; what was found is for who looks with --nocapture"
+)]
+
 use consumers::determination::{Determination, Outcome, TOLERANCE};
 use consumers::energies::default_split_bead;
 use experiments::compare::compare;
@@ -255,7 +263,6 @@ fn off(config: &RunConfig) -> (f64, &'static str) {
 
 /// More of them: `BEADLINE_RUNS=200 cargo test -p beadline-experiments --test random_runs -- --nocapture`.
 #[test]
-#[expect(clippy::print_stdout, reason = "what was found, for who looks with --nocapture")]
 fn the_truth_is_within_what_a_check_says() {
     let asked = std::env::var("BEADLINE_RUNS").ok().and_then(|count| count.parse().ok());
     let count = asked.unwrap_or(KINDS.len());

@@ -19,7 +19,9 @@ fn lost(preset: &str, change: impl FnOnce(&mut RunConfig)) -> (Physics, Option<L
         let next =
             growth.as_ref().map_or(physics.step_count, |growth| growth.next_before(physics.step_count));
         integrator.advance(&mut state, next);
-        growth.iter_mut().for_each(|growth| growth.look(&state));
+        if let Some(growth) = &mut growth {
+            growth.look(&state);
+        }
     }
     let lost = growth.and_then(|growth| growth.lost());
     (physics, lost)

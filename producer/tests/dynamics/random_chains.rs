@@ -212,7 +212,6 @@ fn stiffnesses(random: &mut Random, config: &mut RunConfig) {
 fn ends(random: &mut Random, config: &mut RunConfig, kind: Kind) {
     let ends = &mut config.ends;
     (ends.left, ends.right) = match kind {
-        Kind::Free => (End::Free, End::Free),
         Kind::TwoWalls => (End::Fixed, End::Fixed),
         Kind::OneWall if random.happens(0.5) => (End::Fixed, End::Free),
         Kind::OneWall => (End::Free, End::Fixed),

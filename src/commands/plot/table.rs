@@ -178,9 +178,9 @@ fn heat_of(
     let found = columns.result(heat)?;
     let mut gaps = Gaps::new(heat, columns.row_count());
     let mut cells: BTreeMap<[Sortable; 2], Vec<usize>> = BTreeMap::new();
-    for row in 0..columns.row_count() {
-        match [axes[0][row], axes[1][row]] {
-            [Some(x), Some(y)] => cells.entry([Sortable(x), Sortable(y)]).or_default().push(row),
+    for (row, at) in axes[0].iter().zip(&axes[1]).enumerate() {
+        match at {
+            (Some(x), Some(y)) => cells.entry([Sortable(*x), Sortable(*y)]).or_default().push(row),
             _ => gaps.off_axes(1),
         }
     }

@@ -436,8 +436,8 @@ thread_local! {
 
 struct Mode {
     chain: LinearChain,
-    /// Counted from 0.
-    mode: usize,
+    /// Which one, counted from 0.
+    index: usize,
     modes: Option<Rc<Modes>>,
     largest_j: f64,
     last_j: f64,
@@ -447,8 +447,8 @@ pub(super) fn modes(manifest: &RunManifest, place: Option<&str>) -> Begun {
     let chain = LinearChain::of(&manifest.physics.chain()).map_err(|error| error.to_string())?;
     let count = Modes::count_of(&chain).map_err(|error: ModesError| error.to_string())?;
     let end = count as u64 + 1;
-    let mode = usize::try_from(number(place, "mode", 1..end)? - 1).unwrap_or(0);
-    Ok(Box::new(Mode { chain, mode, modes: None, largest_j: 0.0, last_j: 0.0 }))
+    let index = usize::try_from(number(place, "mode", 1..end)? - 1).unwrap_or(0);
+    Ok(Box::new(Mode { chain, index, modes: None, largest_j: 0.0, last_j: 0.0 }))
 }
 
 impl Look for Mode {
@@ -469,16 +469,16 @@ impl Look for Mode {
 
     fn observe(&mut self, frame: &Frame<'_>) {
         let Some(modes) = &self.modes else { return };
-        self.last_j = modes.energy_j(self.mode, frame.u_m, frame.v_m_s);
+        self.last_j = modes.energy_j(self.index, frame.u_m, frame.v_m_s);
         self.largest_j = if self.last_j > self.largest_j { self.last_j } else { self.largest_j };
     }
 
     fn value(&self, column: &str) -> Option<Value> {
         let modes = self.modes.as_ref()?;
         Some(match column {
-            "centre_bead" => Count(modes.centre_bead(self.mode) as u64),
-            "frequency_hz" => Number(modes.frequency_hz(self.mode)),
-            "participation_beads" => Number(modes.participation_beads(self.mode)),
+            "centre_bead" => Count(modes.centre_bead(self.index) as u64),
+            "frequency_hz" => Number(modes.frequency_hz(self.index)),
+            "participation_beads" => Number(modes.participation_beads(self.index)),
             "largest_j" => Number(self.largest_j),
             "last_j" => Number(self.last_j),
             _ => return None,

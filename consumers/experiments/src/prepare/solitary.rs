@@ -8,6 +8,9 @@ use std::fmt;
 /// The part of its height that a wave may have where it meets another one: what two waves then differ from two exact ones by.
 const MEETING: f64 = 1e-9;
 
+/// No exact wave is as wide as this (beads).
+const MOST_APART: i32 = 10_000;
+
 /// Displacements (m) and velocities (m/s) of a wave.
 type State = (Vec<f64>, Vec<f64>);
 
@@ -29,8 +32,9 @@ pub(super) fn waves(config: &RunConfig, beads: usize) -> Result<Vec<State>, Conf
     for (i, wave) in asked.iter().enumerate() {
         let meets = |other: &&Solitary| exact.overlap(0.5 * (wave.bead - other.bead)) > MEETING;
         if let Some(other) = asked[..i].iter().find(meets) {
-            let apart =
-                (1..).find(|beads| exact.overlap(0.5 * f64::from(*beads)) <= MEETING).unwrap_or(i32::MAX);
+            let apart = (1..MOST_APART)
+                .find(|beads| exact.overlap(0.5 * f64::from(*beads)) <= MEETING)
+                .unwrap_or(MOST_APART);
             let message = format!(
                 "found {}, and a wave at bead {}, with which it overlaps; allowed: {apart} beads apart, where the sum of two \
                  exact waves is exact",

@@ -26,14 +26,13 @@ impl Physics {
             }
             balance(&law, stiffness, &terms.iter().map(|term| (&term.law, of_terms(term))), load_n)
         };
-        let mut rest_overlap_m: Vec<f64> = match &self.gaps_m {
-            Some(gaps_m) => gaps_m.values(stiffness.len()).iter().map(|gap_m| 0.0 - gap_m).collect(),
-            None => {
-                // a contact that closes a ring carries what the first one does
-                let loads_n = loads.contacts.iter().chain(&loads.contacts);
-                let pairs = stiffness.iter().zip(loads_n).enumerate();
-                pairs.map(|(c, (k, load_n))| overlap_m(*k, *load_n, &|term| term.stiffness[c])).collect()
-            }
+        let mut rest_overlap_m: Vec<f64> = if let Some(gaps_m) = &self.gaps_m {
+            gaps_m.values(stiffness.len()).iter().map(|gap_m| 0.0 - gap_m).collect()
+        } else {
+            // a contact that closes a ring carries what the first one does
+            let loads_n = loads.contacts.iter().chain(&loads.contacts);
+            let pairs = stiffness.iter().zip(loads_n).enumerate();
+            pairs.map(|(c, (k, load_n))| overlap_m(*k, *load_n, &|term| term.stiffness[c])).collect()
         };
         let is_bonded = self.bonds.is_some();
         let wall = |end: End, stiffness: f64, load_n: f64, side: usize| {

@@ -297,7 +297,7 @@ impl Physics {
             [("mode.displacement_m", mode.displacement_m), ("mode.velocity_m_s", mode.velocity_m_s)]
         }));
         for (name, found) in shapes {
-            if !(found.abs() <= 1e100) {
+            if found.is_nan() || found.abs() > 1e100 {
                 return Err(ConfigError::number(
                     &format!("initial.{name}"),
                     found,

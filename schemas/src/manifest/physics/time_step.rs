@@ -97,30 +97,27 @@ impl Physics {
         let longest_s = f64::INFINITY;
         let mut by = Vec::new();
         let loaded_s = self.fastest_loaded_s(law);
-        match (self.collision_s(law, lightest_kg), self.collision_s(law, self.striker_kg())) {
-            (Some(fast_s), Some(striker_s)) => {
-                let bead_s = match &self.alphas {
-                    Some(_) => self.collision_s(law, self.bead_mass_kg).unwrap_or(fast_s),
-                    None => self.scales().time_s,
-                };
-                by.push((struck * bead_s, longest_s, Limit::Collision));
-                by.push((struck * (2.0_f64.sqrt() * fast_s), fast_s, Limit::Lightest));
-                by.push((struck * striker_s, longest_s, Limit::Striker));
-            }
+        let collisions = [lightest_kg, self.striker_kg()].map(|mass_kg| self.collision_s(law, mass_kg));
+        if let [Some(fast_s), Some(striker_s)] = collisions {
+            let bead_s = match &self.alphas {
+                Some(_) => self.collision_s(law, self.bead_mass_kg).unwrap_or(fast_s),
+                None => self.scales().time_s,
+            };
+            by.push((struck * bead_s, longest_s, Limit::Collision));
+            by.push((struck * (2.0_f64.sqrt() * fast_s), fast_s, Limit::Lightest));
+            by.push((struck * striker_s, longest_s, Limit::Striker));
+        } else {
             // nothing moves at first: what drives and displacements do
-            _ => {
-                let fraction = if self.load.is_none() { struck } else { loaded };
-                let time_s = self.scales().time_s;
-                by.push((
-                    fraction * time_s,
-                    if loaded_s.is_none() { time_s } else { longest_s },
-                    Limit::Collision,
-                ));
-            }
+            let fraction = if self.load.is_none() { struck } else { loaded };
+            let time_s = self.scales().time_s;
+            let longest_s = if loaded_s.is_none() { time_s } else { longest_s };
+            by.push((fraction * time_s, longest_s, Limit::Collision));
         }
         by.extend(loaded_s.map(|time_s| (loaded * time_s, time_s, Limit::Load)));
         if let (Some(settling_s), Some(damping)) = (self.settling_s(law), self.damping) {
-            by.iter_mut().for_each(|(usual_s, ..)| *usual_s *= 0.25);
+            for (usual_s, ..) in &mut by {
+                *usual_s *= 0.25;
+            }
             let usual_s = match damping {
                 Damping::ViscousNSPerM(_) => 0.4 * fraction * settling_s,
                 Damping::Restitution(_) => fraction * settling_s,
@@ -231,7 +228,7 @@ impl Physics {
     }
 
     /// `√(m/(k·L_s^(α−1)))` (s), with the overlap scale `L_s = (m_s·v0²/k)^(1/(α+1))` of the striker and the largest k of `law`: how fast
-    /// a bead of `mass_kg` moves between neighbours that the shock presses together. It is T in a chain of equal beads, and T_fast of
+    /// a bead of `mass_kg` moves between neighbours that the shock presses together. It is T in a chain of equal beads, and `T_fast` of
     /// the lightest; nothing when nothing strikes.
     fn collision_s(&self, law: OneLaw, mass_kg: f64) -> Option<f64> {
         let ratio = self.striker_ratio(law.stiffest)?;
@@ -239,7 +236,7 @@ impl Physics {
         Some((mass_kg / (law.stiffest * pressed)).sqrt())
     }
 
-    /// `T_load`: as T_fast, for the overlap `L_s + δ_rest` with the largest rest overlap; nothing in a chain that is not loaded.
+    /// `T_load`: as `T_fast`, for the overlap `L_s + δ_rest` with the largest rest overlap; nothing in a chain that is not loaded.
     fn fastest_loaded_s(&self, law: OneLaw) -> Option<f64> {
         let rest_m = match &self.alphas {
             // each contact is pressed as its own law says
@@ -265,14 +262,14 @@ impl Physics {
         }
     }
 
-    /// The overlap scale L_s of the striker and the stiffest contact of `law`, 0 where nothing strikes.
+    /// The overlap scale `L_s` of the striker and the stiffest contact of `law`, 0 where nothing strikes.
     fn struck_overlap_m(&self, law: OneLaw) -> f64 {
         self.striker_ratio(law.stiffest).map_or(0.0, |ratio| power(ratio, 1.0 / (law.alpha + 1.0)))
     }
 
     /// `T_settle` (s): in it damping between two neighbours at rest slows the lightest bead down by a factor e. For
     /// dashpots that is `m_light/(2γ)`; for a coefficient of restitution `η·δ^p` is less than
-    /// `ζ·√(2·(α+1))·m_light/T`, with the shorter of T_fast and T_load; for others it is that of the overlap that is to be expected.
+    /// `ζ·√(2·(α+1))·m_light/T`, with the shorter of `T_fast` and `T_load`; for others it is that of the overlap that is to be expected.
     fn settling_s(&self, law: OneLaw) -> Option<f64> {
         let lightest_kg = self.extremes().lightest_kg;
         self.damping.map(|damping| match damping {
