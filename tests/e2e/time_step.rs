@@ -115,7 +115,7 @@ fn a_chain_that_nothing_moves_is_refused() {
     }
 }
 
-/// A point of a sweep whose drive has the amplitude 0 has a row with the reason; the others are computed.
+/// A sweep with a point whose drive has the amplitude 0 is refused before any is computed.
 #[test]
 fn a_sweep_says_at_which_point_nothing_moves() {
     let place = Place::new();

@@ -93,14 +93,15 @@ pub(crate) enum Kind {
     DrivenBead,
     /// A bead that a smooth force pushes.
     Pushed,
+    Jumps,
 }
 
 impl Kind {
     pub(crate) const ALL: [Self; 6] =
         [Self::Free, Self::OneWall, Self::TwoWalls, Self::Loaded, Self::Dashpot, Self::Restitution];
 
-    /// What goes beyond one struck bead and one power law. Drives that jump or have kinks are not among them.
-    const BEYOND: [Self; 15] = [
+    /// What goes beyond one struck bead and one power law.
+    const BEYOND: [Self; 16] = [
         Self::Disorder,
         Self::Spheres,
         Self::Bonds,
@@ -116,6 +117,7 @@ impl Kind {
         Self::DrivenWall,
         Self::DrivenBead,
         Self::Pushed,
+        Self::Jumps,
     ];
 
     pub(crate) fn is_damped(self) -> bool {

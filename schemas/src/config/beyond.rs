@@ -309,7 +309,7 @@ pub struct Spheres(pub Vec<Sphere>);
 
 impl Spheres {
     /// Mass (kg) of the first, α, and stiffness (N·m^−3/2) of the first contact: what the scales are made of.
-    pub(crate) fn scales(&self) -> Option<[f64; 3]> {
+    pub fn scales(&self) -> Option<[f64; 3]> {
         let first = self.0.first()?;
         let second = self.0.get(1).unwrap_or(first);
         Some([first.mass_kg(), 1.5, first.stiffness_with(second)])

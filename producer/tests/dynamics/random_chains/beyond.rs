@@ -5,7 +5,7 @@ use schemas::config::{
     Bonds, Disorder, Disordered, End, Gaussian, MassRule, ModeShape, OnSite, Profile, Resonators, RunConfig,
     SecondPower, Sphere, Spheres, StiffnessRule, StrikerConfig, Thermal, Toda,
 };
-use schemas::drive::{self, Drive, Place, Quantity, Side, Sine, Waveform};
+use schemas::drive::{self, Drive, Interpolation, Place, Quantity, Side, Sine, Step, Table, Waveform};
 use schemas::material::Material;
 use schemas::method::Method;
 
@@ -67,6 +67,7 @@ pub(super) fn change(random: &mut Random, config: &mut RunConfig, kind: Kind, le
             }
         }
         Kind::DrivenWall | Kind::DrivenBead | Kind::Pushed => driven(random, config, kind, length_m, time_s),
+        Kind::Jumps => jumping(random, config, length_m, time_s),
         _ => {}
     }
 }
@@ -118,10 +119,10 @@ fn spheres(random: &mut Random, config: &mut RunConfig) {
         material: if random.happens(0.7) { steel } else { soft },
     };
     let pattern: Vec<Sphere> = (0..2).map(|_| sphere()).collect();
-    (config.chain.bead_mass_kg, config.chain.stiffness) =
-        (pattern[0].mass_kg(), pattern[0].stiffness_with(&pattern[1]));
     let first = random.happens(0.3).then(|| vec![pattern[0]]);
-    config.chain.spheres = Some(Spheres(first.unwrap_or(pattern)));
+    let spheres = Spheres(first.unwrap_or(pattern));
+    [config.chain.bead_mass_kg, _, config.chain.stiffness] = spheres.scales().unwrap();
+    config.chain.spheres = Some(spheres);
     config.striker.velocity_m_s = config.striker.velocity_m_s.signum() * random.ratio(0.01, 5.0);
     ends(random, config);
 }
@@ -220,4 +221,52 @@ fn driven(random: &mut Random, config: &mut RunConfig, kind: Kind, length_m: f64
     };
     config.drive = vec![Drive { at, prescribes, waveform }];
     config.time.duration_s = config.time.duration_s.max(3.0 * period_s);
+}
+
+/// Forces and velocities that jump, displacements along straight lines, a sine that is cut off: at any moment of a step.
+fn jumping(random: &mut Random, config: &mut RunConfig, length_m: f64, time_s: f64) {
+    config.striker = StrikerConfig { bead: 0, velocity_m_s: 0.0 }.into();
+    ends(random, config);
+    if random.happens(0.5) {
+        config.load.precompression_n = 1e7 * (length_m * random.ratio(0.1, 3.0)).powf(config.chain.alpha);
+    }
+    let mut time = 0.0;
+    let mut later_s = || {
+        time += time_s * random.ratio(0.01, 5.0);
+        time
+    };
+    let times_s = vec![0.0, later_s(), later_s(), later_s(), 1e3];
+    let force_n = 1e7 * (length_m * random.ratio(0.01, 1.0)).powf(config.chain.alpha);
+    let speed_m_s = 5.0 * random.ratio(0.01, 1.0);
+    let bead = Place::Bead(random.below(config.chain.beads));
+    let (at_s, interpolation) = (times_s[1], Interpolation::Linear);
+    let steps = |amplitude: f64| Waveform::Step(Step { amplitude, at_s, rise_s: 0.0 });
+    let (at, prescribes, waveform) = match random.below(5) {
+        0 => (bead, Quantity::Force, steps(force_n)),
+        1 => (bead, Quantity::Velocity, steps(speed_m_s)),
+        2 => {
+            let values = vec![0.0, 0.0, force_n, 0.0, 0.0];
+            (bead, Quantity::Force, Waveform::Table(Table { times_s, values, interpolation }))
+        }
+        3 => {
+            let (frequency_hz, until_s) = (0.05 / time_s, Some(times_s[3] + time_s));
+            let sine = Sine {
+                amplitude: force_n,
+                frequency_hz,
+                phase_rad: 0.0,
+                ramp_s: 0.0,
+                until_s,
+                ramp_down_s: 0.0,
+            };
+            (bead, Quantity::Force, Waveform::Sine(sine))
+        }
+        _ => {
+            config.ends.left = End::Fixed;
+            let step_m = speed_m_s * (times_s[2] - times_s[1]);
+            let values = vec![0.0, 0.0, step_m, step_m, step_m];
+            let table = Table { times_s, values, interpolation };
+            (Place::Wall(Side::Left), Quantity::Displacement, Waveform::Table(table))
+        }
+    };
+    config.drive = vec![Drive { at, prescribes, waveform }];
 }
