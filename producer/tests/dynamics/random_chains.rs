@@ -253,7 +253,10 @@ pub(crate) fn promise(config: &RunConfig) -> f64 {
         && config.on_site.is_none()
         && config.resonators.is_none();
     let is_of_the_paper = is_even && is_plain && config.ends.is_free() && config.load.is_none();
+    let is_blunt = chain.spheres.is_some() || chain.alphas.is_some() || chain.gaps_m.is_some();
     match (config.damping, config.integrator.method) {
+        (None, Method::Rkn4) if !config.drive.is_empty() => 3e-6,
+        (None, Method::Rkn4) if is_blunt => 5e-7,
         (Some(DampingConfig::ViscousNSPerM(_)), _) => 1e-3,
         (Some(DampingConfig::Restitution(_)), _) => 2e-4,
         (None, Method::VelocityVerlet) => 1e-5,
