@@ -16,7 +16,7 @@ pub struct Series<const COLUMNS: usize> {
 /// A time (s) and the values there.
 type Sample<const COLUMNS: usize> = (f64, [f64; COLUMNS]);
 
-/// Of each quantity the least and the largest value of some samples, with their times (s).
+/// The least and the largest value of some samples, with their times (s).
 #[derive(Debug, Clone)]
 struct Stretch<const COLUMNS: usize> {
     samples: u64,

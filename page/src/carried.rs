@@ -12,7 +12,7 @@ use std::sync::LazyLock;
 const HTML: &str = include_str!("../page.html");
 const STYLE: &str = include_str!("../page.css");
 
-/// What is packed at once, in some milliseconds.
+/// The bytes that are packed at once, in some milliseconds.
 const PIECE_BYTES: usize = 1 << 18;
 
 static CODE: LazyLock<String> =
@@ -111,7 +111,7 @@ impl Packed {
         Some(Self(BASE64_STANDARD.encode(encoder.finish().unwrap_or_default())))
     }
 
-    /// How many bytes a page grows by.
+    /// The number of bytes a page grows by.
     pub fn page_bytes(&self) -> usize {
         self.0.len()
     }

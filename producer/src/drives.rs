@@ -45,7 +45,7 @@ pub(crate) struct When {
     pub(crate) since_s: f64,
     /// Whether it is its end, which is the beginning of the next one.
     pub(crate) is_end: bool,
-    /// How much later (s) forces and velocities are asked for: away from a knot, into the piece.
+    /// The delay (s) with which forces and velocities are asked for: away from a knot, into the piece.
     pub(crate) beside_s: f64,
 }
 

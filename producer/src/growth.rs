@@ -30,7 +30,7 @@ const FEWEST_EVALUATIONS: u64 = 75;
 /// The longest time between two looks, in the same units; leapfrog is stable up to 4/√α.
 const LONGEST_INTERVAL: f64 = 1.6;
 
-/// What a rounding changes of a number, a part of it: one unit in the last place of what is just above a power of two.
+/// The change by a rounding of a number, a part of it: one unit in the last place of what is just above a power of two.
 const ROUNDING: f64 = f64::EPSILON;
 
 /// Differences count from this on, in units of L and L/T: what `beadline check` tolerates.
@@ -46,7 +46,7 @@ const SUDDEN: f64 = 4.0;
 /// Beads that are watched at most: it takes five numbers for each.
 const MOST_BEADS: usize = 1_000_000;
 
-/// Where the motion of a run is lost to rounding.
+/// The loss of a motion to rounding.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lost {
     /// From this time on (s) roundings count.
@@ -55,7 +55,7 @@ pub struct Lost {
     pub growth_per_s: f64,
 }
 
-/// What roundings change of a run, beside it.
+/// The changes of a run by roundings, beside it.
 #[derive(Debug, Clone)]
 pub struct Growth {
     chain: Chain,
@@ -243,7 +243,7 @@ impl Growth {
         self.kick_at_sites(state, beads, time_s);
     }
 
-    /// What walls do, or the contact that closes a ring.
+    /// Adds what walls do, or the contact that closes a ring.
     fn kick_ends(&mut self, state: &ChainState, time_s: f64) {
         let chain = &self.chain;
         let approaches = chain.wall_approaches_m(&state.u_m, &state.extra);
@@ -268,7 +268,7 @@ impl Growth {
         }
     }
 
-    /// What springs at the beads' places and drag do.
+    /// Adds what springs at the beads' places and drag do.
     fn kick_at_sites(&mut self, state: &ChainState, beads: &Range<usize>, time_s: f64) {
         let sites = &self.chain.sites;
         for i in beads.clone() {

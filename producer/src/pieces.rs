@@ -6,7 +6,7 @@
 use crate::drives::When;
 use schemas::drive::{APART, Drive, knots_of};
 
-/// Where steps are divided.
+/// The places at which steps are divided.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Knots {
     /// By step, and the time (s) after its beginning.
@@ -21,9 +21,9 @@ pub(crate) struct Piece {
     /// When it begins and ends (s after the beginning of the step).
     from_s: f64,
     to_s: f64,
-    /// Whether it ends with the step.
+    /// True if it ends with the step.
     is_last: bool,
-    /// How far (s) from its beginning and from its end drives are asked what they do there: beside the knots.
+    /// The distances (s) from its beginning and its end at which drives are asked what they do there: beside the knots.
     inward_s: [f64; 2],
 }
 
@@ -75,7 +75,7 @@ impl Piece {
         self.to_s - self.from_s
     }
 
-    /// Whether it begins at a knot, where what drives do is not what they did before.
+    /// True if it begins at a knot, where what drives do is not what they did before.
     pub(crate) fn begins_at_knot(&self) -> bool {
         self.inward_s[0] > 0.0
     }

@@ -78,7 +78,7 @@ pub trait Conductor<P: FrameSink, R> {
         ControlFlow::Continue(())
     }
 
-    /// Whether the run is to be watched for chaos, which costs a hundredth of its time ([`Growth`]).
+    /// True if the run is to be watched for chaos ([`Growth`]).
     fn watches_growth(&self) -> bool {
         false
     }

@@ -95,7 +95,7 @@ struct Others {
     knots: Knots,
     /// Whether there is nothing else than drives that move walls.
     is_at_walls: bool,
-    /// What the drives do now.
+    /// The present action of each drive.
     now: Vec<Now>,
     /// The velocities (m/s) at the beginning of a piece of the beads that drives move.
     started_m_s: Vec<f64>,

@@ -40,7 +40,7 @@ pub const FRAME_INTERVAL: f64 = 0.1;
 /// Steps between two recorded frames, unless the base says otherwise.
 const RECORD_EVERY_STEPS: u64 = 100;
 
-/// What a sweep needs of those who complete its configurations and look at its runs.
+/// The demands of a sweep on those who complete its configurations and look at its runs.
 #[derive(Debug, Clone, Copy)]
 pub struct Hooks {
     /// Makes a configuration complete whose parts are elsewhere, such as tables in files beside the given directory.

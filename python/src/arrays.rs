@@ -4,7 +4,7 @@ use numpy::{PyArray1, PyArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::PySlice;
 
-/// Where arrays begin: JAX copies those that begin elsewhere.
+/// The alignment (bytes) of arrays: JAX copies those that begin elsewhere.
 const ALIGNMENT_BYTES: usize = 64;
 
 const DOUBLE_BYTES: usize = size_of::<f64>();

@@ -251,7 +251,7 @@ fn tell_drift(physics: &Physics, drift: f64) {
     }
 }
 
-/// Says so if roundings have grown until they count.
+/// Tells if roundings have grown until they count.
 fn tell_lost(physics: &Physics, lost: Option<Lost>) {
     let Some(Lost { at_s, growth_per_s }) = lost else { return };
     let time_s = physics.scales().time_s;
@@ -264,7 +264,7 @@ fn tell_lost(physics: &Physics, lost: Option<Lost>) {
     );
 }
 
-/// What decided the step, in words.
+/// The decision about the step, in words.
 fn chosen_step(physics: &Physics) -> String {
     let (usual_s, limit) = physics.usual_step();
     let words = physics.limit_words(limit);
@@ -275,7 +275,7 @@ fn chosen_step(physics: &Physics) -> String {
     }
 }
 
-/// Whether the step is the one that a run over its time has by default.
+/// True if the step is the one that a run over its time has by default.
 fn has_default_step(physics: &Physics) -> bool {
     let default = physics.whole_steps(physics.time_s(physics.step_count), None);
     default.is_ok_and(|(dt_s, _)| (dt_s / physics.dt_s - 1.0).abs() <= NEARLY)

@@ -52,7 +52,7 @@ pub(crate) struct Shared {
     recomputes: bool,
 }
 
-/// How a recording is shared.
+/// The way in which a recording is shared.
 #[derive(Debug, Default)]
 pub(crate) struct Sharing {
     /// Every K-th state, or as many as a small page holds.
@@ -209,7 +209,7 @@ fn too_large(page_bytes: usize) -> Failure {
 struct Sizes {
     without_states: usize,
     of_a_state: usize,
-    /// Of a state, before it is packed.
+    /// The bytes of a state, before it is packed.
     unpacked: u64,
 }
 

@@ -45,7 +45,7 @@ fn row(place: &Place, sweep: &str) -> Vec<(String, String)> {
     lines.next().unwrap().zip(lines.next().unwrap()).collect()
 }
 
-/// What an analysis finds in the recording of the first point.
+/// The results of an analysis in the recording of the first point.
 fn found(place: &Place, analysis: &str) -> Value {
     let (name, flags) = analysis.split_once(' ').unwrap_or((analysis, ""));
     let words = format!("{name} dir/recordings/point-000000.mcap {flags} --json");

@@ -1,4 +1,4 @@
-//! What a person measures, notes, compares and takes away in the page.
+//! Tools with which a person measures, notes, compares and takes away in the page.
 
 use crate::harness::Place;
 use crate::page::check_by;

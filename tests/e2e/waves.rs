@@ -159,7 +159,7 @@ fn a_dimer_chain_has_its_gap_and_an_impurity_its_mode_in_it() {
     refused.says(&["contact 0 is not pressed together", "precompression_n"]);
 }
 
-/// What strikes a chain is no matter of its modes: the same with a striker, without one, and of bonds that nothing loads.
+/// The striker of a chain is no matter of its modes: the same with a striker, without one, and of bonds that nothing loads.
 #[test]
 fn modes_need_no_striker() {
     let place = Place::new();

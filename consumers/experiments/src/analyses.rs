@@ -17,7 +17,7 @@ pub(crate) struct Analyses {
     pub(crate) leading: [Leading; 2],
     /// All pulses in each of these directions.
     pub(crate) ways: [Way; 2],
-    /// What the sweep asks for beside.
+    /// The measures that the sweep asks for beside.
     measures: Measures,
     /// The last state, `[u | v | extra]`, and its step.
     pub(crate) state: Vec<f64>,
@@ -25,7 +25,7 @@ pub(crate) struct Analyses {
 }
 
 impl Analyses {
-    /// What looks at the run of `manifest`, also for the columns of other analyses that are `asked` for.
+    /// The looks at the run of `manifest`, also for the columns of other analyses that are `asked` for.
     ///
     /// # Errors
     /// As [`Measures::new`].

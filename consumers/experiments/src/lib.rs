@@ -20,5 +20,5 @@ pub use prepare::prepared;
 
 use producer::sweep::Hooks;
 
-/// What sweeps need of us.
+/// The hooks that sweeps need.
 pub const HOOKS: Hooks = Hooks { prepare: prepared, measure: measures::check };

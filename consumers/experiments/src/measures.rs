@@ -30,7 +30,7 @@ type Begin = fn(&RunManifest, Option<&str>) -> Result<Box<dyn Look>, String>;
 
 /// Looks at the frames of a run for one analysis at one place.
 trait Look {
-    /// What takes long and is needed for a run alone, not to check that it can be looked at.
+    /// Does what takes long and is needed for a run alone, not to check that it can be looked at.
     fn prepare(&mut self) -> Result<(), String> {
         Ok(())
     }
@@ -218,7 +218,7 @@ pub(crate) fn columns(asked: &[String]) -> impl Iterator<Item = Column> {
     measures.map(|measure| Column::new(measure.name(), measure.kind))
 }
 
-/// What looks at the frames of a run for the columns that are asked for.
+/// The looks at the frames of a run for the columns that are asked for.
 #[derive(Default)]
 pub(crate) struct Measures {
     /// Each analysis and place once.

@@ -57,7 +57,7 @@ pub fn common_caption<'a>(runs: impl IntoIterator<Item = &'a Physics>) -> String
     common.join(", ")
 }
 
-/// What a run is made of, a phrase for each parameter.
+/// The parts of a run, a phrase for each parameter.
 fn phrases(physics: &Physics) -> Vec<String> {
     let mut phrases = vec![
         format!("N = {}", physics.beads),

@@ -32,7 +32,7 @@ pub struct TableCurve {
 pub struct TablePoint {
     /// Where.
     pub x: f64,
-    /// What they have in common.
+    /// Their common parameters.
     pub found: Statistics,
     /// They are fewer than those of other points, or than there should be.
     pub is_of_fewer: bool,

@@ -69,7 +69,7 @@ impl Spectra<'_> {
         .collect()
     }
 
-    /// What is said of the frequencies at which `|H₁|` is drawn.
+    /// The words about the frequencies at which `|H₁|` is drawn.
     fn gain_caption(&self) -> String {
         let part = super::scientific(SHOWN_DENSITY);
         let where_dense = format!("; |H_{{1}}| where the first place has {part} of its largest density");

@@ -47,7 +47,7 @@ impl Modes {
     /// The largest number of beads and resonators; the matrix then takes 128 MiB.
     pub const MOST: usize = 4096;
 
-    /// How many modes `chain` has: one for each bead and each resonator.
+    /// The number of modes of `chain`: one for each bead and each resonator.
     ///
     /// # Errors
     /// When they are more than [`Modes::MOST`].

@@ -29,14 +29,14 @@ pub struct Transmission {
     pub mean_coherence: f64,
 }
 
-/// What a density amounts to.
+/// A summary of a density.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DensitySummary {
     /// Its integral.
     pub mean_square: f64,
-    /// Where it is largest (Hz).
+    /// The frequency (Hz) of its largest value.
     pub peak_hz: f64,
-    /// How large.
+    /// Its largest value.
     pub peak: f64,
 }
 

@@ -415,7 +415,7 @@ impl Reader<'_> {
     }
 }
 
-/// Says that a key is unknown, and which are known.
+/// Refuses with the words that a key is unknown, and which are known.
 fn unknown_key(key: &str, known: &[&str]) -> String {
     let hint = did_you_mean(key, known.iter().copied());
     format!("found an unknown key; allowed: {}{hint}", known.join(", "))

@@ -7,7 +7,7 @@ use schemas::config::{Impurity, RunConfig};
 use schemas::manifest::Physics;
 use schemas::presets::{PRESETS, Preset};
 
-/// Where the run of a preset, changed by `change`, is lost.
+/// The loss of the run of a preset, changed by `change`.
 fn lost(preset: &str, change: impl FnOnce(&mut RunConfig)) -> (Physics, Option<Lost>) {
     let mut config = Preset::find(preset).unwrap().config();
     change(&mut config);

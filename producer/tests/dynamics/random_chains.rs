@@ -100,7 +100,7 @@ impl Kind {
     pub(crate) const ALL: [Self; 6] =
         [Self::Free, Self::OneWall, Self::TwoWalls, Self::Loaded, Self::Dashpot, Self::Restitution];
 
-    /// What goes beyond one struck bead and one power law.
+    /// The kinds that go beyond one struck bead and one power law.
     const BEYOND: [Self; 16] = [
         Self::Disorder,
         Self::Spheres,

@@ -33,7 +33,7 @@ pub(crate) struct Results {
     pub(crate) pulses: Vec<Value>,
     /// How many more there are.
     more: u64,
-    /// Of a chain that has some, and at most [`MOST_MODE_BEADS`].
+    /// The modes of a chain that has some, and at most [`MOST_MODE_BEADS`].
     modes: Vec<Value>,
 }
 

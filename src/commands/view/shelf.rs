@@ -72,7 +72,7 @@ struct Entry {
 }
 
 impl Runs {
-    /// What is named, one or several recordings; waits for a live run until `stop` is set.
+    /// The sources that are named, one or several recordings; waits for a live run until `stop` is set.
     pub(super) fn open(named: &[Named], stop: &Arc<AtomicBool>) -> Result<Self, Failure> {
         let kind = match named {
             [only] => Self::kind(only, stop)?,

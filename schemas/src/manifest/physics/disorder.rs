@@ -22,7 +22,7 @@ impl Physics {
         self.masses_and_stiffnesses().mass_kg
     }
 
-    /// How many contacts the rules of the chain give a number: N − 1, and in a ring the one that closes it, number N − 1. Kernel 2
+    /// The number of contacts that the rules of the chain give a number: N − 1, and in a ring the one that closes it, number N − 1. Kernel 2
     /// took that one for a wall.
     pub(super) fn contacts_by_rule(&self) -> u64 {
         self.beads - u64::from(self.ends.left != End::Periodic || self.kernel_version < 3)

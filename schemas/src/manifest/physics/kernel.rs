@@ -13,7 +13,7 @@ impl Physics {
         if is_newer { 3 } else { 2 }
     }
 
-    /// Whether the steps of this run are made in pieces.
+    /// True if the steps of this run are made in pieces.
     fn has_knots(&self) -> bool {
         let end_s = self.time_s(self.step_count);
         self.drives
@@ -21,7 +21,7 @@ impl Physics {
             .any(|drive| drive.waveform.knots_s().iter().any(|knot_s| (0.0..=end_s).contains(knot_s)))
     }
 
-    /// Whether it is a ring whose contacts a rule tells apart.
+    /// True if it is a ring whose contacts a rule tells apart.
     fn has_closing_rule(&self) -> bool {
         let is_even = |profile: &Option<Profile>| matches!(profile, None | Some(Profile::Same(_)));
         let bonds_are_even = self.bonds.as_ref().is_none_or(|bonds| {
@@ -38,7 +38,7 @@ impl Physics {
         self.ends.left == End::Periodic && !(bonds_are_even && second_is_even && contacts_are_even)
     }
 
-    /// Whether a wall touches a sphere of a radius that disorder has changed, or seemed to change by its mass.
+    /// True if a wall touches a sphere of a radius that disorder has changed, or seemed to change by its mass.
     fn has_disordered_walls(&self) -> bool {
         let by_radii = self.spheres.is_some() || self.stiffnesses == StiffnessRule::Radii;
         by_radii && !self.disorder.is_empty() && [self.ends.left, self.ends.right].contains(&End::Fixed)

@@ -135,7 +135,7 @@ fn sphere_in_words(sphere: &Sphere) -> String {
     format!("{material} (radius {})", typed_quantity(sphere.radius_m, "m"))
 }
 
-/// What chance does to each value: `uniform ±20 %`.
+/// The words for what chance does to each value: `uniform ±20 %`.
 fn disorder_in_words(disorder: &Disorder) -> String {
     let percent = |part: f64| typed(100.0 * part);
     let words = [
@@ -189,7 +189,7 @@ mod tests {
         assert_eq!(found, expected);
     }
 
-    /// What a referee asks of a figure: what drives the chain, how disordered it is, what it is made of, and whether it is a ring.
+    /// The particulars that a referee asks of a figure: what drives the chain, how disordered it is, what it is made of, and whether it is a ring.
     #[test]
     fn drives_disorder_materials_and_rings_have_their_numbers() {
         let text = "seed = 7\n[chain]\nbeads = 20\nspheres = [{ material = \"steel\", radius_m = 4.76e-3 }, \

@@ -12,7 +12,7 @@ use crate::power::power;
 use crate::term::TermLaw;
 pub use limits::Limit;
 
-/// What one part of a chain allows.
+/// The step that one part of a chain allows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Allowed {
     /// The step (s) that it has by default.
@@ -56,7 +56,7 @@ impl Physics {
         self.usual_step().0
     }
 
-    /// What each part of the chain allows.
+    /// The steps that the parts of the chain allow.
     fn allowed(&self) -> Vec<Allowed> {
         let mut allowed = Vec::new();
         if self.bonds.is_none() {
@@ -85,7 +85,7 @@ impl Physics {
         allowed
     }
 
-    /// What contacts of `law` allow.
+    /// The steps that contacts of `law` allow.
     fn by_contacts(&self, law: OneLaw, allowed: &mut Vec<Allowed>) {
         let fraction = self.method.default_step_fraction(law.alpha);
         let struck = self.struck_fraction(law.alpha);
@@ -149,7 +149,7 @@ impl Physics {
         smaller(usual, blunt) * if self.opens_again_and_again() { 0.5 } else { 1.0 }
     }
 
-    /// Whether beads are sent back again and again: by two walls, in a ring, by springs at their places, by a drive that swings; or whether many
+    /// True if beads are sent back again and again: by two walls, in a ring, by springs at their places, by a drive that swings; or whether many
     /// of them move at first.
     fn opens_again_and_again(&self) -> bool {
         let is_walled = self.ends.left == End::Fixed && self.ends.right == End::Fixed;
@@ -161,7 +161,7 @@ impl Physics {
             || !self.on_site.is_none()
     }
 
-    /// Whether it is a chain of equal beads and impurities with free ends that nothing loads, and that is struck: in these a contact
+    /// True if it is a chain of equal beads and impurities with free ends that nothing loads, and that is struck: in these a contact
     /// opens at full speed only where the shock reaches an end, or an impurity.
     fn is_of_the_paper(&self) -> bool {
         let is_even = self.masses.is_uniform() && self.stiffnesses.is_uniform() && self.contacts.is_empty();

@@ -32,7 +32,7 @@ pub(super) struct Choice {
     pub(super) averaged: Vec<String>,
     /// Rows that lie beside each other differ in more than x.
     pub(super) scattered: bool,
-    /// Whether the x axis and the y axis are logarithmic.
+    /// True if the x axis and the y axis are logarithmic.
     pub(super) log: [bool; 2],
 }
 
@@ -153,7 +153,7 @@ fn log(args: &PlotArgs, columns: &Columns, axes: [Option<&str>; 2]) -> Result<[b
     Ok(log)
 }
 
-/// Whether rising `values` span at least a factor of 4, and lie more evenly by their logarithms than by themselves.
+/// True if rising `values` span at least a factor of 4, and lie more evenly by their logarithms than by themselves.
 fn is_logarithmic(values: &[f64]) -> bool {
     let [first, _, .., last] = values else { return false };
     if *first <= 0.0 || last / first < 4.0 {

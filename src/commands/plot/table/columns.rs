@@ -40,9 +40,9 @@ pub(super) struct Members {
 pub(super) struct Values {
     /// None if no row has one.
     pub(super) found: Option<Statistics>,
-    /// How many values there should be.
+    /// The number of values there should be.
     pub(super) expected: u64,
-    /// How many there are not.
+    /// The number of those that are not there.
     pub(super) missing: u64,
 }
 

@@ -4,7 +4,7 @@ use super::columns::Values;
 use crate::display::{count, counted};
 use serde::Serialize;
 
-/// What a figure of one column leaves out.
+/// The rows that a figure of one column leaves out.
 #[derive(Debug, Clone, Default, Serialize)]
 pub(super) struct Gaps {
     /// The column.
@@ -44,7 +44,7 @@ impl Gaps {
         of_fewer
     }
 
-    /// What is left out, in words; nothing if nothing is.
+    /// The words for what is left out; nothing if nothing is.
     pub(super) fn words(&self) -> Option<String> {
         let mut said = Vec::new();
         if self.without_value > 0 {

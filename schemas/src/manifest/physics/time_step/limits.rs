@@ -1,4 +1,4 @@
-//! What limits a step, in words; and what smooth forces and drag allow.
+//! The limits of a step, in words; and what smooth forces and drag allow.
 
 use super::{Physics, larger, smaller};
 use crate::chain::Chain;
@@ -23,7 +23,7 @@ pub enum Limit {
     Bead(u64),
     /// The resonator of this bead.
     Resonator(u64),
-    /// What contacts dissipate.
+    /// The damping of contacts.
     Damping,
     /// The drag of this bead.
     Drag(u64),
@@ -32,7 +32,7 @@ pub enum Limit {
 }
 
 impl Physics {
-    /// What decides the default step: `by the contact of beads 3 and 4`. It looks for the bead or the contact in the whole chain.
+    /// The words for what decides the default step: `by the contact of beads 3 and 4`. It looks for the bead or the contact in the whole chain.
     ///
     /// ```
     /// use schemas::{manifest::Physics, presets::Preset};
@@ -229,7 +229,7 @@ fn toda_tangent(at_rest: f64, b: f64, energy_j: f64) -> f64 {
 /// The step is that of a multiple of the energy: where a bond is as hard as a wall, the step in which it turns a bead back counts.
 const SPARE_ENERGY: f64 = 4.0;
 
-/// Whether two contacts have the same stiffnesses and rest overlap.
+/// True if two contacts have the same stiffnesses and rest overlap.
 fn is_alike(chain: &Chain, a: usize, b: usize) -> bool {
     chain.stiffness[a] == chain.stiffness[b]
         && chain.rest_overlap_m[a] == chain.rest_overlap_m[b]
