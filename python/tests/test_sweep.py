@@ -186,7 +186,7 @@ except KeyboardInterrupt:
 
 
 @pytest.mark.parametrize(
-    ("executor", "duration_s", "cancelled"), [("None", 10.0, 0), ("Pool(1)", 0.1, 4)]
+    ("executor", "duration_s", "cancelled"), [("None", 10.0, 0), ("Pool(1)", 0.5, 4)]
 )
 def test_ctrl_c_ends_a_sweep_and_no_run_begins_after_it(
     executor: str, duration_s: float, cancelled: int
