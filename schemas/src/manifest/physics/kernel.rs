@@ -6,7 +6,7 @@ use crate::config::{Disordered, End, Profile, StiffnessRule};
 impl Physics {
     /// The first version of the dynamics that gives the bits of this run as it is asked for today.
     ///
-    /// Version 3 is version 2 but for three kinds of runs: a step is made in [`pieces`](crate::pieces) where a drive has a knot in it;
+    /// Version 3 is version 2 but for three kinds of runs: a step is made in pieces where a drive has a knot in it;
     /// the contact that closes a ring follows the rule of the chain's contacts; disorder of radii reaches the walls.
     pub(super) fn first_kernel(&self) -> u32 {
         let is_newer = self.has_knots() || self.has_closing_rule() || self.has_disordered_walls();

@@ -35,16 +35,16 @@ impl Physics {
     /// the chain allows.
     ///
     /// Contacts allow `min(struck·T_struck, fraction·T_load)·min(1, 5/α)` with the fraction of [`Method::default_step_fraction`],
-    /// and for `struck` what [`Physics::struck_fraction`] leaves of it. With damping it is a quarter of that, or
+    /// and for `struck` what `struck_fraction` leaves of it. With damping it is a quarter of that, or
     /// `fraction·T_settle` where that is less (0.4 of it for dashpots): the force jumps, or has a kink, where a damped
     /// contact closes, and the balance of energies is of the order of `dt/T_settle`.
     ///
     /// `T_struck` is the shortest of T (of a bead of `bead_mass_kg`), of the striker's own collision time with the
-    /// stiffest contact, and of `√2·T_fast` ([`Physics::collision_s`] of the lightest bead), which counts where a bead is less than
-    /// about half as heavy as the others. `T_load` is [`Physics::fastest_loaded_s`]: where a load keeps contacts closed, the force
-    /// is smooth and only the frequency of the stiffest contact counts. `T_settle` is [`Physics::settling_s`]. The larger α, the shorter the part of T in which a contact is stiff.
+    /// stiffest contact, and of `√2·T_fast` (`collision_s` of the lightest bead), which counts where a bead is less than
+    /// about half as heavy as the others. `T_load` is `fastest_loaded_s`: where a load keeps contacts closed, the force
+    /// is smooth and only the frequency of the stiffest contact counts. `T_settle` is `settling_s`. The larger α, the shorter the part of T in which a contact is stiff.
     ///
-    /// Smooth forces allow the fraction (that of α = 2) of [`Physics::fastest_linear`], drag four times that of the time in which it
+    /// Smooth forces allow the fraction (that of α = 2) of the shortest time of linear forces, drag four times that of the time in which it
     /// stops a bead, a drive a hundredth of its shortest period.
     pub fn usual_step(&self) -> (f64, Limit) {
         let shortest = self.allowed().into_iter().reduce(|a, b| if b.usual_s < a.usual_s { b } else { a });
