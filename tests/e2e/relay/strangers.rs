@@ -66,7 +66,7 @@ fn another_version_is_told_on_both_sides() {
     let kernel = Versions { kernel: Versions::OURS.kernel + 1, ..Versions::OURS };
     let protocol = Versions { protocol: 9, ..Versions::OURS };
     for (versions, word) in
-        [(kernel, "kernel: the other side has version 3, this one has 2"), (protocol, "version 9")]
+        [(kernel, "kernel: the other side has version 4, this one has 3"), (protocol, "version 9")]
     {
         let (refused, said) = asked(&session, &request(versions));
         assert!(refused && said.contains(word), "{said}");
@@ -76,7 +76,7 @@ fn another_version_is_told_on_both_sides() {
     running.wait().exits(3);
     far.wait();
     near.wait().says(&[
-        "kernel: the other side has version 3",
+        "kernel: the other side has version 4",
         "`--frames`",
         "relay protocol: the other side has version 9",
     ]);
@@ -176,7 +176,7 @@ fn what_a_near_side_says_is_not_believed() {
         ),
         (Versions::OURS, vec![first.clone(), vec![7; 100]], vec!["what no `beadline relay`"]),
         (Versions::OURS, vec![first[..900].to_vec()], vec!["what no `beadline relay`"]),
-        (kernel, vec![first], vec!["kernel: the other side has version 7, this one has 2", "--frames"]),
+        (kernel, vec![first], vec!["kernel: the other side has version 7, this one has 3", "--frames"]),
     ] {
         let hosts = Hosts::on_loopback();
         let session = lying_near(hosts.port, versions, &manifest, messages);
