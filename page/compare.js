@@ -106,8 +106,9 @@ function span(values) {
  * Draws one column over another; returns where each run is.
  * @param {import("./surface.js").Surface} surface @param {number} width @param {number} height
  * @param {ReturnType<typeof groupsOf>} groups @param {string} x @param {string} y @param {import("./colours.js").Theme} colours
+ * @param {boolean} isSwept whether x was swept: then runs that differ in it alone are joined
  */
-function draw(surface, width, height, groups, x, y, colours) {
+function draw(surface, width, height, groups, x, y, colours, isSwept) {
   const colourOf = (/** @type {number} */ i) => (groups.length > MOST_GROUPS ? colours.curves[0] : colours.curves[i]);
   const isNamed = groups.length > 1 && groups.length <= MOST_GROUPS;
   const entries = isNamed ? groups.map(([name], i) => ({ name, colour: colourOf(i) })) : [];
@@ -128,7 +129,8 @@ function draw(surface, width, height, groups, x, y, colours) {
   const placed = [];
   groups.forEach(([, found], i) => {
     const line = found.flatMap(([right, high]) => [toX(right), toY(high)]);
-    if (groups.length <= MOST_GROUPS) {
+    const isOneOver = new Set(found.map(([right]) => right)).size === found.length;
+    if (isSwept && isOneOver && groups.length <= MOST_GROUPS) {
       surface.lines(line, { colour: colourOf(i), width: 1.2 });
     }
     found.forEach(([right, high, run]) => {
@@ -166,7 +168,8 @@ export function comparison(columns, keys, isDark) {
     Object.assign(canvas, { width: Math.round(width * ratio), height: Math.round(height * ratio) });
     const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
     const groups = groupsOf(runs, across.value, up.value, keys);
-    placed = draw(new CanvasSurface(context, width, height, ratio), width, height, groups, across.value, up.value, theme(isDark()));
+    const surface = new CanvasSurface(context, width, height, ratio);
+    placed = draw(surface, width, height, groups, across.value, up.value, theme(isDark()), keys.includes(across.value));
     const left = runs.length - placed.length;
     const words = `${title(up.value)} over ${title(across.value)}: ${placed.length} runs${left ? `, ${left} without a value` : ""}`;
     canvas.setAttribute("aria-label", words);
