@@ -36,7 +36,7 @@ export function describe(change, { physics, info }) {
   return { name, now: amount(change.value, unit, 6), then };
 }
 
-/** Whether two changes are of the same thing. @param {Change} a @param {Change} b */
+/** True if two changes are of the same thing. @param {Change} a @param {Change} b */
 function isSame(a, b) {
   return a.what === b.what && a.part === b.part && (!["mass", "drive"].includes(a.what) || a.bead === b.bead);
 }

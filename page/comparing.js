@@ -16,7 +16,7 @@ function absolute(source) {
   return "url" in source ? { ...source, url: new URL(source.url, document.baseURI).href } : source;
 }
 
-/** What a page compares its run with. */
+/** The run that a page compares its own with. */
 export class Comparison {
   /** @param {Page} page */
   constructor(page) {
@@ -110,7 +110,7 @@ export class Comparison {
     return difference !== undefined && page.view.field !== "contacts" ? difference : page.second;
   }
 
-  /** What a map is called where there are two; "" if nothing is compared. @param {Run} shown */
+  /** The title of a map where there are two; "" if nothing is compared. @param {Run} shown */
   title(shown) {
     const { page, other } = this;
     const own = page.run?.info.manifest.provenance.name ?? "";
@@ -142,7 +142,7 @@ export class Comparison {
   }
 }
 
-/** How far two states are apart, in words. @param {Page} page */
+/** The distance of two states, in words. @param {Page} page */
 function apart({ run, second }) {
   const [a, b] = [run?.state, second?.state];
   if (!a || !b || a.u.length !== b.u.length || Math.abs(a.time_s - b.time_s) > 1e-6 * (run?.physics.dt_s ?? 0)) {

@@ -40,7 +40,7 @@ export class Engine {
     this.onend = undefined;
     /** @type {((message: string) => void) | undefined} */
     this.onfault = undefined;
-    /** What is found to be wrong with a file that is shown. @type {((note: string) => void) | undefined} */
+    /** Told what is found to be wrong with a file that is shown. @type {((note: string) => void) | undefined} */
     this.onnote = undefined;
     /** @type {Map<number, { done: (value: any) => void, failed: (error: Error) => void, part: (value: any) => void }>} */
     this.asked = new Map();

@@ -16,7 +16,7 @@ const BITS_PER_S = 6e6;
 /** From a picture that stands for itself to the next one, so that one can go to any place of the film. */
 const KEY_EVERY = 2 * PER_SECOND;
 const QUEUE = 10;
-/** Of the browser, and of the file. */
+/** The codecs by their names in the browser and in the file, the preferred one first. */
 const CODECS = [
   ["vp09.00.40.08", "V_VP9"],
   ["vp8", "V_VP8"],
@@ -157,7 +157,7 @@ async function series(page, goesOn, name) {
   return new Blob(/** @type {any[]} */ (zipOf(files)), { type: "application/zip" });
 }
 
-/** What a film would be, in words. @param {Page} page */
+/** The course and length of a film, in words. @param {Page} page */
 export function filmWords(page) {
   const count = stepsOf(page).length;
   const words = `the cursor goes through the time in view at the pace of the line of time: ${count} pictures, ${(count / PER_SECOND).toFixed(1)} s`;

@@ -11,7 +11,7 @@ const MOST_NOTES = 500;
 const MOST_CHARACTERS = 2000;
 const ID = "own-notes";
 
-/** What is written and not yet added: the form is made anew where the cursor moves. */
+/** A note that is written and not yet added: the form is made anew where the cursor moves. */
 let draft = "";
 
 /** @param {any} note @returns {note is Note} */

@@ -48,13 +48,13 @@ export class Page {
     this.run = undefined;
     /** With one thing changed. @type {Run | undefined} */
     this.second = undefined;
-    /** Where the run comes from. @type {Source | undefined} */
+    /** The source of the run. @type {Source | undefined} */
     this.source = undefined;
-    /** What is changed in it. @type {{ name: string, now: string, then: string } | undefined} */
+    /** The change in it. @type {{ name: string, now: string, then: string } | undefined} */
     this.changed = undefined;
     /** @type {Entry[]} */
     this.entries = [];
-    /** What was swept. @type {string[]} */
+    /** The keys that were swept. @type {string[]} */
     this.keys = [];
     /** Where the pointer is: place and step of the map. @type {{ place: number, step: number } | undefined} */
     this.hover = undefined;

@@ -48,7 +48,7 @@ export class Piece {
   }
 }
 
-/** Where the steps of a run are divided. */
+/** The places at which the steps of a run are divided. */
 export class Knots {
   /** @param {Waveform[]} waveforms @param {number} dt */
   constructor(waveforms, dt) {

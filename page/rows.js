@@ -67,7 +67,7 @@ export class RowTable {
     return { step: state.step, cells, lows, highs: lows.slice() };
   }
 
-  /** What curves show of a state. @param {State} state */
+  /** The values that curves show of a state. @param {State} state */
   curvesOf(state) {
     const { follow } = this.request;
     const values = new Float64Array(curveCount(follow));
@@ -113,7 +113,7 @@ export class RowTable {
     }
   }
 
-  /** How many rows there are before the first two that are farther apart than twice this. @param {number} stride */
+  /** The number of rows before the first two that are farther apart than twice this. @param {number} stride */
   contiguous(stride) {
     const gap = this.rows.findIndex(({ step }, i) => i > 0 && step - this.rows[i - 1].step > 2 * stride);
     return gap < 0 ? this.rows.length : gap;

@@ -30,7 +30,7 @@ function largest(values) {
   return most;
 }
 
-/** What is asked of a run, and what has come. */
+/** The questions to a run, and the answers. */
 export class Spectrum {
   /** @param {Page} page */
   constructor(page) {
@@ -52,7 +52,7 @@ export class Spectrum {
     return { bead: Math.min(page.bead, last), steps: /** @type {[number, number]} */ ([run.clamp(steps[0]), run.clamp(steps[1])]) };
   }
 
-  /** What a spectrum depends on. */
+  /** The choices that a spectrum depends on. */
   get key() {
     const { bead, steps } = this.request();
     return `${this.of} ${bead} ${steps}`;

@@ -284,7 +284,7 @@ export class Waveform {
     return [shape.constant, 0];
   }
 
-  /** Where it jumps, has a kink, or goes over into another formula (s). @returns {number[]} */
+  /** The times at which it jumps, has a kink, or goes over into another formula (s). @returns {number[]} */
   knots() {
     const { sine, chirp, step, ramp, half_sine: half, table } = this.shape;
     const oscillation = sine ?? chirp;

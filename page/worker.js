@@ -75,9 +75,9 @@ class Run {
     this.chain = chain;
     /** @type {Live | undefined} */
     this.live = undefined;
-    /** How often rows were asked for. */
+    /** The number of times that rows were asked for. */
     this.rowsAsked = 0;
-    /** What follows a live run, until it is over. @type {Following | undefined} */
+    /** The follower of a live run, until it is over. @type {Following | undefined} */
     this.following = undefined;
     /** @type {import("./types.d.ts").Info} */
     this.info = {
@@ -193,7 +193,7 @@ class Run {
     return undefined;
   }
 
-  /** Whether the steps of a live run up to this one are recomputed unasked. @param {number} last */
+  /** True if the steps of a live run up to this one are recomputed unasked. @param {number} last */
   isFew(last) {
     return (last - this.history.firstStep) * this.chain.mass.length <= FEW_TO_CATCH_UP;
   }

@@ -88,7 +88,7 @@ pub struct Growth {
 
 impl Growth {
     /// For the run of `physics` from `state` on; none where what happens inside beads or closed contacts is more than is watched
-    /// (resonators, dampings that are no dashpots), and where steps are so long that looking would cost more than some hundredths.
+    /// (resonators, dampings that are no dashpots), and where steps are so long that looking would cost much.
     pub fn of(physics: &Physics, state: &ChainState) -> Option<Self> {
         let beads = state.u_m.len();
         let dashpot_n_s_per_m = match physics.damping {
