@@ -5,7 +5,7 @@
 
 mod physics;
 
-pub use physics::{Limit, Physics};
+pub use physics::{Limit, Physics, Ranges};
 
 use crate::config::{ConfigError, RunConfig};
 use crate::run_name::RunName;
@@ -120,6 +120,14 @@ pub enum ManifestError {
         /// The key, such as `provenance.colour`.
         key: String,
     },
+    /// Of version 1.0, with a key that version 1.1 brought.
+    #[error("the manifest has schema version {found} and `{key}`, which came with 1.1; it was changed, or another program wrote it")]
+    KeyOfLater {
+        /// The version found.
+        found: SchemaVersion,
+        /// The key.
+        key: &'static str,
+    },
     /// Written by a later minor version, with contents that may not be left out.
     #[error(
         "the manifest has schema version {found}, this program reads {SCHEMA_VERSION}, and it has contents \
@@ -216,16 +224,35 @@ impl RunManifest {
         Ok(())
     }
 
-    /// Reads and validates a manifest from JSON.
+    /// Reads and validates a manifest from JSON: what it allows, nothing that is done with the run trips over.
+    ///
+    /// # Errors
+    /// As [`glance`](Self::glance), and those of [`check_whole`](Self::check_whole).
+    pub fn from_json(json: &[u8]) -> Result<Self, ManifestError> {
+        let manifest = Self::glance(json)?;
+        manifest.check_whole()?;
+        Ok(manifest)
+    }
+
+    /// Checks what shows only in the arrays of the whole chain, which a glance does not make: the masses and stiffnesses that
+    /// disorder gives, the scales of length and time, and the step.
+    ///
+    /// # Errors
+    /// When it is not a possible run.
+    pub fn check_whole(&self) -> Result<(), ManifestError> {
+        Ok(self.physics.check_whole()?)
+    }
+
+    /// Reads a manifest from JSON for those who only look at what is written in it, in a time in proportion to that; before anything is
+    /// computed, [`check_whole`](Self::check_whole) is due.
     ///
     /// Of a later minor version, keys that decide no bit (those outside of `physics`) are left out, and
     /// [`is_newer_minor`](Self::is_newer_minor) says so; an unknown key of `physics` is refused, because it
     /// may decide bits. Otherwise every unknown key is refused.
     ///
     /// # Errors
-    /// When it is not a manifest, has keys that are not known, is of another major schema version, or is not a
-    /// possible run.
-    pub fn from_json(json: &[u8]) -> Result<Self, ManifestError> {
+    /// When it is not a manifest, has keys that are not known, is of another major schema version, or has a value that no run can have.
+    pub fn glance(json: &[u8]) -> Result<Self, ManifestError> {
         #[derive(Deserialize)]
         struct Versioned {
             schema_version: SchemaVersion,
@@ -241,7 +268,10 @@ impl RunManifest {
         if !is_newer {
             manifest.refuse_unknown_keys(json)?;
         }
-        manifest.physics.check()?;
+        manifest.physics.check_form()?;
+        if let (0, Some(key)) = (found.minor, manifest.physics.key_since_1_1()) {
+            return Err(ManifestError::KeyOfLater { found, key });
+        }
         manifest.check_stream()?;
         Ok(manifest)
     }

@@ -5,10 +5,13 @@ use crate::failure::{BadInput, Done, Failure};
 use crate::report::{Rows, report};
 use recording::{ChannelInfo, RecordingInfo};
 use schemas::frame::EndReason;
-use schemas::manifest::Physics;
+use schemas::manifest::{Physics, Ranges};
 use schemas::whole_file::is_being_written;
 use serde_json::json;
 use std::path::Path;
+
+/// Impurities or strikers that are written out.
+const MOST_SHOWN: usize = 8;
 
 pub(crate) fn info(path: &Path, as_json: bool) -> Result<Done, Failure> {
     let is_being_written = is_being_written(path);
@@ -84,44 +87,66 @@ fn text(info: &RecordingInfo, is_being_written: bool) -> String {
 /// The chain, what strikes it, and how it is computed.
 pub(crate) fn of_physics(physics: &Physics) -> Rows {
     let mut rows = Rows::default();
-    let (beads, mass_kg, alpha) = (physics.beads, physics.bead_mass_kg, physics.alpha);
-    let stiffness = physics.stiffness;
-    rows.add("chain", format_args!("{beads} beads of {mass_kg} kg, α = {alpha}, k = {stiffness:e} N/m^α"));
+    rows.add("chain", chain_in_words(physics));
     let particulars = physics.particulars();
     if !particulars.is_empty() {
         rows.add("besides", particulars.join(", "));
     }
     if physics.spheres.is_some() || !physics.disorder.is_empty() {
-        let chain = physics.chain();
-        rows.add("masses", range(&chain.mass_kg, "kg"));
-        rows.add("stiffnesses", range(&chain.stiffness, "N/m^α"));
-        for (name, wall) in [("left wall", chain.walls.left), ("right wall", chain.walls.right)] {
-            if wall.is_there {
-                rows.add(name, format_args!("{:e} N/m^α", wall.stiffness));
-            }
+        match physics.ranges_at_a_glance() {
+            Some(ranges) => add_ranges(&mut rows, &ranges),
+            None => rows.add("masses", "not computed for a glance at so long a chain"),
         }
     }
-    let impurities: Vec<_> =
-        physics.impurities.iter().map(|i| format!("bead {} of {} kg", i.bead, i.mass_kg)).collect();
-    rows.add("impurities", if impurities.is_empty() { "none".to_owned() } else { impurities.join(", ") });
+    let impurities = physics.impurities.iter().map(|i| format!("bead {} of {} kg", i.bead, i.mass_kg));
+    rows.add("impurities", some_of(impurities));
     let strikers = std::iter::once(&physics.striker).chain(&physics.strikers);
-    let strikers: Vec<_> = strikers
+    let strikers = strikers
         .filter(|striker| striker.velocity_m_s != 0.0)
-        .map(|striker| format!("bead {} at {} m/s", striker.bead, striker.velocity_m_s))
-        .collect();
-    rows.add("striker", if strikers.is_empty() { "none".to_owned() } else { strikers.join(", ") });
+        .map(|striker| format!("bead {} at {} m/s", striker.bead, striker.velocity_m_s));
+    rows.add("striker", some_of(strikers));
     let (dt, steps) = (display::quantity(physics.dt_s, "s"), count(physics.step_count));
     let kernel = physics.kernel_version;
     rows.add("method", format_args!("{}, dt = {dt}, {steps} steps, kernel {kernel}", physics.method));
     rows
 }
 
-/// The smallest and the largest of `values`, in words.
-fn range(values: &[f64], unit: &str) -> String {
-    let (least, most) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| {
-        (least.min(*value), most.max(*value))
-    });
+/// The beads, and the numbers that decide how they move: beside spheres and bonds the manifest's mass, α and stiffness do not.
+fn chain_in_words(physics: &Physics) -> String {
+    let (beads, mass_kg, alpha, stiffness) =
+        (physics.beads, physics.bead_mass_kg, physics.alpha, physics.stiffness);
+    if physics.spheres.is_some() {
+        format!("{beads} beads, spheres with Hertz's contacts (α = 1.5)")
+    } else if physics.bonds.is_some() {
+        format!("{beads} beads of {mass_kg} kg with bonds")
+    } else {
+        format!("{beads} beads of {mass_kg} kg, α = {alpha}, k = {stiffness:e} N/m^α")
+    }
+}
+
+fn add_ranges(rows: &mut Rows, ranges: &Ranges) {
+    rows.add("masses", range(ranges.mass_kg, "kg"));
+    rows.add("stiffnesses", range(ranges.stiffness, "N/m^α"));
+    for (name, stiffness) in ["left wall", "right wall"].into_iter().zip(ranges.walls) {
+        rows.each(name, stiffness.map(|stiffness| format!("{stiffness:e} N/m^α")));
+    }
+}
+
+/// Two numbers in words, or one that is both.
+fn range([least, most]: [f64; 2], unit: &str) -> String {
     if least == most { format!("{least:e} {unit}") } else { format!("{least:e} to {most:e} {unit}") }
+}
+
+/// The first of some phrases, and how many there are; or that there are none.
+fn some_of(phrases: impl Iterator<Item = String>) -> String {
+    let mut phrases = phrases.peekable();
+    if phrases.peek().is_none() {
+        return "none".to_owned();
+    }
+    let mut shown: Vec<String> = phrases.by_ref().take(MOST_SHOWN).collect();
+    let more = phrases.count();
+    shown.extend((more > 0).then(|| format!("… and {more} more")));
+    shown.join(", ")
 }
 
 fn to_json(info: &RecordingInfo, is_being_written: bool) -> serde_json::Value {

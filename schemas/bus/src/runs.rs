@@ -155,7 +155,7 @@ impl RunInfo {
 
     /// Adds what takes a longer look.
     fn look_closer(&mut self, bus: &Bus, node: &Node<Ipc>, board: &BoardReader, status: &RunStatus) {
-        let manifest = board.manifest(status.stream()).and_then(|json| RunManifest::from_json(&json).ok());
+        let manifest = board.manifest(status.stream()).and_then(|json| RunManifest::glance(&json).ok());
         if let Some(manifest) = manifest {
             self.step_count = Some(manifest.physics.step_count);
             let first_step = manifest.step_of_frame(status.first_frame);

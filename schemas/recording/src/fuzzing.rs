@@ -43,5 +43,6 @@ pub fn manifest(record: &[u8]) -> Result<RunManifest, String> {
     let metadata = parse_metadata(path, 0, record).map_err(|error| error.to_string())?;
     // any metadata may be read as an end
     let _ = EndRecord::from_metadata(&metadata);
-    head::read_run(path, &metadata).map_err(|error| error.to_string())
+    let manifest = head::read_run(path, &metadata).map_err(|error| error.to_string())?;
+    manifest.check_whole().map(|()| manifest).map_err(|error| error.to_string())
 }

@@ -109,7 +109,7 @@ pub fn state_hash(step: u64, doubles: &[f64]) -> String {
     hex(&hash.finalize())
 }
 
-/// The manifest in a metadata record `beadline.run`.
+/// The manifest in a metadata record `beadline.run`, as [`RunManifest::glance`] reads it.
 pub(super) fn read_run(path: &Path, record: &Metadata) -> Result<RunManifest, ReadError> {
     let entry = |key: &str| {
         record.metadata.get(key).ok_or_else(|| ReadError::NotBeadline {
@@ -133,7 +133,7 @@ pub(super) fn read_run(path: &Path, record: &Metadata) -> Result<RunManifest, Re
     if *stored != computed {
         return Err(ReadError::ManifestChecksum { path: path.to_owned(), found: stored.clone(), computed });
     }
-    RunManifest::from_json(&join(found, physics, provenance).map_err(wrong)?).map_err(wrong)
+    RunManifest::glance(&join(found, physics, provenance).map_err(wrong)?).map_err(wrong)
 }
 
 /// The manifest's JSON from its parts, each of which must be a value of its own.

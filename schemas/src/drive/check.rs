@@ -134,9 +134,10 @@ impl Table {
                 &allowed,
             ));
         }
-        for (i, (time, value)) in times.iter().zip(values).enumerate() {
-            numbers.finite(&format!("times_s[{i}]"), *time)?;
-            numbers.finite(&format!("values[{i}]"), *value)?;
+        for (name, list) in [("times_s", times), ("values", values)] {
+            if let Some(i) = list.iter().position(|number| !(number.abs() <= LARGEST)) {
+                numbers.finite(&format!("{name}[{i}]"), list[i])?;
+            }
         }
         for (i, pair) in times.windows(2).enumerate() {
             if pair[1] - pair[0] < 1e-100 {

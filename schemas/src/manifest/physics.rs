@@ -10,6 +10,7 @@ mod kernel;
 mod particulars;
 mod time_step;
 
+pub use disorder::Ranges;
 pub use time_step::Limit;
 
 use super::{KERNEL_VERSION, to_json, usize_of};

@@ -87,7 +87,9 @@ pub fn manifests(bytes: &[u8]) -> Vec<Vec<u8>> {
         return Vec::new();
     };
     let Some(mut metadata) = Metadata::read(&record.body) else { return Vec::new() };
-    let mut json = b"{\"schema_version\":{\"major\":1,\"minor\":0}".to_vec();
+    let version = metadata.value("schema_version").cloned().unwrap_or_default();
+    let minor = version.rsplit('.').next().unwrap_or_default();
+    let mut json = format!("{{\"schema_version\":{{\"major\":1,\"minor\":{minor}}}").into_bytes();
     for key in ["physics", "provenance"] {
         let value = metadata.value(key).cloned().unwrap_or_default();
         json.extend(format!(",\"{key}\":{value}").bytes());

@@ -10,5 +10,6 @@ pub mod metadata;
 pub mod mutation;
 pub mod random;
 pub mod records;
+pub mod structure;
 pub mod summary;
 pub mod trial;

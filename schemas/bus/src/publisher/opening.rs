@@ -189,7 +189,7 @@ fn name_taken(node: &Node<Ipc>, run: &RunName) -> Result<PublishError, BusError>
     let board = BoardReader::find(node, run)?;
     let status = board.as_ref().map(BoardReader::status).unwrap_or_default();
     let manifest = board.and_then(|board| board.manifest(status.stream()));
-    let manifest = manifest.and_then(|json| RunManifest::from_json(&json).ok());
+    let manifest = manifest.and_then(|json| RunManifest::glance(&json).ok());
     let started_unix_ns = manifest.map_or(status.written_unix_ns, |found| found.provenance.started_unix_ns);
     Ok(PublishError::NameTaken {
         name: run.clone(),

@@ -88,7 +88,7 @@ impl RecordingInfo {
     /// # Errors
     /// As [`read`](Self::read).
     pub fn summary(path: &Path) -> Result<Self, ReadError> {
-        let mut messages = MessageReader::open(path)?;
+        let mut messages = MessageReader::glance(RecordReader::open(path)?)?;
         messages.read_head()?;
         let (mut records, contents, manifest) = messages.into_parts();
         if let Some(summary) = SummarySection::read(&mut records) {
@@ -117,7 +117,7 @@ impl RecordingInfo {
             // what can be read is read through; what not even begins is refused again
             Ok(_) | Err(_) => {}
         }
-        let messages = MessageReader::open(path)?;
+        let messages = MessageReader::glance(RecordReader::open(path)?)?;
         let most_bytes = most_bytes(messages.file_bytes());
         scan(messages.expanding_to(most_bytes))
     }

@@ -79,7 +79,15 @@ impl MessageReader {
     }
 
     /// Reads the manifest that `records`, at its first record, has.
-    pub(crate) fn of(mut records: RecordReader) -> Result<Self, ReadError> {
+    pub(crate) fn of(records: RecordReader) -> Result<Self, ReadError> {
+        let messages = Self::glance(records)?;
+        let wrong = |source| ReadError::Manifest { path: messages.path().to_owned(), source };
+        messages.manifest.check_whole().map_err(wrong)?;
+        Ok(messages)
+    }
+
+    /// The same for one who computes nothing: see [`RunManifest::glance`].
+    pub(crate) fn glance(mut records: RecordReader) -> Result<Self, ReadError> {
         let path = &records.path().to_owned();
         check_profile(path, records.next()?)?;
         let manifest = match records.next()? {

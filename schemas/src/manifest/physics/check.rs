@@ -4,23 +4,81 @@ use super::Physics;
 use super::arrays::{larger, smaller};
 use super::disorder::Resolved;
 use crate::config::{ConfigError, End, Impurity, MassRule, OddContact, StiffnessRule};
-use crate::manifest::{MAX_BEADS, MAX_STEPS};
+use crate::damping::Damping;
+use crate::manifest::{KERNEL_VERSION, MAX_BEADS, MAX_STEPS};
+use crate::method::Method;
 use std::collections::BTreeSet;
 
 impl Physics {
-    /// Checks a manifest that came from elsewhere as strictly as a configuration.
-    pub(in crate::manifest) fn check(&self) -> Result<(), ConfigError> {
-        self.check_chain(&self.impurities, &self.contacts)?;
+    /// Checks the form of a manifest that came from elsewhere as strictly as a configuration, in a time in proportion to what is
+    /// written in it. What shows only in the whole chain is for [`check_whole`](Self::check_whole).
+    pub(in crate::manifest) fn check_form(&self) -> Result<(), ConfigError> {
+        self.check_written(&self.impurities, &self.contacts)?;
         self.check_order()?;
-        self.check_dt(self.dt_s)?;
+        if !(self.dt_s > 0.0 && self.dt_s.is_finite()) {
+            return Err(ConfigError::number("time.dt_s", self.dt_s, "a step of more than 0 s"));
+        }
         if !(1..=MAX_STEPS).contains(&self.step_count) {
             return Err(ConfigError::value("step_count", self.step_count, "1 to 2^52 steps"));
         }
-        self.check_drive_times()
+        self.check_drive_times()?;
+        let first = self.first_kernel();
+        if self.kernel_version == KERNEL_VERSION && first < KERNEL_VERSION {
+            let allowed = format!("{first}, the first version that gives the bits of this run");
+            return Err(ConfigError::value("kernel_version", self.kernel_version, &allowed));
+        }
+        Ok(())
+    }
+
+    /// The first thing of the run, by its key, that manifests of version 1.0 do not have.
+    pub(in crate::manifest) fn key_since_1_1(&self) -> Option<&'static str> {
+        let newer_end = |end: End| matches!(end, End::Periodic | End::Absorbing);
+        let newer_damping = matches!(self.damping, Some(Damping::KuwabaraKonoS(_) | Damping::Power(_)));
+        [
+            ("strikers", !self.strikers.is_empty()),
+            ("seed", self.seed != 0),
+            ("disorder", !self.disorder.is_empty()),
+            ("spheres", self.spheres.is_some()),
+            ("odd_spheres", !self.odd_spheres.is_empty()),
+            ("alphas", self.alphas.is_some()),
+            ("second", self.second.is_some()),
+            ("gaps_m", self.gaps_m.is_some()),
+            ("bonds", self.bonds.is_some()),
+            ("on_site", !self.on_site.is_none()),
+            ("resonators", self.resonators.is_some()),
+            ("initial", !self.initial.is_none()),
+            ("drives", !self.drives.is_empty()),
+            ("ends", newer_end(self.ends.left) || newer_end(self.ends.right)),
+            ("damping", newer_damping),
+            ("method", self.method == Method::Rk5),
+        ]
+        .into_iter()
+        .find_map(|(key, is_there)| is_there.then_some(key))
+    }
+
+    /// Checks what takes the arrays of the chain: what disorder makes, the scales, and the step.
+    pub(in crate::manifest) fn check_whole(&self) -> Result<(), ConfigError> {
+        self.check_resolved()?;
+        self.check_dt(self.dt_s)
     }
 
     /// Checks everything but the time; `impurities` and `contacts` are in the user's order.
     pub(super) fn check_chain(
+        &self,
+        impurities: &[Impurity],
+        contacts: &[OddContact],
+    ) -> Result<(), ConfigError> {
+        self.check_written(impurities, contacts)?;
+        self.check_resolved()
+    }
+
+    fn check_resolved(&self) -> Result<(), ConfigError> {
+        self.check_what_disorder_makes()?;
+        self.check_scales()
+    }
+
+    /// Checks each number that is written, without an array of the chain.
+    fn check_written(
         &self,
         impurities: &[Impurity],
         contacts: &[OddContact],
@@ -56,8 +114,7 @@ impl Physics {
         self.check_beyond()?;
         self.check_load()?;
         self.check_damping()?;
-        self.check_velocity()?;
-        self.check_scales()
+        self.check_velocity()
     }
 
     /// One physics has one form, and one hash: lists in order, no −0.
@@ -313,7 +370,7 @@ pub(super) struct Extremes {
 }
 
 /// The smallest and the largest of some numbers, none of them NaN.
-fn range(values: &[f64]) -> (f64, f64) {
+pub(super) fn range(values: &[f64]) -> (f64, f64) {
     values
         .iter()
         .fold((f64::INFINITY, 0.0), |(low, high), value| (smaller(low, *value), larger(high, *value)))

@@ -7,7 +7,7 @@ use crate::config::{Bonds, ConfigError, End, Gaussian, PlaneWave, Spheres};
 use crate::damping::Damping;
 use crate::drive::{Place, Quantity, Side};
 use crate::method::Method;
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 
 /// Steps in the shortest period of a drive, at least.
 const STEPS_OF_PERIOD: f64 = 20.0;
@@ -254,10 +254,12 @@ impl Physics {
     }
 
     fn check_initial(&self) -> Result<(), ConfigError> {
-        let strikers: Vec<u64> =
-            std::iter::once(&self.striker).chain(&self.strikers).map(|striker| striker.bead).collect();
-        if let Some(i) = (1..strikers.len()).find(|i| strikers[..*i].contains(&strikers[*i])) {
-            return Err(ConfigError::value(&format!("striker[{i}].bead"), strikers[i], "each bead once"));
+        let mut struck = BTreeSet::new();
+        for (i, striker) in std::iter::once(&self.striker).chain(&self.strikers).enumerate() {
+            if !struck.insert(striker.bead) {
+                let key = format!("striker[{i}].bead");
+                return Err(ConfigError::value(&key, striker.bead, "each bead once"));
+            }
         }
         let initial = &self.initial;
         if !initial.solitary.is_empty() {
@@ -343,6 +345,10 @@ impl Physics {
             let allowed = format!("at most {} drives: one for each two beads", self.beads / 2);
             return Err(ConfigError::value("drive", format!("{} drives", self.drives.len()), &allowed));
         }
+        let strikers = std::iter::once(&self.striker).chain(&self.strikers);
+        let struck: BTreeSet<u64> =
+            strikers.filter(|striker| striker.velocity_m_s != 0.0).map(|striker| striker.bead).collect();
+        let mut places = HashMap::new();
         for (i, drive) in self.drives.iter().enumerate() {
             let key = format!("drive[{i}]");
             // its numbers decide the step, on which the rest of what is checked depends
@@ -366,16 +372,12 @@ impl Physics {
                     }
                 }
             }
-            if let Some(other) = self.drives[..i].iter().position(|other| other.at == drive.at) {
+            if let Some(other) = places.insert(drive.at, i) {
                 let allowed = format!("one drive at a place; drive[{other}] is at {} already", drive.at);
                 return Err(ConfigError::value(&key, format!("another drive at {}", drive.at), &allowed));
             }
-            let strikes = |striker: &crate::config::StrikerConfig| {
-                striker.velocity_m_s != 0.0 && drive.at == Place::Bead(striker.bead)
-            };
-            if drive.prescribes != Quantity::Force
-                && std::iter::once(&self.striker).chain(&self.strikers).any(strikes)
-            {
+            let is_struck = matches!(drive.at, Place::Bead(bead) if struck.contains(&bead));
+            if drive.prescribes != Quantity::Force && is_struck {
                 let allowed = "a bead that is not struck: its motion is prescribed";
                 return Err(ConfigError::value(&format!("{key}.bead"), drive.at, allowed));
             }

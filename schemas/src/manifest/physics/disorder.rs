@@ -1,10 +1,14 @@
 //! What a seed makes of the masses and stiffnesses that the rules give.
 
 use super::Physics;
+use super::check::range;
 use crate::config::{ConfigError, Disorder, Disordered, End, Sphere, StiffnessRule};
 use crate::functions::exp;
 use crate::philox::uniform;
 use crate::random::{normal, permutation};
+
+/// Disorders of one chain.
+const MOST_DISORDERS: usize = 16;
 
 /// Masses and stiffnesses of a chain, before powers and bonds share out the stiffnesses.
 pub(super) struct Resolved {
@@ -16,7 +20,33 @@ pub(super) struct Resolved {
     pub(super) walls: [f64; 2],
 }
 
+/// The smallest and the largest of what spheres and disorder make.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ranges {
+    /// Of the masses (kg).
+    pub mass_kg: [f64; 2],
+    /// Of the stiffnesses (N·m^−α) of the contacts between beads.
+    pub stiffness: [f64; 2],
+    /// The stiffnesses (N·m^−α) of the contacts with the left and the right wall, where there are walls.
+    pub walls: [Option<f64>; 2],
+}
+
+/// Values that are made for a glance: milliseconds.
+const GLANCE_VALUES: u64 = 1 << 17;
+
 impl Physics {
+    /// The ranges of masses and stiffnesses; none where the chain is so long that to make them takes more than a glance.
+    pub fn ranges_at_a_glance(&self) -> Option<Ranges> {
+        let values = self.beads.saturating_mul(1 + self.disorder.len() as u64);
+        (values <= GLANCE_VALUES).then(|| {
+            let Resolved { mass_kg, stiffness, walls } = self.masses_and_stiffnesses();
+            let fixed = [self.ends.left, self.ends.right].map(|end| end == End::Fixed);
+            let wall = |side: usize| fixed[side].then_some(walls[side]);
+            let ends = |values: &[f64]| <[f64; 2]>::from(range(values));
+            Ranges { mass_kg: ends(&mass_kg), stiffness: ends(&stiffness), walls: [wall(0), wall(1)] }
+        })
+    }
+
     /// The mass of each bead (kg), N values.
     pub(super) fn chain_masses_kg(&self) -> Vec<f64> {
         self.masses_and_stiffnesses().mass_kg
@@ -97,8 +127,12 @@ impl Physics {
         }
     }
 
-    /// Refuses disorder that cannot be, or that makes a mass or a stiffness that cannot be.
+    /// Refuses disorder that cannot be.
     pub(super) fn check_disorder(&self) -> Result<(), ConfigError> {
+        if self.disorder.len() > MOST_DISORDERS {
+            let allowed = format!("at most {MOST_DISORDERS}: each goes through the whole chain");
+            return Err(ConfigError::value("disorder", format!("{} of them", self.disorder.len()), &allowed));
+        }
         for (i, disorder) in self.disorder.iter().enumerate() {
             let key = format!("disorder[{i}]");
             let asked =
@@ -137,6 +171,11 @@ impl Physics {
                 return Err(ConfigError::value(&format!("{key}.of"), "radii", allowed));
             }
         }
+        Ok(())
+    }
+
+    /// Refuses disorder that makes a mass or a stiffness that cannot be.
+    pub(super) fn check_what_disorder_makes(&self) -> Result<(), ConfigError> {
         if self.disorder.is_empty() {
             return Ok(());
         }

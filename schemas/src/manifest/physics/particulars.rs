@@ -101,7 +101,10 @@ impl Physics {
         }
         phrases.extend(on_site.drag_n_s_per_m.as_ref().map(|_| "drag".to_owned()));
         phrases.extend(self.resonators.as_ref().map(|_| "resonators".to_owned()));
-        phrases.extend(self.drives.iter().map(Drive::words));
+        phrases.extend(self.drives.iter().take(SHOWN).map(Drive::words));
+        if self.drives.len() > SHOWN {
+            phrases.push(format!("… ({} drives)", self.drives.len()));
+        }
         phrases.extend((!self.initial.is_none()).then(|| "an initial state".to_owned()));
         if !self.strikers.is_empty() {
             phrases.push(format!("{} strikers", self.strikers.len() + 1));
