@@ -29,6 +29,8 @@ const BYTES_OF_A_STATE: u64 = 32;
 pub struct Recovery {
     /// States of the file that were written again.
     pub kept_count: u64,
+    /// Those of them after step 0, to which the manifest's initial condition leads.
+    pub kept_after_start_count: u64,
     /// Those of them that came without a checksum that holds, and were proven by recomputing them.
     pub proven_without_checksum_count: u64,
     /// Frames that were recomputed, from and up to; the first ranges.
@@ -75,6 +77,11 @@ impl Recovery {
     /// Whether everything in the file was right, and is in the new one.
     pub fn is_whole(&self) -> bool {
         self.lost_count + self.difference_count == 0 && self.others.values().all(|counts| counts.lost == 0)
+    }
+
+    /// True if the file has states, and none but that of step 0 is one that its manifest leads to.
+    pub fn manifest_fits_no_state(&self) -> bool {
+        self.other_kernel.is_none() && self.difference_count > 0 && self.kept_after_start_count == 0
     }
 }
 

@@ -93,6 +93,15 @@ pub(crate) fn recover_file(
         writer.discard();
         return Err(no_state());
     }
+    if recovery.manifest_fits_no_state() {
+        writer.discard();
+        let first = recovery.differences.first().map(|first| format!(": {first}")).unwrap_or_default();
+        return Err(Failure::Failed(anyhow!(
+            "the manifest of {} fits none of its states after step 0{first}. Either was changed, and what the manifest leads to would be \
+             another run; nothing was written",
+            from.display()
+        )));
+    }
     let mut finished = writer.finish(recovery.end)?;
     if place != to {
         give_name(&place, to, force).with_context(|| format!("the result stays in {}", place.display()))?;

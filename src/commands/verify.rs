@@ -44,6 +44,8 @@ pub(crate) struct Verified {
     rows: Vec<RowsChecked>,
     /// The configuration, against the manifest.
     toml: RunToml,
+    /// What in the manifest decides nothing and is wrong.
+    idle: Option<String>,
 }
 
 pub(crate) fn verify(args: &VerifyArgs) -> Result<Done, Failure> {
@@ -100,9 +102,21 @@ pub(crate) fn verify_file(
         rows::check(path, &found, threads, stop)?
     };
     let toml = RunToml::compare(found.run_toml.as_deref(), &found.manifest);
+    let idle = found.manifest.physics.check_scales_of_spheres().err().map(|error| error.to_string());
     let (path, is_later_part) = (path.to_owned(), before.is_some());
     let is_stopped = stop.load(Ordering::Relaxed) && !found.rows.is_empty();
-    Ok(Verified { path, file_bytes, is_being_written, found, is_stopped, is_later_part, follows, rows, toml })
+    Ok(Verified {
+        path,
+        file_bytes,
+        is_being_written,
+        found,
+        is_stopped,
+        is_later_part,
+        follows,
+        rows,
+        toml,
+        idle,
+    })
 }
 
 impl Verified {
@@ -119,6 +133,7 @@ impl Verified {
         self.found.is_sound_so_far()
             && self.rows.iter().all(|rows| rows.difference_count == 0)
             && !matches!(self.toml, RunToml::Differs(_))
+            && self.idle.is_none()
     }
 
     fn is_proven_so_far(&self) -> bool {
@@ -174,6 +189,7 @@ impl Verified {
         if let RunToml::Differs(differs) = &self.toml {
             rows.each("differs", differs);
         }
+        rows.each("differs", self.idle.iter().map(|what| format!("the manifest, {what}")));
         rows.each("missing", found.missing.iter().map(|(from, to)| frames(*from, Some(*to))));
         for (topic, found) in &found.rows {
             let ranges = found.missing.iter().map(|(from, to)| frames(*from, Some(*to)));
@@ -332,6 +348,7 @@ fn to_json(file: &Verified) -> Value {
         "rows": file.rows,
         "missing_rows": found.rows.iter().map(|(topic, rows)| (topic, &rows.missing)).collect::<BTreeMap<_, _>>(),
         "run_toml_differences": if let RunToml::Differs(differs) = &file.toml { differs.as_slice() } else { &[] },
+        "manifest_difference": file.idle,
         "other_kernel": found.other_kernel.map(|other| other.found),
         "difference_count": found.difference_count,
         "differences": found.differences,

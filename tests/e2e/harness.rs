@@ -249,6 +249,16 @@ pub(crate) fn python() -> Option<PathBuf> {
     )
 }
 
+/// The Python of `tests/setup` that has the package `beadline`, or none.
+pub(crate) fn package_python() -> Option<PathBuf> {
+    let package = python()?.parent()?.parent()?.join("package/bin/python");
+    if !package.exists() {
+        skip("the package `beadline` is not installed beside BEADLINE_CHECK_PYTHON, as `tests/setup` does it");
+        return None;
+    }
+    Some(package)
+}
+
 /// The Node.js of `tests/setup`, or none.
 pub(crate) fn node() -> Option<PathBuf> {
     python().map(|python| python.with_file_name("node"))

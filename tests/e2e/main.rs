@@ -21,6 +21,7 @@ mod golden;
 mod guide;
 mod harness;
 mod hostile_files;
+mod hostile_manifests;
 mod house;
 mod kernel;
 mod keys;

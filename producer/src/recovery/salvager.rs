@@ -68,6 +68,7 @@ impl<'a> Salvager<'a> {
             lost_until: None,
             recovery: Recovery {
                 kept_count: 0,
+                kept_after_start_count: 0,
                 proven_without_checksum_count: 0,
                 recomputed: Vec::new(),
                 recomputed_count: 0,
@@ -234,6 +235,7 @@ impl<'a> Salvager<'a> {
     /// Writes a state of the file.
     fn keep(&mut self, frame: &Frame<'_>) -> Result<(), RecoveryError> {
         self.recovery.kept_count += 1;
+        self.recovery.kept_after_start_count += u64::from(frame.step > 0);
         self.write(frame)
     }
 

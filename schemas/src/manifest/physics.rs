@@ -222,6 +222,9 @@ impl Physics {
 
     /// The first step at or after the simulated time `time_s` (s); one beyond the last if there is none.
     pub fn step_at_or_after(&self, time_s: f64) -> u64 {
+        if time_s.is_nan() {
+            return self.step_count + 1;
+        }
         // the quotient is rounded, the times of steps are what counts
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates, NaN is 0")]
         let near = ((time_s / self.dt_s) as u64).saturating_sub(1).min(self.step_count); // integers

@@ -4,6 +4,7 @@ use super::Verified;
 use super::run_toml::RunToml;
 use crate::display::{count, counted};
 use producer::verification::Follows;
+use schemas::frame::EndReason;
 use serde::Serialize;
 
 /// One sentence for each thing.
@@ -67,6 +68,19 @@ impl Lists {
         }
         self.compared.push("checksums, message indexes, times and numbers of all messages".to_owned());
         self.compared.push("`/chain` and the schemas of our channels, by the manifest".to_owned());
+        let physics = &found.manifest.physics;
+        if physics.spheres.is_some() {
+            self.compared.push("mass, α and stiffness in the manifest, with its spheres".to_owned());
+        } else if physics.bonds.is_some() {
+            let what = "`alpha` and `stiffness` in the manifest, which beside bonds move no bead, and only set the scales L and T";
+            self.unknown.push(what.to_owned());
+        }
+        if let Some(end) = &found.end_record {
+            match end.reason {
+                EndReason::Complete => self.compared.push("its end, the last step of the run".to_owned()),
+                reason => self.unknown.push(format!("why it ended before the run did: `{reason}`")),
+            }
+        }
         match (&found.end_record, found.has_summary_section) {
             (Some(_), true) => self.compared.push(
                 "`beadline.end`, and the summary section: schemas, channels, statistics, indexes, offsets"

@@ -211,11 +211,21 @@ pub fn manifest_of(recording: &[u8]) -> Option<Value> {
 /// not both.
 pub fn with_manifest(recording: &[u8], manifest: &str) -> Option<Vec<u8>> {
     let (physics, provenance) = parts_of(manifest)?;
+    with_entries(recording, &[("physics", physics), ("provenance", provenance)])
+}
+
+/// The recording with another schema version, and right checksums.
+pub fn with_version(recording: &[u8], version: &str) -> Option<Vec<u8>> {
+    with_entries(recording, &[("schema_version", version)])
+}
+
+fn with_entries(recording: &[u8], entries: &[(&str, &str)]) -> Option<Vec<u8>> {
     let mut file = Parts::of_file(recording);
     let record = file.records.iter_mut().find(|record| record.opcode == op::METADATA)?;
     let mut metadata = Metadata::read(&record.body)?;
-    *metadata.value("physics")? = physics.to_owned();
-    *metadata.value("provenance")? = provenance.to_owned();
+    for (key, text) in entries {
+        *metadata.value(key)? = (*text).to_owned();
+    }
     record.body = metadata.write();
     let mut bytes = file.put_together();
     checksums::correct(&mut bytes);

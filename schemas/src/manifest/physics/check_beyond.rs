@@ -76,8 +76,12 @@ impl Physics {
         Ok(())
     }
 
-    /// Refuses a mass or a stiffness that spheres do not have. Recordings of before may hold one; it never moved a bead.
-    pub(super) fn check_scales_of_spheres(&self) -> Result<(), ConfigError> {
+    /// Refuses a mass or a stiffness that spheres do not have. It moves no bead: a recording that has one can be read, but is not what its
+    /// manifest says.
+    ///
+    /// # Errors
+    /// With the number, and that of the spheres.
+    pub fn check_scales_of_spheres(&self) -> Result<(), ConfigError> {
         let Some([mass_kg, _, stiffness]) = self.spheres.as_ref().and_then(Spheres::scales) else {
             return Ok(());
         };
