@@ -116,7 +116,7 @@ impl Physics {
 
     /// The overlap (m) that displacements at first, drives by displacement, or by force, give a contact at most; an estimate.
     pub(super) fn typical_overlap_m(&self) -> f64 {
-        let mut most = 0.0;
+        let (mut most, mut pushed_n) = (0.0, 0.0);
         let mut with = |overlap_m: f64| most = larger(most, overlap_m.abs());
         let initial = &self.initial;
         initial.displacements_m.windows(2).for_each(|pair| with(pair[0] - pair[1]));
@@ -127,10 +127,12 @@ impl Physics {
         for drive in &self.drives {
             match drive.prescribes {
                 Quantity::Displacement => with(drive.waveform.largest()),
-                Quantity::Force => with(self.overlap_under(drive.waveform.largest(), self.stiffness)),
+                Quantity::Force => pushed_n = larger(pushed_n, drive.waveform.largest()),
                 Quantity::Velocity => {}
             }
         }
+        // a power takes microseconds, and there may be a force on every other bead
+        with(self.overlap_under(pushed_n, self.stiffness));
         most
     }
 }
