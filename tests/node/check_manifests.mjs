@@ -2,8 +2,8 @@
 //
 //     node tests/node/check_manifests.mjs LIST.json
 //
-// LIST.json has pairs of a path and whether the command reads it. What the command refuses, the page refuses, too; and it refuses with
-// a sentence, not with what a language says of a mistake of ours. Exit code 0 if all is so.
+// LIST.json has pairs of a path and whether the command refuses its manifest. The page refuses it then, too; and it refuses with a
+// sentence, not with what a language says of a mistake of ours. Exit code 0 if all is so.
 
 import fs from "node:fs";
 
@@ -35,12 +35,12 @@ async function said(path) {
 const wrong = [];
 let refused = 0;
 const pairs = JSON.parse(fs.readFileSync(process.argv[2], "utf8"));
-for (const [path, isRead] of pairs) {
+for (const [path, isRefused] of pairs) {
   const error = await said(path);
   refused += error === undefined ? 0 : 1;
   if (error !== undefined && error.constructor !== Error) {
     wrong.push(`${path}: ${error.stack ?? error}`);
-  } else if (error === undefined && !isRead) {
+  } else if (error === undefined && isRefused) {
     wrong.push(`${path}: the command refuses it, the page does not`);
   }
 }
