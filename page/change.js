@@ -22,13 +22,16 @@ const OF_BONDS = [
   ["cubic", 3, "N/m³"],
 ];
 
+/** Beads, and drives, of which changes are offered. */
+const MOST_OFFERED = 200;
+
 /**
  * The numbers of drives that can be changed.
  * @param {Physics} physics
  * @returns {{ name: string, unit: string, change: Change }[]}
  */
 function ofDrives({ drives = [] }) {
-  return drives.flatMap((drive, bead) => {
+  return drives.slice(0, MOST_OFFERED).flatMap((drive, bead) => {
     const where = drive.wall ? `${drive.wall} wall` : `bead ${drive.bead}`;
     return /** @type {const} */ (["force_n", "displacement_m", "velocity_m_s"]).flatMap((kind) =>
       Object.entries(drive[kind] ?? {}).flatMap(([shape, held]) => {
@@ -70,7 +73,7 @@ function ofBonds({ bonds }, { terms = [] }) {
 export function changesOf(physics, chain) {
   const { impurities, striker, alpha } = physics;
   const isPlain = beyondPlain(physics) === "";
-  const beads = [...new Set([...impurities.map(({ bead }) => bead), striker.bead])];
+  const beads = [...new Set([...impurities.slice(0, MOST_OFFERED).map(({ bead }) => bead), striker.bead])];
   const all = [
     ...beads.map((bead) => ({
       name: `mass of bead ${bead}`,

@@ -1,5 +1,19 @@
 // Elements of the document. Text is always text: nothing here reads markup.
 
+/** Longest text that is shown (bytes), as in schemas/src/text.rs. */
+const MAX_TEXT_BYTES = 1 << 16;
+
+/** A text as it is shown: of a long one its beginning and its length. @param {string} text */
+export function shown(text) {
+  if (3 * text.length <= MAX_TEXT_BYTES) {
+    return text;
+  }
+  const bytes = new TextEncoder().encode(text);
+  // a character that is cut in two is no character
+  const kept = new TextDecoder().decode(bytes.subarray(0, MAX_TEXT_BYTES)).replace(/\uFFFD$/, "");
+  return bytes.length <= MAX_TEXT_BYTES ? text : `${kept}… (${bytes.length.toLocaleString("en")} bytes)`;
+}
+
 /**
  * An element with attributes, listeners (keys that begin with "on") and children.
  * @template {keyof HTMLElementTagNameMap} K
@@ -16,10 +30,10 @@ export function make(tag, attributes = {}, ...children) {
     } else if (value === true) {
       element.setAttribute(name, "");
     } else if (value !== undefined && value !== false) {
-      element.setAttribute(name, String(value));
+      element.setAttribute(name, shown(String(value)));
     }
   }
-  element.append(...children);
+  element.append(...children.map((child) => (typeof child === "string" ? shown(child) : child)));
   return element;
 }
 

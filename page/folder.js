@@ -52,16 +52,18 @@ function order(a, b, direction) {
 
 /** Columns of a table. */
 const MOST_COLUMNS = 24;
+/** Rows that are there at once: each has a picture, and a tab does not bear 10,000 of them. */
+const MOST_ROWS = 500;
 
 /**
  * The table under a plot of any two columns; what was swept stands first. `paint` draws a picture of an entry when it comes
  * into sight, one after the other.
  * @param {Entry[]} entries
- * @param {{ keys: string[], isDark: () => boolean }} look what was swept
+ * @param {{ keys: string[], isDark: () => boolean, more: number }} look what was swept, and how many entries are not listed
  * @param {(entry: Entry) => void} onopen
  * @param {(entry: Entry, canvas: HTMLCanvasElement) => Promise<void>} paint
  */
-export function folderTable(entries, { keys, isDark }, onopen, paint) {
+export function folderTable(entries, { keys, isDark, more }, onopen, paint) {
   const rows = entries.map((entry) => ({ entry, traits: traits(entry) }));
   const names = [...new Set(rows.flatMap((row) => Object.keys(row.traits)))];
   const shown = rows.filter(({ entry }) => entry.error === undefined);
@@ -85,13 +87,16 @@ export function folderTable(entries, { keys, isDark }, onopen, paint) {
       const [entry, canvas] = next;
       if (canvas.isConnected) {
         await paint(entry, canvas).catch(() => canvas.classList.add("blank"));
+      } else {
+        sight.observe(canvas); // its row was filtered out, and may come back
       }
     }
     isPainting = false;
   };
+  const byId = new Map(entries.map((entry) => [entry.id, entry]));
   const sight = new IntersectionObserver((seen) => {
     for (const { target, isIntersecting } of seen) {
-      const entry = isIntersecting && entries.find(({ id }) => id === /** @type {HTMLElement} */ (target).dataset.id);
+      const entry = isIntersecting && byId.get(/** @type {HTMLElement} */ (target).dataset.id ?? "");
       if (entry) {
         sight.unobserve(target);
         toPaint.push([entry, /** @type {HTMLCanvasElement} */ (target)]);
@@ -100,40 +105,47 @@ export function folderTable(entries, { keys, isDark }, onopen, paint) {
     paintAll();
   });
 
-  const lines = new Map(
-    rows.map((row) => {
-      const { entry } = row;
-      const canvas = make("canvas", { width: 144, height: 96, "data-id": entry.id, "aria-hidden": "true" });
-      const name =
-        entry.error === undefined
-          ? make("button", { class: "link", onclick: () => onopen(entry) }, entry.name)
-          : make("span", {}, entry.name);
-      const damage = entry.damage === undefined ? [] : [make("div", { class: "bad" }, entry.damage)];
-      const cells =
-        entry.error === undefined
-          ? columns.map((column) => {
-              const value = row.traits[column];
-              const words = `${value ?? ""}`;
-              const cut = words.length > 24 ? `${words.slice(0, 12)} …` : words;
-              const text = typeof value === "number" ? short(value) : cut;
-              return make("td", { class: typeof value === "number" ? "number" : undefined, title: value }, text);
-            })
-          : [make("td", { class: "bad", colspan: columns.length }, entry.error)];
-      const line = make("tr", {}, make("td", {}, canvas), make("td", {}, name, ...damage), ...cells);
-      if (entry.error === undefined) {
-        line.addEventListener("click", (event) => {
-          if (!(/** @type {HTMLElement} */ (event.target).closest("button"))) {
-            onopen(entry);
-          }
-        });
-        sight.observe(canvas);
-      } else {
-        canvas.classList.add("blank");
-      }
-      return [row, line];
-    }),
-  );
-  const body = make("tbody", {}, ...lines.values());
+  /** @type {Map<typeof rows[0], HTMLElement>} */
+  const lines = new Map();
+  /** The line of a row, made when it is first shown. @param {typeof rows[0]} row */
+  const lineOf = (row) => {
+    const known = lines.get(row);
+    if (known !== undefined) {
+      return known;
+    }
+    const { entry } = row;
+    const canvas = make("canvas", { width: 144, height: 96, "data-id": entry.id, "aria-hidden": "true" });
+    const name =
+      entry.error === undefined
+        ? make("button", { class: "link", onclick: () => onopen(entry) }, entry.name)
+        : make("span", {}, entry.name);
+    const damage = entry.damage === undefined ? [] : [make("div", { class: "bad" }, entry.damage)];
+    const cells =
+      entry.error === undefined
+        ? columns.map((column) => {
+            const value = row.traits[column];
+            const words = `${value ?? ""}`;
+            const cut = words.length > 24 ? `${words.slice(0, 12)} …` : words;
+            const text = typeof value === "number" ? short(value) : cut;
+            return make("td", { class: typeof value === "number" ? "number" : undefined, title: value }, text);
+          })
+        : [make("td", { class: "bad", colspan: columns.length }, entry.error)];
+    const line = make("tr", {}, make("td", {}, canvas), make("td", {}, name, ...damage), ...cells);
+    if (entry.error === undefined) {
+      line.addEventListener("click", (event) => {
+        if (!(/** @type {HTMLElement} */ (event.target).closest("button"))) {
+          onopen(entry);
+        }
+      });
+      sight.observe(canvas);
+    } else {
+      canvas.classList.add("blank");
+    }
+    lines.set(row, line);
+    return line;
+  };
+  const body = make("tbody");
+  const rest = make("p", { class: "words" });
   const heads = ["name", ...columns].map((column) => {
     const head = make("th", { scope: "col" });
     head.append(
@@ -147,7 +159,7 @@ export function folderTable(entries, { keys, isDark }, onopen, paint) {
             const value = (/** @type {typeof rows[0]} */ row) =>
               column === "name" ? row.entry.name : row.traits[column];
             rows.sort((a, b) => order(value(a), value(b), direction));
-            body.append(...rows.map((row) => /** @type {Node} */ (lines.get(row))));
+            look();
             heads.forEach((other) => other.removeAttribute("aria-sort"));
             head.setAttribute("aria-sort", direction > 0 ? "ascending" : "descending");
           },
@@ -166,15 +178,18 @@ export function folderTable(entries, { keys, isDark }, onopen, paint) {
     "aria-label": "filter: words, and comparisons such as alpha>=1.5",
   });
   const look = () => {
-    const compared = rows.map((row) => ({ ...row, name: row.entry.name, open: () => onopen(row.entry) }));
-    const looked = compared.filter((row) => passes(filter.value, row));
-    rows.forEach((row, i) => {
-      /** @type {HTMLElement} */ (lines.get(row)).hidden = !looked.includes(compared[i]);
-    });
+    const all = rows.map((row) => ({ ...row, row, name: row.entry.name, open: () => onopen(row.entry) }));
+    const looked = all.filter((one) => passes(filter.value, one));
+    body.replaceChildren(...looked.slice(0, MOST_ROWS).map(({ row }) => lineOf(row)));
+    const left = [
+      looked.length > MOST_ROWS ? `${looked.length - MOST_ROWS} more rows: filter, or sort by another column.` : "",
+      more > 0 ? `${more} more files are here, which are not listed: view a part of them by their names.` : "",
+    ];
+    rest.textContent = left.filter(Boolean).join(" ");
     plot?.show(looked.filter(({ entry }) => entry.error === undefined));
   };
   filter.addEventListener("input", look);
   look();
   const tools = rows.length > 1 ? [make("div", { class: "row" }, filter)] : [];
-  return make("div", {}, ...(plot ? [plot.element] : []), ...tools, table);
+  return make("div", {}, ...(plot ? [plot.element] : []), ...tools, table, rest);
 }

@@ -72,6 +72,7 @@ export class History {
     this.dt = physics.dt_s;
     this.kernel = physics.kernel_version;
     this.recording = recording;
+    this.recordEvery = manifest.provenance?.record_every_steps ?? Infinity;
     this.firstStep = firstStep;
     this.lastStep = lastStep;
     this.whyNot = whyNotRecomputed(physics, chain);
@@ -231,8 +232,9 @@ export class History {
   async *prove() {
     const { whyNot } = this;
     /** @type {import("./types.d.ts").Proof} */
-    const proof = { states: 0, compared: 0, steps: 0, isDone: false, first: undefined, whyNot, believed: undefined };
+    const proof = { states: 0, compared: 0, steps: 0, missing: 0, lacks: "", isDone: false, first: undefined, whyNot, believed: undefined };
     const { recording } = this;
+    proof.lacks = recording?.lacks ?? "";
     const received = this.kept.filter((state) => state.received);
     proof.states = recording?.stateCount ?? received.length;
     if (whyNot === "" && proof.states === 0) {
@@ -248,6 +250,7 @@ export class History {
             yield proof;
           }
           proof.steps += stored.step - from;
+          proof.missing += recording !== undefined && stored.step - from > this.recordEvery ? 1 : 0;
           proof.compared += 1;
           proof.first = differenceOf(stored, before);
           if (proof.first !== undefined) {

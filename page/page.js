@@ -6,7 +6,7 @@ import { carried, carriedRecording, carriedResults, listing, resultsOf, sourceOf
 import { watchDrops, workerMaker } from "./carried.js";
 import { changedSource, describe, readChange, writeChange } from "./changing.js";
 import { Comparison } from "./comparing.js";
-import { byId, make } from "./elements.js";
+import { byId, make, shown } from "./elements.js";
 import { Engine } from "./engine.js";
 import { folderTable } from "./folder.js";
 import { watchGestures } from "./gestures.js";
@@ -30,9 +30,12 @@ import { FIELDS, LEAST_PLACES, LEAST_STEPS, freshView, readView, within, writeVi
 /** Events are looked for unasked where that takes no longer than this many beads times steps: seconds. */
 const CHEAP = 2e8;
 
+/** Pulses, and modes, that are shown: the command finds 500 at most. */
+const MOST_RESULTS = 1000;
+
 /** @param {unknown} error */
 function sentence(error) {
-  const text = error instanceof Error ? error.message : String(error);
+  const text = shown(error instanceof Error ? error.message : String(error));
   return `${text.charAt(0).toUpperCase()}${text.slice(1)}${/[.!?]$/.test(text) ? "" : "."}`;
 }
 
@@ -54,6 +57,8 @@ export class Page {
     this.changed = undefined;
     /** @type {Entry[]} */
     this.entries = [];
+    /** How many more there are, which are not listed. */
+    this.moreEntries = 0;
     /** The keys that were swept. @type {string[]} */
     this.keys = [];
     /** Where the pointer is: place and step of the map. @type {{ place: number, step: number } | undefined} */
@@ -118,8 +123,9 @@ export class Page {
   }
 
   async beginServed() {
-    const { entries, kind, title, keys } = await listing();
+    const { entries, kind, title, keys, more } = await listing();
     this.entries = entries;
+    this.moreEntries = more ?? 0;
     this.keys = keys ?? [];
     const isOwn = kind === "one" || kind === "pair";
     const entry = entries.find(({ id }) => id === this.view.run) ?? (isOwn ? entries[0] : undefined);
@@ -141,7 +147,7 @@ export class Page {
     byId("kind").textContent = `${this.entries.length} ${this.entries.length === 1 ? "run" : "runs"}`;
     const table = folderTable(
       this.entries,
-      { keys: this.keys, isDark: () => this.isDark },
+      { keys: this.keys, isDark: () => this.isDark, more: this.moreEntries },
       (entry) => {
         this.look({ ...freshView(), theme: this.view.theme, run: entry.id });
         this.openEntry(entry).catch((error) => this.fail(error));
@@ -216,8 +222,9 @@ export class Page {
       run.seek(this.step); // the last frame may have been left out
     };
     results.then((found) => {
-      run.pulses = found?.pulses ?? [];
-      run.modes = found?.modes ?? [];
+      // a shared file may hold any number of them
+      run.pulses = (found?.pulses ?? []).slice(0, MOST_RESULTS);
+      run.modes = (found?.modes ?? []).slice(0, MOST_RESULTS);
       this.tabs.forget();
       this.board.invalidate();
     });

@@ -2,11 +2,18 @@
 
 /** @typedef {import("./types.d.ts").Proof} Proof */
 
+/** What this page does not look at. */
+const NOT_KNOWN = [
+  "`/chain`, which is taken as it is: nothing here makes it from the manifest",
+  "summaries, rows of results, indexes and `run.toml`: `beadline verify` compares them",
+  "who made it, where and when: name, run id, program, host and start",
+];
+
 /**
- * What a proof says, in a sentence.
+ * What a proof says, in the words of `beadline verify`.
  * @param {Proof} proof
  */
-export function verdict({ states, compared, steps, isDone, first, whyNot, believed }) {
+export function verdict({ states, compared, steps, missing, lacks, isDone, first, whyNot, believed }) {
   if (whyNot) {
     return whyNot;
   }
@@ -14,10 +21,21 @@ export function verdict({ states, compared, steps, isDone, first, whyNot, believ
     const { step, bead, array, stored, computed } = first;
     return `Not proven: at step ${step}, bead ${bead}, ${array} is ${stored} in the recording, ${computed} computed.`;
   }
-  const from = believed === undefined ? "" : ` The state of step ${believed} is taken as it is stored.`;
-  return isDone
-    ? `Proven: ${compared} states, ${steps} steps recomputed here, each bit the same.${from}`
-    : `Recomputing: ${compared} of ${states} states …`;
+  if (!isDone) {
+    return `Recomputing: ${compared} of ${states} states …`;
+  }
+  const isBegun = believed === undefined;
+  const how =
+    missing > 0
+      ? `Not proven: states are missing at ${missing} ${missing === 1 ? "place" : "places"}, and of the others`
+      : lacks !== ""
+        ? `Proven as far as it goes, but it is NOT WHOLE (${lacks})`
+        : `Proven${isBegun ? "" : " from its first state on, but its BEGINNING IS NOT PROVEN"}`;
+  const start = isBegun ? " The first state is the manifest's initial condition." : "";
+  const begin = `how the chain came to the first state, of step ${believed}: it is taken as it is`;
+  const unknown = isBegun ? NOT_KNOWN : [begin, ...NOT_KNOWN];
+  const what = `${compared} states, ${steps} steps recomputed here, each bit the same: each is what the one before leads to.`;
+  return `${how}: ${what}${start} Not known: ${unknown.join("; ")}.`;
 }
 
 /**
@@ -29,7 +47,8 @@ export function verdict({ states, compared, steps, isDone, first, whyNot, believ
 export async function prove(engine, show) {
   const tell = (/** @type {Proof} */ proof) => {
     const { isDone, first, whyNot, compared, states } = proof;
-    show(verdict(proof), states > 0 ? compared / states : 0, first ? "bad" : isDone && !whyNot ? "good" : "");
+    const isWrong = first || (isDone && proof.missing > 0);
+    show(verdict(proof), states > 0 ? compared / states : 0, isWrong ? "bad" : isDone && !whyNot ? "good" : "");
   };
   show("Recomputing …", 0, "");
   const proof = await engine.prove(tell);

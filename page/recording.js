@@ -2,8 +2,10 @@
 // says what is where. Whatever the bytes are, reading ends with a value or an Error whose message is for the user.
 
 import { Fields, chainOf, crc32, readExactly, sha256, stateOf, stepOf } from "./mcap.js";
+import { shown } from "./elements.js";
 import { METHODS, extraNamesOf } from "./kernel.js";
 import { unknownKey, unknownPhysics } from "./keys.js";
+import { checkPhysics, checkProvenance } from "./manifest.js";
 import { decompress } from "./zstd.js";
 
 /** @import { Bytes, Chain, End, Manifest, Physics, Provenance, State } from "./types.js" */
@@ -21,6 +23,10 @@ const WINDOW = 1 << 16;
 const MINOR = 1; // of the schema version, the latest that is known here
 /** Arrays of a number for each bead in a state, at most. */
 const MOST_ARRAYS = 7;
+/** Notes that are told, of what may be a fault of every chunk. */
+const MOST_NOTES = 100;
+/** Ends after which nothing more was to come. */
+const ORDERLY = ["complete", "interrupted", "continued", "detached"];
 const SALVAGE = "`beadline recover` saves what can be saved";
 
 const PROVENANCE_KEYS = {
@@ -88,28 +94,10 @@ export function manifestOf(entries, notes) {
   if (isNewer) {
     notes.push(`The recording has schema version ${version}; what is newer than version 1.${MINOR} in it is not shown.`);
   }
-  const isBead = (/** @type {unknown} */ value) => isCount(value, 0, physics.beads - 1);
-  /** @type {[string, boolean][]} */
-  const checks = [
-    ["kernel_version", isCount(physics.kernel_version, 1, 2 ** 31)],
-    ["beads", isCount(physics.beads, 2, 20e6)],
-    ["bead_mass_kg", physics.bead_mass_kg > 0],
-    ["alpha", physics.alpha >= 1 && physics.alpha <= 1000],
-    ["stiffness", physics.stiffness >= 0],
-    ["impurities", Array.isArray(physics.impurities) && physics.impurities.every((one) => isBead(one?.bead))],
-    ["striker", isBead(physics.striker?.bead) && Number.isFinite(physics.striker.velocity_m_s)],
-    ["method", typeof physics.method === "string"],
-    ["dt_s", typeof physics.dt_s === "number" && physics.dt_s > 0],
-    ["step_count", isCount(physics.step_count, 1, 2 ** 52)],
-    ["name", /^[a-z0-9-]{1,64}$/.test(provenance.name)],
-    ["run_id", typeof provenance.run_id === "string"],
-    ["publish_every_steps", isCount(provenance.publish_every_steps, 1, 2 ** 52)],
-    ["record_every_steps", isCount(provenance.record_every_steps, 1, 2 ** 52)],
-  ];
-  const wrong = checks.find(([, isRight]) => !isRight);
-  if (wrong !== undefined) {
-    damaged(`the manifest has an impossible ${wrong[0]}`);
-  }
+  checkPhysics(physics);
+  checkProvenance(provenance, isNewer);
+  provenance.program = shown(provenance.program);
+  provenance.host = shown(provenance.host);
   return { schema_version: version, physics, provenance };
 }
 
@@ -177,6 +165,19 @@ export class Recording {
     this.cachedBytes = 0;
     /** Bytes that may be decompressed to open it: little more than a real recording needs. */
     this.budget = 4096 * MIB + 64 * bytes.size;
+  }
+
+  /** Why it is not whole; "" if it is. */
+  get lacks() {
+    const { reason } = this.end ?? { reason: "" };
+    return !this.isFinished ? "it was not closed" : ORDERLY.includes(reason) ? "" : `its end is "${shown(reason)}"`;
+  }
+
+  /** @param {string} what */
+  note(what) {
+    if (this.notes.length < MOST_NOTES) {
+      this.notes.push(this.notes.length < MOST_NOTES - 1 ? what : "More is wrong than is told here: `beadline verify` tells all.");
+    }
   }
 
   /** @returns {Chain} */
@@ -475,7 +476,7 @@ export class Recording {
         throw new Error("the file has far more chunks without states than a recording has");
       }
       if (crc !== 0 && crc32(chunk.records) !== crc && !place.isRead) {
-        this.notes.push(`The checksum of ${where} is wrong, so its states may be, too; ${SALVAGE}.`);
+        this.note(`The checksum of ${where} is wrong, so its states may be, too; ${SALVAGE}.`);
       }
       this.readChunk(chunk);
     } catch (error) {
@@ -592,13 +593,17 @@ export class Recording {
    * @param {(note: string) => void} tell
    */
   async *check(tell) {
+    let told = this.notes.length;
     for (const place of this.places.filter(({ isRead }) => !isRead)) {
       const known = this.notes.length;
       try {
         this.unpack(place, await readExactly(this.bytes, place.offset, place.length));
         this.notes.slice(known).forEach(tell);
       } catch (error) {
-        tell(/** @type {Error} */ (error).message);
+        told += 1;
+        if (told < MOST_NOTES) {
+          tell(/** @type {Error} */ (error).message);
+        }
       }
       yield;
     }

@@ -29,6 +29,9 @@ function ruleOf(rule) {
   return text.length > 120 ? `${text.slice(0, 117)} …` : text;
 }
 
+/** Strikers, and drives, that are named. */
+const MOST_ROWS = 20;
+
 /** What a manifest says of chains beyond one power law; shown as it says it. */
 const FURTHER = [
   ...["alphas", "second", "gaps_m", "bonds", "on_site", "resonators", "spheres", "odd_spheres"],
@@ -58,8 +61,11 @@ function chainPairs(physics, digits) {
     ["contact law", lawOf(physics, digits)],
   ];
   const strikers = [physics.striker, ...(physics.strikers ?? [])].filter(({ velocity_m_s: v }) => v !== 0);
-  for (const { bead, velocity_m_s: speed } of strikers) {
+  for (const { bead, velocity_m_s: speed } of strikers.slice(0, MOST_ROWS)) {
     chain.push(["striker", `bead ${bead} at ${amount(speed, "m/s", digits)}`]);
+  }
+  if (strikers.length > MOST_ROWS) {
+    chain.push(["strikers", `and ${strikers.length - MOST_ROWS} more`]);
   }
   if (impurities.length > 0) {
     const some = impurities.slice(0, 6).map(({ bead, mass_kg: mass }) => `bead ${bead} of ${amount(mass, "kg", digits)}`);
@@ -77,8 +83,12 @@ function chainPairs(physics, digits) {
       chain.push([name.replace(/_/g, " "), ruleOf(value)]);
     }
   }
-  for (const { wall, bead, ...prescribed } of physics.drives ?? []) {
+  const drives = physics.drives ?? [];
+  for (const { wall, bead, ...prescribed } of drives.slice(0, MOST_ROWS)) {
     chain.push(["drive", `${wall ? `${wall} wall` : `bead ${bead}`}, ${ruleOf(prescribed)}`]);
+  }
+  if (drives.length > MOST_ROWS) {
+    chain.push(["drives", `and ${drives.length - MOST_ROWS} more`]);
   }
   if (ends) {
     chain.push(["ends", `${ends.left ?? "free"}, ${ends.right ?? "free"}`]);

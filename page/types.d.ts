@@ -243,6 +243,10 @@ export interface Proof {
   states: number;
   compared: number;
   steps: number;
+  /** Places at which states of the recording are missing. */
+  missing: number;
+  /** Why the recording is not whole; "" if it is. */
+  lacks: string;
   isDone: boolean;
   /** The first value that differs; `array` is "u", "v" or "extra". */
   first: { step: number; bead: number; array: string; stored: number; computed: number } | undefined;
@@ -320,4 +324,6 @@ export interface Listing {
   /** Columns of what was swept, in their order. */
   keys: string[] | undefined;
   entries: Entry[];
+  /** How many more there are. */
+  more: number | undefined;
 }

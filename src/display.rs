@@ -9,6 +9,7 @@ pub(crate) use schemas::amounts::{
 };
 use schemas::frame::EndReason;
 use schemas::manifest::{RunManifest, SCHEMA_VERSION};
+use schemas::text::shown;
 use serde::Serialize;
 use std::fmt::{Display, Write as _};
 use std::io::{self, Write as _};
@@ -22,7 +23,7 @@ macro_rules! notice {
 /// Prints a notice or a warning on stderr.
 pub(crate) fn notice(text: impl Display) {
     // a closed stderr is no reason to fail
-    let _ = writeln!(io::stderr(), "beadline: {}", printable(&text.to_string()));
+    let _ = writeln!(io::stderr(), "beadline: {}", printable(&shown(&text.to_string())));
 }
 
 /// A text without characters that a terminal obeys: names come from files, and files from other people.

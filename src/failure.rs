@@ -7,6 +7,7 @@ use bus::{AttachError, PublishError};
 use exports::ExportError;
 use producer::resimulation::OtherKernel;
 use recording::WriteError;
+use schemas::text::shown;
 use schemas::whole_file::WholeFileError;
 use serde_json::json;
 use std::any::Any;
@@ -120,18 +121,24 @@ fn one_line(text: &str) -> String {
 
 /// A failure in one line, for programs.
 pub(crate) fn line(message: &str, causes: &[String], code: u8) -> String {
-    json!({ "error": { "message": message, "causes": causes, "exit_code": code } }).to_string()
+    let causes: Vec<_> = causes.iter().map(|cause| shown(cause)).collect();
+    json!({ "error": { "message": shown(message), "causes": causes, "exit_code": code } }).to_string()
+}
+
+/// The words of a panic.
+pub(crate) fn words_of(panic: &(dyn Any + Send)) -> String {
+    let said = panic.downcast_ref::<String>().map(String::as_str);
+    one_line(said.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no reason was given"))
 }
 
 /// A bug of ours or of a library, reported like any failure.
 pub(crate) fn of_panic(panic: &(dyn Any + Send)) -> Failure {
-    let said = panic.downcast_ref::<String>().map(String::as_str);
-    let said = said.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no reason was given");
+    let said = words_of(panic);
     let bug = anyhow::anyhow!(
         "this program went wrong ({}): that is a bug, please report it with the command and the lines above; files \
          that are not finished stay as .partial, and `beadline recover` or `beadline run --resume` go on with those of \
          runs",
-        one_line(said)
+        said
     );
     Failure::Failed(bug)
 }

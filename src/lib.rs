@@ -14,6 +14,7 @@ mod forecast;
 mod frames;
 mod keyboard;
 mod limits;
+mod links;
 mod outputs;
 mod pace;
 mod progress;

@@ -16,6 +16,10 @@ const MOST_FILES: u64 = 1 << 16;
 /// Memory that is enough for most commands (bytes).
 const MEMORY_OF_A_COMMAND: u64 = 1 << 30;
 
+/// By how much a long computation is nicer than what a user waits for: a tenth of its share of a core.
+#[cfg(target_os = "linux")]
+const PATIENT: i32 = 10;
+
 /// Whether stdout was closed when the process was started.
 static STDOUT_WAS_CLOSED: AtomicBool = AtomicBool::new(false);
 
@@ -74,6 +78,14 @@ fn no_memory(limit: u64) -> String {
          (fewer --jobs, a part by --from and --until)",
         bytes(limit)
     )
+}
+
+/// This thread, and those that it starts, compute when no other wants to.
+pub(crate) fn compute_beside_others() {
+    // elsewhere a process has one priority
+    #[cfg(target_os = "linux")]
+    // at best
+    let _ = rustix::process::nice(PATIENT);
 }
 
 /// Adds to a failure the limit that may be its cause, if that is tight.

@@ -2,6 +2,7 @@
 
 use crate::display::{self, count};
 use anyhow::Error;
+use schemas::text::shown;
 use serde::Serialize;
 use std::borrow::Cow;
 use std::fmt::Display;
@@ -22,7 +23,8 @@ pub(crate) struct Rows(Vec<(Cow<'static, str>, String)>);
 
 impl Rows {
     pub(crate) fn add(&mut self, name: impl Into<Cow<'static, str>>, value: impl Display) {
-        self.0.push((name.into(), value.to_string()));
+        // a value may be a text of a file
+        self.0.push((name.into(), shown(&value.to_string()).into_owned()));
     }
 
     /// A row for each value, all of the same name.

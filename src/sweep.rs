@@ -22,6 +22,7 @@ use crate::configuration::origin;
 use crate::display::{count, counted};
 use crate::failure::Failure;
 use crate::forecast::Forecast;
+use crate::links::check_inside;
 use anyhow::anyhow;
 use consumers::journal::{self, Entry};
 use consumers::table::Cell;
@@ -202,12 +203,13 @@ pub(crate) fn file_in(out: &Path) -> Option<PathBuf> {
 /// The first points of `sweep` in its directory `out`, at most `most` of them.
 ///
 /// # Errors
-/// When the directory is not one of this sweep, or its rows cannot be read.
+/// When the directory is not one of this sweep, or its rows cannot be read or are somewhere else.
 pub(crate) fn shown(sweep: &Sweep, out: &Path, most: usize) -> Result<Vec<Shown>, Failure> {
     let directory = Directory::existing(out, sweep)?;
     let columns = &directory.head().columns;
     let mut rows: BTreeMap<u64, Entry> = BTreeMap::new();
     for path in directory.journals()? {
+        check_inside(&path, out)?;
         journal::read(&path, directory.head(), |index, json| {
             if index < most as u64 {
                 rows.extend(journal::entry(json, columns).map(|row| (index, row)));

@@ -36,6 +36,7 @@ pub(crate) const MODULES: &[(&str, &str)] = &[
     ("keyboard", include_str!("../keyboard.js")),
     ("keys", include_str!("../keys.js")),
     ("live", include_str!("../live.js")),
+    ("manifest", include_str!("../manifest.js")),
     ("map", include_str!("../map.js")),
     ("mcap", include_str!("../mcap.js")),
     ("notes", include_str!("../notes.js")),

@@ -12,4 +12,4 @@ mod serve;
 
 pub use carried::{Carried, Packed, page};
 pub use serve::live::{LiveFeed, LiveWriter};
-pub use serve::{MAX_LIVE_CLIENTS, Served, Server, Shelf};
+pub use serve::{Served, Server, Shelf};

@@ -6,6 +6,8 @@
 mod file;
 mod guard;
 pub(crate) mod live;
+mod rooms;
+mod works;
 
 use crate::carried::{Carried, page, policy};
 use axum::body::{Body, Bytes};
@@ -17,36 +19,43 @@ use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use live::LiveFeed;
+use rooms::{Guest, Line, Room, Rooms};
 use std::convert::Infallible;
 use std::io;
-use std::net::{SocketAddr, TcpListener};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
-use tokio::sync::Semaphore;
+use tokio::net::{TcpListener, TcpSocket, TcpStream};
+use tokio::runtime::{Builder, Runtime};
+use works::Works;
 
-/// Most connections that wait for answers at the same time; others wait until one of them ends.
-const MAX_CLIENTS: usize = 64;
-/// Most viewers of live runs.
-pub const MAX_LIVE_CLIENTS: usize = 16;
+/// Threads that open and read files: some for each connection, because reading for one that is gone ends when it ends.
+const MAX_READERS: usize = 256;
+/// Connections that wait to be accepted; where there are more, new ones are delayed by a second.
+const BACKLOG: u32 = 4096;
 /// How long a client may take for the head of a request, also for the next one of a connection.
 const HEAD_TIMEOUT: Duration = Duration::from_secs(15);
 /// Largest head of a request (bytes).
 const MAX_HEAD_BYTES: usize = 64 << 10;
+/// Connections that are accepted before those that are open have their turn: half of the room for strangers.
+const ACCEPTED_AT_ONCE: usize = 16;
 /// How often we look whether to stop.
 const STOP_PERIOD: Duration = Duration::from_millis(50);
+/// How long connections that were let go of have to end, where there are too many open files.
+const WAY_TIME: Duration = Duration::from_millis(5);
 
 /// What the server has. Its functions may block.
 pub trait Shelf: Send + Sync + 'static {
     /// What the page is called.
     fn title(&self) -> String;
-    /// `Listing` as JSON.
-    fn list(&self) -> Served;
+    /// `Listing` as JSON; ends soon after `stop` is set.
+    fn list(&self, stop: &Arc<AtomicBool>) -> Served;
     /// The recording of an entry.
     fn recording(&self, id: &str) -> Option<PathBuf>;
-    /// `Results` of an entry as JSON.
-    fn results(&self, id: &str) -> Served;
+    /// `Results` of an entry as JSON; ends soon after `stop` is set.
+    fn results(&self, id: &str, stop: &Arc<AtomicBool>) -> Served;
     /// `{manifest, chain}` of an entry as JSON.
     fn start(&self, id: &str) -> Served;
     /// The live run of this name.
@@ -58,6 +67,7 @@ pub type Served = Option<Result<String, String>>;
 
 /// A server that listens.
 pub struct Server {
+    runtime: Runtime,
     listener: TcpListener,
     guard: Guard,
 }
@@ -66,12 +76,22 @@ impl Server {
     /// Listens at `address`; port 0 takes one that is free.
     ///
     /// # Errors
-    /// When the address cannot be had.
+    /// When the address cannot be had, or the system grants no runtime.
     pub fn bind(address: SocketAddr) -> io::Result<Self> {
-        let listener = TcpListener::bind(address)?;
-        listener.set_nonblocking(true)?;
+        let runtime = Builder::new_current_thread()
+            .enable_io()
+            .enable_time()
+            .max_blocking_threads(MAX_READERS)
+            .build()?;
+        let entered = runtime.enter();
+        let socket = if address.is_ipv4() { TcpSocket::new_v4()? } else { TcpSocket::new_v6()? };
+        // a port that was left a moment ago is free
+        socket.set_reuseaddr(true)?;
+        socket.bind(address)?;
+        let listener = socket.listen(BACKLOG)?;
         let guard = Guard::new(listener.local_addr()?)?;
-        Ok(Self { listener, guard })
+        drop(entered);
+        Ok(Self { runtime, listener, guard })
     }
 
     /// Where the page is: whoever knows it may see everything.
@@ -82,60 +102,60 @@ impl Server {
     /// Serves until `stop` is set.
     ///
     /// # Errors
-    /// When the system grants no runtime, or takes the address away.
+    /// When the address of another page cannot be made a header.
     pub fn run(self, shelf: Arc<dyn Shelf>, stop: &AtomicBool) -> io::Result<()> {
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_io()
-            .enable_time()
-            .max_blocking_threads(MAX_CLIENTS)
-            .build()?;
-        let served = runtime.block_on(self.accept(shelf, stop));
-        // what still computes looks at flags of its own
+        let Self { runtime, listener, guard } = self;
+        let policy = HeaderValue::from_str(&format!("{}; frame-ancestors 'none'", policy(true)));
+        let policy = policy.map_err(io::Error::other)?;
+        let page = page(Carried::Server { title: &shelf.title() }).into();
+        let desk = Arc::new(Desk { guard, shelf, page, policy, works: Arc::default() });
+        runtime.block_on(accept(&listener, &desk, stop));
+        // nobody waits any more for what still computes, and its flag tells it so
         runtime.shutdown_background();
-        served
+        Ok(())
     }
+}
 
-    async fn accept(self, shelf: Arc<dyn Shelf>, stop: &AtomicBool) -> io::Result<()> {
-        let listener = tokio::net::TcpListener::from_std(self.listener)?;
-        let clients = Arc::new(Semaphore::new(MAX_CLIENTS));
-        let desk = Arc::new(Desk {
-            guard: self.guard,
-            shelf,
-            policy: HeaderValue::from_str(&format!("{}; frame-ancestors 'none'", policy(true)))
-                .map_err(io::Error::other)?,
-            viewers: Arc::new(Semaphore::new(MAX_LIVE_CLIENTS)),
-        });
-        while !stop.load(Ordering::Relaxed) {
-            let accepted = async {
-                // closed never
-                let permit = Arc::clone(&clients).acquire_owned().await.ok();
-                (permit, listener.accept().await)
-            };
-            let Ok((permit, accepted)) = tokio::time::timeout(STOP_PERIOD, accepted).await else { continue };
-            let Ok((stream, _)) = accepted else {
-                // of a client that is gone, or because there are too many open files
-                tokio::time::sleep(STOP_PERIOD).await;
-                continue;
-            };
+async fn accept(listener: &TcpListener, desk: &Arc<Desk>, stop: &AtomicBool) {
+    let (rooms, mut turn) = (Rooms::default(), 0);
+    while !stop.load(Ordering::Relaxed) {
+        let Ok(accepted) = tokio::time::timeout(STOP_PERIOD, listener.accept()).await else { continue };
+        if let Ok((stream, _)) = accepted {
             // small messages are not kept back for larger ones
             let _ = stream.set_nodelay(true);
-            let desk = Arc::clone(&desk);
-            tokio::spawn(async move {
-                let answer = service_fn(move |request: Request<hyper::body::Incoming>| {
-                    let desk = Arc::clone(&desk);
-                    async move { Ok::<_, Infallible>(desk.answer(request.into_parts().0).await) }
-                });
-                let mut connection = http1::Builder::new();
-                connection
-                    .timer(TokioTimer::new())
-                    .header_read_timeout(HEAD_TIMEOUT)
-                    .max_buf_size(MAX_HEAD_BYTES);
-                // a client that breaks off is no news
-                let _ = connection.serve_connection(TokioIo::new(stream), answer).with_upgrades().await;
-                drop(permit);
-            });
+            tokio::spawn(serve(stream, Arc::clone(desk), Arc::new(rooms.enter())));
+            turn = (turn + 1) % ACCEPTED_AT_ONCE;
+            if turn == 0 {
+                // who came before may have sent the token, and be a stranger no more
+                tokio::task::yield_now().await;
+            }
+        } else {
+            // a client that is gone, or too many open files
+            rooms.make_way();
+            tokio::time::sleep(WAY_TIME).await;
         }
-        Ok(())
+    }
+}
+
+/// Answers the requests of a connection, until its time is over.
+async fn serve(stream: TcpStream, desk: Arc<Desk>, guest: Arc<Guest>) {
+    let asking = Arc::clone(&guest);
+    let answer = service_fn(move |request: Request<hyper::body::Incoming>| {
+        let (desk, guest) = (Arc::clone(&desk), Arc::clone(&asking));
+        async move {
+            guest.waits(true);
+            let answer = desk.answer(request.into_parts().0, &guest).await;
+            guest.waits(false);
+            Ok::<_, Infallible>(answer)
+        }
+    });
+    let mut connection = http1::Builder::new();
+    connection.timer(TokioTimer::new()).header_read_timeout(HEAD_TIMEOUT).max_buf_size(MAX_HEAD_BYTES);
+    let line = TokioIo::new(Line::new(stream, Arc::clone(&guest)));
+    tokio::select! {
+        // a client that breaks off is no news
+        _ = connection.serve_connection(line, answer).with_upgrades() => {}
+        () = guest.dismissed() => {}
     }
 }
 
@@ -143,18 +163,26 @@ impl Server {
 struct Desk {
     guard: Guard,
     shelf: Arc<dyn Shelf>,
+    /// The same for all who ask.
+    page: Bytes,
     policy: HeaderValue,
-    viewers: Arc<Semaphore>,
+    works: Arc<Works>,
 }
 
 impl Desk {
-    async fn answer(&self, parts: Parts) -> Response<Body> {
+    async fn answer(&self, parts: Parts, guest: &Arc<Guest>) -> Response<Body> {
         let mut response = match self.guard.admit(&parts) {
             Some(path) => {
+                guest.goes_to(Room::Known);
                 let path = path.to_owned();
-                self.found(&path, parts).await.unwrap_or_else(not_found)
+                self.found(&path, parts, guest).await.unwrap_or_else(not_found)
             }
-            None => not_found(),
+            None => {
+                // a stranger is answered once
+                let mut response = not_found();
+                response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+                response
+            }
         };
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_SECURITY_POLICY, self.policy.clone());
@@ -169,30 +197,31 @@ impl Desk {
         response
     }
 
-    async fn found(&self, path: &str, mut parts: Parts) -> Option<Response<Body>> {
+    async fn found(&self, path: &str, mut parts: Parts, guest: &Arc<Guest>) -> Option<Response<Body>> {
         let shelf = Arc::clone(&self.shelf);
         let (kind, id) = path.split_once('/').map_or((path, None), |(kind, id)| (kind, Some(id.to_owned())));
         match (kind, id) {
-            ("", None) => {
-                let page = blocking(move || page(Carried::Server { title: &shelf.title() })).await?;
-                Some(with_type("text/html; charset=utf-8", page))
+            ("", None) => Some(with_type("text/html; charset=utf-8", self.page.clone())),
+            ("list", None) => json(self.works.answer(path, move |stop| shelf.list(stop)).await?),
+            ("results", Some(id)) => {
+                json(self.works.answer(path, move |stop| shelf.results(&id, stop)).await?)
             }
-            ("list", None) => json(blocking(move || shelf.list()).await??),
-            ("results", Some(id)) => json(blocking(move || shelf.results(&id)).await??),
-            ("start", Some(id)) => json(blocking(move || shelf.start(&id)).await??),
+            ("start", Some(id)) => json(self.works.answer(path, move |_| shelf.start(&id)).await?),
             ("recording", Some(id)) => {
                 let file = blocking(move || file::open(&shelf.recording(&id)?)).await??;
                 file::answer(file, &parts)
             }
             ("live", Some(id)) => {
-                let viewer = Arc::clone(&self.viewers).try_acquire_owned();
                 let upgrade = WebSocketUpgrade::from_request_parts(&mut parts, &()).await.ok()?;
-                let Ok(viewer) = viewer else { return Some(StatusCode::SERVICE_UNAVAILABLE.into_response()) };
                 let feed = blocking(move || shelf.live(&id)).await??;
                 let upgrade = upgrade.max_message_size(live::MAX_MESSAGE_BYTES).write_buffer_size(0);
+                let guest = Arc::clone(guest);
+                guest.goes_to(Room::Viewers);
                 Some(upgrade.on_upgrade(async move |socket| {
-                    live::show(socket, feed).await;
-                    drop(viewer);
+                    tokio::select! {
+                        () = live::show(socket, feed) => {}
+                        () = guest.dismissed() => {}
+                    }
                 }))
             }
             _ => None,

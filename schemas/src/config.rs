@@ -16,8 +16,10 @@ pub use beyond::{
 pub use initial::{FromRecording, Gaussian, Initial, ModeShape, PlaneWave, Solitary, Thermal};
 pub use profile::Profile;
 
+use crate::amounts::count;
 use crate::drive::Drive;
 use crate::method::Method;
+use crate::text::MAX_TEXT_BYTES;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -442,8 +444,9 @@ impl RunConfig {
     }
 
     fn with_document(text: &str) -> Result<(Self, toml::Table), ConfigError> {
+        let document: toml::Table = text.parse().map_err(|error| ConfigError::of_toml(&error, text))?;
+        check_texts(&document)?;
         let config: Self = toml::from_str(text).map_err(|error| ConfigError::of_toml(&error, text))?;
-        let document = text.parse().map_err(|error| ConfigError::of_toml(&error, text))?;
         Ok((config.completed(&document)?, document))
     }
 
@@ -460,6 +463,7 @@ impl RunConfig {
     /// # Errors
     /// As [`Self::from_toml`]; the line is that in the document as text.
     pub fn from_table(document: &toml::Table) -> Result<Self, ConfigError> {
+        check_texts(document)?;
         match Self::deserialize(document.clone()) {
             Ok(config) => {
                 let config = config.completed(document)?;
@@ -556,6 +560,29 @@ impl RunConfig {
     }
 }
 
+/// Refuses texts that nobody could be shown.
+fn check_texts(document: &toml::Table) -> Result<(), ConfigError> {
+    let Some((key, bytes)) = long_text(document) else { return Ok(()) };
+    let allowed = format!("texts of at most {} bytes", count(MAX_TEXT_BYTES as u64));
+    Err(ConfigError::value(&key, format!("a text of {} bytes", count(bytes as u64)), &allowed))
+}
+
+/// The key and the length of a text that is too long, if there is one.
+fn long_text(table: &toml::Table) -> Option<(String, usize)> {
+    fn below(value: &toml::Value) -> Option<(String, usize)> {
+        match value {
+            toml::Value::String(text) => (text.len() > MAX_TEXT_BYTES).then(|| (String::new(), text.len())),
+            toml::Value::Array(list) => list
+                .iter()
+                .enumerate()
+                .find_map(|(i, value)| below(value).map(|(key, bytes)| (format!("[{i}]{key}"), bytes))),
+            toml::Value::Table(table) => long_text(table).map(|(key, bytes)| (format!(".{key}"), bytes)),
+            _ => None,
+        }
+    }
+    table.iter().find_map(|(name, value)| below(value).map(|(key, bytes)| (format!("{name}{key}"), bytes)))
+}
+
 /// The line, from 1, of byte `offset` of `text`.
 pub fn line_at(text: &str, offset: usize) -> usize {
     let end = offset.min(text.len()); // integers
@@ -636,6 +663,27 @@ mod tests {
             let physics = physics.unwrap_or_else(|error| panic!("{error} in\n{block}"));
             let expected = if config.damping.is_some() { Method::Gear5 } else { Method::Rkn4 };
             assert_eq!(physics.method, expected);
+        }
+    }
+
+    #[test]
+    fn a_text_that_nobody_could_be_shown_is_refused_with_its_key() {
+        let (most, more) = ("a".repeat(MAX_TEXT_BYTES), "a".repeat(MAX_TEXT_BYTES + 1));
+        assert!(RunConfig::from_toml(&TEXT.replace("\"a\"", &format!("\"{most}\""))).is_ok());
+        let drives = format!("\n[[drive]]\nbead = 1\n[[drive]]\nforce_n = [0, \"{more}\"]\n");
+        for (text, key) in [
+            (TEXT.replace("\"a\"", &format!("\"{more}\"")), "name"),
+            (format!("{TEXT}{drives}"), "drive[1].force_n[1]"),
+        ] {
+            let of_table = RunConfig::from_table(&text.parse().expect("TOML"));
+            for found in [RunConfig::from_toml(&text), of_table] {
+                let error = found.expect_err(key);
+                assert_eq!(error.key, key);
+                assert!(
+                    error.message.contains("65,537 bytes; allowed: texts of at most 65,536 bytes"),
+                    "{error}"
+                );
+            }
         }
     }
 

@@ -29,4 +29,5 @@ pub mod sites;
 pub mod spelling;
 pub mod summary;
 pub mod term;
+pub mod text;
 pub mod whole_file;

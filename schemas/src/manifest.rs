@@ -9,6 +9,7 @@ pub use physics::{Limit, Physics, Ranges};
 
 use crate::config::{ConfigError, RunConfig};
 use crate::run_name::RunName;
+use crate::text::{MAX_TEXT_BYTES, shown_within};
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -176,9 +177,15 @@ impl RunManifest {
             None => RunName::closest(fallback_name),
             Some(name) => name.parse().map_err(|_| {
                 let allowed = format!("{}, such as `{}`", RunName::ALLOWED, RunName::closest(name));
-                ConfigError::value("name", format!("`{name}`"), &allowed)
+                ConfigError::value("name", format!("`{}`", shown_within(name, 200)), &allowed)
             })?,
         };
+        for (key, text) in [("program", &origin.program), ("host", &origin.host)] {
+            if text.len() > MAX_TEXT_BYTES {
+                let allowed = format!("at most {MAX_TEXT_BYTES} bytes");
+                return Err(ConfigError::value(key, format!("a text of {} bytes", text.len()), &allowed));
+            }
+        }
         let stream = config.stream;
         let manifest = Self {
             schema_version: SCHEMA_VERSION,

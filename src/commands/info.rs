@@ -12,6 +12,8 @@ use std::path::Path;
 
 /// Impurities or strikers that are written out.
 const MOST_SHOWN: usize = 8;
+/// Channels that are listed: a recording of ours has seven, and a file may have 65,536.
+const MOST_CHANNELS: usize = 100;
 
 pub(crate) fn info(path: &Path, as_json: bool) -> Result<Done, Failure> {
     let is_being_written = is_being_written(path);
@@ -77,10 +79,11 @@ fn text(info: &RecordingInfo, is_being_written: bool) -> String {
     let (size, uncompressed) = (bytes(info.file_bytes), bytes(info.uncompressed_bytes));
     let ratio = info.compression_ratio();
     rows.add("size", format_args!("{size}, {uncompressed} before compression, {ratio:.2} : 1"));
-    for ChannelInfo { topic, schema, messages, .. } in &info.channels {
+    for ChannelInfo { topic, schema, messages, .. } in info.channels.iter().take(MOST_CHANNELS) {
         let (found, plural) = (count(*messages).to_string(), if *messages == 1 { "" } else { "s" });
         rows.add("channel", format_args!("{topic:10} {schema:24} {found:>10} message{plural}"));
     }
+    rows.more("channel", info.channels.len() as u64, info.channels.len().min(MOST_CHANNELS), "");
     rows.under(info.path.display())
 }
 

@@ -38,6 +38,7 @@ mod other_tools;
 mod own_consumer;
 mod page;
 mod page_data;
+mod page_manifests;
 mod page_tools;
 mod pipeline;
 mod plot;

@@ -96,6 +96,42 @@ fn a_changed_value_is_named_by_step_and_bead() {
     check(&place, "changed", ["changed.mcap".to_owned(), step.to_string(), "3".to_owned()]);
 }
 
+/// The page and `verify` say the same of what is missing and what is not whole.
+#[test]
+fn what_a_proof_lacks_is_said_as_verify_says_it() {
+    let place = Place::new();
+    let (manifest, mut states) = lying::run(&place);
+    let begin = BeginRecord::default();
+    lying::write(&place, "failed.mcap", &manifest, &begin, &states, EndReason::Failed);
+    states.remove(20);
+    lying::write(&place, "missing.mcap", &manifest, &begin, &states, EndReason::Complete);
+    for (name, verdict) in [("failed", "NOT WHOLE"), ("missing", "NOT PROVEN")] {
+        let told = place.run(&format!("verify {name}.mcap")).exits(3).stdout();
+        assert!(told.contains(verdict), "{told}");
+    }
+    check(&place, "proofs", ["run.mcap", "missing.mcap", "failed.mcap"]);
+}
+
+#[test]
+fn a_long_text_is_shown_cut_in_the_page() {
+    let place = Place::new();
+    let (mut manifest, states) = lying::run(&place);
+    manifest.provenance.program = "p".repeat(5_000_000);
+    lying::write(&place, "long.mcap", &manifest, &BeginRecord::default(), &states, EndReason::Complete);
+    check(&place, "long", ["long.mcap"]);
+}
+
+#[test]
+fn a_folder_of_many_files_has_as_many_rows_as_a_tab_bears() {
+    let place = Place::new();
+    place.run(&format!("{RUN} --duration 0.001")).exits(0);
+    fs::create_dir(place.path("many")).unwrap();
+    for i in 0..1200 {
+        fs::hard_link(place.path("run.mcap"), place.path(format!("many/run-{i:04}.mcap"))).unwrap();
+    }
+    check(&place, "crowded", ["many"]);
+}
+
 #[test]
 fn damage_is_said_before_anybody_looks_there() {
     let place = Place::new();

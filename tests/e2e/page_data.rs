@@ -23,7 +23,7 @@ fn run<A: AsRef<OsStr>>(place: &Place, script: &Path, arguments: impl IntoIterat
 }
 
 #[track_caller]
-fn check<A: AsRef<OsStr>>(place: &Place, arguments: impl IntoIterator<Item = A>, says: &str) {
+pub(crate) fn check<A: AsRef<OsStr>>(place: &Place, arguments: impl IntoIterator<Item = A>, says: &str) {
     run(place, &in_project("tests/node/check_page_data.mjs"), arguments, says);
 }
 

@@ -1,5 +1,8 @@
 //! The page: what the server hands out and to whom, live runs, and one file for anybody.
 
+mod crowd;
+mod folders;
+
 use crate::harness::{Place, Running, wait_until};
 use base64::{Engine as _, prelude::BASE64_STANDARD};
 use flate2::read::GzDecoder;
@@ -30,7 +33,11 @@ struct Answer {
 
 impl Server {
     fn start(place: &Place, words: &str) -> Self {
-        let mut running = place.start(words);
+        Self::of(place.start(words), words)
+    }
+
+    /// The server that a process becomes.
+    fn of(mut running: Running, words: &str) -> Self {
         let url = running.line();
         let rest = url.strip_prefix("http://").unwrap_or_else(|| panic!("{words}: {url:?}"));
         let (host, token) = rest.split_once('/').unwrap();
@@ -286,12 +293,9 @@ fn a_sweep_is_listed_and_points_can_be_started() {
 fn a_live_run_is_shown_as_it_goes() {
     let place = Place::new();
     // one viewer comes before the run
-    let mut waiting = place.start("view live:small");
+    let waiting = place.start("view live:small");
     let run = place.start(&format!("{SMALL} --out small.mcap --pace 0.003"));
-    let url = waiting.line();
-    let (host, token) = url.strip_prefix("http://").unwrap().split_once('/').unwrap();
-    let server =
-        Server { running: waiting, host: host.to_owned(), token: token.trim_end_matches('/').to_owned() };
+    let server = Server::of(waiting, "view live:small");
     assert_eq!(server.json("list")["entries"][0]["url"], "live/small");
     let mut viewer = server.viewer("small");
     let Message::Text(begin) = viewer.receive() else { panic!("the run comes first") };

@@ -85,6 +85,44 @@ const scenarios = {
     await page.over();
   },
 
+  /** What a proof takes as given, and recordings that lack something: said in the words of `verify`. */
+  async proofs(whole, missing, failed) {
+    for (const [file, says] of [
+      [whole, /^Proven: \d+ states, .* The first state is the manifest's initial condition\. Not known: `\/chain`.*`run\.toml`.*who made it, where and when: name, run id, program, host and start\.$/],
+      [missing, /^Not proven: states are missing at 1 place/],
+      [failed, /^Proven as far as it goes, but it is NOT WHOLE \(its end is "failed"\): \d+ states/],
+    ]) {
+      const page = await viewed(file);
+      await prove(page);
+      assert.match((await textOf(page, "#notes .proof")).trim(), says, file);
+      await page.over();
+      page.server.kill();
+    }
+  },
+
+  /** A text of five million bytes: its beginning and its length. */
+  async long(file) {
+    const page = await viewed(file);
+    const told = await textUntil(page, "#tab", /p… \(5,000,000 bytes\)/);
+    assert.ok(told.input.length < 100_000, `${told.input.length} characters`);
+    await page.over();
+  },
+
+  /** A folder of so many recordings that not all have a row. */
+  async crowded(folder) {
+    const page = await viewed(folder, { isEmpty: true });
+    await page.waitForSelector("#list tbody tr");
+    const rows = () => page.$$eval("#list tbody tr", (all) => all.map((row) => row.cells[1].textContent));
+    const first = await rows();
+    assert.equal(first.length, 500);
+    await textUntil(page, "#list", /700 more rows/);
+    await page.fill("#list input[type=search]", "run-1199");
+    await until("the row that was not shown", async () => (await rows()).join() === "run-1199.mcap");
+    await page.fill("#list input[type=search]", "");
+    await until("the first ones again", async () => (await rows()).join() === first.join());
+    await page.over();
+  },
+
   /** A recording with a chunk that is damaged, far from its ends: said without anybody looking there. */
   async damaged(file) {
     const page = await viewed(file);

@@ -4,6 +4,7 @@
 //     node tests/node/check_page_data.mjs RECORDING...             # after tests/setup
 //     node tests/node/check_page_data.mjs --zstd                   # our decompression against zstd's and fzstd's
 //     node tests/node/check_page_data.mjs --made                   # small files made here, right and wrong
+//     node tests/node/check_page_data.mjs --manifests FILE         # manifests, and why the command refuses them
 //     node tests/node/check_page_data.mjs --damage RECORDING...    # every byte changed, every length: a small file
 //
 // Exit code 0 if all is as it should be.
@@ -16,7 +17,7 @@ import zlib from "node:zlib";
 
 import { whyNotChanged, whyNothingChanged } from "../../page/change.js";
 import { bytesOfArray, bytesOfFile, crc32, sha256 } from "../../page/mcap.js";
-import { Recording } from "../../page/recording.js";
+import { Recording, manifestOf } from "../../page/recording.js";
 import { decompress } from "../../page/zstd.js";
 
 /** A package of tests/node/package.json, where tests/setup puts it. */
@@ -292,7 +293,7 @@ function made({ version = "1.0", physics, provenance, mass = 1, step = [3], time
     ...{ striker: { bead: 0, velocity_m_s: 5 }, method: "rkn4", dt_s: 1, step_count: 9, ...physics },
   };
   const allProvenance = {
-    ...{ name: "made", run_id: "0", program: "", host: "", started_unix_ns: 0 },
+    ...{ name: "made", run_id: "01234567-89ab-4def-8123-456789abcdef", program: "", host: "", started_unix_ns: 0 },
     ...{ publish_every_steps: 1, record_every_steps: 1, ...provenance },
   };
   const values = [version, JSON.stringify(allPhysics), JSON.stringify(allProvenance)];
@@ -380,6 +381,49 @@ async function checkMade() {
   console.log(`${wrong.length + 2} files made, each as it should be`);
 }
 
+/** Refusals of the command that take a resolved chain to know; the page leaves them to `verify`. */
+const NEEDS_A_CHAIN = [
+  ...[/^time\.dt_s: .*a quarter of the collision time/, /with scales L and T that doubles can hold/, /m·v0²\/k/, /load\/k/],
+  ...[/^disorder\[\d+\]: found seed/, /that ends at/],
+];
+
+/** What only the page refuses: lists in the place of objects, as no program writes them, and walls of impossible materials. */
+const STRICTER = [/found \[1\]; allowed: an object/, /impossible ends\.(left|right)_material\./];
+
+/** Every manifest is refused by the page as by the command. @param {string} path */
+function checkManifests(path) {
+  const wrong = new Map();
+  let [count, refused, left] = [0, 0, 0];
+  for (const line of fs.readFileSync(path, "utf8").split("\n")) {
+    const { manifest, refused: why } = JSON.parse(line);
+    const values = ["1.1", JSON.stringify(manifest.physics, minusZero), JSON.stringify(manifest.provenance)];
+    const checksum = crypto.hash("sha256", ["beadline.run", ...values.map(unquoted)].map((text) => `${text}\n`).join(""));
+    const [schema_version, physics, provenance] = values.map(unquoted);
+    let said = "";
+    try {
+      manifestOf(new Map(Object.entries({ schema_version, physics, provenance, checksum })), []);
+    } catch (error) {
+      said = error.message;
+    }
+    count += 1;
+    refused += Number(why !== null);
+    if ((why === null) !== (said === "")) {
+      if (said === "" ? NEEDS_A_CHAIN.some((form) => form.test(why)) : STRICTER.some((form) => form.test(said))) {
+        left += Number(said === "");
+        continue;
+      }
+      const kind = (said || `accepted; the command: ${why}`).replace(/-?\d[\d.e+-]*/g, "#").slice(0, 160);
+      wrong.set(kind, wrong.get(kind) ?? line.slice(0, 1500));
+    }
+  }
+  assert.equal(wrong.size, 0, [...wrong].map(([kind, line]) => `${kind}\n    ${line}`).join("\n"));
+  console.log(`${count} manifests, ${refused} refused by the command: all by the page, but for ${left} that take a chain to know`);
+}
+
+/** JSON has −0 and loses it. */
+const minusZero = (/** @type {string} */ _, /** @type {unknown} */ value) => (Object.is(value, -0) ? "<-0.0>" : value);
+const unquoted = (/** @type {string} */ text) => text.replaceAll('"<-0.0>"', "-0.0");
+
 async function main(words) {
   for (const size of [0, 1, 55, 56, 63, 64, 65, 1000]) {
     const bytes = new Uint8Array(size).map((_, i) => i * 37);
@@ -392,6 +436,10 @@ async function main(words) {
   }
   if (words[0] === "--made") {
     await checkMade();
+    return;
+  }
+  if (words[0] === "--manifests") {
+    checkManifests(words[1]);
     return;
   }
   const decompressHandlers = await loadDecompressHandlers();

@@ -3,8 +3,10 @@
 use super::live::{Watches, chain};
 use super::results;
 use crate::configuration::origin;
-use crate::failure::{BadInput, Failure};
+use crate::failure::{BadInput, Failure, words_of};
 use crate::frames;
+use crate::limits;
+use crate::links::{NOT_FOLLOWED, check_inside, leads_out};
 use crate::sweep::{self, Shown};
 use bus::{AttachNotice, Bus, list_runs};
 use page::{LiveFeed, Served, Shelf};
@@ -12,20 +14,26 @@ use producer::sweep::Sweep;
 use recording::RecordingInfo;
 use schemas::manifest::RunManifest;
 use schemas::run_name::RunName;
+use schemas::text::{shown, shown_within};
 use schemas::whole_file::is_being_written;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use source::Named;
 use std::collections::HashMap;
 use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, SystemTime};
 
-/// Rows of a table that a page shows.
+/// Rows of a table that a page is sent: some 20 MB.
 const MAX_ENTRIES: usize = 10_000;
+/// Longest text of a row (bytes); `info` shows more.
+const ROW_TEXT_BYTES: usize = 1 << 10;
+/// Longest list of a manifest in a row: a table compares numbers and words.
+const ROW_LIST: usize = 16;
 /// How often we look for a run while there is none.
 const SEARCH_PERIOD: Duration = Duration::from_millis(100);
 
@@ -36,7 +44,6 @@ pub(super) struct Runs {
     files: Mutex<Vec<PathBuf>>,
     /// Results by recordings, with what the file was like when they were computed.
     results: Mutex<HashMap<PathBuf, (Stamp, String)>>,
-    stop: Arc<AtomicBool>,
 }
 
 enum Kind {
@@ -52,7 +59,7 @@ enum Kind {
 type Stamp = Option<(u64, Option<SystemTime>)>;
 
 /// `Entry` of the page.
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 struct Entry {
     id: String,
     name: String,
@@ -61,7 +68,7 @@ struct Entry {
     #[serde(skip_serializing_if = "Option::is_none")]
     results: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    manifest: Option<RunManifest>,
+    manifest: Option<Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
     bytes: Option<u64>,
     values: Map<String, Value>,
@@ -78,9 +85,9 @@ impl Runs {
             [only] => Self::kind(only, stop)?,
             several => Kind::Recordings(several.iter().map(recording).collect::<Result<_, _>>()?),
         };
-        let runs = Self { kind, files: Mutex::default(), results: Mutex::default(), stop: Arc::clone(stop) };
+        let runs = Self { kind, files: Mutex::default(), results: Mutex::default() };
         // what cannot be listed is told before anything is served
-        runs.entries()?;
+        runs.entries(stop)?;
         Ok(runs)
     }
 
@@ -93,6 +100,7 @@ impl Runs {
             }
             Named::File(path) if path.is_dir() => match sweep::file_in(path) {
                 Some(file) => {
+                    check_inside(&file, path)?;
                     Kind::Sweep(path.clone(), Box::new(Sweep::read(&file, experiments::HOOKS).bad_input()?))
                 }
                 None => Kind::Folder(path.clone()),
@@ -108,8 +116,10 @@ impl Runs {
         }
     }
 
-    fn entries(&self) -> Result<Vec<Entry>, Failure> {
-        match &self.kind {
+    /// The rows of the table, and how many more there are; ends early once `stop` is set.
+    fn entries(&self, stop: &AtomicBool) -> Result<(Vec<Entry>, usize), Failure> {
+        let mut more = 0;
+        let entries = match &self.kind {
             Kind::Live(watches, name) => {
                 let is_meant = |run: &RunName| name.as_ref().is_none_or(|name| name == run);
                 let live =
@@ -118,22 +128,35 @@ impl Runs {
                 if let (Some(name), true) = (name, names.is_empty()) {
                     names.push(name.clone()); // the page waits for it
                 }
-                Ok(names.iter().map(live_entry).collect())
+                names.iter().map(live_entry).collect()
             }
-            Kind::Recording(path) => Ok(vec![self.recording_entry(path)]),
-            Kind::Recordings(paths) => Ok(paths.iter().map(|path| self.recording_entry(path)).collect()),
+            Kind::Recording(path) => vec![self.recording_entry(path)],
+            Kind::Recordings(paths) => paths.iter().map(|path| self.recording_entry(path)).collect(),
             Kind::Folder(folder) => {
                 let found =
                     fs::read_dir(folder).bad_input()?.filter_map(Result::ok).map(|found| found.path());
                 let mut paths: Vec<_> = found.filter(|path| is_recording(path)).collect();
                 paths.sort();
+                more = paths.len().saturating_sub(MAX_ENTRIES);
                 paths.truncate(MAX_ENTRIES);
-                Ok(paths.iter().map(|path| self.recording_entry(path)).collect())
+                let paths = paths.iter().take_while(|_| !stop.load(Ordering::Relaxed));
+                paths.map(|path| self.recording_entry(path)).collect()
             }
             Kind::Sweep(folder, sweep) => {
                 let points = sweep::shown(sweep, folder, MAX_ENTRIES)?;
-                Ok(points.into_iter().map(|point| self.point_entry(point)).collect())
+                more =
+                    usize::try_from(sweep.point_count()).unwrap_or(usize::MAX).saturating_sub(points.len());
+                points.into_iter().map(|point| self.point_entry(point)).collect()
             }
+        };
+        Ok((entries, more))
+    }
+
+    /// Whether `path` lies in what is viewed: a file that was named, or one in a folder to which no link leads.
+    fn is_inside(&self, path: &Path) -> bool {
+        match &self.kind {
+            Kind::Folder(folder) | Kind::Sweep(folder, _) => !leads_out(path, folder),
+            Kind::Live(..) | Kind::Recording(_) | Kind::Recordings(_) => true,
         }
     }
 
@@ -148,77 +171,56 @@ impl Runs {
     }
 
     fn recording_entry(&self, path: &Path) -> Entry {
-        let id = self.id(path);
-        let info = RecordingInfo::glance(path);
-        let (manifest, bytes, damage, error) = match info {
-            Ok(info) => {
-                let damage = damage(&info, path);
-                (Some(info.manifest), Some(info.file_bytes), damage, None)
-            }
-            Err(error) => (None, None, None, Some(format!("{:#}", anyhow::Error::new(error)))),
-        };
-        Entry {
-            name: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-            kind: "recording",
-            url: format!("recording/{id}"),
-            results: error.is_none().then(|| format!("results/{id}")),
-            manifest,
-            bytes,
-            values: Map::new(),
-            damage,
-            error,
-            id,
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if !self.is_inside(path) {
+            return refused(name, NOT_FOLLOWED);
         }
+        match glance(path, RecordingInfo::glance) {
+            Ok(info) => Entry {
+                damage: damage(&info, path).map(|damage| shown_within(&damage, ROW_TEXT_BYTES).into_owned()),
+                manifest: serde_json::to_value(&info.manifest).ok().map(of_a_row),
+                bytes: Some(info.file_bytes),
+                ..self.opened(name, path)
+            },
+            Err(error) => refused(name, &error),
+        }
+    }
+
+    /// An entry that opens the recording at `path`.
+    fn opened(&self, name: String, path: &Path) -> Entry {
+        let id = self.id(path);
+        let (url, results) = (format!("recording/{id}"), Some(format!("results/{id}")));
+        Entry { id, name, kind: "recording", url, results, ..Entry::default() }
     }
 
     fn point_entry(&self, point: Shown) -> Entry {
         let Shown { index, values, recording } = point;
         let name = format!("point {index}");
-        let start = format!("start/{index}");
         match recording {
+            Some(path) if !self.is_inside(&path) => Entry { values, ..refused(name, NOT_FOLLOWED) },
             Some(path) => {
-                let id = self.id(&path);
-                let (url, results) = (format!("recording/{id}"), Some(format!("results/{id}")));
                 let bytes = fs::metadata(&path).ok().map(|found| found.len());
-                Entry {
-                    id,
-                    name,
-                    kind: "recording",
-                    url,
-                    results,
-                    manifest: None,
-                    bytes,
-                    values,
-                    damage: None,
-                    error: None,
-                }
+                Entry { bytes, values, ..self.opened(name, &path) }
             }
-            None => Entry {
-                id: format!("start-{index}"),
-                name,
-                kind: "start",
-                url: start,
-                results: None,
-                manifest: None,
-                bytes: None,
-                values,
-                damage: None,
-                error: None,
-            },
+            None => {
+                let (id, url) = (format!("start-{index}"), format!("start/{index}"));
+                Entry { id, name, kind: "start", url, values, ..Entry::default() }
+            }
         }
     }
 
-    fn results_of(&self, path: &Path) -> Result<String, Failure> {
+    /// The results of the recording at `path`, of each file by one thread at a time.
+    fn results_of(&self, path: &Path, stop: &Arc<AtomicBool>) -> Result<String, Failure> {
         let stamp = |found: fs::Metadata| (found.len(), found.modified().ok());
         // an object behind a URL is read once: it may not change
         let stamp = fs::metadata(path).map(stamp).ok();
-        // one at a time: each takes all cores
-        let mut kept = self.results.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, text)) = kept.get(path).filter(|(known, _)| *known == stamp) {
+        let kept = || self.results.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, text)) = kept().get(path).filter(|(known, _)| *known == stamp) {
             return Ok(text.clone());
         }
-        let text = serde_json::to_string(&results::of_recording(path, &self.stop, |_| {})?)?;
-        kept.insert(path.to_owned(), (stamp, text.clone()));
+        limits::compute_beside_others();
+        let text = serde_json::to_string(&results::of_recording(path, stop, |_| {})?)?;
+        kept().insert(path.to_owned(), (stamp, text.clone()));
         Ok(text)
     }
 }
@@ -233,8 +235,8 @@ impl Shelf for Runs {
         }
     }
 
-    fn list(&self) -> Served {
-        let listing = self.entries().map(|entries| {
+    fn list(&self, stop: &Arc<AtomicBool>) -> Served {
+        let listing = self.entries(stop).map(|(entries, more)| {
             let kind = match &self.kind {
                 Kind::Sweep(..) => "sweep",
                 Kind::Recordings(paths) if paths.len() == 2 => "pair",
@@ -247,24 +249,27 @@ impl Shelf for Runs {
                 }
                 _ => Vec::new(),
             };
-            json!({ "title": self.title(), "kind": kind, "keys": keys, "entries": entries }).to_string()
+            json!({ "title": self.title(), "kind": kind, "keys": keys, "entries": entries, "more": more })
+                .to_string()
         });
         Some(listing.map_err(said))
     }
 
     fn recording(&self, id: &str) -> Option<PathBuf> {
-        let files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
-        files.get(id.parse::<usize>().ok()?).cloned()
+        let place = usize::try_from(number(id)?).ok()?;
+        let path = self.files.lock().unwrap_or_else(PoisonError::into_inner).get(place).cloned()?;
+        // it may have become a link since it was listed
+        self.is_inside(&path).then_some(path)
     }
 
-    fn results(&self, id: &str) -> Served {
+    fn results(&self, id: &str, stop: &Arc<AtomicBool>) -> Served {
         let path = self.recording(id)?;
-        Some(self.results_of(&path).map_err(said))
+        Some(self.results_of(&path, stop).map_err(said))
     }
 
     fn start(&self, id: &str) -> Served {
         let Kind::Sweep(_, sweep) = &self.kind else { return None };
-        let point = sweep.point(id.parse().ok()?).ok()?;
+        let point = sweep.point(number(id)?).ok()?;
         let manifest = RunManifest::new(&point.config, "point", origin());
         let start = manifest.map(|manifest| {
             json!({ "chain": chain(&manifest.physics.chain()), "manifest": manifest }).to_string()
@@ -280,18 +285,51 @@ impl Shelf for Runs {
 }
 
 fn live_entry(name: &RunName) -> Entry {
-    Entry {
-        id: format!("live-{name}"),
-        name: name.to_string(),
-        kind: "live",
-        url: format!("live/{name}"),
-        results: None,
-        manifest: None,
-        bytes: None,
-        values: Map::new(),
-        damage: None,
-        error: None,
+    let (id, url) = (format!("live-{name}"), format!("live/{name}"));
+    Entry { id, name: name.to_string(), kind: "live", url, ..Entry::default() }
+}
+
+/// An entry that opens nothing, and says why.
+fn refused(name: String, error: &str) -> Entry {
+    let error = Some(shown_within(error, ROW_TEXT_BYTES).into_owned());
+    Entry { id: format!("refused-{name}"), name, kind: "recording", error, ..Entry::default() }
+}
+
+/// What `look` finds in the recording at `path`, or a sentence for its row: one file's failure is no other's.
+fn glance<T, E>(path: &Path, look: impl FnOnce(&Path) -> Result<T, E>) -> Result<T, String>
+where
+    E: std::error::Error + Send + Sync + 'static,
+{
+    match catch_unwind(AssertUnwindSafe(|| look(path))) {
+        Ok(found) => found.map_err(|error| format!("{:#}", anyhow::Error::new(error))),
+        Err(panic) => Err(format!(
+            "{}: the reader went wrong ({}): that is a defect of Beadline, please report it with this file",
+            path.display(),
+            words_of(&*panic)
+        )),
     }
+}
+
+/// A manifest without what no table shows: long lists, and the ends of long texts.
+fn of_a_row(mut manifest: Value) -> Value {
+    fn shorten(value: &mut Value) {
+        match value {
+            Value::String(text) => *text = shown_within(text, ROW_TEXT_BYTES).into_owned(),
+            Value::Array(list) => {
+                list.truncate(if list.len() > ROW_LIST { 0 } else { ROW_LIST });
+                list.iter_mut().for_each(shorten);
+            }
+            Value::Object(entries) => entries.values_mut().for_each(shorten),
+            Value::Null | Value::Bool(_) | Value::Number(_) => {}
+        }
+    }
+    shorten(&mut manifest);
+    manifest
+}
+
+/// A number as an address writes it, which is one way.
+fn number(text: &str) -> Option<u64> {
+    text.parse().ok().filter(|number: &u64| number.to_string() == text)
 }
 
 /// The path of one of several sources, which is a recording.
@@ -327,8 +365,11 @@ fn damage(info: &RecordingInfo, path: &Path) -> Option<String> {
     }
 }
 
+/// Whether a folder shows `path`: files, and links wherever they lead.
 fn is_recording(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension == "mcap") && path.is_file()
+    let is_one = |found: fs::Metadata| found.is_file() || (found.is_symlink() && !path.is_dir());
+    path.extension().is_some_and(|extension| extension == "mcap")
+        && fs::symlink_metadata(path).is_ok_and(is_one)
 }
 
 /// Waits until such a run is there, or `stop` is set.
@@ -351,5 +392,41 @@ fn wait_for_run(bus: &Bus, name: Option<&RunName>, stop: &AtomicBool) -> Result<
 /// A failure as a sentence for who looks at the page.
 fn said(failure: Failure) -> String {
     let (Failure::BadInput(error) | Failure::Stopped(error) | Failure::Failed(error)) = failure;
-    format!("{error:#}")
+    shown(&format!("{error:#}")).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io;
+
+    #[test]
+    fn a_reader_that_fails_or_panics_is_a_sentence() {
+        let path = Path::new("a.mcap");
+        assert_eq!(glance(path, |_| Ok::<_, io::Error>(7)), Ok(7));
+        assert_eq!(glance(path, |_| Err::<(), _>(io::Error::other("torn"))), Err("torn".to_owned()));
+        let error = glance(path, |_| -> Result<(), io::Error> { panic!("index {} of 3", 4) });
+        let said = error.expect_err("a panic");
+        assert!(
+            said.contains("a.mcap") && said.contains("(index 4 of 3)") && said.contains("report it"),
+            "{said}"
+        );
+    }
+
+    #[test]
+    fn rows_are_small_whatever_files_say() {
+        let row =
+            of_a_row(json!({ "a": "b".repeat(5_000_000), "c": { "d": vec![1; 17], "e": vec![2; 16] } }));
+        assert!(row["a"].as_str().is_some_and(|text| text.ends_with("b… (5,000,000 bytes)")));
+        assert_eq!(row["c"], json!({ "d": [], "e": vec![2; 16] }));
+        let entry = refused("a".to_owned(), &"é".repeat(5_000));
+        assert!(entry.error.is_some_and(|text| text.ends_with("é… (10,000 bytes)") && text.len() < 1100));
+    }
+
+    #[test]
+    fn a_number_is_written_in_one_way() {
+        let found = ["0", "7", "10", "00", "+7", "07", "-1", "", "1e1", "18446744073709551616"].map(number);
+        assert_eq!(found[..3], [Some(0), Some(7), Some(10)]);
+        assert!(found[3..].iter().all(Option::is_none));
+    }
 }

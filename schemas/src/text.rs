@@ -1,0 +1,35 @@
+//! Texts of other people: names, programs, hosts, reasons.
+
+use crate::amounts::count;
+use std::borrow::Cow;
+
+/// Longest text that is written or shown (bytes): longer than any sentence, name or path, and nothing that a terminal or a page
+/// notices.
+pub const MAX_TEXT_BYTES: usize = 64 << 10;
+
+/// A text as it is shown: of one of more than [`MAX_TEXT_BYTES`] its beginning and its length.
+pub fn shown(text: &str) -> Cow<'_, str> {
+    shown_within(text, MAX_TEXT_BYTES)
+}
+
+/// The same with another bound.
+pub fn shown_within(text: &str, most_bytes: usize) -> Cow<'_, str> {
+    if text.len() <= most_bytes {
+        return Cow::Borrowed(text);
+    }
+    let kept = text.floor_char_boundary(most_bytes);
+    Cow::Owned(format!("{}… ({} bytes)", &text[..kept], count(text.len() as u64)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{MAX_TEXT_BYTES, shown, shown_within};
+
+    #[test]
+    fn a_long_text_is_cut_between_characters_and_says_its_length() {
+        let (whole, long) = ("a".repeat(MAX_TEXT_BYTES), "é".repeat(2_500_000));
+        assert_eq!(shown(&whole), whole);
+        assert!(shown(&long).ends_with("é… (5,000,000 bytes)"));
+        assert_eq!(shown_within("éé", 3), "é… (4 bytes)");
+    }
+}
