@@ -105,7 +105,7 @@ fn holder_is_stopped(file: &File) -> bool {
     matches!(state, Some('T' | 't'))
 }
 
-fn root_of(config: &Config) -> PathBuf {
+pub(super) fn root_of(config: &Config) -> PathBuf {
     PathBuf::from(config.global.root_path().to_string())
 }
 

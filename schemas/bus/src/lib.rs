@@ -18,6 +18,7 @@ mod creator;
 pub mod delivery;
 mod leftovers;
 mod live;
+mod manifest_file;
 mod position;
 mod publisher;
 mod result_watch;
