@@ -35,6 +35,7 @@ mod wire;
 #[cfg(feature = "faults")]
 pub use backpressure::Remedies;
 pub use backpressure::{ConsumerEvent, Delivery};
+pub use creating::{Waiting, while_waiting};
 pub use live::{AttachError, AttachNotice, AttachOptions, HeldState, LiveError, LiveSource};
 pub use publisher::{PublishCounts, PublishError, PublishOptions, StatePublisher, WaitOutcome};
 pub use result_watch::{OwnTopicsWatch, ResultWatch};
@@ -153,11 +154,16 @@ impl Bus {
     fn node(&self) -> Result<Node<Ipc>, BusError> {
         // before anything that may wait for others
         let warden = self.warden();
+        self.clear_the_way()?;
         let lock = self.lock()?;
+        let family = root::family(&self.root);
+        if !leftovers::may_be_there(&self.root, &self.prefix, &family, &self.config) {
+            return self.node_with(&self.config_without_cleanup());
+        }
         let node = self.node_with(&self.config)?;
         if lock.is_exclusive() {
             let mut removed = leftovers::remove_orphans(&self.root, &self.prefix, &self.config);
-            removed.add(leftovers::remove_earlier(&self.prefix, &root::family(&self.root)));
+            removed.add(leftovers::remove_earlier(&self.prefix, &family));
             warden.note(removed);
             position::remove_dead(&self.root);
         }
@@ -166,11 +172,18 @@ impl Bus {
 
     /// Registers this process and touches nothing else, so that the remains of a dead producer can be seen.
     fn observer(&self) -> Result<Node<Ipc>, BusError> {
+        self.clear_the_way()?;
+        self.node_with(&self.config_without_cleanup())
+    }
+
+    /// Without looks at all other nodes each time that something is made, opened or left: with a hundred processes they would take
+    /// most of the time of each.
+    fn config_without_cleanup(&self) -> Config {
         let mut config = self.config.clone();
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
         config.global.service.cleanup_dead_nodes_on_open = false;
-        self.node_with(&config)
+        config
     }
 
     fn warden(&self) -> &Warden {
@@ -183,7 +196,6 @@ impl Bus {
         room::check_least(room::free_bytes()?)?;
         let start = Instant::now();
         loop {
-            self.clear_the_way()?;
             let builder =
                 NodeBuilder::new().config(config).signal_handling_mode(SignalHandlingMode::Disabled);
             let error = match builder.create::<Ipc>() {
@@ -195,6 +207,7 @@ impl Bus {
                 return Err(BusError::Node { root, cause: format!("{error:?}") });
             }
             std::thread::sleep(Duration::from_millis(2));
+            self.clear_the_way()?;
         }
     }
 

@@ -194,6 +194,9 @@ pub enum BusError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// We were asked to stop while others held the lock.
+    #[error("stopped while other processes were starting")]
+    Stopped,
     /// Nothing can be created on the bus.
     #[error("cannot lock {path}: {cause}; see who holds it with `fuser {path}`")]
     Locked {

@@ -107,6 +107,7 @@ impl StatePublisher {
         let stream = StreamId::new(manifest.provenance.run_id);
         let doubles = manifest.frame_doubles();
         let slot_bytes = (doubles * size_of::<f64>()) as u64;
+        bus.clear_the_way()?;
         // until everything has its memory, so that nobody else takes the free space that we found
         let _lock = bus.lock()?;
         let node = bus.node()?;
