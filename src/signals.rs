@@ -32,29 +32,35 @@ const LOOK_PERIOD: Duration = Duration::from_millis(50);
 /// From when on someone who waits for others on the bus is told so.
 const TOLD_AFTER: Duration = Duration::from_secs(2);
 
-/// A flag that the first signal sets. The second one ends the process.
-pub(crate) fn stop_flag() -> io::Result<Arc<AtomicBool>> {
-    watched_flag(None)
+/// Whether nothing but finished results would stay if the process ended now.
+static LEAVES_NOTHING: AtomicBool = AtomicBool::new(false);
+
+/// Says whether nothing but finished results would stay if the process ended from now on. Then one that computes for [`BOUND`] after
+/// the first signal is ended.
+pub(crate) fn leaves_nothing(it_does: bool) {
+    LEAVES_NOTHING.store(it_does, Ordering::Relaxed);
 }
 
-/// The same for commands that leave nothing but finished results: one that computes for [`BOUND`] after the signal is ended.
+/// The flag of a command that leaves nothing but finished results all the time.
 pub(crate) fn bounded_stop_flag() -> io::Result<Arc<AtomicBool>> {
-    watched_flag(Some(BOUND))
+    leaves_nothing(true);
+    stop_flag()
 }
 
-/// Waits for the first signal and then for the second one, or until the process has computed for `bound` since the first.
-fn watch(mut came: UnixStream, bound: Option<Duration>) -> io::Result<()> {
+/// Waits for the first signal and then for the second one, or until the process has computed for [`BOUND`] and leaves nothing.
+fn watch(mut came: UnixStream) -> io::Result<()> {
     let mut byte = [0];
     // an end of the stream is no signal
     came.read_exact(&mut byte)?;
     let first = clock_gettime(ClockId::ProcessCPUTime);
-    came.set_read_timeout(bound.map(|_| LOOK_PERIOD))?;
+    came.set_read_timeout(Some(LOOK_PERIOD))?;
     loop {
         match came.read_exact(&mut byte) {
             Ok(()) => end_at_once(),
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
                 let computed = Duration::try_from(clock_gettime(ClockId::ProcessCPUTime) - first);
-                if computed.is_ok_and(|computed| bound.is_some_and(|bound| computed >= bound)) {
+                if LEAVES_NOTHING.load(Ordering::Relaxed) && computed.is_ok_and(|computed| computed >= BOUND)
+                {
                     leave();
                 }
             }
@@ -83,10 +89,11 @@ pub(crate) fn while_waiting(waiting: &bus::Waiting) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
-fn watched_flag(bound: Option<Duration>) -> io::Result<Arc<AtomicBool>> {
+/// A flag that the first signal sets. The second one ends the process.
+pub(crate) fn stop_flag() -> io::Result<Arc<AtomicBool>> {
     let (came, coming) = UnixStream::pair()?;
     // it ends with the process
-    let watch = move || drop(watch(came, bound));
+    let watch = move || drop(watch(came));
     let watched = thread::Builder::new().name("signals".into()).spawn(watch).is_ok();
     let stop = new_flag();
     for signal in [SIGINT, SIGTERM] {

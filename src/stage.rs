@@ -6,6 +6,7 @@ use crate::keyboard::{Key, Keyboard, Seek};
 use crate::pace::{LONGEST_NAP, Pacer};
 use crate::progress::REFRESH;
 use crate::publishing::{Audience, Dropped};
+use crate::signals;
 use indicatif::ProgressBar;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
@@ -129,6 +130,8 @@ impl<'a> Stage<'a> {
 
     /// `frame` was published.
     pub(crate) fn published(&mut self, frame: &Frame<'_>) {
+        // what is there is worth an orderly end
+        signals::leaves_nothing(false);
         self.last = (frame.step, frame.time_s);
     }
 

@@ -72,6 +72,10 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     let expected_bytes = SpaceNeeded::new(manifest, options.compression).at_most_bytes;
     let upload = spool.as_ref().map(|spool| spool.begin(manifest, expected_bytes, args.force)).transpose()?;
     let (keyboard, stop) = Keyboard::open()?;
+    // a run that others may have found, or with keys, leaves in order; one that goes on is a file that others know
+    signals::leaves_nothing(
+        args.no_publish && args.resume.is_none() && spool.is_none() && keyboard.is_none(),
+    );
     let prepared = start.prepare(args, &configured, &options, &stop);
     let Ok(Some((mut publisher, begun))) = prepared else {
         if let Some(upload) = upload {

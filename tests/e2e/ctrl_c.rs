@@ -27,7 +27,7 @@ use At::{Bare, Wait, Work};
 /// where they were stopped are kept, and said to end there.
 const LONG: [(&str, At, &[&str]); 46] = [
     ("share long.mcap --pulses", Work, &["long.html"]),
-    ("share long.mcap --every-steps 1000000", Work, &["long.html"]),
+    ("share long.mcap --every-steps 1000000 --force", Work, &["long.html"]),
     ("thin long.mcap --every-steps 1000000000000 --out thin.mcap", Work, &["thin.mcap"]),
     ("expand long.mcap --every-steps 1000000 --out expanded.mcap", Work, &["expanded.mcap"]),
     ("verify long.mcap", Work, &[]),
@@ -40,7 +40,7 @@ const LONG: [(&str, At, &[&str]); 46] = [
     ("energies long.mcap --every-step", Work, &[]),
     ("energies long.mcap --every-step --jobs 1", Work, &[]),
     ("energies long.mcap --fill-gaps --from 1000", Work, &[]),
-    ("energies", Wait("waiting for a run"), &[]),
+    ("energies live:nobody", Wait("waiting for the run"), &[]),
     ("energies live:paced --from-start --no-publish", Work, &[]),
     ("impurity long.mcap --every-step", Work, &[]),
     ("impurity live:paced", Work, &[]),
@@ -48,27 +48,43 @@ const LONG: [(&str, At, &[&str]); 46] = [
     ("contacts long.mcap --every-step --out map.mcap", Work, &[]),
     ("pulses long.mcap --every-step", Work, &[]),
     ("spreading long.mcap --every-step", Work, &[]),
-    ("deformation long.mcap --every-step", Work, &[]),
+    ("deformation long.mcap --contact 3 --every-step", Work, &[]),
     ("forces long.mcap --at bead:3 --every-step", Work, &[]),
     ("spectrum long.mcap --at bead:3 --every-step", Work, &[]),
     ("spectrum long.mcap --map --every-step", Work, &[]),
     ("modes loaded.toml", Bare, &[]),
     ("modes loaded.mcap --out modes.csv", Work, &["modes.csv"]),
     ("modes loaded.mcap --energy --every-step", Work, &[]),
-    ("run --preset striker-3g --duration 1e4 --record-every-steps 1000000000 --yes --out run.mcap", Work, &[]),
-    ("run --preset striker-3g --duration 1e4 --record-every-steps 1000000000 --yes --no-publish --out alone.mcap", Work, &[]),
+    (
+        "run --preset striker-3g --duration 1e4 --record-every-steps 1000000000 --yes --out run.mcap",
+        Work,
+        &[],
+    ),
+    (
+        "run --preset striker-3g --duration 1e4 --record-every-steps 1000000000 --yes --no-publish --out alone.mcap",
+        Work,
+        &[],
+    ),
     ("run --preset striker-3g --duration 1e7 --yes --no-record", Work, &[]),
     ("run --preset striker-3g --no-record --wait-for 1", Wait("waiting for"), &[]),
-    ("run --beads 2000000 --duration 1e7 --yes --no-publish --out large.mcap", Bare, &["large.mcap"]),
-    ("run --beads 2000000 --duration 1 --dt auto:1e-9 --yes --out step.mcap", Bare, &["step.mcap"]),
-    ("record --timeout 60 --out recorded.mcap", Wait("waiting for a run"), &["recorded.mcap"]),
+    (
+        "run --beads 2000000 --duration 1 --record-every-steps 1000000 --yes --no-publish --out large.mcap",
+        Work,
+        &[],
+    ),
+    (
+        "run --beads 100000 --duration 1 --dt auto:1e-9 --yes --no-publish --out step.mcap",
+        Bare,
+        &["step.mcap"],
+    ),
+    ("record live:nobody --out recorded.mcap", Wait("waiting for the run"), &["recorded.mcap"]),
     ("record live:paced --out recorded.mcap", Work, &[]),
     ("replay long.mcap", Wait("waiting for"), &[]),
     ("replay long.mcap --wait-for 0 --name long", Work, &[]),
     ("sweep sweep.toml --out sweep --yes", Work, &["sweep/results.csv"]),
     ("sweep --status sweep", Bare, &[]),
     ("check run.toml", Work, &[]),
-    ("catalog many --out table.csv", Work, &["table.csv"]),
+    ("catalog many --out table.csv", Bare, &[]),
     ("reproduce --out paper", Work, &["paper/REPORT.md"]),
     ("demo --out demo", Work, &["demo/light-impurity.html"]),
     ("bench --only dynamics", Bare, &[]),
@@ -98,10 +114,10 @@ const MOST_CPU_S: f64 = 1.0;
 const MOST_S: f64 = 10.0;
 
 /// Waits until the process has a handler of SIGINT: before, the signal ends it like any program.
-fn wait_for_handler(running: &mut Running) {
+fn wait_for_handler(running: &Running) {
     let status = format!("/proc/{}/status", running.id());
     wait_until("the signal's handler", || {
-        if !running.is_running() {
+        if state_of(running.id()).is_none_or(|(state, _)| state == 'Z') {
             return Some(());
         }
         let status = fs::read_to_string(&status).unwrap_or_default();
@@ -146,19 +162,24 @@ fn stopped(place: &Place, words: &str, at: At, files: &[&str]) -> Result<String,
     let mut running = place.start(words);
     wait_for(at, &mut running);
     let (start, before) = (Instant::now(), state_of(running.id()));
-    running.signal("INT");
+    let is_there = before.is_some_and(|(state, _)| state != 'Z');
+    if is_there {
+        running.signal("INT");
+    }
     let after = wait_until(&format!("the end of {words}"), || match state_of(running.id()) {
         Some((state, cpu_s)) => (state == 'Z').then_some(cpu_s),
         None => Some(0.0),
     });
     let (wall_s, cpu_s) = (start.elapsed().as_secs_f64(), after - before.map_or(after, |(_, cpu_s)| cpu_s));
-    let told = format!("{wall_s:.2} s, {cpu_s:.2} s of processors: {words}");
+    let by_itself = if is_there { "" } else { " (ended by itself)" };
+    let told = format!("{wall_s:.2} s, {cpu_s:.2} s of processors: {words}{by_itself}");
     let ended = running.wait();
     let left: Vec<_> = files.iter().filter(|file| place.path(file).exists()).collect();
     // one without a handler may have been done before
     let is_right = match (ended.code(), ended.killed_by()) {
         (Some(3), None) => true,
-        (None, Some(2)) | (Some(0), None) => at == Bare,
+        (None, Some(2)) => at == Bare,
+        (Some(0), None) => at == Bare && !is_there,
         _ => false,
     };
     let is_soon = cpu_s <= MOST_CPU_S && wall_s <= MOST_S;
@@ -185,7 +206,10 @@ fn prepare(place: &Place) {
     let sweep = "[base]\npreset = \"striker-3g\"\ntime.duration_s = 1e7\n[grid]\nchain.alpha = [1.5, 2.0]\n";
     place.write("sweep.toml", sweep);
     let loaded = preset.lines().map(|line| if line.starts_with("beads") { "beads = 4000" } else { line });
-    let loaded = loaded.collect::<Vec<_>>().join("\n").replace("[striker]", "[load]\nprecompression_n = 5.0\n\n[striker]");
+    let loaded = loaded
+        .collect::<Vec<_>>()
+        .join("\n")
+        .replace("[striker]", "[load]\nprecompression_n = 5.0\n\n[striker]");
     place.write("loaded.toml", &loaded);
     place.run("run loaded.toml --duration 1e-4 --out loaded.mcap --no-publish").exits(0);
     fs::create_dir(place.path("many")).unwrap();
@@ -199,7 +223,8 @@ fn prepare(place: &Place) {
 fn every_long_command_ends_at_ctrl_c_with_3() {
     let place = Place::new();
     prepare(&place);
-    let paced = place.start("run --preset striker-3g --duration 1e4 --name paced --pace 1e-3 --no-record --yes");
+    let paced =
+        place.start("run --preset striker-3g --duration 1e4 --name paced --pace 1e-3 --no-record --yes");
     place.wait_for_run("paced", |run| run.step > 0);
     let mut failed = Vec::new();
     for (words, at, files) in LONG {
@@ -223,7 +248,8 @@ fn every_long_command_ends_at_ctrl_c_with_3() {
 fn no_command_is_left_out() {
     let help = Place::new().run("--help").exits(0).stdout();
     let commands = help.lines().filter_map(|line| line.strip_prefix("  ")?.split_once("  "));
-    let names = commands.map(|(name, _)| name).filter(|name| name.bytes().all(|byte| byte.is_ascii_lowercase()));
+    let names =
+        commands.map(|(name, _)| name).filter(|name| name.bytes().all(|byte| byte.is_ascii_lowercase()));
     let names: Vec<&str> = names.filter(|name| !name.is_empty()).collect();
     assert!(names.len() > 30, "{names:?}");
     let is_known = |name: &&&str| {

@@ -230,7 +230,8 @@ fn many_starts_at_once_succeed() {
     let count: usize = std::env::var("BEADLINE_STARTS").map_or(60, |count| count.parse().unwrap());
     let place = Place::new();
     let start = Instant::now();
-    let words = |number| format!("run --preset homogeneous --beads 20 --no-record --wait-for 1 --name r{number}");
+    let words =
+        |number| format!("run --preset homogeneous --beads 20 --no-record --wait-for 1 --name r{number}");
     let mut runs: Vec<Running> = (0..count).map(|number| place.start(&words(number))).collect();
     for run in &mut runs {
         run.wait_until_it_says("waiting for 1 lossless");

@@ -152,9 +152,20 @@ impl Bus {
 
     /// Registers this process, and cleans up what dead ones left.
     fn node(&self) -> Result<Node<Ipc>, BusError> {
+        self.prepare()?;
+        self.prepared_node()
+    }
+
+    /// What comes before registering, and needs no lock.
+    fn prepare(&self) -> Result<(), BusError> {
         // before anything that may wait for others
-        let warden = self.warden();
-        self.clear_the_way()?;
+        self.warden();
+        room::check_least(room::free_bytes()?)?;
+        self.clear_the_way()
+    }
+
+    /// As [`Bus::node`], after [`Bus::prepare`].
+    fn prepared_node(&self) -> Result<Node<Ipc>, BusError> {
         let lock = self.lock()?;
         let family = root::family(&self.root);
         if !leftovers::may_be_there(&self.root, &self.prefix, &family, &self.config) {
@@ -164,7 +175,7 @@ impl Bus {
         if lock.is_exclusive() {
             let mut removed = leftovers::remove_orphans(&self.root, &self.prefix, &self.config);
             removed.add(leftovers::remove_earlier(&self.prefix, &family));
-            warden.note(removed);
+            self.warden().note(removed);
             position::remove_dead(&self.root);
         }
         Ok(node)
@@ -172,7 +183,7 @@ impl Bus {
 
     /// Registers this process and touches nothing else, so that the remains of a dead producer can be seen.
     fn observer(&self) -> Result<Node<Ipc>, BusError> {
-        self.clear_the_way()?;
+        self.prepare()?;
         self.node_with(&self.config_without_cleanup())
     }
 
@@ -193,7 +204,6 @@ impl Bus {
     }
 
     fn node_with(&self, config: &Config) -> Result<Node<Ipc>, BusError> {
-        room::check_least(room::free_bytes()?)?;
         let start = Instant::now();
         loop {
             let builder =

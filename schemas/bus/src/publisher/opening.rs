@@ -107,10 +107,10 @@ impl StatePublisher {
         let stream = StreamId::new(manifest.provenance.run_id);
         let doubles = manifest.frame_doubles();
         let slot_bytes = (doubles * size_of::<f64>()) as u64;
-        bus.clear_the_way()?;
+        bus.prepare()?;
         // until everything has its memory, so that nobody else takes the free space that we found
         let _lock = bus.lock()?;
-        let node = bus.node()?;
+        let node = bus.prepared_node()?;
         let free_bytes = room::free_bytes()?;
         let limits = room::plan(slot_bytes, free_bytes);
         check_schema(bus, run, Topic::Manifest)?;
