@@ -70,7 +70,7 @@ impl<'a> Session<'a> {
         part: impl FnOnce(&RunManifest) -> Result<Window, Failure>,
     ) -> Result<Self, Failure> {
         check_flags(args)?;
-        let stop = signals::stop_flag()?;
+        let stop = signals::bounded_stop_flag()?;
         let (source, live) = match &args.source {
             Named::Live(name) => {
                 let bus = Bus::from_env()?;

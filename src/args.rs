@@ -257,6 +257,9 @@ pub(crate) struct RunArgs {
     /// Publish only, write no recording
     #[arg(long)]
     pub(crate) no_record: bool,
+    /// Record only: nobody can follow the run, and it needs no shared memory
+    #[arg(long, conflicts_with_all = ["wait_for", "stall_timeout", "no_record"])]
+    pub(crate) no_publish: bool,
     /// Go on with an interrupted run, given its recording
     #[arg(
         long,

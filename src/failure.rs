@@ -3,7 +3,7 @@
 use crate::display;
 use crate::limits;
 use anyhow::Error;
-use bus::{AttachError, PublishError};
+use bus::{AttachError, BusError, PublishError, ResultsError};
 use exports::ExportError;
 use producer::resimulation::OtherKernel;
 use recording::WriteError;
@@ -160,9 +160,12 @@ fn is_in_the_way(error: &Error) -> bool {
 
 /// It was asked to stop, wherever it was then.
 fn is_stop(error: &Error) -> bool {
+    use BusError::Stopped;
     error.chain().any(|cause| {
-        matches!(cause.downcast_ref(), Some(AttachError::Stopped))
-            || matches!(cause.downcast_ref(), Some(PublishError::Stopped { .. }))
+        matches!(cause.downcast_ref(), Some(AttachError::Stopped | AttachError::Bus(Stopped)))
+            || matches!(cause.downcast_ref(), Some(PublishError::Stopped { .. } | PublishError::Bus(Stopped)))
+            || matches!(cause.downcast_ref(), Some(ResultsError::Bus(Stopped)))
+            || matches!(cause.downcast_ref(), Some(Stopped))
     })
 }
 

@@ -61,7 +61,7 @@ impl Frames {
         first_step: u64,
         jobs: Option<NonZero<usize>>,
     ) -> Result<Self, Failure> {
-        let stop = source.stop().cloned();
+        let (stop, flag) = (source.stop().cloned(), Arc::clone(source.flag()));
         let cores = || std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
         let jobs = jobs.unwrap_or_else(cores);
         let pays = ParallelResimulation::<Source>::pays(source.manifest());
@@ -69,11 +69,11 @@ impl Frames {
         let threads = || std::thread::Builder::new().spawn(|| ()).is_ok_and(|thread| thread.join().is_ok());
         let states = if stop.is_some() && pays && jobs > NonZero::<usize>::MIN && threads() {
             let make = if from_start { ParallelResimulation::from_start } else { ParallelResimulation::new };
-            let states = make(source, lend, jobs).bad_input()?.lending_from(first_step);
+            let states = make(source, lend, jobs).bad_input()?.lending_from(first_step).stopped_by(flag);
             States::InParallel(Box::new(states))
         } else {
             let make = if from_start { Resimulation::from_start } else { Resimulation::new };
-            let states = make(source, lend).bad_input()?.lending_from(first_step);
+            let states = make(source, lend).bad_input()?.lending_from(first_step).stopped_by(flag);
             // compute nothing for a file's claim about its end; a live run has really reached it
             let states = if stop.is_some() { states.ending_with_the_last_state() } else { states };
             States::Recomputed(Box::new(states))

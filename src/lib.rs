@@ -43,6 +43,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 pub fn command(arguments: &[OsString], program: Option<Vec<OsString>>) -> u8 {
     let form = Form::asked_for(arguments);
     limits::prepare(form);
+    bus::while_waiting(signals::while_waiting);
     bench::child::set_program(program);
     let arguments = args::command().try_get_matches_from(arguments);
     let cli = arguments.and_then(|arguments| Cli::from_arg_matches(&arguments));

@@ -2,10 +2,84 @@
 
 use crate::display::{self, counted, duration};
 use crate::failure::Failure;
-use bus::{Bus, ConsumerEvent, PublishOptions, StatePublisher, WaitOutcome};
+use bus::{Bus, ConsumerEvent, PublishCounts, PublishError, PublishOptions, StatePublisher, WaitOutcome};
 use indicatif::ProgressBar;
+use schemas::frame::{EndReason, Frame, FrameSink};
 use schemas::manifest::RunManifest;
 use std::sync::atomic::AtomicBool;
+
+/// Those who listen to a run while it goes on.
+pub(crate) trait Audience {
+    /// Answers those who come; one that cannot be answered now is answered at the next frame.
+    fn serve(&mut self);
+    /// Who there is, and what came of it.
+    fn counts(&self) -> PublishCounts;
+    /// What happened to consumers since the last call.
+    fn take_events(&mut self) -> Vec<ConsumerEvent>;
+}
+
+impl Audience for StatePublisher {
+    fn serve(&mut self) {
+        let _ = Self::serve(self);
+    }
+
+    fn counts(&self) -> PublishCounts {
+        Self::counts(self)
+    }
+
+    fn take_events(&mut self) -> Vec<ConsumerEvent> {
+        Self::take_events(self)
+    }
+}
+
+/// Where the frames of a run go: onto the bus, or nowhere.
+pub(crate) enum Outlet {
+    Bus(Box<StatePublisher>),
+    Nowhere,
+}
+
+impl Outlet {
+    /// As [`StatePublisher::finish`].
+    pub(crate) fn finish(self, reason: EndReason) -> Result<PublishCounts, PublishError> {
+        match self {
+            Self::Bus(publisher) => publisher.finish(reason),
+            Self::Nowhere => Ok(PublishCounts::default()),
+        }
+    }
+}
+
+impl FrameSink for Outlet {
+    type Error = PublishError;
+
+    fn accept(&mut self, frame: &Frame<'_>) -> Result<(), PublishError> {
+        match self {
+            Self::Bus(publisher) => publisher.accept(frame),
+            Self::Nowhere => Ok(()),
+        }
+    }
+}
+
+impl Audience for Outlet {
+    fn serve(&mut self) {
+        if let Self::Bus(publisher) = self {
+            Audience::serve(&mut **publisher);
+        }
+    }
+
+    fn counts(&self) -> PublishCounts {
+        match self {
+            Self::Bus(publisher) => publisher.counts(),
+            Self::Nowhere => PublishCounts::default(),
+        }
+    }
+
+    fn take_events(&mut self) -> Vec<ConsumerEvent> {
+        match self {
+            Self::Bus(publisher) => publisher.take_events(),
+            Self::Nowhere => Vec::new(),
+        }
+    }
+}
 
 /// Registers the run, to which `wait_for` consumers must be able to attach.
 pub(crate) fn open(
@@ -45,7 +119,7 @@ pub(crate) struct Dropped {
 
 impl Dropped {
     /// Says which consumers were dropped since the last call.
-    pub(crate) fn tell(&mut self, publisher: &mut StatePublisher, bar: &ProgressBar) {
+    pub(crate) fn tell(&mut self, publisher: &mut impl Audience, bar: &ProgressBar) {
         for event in publisher.take_events() {
             match event {
                 ConsumerEvent::Evicted { name, held } => {

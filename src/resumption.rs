@@ -5,8 +5,8 @@ use crate::failure::{BadInput, Failure};
 use crate::frames::{Frames, is_of_a_file};
 use crate::outputs::check_free;
 use crate::progress::Progress;
+use crate::publishing::Audience;
 use anyhow::anyhow;
-use bus::StatePublisher;
 use producer::resimulation::{Lend, check_kernel};
 use producer::state::ChainState;
 use recording::{
@@ -87,7 +87,7 @@ impl Resumption {
     pub(crate) fn rebuild(
         mut self,
         options: &WriteOptions,
-        publisher: &mut StatePublisher,
+        publisher: &mut impl Audience,
         stop: &Arc<AtomicBool>,
     ) -> Result<Option<Begun>, Failure> {
         let manifest = self.info().manifest.clone();
@@ -128,7 +128,7 @@ impl Resumption {
 
     /// Computes the run's last states again and compares bits, as far back as some seconds allow: everything that
     /// follows from a wrong state is wrong, and the old recording will be gone.
-    fn prove(&self, publisher: &mut StatePublisher, stop: &Arc<AtomicBool>) -> Result<(), Failure> {
+    fn prove(&self, publisher: &mut impl Audience, stop: &Arc<AtomicBool>) -> Result<(), Failure> {
         let manifest = &self.info().manifest;
         let Some(last_step) = self.info().last_step else { return Ok(()) };
         let from = last_step.saturating_sub(MOST_PROVEN / manifest.physics.beads);
@@ -140,7 +140,7 @@ impl Resumption {
             match frames.receive() {
                 Ok(Received::Frame(frame)) => {
                     if progress.at(frame.step) {
-                        let _ = publisher.serve();
+                        publisher.serve();
                     }
                 }
                 // copying finds what is missing
@@ -163,7 +163,7 @@ impl Resumption {
     fn copy(
         &self,
         recorder: &mut RecordingWriter,
-        publisher: &mut StatePublisher,
+        publisher: &mut impl Audience,
         stop: &AtomicBool,
     ) -> Result<Copied, Failure> {
         let path = self.recording.path();
@@ -186,8 +186,7 @@ impl Resumption {
                         last = Some(ChainState::of_frame(&frame));
                     }
                     if progress.at(frame.step) {
-                        // a consumer that cannot be answered now is answered later
-                        let _ = publisher.serve();
+                        publisher.serve();
                     }
                     if stop.load(Ordering::Relaxed) {
                         return Ok(Copied::Stopped);

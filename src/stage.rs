@@ -5,8 +5,8 @@ use crate::display::{self, count, seconds};
 use crate::keyboard::{Key, Keyboard, Seek};
 use crate::pace::{LONGEST_NAP, Pacer};
 use crate::progress::REFRESH;
-use crate::publishing::Dropped;
-use bus::StatePublisher;
+use crate::publishing::{Audience, Dropped};
+use crate::signals;
 use indicatif::ProgressBar;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
@@ -115,7 +115,7 @@ impl<'a> Stage<'a> {
     }
 
     /// Takes the progress line away.
-    pub(crate) fn leave(mut self, publisher: &mut StatePublisher) -> Left {
+    pub(crate) fn leave(mut self, publisher: &mut impl Audience) -> Left {
         self.bar.finish_and_clear();
         self.dropped.tell(publisher, &self.bar);
         Left {
@@ -130,6 +130,8 @@ impl<'a> Stage<'a> {
 
     /// `frame` was published.
     pub(crate) fn published(&mut self, frame: &Frame<'_>) {
+        // what is there is worth an orderly end
+        signals::leaves_nothing(false);
         self.last = (frame.step, frame.time_s);
     }
 
@@ -140,7 +142,7 @@ impl<'a> Stage<'a> {
 
     /// Waits until simulated time may go on to `time_s`; consumers are served and keys are obeyed meanwhile. `Break`
     /// asks for the end.
-    pub(crate) fn hold(&mut self, time_s: f64, publisher: &mut StatePublisher) -> ControlFlow<()> {
+    pub(crate) fn hold(&mut self, time_s: f64, publisher: &mut impl Audience) -> ControlFlow<()> {
         loop {
             while let Some(key) = self.keyboard.and_then(Keyboard::try_next) {
                 self.obey(key, time_s);
@@ -170,17 +172,16 @@ impl<'a> Stage<'a> {
     }
 
     /// Serves consumers and shows progress between two frames that are far apart.
-    pub(crate) fn between_steps(&mut self, publisher: &mut StatePublisher) -> ControlFlow<()> {
+    pub(crate) fn between_steps(&mut self, publisher: &mut impl Audience) -> ControlFlow<()> {
         if self.is_due() {
-            // a consumer that cannot be answered now is answered at the next frame
-            let _ = publisher.serve();
+            publisher.serve();
             self.show(publisher);
         }
         self.go_on()
     }
 
     /// Shows how far it is, and says who was dropped.
-    pub(crate) fn show(&mut self, publisher: &mut StatePublisher) {
+    pub(crate) fn show(&mut self, publisher: &mut impl Audience) {
         self.refreshed = Instant::now();
         self.dropped.tell(publisher, &self.bar);
         let counts = publisher.counts();
@@ -205,9 +206,8 @@ impl<'a> Stage<'a> {
     }
 
     /// Waits for a key, and does what it asks for; consumers are served meanwhile.
-    fn nap(&mut self, at_most: Duration, next_s: f64, publisher: &mut StatePublisher) {
-        // a consumer that cannot be answered now is answered at the next frame
-        let _ = publisher.serve();
+    fn nap(&mut self, at_most: Duration, next_s: f64, publisher: &mut impl Audience) {
+        publisher.serve();
         match self.keyboard {
             None => thread::sleep(at_most),
             Some(keyboard) => {

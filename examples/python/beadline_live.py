@@ -159,6 +159,7 @@ class Bus:
         if len(os.fsencode(root)) > MOST_ROOT_BYTES:
             raise RunError(f"the bus directory {root} has a name of more than {MOST_ROOT_BYTES} bytes; "
                            "set BEADLINE_ROOT to a shorter one")  # fmt: skip
+        self.root = root
         with open(os.path.join(root, "creating.lock"), "a") as lock:
             self._take(lock)
             prefix = "bl" + hashlib.sha256(os.fsencode(root)).hexdigest()[:6] + self._secret(root) + "_"
@@ -285,11 +286,11 @@ class Board:
     @classmethod
     def find(cls, bus, run):
         service = bus.open(run, "manifest", lambda builder: builder.blackboard_opener(u64))
-        return service and cls(service)
+        return service and cls(bus.root, service)
 
-    def __init__(self, service):
+    def __init__(self, root, service):
         reader = service.reader_builder().create()
-        self._service, self._reader = service, reader
+        self._root, self._service, self._reader = root, service, reader
         self._manifest = reader.entry(u64(MANIFEST_KEY), ManifestText)
         self._status = [reader.entry(u64(key), RunStatus) for key in (STATUS_KEY, PREVIOUS_KEY)]
 
@@ -305,7 +306,17 @@ class Board:
     def manifest(self, stream):
         """The manifest of `stream`; None if another one has begun."""
         text = self._manifest.get().decode_as(ManifestText)
-        return json.loads(bytes(text.json[: text.length_bytes])) if stream_of(text) == stream else None
+        if stream_of(text) != stream:
+            return None
+        if text.length_bytes <= len(text.json):
+            return json.loads(bytes(text.json[: text.length_bytes]))
+        # a long one lies in a file, which is gone with its producer
+        name = bytes(text.json).split(b"\0")[0].decode()
+        try:
+            with open(os.path.join(self._root, os.path.basename(name)), "rb") as file:
+                return json.loads(file.read(text.length_bytes))
+        except FileNotFoundError:
+            return None
 
 
 class Run:

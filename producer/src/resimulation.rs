@@ -14,6 +14,8 @@ use schemas::frame::{EndReason, Frame, FrameSource, Received};
 use schemas::manifest::{KERNEL_VERSIONS, RunManifest};
 use serde::{Serialize, Serializer};
 use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Which states a [`Resimulation`] lends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,6 +66,8 @@ pub struct Resimulation<S> {
     missed: Option<(u64, u64)>,
     /// What is missing after the last state stays missing.
     ends_with_last_state: bool,
+    /// Ends it when it is set.
+    stop: Option<Arc<AtomicBool>>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -197,6 +201,7 @@ impl<S: FrameSource> Resimulation<S> {
             next: Next::Unknown,
             missed: None,
             ends_with_last_state: false,
+            stop: None,
         })
     }
 
@@ -222,6 +227,12 @@ impl<S: FrameSource> Resimulation<S> {
     #[must_use]
     pub fn ending_with_the_last_state(self) -> Self {
         Self { ends_with_last_state: true, ..self }
+    }
+
+    /// Ends with [`EndReason::Stopped`] once `stop` is set, also between two states, however far apart they are.
+    #[must_use]
+    pub fn stopped_by(self, stop: Arc<AtomicBool>) -> Self {
+        Self { stop: Some(stop), ..self }
     }
 
     /// The source.
@@ -308,6 +319,9 @@ impl<S: FrameSource> FrameSource for Resimulation<S> {
 
     fn receive(&mut self) -> Result<Received<'_>, Self::Error> {
         loop {
+            if self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+                return Ok(Received::End(EndReason::Stopped));
+            }
             match self.next {
                 Next::Unknown => self.look_ahead()?,
                 Next::Missed { from, to, then } => {

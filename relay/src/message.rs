@@ -4,7 +4,7 @@
 //! is no longer than what came.
 
 use schemas::frame::{EndReason, Frame};
-use schemas::manifest::{KERNEL_VERSION, RunManifest, SCHEMA_VERSION, SchemaVersion};
+use schemas::manifest::{KERNEL_VERSION, MAX_JSON_BYTES, RunManifest, SCHEMA_VERSION, SchemaVersion};
 use schemas::results::{ResultColumns, Topic};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -15,8 +15,8 @@ pub const PROTOCOL_VERSION: u32 = 1;
 
 /// Longest request (bytes).
 const MOST_REQUEST_BYTES: usize = 4096;
-/// Longest answer (bytes): a manifest as JSON within JSON.
-const MOST_ANSWER_BYTES: usize = 1 << 18;
+/// Longest answer (bytes): a manifest as JSON within JSON, each of whose characters takes two at most.
+const MOST_ANSWER_BYTES: usize = 2 * MAX_JSON_BYTES + 4096;
 /// Longest head of rows (bytes).
 const MOST_HEAD_BYTES: usize = 4096;
 

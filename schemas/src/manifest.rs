@@ -31,6 +31,30 @@ pub const MAX_BEADS: u64 = 20_000_000;
 /// Largest number of steps: step numbers and frame numbers are exact as doubles.
 pub const MAX_STEPS: u64 = 1 << 52;
 
+/// Longest manifest as JSON: a reader of recordings takes records of 64 MiB, and 4 KiB are for what else is in this one.
+pub const MAX_JSON_BYTES: usize = (64 << 20) - 4096;
+
+/// A manifest that nobody would read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the manifest has {bytes} bytes, at most {MAX_JSON_BYTES} can be published and recorded; give fewer beads, or fewer \
+     numbers of their own (lists, `[initial] from`)"
+)]
+pub struct ManifestTooLong {
+    /// Its length as JSON.
+    pub bytes: usize,
+}
+
+impl ManifestTooLong {
+    /// Refuses a manifest of `bytes` as JSON if nobody would read it.
+    ///
+    /// # Errors
+    /// When there are more than [`MAX_JSON_BYTES`].
+    pub fn check(bytes: usize) -> Result<(), Self> {
+        if bytes <= MAX_JSON_BYTES { Ok(()) } else { Err(Self { bytes }) }
+    }
+}
+
 /// A `major.minor` version.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SchemaVersion {

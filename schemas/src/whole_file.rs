@@ -19,7 +19,7 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// A file on its way to its name.
@@ -34,6 +34,22 @@ pub struct WholeFile {
     replaced: Option<Replaced>,
     keep: bool,
     file: Arc<File>,
+}
+
+/// What is removed if the process ends: the `.partial`s that nobody said are worth something.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes every file of this process that is not finished and not [kept](WholeFile::keep): for a process that ends without
+/// dropping anything.
+pub fn remove_unfinished() {
+    for partial in unfinished().drain(..) {
+        // at best: what is left is an unfinished file
+        let _ = fs::remove_file(partial);
+    }
 }
 
 /// Device and inode of a file.
@@ -172,6 +188,7 @@ impl WholeFile {
         let partial = Names::of_whole(path).partial;
         for _ in 0..MAX_ATTEMPTS {
             if let Some(file) = create_locked(&partial, replace)? {
+                unfinished().push(partial.clone());
                 return Ok(Self {
                     path: path.to_owned(),
                     partial,
@@ -203,6 +220,11 @@ impl WholeFile {
     /// What was written is worth something: the `.partial` stays even if it is never finished.
     pub fn keep(&mut self) {
         self.keep = true;
+        self.forget();
+    }
+
+    fn forget(&self) {
+        unfinished().retain(|partial| *partial != self.partial);
     }
 
     /// After an error: the written part stays, as [`keep`](Self::keep) said, unless there was no room.
@@ -230,7 +252,7 @@ impl WholeFile {
     /// # Errors
     /// [`WholeFileError::Appeared`], [`WholeFileError::Gone`], or when the operating system refuses.
     pub fn publish(mut self) -> Result<PathBuf, WholeFileError> {
-        self.keep = true;
+        self.keep();
         let Self { path, partial, replaced, .. } = &self;
         self.file.sync_all().map_err(WholeFileError::io(partial))?;
         if !is_at(&self.file, partial) {
@@ -256,6 +278,7 @@ impl Drop for WholeFile {
             // at best: what is left is an unfinished file
             let _ = fs::remove_file(&self.partial);
         }
+        self.forget();
     }
 }
 

@@ -90,7 +90,7 @@ const COLUMNS: [Of; 44] = [
 pub(crate) fn catalog(args: &CatalogArgs) -> Result<Done, Failure> {
     check_tables(&[&args.out])?;
     check_free(&args.out, args.force)?;
-    let stop = signals::stop_flag()?;
+    let stop = signals::bounded_stop_flag()?;
     let root = || args.root.display().to_string();
     let mut entries = list(&args.root).with_context(root).bad_input()?;
     entries.retain(|entry| is_recording(&entry.path));

@@ -35,7 +35,7 @@ pub(crate) fn check(args: &CheckArgs) -> Result<Done, Failure> {
     let subject = subject(args)?;
     let (manifest, physics) = (&subject.manifest, &subject.manifest.physics);
 
-    let stop = signals::stop_flag()?;
+    let stop = signals::bounded_stop_flag()?;
     let mut progress = Progress::new(subject.last_step, manifest.provenance.name.as_str());
     let compared = compare(manifest, None, (subject.last_step, args.tolerance), &stop, |step| {
         if progress.at(step) {

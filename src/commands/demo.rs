@@ -73,7 +73,7 @@ pub(crate) fn demo(args: &DemoArgs) -> Result<Done, Failure> {
     check_free(dir, args.force)?;
     let name = free_name()?;
 
-    let stop = signals::stop_flag()?;
+    let stop = signals::bounded_stop_flag()?;
     let mut processes = Processes::start(args, &name)?;
     processes.watch(&name, step_count()?, &stop)?;
     let [run, consumers @ ..] = processes.finish()?;

@@ -59,7 +59,7 @@ pub(crate) fn export(args: &ExportArgs) -> Result<Done, Failure> {
     format.check_built().bad_input()?;
     let from = recording(args)?;
     check_place(&args.out, Some(&from), args.force)?;
-    let stop = signals::stop_flag()?;
+    let stop = signals::bounded_stop_flag()?;
     let (mut frames, window) = open(args, &from, &stop)?;
     let manifest = frames.manifest().clone();
     display::notice_of_version(&manifest);

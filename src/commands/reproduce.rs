@@ -33,7 +33,7 @@ pub(crate) fn reproduce(args: &ReproduceArgs) -> Result<Done, Failure> {
     let runs = runs_of(&studies).into_values().map(|run| Cached::look(run, &recordings, origin()));
     let runs = runs.collect::<Result<Vec<_>, _>>()?;
     let manifests: Vec<RunManifest> = runs.iter().map(|cached| cached.manifest.clone()).collect();
-    let stop = signals::stop_flag()?;
+    let stop = signals::bounded_stop_flag()?;
     let cores = || std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
     let jobs = args.jobs.unwrap_or_else(cores).get();
     announce(&studies, &runs, jobs);

@@ -9,13 +9,13 @@ use crate::failure::{Done, Failure};
 use crate::forecast::Forecast;
 use crate::keyboard::Keyboard;
 use crate::outputs::check_free;
-use crate::publishing;
+use crate::publishing::{self, Outlet};
 use crate::report::{Rows, report};
 use crate::resumption::{self, Begun, Resumption};
 use crate::signals;
 use crate::stage::{Begin, Left, Stage};
 use crate::uploading::{Spool, Uploaded};
-use bus::{PublishCounts, PublishError, PublishOptions, StatePublisher};
+use bus::{PublishCounts, PublishError, PublishOptions};
 use consumers::determination::Outcome as Determined;
 use consumers::determination::verdict;
 use producer::growth::Lost;
@@ -72,6 +72,10 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     let expected_bytes = SpaceNeeded::new(manifest, options.compression).at_most_bytes;
     let upload = spool.as_ref().map(|spool| spool.begin(manifest, expected_bytes, args.force)).transpose()?;
     let (keyboard, stop) = Keyboard::open()?;
+    // a run that others may have found, or with keys, leaves in order; one that goes on is a file that others know
+    signals::leaves_nothing(
+        args.no_publish && args.resume.is_none() && spool.is_none() && keyboard.is_none(),
+    );
     let prepared = start.prepare(args, &configured, &options, &stop);
     let Ok(Some((mut publisher, begun))) = prepared else {
         if let Some(upload) = upload {
@@ -110,7 +114,10 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     if let (Some(path), true) = (&out, failed_to_record(&result, &recording)) {
         tell_what_stays(path, spool.as_ref());
     }
-    let (outcome, recording, counts) = (result?, recording?, counts?);
+    let (mut outcome, recording, counts) = (result?, recording?, counts?);
+    if args.no_publish {
+        outcome.published_count = 0;
+    }
     if let Some(old) = old {
         // it held the state from which the run was resumed
         old.remove()?;
@@ -193,21 +200,29 @@ impl Start {
         configured: &Configured,
         options: &WriteOptions,
         stop: &Arc<AtomicBool>,
-    ) -> Result<Option<(StatePublisher, Begun)>, Failure> {
+    ) -> Result<Option<(Outlet, Begun)>, Failure> {
         let publish = PublishOptions {
             first_frame: self.first_frame().unwrap_or(0),
             stuck_after: Duration::from_secs_f64(args.stall_timeout),
             stop: Arc::clone(stop),
             ..PublishOptions::default()
         };
-        let mut publisher = publishing::open(&configured.manifest, &publish, args.wait_for)?;
+        let mut publisher = if args.no_publish {
+            Outlet::Nowhere
+        } else {
+            Outlet::Bus(Box::new(publishing::open(&configured.manifest, &publish, args.wait_for)?))
+        };
         let recorder = match &self {
             Self::Fresh(Some(path)) => {
                 Some(RecordingWriter::create(path, &configured.manifest, &configured.toml, options)?)
             }
             _ => None,
         };
-        if publishing::wait_for_consumers(args.wait_for, &mut publisher, stop)? {
+        let is_ready = match &mut publisher {
+            Outlet::Bus(publisher) => publishing::wait_for_consumers(args.wait_for, publisher, stop)?,
+            Outlet::Nowhere => true,
+        };
+        if is_ready {
             let Self::Resumed(found) = self else {
                 return Ok(Some((publisher, Begun { recorder, state: None, old: None })));
             };
@@ -367,11 +382,11 @@ fn tell_end(configured: &Configured) {
     }
 }
 
-impl Conductor<StatePublisher, RecordingWriter> for Stage<'_> {
+impl Conductor<Outlet, RecordingWriter> for Stage<'_> {
     fn after_frame(
         &mut self,
         frame: &Frame<'_>,
-        publisher: &mut StatePublisher,
+        publisher: &mut Outlet,
         recorder: Option<&mut RecordingWriter>,
     ) -> ControlFlow<()> {
         self.published(frame);
@@ -383,7 +398,7 @@ impl Conductor<StatePublisher, RecordingWriter> for Stage<'_> {
         self.hold(frame.time_s, publisher)
     }
 
-    fn between_steps(&mut self, publisher: &mut StatePublisher) -> ControlFlow<()> {
+    fn between_steps(&mut self, publisher: &mut Outlet) -> ControlFlow<()> {
         Stage::between_steps(self, publisher)
     }
 

@@ -7,9 +7,10 @@ use crate::args::{OfArg, SpectrumArgs};
 use crate::display;
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::check_tables;
+use anyhow::anyhow;
 use consumers::follow::Analysis;
 use outputs::Kind;
-use schemas::frame::Frame;
+use schemas::frame::{EndReason, Frame};
 use schemas::manifest::RunManifest;
 use std::ops::Range;
 use waves::dispersion::{Band, UnitCell};
@@ -260,6 +261,9 @@ pub(crate) fn spectrum(args: &SpectrumArgs) -> Result<Done, Failure> {
         interval_steps,
     };
     let Some(engine) = engine.filter(|engine| engine.segment_count() > 0) else {
+        if tally.end == EndReason::Stopped {
+            return Err(Failure::Stopped(anyhow!("stopped before there were samples enough")));
+        }
         return Err(too_few(&samples, sampling.break_count()));
     };
     let linear = Linear::of(&manifest);

@@ -49,7 +49,7 @@ pub(crate) struct Verified {
 }
 
 pub(crate) fn verify(args: &VerifyArgs) -> Result<Done, Failure> {
-    let stop = signals::stop_flag()?;
+    let stop = signals::bounded_stop_flag()?;
     let cores = || std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
     let threads = args.jobs.unwrap_or_else(cores);
     let mut files: Vec<Verified> = Vec::new();

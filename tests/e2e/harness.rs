@@ -153,6 +153,15 @@ impl Running {
         String::from_utf8(line).unwrap()
     }
 
+    /// Waits until it has said this on stderr, of which the rest of the line is lost.
+    pub(crate) fn wait_until_it_says(&mut self, words: &str) {
+        let stderr = self.child.as_mut().unwrap().stderr.as_mut().unwrap();
+        let (mut said, mut byte) = (Vec::new(), [0]);
+        while !said.ends_with(words.as_bytes()) && stderr.read(&mut byte).unwrap() == 1 {
+            said.push(byte[0]);
+        }
+    }
+
     /// Whether it still runs.
     pub(crate) fn is_running(&mut self) -> bool {
         self.child.as_mut().unwrap().try_wait().unwrap().is_none()

@@ -26,6 +26,7 @@ mod house;
 mod kernel;
 mod keys;
 mod large_sweeps;
+mod long_manifests;
 mod long_runs;
 mod lying;
 mod manners;

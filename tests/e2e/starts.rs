@@ -222,6 +222,33 @@ fn the_same_for_another_user() {
     }
 }
 
+/// However many begin at once, nobody is refused, and none of them is in the others' way once they are there. `BEADLINE_STARTS` says how
+/// many.
+#[test]
+#[expect(clippy::print_stdout, reason = "the times of a campaign, with --nocapture")]
+fn many_starts_at_once_succeed() {
+    let count: usize = std::env::var("BEADLINE_STARTS").map_or(60, |count| count.parse().unwrap());
+    let place = Place::new();
+    let start = Instant::now();
+    let words =
+        |number| format!("run --preset homogeneous --beads 20 --no-record --wait-for 1 --name r{number}");
+    let mut runs: Vec<Running> = (0..count).map(|number| place.start(&words(number))).collect();
+    for run in &mut runs {
+        run.wait_until_it_says("waiting for 1 lossless");
+        assert!(run.is_running(), "a start was refused");
+    }
+    println!("{count} starts at once: {:.1} s", start.elapsed().as_secs_f64());
+    let start = Instant::now();
+    place.run("run --preset homogeneous --beads 20 --duration 1e-4 --no-record --name one-more").exits(0);
+    println!("one more beside them: {:.2} s", start.elapsed().as_secs_f64());
+    let start = Instant::now();
+    runs.iter().for_each(|run| run.signal("INT"));
+    for run in runs {
+        run.wait().exits(3);
+    }
+    println!("their ends: {:.1} s", start.elapsed().as_secs_f64());
+}
+
 /// The memory of a container. Each run that begins has all the memory that it can ever need.
 #[test]
 fn runs_that_do_not_fit_are_refused_and_none_dies_of_it() {

@@ -9,12 +9,17 @@ use schemas::manifest::RunManifest;
 use std::collections::VecDeque;
 use std::num::NonZero;
 use std::sync::Arc;
-use std::sync::mpsc::Receiver;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::Duration;
 use stretch::{Block, Piece, Stretch, Workers};
 
 /// A recording with at most one state in this many steps is recomputed faster by several threads. Where states are
 /// closer, reading them and handing them over takes longer than computing them.
 const FEW_STATES_STEPS: u64 = 8;
+
+/// How often somebody who waits for states looks whether it is to stop.
+const LOOK_PERIOD: Duration = Duration::from_millis(50);
 
 /// How much is kept in memory at most.
 #[derive(Debug, Clone, Copy)]
@@ -64,6 +69,8 @@ pub struct ParallelResimulation<S: FrameSource> {
     /// States to be lent, and how many of them have been.
     block: Block,
     lent_count: usize,
+    /// Ends it when it is set.
+    stop: Option<Arc<AtomicBool>>,
 }
 
 #[derive(Debug)]
@@ -128,6 +135,7 @@ impl<S: FrameSource> ParallelResimulation<S> {
             missed: None,
             block: Block::default(),
             lent_count: 0,
+            stop: None,
         })
     }
 
@@ -136,6 +144,27 @@ impl<S: FrameSource> ParallelResimulation<S> {
     pub fn lending_from(mut self, first_step: u64) -> Self {
         self.workers.lend_from(first_step);
         self
+    }
+
+    /// As [`Resimulation::stopped_by`](super::Resimulation::stopped_by).
+    #[must_use]
+    pub fn stopped_by(self, stop: Arc<AtomicBool>) -> Self {
+        Self { stop: Some(stop), ..self }
+    }
+
+    /// The next piece of a stretch; none if this is to stop before it is there.
+    fn next_piece(&self, pieces: &Receiver<Piece>) -> Option<Result<Piece, RecvTimeoutError>> {
+        loop {
+            match pieces.recv_timeout(LOOK_PERIOD) {
+                Err(RecvTimeoutError::Timeout) if self.is_stopped() => return None,
+                Err(RecvTimeoutError::Timeout) => {}
+                received => return Some(received),
+            }
+        }
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed))
     }
 
     /// Reads until all threads have enough to do, or there is nothing to read for now.
@@ -204,14 +233,18 @@ impl<S: FrameSource> ParallelResimulation<S> {
         self.lent_count = 0;
         self.read_ahead();
         match self.upcoming.pop_front() {
-            Some(Upcoming::States(pieces)) => match pieces.recv() {
-                Ok(Piece::Block(block)) => {
+            Some(Upcoming::States(pieces)) => match self.next_piece(&pieces) {
+                Some(Ok(Piece::Block(block))) => {
                     self.block = block;
                     self.upcoming.push_front(Upcoming::States(pieces));
                 }
-                Ok(Piece::Differs(difference)) => return self.refuse(difference),
-                Ok(Piece::Done) => self.workers.done(),
-                Err(_) => {
+                Some(Ok(Piece::Differs(difference))) => return self.refuse(difference),
+                Some(Ok(Piece::Done)) => self.workers.done(),
+                None => {
+                    self.upcoming.push_front(Upcoming::States(pieces));
+                    return Ok(Some(Received::End(EndReason::Stopped)));
+                }
+                Some(Err(_)) => {
                     // so that no thread waits for room in a queue that nobody reads any more
                     self.workers.stop();
                     self.upcoming.clear();

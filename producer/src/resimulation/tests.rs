@@ -229,3 +229,30 @@ fn another_dynamics_is_refused_by_name() {
         "{error}"
     );
 }
+
+/// A file may have two states that are years apart.
+#[test]
+fn a_stop_between_two_states_is_obeyed() {
+    let mut far = manifest(1);
+    let first = ChainState::initial(&far.physics);
+    let step_count = schemas::manifest::MAX_STEPS;
+    (far.physics.step_count, far.provenance.publish_every_steps) = (step_count, step_count);
+    far.provenance.record_every_steps = step_count;
+    let last = ChainState { step: step_count, ..first.clone() };
+    let source = || Script {
+        manifest: far.clone(),
+        items: vec![Item::State(first.clone()), Item::State(last.clone()), Item::End(EndReason::Complete)],
+        next: 0,
+    };
+    let two = std::num::NonZero::new(2).expect("not 0");
+    let stop: Arc<AtomicBool> = Arc::default();
+    let mut one =
+        Resimulation::new(source(), Lend::Frames).expect("same kernel").stopped_by(Arc::clone(&stop));
+    assert!(matches!(one.receive(), Ok(Received::Frame(frame)) if frame.step == 0));
+    stop.store(true, Ordering::Relaxed);
+    assert!(matches!(one.receive(), Ok(Received::End(EndReason::Stopped))));
+    // its threads are on the way, and it lends nothing before the end
+    let many = ParallelResimulation::new(source(), Lend::Frames, two).expect("same kernel");
+    let mut many = many.lending_from(step_count).stopped_by(stop);
+    assert!(matches!(many.receive(), Ok(Received::End(EndReason::Stopped))));
+}

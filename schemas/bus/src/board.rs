@@ -1,15 +1,17 @@
 //! The blackboard of a run: its manifest and its progress.
 
-use super::creating::Wanted;
+use super::creating::{Wanted, root_of};
+use super::manifest_file::{self, ManifestFile};
 use super::services::{BoardService, MAX_SUBSCRIBERS, attributes, open, service_name, text_of};
 use super::wire::{MANIFEST_BYTES, ManifestText, RunStatus, StreamId};
-use super::{BusError, Ipc};
+use super::{Bus, BusError, Ipc};
 use iceoryx2::node::Node;
 use iceoryx2::port::reader::{EntryHandle, Reader};
 use iceoryx2::port::writer::{EntryHandleMut, Writer};
 use iceoryx2::prelude::{MessagingPattern, ZeroCopySend};
 use schemas::results::Topic;
 use schemas::run_name::RunName;
+use std::path::PathBuf;
 use std::time::{Duration, Instant, SystemTime};
 
 const KEY_MANIFEST: u64 = 0;
@@ -28,11 +30,14 @@ pub(super) struct BoardWriter {
     service: BoardService,
     text: String,
     held: Option<EntryHandleMut<Ipc, u64, RunStatus>>,
+    /// The manifest, if it is long.
+    _file: Option<ManifestFile>,
 }
 
 impl BoardWriter {
     /// Creates the blackboard, or takes over the one that an earlier producer left.
     pub(super) fn create(
+        bus: &Bus,
         node: &Node<Ipc>,
         run: &RunName,
         manifest: &[u8],
@@ -40,7 +45,10 @@ impl BoardWriter {
     ) -> Result<Self, BusError> {
         let (text, name, attributes) =
             (text_of(run, Topic::Manifest), service_name(run, Topic::Manifest)?, attributes(&[])?);
-        let entry = manifest_text(manifest, status.stream());
+        let is_long = manifest.len() > MANIFEST_BYTES;
+        let file = is_long.then(|| ManifestFile::write(bus, node, manifest)).transpose()?;
+        let written = file.as_ref().map_or(manifest, |file| file.name().as_bytes());
+        let entry = manifest_text(written, manifest.len(), status.stream());
         let create = || {
             let creator = node.service_builder(&name).blackboard_creator::<u64>();
             let creator = creator.max_readers(MAX_READERS).max_nodes(MAX_READERS);
@@ -62,7 +70,7 @@ impl BoardWriter {
                 }
             }
         };
-        let board = Self { writer, service, text, held: None };
+        let board = Self { writer, service, text, held: None, _file: file };
         if !new {
             board.take_over(&entry, status)?;
         }
@@ -118,13 +126,13 @@ pub(super) fn unix_ns() -> u64 {
 }
 
 #[expect(clippy::large_stack_arrays, reason = "once a run; 64 KiB fit any stack")]
-fn manifest_text(manifest: &[u8], stream: StreamId) -> Box<ManifestText> {
+fn manifest_text(written: &[u8], length: usize, stream: StreamId) -> Box<ManifestText> {
     let mut json = [0; MANIFEST_BYTES];
-    json[..manifest.len()].copy_from_slice(manifest);
+    json[..written.len()].copy_from_slice(written);
     Box::new(ManifestText {
         run_id: stream.run_id.0,
         stream_id: stream.stream_id,
-        length_bytes: manifest.len() as u64,
+        length_bytes: length as u64,
         json,
     })
 }
@@ -134,6 +142,7 @@ pub(super) struct BoardReader {
     manifest: EntryHandle<Ipc, u64, ManifestText>,
     status: EntryHandle<Ipc, u64, RunStatus>,
     previous: EntryHandle<Ipc, u64, RunStatus>,
+    root: PathBuf,
     _reader: Reader<Ipc, u64>,
     _service: BoardService,
 }
@@ -150,6 +159,7 @@ impl BoardReader {
             manifest: reader.entry(&KEY_MANIFEST).map_err(|e| unreadable(&e))?,
             status: reader.entry(&KEY_STATUS).map_err(|e| unreadable(&e))?,
             previous: reader.entry(&KEY_PREVIOUS).map_err(|e| unreadable(&e))?,
+            root: root_of(node.config()),
             _reader: reader,
             _service: service,
         }))
@@ -166,11 +176,12 @@ impl BoardReader {
         [now, before].into_iter().find(|status| status.stream() == stream)
     }
 
-    /// The manifest's bytes, if they belong to `stream`.
+    /// The manifest's bytes, if they belong to `stream`; a long one is gone with its producer.
     pub(super) fn manifest(&self, stream: StreamId) -> Option<Vec<u8>> {
         let text = self.manifest.get();
         let same = text.run_id == stream.run_id.0 && text.stream_id == stream.stream_id;
         let length = usize::try_from(text.length_bytes).ok()?;
-        same.then(|| text.json.get(..length).map(<[u8]>::to_vec)).flatten()
+        let long = || manifest_file::read(&self.root, &text.json, length);
+        same.then(|| text.json.get(..length).map(<[u8]>::to_vec).or_else(long)).flatten()
     }
 }

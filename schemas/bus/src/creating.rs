@@ -10,15 +10,23 @@ use iceoryx2::prelude::{Config, MessagingPattern, Service, ServiceName};
 use iceoryx2::service::service_hash::ServiceHash;
 use std::cell::RefCell;
 use std::fs::{File, TryLockError};
+use std::ops::ControlFlow;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::rc::{Rc, Weak};
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 const LOCK_FILE: &str = "creating.lock";
-/// How long all others together may hold the lock.
+/// How long one process may hold the lock. A start holds it for some milliseconds, or for as long as the memory of a large run takes.
 const LOCK_PATIENCE: Duration = Duration::from_secs(15);
-/// The same if its holder was stopped, and may never go on.
+/// How long all others together may hold the lock: thousands of starts at once.
+const LONGEST_WAIT: Duration = Duration::from_mins(2);
+/// How often someone who waits for the lock looks who holds it.
+const LOOK_PERIOD: Duration = Duration::from_millis(100);
+/// Pauses between two tries to take the lock, the longer the longer it was waited: many who wait must not keep the cores busy.
+const LOCK_PAUSES: [Duration; 2] = [Duration::from_millis(1), Duration::from_millis(20)];
+/// How long it is waited for a process that holds the lock and was stopped, and may never go on.
 const PATIENCE_WITH_STOPPED: Duration = Duration::from_millis(500);
 /// How long a service may be in the middle of being created or removed.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -26,6 +34,26 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// take the lock, but need only milliseconds.
 const STALE_AFTER: Duration = Duration::from_secs(1);
 const PAUSE: Duration = Duration::from_millis(2);
+
+/// What this process waits for before it can create something on the bus.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Waiting {
+    /// The lock.
+    pub path: PathBuf,
+    /// The process that holds it, as far as the kernel tells.
+    pub holder: Option<u32>,
+    /// How long we have waited by now.
+    pub waited: Duration,
+}
+
+/// What is asked while we wait, one for the process, like the signals that it may look at.
+static WHILE_WAITING: OnceLock<fn(&Waiting) -> ControlFlow<()>> = OnceLock::new();
+
+/// Has `ask` called some ten times a second while this process waits for others that create something on the bus. `Break`
+/// ends the wait with [`BusError::Stopped`]. Only the first call counts.
+pub fn while_waiting(ask: fn(&Waiting) -> ControlFlow<()>) {
+    let _ = WHILE_WAITING.set(ask);
+}
 
 /// Held while something is created on the bus. A thread that holds it may take it again.
 pub(super) struct CreationLock(Rc<Held>);
@@ -69,43 +97,64 @@ fn lock(path: &Path) -> Result<Held, BusError> {
     let file = options.write(true).create(true).truncate(false).mode(0o600).open(path);
     let file = file.map_err(|e| failed(&e))?;
     let start = Instant::now();
+    let (mut looked, mut holder, mut held_since) = (start, None, start);
     loop {
         match file.try_lock() {
             Ok(()) => return Ok(Held { _file: file, exclusive: true }),
-            Err(TryLockError::WouldBlock) if start.elapsed() >= LOCK_PATIENCE => {
-                return Err(failed(&format!("another process has held it for {LOCK_PATIENCE:?}")));
-            }
-            Err(TryLockError::WouldBlock)
-                if start.elapsed() >= PATIENCE_WITH_STOPPED && holder_is_stopped(&file) =>
-            {
-                return Ok(Held { _file: file, exclusive: false });
-            }
             Err(TryLockError::Error(e)) if e.kind() != std::io::ErrorKind::Interrupted => {
                 return Err(failed(&e));
             }
-            Err(_) => std::thread::sleep(PAUSE),
+            Err(_) => {}
         }
+        let waited = start.elapsed();
+        if looked.elapsed() >= LOOK_PERIOD {
+            looked = Instant::now();
+            let found = holder_of(&file);
+            if found != holder {
+                // others come and go
+                (holder, held_since) = (found, looked);
+            }
+            if waited >= PATIENCE_WITH_STOPPED && holder.is_some_and(is_stopped) {
+                return Ok(Held { _file: file, exclusive: false });
+            }
+            let waiting = Waiting { path: path.to_owned(), holder, waited };
+            if WHILE_WAITING.get().is_some_and(|ask| ask(&waiting).is_break()) {
+                return Err(BusError::Stopped);
+            }
+            if held_since.elapsed() >= LOCK_PATIENCE {
+                let who = holder.map_or("another process".to_owned(), |holder| format!("process {holder}"));
+                return Err(failed(&format!("{who} has held it for {LOCK_PATIENCE:?}")));
+            }
+        }
+        if waited >= LONGEST_WAIT {
+            return Err(failed(&format!("one process after the other has held it for {LONGEST_WAIT:?}")));
+        }
+        let [shortest, longest] = LOCK_PAUSES;
+        std::thread::sleep((waited / 16).clamp(shortest, longest));
     }
 }
 
-/// Whether the process that holds the lock was stopped (SIGSTOP, Ctrl-Z), as far as the kernel tells.
-fn holder_is_stopped(file: &File) -> bool {
-    let Ok(inode) = file.metadata().map(|found| found.ino()) else { return false };
-    let locks = std::fs::read_to_string("/proc/locks").unwrap_or_default();
+/// The process that holds the lock, as far as the kernel tells.
+fn holder_of(file: &File) -> Option<u32> {
+    let inode = file.metadata().ok()?.ino();
+    let locks = std::fs::read_to_string("/proc/locks").ok()?;
     // `1: FLOCK  ADVISORY  WRITE 4711 00:2a:123 0 EOF`
-    let holder = locks.lines().find_map(|line| {
+    locks.lines().find_map(|line| {
         let mut fields = line.split_ascii_whitespace().skip(1);
         let is_flock = fields.next() == Some("FLOCK");
-        let holder = fields.nth(2)?;
+        let holder = fields.nth(2)?.parse().ok()?;
         let is_this = fields.next()?.rsplit(':').next()?.parse() == Ok(inode);
-        (is_flock && is_this).then(|| holder.to_owned())
-    });
-    let stat = holder.and_then(|holder| std::fs::read_to_string(format!("/proc/{holder}/stat")).ok());
-    let state = stat.as_ref().and_then(|stat| stat.rsplit(')').next()?.trim_start().chars().next());
-    matches!(state, Some('T' | 't'))
+        (is_flock && is_this).then_some(holder)
+    })
 }
 
-fn root_of(config: &Config) -> PathBuf {
+/// Whether the process was stopped (SIGSTOP, Ctrl-Z).
+fn is_stopped(process: u32) -> bool {
+    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
+    matches!(stat.rsplit(')').next().and_then(|state| state.trim_start().chars().next()), Some('T' | 't'))
+}
+
+pub(super) fn root_of(config: &Config) -> PathBuf {
     PathBuf::from(config.global.root_path().to_string())
 }
 

@@ -1,6 +1,7 @@
 //! Who made a file of the bus, by the numbers in its name.
 
 use rustix::time::{ClockId, clock_gettime};
+use std::collections::HashMap;
 use std::path::Path;
 
 /// Ticks a second in `/proc/*/stat`, on every Linux.
@@ -37,11 +38,26 @@ impl Id {
 
     /// Whether the process that made this id lives; in doubt, it does.
     pub(super) fn creator_lives(self) -> bool {
-        let Ok(stat) = std::fs::read_to_string(format!("/proc/{}/stat", self.process())) else {
-            return !Path::new("/proc/self/stat").exists();
-        };
+        Processes::default().has_creator_of(self)
+    }
+}
+
+/// The processes that were asked for, and since when they live (s of the monotonic clock); none if they do not.
+#[derive(Default)]
+pub(super) struct Processes(HashMap<u32, Option<u64>>);
+
+impl Processes {
+    /// As [`Id::creator_lives`], with one look at each process.
+    pub(super) fn has_creator_of(&mut self, id: Id) -> bool {
+        let began_at_s = *self.0.entry(id.process()).or_insert_with(|| {
+            match std::fs::read_to_string(format!("/proc/{}/stat", id.process())) {
+                Ok(stat) => began_at_s(&stat),
+                // without /proc nobody is known to be dead
+                Err(_) => (!Path::new("/proc/self/stat").exists()).then_some(0),
+            }
+        });
         // a later process may have the same number
-        began_at_s(&stat).is_some_and(|at| at <= self.made_at_s() + 1)
+        began_at_s.is_some_and(|at| at <= id.made_at_s() + 1)
     }
 }
 

@@ -3,13 +3,13 @@
 //! iceoryx2 cleans up after a process that had registered everything it made. It does not find things made before
 //! that, and waits for ever for a segment of size 0 whose creator is dead, if it may open it (as root it may).
 
-use super::creator::Id;
-use super::{Ipc, backpressure};
+use super::creator::{Id, Processes};
+use super::{Ipc, backpressure, position};
 use iceoryx2::node::{Node, NodeState};
 use iceoryx2::prelude::{CallbackProgression, Config, Service as _};
 use std::collections::{HashMap, HashSet};
-use std::fs::{self, Metadata};
-use std::os::unix::fs::MetadataExt;
+use std::fs::{self, DirEntry, Metadata};
+use std::os::unix::fs::{DirEntryExt as _, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -21,6 +21,8 @@ const PATIENCE_WITH_ONE: Duration = Duration::from_secs(1);
 /// How often another process may be found cleaning up, and how long to wait for it each time.
 const CLEANERS: u32 = 5;
 const CLEANER_PAUSE: Duration = Duration::from_millis(20);
+/// How long a process that ends may take from one of its files to the next.
+const LEAVING: Duration = Duration::from_millis(5);
 
 /// What was taken away.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
@@ -68,10 +70,18 @@ impl Found {
 }
 
 fn files_in(directory: &Path, prefix: &str) -> Vec<Found> {
+    files_among(directory, prefix, |_| true)
+}
+
+/// The files of this user that `wanted` chooses by their names.
+fn files_among(directory: &Path, prefix: &str, mut wanted: impl FnMut(&DirEntry) -> bool) -> Vec<Found> {
     let user = rustix::process::getuid().as_raw();
     let entries = fs::read_dir(directory).into_iter().flatten().flatten();
     let found = entries.filter_map(|entry| {
         let name = entry.file_name().into_string().ok().filter(|name| name.starts_with(prefix))?;
+        if !wanted(&entry) {
+            return None;
+        }
         let metadata = entry.metadata().ok()?;
         let ids = Id::all_in(&name);
         (metadata.uid() == user).then(|| Found { path: entry.path(), name, ids, metadata })
@@ -83,17 +93,26 @@ fn segments(prefix: &str) -> Vec<Found> {
     files_in(Path::new(SEGMENTS), prefix)
 }
 
-/// Remembers since when segments are half-made.
+/// Remembers since when segments are half-made, and which ones are whole.
 #[derive(Default)]
-pub(super) struct HalfMade(HashMap<(PathBuf, u64), Instant>);
+pub(super) struct HalfMade {
+    since: HashMap<(PathBuf, u64), Instant>,
+    whole: HashSet<u64>,
+}
 
 impl HalfMade {
     /// Removes segments that nobody will finish: at once if all possible creators are dead.
     pub(super) fn remove(&mut self, prefix: &str) -> Removed {
-        let (mut removed, mut seen) = (Removed::default(), HashMap::new());
-        for segment in segments(prefix).into_iter().filter(Found::is_half_made) {
+        let (mut removed, mut seen, mut whole) = (Removed::default(), HashMap::new(), HashSet::new());
+        let mut is_new = |entry: &DirEntry| !(self.whole.contains(&entry.ino()) && whole.insert(entry.ino()));
+        let unknown = files_among(Path::new(SEGMENTS), prefix, &mut is_new);
+        for segment in unknown {
+            if !segment.is_half_made() {
+                whole.insert(segment.metadata.ino());
+                continue;
+            }
             let key = (segment.path.clone(), segment.metadata.ino());
-            let since = self.0.get(&key).copied().unwrap_or_else(Instant::now);
+            let since = self.since.get(&key).copied().unwrap_or_else(Instant::now);
             let patience = match segment.creators_alive() {
                 0 if !segment.ids.is_empty() => Duration::ZERO,
                 1 if segment.ids.len() == 2 => PATIENCE_WITH_ONE,
@@ -105,9 +124,55 @@ impl HalfMade {
                 removed.half_made += 1;
             }
         }
-        self.0 = seen;
+        (self.since, self.whole) = (seen, whole);
         removed
     }
+}
+
+/// Whether anything on the bus may be without an owner, by the names that are there alone: it is made by a process that does not
+/// live, or is a service that no node uses. Call it with the lock held.
+pub(super) fn may_be_there(root: &Path, prefix: &str, family: &str, config: &Config) -> bool {
+    let mut suspects = services_of_nobody(prefix, config);
+    let mut processes = Processes::default();
+    let nodes = PathBuf::from(config.global.node_dir().to_string());
+    let places = [(Path::new(SEGMENTS), family), (root, prefix), (&nodes, "")];
+    for (path, name) in places.into_iter().flat_map(|(directory, prefix)| names_in(directory, prefix)) {
+        let ids = Id::all_in(&name);
+        let is_dead = !ids.is_empty() && !ids.iter().any(|id| processes.has_creator_of(*id));
+        let is_earlier = name.starts_with(family) && !name.starts_with(prefix);
+        if is_dead || is_earlier || name.ends_with(".new") {
+            suspects.push(path);
+        }
+    }
+    suspects.extend(position::of_the_dead(root));
+    if suspects.is_empty() {
+        return false;
+    }
+    // a process that was just ending has left in order by now
+    std::thread::sleep(LEAVING);
+    suspects.iter().any(|path| path.symlink_metadata().is_ok())
+}
+
+/// The descriptions of services that no node uses. A node says so before it makes a service, and until it is about to remove it.
+fn services_of_nobody(prefix: &str, config: &Config) -> Vec<PathBuf> {
+    let services = names_in(Path::new(&config.global.service_dir().to_string()), prefix);
+    let nodes = names_in(Path::new(&config.global.node_dir().to_string()), "");
+    let nodes = nodes.into_iter().filter(|(_, name)| !name.starts_with(prefix));
+    let used: HashSet<String> =
+        nodes.flat_map(|(path, _)| names_in(&path, prefix)).map(|(_, name)| stem(&name).to_owned()).collect();
+    let unused = services.into_iter().filter(|(_, name)| !used.contains(stem(name)));
+    unused.map(|(path, _)| path).collect()
+}
+
+/// What comes before the first `.`.
+fn stem(name: &str) -> &str {
+    name.split('.').next().unwrap_or_default()
+}
+
+fn names_in(directory: &Path, prefix: &str) -> Vec<(PathBuf, String)> {
+    let entries = fs::read_dir(directory).into_iter().flatten().flatten();
+    let names = entries.filter_map(|entry| Some((entry.path(), entry.file_name().into_string().ok()?)));
+    names.filter(|(_, name)| name.starts_with(prefix)).collect()
 }
 
 /// Removes everything that belongs to no living node and to no service. Call it with the lock held, so that nobody is

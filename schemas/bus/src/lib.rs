@@ -18,6 +18,7 @@ mod creator;
 pub mod delivery;
 mod leftovers;
 mod live;
+mod manifest_file;
 mod position;
 mod publisher;
 mod result_watch;
@@ -34,6 +35,7 @@ mod wire;
 #[cfg(feature = "faults")]
 pub use backpressure::Remedies;
 pub use backpressure::{ConsumerEvent, Delivery};
+pub use creating::{Waiting, while_waiting};
 pub use live::{AttachError, AttachNotice, AttachOptions, HeldState, LiveError, LiveSource};
 pub use publisher::{PublishCounts, PublishError, PublishOptions, StatePublisher, WaitOutcome};
 pub use result_watch::{OwnTopicsWatch, ResultWatch};
@@ -150,14 +152,30 @@ impl Bus {
 
     /// Registers this process, and cleans up what dead ones left.
     fn node(&self) -> Result<Node<Ipc>, BusError> {
+        self.prepare()?;
+        self.prepared_node()
+    }
+
+    /// What comes before registering, and needs no lock.
+    fn prepare(&self) -> Result<(), BusError> {
         // before anything that may wait for others
-        let warden = self.warden();
+        self.warden();
+        room::check_least(room::free_bytes()?)?;
+        self.clear_the_way()
+    }
+
+    /// As [`Bus::node`], after [`Bus::prepare`].
+    fn prepared_node(&self) -> Result<Node<Ipc>, BusError> {
         let lock = self.lock()?;
+        let family = root::family(&self.root);
+        if !leftovers::may_be_there(&self.root, &self.prefix, &family, &self.config) {
+            return self.node_with(&self.config_without_cleanup());
+        }
         let node = self.node_with(&self.config)?;
         if lock.is_exclusive() {
             let mut removed = leftovers::remove_orphans(&self.root, &self.prefix, &self.config);
-            removed.add(leftovers::remove_earlier(&self.prefix, &root::family(&self.root)));
-            warden.note(removed);
+            removed.add(leftovers::remove_earlier(&self.prefix, &family));
+            self.warden().note(removed);
             position::remove_dead(&self.root);
         }
         Ok(node)
@@ -165,11 +183,18 @@ impl Bus {
 
     /// Registers this process and touches nothing else, so that the remains of a dead producer can be seen.
     fn observer(&self) -> Result<Node<Ipc>, BusError> {
+        self.prepare()?;
+        self.node_with(&self.config_without_cleanup())
+    }
+
+    /// Without looks at all other nodes each time that something is made, opened or left: with a hundred processes they would take
+    /// most of the time of each.
+    fn config_without_cleanup(&self) -> Config {
         let mut config = self.config.clone();
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
         config.global.service.cleanup_dead_nodes_on_open = false;
-        self.node_with(&config)
+        config
     }
 
     fn warden(&self) -> &Warden {
@@ -179,10 +204,8 @@ impl Bus {
     }
 
     fn node_with(&self, config: &Config) -> Result<Node<Ipc>, BusError> {
-        room::check_least(room::free_bytes()?)?;
         let start = Instant::now();
         loop {
-            self.clear_the_way()?;
             let builder =
                 NodeBuilder::new().config(config).signal_handling_mode(SignalHandlingMode::Disabled);
             let error = match builder.create::<Ipc>() {
@@ -194,6 +217,7 @@ impl Bus {
                 return Err(BusError::Node { root, cause: format!("{error:?}") });
             }
             std::thread::sleep(Duration::from_millis(2));
+            self.clear_the_way()?;
         }
     }
 

@@ -83,6 +83,11 @@ impl LiveSource {
         &self.chain
     }
 
+    /// The flag that ends it.
+    pub fn stop(&self) -> &Arc<AtomicBool> {
+        &self.stop
+    }
+
     /// Which publishing of which run this is.
     pub fn stream(&self) -> StreamId {
         self.following.stream()

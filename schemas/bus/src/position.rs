@@ -99,12 +99,18 @@ impl Drop for Teller {
 
 /// Removes what killed consumers have left.
 pub(super) fn remove_dead(root: &Path) {
-    for entry in fs::read_dir(root.join(FOLDER)).into_iter().flatten().flatten() {
-        let id = entry.file_name().to_str().and_then(|name| u128::from_str_radix(name, 16).ok());
-        if id.is_some_and(|id| !Id(id).creator_lives()) {
-            let _ = fs::remove_file(entry.path());
-        }
+    for path in of_the_dead(root) {
+        let _ = fs::remove_file(path);
     }
+}
+
+/// The positions that killed consumers have left.
+pub(super) fn of_the_dead(root: &Path) -> impl Iterator<Item = PathBuf> {
+    let entries = fs::read_dir(root.join(FOLDER)).into_iter().flatten().flatten();
+    entries.filter_map(|entry| {
+        let id = u128::from_str_radix(entry.file_name().to_str()?, 16).ok()?;
+        (!Id(id).creator_lives()).then(|| entry.path())
+    })
 }
 
 #[cfg(test)]

@@ -156,18 +156,19 @@ impl StatePublisher {
         }
         let start = Instant::now();
         loop {
-            // a consumer that died while it waited must not count
-            self.node.try_cleanup_dead_nodes();
             self.serve()?;
-            let ready = self.ready_count();
-            if ready >= count {
-                return Ok(WaitOutcome::Ready);
-            }
             if stop.load(Ordering::Relaxed) {
                 return Ok(WaitOutcome::Stopped);
             }
-            if timeout.is_some_and(|timeout| start.elapsed() >= timeout) {
-                return Ok(WaitOutcome::TimedOut { ready });
+            let is_over = timeout.is_some_and(|timeout| start.elapsed() >= timeout);
+            if is_over || self.ready_count() >= count {
+                // a consumer that died while it waited must not count
+                self.node.try_cleanup_dead_nodes();
+                match self.ready_count() {
+                    ready if ready >= count => return Ok(WaitOutcome::Ready),
+                    ready if is_over => return Ok(WaitOutcome::TimedOut { ready }),
+                    _ => {}
+                }
             }
             // a signal ends the wait early; the loop looks at the flag
             let _ = self.joiners.timed_wait(|_| {}, IDLE_WAIT);

@@ -186,6 +186,17 @@ pub enum BusError {
     /// Shared memory is short.
     #[error(transparent)]
     Room(#[from] super::RoomError),
+    /// The file of a long manifest.
+    #[error("cannot write {path}, the manifest of the run")]
+    ManifestFile {
+        /// The file.
+        path: std::path::PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// We were asked to stop while others held the lock.
+    #[error("stopped while other processes were starting")]
+    Stopped,
     /// Nothing can be created on the bus.
     #[error("cannot lock {path}: {cause}; see who holds it with `fuser {path}`")]
     Locked {

@@ -5,9 +5,14 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+/// How often it looks.
 const PERIOD: Duration = Duration::from_millis(250);
+/// The same where looks take long, because many processes use the bus or the machine is busy.
+const LONGEST_PERIOD: Duration = Duration::from_secs(2);
+/// Looks take this part of a core at most, until the period is the longest.
+const SHARE: u32 = 200;
 
 /// A thread; it ends when this is dropped.
 pub(super) struct Warden {
@@ -79,13 +84,15 @@ fn watch(shared: &(Mutex<State>, Condvar), root: &Path, secret: &Path, prefix: &
     let mut state = shared.0.lock().unwrap_or_else(PoisonError::into_inner);
     while !state.ends {
         drop(state);
+        let start = Instant::now();
         let removed = half_made.remove(prefix);
         let root_is_gone = Identity::of(root, secret) != at_first;
+        let period = (start.elapsed() * SHARE).clamp(PERIOD, LONGEST_PERIOD);
         state = shared.0.lock().unwrap_or_else(PoisonError::into_inner);
         state.removed.add(removed);
         state.root_is_gone |= root_is_gone;
         if !state.ends {
-            state = shared.1.wait_timeout(state, PERIOD).unwrap_or_else(PoisonError::into_inner).0;
+            state = shared.1.wait_timeout(state, period).unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 }

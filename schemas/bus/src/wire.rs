@@ -104,7 +104,7 @@ pub struct JoinAnswer {
     pub reserved: u64,
 }
 
-/// Bytes of a manifest that fit the blackboard.
+/// Bytes of a manifest that fit the blackboard; a longer one lies in a file, which the blackboard names.
 pub(super) const MANIFEST_BYTES: usize = 64 * 1024 - 8 - 16 - 8;
 
 /// The manifest as JSON; blackboard key 0.
@@ -116,9 +116,9 @@ pub struct ManifestText {
     pub run_id: [u8; 16],
     /// Which publishing of it.
     pub stream_id: u64,
-    /// Bytes used.
+    /// Length of the manifest.
     pub length_bytes: u64,
-    /// UTF-8, `length_bytes` of it.
+    /// UTF-8, `length_bytes` of it. Of a longer manifest the name of its file in the root, then zeros.
     pub json: [u8; MANIFEST_BYTES],
 }
 

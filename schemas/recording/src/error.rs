@@ -1,6 +1,6 @@
 //! What goes wrong with recordings.
 
-use schemas::manifest::ManifestError;
+use schemas::manifest::{ManifestError, ManifestTooLong};
 use schemas::whole_file::WholeFileError;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -69,6 +69,9 @@ pub enum WriteError {
         /// What the operating system says.
         source: io::Error,
     },
+    /// Its manifest could not be read again.
+    #[error(transparent)]
+    Manifest(#[from] ManifestTooLong),
     /// A frame that this recording cannot hold.
     #[error("frame {frame} (step {step}) does not fit into {}: {what}", path.display())]
     Frame {

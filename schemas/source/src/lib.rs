@@ -153,6 +153,14 @@ impl Source {
         }
     }
 
+    /// What ends it early, whatever it is.
+    pub fn flag(&self) -> &Arc<AtomicBool> {
+        match self {
+            Self::Live(live) => live.stop(),
+            Self::File(_, stop) => stop,
+        }
+    }
+
     /// A publisher of results called `name`, as `own/NAME` on the bus of a live run; none for a recording.
     ///
     /// # Errors

@@ -5,13 +5,13 @@ use crate::backpressure::Backpressure;
 use crate::board::{BoardReader, BoardWriter};
 use crate::delivery::Publishing;
 use crate::services::{self, check_schema, text_of};
-use crate::wire::{MANIFEST_BYTES, RunStatus, STATE_WAITING, StateHeader, StreamId, fill};
+use crate::wire::{RunStatus, STATE_WAITING, StateHeader, StreamId, fill};
 use crate::{Bus, BusError, Ipc, RoomError, chain_values, node_bytes, room};
 use iceoryx2::node::Node;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::publisher::Publisher;
 use schemas::chain::Chain;
-use schemas::manifest::{RunId, RunManifest};
+use schemas::manifest::{ManifestTooLong, RunId, RunManifest};
 use schemas::results::Topic;
 use schemas::run_name::RunName;
 use std::sync::Arc;
@@ -43,14 +43,9 @@ pub enum PublishError {
         /// When the other run started.
         started: SystemTime,
     },
-    /// The manifest does not fit the blackboard.
-    #[error(
-        "the manifest has {bytes} bytes, at most {MANIFEST_BYTES} can be published; use fewer impurities"
-    )]
-    ManifestTooLong {
-        /// Its length.
-        bytes: usize,
-    },
+    /// No consumer would read the manifest.
+    #[error(transparent)]
+    ManifestTooLong(#[from] ManifestTooLong),
     /// A frame that is not one of this run.
     #[error("frame {frame} has {found} values, the run's frames have {expected}")]
     Shape {
@@ -108,15 +103,14 @@ impl StatePublisher {
         options: &PublishOptions,
     ) -> Result<Self, PublishError> {
         let (run, json) = (&manifest.provenance.name, manifest.to_json());
-        if json.len() > MANIFEST_BYTES {
-            return Err(PublishError::ManifestTooLong { bytes: json.len() });
-        }
+        ManifestTooLong::check(json.len())?;
         let stream = StreamId::new(manifest.provenance.run_id);
         let doubles = manifest.frame_doubles();
         let slot_bytes = (doubles * size_of::<f64>()) as u64;
+        bus.prepare()?;
         // until everything has its memory, so that nobody else takes the free space that we found
         let _lock = bus.lock()?;
-        let node = bus.node()?;
+        let node = bus.prepared_node()?;
         let free_bytes = room::free_bytes()?;
         let limits = room::plan(slot_bytes, free_bytes);
         check_schema(bus, run, Topic::Manifest)?;
@@ -155,7 +149,7 @@ impl StatePublisher {
         };
         let (server, join, joiners) = join_server(&node, run)?;
         let chain = publish_chain(bus, &node, run, chain, stream)?;
-        let mut board = BoardWriter::create(&node, run, json.as_bytes(), status)?;
+        let mut board = BoardWriter::create(bus, &node, run, json.as_bytes(), status)?;
         if !options.remedies().release_board {
             board.hold()?;
         }

@@ -6,11 +6,12 @@ use crate::support::{
 };
 use bus::{
     AttachError, AttachNotice, AttachOptions, Bus, Delivery, LiveSource, PublishError, PublishOptions,
-    StatePublisher,
+    StatePublisher, list_runs,
 };
 use iceoryx2::prelude::AttributeSpecifier;
 use schemas::config::Impurity;
 use schemas::frame::{EndReason, FrameSource as _, Received};
+use schemas::manifest::MAX_JSON_BYTES;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -196,13 +197,37 @@ fn another_schema_version_is_refused_naming_both() {
     assert!(error.to_string().contains("2.0") && error.to_string().contains("1.1"), "{error}");
 }
 
+/// A manifest of 80 kB, which lies in a file, also for those who only look.
 #[test]
-fn what_cannot_be_published_is_refused() {
+fn a_long_manifest_is_read_by_everybody_and_leaves_nothing() {
     let test = TestBus::new();
     let mut long = manifest("long", 5000);
     long.physics.impurities = (0..3000).map(|bead| Impurity { bead, mass_kg: 1.234_567_8e-3 }).collect();
+    assert!(long.to_json().len() > 65_504);
+    let chain = long.physics.chain();
+    let mut run = StatePublisher::create(&test.bus, &long, &chain, &PublishOptions::default()).unwrap();
+    let mut source = attach_to(&test.bus, &mut run, "long", Delivery::Lossless);
+    assert_eq!((source.manifest(), source.chain()), (&long, &chain));
+    let listed = list_runs(&test.bus).unwrap();
+    assert_eq!(listed[0].step_count, Some(long.physics.step_count));
+    let again = StatePublisher::create(&test.bus, &long, &chain, &PublishOptions::default());
+    assert!(matches!(again, Err(PublishError::NameTaken { run_id, .. }) if run_id == long.provenance.run_id));
+    publish(&mut run, 5000, 0..3);
+    run.finish(EndReason::Complete).unwrap();
+    assert_eq!(drain(&mut source).frames, 3);
+    let files = std::fs::read_dir(test.bus.root()).unwrap().map(|entry| entry.unwrap().file_name());
+    let mut left = files.filter(|name| name.to_string_lossy().ends_with(".manifest"));
+    assert_eq!(left.next(), None);
+}
+
+#[test]
+fn what_cannot_be_published_is_refused() {
+    let test = TestBus::new();
+    let mut long = manifest("long", 10);
+    long.provenance.program = "x".repeat(MAX_JSON_BYTES);
     let created = StatePublisher::create(&test.bus, &long, &long.physics.chain(), &PublishOptions::default());
-    assert!(matches!(created, Err(PublishError::ManifestTooLong { bytes }) if bytes > 65_536));
+    let Err(error @ PublishError::ManifestTooLong(_)) = created else { panic!("it is too long") };
+    assert!(error.to_string().contains("at most 67104768"), "{error}");
 
     let mut run = publisher(&test.bus, "shape", 10, &PublishOptions::default());
     let wrong = crate::support::publish_one(&mut run, 11, 0);

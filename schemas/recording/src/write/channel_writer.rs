@@ -21,7 +21,7 @@ use chunks::{Chunks, Rules};
 use mcap::records::{AttachmentIndex, MessageHeader, Metadata};
 use output::Output;
 use queue::{Queue, Refused};
-use schemas::manifest::RunManifest;
+use schemas::manifest::{ManifestTooLong, RunManifest};
 use schemas::whole_file::WholeFile;
 use std::collections::BTreeMap;
 use std::io;
@@ -142,6 +142,7 @@ impl ChannelWriter {
         run_toml: Option<&str>,
         options: &WriteOptions,
     ) -> Result<Self, WriteError> {
+        ManifestTooLong::check(manifest.to_json().len())?;
         let file = WholeFile::create(path, options.force)?;
         let partial = file.partial().to_owned();
         let io = WriteError::io(&partial);
