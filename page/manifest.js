@@ -2,6 +2,7 @@
 // longest step and the range of the scales follow from a resolved chain, and `verify` knows them.
 
 import { METHODS } from "./kernel.js";
+import { Waveform } from "./waveforms.js";
 
 /** @typedef {(value: any, key: string) => void} Rule throws an Error whose message is for the user */
 /** @typedef {Record<string, Rule>} Rules */
@@ -9,6 +10,7 @@ import { METHODS } from "./kernel.js";
 const MOST_BEADS = 20e6;
 const MOST_STEPS = 2 ** 52;
 const MOST_EXPONENTS = 16;
+const MOST_DISORDERS = 16;
 const STEPS_OF_PERIOD = 20;
 const LONGEST_SHOWN = 60;
 
@@ -168,7 +170,7 @@ function rulesOf(beads, contacts) {
       damping: DAMPING,
       strikers: list(struck),
       seed: anyCount,
-      disorder: list(DISORDER),
+      disorder: list(DISORDER, 0, MOST_DISORDERS),
       spheres: (value, key) => (Array.isArray(value) ? list(object(SPHERE), 1, beads) : object(SPHERE))(value, key),
       odd_spheres: list(object({ bead, ...SPHERE })),
       alphas: ofContacts(exponent),
@@ -345,11 +347,14 @@ function checkWaveform(waveform, key, dt, duration) {
 function checkMotion(physics) {
   const { beads, striker, strikers = [], initial = {}, drives = [], ends, load, dt_s: dt, step_count: steps } = physics;
   const struck = [striker, ...strikers];
+  const beadsStruck = new Set();
   struck.forEach(({ bead }, i) => {
-    if (struck.findIndex((other) => other.bead === bead) < i) {
+    if (beadsStruck.has(bead)) {
       refuse(`strikers[${i - 1}].bead`, bead, "each bead once");
     }
+    beadsStruck.add(bead);
   });
+  const moving = new Set(struck.filter((one) => one.velocity_m_s !== 0).map(({ bead }) => bead));
   for (const key of ["displacements_m", "velocities_m_s"]) {
     const values = initial[key] ?? [];
     if (values.length > 0 && values.length !== beads) {
@@ -375,8 +380,7 @@ function checkMotion(physics) {
       refuse(key, drive, "one drive at a place");
     }
     places.add(wall ?? bead);
-    const isStruck = struck.some((one) => one.bead === bead && one.velocity_m_s !== 0);
-    if (quantity !== "force_n" && isStruck) {
+    if (quantity !== "force_n" && moving.has(bead)) {
       refuse(`${key}.bead`, bead, "a bead that is not struck");
     }
     if (quantity === "displacement_m" && waveform.step && !waveform.step.rise_s) {
@@ -397,6 +401,23 @@ function checkMotion(physics) {
   }
 }
 
+/** Whether kernel 2 does not give the bits of this run. @param {any} physics */
+function needsKernel3(physics) {
+  const { ends = {}, drives = [], disorder = [], stiffnesses = "uniform", contacts = [], alphas, second, bonds = {} } = physics;
+  const end = physics.step_count * physics.dt_s;
+  const shapes = drives.flatMap((/** @type {any} */ { wall, bead, ...by }) => Object.values(by));
+  const hasKnots = shapes.some((/** @type {any} */ shape) =>
+    new Waveform(shape, physics.dt_s).knots().some((knot) => knot >= 0 && knot <= end),
+  );
+  const isEven = (/** @type {any} */ values) => values === undefined || typeof values === "number";
+  const evenBonds = [bonds.linear, bonds.quadratic, bonds.cubic, bonds.toda?.stiffness, second?.stiffness].every(isEven);
+  const evenContacts = stiffnesses === "uniform" && contacts.length === 0 && alphas === undefined && physics.gaps_m === undefined;
+  const onlyMasses = disorder.every((/** @type {any} */ { of }) => of === "masses");
+  const closes = ends.left === "periodic" && !(evenBonds && evenContacts && onlyMasses);
+  const byRadii = physics.spheres !== undefined || stiffnesses === "radii";
+  return hasKnots || closes || (byRadii && disorder.length > 0 && [ends.left, ends.right].includes("fixed"));
+}
+
 /**
  * Throws where no run has this physics.
  * @param {any} physics
@@ -408,6 +429,9 @@ export function checkPhysics(physics) {
   checkLaws(physics);
   checkEnds(physics);
   checkMotion(physics);
+  if (kernel === 3 && !needsKernel3(physics)) {
+    refuse("kernel_version", kernel, "2, which gives the bits of this run");
+  }
 }
 
 const PROVENANCE = {

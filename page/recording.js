@@ -4,7 +4,7 @@
 import { Fields, chainOf, crc32, readExactly, sha256, stateOf, stepOf } from "./mcap.js";
 import { shown } from "./elements.js";
 import { METHODS, extraNamesOf } from "./kernel.js";
-import { unknownKey, unknownPhysics } from "./keys.js";
+import { beyondPlain, unknownKey, unknownPhysics } from "./keys.js";
 import { checkPhysics, checkProvenance } from "./manifest.js";
 import { decompress } from "./zstd.js";
 
@@ -95,6 +95,10 @@ export function manifestOf(entries, notes) {
     notes.push(`The recording has schema version ${version}; what is newer than version 1.${MINOR} in it is not shown.`);
   }
   checkPhysics(physics);
+  const later = version === "1.0" ? beyondPlain(physics) || (physics.method === "rk5" ? "method" : "") : "";
+  if (later !== "") {
+    damaged(`the manifest has schema version 1.0 and "${later}", which came with 1.1`);
+  }
   checkProvenance(provenance, isNewer);
   provenance.program = shown(provenance.program);
   provenance.host = shown(provenance.host);
