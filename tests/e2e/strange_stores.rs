@@ -142,11 +142,14 @@ fn serve(
                 stream.write_all(&[head.as_bytes(), &body].concat()).ok()?;
             }
             Answer::Endless(status, headers, again) => {
-                let head = format!("HTTP/1.1 {status} X\r\nTransfer-Encoding: chunked\r\n{headers}\r\n");
-                stream.write_all(head.as_bytes()).ok()?;
+                let is_chunked = !headers.contains("Content-Length");
+                let chunked = if is_chunked { "Transfer-Encoding: chunked\r\n" } else { "" };
+                stream.write_all(format!("HTTP/1.1 {status} X\r\n{chunked}{headers}\r\n").as_bytes()).ok()?;
                 let again = again.repeat((64 << 10) / again.len());
+                let chunk =
+                    if is_chunked { format!("{:x}\r\n{again}\r\n", again.len()) } else { again.clone() };
                 loop {
-                    stream.write_all(format!("{:x}\r\n{again}\r\n", again.len()).as_bytes()).ok()?;
+                    stream.write_all(chunk.as_bytes()).ok()?;
                     sent_bytes.fetch_add(again.len() as u64, Ordering::Relaxed);
                 }
             }
@@ -286,13 +289,13 @@ fn an_answer_without_end_takes_no_memory() {
         // the range was not heard
         (Op::Get, 200, info, MOST_ERROR_BYTES, "range requests"),
         // more than the range
-        (Op::Get, 206, info, MOST_ERROR_BYTES, "bytes instead of"),
+        (Op::Get, 206, info, MOST_ERROR_BYTES, "larger than 262144 bytes"),
     ] {
         let store = Stranger::start(move |asked| {
             if asked.op != op {
                 return honest(asked);
             }
-            let range = "Content-Range: bytes 999738112-1000000255/1000000256\r\nETag: \"1\"\r\n";
+            let range = "Content-Range: bytes 999738112-1000000255/1000000256\r\nETag: \"1\"\r\nContent-Length: 900000000\r\n";
             Answer::Endless(status, if status == 206 { range.into() } else { String::new() }, chunk)
         });
         let ended = store.run_s3(&place, words);
@@ -302,9 +305,6 @@ fn an_answer_without_end_takes_no_memory() {
         assert!(sent <= most_bytes, "{op:?} {status}: {sent} bytes");
         let _ = fs::remove_file(place.path("run.mcap.upload"));
     }
-    let length = "Content-Range: bytes 0-99/100\r\nContent-Length: 900000000\r\n";
-    let large = Stranger::start(move |_| Answer::Endless(206, length.into(), "x"));
-    large.run_s3(&place, info).exits(2);
 }
 
 #[test]

@@ -327,8 +327,9 @@ fn damage(info: &RecordingInfo, path: &Path) -> Option<String> {
     }
 }
 
+/// Whether `path` has the name of a recording; what is no file there has an entry with the reason.
 fn is_recording(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension == "mcap") && path.is_file()
+    path.extension().is_some_and(|extension| extension == "mcap") && !path.is_dir()
 }
 
 /// Waits until such a run is there, or `stop` is set.
