@@ -22,8 +22,9 @@ macro_rules! notice {
 
 /// Prints a notice or a warning on stderr.
 pub(crate) fn notice(text: impl Display) {
-    // a closed stderr is no reason to fail
-    let _ = writeln!(io::stderr(), "beadline: {}", printable(&shown(&text.to_string())));
+    // a URL that was typed may hold a password; a closed stderr is no reason to fail
+    let text = storage::masked(&text.to_string());
+    let _ = writeln!(io::stderr(), "beadline: {}", printable(&shown(&text)));
 }
 
 /// A text without characters that a terminal obeys: names come from files, and files from other people.
@@ -62,8 +63,8 @@ fn printable_json(json: &str) -> String {
 
 /// Prints a line of JSON on stderr.
 pub(crate) fn tell_json(line: &str) {
-    // a closed stderr is no reason to fail
-    let _ = writeln!(io::stderr(), "{}", printable_json(line));
+    // as above
+    let _ = writeln!(io::stderr(), "{}", printable_json(&storage::masked(line)));
 }
 
 /// Says so if a manifest was written by a later version than this program's.

@@ -88,6 +88,7 @@ pub(crate) fn exit(result: Result<Done, Failure>, form: Form) -> u8 {
         Ok(Done::Lossy) => return 3,
         Err(Failure::Failed(error)) if is_broken_pipe(&error) => return 0,
         Err(Failure::Failed(error) | Failure::BadInput(error)) if is_of_another_kernel(&error) => (error, 3),
+        Err(Failure::BadInput(error)) if is_stop(&error) => (error, 3),
         Err(Failure::Failed(error)) if is_in_the_way(&error) => (error, 2),
         Err(Failure::Failed(error)) if is_stop(&error) => (error, 3),
         Err(Failure::Failed(error)) => (limits::explain(error), 1),
@@ -166,7 +167,15 @@ fn is_stop(error: &Error) -> bool {
             || matches!(cause.downcast_ref(), Some(PublishError::Stopped { .. } | PublishError::Bus(Stopped)))
             || matches!(cause.downcast_ref(), Some(ResultsError::Bus(Stopped)))
             || matches!(cause.downcast_ref(), Some(Stopped))
+            || is_stop_of_store(cause)
     })
+}
+
+/// The same while a store was waited for, also where that is the cause of an error of reading.
+fn is_stop_of_store(cause: &(dyn std::error::Error + 'static)) -> bool {
+    let inner = cause.downcast_ref::<std::io::Error>().and_then(std::io::Error::get_ref);
+    let inner = inner.and_then(|inner| inner.downcast_ref::<StorageError>());
+    matches!(inner.or_else(|| cause.downcast_ref()), Some(StorageError::Stopped))
 }
 
 /// A reader that leaves early, as in `beadline presets | head -1`, is not a failure.

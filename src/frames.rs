@@ -3,7 +3,7 @@
 use crate::args::FramesArgs;
 use crate::failure::{BadInput, Failure};
 use bus::{AttachError, AttachNotice, AttachOptions, Bus, Delivery, LiveSource};
-use producer::resimulation::{Lend, ParallelResimulation, Resimulation, ResimulationError};
+use producer::resimulation::{Lend, ParallelError, ParallelResimulation, Resimulation, ResimulationError};
 use schemas::frame::{EndReason, FrameSource, Received, Window};
 use schemas::manifest::RunManifest;
 use schemas::run_name::RunName;
@@ -69,7 +69,11 @@ impl Frames {
         let threads = || std::thread::Builder::new().spawn(|| ()).is_ok_and(|thread| thread.join().is_ok());
         let states = if stop.is_some() && pays && jobs > NonZero::<usize>::MIN && threads() {
             let make = if from_start { ParallelResimulation::from_start } else { ParallelResimulation::new };
-            let states = make(source, lend, jobs).bad_input()?.lending_from(first_step).stopped_by(flag);
+            let states = make(source, lend, jobs).map_err(|error| match error {
+                ParallelError::Kernel(other) => Failure::BadInput(other.into()),
+                refused @ ParallelError::NoThread(_) => Failure::Failed(refused.into()),
+            })?;
+            let states = states.lending_from(first_step).stopped_by(flag);
             States::InParallel(Box::new(states))
         } else {
             let make = if from_start { Resimulation::from_start } else { Resimulation::new };

@@ -106,6 +106,7 @@ pub(crate) fn stop_flag() -> io::Result<Arc<AtomicBool>> {
         flag::register(signal, Arc::clone(&stop))?;
     }
     obey_hangup(&stop)?;
+    storage::stop_when(Arc::clone(&stop));
     Ok(stop)
 }
 
@@ -116,6 +117,7 @@ pub(crate) fn patient_stop_flag() -> io::Result<Arc<AtomicBool>> {
         flag::register(signal, Arc::clone(&stop))?;
     }
     obey_hangup(&stop)?;
+    storage::stop_when(Arc::clone(&stop));
     Ok(stop)
 }
 

@@ -123,7 +123,9 @@ impl Sending {
         let Self { sender, spool } = self;
         let all_bytes = finished.iter().map(|file| file.bytes).sum();
         sender.end(finished.len() as u64);
-        let outcome = wait(sender, all_bytes, stop);
+        // the signal that ended a run does not end this, too
+        let was_stopped = stop.load(Ordering::Relaxed);
+        let outcome = wait(sender, all_bytes, || !was_stopped && stop.load(Ordering::Relaxed));
         for (file, sent) in finished.iter_mut().zip(&outcome.sent) {
             sent.url.clone_into(&mut file.path);
         }
@@ -135,13 +137,11 @@ impl Sending {
     }
 }
 
-/// Waits until everything is sent, or `stop` is set.
-pub(crate) fn wait(sender: Sender, all_bytes: u64, stop: &AtomicBool) -> Outcome {
-    // the signal that ended a run does not end this, too
-    let was_stopped = stop.load(Ordering::Relaxed);
+/// Waits until everything is sent, or it is to stop.
+pub(crate) fn wait(sender: Sender, all_bytes: u64, is_to_stop: impl Fn() -> bool) -> Outcome {
     let mut progress = Progress::new(all_bytes, "sending");
     while !sender.is_done() {
-        if !was_stopped && stop.load(Ordering::Relaxed) {
+        if is_to_stop() {
             progress.finish();
             return sender.leave();
         }
@@ -190,12 +190,17 @@ impl Uploaded {
     }
 }
 
-pub(crate) fn sent_in_words(Sent { url, bytes: size, parts }: &Sent) -> String {
-    format!("{}, {} in {}", url.display(), bytes(*size), counted(*parts as u64, "part"))
+pub(crate) fn sent_in_words(Sent { url, bytes: size, parts, kept_bytes }: &Sent) -> String {
+    let kept = match kept_bytes {
+        0 => String::new(),
+        kept => format!(", {} of it by an earlier attempt", bytes(*kept)),
+    };
+    format!("{}, {} in {}{kept}", url.display(), bytes(*size), counted(*parts as u64, "part"))
 }
 
 pub(crate) fn sent_json(sent: &Sent) -> Value {
-    json!({ "url": sent.url, "bytes": sent.bytes, "parts": sent.parts })
+    let Sent { url, bytes, parts, kept_bytes } = sent;
+    json!({ "url": url, "bytes": bytes, "parts": parts, "bytes_of_earlier_attempts": kept_bytes })
 }
 
 /// An error with its causes.

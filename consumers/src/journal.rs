@@ -14,6 +14,7 @@ use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
+use storage::open_file;
 
 /// So many rows, or as many as come in so much time, are synced together.
 const SYNCED_ROWS: u64 = 1000;
@@ -143,6 +144,10 @@ impl Journal {
     /// operating system refuses. The journal is left as it is then.
     pub fn open(path: &Path, head: &JournalHead, mut each: impl FnMut(u64)) -> Result<Self, JournalError> {
         let io = JournalError::io(path);
+        if path.exists() {
+            // nobody waits for whoever writes into a pipe
+            open_file(path).map_err(&io)?;
+        }
         let options = OpenOptions::new().read(true).write(true).create(true).truncate(false).clone();
         let mut file = options.open(path).map_err(&io)?;
         if let Err(TryLockError::WouldBlock) = file.try_lock() {
@@ -218,7 +223,7 @@ pub fn read<E: From<JournalError>>(
     head: &JournalHead,
     mut each: impl FnMut(u64, &[u8]) -> Result<(), E>,
 ) -> Result<u64, E> {
-    let file = File::open(path).map_err(JournalError::io(path))?;
+    let file = open_file(path).map_err(JournalError::io(path))?;
     let walked = walk(&mut BufReader::new(file), path, Some(head), |json| match skimmed(json, head) {
         Some(row) => each(row.index, json).map(|()| true),
         None => Ok(false),
@@ -232,7 +237,7 @@ pub fn read<E: From<JournalError>>(
 /// # Errors
 /// When it cannot be read.
 pub fn scan(path: &Path, mut each: impl FnMut(u64, f64)) -> Result<u64, JournalError> {
-    let file = File::open(path).map_err(JournalError::io(path))?;
+    let file = open_file(path).map_err(JournalError::io(path))?;
     let walked = walk(&mut BufReader::new(file), path, None, |json| {
         let row = serde_json::from_slice::<Skimmed>(json).ok();
         if let Some(row) = &row {

@@ -6,7 +6,7 @@
 
 mod parallel;
 
-pub use parallel::ParallelResimulation;
+pub use parallel::{ParallelError, ParallelResimulation};
 
 use crate::integrator::Integrator;
 use crate::state::ChainState;

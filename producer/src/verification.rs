@@ -12,7 +12,7 @@ pub use parts::{Follows, follows, follows_the_run};
 
 use crate::resimulation::{Difference, OtherKernel, check_kernel, difference};
 use crate::state::ChainState;
-use batches::{Proof, prove_batches};
+use batches::{Proof, Proving, prove_batches};
 use recording::{
     Audit, Audited, BeginRecord, Damage, EncodedStates, EndRecord, ReadError, RowsFound, SummaryDifference,
     state_hash,
@@ -22,7 +22,7 @@ use schemas::manifest::RunManifest;
 use std::collections::BTreeMap;
 use std::num::NonZero;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::sync::mpsc::{Receiver, Sender, channel, sync_channel};
 use std::sync::{Arc, Mutex};
 
 /// A batch covers at least this many steps, unless it has [`BATCH_BYTES`].
@@ -118,8 +118,8 @@ impl Verification {
     }
 }
 
-/// Verifies the recording `audit` with `threads` threads that recompute, beside this one that reads. `watch` sees the
-/// step of each state that was read; `stop` ends it early.
+/// Verifies the recording `audit` with `threads` threads that recompute, or as many as the system grants, beside this one that
+/// reads; without any this one does both. `watch` sees the step of each state that was read; `stop` ends it early.
 ///
 /// # Errors
 /// When the operating system refuses, or the recording holds no states.
@@ -138,14 +138,23 @@ pub fn verify(
         let run = &manifest;
         // owned by the threads and nobody else: if all of them panic it is gone, and reading does not wait for them
         let start = |batches: Arc<Mutex<_>>, spent: Sender<_>| {
-            scope.spawn(move || prove_batches(run, batches.as_ref(), &spent, stop))
+            let work = move || prove_batches(run, batches.as_ref(), &spent, stop);
+            std::thread::Builder::new().spawn_scoped(scope, work).ok()
         };
         let workers: Vec<_> =
-            (0..threads.get()).map(|_| start(Arc::clone(&batches), give_back.clone())).collect();
+            (0..threads.get()).map_while(|_| start(Arc::clone(&batches), give_back.clone())).collect();
         drop(batches);
-        let read = read(&mut audit, &manifest, (&sender, &spent), stop, &mut watch);
+        let mut own = Proving::new(run);
+        let mut hand_out = |batch: EncodedStates| {
+            if workers.is_empty() {
+                own.prove(&batch, stop);
+                return give_back.send(batch).is_ok();
+            }
+            sender.send(batch).is_ok()
+        };
+        let read = read(&mut audit, &manifest, (&mut hand_out, &spent), stop, &mut watch);
         drop(sender);
-        let mut proof = Proof::default();
+        let mut proof = own.proof;
         for worker in workers {
             // a thread that panicked has said why; the panic goes on here
             proof.add(worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
@@ -221,7 +230,7 @@ pub(crate) fn hash_of(state: &ChainState) -> String {
 fn read(
     audit: &mut Audit,
     manifest: &RunManifest,
-    (batches, spent): (&SyncSender<EncodedStates>, &Receiver<EncodedStates>),
+    (hand_out, spent): (&mut dyn FnMut(EncodedStates) -> bool, &Receiver<EncodedStates>),
     stop: &AtomicBool,
     watch: &mut impl FnMut(u64),
 ) -> Result<Read, ReadError> {
@@ -235,7 +244,7 @@ fn read(
                 if full || batch.bytes() >= BATCH_BYTES {
                     let mut next = spent.try_recv().unwrap_or_default();
                     next.begin_after(&batch);
-                    if batches.send(std::mem::replace(&mut batch, next)).is_err() {
+                    if !hand_out(std::mem::replace(&mut batch, next)) {
                         // all threads have panicked, which goes on when they are joined
                         return Ok(found);
                     }
@@ -262,7 +271,7 @@ fn read(
         }
     }
     found.last = batch.len().checked_sub(1).and_then(|last| decode(&batch, last, manifest));
-    let _ = batches.send(batch);
+    hand_out(batch);
     Ok(found)
 }
 

@@ -17,7 +17,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use std::error::Error as _;
 use std::sync::atomic::Ordering;
-use storage::{Entry, list};
+use storage::{Entry, Listing, Skipped, list};
 
 /// Rows that wait in memory for the ones before them.
 const WINDOW: usize = 1024;
@@ -92,8 +92,8 @@ pub(crate) fn catalog(args: &CatalogArgs) -> Result<Done, Failure> {
     check_free(&args.out, args.force)?;
     let stop = signals::bounded_stop_flag()?;
     let root = || args.root.display().to_string();
-    let mut entries = list(&args.root).with_context(root).bad_input()?;
-    entries.retain(|entry| is_recording(&entry.path));
+    let Listing { entries, skipped, skipped_count, .. } =
+        list(&args.root, is_recording).with_context(root).bad_input()?;
     let around = |name: &str, kind| Column::new(name, kind);
     let columns = COLUMNS.iter().map(|(name, kind, _)| around(name, *kind));
     let columns: Vec<_> =
@@ -116,6 +116,16 @@ pub(crate) fn catalog(args: &CatalogArgs) -> Result<Done, Failure> {
         }
     }
     progress.finish();
+    for Skipped { name, why } in &skipped {
+        table.word(name).empty();
+        add_error(&mut table, why);
+        table.end_row()?;
+    }
+    done += skipped.len() as u64;
+    error_count += skipped_count;
+    if skipped_count > skipped.len() as u64 {
+        notice!("{} are left out, of which the table names {}", count(skipped_count), skipped.len());
+    }
     let path = table.finish()?;
     let text = || {
         let mut rows = Rows::default();
@@ -138,15 +148,21 @@ fn add_row(table: &mut Table, entry: &Entry, info: &Result<RecordingInfo, ReadEr
             info.damage.clone()
         }
         Err(error) => {
-            for _ in &COLUMNS {
-                table.empty();
-            }
             let causes = std::iter::successors(error.source(), |cause| (*cause).source());
-            Some(causes.fold(error.to_string(), |text, cause| format!("{text}: {cause}")))
+            add_error(table, &causes.fold(error.to_string(), |text, cause| format!("{text}: {cause}")));
+            return false;
         }
     };
     table.cell(error.as_deref().map_or(Cell::Empty, word));
     error.is_none()
+}
+
+/// Adds the cells of what cannot be read, behind its path and size.
+fn add_error(table: &mut Table, error: &str) {
+    for _ in &COLUMNS {
+        table.empty();
+    }
+    table.cell(word(error));
 }
 
 /// The topics of results, in the order of the file.

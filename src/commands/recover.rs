@@ -24,7 +24,7 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use storage::is_url;
+use storage::{is_url, open_file};
 
 pub(crate) fn recover(args: &RecoverArgs) -> Result<Done, Failure> {
     let (from, to, force) = (args.file.as_path(), args.output.out.as_path(), args.output.force);
@@ -145,7 +145,7 @@ fn has_a_state(path: &Path) -> Result<bool, Failure> {
 
 /// Locks the source against writers; fails while one lives.
 fn lock(path: &Path) -> Result<File, Failure> {
-    let file = File::open(path).with_context(|| path.display().to_string()).map_err(Failure::BadInput)?;
+    let file = open_file(path).with_context(|| path.display().to_string()).map_err(Failure::BadInput)?;
     match file.try_lock_shared() {
         Err(TryLockError::WouldBlock) => Err(Failure::Failed(anyhow!(
             "{} is being written by a process that lives; wait for its end",

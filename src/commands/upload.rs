@@ -12,7 +12,7 @@ use recording::RecordingInfo;
 use schemas::whole_file::{Names, is_being_written};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use storage::{Begun, Errand, Outcome, SendError, SendOptions};
 
 pub(crate) fn upload(args: &UploadArgs) -> Result<Done, Failure> {
@@ -26,7 +26,7 @@ pub(crate) fn upload(args: &UploadArgs) -> Result<Done, Failure> {
     let options = SendOptions { run, expected_bytes: info.file_bytes, replace: args.force, keep: true };
     let sender = Begun::new(errand, options)?.send(|_| None, |_| {})?;
     sender.end(1);
-    let Outcome { sent, error } = wait(sender, info.file_bytes, &stop);
+    let Outcome { sent, error } = wait(sender, info.file_bytes, || stop.load(Ordering::Relaxed));
     match error {
         None => {}
         Some(error @ SendError::Stopped) => return Err(Failure::Stopped(error.into())),

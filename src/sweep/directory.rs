@@ -19,6 +19,9 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+/// Most bytes of what says which sweep a directory is of: the names of its columns.
+pub(super) const MOST_SIGN_BYTES: u64 = 16 << 20;
+
 pub(super) const SWEEP_JSON: &str = "sweep.json";
 const SWEEP_TOML: &str = "sweep.toml";
 pub(super) const ROWS: &str = "rows";
@@ -86,7 +89,7 @@ impl Directory {
     /// Refuses a directory of another sweep.
     fn check(&self) -> Result<(), Failure> {
         let path = self.path.join(SWEEP_JSON);
-        let bytes = match fs::read(&path) {
+        let bytes = match storage::read_file(&path, MOST_SIGN_BYTES) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return self.check_empty(),
             read => read.with_context(|| path.display().to_string())?,
         };

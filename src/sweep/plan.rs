@@ -4,7 +4,7 @@ use crate::configuration::origin;
 use crate::display::{bytes, count, counted, left, seconds};
 use crate::failure::Failure;
 use crate::report::Rows;
-use anyhow::anyhow;
+use anyhow::{Context as _, anyhow};
 use consumers::journal::{self, Entry};
 use consumers::table::{Cell, Column, Kind, Table};
 use experiments::columns;
@@ -233,10 +233,14 @@ fn tried(sweep: &Sweep, stop: &AtomicBool) -> Result<Tried, Failure> {
     let (done, waits) = mpsc::channel::<()>();
     thread::scope(|scope| {
         let over = &over;
-        scope.spawn(move || {
+        let wait = move || {
             let _ = waits.recv_timeout(BUDGET); // either way
             over.store(true, Ordering::Relaxed);
-        });
+        };
+        let watch = thread::Builder::new().spawn_scoped(scope, wait);
+        watch.context(
+            "no thread can be started that ends the attempt in time; allow more processes (`ulimit -u`)",
+        )?;
         let mut tried = Tried { rows: Vec::new(), times_s: Vec::new() };
         let most = MOST_TRIED.min(u32::try_from(sweep.point_count()).unwrap_or(u32::MAX));
         for place in (0..most).map(u32::reverse_bits) {

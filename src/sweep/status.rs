@@ -1,12 +1,13 @@
 //! How far a sweep in a directory is, whoever computes it: from its journals, the traces of a job array, and squeue if it is
 //! there. Memory is a bit for each point and a few words for each shard.
 
-use super::directory::{ROWS, SWEEP_JSON, files};
+use super::directory::{MOST_SIGN_BYTES, ROWS, SWEEP_JSON, files};
 use super::pending::Points;
 use super::slurm::{SCRIPT, SLURM};
 use crate::failure::{BadInput, Failure};
 use anyhow::Context;
 use consumers::journal;
+use producer::sweep::MAX_POINTS;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::fs;
@@ -25,6 +26,8 @@ pub(crate) struct Status {
     pub(crate) done: u64,
     /// Lines of journals that are damaged.
     pub(crate) damaged: u64,
+    /// Journals that cannot be read, and why.
+    pub(crate) unreadable: Vec<String>,
     /// Points a second of the shards that run; none if none runs.
     pub(crate) rate: Option<f64>,
     /// How long the rest takes at that rate (s).
@@ -81,7 +84,7 @@ pub(crate) struct Shard {
 /// When it holds no sweep, or cannot be read.
 pub(crate) fn status(directory: &Path) -> Result<Status, Failure> {
     let points = point_count(directory)?;
-    let rows = Rows::read(directory, points)?;
+    let mut rows = Rows::read(directory, points)?;
     let count = shard_count(directory, &rows).min(points.max(1));
     let mut done = vec![0_u64; usize::try_from(count)?];
     for index in (0..points).filter(|index| rows.points.has(*index)) {
@@ -92,6 +95,7 @@ pub(crate) fn status(directory: &Path) -> Result<Status, Failure> {
         points,
         done: rows.points.count(),
         damaged: rows.damaged,
+        unreadable: std::mem::take(&mut rows.unreadable),
         rate: None,
         left_s: None,
         shard_count: count,
@@ -123,16 +127,29 @@ fn point_count(directory: &Path) -> Result<u64, Failure> {
         points: u64,
     }
     let path = directory.join(SWEEP_JSON);
-    let bytes = fs::read(&path).map_err(|_| bad_input!("{} holds no sweep", directory.display()))?;
+    if !path.exists() {
+        return Err(bad_input!("{} holds no sweep", directory.display()));
+    }
+    let bytes = storage::read_file(&path, MOST_SIGN_BYTES)
+        .with_context(|| format!("{} cannot be read", path.display()))
+        .bad_input()?;
     let sign: Sign = serde_json::from_slice(&bytes)
         .with_context(|| format!("{} cannot be read", path.display()))
         .bad_input()?;
-    Ok(sign.points)
+    let found = sign.points;
+    if found > MAX_POINTS {
+        return Err(bad_input!(
+            "{} says that the sweep has {found} points, and a sweep has at most {MAX_POINTS}: it was changed or is damaged; \
+             put the file of the sweep in its place",
+            path.display()
+        ));
+    }
+    Ok(found)
 }
 
 /// Into how many shards the sweep is divided: what its job array says, else its newest journal.
 fn shard_count(directory: &Path, rows: &Rows) -> u64 {
-    let script = fs::read_to_string(directory.join(SLURM).join(SCRIPT)).unwrap_or_default();
+    let script = text_of(&directory.join(SLURM).join(SCRIPT));
     let array = script.lines().find_map(|line| line.strip_prefix("#SBATCH --array=0-"));
     let last = array.map(|array| array.split(|c: char| !c.is_ascii_digit()).next().unwrap_or_default());
     let newest = || rows.journals.iter().max_by_key(|(_, journal)| journal.written);
@@ -140,11 +157,18 @@ fn shard_count(directory: &Path, rows: &Rows) -> u64 {
     count.or_else(|| newest().map(|((_, count), _)| *count)).unwrap_or(1).max(1)
 }
 
+/// The text of a small file; none if there is none that can be read.
+fn text_of(path: &Path) -> String {
+    let bytes = storage::read_file(path, MOST_SIGN_BYTES).unwrap_or_default();
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
 /// The points that have a row, and the journals that say so.
 struct Rows {
     points: Points,
     journals: HashMap<(u64, u64), JournalFile>,
     damaged: u64,
+    unreadable: Vec<String>,
     longest_s: f64,
 }
 
@@ -158,7 +182,8 @@ struct JournalFile {
 impl Rows {
     fn read(directory: &Path, points: u64) -> Result<Self, Failure> {
         let points = Points::none_of(points);
-        let mut rows = Self { points, journals: HashMap::new(), damaged: 0, longest_s: 0.0 };
+        let (journals, unreadable) = (HashMap::new(), Vec::new());
+        let mut rows = Self { points, journals, damaged: 0, unreadable, longest_s: 0.0 };
         for path in
             files(&directory.join(ROWS), |name| Path::new(name).extension().is_some_and(|end| end == "rows"))?
         {
@@ -168,8 +193,14 @@ impl Rows {
                 count += 1;
                 rows.longest_s = if wall_s > rows.longest_s { wall_s } else { rows.longest_s };
                 rows.points.add(index);
-            })?;
-            rows.damaged += damaged;
+            });
+            match damaged {
+                Ok(damaged) => rows.damaged += damaged,
+                Err(error) => {
+                    rows.unreadable.push(format!("{:#}", anyhow::Error::new(error)));
+                    continue;
+                }
+            }
             if let Some(shard) = shard_of(&path) {
                 let (created, written) = (metadata.created().ok(), metadata.modified()?);
                 rows.journals.insert(shard, JournalFile { rows: count, created, written });
@@ -221,6 +252,11 @@ impl Trace {
         }
         trace
     }
+
+    /// When the last attempt began; none if no clock can have said so.
+    fn begun(&self) -> Option<SystemTime> {
+        SystemTime::UNIX_EPOCH.checked_add(Duration::try_from_secs_f64(self.begun_s).ok()?)
+    }
 }
 
 impl Shard {
@@ -234,10 +270,11 @@ impl Shard {
     ) -> Self {
         let now = SystemTime::now();
         let path = directory.join(SLURM).join(format!("{number}-of-{count}.trace"));
-        let trace = Trace::parse(&fs::read_to_string(path).unwrap_or_default());
+        let trace = Trace::parse(&text_of(&path));
         let journal = rows.journals.get(&(number, count));
         let begun = (trace.attempts > 0)
-            .then(|| SystemTime::UNIX_EPOCH + Duration::from_secs_f64(trace.begun_s))
+            .then(|| trace.begun())
+            .flatten()
             .or_else(|| journal.and_then(|journal| journal.created));
         let last = begun.max(journal.map(|journal| journal.written));
         let since = |time: SystemTime| now.duration_since(time).unwrap_or_default();
@@ -331,6 +368,16 @@ mod tests {
         let begun = Trace { attempts: 2, begun_s: 12.0, rows_before: 3, node, ..Trace::default() };
         assert_eq!(trace, begun);
         assert_eq!(Trace::parse("5 begun 0\n7 ended 137\ntorn").exit_code, Some(137));
+    }
+
+    #[test]
+    fn times_that_no_clock_says_are_none() {
+        let begun = |text| Trace::parse(text).begun();
+        assert!(begun("5 begun 0 a\n").is_some());
+        for text in ["1e300 begun 0\n", "-1 begun 0\n", "nan begun 0\n", "inf begun 0\n", "1.8e19 begun 0\n"]
+        {
+            assert_eq!(begun(text), None, "{text}");
+        }
     }
 
     #[test]

@@ -20,6 +20,7 @@ mod faults;
 mod golden;
 mod guide;
 mod harness;
+mod honest_limits;
 mod hostile_files;
 mod hostile_manifests;
 mod house;
@@ -65,6 +66,8 @@ mod slurm;
 mod spreading;
 mod starts;
 mod stops;
+#[cfg(feature = "remote")]
+mod strange_stores;
 mod sweep;
 mod tables;
 mod thinning;

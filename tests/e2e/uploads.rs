@@ -264,3 +264,114 @@ fn each_part_of_a_recording_is_an_object() {
     assert_eq!(bucket.open_uploads(), 0);
     assert!(!place.path("spool/s3").exists());
 }
+
+/// A recording of some 20 MB, and its size.
+fn large(place: &Place) -> u64 {
+    place.run("run --beads 300 --impurity 150=0.6e-3 --duration 0.03 --name run --out run.mcap").exits(0);
+    let size = fs::metadata(place.path("run.mcap")).unwrap().len();
+    assert!(size > 3 * PART_BYTES, "{size}");
+    size
+}
+
+/// Bytes of parts that were sent since the last look, whole.
+fn part_bytes(bucket: &Bucket) -> u64 {
+    let requests = bucket.take_requests();
+    requests.iter().filter(|part| part.is_part() && part.status == 200).map(|part| part.sent_bytes).sum()
+}
+
+/// However an upload was interrupted, the next one sends what the store has not, and nothing else.
+#[test]
+fn an_upload_goes_on_with_the_parts_that_the_store_has() {
+    let (place, Some(bucket)) = (Place::new(), Bucket::new()) else { return };
+    let size = large(&place);
+    let two_parts = |act: Act| {
+        let mut parts = 0;
+        move |request: &Request| {
+            parts += u64::from(request.is_part());
+            if parts > 2 && request.is_part() { act } else { Act::Pass }
+        }
+    };
+    let slow = Act::Delay(Duration::from_secs(100));
+    for (number, act, signal) in
+        [(0, Act::Refuse(403, "ExpiredToken"), None), (1, slow, Some("KILL")), (2, slow, Some("INT"))]
+    {
+        let key = format!("{number}.mcap");
+        let upload = format!("upload run.mcap {} --json", bucket.url(&key));
+        bucket.behave(two_parts(act));
+        let running = bucket.start(&place, &upload);
+        if let Some(signal) = signal {
+            let parts = || bucket.requests().iter().filter(|request| request.is_part()).count();
+            wait_until("two parts", || (parts() == 2).then_some(()));
+            running.signal(signal);
+        }
+        let ended = running.wait();
+        assert!(ended.code() != Some(0) && bucket.get(&key).is_none(), "{number}: {}", ended.stderr());
+        assert_eq!(part_bytes(&bucket), 2 * PART_BYTES, "{number}");
+        bucket.behave(|_| Act::Pass);
+        let sent = bucket.run(&place, &upload).exits(0).json();
+        assert_eq!(part_bytes(&bucket), size - 2 * PART_BYTES, "{number}");
+        assert_eq!(sent[0]["bytes_of_earlier_attempts"], 2 * PART_BYTES, "{sent}");
+        assert!(bucket.get(&key).unwrap() == fs::read(place.path("run.mcap")).unwrap(), "{number}");
+        assert_eq!(bucket.open_uploads(), 0);
+        assert!(!place.path("run.mcap.upload").exists());
+    }
+}
+
+/// What the store has under the number of a part is not what the file holds.
+#[test]
+fn a_part_that_differs_is_sent_again() {
+    let (place, Some(bucket)) = (Place::new(), Bucket::new()) else { return };
+    let size = large(&place);
+    let upload = format!("upload run.mcap {}", bucket.url("run.mcap"));
+    bucket.behave(
+        |request| {
+            if request.is_completion() { Act::Refuse(403, "ExpiredToken") } else { Act::Pass }
+        },
+    );
+    bucket.run(&place, &upload).exits(1).says(&["ExpiredToken"]);
+    assert_eq!(part_bytes(&bucket), size);
+    let mut wrong = fs::read(place.path("run.mcap")).unwrap()[..PART_BYTES as usize].to_vec();
+    wrong[4711] ^= 1;
+    bucket.put_part("run.mcap", 1, &wrong);
+    bucket.put_part("run.mcap", 2, b"short");
+    bucket.behave(|_| Act::Pass);
+    bucket.run(&place, &upload).exits(0);
+    assert_eq!(part_bytes(&bucket), 2 * PART_BYTES);
+    assert!(bucket.get("run.mcap").unwrap() == fs::read(place.path("run.mcap")).unwrap());
+    assert_eq!(bucket.open_uploads(), 0);
+}
+
+/// The store has forgotten the upload, or the file is another recording by now.
+#[test]
+fn an_upload_that_cannot_be_gone_on_with_begins_anew() {
+    let (place, Some(bucket)) = (Place::new(), Bucket::new()) else { return };
+    let url = bucket.url("run.mcap");
+    let run = "run --preset striker-3g --duration 1e-3 --out run.mcap --force";
+    for number in 0..2 {
+        place.run(run).exits(0);
+        bucket.behave(
+            |request| {
+                if request.is_completion() { Act::Refuse(403, "ExpiredToken") } else { Act::Pass }
+            },
+        );
+        bucket.run(&place, &format!("upload run.mcap {url} --force")).exits(1);
+        bucket.behave(|_| Act::Pass);
+        if number == 0 {
+            // another run under the same name
+            place.run(run).exits(0);
+        } else {
+            let note = place.read("run.mcap.upload");
+            let (_, id) = note.lines().next().unwrap().rsplit_once(' ').unwrap();
+            place.write("run.mcap.upload", &note.replace(id, "no-such-upload"));
+        }
+        part_bytes(&bucket);
+        bucket.run(&place, &format!("upload run.mcap {url} --force")).exits(0);
+        assert_eq!(part_bytes(&bucket), fs::metadata(place.path("run.mcap")).unwrap().len());
+        assert!(bucket.get("run.mcap").unwrap() == fs::read(place.path("run.mcap")).unwrap());
+        assert_eq!(
+            bucket.open_uploads(),
+            number,
+            "one that nobody knows of stays until the bucket's rule removes it"
+        );
+    }
+}

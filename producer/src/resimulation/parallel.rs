@@ -7,6 +7,7 @@ use crate::state::ChainState;
 use schemas::frame::{EndReason, Frame, FrameSource, Received};
 use schemas::manifest::RunManifest;
 use std::collections::VecDeque;
+use std::io;
 use std::num::NonZero;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -73,6 +74,17 @@ pub struct ParallelResimulation<S: FrameSource> {
     stop: Option<Arc<AtomicBool>>,
 }
 
+/// Why several threads do not recompute.
+#[derive(Debug, thiserror::Error)]
+pub enum ParallelError {
+    /// The run was computed by another dynamics.
+    #[error(transparent)]
+    Kernel(#[from] OtherKernel),
+    /// The system grants no thread.
+    #[error("no thread can be started; allow more processes (`ulimit -u`), or recompute with --jobs 1")]
+    NoThread(#[source] io::Error),
+}
+
 #[derive(Debug)]
 enum Upcoming<E> {
     /// States, as they are computed.
@@ -93,8 +105,8 @@ impl<S: FrameSource> ParallelResimulation<S> {
     /// beside this one that reads and lends.
     ///
     /// # Errors
-    /// When the run was computed by another dynamics.
-    pub fn new(source: S, lend: Lend, threads: NonZero<usize>) -> Result<Self, OtherKernel> {
+    /// When the run was computed by another dynamics, or the system grants no thread.
+    pub fn new(source: S, lend: Lend, threads: NonZero<usize>) -> Result<Self, ParallelError> {
         Self::with_limits(source, lend, threads, Limits::default())
     }
 
@@ -102,7 +114,7 @@ impl<S: FrameSource> ParallelResimulation<S> {
     ///
     /// # Errors
     /// As [`ParallelResimulation::new`].
-    pub fn from_start(source: S, lend: Lend, threads: NonZero<usize>) -> Result<Self, OtherKernel> {
+    pub fn from_start(source: S, lend: Lend, threads: NonZero<usize>) -> Result<Self, ParallelError> {
         Ok(Self::new(source, lend, threads)?.with_initial_state())
     }
 
@@ -122,9 +134,10 @@ impl<S: FrameSource> ParallelResimulation<S> {
         lend: Lend,
         threads: NonZero<usize>,
         limits: Limits,
-    ) -> Result<Self, OtherKernel> {
+    ) -> Result<Self, ParallelError> {
         check_kernel(source.manifest())?;
-        let workers = Workers::new(Arc::new(source.manifest().clone()), lend, threads, &limits);
+        let workers = Workers::new(Arc::new(source.manifest().clone()), lend, threads, &limits)
+            .map_err(ParallelError::NoThread)?;
         Ok(Self {
             source,
             limits,

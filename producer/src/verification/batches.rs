@@ -59,19 +59,40 @@ pub(super) fn prove_batches(
     spent: &Sender<EncodedStates>,
     stop: &AtomicBool,
 ) -> Proof {
-    let mut proof = Proof::default();
-    let can_be_proven = check_kernel(manifest).is_ok();
-    // made when there is something to prove: a file may say that it has many beads and hold no state of them
-    let mut prover = None;
+    let mut proving = Proving::new(manifest);
     loop {
         // a receiver is as good after a panic of another thread as before
-        let Ok(batch) = batches.lock().unwrap_or_else(PoisonError::into_inner).recv() else { return proof };
-        // of another kernel version nothing can be recomputed
-        if can_be_proven && !batch.is_empty() {
-            prover.get_or_insert_with(|| Prover::new(manifest)).prove(&batch, stop, &mut proof);
-        }
+        let Ok(batch) = batches.lock().unwrap_or_else(PoisonError::into_inner).recv() else {
+            return proving.proof;
+        };
+        proving.prove(&batch, stop);
         // nobody takes it any more at the end
         let _ = spent.send(batch);
+    }
+}
+
+/// What one thread proves.
+pub(super) struct Proving<'a> {
+    manifest: &'a RunManifest,
+    can_be_proven: bool,
+    /// Made when there is something to prove: a file may say that it has many beads and hold no state of them.
+    prover: Option<Prover<'a>>,
+    pub(super) proof: Proof,
+}
+
+impl<'a> Proving<'a> {
+    pub(super) fn new(manifest: &'a RunManifest) -> Self {
+        // of another kernel version nothing can be recomputed
+        let can_be_proven = check_kernel(manifest).is_ok();
+        Self { manifest, can_be_proven, prover: None, proof: Proof::default() }
+    }
+
+    /// Recomputes a batch.
+    pub(super) fn prove(&mut self, batch: &EncodedStates, stop: &AtomicBool) {
+        if self.can_be_proven && !batch.is_empty() {
+            let prover = self.prover.get_or_insert_with(|| Prover::new(self.manifest));
+            prover.prove(batch, stop, &mut self.proof);
+        }
     }
 }
 

@@ -11,6 +11,7 @@ use schemas::results::{ResultColumns, Topic};
 use schemas::run_name::RunName;
 use std::collections::VecDeque;
 use std::convert::Infallible;
+use std::io;
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
@@ -93,7 +94,10 @@ impl RowThreads {
         let (looking, looked) = channel();
         for topic in [Topic::Energies, Topic::Impurity, Topic::Contacts, Topic::Pulses] {
             match ResultWatch::create(bus, run, topic) {
-                Ok(watch) => started.threads.push(spawn(watch, recorder, looking.clone())),
+                Ok(watch) => match spawn(watch, recorder, looking.clone()) {
+                    Ok(thread) => started.threads.push(thread),
+                    Err(error) => started.failure = Some(error),
+                },
                 Err(error) => started.failure = Some(error),
             }
         }
@@ -101,7 +105,10 @@ impl RowThreads {
             Ok(watch) => {
                 let mut own = OwnThreads::new(bus, run, recorder);
                 own.look(&watch, Some(&looking));
-                started.lookout = Some(thread::spawn(move || own.look_out(&watch)));
+                match thread::Builder::new().spawn(move || own.look_out(&watch)) {
+                    Ok(thread) => started.lookout = Some(thread),
+                    Err(error) => started.failure = Some(no_thread(Topic::Energies, &error)),
+                }
             }
             Err(error) => started.failure = Some(error),
         }
@@ -126,14 +133,25 @@ impl RowThreads {
 }
 
 /// A thread that records the rows for which `watch` waits; see [`Rows::record`].
-fn spawn(watch: ResultWatch, recorder: &Arc<Recorder>, looking: Sender<Infallible>) -> JoinHandle<RowTally> {
-    let recorder = Arc::clone(recorder);
-    thread::spawn(move || match watch.topic() {
+fn spawn(
+    watch: ResultWatch,
+    recorder: &Arc<Recorder>,
+    looking: Sender<Infallible>,
+) -> Result<JoinHandle<RowTally>, ResultsError> {
+    let (recorder, topic) = (Arc::clone(recorder), watch.topic());
+    let work = move || match watch.topic() {
         Topic::Contacts => {
             Rows::new(&recorder, &watch, |classes| RowValues::Classes(classes)).record(looking)
         }
         _ => Rows::new(&recorder, &watch, |numbers| RowValues::Numbers(numbers)).record(looking),
-    })
+    };
+    thread::Builder::new().spawn(work).map_err(|error| no_thread(topic, &error))
+}
+
+/// The system grants no thread for results.
+fn no_thread(topic: Topic, error: &io::Error) -> ResultsError {
+    let cause = format!("no thread can be started ({error}); allow more processes (`ulimit -u`)");
+    ResultsError::Port { topic, cause }
 }
 
 fn join<T>(thread: JoinHandle<T>) -> T {
@@ -177,7 +195,7 @@ impl OwnThreads {
                 }
                 let watch = ResultWatch::create(&self.bus, &self.run, topic)?;
                 let looking = looking.cloned().unwrap_or_else(|| channel().0);
-                self.threads.push((topic, spawn(watch, &self.recorder, looking)));
+                self.threads.push((topic, spawn(watch, &self.recorder, looking)?));
             }
             Ok(())
         });

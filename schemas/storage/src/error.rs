@@ -1,5 +1,6 @@
 //! What goes wrong with objects behind URLs.
 
+use crate::secrets::masked;
 use std::io;
 
 /// Why an object cannot be read or written.
@@ -36,6 +37,9 @@ pub enum StorageError {
         "the server does not send parts of objects (HTTP range requests), which reading needs; copy it to a file"
     )]
     NoRanges,
+    /// The program was asked to stop.
+    #[error("stopped before the store had answered")]
+    Stopped,
     /// Anything else, after all retries.
     #[error("{0}")]
     Failed(String),
@@ -45,6 +49,18 @@ impl StorageError {
     /// Whether another name, or another build of the command, is needed.
     pub fn is_of_usage(&self) -> bool {
         matches!(self, Self::NotBuilt | Self::Url(_) | Self::Exists)
+    }
+
+    /// The same without the secrets that a store or the environment may have put there.
+    #[cfg_attr(not(feature = "remote"), expect(dead_code, reason = "nothing is asked of a store"))]
+    pub(crate) fn masked(self) -> Self {
+        match self {
+            Self::Url(text) => Self::Url(masked(&text)),
+            Self::NotFound(text) => Self::NotFound(masked(&text)),
+            Self::Denied(text) => Self::Denied(masked(&text)),
+            Self::Failed(text) => Self::Failed(masked(&text)),
+            Self::NotBuilt | Self::Exists | Self::Changed | Self::NoRanges | Self::Stopped => self,
+        }
     }
 }
 
@@ -56,7 +72,8 @@ impl From<StorageError> for io::Error {
             StorageError::NotFound(_) => io::ErrorKind::NotFound,
             StorageError::Exists => io::ErrorKind::AlreadyExists,
             StorageError::Denied(_) => io::ErrorKind::PermissionDenied,
-            StorageError::Changed | StorageError::Failed(_) => io::ErrorKind::Other,
+            // not `Interrupted`, after which readers try again
+            StorageError::Changed | StorageError::Stopped | StorageError::Failed(_) => io::ErrorKind::Other,
         };
         Self::new(kind, error)
     }

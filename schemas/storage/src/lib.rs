@@ -5,9 +5,10 @@
 //! variables `AWS_*`, `GOOGLE_*` and `AZURE_*`, as the crate `object_store` reads them.
 //!
 //! Architecture invariants: nothing else imports `object_store`. Memory is bounded by the parts of an object that are kept,
-//! never by its size. Every answer is of the object that was opened, or an error.
+//! never by its size. Every answer is of the object that was opened, or an error. No message holds a secret.
 
 mod error;
+mod file;
 mod list;
 mod reader;
 #[cfg(feature = "remote")]
@@ -15,13 +16,18 @@ mod remote;
 #[cfg(not(feature = "remote"))]
 #[path = "without.rs"]
 mod remote;
+mod secrets;
 mod sender;
+mod stop;
 
 pub use error::StorageError;
-pub use list::{Entry, list};
+pub use file::{open_file, read_file};
+pub use list::{Entry, Listing, Skipped, list};
 pub use reader::Reader;
 pub use remote::{Upload, forget};
+pub use secrets::masked;
 pub use sender::{Begun, Errand, Outcome, SendError, SendOptions, Sender, Sent};
+pub use stop::stop_when;
 
 use std::path::Path;
 

@@ -1,5 +1,6 @@
 //! What lies under a directory or a URL.
 
+use crate::file::not_a_file;
 use crate::{is_url, remote};
 use std::fs;
 use std::io;
@@ -14,32 +15,71 @@ pub struct Entry {
     pub bytes: u64,
 }
 
-/// All files under the directory `root`, or all objects under the URL `root`, in the order of their names. Symbolic links to
-/// directories are not followed.
-///
-/// # Errors
-/// When a directory cannot be read, or the store refuses.
-pub fn list(root: &Path) -> io::Result<Vec<Entry>> {
-    let mut entries = Vec::new();
-    if is_url(root) {
-        entries = remote::list(root)?;
-    } else {
-        walk(root, &mut entries)?;
-    }
-    entries.sort_by(|one, other| one.path.cmp(&other.path));
-    Ok(entries)
+/// Something that has a name in a directory or a listing, and cannot be read.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Skipped {
+    /// Its name, as it is written there. It is no path: nothing may be opened by it.
+    pub name: String,
+    /// What it is, or what is wrong with its name.
+    pub why: String,
 }
 
-fn walk(directory: &Path, entries: &mut Vec<Entry>) -> io::Result<()> {
+/// What was found.
+#[derive(Debug, Default)]
+pub struct Listing {
+    /// In the order of their names.
+    pub entries: Vec<Entry>,
+    /// The first of what cannot be read.
+    pub skipped: Vec<Skipped>,
+    /// How many they are.
+    pub skipped_count: u64,
+    /// Objects or files that were looked at.
+    pub seen_count: u64,
+}
+
+impl Listing {
+    /// Notes something that cannot be read.
+    pub(crate) fn skip(&mut self, name: String, why: String) {
+        /// More than a person reads.
+        const MOST_SKIPPED: usize = 100;
+        self.skipped_count += 1;
+        if self.skipped.len() < MOST_SKIPPED {
+            self.skipped.push(Skipped { name, why });
+        }
+    }
+}
+
+/// The files under the directory `root`, or the objects under the URL `root`, whose path is `wanted`. Symbolic links to directories
+/// are not followed.
+///
+/// # Errors
+/// When a directory cannot be read, when the store refuses, or lists more than can be held.
+pub fn list(root: &Path, wanted: impl Fn(&Path) -> bool) -> io::Result<Listing> {
+    let mut listing = Listing::default();
+    if is_url(root) {
+        remote::list(root, &wanted, &mut listing)?;
+    } else {
+        walk(root, &wanted, &mut listing)?;
+    }
+    listing.entries.sort_by(|one, other| one.path.cmp(&other.path));
+    Ok(listing)
+}
+
+fn walk(directory: &Path, wanted: &impl Fn(&Path) -> bool, listing: &mut Listing) -> io::Result<()> {
     for entry in fs::read_dir(directory)? {
         let entry = entry?;
         let path = entry.path();
+        listing.seen_count += 1;
         if entry.file_type()?.is_dir() {
-            walk(&path, entries)?;
-        } else if let Ok(found) = fs::metadata(&path)
-            && found.is_file()
+            walk(&path, wanted, listing)?;
+        } else if wanted(&path)
+            && let Ok(found) = fs::metadata(&path)
         {
-            entries.push(Entry { path, bytes: found.len() });
+            if found.is_file() {
+                listing.entries.push(Entry { path, bytes: found.len() });
+            } else if let Some(what) = not_a_file(found.file_type()) {
+                listing.skip(path.display().to_string(), format!("it is {what}, and no file"));
+            }
         }
     }
     Ok(())

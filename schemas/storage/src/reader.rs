@@ -1,7 +1,7 @@
 //! Reads a file or an object.
 
-use crate::is_url;
 use crate::remote::ObjectReader;
+use crate::{is_url, open_file};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::ops::Range;
@@ -37,7 +37,7 @@ impl Reader {
         if is_url(path) {
             return Ok(Self(Inner::Object(ObjectReader::open(path)?)));
         }
-        let file = File::open(path)?;
+        let file = open_file(path)?;
         let size = file.metadata()?.len();
         Ok(Self(Inner::File(BufReader::with_capacity(bytes, file), size)))
     }

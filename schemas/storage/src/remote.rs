@@ -1,21 +1,26 @@
 //! Objects behind URLs, by the crate `object_store`: one thread makes all requests, and callers wait for it.
 
+mod client;
+mod listing;
 mod object;
+mod options;
 mod reader;
 mod store;
+mod stored;
 mod upload;
+mod xml;
+
+pub(crate) use listing::list;
 
 pub use object::forget;
 pub(crate) use reader::ObjectReader;
 pub use upload::Upload;
 
-use crate::{Entry, StorageError};
-use futures_util::TryStreamExt as _;
+use crate::{StorageError, stop};
 use std::future::Future;
 use std::io;
-use std::path::{Path, PathBuf};
-use std::sync::{OnceLock, mpsc};
-use store::Directory;
+use std::sync::OnceLock;
+use std::sync::mpsc::{self, RecvTimeoutError};
 use tokio::runtime::{Builder, Handle};
 
 /// The thread that makes requests, started by the first one.
@@ -35,25 +40,27 @@ fn start() -> Result<Handle, StorageError> {
     Ok(handle)
 }
 
-/// Runs `work` on the thread that makes requests, and waits for it.
+/// Runs `work` on the thread that makes requests, and waits for it, unless the program is asked to stop meanwhile. No message of
+/// what went wrong holds a secret.
 pub(crate) fn wait<T: Send + 'static>(
     work: impl Future<Output = Result<T, StorageError>> + Send + 'static,
 ) -> Result<T, StorageError> {
     let (answer, answers) = mpsc::sync_channel(1);
-    handle()?.spawn(async move { answer.send(work.await) });
-    answers.recv().unwrap_or_else(|_| Err(StorageError::Failed("the request was given up".into())))
-}
-
-/// All objects under the URL `root`.
-pub(crate) fn list(root: &Path) -> io::Result<Vec<Entry>> {
-    let Directory { store, prefix, base } = store::of_directory(root)?;
-    let entry = move |found: object_store::ObjectMeta| Entry {
-        path: PathBuf::from(format!("{base}/{}", found.location)),
-        bytes: found.size,
-    };
-    let found = wait(async move {
-        let found: Vec<_> = store.list(prefix.as_ref()).try_collect().await.map_err(store::refused)?;
-        Ok(found)
-    })?;
-    Ok(found.into_iter().map(entry).collect())
+    let task = handle()?.spawn(async move {
+        // nobody may wait any more
+        let _ = answer.send(work.await);
+    });
+    loop {
+        match answers.recv_timeout(stop::LOOK) {
+            Ok(answer) => return answer.map_err(StorageError::masked),
+            Err(RecvTimeoutError::Timeout) if stop::is_asked() => {
+                task.abort();
+                return Err(StorageError::Stopped);
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(StorageError::Failed("the request was given up".into()));
+            }
+        }
+    }
 }

@@ -2,7 +2,8 @@
 //!
 //! Whoever writes a file only ever appends to it, so what is there is sent as soon as it makes a part. The writer never waits.
 
-use crate::{StorageError, Upload};
+use crate::{StorageError, Upload, open_file, read_file, stop};
+use std::fmt::{self, Display};
 use std::fs::{self, File};
 use std::io;
 use std::os::unix::fs::{FileExt as _, MetadataExt as _};
@@ -16,6 +17,12 @@ const LEAST_PART_BYTES: u64 = 5 << 20;
 
 /// Most parts of an object.
 const MOST_PARTS: u64 = 10_000;
+
+/// Most bytes of the parts of an upload that is gone on with: a part is in memory.
+const MOST_PART_BYTES: u64 = 512 << 20;
+
+/// Most bytes of a note beside a file: a URL, an id and a run.
+const MOST_NOTE_BYTES: u64 = 64 << 10;
 
 /// Between two looks at a file that grows.
 const LOOK: Duration = Duration::from_millis(200);
@@ -56,6 +63,8 @@ pub struct Sent {
     pub bytes: u64,
     /// In how many parts it was sent.
     pub parts: usize,
+    /// Bytes that the store had from an earlier attempt, and that were not sent again.
+    pub kept_bytes: u64,
 }
 
 /// Why a file was not sent; it stays.
@@ -126,7 +135,7 @@ pub struct Begun {
 
 impl Begun {
     /// Begins to send `errand`, of which nothing need be there yet, so that a store that refuses is known before anything is
-    /// written. What an earlier attempt left in the store is removed.
+    /// written. What an earlier attempt left in the store is gone on with if it can be, and else removed.
     ///
     /// # Errors
     /// When there is such an object and it is not to be replaced, or when the store refuses.
@@ -152,7 +161,11 @@ impl Begun {
         let shared = Arc::<Shared>::default();
         let work = Work { shared: Arc::clone(&shared), options: self.options, notice: Box::new(notice) };
         let (errand, upload) = (self.errand, self.upload);
-        let work = move || work.all(errand, upload, next);
+        let work = move || {
+            // a run that is asked to stop is sent all the same; who waits for us may leave
+            stop::be_patient();
+            work.all(errand, upload, next)
+        };
         let thread = thread::Builder::new().name("beadline-send".into()).spawn(work)?;
         Ok(Sender { shared, thread })
     }
@@ -243,15 +256,20 @@ impl Work {
             Some(upload) => upload,
             None => self.patiently(|| begin(errand, &self.options))?,
         };
-        if let Err(error) = self.follow(number, &file, errand, &mut upload) {
-            give_up(errand, &upload);
+        let mut kept_bytes = 0;
+        if let Err(error) = self.follow(number, &file, errand, &mut upload, &mut kept_bytes) {
+            // what another attempt goes on with stays in the store
+            if !(error.leaves_parts() && upload.can_be_resumed()) {
+                give_up(errand, &upload);
+            }
             return Err(error);
         }
         if !self.options.keep {
             // what cannot be removed is sent all the same
             let _ = fs::remove_file(&errand.file);
         }
-        Ok(Some(Sent { url: errand.url.clone(), bytes: upload.bytes(), parts: upload.parts() }))
+        let (bytes, parts) = (upload.bytes(), upload.parts());
+        Ok(Some(Sent { url: errand.url.clone(), bytes, parts, kept_bytes }))
     }
 
     /// The file, once it is there; none if it will never be.
@@ -260,7 +278,7 @@ impl Work {
             let files = self.shared.files();
             // in this order: it may be given its name in between
             for path in [&errand.growing, &errand.file] {
-                match File::open(path) {
+                match open_file(path) {
                     Ok(file) => return Ok(Some(file)),
                     Err(error) if error.kind() == io::ErrorKind::NotFound => {}
                     Err(error) => return Err(unreadable(path)(error)),
@@ -280,6 +298,7 @@ impl Work {
         file: &File,
         errand: &Errand,
         upload: &mut Upload,
+        kept_bytes: &mut u64,
     ) -> Result<(), SendError> {
         loop {
             let files = self.shared.files();
@@ -287,12 +306,14 @@ impl Work {
             let length = file.metadata().map_err(unreadable(&errand.file))?.len();
             while upload.bytes() < length {
                 let (parts, sent) = (upload.parts() as u64, upload.bytes());
-                let part = part_bytes(self.options.expected_bytes, parts, sent);
+                let part = part_bytes(upload.part_bytes(), parts, sent);
                 let part = if is_whole { part.min(length - upload.bytes()) } else { part }; // integers
                 if length - upload.bytes() < part {
                     break;
                 }
-                self.send(file, part, errand, upload)?;
+                if !self.send(file, part, errand, upload)? {
+                    *kept_bytes += part;
+                }
             }
             if is_whole {
                 self.patiently(|| upload.complete().map_err(refused(errand)))?;
@@ -306,15 +327,16 @@ impl Work {
         }
     }
 
-    fn send(&self, file: &File, bytes: u64, errand: &Errand, upload: &mut Upload) -> Result<(), SendError> {
+    /// Sends the next part, unless the store has it: whether it was sent.
+    fn send(&self, file: &File, bytes: u64, errand: &Errand, upload: &mut Upload) -> Result<bool, SendError> {
         let offset = upload.bytes();
-        self.patiently(|| {
+        let was_sent = self.patiently(|| {
             let mut part = vec![0; usize::try_from(bytes).unwrap_or(usize::MAX)];
             file.read_exact_at(&mut part, offset).map_err(unreadable(&errand.file))?;
             upload.send(part).map_err(refused(errand))
         })?;
         self.shared.lock().sent_bytes += bytes;
-        Ok(())
+        Ok(was_sent)
     }
 
     /// Does what may go wrong for a while, again and again as long as files are written, and once after that.
@@ -341,6 +363,12 @@ impl SendError {
     fn may_pass(&self) -> bool {
         matches!(self, Self::Store { source: StorageError::Failed(_), .. })
     }
+
+    /// Whether another attempt may go on with what was sent.
+    fn leaves_parts(&self) -> bool {
+        let source = if let Self::Store { source, .. } = self { source } else { return false };
+        matches!(source, StorageError::Failed(_) | StorageError::Denied(_) | StorageError::Stopped)
+    }
 }
 
 fn refused(errand: &Errand) -> impl Fn(StorageError) -> SendError + '_ {
@@ -353,8 +381,7 @@ fn unreadable(file: &Path) -> impl Fn(io::Error) -> SendError + '_ {
 
 /// The size of the part that follows `parts` parts of `sent_bytes`: all of one size, as some stores want it, unless there is
 /// far more than was expected.
-fn part_bytes(expected_bytes: u64, parts: u64, sent_bytes: u64) -> u64 {
-    let usual = usual_part_bytes(expected_bytes);
+fn part_bytes(usual: u64, parts: u64, sent_bytes: u64) -> u64 {
     if parts < MOST_PARTS / 2 { usual } else { usual.max(sent_bytes / (MOST_PARTS / 10)) }
 }
 
@@ -362,20 +389,63 @@ fn usual_part_bytes(expected_bytes: u64) -> u64 {
     (expected_bytes / (MOST_PARTS / 2)).max(LEAST_PART_BYTES) // integers
 }
 
-/// Begins an upload, and keeps its id beside the file until it is over.
+/// Begins an upload, or goes on with the one that an earlier attempt left, and keeps its id beside the file until it is over.
 fn begin(errand: &Errand, options: &SendOptions) -> Result<Upload, SendError> {
     let SendOptions { run, expected_bytes, replace, .. } = options;
     let path = note_of(errand);
-    if let Ok(note) = fs::read_to_string(&path)
-        && let Some((url, id)) = note.trim_end().rsplit_once(' ')
-    {
-        Upload::give_up(Path::new(url), id).map_err(refused(errand))?;
+    if let Some(note) = Note::read(&path) {
+        if let Some(part_bytes) = note.part_bytes_for(errand, options)
+            && let Some(upload) =
+                Upload::resume(&errand.url, &note.id, run, part_bytes, *replace).map_err(refused(errand))?
+        {
+            return Ok(upload);
+        }
+        Upload::give_up(&note.url, &note.id).map_err(refused(errand))?;
     }
     let part_bytes = usual_part_bytes(*expected_bytes);
     let upload = Upload::begin(&errand.url, run, part_bytes, *replace).map_err(refused(errand))?;
-    let note = format!("{} {}\n", errand.url.display(), upload.id());
-    fs::write(&path, note).map_err(unreadable(&path))?;
+    let note = Note { url: errand.url.clone(), id: upload.id().to_owned(), run: run.clone(), part_bytes };
+    fs::write(&path, note.to_string()).map_err(unreadable(&path))?;
     Ok(upload)
+}
+
+/// What lies beside a file of which an upload is not over.
+#[derive(Debug, PartialEq)]
+struct Note {
+    url: PathBuf,
+    id: String,
+    run: String,
+    part_bytes: u64,
+}
+
+impl Note {
+    fn read(path: &Path) -> Option<Self> {
+        Self::parse(&String::from_utf8(read_file(path, MOST_NOTE_BYTES).ok()?).ok()?)
+    }
+
+    fn parse(text: &str) -> Option<Self> {
+        let mut lines = text.lines();
+        let (url, id) = lines.next()?.rsplit_once(' ')?;
+        let (run, part_bytes) = lines.next().and_then(|line| line.rsplit_once(' ')).unwrap_or_default();
+        // one that cannot be gone on with can still be given up
+        let part_bytes = part_bytes.parse().unwrap_or(0);
+        Some(Self { url: url.into(), id: id.to_owned(), run: run.to_owned(), part_bytes })
+    }
+
+    /// The size of its parts, if `errand` can go on with it.
+    fn part_bytes_for(&self, errand: &Errand, options: &SendOptions) -> Option<u64> {
+        let is_same = self.url == errand.url && self.run == options.run;
+        let fits = (LEAST_PART_BYTES..=MOST_PART_BYTES).contains(&self.part_bytes)
+            && options.expected_bytes / self.part_bytes < MOST_PARTS;
+        (is_same && fits).then_some(self.part_bytes)
+    }
+}
+
+impl Display for Note {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { url, id, run, part_bytes } = self;
+        writeln!(f, "{} {id}\n{run} {part_bytes}", url.display())
+    }
 }
 
 /// Removes what was sent. If that fails, the next attempt does it.
@@ -412,11 +482,32 @@ mod tests {
         for expected_bytes in [0, 1 << 30, 25 << 30] {
             let (mut sent, mut part) = (0, 0);
             for parts in 0..MOST_PARTS {
-                part = part_bytes(expected_bytes, parts, sent);
+                part = part_bytes(usual_part_bytes(expected_bytes), parts, sent);
                 sent += part;
             }
             // no store takes parts of more than 5 GiB
             assert!(sent > 3 << 40 && part < 5 << 30, "{expected_bytes}: {sent} in parts up to {part}");
+        }
+    }
+
+    #[test]
+    fn only_the_upload_of_the_same_run_to_the_same_place_is_gone_on_with() {
+        let (url, run) = (PathBuf::from("s3://bucket/a b.mcap"), "0123".to_owned());
+        let note = Note { url: url.clone(), id: "the-id".into(), run: run.clone(), part_bytes: 6 << 20 };
+        assert_eq!(Note::parse(&note.to_string()), Some(note));
+        let errand = Errand { file: "f".into(), growing: "f".into(), url };
+        let options = SendOptions { run, expected_bytes: 1 << 30, replace: false, keep: true };
+        let fits = |text: &str| Note::parse(text).and_then(|note| note.part_bytes_for(&errand, &options));
+        assert_eq!(fits("s3://bucket/a b.mcap the-id\n0123 6291456\n"), Some(6 << 20));
+        for other in [
+            "s3://bucket/other.mcap the-id\n0123 6291456\n",
+            "s3://bucket/a b.mcap the-id\n4567 6291456\n",
+            "s3://bucket/a b.mcap the-id\n0123 1\n",
+            "s3://bucket/a b.mcap the-id\n0123 18446744073709551615\n",
+            "s3://bucket/a b.mcap the-id\n",
+            "",
+        ] {
+            assert_eq!(fits(other), None, "{other}");
         }
     }
 }

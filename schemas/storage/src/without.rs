@@ -1,6 +1,6 @@
 //! What stands for objects behind URLs in a build without them.
 
-use crate::{Entry, StorageError};
+use crate::{Listing, StorageError};
 use std::convert::Infallible;
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
 use std::ops::Range;
@@ -50,8 +50,8 @@ impl Seek for ObjectReader {
     }
 }
 
-pub(crate) fn list(_: &Path) -> io::Result<Vec<Entry>> {
-    Err(StorageError::NotBuilt.into())
+pub(crate) fn list(_: &Path, _: &dyn Fn(&Path) -> bool, _: &mut Listing) -> Result<(), StorageError> {
+    Err(StorageError::NotBuilt)
 }
 
 /// Forgets what is known of the object behind the URL `path`: the next reader opens it anew.
@@ -65,6 +65,18 @@ pub struct Upload(Infallible);
 impl Upload {
     pub fn begin(_: &Path, _: &str, _: u64, _: bool) -> Result<Self, StorageError> {
         Err(StorageError::NotBuilt)
+    }
+
+    pub fn resume(_: &Path, _: &str, _: &str, _: u64, _: bool) -> Result<Option<Self>, StorageError> {
+        Err(StorageError::NotBuilt)
+    }
+
+    pub fn can_be_resumed(&self) -> bool {
+        match self.0 {}
+    }
+
+    pub fn part_bytes(&self) -> u64 {
+        match self.0 {}
     }
 
     pub fn give_up(_: &Path, _: &str) -> Result<(), StorageError> {
@@ -83,7 +95,7 @@ impl Upload {
         match self.0 {}
     }
 
-    pub fn send(&mut self, _: Vec<u8>) -> Result<(), StorageError> {
+    pub fn send(&mut self, _: Vec<u8>) -> Result<bool, StorageError> {
         match self.0 {}
     }
 

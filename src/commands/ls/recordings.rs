@@ -10,6 +10,8 @@ use schemas::whole_file::is_being_written;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
+use std::thread::{self, ScopedJoinHandle};
+use storage::{Entry, Listing, Skipped};
 
 /// Recordings that are looked at together: each waits for its disk, or for a store.
 const AT_ONCE: usize = 16;
@@ -30,23 +32,26 @@ const COLUMNS: [(&str, u32); 8] = [
 type Found = Result<RecordingInfo, ReadError>;
 
 pub(super) fn ls(place: &Path, as_json: bool, names_only: bool) -> Result<Done, Failure> {
-    let paths = recordings(place).with_context(|| format!("cannot list {}", place.display())).bad_input()?;
+    let Listing { entries, skipped, skipped_count, seen_count } =
+        recordings(place).with_context(|| format!("cannot list {}", place.display())).bad_input()?;
+    tell_skipped(&skipped, skipped_count);
+    let paths: Vec<_> = entries.into_iter().map(|entry| entry.path).collect();
     if names_only {
         paths.iter().try_for_each(|path| display::print(format_args!("{}\n", path.display())))?;
-        return Ok(Done::Whole);
+        return Ok(Done::whole_if(skipped_count == 0));
     }
     let (found, lost): (Vec<_>, Vec<_>) = summaries(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>())
         .into_iter()
         .partition(Result::is_ok);
     let found: Vec<_> = found.into_iter().flatten().collect();
-    let is_whole = lost.is_empty();
+    let is_whole = lost.is_empty() && skipped_count == 0;
     for error in lost.into_iter().filter_map(Result::err) {
         notice!("{:#}", anyhow::Error::new(error));
     }
     if as_json {
         display::print_json(&found.iter().map(to_json).collect::<Vec<_>>())?;
     } else if found.is_empty() {
-        notice!("no recordings in {}", place.display());
+        notice!("no recordings among the {} in {}", counted(seen_count, "file"), place.display());
     } else {
         let rows = found.iter().map(|info| cells(info, place)).collect();
         display::print(aligned(COLUMNS, rows, display::columns_of(std::io::stdout())).concat())?;
@@ -55,12 +60,23 @@ pub(super) fn ls(place: &Path, as_json: bool, names_only: bool) -> Result<Done, 
 }
 
 /// Everything at `place` that has the name of a recording.
-fn recordings(place: &Path) -> std::io::Result<Vec<PathBuf>> {
+fn recordings(place: &Path) -> std::io::Result<Listing> {
     if is_recording(place) && !place.is_dir() {
-        return Ok(vec![place.to_owned()]);
+        let entries = vec![Entry { path: place.to_owned(), bytes: 0 }];
+        return Ok(Listing { entries, seen_count: 1, ..Listing::default() });
     }
-    let found = storage::list(place)?.into_iter().map(|entry| entry.path);
-    Ok(found.filter(|path| is_recording(path)).collect())
+    storage::list(place, is_recording)
+}
+
+/// Says what cannot be read, and why.
+pub(crate) fn tell_skipped(skipped: &[Skipped], skipped_count: u64) {
+    for Skipped { name, why } in skipped {
+        notice!("{name} is left out: {why}");
+    }
+    let more = skipped_count - skipped.len() as u64;
+    if more > 0 {
+        notice!("{} more are left out for such reasons", count(more));
+    }
 }
 
 /// Whether `path` has the name of a recording, finished or not.
@@ -81,12 +97,16 @@ pub(crate) fn summaries(paths: &[&Path]) -> Vec<Found> {
             done.push((i, RecordingInfo::summary(path)));
         }
     };
-    let mut all: Vec<(usize, Found)> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..AT_ONCE.min(paths.len())).map(|_| scope.spawn(work)).collect();
-        let join = |worker: std::thread::ScopedJoinHandle<'_, _>| {
+    let mut all: Vec<(usize, Found)> = thread::scope(|scope| {
+        // this thread works, too, and alone where the system grants no other
+        let start = |_| thread::Builder::new().spawn_scoped(scope, work).ok();
+        let workers: Vec<_> = (1..AT_ONCE.min(paths.len())).map_while(start).collect();
+        let mut all = work();
+        let join = |worker: ScopedJoinHandle<'_, _>| {
             worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
         };
-        workers.into_iter().flat_map(join).collect()
+        all.extend(workers.into_iter().flat_map(join));
+        all
     });
     all.sort_by_key(|(i, _)| *i);
     all.into_iter().map(|(_, found)| found).collect()

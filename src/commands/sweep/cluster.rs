@@ -45,7 +45,7 @@ pub(super) fn slurm(sweep: &Sweep, out: &Path, args: &SweepArgs) -> Result<Done,
 pub(super) fn status(directory: &Path, as_json: bool) -> Result<Done, Failure> {
     let status = status::status(directory)?;
     report(as_json, &status, || words(&status, directory))?;
-    Ok(Done::Whole)
+    Ok(Done::whole_if(status.unreadable.is_empty()))
 }
 
 fn words(status: &Status, directory: &Path) -> String {
@@ -54,6 +54,8 @@ fn words(status: &Status, directory: &Path) -> String {
     if status.damaged > 0 {
         rows.add("damaged rows", count(status.damaged));
     }
+    rows.each("not read", status.unreadable.iter().take(NAMED).map(|line| printable(line)));
+    rows.more("not read", status.unreadable.len() as u64, NAMED, "");
     if let (Some(rate), Some(left_s)) = (status.rate, status.left_s) {
         rows.add("rate", per_second(rate, "points"));
         rows.add("left", left(left_s));

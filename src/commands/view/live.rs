@@ -81,7 +81,9 @@ impl Watches {
     fn watch(&self, run: &RunName, writer: &LiveWriter) {
         let (counts, stop) = (Counts::default(), Arc::new(AtomicBool::new(false)));
         thread::scope(|scope| {
-            let frames = scope.spawn(|| self.show_frames(run, writer, &counts, &stop));
+            let show = || self.show_frames(run, writer, &counts, &stop);
+            // without a thread the viewer is told nothing, and its connection ends
+            let Ok(frames) = thread::Builder::new().spawn_scoped(scope, show) else { return };
             let (mut speed, mut due) = (Speed::default(), Instant::now());
             while !frames.is_finished() {
                 if self.stop.load(Ordering::Relaxed) || self.is_left(run, writer) {

@@ -365,11 +365,9 @@ fn damage(info: &RecordingInfo, path: &Path) -> Option<String> {
     }
 }
 
-/// Whether a folder shows `path`: files, and links wherever they lead.
+/// Whether `path` has the name of a recording; what is no file there, and a link wherever it leads, has an entry with the reason.
 fn is_recording(path: &Path) -> bool {
-    let is_one = |found: fs::Metadata| found.is_file() || (found.is_symlink() && !path.is_dir());
-    path.extension().is_some_and(|extension| extension == "mcap")
-        && fs::symlink_metadata(path).is_ok_and(is_one)
+    path.extension().is_some_and(|extension| extension == "mcap") && !path.is_dir()
 }
 
 /// Waits until such a run is there, or `stop` is set.

@@ -66,7 +66,10 @@ pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error
         Ok(())
     };
     // a thread and what it starts share one core; the rest of the program keeps all of them
-    thread::scope(|scope| scope.spawn(&mut measure).join().unwrap_or_else(|panic| resume_unwind(panic)))
+    thread::scope(|scope| {
+        let measuring = thread::Builder::new().spawn_scoped(scope, &mut measure)?;
+        measuring.join().unwrap_or_else(|panic| resume_unwind(panic))
+    })
 }
 
 /// Says which version was found, or what is missing.

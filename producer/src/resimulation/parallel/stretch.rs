@@ -6,6 +6,7 @@ use crate::resimulation::{Difference, Lend, difference};
 use crate::state::ChainState;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
+use std::io;
 use std::num::NonZero;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
@@ -69,7 +70,7 @@ impl Workers {
         lend: Lend,
         threads: NonZero<usize>,
         limits: &Limits,
-    ) -> Self {
+    ) -> io::Result<Self> {
         let state_doubles = manifest.frame_doubles();
         let block_doubles = limits.block_doubles.max(state_doubles); // integers
         let share = limits.waiting_doubles / (threads.get() + 1) / block_doubles;
@@ -87,12 +88,13 @@ impl Workers {
             let (shared, receiver) = (Arc::clone(&shared), Arc::clone(&receiver));
             move || shared.work(&receiver)
         };
+        let first = std::thread::Builder::new().spawn(work())?;
         let more = (1..threads.get()).map_while(|_| std::thread::Builder::new().spawn(work()).ok());
         // where the system grants fewer threads, those compute everything
-        let threads = std::iter::once(std::thread::spawn(work())).chain(more).collect();
+        let threads = std::iter::once(first).chain(more).collect();
         // one more is being filled
         let waiting_blocks = share.saturating_sub(1).max(1); // integers
-        Self { stretches: Some(sender), threads, shared, waiting_blocks, in_work: 0 }
+        Ok(Self { stretches: Some(sender), threads, shared, waiting_blocks, in_work: 0 })
     }
 
     /// Sets the first step that is lent, before anything is handed out.

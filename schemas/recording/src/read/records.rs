@@ -66,7 +66,8 @@ impl RecordReader {
     pub(crate) fn at_end(path: &Path) -> Result<Self, ReadError> {
         let io = ReadError::io(path);
         let not_mcap = || ReadError::NotMcap { path: path.to_owned() };
-        if !is_url(path) && !fs::metadata(path).map_err(&io)?.is_file() {
+        // anything else that is no file is refused, and named, where it is opened
+        if !is_url(path) && fs::metadata(path).map_err(&io)?.is_dir() {
             return Err(not_mcap());
         }
         let mut file = Reader::open(path).map_err(&io)?;

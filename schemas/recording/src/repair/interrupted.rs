@@ -8,7 +8,6 @@ use crate::repair::audit::{Audit, Audited};
 use crate::write::channel_writer::WriteOptions;
 use crate::write::writer::RecordingWriter;
 use schemas::whole_file::{LockedFile, Names, WholeFileError, directory_of};
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
@@ -233,7 +232,7 @@ fn in_the_way(path: &Path, other: &Path) -> ResumeError {
 fn is_begun(names: &Names) -> bool {
     let read = |path: &Path| -> io::Result<Vec<u8>> {
         let mut bytes = Vec::new();
-        File::open(path)?.take(MOST_BEGUN).read_to_end(&mut bytes).map(|_| bytes)
+        storage::open_file(path)?.take(MOST_BEGUN).read_to_end(&mut bytes).map(|_| bytes)
     };
     let is_file =
         names.partial.symlink_metadata().is_ok_and(|found| found.is_file() && found.len() < MOST_BEGUN);

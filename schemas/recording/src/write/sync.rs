@@ -24,7 +24,11 @@ impl BackgroundSync {
     pub(crate) fn request(&mut self, file: &Arc<File>) -> io::Result<()> {
         let worker = match self.worker.take() {
             Some(worker) => worker,
-            None => Worker::start(Arc::clone(file))?,
+            None => match Worker::start(Arc::clone(file)) {
+                Ok(worker) => worker,
+                // the system grants no thread, so that the run has to wait
+                Err(_) => return file.sync_data(),
+            },
         };
         match worker.requests.try_send(()) {
             Err(TrySendError::Disconnected(())) => worker.join(),

@@ -1,7 +1,7 @@
 //! An object as it was when it was opened, and the parts of it that are at hand.
 
 use super::{handle, store, wait};
-use crate::StorageError;
+use crate::{StorageError, stop};
 use futures_util::TryStreamExt as _;
 use object_store::path::Path as ObjectPath;
 use object_store::{Error, GetOptions, GetRange, GetResult, ObjectMeta, ObjectStore};
@@ -121,7 +121,7 @@ impl Object {
         let request = handle()?.spawn(async move { object.get(range).await });
         handle()?.spawn(async move {
             let gone = |_| Err(StorageError::Failed("the request was given up".into()));
-            part.arrive(request.await.unwrap_or_else(gone));
+            part.arrive(request.await.unwrap_or_else(gone).map_err(StorageError::masked));
         });
         Ok(())
     }
@@ -209,14 +209,17 @@ impl Part {
         matches!(*self.bytes.lock().unwrap_or_else(PoisonError::into_inner), Some(Err(_)))
     }
 
-    /// Its bytes, when they are there.
+    /// Its bytes, when they are there, unless the program is asked to stop meanwhile.
     pub(crate) fn wait(&self) -> Result<Arc<Vec<u8>>, StorageError> {
         let mut bytes = self.bytes.lock().unwrap_or_else(PoisonError::into_inner);
         loop {
-            match &*bytes {
-                Some(bytes) => return bytes.clone(),
-                None => bytes = self.arrived.wait(bytes).unwrap_or_else(PoisonError::into_inner),
+            if let Some(bytes) = &*bytes {
+                return bytes.clone();
             }
+            if stop::is_asked() {
+                return Err(StorageError::Stopped);
+            }
+            bytes = self.arrived.wait_timeout(bytes, stop::LOOK).unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 }

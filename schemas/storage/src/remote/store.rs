@@ -1,10 +1,12 @@
 //! The store of a URL, and what it says when it refuses.
 
+use super::client::{Connector, Skips};
 use crate::StorageError;
-use object_store::aws::AmazonS3Builder;
-use object_store::azure::MicrosoftAzureBuilder;
-use object_store::gcp::GoogleCloudStorageBuilder;
-use object_store::http::HttpBuilder;
+use object_store::aws::{AmazonS3, AmazonS3Builder};
+use object_store::azure::{MicrosoftAzure, MicrosoftAzureBuilder};
+use object_store::gcp::{GoogleCloudStorage, GoogleCloudStorageBuilder};
+use object_store::http::{HttpBuilder, HttpStore};
+use object_store::list::PaginatedListStore;
 use object_store::path::Path as ObjectPath;
 use object_store::{BackoffConfig, ClientConfigKey, Error, ObjectStore, RetryConfig};
 use std::collections::BTreeMap;
@@ -36,11 +38,21 @@ pub(super) fn place_of_object(url: &Path) -> Result<(&str, ObjectPath), StorageE
 
 /// Where objects are.
 pub(crate) struct Directory {
-    pub(crate) store: Arc<dyn ObjectStore>,
+    pub(super) pages: Pages,
     /// What their names begin with.
     pub(crate) prefix: Option<ObjectPath>,
     /// What their URLs begin with.
     pub(crate) base: String,
+    /// Objects that were left out of the last page.
+    pub(super) skipped: Arc<Mutex<Skips>>,
+}
+
+/// How a store lists its objects.
+pub(super) enum Pages {
+    /// Some at a time.
+    Several(Arc<dyn PaginatedListStore>),
+    /// All in one answer.
+    One(Arc<dyn ObjectStore>),
 }
 
 /// The store of the URL `url`, and which of its objects are below that.
@@ -48,7 +60,16 @@ pub(crate) fn of_directory(url: &Path) -> Result<Directory, StorageError> {
     let (base, key) = split(url)?;
     let key = key.trim_end_matches('/');
     let prefix = if key.is_empty() { None } else { Some(object_path(base, key)?) };
-    Ok(Directory { store: of_base(base)?, prefix, base: base.to_owned() })
+    super::handle()?; // which chooses the cryptography
+    let connector = Connector::default();
+    let skipped = Arc::clone(&connector.skipped);
+    let pages = match build(base, connector).map_err(unusable)? {
+        Built::S3(store) => Pages::Several(store),
+        Built::Google(store) => Pages::Several(store),
+        Built::Azure(store) => Pages::Several(store),
+        Built::Web(store) => Pages::One(store),
+    };
+    Ok(Directory { pages, prefix, base: base.to_owned(), skipped })
 }
 
 /// `s3://BUCKET` and `KEY`.
@@ -79,9 +100,20 @@ fn of_base(base: &str) -> Result<Arc<dyn ObjectStore>, StorageError> {
         return Ok(Arc::clone(store));
     }
     super::handle()?; // which chooses the cryptography
-    let store = build(base).map_err(|error| StorageError::Url(error.to_string()))?;
+    let store: Arc<dyn ObjectStore> = match build(base, Connector::default()).map_err(unusable)? {
+        Built::S3(store) => store,
+        Built::Google(store) => store,
+        Built::Azure(store) => store,
+        Built::Web(store) => store,
+    };
     stores.insert(base.to_owned(), Arc::clone(&store));
     Ok(store)
+}
+
+/// What the environment or a URL makes impossible.
+#[expect(clippy::needless_pass_by_value, reason = "for `map_err`")]
+pub(super) fn unusable(error: Error) -> StorageError {
+    StorageError::Url(error.to_string()).masked()
 }
 
 /// How requests are tried again.
@@ -93,17 +125,33 @@ pub(super) fn retries() -> RetryConfig {
     }
 }
 
-fn build(base: &str) -> object_store::Result<Arc<dyn ObjectStore>> {
+/// A store of each kind.
+enum Built {
+    S3(Arc<AmazonS3>),
+    Google(Arc<GoogleCloudStorage>),
+    Azure(Arc<MicrosoftAzure>),
+    Web(Arc<HttpStore>),
+}
+
+fn build(base: &str, connector: Connector) -> object_store::Result<Built> {
     let retry = retries();
     Ok(match base.split("://").next() {
-        Some("s3") => Arc::new(AmazonS3Builder::from_env().with_url(base).with_retry(retry).build()?),
-        Some("gs") => {
-            Arc::new(GoogleCloudStorageBuilder::from_env().with_url(base).with_retry(retry).build()?)
+        Some("s3") => {
+            let s3 = AmazonS3Builder::from_env().with_url(base).with_http_connector(connector);
+            Built::S3(Arc::new(s3.with_retry(retry).build()?))
         }
-        Some("az") => Arc::new(MicrosoftAzureBuilder::from_env().with_url(base).with_retry(retry).build()?),
+        Some("gs") => {
+            let gs = GoogleCloudStorageBuilder::from_env().with_url(base).with_http_connector(connector);
+            Built::Google(Arc::new(gs.with_retry(retry).build()?))
+        }
+        Some("az") => {
+            let az = MicrosoftAzureBuilder::from_env().with_url(base).with_http_connector(connector);
+            Built::Azure(Arc::new(az.with_retry(retry).build()?))
+        }
         _ => {
             let http = HttpBuilder::new().with_url(base).with_config(ClientConfigKey::AllowHttp, "true");
-            Arc::new(http.with_retry(retry).build()?)
+            let http = http.with_http_connector(Connector { is_public: true, ..connector });
+            Built::Web(Arc::new(http.with_retry(retry).build()?))
         }
     })
 }
@@ -121,16 +169,17 @@ pub(crate) fn refused(error: Error) -> StorageError {
         }
         Error::NotFound { .. } => StorageError::NotFound("there is no such object".into()),
         Error::PermissionDenied { .. } | Error::Unauthenticated { .. } => {
-            StorageError::Denied(code(&text).unwrap_or("the store does not say why").to_owned())
+            StorageError::Denied(reason(&text).unwrap_or("the store does not say why").to_owned())
         }
         _ if text.contains("non-partial response") => StorageError::NoRanges,
         _ => StorageError::Failed(text),
     }
 }
 
-/// `AccessDenied`, as S3 has it in its answer.
-fn code(text: &str) -> Option<&str> {
-    text.split_once("<Code>")?.1.split_once("</Code>").map(|(code, _)| code)
+/// `AccessDenied: …`, as the client tells it of the body, behind the status.
+fn reason(text: &str) -> Option<&str> {
+    let (_, told) = text.rsplit_once("status code: ")?.1.split_once(": ")?;
+    Some(told).filter(|told| !told.is_empty())
 }
 
 fn causes<'a>(error: &'a Error) -> impl Iterator<Item = &'a (dyn std::error::Error + 'static)> {

@@ -1,9 +1,11 @@
 //! Writes an object in parts. It is there when it is whole, and not before.
 
+use super::client::Connector;
 use super::store::{self, retries};
+use super::stored::{Lister, Stored};
 use super::wait;
 use crate::StorageError;
-use object_store::aws::{AmazonS3Builder, Checksum};
+use object_store::aws::{AmazonS3Builder, AmazonS3ConfigKey, Checksum};
 use object_store::azure::{AzureConfigKey, MicrosoftAzureBuilder};
 use object_store::gcp::{GoogleCloudStorageBuilder, GoogleConfigKey};
 use object_store::multipart::{MultipartStore, PartId};
@@ -13,6 +15,7 @@ use object_store::{
     ObjectMeta, ObjectStore, PutMultipartOptions,
 };
 use reqwest::header::IF_NONE_MATCH;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -34,6 +37,8 @@ struct Target {
     new_only: Option<Arc<dyn Store>>,
     /// Whether an object can say more about itself than its size.
     takes_attributes: bool,
+    /// Who lists parts that were sent; none if the store cannot be asked for them.
+    lister: Option<Lister>,
     path: ObjectPath,
 }
 
@@ -43,6 +48,9 @@ pub struct Upload {
     target: Target,
     id: String,
     parts: Vec<PartId>,
+    /// What an earlier attempt has sent, by the numbers of the parts.
+    stored: BTreeMap<usize, Stored>,
+    part_bytes: u64,
     bytes: u64,
     run: String,
     replace: bool,
@@ -70,7 +78,38 @@ impl Upload {
             };
             begun.map_err(store::refused)
         })?;
-        Ok(Self { target, id, parts: Vec::new(), bytes: 0, run: run.to_owned(), replace })
+        let (parts, stored, run) = (Vec::new(), BTreeMap::new(), run.to_owned());
+        Ok(Self { target, id, parts, stored, part_bytes, bytes: 0, run, replace })
+    }
+
+    /// Goes on with the upload `id`, which was begun in the same way: parts that the store has are not sent again. None if the
+    /// store has no such upload any more, or does not say what it has.
+    ///
+    /// # Errors
+    /// When there is an object and it is not to be replaced, or when the store refuses.
+    pub fn resume(
+        url: &Path,
+        id: &str,
+        run: &str,
+        part_bytes: u64,
+        replace: bool,
+    ) -> Result<Option<Self>, StorageError> {
+        let target = Target::of(url, part_bytes)?;
+        let Some(lister) = &target.lister else { return Ok(None) };
+        if !replace && target.look()?.is_some() {
+            return Err(StorageError::Exists);
+        }
+        let stored = match lister.parts(&target.path, id) {
+            Err(StorageError::NotFound(_)) => return Ok(None),
+            stored => stored?,
+        };
+        let (id, run) = (id.to_owned(), run.to_owned());
+        Ok(Some(Self { target, id, parts: Vec::new(), stored, part_bytes, bytes: 0, run, replace }))
+    }
+
+    /// Whether another attempt can go on with the parts that were sent.
+    pub fn can_be_resumed(&self) -> bool {
+        self.target.lister.is_some()
     }
 
     /// Gives up the upload `id` of the object behind `url`, and has the store remove its parts.
@@ -92,6 +131,11 @@ impl Upload {
         &self.id
     }
 
+    /// The size of its parts, but for the last, unless it becomes far larger than expected.
+    pub fn part_bytes(&self) -> u64 {
+        self.part_bytes
+    }
+
     /// Bytes sent so far.
     pub fn bytes(&self) -> u64 {
         self.bytes
@@ -102,18 +146,25 @@ impl Upload {
         self.parts.len()
     }
 
-    /// Sends the next part. After an error it may be sent again.
+    /// Sends the next part, unless the store has it: whether it was sent. After an error it may be sent again.
     ///
     /// # Errors
     /// When the store refuses, after all retries.
-    pub fn send(&mut self, part: Vec<u8>) -> Result<(), StorageError> {
-        let (target, id, index, bytes) = (self.target.clone(), self.id.clone(), self.parts.len(), part.len());
-        let part = wait(async move {
-            target.store.put_part(&target.path, &id, index, part.into()).await.map_err(store::refused)
-        })?;
+    pub fn send(&mut self, part: Vec<u8>) -> Result<bool, StorageError> {
+        let (index, bytes) = (self.parts.len(), part.len());
+        let stored = self.stored.remove(&index).filter(|stored| stored.is_of(&part));
+        let is_there = stored.is_some();
+        let part = if let Some(stored) = stored {
+            stored.id()
+        } else {
+            let (target, id) = (self.target.clone(), self.id.clone());
+            wait(async move {
+                target.store.put_part(&target.path, &id, index, part.into()).await.map_err(store::refused)
+            })?
+        };
         self.parts.push(part);
         self.bytes += bytes as u64;
-        Ok(())
+        Ok(!is_there)
     }
 
     /// Completes the object, and looks whether it is there as it was sent. After an error it may be completed again.
@@ -165,18 +216,20 @@ impl Target {
             Some("s3") => s3(base, &timeout),
             Some("gs") => {
                 let gs = GoogleCloudStorageBuilder::from_env().with_url(base).with_retry(retries());
+                let gs = gs.with_http_connector(Connector::default());
                 let gs = gs.with_config(GoogleConfigKey::Client(ClientConfigKey::Timeout), timeout).build();
-                gs.map(|gs| (Arc::new(gs) as _, None))
+                gs.map(|gs| (Arc::new(gs) as _, None, None))
             }
             Some("az") => {
                 let az = MicrosoftAzureBuilder::from_env().with_url(base).with_retry(retries());
+                let az = az.with_http_connector(Connector::default());
                 let az = az.with_config(AzureConfigKey::Client(ClientConfigKey::Timeout), timeout).build();
-                az.map(|az| (Arc::new(az) as _, None))
+                az.map(|az| (Arc::new(az) as _, None, None))
             }
             _ => return Err(StorageError::Url("what is behind http:// and https:// is only read".into())),
         };
-        let (store, new_only) = stores.map_err(|error| StorageError::Url(error.to_string()))?;
-        Ok(Self { store, new_only, takes_attributes: !base.starts_with("az"), path })
+        let (store, new_only, lister) = stores.map_err(store::unusable)?;
+        Ok(Self { store, new_only, takes_attributes: !base.starts_with("az"), lister, path })
     }
 
     /// What the store says of the object, if there is one.
@@ -195,18 +248,23 @@ impl Target {
     }
 }
 
-type Stores = (Arc<dyn Store>, Option<Arc<dyn Store>>);
+type Stores = (Arc<dyn Store>, Option<Arc<dyn Store>>, Option<Lister>);
 
-/// A bucket, and the same under the condition that there is no such object.
+/// A bucket, the same under the condition that there is no such object, and who lists its parts.
 fn s3(base: &str, timeout: &str) -> object_store::Result<Stores> {
-    let build = |options: ClientOptions| {
+    let builder = |options: ClientOptions| {
         let options = options.with_config(ClientConfigKey::Timeout, timeout);
         let builder = AmazonS3Builder::from_env().with_url(base).with_client_options(options);
-        builder.with_checksum_algorithm(Checksum::SHA256).with_retry(retries()).build()
+        let builder = builder.with_http_connector(Connector::default()).with_retry(retries());
+        builder.with_checksum_algorithm(Checksum::SHA256)
     };
     let condition = HeaderMap::from_iter([(IF_NONE_MATCH, HeaderValue::from_static("*"))]);
-    let new_only = build(client_options().with_default_headers(condition))?;
-    Ok((Arc::new(build(client_options())?), Some(Arc::new(new_only))))
+    let new_only = builder(client_options().with_default_headers(condition)).build()?;
+    let any = builder(client_options());
+    let region = any.get_config_value(&AmazonS3ConfigKey::Region).unwrap_or_else(|| "us-east-1".into());
+    let any = Arc::new(any.build()?);
+    let lister = Lister::new(Arc::clone(&any), &client_options(), region)?;
+    Ok((any, Some(Arc::new(new_only)), Some(lister)))
 }
 
 /// What the environment says of connections to S3; options that are given replace it.

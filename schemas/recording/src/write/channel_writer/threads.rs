@@ -78,7 +78,17 @@ impl Threads {
             let shared = Arc::clone(&this.shared);
             let encoder = Encoder::new(options.compression)?;
             let work = move || shared.work(encoder);
-            this.handles.push(thread::Builder::new().name("beadline-write".into()).spawn(work)?);
+            match thread::Builder::new().name("beadline-write".into()).spawn(work) {
+                Ok(handle) => this.handles.push(handle),
+                Err(error) if this.handles.is_empty() => {
+                    let why = format!(
+                        "no thread can be started that writes ({error}); allow more processes (`ulimit -u`)"
+                    );
+                    return Err(io::Error::new(error.kind(), why));
+                }
+                // those that there are do the work
+                Err(_) => break,
+            }
         }
         Ok(this)
     }
