@@ -33,7 +33,7 @@ const LONG: [(&str, &[&str]); 18] = [
 ];
 
 /// Waits until the process has a handler of SIGINT: before, the signal ends it like any program.
-fn wait_for_handler(running: &mut Running) {
+pub(crate) fn wait_for_handler(running: &mut Running) {
     let status = format!("/proc/{}/status", running.id());
     wait_until("the signal's handler", || {
         if !running.is_running() {
