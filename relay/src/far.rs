@@ -46,6 +46,19 @@ pub enum FarError {
         /// The last.
         to: u64,
     },
+    /// The end is not that of the run, or not that of what arrived.
+    #[error(
+        "the other side says that the run ended `{reason}` after {frames} frames, but {but}; it is taken as failed, because not \
+         both can be true"
+    )]
+    End {
+        /// The reason that was given.
+        reason: EndReason,
+        /// How many frames the run is said to have had.
+        frames: u64,
+        /// What contradicts it.
+        but: String,
+    },
     /// The run was computed by another dynamics.
     #[error("the frames of this run can only be sent, with `--frames`, not recomputed here")]
     Kernel(#[from] OtherKernel),
@@ -87,24 +100,39 @@ pub struct Far {
     next_asked: u64,
     /// Number of the message taken last.
     seq: u64,
+    /// The frame after the last one that this near side has sent.
+    told: u64,
     /// Frames come as they are.
     frames: bool,
+    /// Another near side goes on: its first frame must follow from what was published before it is believed.
+    is_again: bool,
     results: Results,
     scratch: Vec<f64>,
     arrived: Arrived,
     /// Since when messages are too old, and how long consumers had held us back then.
     late: Option<(Instant, Duration)>,
+    /// Rows that earlier near sides have lost.
+    lost_before: u64,
 }
 
-/// The first frame of a message, if it has frames.
+/// Refuses the end of a run that is not what its manifest says, or before what is there of it, `arrived` frames.
 ///
 /// # Errors
-/// When it is no message about this run.
-pub fn first_frame(bytes: &[u8], manifest: &RunManifest) -> Result<Option<u64>, MessageError> {
-    Ok(match Message::decode(bytes, manifest)? {
-        Message::Frames { first, .. } => Some(first),
-        Message::Rows { .. } | Message::End { .. } => None,
-    })
+/// With what the end says and what contradicts it.
+pub fn check_end(
+    manifest: &RunManifest,
+    (reason, last_frame): (EndReason, Option<u64>),
+    arrived: u64,
+) -> Result<(), FarError> {
+    let (frames, all) = (last_frame.map_or(0, |last| last + 1), manifest.frame_count());
+    let but = if reason == EndReason::Complete && frames != all {
+        format!("its manifest has {all}")
+    } else if frames < arrived {
+        format!("{arrived} arrived")
+    } else {
+        return Ok(());
+    };
+    Err(FarError::End { reason, frames, but })
 }
 
 impl Far {
@@ -127,11 +155,14 @@ impl Far {
             asked: VecDeque::new(),
             next_asked: first_frame,
             seq: 0,
+            told: 0,
             frames,
+            is_again: false,
             results,
             scratch: Vec::new(),
             arrived: Arrived::default(),
             late: None,
+            lost_before: 0,
         }
     }
 
@@ -143,7 +174,7 @@ impl Far {
     /// What arrived so far.
     pub fn arrived(&self) -> Arrived {
         let (rows, lost) = self.results.counts();
-        Arrived { rows, rows_lost: self.arrived.rows_lost + lost, ..self.arrived }
+        Arrived { rows, rows_lost: self.lost_before + self.arrived.rows_lost + lost, ..self.arrived }
     }
 
     /// The last step published.
@@ -166,6 +197,16 @@ impl Far {
         let held_back = self.publisher.counts().held_back;
         let (since, before) = *self.late.get_or_insert((Instant::now(), held_back));
         since.elapsed() >= TOO_OLD && 2 * held_back.saturating_sub(before) < since.elapsed()
+    }
+
+    /// Another near side goes on with the run, whose messages after `seq` come. Consumers hear nothing of it: what arrives is
+    /// published if it follows from what was.
+    pub fn again(&mut self, seq: u64, frames: bool) {
+        self.asked.iter_mut().for_each(|asked| *asked = seq + 1);
+        (self.seq, self.told) = (seq, 0);
+        (self.frames, self.is_again, self.late) = (frames, true, None);
+        self.lost_before += std::mem::take(&mut self.arrived.rows_lost);
+        self.results.again();
     }
 
     /// Frames come as they are from now on.
@@ -207,6 +248,7 @@ impl Far {
                 self.results.publish_up_to(self.next_frame);
             }
             Message::End { reason, last_frame } => {
+                check_end(&self.manifest, (reason, last_frame), self.told)?;
                 if let Some(last) = last_frame.filter(|last| *last >= self.next_asked) {
                     let Some(recompute) = &self.recompute else {
                         return Err(FarError::Lost { from: self.next_frame, to: last });
@@ -225,6 +267,7 @@ impl Far {
         let (manifest, beads) = (Arc::clone(&self.manifest), self.beads());
         let mut scratch = std::mem::take(&mut self.scratch);
         let last = first + (doubles.len() / (8 * manifest.frame_doubles())) as u64 - 1;
+        self.told = self.told.max(last + 1); // integers
         for (number, bytes) in (first..).zip(doubles.chunks_exact(8 * manifest.frame_doubles())) {
             if number < self.next_asked {
                 continue; // again, after a cut
@@ -248,8 +291,9 @@ impl Far {
     fn take_frame(&mut self, manifest: &RunManifest, frame: &Frame<'_>) -> Result<(), FarError> {
         let is_next = frame.frame == self.next_asked;
         match &self.recompute {
-            Some(_) if self.frames && is_next => {}
+            Some(_) if self.frames && is_next && !self.is_again => {}
             Some(recompute) => {
+                self.is_again = false;
                 recompute.reach(frame);
                 self.asks_up_to(frame.frame);
                 return self.publish_asked(MOST_ASKED - 1);
@@ -291,16 +335,14 @@ impl Far {
     /// # Errors
     /// When they do not lead to the state that arrived, or cannot be published.
     pub fn publish_next(&mut self) -> Result<(), FarError> {
+        if self.stop.load(Ordering::Relaxed) {
+            return Err(PublishError::Stopped { frame: self.next_frame }.into());
+        }
         let Some(recompute) = &mut self.recompute else { return Ok(()) };
         let proven_step = self.manifest.step_of_frame(self.next_frame.saturating_sub(1));
         let found =
             recompute.next(SERVE_PERIOD).map_err(|source| FarError::Differs { proven_step, source })?;
-        let Some(window) = found else {
-            if self.stop.load(Ordering::Relaxed) {
-                return Err(PublishError::Stopped { frame: self.next_frame }.into());
-            }
-            return self.serve();
-        };
+        let Some(window) = found else { return self.serve() };
         let before = self.next_frame;
         let manifest = Arc::clone(&self.manifest);
         window.frames(&manifest).try_for_each(|frame| self.publish(&frame))?;
@@ -334,5 +376,35 @@ impl Far {
     pub fn finish(mut self, reason: EndReason) -> Result<PublishCounts, FarError> {
         self.results.finish();
         Ok(self.publisher.finish(reason)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use schemas::manifest::Origin;
+    use schemas::presets::PRESETS;
+
+    #[test]
+    fn an_end_is_that_of_the_manifest_and_of_what_arrived() {
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        let manifest = RunManifest::new(&PRESETS[0].config(), "run", origin).unwrap();
+        let last = manifest.frame_count() - 1;
+        let check = |reason, last, arrived| check_end(&manifest, (reason, last), arrived);
+        for (reason, last, arrived) in [
+            (EndReason::Complete, Some(last), 7),
+            (EndReason::Interrupted, Some(300), 301),
+            (EndReason::Failed, None, 0),
+        ] {
+            check(reason, last, arrived).unwrap();
+        }
+        for (reason, last, arrived, said) in [
+            (EndReason::Complete, Some(300), 0, "`complete` after 301 frames, but its manifest has 55190"),
+            (EndReason::Complete, None, 0, "after 0 frames, but its manifest has 55190"),
+            (EndReason::Interrupted, Some(300), 302, "after 301 frames, but 302 arrived"),
+        ] {
+            let found = check(reason, last, arrived).unwrap_err().to_string();
+            assert!(found.contains(said), "{found}");
+        }
     }
 }

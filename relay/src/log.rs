@@ -14,6 +14,10 @@ pub const WINDOW_BYTES: usize = 8 << 20;
 pub const WINDOW_MESSAGES: u64 = 32;
 /// Most messages that wait for a far side that holds the run back.
 const HOLD_MESSAGES: usize = 8;
+/// Most far sides that are known at a time, more than anybody runs: beyond that the one goes that was silent for longest.
+const MOST_RECEIVERS: usize = 256;
+/// How long a far side that has done with everything is waited for until it has asked whether we know: it asks twice a second.
+const FAREWELL: Duration = Duration::from_secs(1);
 
 /// What a message is to those who come late or are slow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,6 +51,16 @@ struct Receiver {
     /// It has done with all messages up to this one.
     done: u64,
     heard: Instant,
+    /// Since when it has done with the end.
+    over: Option<Instant>,
+    /// It knows that we know.
+    told: bool,
+}
+
+impl Receiver {
+    fn new(done: u64, heard: Instant) -> Self {
+        Self { done, heard, over: None, told: false }
+    }
 }
 
 /// The messages of one publishing of a run.
@@ -128,16 +142,33 @@ impl<P: Clone> Log<P> {
         let first = self.entries.front().map(|first| first.seq);
         let is_first = !std::mem::replace(&mut self.was_joined, true);
         let done = first.filter(|_| is_first).or_else(|| self.last_state()).unwrap_or(self.next) - 1;
-        self.receivers.insert(receiver, Receiver { done, heard: now });
+        self.make_room(receiver);
+        self.receivers.insert(receiver, Receiver::new(done, now));
         done
+    }
+
+    /// Gives up whoever was silent for longest where there is no room for one more.
+    fn make_room(&mut self, receiver: u64) {
+        if self.receivers.len() < MOST_RECEIVERS || self.receivers.contains_key(&receiver) {
+            return;
+        }
+        let oldest =
+            self.receivers.iter().min_by_key(|(_, known)| known.heard).map(|(receiver, _)| *receiver);
+        if oldest.is_some_and(|oldest| self.receivers.remove(&oldest).is_some()) {
+            self.given_up += 1;
+        }
     }
 
     /// A far side is there, and has done with the messages up to `done`, if it says so. One that was given up is back.
     pub fn hear(&mut self, receiver: u64, done: Option<u64>, now: Instant) {
         let first = self.entries.front().map_or(self.next, |first| first.seq) - 1;
-        let known = self.receivers.entry(receiver).or_insert(Receiver { done: first, heard: now });
+        self.make_room(receiver);
+        let known = self.receivers.entry(receiver).or_insert(Receiver::new(first, now));
         known.heard = now;
         known.done = known.done.max(done.unwrap_or(0).min(self.next - 1)); // integers
+        if self.ended && known.done + 1 == self.next {
+            known.over.get_or_insert(now);
+        }
         self.forget_done(now);
     }
 
@@ -171,10 +202,20 @@ impl<P: Clone> Log<P> {
         self.ended && self.receivers.get(&receiver).is_some_and(|known| known.done + 1 == self.next)
     }
 
-    /// Whether the end was said and every far side has it, or was given up.
+    /// A far side that has done with everything was told that we know.
+    pub fn told_over(&mut self, receiver: u64) {
+        if let Some(known) = self.receivers.get_mut(&receiver) {
+            known.told = true;
+        }
+    }
+
+    /// Whether the end was said and every far side has it and has heard that we know, or was given up.
     pub fn is_over(&mut self, now: Instant) -> bool {
         self.forget_done(now);
-        self.ended && self.receivers.values().all(|receiver| receiver.done + 1 == self.next)
+        let has_left = |known: &Receiver| {
+            known.told || known.over.is_some_and(|since| now.duration_since(since) >= FAREWELL)
+        };
+        self.ended && self.receivers.values().all(has_left)
     }
 
     /// Rows that were left out because nobody fetched them in time.
@@ -341,8 +382,26 @@ mod tests {
         log.push(Kind::End, 2, 10, now);
         log.hear(8, Some(1), now);
         log.hear(7, Some(2), now);
+        log.told_over(7);
         assert!(!log.is_over(now));
         log.hear(8, Some(2), now);
+        assert!(!log.is_over(now), "8 has not heard that we know");
+        assert!(log.is_over(now + FAREWELL), "it has left");
+        log.told_over(8);
         assert!(log.is_over(now));
+    }
+
+    #[test]
+    fn far_sides_beyond_the_room_cost_the_one_that_was_silent_for_longest() {
+        let now = Instant::now();
+        let mut log = log(1, now);
+        log.join(7, now);
+        log.join(8, now + Duration::from_millis(1));
+        log.hear(7, None, now + Duration::from_millis(2));
+        for stranger in 0..MOST_RECEIVERS as u64 - 1 {
+            log.hear(100 + stranger, None, now + Duration::from_millis(3));
+        }
+        assert_eq!((log.receiver_count(), log.given_up()), (MOST_RECEIVERS, 1));
+        assert!(log.receivers.contains_key(&7) && !log.receivers.contains_key(&8));
     }
 }

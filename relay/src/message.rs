@@ -3,6 +3,12 @@
 //! Architecture invariant: the other side is not believed. Lengths are checked before they are used, and what is taken
 //! is no longer than what came.
 
+mod bounds;
+
+pub use bounds::{
+    BEGINNINGS_PER_S, MOST_BYTES_BEFORE, MOST_ROW_BYTES, MOST_TOPICS, MOST_USUAL_BYTES, most_message_bytes,
+};
+
 use schemas::frame::{EndReason, Frame};
 use schemas::manifest::{KERNEL_VERSION, MAX_JSON_BYTES, RunManifest, SCHEMA_VERSION, SchemaVersion};
 use schemas::results::{ResultColumns, Topic};
@@ -14,11 +20,17 @@ use std::fmt;
 pub const PROTOCOL_VERSION: u32 = 1;
 
 /// Longest request (bytes).
-const MOST_REQUEST_BYTES: usize = 4096;
+pub const MOST_REQUEST_BYTES: usize = 4096;
 /// Longest answer (bytes): a manifest as JSON within JSON, each of whose characters takes two at most.
 const MOST_ANSWER_BYTES: usize = 2 * MAX_JSON_BYTES + 4096;
 /// Longest head of rows (bytes).
 const MOST_HEAD_BYTES: usize = 4096;
+
+/// Refuses to go on with messages of another near side, or of another publishing of a run: the far side asks anew.
+pub const GONE: &str =
+    "what you had of this run is not here any more: another `beadline relay --from` has begun";
+/// Answers a far side that has done with the end: the near side knows that.
+pub const OVER: &[u8] = b"over";
 
 const FRAMES: u64 = 1;
 const ROWS: u64 = 2;
@@ -47,7 +59,7 @@ pub enum MessageError {
     },
 }
 
-fn garbage(what: impl fmt::Display) -> MessageError {
+pub(crate) fn garbage(what: impl fmt::Display) -> MessageError {
     MessageError::Garbage { what: what.to_string() }
 }
 
@@ -395,6 +407,7 @@ impl<'a> Message<'a> {
     /// # Errors
     /// When they are no message about it.
     pub fn decode(bytes: &'a [u8], manifest: &RunManifest) -> Result<Self, MessageError> {
+        bounds::check_length(bytes, manifest)?;
         let mut words = Words(bytes);
         let short = || garbage(format_args!("a message of {} bytes", bytes.len()));
         match words.take().ok_or_else(short)? {
@@ -417,9 +430,7 @@ impl<'a> Message<'a> {
                 let (head, rows) = words.0.split_at_checked(length).ok_or_else(short)?;
                 let head: RowsHead = from_json(head, MOST_HEAD_BYTES)?;
                 let each = head.topic()?.1.saturating_mul(head.width).saturating_add(8);
-                if !rows.len().is_multiple_of(each) {
-                    return Err(garbage(format_args!("{} bytes of rows of {each} each", rows.len())));
-                }
+                bounds::check_rows(rows, each, manifest)?;
                 Ok(Self::Rows { head, rows })
             }
             END => {

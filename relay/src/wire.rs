@@ -4,19 +4,26 @@
 //! answers with one reply after the other, no more than a window ahead of what the far side says it has done with. So no
 //! queue of Zenoh's ever fills, whoever is slow, and after a cut the far side just asks again for what it does not have.
 
+mod answers;
 mod fetching;
+mod room;
 mod serving;
 
-pub use fetching::{Arrival, Fetching, Waiting};
+pub use fetching::{Arrival, Fetching, Waiting, Wanted};
 pub use serving::Serving;
 #[doc(hidden)] // for tests that speak as strangers do
 pub use zenoh;
 
-use crate::message::MessageError;
+use crate::message::{MOST_REQUEST_BYTES, MessageError};
+use schemas::manifest::{ManifestError, RunId};
 use std::fmt;
 use std::net::{TcpStream, ToSocketAddrs as _};
+use std::panic;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+use std::thread;
 use std::time::Duration;
 use zenoh::{Config, Session, Wait as _};
 
@@ -33,6 +40,16 @@ const ANSWER_TIME: Duration = Duration::from_millis(500);
 const ANSWER_PATIENCE: Duration = Duration::from_secs(4);
 /// How long a connection may take to come about when we look whether anybody listens.
 const PROBE_TIME: Duration = Duration::from_secs(2);
+/// How often whoever waits looks whether it is to stop.
+const LOOK_PERIOD: Duration = Duration::from_millis(10);
+/// How long the connections may take to close in order; after that the system closes them.
+const CLOSE_TIME: Duration = Duration::from_millis(100);
+/// How long whoever connects may take to say who it is, twice a round trip of half a second and more; silence longer than that
+/// takes its place.
+const FIRST_WORDS_MS: &str = "2000";
+/// Most connections that have not said yet who they are: silent ones go after [`FIRST_WORDS_MS`], so that only more than a
+/// thousand new ones in every second would keep others out.
+const MOST_SILENT: &str = "2048";
 
 /// Where the near side is met, as Zenoh writes it: `tcp/HOST:PORT`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -108,10 +125,58 @@ pub enum WireError {
     /// What came from the other side.
     #[error(transparent)]
     Message(#[from] MessageError),
+    /// The run that is offered is none.
+    #[error("the other side offers a run that cannot be")]
+    Manifest(#[from] ManifestError),
+    /// After a near side that went came one with another run.
+    #[error(
+        "the other side came back with another run: expected {expected}, found {found}{differs}; what was published of the first \
+         one cannot go on"
+    )]
+    OtherRun {
+        /// The run that was published.
+        expected: RunId,
+        /// The one that is offered now.
+        found: RunId,
+        /// What else is to be said.
+        differs: &'static str,
+    },
 }
 
 fn zenoh_error(error: impl fmt::Display) -> WireError {
     WireError::Zenoh(error.to_string())
+}
+
+/// Does `work`, which nothing can interrupt, in a thread of its own until it is done; none if `stop` is set before, which leaves
+/// the thread to itself.
+fn unless_stopped<R: Send + 'static>(
+    stop: &AtomicBool,
+    work: impl FnOnce() -> R + Send + 'static,
+) -> Option<R> {
+    let (found, finding) = sync_channel(1);
+    let thread = thread::spawn(move || drop(found.send(work())));
+    loop {
+        match finding.recv_timeout(LOOK_PERIOD) {
+            Ok(found) => return Some(found),
+            Err(RecvTimeoutError::Timeout) if stop.load(Ordering::Relaxed) => return None,
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => match thread.join() {
+                Err(panicked) => panic::resume_unwind(panicked),
+                Ok(()) => return None,
+            },
+        }
+    }
+}
+
+/// Closes the connections, in order if that is soon done.
+fn close(session: &Session) {
+    let (session, (closed, closing)) = (session.clone(), sync_channel(1));
+    // whatever is left open the system closes with this process
+    thread::spawn(move || {
+        let _ = session.close().wait();
+        let _ = closed.send(());
+    });
+    let _ = closing.recv_timeout(CLOSE_TIME);
 }
 
 /// Zenoh's configuration: the user's as it is, in which nothing finds anybody by itself unless it says so.
@@ -138,18 +203,40 @@ fn set(config: &mut Config, key: &str, value: &str) -> Result<(), WireError> {
     config.insert_json5(key, value).map_err(zenoh_error)
 }
 
+/// Replaces what Zenoh would do by itself, but not what a user's file says.
+fn bound(config: &mut Config, key: &str, zenohs: &str, ours: &str) -> Result<(), WireError> {
+    if config.get_json(key).is_ok_and(|found| found == zenohs) { set(config, key, ours) } else { Ok(()) }
+}
+
+/// Takes no message that is longer.
+fn bound_messages(config: &mut Config, most_bytes: usize) -> Result<(), WireError> {
+    bound(config, "transport/link/rx/max_message_size", "1073741824", &most_bytes.to_string())
+}
+
 /// The near side's session, which listens at `endpoint` and connects to nobody.
 fn listen(endpoint: &Endpoint, file: Option<&Path>) -> Result<Session, WireError> {
     let mut config = config(file)?;
     set(&mut config, "listen/endpoints", &format!("[\"{endpoint}\"]"))?;
+    bound(&mut config, "transport/unicast/accept_timeout", "10000", FIRST_WORDS_MS)?;
+    bound(&mut config, "transport/unicast/accept_pending", "100", MOST_SILENT)?;
+    // room for what is no request, which is answered, too
+    bound_messages(&mut config, 32 * MOST_REQUEST_BYTES)?;
     zenoh::open(config)
         .wait()
         .map_err(|cause| WireError::Listen { endpoint: endpoint.to_string(), cause: cause.to_string() })
 }
 
-/// The far side's session, which listens nowhere; none if nobody listens at `endpoint`.
-fn connect(endpoint: &Endpoint, file: Option<&Path>) -> Result<Option<Session>, WireError> {
+/// The far side's session, which listens nowhere and takes no message longer than `most_bytes`; none if nobody listens at
+/// `endpoint`.
+fn connect(
+    endpoint: &Endpoint,
+    file: Option<&Path>,
+    most_bytes: usize,
+) -> Result<Option<Session>, WireError> {
     let mut config = config(file)?;
+    bound_messages(&mut config, most_bytes)?;
+    // one kind of priority is all that is used: the others would have as much memory each
+    bound(&mut config, "transport/unicast/qos/enabled", "true", "false")?;
     set(&mut config, "connect/endpoints", &format!("[\"{endpoint}\"]"))?;
     set(&mut config, "connect/timeout_ms", "0")?;
     set(&mut config, "connect/exit_on_failure", "true")?;
@@ -191,6 +278,32 @@ mod tests {
         ] {
             assert_eq!(config.get_json(key).unwrap(), expected, "{key}");
         }
+    }
+
+    #[test]
+    fn our_bounds_stand_in_the_place_of_zenohs() {
+        let mut config = config(None).unwrap();
+        for (key, zenohs) in [
+            ("transport/unicast/accept_timeout", "10000"),
+            ("transport/unicast/accept_pending", "100"),
+            ("transport/unicast/qos/enabled", "true"),
+            ("transport/link/rx/max_message_size", "1073741824"),
+        ] {
+            assert_eq!(config.get_json(key).unwrap(), zenohs, "{key}: Zenoh has another default now");
+        }
+        bound_messages(&mut config, 5).unwrap();
+        bound_messages(&mut config, 6).unwrap();
+        let found = config.get_json("transport/link/rx/max_message_size").unwrap();
+        assert_eq!(found, "5", "what was set stays");
+    }
+
+    #[test]
+    fn a_stop_ends_the_wait_for_what_nothing_can_interrupt() {
+        let stop = AtomicBool::new(true);
+        let (hold, held) = std::sync::mpsc::channel::<()>();
+        assert!(unless_stopped(&stop, move || held.recv()).is_none());
+        drop(hold);
+        assert_eq!(unless_stopped(&AtomicBool::new(false), || 7), Some(7));
     }
 
     #[test]

@@ -18,7 +18,8 @@ use std::path::PathBuf;
     The near side (--from) sends the run, not its frames: the manifest, a state now and then, results, the end. The \
     far side (--connect) recomputes every frame, compares with the next state bit for bit, and then publishes it under \
     the same name and run id. It begins with the frame that a consumer would begin with that attached when the far side \
-    asked. Nothing is lost over a cut: the far side asks for what follows the last proven state.\n\n\
+    asked. Nothing is lost over a cut: the far side asks for what follows the last proven state. So it does when a near side that went \
+    is begun again with the same run within --silence.\n\n\
     Who connects may read the run; by default that is who can reach this host's loopback. The file of --config is Zenoh's own \
     (TLS, access control, user and password) and is used as it is, with --listen or --connect in place of its endpoints; \
     nothing else is listened to and nobody is searched for unless it says so.\n\

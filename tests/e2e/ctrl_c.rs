@@ -114,7 +114,7 @@ const MOST_CPU_S: f64 = 1.0;
 const MOST_S: f64 = 10.0;
 
 /// Waits until the process has a handler of SIGINT: before, the signal ends it like any program.
-fn wait_for_handler(running: &Running) {
+pub(crate) fn wait_for_handler(running: &Running) {
     let status = format!("/proc/{}/status", running.id());
     wait_until("the signal's handler", || {
         if state_of(running.id()).is_none_or(|(state, _)| state == 'Z') {

@@ -1,5 +1,8 @@
 //! A live run on another host: two network namespaces, or loopback where the system grants none.
 
+mod again;
+mod bounds;
+mod leaving;
 mod strangers;
 
 use crate::harness::{Ended, Place, Running, python, skip, wait_until};

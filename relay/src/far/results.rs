@@ -1,12 +1,13 @@
 //! Results that come along are published when their frames have been.
 
-use crate::message::{MessageError, RowsHead, value_bytes};
+use crate::message::{BEGINNINGS_PER_S, MOST_TOPICS, MessageError, RowsHead, garbage, value_bytes};
 use bus::{Bus, ResultElement, ResultPublisher, ResultsError, StreamId};
 use schemas::manifest::RunManifest;
 use schemas::results::Topic;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::time::Instant;
 
 /// Most bytes of rows that wait for their frames.
 const MOST_WAITING_BYTES: usize = 64 << 20;
@@ -20,6 +21,9 @@ pub(super) struct Results {
     stop: Arc<AtomicBool>,
     topics: Vec<(Topic, OfTopic)>,
     waiting_bytes: usize,
+    /// Publishers that began since then.
+    begun: u64,
+    since: Instant,
     rows: u64,
     lost: u64,
     troubles: Vec<String>,
@@ -33,6 +37,10 @@ struct OfTopic {
     waiting: VecDeque<(u64, Vec<u8>)>,
     /// The next row is of this frame or a later one.
     next_frame: u64,
+    /// There was a row of each frame so far; none before the first row.
+    is_dense: Option<bool>,
+    /// Rows may have gone while no near side was there.
+    has_gap: bool,
 }
 
 enum Publisher {
@@ -58,6 +66,8 @@ impl Results {
             stop,
             topics: Vec::new(),
             waiting_bytes: 0,
+            begun: 0,
+            since: Instant::now(),
             rows: 0,
             lost: 0,
             troubles: Vec::new(),
@@ -76,7 +86,7 @@ impl Results {
     /// Takes rows that arrived.
     pub(super) fn take(&mut self, head: &RowsHead, rows: &[u8]) -> Result<(), MessageError> {
         let (topic, value_bytes) = head.topic()?;
-        let at = self.at(topic, head);
+        let at = self.at(topic, head)?;
         let of_topic = &mut self.topics[at].1;
         for row in rows.chunks_exact(value_bytes.saturating_mul(head.width).saturating_add(8)) {
             let Some((frame, values)) = row.split_first_chunk() else { continue };
@@ -84,7 +94,7 @@ impl Results {
             if frame < of_topic.next_frame || matches!(of_topic.publisher, Publisher::None) {
                 continue; // from before we joined, or published by somebody here
             }
-            of_topic.next_frame = frame + 1;
+            self.lost += of_topic.count(frame);
             if self.waiting_bytes + row.len() > MOST_WAITING_BYTES {
                 self.lost += 1;
                 continue;
@@ -96,23 +106,44 @@ impl Results {
         Ok(())
     }
 
+    /// Another near side goes on: rows that were published meanwhile do not come.
+    pub(super) fn again(&mut self) {
+        self.topics.iter_mut().for_each(|(_, of_topic)| of_topic.has_gap = true);
+    }
+
     /// Where results of this topic are, with a publisher.
-    fn at(&mut self, topic: Topic, head: &RowsHead) -> usize {
+    fn at(&mut self, topic: Topic, head: &RowsHead) -> Result<usize, MessageError> {
         let found = self.topics.iter().position(|(known, _)| *known == topic);
         if let Some(at) = found
             && self.topics[at].1.head.columns() == head.columns()
             && self.topics[at].1.head.ended.is_none()
         {
-            return at;
+            return Ok(at);
+        }
+        self.begun += 1;
+        let most = MOST_TOPICS as u64 + BEGINNINGS_PER_S * self.since.elapsed().as_secs();
+        if (found.is_none() && self.topics.len() >= MOST_TOPICS) || self.begun > most {
+            let (kinds, begun) = (self.topics.len(), self.begun - 1);
+            return Err(garbage(format_args!(
+                "results of {topic} after {kinds} kinds, which began {begun} times; expected at most {MOST_TOPICS} kinds, and so \
+                 many beginnings and {BEGINNINGS_PER_S} more a second"
+            )));
         }
         let next_frame = found.map_or(self.first_frame, |at| self.topics.remove(at).1.next_frame);
         let publisher = self.publisher(topic, head).unwrap_or_else(|error| {
             self.troubles.push(error.to_string());
             Publisher::None
         });
-        let of_topic = OfTopic { head: head.clone(), publisher, waiting: VecDeque::new(), next_frame };
+        let of_topic = OfTopic {
+            head: head.clone(),
+            publisher,
+            waiting: VecDeque::new(),
+            next_frame,
+            is_dense: None,
+            has_gap: false,
+        };
         self.topics.push((topic, of_topic));
-        self.topics.len() - 1
+        Ok(self.topics.len() - 1)
     }
 
     fn publisher(&self, topic: Topic, head: &RowsHead) -> Result<Publisher, ResultsError> {
@@ -163,6 +194,19 @@ impl Results {
 }
 
 impl OfTopic {
+    /// Counts the next row; gives how many before it went while no near side was there.
+    fn count(&mut self, frame: u64) -> u64 {
+        let passed = frame - self.next_frame;
+        self.next_frame = frame + 1;
+        match (std::mem::take(&mut self.has_gap), self.is_dense) {
+            (true, Some(true)) => return passed,
+            (true, Some(false)) => {}
+            (_, None) => self.is_dense = Some(true),
+            (false, Some(was)) => self.is_dense = Some(was && passed == 0),
+        }
+        0
+    }
+
     /// Ends it as it ended on the other host: without a word if its publisher was killed.
     fn end(&mut self, troubles: &mut Vec<String>) {
         let publisher = std::mem::replace(&mut self.publisher, Publisher::None);
@@ -188,5 +232,29 @@ impl Publisher {
             Self::Classes(publisher) => publisher.publish(frame, step, time_s, values),
             Self::None => Ok(()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use schemas::results::ResultColumns;
+
+    fn of_topic() -> OfTopic {
+        let head = RowsHead::new(Topic::Energies, &ResultColumns::named(&["a_m"]));
+        let (publisher, waiting) = (Publisher::None, VecDeque::new());
+        OfTopic { head, publisher, waiting, next_frame: 3, is_dense: None, has_gap: false }
+    }
+
+    #[test]
+    fn rows_that_went_while_no_near_side_was_there_are_counted() {
+        let mut dense = of_topic();
+        assert_eq!([5, 6, 7].map(|frame| dense.count(frame)), [0; 3], "it may begin later than the run");
+        dense.has_gap = true;
+        assert_eq!([12, 13].map(|frame| dense.count(frame)), [4, 0]);
+        let mut sparse = of_topic();
+        assert_eq!([5, 9].map(|frame| sparse.count(frame)), [0; 2]);
+        sparse.has_gap = true;
+        assert_eq!(sparse.count(20), 0, "nobody knows whether there were any");
     }
 }

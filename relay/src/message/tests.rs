@@ -50,6 +50,14 @@ fn the_end_comes_back() {
     assert_eq!(decoded, Message::End { reason: EndReason::Interrupted, last_frame: Some(5) });
 }
 
+impl RowsMessage {
+    /// Rows of one value of these frames.
+    fn of(mut self, frames: &[u64]) -> Vec<u8> {
+        frames.iter().for_each(|frame| self.push(*frame, [0; 8].into_iter()));
+        self.finish(&RowsHead::new(Topic::own("mine").unwrap(), &ResultColumns::named(&["a_m"])))
+    }
+}
+
 #[test]
 fn garbage_is_refused_and_takes_no_memory() {
     let manifest = manifest();
@@ -76,6 +84,7 @@ fn garbage_is_refused_and_takes_no_memory() {
         words(&[ROWS, u64::MAX, 0]),
         rows(&head("energies", 11), 95),
         rows(&head("energies", u64::MAX), 96),
+        rows(&head("energies", MOST_ROW_BYTES as u64), 0),
         rows(&head("state", 1), 16),
         rows(&head("own/../x", 1), 16),
         end("{}"),
@@ -84,6 +93,14 @@ fn garbage_is_refused_and_takes_no_memory() {
     ] {
         let refused = Message::decode(&bytes, &manifest);
         assert!(matches!(refused, Err(MessageError::Garbage { .. })), "{bytes:?}: {refused:?}");
+    }
+    let late_row = RowsMessage::default().of(&[0, 55_190]);
+    for (bytes, expected) in [
+        (late_row, "a row of frame 55190, the run has 55190 frames"),
+        (vec![1; most_message_bytes(&manifest) + 1], "expected at most"),
+    ] {
+        let said = Message::decode(&bytes, &manifest).unwrap_err().to_string();
+        assert!(said.contains(expected), "{said}");
     }
     assert!(request::<Request>(&vec![b' '; 5000]).is_err());
     assert!(Place::decode(&[0; 31]).is_err() && Place::decode(&[0; 40]).is_err());

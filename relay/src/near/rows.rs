@@ -1,7 +1,7 @@
 //! Results that analyses publish on the near bus, each kind in a thread of its own.
 
 use crate::log::{Kind, SharedLog};
-use crate::message::{RowsHead, RowsMessage};
+use crate::message::{MOST_ROW_BYTES, MOST_TOPICS, RowsHead, RowsMessage, value_bytes};
 use bus::{
     Bus, Delivery, OwnTopicsWatch, ResultElement, ResultReceived, ResultSubscriber, ResultWatch,
     ResultsError, StreamId,
@@ -9,6 +9,7 @@ use bus::{
 use schemas::frame::EndReason;
 use schemas::results::Topic;
 use schemas::run_name::RunName;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
@@ -21,6 +22,8 @@ const BATCH_PERIOD: Duration = Duration::from_millis(10);
 const LOOK_PERIOD: Duration = Duration::from_millis(100);
 /// How long to trust that publishers of topics that are not ours announce themselves.
 const OWN_LOOK_PERIOD: Duration = Duration::from_secs(1);
+/// Most topics that are not ours; a far side takes no more.
+const MOST_OWN_TOPICS: usize = MOST_TOPICS - 4;
 /// How long after the end of the run a living publisher may be silent.
 const PATIENCE: Duration = Duration::from_secs(2);
 
@@ -51,13 +54,16 @@ pub struct RowSenders<P> {
     /// Rows of other publishings are not ours.
     stream: Arc<Mutex<Option<StreamId>>>,
     failures: Arc<Mutex<Vec<String>>>,
+    /// Nobody waits for the rest.
+    stop: Arc<AtomicBool>,
 }
 
 impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
-    /// None yet.
-    pub fn new(log: Arc<SharedLog<P>>) -> Self {
+    /// None yet; at the end `stop` ends the wait for the last rows.
+    pub fn new(log: Arc<SharedLog<P>>, stop: Arc<AtomicBool>) -> Self {
         Self {
             log,
+            stop,
             started: Mutex::default(),
             last_frame: Arc::default(),
             stream: Arc::default(),
@@ -90,6 +96,7 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
             last_frame: Arc::clone(&self.last_frame),
             stream: Arc::clone(&self.stream),
             failures: Arc::clone(&self.failures),
+            stop: Arc::clone(&self.stop),
         }
     }
 
@@ -119,9 +126,16 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
             }
             looked = Some(Instant::now());
             for topic in watch.topics().unwrap_or_default() {
-                if !known.contains(&topic)
-                    && let Ok(watch) = ResultWatch::create(bus, run, topic)
-                {
+                if known.contains(&topic) {
+                    continue;
+                }
+                if known.len() >= MOST_OWN_TOPICS {
+                    let too_many = format!("{topic}: expected at most {MOST_OWN_TOPICS} topics of one's own");
+                    lock(&self.failures).push(too_many);
+                    known.push(topic);
+                    continue;
+                }
+                if let Ok(watch) = ResultWatch::create(bus, run, topic) {
                     known.push(topic);
                     lock(&self.started).push(self.spawn(watch));
                 }
@@ -143,7 +157,10 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
                         return Ok(());
                     }
                 }
-                None if over && over_since.get_or_insert_with(Instant::now).elapsed() >= LOOK_PERIOD => {
+                None if over
+                    && (over_since.get_or_insert_with(Instant::now).elapsed() >= LOOK_PERIOD
+                        || self.is_stopped()) =>
+                {
                     return Ok(());
                 }
                 None => watch.wait(LOOK_PERIOD),
@@ -151,16 +168,25 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
         }
     }
 
+    fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
     /// Sends the rows of one publisher.
     fn send_all<T: Value>(&self, rows: &mut ResultSubscriber<T>, topic: Topic) -> Result<(), ResultsError> {
         let mut head = RowsHead::new(topic, rows.columns());
+        let each = value_bytes(topic).saturating_mul(head.width).saturating_add(8);
+        if each > MOST_ROW_BYTES {
+            let what = format!("rows of {each} bytes, expected at most {MOST_ROW_BYTES}");
+            return Err(ResultsError::Columns { topic, what });
+        }
         let (mut batch, mut count, mut since) = (RowsMessage::default(), 0, Instant::now());
         let mut heard = Instant::now();
         loop {
             match rows.receive_soon()? {
                 // the run goes on without us
                 Some(ResultReceived::Row(row))
-                    if self.last_frame.get().is_some_and(|last| row.frame > *last) =>
+                    if self.last_frame.get().is_some_and(|last| row.frame > *last || self.is_stopped()) =>
                 {
                     head.ended = Some(false);
                 }
@@ -175,7 +201,9 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
                     }
                 }
                 Some(ResultReceived::End(reason)) => head.ended = Some(reason == EndReason::Complete),
-                None if self.last_frame.get().is_some() && heard.elapsed() >= PATIENCE => {
+                None if self.last_frame.get().is_some()
+                    && (heard.elapsed() >= PATIENCE || self.is_stopped()) =>
+                {
                     head.ended = Some(false);
                 }
                 Some(ResultReceived::Missed { .. }) | None => {}

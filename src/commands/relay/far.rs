@@ -10,9 +10,9 @@ use crate::report::{Rows, report};
 use crate::signals;
 use bus::{Bus, PublishError, PublishOptions};
 use indicatif::ProgressBar;
-use relay::far::{Arrived, Far, FarError, first_frame};
-use relay::message::Place;
-use relay::wire::{Arrival, Endpoint, Fetching, Payload, Waiting};
+use relay::far::{Arrived, Far, FarError, check_end};
+use relay::message::{MOST_BYTES_BEFORE, Message, Place};
+use relay::wire::{Arrival, Fetching, Payload, Waiting, Wanted};
 use schemas::frame::EndReason;
 use schemas::manifest::RunManifest;
 use serde_json::json;
@@ -25,42 +25,49 @@ use std::time::{Duration, Instant};
 const PATIENCE: Duration = Duration::from_millis(50);
 
 pub(super) fn far(args: &RelayArgs, connect: &str) -> Result<Done, Failure> {
-    let connect = endpoint("--connect", connect)?;
+    let endpoint = endpoint("--connect", connect)?;
     let stop = signals::stop_flag()?;
     let bus = Bus::from_env()?;
-    let Some(fetching) = meet(args, &connect, &bus, &stop)? else {
-        notice!("stopped before there was a run at {connect}");
-        return Ok(Done::Lossy);
-    };
-    let manifest = RunManifest::from_json(fetching.offer.manifest.as_bytes())?;
-    display::notice_of_version(&manifest);
-    let session = Session { args, manifest: &manifest, fetching: &fetching, stop: &stop };
-    let summary = session.publish(&bus)?;
-    fetching.stop().map_err(of_wire)?;
-    summary.report(args.json)
-}
-
-/// Connects, and waits for a run to be offered.
-fn meet(
-    args: &RelayArgs,
-    connect: &Endpoint,
-    bus: &Bus,
-    stop: &Arc<AtomicBool>,
-) -> Result<Option<Fetching>, Failure> {
     // the same for each start on this bus, so that the near side waits for no earlier one
     let mut hasher = DefaultHasher::new();
     bus.prefix().hash(&mut hasher);
+    let wanted =
+        Wanted { endpoint, config: args.config.clone(), receiver: hasher.finish(), frames: args.frames };
+    let Some(fetching) = meet(&wanted, &stop)? else {
+        notice!("stopped before there was a run at {}", wanted.endpoint);
+        return Ok(Done::Lossy);
+    };
+    display::notice_of_version(&fetching.manifest);
+    let session = Session { args, manifest: &fetching.manifest, fetching: &fetching, stop: &stop };
+    let summary = session.publish(&bus);
+    if summary.is_err() {
+        // there is nothing to wait for
+        stop.store(true, Ordering::Relaxed);
+    }
+    fetching.stop(&stop);
+    summary?.report(args.json)
+}
+
+/// Connects, and waits for a run to be offered.
+fn meet(wanted: &Wanted, stop: &AtomicBool) -> Result<Option<Fetching>, Failure> {
     let mut told = None;
     let tell = |waiting| {
         if told.replace(waiting) != Some(waiting) {
             match waiting {
-                Waiting::Nobody => notice!("nothing listens at {connect} yet: waiting"),
-                Waiting::NoRun => notice!("connected to {connect}: waiting for its run"),
+                Waiting::Nobody => notice!("nothing listens at {} yet: waiting", wanted.endpoint),
+                Waiting::NoRun => notice!("connected to {}: waiting for its run", wanted.endpoint),
             }
         }
     };
-    Fetching::start(connect, args.config.as_deref(), hasher.finish(), args.frames, stop, tell)
-        .map_err(of_wire)
+    Fetching::start(wanted, stop, tell).map_err(of_wire)
+}
+
+/// Where a run begins here.
+enum Begin {
+    /// With this message, whose first frame has this number.
+    At(Place, Payload, u64),
+    /// It has ended, or we were asked to stop.
+    Never(EndReason),
 }
 
 /// One run that is fetched.
@@ -74,9 +81,12 @@ struct Session<'a> {
 impl Session<'_> {
     fn publish(&self, bus: &Bus) -> Result<Summary, Failure> {
         let name = &self.manifest.provenance.name;
-        let Some((place, message, first)) = self.first()? else {
-            notice!("there is no frame of {name}");
-            return Ok(Summary::new(self.manifest, EndReason::Stopped));
+        let (place, message, first) = match self.first()? {
+            Begin::At(place, message, first) => (place, message, first),
+            Begin::Never(reason) => {
+                notice!("there is no frame of {name}");
+                return Ok(Summary::new(self.manifest, reason));
+            }
         };
         let options = PublishOptions {
             first_frame: first,
@@ -90,27 +100,42 @@ impl Session<'_> {
             publisher.finish(EndReason::Interrupted)?;
             return Ok(Summary::new(self.manifest, EndReason::Stopped));
         }
-        let frames = self.args.frames || self.fetching.offer.frames;
+        let frames = self.fetching.frames;
         let far = Far::new(self.manifest.clone(), bus, publisher, first, frames, Arc::clone(self.stop));
         self.follow(far, first, (place, message))
     }
 
     /// The first message with a frame; none if there is none.
-    fn first(&self) -> Result<Option<(Place, Payload, u64)>, Failure> {
-        loop {
+    fn first(&self) -> Result<Begin, Failure> {
+        let mut bytes_before = 0;
+        while !self.stop.load(Ordering::Relaxed) && !self.is_given_up() {
             match self.fetching.next(PATIENCE) {
                 Some(Arrival::Message(place, payload)) => {
-                    let found = first_frame(&payload.to_bytes(), self.manifest)?;
-                    if let Some(first) = found {
-                        return Ok(Some((place, payload, first)));
+                    match Message::decode(&payload.to_bytes(), self.manifest)? {
+                        Message::Frames { first, .. } => return Ok(Begin::At(place, payload, first)),
+                        Message::End { reason, last_frame } => {
+                            check_end(self.manifest, (reason, last_frame), 0)?;
+                            self.fetching.done(place.seq);
+                            return Ok(Begin::Never(reason));
+                        }
+                        Message::Rows { .. } => self.fetching.done(place.seq),
                     }
-                    self.fetching.done(place.seq);
+                    bytes_before += payload.len();
+                    if bytes_before > MOST_BYTES_BEFORE {
+                        return Err(anyhow::anyhow!(
+                            "the other side sent {} and no state, expected one within {}",
+                            bytes(bytes_before as u64),
+                            bytes(MOST_BYTES_BEFORE as u64)
+                        )
+                        .into());
+                    }
                 }
+                Some(Arrival::Again(..)) => bytes_before = 0,
                 Some(Arrival::Failed(error)) => return Err(of_wire(error)),
-                None if self.stop.load(Ordering::Relaxed) || self.is_given_up() => return Ok(None),
                 None => {}
             }
         }
+        Ok(Begin::Never(EndReason::Stopped))
     }
 
     fn is_given_up(&self) -> bool {
@@ -127,30 +152,17 @@ impl Session<'_> {
         let (mut dropped, quiet) = (Dropped::default(), ProgressBar::hidden());
         let mut next = Some(Arrival::Message(first.0, first.1));
         let reason = loop {
-            let taken = match next {
-                Some(Arrival::Message(place, payload)) => {
-                    let taken = far.take(place, &payload.to_bytes());
-                    if far.is_too_slow(place) {
-                        notice!("this host is too slow to recompute: it asks for the frames themselves");
-                        self.fetching.ask_for_frames();
-                        far.expect_frames();
-                    }
-                    taken
-                }
-                Some(Arrival::Failed(error)) => return Err(end_failed(far, of_wire(error))),
-                None if far.is_recomputing() => far.publish_next().map(|()| None),
-                None if self.stop.load(Ordering::Relaxed) => break EndReason::Stopped,
-                None if self.is_given_up() => break EndReason::ProducerLost,
-                None => far.serve().map(|()| None),
-            };
-            match taken {
+            if self.stop.load(Ordering::Relaxed) {
+                break EndReason::Stopped;
+            }
+            match self.take(&mut far, next) {
                 Ok(None) => self.fetching.done(far.done()),
                 Ok(Some(reason)) => {
                     self.fetching.done(far.done());
                     break reason;
                 }
-                Err(FarError::Publish(PublishError::Stopped { .. })) => break EndReason::Stopped,
-                Err(error) => return Err(end_failed(far, error.into())),
+                Err(Failure::Failed(error)) if is_stop(&error) => break EndReason::Stopped,
+                Err(error) => return Err(end_failed(far, error)),
             }
             if progress.at(far.step()) {
                 let arrived = far.arrived();
@@ -175,6 +187,38 @@ impl Session<'_> {
             ..Summary::new(self.manifest, reason)
         })
     }
+
+    /// Takes what arrived, if anything did; gives the end of the run, if that has come.
+    fn take(&self, far: &mut Far, arrival: Option<Arrival>) -> Result<Option<EndReason>, Failure> {
+        match arrival {
+            Some(Arrival::Message(place, payload)) => {
+                let taken = far.take(place, &payload.to_bytes())?;
+                if far.is_too_slow(place) {
+                    notice!("this host is too slow to recompute: it asks for the frames themselves");
+                    self.fetching.ask_for_frames();
+                    far.expect_frames();
+                }
+                return Ok(taken);
+            }
+            Some(Arrival::Again(have, frames)) => {
+                notice!(
+                    "another near side has the run: it goes on after step {} if what comes follows from it",
+                    count(far.step())
+                );
+                far.again(have.seq, frames);
+            }
+            Some(Arrival::Failed(error)) => return Err(of_wire(error)),
+            None if far.is_recomputing() => far.publish_next()?,
+            None if self.is_given_up() => return Ok(Some(EndReason::ProducerLost)),
+            None => far.serve()?,
+        }
+        Ok(None)
+    }
+}
+
+/// Whether we were asked to stop while a frame was published.
+fn is_stop(error: &anyhow::Error) -> bool {
+    matches!(error.downcast_ref(), Some(FarError::Publish(PublishError::Stopped { .. })))
 }
 
 /// Tells consumers that the run failed here.

@@ -24,6 +24,9 @@ use std::time::{Duration, Instant};
 /// How often we look whether anybody has asked.
 const LOOK_PERIOD: Duration = Duration::from_millis(20);
 
+/// How long after a signal the end may take to reach the far sides: whoever presses Ctrl-C waits for it.
+const LAST_WORDS: Duration = Duration::from_millis(150);
+
 type Log = Arc<SharedLog<Payload>>;
 
 pub(super) fn near(args: &RelayArgs) -> Result<Done, Failure> {
@@ -35,8 +38,11 @@ pub(super) fn near(args: &RelayArgs) -> Result<Done, Failure> {
     let stop = signals::stop_flag()?;
     let log: Log = Arc::new(SharedLog::new(Duration::from_secs_f64(args.silence)));
     let listen = endpoint("--listen", &args.listen)?;
-    let serving =
-        Serving::start(&listen, args.config.as_deref(), name.as_ref(), Arc::clone(&log)).map_err(of_wire)?;
+    let serving = Serving::start(&listen, args.config.as_deref(), name.as_ref(), Arc::clone(&log), &stop);
+    let Some(serving) = serving.map_err(of_wire)? else {
+        notice!("stopped before it listened");
+        return Ok(Done::Lossy);
+    };
     notice!("listening at {listen}; the run is joined when the other side asks for it");
     while !serving.is_asked() {
         if stop.load(Ordering::Relaxed) {
@@ -51,11 +57,11 @@ pub(super) fn near(args: &RelayArgs) -> Result<Done, Failure> {
         stop: &stop,
         log: &log,
         serving: &serving,
-        rows: Arc::new(RowSenders::new(Arc::clone(&log))),
+        rows: Arc::new(RowSenders::new(Arc::clone(&log), Arc::clone(&stop))),
     };
     let summary = relayed.relay(name.as_ref())?;
     warn(&serving);
-    serving.stop().map_err(of_wire)?;
+    serving.stop(&stop);
     summary.report(args.json)
 }
 
@@ -122,7 +128,7 @@ impl Near<'_> {
             notice!("results were not sent: {trouble}");
         }
         sender.end(reason);
-        self.wait_for_far_sides();
+        let all_have_it = self.wait_for_far_sides();
         progress.finish();
         let log = self.log.look();
         Ok(Summary {
@@ -134,6 +140,7 @@ impl Near<'_> {
             seconds,
             rows_lost: log.rows_lost(),
             given_up: log.given_up(),
+            all_have_it,
         })
     }
 
@@ -176,18 +183,19 @@ impl Near<'_> {
         }
     }
 
-    /// Waits until every far side has the end, or is given up; a signal ends it after a moment.
-    fn wait_for_far_sides(&self) {
+    /// Waits until every far side has the end, or is given up; false if a signal ended that, a moment later.
+    fn wait_for_far_sides(&self) -> bool {
         let mut stopped = None;
         while self.log.wait_for(LOOK_PERIOD, |log| log.is_over(Instant::now()).then_some(())).is_none() {
             warn(self.serving);
             if self.stop.load(Ordering::Relaxed)
-                && stopped.get_or_insert_with(Instant::now).elapsed() >= Duration::from_secs(2)
+                && stopped.get_or_insert_with(Instant::now).elapsed() >= LAST_WORDS
             {
                 notice!("stopped before the other side had everything");
-                break;
+                return false;
             }
         }
+        true
     }
 }
 
@@ -201,6 +209,7 @@ struct Summary {
     seconds: f64,
     rows_lost: u64,
     given_up: u64,
+    all_have_it: bool,
 }
 
 impl Summary {
@@ -246,6 +255,7 @@ impl Summary {
         if self.given_up > 0 {
             notice!("{} fell silent and was given up", counted(self.given_up, "far side"));
         }
-        Ok(Done::whole_if(self.reason.is_orderly() && self.rows_lost == 0 && self.given_up == 0))
+        let all_have_it = self.all_have_it && self.given_up == 0;
+        Ok(Done::whole_if(self.reason.is_orderly() && self.rows_lost == 0 && all_have_it))
     }
 }

@@ -14,7 +14,7 @@ use std::thread;
 use std::time::Duration;
 
 /// A Zenoh of a stranger's, at the near side's place or connected to it.
-fn stranger(key: &str, port: u16) -> Session {
+pub(super) fn stranger(key: &str, port: u16) -> Session {
     let mut config = zenoh::Config::default();
     config.insert_json5("scouting/multicast/enabled", "false").unwrap();
     config.insert_json5("listen/endpoints", "[]").unwrap();
@@ -34,7 +34,7 @@ fn asked(session: &Session, request: &str) -> (bool, String) {
     })
 }
 
-fn request(versions: Versions) -> String {
+pub(super) fn request(versions: Versions) -> String {
     to_json(&Request { versions, receiver: 5, frames: false, have: None, done: 0 })
 }
 
@@ -83,7 +83,7 @@ fn another_version_is_told_on_both_sides() {
 }
 
 /// A near side of ours, which answers with `tell` whoever has something.
-fn near_that<F>(port: u16, versions: Versions, manifest: &RunManifest, tell: F) -> Session
+pub(super) fn near_that<F>(port: u16, versions: Versions, manifest: &RunManifest, tell: F) -> Session
 where
     F: Fn(&Query, &Request, Have) + Send + Sync + 'static,
 {
@@ -102,7 +102,7 @@ where
 }
 
 /// Sends the message `seq`, which has waited for so long (ms).
-fn send(query: &Query, seq: u64, age_ms: u64, message: Vec<u8>) {
+pub(super) fn send(query: &Query, seq: u64, age_ms: u64, message: Vec<u8>) {
     let place = message::Place { seq, after: seq - 1, rows_lost: 0, age_ms };
     query.reply("beadline/relay/any", message).attachment(place.encode()).wait().unwrap();
 }
