@@ -11,11 +11,10 @@ use crate::signals;
 use anyhow::{Context, anyhow};
 use consumers::table::Kind::{Double, Integer, Word};
 use consumers::table::{Cell, Column, Kind, Table};
-use recording::{ReadError, RecordingInfo, hex};
+use recording::{RecordingInfo, hex};
 use schemas::config::StrikerConfig;
 use serde::Serialize;
 use serde_json::{Value, json};
-use std::error::Error as _;
 use std::sync::atomic::Ordering;
 use storage::{Entry, Listing, Skipped, list};
 
@@ -138,7 +137,7 @@ pub(crate) fn catalog(args: &CatalogArgs) -> Result<Done, Failure> {
 }
 
 /// Adds the cells of a row; whether nothing is wrong.
-fn add_row(table: &mut Table, entry: &Entry, info: &Result<RecordingInfo, ReadError>) -> bool {
+fn add_row(table: &mut Table, entry: &Entry, info: &Result<RecordingInfo, String>) -> bool {
     table.word(&entry.path.to_string_lossy()).integer(entry.bytes);
     let error = match info {
         Ok(info) => {
@@ -148,8 +147,7 @@ fn add_row(table: &mut Table, entry: &Entry, info: &Result<RecordingInfo, ReadEr
             info.damage.clone()
         }
         Err(error) => {
-            let causes = std::iter::successors(error.source(), |cause| (*cause).source());
-            add_error(table, &causes.fold(error.to_string(), |text, cause| format!("{text}: {cause}")));
+            add_error(table, error);
             return false;
         }
     };

@@ -2,7 +2,7 @@
 
 mod recordings;
 
-pub(super) use recordings::{is_recording, summaries};
+pub(super) use recordings::{glance, is_recording, summaries};
 
 use crate::display;
 use crate::failure::{Done, Failure};

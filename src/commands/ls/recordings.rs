@@ -2,12 +2,13 @@
 
 use super::aligned;
 use crate::display::{self, bytes, count, counted, seconds};
-use crate::failure::{BadInput, Done, Failure};
+use crate::failure::{BadInput, Done, Failure, words_of};
 use anyhow::Context as _;
-use recording::{ReadError, RecordingInfo};
+use recording::RecordingInfo;
 use schemas::frame::EndReason;
 use schemas::whole_file::is_being_written;
 use serde_json::json;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::thread::{self, ScopedJoinHandle};
@@ -29,7 +30,7 @@ const COLUMNS: [(&str, u32); 8] = [
 ];
 
 /// A recording, or why it cannot be read.
-type Found = Result<RecordingInfo, ReadError>;
+type Found = Result<RecordingInfo, String>;
 
 pub(super) fn ls(place: &Path, as_json: bool, names_only: bool) -> Result<Done, Failure> {
     let Listing { entries, skipped, skipped_count, seen_count } =
@@ -40,20 +41,16 @@ pub(super) fn ls(place: &Path, as_json: bool, names_only: bool) -> Result<Done, 
         paths.iter().try_for_each(|path| display::print(format_args!("{}\n", path.display())))?;
         return Ok(Done::whole_if(skipped_count == 0));
     }
-    let (found, lost): (Vec<_>, Vec<_>) = summaries(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>())
-        .into_iter()
-        .partition(Result::is_ok);
-    let found: Vec<_> = found.into_iter().flatten().collect();
-    let is_whole = lost.is_empty() && skipped_count == 0;
-    for error in lost.into_iter().filter_map(Result::err) {
-        notice!("{:#}", anyhow::Error::new(error));
-    }
+    let found = summaries(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>());
+    let is_whole = found.iter().all(Result::is_ok) && skipped_count == 0;
+    found.iter().filter_map(|found| found.as_ref().err()).for_each(|why| notice!("{why}"));
+    let rows = paths.iter().zip(&found);
     if as_json {
-        display::print_json(&found.iter().map(to_json).collect::<Vec<_>>())?;
+        display::print_json(&rows.map(|(path, found)| to_json(path, found)).collect::<Vec<_>>())?;
     } else if found.is_empty() {
         notice!("no recordings among the {} in {}", counted(seen_count, "file"), place.display());
     } else {
-        let rows = found.iter().map(|info| cells(info, place)).collect();
+        let rows = rows.map(|(path, found)| cells(path, found, place)).collect();
         display::print(aligned(COLUMNS, rows, display::columns_of(std::io::stdout())).concat())?;
     }
     Ok(Done::whole_if(is_whole))
@@ -94,7 +91,7 @@ pub(crate) fn summaries(paths: &[&Path]) -> Vec<Found> {
             let Some((i, path)) = next.lock().unwrap_or_else(PoisonError::into_inner).next() else {
                 return done;
             };
-            done.push((i, RecordingInfo::summary(path)));
+            done.push((i, glance(path, RecordingInfo::summary)));
         }
     };
     let mut all: Vec<(usize, Found)> = thread::scope(|scope| {
@@ -112,6 +109,21 @@ pub(crate) fn summaries(paths: &[&Path]) -> Vec<Found> {
     all.into_iter().map(|(_, found)| found).collect()
 }
 
+/// What `look` finds in the recording at `path`, or a sentence for its row: one file's failure is no other's.
+pub(crate) fn glance<T, E>(path: &Path, look: impl FnOnce(&Path) -> Result<T, E>) -> Result<T, String>
+where
+    E: std::error::Error + Send + Sync + 'static,
+{
+    match catch_unwind(AssertUnwindSafe(|| look(path))) {
+        Ok(found) => found.map_err(|error| format!("{:#}", anyhow::Error::new(error))),
+        Err(panic) => Err(format!(
+            "{}: the reader went wrong ({}): that is a defect of Beadline, please report it with this file",
+            path.display(),
+            words_of(&*panic)
+        )),
+    }
+}
+
 /// How it ended, in a word or two.
 fn state(info: &RecordingInfo) -> String {
     match &info.end {
@@ -125,9 +137,18 @@ fn state(info: &RecordingInfo) -> String {
     }
 }
 
-fn cells(info: &RecordingInfo, place: &Path) -> [String; COLUMNS.len()] {
+fn cells(path: &Path, found: &Found, place: &Path) -> [String; COLUMNS.len()] {
+    let shown = path.strip_prefix(place).ok().filter(|path| !path.as_os_str().is_empty()).unwrap_or(path);
+    let info = match found {
+        Ok(info) => info,
+        // the reason, which is longer than a row, is told beside the table
+        Err(_) => {
+            let mut cells = [const { String::new() }; COLUMNS.len()];
+            (cells[0], cells[COLUMNS.len() - 1]) = (shown.display().to_string(), "cannot be read".to_owned());
+            return cells;
+        }
+    };
     let (physics, provenance) = (&info.manifest.physics, &info.manifest.provenance);
-    let path = info.path.strip_prefix(place).ok().filter(|path| !path.as_os_str().is_empty());
     let all = count(physics.step_count);
     let steps = match info.last_step {
         Some(last) if last == physics.step_count => all.to_string(),
@@ -139,7 +160,7 @@ fn cells(info: &RecordingInfo, place: &Path) -> [String; COLUMNS.len()] {
         every => format!("every {}", counted(every, "step")),
     };
     [
-        path.unwrap_or(&info.path).display().to_string(),
+        shown.display().to_string(),
         provenance.name.to_string(),
         count(physics.beads).to_string(),
         steps,
@@ -150,7 +171,11 @@ fn cells(info: &RecordingInfo, place: &Path) -> [String; COLUMNS.len()] {
     ]
 }
 
-fn to_json(info: &RecordingInfo) -> serde_json::Value {
+fn to_json(path: &Path, found: &Found) -> serde_json::Value {
+    let info = match found {
+        Ok(info) => info,
+        Err(why) => return json!({ "path": path, "error": why }),
+    };
     let (physics, provenance) = (&info.manifest.physics, &info.manifest.provenance);
     json!({
         "path": info.path,

@@ -2,8 +2,9 @@
 
 use super::live::{Watches, chain};
 use super::results;
+use crate::commands::ls::glance;
 use crate::configuration::origin;
-use crate::failure::{BadInput, Failure, words_of};
+use crate::failure::{BadInput, Failure};
 use crate::frames;
 use crate::limits;
 use crate::links::{NOT_FOLLOWED, check_inside, leads_out};
@@ -21,7 +22,6 @@ use serde_json::{Map, Value, json};
 use source::Named;
 use std::collections::HashMap;
 use std::fs;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -293,21 +293,6 @@ fn live_entry(name: &RunName) -> Entry {
 fn refused(name: String, error: &str) -> Entry {
     let error = Some(shown_within(error, ROW_TEXT_BYTES).into_owned());
     Entry { id: format!("refused-{name}"), name, kind: "recording", error, ..Entry::default() }
-}
-
-/// What `look` finds in the recording at `path`, or a sentence for its row: one file's failure is no other's.
-fn glance<T, E>(path: &Path, look: impl FnOnce(&Path) -> Result<T, E>) -> Result<T, String>
-where
-    E: std::error::Error + Send + Sync + 'static,
-{
-    match catch_unwind(AssertUnwindSafe(|| look(path))) {
-        Ok(found) => found.map_err(|error| format!("{:#}", anyhow::Error::new(error))),
-        Err(panic) => Err(format!(
-            "{}: the reader went wrong ({}): that is a defect of Beadline, please report it with this file",
-            path.display(),
-            words_of(&*panic)
-        )),
-    }
 }
 
 /// A manifest without what no table shows: long lists, and the ends of long texts.
