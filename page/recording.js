@@ -96,8 +96,6 @@ export function manifestOf(entries, notes) {
   }
   checkPhysics(physics);
   checkProvenance(provenance, isNewer);
-  provenance.program = shown(provenance.program);
-  provenance.host = shown(provenance.host);
   return { schema_version: version, physics, provenance };
 }
 

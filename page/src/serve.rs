@@ -151,11 +151,13 @@ async fn serve(stream: TcpStream, desk: Arc<Desk>, guest: Arc<Guest>) {
     });
     let mut connection = http1::Builder::new();
     connection.timer(TokioTimer::new()).header_read_timeout(HEAD_TIMEOUT).max_buf_size(MAX_HEAD_BYTES);
-    let line = TokioIo::new(Line::new(stream, Arc::clone(&guest)));
+    let stream = Arc::new(stream);
+    let line = TokioIo::new(Line::new(Arc::clone(&stream), Arc::clone(&guest)));
     tokio::select! {
         // a client that breaks off is no news
         _ = connection.serve_connection(line, answer).with_upgrades() => {}
         () = guest.dismissed() => {}
+        () = guest.left(&stream) => {}
     }
 }
 

@@ -144,6 +144,12 @@ fn what_one_file_takes_keeps_no_other_file_waiting() {
     wait_until("the first one's end", || {
         (computing(&server.running) == ["view results/1", "view results/2"]).then_some(())
     });
+    // also where one who has left had asked for more behind it
+    let mut last = load(0);
+    last.write_all(format!("GET /{}/list HTTP/1.1\r\n", server.token).as_bytes()).unwrap();
+    wait_until("the first one again", || (computing(&server.running).len() == 3).then_some(()));
+    drop(last);
+    wait_until("its end", || (computing(&server.running).len() == 2).then_some(()));
     // who comes again is computed for again
     loads.push(load(0));
     wait_until("the first one again", || (computing(&server.running).len() == 3).then_some(()));
