@@ -148,8 +148,9 @@ impl Guest {
         let comes = visits.all.get(&self.number).is_some_and(|visit| visit.room < room);
         if comes {
             visits.make_way(room);
-            let visit = visits.all.get_mut(&self.number);
-            visit.into_iter().for_each(|visit| (visit.room, visit.since) = (room, Instant::now()));
+            if let Some(visit) = visits.all.get_mut(&self.number) {
+                (visit.room, visit.since) = (room, Instant::now());
+            }
         }
     }
 
