@@ -28,7 +28,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, SystemTime};
 
-/// Rows of a table that a page is sent: some 20 MB.
+/// Rows of a table that a page is sent: some 6 MB.
 const MAX_ENTRIES: usize = 10_000;
 /// Longest text of a row (bytes); `info` shows more.
 const ROW_TEXT_BYTES: usize = 1 << 10;

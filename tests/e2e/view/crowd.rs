@@ -58,7 +58,7 @@ fn is_at_once(server: &Server, who: &str, paths: &[&str], mut between: impl FnMu
 
 /// Not by `println!`, which the test harness hides unless the test fails.
 fn say(words: impl Display) {
-    writeln!(std::io::stderr(), "{words}").unwrap();
+    std::io::stderr().write_all(format!("{words}\n").as_bytes()).unwrap();
 }
 
 /// Names of the server's threads that compute results.
