@@ -1,5 +1,7 @@
 // Where runs come from: what the page carries, what its server has, a file that was chosen or dropped.
 
+import { shown } from "./elements.js";
+
 /** @typedef {import("./types.d.ts").Source} Source */
 /** @typedef {import("./types.d.ts").Entry} Entry */
 /** @typedef {import("./types.d.ts").Listing} Listing */
@@ -13,7 +15,7 @@ const PIECE = 1 << 20; // a multiple of 4: base64 is decoded so many characters 
  */
 export function carried() {
   const said = JSON.parse(document.getElementById("carried")?.textContent || "{}");
-  return { kind: said.kind ?? "empty", title: said.title ?? "" };
+  return { kind: said.kind ?? "empty", title: shown(said.title ?? "") };
 }
 
 /**

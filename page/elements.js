@@ -3,6 +3,9 @@
 /** Longest text that is shown (bytes), as in schemas/src/text.rs. */
 const MAX_TEXT_BYTES = 1 << 16;
 
+/** Room for what is said of its length, so that a text is cut once. */
+const LENGTH_BYTES = 40;
+
 /** A text as it is shown: of a long one its beginning and its length. @param {string} text */
 export function shown(text) {
   if (3 * text.length <= MAX_TEXT_BYTES) {
@@ -10,7 +13,7 @@ export function shown(text) {
   }
   const bytes = new TextEncoder().encode(text);
   // a character that is cut in two is no character
-  const kept = new TextDecoder().decode(bytes.subarray(0, MAX_TEXT_BYTES)).replace(/\uFFFD$/, "");
+  const kept = new TextDecoder().decode(bytes.subarray(0, MAX_TEXT_BYTES - LENGTH_BYTES)).replace(/\uFFFD$/, "");
   return bytes.length <= MAX_TEXT_BYTES ? text : `${kept}… (${bytes.length.toLocaleString("en")} bytes)`;
 }
 

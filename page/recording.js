@@ -100,8 +100,6 @@ export function manifestOf(entries, notes) {
     damaged(`the manifest has schema version 1.0 and "${later}", which came with 1.1`);
   }
   checkProvenance(provenance, isNewer);
-  provenance.program = shown(provenance.program);
-  provenance.host = shown(provenance.host);
   return { schema_version: version, physics, provenance };
 }
 

@@ -2,6 +2,7 @@
 
 import { Recording } from "./recording.js";
 import { bytesOfArray, bytesOfFile, bytesOfUrl } from "./mcap.js";
+import { shown } from "./elements.js";
 import { Fields, scalesOf } from "./fields.js";
 import { History, copyOf } from "./history.js";
 import { DifferenceFields, DifferenceHistory } from "./difference.js";
@@ -79,10 +80,12 @@ class Run {
     this.rowsAsked = 0;
     /** The follower of a live run, until it is over. @type {Following | undefined} */
     this.following = undefined;
+    const { provenance } = manifest;
+    const [program, host] = [shown(provenance.program), shown(provenance.host)];
     /** @type {import("./types.d.ts").Info} */
     this.info = {
       kind,
-      manifest,
+      manifest: { ...manifest, provenance: { ...provenance, program, host } },
       chain,
       scales: scalesOf(physics, chain),
       firstStep,

@@ -136,10 +136,9 @@ pub(crate) fn words_of(panic: &(dyn Any + Send)) -> String {
 pub(crate) fn of_panic(panic: &(dyn Any + Send)) -> Failure {
     let said = words_of(panic);
     let bug = anyhow::anyhow!(
-        "this program went wrong ({}): that is a bug, please report it with the command and the lines above; files \
+        "this program went wrong ({said}): that is a bug, please report it with the command and the lines above; files \
          that are not finished stay as .partial, and `beadline recover` or `beadline run --resume` go on with those of \
-         runs",
-        said
+         runs"
     );
     Failure::Failed(bug)
 }

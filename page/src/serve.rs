@@ -102,7 +102,7 @@ impl Server {
     /// Serves until `stop` is set.
     ///
     /// # Errors
-    /// When the address of another page cannot be made a header.
+    /// When what the page may do cannot be said in a header.
     pub fn run(self, shelf: Arc<dyn Shelf>, stop: &AtomicBool) -> io::Result<()> {
         let Self { runtime, listener, guard } = self;
         let policy = HeaderValue::from_str(&format!("{}; frame-ancestors 'none'", policy(true)));
@@ -151,11 +151,13 @@ async fn serve(stream: TcpStream, desk: Arc<Desk>, guest: Arc<Guest>) {
     });
     let mut connection = http1::Builder::new();
     connection.timer(TokioTimer::new()).header_read_timeout(HEAD_TIMEOUT).max_buf_size(MAX_HEAD_BYTES);
-    let line = TokioIo::new(Line::new(stream, Arc::clone(&guest)));
+    let stream = Arc::new(stream);
+    let line = TokioIo::new(Line::new(Arc::clone(&stream), Arc::clone(&guest)));
     tokio::select! {
         // a client that breaks off is no news
         _ = connection.serve_connection(line, answer).with_upgrades() => {}
         () = guest.dismissed() => {}
+        () = guest.left(&stream) => {}
     }
 }
 
@@ -171,18 +173,15 @@ struct Desk {
 
 impl Desk {
     async fn answer(&self, parts: Parts, guest: &Arc<Guest>) -> Response<Body> {
-        let mut response = match self.guard.admit(&parts) {
-            Some(path) => {
-                guest.goes_to(Room::Known);
-                let path = path.to_owned();
-                self.found(&path, parts, guest).await.unwrap_or_else(not_found)
-            }
-            None => {
-                // a stranger is answered once
-                let mut response = not_found();
-                response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
-                response
-            }
+        let mut response = if let Some(path) = self.guard.admit(&parts) {
+            guest.goes_to(Room::Known);
+            let path = path.to_owned();
+            self.found(&path, parts, guest).await.unwrap_or_else(not_found)
+        } else {
+            // a stranger is answered once
+            let mut response = not_found();
+            response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+            response
         };
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_SECURITY_POLICY, self.policy.clone());

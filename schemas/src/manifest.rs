@@ -431,6 +431,17 @@ mod tests {
     }
 
     #[test]
+    fn a_text_that_nobody_could_be_shown_is_not_written_and_is_read() {
+        let long = "p".repeat(MAX_TEXT_BYTES + 1);
+        let origin = Origin { program: long.clone(), ..origin() };
+        let error = RunManifest::new(&PRESETS[0].config(), "run", origin).expect_err("too long");
+        assert_eq!(error.key, "program");
+        let json = manifest().to_json().replace("\"program\":\"test\"", &format!("\"program\":\"{long}\""));
+        let read = RunManifest::from_json(json.as_bytes()).expect("as it is");
+        assert_eq!(read.provenance.program, long);
+    }
+
+    #[test]
     fn json_round_trips_bit_for_bit() {
         let m = manifest();
         let back = RunManifest::from_json(m.to_json().as_bytes()).expect("own JSON");

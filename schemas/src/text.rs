@@ -7,6 +7,9 @@ use std::borrow::Cow;
 /// notices.
 pub const MAX_TEXT_BYTES: usize = 64 << 10;
 
+/// Room for what is said of the length: what was cut once is not cut again.
+const LENGTH_BYTES: usize = 40;
+
 /// A text as it is shown: of one of more than [`MAX_TEXT_BYTES`] its beginning and its length.
 pub fn shown(text: &str) -> Cow<'_, str> {
     shown_within(text, MAX_TEXT_BYTES)
@@ -17,7 +20,7 @@ pub fn shown_within(text: &str, most_bytes: usize) -> Cow<'_, str> {
     if text.len() <= most_bytes {
         return Cow::Borrowed(text);
     }
-    let kept = text.floor_char_boundary(most_bytes);
+    let kept = text.floor_char_boundary(most_bytes.saturating_sub(LENGTH_BYTES));
     Cow::Owned(format!("{}… ({} bytes)", &text[..kept], count(text.len() as u64)))
 }
 
@@ -30,6 +33,7 @@ mod tests {
         let (whole, long) = ("a".repeat(MAX_TEXT_BYTES), "é".repeat(2_500_000));
         assert_eq!(shown(&whole), whole);
         assert!(shown(&long).ends_with("é… (5,000,000 bytes)"));
-        assert_eq!(shown_within("éé", 3), "é… (4 bytes)");
+        assert_eq!(shown(&shown(&long)), shown(&long));
+        assert_eq!(shown_within(&"é".repeat(50), 43), "é… (100 bytes)");
     }
 }

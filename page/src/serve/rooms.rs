@@ -9,10 +9,10 @@ use std::pin::Pin;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
-use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::io::{AsyncRead, AsyncWrite, Interest, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::sync::Notify;
-use tokio::time::{Instant, timeout};
+use tokio::time::{Instant, sleep, timeout};
 
 /// Most connections that have not shown the token: a browser opens six at once, and some in advance.
 const MAX_STRANGERS: usize = 32;
@@ -148,8 +148,9 @@ impl Guest {
         let comes = visits.all.get(&self.number).is_some_and(|visit| visit.room < room);
         if comes {
             visits.make_way(room);
-            let visit = visits.all.get_mut(&self.number);
-            visit.into_iter().for_each(|visit| (visit.room, visit.since) = (room, Instant::now()));
+            if let Some(visit) = visits.all.get_mut(&self.number) {
+                (visit.room, visit.since) = (room, Instant::now());
+            }
         }
     }
 
@@ -184,6 +185,19 @@ impl Guest {
             }
         }
     }
+
+    /// Returns when it has left the connection `stream` and waits for an answer. What it has asked for behind that may be there to be
+    /// read, so that who answers hears of no end.
+    pub(super) async fn left(&self, stream: &TcpStream) {
+        loop {
+            sleep(LOOK_PERIOD).await;
+            let ready = timeout(Duration::ZERO, stream.ready(Interest::READABLE)).await;
+            let is_closed = matches!(ready, Ok(Ok(ready)) if ready.is_read_closed());
+            if is_closed && self.with(|visit| visit.waits).unwrap_or(true) {
+                return;
+            }
+        }
+    }
 }
 
 impl Drop for Guest {
@@ -195,13 +209,13 @@ impl Drop for Guest {
 /// A connection whose guest is known by the bytes that pass.
 #[derive(Debug)]
 pub(super) struct Line {
-    stream: TcpStream,
+    stream: Arc<TcpStream>,
     guest: Arc<Guest>,
     sent_bytes: usize,
 }
 
 impl Line {
-    pub(super) fn new(stream: TcpStream, guest: Arc<Guest>) -> Self {
+    pub(super) fn new(stream: Arc<TcpStream>, guest: Arc<Guest>) -> Self {
         Self { stream, guest, sent_bytes: 0 }
     }
 
@@ -213,24 +227,37 @@ impl Line {
             return Poll::Pending;
         }
         let bytes = &bytes[..bytes.len().min(TURN_BYTES)];
-        let written = Pin::new(&mut self.stream).poll_write(context, bytes);
-        self.guest.took(written.is_ready());
-        if let Poll::Ready(Ok(count)) = &written {
-            self.sent_bytes += count;
+        loop {
+            let ready = self.stream.poll_write_ready(context);
+            self.guest.took(ready.is_ready());
+            ready!(ready)?;
+            match self.stream.try_write(bytes) {
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+                written => {
+                    self.sent_bytes += written.as_ref().map_or(0, |count| *count);
+                    return Poll::Ready(written);
+                }
+            }
         }
-        written
     }
 }
 
 impl AsyncRead for Line {
     fn poll_read(
-        mut self: Pin<&mut Self>,
+        self: Pin<&mut Self>,
         context: &mut Context<'_>,
         into: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        let read = ready!(Pin::new(&mut self.stream).poll_read(context, into));
-        self.guest.sent();
-        Poll::Ready(read)
+        loop {
+            ready!(self.stream.poll_read_ready(context))?;
+            match self.stream.try_read(into.initialize_unfilled()) {
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+                read => {
+                    self.guest.sent();
+                    return Poll::Ready(read.map(|count| into.advance(count)));
+                }
+            }
+        }
     }
 }
 
@@ -256,12 +283,12 @@ impl AsyncWrite for Line {
         true // else a page would be copied to stand behind its head
     }
 
-    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_flush(context)
+    fn poll_flush(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Poll::Ready(Ok(())) // nothing is kept back here
     }
 
-    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_shutdown(context)
+    fn poll_shutdown(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Poll::Ready(Ok(())) // a connection ends for both sides when it is dropped, which comes next
     }
 }
 
@@ -305,5 +332,26 @@ mod tests {
         rooms.make_way();
         assert_eq!(numbers(&rooms, Room::Strangers).len(), 1);
         assert_eq!(numbers(&rooms, Room::Known).len(), MAX_KNOWN);
+    }
+    #[test]
+    fn a_stranger_has_little_time_and_nobody_reads_nothing_for_ever() {
+        let rooms = Rooms::default();
+        let (stranger, known) = (rooms.enter(), rooms.enter());
+        known.goes_to(Room::Known);
+        let is_overdue = |guest: &Guest, by: Duration| {
+            guest.with(|visit| {
+                visit.since -= by;
+                visit.stuck = visit.stuck.map(|since| since - by);
+                visit.is_overdue()
+            })
+        };
+        assert_eq!(is_overdue(&stranger, Duration::ZERO), Some(false));
+        assert_eq!(is_overdue(&stranger, STRANGER_TIME), Some(true));
+        // one who is known may be silent, but not take nothing
+        assert_eq!(is_overdue(&known, PATIENCE), Some(false));
+        known.took(false);
+        assert_eq!(is_overdue(&known, PATIENCE), Some(true));
+        known.took(true);
+        assert_eq!(is_overdue(&known, PATIENCE), Some(false));
     }
 }

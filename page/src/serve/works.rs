@@ -77,7 +77,8 @@ impl Works {
         let stop = Arc::new(AtomicBool::new(false));
         let (works, work, own, flag) = (Arc::clone(self), work.clone(), name.to_owned(), Arc::clone(&stop));
         let run = move || {
-            let made = catch_unwind(AssertUnwindSafe(|| work(&flag))).unwrap_or_else(|panic| defect(&*panic));
+            let made = catch_unwind(AssertUnwindSafe(|| work(&flag)))
+                .unwrap_or_else(|panic| Some(Err(defect(&*panic))));
             works.lock().remove(&own);
             sender.send_replace(made);
             works.ended.notify_waiters();
@@ -106,10 +107,10 @@ impl Drop for Waiter {
 }
 
 /// A panic, in a sentence for the user.
-fn defect(panic: &(dyn Any + Send)) -> Served {
+fn defect(panic: &(dyn Any + Send)) -> String {
     let said = panic.downcast_ref::<String>().map(String::as_str);
     let said = said.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no reason was given");
-    Some(Err(format!("this program went wrong ({said}): that is a defect of Beadline, please report it")))
+    format!("this program went wrong ({said}): that is a defect of Beadline, please report it")
 }
 
 #[cfg(test)]

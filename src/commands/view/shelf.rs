@@ -28,7 +28,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, SystemTime};
 
-/// Rows of a table that a page is sent: some 20 MB.
+/// Rows of a table that a page is sent: some 6 MB.
 const MAX_ENTRIES: usize = 10_000;
 /// Longest text of a row (bytes); `info` shows more.
 const ROW_TEXT_BYTES: usize = 1 << 10;
@@ -41,9 +41,16 @@ const SEARCH_PERIOD: Duration = Duration::from_millis(100);
 pub(super) struct Runs {
     kind: Kind,
     /// Recordings by their ids: the numbers of their places here, so that no address names a path.
-    files: Mutex<Vec<PathBuf>>,
+    files: Mutex<Files>,
     /// Results by recordings, with what the file was like when they were computed.
     results: Mutex<HashMap<PathBuf, (Stamp, String)>>,
+}
+
+/// Recordings by their numbers, and the numbers by the recordings: a folder may have thousands.
+#[derive(Default)]
+struct Files {
+    paths: Vec<PathBuf>,
+    numbers: HashMap<PathBuf, usize>,
 }
 
 enum Kind {
@@ -163,11 +170,13 @@ impl Runs {
     /// The id of a recording.
     fn id(&self, path: &Path) -> String {
         let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
-        let place = files.iter().position(|known| known == path).unwrap_or_else(|| {
-            files.push(path.to_owned());
-            files.len() - 1
+        let Files { paths, numbers } = &mut *files;
+        let number = numbers.get(path).copied().unwrap_or_else(|| {
+            paths.push(path.to_owned());
+            numbers.insert(path.to_owned(), paths.len() - 1);
+            paths.len() - 1
         });
-        place.to_string()
+        number.to_string()
     }
 
     fn recording_entry(&self, path: &Path) -> Entry {
@@ -257,7 +266,7 @@ impl Shelf for Runs {
 
     fn recording(&self, id: &str) -> Option<PathBuf> {
         let place = usize::try_from(number(id)?).ok()?;
-        let path = self.files.lock().unwrap_or_else(PoisonError::into_inner).get(place).cloned()?;
+        let path = self.files.lock().unwrap_or_else(PoisonError::into_inner).paths.get(place).cloned()?;
         // it may have become a link since it was listed
         self.is_inside(&path).then_some(path)
     }
