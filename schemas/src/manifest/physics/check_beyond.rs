@@ -66,6 +66,12 @@ impl Physics {
             check_positive(key, sphere.radius_m, "m, as the radius of a sphere")?;
             sphere.material.check(key)?;
         }
+        for (key, wall) in [
+            ("ends.left_material", &self.ends.left_material),
+            ("ends.right_material", &self.ends.right_material),
+        ] {
+            wall.as_ref().map_or(Ok(()), |wall| wall.0.check(key))?;
+        }
         let is_else =
             !self.masses.is_uniform() || !self.stiffnesses.is_uniform() || !self.impurities.is_empty();
         if is_else || self.alpha != 1.5 {
