@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 static ASKED: Mutex<Option<Arc<AtomicBool>>> = Mutex::new(None);
 
 thread_local! {
-    /// Whether this thread finishes what it has begun.
+    /// True of a thread that finishes what it has begun.
     static IS_PATIENT: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -22,7 +22,7 @@ pub(crate) fn be_patient() {
     IS_PATIENT.set(true);
 }
 
-/// Whether this thread is to wait no longer.
+/// True if this thread is to wait no longer.
 #[cfg(feature = "remote")]
 pub(crate) fn is_asked() -> bool {
     let asked = || ASKED.lock().unwrap_or_else(PoisonError::into_inner).clone();
