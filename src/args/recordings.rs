@@ -224,9 +224,9 @@ pub(crate) struct RecoverArgs {
 #[command(after_help = "Examples:\n  \
     beadline upload run.mcap s3://bucket/run.mcap\n  \
     beadline upload run.mcap.partial s3://bucket/run.mcap     recovers run.mcap first, and sends that\n\n\
-    The object is there when all of it was sent, and not before; its size is compared, and FILE stays. What an earlier \
-    attempt with this FILE left in the store is removed. Credentials and endpoints come from the environment (AWS_*, \
-    GOOGLE_*, AZURE_*). Exit code 3: it was asked to stop, or the recording could not be recovered without loss.")]
+    The object is there when all of it was sent, and not before; its size is compared, and FILE stays. Parts that an \
+    earlier attempt with this FILE has sent to s3:// are not sent again; others are removed. Credentials and endpoints \
+    come from the environment (AWS_*, GOOGLE_*, AZURE_*). Exit code 3: it was asked to stop, or the recording could not be recovered without loss.")]
 pub(crate) struct UploadArgs {
     /// The recording
     pub(crate) file: PathBuf,

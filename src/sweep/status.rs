@@ -170,6 +170,8 @@ struct Rows {
     damaged: u64,
     unreadable: Vec<String>,
     longest_s: f64,
+    /// There is a job array, whose tasks leave traces.
+    has_traces: bool,
 }
 
 /// The journal of a shard.
@@ -183,7 +185,8 @@ impl Rows {
     fn read(directory: &Path, points: u64) -> Result<Self, Failure> {
         let points = Points::none_of(points);
         let (journals, unreadable) = (HashMap::new(), Vec::new());
-        let mut rows = Self { points, journals, damaged: 0, unreadable, longest_s: 0.0 };
+        let has_traces = directory.join(SLURM).is_dir();
+        let mut rows = Self { points, journals, damaged: 0, unreadable, longest_s: 0.0, has_traces };
         for path in
             files(&directory.join(ROWS), |name| Path::new(name).extension().is_some_and(|end| end == "rows"))?
         {
@@ -270,7 +273,8 @@ impl Shard {
     ) -> Self {
         let now = SystemTime::now();
         let path = directory.join(SLURM).join(format!("{number}-of-{count}.trace"));
-        let trace = Trace::parse(&text_of(&path));
+        // of a sweep without a job array there are none to look for, and its shards may be millions
+        let trace = if rows.has_traces { Trace::parse(&text_of(&path)) } else { Trace::default() };
         let journal = rows.journals.get(&(number, count));
         let begun = (trace.attempts > 0)
             .then(|| trace.begun())

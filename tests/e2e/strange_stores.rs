@@ -18,7 +18,7 @@ const SECRET: &str = "wJalrXUtnFEMI/K7MDENG+bPxRfiCYKEY";
 const MOST_ERROR_BYTES: u64 = 16 << 20;
 const MOST_LISTED_BYTES: u64 = 64 << 20;
 
-/// What a request is for.
+/// The purpose of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Op {
     Get,
@@ -160,7 +160,7 @@ fn serve(
     }
 }
 
-/// What an honest store says when there is no object and a part is sent.
+/// The answers of an honest store when there is no object and a part is sent.
 fn honest(asked: &Asked) -> Answer {
     match asked.op {
         Op::Get | Op::Head => text(404, "<Error><Code>NoSuchKey</Code></Error>"),

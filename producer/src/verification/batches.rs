@@ -71,7 +71,7 @@ pub(super) fn prove_batches(
     }
 }
 
-/// What one thread proves.
+/// The proof of one thread, as far as it is.
 pub(super) struct Proving<'a> {
     manifest: &'a RunManifest,
     can_be_proven: bool,

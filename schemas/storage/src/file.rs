@@ -45,7 +45,7 @@ fn refuse(found: FileType) -> io::Result<()> {
     }
 }
 
-/// What stands in the place of a file; none for files and directories.
+/// The name of a thing that is no file; none for files and directories.
 pub(crate) fn not_a_file(found: FileType) -> Option<&'static str> {
     if found.is_fifo() {
         Some("a pipe (FIFO)")

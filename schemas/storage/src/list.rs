@@ -1,4 +1,4 @@
-//! What lies under a directory or a URL.
+//! Files under a directory, objects under a URL.
 
 use crate::file::not_a_file;
 use crate::{is_url, remote};
@@ -20,18 +20,18 @@ pub struct Entry {
 pub struct Skipped {
     /// Its name, as it is written there. It is no path: nothing may be opened by it.
     pub name: String,
-    /// What it is, or what is wrong with its name.
+    /// The reason: its kind, or its name.
     pub why: String,
 }
 
-/// What was found.
+/// Files or objects that were found, and others that cannot be read.
 #[derive(Debug, Default)]
 pub struct Listing {
     /// In the order of their names.
     pub entries: Vec<Entry>,
     /// The first of what cannot be read.
     pub skipped: Vec<Skipped>,
-    /// How many they are.
+    /// The number of all of these.
     pub skipped_count: u64,
     /// Objects or files that were looked at.
     pub seen_count: u64,

@@ -21,7 +21,11 @@ use std::future::Future;
 use std::io;
 use std::sync::OnceLock;
 use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::Duration;
 use tokio::runtime::{Builder, Handle};
+
+/// Between two looks at whether the program is asked to stop.
+pub(crate) const LOOK: Duration = Duration::from_millis(50);
 
 /// The thread that makes requests, started by the first one.
 pub(crate) fn handle() -> Result<&'static Handle, StorageError> {
@@ -51,7 +55,7 @@ pub(crate) fn wait<T: Send + 'static>(
         let _ = answer.send(work.await);
     });
     loop {
-        match answers.recv_timeout(stop::LOOK) {
+        match answers.recv_timeout(LOOK) {
             Ok(answer) => return answer.map_err(StorageError::masked),
             Err(RecvTimeoutError::Timeout) if stop::is_asked() => {
                 task.abort();

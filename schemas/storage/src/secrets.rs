@@ -105,8 +105,8 @@ impl Secrets {
     }
 }
 
-/// Where `text` goes on after `value`, if it begins with that, each character of it written in whatever way; values are ASCII or
-/// are written as they are.
+/// The length of `value` at the beginning of `text`, each character of it written in whatever way; values are ASCII or are written
+/// as they are. None if something else stands there.
 fn begins(text: &str, value: &str) -> Option<usize> {
     let Some(character) = value.chars().next() else { return Some(0) };
     let value = &value[character.len_utf8()..];

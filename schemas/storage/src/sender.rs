@@ -364,9 +364,9 @@ impl SendError {
         matches!(self, Self::Store { source: StorageError::Failed(_), .. })
     }
 
-    /// Whether another attempt may go on with what was sent.
+    /// True if another attempt may go on with what was sent.
     fn leaves_parts(&self) -> bool {
-        let source = if let Self::Store { source, .. } = self { source } else { return false };
+        let Self::Store { source, .. } = self else { return false };
         matches!(source, StorageError::Failed(_) | StorageError::Denied(_) | StorageError::Stopped)
     }
 }
@@ -409,7 +409,7 @@ fn begin(errand: &Errand, options: &SendOptions) -> Result<Upload, SendError> {
     Ok(upload)
 }
 
-/// What lies beside a file of which an upload is not over.
+/// The note beside a file of which an upload is not over.
 #[derive(Debug, PartialEq)]
 struct Note {
     url: PathBuf,

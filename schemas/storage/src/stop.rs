@@ -1,19 +1,14 @@
 //! Whoever waits for a store stops waiting when the program is asked to stop.
 
 use std::cell::Cell;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
-
-/// Between two looks at whether to stop.
-#[cfg(feature = "remote")]
-pub(crate) const LOOK: Duration = Duration::from_millis(50);
 
 /// The flag that asks the program to stop; one for the process, like its signals.
 static ASKED: Mutex<Option<Arc<AtomicBool>>> = Mutex::new(None);
 
 thread_local! {
-    /// Whether this thread finishes what it has begun.
+    /// True of a thread that finishes what it has begun.
     static IS_PATIENT: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -27,9 +22,9 @@ pub(crate) fn be_patient() {
     IS_PATIENT.set(true);
 }
 
-/// Whether this thread is to wait no longer.
+/// True if this thread is to wait no longer.
 #[cfg(feature = "remote")]
 pub(crate) fn is_asked() -> bool {
     let asked = || ASKED.lock().unwrap_or_else(PoisonError::into_inner).clone();
-    !IS_PATIENT.get() && asked().is_some_and(|flag| flag.load(Ordering::Relaxed))
+    !IS_PATIENT.get() && asked().is_some_and(|flag| flag.load(std::sync::atomic::Ordering::Relaxed))
 }

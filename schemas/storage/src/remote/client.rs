@@ -60,7 +60,7 @@ pub(super) struct Skips {
     pub(super) count: u64,
 }
 
-/// What a server does that is not accepted.
+/// An answer of a server that is not accepted.
 #[derive(Debug, thiserror::Error)]
 enum Refused {
     #[error(
@@ -167,7 +167,7 @@ async fn collected(body: HttpResponseBody, most: usize) -> Result<(Vec<u8>, bool
     Ok((bytes, true))
 }
 
-/// What nobody may see of an answer: secrets of the environment and of the request that it answers.
+/// Secrets that an answer may hold: those of the environment, and of the headers of its request.
 fn secrets_of(headers: &HeaderMap) -> Secrets {
     let known = env::vars_os()
         .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)));
@@ -182,7 +182,7 @@ fn secrets_of(headers: &HeaderMap) -> Secrets {
     secrets
 }
 
-/// How many bytes `bytes=FROM-TO` or `bytes=-COUNT` asks for.
+/// The number of bytes that `bytes=FROM-TO` or `bytes=-COUNT` asks for.
 fn length_of(range: &str) -> Option<u64> {
     let (from, to) = range.strip_prefix("bytes=")?.split_once('-')?;
     let to: u64 = to.parse().ok()?;
@@ -225,7 +225,7 @@ fn told(body: &str, is_whole: bool, secrets: &Secrets) -> String {
     format!("{}{more}{rest}", &text[..cut])
 }
 
-/// Whether the answer names objects.
+/// True of a request whose answer names objects.
 fn is_listing(method: &Method, query: &str) -> bool {
     let is_of = |word: &str| query.split('&').any(|found| found == word);
     method.as_str() == "PROPFIND" || is_of("list-type=2") || is_of("comp=list")
@@ -257,14 +257,14 @@ fn plain_names_of(bytes: Vec<u8>, skipped: &mut Skips) -> Vec<u8> {
     kept.into_bytes()
 }
 
-/// Whether a key is a plain path: relative, of whole names, without `.`, `..` and control characters. It may end like a folder.
+/// True of a key that is a plain path: relative, of whole names, without `.`, `..` and control characters. It may end like a folder.
 fn is_plain(key: &str) -> bool {
     let names = key.strip_suffix('/').unwrap_or(key);
     let is_name = |name: &str| !matches!(name, "" | "." | "..") && !name.contains(char::is_control);
     names.split('/').all(is_name)
 }
 
-/// The same of the address that WebDAV gives: a path of the server or a whole URL, in either case percent-encoded.
+/// The same of the address that `WebDAV` gives: a path of the server or a whole URL, in either case percent-encoded.
 fn is_plain_reference(href: &str) -> bool {
     let path =
         href.split_once("://").map_or(href, |(_, rest)| rest.split_once('/').map_or("", |(_, path)| path));

@@ -93,7 +93,7 @@ impl Directory {
     }
 }
 
-/// What a listing may cost.
+/// The costs of a listing so far, which have bounds.
 struct Bounds<'a> {
     root: &'a Path,
     /// Hashes of the tokens of the pages so far.

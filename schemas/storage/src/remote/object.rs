@@ -1,6 +1,6 @@
 //! An object as it was when it was opened, and the parts of it that are at hand.
 
-use super::{handle, store, wait};
+use super::{LOOK, handle, store, wait};
 use crate::{StorageError, stop};
 use futures_util::TryStreamExt as _;
 use object_store::path::Path as ObjectPath;
@@ -219,7 +219,7 @@ impl Part {
             if stop::is_asked() {
                 return Err(StorageError::Stopped);
             }
-            bytes = self.arrived.wait_timeout(bytes, stop::LOOK).unwrap_or_else(PoisonError::into_inner).0;
+            bytes = self.arrived.wait_timeout(bytes, LOOK).unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 }

@@ -82,9 +82,9 @@ fn duration(text: &str) -> Result<Duration> {
             "us" | "usec" => Duration::from_micros(1),
             "ms" | "msec" => Duration::from_millis(1),
             "s" | "sec" | "secs" | "second" | "seconds" => Duration::from_secs(1),
-            "m" | "min" | "mins" | "minute" | "minutes" => Duration::from_secs(60),
-            "h" | "hr" | "hrs" | "hour" | "hours" => Duration::from_secs(3600),
-            "d" | "day" | "days" => Duration::from_secs(86_400),
+            "m" | "min" | "mins" | "minute" | "minutes" => Duration::from_mins(1),
+            "h" | "hr" | "hrs" | "hour" | "hours" => Duration::from_hours(1),
+            "d" | "day" | "days" => Duration::from_hours(24),
             _ => return Err(wrong()),
         };
         let count = number.parse().map_err(|_| wrong())?;

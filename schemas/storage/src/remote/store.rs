@@ -36,7 +36,7 @@ pub(super) fn place_of_object(url: &Path) -> Result<(&str, ObjectPath), StorageE
     Ok((base, object_path(base, key)?))
 }
 
-/// Where objects are.
+/// A place with objects.
 pub(crate) struct Directory {
     pub(super) pages: Pages,
     /// What their names begin with.
@@ -47,7 +47,7 @@ pub(crate) struct Directory {
     pub(super) skipped: Arc<Mutex<Skips>>,
 }
 
-/// How a store lists its objects.
+/// The way in which a store lists its objects.
 pub(super) enum Pages {
     /// Some at a time.
     Several(Arc<dyn PaginatedListStore>),
@@ -110,7 +110,7 @@ fn of_base(base: &str) -> Result<Arc<dyn ObjectStore>, StorageError> {
     Ok(store)
 }
 
-/// What the environment or a URL makes impossible.
+/// The error of a store that the environment or the URL makes impossible.
 #[expect(clippy::needless_pass_by_value, reason = "for `map_err`")]
 pub(super) fn unusable(error: Error) -> StorageError {
     StorageError::Url(error.to_string()).masked()

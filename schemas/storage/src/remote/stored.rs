@@ -19,11 +19,11 @@ use std::time::Duration;
 /// Most parts of an upload, and of an answer.
 const MOST_PARTS: usize = 10_000;
 
-/// How often a list is asked for, and how long is waited before it is asked for again.
+/// Attempts to get a list, and the pause after the first one.
 const ATTEMPTS: u32 = 4;
 const PAUSE: Duration = Duration::from_millis(250);
 
-/// What a store says of a part.
+/// A part as the store describes it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Stored {
     bytes: u64,
@@ -32,7 +32,7 @@ pub(super) struct Stored {
     sha256: Option<String>,
 }
 
-/// Who asks S3 for the parts of an upload, for which `object_store` has no request.
+/// Asks S3 for the parts of an upload, for which `object_store` has no request.
 #[derive(Debug, Clone)]
 pub(super) struct Lister {
     store: Arc<AmazonS3>,
@@ -109,7 +109,7 @@ impl Lister {
         let generic =
             |error: Box<dyn std::error::Error + Send + Sync>| Error::Generic { store: "S3", source: error };
         // of the signed address only the place is used
-        let mut url = self.store.signed_url(Method::GET, path, Duration::from_secs(60)).await?;
+        let mut url = self.store.signed_url(Method::GET, path, Duration::from_mins(1)).await?;
         url.query_pairs_mut()
             .clear()
             .append_pair("part-number-marker", &after.to_string())
@@ -136,7 +136,7 @@ fn stored(text: &str) -> Option<(usize, Stored)> {
 }
 
 impl Stored {
-    /// Whether its bytes are `bytes`, as far as the store says what they are.
+    /// True if its bytes are `bytes`, by size and hash.
     pub(super) fn is_of(&self, bytes: &[u8]) -> bool {
         if self.bytes != bytes.len() as u64 {
             return false;

@@ -37,7 +37,7 @@ struct Target {
     new_only: Option<Arc<dyn Store>>,
     /// Whether an object can say more about itself than its size.
     takes_attributes: bool,
-    /// Who lists parts that were sent; none if the store cannot be asked for them.
+    /// Lists parts that were sent; none if the store cannot be asked for them.
     lister: Option<Lister>,
     path: ObjectPath,
 }
@@ -48,7 +48,7 @@ pub struct Upload {
     target: Target,
     id: String,
     parts: Vec<PartId>,
-    /// What an earlier attempt has sent, by the numbers of the parts.
+    /// Parts that an earlier attempt has sent, by their numbers.
     stored: BTreeMap<usize, Stored>,
     part_bytes: u64,
     bytes: u64,
@@ -107,7 +107,7 @@ impl Upload {
         Ok(Some(Self { target, id, parts: Vec::new(), stored, part_bytes, bytes: 0, run, replace }))
     }
 
-    /// Whether another attempt can go on with the parts that were sent.
+    /// True if another attempt can go on with the parts that were sent.
     pub fn can_be_resumed(&self) -> bool {
         self.target.lister.is_some()
     }
