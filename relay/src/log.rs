@@ -11,7 +11,7 @@ pub const MOST_BYTES: usize = 64 << 20;
 /// Most bytes that are on their way to one far side: it holds as many at a time.
 pub const WINDOW_BYTES: usize = 8 << 20;
 /// Most messages that are on their way to one far side.
-pub const WINDOW_MESSAGES: u64 = 32;
+pub const WINDOW_MESSAGES: usize = 32;
 /// Most messages that wait for a far side that holds the run back.
 const HOLD_MESSAGES: usize = 8;
 /// Most far sides that are known at a time, more than anybody runs: beyond that the one goes that was silent for longest.
@@ -180,7 +180,7 @@ impl<P: Clone> Log<P> {
         let from = self.entries.partition_point(|entry| entry.seq <= done);
         let under_way = at.saturating_sub(from);
         let bytes: usize = self.entries.range(from.min(at)..at).map(|entry| entry.bytes).sum(); // integers
-        let fits = (under_way as u64) < WINDOW_MESSAGES && bytes + entry.bytes <= WINDOW_BYTES;
+        let fits = under_way < WINDOW_MESSAGES && bytes + entry.bytes <= WINDOW_BYTES;
         (fits || under_way == 0).then(|| entry.clone())
     }
 
@@ -327,7 +327,7 @@ mod tests {
         let mut log = log(0, now);
         log.join(7, now);
         (1..=100).for_each(|n| log.push(Kind::Frames, n, 100, now));
-        assert_eq!(fetch(&log, 7, 0).len() as u64, WINDOW_MESSAGES);
+        assert_eq!(fetch(&log, 7, 0).len(), WINDOW_MESSAGES);
         log.hear(7, Some(10), now);
         assert_eq!(fetch(&log, 7, 32).last(), Some(&42));
         log.push(Kind::Frames, 101, 2 * WINDOW_BYTES, now);

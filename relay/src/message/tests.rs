@@ -53,7 +53,9 @@ fn the_end_comes_back() {
 impl RowsMessage {
     /// Rows of one value of these frames.
     fn of(mut self, frames: &[u64]) -> Vec<u8> {
-        frames.iter().for_each(|frame| self.push(*frame, [0; 8].into_iter()));
+        for frame in frames {
+            self.push(*frame, [0; 8].into_iter());
+        }
         self.finish(&RowsHead::new(Topic::own("mine").unwrap(), &ResultColumns::named(&["a_m"])))
     }
 }

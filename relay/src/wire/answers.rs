@@ -11,7 +11,7 @@ use zenoh::query::{ConsolidationMode, QueryTarget, Reply};
 use zenoh::{Session, Wait as _};
 
 /// Answers that may wait: those with a message, the last one, and Zenoh's own word about the time.
-const MOST_ANSWERS: usize = WINDOW_MESSAGES as usize + 2;
+const MOST_ANSWERS: usize = WINDOW_MESSAGES + 2;
 /// Longest refusal (bytes): a sentence.
 const MOST_REFUSAL_BYTES: usize = 4096;
 

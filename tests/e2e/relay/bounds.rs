@@ -2,16 +2,18 @@
 
 use super::strangers::{near_that, request, send, stranger};
 use super::{Hosts, LONG};
-use crate::harness::{Ended, wait_until};
+use crate::harness::{Ended, Running, wait_until};
 use ::relay::message::{
     EndMessage, FramesMessage, Have, Offer, RowsHead, RowsMessage, Versions, Welcome, to_json,
 };
+use ::relay::wire::zenoh::bytes::ZBytes;
 use ::relay::wire::zenoh::{Session, Wait as _};
 use producer::integrator::Integrator;
 use producer::state::ChainState;
 use schemas::manifest::RunManifest;
 use schemas::presets::PRESETS;
 use schemas::results::{ENERGIES, ResultColumns};
+use std::fs;
 use std::net::TcpStream;
 
 /// A run of some thousand frames, and its states.
@@ -94,6 +96,7 @@ fn an_end_that_contradicts_the_manifest_or_what_arrived_is_a_failure() {
 /// A near side that welcomes whoever asks with these answers.
 fn welcoming(port: u16, answers: Vec<String>) -> Session {
     let session = stranger("listen/endpoints", port);
+    let answers: Vec<_> = answers.into_iter().map(ZBytes::from).collect();
     let answer = move |query: ::relay::wire::zenoh::query::Query| {
         for answer in &answers {
             query.reply("beadline/relay/any", answer.clone()).wait().unwrap();
@@ -106,8 +109,26 @@ fn welcoming(port: u16, answers: Vec<String>) -> Session {
 fn refused(answers: Vec<String>) -> Ended {
     let hosts = Hosts::on_loopback();
     let session = welcoming(hosts.port, answers);
-    let ended = hosts.relay_to("").wait().exits(1);
+    let far = hosts.relay_to("");
+    let ended = bounded(far).exits(1);
     session.close().wait().unwrap();
+    ended
+}
+
+/// Waits for the end of a side, and asserts that it never had much memory.
+#[track_caller]
+fn bounded(mut side: Running) -> Ended {
+    let status = format!("/proc/{}/status", side.id());
+    let mut most_kb = 0;
+    wait_until("its end", || {
+        let said = fs::read_to_string(&status).unwrap_or_default();
+        let peak = said.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        let peak: Option<u64> = peak.and_then(|peak| peak.trim().trim_end_matches(" kB").parse().ok());
+        most_kb = most_kb.max(peak.unwrap_or(0));
+        (!side.is_running()).then_some(())
+    });
+    let ended = side.wait();
+    assert!((1..200_000).contains(&most_kb), "{most_kb} kB\n{}", ended.stderr());
     ended
 }
 
@@ -121,7 +142,8 @@ fn a_welcome_is_one_and_short_and_of_a_run_that_can_be() {
     let json = run.manifest.to_json();
     refused(vec![welcome(json.clone()); 2]).says(&["expected one run, found more than one"]);
     let many = to_json(&Welcome { versions: Versions::OURS, run: None });
-    refused(vec![many; 1000]).says(&["expected"]);
+    let many = many + &" ".repeat(250_000);
+    refused(vec![many; 6000]).says(&["expected"]);
     let long = welcome(json.clone()) + &" ".repeat(300_000);
     refused(vec![long]).says(&["at most 262144 are expected"]);
     let beads = format!("\"beads\":{}", run.manifest.physics.beads);
@@ -183,7 +205,7 @@ fn a_near_side_that_sends_more_than_may_be_under_way_is_refused() {
         let hosts = Hosts::on_loopback();
         let messages = std::iter::once(state.clone()).chain(std::iter::repeat_n(message, count)).collect();
         let session = near_with(hosts.port, &run, messages);
-        hosts.relay_to("").wait().exits(1).says(&["more than 32 messages or 8388608 bytes at once"]);
+        bounded(hosts.relay_to("")).exits(1).says(&["more than 32 messages or 8388608 bytes at once"]);
         session.close().wait().unwrap();
     }
 }
@@ -197,7 +219,8 @@ fn those_who_say_nothing_keep_nobody_out() {
     wait_until("the near side to listen", connect);
     let silent: Vec<_> = (0..500).filter_map(|_| connect()).collect();
     assert_eq!(silent.len(), 500);
-    let session = stranger("connect/endpoints", hosts.port);
+    let sessions: Vec<_> = (0..20).map(|_| stranger("connect/endpoints", hosts.port)).collect();
+    let session = &sessions[0];
     let ask = |_| session.get("beadline/relay/*").payload(request(Versions::OURS)).wait().unwrap();
     let idle: Vec<_> = (0..3000).map(ask).collect();
     let far = hosts.relay_to("");
@@ -207,5 +230,5 @@ fn those_who_say_nothing_keep_nobody_out() {
     running.wait().exits(3);
     assert_eq!(far.wait().exits(0).json()["end"], "interrupted");
     assert_eq!(near.wait().json()["end"], "interrupted");
-    drop((silent, idle));
+    drop((silent, idle, sessions));
 }

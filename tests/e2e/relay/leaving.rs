@@ -4,7 +4,7 @@ use super::bounds::{Run, end};
 use super::strangers::{near_that, request, send, stranger};
 use super::{Hosts, LONG, SMALL, is_relayed};
 use crate::ctrl_c::wait_for_handler;
-use crate::harness::{Running, wait_until};
+use crate::harness::{Ended, Running, wait_until};
 use ::relay::message::{FramesMessage, RowsHead, RowsMessage, Versions, Welcome, to_json};
 use ::relay::wire::zenoh::query::Query;
 use ::relay::wire::zenoh::{Session, Wait as _};
@@ -18,16 +18,22 @@ use std::time::{Duration, Instant};
 /// Half a second is promised; a machine with many tests on it has its own ideas.
 const SOON: Duration = Duration::from_millis(1500);
 
+/// Asserts that Ctrl-C ends a side soon, before it is done.
+#[track_caller]
+fn ends_at_ctrl_c(phase: &str, side: Running) {
+    assert_eq!(ended_at_ctrl_c(phase, side).code(), Some(3), "{phase}");
+}
+
 /// Asserts that Ctrl-C ends a side soon.
 #[track_caller]
-fn ends_at_ctrl_c(phase: &str, mut side: Running) {
+fn ended_at_ctrl_c(phase: &str, mut side: Running) -> Ended {
     wait_for_handler(&mut side);
     side.signal("INT");
     let start = Instant::now();
     let ended = side.wait();
     let took = start.elapsed();
     assert!(took < SOON, "{phase}: {took:?}\n{}", ended.stderr());
-    assert_eq!(ended.code(), Some(3), "{phase}\n{}", ended.stderr());
+    ended
 }
 
 #[test]
@@ -97,9 +103,9 @@ fn ctrl_c_ends_a_far_side_that_connects_or_waits() {
 fn far_of(hosts: &Hosts, manifest: &RunManifest, messages: Vec<Vec<u8>>, flags: &str) -> (Session, Running) {
     let (asked, asking) = channel();
     let session = near_that(hosts.port, Versions::OURS, manifest, move |query, _, have| {
-        let message = &messages.get(usize::try_from(have.seq).unwrap()).or(messages.last());
+        let message = messages.get(usize::try_from(have.seq).unwrap()).or(messages.last());
         if let Some(message) = message {
-            send(query, have.seq + 1, 0, message.to_vec());
+            send(query, have.seq + 1, 0, message.clone());
         }
         let _ = asked.send(());
     });
@@ -134,6 +140,14 @@ fn ctrl_c_ends_a_far_side_that_was_welcomed() {
     let (session, far) = far_of(&hosts, &run.manifest, vec![first.clone()], "--wait-for 1");
     hosts.far.wait_for_run("shock", |_| true);
     ends_at_ctrl_c("it waits for a consumer", far);
+    session.close().wait().unwrap();
+
+    // the near side never says that it knows of the end
+    let hosts = Hosts::on_loopback();
+    let messages = vec![first.clone(), end("interrupted", Some(0))];
+    let (session, far) = far_of(&hosts, &run.manifest, messages, "--wait-for 1");
+    hosts.far("energies live:shock --out there.csv").wait();
+    ended_at_ctrl_c("it leaves", far).exits(0);
     session.close().wait().unwrap();
 
     // frames that are years apart
