@@ -18,6 +18,7 @@ use crate::message::{MOST_REQUEST_BYTES, MessageError};
 use schemas::manifest::{ManifestError, RunId};
 use std::fmt;
 use std::net::{TcpStream, ToSocketAddrs as _};
+use std::ops::Deref;
 use std::panic;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -168,15 +169,28 @@ fn unless_stopped<R: Send + 'static>(
     }
 }
 
-/// Closes the connections, in order if that is soon done.
-fn close(session: &Session) {
-    let (session, (closed, closing)) = (session.clone(), sync_channel(1));
-    // whatever is left open the system closes with this process
-    thread::spawn(move || {
-        let _ = session.close().wait();
-        let _ = closed.send(());
-    });
-    let _ = closing.recv_timeout(CLOSE_TIME);
+/// The connections of one side. Dropped, they are closed in order if that is soon done: Zenoh would take up to ten seconds, also
+/// where nobody listens any more.
+struct Connections(Session);
+
+impl Deref for Connections {
+    type Target = Session;
+
+    fn deref(&self) -> &Session {
+        &self.0
+    }
+}
+
+impl Drop for Connections {
+    fn drop(&mut self) {
+        let (session, (closed, closing)) = (self.0.clone(), sync_channel(1));
+        // whatever is left open the system closes with this process
+        thread::spawn(move || {
+            let _ = session.close().wait();
+            let _ = closed.send(());
+        });
+        let _ = closing.recv_timeout(CLOSE_TIME);
+    }
 }
 
 /// Zenoh's configuration: the user's as it is, in which nothing finds anybody by itself unless it says so.
@@ -214,7 +228,7 @@ fn bound_messages(config: &mut Config, most_bytes: usize) -> Result<(), WireErro
 }
 
 /// The near side's session, which listens at `endpoint` and connects to nobody.
-fn listen(endpoint: &Endpoint, file: Option<&Path>) -> Result<Session, WireError> {
+fn listen(endpoint: &Endpoint, file: Option<&Path>) -> Result<Connections, WireError> {
     let mut config = config(file)?;
     set(&mut config, "listen/endpoints", &format!("[\"{endpoint}\"]"))?;
     bound(&mut config, "transport/unicast/accept_timeout", "10000", FIRST_WORDS_MS)?;
@@ -223,6 +237,7 @@ fn listen(endpoint: &Endpoint, file: Option<&Path>) -> Result<Session, WireError
     bound_messages(&mut config, 32 * MOST_REQUEST_BYTES)?;
     zenoh::open(config)
         .wait()
+        .map(Connections)
         .map_err(|cause| WireError::Listen { endpoint: endpoint.to_string(), cause: cause.to_string() })
 }
 
@@ -232,7 +247,7 @@ fn connect(
     endpoint: &Endpoint,
     file: Option<&Path>,
     most_bytes: usize,
-) -> Result<Option<Session>, WireError> {
+) -> Result<Option<Connections>, WireError> {
     let mut config = config(file)?;
     bound_messages(&mut config, most_bytes)?;
     // one kind of priority is all that is used: the others would have as much memory each
@@ -248,7 +263,7 @@ fn connect(
     }
     let opened = zenoh::open(config).wait();
     opened
-        .map(Some)
+        .map(|session| Some(Connections(session)))
         .map_err(|cause| WireError::Refused { endpoint: endpoint.to_string(), cause: cause.to_string() })
 }
 

@@ -1,7 +1,7 @@
 //! The far side: asks, and asks again.
 
 use super::answers::Answers;
-use super::{DONE_KEY, Endpoint, Payload, WireError, close, connect, unless_stopped, zenoh_error};
+use super::{Connections, DONE_KEY, Endpoint, Payload, WireError, connect, unless_stopped, zenoh_error};
 use crate::message::{
     Done, GONE, Have, MOST_USUAL_BYTES, OVER, Offer, Place, Request, Versions, Welcome, answer,
     most_message_bytes, to_json,
@@ -51,13 +51,13 @@ pub struct Wanted {
 
 /// A far side that is connected.
 pub struct Fetching {
-    session: Session,
     /// The run.
     pub manifest: RunManifest,
     /// Every frame is sent.
     pub frames: bool,
     shared: Arc<Shared>,
     arrivals: Receiver<Arrival>,
+    _connections: Connections,
 }
 
 struct Shared {
@@ -100,14 +100,11 @@ impl Fetching {
         mut tell: impl FnMut(Waiting),
     ) -> Result<Option<Self>, WireError> {
         let Some(session) = meet(wanted, MOST_USUAL_BYTES, stop, &mut tell)? else { return Ok(None) };
-        let Some(offer) = greet(&session, wanted, stop, &mut tell)? else {
-            close(&session);
-            return Ok(None);
-        };
+        let Some(offer) = greet(&session, wanted, stop, &mut tell)? else { return Ok(None) };
         let manifest = RunManifest::from_json(offer.manifest.as_bytes())?;
         let most_bytes = most_message_bytes(&manifest);
         let session = if most_bytes > MOST_USUAL_BYTES {
-            close(&session);
+            drop(session);
             let Some(session) = meet(wanted, most_bytes, stop, &mut tell)? else { return Ok(None) };
             session
         } else {
@@ -127,16 +124,17 @@ impl Fetching {
             frames: AtomicBool::new(wanted.frames),
         });
         let (sender, arrivals) = sync_channel(MOST_WAITING);
-        let (asking, its) = (session.clone(), Arc::clone(&shared));
+        let (asking, its) = (Session::clone(&session), Arc::clone(&shared));
         thread::spawn(move || {
             let fetched = its.fetch(&asking, offer.have, &sender);
             // whoever listened is gone
             let _ = fetched.map_err(|error| sender.send(Arrival::Failed(error)));
             its.change(|state| state.has_left = true);
         });
-        let (telling, its) = (session.clone(), Arc::clone(&shared));
+        let (telling, its) = (Session::clone(&session), Arc::clone(&shared));
         thread::spawn(move || its.beat(&telling));
-        Ok(Some(Self { session, manifest, frames: offer.frames || wanted.frames, shared, arrivals }))
+        let frames = offer.frames || wanted.frames;
+        Ok(Some(Self { manifest, frames, shared, arrivals, _connections: session }))
     }
 
     /// What arrives next, within this time.
@@ -183,7 +181,6 @@ impl Fetching {
         drop(state);
         self.shared.over.store(true, Ordering::Relaxed);
         self.shared.change(|state| state.is_news = true);
-        close(&self.session);
     }
 }
 
@@ -193,7 +190,7 @@ fn meet(
     most_bytes: usize,
     stop: &AtomicBool,
     tell: &mut impl FnMut(Waiting),
-) -> Result<Option<Session>, WireError> {
+) -> Result<Option<Connections>, WireError> {
     while !stop.load(Ordering::Relaxed) {
         let Wanted { endpoint, config, .. } = wanted.clone();
         let connecting = move || connect(&endpoint, config.as_deref().map(Path::new), most_bytes);

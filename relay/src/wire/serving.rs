@@ -2,7 +2,8 @@
 
 use super::room::{Room, Turn};
 use super::{
-    ANSWER_TIME, DONE_KEY, Endpoint, KEY, Payload, WireError, close, listen, unless_stopped, zenoh_error,
+    ANSWER_TIME, Connections, DONE_KEY, Endpoint, KEY, Payload, WireError, listen, unless_stopped,
+    zenoh_error,
 };
 use crate::log::{Log, SharedLog};
 use crate::message::{
@@ -14,10 +15,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
+use zenoh::Wait as _;
 use zenoh::bytes::ZBytes;
 use zenoh::query::Query;
 use zenoh::sample::Sample;
-use zenoh::{Session, Wait as _};
 
 /// Words about strangers that are kept until they are told: more of them say nothing new.
 const MOST_TROUBLES: usize = 64;
@@ -31,7 +32,7 @@ const LONGEST_LOOK: Duration = Duration::from_millis(100);
 /// A near side that listens.
 pub struct Serving {
     shared: Arc<Shared>,
-    session: Session,
+    _connections: Connections,
 }
 
 struct Shared {
@@ -110,7 +111,7 @@ impl Serving {
         let heard = Arc::clone(&shared);
         let subscriber = session.declare_subscriber(DONE_KEY).callback(move |sample| heard.hear(&sample));
         subscriber.background().wait().map_err(zenoh_error)?;
-        Ok(Some(Self { shared, session }))
+        Ok(Some(Self { shared, _connections: session }))
     }
 
     /// Whether somebody has asked for the run.
@@ -145,7 +146,6 @@ impl Serving {
         }
         self.shared.over.store(true, Ordering::Relaxed);
         self.shared.wake();
-        close(&self.session);
     }
 }
 
