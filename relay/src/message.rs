@@ -10,7 +10,7 @@ pub use bounds::{
 };
 
 use schemas::frame::{EndReason, Frame};
-use schemas::manifest::{KERNEL_VERSION, MAX_JSON_BYTES, RunManifest, SCHEMA_VERSION, SchemaVersion};
+use schemas::manifest::{KERNEL_VERSION, RunManifest, SCHEMA_VERSION, SchemaVersion};
 use schemas::results::{ResultColumns, Topic};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -21,8 +21,8 @@ pub const PROTOCOL_VERSION: u32 = 1;
 
 /// Longest request (bytes).
 pub const MOST_REQUEST_BYTES: usize = 4096;
-/// Longest answer (bytes): a manifest as JSON within JSON, each of whose characters takes two at most.
-const MOST_ANSWER_BYTES: usize = 2 * MAX_JSON_BYTES + 4096;
+/// Longest answer (bytes): a manifest as JSON within JSON, in a message as long as any before the manifest is known.
+const MOST_ANSWER_BYTES: usize = MOST_USUAL_BYTES;
 /// Longest head of rows (bytes).
 const MOST_HEAD_BYTES: usize = 4096;
 
