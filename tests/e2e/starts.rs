@@ -249,6 +249,22 @@ fn many_starts_at_once_succeed() {
     println!("their ends: {:.1} s", start.elapsed().as_secs_f64());
 }
 
+/// Whoever waits for the lock of a bus knows for whom, and need not wait.
+#[test]
+fn who_waits_for_others_that_start_is_told_and_can_be_stopped() {
+    let place = Place::new();
+    let bus = place.bus();
+    let lock = fs::File::options().write(true).create(true).truncate(false).open(bus.root().join("creating.lock"));
+    let lock = lock.unwrap();
+    lock.lock().unwrap();
+    let mut run = place.start("run --preset homogeneous --no-record");
+    run.wait_until_it_says(&format!("waiting for others that start on this bus, now process {}", std::process::id()));
+    run.signal("INT");
+    run.wait().exits(3);
+    drop(lock);
+    place.run("run --preset homogeneous --duration 1e-4 --no-record").exits(0);
+}
+
 /// The memory of a container. Each run that begins has all the memory that it can ever need.
 #[test]
 fn runs_that_do_not_fit_are_refused_and_none_dies_of_it() {
