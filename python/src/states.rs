@@ -204,8 +204,8 @@ impl States {
         }
         let (Some(first), Some(last)) = (steps.first(), steps.last()) else { return Ok(()) };
         reader.seek(*first)?;
-        let mut states =
-            Resimulation::new(reader, Lend::Steps)?.lending_from(*first).ending_with_the_last_state();
+        // steps before the first one are lent, too, so that a stop is seen between them
+        let mut states = Resimulation::new(reader, Lend::Steps)?.ending_with_the_last_state();
         let width = wanted.width();
         let mut missing = steps.iter().zip(rows.chunks_exact_mut(width.max(1))).peekable();
         // all are proven once the state at or after the last one was

@@ -225,7 +225,6 @@ fn the_same_for_another_user() {
 /// However many begin at once, nobody is refused, and none of them is in the others' way once they are there. `BEADLINE_STARTS` says how
 /// many.
 #[test]
-#[expect(clippy::print_stdout, reason = "the times of a campaign, with --nocapture")]
 fn many_starts_at_once_succeed() {
     let count: usize = std::env::var("BEADLINE_STARTS").map_or(60, |count| count.parse().unwrap());
     let place = Place::new();
@@ -242,11 +241,33 @@ fn many_starts_at_once_succeed() {
     place.run("run --preset homogeneous --beads 20 --duration 1e-4 --no-record --name one-more").exits(0);
     println!("one more beside them: {:.2} s", start.elapsed().as_secs_f64());
     let start = Instant::now();
-    runs.iter().for_each(|run| run.signal("INT"));
+    for run in &runs {
+        run.signal("INT");
+    }
     for run in runs {
         run.wait().exits(3);
     }
     println!("their ends: {:.1} s", start.elapsed().as_secs_f64());
+}
+
+/// Whoever waits for the lock of a bus knows for whom, and need not wait.
+#[test]
+fn who_waits_for_others_that_start_is_told_and_can_be_stopped() {
+    let place = Place::new();
+    let bus = place.bus();
+    let lock =
+        fs::File::options().write(true).create(true).truncate(false).open(bus.root().join("creating.lock"));
+    let lock = lock.unwrap();
+    lock.lock().unwrap();
+    let mut run = place.start("run --preset homogeneous --no-record");
+    run.wait_until_it_says(&format!(
+        "waiting for others that start on this bus, now process {}",
+        std::process::id()
+    ));
+    run.signal("INT");
+    run.wait().exits(3);
+    drop(lock);
+    place.run("run --preset homogeneous --duration 1e-4 --no-record").exits(0);
 }
 
 /// The memory of a container. Each run that begins has all the memory that it can ever need.

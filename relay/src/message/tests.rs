@@ -130,3 +130,16 @@ fn other_versions_are_refused_with_both_numbers() {
     let said = request::<Request>(later.as_bytes()).unwrap_err().to_string();
     assert!(said.contains("protocol") && said.contains('7'), "{said}");
 }
+
+/// A manifest may have a number for each bead, and stands as a text in the answer.
+#[test]
+fn a_manifest_of_megabytes_fits_an_answer() {
+    let mut long = manifest();
+    long.physics.initial.velocities_m_s = (0..200_000).map(|bead| 1e-9 * f64::from(bead)).collect();
+    let have = Have { stream: 1, seq: 2 };
+    let run = Some(Offer { manifest: long.to_json(), have, frames: false });
+    let welcome = Welcome { versions: Versions::OURS, run };
+    let json = to_json(&welcome);
+    assert!(json.len() > 1 << 20);
+    assert_eq!(answer::<Welcome>(json.as_bytes()).unwrap(), welcome);
+}

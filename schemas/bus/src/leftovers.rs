@@ -140,7 +140,7 @@ pub(super) fn may_be_there(root: &Path, prefix: &str, family: &str, config: &Con
         let ids = Id::all_in(&name);
         let is_dead = !ids.is_empty() && !ids.iter().any(|id| processes.has_creator_of(*id));
         let is_earlier = name.starts_with(family) && !name.starts_with(prefix);
-        if is_dead || is_earlier || name.ends_with(".new") {
+        if is_dead || is_earlier || path.extension().is_some_and(|end| end == "new") {
             suspects.push(path);
         }
     }
