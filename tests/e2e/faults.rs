@@ -196,8 +196,9 @@ fn a_stop_while_a_consumer_holds_the_run_back_is_orderly() {
 #[test]
 fn a_stop_between_two_frames_is_obeyed() {
     let place = Place::new();
-    let run = place
-        .start("run --preset homogeneous --duration 1e6 --name run --publish-every-steps 1000000000 --json");
+    let run = place.start(
+        "run --preset homogeneous --duration 1e6 --name run --publish-every-steps 1000000000 --json --yes",
+    );
     place.wait_for_run("run", |run| run.frame == Some(0));
     run.signal("INT");
     let run = run.wait().exits(3).json();
