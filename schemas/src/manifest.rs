@@ -146,7 +146,9 @@ pub enum ManifestError {
         key: String,
     },
     /// Of version 1.0, with a key that version 1.1 brought.
-    #[error("the manifest has schema version {found} and `{key}`, which came with 1.1; it was changed, or another program wrote it")]
+    #[error(
+        "the manifest has schema version {found} and `{key}`, which came with 1.1; it was changed, or another program wrote it"
+    )]
     KeyOfLater {
         /// The version found.
         found: SchemaVersion,

@@ -262,7 +262,9 @@ pub(crate) fn python() -> Option<PathBuf> {
 pub(crate) fn package_python() -> Option<PathBuf> {
     let package = python()?.parent()?.parent()?.join("package/bin/python");
     if !package.exists() {
-        skip("the package `beadline` is not installed beside BEADLINE_CHECK_PYTHON, as `tests/setup` does it");
+        skip(
+            "the package `beadline` is not installed beside BEADLINE_CHECK_PYTHON, as `tests/setup` does it",
+        );
         return None;
     }
     Some(package)

@@ -46,17 +46,23 @@ fn folder(bad: &[u8]) -> Place {
 /// A table with fewer values than times made every reader panic, and with it everything that lists a folder.
 #[test]
 fn one_bad_file_stops_no_folder() {
-    let short = json!([{ "bead": 3, "force_n": { "table": { "times_s": [0.0, 1.0, 2.0], "values": [1.0] } } }]);
+    let short =
+        json!([{ "bead": 3, "force_n": { "table": { "times_s": [0.0, 1.0, 2.0], "values": [1.0] } } }]);
     let place = folder(&forged(FILES[2], |manifest| manifest["physics"]["drives"] = short));
     let listed = place.run("ls . --json").exits(3);
     let rows: Vec<Value> = serde_json::from_str(&listed.stdout()).unwrap();
     assert_eq!(rows.len(), 3, "{rows:#?}");
     assert!(rows[0]["beads"].is_u64() && rows[2]["beads"].is_u64(), "{rows:#?}");
-    assert!(rows[1]["path"] == "./bad.mcap" && rows[1]["error"].as_str().unwrap().contains("values"), "{rows:#?}");
+    assert!(
+        rows[1]["path"] == "./bad.mcap" && rows[1]["error"].as_str().unwrap().contains("values"),
+        "{rows:#?}"
+    );
     place.run("catalog . --out table.csv").exits(3);
     let catalog = fs::read_to_string(place.path("table.csv")).unwrap();
     assert!(catalog.contains("a-good.mcap") && catalog.contains("c-good.mcap"), "{catalog}");
-    for command in ["info", "verify", "energies", "recover --out new.mcap", "plot --what velocity --out p.png"] {
+    for command in
+        ["info", "verify", "energies", "recover --out new.mcap", "plot --what velocity --out p.png"]
+    {
         let ended = place.run(&format!("{command} bad.mcap")).exits(2);
         assert!(ended.stderr().contains("values"), "{command}: {}", ended.stderr());
     }
@@ -75,7 +81,9 @@ fn changed(place: &Place) -> Vec<PathBuf> {
         let mut random = Random::new(seed);
         let recording = golden(FILES[random.below(FILES.len())]);
         let manifest = manifest_of(&recording).unwrap();
-        let Some(bytes) = with_manifest(&recording, &mutate(&manifest, &others, &mut random)) else { continue };
+        let Some(bytes) = with_manifest(&recording, &mutate(&manifest, &others, &mut random)) else {
+            continue;
+        };
         paths.push(place.path(&format!("{seed:06}.mcap")));
         fs::write(&paths[paths.len() - 1], bytes).unwrap();
     }
@@ -124,7 +132,9 @@ fn the_page_and_the_package_survive_them_and_refuse_what_the_command_refuses() {
     let place = Place::new();
     let pairs: Vec<_> = changed(&place).into_iter().map(|path| (path.clone(), is_refused(&path))).collect();
     fs::write(place.path("list.json"), json!(pairs).to_string()).unwrap();
-    for (program, script) in [(node, "tests/node/check_manifests.mjs"), (python, "tests/python/check_manifests.py")] {
+    for (program, script) in
+        [(node, "tests/node/check_manifests.mjs"), (python, "tests/python/check_manifests.py")]
+    {
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join(script);
         let words = [script.into_os_string(), place.path("list.json").into_os_string()];
         Running::start("manifests", place.foreign(program, words)).wait().exits(0);

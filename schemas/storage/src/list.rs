@@ -71,7 +71,9 @@ fn walk(directory: &Path, wanted: &impl Fn(&Path) -> bool, listing: &mut Listing
         let path = entry.path();
         listing.seen_count += 1;
         if entry.file_type()?.is_dir() {
-            walk(&path, wanted, listing)?;
+            if let Err(error) = walk(&path, wanted, listing) {
+                listing.skip(path.display().to_string(), format!("it cannot be listed: {error}"));
+            }
         } else if wanted(&path)
             && let Ok(found) = fs::metadata(&path)
         {

@@ -67,7 +67,8 @@ pub fn runs() -> Vec<Value> {
     let cases: Vec<Value> =
         serde_json::from_str(include_str!("../../reference/driven-state-cases.json")).unwrap_or_default();
     let texts = cases.iter().filter_map(|case| case["toml"].as_str());
-    let configs = PRESETS.iter().map(Preset::config).chain(texts.filter_map(|text| RunConfig::from_toml(text).ok()));
+    let configs =
+        PRESETS.iter().map(Preset::config).chain(texts.filter_map(|text| RunConfig::from_toml(text).ok()));
     let manifest = |config: RunConfig| {
         let origin = Origin { program: "hostile".to_owned(), host: "here".to_owned(), started_unix_ns: 1 };
         let manifest = RunManifest::new(&config, "hostile", origin).ok()?;
@@ -245,7 +246,8 @@ mod tests {
 
     #[test]
     fn the_same_seed_changes_the_same_and_every_kind_of_change_is_made() {
-        let manifest = json!({ "physics": { "beads": 3, "list": [1.0, 2.0], "ends": "free" }, "provenance": {} });
+        let manifest =
+            json!({ "physics": { "beads": 3, "list": [1.0, 2.0], "ends": "free" }, "provenance": {} });
         let others = [json!({ "physics": { "drives": [] } })];
         assert!(runs().len() >= 40, "{} presets and cases of the reference", runs().len());
         let all: Vec<String> =

@@ -78,11 +78,7 @@ impl Physics {
     }
 
     /// Checks each number that is written, without an array of the chain.
-    fn check_written(
-        &self,
-        impurities: &[Impurity],
-        contacts: &[OddContact],
-    ) -> Result<(), ConfigError> {
+    fn check_written(&self, impurities: &[Impurity], contacts: &[OddContact]) -> Result<(), ConfigError> {
         if !(2..=MAX_BEADS).contains(&self.beads) {
             return Err(ConfigError::value("chain.beads", self.beads, "2 to 20000000 beads"));
         }
