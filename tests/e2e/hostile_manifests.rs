@@ -84,7 +84,7 @@ fn changed(place: &Place) -> Vec<PathBuf> {
         let Some(bytes) = with_manifest(&recording, &mutate(&manifest, &others, &mut random)) else {
             continue;
         };
-        paths.push(place.path(&format!("{seed:06}.mcap")));
+        paths.push(place.path(format!("{seed:06}.mcap")));
         fs::write(&paths[paths.len() - 1], bytes).unwrap();
     }
     paths

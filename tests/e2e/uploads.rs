@@ -330,7 +330,8 @@ fn a_part_that_differs_is_sent_again() {
     );
     bucket.run(&place, &upload).exits(1).says(&["ExpiredToken"]);
     assert_eq!(part_bytes(&bucket), size);
-    let mut wrong = fs::read(place.path("run.mcap")).unwrap()[..PART_BYTES as usize].to_vec();
+    let mut wrong =
+        fs::read(place.path("run.mcap")).unwrap()[..usize::try_from(PART_BYTES).unwrap()].to_vec();
     wrong[4711] ^= 1;
     bucket.put_part("run.mcap", 1, &wrong);
     bucket.put_part("run.mcap", 2, b"short");

@@ -135,7 +135,7 @@ impl Table {
             ));
         }
         for (name, list) in [("times_s", times), ("values", values)] {
-            if let Some(i) = list.iter().position(|number| !(number.abs() <= LARGEST)) {
+            if let Some(i) = list.iter().position(|number| number.is_nan() || number.abs() > LARGEST) {
                 numbers.finite(&format!("{name}[{i}]"), list[i])?;
             }
         }

@@ -139,14 +139,11 @@ fn state(info: &RecordingInfo) -> String {
 
 fn cells(path: &Path, found: &Found, place: &Path) -> [String; COLUMNS.len()] {
     let shown = path.strip_prefix(place).ok().filter(|path| !path.as_os_str().is_empty()).unwrap_or(path);
-    let info = match found {
-        Ok(info) => info,
+    let Ok(info) = found else {
         // the reason, which is longer than a row, is told beside the table
-        Err(_) => {
-            let mut cells = [const { String::new() }; COLUMNS.len()];
-            (cells[0], cells[COLUMNS.len() - 1]) = (shown.display().to_string(), "cannot be read".to_owned());
-            return cells;
-        }
+        let mut cells = [const { String::new() }; COLUMNS.len()];
+        (cells[0], cells[COLUMNS.len() - 1]) = (shown.display().to_string(), "cannot be read".to_owned());
+        return cells;
     };
     let (physics, provenance) = (&info.manifest.physics, &info.manifest.provenance);
     let all = count(physics.step_count);

@@ -26,8 +26,8 @@ fn ends_at_ctrl_c(phase: &str, side: Running) {
 
 /// Asserts that Ctrl-C ends a side soon.
 #[track_caller]
-fn ended_at_ctrl_c(phase: &str, mut side: Running) -> Ended {
-    wait_for_handler(&mut side);
+fn ended_at_ctrl_c(phase: &str, side: Running) -> Ended {
+    wait_for_handler(&side);
     side.signal("INT");
     let start = Instant::now();
     let ended = side.wait();

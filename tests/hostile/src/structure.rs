@@ -18,7 +18,7 @@ const ENDS: [f64; 24] = [
     -1.0,
     1.5,
     1000.0,
-    1000.000_000_000_1,
+    1_000.000_000_000_1,
     5e-324,
     2.225_073_858_507_201_4e-308,
     1e-300,
@@ -80,7 +80,7 @@ pub fn runs() -> Vec<Value> {
 /// The manifest with one to four changes; values come from `others`, too, so that a chain gets what another one has.
 pub fn mutate(manifest: &Value, others: &[Value], random: &mut Random) -> String {
     let mut changed = manifest.clone();
-    for _ in 0..1 + random.below(4) {
+    for _ in 0..=random.below(4) {
         change(&mut changed, others, random);
     }
     let mut text = changed.to_string();
@@ -225,7 +225,7 @@ fn with_entries(recording: &[u8], entries: &[(&str, &str)]) -> Option<Vec<u8>> {
     let record = file.records.iter_mut().find(|record| record.opcode == op::METADATA)?;
     let mut metadata = Metadata::read(&record.body)?;
     for (key, text) in entries {
-        *metadata.value(key)? = (*text).to_owned();
+        (*text).clone_into(metadata.value(key)?);
     }
     record.body = metadata.write();
     let mut bytes = file.put_together();
