@@ -21,8 +21,8 @@ pub const PROTOCOL_VERSION: u32 = 1;
 
 /// Longest request (bytes).
 pub const MOST_REQUEST_BYTES: usize = 4096;
-/// Longest answer (bytes): a manifest as JSON within JSON, in a message as long as any before the manifest is known.
-const MOST_ANSWER_BYTES: usize = MOST_USUAL_BYTES;
+/// Longest answer (bytes): a manifest as JSON within JSON, well within the longest message before a manifest is known.
+const MOST_ANSWER_BYTES: usize = 16 << 20;
 /// Longest head of rows (bytes).
 const MOST_HEAD_BYTES: usize = 4096;
 
