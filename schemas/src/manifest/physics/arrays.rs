@@ -16,6 +16,21 @@ use crate::term::{Term, TermLaw};
 impl Physics {
     /// The resolved masses, stiffnesses and rest overlaps, and all else that acts.
     pub fn chain(&self) -> Chain {
+        let Contacts { mass_kg, stiffness, rest_overlap_m, walls, law, terms } = self.contacts_at_rest();
+        let is_ring = self.ends.left == End::Periodic;
+        let damping =
+            self.damping.map(|kind| self.contact_damping(kind, &mass_kg, &stiffness, &walls, is_ring));
+        let sites = self.sites();
+        let moved = |side| self.drives.iter().position(|drive| drive.at == Place::Wall(side));
+        let moved_walls = [moved(Side::Left), moved(Side::Right)];
+        let mut chain = Chain::new(mass_kg, stiffness, rest_overlap_m, walls, law);
+        (chain.sites, chain.is_ring, chain.is_bonded) = (sites, is_ring, self.bonds.is_some());
+        (chain.rows, chain.moved_walls) = (self.rows(), moved_walls);
+        chain.with_terms(terms).with_damping(damping)
+    }
+
+    /// The masses, and the contacts as they rest: all of a chain that its scales are made of, which drag and damping follow.
+    fn contacts_at_rest(&self) -> Contacts {
         let Resolved { mass_kg, stiffness, walls: [left, right] } = self.masses_and_stiffnesses();
         let loads = self.loads(&mass_kg);
         let law = ContactLaw::new(self.alpha);
@@ -61,15 +76,7 @@ impl Physics {
                 right: wall(self.ends.right, right, loads.right_wall, 1),
             }
         };
-        let damping =
-            self.damping.map(|kind| self.contact_damping(kind, &mass_kg, &stiffness, &walls, is_ring));
-        let sites = self.sites();
-        let moved = |side| self.drives.iter().position(|drive| drive.at == Place::Wall(side));
-        let moved_walls = [moved(Side::Left), moved(Side::Right)];
-        let mut chain = Chain::new(mass_kg, stiffness, rest_overlap_m, walls, law);
-        (chain.sites, chain.is_ring, chain.is_bonded) = (sites, is_ring, is_bonded);
-        (chain.rows, chain.moved_walls) = (self.rows(), moved_walls);
-        chain.with_terms(terms).with_damping(damping)
+        Contacts { mass_kg, stiffness, rest_overlap_m, walls, law, terms }
     }
 
     fn contact_damping(
@@ -215,7 +222,8 @@ impl Physics {
             return 0.0;
         }
         if self.is_beyond_one_power() {
-            return self.chain().rest_overlap_m.iter().fold(0.0, |most, rest_m| larger(most, *rest_m));
+            let rest_overlap_m = self.contacts_at_rest().rest_overlap_m;
+            return rest_overlap_m.iter().fold(0.0, |most, rest_m| larger(most, *rest_m));
         }
         self.overlap_under(self.extreme_loads_n().1, self.extremes().softest)
     }
@@ -270,6 +278,16 @@ pub(super) fn smaller(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }
 
+/// Masses, and contacts in static equilibrium.
+struct Contacts {
+    mass_kg: Vec<f64>,
+    stiffness: Vec<f64>,
+    rest_overlap_m: Vec<f64>,
+    walls: Walls,
+    law: ContactLaw,
+    terms: Vec<Term>,
+}
+
 /// Forces (N) of the contacts in static equilibrium, compressive ones positive.
 struct Loads {
     /// N − 1 values.
@@ -322,6 +340,19 @@ mod tests {
         assert_eq!(stiffnesses(StiffnessRule::Uniform), [2.0, 7.0, 2.0]);
         assert_eq!(stiffnesses(StiffnessRule::Pattern(vec![1.0, 2.0])), [1.0, 7.0, 1.0]);
         assert_eq!(stiffnesses(StiffnessRule::List(vec![1.0, 2.0, 3.0])), [1.0, 7.0, 3.0]);
+    }
+
+    /// The usual drag follows the scales, and these the contacts under the load, whose laws take the arrays: that was a circle.
+    #[test]
+    fn a_loaded_chain_of_several_powers_may_end_in_an_absorbing_end() {
+        let chain = chain(|c| {
+            let stiffness = crate::config::Profile::Same(1.0);
+            c.chain.second = Some(crate::config::SecondPower { alpha: 3.0, stiffness });
+            (c.striker.velocity_m_s, c.load.precompression_n) = (0.0, 6.0);
+            c.ends.right = End::Absorbing;
+            c.integrator.method = crate::method::Method::Rk5;
+        });
+        assert!(chain.sites.drag_n_s_per_m[3] > 0.0 && chain.rest_overlap_m[0] > 0.0);
     }
 
     /// Radii 1 and 2 (masses 1 and 8): √(2·1·2/3) = 2/√3, √(2·2·2/4) = √2; against walls √2 and √4.
