@@ -1,6 +1,10 @@
-//! Shared by the analysis commands: open the source, follow it, report.
+//! A source that an analysis is opened on: follow it, report.
 
-use crate::args::{AnalysisArgs, BeadRange, FramesArgs};
+mod outputs;
+
+pub(crate) use outputs::{Kept, Outputs};
+
+use crate::args::{AnalysisArgs, FramesArgs};
 use crate::display::{self, count, counted};
 use crate::failure::{BadInput as _, Done, Failure};
 use crate::frames::{Frames, FramesError, is_of_a_file};
@@ -10,11 +14,13 @@ use crate::report::{Rows, report};
 use crate::signals;
 use anyhow::Error;
 use bus::{Bus, ResultElement, ResultPublisher, ResultsError, StreamId};
-use consumers::follow::{Analysis, FollowError, Tally, follow_within};
-use consumers::table::{Table, TableError};
-use figure::Figure;
+use consumers::analysis::Offer;
+use consumers::bead_range::BeadRange;
+use consumers::follow::{FollowError, FrameObserver, Tally, follow_within};
+use consumers::table::TableError;
+use figure::{Figure, FigureError};
 use recording::WriteError;
-use schemas::frame::{EndReason, Frame, FrameSource, Window};
+use schemas::frame::{EndReason, FrameSource, Window};
 use schemas::manifest::{Provenance, RunManifest};
 use schemas::results::{ResultColumns, Topic};
 use schemas::whole_file::is_being_written;
@@ -127,7 +133,7 @@ impl<'a> Session<'a> {
     /// Feeds every frame to `analysis`, with a progress bar.
     pub(crate) fn follow(
         &mut self,
-        analysis: &mut impl Analysis<Error = AnalysisError>,
+        analysis: &mut impl FrameObserver<Error = AnalysisError>,
     ) -> Result<Tally, Failure> {
         let manifest = self.source.manifest();
         let mut progress = Progress::of_run(manifest);
@@ -306,7 +312,7 @@ fn frames_text(tally: &Tally) -> String {
 /// Draws the figures that were asked for.
 pub(crate) fn draw(
     args: &AnalysisArgs,
-    figure: impl FnOnce() -> Result<Figure, Failure>,
+    figure: impl FnOnce() -> Result<Figure, FigureError>,
 ) -> Result<(), Failure> {
     if args.figure.is_empty() {
         return Ok(());
@@ -318,101 +324,19 @@ pub(crate) fn draw(
     Ok(())
 }
 
-/// A bead named on the command line, checked against the chain.
-pub(crate) fn check_bead(manifest: &RunManifest, flag: &str, bead: u64) -> Result<u64, Failure> {
-    let beads = manifest.physics.beads;
-    if bead < beads {
-        return Ok(bead);
-    }
-    Err(bad_input!("{flag} {bead}: the chain has beads 0 to {}", beads - 1))
-}
-
 /// The beads that are asked for.
 pub(crate) fn check_beads(manifest: &RunManifest, asked: Option<BeadRange>) -> Result<Range<usize>, Failure> {
-    let count = manifest.physics.beads;
-    let (from, to) = asked.map_or((0, count), |range| (range.from.unwrap_or(0), range.to.unwrap_or(count)));
-    let refuse = |what: &str| {
-        let last = count - 1;
-        Err(bad_input!("--beads {from}..{to}: {what}; the chain has beads 0 to {last}"))
-    };
-    if from >= to {
-        return refuse("expected at least one bead");
-    }
-    if to > count {
-        return refuse("some of these do not exist");
-    }
-    Ok(usize::try_from(from)?..usize::try_from(to)?)
+    let beads = asked.unwrap_or_default().of(manifest.physics.beads);
+    beads.map_err(|why| bad_input!("--beads {why}"))
 }
 
-/// The frame, step and time with which every row of a table begins.
-pub(crate) const ROW_HEAD: [&str; 3] = ["frame", "step", "time_s"];
-
-/// The table `path` with these columns, if it is asked for.
-pub(crate) fn table(path: Option<&PathBuf>, columns: &[&str], force: bool) -> Result<Option<Table>, Failure> {
-    let columns: Vec<_> = columns.iter().map(|name| (*name).to_owned()).collect();
-    Ok(path.map(|path| Table::create(path, &columns, force)).transpose()?)
-}
-
-/// Begins a row of `table`.
-pub(crate) fn begin_row(table: &mut Table, frame: &Frame<'_>) {
-    table.integer(frame.frame).integer(frame.step).double(frame.time_s);
-}
-
-/// Where the rows of an analysis go whose results are numbers with names: a table and the bus.
-pub(crate) struct ResultRows {
-    table: Option<Table>,
-    publisher: Option<ResultPublisher<f64>>,
-}
-
-impl ResultRows {
-    /// Rows of these columns, as results on `topic`, and in the table `out`.
-    pub(crate) fn open(
-        session: &Session<'_>,
-        topic: Topic,
-        published: &ResultColumns,
-        out: Option<&PathBuf>,
-    ) -> Result<Self, Failure> {
-        let columns: Vec<_> = ROW_HEAD.into_iter().chain(published.names.split(',')).collect();
-        let table = table(out, &columns, session.args.force)?;
-        Ok(Self { table, publisher: session.results(topic, published)? })
-    }
-
-    /// Writes the row of `frame`; what is not defined there is NaN on the bus, and left out in the table.
-    pub(crate) fn write(&mut self, frame: &Frame<'_>, row: &[f64]) -> Result<(), AnalysisError> {
-        if let Some(table) = &mut self.table {
-            begin_row(table, frame);
-            for value in row {
-                table.optional(Some(*value).filter(|value| !value.is_nan()));
-            }
-            table.end_row()?;
-        }
-        publish(self.publisher.as_mut(), frame, row)
-    }
-
-    /// Ends both.
-    pub(crate) fn finish(self) -> Result<(), Failure> {
-        finish(self.publisher)?;
-        self.table.map(Table::finish).transpose()?;
-        Ok(())
-    }
-}
-
-/// Publishes one row of results; a stop that comes meanwhile is no error.
-pub(crate) fn publish<T: ResultElement>(
-    publisher: Option<&mut ResultPublisher<T>>,
-    frame: &Frame<'_>,
-    row: &[T],
-) -> Result<(), AnalysisError> {
-    match publisher.map(|publisher| publisher.publish(frame.frame, frame.step, frame.time_s, row)) {
-        None | Some(Ok(()) | Err(ResultsError::Stopped { .. })) => Ok(()),
-        Some(Err(error)) => Err(error.into()),
-    }
-}
-
-/// Ends the published results.
-pub(crate) fn finish<T: ResultElement>(publisher: Option<ResultPublisher<T>>) -> Result<(), Failure> {
-    match publisher.map(ResultPublisher::finish) {
-        None | Some(Ok(()) | Err(ResultsError::Stopped { .. })) => Ok(()),
-        Some(Err(error)) => Err(error.into()),
+/// The topic on the bus of an analysis.
+fn topic_of(offer: &Offer) -> Option<Topic> {
+    match offer.name {
+        "energies" => Some(Topic::Energies),
+        "impurity" => Some(Topic::Impurity),
+        "contacts" => Some(Topic::Contacts),
+        "pulses" => Some(Topic::Pulses),
+        name => Topic::own(name).ok(),
     }
 }

@@ -11,16 +11,12 @@ mod relay;
 mod slurm;
 mod top;
 mod values;
-mod waves;
 
-pub(crate) use analyses::{
-    AnalysisArgs, ContactsArgs, DeformationArgs, EnergiesArgs, FramesArgs, ImpurityArgs, PulsesArgs,
-    SpreadingArgs,
-};
+pub(crate) use analyses::{AnalysisArgs, AskedAnalysis, FramesArgs, keeps_rows};
 pub(crate) use check::CheckArgs;
 pub(crate) use contents::command;
 pub(crate) use export::ExportArgs;
-pub(crate) use figures::{AxisArg, BandArg, ColoursArg, LookArgs, PlotArgs, What};
+pub(crate) use figures::{AxisArg, BandArg, ColoursArg, LookArgs, PlotArgs, subjects};
 pub(crate) use pages::{ShareArgs, ViewArgs};
 pub(crate) use recordings::{
     CatalogArgs, ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, RewriteArgs, ThinArgs, UploadArgs,
@@ -29,8 +25,7 @@ pub(crate) use recordings::{
 pub(crate) use relay::RelayArgs;
 pub(crate) use slurm::SlurmArgs;
 pub(crate) use top::TopArgs;
-pub(crate) use values::{BeadRange, Pace, Shard};
-pub(crate) use waves::{ForcesArgs, ModesArgs, OfArg, SpectrumArgs};
+pub(crate) use values::{Pace, Shard};
 
 use crate::time_step::TimeStep;
 use clap::builder::PossibleValuesParser;
@@ -88,24 +83,13 @@ pub(crate) enum Command {
         #[arg(value_parser = presets())]
         name: String,
     },
-    /// Where the energy is: left of the impurity, in it, right of it
-    Energies(EnergiesArgs),
-    /// The motion of the impurity, or of any beads: trajectory, contacts, turning points
-    Impurity(ImpurityArgs),
-    /// The space-time map of compressed, touching and open contacts
-    Contacts(ContactsArgs),
-    /// How the first pulse deforms a contact, beside what theory expects
-    Deformation(DeformationArgs),
-    /// The pulses: where and when they pass, how strong, fast and wide, where from and where to
-    Pulses(PulsesArgs),
-    /// How far the energy has spread, and over how many beads: second moment, participation number
-    Spreading(SpreadingArgs),
-    /// The frequencies of waves: spectra at places, transmission, the map over frequency and wavenumber
-    Spectrum(SpectrumArgs),
-    /// The linear modes of a loaded chain: frequencies, bands, shapes, and their energies in a run
-    Modes(ModesArgs),
-    /// Forces as sensors at beads, contacts and walls see them, with their peaks
-    Forces(ForcesArgs),
+    /// List the analyses: their columns, and the numbers that sweeps may keep
+    #[command(after_help = "Examples:\n  beadline analyses\n  beadline analyses --json | jq '.[].numbers'")]
+    Analyses {
+        /// Print JSON, with the options of each
+        #[arg(long)]
+        json: bool,
+    },
     /// Draw one figure: what the chain does at one time, over space and time, or what a sweep has found
     Plot(PlotArgs),
     /// Show a live run, a recording, a folder or a sweep in a browser

@@ -1,22 +1,17 @@
 //! One module for each mode; each reads from top to bottom.
 
+pub(crate) mod analyse;
+pub(crate) mod analyses;
 pub(crate) mod bench;
 pub(crate) mod catalog;
 pub(crate) mod check;
-pub(crate) mod contacts;
-pub(crate) mod deformation;
 pub(crate) mod demo;
-pub(crate) mod energies;
 pub(crate) mod export;
-pub(crate) mod forces;
-pub(crate) mod impurity;
 pub(crate) mod info;
 pub(crate) mod ls;
 pub(crate) mod manual;
-pub(crate) mod modes;
 pub(crate) mod plot;
 pub(crate) mod presets;
-pub(crate) mod pulses;
 pub(crate) mod record;
 pub(crate) mod recover;
 pub(crate) mod relay;
@@ -24,8 +19,6 @@ pub(crate) mod replay;
 pub(crate) mod reproduce;
 pub(crate) mod run;
 pub(crate) mod share;
-pub(crate) mod spectrum;
-pub(crate) mod spreading;
 pub(crate) mod sweep;
 pub(crate) mod thin;
 pub(crate) mod top;

@@ -5,7 +5,7 @@ use anyhow::{Context as _, Error, anyhow};
 use bus::Bus;
 use indicatif::{ProgressBar, ProgressStyle};
 pub(crate) use schemas::amounts::{
-    bytes, count, counted, duration, fixed, left, number, per_second, quantity, range, seconds, typed, unit,
+    bytes, count, counted, duration, left, number, per_second, quantity, range, seconds, typed,
 };
 use schemas::frame::EndReason;
 use schemas::manifest::{RunManifest, SCHEMA_VERSION};

@@ -30,8 +30,8 @@ mod uploading;
 pub use configuration::origin;
 pub use forecast::computing_s;
 
-use args::{Cli, Command};
-use clap::FromArgMatches;
+use args::{AskedAnalysis, Cli, Command};
+use clap::{ArgMatches, FromArgMatches};
 use failure::{Done, Failure, Form};
 use std::ffi::OsString;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -45,12 +45,29 @@ pub fn command(arguments: &[OsString], program: Option<Vec<OsString>>) -> u8 {
     limits::prepare(form);
     bus::while_waiting(signals::while_waiting);
     bench::child::set_program(program);
-    let arguments = args::command().try_get_matches_from(arguments);
-    let cli = arguments.and_then(|arguments| Cli::from_arg_matches(&arguments));
-    let cli = cli.unwrap_or_else(|error| failure::exit_of_usage(&error, form));
+    let asked = args::command().try_get_matches_from(arguments).and_then(|matches| Asked::of(&matches));
+    let asked = asked.unwrap_or_else(|error| failure::exit_of_usage(&error, form));
     // a library that panics, such as the one below the bus, must not take the exit code with it
-    let ended = catch_unwind(AssertUnwindSafe(|| dispatch(cli.command)));
+    let ended = catch_unwind(AssertUnwindSafe(|| match asked {
+        Asked::Analysis(asked) => commands::analyse::analyse(&asked),
+        Asked::Command(command) => dispatch(command),
+    }));
     failure::exit(ended.unwrap_or_else(|panic| Err(failure::of_panic(&*panic))), form)
+}
+
+/// A command line, as it was read.
+enum Asked {
+    Analysis(Box<AskedAnalysis>),
+    Command(Command),
+}
+
+impl Asked {
+    fn of(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        match AskedAnalysis::of(matches) {
+            Some(asked) => Ok(Self::Analysis(Box::new(asked?))),
+            None => Ok(Self::Command(Cli::from_arg_matches(matches)?.command)),
+        }
+    }
 }
 
 fn dispatch(command: Command) -> Result<Done, Failure> {
@@ -60,15 +77,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Check(args) => commands::check::check(&args),
         Command::Presets => commands::presets::list(),
         Command::Preset { name } => commands::presets::print(&name),
-        Command::Energies(args) => commands::energies::energies(&args),
-        Command::Impurity(args) => commands::impurity::impurity(&args),
-        Command::Contacts(args) => commands::contacts::contacts(&args),
-        Command::Deformation(args) => commands::deformation::deformation(&args),
-        Command::Spreading(args) => commands::spreading::spreading(&args),
-        Command::Pulses(args) => commands::pulses::pulses(&args),
-        Command::Spectrum(args) => commands::spectrum::spectrum(&args),
-        Command::Modes(args) => commands::modes::modes(&args),
-        Command::Forces(args) => commands::forces::forces(&args),
+        Command::Analyses { json } => commands::analyses::list(json),
         Command::Plot(args) => commands::plot::plot(&args),
         Command::View(args) => commands::view::view(&args),
         Command::Share(args) => commands::share::share(&args),

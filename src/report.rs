@@ -2,6 +2,7 @@
 
 use crate::display::{self, count};
 use anyhow::Error;
+use consumers::analysis::Words;
 use schemas::text::shown;
 use serde::Serialize;
 use std::borrow::Cow;
@@ -20,6 +21,12 @@ pub(crate) fn report(
 /// Rows of a name and a value.
 #[derive(Debug, Default)]
 pub(crate) struct Rows(Vec<(Cow<'static, str>, String)>);
+
+impl From<Words> for Rows {
+    fn from(words: Words) -> Self {
+        Self(words.lines())
+    }
+}
 
 impl Rows {
     pub(crate) fn add(&mut self, name: impl Into<Cow<'static, str>>, value: impl Display) {

@@ -19,6 +19,38 @@ pub enum Field {
 }
 
 impl Field {
+    /// Every quantity.
+    pub const ALL: [Self; 4] = [Self::Velocity, Self::Displacement, Self::Overlap, Self::Energy];
+
+    /// Its name on the command line.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Velocity => "velocity",
+            Self::Displacement => "displacement",
+            Self::Overlap => "overlap",
+            Self::Energy => "energy-density",
+        }
+    }
+
+    /// The quantity, in a few words.
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::Velocity => "Velocity of the beads",
+            Self::Displacement => "Displacement of the beads",
+            Self::Overlap => "Overlap of the contacts",
+            Self::Energy => "Energy of the beads, each with half of its contacts",
+        }
+    }
+
+    /// Its unit.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Velocity => "m/s",
+            Self::Displacement | Self::Overlap => "m",
+            Self::Energy => "J",
+        }
+    }
+
     /// How many values it has: one a bead or one a contact.
     pub fn place_count(self, manifest: &RunManifest) -> usize {
         let contacts = manifest.contact_count();

@@ -3,7 +3,7 @@
 use schemas::frame::{EndReason, Frame, FrameSource, Received, Window};
 
 /// Something that looks at frames one by one.
-pub trait Analysis {
+pub trait FrameObserver {
     /// What goes wrong in it, such as a disk that is full.
     type Error: std::error::Error + Send + Sync + 'static;
 
@@ -59,18 +59,18 @@ pub enum FollowError<S: std::error::Error + 'static, A: std::error::Error + 'sta
     Analysis(A),
 }
 
-/// Feeds `source` to `analysis` until the source ends, counting in `tally`. `watch` sees the tally after
+/// Feeds `source` to `observer` until the source ends, counting in `tally`. `watch` sees the tally after
 /// each frame, for a progress display.
 ///
 /// # Errors
 /// When the source or the analysis fails; `tally` then says how far it came.
-pub fn follow<S: FrameSource, A: Analysis>(
+pub fn follow<S: FrameSource, A: FrameObserver>(
     source: &mut S,
-    analysis: &mut A,
+    observer: &mut A,
     tally: &mut Tally,
     watch: impl FnMut(&Tally),
 ) -> Result<(), FollowError<S::Error, A::Error>> {
-    follow_within(source, analysis, Window::WHOLE, tally, watch)
+    follow_within(source, observer, Window::WHOLE, tally, watch)
 }
 
 /// The same with the frames of `window` only. Where it ends before the source does, the end is
@@ -78,9 +78,9 @@ pub fn follow<S: FrameSource, A: Analysis>(
 ///
 /// # Errors
 /// As [`follow`].
-pub fn follow_within<S: FrameSource, A: Analysis>(
+pub fn follow_within<S: FrameSource, A: FrameObserver>(
     source: &mut S,
-    analysis: &mut A,
+    observer: &mut A,
     window: Window,
     tally: &mut Tally,
     mut watch: impl FnMut(&Tally),
@@ -92,7 +92,7 @@ pub fn follow_within<S: FrameSource, A: Analysis>(
                 frame.step
             }
             Received::Frame(frame) => {
-                analysis.observe(&frame).map_err(FollowError::Analysis)?;
+                observer.observe(&frame).map_err(FollowError::Analysis)?;
                 tally.frame_count += 1;
                 tally.first_frame.get_or_insert(frame.frame);
                 tally.last_frame = Some(frame.frame);
@@ -102,7 +102,7 @@ pub fn follow_within<S: FrameSource, A: Analysis>(
             Received::Missed { from, to } => {
                 if let Some((from, to)) = window.clip(&manifest, from, to) {
                     tally.missed_count += to - from + 1;
-                    analysis.gap();
+                    observer.gap();
                 }
                 manifest.step_of_frame(to)
             }

@@ -2,8 +2,10 @@
 //!
 //! An analysis takes frames one by one and cannot tell a live run, a replay, a file or a
 //! re-simulation apart: [`follow::follow`] is the one loop that reads a source. Each analysis is a
-//! module: [`deformation`], [`energies`], [`impurity`], [`contacts`], [`pulses`], [`spreading`]. What theory expects is in [`theory`].
+//! module: [`deformation`], [`energies`], [`impurity`], [`contacts`], [`pulses`]; the crate `analyses` offers them. What theory expects is in [`theory`].
 
+pub mod analysis;
+pub mod bead_range;
 pub mod contacts;
 pub mod deformation;
 pub mod determination;
@@ -16,7 +18,6 @@ pub mod local_energy;
 pub mod pulses;
 pub mod series;
 pub mod space_time;
-pub mod spreading;
 pub mod statistics;
 pub mod table;
 pub mod theory;

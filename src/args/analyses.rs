@@ -1,8 +1,12 @@
-//! The analyses.
+//! The analyses, from the list of them.
 
 use super::figures::LookArgs;
-use super::values::{parse_jobs, parse_number, parse_seconds, parse_time, parse_whole};
-use clap::Args;
+use super::presets;
+use super::values::{parse_jobs, parse_seconds, parse_time};
+use clap::builder::{PossibleValue, PossibleValuesParser};
+use clap::parser::ValueSource;
+use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
+use consumers::analysis::{Offer, Setting, Settings, Takes};
 use source::Named;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -57,144 +61,139 @@ pub(crate) struct AnalysisArgs {
     pub(crate) figure: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) look: LookArgs,
-    /// Do not publish the results on the bus
-    #[arg(long)]
+    /// Do not publish the results on the bus; an analysis that publishes some has the flag.
+    #[arg(skip)]
     pub(crate) no_publish: bool,
 }
 
-#[derive(Debug, Args)]
-#[command(
-    allow_negative_numbers = true,
-    after_help = "Examples:\n  \
-    beadline energies                                    attach to the only live run\n  \
-    beadline energies run.mcap --out e.csv --figure e.svg\n  \
-    beadline energies run.mcap --split 300               left and right of bead 300\n  \
-    beadline energies sparse.mcap --every-step --from 0.04 --until 0.041 --out e.csv\n\n\
-    The last one has every step of a part, although the recording is sparse."
-)]
-pub(crate) struct EnergiesArgs {
-    #[command(flatten)]
+/// An analysis and all that is asked of it.
+#[derive(Debug, Clone)]
+pub(crate) struct AskedAnalysis {
+    pub(crate) offer: &'static Offer,
     pub(crate) common: AnalysisArgs,
-    /// Table of the energies of each frame
-    #[arg(long, value_name = "FILE.csv|.parquet")]
-    pub(crate) out: Option<PathBuf>,
-    /// The bead that divides left from right [default: the first impurity that is not the striker, else the middle bead]
-    #[arg(long, value_name = "BEAD", value_parser = parse_whole)]
-    pub(crate) split: Option<u64>,
-}
-
-#[derive(Debug, Args)]
-#[command(
-    allow_negative_numbers = true,
-    after_help = "Examples:\n  \
-    beadline impurity --figure trajectory.png            attach to the only live run\n  \
-    beadline impurity run.mcap --out i.csv --events events.csv\n  \
-    beadline impurity run.mcap --bead 499 --bead 501     other beads\n\n\
-    A contact counts as closed while its overlap is above 1e-6 of the collision length L. Events are \
-    interpolated between frames."
-)]
-pub(crate) struct ImpurityArgs {
-    #[command(flatten)]
-    pub(crate) common: AnalysisArgs,
-    /// Table of the motion in each frame
-    #[arg(long, value_name = "FILE.csv|.parquet")]
-    pub(crate) out: Option<PathBuf>,
-    /// Table of events: contacts that close or open, turning points
-    #[arg(long, value_name = "FILE.csv|.parquet")]
-    pub(crate) events: Option<PathBuf>,
-    /// A bead to follow, repeatable [default: every impurity, or the middle bead]
-    #[arg(long, value_name = "BEAD", value_parser = parse_whole)]
-    pub(crate) bead: Vec<u64>,
-}
-
-#[derive(Debug, Args)]
-#[command(
-    allow_negative_numbers = true,
-    after_help = "Examples:\n  \
-    beadline contacts --figure map.png                   attach to the only live run\n  \
-    beadline contacts run.mcap --out counts.csv --out map.mcap\n  \
-    beadline contacts map.mcap --figure map.svg          draw a map that was kept"
-)]
-pub(crate) struct ContactsArgs {
-    #[command(flatten)]
-    pub(crate) common: AnalysisArgs,
-    /// FILE.csv or .parquet: table of the counts in each frame; FILE.mcap: the class of every contact (repeatable)
-    #[arg(long, value_name = "FILE.csv|.parquet|.mcap")]
-    pub(crate) out: Vec<PathBuf>,
-    /// Largest overlap or gap (m) that counts as touching [default: 1e-6 of the collision length L]
-    #[arg(long, value_name = "M", value_parser = parse_number)]
-    pub(crate) tolerance: Option<f64>,
-}
-
-#[derive(Debug, Args)]
-#[command(
-    allow_negative_numbers = true,
-    after_help = "Examples:\n  \
-    beadline deformation run.mcap --contact 100 --figure d.png\n  \
-    beadline deformation run.mcap --contact 100 --contact 150 --out d.csv\n\n\
-    Contact C joins beads C and C+1. Theories are scaled to the largest overlap; their width, speed, \
-    impulse and shape are predictions."
-)]
-pub(crate) struct DeformationArgs {
-    #[command(flatten)]
-    pub(crate) common: AnalysisArgs,
-    /// A contact to follow, repeatable
-    #[arg(long, value_name = "C", required = true, value_parser = parse_whole)]
-    pub(crate) contact: Vec<u64>,
-    /// Table of the pulse: overlap, exact wave and continuum in each frame
-    #[arg(long, value_name = "FILE.csv|.parquet")]
-    pub(crate) out: Option<PathBuf>,
-}
-
-#[derive(Debug, Args)]
-#[command(
-    allow_negative_numbers = true,
-    after_help = "Examples:\n  \
-    beadline spreading --figure s.png                    attach to the only live run\n  \
-    beadline spreading run.mcap --out s.csv --figure s.svg\n  \
-    beadline spreading sparse.mcap --every-step --from 0.04 --until 0.041 --out s.csv\n\n\
-    The energy ε of bead i is its kinetic energy, half the potential energy of each contact with a bead, and all of that with a \
-    wall. Second moment: m2 = Σ (i − c)²·ε/Σ ε about the centre c = Σ i·ε/Σ ε. Participation number: P = (Σ ε)²/Σ ε², 1 if one bead \
-    has all the energy, N if all have the same. `beadline plot --what energy-density` maps ε."
-)]
-pub(crate) struct SpreadingArgs {
-    #[command(flatten)]
-    pub(crate) common: AnalysisArgs,
-    /// Table of the numbers in each frame
-    #[arg(long, value_name = "FILE.csv|.parquet")]
-    pub(crate) out: Option<PathBuf>,
-}
-
-#[derive(Debug, Args)]
-#[command(
-    allow_negative_numbers = true,
-    after_help = "Examples:\n  \
-    beadline pulses --figure tracks.png                  attach to the only live run\n  \
-    beadline pulses run.mcap --out pulses.csv --positions tracks.csv\n  \
-    beadline pulses run.mcap --threshold 0.01            only those above a hundredth of v0\n\n\
-    A pulse passes a bead when |v| of the bead has a maximum in time while both of its contacts are \
-    pressed; it counts once it has passed 5 beads, and ends where it meets an impurity or an end. Where \
-    light and heavy beads alternate, the maximum is that of the mean velocity around. How many weak \
-    pulses there are depends on the threshold: the count says how many would be found at twice of it. \
-    Peaks are good to 1e-4 if 8 frames fall into the time that a pulse takes to pass; what a recording \
-    with fewer lacks is recomputed, unless --as-recorded. What moved along the chain and is in no pulse, \
-    above all a front that no pulse leads, is told, and the exit code is 3 then. V/V_sw is the speed over that of the exact solitary wave of the same \
-    peak velocity: 1 for a pulse that no longer changes. asymmetry = (rear − front)/(rear + front) of \
-    the half widths. `--json` and the tables have more: momentum, energy, width over that of the wave."
-)]
-pub(crate) struct PulsesArgs {
-    #[command(flatten)]
-    pub(crate) common: AnalysisArgs,
-    /// Recompute nothing, also where a recording has too few states to follow pulses
-    #[arg(long, conflicts_with_all = ["every_step", "fill_gaps", "from_start"])]
+    pub(crate) settings: Settings,
+    /// The files of each table.
+    pub(crate) tables: Vec<Vec<PathBuf>>,
+    /// A ready-made configuration in place of a source.
+    pub(crate) preset: Option<String>,
+    /// Nothing is recomputed, also where there are too few frames.
     pub(crate) as_recorded: bool,
-    /// Table of the pulses, a row for each, in the order in which they end
-    #[arg(long, value_name = "FILE.csv|.parquet")]
-    pub(crate) out: Option<PathBuf>,
-    /// Table of their tracks: a row for each bead that a pulse passes
-    #[arg(long, value_name = "FILE.csv|.parquet")]
-    pub(crate) positions: Option<PathBuf>,
-    /// Smallest peak velocity of a pulse, relative to the run's velocity scale (v0)
-    #[arg(long, value_name = "X", default_value_t = consumers::pulses::Pulses::DEFAULT_THRESHOLD, value_parser = parse_number)]
-    pub(crate) threshold: f64,
+}
+
+impl AskedAnalysis {
+    /// The figure alone.
+    pub(crate) fn figure_of(offer: &'static Offer, common: AnalysisArgs) -> Self {
+        let (settings, tables) = (Settings::default(), vec![Vec::new(); offer.tables.len()]);
+        Self { offer, common, settings, tables, preset: None, as_recorded: false }
+    }
+
+    /// The analysis that the command line names, if it names one.
+    pub(crate) fn of(matches: &ArgMatches) -> Option<Result<Self, clap::Error>> {
+        let (name, matches) = matches.subcommand()?;
+        analyses::named(name).map(|offer| Self::read(offer, matches))
+    }
+
+    fn read(offer: &'static Offer, matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let flag = |name: &str| matches!(matches.try_get_one::<bool>(name), Ok(Some(true)));
+        let mut settings = Settings::default();
+        for setting in offer.settings {
+            if matches.value_source(setting.name) != Some(ValueSource::CommandLine) {
+                continue;
+            }
+            let values = match setting.takes {
+                Takes::Nothing if !flag(setting.name) => continue,
+                Takes::Nothing => Vec::new(),
+                _ => matches.get_many::<String>(setting.name).into_iter().flatten().cloned().collect(),
+            };
+            // the parser has checked them
+            let _ = settings.set(setting, values);
+        }
+        let files = |name: &str| matches.get_many::<PathBuf>(name).into_iter().flatten().cloned().collect();
+        Ok(Self {
+            offer,
+            common: AnalysisArgs { no_publish: flag("no-publish"), ..AnalysisArgs::from_arg_matches(matches)? },
+            settings,
+            tables: offer.tables.iter().map(|table| files(table.name)).collect(),
+            preset: matches.try_get_one::<String>("preset").ok().flatten().cloned(),
+            as_recorded: flag("as-recorded"),
+        })
+    }
+}
+
+/// The command of an analysis.
+pub(super) fn command_of(offer: &'static Offer) -> Command {
+    let command = Command::new(offer.name).about(offer.about).after_help(offer.help);
+    let mut command = AnalysisArgs::augment_args(command.allow_negative_numbers(true));
+    let mut add = |argument: Arg| {
+        let known = std::mem::take(&mut command);
+        command = known.arg(argument);
+    };
+    if !offer.columns.is_empty() {
+        add(switch("no-publish", "Do not publish the results on the bus"));
+    }
+    if offer.needs.takes_configurations {
+        let help = "A ready-made configuration instead of SOURCE, which may be a CONFIG.toml, too";
+        let preset = Arg::new("preset").long("preset").value_name("NAME").help(help);
+        add(preset.value_parser(presets()).conflicts_with("source"));
+    }
+    if offer.needs.longest_interval_steps.is_some() {
+        let help = "Recompute nothing, also where a recording has too few states";
+        add(switch("as-recorded", help).conflicts_with_all(["every_step", "fill_gaps", "from_start"]));
+    }
+    offer.settings.iter().map(argument).for_each(&mut add);
+    for (i, table) in offer.tables.iter().enumerate() {
+        let argument = Arg::new(table.name).long(table.name).help(table.help);
+        let argument = argument.value_parser(clap::value_parser!(PathBuf));
+        add(match keeps_rows(offer, i) {
+            true => argument.value_name("FILE.csv|.parquet|.mcap").action(ArgAction::Append),
+            false => argument.value_name("FILE.csv|.parquet"),
+        });
+    }
+    command
+}
+
+/// True where a table may also be a file of the rows that are published.
+pub(crate) fn keeps_rows(offer: &Offer, table: usize) -> bool {
+    table == 0 && offer.needs.takes_own_rows
+}
+
+fn switch(name: &'static str, help: &'static str) -> Arg {
+    Arg::new(name).long(name).help(help).action(ArgAction::SetTrue)
+}
+
+fn argument(setting: &'static Setting) -> Arg {
+    let argument = Arg::new(setting.name).long(setting.name).help(setting.help).required(setting.required_unless.is_some_and(<[_]>::is_empty));
+    let argument = argument.conflicts_with_all(setting.excludes);
+    let argument = match setting.belongs_to {
+        Some(other) => argument.requires(other),
+        None => argument,
+    };
+    let action = if setting.is_repeatable { ArgAction::Append } else { ArgAction::Set };
+    let check = move |text: &str| setting.takes.check(text).map(|()| text.to_owned());
+    match &setting.takes {
+        Takes::Nothing => argument.action(ArgAction::SetTrue),
+        Takes::Whole(name) | Takes::Text(name, _) => argument.value_name(*name).value_parser(check).action(action),
+        Takes::Number { unit, default, .. } => {
+            let argument = argument.value_name(placeholder(unit)).value_parser(check).action(action);
+            default.map_or(argument.clone(), |default| argument.default_value(default))
+        }
+        Takes::Word(words) => {
+            let values = words.iter().map(|(word, help)| PossibleValue::new(*word).help(*help));
+            let argument = argument.value_parser(PossibleValuesParser::new(values)).action(action);
+            words.first().map_or(argument.clone(), |(first, _)| argument.default_value(*first))
+        }
+    }
+}
+
+/// The letters that stand for a number of this unit in help.
+fn placeholder(unit: &str) -> &'static str {
+    match unit {
+        "" => "X",
+        "hz" => "HZ",
+        "j" => "J",
+        "m" => "M",
+        "n" => "N",
+        "s" => "S",
+        _ => "VALUE",
+    }
 }

@@ -1,8 +1,9 @@
 //! States for other programs.
 
-use super::values::{BeadRange, parse_beads, parse_jobs, parse_positive, parse_time};
+use super::values::{parse_jobs, parse_positive, parse_time};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use consumers::bead_range::BeadRange;
 use exports::Format;
 use source::Named;
 use std::num::NonZero;
@@ -39,7 +40,7 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_name = "S", value_parser = parse_time)]
     pub(crate) until: Option<f64>,
     /// Only these beads: 100..200 is without bead 200, 100..=199 with bead 199
-    #[arg(long, value_name = "A..B", value_parser = parse_beads)]
+    #[arg(long, value_name = "A..B")]
     pub(crate) beads: Option<BeadRange>,
     /// Only the steps that are a multiple of K; those that were not recorded are recomputed
     #[arg(long, value_name = "K", value_parser = parse_positive)]

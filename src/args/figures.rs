@@ -1,12 +1,24 @@
 //! Figures: how they look, and one at a time.
 
 use super::analyses::FramesArgs;
-use super::values::{BeadRange, ColourRange, parse_beads, parse_dpi, parse_range, parse_time, parse_whole};
+use super::values::{ColourRange, parse_dpi, parse_range, parse_time, parse_whole};
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, ValueEnum};
+use consumers::bead_range::BeadRange;
+use consumers::fields::Field;
 use figure::{Options, Size};
 use std::path::PathBuf;
 
 const TABLES: &str = "For tables";
+
+/// Quantities along the chain, and the analyses that draw a figure unasked.
+pub(crate) fn subjects() -> PossibleValuesParser {
+    let fields = Field::ALL.map(|field| PossibleValue::new(field.as_str()).help(field.about()));
+    let analyses = analyses::all().filter(|offer| offer.draws_unasked()).map(|offer| {
+        PossibleValue::new(offer.name).help(format!("As `beadline {} --figure`", offer.name))
+    });
+    PossibleValuesParser::new(fields.into_iter().chain(analyses))
+}
 
 /// How figures look: for all commands that draw.
 #[derive(Debug, Clone, Copy, Args)]
@@ -45,29 +57,6 @@ pub(crate) enum SizeArg {
     Column,
     Page,
     Slide,
-}
-
-/// What a figure shows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum What {
-    /// Velocity of the beads
-    Velocity,
-    /// Displacement of the beads
-    Displacement,
-    /// Overlap of the contacts
-    Overlap,
-    /// Energy of the beads, each with half of its contacts
-    EnergyDensity,
-    /// As `beadline energies --figure`
-    Energies,
-    /// As `beadline impurity --figure`
-    Impurity,
-    /// As `beadline contacts --figure`
-    Contacts,
-    /// As `beadline pulses --figure`
-    Pulses,
-    /// As `beadline spreading --figure`
-    Spreading,
 }
 
 /// What lies around a curve of a table.
@@ -124,9 +113,9 @@ pub(crate) enum ColoursArg {
 pub(crate) struct PlotArgs {
     #[command(flatten)]
     pub(crate) frames: FramesArgs,
-    /// What to draw of a run or a recording
-    #[arg(long, value_enum)]
-    pub(crate) what: Option<What>,
+    /// The subject, of a run or a recording
+    #[arg(long, value_parser = subjects())]
+    pub(crate) what: Option<String>,
     /// Of a table: the column of the x axis [default: the swept column with most values]
     #[arg(long, value_name = "COLUMN", help_heading = TABLES)]
     pub(crate) x: Option<String>,
@@ -161,7 +150,7 @@ pub(crate) struct PlotArgs {
     #[arg(long, value_name = "N", value_parser = parse_whole, conflicts_with_all = ["from", "until", "every_step"])]
     pub(crate) frame: Option<u64>,
     /// Only these beads and the contacts between them: 100..200 is without bead 200, 100..=199 with bead 199
-    #[arg(long, value_name = "A..B", value_parser = parse_beads)]
+    #[arg(long, value_name = "A..B")]
     pub(crate) beads: Option<BeadRange>,
     /// How the colours of a map follow the numbers [default: linear for displacements, log for the others]
     #[arg(long, value_enum)]

@@ -100,20 +100,6 @@ pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
     if allowed { Ok(seconds) } else { Err("expected a positive number of seconds, at most 1e9".to_owned()) }
 }
 
-/// A number above 0, whatever its unit.
-pub(super) fn parse_above_zero(text: &str) -> Result<f64, String> {
-    let value = text.parse().ok().filter(|value: &f64| *value > 0.0 && value.is_finite());
-    value.ok_or_else(|| "expected a number above 0".to_owned())
-}
-
-/// Samples in a segment of a spectrum.
-pub(super) fn parse_segment(text: &str) -> Result<usize, String> {
-    let samples = text
-        .parse()
-        .ok()
-        .filter(|samples: &usize| (16..=1 << 20).contains(samples) && samples.is_multiple_of(2));
-    samples.ok_or_else(|| "expected an even number of samples from 16 to 1048576".to_owned())
-}
 
 pub(super) fn parse_tolerance(text: &str) -> Result<f64, String> {
     let tolerance = text.parse().ok().filter(|tolerance: &f64| (1e-15..=0.1).contains(tolerance));
@@ -133,29 +119,6 @@ pub(super) fn parse_pair(text: &str) -> Result<(u64, f64), String> {
 
 pub(super) fn parse_impurity(text: &str) -> Result<Option<(u64, f64)>, String> {
     if text == "none" { Ok(None) } else { parse_pair(text).map(Some) }
-}
-
-/// A range of beads; an end that is not given is the chain's.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct BeadRange {
-    /// The first bead.
-    pub(crate) from: Option<u64>,
-    /// The bead after the last one.
-    pub(crate) to: Option<u64>,
-}
-
-/// `100..200`, `100..`, `..200` without the last bead, `100..=199` with it.
-pub(super) fn parse_beads(text: &str) -> Result<BeadRange, String> {
-    let range = text.split_once("..").and_then(|(from, to)| {
-        let (to, added) = to.strip_prefix('=').map_or((to, 0), |to| (to, 1));
-        let number = |text: &str| if text.is_empty() { Some(None) } else { text.parse().ok().map(Some) };
-        let (from, to): (Option<u64>, Option<u64>) = (number(from)?, number(to)?);
-        let to = if added == 1 { Some(to?.checked_add(1)?) } else { to };
-        Some(BeadRange { from, to })
-    });
-    range.ok_or_else(|| {
-        "expected beads as in 100..200 (without bead 200), 100..=199, 100.. or ..200".to_owned()
-    })
 }
 
 /// Where colours end: below 0 or at it, and above 0 or at it.

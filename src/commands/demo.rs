@@ -10,7 +10,7 @@ use crate::signals;
 use anyhow::{Context, anyhow};
 use bench::child::Process;
 use bus::{Bus, list_runs};
-use consumers::follow::{Analysis, Tally, follow};
+use consumers::follow::{FrameObserver, Tally, follow};
 use consumers::pulses::{Passage, Probes};
 use consumers::uncertain::Uncertain;
 use recording::{Finished, RecordingSource};
@@ -243,7 +243,7 @@ struct Look {
     last: HeldFrame,
 }
 
-impl Analysis for Look {
+impl FrameObserver for Look {
     type Error = Infallible;
 
     fn observe(&mut self, frame: &Frame<'_>) -> Result<(), Infallible> {

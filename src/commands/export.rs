@@ -10,7 +10,7 @@ use crate::progress::Progress;
 use crate::report::{Rows, report};
 use crate::signals;
 use anyhow::{Error, anyhow};
-use consumers::follow::{Analysis, FollowError, Tally, follow_within};
+use consumers::follow::{FrameObserver, FollowError, Tally, follow_within};
 use exports::{Excerpt, Export, ExportError, Format};
 use producer::resimulation::Lend;
 use schemas::frame::{EndReason, Frame, FrameSource, Window};
@@ -33,7 +33,7 @@ struct Exporting {
     progress: Progress,
 }
 
-impl Analysis for Exporting {
+impl FrameObserver for Exporting {
     type Error = ExportError;
 
     fn observe(&mut self, frame: &Frame<'_>) -> Result<(), ExportError> {

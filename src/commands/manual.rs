@@ -22,8 +22,8 @@ pub(crate) fn completions(shell: Shell) -> Result<Done, Failure> {
 /// The script, which asks `beadline ls --names` for the live runs each time.
 fn with_runs(shell: Shell, script: String) -> String {
     match shell {
-        Shell::Bash => script + include_str!("manual/runs.bash"),
-        Shell::Fish => script + include_str!("manual/runs.fish"),
+        Shell::Bash => script + &with_analyses(include_str!("manual/runs.bash"), " | "),
+        Shell::Fish => script + &with_analyses(include_str!("manual/runs.fish"), " "),
         Shell::Zsh => {
             let script = script
                 .replace("or a recording:_default'", "or a recording:_beadline_sources'")
@@ -34,6 +34,12 @@ fn with_runs(shell: Shell, script: String) -> String {
         }
         _ => script,
     }
+}
+
+/// A part of a script with the names of the analyses.
+fn with_analyses(part: &str, between: &str) -> String {
+    let names: Vec<&str> = analyses::all().map(|offer| offer.name).collect();
+    part.replace("@ANALYSES@", &names.join(between))
 }
 
 pub(crate) fn man(args: &ManArgs) -> Result<Done, Failure> {

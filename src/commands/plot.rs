@@ -2,20 +2,17 @@
 
 mod table;
 
-use super::{contacts, energies, impurity, pulses, spreading};
+use super::analyse::analyse;
 use crate::analysis::{AnalysisError, Session, check_beads, window};
-use crate::args::{
-    AnalysisArgs, ColoursArg, ContactsArgs, EnergiesArgs, FramesArgs, ImpurityArgs, PlotArgs, PulsesArgs,
-    SpreadingArgs, What,
-};
+use crate::args::{AnalysisArgs, AskedAnalysis, ColoursArg, FramesArgs, PlotArgs, subjects};
 use crate::display::{self, count};
 use crate::failure::{Done, Failure};
 use crate::outputs::{check_figures, check_places};
 use crate::report::Rows;
 use anyhow::anyhow;
-use clap::ValueEnum;
+use clap::builder::TypedValueParser;
 use consumers::fields::Field;
-use consumers::follow::{Analysis, Tally};
+use consumers::follow::{FrameObserver, Tally};
 use consumers::space_time::{Extent, Picture, singles};
 use plots::ColourSteps;
 use schemas::chain::Chain;
@@ -32,43 +29,21 @@ pub(crate) fn plot(args: &PlotArgs) -> Result<Done, Failure> {
     }
     let what = check_table_flags(args)?;
     let out = args.out.clone().unwrap_or_else(|| default_out(args, what));
-    if let Some(field) = field(what) {
-        check_figures(std::slice::from_ref(&out), args.look)?;
-        check_places(&[&out], &args.frames)?;
-        return match Moment::asked(args) {
-            Some(moment) => profile(args, (what, field), moment, &out),
-            None => space_time(args, (what, field), &out),
-        };
+    if let Some(offer) = analyses::named(what) {
+        check_kind(args, what)?;
+        return analyse(&AskedAnalysis::figure_of(offer, figure_alone(args, out)));
     }
-    check_kind(args, what)?;
-    let common = analysis(args, out);
-    match what {
-        What::Energies => energies::energies(&EnergiesArgs { common, out: None, split: None }),
-        What::Impurity => {
-            impurity::impurity(&ImpurityArgs { common, out: None, events: None, bead: Vec::new() })
-        }
-        What::Spreading => spreading::spreading(&SpreadingArgs { common, out: None }),
-        What::Contacts => contacts::contacts(&ContactsArgs { common, out: Vec::new(), tolerance: None }),
-        _ => {
-            let threshold = consumers::pulses::Pulses::DEFAULT_THRESHOLD;
-            pulses::pulses(&PulsesArgs { common, as_recorded: false, out: None, positions: None, threshold })
-        }
-    }
-}
-
-/// The quantity along the chain, if one is drawn.
-fn field(what: What) -> Option<Field> {
-    match what {
-        What::Velocity => Some(Field::Velocity),
-        What::Displacement => Some(Field::Displacement),
-        What::Overlap => Some(Field::Overlap),
-        What::EnergyDensity => Some(Field::Energy),
-        What::Energies | What::Impurity | What::Contacts | What::Pulses | What::Spreading => None,
+    let field = Field::ALL.into_iter().find(|field| field.as_str() == what).unwrap_or(Field::Velocity);
+    check_figures(std::slice::from_ref(&out), args.look)?;
+    check_places(&[&out], &args.frames)?;
+    match Moment::asked(args) {
+        Some(moment) => profile(args, field, moment, &out),
+        None => space_time(args, field, &out),
     }
 }
 
 /// `run-velocity.png`, `run-velocity-at-0.05s.png`, `run-velocity-frame-100.png`, in the current directory.
-fn default_out(args: &PlotArgs, what: What) -> PathBuf {
+fn default_out(args: &PlotArgs, what: &str) -> PathBuf {
     let source = match &args.frames.source {
         Named::Live(name) => name.as_ref().map_or("live", |name| name.as_str()),
         Named::File(path) => path.file_name().and_then(|name| name.to_str()).unwrap_or("run"),
@@ -80,15 +55,11 @@ fn default_out(args: &PlotArgs, what: What) -> PathBuf {
         Some(Moment::Frame(frame)) => format!("-frame-{frame}"),
         None => String::new(),
     };
-    format!("{name}-{}{moment}.png", name_of(what)).into()
+    format!("{name}-{what}{moment}.png").into()
 }
 
-fn name_of(what: What) -> String {
-    what.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
-}
-
-/// What is to be drawn of a run; flags that only have a meaning for tables are refused.
-fn check_table_flags(args: &PlotArgs) -> Result<What, Failure> {
+/// The subject, of a run. Refuses flags that only have a meaning for tables.
+fn check_table_flags(args: &PlotArgs) -> Result<&str, Failure> {
     let flags = [
         ("--x", args.x.is_some()),
         ("--y", !args.y.is_empty()),
@@ -101,15 +72,16 @@ fn check_table_flags(args: &PlotArgs) -> Result<What, Failure> {
         let source = &args.frames.source;
         return Err(bad_input!("{flag} is for tables (.csv, .parquet); {source} is a run or a recording"));
     }
-    args.what.ok_or_else(|| {
-        let known: Vec<String> = What::value_variants().iter().map(|what| name_of(*what)).collect();
+    args.what.as_deref().ok_or_else(|| {
+        let subjects = subjects();
+        let values = subjects.possible_values().into_iter().flatten();
+        let known: Vec<String> = values.map(|value| value.get_name().to_owned()).collect();
         bad_input!("--what is missing: what to draw of the run; allowed: {}", known.join(", "))
     })
 }
 
 /// Refuses flags that only have a meaning for a quantity along the chain.
-fn check_kind(args: &PlotArgs, what: What) -> Result<(), Failure> {
-    let what = name_of(what);
+fn check_kind(args: &PlotArgs, what: &str) -> Result<(), Failure> {
     let moment = "these are drawn over time; --from and --until choose a part of it";
     let analysis = format!("`beadline {what} --figure` has what can be chosen about it");
     let flags = [
@@ -126,7 +98,7 @@ fn check_kind(args: &PlotArgs, what: What) -> Result<(), Failure> {
 }
 
 /// The analysis that draws the figure, and leaves nothing else.
-fn analysis(args: &PlotArgs, out: PathBuf) -> AnalysisArgs {
+fn figure_alone(args: &PlotArgs, out: PathBuf) -> AnalysisArgs {
     let is_live = matches!(args.frames.source, Named::Live(_));
     let frames = args.frames.clone();
     AnalysisArgs { frames, figure: vec![out], look: args.look, no_publish: is_live }
@@ -187,7 +159,7 @@ impl Moment {
 #[derive(Default)]
 struct Waiting(Option<HeldFrame>);
 
-impl Analysis for Waiting {
+impl FrameObserver for Waiting {
     type Error = AnalysisError;
 
     fn observe(&mut self, frame: &Frame<'_>) -> Result<(), AnalysisError> {
@@ -197,12 +169,7 @@ impl Analysis for Waiting {
 }
 
 /// Draws a quantity along the chain at one time.
-fn profile(
-    args: &PlotArgs,
-    (what, field): (What, Field),
-    moment: Moment,
-    out: &PathBuf,
-) -> Result<Done, Failure> {
+fn profile(args: &PlotArgs, field: Field, moment: Moment, out: &PathBuf) -> Result<Done, Failure> {
     let is_file = matches!(args.frames.source, Named::File(_));
     // a recording may be sparse there; frames of a live run before this one are not needed
     let frames = FramesArgs { fill_gaps: args.frames.fill_gaps || is_file, ..args.frames.clone() };
@@ -224,17 +191,17 @@ fn profile(
     let mut rows = Rows::default();
     let (time, number, step) = (display::quantity(frame.time_s, "s"), count(frame.frame), count(frame.step));
     rows.add("time", format_args!("{time} (frame {number}, step {step})"));
-    rows.add("values", display::range(extremes, unit(field)));
+    rows.add("values", display::range(extremes, field.unit()));
     let results = json!({
-        "what": name_of(what),
+        "what": field.as_str(),
         "frame": frame.frame,
         "step": frame.step,
         "time_s": frame.time_s,
         "least": extremes[0],
         "largest": extremes[1],
-        "unit": unit(field),
+        "unit": field.unit(),
     });
-    session.report(&tally, &name_of(what), rows, results)
+    session.report(&tally, field.as_str(), rows, results)
 }
 
 /// Says why the state of `step` did not come.
@@ -252,7 +219,7 @@ fn absent(manifest: &RunManifest, step: u64, tally: &Tally) -> Failure {
 }
 
 /// Draws a quantity over space and time.
-fn space_time(args: &PlotArgs, (what, field): (What, Field), out: &PathBuf) -> Result<Done, Failure> {
+fn space_time(args: &PlotArgs, field: Field, out: &PathBuf) -> Result<Done, Failure> {
     let frames = &args.frames;
     let part = |manifest: &_| window(frames.from, frames.until, manifest);
     let mut session = Session::of_part(frames, "plot", std::slice::from_ref(out), part)?;
@@ -273,14 +240,14 @@ fn space_time(args: &PlotArgs, (what, field): (What, Field), out: &PathBuf) -> R
     )?;
     let extremes = extremes(map.picture.cells().flatten().map(f64::from));
     let mut rows = Rows::default();
-    rows.add("values", display::range(extremes, unit(field)));
+    rows.add("values", display::range(extremes, field.unit()));
     let results = json!({
-        "what": name_of(what),
+        "what": field.as_str(),
         "least": extremes[0],
         "largest": extremes[1],
-        "unit": unit(field),
+        "unit": field.unit(),
     });
-    session.report(&tally, &name_of(what), rows, results)
+    session.report(&tally, field.as_str(), rows, results)
 }
 
 /// A quantity over space and time, as it comes.
@@ -290,7 +257,7 @@ struct Map {
     picture: Picture<f32>,
 }
 
-impl Analysis for Map {
+impl FrameObserver for Map {
     type Error = AnalysisError;
 
     fn observe(&mut self, frame: &Frame<'_>) -> Result<(), AnalysisError> {
@@ -300,14 +267,6 @@ impl Analysis for Map {
 
     fn gap(&mut self) {
         self.picture.gap();
-    }
-}
-
-fn unit(field: Field) -> &'static str {
-    match field {
-        Field::Velocity => "m/s",
-        Field::Displacement | Field::Overlap => "m",
-        Field::Energy => "J",
     }
 }
 

@@ -1,7 +1,7 @@
 //! What the recordings of the paper's two runs hold, against numbers that Beadline did not compute.
 
 use crate::harness::Place;
-use consumers::follow::{Analysis, Tally, follow};
+use consumers::follow::{FrameObserver, Tally, follow};
 use consumers::pulses::{Passage, Probes};
 use recording::RecordingSource;
 use schemas::frame::{Frame, FrameSource};
@@ -12,7 +12,7 @@ const TOLERANCE: f64 = 1e-4;
 
 struct Look(Probes);
 
-impl Analysis for Look {
+impl FrameObserver for Look {
     type Error = Infallible;
 
     fn observe(&mut self, frame: &Frame<'_>) -> Result<(), Infallible> {

@@ -1,6 +1,6 @@
 //! The columns of a sweep's rows.
 
-use crate::analyses::Leading;
+use crate::point::Leading;
 use crate::measures;
 use consumers::determination::{Outcome, Quantity};
 use consumers::energies::{EnergyOutcome, Reflection};

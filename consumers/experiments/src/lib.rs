@@ -1,17 +1,17 @@
 //! Runs and what looks at them, in one process and without a bus.
 //!
 //! - [`row`]: a point of a sweep, a pure function of the sweep file and an index
-//! - `measures`: columns of any analysis that a row has when it is asked for them by name
+//! - `measures`: numbers of any analysis that a row has when it is asked for them by name
 //! - [`ensemble`]: what the rows of points have in common that differ in one key
 //! - [`compare`]: a run and its twins, side by side
 //! - [`pool`]: jobs shared out among threads
 
-mod analyses;
 mod columns;
 pub mod compare;
 pub mod ensemble;
 mod measures;
 pub mod pool;
+mod point;
 mod prepare;
 pub mod row;
 

@@ -1,6 +1,6 @@
 //! The row of a point.
 
-use crate::analyses::Analyses;
+use crate::point::PointAnalyses;
 use crate::columns::{ERROR_COLUMN, Results};
 use crate::compare::compare;
 use consumers::determination::TOLERANCE;
@@ -63,7 +63,7 @@ where
     };
     let manifest = RunManifest::of(physics, &config, &format!("point-{index:06}"), origin)?;
     signals.at.begin(&manifest);
-    let mut analyses = match Analyses::new(&manifest, sweep.split_bead(), sweep.measure()) {
+    let mut analyses = match PointAnalyses::new(&manifest, sweep.split_bead(), sweep.measure()) {
         Ok(analyses) => analyses,
         Err((place, message)) => {
             let key = format!("measure[{place}]");
@@ -150,7 +150,7 @@ fn record(
 fn results(
     sweep: &Sweep,
     manifest: &RunManifest,
-    analyses: &mut Analyses,
+    analyses: &mut PointAnalyses,
     outcome: &Result<(RunOutcome, Option<Settled>), String>,
 ) -> Results {
     let physics = &manifest.physics;
@@ -167,10 +167,10 @@ fn results(
             results.double("relative_drift", outcome.relative_drift);
             results.integer("front_bead", analyses.front_bead(manifest));
             results.word("state_sha256", state_hash(analyses.step, &analyses.state));
-            if let Some(energies) = analyses.energies.outcome() {
+            if let Some(energies) = analyses.energies().outcome() {
                 results.energies(&energies);
             }
-            results.pulses(&analyses.pulses.counts(), &analyses.leading);
+            results.pulses(&analyses.pulses().counts(), &analyses.leading);
             results.measured(analyses.measured(manifest));
         }
         Err(error) => {
@@ -235,22 +235,22 @@ impl<'a> Conduct<'a> {
     }
 }
 
-impl<R> Conductor<Analyses, R> for Conduct<'_> {
+impl<R> Conductor<PointAnalyses, R> for Conduct<'_> {
     fn after_frame(
         &mut self,
         frame: &Frame<'_>,
-        analyses: &mut Analyses,
+        analyses: &mut PointAnalyses,
         _: Option<&mut R>,
     ) -> ControlFlow<()> {
         self.signals.at.step.store(frame.step, Ordering::Relaxed);
-        self.settled = self.settled(&analyses.energies, frame.time_s);
+        self.settled = self.settled(analyses.energies(), frame.time_s);
         if self.settled.is_some() {
             return ControlFlow::Break(());
         }
         self.go_on()
     }
 
-    fn between_steps(&mut self, _: &mut Analyses) -> ControlFlow<()> {
+    fn between_steps(&mut self, _: &mut PointAnalyses) -> ControlFlow<()> {
         self.go_on()
     }
 }
@@ -329,7 +329,7 @@ mod tests {
         let sweep = sweep(text);
         let point = sweep.point(0).expect("point");
         let manifest = RunManifest::new(&point.config, "point", origin()).expect("valid");
-        let mut analyses = Analyses::new(&manifest, None, &[]).unwrap_or_else(|(_, why)| panic!("{why}"));
+        let mut analyses = PointAnalyses::new(&manifest, None, &[]).unwrap_or_else(|(_, why)| panic!("{why}"));
         let failed = Err("bead 3 is not finite".to_owned());
         let cells = results(&sweep, &manifest, &mut analyses, &failed).cells(&point.parameters);
         let columns = columns(&sweep);

@@ -6,7 +6,7 @@ use super::reflection::Reflected;
 use super::runs::{FrontBy, Run, Watch};
 use consumers::contacts::{Class, ContactCounts, Contacts, default_tolerance_m};
 use consumers::deformation::{Deformation, Deformations};
-use consumers::follow::Analysis;
+use consumers::follow::FrameObserver;
 use consumers::impurity::{Event, EventKind, Followed, Motion};
 use consumers::pulses::{Passage, Probes, Pulses};
 use consumers::series::Series;
@@ -133,7 +133,7 @@ impl Observer {
     }
 }
 
-impl Analysis for Observer {
+impl FrameObserver for Observer {
     type Error = Infallible;
 
     fn observe(&mut self, frame: &Frame<'_>) -> Result<(), Infallible> {

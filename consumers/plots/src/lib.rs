@@ -4,7 +4,6 @@ mod deformation;
 mod determination;
 mod fields;
 mod pulses;
-mod spreading;
 mod tables;
 mod waves;
 
@@ -16,7 +15,6 @@ pub use deformation::deformations;
 pub use determination::determination;
 pub use fields::{ColourSteps, profile, profiles, space_time};
 pub use pulses::pulses;
-pub use spreading::spreading;
 pub use tables::{
     Band, HeatMap, TableCurve, TableFigure, TablePanel, TablePoint, column_label, heat_map, table_curves,
 };
@@ -29,14 +27,14 @@ use consumers::space_time::{Cell, Extent, Picture};
 use figure::{Axis, Colour, Curve, Figure, FigureError, Panel, Raster};
 use schemas::manifest::{Physics, RunManifest};
 
-/// Columns of an [`EnergyRow`] in a series of them.
-const TOTAL: usize = 2;
-const LEFT: usize = 3;
-const SPLIT: usize = 4;
-const RIGHT: usize = 5;
-const DRIFT: usize = 7;
-const INBOUND: usize = 8;
-const CORRECTED: usize = 9;
+/// The values of a column of [`EnergyRow`] over time.
+fn energy_curve<'a>(
+    rows: &'a Series<{ EnergyRow::COLUMNS.len() }>,
+    name: &str,
+) -> impl Iterator<Item = (f64, f64)> + use<'a> {
+    let place = EnergyRow::COLUMNS.iter().position(|column| *column == name);
+    place.into_iter().flat_map(|place| rows.curve(place))
+}
 
 /// The parameters of a run as one line of text.
 pub fn caption(manifest: &RunManifest) -> String {
@@ -139,6 +137,20 @@ fn prefix(largest: f64) -> (&'static str, f64) {
     }
 }
 
+/// Columns of any rows over time, a panel for each.
+pub fn columns_over_time<'a>(
+    manifest: &RunManifest,
+    names: impl IntoIterator<Item = &'a str>,
+    curves: &[Series<1>],
+) -> Figure {
+    let panel = |(name, curve): (&str, &Series<1>)| {
+        let points = curve.curve(0).map(|(t, value)| (t * 1e3, value));
+        Panel::new().x_axis("time (ms)").y_axis(column_label(name)).line("", points)
+    };
+    let panels = names.into_iter().zip(curves).map(panel);
+    panels.fold(Figure::new().shared_x().caption(caption(manifest)), Figure::panel)
+}
+
 /// The energies left of, in and right of the split bead, what of them may still cross it, and the drift of
 /// their sum. Where something is reflected, also when the pulse arrived and since when that is stationary.
 pub fn energies(
@@ -147,17 +159,18 @@ pub fn energies(
     rows: &Series<{ EnergyRow::COLUMNS.len() }>,
     reflection: Option<&Reflection>,
 ) -> Figure {
-    let curve =
-        |column: usize, factor: f64| rows.curve(column).map(move |(t, value)| (t * 1e3, value * factor));
+    let curve = |column: &str, factor: f64| {
+        energy_curve(rows, column).map(move |(t, value)| (t * 1e3, value * factor))
+    };
     let panel = || Panel::new().x_axis("time (ms)");
     let parts = panel()
         .y_axis("energy (mJ)")
-        .line(format!("left of bead {split_bead}"), curve(LEFT, 1e3))
-        .line(format!("bead {split_bead}"), curve(SPLIT, 1e3))
-        .line(format!("right of bead {split_bead}"), curve(RIGHT, 1e3));
+        .line(format!("left of bead {split_bead}"), curve("left_j", 1e3))
+        .line(format!("bead {split_bead}"), curve("split_j", 1e3))
+        .line(format!("right of bead {split_bead}"), curve("right_j", 1e3));
     let drift = panel()
         .y_axis("(E−E_{0})/E_{0}")
-        .curve(Curve::line("", curve(DRIFT, 1.0)).colour(Colour::Black))
+        .curve(Curve::line("", curve("relative_drift", 1.0)).colour(Colour::Black))
         .height(0.6);
     let figure = Figure::new().shared_x().caption(caption(manifest)).panel(parts);
     match reflection {
@@ -169,13 +182,14 @@ pub fn energies(
 /// What is left on the incident side without the recoil, and what may still cross, both as parts of the
 /// total energy.
 fn scattering(panel: Panel, rows: &Series<{ EnergyRow::COLUMNS.len() }>, reflection: &Reflection) -> Panel {
-    let part = |column: usize| {
-        rows.curve(column).zip(rows.curve(TOTAL)).map(|((t, value), (_, total))| (t * 1e3, value / total))
+    let part = |column: &str| {
+        let totals = energy_curve(rows, "total_j");
+        energy_curve(rows, column).zip(totals).map(|((t, value), (_, total))| (t * 1e3, value / total))
     };
     let mut panel = panel
         .y_axis(Axis::new("energy/total").log().limits(1e-7, 2.0))
-        .line("reflected, without recoil", part(CORRECTED))
-        .line("may still cross", part(INBOUND))
+        .line("reflected, without recoil", part("corrected_j"))
+        .line("may still cross", part("inbound_j"))
         .horizontal("", STATIONARY);
     if let Some(since) = reflection.stationary_since {
         let last_s = rows.span_s().map_or(since.time_s, |(_, last_s)| last_s);

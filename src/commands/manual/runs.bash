@@ -7,7 +7,7 @@ _beadline_with_runs() {
     before="${before%"${before##*[![:space:]]}"}"
     before="${before##*[[:space:]]}"
     case "${COMP_WORDS[1]}" in
-        energies | impurity | contacts | deformation | pulses | spreading | plot | record) ;;
+        @ANALYSES@ | plot | record) ;;
         *)
             _beadline "$@"
             return

@@ -1,11 +1,10 @@
 //! Results that the page shows beside a recording: the pulses, as `beadline pulses` finds them, and the linear modes, as
 //! `beadline modes` does.
 
-use crate::commands::pulses::is_coarse;
 use crate::failure::{BadInput, Failure};
 use crate::frames::Frames;
 use anyhow::anyhow;
-use consumers::follow::{Analysis, Tally, follow};
+use consumers::follow::{FrameObserver, Tally, follow};
 use consumers::pulses::{Path, Pulse, Pulses, Strongest};
 use producer::resimulation::{Lend, check_kernel};
 use recording::RecordingInfo;
@@ -39,7 +38,9 @@ pub(crate) struct Results {
 
 /// True where steps are recomputed to find pulses.
 fn recomputes(manifest: &RunManifest) -> bool {
-    is_coarse(manifest, manifest.provenance.record_every_steps) && check_kernel(manifest).is_ok()
+    let longest = Pulses::longest_fine_interval_steps(manifest);
+    let is_coarse = longest.is_some_and(|longest| manifest.provenance.record_every_steps > longest);
+    is_coarse && check_kernel(manifest).is_ok()
 }
 
 /// States that are looked at to find the pulses of a recording.
@@ -99,7 +100,7 @@ struct Tracks {
     strongest: Strongest,
 }
 
-impl Analysis for Tracks {
+impl FrameObserver for Tracks {
     type Error = Infallible;
 
     fn observe(&mut self, frame: &Frame<'_>) -> Result<(), Infallible> {

@@ -1,21 +1,20 @@
-//! What `beadline spectrum` found, as tables, figures and words.
+//! Densities of a spectrum, as tables, figures and words.
 
 use super::{Asked, Engine, Linear, Samples};
-use crate::analysis::table;
-use crate::display::{self, count};
-use crate::failure::Failure;
-use crate::report::Rows;
-use figure::Figure;
+use consumers::analysis::{Outlet, Words};
+use consumers::table::{Cell, Column};
+use figure::{Figure, FigureError};
 use plots::{Spectra, TransmissionCurve, WavesOver};
+use schemas::amounts::{count, counted, number, quantity, range};
 use schemas::manifest::RunManifest;
 use serde_json::{Value, json};
 use std::f64::consts::PI;
-use std::path::PathBuf;
+use waves::dispersion::Band;
 use waves::grid::Grid;
 use waves::segments::Window;
 use waves::welch::{DensitySummary, Transmission};
 
-/// What was asked for.
+/// Kind of the densities.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Spectra,
@@ -35,7 +34,6 @@ impl Kind {
 
 /// The densities.
 pub(super) struct Found {
-    pub(super) linear: Option<Linear>,
     /// The largest density in the highest tenth of the frequencies, over the largest of all.
     pub(super) at_the_end: f64,
     top_hz: f64,
@@ -49,68 +47,28 @@ enum Results {
     Grid(Grid),
 }
 
-/// Turns sums into densities.
-pub(super) fn found(
-    asked: &Asked,
-    engine: Engine,
-    samples: &Samples,
-    linear: Option<Linear>,
-    max_hz: Option<f64>,
-) -> Found {
-    let (segment_length, segment_count) = (engine.segment_length(), engine.segment_count());
-    let rate_hz = samples.rate_hz;
-    let step_hz = rate_hz / segment_length as f64;
-    let band_hz = linear.as_ref().map_or(0.0, Linear::top_hz);
-    // largest density of each line, over places or times
-    let over = |lists: &mut dyn Iterator<Item = &[f64]>| -> Vec<f64> {
-        let mut largest = vec![0.0_f64; segment_length / 2 + 1];
-        for list in lists {
-            for (largest, value) in largest.iter_mut().zip(list) {
-                *largest = if *value > *largest { *value } else { *largest };
+/// The columns of the table of what is asked for.
+pub(super) fn columns(asked: &Asked) -> Vec<Column> {
+    let unit = asked.quantity.density_column();
+    let mut columns = vec!["frequency_hz".to_owned()];
+    match asked.kind {
+        Kind::Spectra => {
+            columns.extend(asked.places.iter().map(|place| format!("psd_{}_{unit}", place.column())));
+            for (from, to) in &asked.pairs {
+                let pair = format!("{}_{}", asked.places[*from].column(), asked.places[*to].column());
+                columns.extend([
+                    format!("gain_{pair}"),
+                    format!("phase_{pair}_rad"),
+                    format!("coherence_{pair}"),
+                ]);
             }
         }
-        largest
-    };
-    let shown = |largest: &[f64]| max_hz.unwrap_or_else(|| shown_hz(largest, step_hz, band_hz));
-    let (largest, top_hz, results) = match engine {
-        Engine::Spectra(welch) => {
-            let densities: Vec<_> =
-                (0..asked.places.len()).map(|place| welch.density(place, rate_hz)).collect();
-            let largest = over(&mut densities.iter().map(Vec::as_slice));
-            let transmissions = (0..asked.pairs.len()).map(|pair| welch.transmission(pair)).collect();
-            let frequencies_hz = welch.frequencies_hz(rate_hz);
-            let top_hz = shown(&largest);
-            (largest, top_hz, Results::Spectra { frequencies_hz, densities, transmissions })
+        Kind::Map => columns.extend(["q_rad_per_bead".to_owned(), format!("psd_{unit}_rad")]),
+        Kind::Spectrogram => {
+            columns.extend(["time_s".to_owned(), format!("psd_{}_{unit}", asked.places[0].column())]);
         }
-        Engine::Spectrogram(spectrogram) => {
-            // the first segment has its middle half of its length after the first sample
-            let empty = spectrogram.columns(rate_hz).take_while(Option::is_none).count();
-            let columns: Vec<_> = spectrogram.columns(rate_hz).skip(empty).collect();
-            let largest = over(&mut columns.iter().flatten().map(Vec::as_slice));
-            let top_hz = shown(&largest);
-            let wide_s = spectrogram.column_samples() as f64 / rate_hz;
-            let from_s = samples.first_s + wide_s * empty as f64;
-            let edges_s = (from_s, from_s + wide_s * columns.len() as f64);
-            let at = |column: usize, line: usize| columns[column].as_ref()?.get(line).copied();
-            let grid = Grid::new(edges_s, columns.len(), (step_hz, top_hz), at, largest.len());
-            (largest, top_hz, Results::Grid(grid))
-        }
-        Engine::Map(map) => {
-            let density = map.density(rate_hz);
-            let highest = |row: &Vec<f64>| row.iter().fold(0.0_f64, |high, value| high.max(*value));
-            let largest: Vec<f64> = density.iter().map(highest).collect();
-            let top_hz = shown(&largest);
-            let q = map.wavenumbers_rad();
-            let half = PI / q.len() as f64;
-            let edges = (q[0] - half, q[q.len() - 1] + half);
-            let at = |column: usize, line: usize| density.get(line)?.get(column).copied();
-            let grid = Grid::new(edges, q.len(), (step_hz, top_hz), at, largest.len());
-            (largest, top_hz, Results::Grid(grid))
-        }
-    };
-    let highest = |values: &[f64]| values.iter().fold(0.0_f64, |high, value| high.max(*value));
-    let at_the_end = highest(&largest[largest.len() - largest.len() / 10..]) / highest(&largest[1..]);
-    Found { linear, at_the_end, top_hz, segment_length, segment_count, results }
+    }
+    columns.into_iter().map(Column::from).collect()
 }
 
 /// The highest frequency worth showing: above it there is less than 1e-6 of the largest density; but all of the bands.
@@ -123,64 +81,106 @@ fn shown_hz(largest: &[f64], step_hz: f64, band_hz: f64) -> f64 {
 }
 
 impl Found {
-    /// Writes the table.
-    pub(super) fn write(&self, asked: &Asked, path: &PathBuf, force: bool) -> Result<(), Failure> {
-        let unit = asked.quantity.density_column();
-        let mut columns = Vec::new();
-        match &self.results {
-            Results::Spectra { .. } => {
-                columns.push("frequency_hz".to_owned());
-                columns.extend(asked.places.iter().map(|place| format!("psd_{}_{unit}", place.column())));
-                for (from, to) in &asked.pairs {
-                    let pair = format!("{}_{}", asked.places[*from].column(), asked.places[*to].column());
-                    columns.extend([
-                        format!("gain_{pair}"),
-                        format!("phase_{pair}_rad"),
-                        format!("coherence_{pair}"),
-                    ]);
+    /// Turns sums into densities. Waves travel up to `band_hz`.
+    pub(super) fn new(asked: &Asked, engine: Engine, samples: &Samples, band_hz: f64) -> Self {
+        let (segment_length, segment_count) = (engine.segment_length(), engine.segment_count());
+        let rate_hz = samples.rate_hz;
+        let step_hz = rate_hz / segment_length as f64;
+        // largest density of each line, over places or times
+        let over = |lists: &mut dyn Iterator<Item = &[f64]>| -> Vec<f64> {
+            let mut largest = vec![0.0_f64; segment_length / 2 + 1];
+            for list in lists {
+                for (largest, value) in largest.iter_mut().zip(list) {
+                    *largest = if *value > *largest { *value } else { *largest };
                 }
             }
-            Results::Grid(_) if asked.kind == Kind::Map => {
-                columns.extend(["frequency_hz", "q_rad_per_bead"].map(str::to_owned));
-                columns.push(format!("psd_{unit}_rad"));
+            largest
+        };
+        let shown = |largest: &[f64]| asked.max_hz.unwrap_or_else(|| shown_hz(largest, step_hz, band_hz));
+        let (largest, top_hz, results) = match engine {
+            Engine::Spectra(welch) => {
+                let densities: Vec<_> =
+                    (0..asked.places.len()).map(|place| welch.density(place, rate_hz)).collect();
+                let largest = over(&mut densities.iter().map(Vec::as_slice));
+                let transmissions = (0..asked.pairs.len()).map(|pair| welch.transmission(pair)).collect();
+                let frequencies_hz = welch.frequencies_hz(rate_hz);
+                let top_hz = shown(&largest);
+                (largest, top_hz, Results::Spectra { frequencies_hz, densities, transmissions })
             }
-            Results::Grid(_) => {
-                columns.extend(["frequency_hz", "time_s"].map(str::to_owned));
-                columns.push(format!("psd_{}_{unit}", asked.places[0].column()));
+            Engine::Spectrogram(spectrogram) => {
+                // the first segment has its middle half of its length after the first sample
+                let empty = spectrogram.columns(rate_hz).take_while(Option::is_none).count();
+                let columns: Vec<_> = spectrogram.columns(rate_hz).skip(empty).collect();
+                let largest = over(&mut columns.iter().flatten().map(Vec::as_slice));
+                let top_hz = shown(&largest);
+                let wide_s = spectrogram.column_samples() as f64 / rate_hz;
+                let from_s = samples.first_s + wide_s * empty as f64;
+                let edges_s = (from_s, from_s + wide_s * columns.len() as f64);
+                let at = |column: usize, line: usize| columns[column].as_ref()?.get(line).copied();
+                let grid = Grid::new(edges_s, columns.len(), (step_hz, top_hz), at, largest.len());
+                (largest, top_hz, Results::Grid(grid))
             }
+            Engine::Map(map) => {
+                let density = map.density(rate_hz);
+                let highest = |row: &Vec<f64>| row.iter().fold(0.0_f64, |high, value| high.max(*value));
+                let largest: Vec<f64> = density.iter().map(highest).collect();
+                let top_hz = shown(&largest);
+                let q = map.wavenumbers_rad();
+                let half = PI / q.len() as f64;
+                let edges = (q[0] - half, q[q.len() - 1] + half);
+                let at = |column: usize, line: usize| density.get(line)?.get(column).copied();
+                let grid = Grid::new(edges, q.len(), (step_hz, top_hz), at, largest.len());
+                (largest, top_hz, Results::Grid(grid))
+            }
+        };
+        let highest = |values: &[f64]| values.iter().fold(0.0_f64, |high, value| high.max(*value));
+        let at_the_end = highest(&largest[largest.len() - largest.len() / 10..]) / highest(&largest[1..]);
+        Self { at_the_end, top_hz, segment_length, segment_count, results }
+    }
+
+    /// Peak and mean square at the first place.
+    pub(super) fn first_summary(&self) -> Option<DensitySummary> {
+        match &self.results {
+            Results::Spectra { frequencies_hz, densities, .. } => {
+                densities.first().map(|density| DensitySummary::of(frequencies_hz, density))
+            }
+            Results::Grid(_) => None,
         }
-        let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
-        let Some(mut table) = table(Some(path), &columns, force)? else { return Ok(()) };
+    }
+
+    /// Writes the table.
+    pub(super) fn write(&self, out: &mut dyn Outlet) {
+        let optional = |value: Option<f64>| value.map_or(Cell::Empty, Cell::Double);
         match &self.results {
             Results::Spectra { frequencies_hz, densities, transmissions } => {
                 for (line, frequency_hz) in frequencies_hz.iter().enumerate() {
-                    table.double(*frequency_hz);
-                    for density in densities {
-                        table.double(density[line]);
-                    }
+                    let mut cells = vec![Cell::Double(*frequency_hz)];
+                    cells.extend(densities.iter().map(|density| Cell::Double(density[line])));
                     for Transmission { gain, phase_rad, coherence, .. } in transmissions {
                         let coherence = Some(coherence[line]).filter(|_| self.has_coherence());
                         for value in [Some(gain[line]), Some(phase_rad[line]), coherence] {
-                            table.optional(value.filter(|value| value.is_finite()));
+                            cells.push(optional(value.filter(|value| value.is_finite())));
                         }
                     }
-                    table.end_row()?;
+                    out.line(0, &cells);
                 }
             }
             Results::Grid(grid) => {
                 let cells = grid.frequency_hz.iter().flat_map(|f| grid.x.iter().map(move |x| (*f, *x)));
                 for ((frequency_hz, x), value) in cells.zip(&grid.values) {
-                    table.double(frequency_hz).double(x).optional(*value);
-                    table.end_row()?;
+                    out.line(0, &[Cell::Double(frequency_hz), Cell::Double(x), optional(*value)]);
                 }
             }
         }
-        table.finish()?;
-        Ok(())
     }
 
-    pub(super) fn figure(&self, manifest: &RunManifest, asked: &Asked) -> Result<Figure, Failure> {
-        let bands_hz = self.linear.as_ref().map_or(&[][..], |linear| &linear.bands_hz);
+    pub(super) fn figure(
+        &self,
+        manifest: &RunManifest,
+        asked: &Asked,
+        linear: Option<&Linear>,
+    ) -> Result<Figure, FigureError> {
+        let bands_hz = linear.map_or(&[][..], |linear| &linear.bands_hz);
         let named = |index: &usize| asked.places[*index];
         Ok(match &self.results {
             Results::Spectra { frequencies_hz, densities, transmissions } => {
@@ -206,7 +206,7 @@ impl Found {
                 )
             }
             Results::Grid(grid) => {
-                let over = match (asked.kind, &self.linear) {
+                let over = match (asked.kind, linear) {
                     (Kind::Map, Some(linear)) => {
                         WavesOver::Wavenumber { dispersion: Some(&|q| linear.cell.frequencies_hz(q)) }
                     }
@@ -230,64 +230,64 @@ impl Found {
         }
     }
 
-    /// Says so if a place does not follow another one within the segments.
-    pub(super) fn warn_of_incoherence(&self, asked: &Asked) {
+    /// Warnings where a place does not follow another one within the segments.
+    pub(super) fn incoherent(&self, asked: &Asked) -> Vec<String> {
+        let mut notices = Vec::new();
         for ((from, to), found) in asked.pairs.iter().zip(self.transmissions()) {
             if self.has_coherence() && found.mean_coherence < 0.5 {
-                notice!(
+                notices.push(format!(
                     "{} follows {} with a coherence of {:.2}: segments of {} samples may be shorter than the way \
                      between them; --window none is for a pulse, a longer --segment for motion that lasts",
                     asked.places[*to],
                     asked.places[*from],
                     found.mean_coherence,
                     count(self.segment_length as u64)
-                );
+                ));
             }
         }
+        notices
     }
 
-    pub(super) fn rows(&self, asked: &Asked, samples: &Samples) -> Rows {
-        let mut rows = Rows::default();
+    pub(super) fn words(&self, asked: &Asked, samples: &Samples, bands_hz: &[Band]) -> Words {
+        let mut words = Words::default();
         let every = match samples.interval_steps {
             1 => "every step".to_owned(),
             steps => format!("every {steps} steps"),
         };
-        let rate = display::quantity(samples.rate_hz, "Hz");
-        rows.add("samples", format_args!("{} at {rate} ({every})", count(samples.count)));
+        let rate = quantity(samples.rate_hz, "Hz");
+        words.add("samples", format_args!("{} at {rate} ({every})", count(samples.count)));
         let (segments, samples_each) =
-            (display::counted(self.segment_count, "segment"), count(self.segment_length as u64));
+            (counted(self.segment_count, "segment"), count(self.segment_length as u64));
         let window = match (asked.kind, asked.window) {
             (Kind::Spectrogram, _) => "Hann, overlap 7/8",
             (_, Window::Hann) => "Hann, overlap 1/2",
             (_, Window::None) => "no window, overlap 1/2",
         };
-        let resolution = display::quantity(samples.rate_hz / self.segment_length as f64, "Hz");
-        rows.add(
+        let resolution = quantity(samples.rate_hz / self.segment_length as f64, "Hz");
+        words.add(
             "estimate",
             format_args!("Welch, {segments} of {samples_each} ({window}), lines {resolution} apart"),
         );
-        if let Some(linear) = &self.linear {
-            rows.each("bands", linear.bands_hz.iter().map(|band| display::range(*band, "Hz")));
-        }
+        words.each("bands", bands_hz.iter().map(|band| range(*band, "Hz")));
         if let Results::Spectra { frequencies_hz, densities, .. } = &self.results {
             for (place, density) in asked.places.iter().zip(densities) {
                 let DensitySummary { mean_square, peak_hz, peak } =
                     DensitySummary::of(frequencies_hz, density);
                 let (rms, at) = (
-                    display::quantity(mean_square.sqrt(), asked.quantity.unit()),
-                    display::quantity(peak_hz, "Hz"),
+                    quantity(mean_square.sqrt(), asked.quantity.unit()),
+                    quantity(peak_hz, "Hz"),
                 );
                 let squared = asked.quantity.squared();
-                rows.add(
+                words.add(
                     place.to_string(),
-                    format_args!("rms {rms}, most at {at}: {} {squared}/Hz", display::number(peak)),
+                    format_args!("rms {rms}, most at {at}: {} {squared}/Hz", number(peak)),
                 );
             }
         }
-        rows
+        words
     }
 
-    pub(super) fn json(&self, asked: &Asked, samples: &Samples) -> Value {
+    pub(super) fn json(&self, asked: &Asked, samples: &Samples, bands_hz: Option<&[Band]>) -> Value {
         let mut places = Vec::new();
         if let Results::Spectra { frequencies_hz, densities, .. } = &self.results {
             for (place, density) in asked.places.iter().zip(densities) {
@@ -322,7 +322,7 @@ impl Found {
             "segment_count": self.segment_count,
             "resolution_hz": samples.rate_hz / self.segment_length as f64,
             "shown_to_hz": self.top_hz,
-            "bands_hz": self.linear.as_ref().map(|linear| &linear.bands_hz),
+            "bands_hz": bands_hz,
             "places": places,
             "transmissions": transmissions.collect::<Vec<_>>(),
         })

@@ -1,31 +1,35 @@
-//! Everything that looks at the frames of a point.
+//! The analyses that look at the frames of a point.
 
 use crate::measures::Measures;
-use consumers::energies::{Energies, default_split_bead};
-use consumers::pulses::{Direction, Happening, Measured, Pulse, Pulses};
+use analyses::energies::EnergyAnalysis;
+use analyses::pulses::PulseAnalysis;
+use consumers::analysis::{Analysis, Beginning, LastRow, Number, Settings};
+use consumers::energies::Energies;
+use consumers::pulses::{Direction, Measured, Pulse, Pulses};
 use consumers::table::Cell;
 use schemas::frame::{Frame, FrameSink};
 use schemas::manifest::RunManifest;
 use schemas::summary::Summarizer;
 use std::convert::Infallible;
 
-/// Everything that looks at the frames of a point.
-pub(crate) struct Analyses {
-    pub(crate) energies: Energies,
-    pub(crate) pulses: Pulses,
+/// The analyses that look at the frames of a point: two in every sweep, and those whose numbers it asks for.
+pub(crate) struct PointAnalyses {
+    energies: EnergyAnalysis,
+    pulses: PulseAnalysis,
     /// Forward and backward.
     pub(crate) leading: [Leading; 2],
-    /// All pulses in each of these directions.
-    pub(crate) ways: [Way; 2],
-    /// The measures that the sweep asks for beside.
+    /// The numbers that the sweep asks for beside.
     measures: Measures,
     /// The last state, `[u | v | extra]`, and its step.
     pub(crate) state: Vec<f64>,
     pub(crate) step: u64,
 }
 
-impl Analyses {
-    /// The looks at the run of `manifest`, also for the columns of other analyses that are `asked` for.
+impl PointAnalyses {
+    /// The analyses that every sweep has.
+    pub(crate) const STANDARD: [&str; 2] = ["energies", "pulses"];
+
+    /// Begins to look at the run of `manifest`, also for the numbers of other analyses that are `asked` for.
     ///
     /// # Errors
     /// As [`Measures::new`].
@@ -34,23 +38,49 @@ impl Analyses {
         split_bead: Option<u64>,
         asked: &[String],
     ) -> Result<Self, (usize, String)> {
-        let split_bead = split_bead.unwrap_or_else(|| default_split_bead(manifest));
-        let threshold_m_s = Pulses::DEFAULT_THRESHOLD * Pulses::velocity_scale_m_s(manifest);
+        let mut settings = Settings::default();
+        if let (Some(bead), Some(setting)) = (split_bead, analyses::energies::OFFER.settings.first()) {
+            // a whole number is one
+            let _ = settings.set(setting, vec![bead.to_string()]);
+        }
+        let beginning = Beginning::whole(Self::STANDARD[0], manifest, &settings);
         Ok(Self {
-            energies: Energies::new(manifest, split_bead),
-            pulses: Pulses::new(manifest, threshold_m_s),
+            energies: EnergyAnalysis::begin(&beginning).map_err(|refusal| (0, refusal.to_string()))?,
+            pulses: PulseAnalysis::new(&beginning),
             leading: [Direction::Forward, Direction::Backward].map(Leading::new),
-            ways: [Direction::Forward, Direction::Backward].map(Way::new),
             measures: Measures::new(asked, manifest)?,
             state: Vec::new(),
             step: 0,
         })
     }
 
+    /// The energies so far.
+    pub(crate) fn energies(&self) -> &Energies {
+        self.energies.energies()
+    }
+
+    /// The pulses so far.
+    pub(crate) fn pulses(&self) -> &Pulses {
+        self.pulses.pulses()
+    }
+
+    /// A number of one of [`Self::STANDARD`].
+    pub(crate) fn value(&self, analysis: &str, name: &str, word: Option<&str>) -> Option<Number> {
+        if analysis == Self::STANDARD[0] { self.energies.value(name, word) } else { self.pulses.value(name, word) }
+    }
+
     /// There are no more frames.
     pub(crate) fn finish(&mut self) {
-        let split_bead = self.energies.split_bead();
-        take_pulses(&mut self.leading, &mut self.ways, self.pulses.finish(), split_bead);
+        // it wants no number of frames
+        let _ = self.pulses.finish(&mut LastRow::default());
+        self.take_pulses();
+    }
+
+    fn take_pulses(&mut self) {
+        let split_bead = self.energies.energies().split_bead();
+        for pulse in self.pulses.ended() {
+            self.leading.iter_mut().for_each(|way| way.take(pulse, split_bead));
+        }
     }
 
     /// The values that the sweep asks for, after [`Self::finish`].
@@ -72,26 +102,13 @@ impl Analyses {
     }
 }
 
-fn take_pulses(leading: &mut [Leading; 2], ways: &mut [Way; 2], happenings: &[Happening], split_bead: u64) {
-    for happening in happenings {
-        if let Happening::Ended(pulse) = happening {
-            for way in leading.iter_mut() {
-                way.take(pulse, split_bead);
-            }
-            for way in ways.iter_mut() {
-                way.take(pulse);
-            }
-        }
-    }
-}
-
-impl FrameSink for Analyses {
+impl FrameSink for PointAnalyses {
     type Error = Infallible;
 
     fn accept(&mut self, frame: &Frame<'_>) -> Result<(), Infallible> {
-        self.energies.observe(frame);
-        let split_bead = self.energies.split_bead();
-        take_pulses(&mut self.leading, &mut self.ways, self.pulses.observe(frame), split_bead);
+        self.energies.observe(frame, &mut LastRow::default());
+        self.pulses.observe(frame, &mut LastRow::default());
+        self.take_pulses();
         self.measures.observe(frame);
         self.step = frame.step;
         self.state.clear();
@@ -99,28 +116,6 @@ impl FrameSink for Analyses {
             self.state.extend_from_slice(part);
         }
         Ok(())
-    }
-}
-
-/// The pulses that travel in one direction.
-#[derive(Debug, Clone)]
-pub(crate) struct Way {
-    pub(crate) direction: Direction,
-    pub(crate) count: u64,
-    /// The one of the largest peak velocity.
-    pub(crate) strongest: Option<Pulse>,
-}
-
-impl Way {
-    fn new(direction: Direction) -> Self {
-        Self { direction, count: 0, strongest: None }
-    }
-
-    fn take(&mut self, pulse: &Pulse) {
-        if pulse.direction == self.direction {
-            self.count += 1;
-            self.strongest = Pulse::stronger(self.strongest, Some(*pulse));
-        }
     }
 }
 

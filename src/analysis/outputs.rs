@@ -1,0 +1,204 @@
+//! Files and topics that the rows of an analysis go to.
+
+use super::{AnalysisError, Session};
+use crate::args::{AskedAnalysis, keeps_rows};
+use crate::failure::Failure;
+use crate::outputs::extension;
+use bus::{ResultPublisher, ResultsError};
+use crate::display::{count, number};
+use consumers::analysis::{Analysis, LastRow, Meaning, Number, Offer, Outlet, Report, RowValues, Words};
+use consumers::series::Series;
+use consumers::table::{Cell, Table, TableError};
+use figure::{Figure, FigureError};
+use recording::{ContactsRow, ContactsWriter, WriteOptions};
+use schemas::frame::{EndReason, Frame};
+use schemas::manifest::RunManifest;
+use schemas::results::ResultColumns;
+use serde_json::Value;
+use std::path::PathBuf;
+
+/// Takes the rows of one analysis. An error is kept until [`Outputs::check`].
+#[derive(Default)]
+pub(crate) struct Outputs {
+    tables: Vec<Option<Table>>,
+    /// Published rows in a file of their own, and their tolerance (m).
+    map: Option<(ContactsWriter, f64)>,
+    publisher: Publisher,
+    failure: Option<AnalysisError>,
+    kept: Kept,
+}
+
+/// Published rows that are kept for an analysis that reports and draws nothing of its own.
+#[derive(Default)]
+pub(crate) struct Kept {
+    /// The last row.
+    last: LastRow,
+    /// A curve for each column, if a figure is drawn.
+    curves: Vec<Series<1>>,
+}
+
+#[derive(Default)]
+enum Publisher {
+    #[default]
+    None,
+    Numbers(ResultPublisher<f64>),
+    Classes(ResultPublisher<u8>),
+}
+
+impl Outputs {
+    /// Creates the files that `asked` names; `session` is where rows are published, if they are.
+    pub(crate) fn open(
+        asked: &AskedAnalysis,
+        analysis: &dyn Analysis,
+        manifest: &RunManifest,
+        session: Option<&Session<'_>>,
+    ) -> Result<Self, Failure> {
+        let force = asked.common.frames.force;
+        let mut outputs = Self::default();
+        for (index, files) in asked.tables.iter().enumerate() {
+            let (rows, lines): (Vec<&PathBuf>, Vec<&PathBuf>) =
+                files.iter().partition(|path| keeps_rows(asked.offer, index) && extension(path) == "mcap");
+            let columns = asked.offer.columns_of(analysis, index);
+            let table = lines.first().map(|path| Table::create(path, &columns, force));
+            outputs.tables.push(table.transpose()?);
+            if let Some(path) = rows.first() {
+                let options = WriteOptions { force, ..WriteOptions::default() };
+                let tolerance_m = analysis.published().and_then(|columns| columns.tolerance_m);
+                let map = ContactsWriter::create(path, manifest, &options)?;
+                outputs.map = Some((map, tolerance_m.unwrap_or(f64::NAN)));
+            }
+        }
+        let published = asked.offer.published(analysis);
+        if let Some(columns) = published.as_ref().filter(|columns| columns.tolerance_m.is_none()) {
+            let drawn = if asked.common.figure.is_empty() { 0 } else { columns.width };
+            outputs.kept.curves = vec![Series::default(); drawn];
+        }
+        if let Some((session, columns)) = session.zip(published) {
+            outputs.publisher = Publisher::open(session, asked, &columns)?;
+        }
+        Ok(outputs)
+    }
+
+    /// The first error since the last look.
+    pub(crate) fn check(&mut self) -> Result<(), AnalysisError> {
+        self.failure.take().map_or(Ok(()), Err)
+    }
+
+    fn keep<E: Into<AnalysisError>>(&mut self, done: Result<(), E>) {
+        if let Err(error) = done {
+            self.failure.get_or_insert_with(|| error.into());
+        }
+    }
+
+    /// Ends everything; `end` says how the frames ended. Gives the rows that were kept.
+    pub(crate) fn finish(mut self, end: EndReason) -> Result<Kept, Failure> {
+        self.check()?;
+        let ended = match self.publisher {
+            Publisher::None => Ok(()),
+            Publisher::Numbers(publisher) => publisher.finish(),
+            Publisher::Classes(publisher) => publisher.finish(),
+        };
+        unless_stopped(ended)?;
+        self.tables.into_iter().flatten().try_for_each(|table| table.finish().map(drop))?;
+        self.map.map(|(map, _)| map.finish(end)).transpose()?;
+        Ok(self.kept)
+    }
+}
+
+impl Kept {
+    /// The report of `analysis`, or the numbers of its summary.
+    pub(crate) fn report(&self, offer: &'static Offer, analysis: &mut dyn Analysis) -> Report {
+        if let Some(report) = analysis.report() {
+            return report;
+        }
+        let (mut words, mut results) = (Words::default(), serde_json::Map::new());
+        for Meaning { name, .. } in offer.numbers() {
+            match self.last.value(offer, analysis, name, None) {
+                Some(Number::Count(value)) => {
+                    words.add(*name, count(value));
+                    results.insert((*name).to_owned(), value.into());
+                }
+                Some(Number::Double(value)) if value.is_finite() => {
+                    words.add(*name, number(value));
+                    results.insert((*name).to_owned(), value.into());
+                }
+                _ => {
+                    results.insert((*name).to_owned(), Value::Null);
+                }
+            }
+        }
+        Report { title: offer.name, words, results: results.into(), ..Report::default() }
+    }
+
+    /// The figure of `analysis`, or its columns over time.
+    pub(crate) fn figure(
+        &self,
+        manifest: &RunManifest,
+        offer: &'static Offer,
+        analysis: &mut dyn Analysis,
+    ) -> Result<Figure, FigureError> {
+        if let Some(figure) = analysis.figure()? {
+            return Ok(figure);
+        }
+        let names = offer.published(analysis).map(|published| published.names).unwrap_or_default();
+        Ok(plots::columns_over_time(manifest, names.split(','), &self.curves))
+    }
+}
+
+impl Publisher {
+    fn open(session: &Session<'_>, asked: &AskedAnalysis, columns: &ResultColumns) -> Result<Self, Failure> {
+        let Some(topic) = super::topic_of(asked.offer) else { return Ok(Self::None) };
+        Ok(match columns.tolerance_m {
+            Some(_) => session.results(topic, columns)?.map_or(Self::None, Self::Classes),
+            None => session.results(topic, columns)?.map_or(Self::None, Self::Numbers),
+        })
+    }
+}
+
+impl Outlet for Outputs {
+    fn wants(&self, table: usize) -> bool {
+        self.tables.get(table).is_some_and(Option::is_some)
+    }
+
+    fn line(&mut self, table: usize, cells: &[Cell]) {
+        let Some(Some(file)) = self.tables.get_mut(table) else { return };
+        cells.iter().for_each(|cell| {
+            file.cell(cell.clone());
+        });
+        let done: Result<(), TableError> = file.end_row();
+        self.keep(done);
+    }
+
+    fn is_published(&self) -> bool {
+        !matches!(self.publisher, Publisher::None)
+    }
+
+    fn publish(&mut self, frame: &Frame<'_>, row: RowValues<'_>) {
+        let (number, step, time_s) = (frame.frame, frame.step, frame.time_s);
+        let done = match (&mut self.publisher, row) {
+            (Publisher::Numbers(publisher), RowValues::Numbers(row)) => publisher.publish(number, step, time_s, row),
+            (Publisher::Classes(publisher), RowValues::Classes(row)) => publisher.publish(number, step, time_s, row),
+            _ => Ok(()),
+        };
+        self.keep(unless_stopped(done));
+        if let RowValues::Numbers(row) = row {
+            self.kept.last.take(row);
+            for (curve, value) in self.kept.curves.iter_mut().zip(row) {
+                curve.push(time_s, [*value]);
+            }
+        }
+        if let (Some((map, tolerance_m)), RowValues::Classes(classes)) = (&mut self.map, row) {
+            let row = ContactsRow { frame: number, step, time_s, tolerance_m: *tolerance_m, classes };
+            let done = map.write(&row);
+            self.keep(done);
+        }
+    }
+}
+
+/// A stop that comes while rows are published is no error.
+fn unless_stopped(done: Result<(), ResultsError>) -> Result<(), ResultsError> {
+    match done {
+        Err(ResultsError::Stopped { .. }) => Ok(()),
+        done => done,
+    }
+}
