@@ -35,6 +35,43 @@ use clap::{ArgMatches, FromArgMatches};
 use failure::{Done, Failure, Form};
 use std::ffi::OsString;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::process::ExitCode;
+
+pub mod own {
+    //! Everything that an analysis of one's own needs: see `examples/own_analysis.rs`.
+
+    pub use consumers::analysis::{
+        Allowed, Analysis, Beginning, Kind, Meaning, Needs, Number, Offer, Outlet, Refusal, Report,
+        RowValues, Setting, Settings, TableFlag, Takes, Whereabouts, Words, frame_columns,
+    };
+    pub use consumers::series::Series;
+    pub use consumers::table::{Cell, Column};
+    pub use figure::{Axis, Curve, Figure, FigureError, Panel};
+    pub use schemas::chain::Chain;
+    pub use schemas::frame::Frame;
+    pub use schemas::manifest::RunManifest;
+    pub use schemas::results::ResultColumns;
+}
+
+/// The command `beadline` with analyses of one's own in its list, for the arguments of this process.
+///
+/// ```no_run
+/// use beadline::own::Offer;
+/// static MINE: Offer = Offer { name: "mine", about: "Nothing yet", ..Offer::PLAIN };
+/// fn main() -> std::process::ExitCode {
+///     beadline::main_with(&[&MINE])
+/// }
+/// ```
+pub fn main_with(offers: &[&'static own::Offer]) -> ExitCode {
+    let arguments: Vec<_> = std::env::args_os().collect();
+    for offer in offers {
+        if let Err(why) = analyses::add(offer) {
+            return failure::exit(Err(Failure::BadInput(anyhow::anyhow!(why))), Form::asked_for(&arguments))
+                .into();
+        }
+    }
+    ExitCode::from(command(&arguments, None))
+}
 
 /// What the command `beadline` does with these arguments, of which the first one is its name; gives its exit code.
 ///

@@ -1,8 +1,5 @@
 //! The program `beadline`.
 
-use std::process::ExitCode;
-
-fn main() -> ExitCode {
-    let arguments: Vec<_> = std::env::args_os().collect();
-    ExitCode::from(beadline::command(&arguments, None))
+fn main() -> std::process::ExitCode {
+    beadline::main_with(&[])
 }

@@ -348,7 +348,13 @@ pub struct LastRow(Vec<f64>);
 
 impl LastRow {
     /// A number of the summary of `analysis` once it has finished, from its rows if it gives none.
-    pub fn value(&self, offer: &Offer, analysis: &dyn Analysis, name: &str, word: Option<&str>) -> Option<Number> {
+    pub fn value(
+        &self,
+        offer: &Offer,
+        analysis: &dyn Analysis,
+        name: &str,
+        word: Option<&str>,
+    ) -> Option<Number> {
         let of_row = || {
             let published = offer.published(analysis)?;
             let place = published.names.split(',').position(|column| column == name)?;

@@ -19,7 +19,8 @@ impl BeadRange {
     /// What was found and what the chain has.
     pub fn of(self, count: u64) -> Result<Range<usize>, String> {
         let (from, to) = (self.from.unwrap_or(0), self.to.unwrap_or(count));
-        let refuse = |what: &str| Err(format!("{from}..{to}: {what}; the chain has beads 0 to {}", count - 1));
+        let refuse =
+            |what: &str| Err(format!("{from}..{to}: {what}; the chain has beads 0 to {}", count - 1));
         if from >= to {
             return refuse("expected at least one bead");
         }

@@ -18,13 +18,16 @@ from typing import TYPE_CHECKING
 from ._native import __version__
 
 if TYPE_CHECKING:
+    from ._analyses import Forces, Motion, Pulses
     from ._live import (
+        Analysis,
         AsyncLive,
         Consumer,
         Frame,
         Live,
         LiveConsumer,
         LiveRun,
+        analysis,
         attach,
         attach_async,
         consumer,
@@ -36,7 +39,7 @@ if TYPE_CHECKING:
     from ._recording import Recording, State, open
     from ._run import Run, Simulation, preset, presets
     from ._sweep import sweep
-    from ._table import Forces, Motion, Pulses, Table
+    from ._table import Table
     from .errors import (
         BeadlineError,
         CommandError,
@@ -51,16 +54,19 @@ if TYPE_CHECKING:
 
 # where each name is: the command, which is in this package, too, starts without NumPy
 _PLACES = {
+    "_analyses": ("Forces", "Motion", "Pulses"),
     "_chain": ("Chain",),
     "_fields": ("FieldArray",),
     "_files": ("Verdict", "View"),
     "_live": (
+        "Analysis",
         "AsyncLive",
         "Consumer",
         "Frame",
         "Live",
         "LiveConsumer",
         "LiveRun",
+        "analysis",
         "attach",
         "attach_async",
         "consumer",
@@ -69,7 +75,7 @@ _PLACES = {
     "_recording": ("Recording", "State", "open"),
     "_run": ("Run", "Simulation", "preset", "presets"),
     "_sweep": ("sweep",),
-    "_table": ("Forces", "Motion", "Pulses", "Table"),
+    "_table": ("Table",),
     "errors": (
         "BeadlineError",
         "CommandError",
@@ -84,6 +90,7 @@ _PLACES = {
 }
 
 __all__ = [
+    "Analysis",
     "AsyncLive",
     "BeadlineError",
     "Chain",
@@ -112,6 +119,7 @@ __all__ = [
     "Verdict",
     "View",
     "__version__",
+    "analysis",
     "attach",
     "attach_async",
     "consumer",

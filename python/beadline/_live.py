@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -257,8 +257,12 @@ class Consumer:
         with attach(run or None, latest=latest, timeout_s=timeout_s, label=self.name) as live:
             return self._table(self._publish(live) if publish else self._rows(live))
 
-    def _row(self, frame: Frame | State, width: int | None) -> list[float]:
-        row = np.asarray(self.function(frame), dtype=np.float64).reshape(-1)
+    def _begin(self) -> Callable[[Any], Row]:
+        """The function from frames of one run to rows."""
+        return self.function
+
+    def _row(self, of: Callable[[Any], Row], frame: Frame | State, width: int | None) -> list[float]:
+        row = np.asarray(of(frame), dtype=np.float64).reshape(-1)
         wanted = len(self.columns) if len(self.columns) > 1 else width
         if row.size == 0 or (wanted is not None and row.size != wanted):
             found = f"{self.name} gave {row.size} values for frame {frame.frame}"
@@ -268,16 +272,18 @@ class Consumer:
 
     def _rows(self, frames: Iterable[Frame] | Iterable[State]) -> Rows:
         rows: Rows = []
+        of = self._begin()
         for frame in frames:
-            row = self._row(frame, len(rows[0][3]) if rows else None)
+            row = self._row(of, frame, len(rows[0][3]) if rows else None)
             rows.append((frame.frame, frame.step, frame.time_s, row))
         return rows
 
     def _publish(self, live: Live) -> Rows:
         rows: Rows = []
         results: _native.Results | None = None
+        of = self._begin()
         for frame in live:
-            row = self._row(frame, len(rows[0][3]) if rows else None)
+            row = self._row(of, frame, len(rows[0][3]) if rows else None)
             if results is None:
                 results = live.results(self.name, self.columns, len(row))
             results.publish(frame, row)
@@ -320,6 +326,63 @@ def consumer(
     'momentum'
     """
     return lambda function: Consumer(function, columns, name)
+
+
+class Analysis(Consumer):
+    """An analysis of one's own that remembers frames: a class or a generator.
+
+    It follows live runs and recordings as a :class:`Consumer` does, and sweeps take its numbers, those of the last frame, by
+    ``measure=["NAME.COLUMN"]``.
+
+    Attributes:
+        meanings: Meanings of the columns, by their names.
+    """
+
+    def __init__(self, make: Callable[[], Any], columns: Mapping[str, str], name: str | None) -> None:
+        super().__init__(make, columns, name)
+        self.meanings = dict(columns)
+        about = (make.__doc__ or self.name).strip().splitlines()[0]
+        _native.add_analysis(self.name, about, list(self.meanings.items()), self._begin_native)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Makes the object, or the generator, of one run."""
+        return self.function(*arguments)
+
+    def _begin(self) -> Callable[[Any], Row]:
+        made: Any = self.function()
+        if hasattr(made, "send"):
+            next(made)
+            made = made.send
+        return made if callable(made) else made.frame
+
+    def _begin_native(self, manifest: _native.Manifest) -> Callable[..., list[float]]:
+        from ._recording import State
+
+        of = self._begin()
+        return lambda *state: self._row(of, State(manifest, state), len(self.columns))
+
+
+def analysis(*, columns: Mapping[str, str], name: str | None = None) -> Callable[[Callable[[], Any]], Analysis]:
+    """Makes an :class:`Analysis` of a class or a generator.
+
+    A class is made without arguments for each run; its method ``frame`` takes a frame and gives a number for each column. A
+    generator is sent the frames, and yields the row of each:
+
+    >>> @analysis(columns={"travelled_m": "way that bead 0 has gone"})
+    ... def travelled():
+    ...     way = last = 0.0
+    ...     while True:
+    ...         frame = yield way
+    ...         way += abs(frame.displacement_m[0] - last)
+    ...         last = frame.displacement_m[0]
+    >>> travelled.columns
+    ['travelled_m']
+
+    Args:
+        columns: Names of the columns, which end in their units, and their meanings.
+        name: Its name in sweeps, and on the bus ``own/NAME``; by default that of the class or generator.
+    """
+    return lambda make: Analysis(make, columns, name)
 
 
 def _live_name(source: str | os.PathLike[str] | Recording) -> str | None:

@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from . import _files, _html, _native, _plot, _table
+from . import _files, _html, _native, _plot
+from ._analyses import Analyses
 from ._chain import number
 from ._fields import FieldArray, FieldName, Index, check_memory
 from ._numbers import count
@@ -176,7 +177,7 @@ class State:
         return f"<State at step {self.step}, {self.time_s:.6g} s, of {self.velocity_m_s.size} beads>"
 
 
-class Recording:
+class Recording(Analyses):
     """A recording, or a run in memory, of :func:`open`, ``Run.record`` or ``Run.simulate``.
 
     Every step of it can be had: what was not kept is recomputed, and proven by the next state that was. ``rec[12345]`` is
@@ -447,15 +448,6 @@ class Recording:
         return open(path)
 
     # the first argument of these is the recording
-    energies = _table.energies
-    impurity = _table.impurity
-    contacts = _table.contacts
-    pulses = _table.pulses
-    deformation = _table.deformation
-    spreading = _table.spreading
-    forces = _table.forces
-    spectrum = _table.spectrum
-    modes = _table.modes
     verify = _files.verify
     check = _files.check
     share = _files.share

@@ -50,6 +50,7 @@ def sweep(
     until: str = "end",
     check: bool = False,
     split: int | None = None,
+    measure: Sequence[str] = (),
     jobs: int | None = None,
     executor: Executor | None = None,
     out: str | os.PathLike[str] | None = None,
@@ -73,6 +74,8 @@ def sweep(
         check: Adds columns of how long each run is determined; takes eight times as long.
         split: The bead that divides reflected from transmitted energy; by default the first impurity
             that is not the striker, else the middle bead.
+        measure: Numbers of any analysis as further columns: ``["forces.peak_n@right", "modes.last_j@1"]``. ``beadline analyses``
+            lists them; those of :func:`analysis` are known to this process, and to processes that import where it is made.
         jobs: Runs that are computed at the same time; by default one for each core.
         executor: Computes the runs instead of threads of this process: one of
             :mod:`concurrent.futures`, or of Dask, MPI or Parsl. Tasks that have begun end by themselves
@@ -86,11 +89,11 @@ def sweep(
         ConfigError: If a run cannot be; none was begun then.
     """
     jobs = None if jobs is None else count("jobs", jobs)
-    settings: dict[str, Any] = {"until": until, "check": check, "split_bead": split}
+    settings: dict[str, Any] = {"until": until, "check": check, "split_bead": split, "measure": list(measure) or None}
     settings |= {"case": list(cases), "grid": dict(grid or {})}
     if isinstance(run, Run):
         text, path = _text(run, settings), _MADE
-    elif (until, check, split) == ("end", False, None) and not cases and not grid:
+    elif (until, check, split) == ("end", False, None) and not cases and not grid and not measure:
         text, path = Path(run).read_text(encoding="utf-8"), os.path.abspath(run)
     else:
         raise ValueError("the sweep file says what to sweep; found values beside it")
@@ -134,7 +137,7 @@ def _text(run: Run, settings: Mapping[str, Any]) -> str:
     def entries(table: Mapping[str, Any]) -> list[str]:
         return [f"{json.dumps(key)} = {_value(value)}" for key, value in table.items()]
 
-    names = ("until", "check", "split_bead")
+    names = ("until", "check", "split_bead", "measure")
     plain = {key: settings[key] for key in names if settings[key] is not None}
     grid = {key: _listed(key, values) for key, values in settings["grid"].items()}
     lines = [*entries({**plain, "base": base}), "[grid]", *entries(grid)]

@@ -191,245 +191,6 @@ class Table(dict[str, Column]):
         return of_table(self)
 
 
-class Motion(Table):
-    """The motion of beads in each frame.
-
-    Attributes:
-        events: Contacts that close or open, and turning points: ``time_s``, ``bead``, ``event``, ``u_m``.
-    """
-
-    def __init__(self, motion: Table, events: Table) -> None:
-        super().__init__(motion, motion.summary)
-        self.events = events
-
-
-class Pulses(Table):
-    """The pulses, in the order in which they end.
-
-    Attributes:
-        positions: Their tracks, a row for each bead that a pulse passes: ``pulse``, ``bead``,
-            ``time_s``, ``v_peak_m_s``, ….
-    """
-
-    def __init__(self, pulses: Table, positions: Table) -> None:
-        super().__init__(pulses, pulses.summary)
-        self.positions = positions
-
-
-class Forces(Table):
-    """Forces at places in each frame.
-
-    Attributes:
-        peaks: Their peaks: ``place``, ``time_s``, ``force_n`` above that at rest, ``width_s``, ``above_s``.
-    """
-
-    def __init__(self, forces: Table, peaks: Table) -> None:
-        super().__init__(forces, forces.summary)
-        self.peaks = peaks
-
-
-def energies(
-    rec: Recording,
-    *,
-    split: int | None = None,
-    from_s: float | None = None,
-    until_s: float | None = None,
-    every_step: bool = False,
-    jobs: int | None = None,
-) -> Table:
-    """The energies (J) of each frame: kinetic, potential, total, and left of a bead, in it and right of it.
-
-    Args:
-        split: The bead; by default the first impurity that is not the striker, else the middle bead.
-        from_s, until_s: The first and the last simulated time (s) that is looked at.
-        every_step: Also steps between recorded states, which are recomputed.
-        jobs: Threads that recompute them; by default one for each core.
-    """
-    part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-    return analyse(rec, "energies", split=split, **part)[0]
-
-
-def impurity(
-    rec: Recording,
-    *,
-    bead: int | Sequence[int] | None = None,
-    from_s: float | None = None,
-    until_s: float | None = None,
-    every_step: bool = False,
-    jobs: int | None = None,
-) -> Motion:
-    """The motion of beads in each frame: displacements (m), velocities (m/s), and overlaps of their contacts (m).
-
-    Args:
-        bead: A bead, or several; by default the impurities.
-        from_s, until_s, every_step, jobs: As for :meth:`energies`.
-    """
-    part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-    return Motion(*analyse(rec, "impurity", "events", bead=bead, **part))
-
-
-def contacts(
-    rec: Recording,
-    *,
-    tolerance_m: float | None = None,
-    from_s: float | None = None,
-    until_s: float | None = None,
-    every_step: bool = False,
-    jobs: int | None = None,
-) -> Table:
-    """How many contacts are compressed, touching and open in each frame.
-
-    Args:
-        tolerance_m: The overlap or gap (m) up to which a contact is touching; by default 1e-6 of the
-            collision length.
-        from_s, until_s, every_step, jobs: As for :meth:`energies`.
-    """
-    part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-    return analyse(rec, "contacts", tolerance_m=tolerance_m, **part)[0]
-
-
-def pulses(
-    rec: Recording,
-    *,
-    threshold: float | None = None,
-    from_s: float | None = None,
-    until_s: float | None = None,
-    every_step: bool = False,
-    jobs: int | None = None,
-) -> Pulses:
-    """The pulses: where each came from and ended, how strong, fast and wide it is; and their tracks.
-
-    Args:
-        threshold: The smallest peak velocity of a pulse, over that of the striker; by default 0.001.
-        from_s, until_s, every_step, jobs: As for :meth:`energies`.
-    """
-    part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-    return Pulses(*analyse(rec, "pulses", "positions", threshold=threshold, **part))
-
-
-def deformation(
-    rec: Recording,
-    contact: int | Sequence[int],
-    *,
-    from_s: float | None = None,
-    until_s: float | None = None,
-    every_step: bool = False,
-    jobs: int | None = None,
-) -> Table:
-    """The overlap (m) of contacts while the first pulse passes, beside those of the exact wave and of
-    the continuum.
-
-    Args:
-        contact: A contact, or several.
-        from_s, until_s, every_step, jobs: As for :meth:`energies`.
-    """
-    part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-    return analyse(rec, "deformation", contact=contact, **part)[0]
-
-
-def spreading(
-    rec: Recording,
-    *,
-    from_s: float | None = None,
-    until_s: float | None = None,
-    every_step: bool = False,
-    jobs: int | None = None,
-) -> Table:
-    """How far the energy has spread in each frame: its centre, its second moment about it, and the participation number, which is
-    how many beads share it.
-
-    Args:
-        from_s, until_s, every_step, jobs: As for :meth:`energies`.
-    """
-    part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-    return analyse(rec, "spreading", **part)[0]
-
-
-def forces(
-    rec: Recording,
-    at: str | Sequence[str],
-    *,
-    threshold_n: float | None = None,
-    from_s: float | None = None,
-    until_s: float | None = None,
-    every_step: bool = False,
-    jobs: int | None = None,
-) -> Forces:
-    """Forces (N) in each frame as sensors at places see them, and their peaks.
-
-    Args:
-        at: A place, or several: ``"bead:20"``, ``"contact:7"``, ``"wall:left"``, ``"wall:right"``. A bead has the mean of the forces
-            on its two sides.
-        threshold_n: Least height of a peak (N) above the force at rest; by default 0.01 of the run's force scale.
-        from_s, until_s, every_step, jobs: As for :meth:`energies`.
-    """
-    part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-    return Forces(*analyse(rec, "forces", "peaks", at=at, threshold_n=threshold_n, **part))
-
-
-def spectrum(
-    rec: Recording,
-    at: str | Sequence[str] = (),
-    *,
-    of: Literal["velocity", "force", "displacement"] = "velocity",
-    transmission: Sequence[tuple[str, str]] = (),
-    spectrogram: bool = False,
-    map: bool = False,
-    beads: slice | None = None,
-    segment: int | None = None,
-    window: Literal["hann", "none"] | None = None,
-    max_frequency_hz: float | None = None,
-    from_s: float | None = None,
-    until_s: float | None = None,
-    every_step: bool = False,
-    jobs: int | None = None,
-) -> Table:
-    """The frequencies of waves: densities at places (of m/s: m²/s²/Hz), one-sided, by Welch's method.
-
-    Args:
-        at: A place, or several, as for :meth:`forces`.
-        of: The quantity.
-        transmission: Pairs of places: gain, phase (rad) and coherence of how the second follows the first.
-        spectrogram: The spectrum of one place over time.
-        map: Or that of all beads over frequency and wavenumber (rad per bead).
-        beads: Only these beads in the map: ``slice(10, 90)``.
-        segment: Samples in a segment, even: more resolve more, fewer average more.
-        window: How they are weighted: ``"hann"``, the default, for motion that lasts, ``"none"`` for a pulse that has come and gone.
-        max_frequency_hz: Highest frequency (Hz) of a spectrogram or map.
-        from_s, until_s, every_step, jobs: As for :meth:`energies`.
-    """
-    part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-    of_map = {"map": map, "beads": range_of("beads", beads)}
-    how = {"of": of, "segment": segment, "window": window, "max_frequency_hz": max_frequency_hz}
-    if isinstance(transmission, str) or any(isinstance(pair, str) or len(pair) != 2 for pair in transmission):
-        raise ValueError(f'transmission: found {transmission!r}; expected pairs of places, such as [("bead:3", "bead:90")]')
-    pairs = [",".join(pair) for pair in transmission]
-    return analyse(rec, "spectrum", at=at, transmission=pairs, spectrogram=spectrogram, **of_map, **how, **part)[0]
-
-
-def modes(
-    rec: Recording,
-    *,
-    shapes: bool = False,
-    energy: bool = False,
-    mode: int | Sequence[int] | None = None,
-    from_s: float | None = None,
-    until_s: float | None = None,
-    every_step: bool = False,
-    jobs: int | None = None,
-) -> Table:
-    """The linear modes of a chain that is pressed together, by ascending frequency: ``frequency_hz``, ``participation_beads``, ….
-
-    Args:
-        shapes: Their shapes instead, a column for each.
-        energy: Or the energy (J) in each of them in each frame.
-        mode: Of shapes and energies: a mode, or several, from 1; by default the lowest 4 and 8.
-        from_s, until_s, every_step, jobs: As for :meth:`energies`.
-    """
-    part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-    return analyse(rec, "modes", shapes=shapes, energy=energy, mode=mode, **part)[0]
-
-
 def analyse(rec: Recording, name: str, *tables: str, **options: object) -> list[Table]:
     """What the command's analysis ``name`` makes of a recording: its table, and those of flags ``tables``.
 
@@ -438,6 +199,10 @@ def analyse(rec: Recording, name: str, *tables: str, **options: object) -> list[
     flags: list[str] = []
     keys: dict[str, str] = {}
     for key, value in options.items():
+        if key == "beads":
+            value = range_of(key, value)  # type: ignore[arg-type]
+        if key == "transmission":
+            value = pairs_of(key, value)
         flag = re.sub("_(s|m|n|hz)$", "", key).replace("_", "-")
         keys[flag] = key
         if value is True:
@@ -450,6 +215,13 @@ def analyse(rec: Recording, name: str, *tables: str, **options: object) -> list[
         outputs = [f"--{table}={path}" for table, path in paths.items()]
         summary = run_command([name, file, *flags, *outputs], path=file, keys=keys)
         return [read_csv(path, summary) for path in paths.values()]
+
+
+def pairs_of(name: str, pairs: Any) -> list[str]:
+    """Pairs of places, as a command takes them."""
+    if isinstance(pairs, str) or any(isinstance(pair, str) or len(pair) != 2 for pair in pairs):
+        raise ValueError(f'{name}: found {pairs!r}; expected pairs of places, such as [("bead:3", "bead:90")]')
+    return [",".join(pair) for pair in pairs]
 
 
 def range_of(name: str, beads: slice | None) -> str | None:

@@ -9,6 +9,7 @@ mod errors;
 mod fields;
 mod live;
 mod manifest;
+mod own;
 mod patience;
 mod run;
 mod states;
@@ -29,6 +30,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(command, module)?)?;
     module.add_function(wrap_pyfunction!(manifest::presets, module)?)?;
+    module.add_function(wrap_pyfunction!(own::add_analysis, module)?)?;
     module.add_function(wrap_pyfunction!(run::record, module)?)?;
     module.add_function(wrap_pyfunction!(run::simulate, module)?)?;
     module.add_class::<manifest::Manifest>()?;

@@ -1,6 +1,7 @@
 //! Sweeps: rows of many runs, computed here or in other processes.
 
 use crate::errors::Why;
+use crate::own;
 use crate::patience::{LOOK, abandonable, detached};
 use consumers::table::{Cell, Kind};
 use experiments::pool::{NoThread, Told, share};
@@ -148,7 +149,7 @@ impl Sweep {
                     stop.fetch_or(raised.is_some(), Ordering::Relaxed);
                 }
             });
-            raised.map_or(shared, |error| Err(error.into()))
+            raised.or_else(own::raised).map_or(shared, |error| Err(error.into()))
         })?;
         let values = |(row, index): (Option<Vec<Cell>>, u64)| match row {
             Some(cells) => Ok(cells.into_iter().map(Value::Cell).collect()),

@@ -2,10 +2,10 @@
 
 use super::{AnalysisError, Session};
 use crate::args::{AskedAnalysis, keeps_rows};
+use crate::display::{count, number};
 use crate::failure::Failure;
 use crate::outputs::extension;
 use bus::{ResultPublisher, ResultsError};
-use crate::display::{count, number};
 use consumers::analysis::{Analysis, LastRow, Meaning, Number, Offer, Outlet, Report, RowValues, Words};
 use consumers::series::Series;
 use consumers::table::{Cell, Table, TableError};
@@ -176,8 +176,12 @@ impl Outlet for Outputs {
     fn publish(&mut self, frame: &Frame<'_>, row: RowValues<'_>) {
         let (number, step, time_s) = (frame.frame, frame.step, frame.time_s);
         let done = match (&mut self.publisher, row) {
-            (Publisher::Numbers(publisher), RowValues::Numbers(row)) => publisher.publish(number, step, time_s, row),
-            (Publisher::Classes(publisher), RowValues::Classes(row)) => publisher.publish(number, step, time_s, row),
+            (Publisher::Numbers(publisher), RowValues::Numbers(row)) => {
+                publisher.publish(number, step, time_s, row)
+            }
+            (Publisher::Classes(publisher), RowValues::Classes(row)) => {
+                publisher.publish(number, step, time_s, row)
+            }
             _ => Ok(()),
         };
         self.keep(unless_stopped(done));

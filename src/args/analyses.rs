@@ -111,7 +111,10 @@ impl AskedAnalysis {
         let files = |name: &str| matches.get_many::<PathBuf>(name).into_iter().flatten().cloned().collect();
         Ok(Self {
             offer,
-            common: AnalysisArgs { no_publish: flag("no-publish"), ..AnalysisArgs::from_arg_matches(matches)? },
+            common: AnalysisArgs {
+                no_publish: flag("no-publish"),
+                ..AnalysisArgs::from_arg_matches(matches)?
+            },
             settings,
             tables: offer.tables.iter().map(|table| files(table.name)).collect(),
             preset: matches.try_get_one::<String>("preset").ok().flatten().cloned(),
@@ -162,7 +165,10 @@ fn switch(name: &'static str, help: &'static str) -> Arg {
 }
 
 fn argument(setting: &'static Setting) -> Arg {
-    let argument = Arg::new(setting.name).long(setting.name).help(setting.help).required(setting.required_unless.is_some_and(<[_]>::is_empty));
+    let argument = Arg::new(setting.name)
+        .long(setting.name)
+        .help(setting.help)
+        .required(setting.required_unless.is_some_and(<[_]>::is_empty));
     let argument = argument.conflicts_with_all(setting.excludes);
     let argument = match setting.belongs_to {
         Some(other) => argument.requires(other),
@@ -172,7 +178,9 @@ fn argument(setting: &'static Setting) -> Arg {
     let check = move |text: &str| setting.takes.check(text).map(|()| text.to_owned());
     match &setting.takes {
         Takes::Nothing => argument.action(ArgAction::SetTrue),
-        Takes::Whole(name) | Takes::Text(name, _) => argument.value_name(*name).value_parser(check).action(action),
+        Takes::Whole(name) | Takes::Text(name, _) => {
+            argument.value_name(*name).value_parser(check).action(action)
+        }
         Takes::Number { unit, default, .. } => {
             let argument = argument.value_name(placeholder(unit)).value_parser(check).action(action);
             default.map_or(argument.clone(), |default| argument.default_value(default))

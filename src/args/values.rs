@@ -100,7 +100,6 @@ pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
     if allowed { Ok(seconds) } else { Err("expected a positive number of seconds, at most 1e9".to_owned()) }
 }
 
-
 pub(super) fn parse_tolerance(text: &str) -> Result<f64, String> {
     let tolerance = text.parse().ok().filter(|tolerance: &f64| (1e-15..=0.1).contains(tolerance));
     tolerance.ok_or_else(|| "expected a number from 1e-15 to 0.1".to_owned())

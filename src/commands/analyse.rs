@@ -114,11 +114,7 @@ fn files(asked: &AskedAnalysis) -> Result<Vec<&PathBuf>, Failure> {
                 }
             };
             if std::mem::replace(&mut known[place], true) {
-                return Err(bad_input!(
-                    "--{} {}: one table and one map at most",
-                    table.name,
-                    path.display()
-                ));
+                return Err(bad_input!("--{} {}: one table and one map at most", table.name, path.display()));
             }
         }
     }
@@ -245,7 +241,8 @@ fn redraw(asked: &AskedAnalysis, mut kept: ContactsReader) -> Result<Done, Failu
         ("jobs", frames.jobs.is_some()),
     ];
     let given = of_states.iter().filter(|(_, is_given)| *is_given).map(|(flag, _)| *flag);
-    let set = asked.offer.settings.iter().map(|setting| setting.name).filter(|name| asked.settings.is_set(name));
+    let set =
+        asked.offer.settings.iter().map(|setting| setting.name).filter(|name| asked.settings.is_set(name));
     if let Some(flag) = given.chain(set).next() {
         return Err(bad_input!("--{flag}: {what}; give the recording of the run instead"));
     }

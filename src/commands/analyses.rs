@@ -1,6 +1,5 @@
 //! `beadline analyses`: the list of the analyses, with their options, columns and numbers.
 
-use crate::display;
 use crate::failure::{Done, Failure};
 use crate::report::{Rows, report};
 use consumers::analysis::{Meaning, Offer, Setting, Takes, Whereabouts};
@@ -10,21 +9,18 @@ use serde_json::{Value, json};
 pub(crate) fn list(as_json: bool) -> Result<Done, Failure> {
     let all: Vec<Value> = analyses::all().map(told).collect();
     report(as_json, &all, || {
+        let names =
+            |numbers: &[Meaning]| numbers.iter().map(|number| number.name).collect::<Vec<_>>().join(", ");
         let mut text = String::new();
         for offer in analyses::all() {
             let mut rows = Rows::default();
-            let lines = |numbers: &[Meaning]| -> Vec<String> {
-                numbers.iter().map(|number| format!("{}: {}", number.name, number.meaning)).collect()
-            };
-            rows.each("column", lines(offer.columns));
-            rows.each("number", lines(offer.numbers()));
+            for (name, numbers) in [("each frame", offer.columns), ("measure", offer.numbers())] {
+                rows.each(name, (!numbers.is_empty()).then(|| names(numbers)));
+            }
             text += &rows.under(format_args!("{}: {}", offer.name, offer.about));
         }
-        text
+        text + "\nSweeps keep what `measure` names: `energies.driven_j`, or `forces.peak_n@right` of a place. --json has the meanings.\n"
     })?;
-    if !as_json {
-        display::print("\nNumbers are those that `measure` of a sweep may name, such as `energies.driven_j`.\n")?;
-    }
     Ok(Done::Whole)
 }
 

@@ -10,7 +10,7 @@ use crate::progress::Progress;
 use crate::report::{Rows, report};
 use crate::signals;
 use anyhow::{Error, anyhow};
-use consumers::follow::{FrameObserver, FollowError, Tally, follow_within};
+use consumers::follow::{FollowError, FrameObserver, Tally, follow_within};
 use exports::{Excerpt, Export, ExportError, Format};
 use producer::resimulation::Lend;
 use schemas::frame::{EndReason, Frame, FrameSource, Window};

@@ -91,7 +91,8 @@ const LONG: [(&str, At, &[&str]); 46] = [
 ];
 
 /// Commands that take no time, or whose Ctrl-C is tested elsewhere.
-const OTHERS: [&str; 11] = [
+const OTHERS: [&str; 12] = [
+    "analyses",
     "presets",
     "preset",
     "completions",

@@ -37,6 +37,7 @@ mod measures;
 mod object_store;
 mod origins;
 mod other_tools;
+mod own_analysis;
 mod own_consumer;
 mod page;
 mod page_data;

@@ -143,7 +143,7 @@ fn what_cannot_be_measured_is_refused_with_its_line() {
         ("[\"forces.peak_n\"]", "found no place; allowed: `forces.peak_n@…`"),
         ("[\"forces.peak_n@right\"]", "wall:right: this end of the chain is free"),
         ("[\"forces.peak_n@99\"]", "bead:99: the chain has beads 0 to 19"),
-        ("[\"impurity.u_m@99\"]", "found @99; allowed: beads 0 to 19 of this chain"),
+        ("[\"impurity.u_m@99\"]", "found @99; the chain has beads 0 to 19"),
         ("[\"modes.frequency_hz@1\"]", "contact 0 is not pressed together at rest"),
         (
             "[\"spreading.centre\", \"spreading.centre_beads\"]",

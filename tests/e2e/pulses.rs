@@ -428,7 +428,7 @@ fn coarse_frames_are_told_and_nonsense_is_refused() {
     let told = place.run("pulses --json").exits(3).says(&["200 steps apart", "are enough", "--every-step"]);
     run.wait().exits(0);
     assert_eq!(told.json()["results"]["pulses"].as_array().unwrap().len(), 0);
-    place.run("pulses homogeneous.mcap --threshold 0").exits(2).says(&["--threshold 0", "above 0"]);
+    place.run("pulses homogeneous.mcap --threshold 0").exits(2).says(&["'0' for '--threshold", "above 0"]);
     place.run("pulses homogeneous.mcap --out a.txt").exits(2);
 }
 

@@ -1,8 +1,8 @@
 //! Space-time map of compressed, touching and open contacts.
 
 use consumers::analysis::{
-    Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Report, RowValues, Setting, TableFlag,
-    Takes, Whereabouts, Words, frame_columns,
+    Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Report, RowValues, Setting,
+    TableFlag, Takes, Whereabouts, Words, frame_columns,
 };
 use consumers::contacts::{Class, ContactCounts, Contacts, default_tolerance_m};
 use consumers::space_time::{Extent, Picture};
@@ -58,7 +58,8 @@ struct ContactAnalysis {
 impl ContactAnalysis {
     fn new(beginning: &Beginning<'_>) -> Self {
         let manifest = beginning.manifest.clone();
-        let tolerance_m = beginning.settings.one("tolerance").unwrap_or_else(|| default_tolerance_m(&manifest));
+        let tolerance_m =
+            beginning.settings.one("tolerance").unwrap_or_else(|| default_tolerance_m(&manifest));
         let extent = Extent { places: 0..manifest.contact_count(), steps: beginning.steps.clone() };
         let contacts = Contacts::new(&manifest, tolerance_m);
         Self {
@@ -92,7 +93,11 @@ impl Analysis for ContactAnalysis {
         let classes = self.contacts.observe(frame);
         take(&mut self.picture, &mut self.last, frame.step, classes);
         if out.wants(0) {
-            out.line_of(0, frame, COLUMNS.map(|column| self.value(column.name, None).map_or(Cell::Empty, Cell::from)));
+            out.line_of(
+                0,
+                frame,
+                COLUMNS.map(|column| self.value(column.name, None).map_or(Cell::Empty, Cell::from)),
+            );
         }
         out.publish(frame, RowValues::Classes(self.contacts.classes()));
     }

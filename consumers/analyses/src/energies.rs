@@ -54,7 +54,8 @@ const COLUMNS: [Meaning; ENERGIES.len()] = [
 ];
 
 const SUMMARY: [Meaning; 18] = {
-    let [kinetic, potential, total, left, split, right, dissipated, drift, inbound, corrected, driven] = COLUMNS;
+    let [kinetic, potential, total, left, split, right, dissipated, drift, inbound, corrected, driven] =
+        COLUMNS;
     [
         Meaning::count("split_bead", "the bead that divides left from right"),
         kinetic,

@@ -99,9 +99,12 @@ impl ForceAnalysis {
         let chain = manifest.physics.chain();
         let places = places(beginning, "at", &chain)?;
         let given = beginning.settings.one("threshold");
-        let threshold_n = given.or_else(|| Peaks::default_threshold_n(&manifest.physics)).ok_or_else(|| {
-            "the run has no force scale, since nothing strikes and nothing is loaded; say --threshold N".to_owned()
-        })?;
+        let threshold_n = given.or_else(|| Peaks::default_threshold_n(&manifest.physics)).ok_or_else(
+            || {
+                "the run has no force scale, since nothing strikes and nothing is loaded; say --threshold N"
+                    .to_owned()
+            },
+        )?;
         let sensors = Sensors::new(chain);
         let sensor = |place: &Place| Sensor {
             place: *place,
@@ -163,7 +166,8 @@ impl Analysis for ForceAnalysis {
     }
 
     fn report(&mut self) -> Option<Report> {
-        let interval_s = self.sampling.interval_steps().map(|steps| steps as f64 * self.manifest.physics.dt_s);
+        let interval_s =
+            self.sampling.interval_steps().map(|steps| steps as f64 * self.manifest.physics.dt_s);
         let notices = coarse_frames(&self.found, interval_s).into_iter().collect();
         let (words, results) = (words(&self.found, self.threshold_n), json(&self.found, self.threshold_n));
         Some(Report { title: "forces", words, results, notices, is_lossy: false })
@@ -229,11 +233,8 @@ fn words(found: &[Sensed], threshold_n: f64) -> Words {
     let mut words = Words::default();
     words.add("threshold", quantity(threshold_n, "N"));
     for Sensed { place, rest_n, peaks, peak_count, .. } in found {
-        let at_rest = if *rest_n == 0.0 {
-            String::new()
-        } else {
-            format!(" above {} at rest", quantity(*rest_n, "N"))
-        };
+        let at_rest =
+            if *rest_n == 0.0 { String::new() } else { format!(" above {} at rest", quantity(*rest_n, "N")) };
         words.add(place.to_string(), format_args!("{}{at_rest}", counted(*peak_count, "peak")));
         words.each("", peaks.iter().take(SHOWN).map(peak_text));
         if peaks.len() > SHOWN {

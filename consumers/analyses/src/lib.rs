@@ -9,8 +9,8 @@ pub mod energies;
 pub mod forces;
 pub mod impurity;
 pub mod modes;
-pub mod pulses;
 mod places;
+pub mod pulses;
 pub mod spectrum;
 pub mod spreading;
 
@@ -54,7 +54,8 @@ pub fn is_added(offer: &Offer) -> bool {
 /// # Errors
 /// When its name is no name, or that of one of ours.
 pub fn add(offer: &'static Offer) -> Result<(), String> {
-    let (name, is_letter) = (offer.name, |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-');
+    let (name, is_letter) =
+        (offer.name, |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-');
     if !name.bytes().all(is_letter) || name.starts_with('-') || !(1..=32).contains(&name.len()) {
         return Err(format!(
             "`{name}` is no name of an analysis; allowed: 1 to 32 characters of a-z, 0-9 and -, the first of them no -"
@@ -88,7 +89,10 @@ mod tests {
         for offer in all() {
             let known = |name: &str| offer.settings.iter().any(|setting| setting.name == name);
             for setting in offer.settings {
-                assert!(setting.excludes.iter().chain(&setting.belongs_to).all(|name| known(name)), "{setting:?}");
+                assert!(
+                    setting.excludes.iter().chain(&setting.belongs_to).all(|name| known(name)),
+                    "{setting:?}"
+                );
             }
         }
     }

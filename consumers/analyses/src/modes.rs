@@ -158,7 +158,8 @@ impl ModeAnalysis {
                 None => Cell::Empty,
             };
             let (frequency, shared) = (modes.frequency_hz(mode), modes.participation_beads(mode));
-            let (number, centre) = (Cell::Integer(mode as u64 + 1), Cell::Integer(modes.centre_bead(mode) as u64));
+            let (number, centre) =
+                (Cell::Integer(mode as u64 + 1), Cell::Integer(modes.centre_bead(mode) as u64));
             out.line(0, &[number, Cell::Double(frequency), Cell::Double(shared), centre, place]);
         }
     }
@@ -231,7 +232,9 @@ impl Analysis for ModeAnalysis {
             Subject::List => ("modes", self.list_words(&modes), self.list_json(&modes)),
             Subject::Shapes => {
                 let (mut words, shapes) = (Words::default(), self.shapes(&modes));
-                let text = |shape: &ModeShape| format!("mode {}: {}", shape.mode, quantity(shape.frequency_hz, "Hz"));
+                let text = |shape: &ModeShape| {
+                    format!("mode {}: {}", shape.mode, quantity(shape.frequency_hz, "Hz"))
+                };
                 words.each("shapes", shapes.iter().map(text));
                 let json_of = |shape: &ModeShape| json!({ "mode": shape.mode, "frequency_hz": shape.frequency_hz, "displacement": shape.shape });
                 let all: Vec<Value> = shapes.iter().map(json_of).collect();
@@ -247,7 +250,8 @@ impl Analysis for ModeAnalysis {
         let all = 0..modes.count();
         Ok(Some(match self.subject {
             Subject::List => {
-                let participation: Vec<f64> = all.clone().map(|mode| modes.participation_beads(mode)).collect();
+                let participation: Vec<f64> =
+                    all.clone().map(|mode| modes.participation_beads(mode)).collect();
                 let frequencies: Vec<f64> = all.map(|mode| modes.frequency_hz(mode)).collect();
                 let shown = ModesShown {
                     frequencies_hz: &frequencies,

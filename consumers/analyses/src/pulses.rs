@@ -1,11 +1,12 @@
 //! Pulses: when they pass, how strong, fast and wide they are, where they come from and go.
 
 use consumers::analysis::{
-    Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Report, RowValues, Setting, TableFlag,
-    Takes, Whereabouts, Words,
+    Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Report, RowValues, Setting,
+    TableFlag, Takes, Whereabouts, Words,
 };
 use consumers::pulses::{
-    Birth, Counts, Direction, Fate, Happening, Obstacles, Point, Pulse, Pulses, Strongest, UnderWay, Unfollowed,
+    Birth, Counts, Direction, Fate, Happening, Obstacles, Point, Pulse, Pulses, Strongest, UnderWay,
+    Unfollowed,
 };
 use consumers::space_time::{Extent, Picture, singles};
 use consumers::table::{Cell, Column};
@@ -39,7 +40,10 @@ pub static OFFER: Offer = Offer {
         "Smallest peak velocity of a pulse, relative to the run's velocity scale (v0)",
     )],
     tables: &[
-        TableFlag { name: "out", help: "Table of the pulses, a row for each, in the order in which they end" },
+        TableFlag {
+            name: "out",
+            help: "Table of the pulses, a row for each, in the order in which they end",
+        },
         TableFlag {
             name: "positions",
             help: "Table of their tracks: a row for each bead that a pulse passes",
@@ -165,7 +169,8 @@ impl PulseAnalysis {
         self.strongest.take(happening);
         match happening {
             Happening::Passed(point) if out.wants(POSITIONS) => {
-                let line: Vec<Cell> = [Cell::Integer(point.pulse)].into_iter().chain(point_cells(point)).collect();
+                let line: Vec<Cell> =
+                    [Cell::Integer(point.pulse)].into_iter().chain(point_cells(point)).collect();
                 out.line(POSITIONS, &line);
             }
             Happening::Passed(_) => {}
@@ -379,9 +384,8 @@ const HEADING: &str =
 
 /// The summary of each pulse. A pulse from or to an impurity is first or last seen beside it; the impurity is named.
 fn add_lines(words: &mut Words, obstacles: &Obstacles, pulses: &[Pulse]) {
-    let number = |value: Option<f64>, decimals: usize| {
-        value.map_or("–".into(), |value| fixed(value, decimals))
-    };
+    let number =
+        |value: Option<f64>, decimals: usize| value.map_or("–".into(), |value| fixed(value, decimals));
     let line = |pulse: &Pulse| {
         let point = &pulse.measured.point;
         let named = |is_impurity, bead| if is_impurity { obstacles.nearest(bead) } else { bead };

@@ -60,7 +60,8 @@ pub static OFFER: Offer = Offer {
         Setting::new("transmission", TAKES_PAIR, "Two places: how the second follows the first, repeatable")
             .repeatable()
             .excluding(&["spectrogram", "map"]),
-        Setting::new("spectrogram", Takes::Nothing, "The spectrum of one place over time").excluding(&["map"]),
+        Setting::new("spectrogram", Takes::Nothing, "The spectrum of one place over time")
+            .excluding(&["map"]),
         Setting::new(
             "map",
             Takes::Nothing,
@@ -409,7 +410,8 @@ impl Analysis for SpectrumAnalysis {
         let Some(engine) = self.engine.take().filter(|engine| engine.segment_count() > 0) else {
             return Err(too_few(&samples, self.sampling.break_count()));
         };
-        let found = Found::new(&self.asked, engine, &samples, self.linear.as_ref().map_or(0.0, Linear::top_hz));
+        let found =
+            Found::new(&self.asked, engine, &samples, self.linear.as_ref().map_or(0.0, Linear::top_hz));
         if out.wants(0) {
             found.write(out);
         }
@@ -445,8 +447,7 @@ impl Analysis for SpectrumAnalysis {
 
 fn too_few(samples: &Samples, break_count: u64) -> Refusal {
     let seen = counted(samples.count, "sample");
-    let gaps =
-        if break_count > 0 { format!(" with {}", counted(break_count, "gap")) } else { String::new() };
+    let gaps = if break_count > 0 { format!(" with {}", counted(break_count, "gap")) } else { String::new() };
     Refusal::from(format!(
         "{seen}{gaps} do not fill a segment of a spectrum: take a longer part of the run, a shorter --segment (at least \
          16), or --every-step, which recomputes what is between frames; --fill-gaps fills gaps"

@@ -1,8 +1,6 @@
 //! Spreading of the energy of a chain, and the number of beads that share it.
 
-use consumers::analysis::{
-    Analysis, Beginning, Meaning, Needs, Offer, Outlet, Report,
-};
+use consumers::analysis::{Analysis, Beginning, Meaning, Needs, Offer, Outlet, Report};
 use consumers::local_energy::bead_energies_j;
 use consumers::series::Series;
 use figure::{Axis, Figure, FigureError, Panel};
@@ -132,10 +130,10 @@ impl Analysis for Spreading {
         };
         Ok(Some(
             Figure::new()
-            .shared_x()
-            .caption(plots::caption(&self.manifest))
-            .panel(panel("second moment m_{2} (beads^{2})", 2))
-            .panel(panel("participation number P (beads)", 3)),
+                .shared_x()
+                .caption(plots::caption(&self.manifest))
+                .panel(panel("second moment m_{2} (beads^{2})", 2))
+                .panel(panel("participation number P (beads)", 3)),
         ))
     }
 }

@@ -1,7 +1,7 @@
 //! The columns of a sweep's rows.
 
-use crate::point::Leading;
 use crate::measures;
+use crate::point::Leading;
 use consumers::determination::{Outcome, Quantity};
 use consumers::energies::{EnergyOutcome, Reflection};
 use consumers::pulses::{Counts, Measured};

@@ -10,8 +10,8 @@ mod columns;
 pub mod compare;
 pub mod ensemble;
 mod measures;
-pub mod pool;
 mod point;
+pub mod pool;
 mod prepare;
 pub mod row;
 

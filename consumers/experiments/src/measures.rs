@@ -198,7 +198,9 @@ impl Measures {
         let value = |(at, name, word): &(usize, &str, Option<String>)| -> Option<Number> {
             match &self.looking[*at] {
                 Looking::Standard(analysis) => standard.value(analysis, name, word.as_deref()),
-                Looking::Beside { offer, analysis, last } => last.value(offer, &**analysis, name, word.as_deref()),
+                Looking::Beside { offer, analysis, last } => {
+                    last.value(offer, &**analysis, name, word.as_deref())
+                }
             }
         };
         self.numbers.iter().map(|number| value(number).map_or(Cell::Empty, Cell::from)).collect()
@@ -256,6 +258,8 @@ mod tests {
 
     #[test]
     fn kinds_are_those_of_values() {
-        assert!(all().flat_map(|offer| offer.numbers()).all(|number| number.kind != consumers::table::Kind::Word));
+        assert!(
+            all().flat_map(|offer| offer.numbers()).all(|number| number.kind != consumers::table::Kind::Word)
+        );
     }
 }

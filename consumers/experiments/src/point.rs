@@ -66,7 +66,11 @@ impl PointAnalyses {
 
     /// A number of one of [`Self::STANDARD`].
     pub(crate) fn value(&self, analysis: &str, name: &str, word: Option<&str>) -> Option<Number> {
-        if analysis == Self::STANDARD[0] { self.energies.value(name, word) } else { self.pulses.value(name, word) }
+        if analysis == Self::STANDARD[0] {
+            self.energies.value(name, word)
+        } else {
+            self.pulses.value(name, word)
+        }
     }
 
     /// There are no more frames.

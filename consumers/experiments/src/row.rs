@@ -1,8 +1,8 @@
 //! The row of a point.
 
-use crate::point::PointAnalyses;
 use crate::columns::{ERROR_COLUMN, Results};
 use crate::compare::compare;
+use crate::point::PointAnalyses;
 use consumers::determination::TOLERANCE;
 use consumers::energies::Energies;
 use consumers::table::Cell;
@@ -329,7 +329,8 @@ mod tests {
         let sweep = sweep(text);
         let point = sweep.point(0).expect("point");
         let manifest = RunManifest::new(&point.config, "point", origin()).expect("valid");
-        let mut analyses = PointAnalyses::new(&manifest, None, &[]).unwrap_or_else(|(_, why)| panic!("{why}"));
+        let mut analyses =
+            PointAnalyses::new(&manifest, None, &[]).unwrap_or_else(|(_, why)| panic!("{why}"));
         let failed = Err("bead 3 is not finite".to_owned());
         let cells = results(&sweep, &manifest, &mut analyses, &failed).cells(&point.parameters);
         let columns = columns(&sweep);

@@ -273,10 +273,8 @@ impl Found {
             for (place, density) in asked.places.iter().zip(densities) {
                 let DensitySummary { mean_square, peak_hz, peak } =
                     DensitySummary::of(frequencies_hz, density);
-                let (rms, at) = (
-                    quantity(mean_square.sqrt(), asked.quantity.unit()),
-                    quantity(peak_hz, "Hz"),
-                );
+                let (rms, at) =
+                    (quantity(mean_square.sqrt(), asked.quantity.unit()), quantity(peak_hz, "Hz"));
                 let squared = asked.quantity.squared();
                 words.add(
                     place.to_string(),
