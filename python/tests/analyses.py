@@ -91,16 +91,16 @@ def about(setting: dict[str, Any]) -> str:
     return text if text.endswith(".") else f"{text}."
 
 
-def wrapped(text: str, indent: int, width: int = 118) -> str:
+def wrapped(text: str, indent: int, indent_more: int = 4, width: int = 118) -> str:
     """A paragraph whose later lines stand further in."""
     lines, line = list[str](), ""
     for word in text.split():
-        if line and len(line) + len(word) + 1 > width - indent - (4 if lines else 0):
+        if line and len(line) + len(word) + 1 > width - indent - (indent_more if lines else 0):
             lines.append(line)
             line = word
         else:
             line = f"{line} {word}".strip()
-    return ("\n" + " " * (indent + 4)).join([*lines, line])
+    return ("\n" + " " * (indent + indent_more)).join([*lines, line])
 
 
 def class_of(analysis: dict[str, Any]) -> str | None:
@@ -143,8 +143,8 @@ def method(analysis: dict[str, Any]) -> str:
     lines = [wrapped(f"{key(setting)}: {about(setting)}", 12) for setting in settings]
     lines += [wrapped(line, 12) for line in PART_ABOUT]
     listed = "\n            ".join(lines)
-    columns = "".join(f"\n        ``{one['name']}``: {one['meaning']}." for one in analysis["columns"])
-    columns = f"\n        Columns, in each frame:{columns}\n" if columns else ""
+    columns = ", ".join(f"``{one['name']}`` ({one['meaning']})" for one in analysis["columns"])
+    columns = f"\n        {wrapped(f'Columns in each frame: {columns}.', 8, indent_more=0)}\n" if columns else ""
     tables = ", ".join(json.dumps(one["flag"]) for one in analysis["tables"][1:])
     options = ", ".join(f"{key(setting)}={key(setting)}" for setting in settings)
     call = ", ".join(filter(None, ["self", json.dumps(analysis["name"]), tables, options, "**part"]))

@@ -27,6 +27,8 @@ CHAPTERS = {
         "Frame",
         "attach_async",
         "AsyncLive",
+        "analysis",
+        "Analysis",
         "consumer",
         "Consumer",
         "live_runs",

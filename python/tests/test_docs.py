@@ -14,6 +14,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from analyses import MODULE as METHODS
+from analyses import module as methods
 from reference import CHAPTERS, PAGE, reference
 
 import beadline
@@ -139,3 +141,8 @@ def test_the_notebook_runs(tmp_path: Path, environment: dict[str, str]) -> None:
     ]
     assert sum("image/png" in data for data in shown) >= 6
     assert any("data:image/png" in data.get("text/html", "") for data in shown)
+
+
+def test_the_methods_of_analyses_are_those_of_the_list() -> None:
+    is_current = METHODS.read_text(encoding="utf-8") == methods()
+    assert is_current, "write them again: python python/tests/analyses.py"
