@@ -245,7 +245,7 @@ pub(crate) struct UploadArgs {
     beadline catalog runs --out catalog.parquet\n  \
     beadline catalog s3://bucket/runs --out catalog.csv\n  \
     duckdb -c \"SELECT path, alpha, steps FROM 'catalog.parquet' WHERE complete = 1\"\n\n\
-    A row for each .mcap and .mcap.partial, in the order of their names, from their summaries alone; `docs/CATALOG.md` has \
+    A row for each .mcap and .mcap.partial, in the order of their names, from their summaries alone; `docs/SCALE.md` has \
     the columns. What cannot be read has a row that says why, in the column `error`, and makes the exit code 3.")]
 pub(crate) struct CatalogArgs {
     /// A directory or a URL
