@@ -22,7 +22,7 @@ pub struct Contacts {
     classes: Vec<u8>,
 }
 
-/// How many contacts of a frame are in which class.
+/// Number of contacts of a frame in each class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ContactCounts {
     /// Compressed contacts.

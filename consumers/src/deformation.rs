@@ -196,7 +196,7 @@ impl Deformations {
         }
     }
 
-    /// What was found at each contact, in the order in which they were given.
+    /// The result at each contact, in the order in which they were given.
     pub fn results(&self) -> Vec<Deformation> {
         self.contacts.iter().map(|followed| self.result(followed)).collect()
     }
@@ -226,8 +226,8 @@ impl Deformations {
         }
     }
 
-    /// Whether the beads and contacts around contact `c` are equal and dissipate nothing, and neither an end of the
-    /// chain nor the striker is among them: waves are reflected at the one and begin at the other.
+    /// True if the beads and contacts around contact `c` are equal and dissipate nothing, and neither an end of the
+    /// chain nor the striker is among them: ends reflect waves, and waves begin at the striker.
     fn check_alike(&self, c: usize) -> Result<(), String> {
         if c < ALIKE || c + ALIKE >= self.chain.contact_count() {
             return Err(format!("no theory: contact {c} is within {ALIKE} of an end of the chain"));

@@ -76,7 +76,7 @@ pub struct Determination {
     last: Option<(u64, f64)>,
 }
 
-/// What was found out.
+/// The result of the comparison.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
     /// The tolerance, in units of the scales.
@@ -155,7 +155,7 @@ impl Determination {
         }
     }
 
-    /// How the errors went.
+    /// The course of the errors.
     pub fn trail(&self) -> &Trail {
         &self.trail
     }
@@ -196,7 +196,7 @@ impl Outcome {
         lost.min_by(|a, b| a.until_s.partial_cmp(&b.until_s).unwrap_or(std::cmp::Ordering::Equal))
     }
 
-    /// What was found out about one quantity, if the run has it.
+    /// The result for one quantity, if the run has it.
     pub fn of(&self, quantity: Quantity) -> Option<&Determined> {
         self.quantities.iter().find(|each| each.quantity == quantity)
     }

@@ -40,7 +40,7 @@ pub use strongest::{Path, Strongest};
 pub use track::{Measured, Point, Shape};
 pub use tracker::Pulses;
 
-/// Where a pulse travels to.
+/// Direction of a pulse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
     /// Towards higher bead numbers.
@@ -67,7 +67,7 @@ impl Direction {
     }
 }
 
-/// Where a pulse comes from: the obstacle near the first bead that it passes.
+/// Origin of a pulse: the obstacle near the first bead that it passes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Birth {
     /// It was there when the frames began, or began again after a gap.
@@ -110,7 +110,7 @@ impl Birth {
     }
 }
 
-/// What became of a pulse.
+/// End of a pulse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fate {
     /// It was there when the frames ended.
@@ -152,23 +152,23 @@ impl Fate {
 pub struct Pulse {
     /// Its number, from 1, in the order in which pulses are found.
     pub number: u64,
-    /// Where it travels to.
+    /// Its direction.
     pub direction: Direction,
     /// When its crest passed its first bead (s).
     pub birth_time_s: f64,
     /// Its first bead.
     pub birth_bead: u64,
-    /// What it comes from.
+    /// Its origin.
     pub birth: Birth,
     /// When its crest passed its last bead (s).
     pub end_time_s: f64,
     /// Its last bead.
     pub end_bead: u64,
-    /// What became of it.
+    /// Its end.
     pub fate: Fate,
     /// Beads at which its crest was seen.
     pub bead_count: u64,
-    /// What it was like at the last bead where it could be measured undisturbed.
+    /// Its values at the last bead where it could be measured undisturbed.
     pub measured: Measured,
     /// Its speed relative to that of the exact solitary wave of the same peak velocity; none where there is no
     /// such wave, as in a loaded chain or for α = 1.

@@ -12,7 +12,7 @@ use schemas::frame::Frame;
 pub struct Front {
     /// When (s).
     pub time_s: f64,
-    /// Where its crest is (beads), between two beads.
+    /// Position of its crest (beads), between two beads.
     pub bead: f64,
     /// The velocity there (m/s).
     pub v_max_m_s: f64,
@@ -74,7 +74,7 @@ fn crest(v: &[f64], top: usize) -> Option<(f64, f64)> {
     Some((place, window.at(place)))
 }
 
-/// Where between `bead` and the next the velocity passes `level`, by bisection.
+/// Position between `bead` and the next at which the velocity passes `level`, by bisection.
 fn crossing(v: &[f64], bead: usize, level: f64) -> Option<f64> {
     let window = window(v, bead)?;
     let (mut low, mut high) = (bead as f64, bead as f64 + 1.0);

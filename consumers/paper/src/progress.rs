@@ -1,4 +1,4 @@
-//! How much work there is, how much is done, and how long the rest may take.
+//! Progress: all of the work, the part that is done, and an estimate of the time for the rest.
 
 use schemas::amounts;
 use schemas::manifest::RunManifest;
@@ -22,7 +22,7 @@ pub(super) fn work(manifest: &RunManifest, step: u64) -> f64 {
     bead_steps * if simple { 1.0 } else { GENERAL_POWER }
 }
 
-/// What all workers have done.
+/// Progress of all workers.
 #[derive(Debug)]
 pub struct Progress {
     start: Instant,
@@ -38,7 +38,7 @@ struct State {
 }
 
 impl Progress {
-    /// Of `jobs` jobs with `total` work.
+    /// No progress yet on `jobs` jobs with `total` work.
     pub(super) fn new(total: f64, jobs: usize) -> Self {
         Self { start: Instant::now(), total, jobs, state: Mutex::default() }
     }

@@ -125,7 +125,7 @@ fn sweep(head: &str, stream: &str, masses_g: &[f64]) -> String {
     text
 }
 
-/// Whether a mass (g) is one of the figures', not one that was added.
+/// True if a mass (g) belongs to the figures, and was not added.
 pub(super) fn is_shown(mass_g: f64) -> bool {
     MASSES_G.iter().any(|shown| (shown - mass_g).abs() < 1e-9)
 }

@@ -9,13 +9,13 @@ use schemas::presets::PRESETS;
 pub struct Run {
     /// Its configuration; the name is unique among all runs of the paper.
     pub config: RunConfig,
-    /// What to look at.
+    /// The things to observe.
     pub watch: Watch,
-    /// Whether it is there only to be compared with another one.
+    /// True if it only serves for comparison with another run.
     pub is_partner: bool,
 }
 
-/// What to look at in a run.
+/// Things to observe in a run.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Watch {
     /// Times (s) at which to keep the whole state: that of the first frame at or after each.
@@ -28,11 +28,11 @@ pub struct Watch {
     pub followed: Vec<u64>,
     /// Until when (s) to map the contacts, if at all.
     pub map_until_s: Option<f64>,
-    /// Whether and how to measure the leading pulse.
+    /// Method of measuring the leading pulse, if any.
     pub front: FrontBy,
 }
 
-/// How the leading pulse is measured.
+/// Method of measuring the leading pulse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FrontBy {
     /// Not at all.

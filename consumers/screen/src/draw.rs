@@ -13,7 +13,7 @@ use ratatui::text::Line;
 use ratatui::widgets::{Block, Borders, Clear, Paragraph, Widget as _};
 use schemas::amounts::{count, seconds, unit};
 
-/// What the keys do.
+/// The keys and their effects.
 const KEYS: [(&str, &str); 7] = [
     ("↑ ↓, k j", "choose a run"),
     ("f, F", "the next or the last field: velocity, displacement, overlap, energy, contacts"),

@@ -1,4 +1,4 @@
-//! What is shown along the chain and over time.
+//! Quantities shown along the chain and over time.
 
 use consumers::contacts::{COMPRESSED, Contacts, OPEN, default_tolerance_m};
 use consumers::fields;
@@ -49,7 +49,7 @@ impl Field {
         Self::ALL[(self as usize + turns) % Self::ALL.len()]
     }
 
-    /// What has a value.
+    /// The kind of place that has a value.
     pub(crate) fn place(self) -> &'static str {
         if matches!(self, Self::Overlap | Self::Contacts) { "contact" } else { "bead" }
     }

@@ -38,7 +38,7 @@ pub(super) struct Errors {
 }
 
 impl Sample {
-    /// What is compressed (m); a gap is no deformation.
+    /// The compression (m); a gap is no deformation.
     pub fn compression_m(&self) -> f64 {
         if self.overlap_m > 0.0 { self.overlap_m } else { 0.0 }
     }

@@ -28,7 +28,7 @@ pub struct FirstPulse {
     stride: u64,
     offered: u64,
     peak_m: f64,
-    /// Where the overlap is smallest after the peak.
+    /// The smallest overlap after the peak, and its sample.
     lowest: Option<(usize, f64)>,
     later_count: u64,
 }

@@ -1,9 +1,9 @@
-//! How the errors of one quantity went.
+//! Course of the errors of one quantity.
 
 use super::{CHAOTIC, Quantity, WORTH_A_STEP};
 use serde::Serialize;
 
-/// How one error of a quantity went, in units of its scale.
+/// Course of one error of a quantity, in units of its scale.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Course {
     /// The time (s) of the last look before it first exceeded the tolerance; none if it never did.
@@ -32,7 +32,7 @@ impl Course {
     }
 }
 
-/// What ends the time for which a quantity is determined.
+/// Reason for the end of the time for which a quantity is determined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bound {
     /// The step: a shorter one helps.
@@ -61,11 +61,11 @@ pub struct Determined {
     pub quantity: Quantity,
     /// Until when (s); none if it is to the end.
     pub until_s: Option<f64>,
-    /// What ends that time, if anything does.
+    /// Reason for the end of that time, if it ends.
     pub bound: Option<Bound>,
-    /// How the error of the step went.
+    /// Course of the error of the step.
     pub step: Course,
-    /// How the error of rounding went.
+    /// Course of the error of rounding.
     pub rounding: Course,
 }
 

@@ -114,8 +114,8 @@ pub struct Moment {
 pub struct Recoil {
     /// The energy (J).
     pub energy_j: f64,
-    /// How much it changed (J) over the last 10 to 20 T, because near α = 1 the pulse leaves something behind at
-    /// every bead, also while it is being reflected; and the error of the time step.
+    /// Its change (J) over the last 10 to 20 T, because near α = 1 the pulse leaves something behind at every bead,
+    /// also while it is being reflected; and the error of the time step.
     pub uncertainty_j: f64,
     /// The frame it was measured in, the last before the pulse arrived.
     pub at: Moment,
@@ -132,7 +132,7 @@ pub struct Reflected {
     pub transmitted_j: f64,
     /// Energy of the chain (J).
     pub total_j: f64,
-    /// What the reflected energy may yet change by, and be off by (J); see the [module](self).
+    /// Largest error (J) and future change of the reflected energy; see the [module](self).
     pub uncertainty_j: f64,
     /// The inbound part of that (J).
     pub inbound_j: f64,
@@ -180,7 +180,7 @@ pub struct Corrected {
     pub over_transmitted: Uncertain,
 }
 
-/// What a run has shown of a reflection.
+/// The reflection that a run has shown so far.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reflection {
     /// The incident side.
@@ -215,7 +215,7 @@ impl Reflection {
     }
 }
 
-/// What the watcher needs to know of a frame: energies in J, velocities in m/s.
+/// Values of a frame that the watcher needs: energies in J, velocities in m/s.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Parts {
     pub(super) at: Moment,
@@ -231,7 +231,7 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// What may still cross the split bead (J).
+    /// Energy (J) that may still cross the split bead.
     pub(super) fn inbound_j(&self) -> f64 {
         self.split_j + self.towards_j
     }

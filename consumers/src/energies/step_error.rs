@@ -1,4 +1,4 @@
-//! What the time step costs in energies.
+//! Errors of energies from the time step.
 //!
 //! A run knows its own error: the total energy, with what contacts have dissipated and without what drives have given, must
 //! not change, and it does. By how much it was off at most is of the size of the error of every part of the energy that has come to rest, because the

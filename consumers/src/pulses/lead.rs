@@ -6,7 +6,7 @@
 use super::surroundings::Surroundings;
 use super::track::Track;
 
-/// How far pulses have come.
+/// The farthest beads that pulses have passed.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Lead {
     /// The farthest bead that a pulse has passed forward and backward, that times −1.

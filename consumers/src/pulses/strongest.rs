@@ -3,7 +3,7 @@
 use super::{Happening, Point, Pulse};
 use std::collections::BTreeMap;
 
-/// Where a pulse went: at most [`Path::CAPACITY`] points, evenly spread over its beads, and the last one.
+/// Path of a pulse: at most [`Path::CAPACITY`] points, evenly spread over its beads, and the last one.
 #[derive(Debug, Clone)]
 pub struct Path {
     kept: Vec<Point>,

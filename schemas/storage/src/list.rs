@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 /// A file or an object.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Entry {
-    /// Where it is.
+    /// Its path or URL.
     pub path: PathBuf,
     /// Its size in bytes.
     pub bytes: u64,

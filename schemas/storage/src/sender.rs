@@ -33,15 +33,15 @@ const PAUSE: Duration = Duration::from_secs(10);
 /// A file on its way to an object.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Errand {
-    /// What the file is called once it is whole.
+    /// Name of the file once it is whole.
     pub file: PathBuf,
-    /// What it is called while it is written.
+    /// Name of the file while it grows.
     pub growing: PathBuf,
-    /// Where it goes.
+    /// Its destination.
     pub url: PathBuf,
 }
 
-/// How files are sent.
+/// Options of sending.
 #[derive(Debug, Clone)]
 pub struct SendOptions {
     /// The run that they are recordings of.
@@ -57,7 +57,7 @@ pub struct SendOptions {
 /// An object that is there, whole.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Sent {
-    /// Where it is.
+    /// Its URL.
     pub url: PathBuf,
     /// Its size.
     pub bytes: u64,
@@ -73,7 +73,7 @@ pub enum SendError {
     /// The store refuses, or cannot be reached.
     #[error("{} was not written", url.display())]
     Store {
-        /// Where the file was to go.
+        /// Destination of the file.
         url: PathBuf,
         /// Why.
         source: StorageError,
@@ -83,7 +83,7 @@ pub enum SendError {
     File {
         /// The file.
         file: PathBuf,
-        /// What the operating system says.
+        /// The operating system's error.
         source: io::Error,
     },
     /// It was asked to stop.
@@ -92,12 +92,12 @@ pub enum SendError {
     /// It was never finished.
     #[error("{} was not finished, so that nothing is left of it behind the URL", file.display())]
     Unfinished {
-        /// What it is called.
+        /// Its name.
         file: PathBuf,
     },
 }
 
-/// What came of sending.
+/// Result of sending.
 #[derive(Debug)]
 pub struct Outcome {
     /// The objects, in the order of their files.
@@ -120,7 +120,7 @@ struct Shared {
 
 #[derive(Default)]
 struct State {
-    /// How many files there are, once that is known.
+    /// Number of files, once it is known.
     files: Option<u64>,
     sent_bytes: u64,
     sent: Vec<Sent>,
@@ -172,7 +172,7 @@ impl Begun {
 }
 
 impl Sender {
-    /// Says that `files` files are finished, and that there will be no more.
+    /// Announces that `files` files are finished, and that there will be no more.
     pub fn end(&self, files: u64) {
         self.shared.lock().files = Some(files);
         self.shared.changed.notify_all();
@@ -183,7 +183,7 @@ impl Sender {
         self.shared.lock().sent_bytes
     }
 
-    /// Whether everything is sent, or given up.
+    /// True if everything is sent, or given up.
     pub fn is_done(&self) -> bool {
         self.thread.is_finished()
     }
@@ -205,7 +205,7 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// How many files there are, if that is known by now.
+    /// Number of files, if it is known by now.
     fn files(&self) -> Option<u64> {
         self.lock().files
     }
@@ -219,7 +219,7 @@ impl Shared {
     }
 }
 
-/// What the thread does.
+/// The work of the thread.
 struct Work {
     shared: Arc<Shared>,
     options: SendOptions,
@@ -359,7 +359,7 @@ impl Work {
 }
 
 impl SendError {
-    /// Whether it may go better later.
+    /// True if it may go better later.
     fn may_pass(&self) -> bool {
         matches!(self, Self::Store { source: StorageError::Failed(_), .. })
     }
@@ -460,14 +460,14 @@ fn forget(errand: &Errand) {
     let _ = fs::remove_file(note_of(errand));
 }
 
-/// Where the id of an upload is that is not over.
+/// Path of the note with the id of an upload that is not over.
 fn note_of(errand: &Errand) -> PathBuf {
     let mut name = errand.file.clone().into_os_string();
     name.push(".upload");
     name.into()
 }
 
-/// Whether `file` is what stands at `path`.
+/// True if `file` is the file at `path`.
 fn is_at(file: &File, path: &Path) -> bool {
     let ours = file.metadata().map(|found| (found.dev(), found.ino()));
     path.symlink_metadata().is_ok_and(|found| ours.is_ok_and(|ours| ours == (found.dev(), found.ino())))

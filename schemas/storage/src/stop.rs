@@ -17,7 +17,7 @@ pub fn stop_when(flag: Arc<AtomicBool>) {
     *ASKED.lock().unwrap_or_else(PoisonError::into_inner) = Some(flag);
 }
 
-/// Says that this thread goes on after the program was asked to stop.
+/// Lets this thread go on after the program was asked to stop.
 pub(crate) fn be_patient() {
     IS_PATIENT.set(true);
 }

@@ -1,4 +1,4 @@
-//! What stands for objects behind URLs in a build without them.
+//! Stand-ins for objects behind URLs in a build without them.
 
 use crate::{Listing, StorageError};
 use std::convert::Infallible;

@@ -7,10 +7,10 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What is asked for where nothing is expected: the beginning of most recordings.
+/// Bytes of the first request without an announcement: the beginning of most recordings.
 const LITTLE_BYTES: u64 = 64 << 10;
 
-/// How many times more when reading goes on.
+/// Factor by which requests grow as reading goes on.
 const GROWTH: u64 = 8;
 
 /// The most that one request brings.
@@ -21,7 +21,7 @@ const MOST_BYTES: u64 = 8 << 20;
 pub(crate) struct ObjectReader {
     object: Arc<Object>,
     position: u64,
-    /// Where the bytes at hand are from.
+    /// Range of the bytes at hand.
     here: Range<u64>,
     bytes: Arc<Vec<u8>>,
     /// On its way.
@@ -29,7 +29,7 @@ pub(crate) struct ObjectReader {
     expected: Range<u64>,
     /// Reading may go on after what is expected.
     and_more: bool,
-    /// How much is asked for where nothing is expected.
+    /// Bytes of the next request without an announcement.
     amount: u64,
 }
 
@@ -60,7 +60,7 @@ impl ObjectReader {
         self.expected.contains(&offset) || self.here.contains(&offset)
     }
 
-    /// Where a part that starts at `offset` should end.
+    /// End of a part that starts at `offset`.
     fn end_of(&self, offset: u64) -> u64 {
         let most = if self.expected.contains(&offset) { self.expected.end - offset } else { self.amount };
         // a server may claim any size
