@@ -88,17 +88,17 @@ pub(crate) enum Command {
         #[arg(value_parser = presets())]
         name: String,
     },
-    /// Where the energy is: left of the impurity, in it, right of it
+    /// Energies left of the impurity, in it and right of it
     Energies(EnergiesArgs),
     /// The motion of the impurity, or of any beads: trajectory, contacts, turning points
     Impurity(ImpurityArgs),
     /// The space-time map of compressed, touching and open contacts
     Contacts(ContactsArgs),
-    /// How the first pulse deforms a contact, beside what theory expects
+    /// Deformation of a contact by the first pulse, beside the theories
     Deformation(DeformationArgs),
     /// The pulses: where and when they pass, how strong, fast and wide, where from and where to
     Pulses(PulsesArgs),
-    /// How far the energy has spread, and over how many beads: second moment, participation number
+    /// Spreading of the energy over the beads: second moment, participation number
     Spreading(SpreadingArgs),
     /// The frequencies of waves: spectra at places, transmission, the map over frequency and wavenumber
     Spectrum(SpectrumArgs),
@@ -124,7 +124,7 @@ pub(crate) enum Command {
     Relay(RelayArgs),
     /// Measure this machine: each figure beside its limit, as ratios
     Bench(BenchArgs),
-    /// What the bench runs in other processes
+    /// Parts of the bench that run in other processes
     #[command(subcommand, hide = true)]
     BenchPart(PartArgs),
     /// List the live runs of this user, when they end, and who listens; or the recordings of a place
@@ -251,7 +251,7 @@ pub(crate) struct RunArgs {
     /// Recording to write [default: RUN.mcap]
     #[arg(long, value_name = "FILE.mcap|URL", conflicts_with = "no_record")]
     pub(crate) out: Option<PathBuf>,
-    /// Where a recording that goes to a URL is until it is there [default: beadline/spool in the user's cache]
+    /// Directory for a recording on its way to a URL [default: beadline/spool in the user's cache]
     #[arg(long, value_name = "DIR", conflicts_with = "no_record")]
     pub(crate) spool: Option<PathBuf>,
     /// Publish only, write no recording
@@ -273,7 +273,7 @@ pub(crate) struct RunArgs {
     /// Start when this many lossless consumers are ready
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_count)]
     pub(crate) wait_for: usize,
-    /// How fast to go: `max`, or simulated seconds per second
+    /// Pace of the run: `max`, or simulated seconds per second
     #[arg(long, value_name = "max|X", default_value = "max", value_parser = parse_pace)]
     pub(crate) pace: Pace,
     /// Drop a lossless consumer that holds the run back for this long (s)
@@ -323,7 +323,7 @@ pub(crate) struct Overrides {
     /// A bead that moves at first, and its velocity (m/s), repeatable
     #[arg(long, value_name = "BEAD=M_S", value_parser = parse_pair)]
     pub(crate) striker: Vec<(u64, f64)>,
-    /// What disorder and thermal velocities are made of
+    /// Seed of disorder and thermal velocities
     #[arg(long, value_name = "N", value_parser = parse_whole)]
     pub(crate) seed: Option<u64>,
     /// Simulated time (s)
@@ -360,7 +360,7 @@ pub(crate) struct Overrides {
 )]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub(crate) struct SweepArgs {
-    /// What to sweep: a base, a grid, cases
+    /// Sweep file: a base, a grid, cases
     #[arg(value_name = "SWEEP.toml", required_unless_present_any = ["example", "status"])]
     pub(crate) file: Option<PathBuf>,
     /// Directory for the results; its finished points are not computed again
@@ -465,7 +465,7 @@ pub(crate) enum PartArgs {
     Sum {
         /// Its service
         name: String,
-        /// How many
+        /// The number
         count: u64,
     },
     /// Tell when a bare event wakes it

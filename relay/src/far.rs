@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// How often consumers are served while frames are computed.
+/// Interval at which consumers are served while frames are computed.
 const SERVE_PERIOD: Duration = Duration::from_millis(20);
 /// States whose frames are not all published: of one they are, of one they are computed, and one is next.
 const MOST_ASKED: usize = 3;
@@ -24,7 +24,7 @@ const TOO_OLD: Duration = Duration::from_secs(10);
 /// Why the far side cannot go on.
 #[derive(Debug, thiserror::Error)]
 pub enum FarError {
-    /// What arrived.
+    /// A message that arrived is wrong.
     #[error(transparent)]
     Message(#[from] MessageError),
     /// The state that arrived is not the one that was computed.
@@ -32,7 +32,7 @@ pub enum FarError {
     Differs {
         /// The last step that was published.
         proven_step: u64,
-        /// Where it differs.
+        /// The difference.
         source: Difference,
     },
     /// Frames are missing that cannot be computed here.
@@ -54,9 +54,9 @@ pub enum FarError {
     End {
         /// The reason that was given.
         reason: EndReason,
-        /// How many frames the run is said to have had.
+        /// Number of frames of the run, by its end message.
         frames: u64,
-        /// What contradicts it.
+        /// The fact that contradicts it.
         but: String,
     },
     /// The run was computed by another dynamics.
@@ -67,7 +67,7 @@ pub enum FarError {
     Publish(#[from] PublishError),
 }
 
-/// What arrived, and what became of it.
+/// Numbers of frames that arrived, by their proof.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Arrived {
     /// Messages.
@@ -76,9 +76,9 @@ pub struct Arrived {
     pub bytes: u64,
     /// Frames published.
     pub frames: u64,
-    /// Of these, recomputed and proven by a later state.
+    /// Recomputed frames that a later state proved.
     pub proven: u64,
-    /// Of these, recomputed after the last state: nothing proves them.
+    /// Frames recomputed after the last state: nothing proves them.
     pub unproven: u64,
     /// Rows of results published.
     pub rows: u64,
@@ -171,7 +171,7 @@ impl Far {
         &mut self.publisher
     }
 
-    /// What arrived so far.
+    /// Numbers of frames that arrived so far.
     pub fn arrived(&self) -> Arrived {
         let (rows, lost) = self.results.counts();
         Arrived { rows, rows_lost: self.lost_before + self.arrived.rows_lost + lost, ..self.arrived }
@@ -187,7 +187,7 @@ impl Far {
         self.results.take_troubles()
     }
 
-    /// Whether others make frames faster than we recompute them: whether messages wait for us for long, though hardly
+    /// True if others make frames faster than we recompute them: whether messages wait for us for long, though hardly
     /// any consumer holds us back.
     pub fn is_too_slow(&mut self, place: Place) -> bool {
         if self.frames || Duration::from_millis(place.age_ms) < TOO_OLD {
@@ -222,7 +222,7 @@ impl Far {
         Ok(self.publisher.serve()?)
     }
 
-    /// Whether frames are computed that have not been published.
+    /// True if frames are computed that have not been published.
     pub fn is_recomputing(&self) -> bool {
         !self.asked.is_empty()
     }

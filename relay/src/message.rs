@@ -1,7 +1,7 @@
-//! What is said between the two sides: short requests and answers as JSON, the run itself in binary.
+//! Messages between the two sides: short requests and answers as JSON, the run itself in binary.
 //!
-//! Architecture invariant: the other side is not believed. Lengths are checked before they are used, and what is taken
-//! is no longer than what came.
+//! Architecture invariant: no side believes the other. Lengths are checked before they are used, and nothing longer
+//! than the received bytes is taken.
 
 mod bounds;
 
@@ -42,19 +42,19 @@ pub enum MessageError {
     /// Not what a relay says.
     #[error("the other side sent what no `beadline relay` of this version says: {what}")]
     Garbage {
-        /// What was expected and found.
+        /// The expected and the found value.
         what: String,
     },
     /// Another version of what is said, of the schemas or of the dynamics.
     #[error("{what}: the other side has version {found}, this one has {ours}; {remedy}")]
     Version {
-        /// Of what.
+        /// The thing that has versions.
         what: &'static str,
         /// The other side's.
         found: String,
         /// Ours.
         ours: String,
-        /// What to do.
+        /// The remedy.
         remedy: &'static str,
     },
 }
@@ -66,11 +66,11 @@ pub(crate) fn garbage(what: impl fmt::Display) -> MessageError {
 /// The versions of one side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Versions {
-    /// Of what is said.
+    /// Version of this protocol.
     pub protocol: u32,
-    /// Of manifests and frames.
+    /// Version of manifests and frames.
     pub schema: SchemaVersion,
-    /// Of the dynamics.
+    /// Version of the dynamics.
     pub kernel: u32,
 }
 
@@ -103,7 +103,7 @@ impl Versions {
     }
 }
 
-/// What the far side asks.
+/// A request of the far side.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Request {
     /// Its versions.
@@ -112,22 +112,22 @@ pub struct Request {
     pub receiver: u64,
     /// It wants every frame instead of states.
     pub frames: bool,
-    /// What it has, once it knows the run; without it, it asks for the run.
+    /// Its last message, once it knows the run; without this, it asks for the run.
     pub have: Option<Have>,
     /// It has published all messages up to this one.
     pub done: u64,
 }
 
-/// What a far side has.
+/// The last message that a far side has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Have {
-    /// Of this publishing of the run.
+    /// Stream id of this publishing of the run.
     pub stream: u64,
     /// All messages up to this one.
     pub seq: u64,
 }
 
-/// What the far side has done with, said unasked.
+/// A far side's report of the messages that it has done with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Done {
     /// Which far side.
@@ -165,7 +165,7 @@ pub struct Place {
     pub after: u64,
     /// Rows of results that no far side can have any more.
     pub rows_lost: u64,
-    /// How long it has waited for the far side (ms).
+    /// Time that it has waited for the far side (ms).
     pub age_ms: u64,
 }
 
@@ -263,7 +263,7 @@ impl FramesMessage {
         self.next = frame.frame + 1;
     }
 
-    /// Whether `frame` comes right after what is in it.
+    /// True if `frame` comes right after what is in it.
     pub fn continues_with(&self, frame: u64) -> bool {
         self.bytes.is_empty() || frame == self.next
     }
@@ -273,7 +273,7 @@ impl FramesMessage {
         self.bytes.len()
     }
 
-    /// Whether nothing is in it.
+    /// True if nothing is in it.
     pub fn is_empty(&self) -> bool {
         self.bytes.is_empty()
     }
@@ -285,7 +285,7 @@ impl FramesMessage {
     }
 }
 
-/// What rows of results are.
+/// Head of rows of results: their description.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RowsHead {
     /// The last part of the topic's name; somebody's own begin with `own/`.
@@ -294,14 +294,14 @@ pub struct RowsHead {
     pub width: usize,
     /// Names of the columns.
     pub names: String,
-    /// Of classes of contacts: what counts as touching (m).
+    /// Largest overlap or gap (m) that counts as touching, for classes of contacts.
     pub tolerance_m: Option<f64>,
     /// No more rows come: in order, or because the publisher is gone.
     pub ended: Option<bool>,
 }
 
 impl RowsHead {
-    /// Of results of these columns.
+    /// The head of rows of these columns.
     pub fn new(topic: Topic, columns: &ResultColumns) -> Self {
         let ResultColumns { width, names, tolerance_m } = columns.clone();
         Self { topic: topic.as_str().to_owned(), width, names, tolerance_m, ended: None }
@@ -331,7 +331,7 @@ impl RowsMessage {
         self.rows.len()
     }
 
-    /// Whether nothing is in it.
+    /// True if nothing is in it.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
@@ -346,7 +346,7 @@ impl RowsMessage {
     }
 }
 
-/// How the run ended.
+/// End of the run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EndMessage {
     /// The word for it.
@@ -382,7 +382,7 @@ pub enum Message<'a> {
     },
     /// Rows of results.
     Rows {
-        /// Of which.
+        /// Their head.
         head: RowsHead,
         /// The number of the frame and the values of each.
         rows: &'a [u8],

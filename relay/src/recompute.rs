@@ -31,9 +31,9 @@ pub struct Recompute {
 pub struct Window {
     first: u64,
     doubles: Vec<f64>,
-    /// Whether a state proves them.
+    /// True if a state proves them.
     pub is_proven: bool,
-    /// Whether nothing is left of what was asked for.
+    /// True if nothing is left of what was asked for.
     pub is_last: bool,
 }
 
@@ -139,7 +139,7 @@ impl Drop for Recompute {
     }
 }
 
-/// How the first state of a run differs from the initial condition of its manifest.
+/// Difference of the first state of a run from the initial condition of its manifest.
 pub fn initial_difference(manifest: &RunManifest, first: &Frame<'_>) -> Option<Difference> {
     let initial = (first.step == 0).then(|| ChainState::initial(&manifest.physics))?;
     difference(&initial, first, None)
@@ -158,7 +158,7 @@ struct Computing {
 }
 
 impl Computing {
-    /// Whether to go on.
+    /// True if to go on.
     fn answer(&mut self, ask: Ask) -> bool {
         match ask {
             Ask::Reach(last, target) => self.reach(last, target.as_ref()).is_some(),

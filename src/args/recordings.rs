@@ -34,7 +34,7 @@ pub(crate) struct RecordArgs {
     /// Recording to write; parts of it are NAME-part-0001.mcap and so on
     #[arg(long, value_name = "FILE.mcap|URL")]
     pub(crate) out: PathBuf,
-    /// Where a recording that goes to a URL is until it is there [default: beadline/spool in the user's cache]
+    /// Directory for a recording on its way to a URL [default: beadline/spool in the user's cache]
     #[arg(long, value_name = "DIR")]
     pub(crate) spool: Option<PathBuf>,
     /// Go on in a new part with the first frame after the file has this size
@@ -101,7 +101,7 @@ pub(crate) struct ReplayArgs {
     /// Name on the bus: a-z, 0-9 and - [default: that of the run]
     #[arg(long, value_name = "RUN")]
     pub(crate) name: Option<RunName>,
-    /// How fast to go: `max`, or simulated seconds per second
+    /// Pace of the replay: `max`, or simulated seconds per second
     #[arg(long, value_name = "max|X", default_value = "max", value_parser = parse_pace)]
     pub(crate) rate: Pace,
     /// Begin with the first frame at or after this simulated time (s)
@@ -160,7 +160,7 @@ pub(crate) struct ExpandArgs {
     pub(crate) output: RewriteArgs,
 }
 
-/// Where a recording is written again.
+/// Destination of a recording that is written again.
 #[derive(Debug, Args)]
 pub(crate) struct RewriteArgs {
     /// Recording to write
@@ -230,7 +230,7 @@ pub(crate) struct RecoverArgs {
 pub(crate) struct UploadArgs {
     /// The recording
     pub(crate) file: PathBuf,
-    /// Where it goes: a URL (s3://, gs://, az://)
+    /// Destination: a URL (s3://, gs://, az://)
     pub(crate) url: PathBuf,
     /// Replace an object that exists
     #[arg(long)]

@@ -73,7 +73,7 @@ fn meant(text: &str) -> String {
     format!("; {text} is {days}-{hours:02}:{:02}:{:02}", rest / 60, rest % 60)
 }
 
-/// What stands in the script of a job array. Values go to Slurm as they are: it knows what its site allows.
+/// Options in the script of a job array. Values go to Slurm unchecked: Slurm knows what its site allows.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "As a job array of Slurm")]
 pub(crate) struct SlurmArgs {

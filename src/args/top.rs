@@ -18,7 +18,7 @@ pub(crate) struct TopArgs {
     /// `live:RUN` [default: the first live run]
     #[arg(value_name = "SOURCE", default_value = "live", hide_default_value = true)]
     pub(crate) source: Named,
-    /// What is shown along the chain and over time
+    /// Field along the chain and over time
     #[arg(long, default_value = "velocity", value_parser = fields())]
     pub(crate) field: Field,
     /// Screens a second, at most

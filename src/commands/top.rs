@@ -143,7 +143,7 @@ impl Write for Out {
     }
 }
 
-/// What goes on between the bus and the screen.
+/// Link between the bus and the screen.
 struct Top {
     bus: Bus,
     list: List,
@@ -155,7 +155,7 @@ struct Top {
     runs: Vec<RunInfo>,
     speeds: HashMap<RunName, Speed>,
     screen: Screen,
-    /// What is shown while the screen is paused.
+    /// The screen while it is paused.
     frozen: Option<Screen>,
     palette: Palette,
 }
@@ -262,7 +262,7 @@ impl Top {
         Ok(())
     }
 
-    /// Whether the run that is watched has ended, and all of it was shown.
+    /// True if the run that is watched has ended, and all of it was shown.
     fn is_over(&self) -> bool {
         self.watch.as_ref().is_some_and(Watch::is_over)
     }

@@ -36,7 +36,7 @@ pub(super) struct Directory {
     head: JournalHead,
 }
 
-/// What `sweep.json` says.
+/// Contents of `sweep.json`.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Sign {
     /// SHA-256 of what decides the rows.
@@ -170,7 +170,7 @@ impl Directory {
         self.path.join(name)
     }
 
-    /// What all journals of the sweep have in common.
+    /// The common head of all journals of the sweep.
     pub(super) fn head(&self) -> &JournalHead {
         &self.head
     }
@@ -199,18 +199,18 @@ impl Directory {
         Ok(others.filter(|path| !path.to_string_lossy().ends_with(&of_as_many)).collect())
     }
 
-    /// What all journals have in them.
+    /// Size of all journals together.
     pub(super) fn journal_bytes(&self) -> Result<u64, Failure> {
         let sizes = self.journals()?.into_iter().map(|path| Ok(fs::metadata(path)?.len()));
         sizes.sum()
     }
 
-    /// Where the journals are.
+    /// Directory of the journals.
     pub(super) fn rows(&self) -> PathBuf {
         self.path.join(ROWS)
     }
 
-    /// Where the recording of a point goes.
+    /// Path of the recording of a point.
     pub(super) fn recording(&self, index: u64) -> PathBuf {
         self.path.join(RECORDINGS).join(format!("point-{index:06}.mcap"))
     }

@@ -22,7 +22,7 @@ pub(super) type Row = (u64, Box<[u8]>);
 
 /// Takes rows in any order.
 pub(super) struct Sorter {
-    /// Where there is room for all rows.
+    /// Directory with room for all rows.
     directory: PathBuf,
     rows: Vec<Row>,
     bytes: usize,

@@ -18,14 +18,14 @@ use zenoh::{Session, Wait as _};
 
 /// Messages that wait for us, each as it came.
 const MOST_WAITING: usize = 4;
-/// How often the near side hears from us.
+/// Interval of our messages to the near side.
 const HEARTBEAT: Duration = Duration::from_millis(250);
 /// A pause before asking again where nobody answers, or has nothing.
 const PAUSE: Duration = Duration::from_millis(50);
-/// How long to wait at the end for the near side's word that it knows: it waits no longer for our question.
+/// Time to wait at the end for the near side's confirmation: the near side waits no longer for our question.
 const LEAVE_TIME: Duration = Duration::from_secs(1);
 
-/// What has arrived.
+/// Something that arrived from the near side.
 #[derive(Debug)]
 pub enum Arrival {
     /// A message of the run.
@@ -39,7 +39,7 @@ pub enum Arrival {
 /// Whom a far side asks, and for what.
 #[derive(Debug, Clone)]
 pub struct Wanted {
-    /// Where the near side is met.
+    /// Address of the near side.
     pub endpoint: Endpoint,
     /// Zenoh's configuration, if the user has one.
     pub config: Option<PathBuf>,
@@ -80,7 +80,7 @@ struct State {
     has_left: bool,
 }
 
-/// What a far side waits for.
+/// The thing that a far side waits for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Waiting {
     /// Nothing listens there.
@@ -137,7 +137,7 @@ impl Fetching {
         Ok(Some(Self { manifest, frames, shared, arrivals, _connections: session }))
     }
 
-    /// What arrives next, within this time.
+    /// The next arrival, within this time.
     pub fn next(&self, patience: Duration) -> Option<Arrival> {
         match self.arrivals.recv_timeout(patience) {
             Ok(Arrival::Again(have, frames)) => {
@@ -165,7 +165,7 @@ impl Fetching {
         self.shared.frames.store(true, Ordering::Relaxed);
     }
 
-    /// How long the near side has been silent.
+    /// Time since the near side's last sign of life.
     pub fn silence(&self) -> Duration {
         self.shared.state().heard.elapsed()
     }
@@ -255,7 +255,7 @@ fn turned(said: &[u8]) -> WireError {
     WireError::Turned(String::from_utf8_lossy(said).chars().take(400).collect())
 }
 
-/// What came of a question.
+/// Result of a question.
 enum Asked {
     /// The near side lives.
     Answered,

@@ -61,7 +61,7 @@ impl<T> Room<T> {
         self.answering -= 1;
     }
 
-    /// How many are being answered.
+    /// Number of requests that are being answered.
     pub(super) fn answering(&self) -> usize {
         self.answering
     }

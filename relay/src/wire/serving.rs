@@ -22,7 +22,7 @@ use zenoh::sample::Sample;
 
 /// Words about strangers that are kept until they are told: more of them say nothing new.
 const MOST_TROUBLES: usize = 64;
-/// How long an answer stays with its thread when there is nothing more to say.
+/// Time for which an answer keeps its thread when there is nothing more to send.
 const LINGER: Duration = Duration::from_millis(20);
 /// Shortest wait before the requests that wait are looked at again, where all threads are taken.
 const SHORTEST_LOOK: Duration = Duration::from_millis(1);
@@ -51,7 +51,7 @@ struct Offered {
     run: Option<Run>,
     /// Somebody has asked.
     asked: bool,
-    /// What came that was no request, and who was turned away.
+    /// Messages that were no requests, and peers that were turned away.
     troubles: Vec<String>,
 }
 
@@ -114,12 +114,12 @@ impl Serving {
         Ok(Some(Self { shared, _connections: session }))
     }
 
-    /// Whether somebody has asked for the run.
+    /// True if somebody has asked for the run.
     pub fn is_asked(&self) -> bool {
         lock(&self.shared.offered).asked
     }
 
-    /// Whether somebody wants every frame.
+    /// True if somebody wants every frame.
     pub fn wants_frames(&self) -> bool {
         self.shared.frames.load(Ordering::Relaxed)
     }
@@ -130,7 +130,7 @@ impl Serving {
         self.shared.wake();
     }
 
-    /// What came that was no request, and who was turned away, since the last call.
+    /// Messages that were no requests, and peers that were turned away, since the last call.
     pub fn take_troubles(&self) -> Vec<String> {
         std::mem::take(&mut lock(&self.shared.offered).troubles)
     }
@@ -325,7 +325,7 @@ impl Shared {
 }
 
 impl What {
-    /// Whether there is something to say.
+    /// True if there is something to say.
     fn has_news(&self, log: &Log<Payload>, stream: Option<u64>) -> bool {
         match self {
             Self::Run(_) => stream.is_some(),

@@ -1,4 +1,4 @@
-//! What a replay leaves behind, in numbers.
+//! Summary of a replay, in numbers.
 
 use crate::args::{Pace, ReplayArgs};
 use crate::display::{self, count, duration};
@@ -20,11 +20,11 @@ pub(super) struct Summary {
     /// Streams published: one a loop, and one more after each seek.
     pub(super) streams: u64,
     seek_count: u64,
-    /// Where the keys lead from the end of the last stream.
+    /// Targets of the keys from the end of the last stream.
     pub(super) seeks: Vec<Seek>,
     /// The pace for the next stream.
     pub(super) pace: Pace,
-    /// Whether that begins with a pause.
+    /// True if that begins with a pause.
     pub(super) is_paused: bool,
     run: Option<(RunName, RunId)>,
     first_frame: Option<u64>,
@@ -68,7 +68,7 @@ impl Summary {
         self.run = Some((manifest.provenance.name.clone(), manifest.provenance.run_id));
     }
 
-    /// How often it was published from its beginning.
+    /// Number of times it was published from its beginning.
     fn loops(&self) -> u64 {
         self.streams - self.seek_count
     }

@@ -1,4 +1,4 @@
-//! What is served: runs of the bus, a recording, a folder of recordings, a sweep.
+//! Things that the server shows: runs of the bus, a recording, a folder of recordings, a sweep.
 
 use super::live::{Watches, chain};
 use super::results;
@@ -34,10 +34,10 @@ const MAX_ENTRIES: usize = 10_000;
 const ROW_TEXT_BYTES: usize = 1 << 10;
 /// Longest list of a manifest in a row: a table compares numbers and words.
 const ROW_LIST: usize = 16;
-/// How often we look for a run while there is none.
+/// Interval at which we look for a run while there is none.
 const SEARCH_PERIOD: Duration = Duration::from_millis(100);
 
-/// What is served.
+/// All runs that the server shows.
 pub(super) struct Runs {
     kind: Kind,
     /// Recordings by their ids: the numbers of their places here, so that no address names a path.
@@ -159,7 +159,7 @@ impl Runs {
         Ok((entries, more))
     }
 
-    /// Whether `path` lies in what is viewed: a file that was named, or one in a folder to which no link leads.
+    /// True if `path` lies in what is viewed: a file that was named, or one in a folder to which no link leads.
     fn is_inside(&self, path: &Path) -> bool {
         match &self.kind {
             Kind::Folder(folder) | Kind::Sweep(folder, _) => !leads_out(path, folder),
@@ -359,7 +359,7 @@ fn damage(info: &RecordingInfo, path: &Path) -> Option<String> {
     }
 }
 
-/// Whether `path` has the name of a recording; what is no file there, and a link wherever it leads, has an entry with the reason.
+/// True if `path` has the name of a recording; what is no file there, and a link wherever it leads, has an entry with the reason.
 fn is_recording(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "mcap") && !path.is_dir()
 }
