@@ -167,7 +167,7 @@ export function filmWords(page) {
   return count > MOST_FRAMES ? `${words}; at most ${MOST_FRAMES}: choose a faster pace, or zoom in` : words;
 }
 
-/** Whether there is a film of a kind: one that is not too long, and that the browser encodes. @param {Page} page @param {"webm" | "png"} kind */
+/** True if there is a film of a kind: one that is not too long, and that the browser encodes. @param {Page} page @param {"webm" | "png"} kind */
 export function hasFilm(page, kind) {
   return stepsOf(page).length <= MOST_FRAMES && (kind === "png" || typeof VideoEncoder === "function");
 }

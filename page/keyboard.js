@@ -1,4 +1,4 @@
-// What keys do: one table, of which `?` shows the words.
+// Keys and their actions: one table; `?` shows its words.
 
 import { make } from "./elements.js";
 

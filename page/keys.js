@@ -74,7 +74,7 @@ export function unknownPhysics(physics) {
 }
 
 /**
- * What of a chain keeps one thing in it from being changed here: a key of `physics`; "" if nothing does.
+ * Reason why a chain cannot be changed here: a key of `physics`; "" if it can be changed.
  * @param {import("./types.d.ts").Physics} physics
  */
 export function beyondPlain(physics) {

@@ -34,7 +34,7 @@ export function distanceM({ beads, spheres, odd_spheres: odd = [] }, from, to) {
 }
 
 /**
- * What a ruler measures: beads, time (s), beads/s, and m/s where beads have a size.
+ * Measures of a ruler: beads, time (s), beads/s, and m/s where beads have a size.
  * @param {Ruler} ruler
  * @param {Physics} physics
  */
@@ -55,7 +55,7 @@ function few(value, unit) {
 }
 
 /**
- * What stands at a ruler, in two lines.
+ * Text at a ruler, in two lines.
  * @param {Ruler} ruler
  * @param {Physics} physics
  */

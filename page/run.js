@@ -86,7 +86,7 @@ export class Run {
     return Math.max(firstStep + 1, isGrowing ? ahead : lastStep);
   }
 
-  /** Where the cursor is until it is moved: at the end, unless all of the run would have to be computed for it. */
+  /** Place of the cursor until it is moved: at the end, unless all of the run would have to be computed for it. */
   get ownStep() {
     const { kind, firstStep, lastStep } = this.info;
     return kind === "start" ? firstStep : lastStep;

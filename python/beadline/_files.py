@@ -26,7 +26,7 @@ _PATIENCE_S = 5.0
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a recording is proven; true if so.
+    """True if a recording is proven; true if so.
 
     Attributes:
         verdict: What was found, in words.
@@ -38,7 +38,7 @@ class Verdict:
 
     @property
     def is_proven(self) -> bool:
-        """Whether every state is what the one before leads to, and nothing is missing or damaged."""
+        """True if every state is what the one before leads to, and nothing is missing or damaged."""
         return bool(self.report["proven"])
 
     def __bool__(self) -> bool:

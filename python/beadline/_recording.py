@@ -295,7 +295,7 @@ class Recording:
 
     @property
     def recomputes(self) -> bool:
-        """Whether the steps between can be had: this Beadline has the dynamics that has computed the run."""
+        """True if the steps between can be had: this Beadline has the dynamics that has computed the run."""
         return self._states.recomputes
 
     @cached_property
@@ -393,7 +393,7 @@ class Recording:
         return self.states(every=1)
 
     def __contains__(self, state: object) -> bool:
-        """Whether it has this state, to the bit."""
+        """True if it has this state, to the bit."""
         if not isinstance(state, State):
             raise TypeError(f"found {state!r} in rec; expected a State, or a value in an array, such as rec.velocity")
         if not self.first_step <= state.step <= self.last_step or state.velocity_m_s.size != self.beads:

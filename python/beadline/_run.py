@@ -400,7 +400,7 @@ class Simulation:
 
     @property
     def is_done(self) -> bool:
-        """Whether the last step was made."""
+        """True if the last step was made."""
         return self._native.step_number == self._manifest.step_count
 
     @property

@@ -37,7 +37,7 @@ class Row(NamedTuple):
 
     @property
     def is_met(self) -> bool:
-        """Whether the figure keeps to its limit."""
+        """True if the figure keeps to its limit."""
         return self.value >= self.limit if self.is_floor else self.value <= self.limit
 
     def __str__(self) -> str:

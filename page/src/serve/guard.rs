@@ -12,7 +12,7 @@ const TOKEN_BYTES: usize = 16;
 pub(super) struct Guard {
     token: String,
     address: SocketAddr,
-    /// What browsers call us, with the port.
+    /// Names of this server in browsers, with the port.
     hosts: [String; 4],
 }
 
