@@ -1,4 +1,4 @@
-"""Tables of results, and what the command's analyses make of a recording."""
+"""Tables of results, and the command's analyses of a recording."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ class Table(dict[str, Column]):
     dictionaries. Whole numbers are int64; where one is missing the column is of doubles. A missing number is NaN, a missing word ``""``.
 
     ``pd.DataFrame(table)``, ``pl.DataFrame(table)``, ``pa.table(table)`` and ``np.asarray(table)``, which has a field for each column,
-    have all of it.
+    have all columns.
 
     Attributes:
-        summary: What the command prints about all of it with ``--json``, if anything.
+        summary: The summary that the command prints with ``--json``, if any.
     """
 
     summary: Json
@@ -110,7 +110,7 @@ class Table(dict[str, Column]):
         Args:
             y: A column, or several; by default all numbers that have the unit of the last one.
             x: The column below; by default ``time_s`` if there is one, else the first.
-            ax: Where to draw; by default in a figure of its own.
+            ax: Axes to draw in; by default those of a new figure.
         """
         from ._plot import plot_table
 
@@ -241,7 +241,7 @@ def energies(
 
     Args:
         split: The bead; by default the first impurity that is not the striker, else the middle bead.
-        from_s, until_s: The first and the last simulated time (s) that is looked at.
+        from_s, until_s: The first and the last simulated time (s).
         every_step: Also steps between recorded states, which are recomputed.
         jobs: Threads that recompute them; by default one for each core.
     """
@@ -277,7 +277,7 @@ def contacts(
     every_step: bool = False,
     jobs: int | None = None,
 ) -> Table:
-    """How many contacts are compressed, touching and open in each frame.
+    """Numbers of compressed, touching and open contacts in each frame.
 
     Args:
         tolerance_m: The overlap or gap (m) up to which a contact is touching; by default 1e-6 of the
@@ -297,7 +297,7 @@ def pulses(
     every_step: bool = False,
     jobs: int | None = None,
 ) -> Pulses:
-    """The pulses: where each came from and ended, how strong, fast and wide it is; and their tracks.
+    """The pulses: origin, end, height, speed and width of each; and their tracks.
 
     Args:
         threshold: The smallest peak velocity of a pulse, over that of the striker; by default 0.001.
@@ -335,8 +335,8 @@ def spreading(
     every_step: bool = False,
     jobs: int | None = None,
 ) -> Table:
-    """How far the energy has spread in each frame: its centre, its second moment about it, and the participation number, which is
-    how many beads share it.
+    """Spread of the energy in each frame: its centre, its second moment about the centre, and the participation number, the
+    number of beads that share it.
 
     Args:
         from_s, until_s, every_step, jobs: As for :meth:`energies`.
@@ -355,7 +355,7 @@ def forces(
     every_step: bool = False,
     jobs: int | None = None,
 ) -> Forces:
-    """Forces (N) in each frame as sensors at places see them, and their peaks.
+    """Forces (N) in each frame that sensors at places measure, and their peaks.
 
     Args:
         at: A place, or several: ``"bead:20"``, ``"contact:7"``, ``"wall:left"``, ``"wall:right"``. A bead has the mean of the forces
@@ -384,17 +384,17 @@ def spectrum(
     every_step: bool = False,
     jobs: int | None = None,
 ) -> Table:
-    """The frequencies of waves: densities at places (of m/s: m²/s²/Hz), one-sided, by Welch's method.
+    """Spectra of waves: densities at places (of m/s: m²/s²/Hz), one-sided, by Welch's method.
 
     Args:
         at: A place, or several, as for :meth:`forces`.
         of: The quantity.
-        transmission: Pairs of places: gain, phase (rad) and coherence of how the second follows the first.
+        transmission: Pairs of places: gain, phase (rad) and coherence from the first to the second.
         spectrogram: The spectrum of one place over time.
         map: Or that of all beads over frequency and wavenumber (rad per bead).
         beads: Only these beads in the map: ``slice(10, 90)``.
         segment: Samples in a segment, even: more resolve more, fewer average more.
-        window: How they are weighted: ``"hann"``, the default, for motion that lasts, ``"none"`` for a pulse that has come and gone.
+        window: Their weights: ``"hann"``, the default, for motion that lasts, ``"none"`` for a pulse that has come and gone.
         max_frequency_hz: Highest frequency (Hz) of a spectrogram or map.
         from_s, until_s, every_step, jobs: As for :meth:`energies`.
     """
@@ -431,7 +431,7 @@ def modes(
 
 
 def analyse(rec: Recording, name: str, *tables: str, **options: object) -> list[Table]:
-    """What the command's analysis ``name`` makes of a recording: its table, and those of flags ``tables``.
+    """The result of the command's analysis ``name`` for a recording: its table, and those of flags ``tables``.
 
     Names of ``options`` are those of flags, followed by units.
     """

@@ -47,14 +47,14 @@ class Row(NamedTuple):
 
 
 def timed(work: Callable[[], object]) -> float:
-    """How long it takes (s)."""
+    """Time that it takes (s)."""
     start = time.perf_counter()
     work()
     return time.perf_counter() - start
 
 
 def command(*arguments: str) -> dict[str, Any]:
-    """What a command answers."""
+    """A command's answer."""
     done = subprocess.run([*COMMAND, *arguments, "--json"], check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     answer: dict[str, Any] = json.loads(done.stdout)
     return answer
