@@ -151,7 +151,7 @@ pub fn recover(
     Ok(recovery)
 }
 
-/// True if something that was in the file is damaged after the last state: more than a record that was never whole.
+/// True if some content after the last state is damaged, more than a record that was never whole.
 fn loses_tail(audit: &Audit) -> bool {
     let is_open = |damage: &&Damage| damage.frames.is_some_and(|frames| frames.to.is_none());
     audit.damages().iter().filter(is_open).any(|damage| damage.kind != DamageKind::Torn)

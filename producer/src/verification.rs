@@ -91,13 +91,13 @@ pub struct Verification {
 }
 
 impl Verification {
-    /// True if all is as it must be, from the first state to the end of the recording. What the first state follows is
-    /// for [`follows`] or [`follows_the_run`] to say, if it is not that of step 0.
+    /// True if everything is correct, from the first state to the end of the recording. [`follows`] or [`follows_the_run`]
+    /// proves the first state, if it is not that of step 0.
     pub fn is_proven(&self) -> bool {
         self.is_proven_so_far() && self.end.is_orderly()
     }
 
-    /// True if what there is, is as it must be.
+    /// True if everything in the file is correct.
     pub fn is_proven_so_far(&self) -> bool {
         self.is_sound_so_far() && self.other_kernel.is_none()
     }

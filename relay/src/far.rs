@@ -187,8 +187,8 @@ impl Far {
         self.results.take_troubles()
     }
 
-    /// True if others make frames faster than we recompute them: whether messages wait for us for long, though hardly
-    /// any consumer holds us back.
+    /// True if frames arrive faster than we recompute them: messages wait for us for long, though hardly any consumer
+    /// holds us back.
     pub fn is_too_slow(&mut self, place: Place) -> bool {
         if self.frames || Duration::from_millis(place.age_ms) < TOO_OLD {
             self.late = None;

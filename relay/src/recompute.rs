@@ -158,7 +158,7 @@ struct Computing {
 }
 
 impl Computing {
-    /// True if to go on.
+    /// Answers a question; false to stop.
     fn answer(&mut self, ask: Ask) -> bool {
         match ask {
             Ask::Reach(last, target) => self.reach(last, target.as_ref()).is_some(),

@@ -125,7 +125,7 @@ pub(crate) struct Outcome {
 }
 
 impl Outcome {
-    /// True if everything that was in the file is in the new one, and as it must be.
+    /// True if everything in the file was correct, and is in the new one.
     pub(crate) fn is_whole(&self) -> bool {
         self.recovery.is_whole() && self.lying_toml.is_empty() && !self.verified.is_refuted()
     }

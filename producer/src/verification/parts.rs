@@ -40,7 +40,7 @@ pub enum Follows {
 }
 
 impl Follows {
-    /// True if that is proven.
+    /// True if the begin is proven.
     pub fn is_proven(&self) -> bool {
         *self == Self::Proven
     }

@@ -24,7 +24,7 @@ pub(super) struct Summary {
     pub(super) seeks: Vec<Seek>,
     /// The pace for the next stream.
     pub(super) pace: Pace,
-    /// True if that begins with a pause.
+    /// True if the next stream begins with a pause.
     pub(super) is_paused: bool,
     run: Option<(RunName, RunId)>,
     first_frame: Option<u64>,
