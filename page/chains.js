@@ -530,7 +530,7 @@ export class AnyStepper extends Stepper {
   }
 
   /**
-   * Energy of each contact. That of a ring is the first one and the last one, too.
+   * Energy of each contact. The contact of a ring is the first one, and also the last one.
    * @param {Motion} state
    * @param {Float64Array} into
    */

@@ -141,7 +141,7 @@ function pixel(/** @type {Rgb} */ [red, green, blue]) {
   return word >>> 0;
 }
 
-/** Which colour stands for which number. */
+/** Colours of numbers. */
 export class ColourScale {
   /**
    * @param {{ from: number, to: number, log?: number }} range the numbers that are shown, and 0; logarithmic beyond

@@ -86,7 +86,7 @@ export class Fields {
     const isOurs = METHODS.includes(physics.method);
     const method = isOurs ? physics.method : "rk5";
     this.stepper = stepperOf({ ...physics, kernel_version: KERNEL_VERSION, method }, chain);
-    /** Which array of `extra` has the dissipated work; −1: none, or not known. */
+    /** Number of the array of `extra` with the dissipated work; −1: none, or not known. */
     this.work = isOurs ? this.stepper.extraNames.indexOf("W") : -1;
     this.chain = chain;
     this.splitBead = splitBeadOf(physics);

@@ -25,7 +25,7 @@ const SHAPES = {
   table: { times_s: 0, values: 0, interpolation: 0 },
 };
 
-/** All keys that are known. What `/chain` has the result of is not looked into. */
+/** All known keys. Keys with a result in `/chain` are not looked into. */
 const PHYSICS_KEYS = {
   ...PLAIN_KEYS,
   ...{ seed: 0, disorder: 0, spheres: 0, odd_spheres: 0, alphas: 0, second: 0, gaps_m: 0, initial: 0 },

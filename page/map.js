@@ -55,7 +55,7 @@ export function plotOf({ x, y, width, height }) {
 }
 
 /**
- * From beads (or contacts) and steps to pixels and back.
+ * Maps beads (or contacts) and steps to pixels and back.
  * @param {Box} box
  * @param {Pick<View, "places" | "steps">} view
  */

@@ -1,5 +1,5 @@
 // The bytes of MCAP: ranges of a file, records within their bounds, checksums, and the protobuf of our messages.
-// What is in a recording, and where, says docs/FORMAT.md.
+// docs/FORMAT.md describes the contents of a recording.
 
 /** @import { Bytes, Chain, Term, Wall } from "./types.js" */
 

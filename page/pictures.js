@@ -161,7 +161,8 @@ export class Pictures {
     return from + x * (to - from);
   }
 
-  /** Which of two maps this is, in its corner. @param {Surface} surface @param {Box} box @param {Run} shown */
+  /** Draws the name of a map, one of two, in its corner. @param {Surface} surface @param {Box} box @param {Run} shown
+   * */
   drawTitle(surface, box, shown) {
     const { run, changed, comparison } = this.page;
     const { name = "", now = "", then = "" } = changed ?? {};

@@ -10,7 +10,7 @@ import { mapScales, placeOfBead } from "./map.js";
 const DIGITS = 3;
 
 /**
- * From centre to centre of two spheres (m), at rest and just touching; undefined where beads have no size.
+ * Distance of the centres of two spheres (m), at rest and just touching; undefined where beads have no size.
  * @param {Physics} physics
  * @param {number} from a bead, of real number
  * @param {number} to

@@ -97,7 +97,7 @@ pub(crate) struct Outcome {
 /// A point for who looks at a sweep.
 #[derive(Debug)]
 pub(crate) struct Shown {
-    /// Which point.
+    /// The point.
     pub(crate) index: u64,
     /// Its parameters and, once it has a row, its results, by the names of their columns.
     pub(crate) values: Map<String, Value>,
@@ -260,7 +260,7 @@ fn outcome(
     })
 }
 
-/// Refuses recordings that cannot all fit on their disk. Of points that end early nobody knows.
+/// Refuses recordings that cannot all fit on their disk. The size of points that end early is unknown.
 fn check_space(sweep: &Sweep, pending: &Pending<'_>) -> Result<(), Failure> {
     if sweep.until() == Until::Stationary {
         return Ok(());

@@ -1,4 +1,4 @@
-//! Which contacts are compressed, touching or open, over space and time.
+//! Contacts over space and time: compressed, touching or open.
 
 use crate::space_time::Cell;
 use pulp::Arch;

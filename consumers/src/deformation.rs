@@ -1,13 +1,13 @@
 //! The deformation of a contact while the first pulse passes it, compared with theory.
 //!
-//! The first pulse at a contact begins with the first frame in which its overlap is above [`CLOSED`] L. It ends
-//! when the overlap is back below that, or, in a train whose pulses overlap, where it is smallest between
-//! two of them. What stays below [`COUNTED`] L is no pulse; later pulses are counted, not compared.
+//! The first pulse at a contact begins with the first frame in which its overlap is above [`CLOSED`] L. It ends when
+//! the overlap is back below that, or, in a train of overlapping pulses, at the smallest overlap between two of them. A
+//! deformation that stays below [`COUNTED`] L is no pulse. Later pulses are counted, not compared.
 //!
-//! Both theories have one free parameter, the strength of the wave. It is set so that their largest
-//! overlap is the measured one, and their centre is put where the measured overlap is largest: width, tails,
-//! speed and impulse are then predictions. The overlap is taken rather than the velocity of a bead because
-//! it is what is compared, at the place where it is measured.
+//! Both theories have one free parameter, the strength of the wave. It is set so that their largest overlap is the
+//! measured one, and their centre is put where the measured overlap is largest: width, tails, speed and impulse are
+//! then predictions. The measure is the overlap rather than the velocity of a bead, because the theory gives the
+//! overlap at the same place.
 //!
 //! ```text
 //!     θ(t) = δ_peak·wave.overlap(V·(t − t_peak)),    v_max = √(k/m)·(δ_peak/C_δ)^((α+1)/2)

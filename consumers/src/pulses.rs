@@ -1,17 +1,18 @@
 //! Pulses: found, followed from bead to bead and measured while a run goes.
 //!
-//! A pulse passes a bead when the bead's |v| has a maximum in time while both of its contacts are pressed: the
-//! *crest*. A loose bead that flies off, however fast, has none. Where light and heavy beads alternate, it is the mean
-//! velocity of the beads around that has a crest: see `texture.rs`. Crests that follow each other from bead to
-//! bead in one direction are a track, and a track of [`Pulses::SHORTEST_TRACK`] beads is a pulse. What comes
-//! out: a [`Point`] for each bead that a pulse passes, and a [`Pulse`] when it has ended.
+//! A pulse passes a bead when the bead's |v| has a maximum in time while both of its contacts are pressed: the *crest*.
+//! A loose bead that flies off, however fast, has no crest. If light and heavy beads alternate, the mean velocity of
+//! several beads has the crest: see `texture.rs`. Crests that follow each other from bead to bead in one direction are
+//! a track, and a track of [`Pulses::SHORTEST_TRACK`] beads is a pulse. The tracker gives a [`Point`] for each bead
+//! that a pulse passes, and a [`Pulse`] when it has ended.
 //!
 //! One pass, and memory that does not grow with the run: five frames of velocities, and for each pulse under way the
 //! last [`Pulses::REACH`] beads on either side of the point that is measured.
 //!
-//! A pulse ends where it meets one of the [`Obstacles`], such as an impurity: what leaves it are other pulses.
+//! A pulse ends where it meets one of the [`Obstacles`], such as an impurity: other pulses leave it.
 //!
-//! What passed along the chain and is in no pulse is [`Unfollowed`], found in another way than pulses are.
+//! A disturbance that passed along the chain and is in no pulse is [`Unfollowed`]. It is found in another way than
+//! pulses.
 //!
 //! [`Probes`] look at chosen beads only.
 

@@ -99,9 +99,9 @@ pub enum RecoveryError {
     Stopped,
 }
 
-/// Writes everything that can be saved of the recording `audit`, which begins as `begin` says, to `writer`, which must still be
-/// finished. With `fill` frames that are lost are recomputed. Of each topic the file should have `expected` messages,
-/// if that is known. `watch` sees the step of each state, and says whether to go on.
+/// Writes everything that can be saved of the recording `audit`, which begins as `begin` says, to `writer`, which must
+/// still be finished. With `fill` it recomputes lost frames. The file should have `expected` messages of each topic, if
+/// that is known. `watch` sees the step of each state, and returns false to stop.
 ///
 /// # Errors
 /// When reading or writing fails, or `watch` says so.

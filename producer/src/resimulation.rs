@@ -17,7 +17,7 @@ use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Which states a [`Resimulation`] lends.
+/// States that a [`Resimulation`] lends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Lend {
     /// Every frame of the run.
@@ -42,12 +42,12 @@ impl Lend {
     }
 }
 
-/// A source that lends what its own source does not hold.
+/// A source that recomputes the states that its own source lacks.
 ///
-/// Gaps are bridged from the state before them, that at the end, too, unless it is
-/// [`ending_with_the_last_state`](Self::ending_with_the_last_state); with [`Resimulation::from_start`] also the frames
-/// before the first. Each state that the source delivers is compared bit for bit with the one computed up to there. What is
-/// missing before the first state, without [`Resimulation::from_start`], stays missing.
+/// It fills gaps from the state before them. It also fills the gap at the end, unless it is
+/// [`ending_with_the_last_state`](Self::ending_with_the_last_state), and with [`Resimulation::from_start`] the frames
+/// before the first; without it these stay missing. It compares each state of its source bit for bit with the computed
+/// one.
 #[derive(Debug)]
 pub struct Resimulation<S> {
     source: S,

@@ -329,7 +329,7 @@ def to_xarray(
 
     Args:
         every: One of so many steps; by default the recorded ones.
-        fields: Of ``"velocity"``, ``"displacement"``, ``"overlap"``, ``"force"``.
+        fields: Some of ``"velocity"``, ``"displacement"``, ``"overlap"``, ``"force"``.
 
     Its dimensions are ``time`` (s), ``bead`` and ``contact``; ``step``, ``mass_kg`` and
     ``stiffness`` are coordinates, and the attribute ``manifest`` is the run as JSON.

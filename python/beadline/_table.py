@@ -423,7 +423,7 @@ def modes(
     Args:
         shapes: Their shapes instead, a column for each.
         energy: Or the energy (J) in each of them in each frame.
-        mode: Of shapes and energies: a mode, or several, from 1; by default the lowest 4 and 8.
+        mode: For shapes and energies: a mode, or several, from 1; by default the lowest 4 and 8.
         from_s, until_s, every_step, jobs: As for :meth:`energies`.
     """
     part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}

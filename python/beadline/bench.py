@@ -1,6 +1,6 @@
 """Measures this machine: each figure of the package beside its limit. ``python -m beadline.bench``; exit code 3 if one is missed.
 
-Where two programs are compared, they run in turns; the figure is the median over the rounds.
+Two programs that are compared run in turns; the figure is the median over the rounds.
 """
 
 from __future__ import annotations

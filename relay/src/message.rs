@@ -108,7 +108,7 @@ impl Versions {
 pub struct Request {
     /// Its versions.
     pub versions: Versions,
-    /// Which far side: the same after a restart.
+    /// Number of the far side: the same after a restart.
     pub receiver: u64,
     /// It wants every frame instead of states.
     pub frames: bool,
@@ -130,7 +130,7 @@ pub struct Have {
 /// A far side's report of the messages that it has done with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Done {
-    /// Which far side.
+    /// Number of the far side.
     pub receiver: u64,
     /// All messages up to this one have been published there.
     pub have: Have,
@@ -170,12 +170,12 @@ pub struct Place {
 }
 
 impl Place {
-    /// As bytes.
+    /// Writes it as bytes.
     pub fn encode(self) -> Vec<u8> {
         [self.seq, self.after, self.rows_lost, self.age_ms].iter().flat_map(|n| n.to_le_bytes()).collect()
     }
 
-    /// From bytes.
+    /// Reads it from bytes.
     ///
     /// # Errors
     /// When they are none.
@@ -402,7 +402,7 @@ pub fn value_bytes(topic: Topic) -> usize {
 }
 
 impl<'a> Message<'a> {
-    /// From bytes, about the run of `manifest`.
+    /// Reads it from bytes, about the run of `manifest`.
     ///
     /// # Errors
     /// When they are no message about it.

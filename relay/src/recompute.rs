@@ -1,4 +1,5 @@
-//! From one state that arrived to the next: every frame between, in a thread of its own, proven before anybody sees it.
+//! Recomputation of every frame from one state that arrived to the next, in a thread of its own, proven before anybody
+//! sees it.
 
 use producer::integrator::Integrator;
 use producer::resimulation::{Difference, OtherKernel, check_kernel, difference};
@@ -16,8 +17,8 @@ use std::time::Duration;
 /// room until they are proven are computed a second time.
 const MOST_WINDOW_BYTES: usize = 16 << 20;
 
-/// The first frame of a run as it arrived, and what it leads to. What is asked for is computed in the order of the questions,
-/// while what was computed before is published.
+/// The first frame of a run as it arrived, and the frames that follow from it. It computes in the order of the
+/// questions, while earlier frames are published.
 pub struct Recompute {
     asks: Sender<Ask>,
     windows: Receiver<Result<Window, Difference>>,

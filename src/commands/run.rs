@@ -423,7 +423,7 @@ struct Summary<'a> {
     recording: Option<Finished>,
     /// Result of sending it, if it goes to a URL.
     uploaded: Option<Uploaded>,
-    /// Until when the run is determined, if asked.
+    /// Time until which the run is determined, if asked.
     determined: Option<Determined>,
 }
 

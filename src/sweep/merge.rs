@@ -42,7 +42,7 @@ impl Failed {
     }
 }
 
-/// Which points have a row.
+/// Points that have a row.
 ///
 /// # Errors
 /// When a journal cannot be read.

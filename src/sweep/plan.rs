@@ -226,8 +226,8 @@ fn sum(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |sum, value| sum + value)
 }
 
-/// Computes points that lie evenly among all, one after the other, until there are enough of them or the time is over. What is
-/// under way then counts with the time that it is likely to take.
+/// Computes points that lie evenly among all, one after the other, until there are enough of them or the time is over.
+/// Points under way then count with their likely time.
 fn tried(sweep: &Sweep, stop: &AtomicBool) -> Result<Tried, Failure> {
     let over = AtomicBool::new(false);
     let (done, waits) = mpsc::channel::<()>();

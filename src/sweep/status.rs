@@ -37,7 +37,7 @@ pub(crate) struct Status {
     pub(crate) shards: HashMap<State, u64>,
     /// Number of shards that began more than once.
     pub(crate) begun_again: u64,
-    /// Those that have begun, and have not all their rows.
+    /// Shards that have begun, and lack rows.
     pub(crate) begun: Vec<Shard>,
 }
 

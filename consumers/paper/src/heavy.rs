@@ -18,7 +18,7 @@ use figure::{Axis, Colour, Curve, Figure, Panel};
 const SECTION: &str = "section 3";
 /// Error of the reference of the pulses.
 const GOOD_TO: f64 = 1e-6;
-/// Which kept frame is that of the figures.
+/// Number of the kept frame in the figures.
 const AT_80_MS: usize = 1;
 
 pub(super) const VELOCITY: Study = Study {

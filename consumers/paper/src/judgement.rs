@@ -110,9 +110,9 @@ impl Number {
         Self { what: what.into(), value, unit, uncertainty: None, range: None, reference: None }
     }
 
-    /// A number from a run and from the same run with twice the step and frames half as often. What differs
-    /// is taken for the uncertainty, which it overestimates: both errors fall faster than the step. Two runs may agree by
-    /// chance, so that the error of the energy in the first, the part `drift`, is the least that is believed.
+    /// A number from a run and from the same run with twice the step and frames half as often. The difference is the
+    /// uncertainty, and overestimates it: both errors fall faster than the step. Two runs may agree by chance, so the
+    /// uncertainty is at least the error of the energy in the first run, the part `drift`.
     pub(super) fn stepped(
         what: impl Into<String>,
         (fine, coarse): (f64, f64),

@@ -17,7 +17,7 @@ use std::ops::Range;
 const SECTION: &str = "section 3";
 /// Error of the reference of the pulses.
 const GOOD_TO: f64 = 1e-5;
-/// Which kept frame is that of the figures.
+/// Number of the kept frame in the figures.
 const AT_80_MS: usize = 3;
 
 pub(super) const VELOCITY: Study = Study {

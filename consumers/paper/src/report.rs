@@ -11,7 +11,7 @@ pub struct Report<'a> {
     pub studies: Vec<Studied>,
     /// The runs behind it, in the order of their names.
     pub runs: Vec<RunManifest>,
-    /// Until when some of them are determined, by their names.
+    /// Times until which some of them are determined, by their names.
     pub determined: &'a BTreeMap<String, String>,
     /// The program and its version.
     pub program: String,

@@ -26,7 +26,7 @@ pub struct Watch {
     pub deformed: Vec<u64>,
     /// Beads to follow.
     pub followed: Vec<u64>,
-    /// Until when (s) to map the contacts, if at all.
+    /// End (s) of the map of the contacts, if there is one.
     pub map_until_s: Option<f64>,
     /// Method of measuring the leading pulse, if any.
     pub front: FrontBy,

@@ -26,7 +26,7 @@ pub struct Done {
     pub simulated: Vec<String>,
     /// Runs whose recordings were there.
     pub reused: Vec<String>,
-    /// Until when runs are determined, by their names.
+    /// Times until which runs are determined, by their names.
     pub determined: BTreeMap<String, String>,
 }
 
@@ -135,7 +135,7 @@ impl Shift<'_> {
         Ok(Some(Outcome { observed, simulated, determined }))
     }
 
-    /// Until when a run is determined, in words; none if that was stopped.
+    /// Time until which a run is determined, in words; none if the computation was stopped.
     fn determined(&self, manifest: &RunManifest) -> Result<Option<String>, Error> {
         let physics = &manifest.physics;
         let mut before = 0;

@@ -1,4 +1,4 @@
-//! From what is known to cells of a screen.
+//! Drawing of a screen in cells.
 
 use crate::field::Field;
 use crate::profile::profile;
@@ -76,7 +76,7 @@ pub fn draw(buffer: &mut Buffer, screen: &Screen, palette: Palette) {
     draw_help(buffer, screen);
 }
 
-/// As a number of rows.
+/// Number of rows.
 fn lines(count: usize) -> u16 {
     u16::try_from(count).unwrap_or(u16::MAX)
 }

@@ -18,7 +18,7 @@ pub enum Field {
     Overlap,
     /// Energy (J) of each bead, with half of that of its contacts, and all of that with a wall.
     Energy,
-    /// Which contacts are compressed (1), touching (0) and open (−½).
+    /// Classes of contacts: compressed (1), touching (0) and open (−½).
     Contacts,
 }
 

@@ -23,7 +23,7 @@ pub struct Screen {
     pub runs: Vec<RunLine>,
     /// The one among them that is watched.
     pub chosen: Option<usize>,
-    /// Who listens to it, a line each.
+    /// Its consumers, a line each.
     pub consumers: Vec<String>,
     /// Its newest state, and those before.
     pub watched: Option<Watched>,

@@ -54,12 +54,12 @@ impl Bound {
     }
 }
 
-/// Until when a quantity is determined.
+/// Time until which a quantity is determined.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Determined {
     /// Which.
     pub quantity: Quantity,
-    /// Until when (s); none if it is to the end.
+    /// The time (s); none if it is determined to the end.
     pub until_s: Option<f64>,
     /// Reason for the end of that time, if it ends.
     pub bound: Option<Bound>,
@@ -70,7 +70,7 @@ pub struct Determined {
 }
 
 impl Determined {
-    /// From how both errors went; the moved twin was moved by `moved_by` v0.
+    /// The result from the courses of both errors; the moved twin was moved by `moved_by` v0.
     pub(super) fn new(quantity: Quantity, step: Course, rounding: Course, moved_by: f64) -> Self {
         let bound_of_rounding =
             if rounding.worst < CHAOTIC * moved_by { Bound::Rounding } else { Bound::Chaos };

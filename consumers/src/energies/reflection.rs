@@ -1,13 +1,12 @@
-//! When the energy that comes back from the split bead has stopped changing, and how much of what lies
-//! on that side never went there.
+//! Reflection by the split bead: the time from which the energy that comes back is stationary, and the part of the
+//! energy on that side that never went to the split bead.
 //!
-//! # What is decided, and how
+//! # Criteria
 //!
-//! The side of the split bead that the striker is on is the *incident* side. The energy there changes only
-//! through the contact with the split bead, and that takes energy which moves towards it. So the
-//! **inbound energy** is what decides: the energy of the split bead, of all beads of the incident side that move
-//! towards it, and of the contacts between them whose two beads do so on average. Pulses that run away from
-//! the split bead do not count, a bead that will hit it in a long while does.
+//! The striker's side of the split bead is the *incident* side. The energy there changes only through the contact with
+//! the split bead, which takes energy that moves towards it. So the **inbound energy** decides: the energy of the split
+//! bead, of all beads of the incident side that move towards it, and of the contacts between them whose two beads do so
+//! on average. Pulses that run away from the split bead do not count; a bead that will hit it in a long while counts.
 //!
 //! - The pulse *arrives* with the first frame in which [`ARRIVED`] of the energy is in or beyond the split bead.
 //! - The reflected energy is *stationary* from when the inbound energy has fallen to [`STATIONARY`] of the
@@ -35,8 +34,8 @@ use schemas::manifest::RunManifest;
 use serde::Serialize;
 use std::fmt;
 
-/// Part of the total energy that has reached the split bead when a pulse has arrived. What it reflects
-/// from its leading edge has then not met its rear, so that the recoil is still untouched.
+/// Part of the total energy that has reached the split bead when a pulse has arrived. The reflection of its leading
+/// edge has then not met its rear, so that the recoil is still untouched.
 pub const ARRIVED: f64 = 1e-3;
 
 /// Part of the total energy that may still cross the split bead when the reflected energy is stationary.

@@ -1,7 +1,7 @@
-//! The front: how far motion has come along the chain, and whether a pulse leads it.
+//! The front: the farthest motion along the chain, and the pulse that leads it, if any.
 //!
-//! Beads that move for the first time, one after the other, are the front, whatever the tracker makes of it. Close
-//! behind there is a pulse that leads. Where none is for many beads, the leading pulse was not followed.
+//! Beads that move for the first time, one after the other, are the front, independent of the tracker. A leading pulse
+//! runs close behind the front. If there is none for many beads, the tracker has not followed the leading pulse.
 
 use super::Direction;
 use super::control::{MATTERS, SHORTEST, Unfollowed};

@@ -19,8 +19,9 @@ const MOST_CHANGES: usize = 8;
 /// Beads where a pulse ends and others begin.
 ///
 /// An obstacle is a bead whose mass differs from that of a neighbour behind which the chain goes on evenly: an
-/// impurity, or either side of a step. Where more than a tenth of the beads would be one, or the masses change often
-/// around it, as in a chain of dimers or a disordered one, that is how the chain is made, and pulses travel through it.
+/// impurity, or either side of a step. There are no obstacles if more than a tenth of the beads would be one, or if the
+/// masses change often around them, as in a chain of dimers or a disordered one: then the chain is made that way, and
+/// pulses travel through it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Obstacles {
     bead_count: i64,

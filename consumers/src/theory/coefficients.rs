@@ -62,7 +62,7 @@ pub struct WaveScale {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("the {quantity} of a wave must be positive and finite, but it is {value}")]
 pub struct ScaleError {
-    /// Which quantity.
+    /// The quantity.
     pub quantity: &'static str,
     /// Its value, in the unit that [`Coefficients::scaled`] takes or [`WaveScale`] gives.
     pub value: f64,

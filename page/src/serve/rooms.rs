@@ -1,7 +1,7 @@
-//! Who is connected: three rooms of bounded size. Where one is full, the next who comes takes the place of who leads to nothing.
+//! Rooms of connections: three, of bounded size. If a room is full, a newcomer takes the place of an idle connection.
 //!
-//! Architecture invariant: accepting a connection waits for no client. A connection begins among the strangers, who have little
-//! room and little time; the token leads to the known, and a web socket to the viewers.
+//! Architecture invariant: accepting a connection waits for no client. A connection begins among the strangers, who
+//! have little room and little time. The token leads to the known clients, and a web socket to the viewers.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -186,8 +186,8 @@ impl Guest {
         }
     }
 
-    /// Returns when it has left the connection `stream` and waits for an answer. What it has asked for behind that may be there to be
-    /// read, so that who answers hears of no end.
+    /// Returns when it has left the connection `stream` and waits for an answer. Its next request may already be there
+    /// to be read, and hides the end from the answering task.
     pub(super) async fn left(&self, stream: &TcpStream) {
         loop {
             sleep(LOOK_PERIOD).await;

@@ -15,8 +15,8 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
 use stretch::{Block, Piece, Stretch, Workers};
 
-/// A recording with at most one state in this many steps is recomputed faster by several threads. Where states are
-/// closer, reading them and handing them over takes longer than computing them.
+/// Several threads are faster for a recording with at most one state in this many steps. If states are closer, reading
+/// and handing them over takes longer than computing them.
 const FEW_STATES_STEPS: u64 = 8;
 
 /// Interval at which a thread that waits for states checks if it is to stop.

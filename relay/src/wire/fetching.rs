@@ -43,7 +43,7 @@ pub struct Wanted {
     pub endpoint: Endpoint,
     /// Zenoh's configuration, if the user has one.
     pub config: Option<PathBuf>,
-    /// Which far side this is: the same number after a restart.
+    /// Number of this far side: the same after a restart.
     pub receiver: u64,
     /// Every frame instead of states.
     pub frames: bool,

@@ -27,7 +27,7 @@ const MOST_NOTE_BYTES: u64 = 64 << 10;
 /// Between two looks at a file that grows.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// Before what a store did not take is sent again, while the file grows.
+/// Pause before refused bytes are sent again, while the file grows.
 const PAUSE: Duration = Duration::from_secs(10);
 
 /// A file on its way to an object.
@@ -134,8 +134,8 @@ pub struct Begun {
 }
 
 impl Begun {
-    /// Begins to send `errand`, of which nothing need be there yet, so that a store that refuses is known before anything is
-    /// written. What an earlier attempt left in the store is gone on with if it can be, and else removed.
+    /// Begins to send `errand`, even before its file exists, so that a store can refuse before anything is written. It
+    /// goes on with the parts of an earlier attempt if that is possible, and else removes them.
     ///
     /// # Errors
     /// When there is such an object and it is not to be replaced, or when the store refuses.
@@ -188,7 +188,7 @@ impl Sender {
         self.thread.is_finished()
     }
 
-    /// Does not wait for the end. What was sent stays in the store until the file is sent again.
+    /// Does not wait for the end. Sent parts stay in the store until the file is sent again.
     pub fn leave(self) -> Outcome {
         Outcome { sent: self.shared.lock().sent.clone(), error: Some(SendError::Stopped) }
     }

@@ -63,7 +63,7 @@ impl Summary {
         }
     }
 
-    /// Which run it is.
+    /// Notes the run.
     pub(super) fn name(&mut self, manifest: &RunManifest) {
         self.run = Some((manifest.provenance.name.clone(), manifest.provenance.run_id));
     }
@@ -73,7 +73,7 @@ impl Summary {
         self.streams - self.seek_count
     }
 
-    /// Which loop the next stream belongs to, if there are several.
+    /// Number of the loop of the next stream, if there are several.
     pub(super) fn number(&self) -> String {
         let number = self.loops() + u64::from(self.seeks.is_empty());
         if number > 1 { format!("loop {number}") } else { String::new() }

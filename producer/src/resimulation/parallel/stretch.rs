@@ -36,7 +36,7 @@ pub(super) enum Piece {
     Block(Block),
     /// The next recorded state is wrong; nothing comes after this.
     Differs(Difference),
-    /// That was all.
+    /// The end of the stretch.
     Done,
 }
 

@@ -231,8 +231,8 @@ fn is_listing(method: &Method, query: &str) -> bool {
     method.as_str() == "PROPFIND" || is_of("list-type=2") || is_of("comp=list")
 }
 
-/// A listing without the objects whose names are no plain paths. What this does not find, `object_store` refuses with the whole
-/// listing.
+/// A listing without the objects whose names are no plain paths. `object_store` refuses the whole listing for any such
+/// name that this misses.
 fn plain_names_of(bytes: Vec<u8>, skipped: &mut Skips) -> Vec<u8> {
     let Ok(text) = str::from_utf8(&bytes) else { return bytes };
     let (mut kept, mut from) = (String::new(), 0);
