@@ -288,7 +288,7 @@ export class AnyStepper extends Stepper {
   }
 
   /**
-   * By how much more what is left of contact i has moved than what is right of it.
+   * Displacement left of contact i less that right of it.
    * @param {number} i
    * @param {Float64Array} x of the beads
    * @param {number} left of the wall

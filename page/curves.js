@@ -1,4 +1,4 @@
-// Curves over time: energies, and what followed beads do.
+// Curves over time: energies, and the motion of followed beads.
 
 import { ENERGY_COUNT } from "./fields.js";
 import { curveCount } from "./rows.js";

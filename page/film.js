@@ -1,4 +1,4 @@
-// A film of what is seen while the cursor goes through the time in view: a video, or a series of pictures.
+// A film of the view while the cursor goes through the time in view: a video, or a series of pictures.
 
 import { captionOf } from "./caption.js";
 import { byId, make, save } from "./elements.js";

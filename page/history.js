@@ -77,7 +77,7 @@ export class History {
     this.lastStep = lastStep;
     this.whyNot = whyNotRecomputed(physics, chain);
     this.stepper = this.whyNot === "" ? stepperOf(physics, chain) : undefined;
-    /** True if the state of step 0 is what it is because it was given: then it is not made here. */
+    /** True if the state of step 0 was given: then it is not made here. */
     this.isStartGiven = physics.initial !== undefined;
     /** In the order of their steps; `received` are those that came from a live run. @type {(State & { received?: boolean })[]} */
     this.kept = [];

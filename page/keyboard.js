@@ -90,7 +90,7 @@ export function watchKeys(act) {
   });
 }
 
-/** The table of all keys and of what the pointer does. */
+/** The table of all keys and of the gestures of the pointer. */
 export function keyTable() {
   const pointer = [
     ["wheel", "zoom into time; with shift into beads, with ctrl into both"],

@@ -1,4 +1,4 @@
-// Keys of `physics` in a manifest: what this page knows, and what of it a change can be made in.
+// Keys of `physics` in a manifest: those that this page knows, and those that can be changed.
 
 /** Keys of a chain of one power law that something strikes, each with what it holds if that has keys, too. */
 const PLAIN_KEYS = {

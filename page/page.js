@@ -1,4 +1,4 @@
-// The page: one run at a time, what is looked at of it, and everything that a person can do.
+// The page: one run at a time, its view, and all controls.
 
 import { act } from "./actions.js";
 import { Board } from "./board.js";
@@ -105,7 +105,7 @@ export class Page {
 
   // ---- where runs come from
 
-  /** Opens what the page has. */
+  /** Opens the runs of the page. */
   async begin() {
     const { kind, title } = carried();
     document.title = title ? `${title} · Beadline` : "Beadline";

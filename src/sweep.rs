@@ -94,7 +94,7 @@ pub(crate) struct Outcome {
     pub(crate) files: Option<Vec<PathBuf>>,
 }
 
-/// A point for who looks at a sweep.
+/// A point for the page.
 #[derive(Debug)]
 pub(crate) struct Shown {
     /// The point.

@@ -64,8 +64,8 @@ pub struct Deformation {
     pub later_pulse_count: u64,
     /// Speed of the pulse (beads/s) over [`BASELINE`] contacts on either side, if it passed both ends of them.
     pub speed_beads_per_s: Option<f64>,
-    /// The shape and the speed from every second frame alone, if that tells them: what differs is more than what lies
-    /// between frames costs.
+    /// The shape and the speed from every second frame alone, if these determine them: the difference is more than the
+    /// error between frames.
     pub halved: (Option<Shape>, Option<f64>),
     /// The exact solitary wave, or why there is none.
     pub exact: Result<Comparison, String>,

@@ -88,7 +88,7 @@ pub struct Energies {
     last: Option<EnergyRow>,
 }
 
-/// The balance of energies: what the chain has and has dissipated is what it had at first and what drives have given it.
+/// The balance of energies: present and dissipated energy equal the initial energy and the work of drives.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[expect(clippy::struct_field_names, reason = "units stand in names")]
 struct Balance {
@@ -191,7 +191,7 @@ impl Energies {
         row
     }
 
-    /// The sums over the beads and contacts of `frame`, without what is reflected.
+    /// The sums over the beads and contacts of `frame`, without the reflection.
     #[inline(always)]
     fn sums(&self, frame: &Frame<'_>) -> EnergyRow {
         let (chain, s, contact_j) = (&self.chain, self.split_bead, &self.contact_j);

@@ -117,8 +117,8 @@ impl Followed {
         }
     }
 
-    /// The motions of the beads in `frame`, in the order in which they were asked for, and what
-    /// happened since the frame before.
+    /// The motions of the beads in `frame`, in the order in which they were asked for, and the events since the frame
+    /// before.
     pub fn observe(&mut self, frame: &Frame<'_>) -> (&[Motion], &[Event]) {
         self.motions.clear();
         self.events.clear();

@@ -1,5 +1,5 @@
-//! Proves a recording: every state must follow from the state before it, every summary must match its state, and the
-//! file what was written.
+//! Proves a recording: every state must follow from the state before it, every summary must match its state, and every
+//! other record the rest of the file.
 //!
 //! The file is read once, in order; its states are handed as they are, in batches, to threads that decode them and
 //! recompute the steps between. Memory is bounded by a few batches and two chunks.

@@ -46,7 +46,7 @@ pub enum FarError {
         /// The last.
         to: u64,
     },
-    /// The end is not that of the run, or not that of what arrived.
+    /// The end contradicts the run, or the frames that arrived.
     #[error(
         "the other side says that the run ended `{reason}` after {frames} frames, but {but}; it is taken as failed, because not \
          both can be true"
@@ -104,7 +104,7 @@ pub struct Far {
     told: u64,
     /// Frames come as they are.
     frames: bool,
-    /// Another near side goes on: its first frame must follow from what was published before it is believed.
+    /// Another near side goes on: its first frame must follow from the published frames.
     is_again: bool,
     results: Results,
     scratch: Vec<f64>,
@@ -115,10 +115,10 @@ pub struct Far {
     lost_before: u64,
 }
 
-/// Refuses the end of a run that is not what its manifest says, or before what is there of it, `arrived` frames.
+/// Refuses an end of a run that contradicts its manifest, or that lies before the `arrived` frames.
 ///
 /// # Errors
-/// With what the end says and what contradicts it.
+/// With the end and the fact that contradicts it.
 pub fn check_end(
     manifest: &RunManifest,
     (reason, last_frame): (EndReason, Option<u64>),
@@ -199,8 +199,8 @@ impl Far {
         since.elapsed() >= TOO_OLD && 2 * held_back.saturating_sub(before) < since.elapsed()
     }
 
-    /// Another near side goes on with the run, whose messages after `seq` come. Consumers hear nothing of it: what arrives is
-    /// published if it follows from what was.
+    /// Another near side goes on with the run, whose messages after `seq` come. Consumers hear nothing of it: frames
+    /// are published if they follow from the published ones.
     pub fn again(&mut self, seq: u64, frames: bool) {
         self.asked.iter_mut().for_each(|asked| *asked = seq + 1);
         (self.seq, self.told) = (seq, 0);
@@ -322,7 +322,7 @@ impl Far {
         self.next_asked = last + 1;
     }
 
-    /// Publishes what has been computed until no more than this many states are left that lead to more.
+    /// Publishes computed frames until no more than this many states are left that lead to more.
     fn publish_asked(&mut self, most_left: usize) -> Result<(), FarError> {
         while self.asked.len() > most_left {
             self.publish_next()?;

@@ -116,8 +116,8 @@ impl<P: Clone> Log<P> {
         }
     }
 
-    /// Removes what every far side has done with, but not the last state and what follows it: one that comes late
-    /// begins there.
+    /// Removes the messages that every far side has done with, but not the last state and the messages after it: a late
+    /// far side begins there.
     fn forget_done(&mut self, now: Instant) {
         let patience = self.patience;
         let before = self.receivers.len();
@@ -136,7 +136,7 @@ impl<P: Clone> Log<P> {
         self.entries.iter().rev().find(|entry| entry.kind == Kind::Frames).map(|entry| entry.seq)
     }
 
-    /// A far side asks for the run: what it has before it asks for messages. The first one, for which the run was
+    /// A far side asks for the run: its place before it asks for messages. The first one, for which the run was
     /// joined, begins with the first message, any other one with the last state.
     pub fn join(&mut self, receiver: u64, now: Instant) -> u64 {
         let first = self.entries.front().map(|first| first.seq);
@@ -147,7 +147,7 @@ impl<P: Clone> Log<P> {
         done
     }
 
-    /// Gives up whoever was silent for longest where there is no room for one more.
+    /// Gives up the far side that was silent for longest if there is no room for one more.
     fn make_room(&mut self, receiver: u64) {
         if self.receivers.len() < MOST_RECEIVERS || self.receivers.contains_key(&receiver) {
             return;

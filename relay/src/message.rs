@@ -16,7 +16,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// Version of what is said; another one is refused.
+/// Version of the protocol; another one is refused.
 pub const PROTOCOL_VERSION: u32 = 1;
 
 /// Longest request (bytes).
@@ -39,13 +39,13 @@ const END: u64 = 3;
 /// Why something that was said cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum MessageError {
-    /// Not what a relay says.
+    /// No message of a relay.
     #[error("the other side sent what no `beadline relay` of this version says: {what}")]
     Garbage {
         /// The expected and the found value.
         what: String,
     },
-    /// Another version of what is said, of the schemas or of the dynamics.
+    /// Another version of the protocol, of the schemas or of the dynamics.
     #[error("{what}: the other side has version {found}, this one has {ours}; {remedy}")]
     Version {
         /// The thing that has versions.
@@ -150,7 +150,7 @@ pub struct Welcome {
 pub struct Offer {
     /// The manifest as JSON, byte for byte as on the bus.
     pub manifest: String,
-    /// Ask for what comes after this.
+    /// Ask for the messages after this one.
     pub have: Have,
     /// Every frame is sent.
     pub frames: bool,
@@ -263,7 +263,7 @@ impl FramesMessage {
         self.next = frame.frame + 1;
     }
 
-    /// True if `frame` comes right after what is in it.
+    /// True if `frame` comes right after the frames in it.
     pub fn continues_with(&self, frame: u64) -> bool {
         self.bytes.is_empty() || frame == self.next
     }

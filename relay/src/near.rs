@@ -11,7 +11,7 @@ use schemas::frame::{EndReason, Received};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Frames between two states are at least so many bytes: what waits for its proof stays in a cache.
+/// Frames between two states are at least so many bytes: frames that wait for their proof stay in a cache.
 const WINDOW_BYTES: u64 = 4 << 20;
 /// Least frames between two states: they take less than 1/100 of the frames' bytes.
 const LEAST_FRAMES: u64 = 128;
@@ -192,7 +192,7 @@ impl<'a, P: Clone + From<Vec<u8>>> Sender<'a, P> {
         }
     }
 
-    /// Sends what has waited.
+    /// Sends the frames that have waited.
     fn flush(&mut self) {
         if let Some(held) = self.newest.take() {
             self.batch.push(&held.frame());

@@ -34,7 +34,7 @@ pub struct Window {
     doubles: Vec<f64>,
     /// True if a state proves them.
     pub is_proven: bool,
-    /// True if nothing is left of what was asked for.
+    /// True if nothing is left to be computed.
     pub is_last: bool,
 }
 

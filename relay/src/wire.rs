@@ -218,7 +218,7 @@ fn set(config: &mut Config, key: &str, value: &str) -> Result<(), WireError> {
     config.insert_json5(key, value).map_err(zenoh_error)
 }
 
-/// Replaces what Zenoh would do by itself, but not what a user's file says.
+/// Replaces defaults of Zenoh, but no value of the user's file.
 fn bound(config: &mut Config, key: &str, zenohs: &str, ours: &str) -> Result<(), WireError> {
     if config.get_json(key).is_ok_and(|found| found == zenohs) { set(config, key, ours) } else { Ok(()) }
 }

@@ -1,4 +1,4 @@
-//! `beadline ls`: the runs on this user's bus, how far they are, and who listens; or the recordings of a place.
+//! `beadline ls`: the runs on this user's bus with their progress and consumers; or the recordings of a place.
 
 mod recordings;
 

@@ -151,7 +151,7 @@ enum Start {
 }
 
 impl Start {
-    /// The run that the arguments mean, and what it begins with; none if there is nothing left to be done.
+    /// The run of the arguments, and its beginning; none if there is nothing left to be done.
     fn of(args: &RunArgs, spool: Option<&Spool>, force: bool) -> Result<Option<(Configured, Self)>, Failure> {
         let out = spool.map(|spool| &spool.file).or(args.out.as_ref());
         if let Some(path) = &args.resume {
@@ -192,8 +192,8 @@ impl Start {
         Ok(out.map(Path::to_owned))
     }
 
-    /// Opens the run to its consumers, waits for those that it is to wait for, and begins its recording, with
-    /// what was recorded before. None if `stop` was set meanwhile.
+    /// Opens the run to its consumers, waits for the consumers of `--wait-for`, and begins its recording, with the part
+    /// that was recorded before. None if `stop` was set meanwhile.
     fn prepare(
         self,
         args: &RunArgs,
@@ -362,7 +362,7 @@ fn announce(configured: &Configured, out: Option<&Path>, options: &WriteOptions)
     Ok(needed.at_least_bytes as f64 / free.max(1) as f64)
 }
 
-/// The step, and what decided it where that is not T.
+/// The step, and the part of the chain that decided it if that is not T.
 fn step_in_words(physics: &Physics) -> String {
     let (dt, (_, limit)) = (seconds(physics.dt_s), physics.usual_step());
     if limit == Limit::Collision || !has_default_step(physics) {

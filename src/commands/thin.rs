@@ -201,8 +201,8 @@ impl Rewrite<'_> {
         self.between_frames && self.every_steps < published && published.is_multiple_of(self.every_steps)
     }
 
-    /// Copies the states that are due, and the last one, and between them what else is in the file; every state of
-    /// the source is proven on the way.
+    /// Copies the states that are due, and the last one, and between them the other contents of the file; every state
+    /// of the source is proven on the way.
     fn copy(
         &self,
         states: &mut Frames,

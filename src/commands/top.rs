@@ -160,7 +160,7 @@ struct Top {
     palette: Palette,
 }
 
-/// Steps a second of a run, from what its producer wrote twice.
+/// Steps a second of a run, from two reports of its producer.
 struct Speed {
     step: u64,
     written: SystemTime,
@@ -188,7 +188,7 @@ impl Top {
         Ok(())
     }
 
-    /// Changes what is shown, paused or not.
+    /// Changes the screen, paused or not.
     fn change(&mut self, change: impl Fn(&mut Screen)) {
         change(&mut self.screen);
         self.frozen.iter_mut().for_each(change);
@@ -218,7 +218,7 @@ impl Top {
         Ok(())
     }
 
-    /// Takes what has come since the last look.
+    /// Takes the news since the last look.
     fn look(&mut self) -> Result<(), Failure> {
         match self.list.take() {
             None => {}

@@ -19,7 +19,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Most bytes of what says which sweep a directory is of: the names of its columns.
+/// Most bytes of the description of a sweep: the names of its columns.
 pub(super) const MOST_SIGN_BYTES: u64 = 16 << 20;
 
 pub(super) const SWEEP_JSON: &str = "sweep.json";
@@ -39,7 +39,7 @@ pub(super) struct Directory {
 /// Contents of `sweep.json`.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Sign {
-    /// SHA-256 of what decides the rows.
+    /// SHA-256 of the values that decide the rows.
     identity: String,
     program: String,
     points: u64,
@@ -47,8 +47,8 @@ struct Sign {
 }
 
 impl Directory {
-    /// Makes `path` the directory of `sweep`, or finds that it is; what belongs to another sweep is refused, or
-    /// removed with `force`.
+    /// Makes `path` the directory of `sweep`, or finds that it is; files of another sweep are refused, or removed with
+    /// `force`.
     pub(super) fn open(path: &Path, sweep: &Sweep, force: bool) -> Result<Self, Failure> {
         let directory = Self::of(path, sweep);
         create_directory(&path.join(ROWS))
@@ -129,7 +129,7 @@ impl Directory {
         Ok(())
     }
 
-    /// Removes what a sweep has left here, unless somebody computes it.
+    /// Removes the files of a sweep here, unless somebody computes it.
     fn clear(&self) -> Result<(), Failure> {
         if !self.path.join(SWEEP_JSON).exists() {
             return Ok(());

@@ -1,4 +1,4 @@
-//! The results of a sweep, the same bytes whoever computed its rows in whatever order.
+//! The results of a sweep: the same bytes for any workers and any order of its rows.
 
 use super::directory::{Directory, ENSEMBLES};
 use super::pending::Points;

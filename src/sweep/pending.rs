@@ -1,4 +1,4 @@
-//! The points that are left to compute: a bit for each point, and a guess at what they cost.
+//! The points that are left to compute: a bit for each point, and a guess at their cost.
 
 use super::directory::Directory;
 use crate::args::Shard;

@@ -42,7 +42,7 @@ impl Sorter {
         if self.bytes > PART_BYTES { self.put_away() } else { Ok(()) }
     }
 
-    /// Writes what is in memory to the file.
+    /// Writes the rows in memory to the file.
     fn put_away(&mut self) -> io::Result<()> {
         // no other process sees it, and none finds it after a kill
         let file = match &mut self.file {

@@ -1,4 +1,4 @@
-//! Progress of a sweep in a directory, whoever computes it: from its journals, the traces of a job array, and squeue if
+//! Progress of a sweep in a directory, from its journals, the traces of a job array, and squeue if
 //! it is there. Memory is a bit for each point and a few words for each shard.
 
 use super::directory::{MOST_SIGN_BYTES, ROWS, SWEEP_JSON, files};
@@ -15,7 +15,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, SystemTime};
 
-/// A shard stands still if it has no new row for this long, and for so many times what its longest point took.
+/// A shard stands still if it has no new row for this long, and for so many times the time of its longest point.
 const STILL: Duration = Duration::from_mins(10);
 const STILL_POINTS: f64 = 10.0;
 
@@ -147,7 +147,7 @@ fn point_count(directory: &Path) -> Result<u64, Failure> {
     Ok(found)
 }
 
-/// Into how many shards the sweep is divided: what its job array says, else its newest journal.
+/// Number of shards of the sweep: from its job array, else from its newest journal.
 fn shard_count(directory: &Path, rows: &Rows) -> u64 {
     let script = text_of(&directory.join(SLURM).join(SCRIPT));
     let array = script.lines().find_map(|line| line.strip_prefix("#SBATCH --array=0-"));

@@ -124,7 +124,7 @@ pub(super) fn work(
 /// Progress of all workers: a bar on a terminal, a line for each tenth elsewhere. Work is counted in steps of beads.
 struct Overview<'a> {
     at: &'a [At],
-    /// Points in all, and what one costs.
+    /// Points in all, and the cost of one.
     guess: &'a Guess,
     /// Points that are finished.
     ended: u64,

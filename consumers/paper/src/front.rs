@@ -46,7 +46,7 @@ impl Front {
         Some(Self { time_s: frame.time_s, bead, v_max_m_s, fwhm_beads, asymmetry })
     }
 
-    /// The first pulse of a run as it passes a bead, if that is what happened.
+    /// The first pulse of a run as it passes a bead, if it does.
     pub(super) fn in_time(happening: &Happening) -> Option<Self> {
         let Happening::Passed(point) = happening else { return None };
         let shape = point.shape.filter(|_| point.pulse == 1)?;

@@ -21,8 +21,8 @@ impl Verdict {
         if holds { Self::Reproduced } else { Self::NotSo }
     }
 
-    /// [`Reproduced`](Self::Reproduced) if the statement holds to the letter, [`Corrected`](Self::Corrected) if
-    /// only what is at the heart of it does.
+    /// [`Reproduced`](Self::Reproduced) if the statement holds to the letter, [`Corrected`](Self::Corrected) if only
+    /// its core does.
     pub(super) fn graded(heart: bool, letter: bool) -> Self {
         match (heart, letter) {
             (true, true) => Self::Reproduced,
@@ -128,7 +128,7 @@ impl Number {
         Self { range: Some(range), ..Self::new(what, count.count as f64, "") }
     }
 
-    /// A number that knows how far it may be off, and from what.
+    /// A number with its uncertainty and the origin of that.
     pub(super) fn known(
         what: impl Into<String>,
         found: Uncertain,

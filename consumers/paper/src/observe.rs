@@ -177,7 +177,7 @@ pub struct Observations {
 }
 
 impl Observations {
-    /// Adds what was seen of a run.
+    /// Adds the observations of a run.
     pub fn insert(&mut self, run: &Run, observed: Observed) {
         self.runs.insert(run.name().to_owned(), observed);
     }

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 /// Only beads that have moved are computed: at the time t about t/T of them, for a shock passes about one bead in
 /// the collision time T. Other powers than that of Hertz take longer.
 pub(super) fn work(manifest: &RunManifest, step: u64) -> f64 {
-    /// The beads that a shock passes in T, and what a general power costs; both measured.
+    /// The beads that a shock passes in T, and the cost of a general power; both measured.
     const BEADS_PER_T: f64 = 0.9;
     const GENERAL_POWER: f64 = 3.0;
     let physics = &manifest.physics;

@@ -5,7 +5,7 @@ use schemas::manifest::RunManifest;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// The paper by figures, with what we find.
+/// The paper by figures, with our results.
 pub struct Report<'a> {
     /// In the order of the paper.
     pub studies: Vec<Studied>,

@@ -30,8 +30,8 @@ pub struct Done {
     pub determined: BTreeMap<String, String>,
 }
 
-/// Simulates what is not recorded and observes all, with `jobs` workers, and tells now and then how far they are; nothing if `stop`
-/// was set.
+/// Simulates the runs without a recording and observes all runs, with `jobs` workers, and reports their progress now
+/// and then; nothing if `stop` was set.
 ///
 /// # Errors
 /// When a run cannot be made, recorded or read.

@@ -81,7 +81,7 @@ fn lines(count: usize) -> u16 {
     u16::try_from(count).unwrap_or(u16::MAX)
 }
 
-/// A line with a title, and what is below it.
+/// A line with a title, and the area below it.
 fn titled(buffer: &mut Buffer, area: Rect, title: &str) -> Rect {
     titled_twice(buffer, area, title, "")
 }

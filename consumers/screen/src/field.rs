@@ -92,7 +92,7 @@ impl Fields {
     }
 }
 
-/// Compressed contacts are farthest from 0, so that what is compressed is shown where both kinds fall into one cell.
+/// Compressed contacts are farthest from 0, so that a cell with both kinds shows the compressed ones.
 fn class_value(class: u8) -> f64 {
     match class {
         COMPRESSED => 1.0,

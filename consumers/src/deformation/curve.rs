@@ -84,7 +84,7 @@ pub(super) fn shape(samples: &[Sample], force: impl Fn(f64) -> f64) -> Result<Sh
     })
 }
 
-/// Steps in which what a theory has outside of the samples is integrated, on either side.
+/// Steps in which a theory is integrated outside of the samples, on either side.
 const OUTSIDE: u32 = 512;
 
 /// The differences of `samples`, and of nothing outside of them, to `theory` (m, of a time in s), which is 0

@@ -4,7 +4,7 @@ use super::Untold;
 use super::curve::{self, Sample, Shape};
 
 /// A pulse begins and ends where the overlap passes this part of the collision length L: far above
-/// rounding, which is 1e-14 of it, and far below what a comparison shows.
+/// rounding, which is 1e-14 of it, and far below the differences of a comparison.
 pub const CLOSED: f64 = 1e-9;
 
 /// A disturbance below this part of L is not a pulse.

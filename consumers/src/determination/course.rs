@@ -39,7 +39,7 @@ pub enum Bound {
     Step,
     /// Chaos: neither a shorter step nor another solver helps.
     Chaos,
-    /// Rounding, from the beginning: the disturbance is too weak for what it meets.
+    /// Rounding, from the beginning: the disturbance is too weak for the load that it meets.
     Rounding,
 }
 

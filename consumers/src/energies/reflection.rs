@@ -383,8 +383,8 @@ mod tests {
         RunManifest::new(&config, "run", origin).expect("valid")
     }
 
-    /// A frame `collisions` T after the start, of 1 J in all, with these parts on the incident side, in the
-    /// split bead, and of the first what moves towards the second.
+    /// A frame `collisions` T after the start, of 1 J in all, with these parts on the incident side, in the split bead,
+    /// and on the incident side moving towards the split bead.
     fn frame(watch: &ReflectionWatch, collisions: u64, [incident_j, split_j, towards_j]: [f64; 3]) -> Parts {
         Parts {
             at: Moment {

@@ -133,7 +133,7 @@ impl Control {
         }
     }
 
-    /// Frames are missing, or there are no more: what still rises has not passed yet.
+    /// Frames are missing, or there are no more: a speed that still rises has not passed yet.
     pub(super) fn gap(&mut self) {
         self.front.gap();
         for bead in &mut self.beads {
@@ -173,7 +173,7 @@ impl Control {
         found
     }
 
-    /// True if the front that was not followed is more than a forerunner of what came behind.
+    /// True if the front that was not followed is more than a forerunner of a stronger wave.
     fn is_strong(&self, front: &Unfollowed) -> bool {
         let [low, high] = front.sorted_beads();
         let number = |bead: u64| usize::try_from(bead).unwrap_or_default();

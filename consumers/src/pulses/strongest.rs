@@ -60,7 +60,7 @@ impl Strongest {
         Self { pulses: Vec::new(), paths: with_paths.then(BTreeMap::new) }
     }
 
-    /// Takes what a frame brought.
+    /// Takes the happenings of a frame.
     pub fn take(&mut self, happening: &Happening) {
         match happening {
             Happening::Passed(point) => {

@@ -33,7 +33,7 @@ pub(super) struct Reach {
     pub(super) near: i64,
     /// A pulse that begins so near to something comes from it: weak ones get their crest only at a distance.
     pub(super) origin: i64,
-    /// A pulse so far from what is ahead of it is undisturbed.
+    /// A pulse so far from the next thing ahead is undisturbed.
     pub(super) free: i64,
     /// A pulse may be out of sight for so long, as when two meet.
     pub(super) coast: i64,

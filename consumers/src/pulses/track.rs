@@ -139,7 +139,7 @@ impl Track {
         }
     }
 
-    /// `bead` moves with `v_m_s` while `around_m_s` is what is followed there: faster than before in the same crest?
+    /// Notes the velocity `v_m_s` of `bead`, if it is faster than before in the same crest; `around_m_s` is the followed velocity there.
     pub(super) fn rattle(&mut self, bead: i64, v_m_s: f64, around_m_s: f64) {
         /// The pulse has passed where the followed velocity has sunk to this part of its crest.
         const PASSED: f64 = 0.5;

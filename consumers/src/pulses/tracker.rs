@@ -165,7 +165,7 @@ impl Pulses {
         &self.unfollowed
     }
 
-    /// Tells the control what pulses have passed.
+    /// Tells the control which pulses have passed.
     fn explain(&mut self) {
         let Some(control) = &mut self.control else { return };
         for happening in &self.happenings {

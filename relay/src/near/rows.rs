@@ -220,7 +220,7 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
         }
     }
 
-    /// No frame is sent after `last_frame`: waits for the rest of the rows, and gives what went wrong.
+    /// No frame is sent after `last_frame`: waits for the rest of the rows, and returns the troubles.
     pub fn finish(&self, last_frame: u64) -> Vec<String> {
         let _ = self.last_frame.set(last_frame);
         for thread in std::mem::take(&mut *lock(&self.started)) {

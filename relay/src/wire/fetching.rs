@@ -36,7 +36,7 @@ pub enum Arrival {
     Failed(WireError),
 }
 
-/// Whom a far side asks, and for what.
+/// The request of a far side, and its address.
 #[derive(Debug, Clone)]
 pub struct Wanted {
     /// Address of the near side.
@@ -93,7 +93,7 @@ impl Fetching {
     /// Connects to the near side and asks for its run; waits for both until `stop` is set, which gives none.
     ///
     /// # Errors
-    /// When the other side is none, or another version, or refuses us, or offers what is no run.
+    /// When the other side is no relay, or another version, or refuses us, or offers no possible run.
     pub fn start(
         wanted: &Wanted,
         stop: &AtomicBool,
@@ -259,7 +259,7 @@ fn turned(said: &[u8]) -> WireError {
 enum Asked {
     /// The near side lives.
     Answered,
-    /// Nobody is there, or what came does not follow from what we have.
+    /// Nobody is there, or the answer does not follow our last message.
     Nothing,
     /// Another near side is there.
     Gone,
@@ -282,7 +282,7 @@ impl Shared {
         self.change.wait_timeout(state, at_most).unwrap_or_else(PoisonError::into_inner).0
     }
 
-    /// Asks for what comes after `have`, again and again, until nobody wants it.
+    /// Asks for the messages after `have`, again and again, until nobody wants them.
     fn fetch(
         &self,
         session: &Session,
@@ -314,7 +314,7 @@ impl Shared {
         Ok(())
     }
 
-    /// Asks once for what comes after `have`.
+    /// Asks once for the messages after `have`.
     fn ask(
         &self,
         session: &Session,
@@ -375,7 +375,7 @@ impl Shared {
         }
     }
 
-    /// Tells the near side what is done, when it changes and now and then.
+    /// Tells the near side the last message that is done, when it changes and now and then.
     fn beat(&self, session: &Session) {
         while !self.over.load(Ordering::Relaxed) {
             let done = self.state().done;

@@ -29,7 +29,7 @@ pub struct Skipped {
 pub struct Listing {
     /// In the order of their names.
     pub entries: Vec<Entry>,
-    /// The first of what cannot be read.
+    /// The first paths that cannot be read.
     pub skipped: Vec<Skipped>,
     /// The number of all of these.
     pub skipped_count: u64,

@@ -1,6 +1,6 @@
 //! Sends files to objects while they are written, in a thread of its own.
 //!
-//! Whoever writes a file only ever appends to it, so what is there is sent as soon as it makes a part. The writer never waits.
+//! The writer of a file only appends to it, so bytes are sent as soon as they make a part. The writer never waits.
 
 use crate::{StorageError, Upload, open_file, read_file, stop};
 use std::fmt::{self, Display};
@@ -210,7 +210,7 @@ impl Shared {
         self.lock().files
     }
 
-    /// Waits until there is news from whoever writes, or for `time`.
+    /// Waits until there is news from the writer, or for `time`.
     fn wait(&self, time: Duration) {
         let state = self.lock();
         if state.files.is_none() {
@@ -291,7 +291,7 @@ impl Work {
         }
     }
 
-    /// Sends what is in the file until it is whole, and completes the object.
+    /// Sends the file until it is whole, and completes the object.
     fn follow(
         &self,
         number: u64,
@@ -339,7 +339,7 @@ impl Work {
         Ok(was_sent)
     }
 
-    /// Does what may go wrong for a while, again and again as long as files are written, and once after that.
+    /// Repeats work that may fail for a while, as long as files are written, and once after that.
     fn patiently<T>(&self, mut attempt: impl FnMut() -> Result<T, SendError>) -> Result<T, SendError> {
         let mut was_told = false;
         loop {
@@ -364,7 +364,7 @@ impl SendError {
         matches!(self, Self::Store { source: StorageError::Failed(_), .. })
     }
 
-    /// True if another attempt may go on with what was sent.
+    /// True if another attempt may go on with the sent parts.
     fn leaves_parts(&self) -> bool {
         let Self::Store { source, .. } = self else { return false };
         matches!(source, StorageError::Failed(_) | StorageError::Denied(_) | StorageError::Stopped)
@@ -448,7 +448,7 @@ impl Display for Note {
     }
 }
 
-/// Removes what was sent. If that fails, the next attempt does it.
+/// Removes the sent parts. If that fails, the next attempt does it.
 fn give_up(errand: &Errand, upload: &Upload) {
     if Upload::give_up(&errand.url, upload.id()).is_ok() {
         forget(errand);

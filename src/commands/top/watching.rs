@@ -20,7 +20,7 @@ use std::time::Duration;
 /// Interval between two lists of the runs.
 const LIST_PERIOD: Duration = Duration::from_millis(500);
 
-/// Between two states that are taken from a run, at most: what is shown is not older than this.
+/// Longest time between two states that are taken from a run: the screen is not older than this.
 const LONGEST_PAUSE: Duration = Duration::from_millis(50);
 
 /// The runs on the bus, again and again.
@@ -99,7 +99,7 @@ impl Watch {
         self.is_over
     }
 
-    /// Shows what has come; what cannot be attached to is said.
+    /// Hands over the news; an attachment that fails has a message.
     pub(super) fn take(&mut self, watched: &mut Option<Watched>) -> Result<Option<String>, Failure> {
         let mut news = lock(&self.news);
         if let Some(manifest) = news.manifest.take() {

@@ -1,4 +1,4 @@
-//! The HTTP client of all stores: where a server may send us, how much of its answer is read, and what of an error is told.
+//! The HTTP client of all stores. It bounds redirects, the length of answers, and the texts of errors.
 //!
 //! `object_store` takes whole answers into memory, but for objects, follows redirects with the headers that it was given, and prints
 //! the bodies of errors. All its requests go through here.
@@ -189,7 +189,7 @@ fn length_of(range: &str) -> Option<u64> {
     if from.is_empty() { Some(to) } else { to.checked_sub(from.parse().ok()?)?.checked_add(1) }
 }
 
-/// Refuses a part that is longer than what was asked for, or lies where no object reaches.
+/// Refuses a part that is longer than its request, or lies where no object reaches.
 fn check_range(headers: &HeaderMap, asked: Option<u64>) -> Result<(), HttpError> {
     let text = |name: HeaderName| headers.get(name).and_then(|value| value.to_str().ok());
     let length = text(CONTENT_LENGTH).and_then(|length| length.parse::<u64>().ok());

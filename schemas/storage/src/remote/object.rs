@@ -48,7 +48,7 @@ struct Known {
 
 static KNOWN: Mutex<Known> = Mutex::new(Known { all: Vec::new(), idle: VecDeque::new() });
 
-/// Forgets what is known of the object behind the URL `path`: the next reader opens it anew.
+/// Forgets the object behind the URL `path`: the next reader opens it anew.
 pub fn forget(path: &Path) {
     let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
     known.idle.retain(|object| object.url != path);

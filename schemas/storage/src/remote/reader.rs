@@ -1,5 +1,5 @@
-//! Reads an object from place to place, with few requests: what is expected in large parts, the next one on its way while
-//! one is used; else little at first, and more each time that reading simply goes on.
+//! Reads an object from place to place, with few requests. Announced ranges come in large parts, the next one on its
+//! way while one is used. Else parts are small at first, and grow as reading goes on.
 
 use super::object::{Object, Part};
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
@@ -27,7 +27,7 @@ pub(crate) struct ObjectReader {
     /// On its way.
     next: Option<Arc<Part>>,
     expected: Range<u64>,
-    /// Reading may go on after what is expected.
+    /// Reading may go on after the announced range.
     and_more: bool,
     /// Bytes of the next request without an announcement.
     amount: u64,

@@ -1,4 +1,4 @@
-//! The store of a URL, and what it says when it refuses.
+//! The store of a URL, and the meaning of its refusals.
 
 use super::client::{Connector, Skips};
 use crate::StorageError;

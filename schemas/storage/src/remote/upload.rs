@@ -82,8 +82,8 @@ impl Upload {
         Ok(Self { target, id, parts, stored, part_bytes, bytes: 0, run, replace })
     }
 
-    /// Goes on with the upload `id`, which was begun in the same way: parts that the store has are not sent again. None if the
-    /// store has no such upload any more, or does not say what it has.
+    /// Goes on with the upload `id`, which was begun in the same way: parts that the store has are not sent again. None
+    /// if the store has no such upload any more, or does not list its parts.
     ///
     /// # Errors
     /// When there is an object and it is not to be replaced, or when the store refuses.
