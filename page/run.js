@@ -76,7 +76,8 @@ export class Run {
 
   /**
    * The last step that a whole map shows. For a live run it is the end of its duration, so that nothing moves while it
-   * goes. For a run so long that nothing would be visible yet, it lies ahead and doubles. /
+   * goes. For a run so long that nothing would be visible yet, it lies ahead and doubles.
+   */
   get endStep() {
     const { kind, firstStep, lastStep } = this.info;
     const isGrowing = kind === "live" && this.ended === "";
