@@ -1,4 +1,4 @@
-//! Draws the figures of `docs/EXAMPLES.md`: what the dynamics does with loads, unequal beads and damping, and what
+//! Draws the figures of `docs/guide/examples.md`: what the dynamics does with loads, unequal beads and damping, and what
 //! theory says.
 //!
 //! `cargo run --example beyond_the_paper -- docs/img/examples`

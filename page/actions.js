@@ -1,4 +1,4 @@
-// What keys and buttons do.
+// Actions of keys and buttons.
 
 import { carried, chooseFile } from "./carried.js";
 import { colourForm } from "./colouring.js";
@@ -9,7 +9,7 @@ import { FIELDS, freshView } from "./view.js";
 
 /** @typedef {import("./page.js").Page} Page */
 
-/** Where the cursor is in the window, if it is there: zooming by keys goes towards it. @param {Page} page */
+/** Place of the cursor in the window, if it is there: zooming by keys goes towards it. @param {Page} page */
 function cursorPart(page) {
   const {
     steps: [from, to],

@@ -4,7 +4,7 @@
 /** @typedef {import("./surface.js").Surface} Surface */
 /** @typedef {import("./colours.js").Theme} Theme */
 /**
- * What an axis shows: `whole` has no ticks between integers, `prefixed` always takes a prefix.
+ * Quantity of an axis: `whole` has no ticks between integers, `prefixed` always takes a prefix.
  * @typedef {{ from: number, to: number, name: string, unit?: string, whole?: boolean, prefixed?: boolean }} Quantity
  */
 /**

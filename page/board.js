@@ -6,7 +6,8 @@ import { CanvasSurface, SvgSurface, widthOf } from "./surface.js";
 /** @typedef {import("./surface.js").Surface} Surface */
 /** @typedef {(surface: Surface, box: import("./surface.js").Box) => void} Draw */
 
-/** How often a panel is drawn while a run goes on (ms): the profile and numbers whenever there is something new. */
+/** Interval between two drawings of a panel while a run goes on (ms): the profile and numbers whenever there is
+ * something new. */
 const PERIODS_MS = new Map([
   ["map", 50],
   ["second", 50],
@@ -47,7 +48,7 @@ export class Board {
     this.before = before;
     this.onerror = onerror;
     this.isDue = false;
-    /** Whether all panels are to be drawn now. */
+    /** True if all panels are to be drawn now. */
     this.isUrgent = false;
     this.panels = Object.entries(draws).map(([id, draw]) => {
       const canvas = /** @type {HTMLCanvasElement} */ (byId(id));

@@ -1,4 +1,5 @@
-// What a file of the page says of itself: the run with its parameters, the time and the part that are shown, what was changed.
+// Caption of a file that the page makes: the run with its parameters, the time and the part that are shown, and the
+// change.
 
 import { amount } from "./axes.js";
 import { leftOut } from "./curves.js";

@@ -1,4 +1,4 @@
-// Where runs come from: what the page carries, what its server has, a file that was chosen or dropped.
+// Sources of runs: the runs that the page carries, those of its server, a file that was chosen or dropped.
 
 import { shown } from "./elements.js";
 
@@ -10,7 +10,7 @@ import { shown } from "./elements.js";
 const PIECE = 1 << 20; // a multiple of 4: base64 is decoded so many characters at a time
 
 /**
- * What the page is: `kind` is "server", "embedded" or "empty".
+ * Kind of the page: `kind` is "server", "embedded" or "empty".
  * @returns {{ kind: string, title: string }}
  */
 export function carried() {
@@ -66,7 +66,7 @@ export async function carriedResults() {
 }
 
 /**
- * What the server answers.
+ * The server's answer.
  * @param {string} url
  */
 async function answer(url) {

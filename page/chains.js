@@ -13,7 +13,7 @@ import { Waveform, expm1, q2 } from "./waveforms.js";
 /** @import { When } from "./pieces.js" */
 
 /**
- * What recomputes a chain, whichever it is.
+ * The stepper of a chain of any kind.
  * @param {Physics} physics
  * @param {Chain} chain
  * @returns {Stepper}
@@ -93,7 +93,7 @@ class Term {
 
 const GAUSS = [fromHex("3fbcda042f0236e1"), 0.5, fromHex("3fec64bf7a1fb924")]; // ½ ∓ √15/10
 
-/** What moves a wall ("left", "right") or a bead (its number), or pulls at a bead. */
+/** A drive: it moves a wall ("left", "right") or a bead (its number), or pulls at a bead. */
 class Drive {
   /** @param {DriveEntry} entry @param {number} dt */
   constructor(entry, dt) {
@@ -105,7 +105,7 @@ class Drive {
     this.bead = entry.bead ?? -1;
     this.wave = new Waveform(shape, dt);
     this.isVelocity = entry.velocity_m_s !== undefined;
-    /** Whether it prescribes a motion, not a force. */
+    /** True if it prescribes a motion, not a force. */
     this.moves = entry.force_n === undefined;
     this.movesBead = this.moves && this.wall === undefined;
     /** Force (N), or displacement (m) and velocity (m/s), at the time of `set`. */
@@ -270,7 +270,7 @@ export class AnyStepper extends Stepper {
     });
   }
 
-  /** What is moved arrives at the end of a piece. @param {Motion} state @param {When} end @param {Float64Array} before */
+  /** Moves driven beads and walls to the end of a piece. @param {Motion} state @param {When} end @param {Float64Array} before */
   endPiece({ u, v, extra }, end, before) {
     this.drives.forEach((drive, d) => {
       const [at, bead] = [this.atDrives + 2 * d, drive.bead];
@@ -288,7 +288,7 @@ export class AnyStepper extends Stepper {
   }
 
   /**
-   * By how much more what is left of contact i has moved than what is right of it.
+   * Displacement left of contact i less that right of it.
    * @param {number} i
    * @param {Float64Array} x of the beads
    * @param {number} left of the wall
@@ -530,7 +530,7 @@ export class AnyStepper extends Stepper {
   }
 
   /**
-   * Energy of each contact. That of a ring is the first one and the last one, too.
+   * Energy of each contact. The contact of a ring is the first one, and also the last one.
    * @param {Motion} state
    * @param {Float64Array} into
    */

@@ -7,7 +7,7 @@ import { beyondPlain, unknownPhysics } from "./keys.js";
 /** @typedef {import("./types.d.ts").Physics} Physics */
 
 /**
- * What is changed: "mass" (kg, of `bead`), "alpha", "speed" of the striker (m/s), a number of the drive `bead` at the path
+ * A change: "mass" (kg, of `bead`), "alpha", "speed" of the striker (m/s), a number of the drive `bead` at the path
  * `part`, or the stiffness `part` of all bonds.
  * @typedef {{ what: "mass" | "alpha" | "speed" | "drive" | "bond", bead: number, value: number, part?: string }} Change
  */
@@ -65,7 +65,7 @@ function ofBonds({ bonds }, { terms = [] }) {
 }
 
 /**
- * What can be changed in a run.
+ * Possible changes of a run.
  * @param {Physics} physics
  * @param {Chain} chain
  * @returns {{ name: string, unit: string, change: Change }[]}

@@ -1,4 +1,4 @@
-// The form in which one thing is changed, and the configuration of what is changed.
+// The form in which one thing is changed, and the configuration of the changed run.
 
 import { changed, changesOf, configuration, whyNotChanged, whyNothingChanged } from "./change.js";
 import { amount } from "./axes.js";

@@ -44,7 +44,7 @@ function oklab(lightness, chroma, hue) {
   ];
 }
 
-/** What is dark in the dark: 0 has its colour. @type {Rgb} */
+/** Colour of 0 on a dark background. @type {Rgb} */
 const GROUND = [0x0f, 0x13, 0x18];
 
 /** A colour that comes out of the dark ground near 0. */
@@ -141,7 +141,7 @@ function pixel(/** @type {Rgb} */ [red, green, blue]) {
   return word >>> 0;
 }
 
-/** Which colour stands for which number. */
+/** Colours of numbers. */
 export class ColourScale {
   /**
    * @param {{ from: number, to: number, log?: number }} range the numbers that are shown, and 0; logarithmic beyond
@@ -162,7 +162,7 @@ export class ColourScale {
     this.table = undefined;
   }
 
-  /** Where a number lies between 0 and the colours of the ends (−1 and 1). */
+  /** Shade of a number: between 0 and the colours of the ends (−1 and 1). */
   shade(/** @type {number} */ value) {
     const size = Math.abs(value);
     const { linear, limit } = this;

@@ -46,8 +46,8 @@ export function title(path) {
 }
 
 /**
- * Whether a run is among those that a filter asks for: words that its name or a value has, and comparisons such as
- * `alpha>=1.5`, all of them.
+ * True if a filter asks for a run: the filter has words that the run's name or a value has, and comparisons such as
+ * `alpha>=1.5`; all of them must hold.
  * @param {string} filter
  * @param {Compared} run
  */

@@ -36,7 +36,7 @@ export class Comparison {
     [this.other, this.difference, this.whyNot] = [undefined, undefined, ""];
   }
 
-  /** Opens what the address names. */
+  /** Opens the run that the address names. */
   async restore() {
     const { page } = this;
     const entry = page.entries.find(({ id }) => id === page.view.other);

@@ -1,4 +1,4 @@
-// Curves over time: energies, and what followed beads do.
+// Curves over time: energies, and the motion of followed beads.
 
 import { ENERGY_COUNT } from "./fields.js";
 import { curveCount } from "./rows.js";
@@ -24,7 +24,7 @@ import { LEFT_PX, TICK_PX, bottomAxis, frame, leftAxis, legend, linear } from ".
 /** @typedef {{ points: Float64Array, colour: string, dash?: number[] }} Curve */
 
 
-/** Where the plot of energies is in a box, or of a trajectory's two plots both. @param {Box} box */
+/** Box of the plot of energies in a box, or of both plots of a trajectory. @param {Box} box */
 export function curvePlot({ x, y, width, height }, top = 8) {
   return {
     x: x + LEFT_PX,
@@ -60,7 +60,7 @@ function pointsOf({ steps, count, lows, highs, request }, dt, column) {
 const NEWEST_PART = 0.05;
 
 /**
- * What a curve leaves out, in a few words; "" where every step was looked at.
+ * Steps that a curve leaves out, in a few words; "" if every step was computed.
  * @param {Rows | undefined} rows @param {import("./types.d.ts").Info | undefined} info
  */
 export function leftOut(rows, info) {

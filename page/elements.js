@@ -3,7 +3,7 @@
 /** Longest text that is shown (bytes), as in schemas/src/text.rs. */
 const MAX_TEXT_BYTES = 1 << 16;
 
-/** Room for what is said of its length, so that a text is cut once. */
+/** Room for the note about its length, so that a text is cut once. */
 const LENGTH_BYTES = 40;
 
 /** A text as it is shown: of a long one its beginning and its length. @param {string} text */

@@ -199,7 +199,7 @@ export class Engine {
   }
 
   /**
-   * What happens to a bead over the whole run; the last call has them all.
+   * Finds the events of a bead over the whole run; the last call has them all.
    * @param {number} bead
    * @param {(events: import("./types.d.ts").Event[], isDone: boolean) => void} onevents
    */

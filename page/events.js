@@ -1,4 +1,4 @@
-// What happens to a bead between two steps: contacts that close and open, turning points; interpolated by cubics, as
+// Events of a bead between two steps: contacts that close and open, turning points; interpolated by cubics, as
 // `beadline impurity` does.
 
 /** @typedef {import("./types.d.ts").State} State */
@@ -24,7 +24,7 @@ function cubic([y0, rate0], [y1, rate1], time) {
 }
 
 /**
- * Where a side changes between 0 and 1.
+ * Place between 0 and 1 at which a side changes.
  * @param {(s: number) => boolean} side
  */
 function crossing(side) {
@@ -87,7 +87,7 @@ export class Follower {
   }
 
   /**
-   * What happened since the state before.
+   * Events since the state before.
    * @param {State} state
    * @returns {import("./types.d.ts").Event[]}
    */

@@ -1,4 +1,4 @@
-// What is seen as a file: pictures, and tables in CSV, with numbers in full and units in the names.
+// Exports of the view: pictures, and tables in CSV, with numbers in full and units in the names.
 
 import { captionOf } from "./caption.js";
 import { curveCount } from "./rows.js";

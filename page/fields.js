@@ -1,4 +1,4 @@
-// What a state shows: a quantity for each bead or contact, energies, and what is reduced to a pixel.
+// Fields of a state: a quantity for each bead or contact, energies, and their reduction to pixels.
 
 import { stepperOf } from "./chains.js";
 import { KERNEL_VERSION, METHODS, isKnown } from "./kernel.js";
@@ -8,7 +8,7 @@ import { unknownPhysics } from "./keys.js";
 export const ENERGY_COUNT = 8;
 
 /**
- * What `physics` says that a chain has, and the chain does not have it; "" if there is nothing.
+ * Things that a chain has according to `physics`, and that it lacks; "" if there are none.
  * @param {import("./types.d.ts").Physics} physics
  * @param {import("./types.d.ts").Chain} chain
  */
@@ -86,7 +86,7 @@ export class Fields {
     const isOurs = METHODS.includes(physics.method);
     const method = isOurs ? physics.method : "rk5";
     this.stepper = stepperOf({ ...physics, kernel_version: KERNEL_VERSION, method }, chain);
-    /** Which array of `extra` has the dissipated work; −1: none, or not known. */
+    /** Number of the array of `extra` with the dissipated work; −1: none, or not known. */
     this.work = isOurs ? this.stepper.extraNames.indexOf("W") : -1;
     this.chain = chain;
     this.splitBead = splitBeadOf(physics);
@@ -205,7 +205,7 @@ export class Fields {
 }
 
 /**
- * What a cell shows that stands for two values of a field: the one farther from 0, of contacts the rarer class.
+ * Value of a cell that stands for two values of a field: the one farther from 0, of contacts the rarer class.
  * @param {import("./types.d.ts").Field} field
  * @param {number} a
  * @param {number} b
@@ -218,7 +218,7 @@ export function outermost(field, a, b) {
 }
 
 /**
- * How many columns a row of these places has.
+ * Number of columns of a row of these places.
  * @param {[number, number]} places
  * @param {number} columns
  */

@@ -1,4 +1,4 @@
-// A film of what is seen while the cursor goes through the time in view: a video, or a series of pictures.
+// A film of the view while the cursor goes through the time in view: a video, or a series of pictures.
 
 import { captionOf } from "./caption.js";
 import { byId, make, save } from "./elements.js";
@@ -167,7 +167,7 @@ export function filmWords(page) {
   return count > MOST_FRAMES ? `${words}; at most ${MOST_FRAMES}: choose a faster pace, or zoom in` : words;
 }
 
-/** Whether there is a film of a kind: one that is not too long, and that the browser encodes. @param {Page} page @param {"webm" | "png"} kind */
+/** True if there is a film of a kind: one that is not too long, and that the browser encodes. @param {Page} page @param {"webm" | "png"} kind */
 export function hasFilm(page, kind) {
   return stepsOf(page).length <= MOST_FRAMES && (kind === "png" || typeof VideoEncoder === "function");
 }

@@ -6,7 +6,7 @@ import { make } from "./elements.js";
 /** @typedef {import("./types.d.ts").Entry} Entry */
 
 /**
- * What can be compared between entries: paths of physics and columns of results, with numbers or short texts as values.
+ * Comparable values of an entry: paths of physics and columns of results, with numbers or short texts as values.
  * @param {Entry} entry
  * @returns {Record<string, number | string>}
  */

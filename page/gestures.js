@@ -1,4 +1,4 @@
-// What pointers do on the maps and the profile.
+// Gestures of pointers on the maps and the profile.
 
 import { byId } from "./elements.js";
 import { watchPointer } from "./pointer.js";

@@ -8,7 +8,7 @@ import { whyNotRecomputed } from "./fields.js";
 
 /** Bytes of states that are kept; beyond, every second one is forgotten. */
 const KEPT_BYTES = 192 << 20;
-/** What a piece of work may take before others have their turn (ms). */
+/** Time of a piece of work before others have their turn (ms). */
 const PIECE_MS = 8;
 
 /**
@@ -41,7 +41,7 @@ export function differenceOf(stored, computed) {
 }
 
 /**
- * How many of them, in the order of their steps, are at or before a step.
+ * Number of elements, in the order of their steps, that are at or before a step.
  * @param {{ step: number }[]} all
  * @param {number} step
  */
@@ -77,7 +77,7 @@ export class History {
     this.lastStep = lastStep;
     this.whyNot = whyNotRecomputed(physics, chain);
     this.stepper = this.whyNot === "" ? stepperOf(physics, chain) : undefined;
-    /** Whether the state of step 0 is what it is because it was given: then it is not made here. */
+    /** True if the state of step 0 was given: then it is not made here. */
     this.isStartGiven = physics.initial !== undefined;
     /** In the order of their steps; `received` are those that came from a live run. @type {(State & { received?: boolean })[]} */
     this.kept = [];

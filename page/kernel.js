@@ -16,7 +16,8 @@
 
 /** @import { Chain, Physics, Wall } from "./types.js" */
 /**
- * What a step changes: u (m), v (m/s), and what the method needs besides; where something is driven, the step counts, too.
+ * State that a step changes: u (m), v (m/s), and further arrays of the method; where something is driven, also the
+ * step.
  * @typedef {{ u: Float64Array, v: Float64Array, extra: Float64Array, step?: number }} Motion
  */
 
@@ -109,7 +110,7 @@ export class Power {
     this.z = line(-w);
     this.top = Infinity;
     [this.b, this.shift, this.first] = [0, 0, 0];
-    /** How many intervals there are, that of `top` with them. */
+    /** Number of intervals, with that of `top`. */
     this.intervals = 0;
     this.table = new Float64Array(0); // c, H, L of each; c is 0 where they are yet to be made
     /** Factors of c^α. @type {Map<number, { fraction: bigint, exponent: number }>} */
@@ -271,7 +272,7 @@ const orZero = (/** @type {number} */ q) => (Math.abs(q) <= TINY ? 0 : q);
 export const METHODS = ["velocity-verlet", "rkn4", "gear5", "rk5"];
 
 /**
- * Whether a `Stepper` moves this chain; else it is one of chains.js.
+ * True if a `Stepper` moves this chain; else it is one of chains.js.
  * @param {Physics} physics
  * @param {Chain} chain
  */
@@ -281,7 +282,7 @@ export function isSimple({ method, drives }, { terms, ring, onSite, onSiteCubic,
 }
 
 /**
- * What the arrays of N values in `extra` are, in their order.
+ * Names of the arrays of N values in `extra`, in their order.
  * @param {Physics} physics
  * @param {Chain} chain
  */
@@ -323,7 +324,7 @@ export class Stepper {
     this.power = power;
     this.damped = physics.damping !== undefined;
     this.restitution = physics.damping?.restitution !== undefined;
-    /** What the arrays of N values in `extra` are. */
+    /** Names of the arrays of N values in `extra`. */
     this.extraNames = extraNamesOf(physics, chain);
     this.mass = Float64Array.from(chain.mass);
     this.inverseMass = this.mass.map((m) => 1 / m);
@@ -493,7 +494,7 @@ export class Stepper {
     return force > 0 ? force : 0;
   }
 
-  /** What damping takes from contact i per time. @param {number} i @param {number} delta @param {number} omega */
+  /** Power that damping takes from contact i. @param {number} i @param {number} delta @param {number} omega */
   dissipatedPower(i, delta, omega) {
     return delta > this.power.z ? (this.force(i, delta, omega) - this.k[i] * this.power.at(delta)) * omega : 0;
   }
@@ -644,7 +645,7 @@ export class Stepper {
   }
 
   /**
-   * Of contact i at an approach a from its rest, what exceeds the energy at rest, less the work of the rest force.
+   * Energy of contact i at an approach a from its rest, beyond the energy at rest, less the work of the rest force.
    * @param {number} i @param {number} a
    */
   excess(i, a) {

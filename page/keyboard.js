@@ -1,4 +1,4 @@
-// What keys do: one table, of which `?` shows the words.
+// Keys and their actions: one table; `?` shows its words.
 
 import { make } from "./elements.js";
 
@@ -90,7 +90,7 @@ export function watchKeys(act) {
   });
 }
 
-/** The table of all keys and of what the pointer does. */
+/** The table of all keys and of the gestures of the pointer. */
 export function keyTable() {
   const pointer = [
     ["wheel", "zoom into time; with shift into beads, with ctrl into both"],

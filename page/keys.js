@@ -1,4 +1,4 @@
-// Keys of `physics` in a manifest: what this page knows, and what of it a change can be made in.
+// Keys of `physics` in a manifest: those that this page knows, and those that can be changed.
 
 /** Keys of a chain of one power law that something strikes, each with what it holds if that has keys, too. */
 const PLAIN_KEYS = {
@@ -25,7 +25,7 @@ const SHAPES = {
   table: { times_s: 0, values: 0, interpolation: 0 },
 };
 
-/** All keys that are known. What `/chain` has the result of is not looked into. */
+/** All known keys. Keys with a result in `/chain` are not looked into. */
 const PHYSICS_KEYS = {
   ...PLAIN_KEYS,
   ...{ seed: 0, disorder: 0, spheres: 0, odd_spheres: 0, alphas: 0, second: 0, gaps_m: 0, initial: 0 },
@@ -74,7 +74,7 @@ export function unknownPhysics(physics) {
 }
 
 /**
- * What of a chain keeps one thing in it from being changed here: a key of `physics`; "" if nothing does.
+ * Reason why a chain cannot be changed here: a key of `physics`; "" if it can be changed.
  * @param {import("./types.d.ts").Physics} physics
  */
 export function beyondPlain(physics) {

@@ -28,7 +28,7 @@ export function frameOf(buffer) {
   return { step, time_s, u: all.subarray(u, v), v: all.subarray(v, v + beads), extra: all.subarray(v + beads) };
 }
 
-/** Attaches to the run at `url`, and says what comes. */
+/** Attaches to the run at `url`, and reports its messages. */
 export class Live {
   /**
    * @param {string} url

@@ -130,7 +130,7 @@ const DISORDER = object(
   },
 );
 
-/** What each key of `physics` may hold. @param {number} beads @param {number} contacts */
+/** Rules for the value of each key of `physics`. @param {number} beads @param {number} contacts */
 function rulesOf(beads, contacts) {
   const bead = count(0, beads - 1);
   const exponent = between(1, 1000);
@@ -219,7 +219,7 @@ function restitutionOf(ratio) {
   return below < 0 ? Math.pow(ratio + rate, (-2 * ratio) / rate) : Math.exp(-2);
 }
 
-/** What spheres, bonds and other laws leave no room for. @param {any} physics */
+/** Refuses keys that spheres, bonds and other laws exclude. @param {any} physics */
 function checkLaws(physics) {
   const { alpha, masses, stiffnesses, impurities, contacts, spheres, odd_spheres: odd, ends, damping } = physics;
   const { alphas, second, gaps_m: gaps, bonds, load, disorder = [], bead_mass_kg: mass, beads } = physics;
@@ -271,7 +271,7 @@ function checkLaws(physics) {
   }
 }
 
-/** What ends, springs and methods do not go with. @param {any} physics */
+/** Refuses keys that ends, springs and methods exclude. @param {any} physics */
 function checkEnds(physics) {
   const { ends = {}, load = {}, damping, on_site: site, method, beads, kernel_version: kernel } = physics;
   const { left = "free", right = "free" } = ends;
@@ -315,7 +315,7 @@ function checkEnds(physics) {
   }
 }
 
-/** Where a waveform may not be. @param {any} waveform @param {string} key @param {number} dt @param {number} duration */
+/** Refuses waveforms in wrong places. @param {any} waveform @param {string} key @param {number} dt @param {number} duration */
 function checkWaveform(waveform, key, dt, duration) {
   const [[kind, shape]] = Object.entries(waveform);
   const { times_s: times, values, ramp_s: up = 0, ramp_down_s: down = 0, from_s: from = 0 } = shape;
@@ -343,7 +343,7 @@ function checkWaveform(waveform, key, dt, duration) {
   }
 }
 
-/** What sets the chain in motion. @param {any} physics */
+/** Refuses a chain that nothing sets in motion. @param {any} physics */
 function checkMotion(physics) {
   const { beads, striker, strikers = [], initial = {}, drives = [], ends, load, dt_s: dt, step_count: steps } = physics;
   const struck = [striker, ...strikers];
@@ -401,7 +401,7 @@ function checkMotion(physics) {
   }
 }
 
-/** Whether kernel 2 does not give the bits of this run. @param {any} physics */
+/** True if kernel 2 does not give the bits of this run. @param {any} physics */
 function needsKernel3(physics) {
   const { ends = {}, drives = [], disorder = [], stiffnesses = "uniform", contacts = [], alphas, second, bonds = {} } = physics;
   const end = physics.step_count * physics.dt_s;

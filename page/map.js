@@ -10,7 +10,7 @@ import { colourScale, css } from "./colours.js";
 /** @typedef {import("./types.d.ts").Rows} Rows */
 /** @typedef {import("./types.d.ts").Field} Field */
 /**
- * What is looked at. Bead or contact i reaches from i − ½ to i + ½, so that all of N are −½ … N − ½.
+ * The window of a map. Bead or contact i reaches from i − ½ to i + ½, so that all of N are −½ … N − ½.
  * @typedef {object} View
  * @property {[number, number]} places real numbers
  * @property {[number, number]} steps real numbers
@@ -40,13 +40,13 @@ export const CONTACT_CLASSES = ["touching", "compressed", "open"];
 /** Parts of the largest number below which colours are linear. */
 const LINEAR_PART = { velocity: 1e-3, displacement: 1e-3, overlap: 1e-3, energy: 1e-6, contacts: 0, force: 1e-3 };
 
-/** Whether a field belongs to contacts rather than to beads. */
+/** True if a field belongs to contacts rather than to beads. */
 export const isOfContacts = (/** @type {Field} */ field) => ["overlap", "contacts", "force"].includes(field);
 
 const NARROW_PX = 560;
 const BAR_PX = 13;
 
-/** Where the plot is in a box; a profile with the same box's x and width has the same x axis. @param {Box} box */
+/** Box of the plot in a box; a profile with the same box's x and width has the same x axis. @param {Box} box */
 export function plotOf({ x, y, width, height }) {
   const isNarrow = width < NARROW_PX;
   const [top, right] = isNarrow ? [46, 14] : [12, 104];
@@ -55,7 +55,7 @@ export function plotOf({ x, y, width, height }) {
 }
 
 /**
- * From beads (or contacts) and steps to pixels and back.
+ * Maps beads (or contacts) and steps to pixels and back.
  * @param {Box} box
  * @param {Pick<View, "places" | "steps">} view
  */

@@ -1,5 +1,5 @@
 // The bytes of MCAP: ranges of a file, records within their bounds, checksums, and the protobuf of our messages.
-// What is in a recording, and where, says docs/FORMAT.md.
+// docs/FORMAT.md describes the contents of a recording.
 
 /** @import { Bytes, Chain, Term, Wall } from "./types.js" */
 
@@ -148,7 +148,7 @@ export class Fields {
     return this.bytes.length - this.at;
   }
 
-  /** Where the next `length` bytes begin. @param {number} length */
+  /** Passes `length` bytes, and returns the place of the first. @param {number} length */
   pass(length) {
     if (length > this.left) {
       throw new Error(`${this.what} ends within a field: ${this.left} bytes, where ${length} belong`);

@@ -1,4 +1,4 @@
-// The page: one run at a time, what is looked at of it, and everything that a person can do.
+// The page: one run at a time, its view, and all controls.
 
 import { act } from "./actions.js";
 import { Board } from "./board.js";
@@ -57,15 +57,15 @@ export class Page {
     this.changed = undefined;
     /** @type {Entry[]} */
     this.entries = [];
-    /** How many more there are, which are not listed. */
+    /** Number of further entries, which are not listed. */
     this.moreEntries = 0;
     /** The keys that were swept. @type {string[]} */
     this.keys = [];
-    /** Where the pointer is: place and step of the map. @type {{ place: number, step: number } | undefined} */
+    /** Place and step of the pointer on the map. @type {{ place: number, step: number } | undefined} */
     this.hover = undefined;
     /** A box being drawn on the map, parts of the plot. @type {[number, number, number, number] | undefined} */
     this.box = undefined;
-    /** How often something was opened, or changed: what comes late for an earlier one is let go. */
+    /** Number of times that something was opened or changed: late answers to an earlier one are dropped. */
     this.opening = 0;
     this.changing = 0;
     this.isDark = false;
@@ -105,7 +105,7 @@ export class Page {
 
   // ---- where runs come from
 
-  /** Opens what the page has. */
+  /** Opens the runs of the page. */
   async begin() {
     const { kind, title } = carried();
     document.title = title ? `${title} · Beadline` : "Beadline";
@@ -298,7 +298,7 @@ export class Page {
 
   // ---- what is looked at
 
-  /** Whether the newest state of a live run is shown. */
+  /** True if the newest state of a live run is shown. */
   get isFollowing() {
     return this.run?.info.kind === "live" && this.view.step === undefined && this.run.ended === "";
   }

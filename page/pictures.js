@@ -1,4 +1,4 @@
-// What is drawn on each canvas: the run, and the changed one, in the window that is looked at.
+// Pictures of all canvases: the run, and the changed one, in the window that is looked at.
 
 import { byId } from "./elements.js";
 import { changeWords } from "./caption.js";
@@ -81,7 +81,7 @@ export class Pictures {
     }
   }
 
-  /** What canvases show, in words. */
+  /** Descriptions of the canvases, in words. */
   describe() {
     const { run, second, view } = this.page;
     if (!run) {
@@ -107,7 +107,7 @@ export class Pictures {
     }
   }
 
-  /** What of a run a map shows, and how. @param {Run} run */
+  /** The window of a run's map, and its style. @param {Run} run */
   mapView(run) {
     const { page } = this;
     const { places, steps } = page.window();
@@ -142,7 +142,7 @@ export class Pictures {
     }
   }
 
-  /** Where a map or a profile has its plot, in its canvas. @param {string} id */
+  /** Box of the plot of a map or a profile, in its canvas. @param {string} id */
   plot(id) {
     const { run, comparison } = this.page;
     const shown = id === "second" ? comparison.shown : run;
@@ -161,7 +161,8 @@ export class Pictures {
     return from + x * (to - from);
   }
 
-  /** Which of two maps this is, in its corner. @param {Surface} surface @param {Box} box @param {Run} shown */
+  /** Draws the name of a map, one of two, in its corner. @param {Surface} surface @param {Box} box @param {Run} shown
+   * */
   drawTitle(surface, box, shown) {
     const { run, changed, comparison } = this.page;
     const { name = "", now = "", then = "" } = changed ?? {};

@@ -1,7 +1,7 @@
-// What a pointer does on a map or a profile: mouse, pen or fingers.
+// Pointers on a map or a profile: mouse, pen or fingers.
 
 /**
- * What it asks for; places are parts of the plot from 0 to 1, from its left and from its top.
+ * Gestures that a pointer asks for; places are parts of the plot from 0 to 1, from its left and from its top.
  * @typedef {object} Gestures
  * @property {() => import("./surface.js").Box | undefined} plot in CSS pixels of the canvas
  * @property {(x: number, y: number) => void} onhover

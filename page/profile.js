@@ -10,7 +10,7 @@ import { FIELD_LABELS, isOfContacts, mapScales, placeOfBead, placesOf, plotOf } 
 /** @typedef {import("./types.d.ts").State} State */
 /** @typedef {import("./types.d.ts").Chain} Chain */
 /** @typedef {import("./types.d.ts").Field} Field */
-/** What knows the values of a field: `Fields` of fields.js. */
+/** Source of the values of a field: `Fields` of fields.js. */
 /**
  * @typedef {object} Valuer
  * @property {(field: Field, state: State, places: [number, number], columns: number, into: any) => void} row
@@ -200,7 +200,7 @@ export function drawProfile(surface, box, data, view, theme) {
 }
 
 /**
- * Where beads are drawn: circles of radius ∝ m^(1/3) side by side, moved together by overlaps and apart by gaps.
+ * Places of drawn beads: circles of radius ∝ m^(1/3) side by side, moved together by overlaps and apart by gaps.
  * @param {State} state @param {ProfileData} data @param {View} view
  */
 function arranged({ u }, { chain }, view) {

@@ -2,7 +2,7 @@
 
 /** @typedef {import("./types.d.ts").Proof} Proof */
 
-/** What this page does not look at. */
+/** Things that this page does not prove. */
 const NOT_KNOWN = [
   "`/chain`, which is taken as it is: nothing here makes it from the manifest",
   "summaries, rows of results, indexes and `run.toml`: `beadline verify` compares them",
@@ -10,7 +10,7 @@ const NOT_KNOWN = [
 ];
 
 /**
- * What a proof says, in the words of `beadline verify`.
+ * Result of a proof, in the words of `beadline verify`.
  * @param {Proof} proof
  */
 export function verdict({ states, compared, steps, missing, lacks, isDone, first, whyNot, believed }) {

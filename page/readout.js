@@ -1,4 +1,4 @@
-// What is read out: the values at the pointer, or else at the cursor, in six digits or in full; and what is said of them.
+// Readout: the values at the pointer, or else at the cursor, in six digits or in full, with their descriptions.
 
 import { amount } from "./axes.js";
 import { byId, make } from "./elements.js";
@@ -15,7 +15,7 @@ export class ReadOut {
   /** @param {Page} page */
   constructor(page) {
     this.page = page;
-    /** Whether a state is on its way. */
+    /** True if a state is on its way. */
     this.isBusy = false;
     this.saying = 0;
   }

@@ -51,12 +51,12 @@ function parsed(text, what) {
   return isObject ? value : damaged(`${what} is no JSON object`);
 }
 
-/** Whether an integer is in these bounds. @param {unknown} value @param {number} least @param {number} most */
+/** True if an integer is in these bounds. @param {unknown} value @param {number} least @param {number} most */
 const isCount = (value, least, most) =>
   typeof value === "number" && Number.isSafeInteger(value) && value >= least && value <= most;
 
 /**
- * What the checksum of a metadata record covers, if that is right.
+ * Text that the checksum of a metadata record covers, if the checksum is right.
  * @param {Map<string, string>} entries @param {string} name @param {string[]} keys
  */
 function checkSum(entries, name, keys) {
@@ -132,7 +132,7 @@ function checkChain(chain, beads) {
 }
 
 /**
- * Where a chunk is: offset and length of its record. `time` (ns) is not after that of its first state; its steps are
+ * Place of a chunk: offset and length of its record. `time` (ns) is not after that of its first state; its steps are
  * known once it was read: the first one, undefined if it has no states.
  * @typedef {{ offset: number, length: number, time: number, isRead: boolean, first: number | undefined }} Place
  */
@@ -146,11 +146,11 @@ export class Recording {
   constructor(bytes, manifest, notes) {
     this.bytes = bytes;
     this.manifest = manifest;
-    /** What is wrong with the file, as sentences; more may come as chunks are read. */
+    /** Damages of the file, as sentences; more may come as chunks are read. */
     this.notes = notes;
     /** @type {End | undefined} */
     this.end = undefined;
-    /** Whether the file was closed properly. */
+    /** True if the file was closed properly. */
     this.isFinished = false;
     /** @type {Chain | undefined} */
     this.foundChain = undefined;

@@ -119,7 +119,7 @@ export class RowTable {
     return gap < 0 ? this.rows.length : gap;
   }
 
-  /** Whether there is a row of this step. */
+  /** True if there is a row of this step. */
   has(/** @type {number} */ step) {
     return this.rows[rankOf(this.rows, step) - 1]?.step === step;
   }

@@ -10,7 +10,7 @@ import { mapScales, placeOfBead } from "./map.js";
 const DIGITS = 3;
 
 /**
- * From centre to centre of two spheres (m), at rest and just touching; undefined where beads have no size.
+ * Distance of the centres of two spheres (m), at rest and just touching; undefined where beads have no size.
  * @param {Physics} physics
  * @param {number} from a bead, of real number
  * @param {number} to
@@ -34,7 +34,7 @@ export function distanceM({ beads, spheres, odd_spheres: odd = [] }, from, to) {
 }
 
 /**
- * What a ruler measures: beads, time (s), beads/s, and m/s where beads have a size.
+ * Measures of a ruler: beads, time (s), beads/s, and m/s where beads have a size.
  * @param {Ruler} ruler
  * @param {Physics} physics
  */
@@ -55,7 +55,7 @@ function few(value, unit) {
 }
 
 /**
- * What stands at a ruler, in two lines.
+ * Text at a ruler, in two lines.
  * @param {Ruler} ruler
  * @param {Physics} physics
  */

@@ -23,7 +23,7 @@ export function unitOf(field) {
 /** The part of a live run that is seen on the map of its whole duration. */
 const LEAST_PART = 1 / 200;
 
-/** Until rows are shown though some are missing. */
+/** Time after which rows are shown though some are missing. */
 const PATIENCE_MS = 400;
 
 /** A run, and what of it has arrived. */
@@ -75,8 +75,8 @@ export class Run {
   }
 
   /**
-   * The last step that a whole map shows. That of a live run is the end of its duration, so that nothing moves while it
-   * goes; of one so long that nothing would be seen yet it is ahead and doubles.
+   * The last step that a whole map shows. For a live run it is the end of its duration, so that nothing moves while it
+   * goes. For a run so long that nothing would be visible yet, it lies ahead and doubles.
    */
   get endStep() {
     const { kind, firstStep, lastStep } = this.info;
@@ -86,7 +86,7 @@ export class Run {
     return Math.max(firstStep + 1, isGrowing ? ahead : lastStep);
   }
 
-  /** Where the cursor is until it is moved: at the end, unless all of the run would have to be computed for it. */
+  /** Place of the cursor until it is moved: at the end, unless all of the run would have to be computed for it. */
   get ownStep() {
     const { kind, firstStep, lastStep } = this.info;
     return kind === "start" ? firstStep : lastStep;

@@ -5,7 +5,7 @@
 /** @typedef {{ colour: string, width?: number, dash?: number[], crisp?: boolean }} Stroke */
 /** @typedef {{ fill?: string, colour?: string, width?: number }} Disc */
 /**
- * How a text is set: `turned` reads upward, `halo` is a colour behind it.
+ * Style of a text: `turned` reads upward, `halo` is a colour behind it.
  * @typedef {object} Lettering
  * @property {number} [size]
  * @property {"left" | "center" | "right"} [align]
@@ -172,7 +172,7 @@ export class CanvasSurface {
   }
 }
 
-/** How far below its place a text's baseline is, in sizes. */
+/** Distance of a text's baseline below its place, in sizes. */
 function risen(/** @type {"top" | "middle" | "bottom"} */ baseline) {
   return baseline === "top" ? 0.8 : baseline === "middle" ? 0.36 : -0.2;
 }

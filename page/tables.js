@@ -1,4 +1,4 @@
-// What is known of a run in words and numbers: parameters and provenance, pulses, events, how a live run is doing.
+// Tables of a run in words and numbers: parameters and provenance, pulses, events, progress of a live run.
 
 import { make, table } from "./elements.js";
 import { amount } from "./axes.js";
@@ -23,7 +23,7 @@ function words(text) {
   return make("p", { class: "words" }, text);
 }
 
-/** What a rule of masses or stiffnesses says. @param {unknown} rule */
+/** A rule of masses or stiffnesses in words. @param {unknown} rule */
 function ruleOf(rule) {
   const text = typeof rule === "string" ? rule : JSON.stringify(rule).replace(/["{}]/g, "").replace(/_/g, " ");
   return text.length > 120 ? `${text.slice(0, 117)} …` : text;
@@ -32,7 +32,7 @@ function ruleOf(rule) {
 /** Strikers, and drives, that are named. */
 const MOST_ROWS = 20;
 
-/** What a manifest says of chains beyond one power law; shown as it says it. */
+/** Keys of a manifest for chains beyond one power law; their values are shown as they are. */
 const FURTHER = [
   ...["alphas", "second", "gaps_m", "bonds", "on_site", "resonators", "spheres", "odd_spheres"],
   ...["disorder", "seed", "initial"],

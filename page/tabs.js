@@ -15,7 +15,7 @@ export class Tabs {
   /** @param {Page} page */
   constructor(page) {
     this.page = page;
-    /** What the table was made from; it is made anew when that changes. */
+    /** Source of the table; the table is made anew when this changes. */
     this.shown = "";
   }
 

@@ -6,7 +6,7 @@ import { make, save } from "./elements.js";
 /** @typedef {import("./types.d.ts").Source} Source */
 
 /**
- * What the recording of a source is as a file; undefined of runs that have none, and of files that are here anyway.
+ * The recording of a source as a file; undefined for runs that have none, and for files that are here anyway.
  * @param {Source | undefined} source
  * @param {import("./types.d.ts").Info} info
  */

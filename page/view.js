@@ -1,4 +1,4 @@
-// What is looked at, and how: all of it stands in the fragment of the page's address, so that a link shows what I see.
+// The view: all of it stands in the fragment of the page's address, so that a link shows the same view.
 
 /** @typedef {import("./types.d.ts").Field} Field */
 /** @typedef {import("./types.d.ts").Info} Info */
@@ -40,7 +40,7 @@ export const FIELDS = [
 
 export const TABS = ["run", "pulses", "events", "notes", "live", "change", "compare", "spectrum"];
 
-/** What a window has of each at least. */
+/** Least numbers of steps and places in a window. */
 export const LEAST_STEPS = 4;
 export const LEAST_PLACES = 2;
 
@@ -94,7 +94,7 @@ function whole(text) {
 }
 
 /**
- * What a fragment says; what it does not, or not well, is as in a fresh view.
+ * View of a fragment; values that are missing or wrong are those of a fresh view.
  * @param {string} fragment
  * @returns {View}
  */

@@ -23,8 +23,8 @@ const EXTREMES_EVERY_MS = 400;
 /** Rows of a message of a series. */
 const SERIES_ROWS = 4096;
 /**
- * What a page that came late recomputes at once, beads times steps: some seconds. Of more, it does when somebody looks
- * back, so that a run that is only watched has the machine to itself.
+ * Work (beads times steps) that a page that came late recomputes at once: some seconds. More work waits until somebody
+ * looks back, so that a run that is only watched has the machine to itself.
  */
 const FEW_TO_CATCH_UP = 1e8;
 /** Between two messages with rows (ms). */
@@ -315,7 +315,7 @@ class Run {
   }
 
   /**
-   * What happens to a bead over the whole run, every step looked at where they can be recomputed.
+   * Finds the events of a bead over the whole run, at every step where steps can be recomputed.
    * @param {number} bead
    * @param {Tell} tell
    */

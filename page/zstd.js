@@ -27,7 +27,7 @@ const LITERAL_LENGTHS = codes(0, 16, [1, 1, 1, 1, 2, 2, 3, 3, 4, 6, 7, 8, 9, 10,
 const MATCH_LENGTHS = codes(3, 32, [1, 1, 1, 1, 2, 2, 3, 3, 4, 4, 5, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16]);
 
 /**
- * What a table of states is for: the most bits of a state, the last symbol, and the table where none is sent.
+ * Kind of a table of states: the most bits of a state, the last symbol, and the table for the case that none is sent.
  * @typedef {{ name: string, maxLog: number, lastSymbol: number, predefined: StateTable | undefined }} Kind
  */
 
@@ -129,7 +129,7 @@ class Decoder {
     this.end = PADDING + bytes.length;
     this.output = new Uint8Array(size);
     this.written = 0;
-    /** Where in the output the present frame begins: no offset leads farther back. */
+    /** Begin of the present frame in the output: no offset leads farther back. */
     this.frameStart = 0;
     /** @type {[number, number, number]} */
     this.recent = [1, 4, 8];
@@ -155,7 +155,7 @@ class Decoder {
     return count === 4 ? whole : whole & ((1 << (8 * count)) - 1);
   }
 
-  /** Where `length` bytes begin that are passed over. @param {number} length @param {number} end */
+  /** Passes `length` bytes, and returns the place of the first. @param {number} length @param {number} end */
   pass(length, end) {
     const start = this.at;
     if (length > end - start) {
@@ -622,7 +622,7 @@ class Decoder {
 }
 
 /**
- * What Zstandard frames hold, one after the other: exactly `size` bytes.
+ * Contents of Zstandard frames, one after the other: exactly `size` bytes.
  * @param {Uint8Array} bytes
  * @param {number} size
  * @returns {Uint8Array}

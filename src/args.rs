@@ -50,7 +50,7 @@ use values::{
     allow_negative_numbers = true,
     subcommand_required = true,
     arg_required_else_help = true,
-    after_help = "Exit codes: 0 done, 1 failed, 2 bad usage, a bad input file or an output that is in the way, 3 finished, but something was lost or is missing, or it was asked to stop (Ctrl-C, SIGTERM, SIGHUP) before it was done; a second Ctrl-C ends at once, with 1.\n\
+    after_help = "Exit codes: 0 done, 1 failed, 2 bad usage, a bad input file or an output that is in the way, 3 finished, but something was lost or is missing, or a signal (Ctrl-C, SIGTERM, SIGHUP) stopped the command early; a second Ctrl-C ends at once, with 1.\n\
                   With --json a failure is one line of JSON, the last one on stderr: {\"error\": {\"message\": …, \"causes\": […], \"exit_code\": N}}.\n\
                   Units are SI. Runs of one user meet under $BEADLINE_ROOT (else $XDG_RUNTIME_DIR/beadline or /tmp/beadline-<uid>).\n\n\
                   Examples:\n  \
@@ -70,7 +70,7 @@ pub(crate) enum Command {
     Demo(DemoArgs),
     /// Simulate a chain, publish every step, record it
     Run(Box<RunArgs>),
-    /// Until when a run is determined, and to which digits: the step, chaos
+    /// Find the time until which a run is determined, and its digits: the step, chaos
     Check(Box<CheckArgs>),
     /// List the ready-made configurations
     Presets,
@@ -98,25 +98,25 @@ pub(crate) enum Command {
     Share(ShareArgs),
     /// Simulate a grid of runs and make a table of their results
     Sweep(SweepArgs),
-    /// The paper, figure by figure, claim by claim: simulated, drawn and judged
+    /// Reproduce the paper, figure by figure, claim by claim: simulate, draw and judge
     Reproduce(ReproduceArgs),
     /// Record a live run: its states, and the results that analyses publish
     Record(RecordArgs),
     /// Publish a recording again, so that analyses cannot tell it from the run
     Replay(ReplayArgs),
-    /// Have a live run on another host, recomputed there and proven
+    /// Bring a live run to another host, recomputed there and proven
     Relay(RelayArgs),
     /// Measure this machine: each figure beside its limit, as ratios
     Bench(BenchArgs),
     /// What the bench runs in other processes
     #[command(subcommand, hide = true)]
     BenchPart(PartArgs),
-    /// List the live runs of this user, when they end, and who listens; or the recordings of a place
+    /// List the live runs of this user with their ends and consumers; or the recordings of a place
     #[command(after_help = "Examples:\n  \
         beadline ls --json | jq '.[].consumers'\n  \
         beadline ls results                         the recordings in a directory and below\n  \
         beadline ls s3://bucket/2026                the same in a store, two requests for each at most\n\n\
-        Of recordings only beginnings and summaries are read. Exit code 3: one of them cannot be read.")]
+        `ls` reads only the beginnings and summaries of recordings. Exit code 3: one of them cannot be read.")]
     Ls {
         /// A directory or a URL with recordings [default: live runs]
         #[arg(value_name = "DIR|URL")]
@@ -144,11 +144,11 @@ pub(crate) enum Command {
     Upload(UploadArgs),
     /// Make a table of the recordings in a directory or behind a URL
     Catalog(CatalogArgs),
-    /// Show what is in a recording
+    /// Show the contents of a recording
     #[command(after_help = "Examples:\n  \
         beadline info run.mcap\n  \
-        beadline info run.mcap.partial         also of a run that is going on, or was killed\n  \
-        beadline info s3://bucket/run.mcap     where it lies; all commands that read take URLs\n  \
+        beadline info run.mcap.partial         also of a live or a killed run\n  \
+        beadline info s3://bucket/run.mcap     in a store; all commands that read take URLs\n  \
         beadline info run.mcap --json | jq .physics")]
     Info {
         /// The recording: a file, or a URL (s3://, gs://, az://, http://, https://)
@@ -175,7 +175,7 @@ pub(crate) enum Command {
     beadline man run | man -l -                         read one\n  \
     beadline man --out ~/.local/share/man/man1          then `man beadline-run` finds it")]
 pub(crate) struct ManArgs {
-    /// The command that the page is about [default: beadline itself]
+    /// The command of the page [default: beadline itself]
     pub(crate) command: Option<String>,
     /// Write the pages of all commands into this directory, which is created if missing
     #[arg(long, value_name = "DIR", conflicts_with = "command")]
@@ -188,7 +188,7 @@ pub(crate) struct ManArgs {
 #[derive(Debug, Args)]
 #[command(
     allow_negative_numbers = true,
-    after_help = "Example:\n  beadline demo --out shock   leaves everything in the directory `shock`"
+    after_help = "Example:\n  beadline demo --out shock   writes everything into the directory `shock`"
 )]
 pub(crate) struct DemoArgs {
     /// Directory for the recording, the tables and the figures
@@ -211,15 +211,15 @@ pub(crate) struct DemoArgs {
     beadline run --no-record --wait-for 2             starts when two analyses are ready\n  \
     beadline run --impurity 400=2e-3 --impurity 600=0.5e-3 --duration 0.1\n  \
     beadline run --striker 0=5 --striker 999=-5       two pulses that meet\n  \
-    beadline run chain.toml --seed 7 --dry-run        what it would be, disordered anew\n  \
+    beadline run chain.toml --seed 7 --dry-run        only its description, disordered anew\n  \
     beadline run --resume chain.mcap.partial          goes on with a run that was interrupted\n  \
     beadline run chain.toml --out s3://bucket/chain.mcap   sent to a store while it is written\n\n\
     A kill costs at most the last --flush-period of a recording, a power failure the last --sync-period. --resume \
-    takes everything of the run from its recording, writes that again as .partial and goes on after its last \
-    state; the result is what it would have been without the interruption. It takes .mcap.partial, or an .mcap \
-    that ends early, and with --out leaves it as it is.\n\n\
+    reads everything about the run from its recording, writes the recording again as .partial, and goes on after \
+    the last state. The result is the same as without the interruption. --resume takes .mcap.partial, or an .mcap \
+    that ends early, and with --out leaves this file unchanged.\n\n\
     On a terminal: space pauses and goes on, → or . makes one more frame and pauses, + and - double and halve the \
-    pace, q ends the run in order. Consumers of a paused run are served and wait."
+    pace, q ends the run in order. Consumers of a paused run stay attached and wait."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub(crate) struct RunArgs {
@@ -235,13 +235,13 @@ pub(crate) struct RunArgs {
     /// Recording to write [default: RUN.mcap]
     #[arg(long, value_name = "FILE.mcap|URL", conflicts_with = "no_record")]
     pub(crate) out: Option<PathBuf>,
-    /// Where a recording that goes to a URL is until it is there [default: beadline/spool in the user's cache]
+    /// Directory for a recording on its way to a URL [default: beadline/spool in the user's cache]
     #[arg(long, value_name = "DIR", conflicts_with = "no_record")]
     pub(crate) spool: Option<PathBuf>,
     /// Publish only, write no recording
     #[arg(long)]
     pub(crate) no_record: bool,
-    /// Record only: nobody can follow the run, and it needs no shared memory
+    /// Record only: the run needs no shared memory, and no consumer can follow it
     #[arg(long, conflicts_with_all = ["wait_for", "stall_timeout", "no_record"])]
     pub(crate) no_publish: bool,
     /// Go on with an interrupted run, given its recording
@@ -257,22 +257,22 @@ pub(crate) struct RunArgs {
     /// Start when this many lossless consumers are ready
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_count)]
     pub(crate) wait_for: usize,
-    /// How fast to go: `max`, or simulated seconds per second
+    /// Pace of the run: `max`, or simulated seconds per second
     #[arg(long, value_name = "max|X", default_value = "max", value_parser = parse_pace)]
     pub(crate) pace: Pace,
     /// Drop a lossless consumer that holds the run back for this long (s)
     #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = parse_seconds)]
     pub(crate) stall_timeout: f64,
-    /// Write what was recorded to the file at least this often (s): what a kill costs
+    /// Write the recorded part to the file at least this often (s): a kill costs this time
     #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = parse_seconds, conflicts_with = "no_record")]
     pub(crate) flush_period: f64,
-    /// Sync the file to the disk at least this often (s): what a power failure costs
+    /// Sync the file to the disk at least this often (s): a power failure costs this time
     #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = parse_seconds, conflicts_with = "no_record")]
     pub(crate) sync_period: f64,
-    /// Check beside the run until when it is determined, as `beadline check` does; exit code 3 if not to its end
+    /// Check the run on the side, as `beadline check` does; exit code 3 if it is not determined to its end
     #[arg(long)]
     pub(crate) check: bool,
-    /// Say what would be run, with the masses and stiffnesses of materials, and run nothing
+    /// Describe the run, with the masses and stiffnesses of materials, and run nothing
     #[arg(long, conflicts_with_all = ["resume", "check"])]
     pub(crate) dry_run: bool,
     /// Begin without a question, however long it takes
@@ -307,7 +307,7 @@ pub(crate) struct Overrides {
     /// A bead that moves at first, and its velocity (m/s), repeatable
     #[arg(long, value_name = "BEAD=M_S", value_parser = parse_pair)]
     pub(crate) striker: Vec<(u64, f64)>,
-    /// What disorder and thermal velocities are made of
+    /// Seed of disorder and thermal velocities
     #[arg(long, value_name = "N", value_parser = parse_whole)]
     pub(crate) seed: Option<u64>,
     /// Simulated time (s)
@@ -331,20 +331,20 @@ pub(crate) struct Overrides {
 #[command(
     allow_negative_numbers = true,
     after_help = "Examples:\n  \
-    beadline sweep --example > reflection.toml           a sweep file to begin with\n  \
-    beadline sweep reflection.toml --out reflection      all points, on all cores; again: goes on\n  \
+    beadline sweep --example > reflection.toml           a sweep file to start from\n  \
+    beadline sweep reflection.toml --out reflection      all points, on all cores; goes on if run again\n  \
     beadline sweep reflection.toml --out all --shard 3/16   one job of an array of 16\n  \
-    beadline sweep --merge all                           the rows that are there, as tables\n  \
-    beadline sweep reflection.toml --plan --cores 1000   what it will take, from a few of its points\n  \
+    beadline sweep --merge all                           tables of the rows that are there\n  \
+    beadline sweep reflection.toml --plan --cores 1000   an estimate from a few of its points\n  \
     beadline sweep reflection.toml --out all --slurm --time 4:00:00 --submit   a job array of Slurm\n  \
-    beadline sweep --status all                          how far it is, wherever DIR is seen\n\n\
-    DIR then has results.csv and results.parquet, and of a sweep over seeds ensemble.csv and .parquet (the same bytes whatever \
-    the order, jobs, shards and interruptions), timings.csv, the rows of each shard, and recordings/ if asked for. A run that fails \
-    has a row that says why, and makes the exit code 3, as a signal does while points are missing."
+    beadline sweep --status all                          its progress, on any machine that sees DIR\n\n\
+    DIR gets results.csv and results.parquet, for a sweep over seeds also ensemble.csv and .parquet (the same bytes for any \
+    order, jobs, shards and interruptions), timings.csv, the rows of each shard, and recordings/ if asked for. A run that fails \
+    has a row with the reason, and makes the exit code 3. A signal does so, too, while points are missing."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub(crate) struct SweepArgs {
-    /// What to sweep: a base, a grid, cases
+    /// Sweep file: a base, a grid, cases
     #[arg(value_name = "SWEEP.toml", required_unless_present_any = ["example", "status"])]
     pub(crate) file: Option<PathBuf>,
     /// Directory for the results; its finished points are not computed again
@@ -359,10 +359,10 @@ pub(crate) struct SweepArgs {
     /// Compute nothing; make tables of the existing rows: `--merge DIR`, or with SWEEP.toml and --out
     #[arg(long, conflicts_with_all = ["shard", "jobs", "force", "record", "yes"])]
     pub(crate) merge: bool,
-    /// Record each point, also if the sweep file does not ask for it
+    /// Record each point, even if the sweep file does not ask for it
     #[arg(long)]
     pub(crate) record: bool,
-    /// Remove what another sweep has left in DIR; with --slurm: replace its script, and keep the rows
+    /// Remove the files of another sweep in DIR; with --slurm: replace its script, and keep the rows
     #[arg(long, conflicts_with = "shard")]
     pub(crate) force: bool,
     /// Begin without a question, however long it takes
@@ -371,16 +371,16 @@ pub(crate) struct SweepArgs {
     /// Print the summary as JSON
     #[arg(long)]
     pub(crate) json: bool,
-    /// Compute a few points for two seconds, and print what all of them will take: time, disk, shards, what is in the way first
+    /// Compute a few points for two seconds, and print an estimate for all: time, disk, shards, first limit
     #[arg(long, conflicts_with_all = ["out", "shard", "jobs", "force", "record", "yes", "merge"])]
     pub(crate) plan: bool,
     /// Cores to plan for, beside those of this machine [default: 1, 100, 1,000 and 10,000]
     #[arg(long, value_name = "N", requires = "plan", value_parser = parse_positive)]
     pub(crate) cores: Option<NonZero<u64>>,
-    /// Print a sweep file to begin with
+    /// Print a sweep file to start from
     #[arg(long, exclusive = true)]
     pub(crate) example: bool,
-    /// Say how far the sweep in DIR is, and which shards failed, were requeued, have not begun or stand still
+    /// Print the progress of the sweep in DIR, and the shards that failed, were requeued, have not begun or stand still
     #[arg(long, value_name = "DIR", conflicts_with_all = ["file", "out", "merge", "shard", "jobs", "record", "force", "yes", "slurm", "plan"])]
     pub(crate) status: Option<PathBuf>,
     #[command(flatten)]
@@ -393,7 +393,7 @@ pub(crate) struct SweepArgs {
     beadline reproduce --list                 the names of the figures\n  \
     beadline reproduce width vmax --out fits  two figures and their claims\n\n\
     DIR gets REPORT.md and report.json (each claim with our numbers and a verdict), GALLERY.md, the figures in \
-    img/paper, and recordings, from which whatever was simulated before is taken again.\n\
+    img/paper, and recordings. A run that has a recording there is not simulated again.\n\
     Exit code 3: a number contradicts its independently computed reference.")]
 pub(crate) struct ReproduceArgs {
     /// Figures to reproduce, see --list [default: all]

@@ -45,18 +45,18 @@ const MOST_RECORDED: u64 = 10_000;
 /// Bytes of journals that every shard reads at its end, to merge them if all rows are there.
 const READ_BY_ALL: u64 = 1 << 28;
 
-/// How a sweep is to be computed.
+/// Options of computing a sweep.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Options {
     /// Points computed at the same time.
     pub(crate) threads: usize,
     /// The points to compute.
     pub(crate) shard: Shard,
-    /// Whether each point is recorded.
+    /// True if each point is recorded.
     pub(crate) record: bool,
-    /// Whether the files of another sweep in the directory are removed.
+    /// True if the files of another sweep in the directory are removed.
     pub(crate) force: bool,
-    /// Whether it begins without a question, however long it takes.
+    /// True if it begins without a question, however long it takes.
     pub(crate) yes: bool,
 }
 
@@ -68,24 +68,25 @@ impl Default for Options {
     }
 }
 
-/// What there is of a sweep.
+/// State of a sweep.
 #[derive(Debug, Serialize)]
 pub(crate) struct Outcome {
-    /// How many rows there are; of a stopped sweep, or where the other shards were not looked at, those that this process knows.
+    /// Number of rows; of a stopped sweep, or one whose other shards were not looked at, the rows that this process
+    /// knows.
     pub(crate) rows: u64,
     /// Points whose runs failed: their rows say why. The first thousand.
     pub(crate) failed: Vec<u64>,
-    /// How many these are.
+    /// Number of failed points.
     pub(crate) failed_count: u64,
     /// Points that have no row, as far as is known.
     pub(crate) missing: u64,
-    /// Whether rows of other shards were looked for.
+    /// True if rows of other shards were looked for.
     #[serde(skip)]
     pub(crate) all_seen: bool,
     /// Points without a row that should have been computed.
     #[serde(skip)]
     pub(crate) left: u64,
-    /// What was computed now.
+    /// Work of this process.
     #[serde(flatten)]
     pub(crate) tally: Tally,
     /// The merged tables; none while rows are missing, or if another process is just writing them.
@@ -93,14 +94,14 @@ pub(crate) struct Outcome {
     pub(crate) files: Option<Vec<PathBuf>>,
 }
 
-/// A point for who looks at a sweep.
+/// A point for the page.
 #[derive(Debug)]
 pub(crate) struct Shown {
-    /// Which point.
+    /// The point.
     pub(crate) index: u64,
     /// Its parameters and, once it has a row, its results, by the names of their columns.
     pub(crate) values: Map<String, Value>,
-    /// Where it was recorded.
+    /// Path of its recording.
     pub(crate) recording: Option<PathBuf>,
 }
 
@@ -259,7 +260,7 @@ fn outcome(
     })
 }
 
-/// Refuses recordings that cannot all fit on their disk. Of points that end early nobody knows.
+/// Refuses recordings that cannot all fit on their disk. The size of points that end early is unknown.
 fn check_space(sweep: &Sweep, pending: &Pending<'_>) -> Result<(), Failure> {
     if sweep.until() == Until::Stationary {
         return Ok(());

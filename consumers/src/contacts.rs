@@ -1,4 +1,4 @@
-//! Which contacts are compressed, touching or open, over space and time.
+//! Contacts over space and time: compressed, touching or open.
 
 use crate::space_time::Cell;
 use pulp::Arch;
@@ -22,7 +22,7 @@ pub struct Contacts {
     classes: Vec<u8>,
 }
 
-/// How many contacts of a frame are in which class.
+/// Number of contacts of a frame in each class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ContactCounts {
     /// Compressed contacts.

@@ -1,13 +1,13 @@
 //! The deformation of a contact while the first pulse passes it, compared with theory.
 //!
-//! The first pulse at a contact begins with the first frame in which its overlap is above [`CLOSED`] L. It ends
-//! when the overlap is back below that, or, in a train whose pulses overlap, where it is smallest between
-//! two of them. What stays below [`COUNTED`] L is no pulse; later pulses are counted, not compared.
+//! The first pulse at a contact begins with the first frame in which its overlap is above [`CLOSED`] L. It ends when
+//! the overlap is back below that, or, in a train of overlapping pulses, at the smallest overlap between two of them. A
+//! deformation that stays below [`COUNTED`] L is no pulse. Later pulses are counted, not compared.
 //!
-//! Both theories have one free parameter, the strength of the wave. It is set so that their largest
-//! overlap is the measured one, and their centre is put where the measured overlap is largest: width, tails,
-//! speed and impulse are then predictions. The overlap is taken rather than the velocity of a bead because
-//! it is what is compared, at the place where it is measured.
+//! Both theories have one free parameter, the strength of the wave. It is set so that their largest overlap is the
+//! measured one, and their centre is put where the measured overlap is largest: width, tails, speed and impulse are
+//! then predictions. The measure is the overlap rather than the velocity of a bead, because the theory gives the
+//! overlap at the same place.
 //!
 //! ```text
 //!     θ(t) = δ_peak·wave.overlap(V·(t − t_peak)),    v_max = √(k/m)·(δ_peak/C_δ)^((α+1)/2)
@@ -64,8 +64,8 @@ pub struct Deformation {
     pub later_pulse_count: u64,
     /// Speed of the pulse (beads/s) over [`BASELINE`] contacts on either side, if it passed both ends of them.
     pub speed_beads_per_s: Option<f64>,
-    /// The shape and the speed from every second frame alone, if that tells them: what differs is more than what lies
-    /// between frames costs.
+    /// The shape and the speed from every second frame alone, if these determine them: the difference is more than the
+    /// error between frames.
     pub halved: (Option<Shape>, Option<f64>),
     /// The exact solitary wave, or why there is none.
     pub exact: Result<Comparison, String>,
@@ -196,7 +196,7 @@ impl Deformations {
         }
     }
 
-    /// What was found at each contact, in the order in which they were given.
+    /// The result at each contact, in the order in which they were given.
     pub fn results(&self) -> Vec<Deformation> {
         self.contacts.iter().map(|followed| self.result(followed)).collect()
     }
@@ -226,8 +226,8 @@ impl Deformations {
         }
     }
 
-    /// Whether the beads and contacts around contact `c` are equal and dissipate nothing, and neither an end of the
-    /// chain nor the striker is among them: waves are reflected at the one and begin at the other.
+    /// True if the beads and contacts around contact `c` are equal and dissipate nothing, and neither an end of the
+    /// chain nor the striker is among them: ends reflect waves, and waves begin at the striker.
     fn check_alike(&self, c: usize) -> Result<(), String> {
         if c < ALIKE || c + ALIKE >= self.chain.contact_count() {
             return Err(format!("no theory: contact {c} is within {ALIKE} of an end of the chain"));

@@ -1,21 +1,23 @@
-//! Until when a run is determined, and to which digits: the run is compared with three twins, those with half and with a quarter of
-//! the step, and one that differs in the last place of what moves at first (`producer::twins` makes them).
+//! Determination of a run: the time until which it is determined, and its digits. The run is compared with three twins:
+//! one with half and one with a quarter of the step, and one with initial velocities that differ in the last place
+//! (`producer::twins` makes them).
 //!
-//! - The *error of the step* is taken as [`STEP_FACTOR`] times the larger difference to the twins with shorter steps, the largest
-//!   of the last [`LOOKS`] looks, which is about T. Two things make one difference at one time too small. The error of a
-//!   collision has a factor that depends on where in a step the contact closes and opens, and that may be small or of the
-//!   other sign in a run and much the same in its twin: in a quarter of the step it is 2^(2·(α+1)) times smaller at most, 32 times for α = 1.5, too
-//!   small to hide that of the run. And where two states swing about each other, their differences go through zero.
-//!   Where the error falls as `dt` the estimate is 1.5 times the true one, where it falls as `dt^(α+1)` twice.
-//! - The *error of rounding* is the difference to the moved twin. Where motion is chaotic it grows exponentially,
-//!   until nothing of the run is left in its twin: no step and no solver helps there.
+//! - The *error of the step* is taken as [`STEP_FACTOR`] times the larger difference to the twins with shorter steps,
+//!   the largest of the last [`LOOKS`] looks, which is about T. Two things make one difference at one time too small.
+//!   The error of a collision has a factor that depends on the places in a step at which the contact closes and opens.
+//!   This factor may be small or of the other sign in a run and much the same in its twin. In a quarter of the step the
+//!   error is 2^(2·(α+1)) times smaller at most, 32 times for α = 1.5, too small to hide that of the run. Also, if two
+//!   states swing about each other, their differences go through zero. The estimate is 1.5 times the true error if the
+//!   error falls as `dt`, and twice if it falls as `dt^(α+1)`.
+//! - The *error of rounding* is the difference to the moved twin. In chaotic motion it grows exponentially, until
+//!   nothing of the run is left in its twin: no step and no solver helps then.
 //! - A quantity is *determined* until the last look before either error first exceeds the tolerance, in units of its
-//!   scale: L, v0, and `½·m·v0²`. What is counted is determined as long as all three count the same, or do so at the next
-//!   look: what happens a little earlier or later in a twin makes no other run. Of the classes of contacts, one in a
-//!   hundred may differ ([`CONTACTS_APART`]): some contacts are always about to touch.
-//! - *Chaos* bounds it where a step that is exact would win less than a quarter more time ([`WORTH_A_STEP`]);
-//!   otherwise the *step* does. Where the rounding error exceeds the tolerance without having grown by [`CHAOTIC`],
-//!   *rounding* itself bounds it: a kick too weak for the load that it meets.
+//!   scale: L, v0, and `½·m·v0²`. A count is determined as long as all three agree, or agree at the next look: an event
+//!   that comes a little earlier or later in a twin makes no other run. One in a hundred classes of contacts may differ
+//!   ([`CONTACTS_APART`]): some contacts are always about to touch.
+//! - *Chaos* bounds it if an exact step would win less than a quarter more time ([`WORTH_A_STEP`]); otherwise the
+//!   *step* does. If the rounding error exceeds the tolerance without having grown by [`CHAOTIC`], *rounding* itself
+//!   bounds it: the kick is too weak for the load that it meets.
 //!
 //! One pass, and memory that does not grow with the run: the [`Trail`] keeps at most [`Trail::CAPACITY`] samples.
 
@@ -70,13 +72,13 @@ pub struct Determination {
     courses: [[Course; 2]; Quantity::COUNT],
     /// The differences at the last look, to the twins with shorter steps and to the moved one.
     before: [[f64; Quantity::COUNT]; 2],
-    /// Those to the twins with shorter steps, of the last looks.
+    /// Differences to the twins with shorter steps, of the last looks.
     recent: VecDeque<[f64; Quantity::COUNT]>,
     trail: Trail,
     last: Option<(u64, f64)>,
 }
 
-/// What was found out.
+/// The result of the comparison.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
     /// The tolerance, in units of the scales.
@@ -155,7 +157,7 @@ impl Determination {
         }
     }
 
-    /// How the errors went.
+    /// The course of the errors.
     pub fn trail(&self) -> &Trail {
         &self.trail
     }
@@ -196,7 +198,7 @@ impl Outcome {
         lost.min_by(|a, b| a.until_s.partial_cmp(&b.until_s).unwrap_or(std::cmp::Ordering::Equal))
     }
 
-    /// What was found out about one quantity, if the run has it.
+    /// The result for one quantity, if the run has it.
     pub fn of(&self, quantity: Quantity) -> Option<&Determined> {
         self.quantities.iter().find(|each| each.quantity == quantity)
     }

@@ -1,4 +1,4 @@
-//! Where the energy of a chain is: left of a bead, in it, right of it; and what that bead reflects.
+//! Energies of a chain left of a bead, in it, and right of it; and the energy that this bead reflects.
 
 pub mod reflection;
 mod step_error;
@@ -38,7 +38,8 @@ pub struct EnergyRow {
     pub right_j: f64,
     /// Work that damped contacts have dissipated so far; 0 without damping.
     pub dissipated_j: f64,
-    /// How far total and dissipated energy, less the work of drives, are off those of the initial state ([`Drift`]).
+    /// Error of total and dissipated energy, less the work of drives, relative to those of the initial state
+    /// ([`Drift`]).
     pub relative_drift: f64,
     /// Energy that may still cross the split bead: its own, and that moving towards it on the incident side. NaN
     /// where nothing is reflected; see [`Undefined`].
@@ -87,7 +88,7 @@ pub struct Energies {
     last: Option<EnergyRow>,
 }
 
-/// The balance of energies: what the chain has and has dissipated is what it had at first and what drives have given it.
+/// The balance of energies: present and dissipated energy equal the initial energy and the work of drives.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[expect(clippy::struct_field_names, reason = "units stand in names")]
 struct Balance {
@@ -108,7 +109,7 @@ impl Balance {
     }
 }
 
-/// What is left at the end of a run.
+/// Result at the end of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EnergyOutcome {
     /// The bead that divides left from right.
@@ -117,7 +118,7 @@ pub struct EnergyOutcome {
     pub beads: u64,
     /// Energies of the last frame.
     pub last: EnergyRow,
-    /// What the split bead reflects of the pulse, or why it does not.
+    /// Reflection by the split bead, or the reason why there is none.
     pub reflection: Result<Reflection, Undefined>,
     /// Largest |relative drift| of any frame.
     pub max_abs_drift: f64,
@@ -129,7 +130,7 @@ pub struct EnergyOutcome {
 }
 
 impl EnergyOutcome {
-    /// How far the energies of the last frame may be off for the time step (J), unless energy is just crossing.
+    /// Error (J) of the energies of the last frame from the time step, unless energy is just crossing.
     pub fn step_error_j(&self) -> f64 {
         step_error_j(self.balance.off_j, self.balance.largest_j, self.beads)
     }
@@ -190,7 +191,7 @@ impl Energies {
         row
     }
 
-    /// The sums over the beads and contacts of `frame`, without what is reflected.
+    /// The sums over the beads and contacts of `frame`, without the reflection.
     #[inline(always)]
     fn sums(&self, frame: &Frame<'_>) -> EnergyRow {
         let (chain, s, contact_j) = (&self.chain, self.split_bead, &self.contact_j);

@@ -29,7 +29,7 @@ impl Motion {
     }
 }
 
-/// What happens to a bead.
+/// Kind of an event of a bead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EventKind {
     /// The contact with the left neighbour closes.
@@ -62,11 +62,11 @@ impl EventKind {
 pub struct Event {
     /// The bead.
     pub bead: u64,
-    /// What happened.
+    /// The kind of event.
     pub kind: EventKind,
     /// When (s), interpolated.
     pub time_s: f64,
-    /// Where the bead was then (m), interpolated.
+    /// Displacement of the bead then (m), interpolated.
     pub u_m: f64,
 }
 
@@ -84,7 +84,7 @@ pub struct Followed {
     events: Vec<Event>,
 }
 
-/// What interpolation needs of a bead at one frame.
+/// Values of a bead at one frame, for interpolation.
 #[derive(Debug, Clone, Copy)]
 struct Sample {
     time_s: f64,
@@ -92,9 +92,9 @@ struct Sample {
     v_m_s: f64,
     /// Overlap (m) and its rate (m/s), left and right; none beyond a free end.
     contacts: [Option<(f64, f64)>; 2],
-    /// Whether the bead has moved faster than `rest_m_s` since it last turned.
+    /// True if the bead has moved faster than `rest_m_s` since it last turned.
     has_moved: bool,
-    /// Whether it last moved to the right; absent if it never moved.
+    /// True if it last moved to the right; absent if it never moved.
     heads_right: Option<bool>,
 }
 
@@ -117,8 +117,8 @@ impl Followed {
         }
     }
 
-    /// The motions of the beads in `frame`, in the order in which they were asked for, and what
-    /// happened since the frame before.
+    /// The motions of the beads in `frame`, in the order in which they were asked for, and the events since the frame
+    /// before.
     pub fn observe(&mut self, frame: &Frame<'_>) -> (&[Motion], &[Event]) {
         self.motions.clear();
         self.events.clear();
@@ -250,7 +250,7 @@ impl Cubic {
     }
 }
 
-/// Where `side` changes between 0 and 1, by bisection to the last bit that matters.
+/// Place between 0 and 1 at which `side` changes, by bisection to the last bit that matters.
 fn crossing(side: impl Fn(f64) -> bool) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     let at_start = side(low);

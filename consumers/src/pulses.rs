@@ -1,17 +1,18 @@
 //! Pulses: found, followed from bead to bead and measured while a run goes.
 //!
-//! A pulse passes a bead when the bead's |v| has a maximum in time while both of its contacts are pressed: the
-//! *crest*. A loose bead that flies off, however fast, has none. Where light and heavy beads alternate, it is the mean
-//! velocity of the beads around that has a crest: see `texture.rs`. Crests that follow each other from bead to
-//! bead in one direction are a track, and a track of [`Pulses::SHORTEST_TRACK`] beads is a pulse. What comes
-//! out: a [`Point`] for each bead that a pulse passes, and a [`Pulse`] when it has ended.
+//! A pulse passes a bead when the bead's |v| has a maximum in time while both of its contacts are pressed: the *crest*.
+//! A loose bead that flies off, however fast, has no crest. If light and heavy beads alternate, the mean velocity of
+//! several beads has the crest: see `texture.rs`. Crests that follow each other from bead to bead in one direction are
+//! a track, and a track of [`Pulses::SHORTEST_TRACK`] beads is a pulse. The tracker gives a [`Point`] for each bead
+//! that a pulse passes, and a [`Pulse`] when it has ended.
 //!
 //! One pass, and memory that does not grow with the run: five frames of velocities, and for each pulse under way the
 //! last [`Pulses::REACH`] beads on either side of the point that is measured.
 //!
-//! A pulse ends where it meets one of the [`Obstacles`], such as an impurity: what leaves it are other pulses.
+//! A pulse ends where it meets one of the [`Obstacles`], such as an impurity: other pulses leave it.
 //!
-//! What passed along the chain and is in no pulse is [`Unfollowed`], found in another way than pulses are.
+//! A disturbance that passed along the chain and is in no pulse is [`Unfollowed`]. It is found in another way than
+//! pulses.
 //!
 //! [`Probes`] look at chosen beads only.
 
@@ -40,7 +41,7 @@ pub use strongest::{Path, Strongest};
 pub use track::{Measured, Point, Shape};
 pub use tracker::Pulses;
 
-/// Where a pulse travels to.
+/// Direction of a pulse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
     /// Towards higher bead numbers.
@@ -67,7 +68,7 @@ impl Direction {
     }
 }
 
-/// Where a pulse comes from: the obstacle near the first bead that it passes.
+/// Origin of a pulse: the obstacle near the first bead that it passes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Birth {
     /// It was there when the frames began, or began again after a gap.
@@ -110,7 +111,7 @@ impl Birth {
     }
 }
 
-/// What became of a pulse.
+/// End of a pulse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fate {
     /// It was there when the frames ended.
@@ -152,23 +153,23 @@ impl Fate {
 pub struct Pulse {
     /// Its number, from 1, in the order in which pulses are found.
     pub number: u64,
-    /// Where it travels to.
+    /// Its direction.
     pub direction: Direction,
     /// When its crest passed its first bead (s).
     pub birth_time_s: f64,
     /// Its first bead.
     pub birth_bead: u64,
-    /// What it comes from.
+    /// Its origin.
     pub birth: Birth,
     /// When its crest passed its last bead (s).
     pub end_time_s: f64,
     /// Its last bead.
     pub end_bead: u64,
-    /// What became of it.
+    /// Its end.
     pub fate: Fate,
     /// Beads at which its crest was seen.
     pub bead_count: u64,
-    /// What it was like at the last bead where it could be measured undisturbed.
+    /// Its values at the last bead where it could be measured undisturbed.
     pub measured: Measured,
     /// Its speed relative to that of the exact solitary wave of the same peak velocity; none where there is no
     /// such wave, as in a loaded chain or for α = 1.

@@ -6,7 +6,7 @@
         for frame in run:
             print(frame.step, frame.time_s, frame.v.max())
 
-Needs `pip install iceoryx2==0.10.0 numpy`. docs/PYTHON.md says how to use it, docs/FORMAT.md is the contract that it
+Needs `pip install iceoryx2==0.10.0 numpy`. docs/python/7-without-the-package.md says how to use it, docs/FORMAT.md is the contract that it
 keeps: every name, layout and number here stands on that page. Copy this file into a project of your own as it is.
 """
 

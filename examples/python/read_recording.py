@@ -8,7 +8,7 @@
     chain("run.mcap").mass              # the chain as the dynamics was computed with
     read("run.mcap", from_s=0.02, until_s=0.03)     # some time: only this part of a finished file is read
 
-Needs `pip install mcap numpy`. docs/PYTHON.md says how to use it; docs/FORMAT.md describes every byte. Copy this file
+Needs `pip install mcap numpy`. docs/python/7-without-the-package.md says how to use it; docs/FORMAT.md describes every byte. Copy this file
 into a project of your own as it is.
 """
 

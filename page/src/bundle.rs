@@ -68,10 +68,10 @@ pub(crate) const MODULES: &[(&str, &str)] = &[
     ("zstd", include_str!("../zstd.js")),
 ];
 
-/// What both the page and its worker run. The worker is made from the same text.
+/// Script that both the page and its worker run. The worker is made from the same text.
 const START: &str = "typeof document === \"undefined\" ? worker_js.serve() : page_js.start();\n";
 
-/// What ends a script, or hides a part of it, wherever it stands.
+/// Texts that end a script, or hide a part of it, wherever they stand.
 const REFUSED: [&str; 3] = ["</script", "<!--", "import.meta"];
 
 /// The script of the page.
@@ -165,7 +165,7 @@ impl<'a> Module<'a> {
     }
 }
 
-/// Whether as many templates end as begin in a line.
+/// True if as many templates end as begin in a line.
 fn is_even(line: &str) -> bool {
     line.matches('`').count().is_multiple_of(2)
 }

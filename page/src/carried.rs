@@ -18,19 +18,19 @@ const PIECE_BYTES: usize = 1 << 18;
 static CODE: LazyLock<String> =
     LazyLock::new(|| script(MODULES).expect("a test holds the modules to the rules"));
 
-/// What a page shows.
+/// Contents of a page.
 #[derive(Debug, Clone, Copy)]
 pub enum Carried<'a> {
-    /// What the server has that hands it out.
+    /// Runs of the server that hands the page out.
     Server {
-        /// What it is.
+        /// The title.
         title: &'a str,
     },
     /// A recording that is dropped onto it.
     Empty,
     /// A recording inside.
     Embedded {
-        /// What it is called.
+        /// The title.
         title: &'a str,
         /// An MCAP file whose chunks are not compressed: browsers decompress gzip only.
         recording: &'a Packed,
@@ -63,7 +63,7 @@ pub fn page(carried: Carried<'_>) -> String {
     fill(&[("style", STYLE), ("code", &CODE), ("carried", &data), ("csp", &policy)])
 }
 
-/// What the page may do: run its own script and show its own style, and connect to nothing but its server.
+/// Content security policy of the page: it runs its own script and style, and connects to nothing but its server.
 pub(crate) fn policy(is_served: bool) -> String {
     let hash = |text: &str| BASE64_STANDARD.encode(Sha256::digest(text.as_bytes()));
     let (script, style) = (hash(&CODE), hash(STYLE));

@@ -35,20 +35,20 @@ use works::Works;
 const MAX_READERS: usize = 256;
 /// Connections that wait to be accepted; where there are more, new ones are delayed by a second.
 const BACKLOG: u32 = 4096;
-/// How long a client may take for the head of a request, also for the next one of a connection.
+/// Time for a client to send the head of a request, also of the next one of a connection.
 const HEAD_TIMEOUT: Duration = Duration::from_secs(15);
 /// Largest head of a request (bytes).
 const MAX_HEAD_BYTES: usize = 64 << 10;
 /// Connections that are accepted before those that are open have their turn: half of the room for strangers.
 const ACCEPTED_AT_ONCE: usize = 16;
-/// How often we look whether to stop.
+/// Interval at which we check if we are to stop.
 const STOP_PERIOD: Duration = Duration::from_millis(50);
-/// How long connections that were let go of have to end, where there are too many open files.
+/// Time for dropped connections to end, when there are too many open files.
 const WAY_TIME: Duration = Duration::from_millis(5);
 
-/// What the server has. Its functions may block.
+/// Shelf of the server: the runs that it shows. Its functions may block.
 pub trait Shelf: Send + Sync + 'static {
-    /// What the page is called.
+    /// Title of the page.
     fn title(&self) -> String;
     /// `Listing` as JSON; ends soon after `stop` is set.
     fn list(&self, stop: &Arc<AtomicBool>) -> Served;
@@ -94,7 +94,7 @@ impl Server {
         Ok(Self { runtime, listener, guard })
     }
 
-    /// Where the page is: whoever knows it may see everything.
+    /// Address of the page: everybody who knows it may see everything.
     pub fn url(&self) -> String {
         self.guard.url()
     }
@@ -161,7 +161,7 @@ async fn serve(stream: TcpStream, desk: Arc<Desk>, guest: Arc<Guest>) {
     }
 }
 
-/// Where requests are answered.
+/// Desk at which requests are answered.
 struct Desk {
     guard: Guard,
     shelf: Arc<dyn Shelf>,
@@ -228,7 +228,7 @@ impl Desk {
     }
 }
 
-/// What `work` gives, which may block.
+/// Result of `work`, which may block.
 async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Option<T> {
     tokio::task::spawn_blocking(work).await.ok()
 }

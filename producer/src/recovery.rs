@@ -24,35 +24,35 @@ pub const MOST_KEPT: usize = 20;
 /// were lost than that.
 const BYTES_OF_A_STATE: u64 = 32;
 
-/// What recovering a recording brought.
+/// Result of recovering a recording.
 #[derive(Debug)]
 pub struct Recovery {
     /// States of the file that were written again.
     pub kept_count: u64,
-    /// Those of them after step 0, to which the manifest's initial condition leads.
+    /// The kept states after step 0 to which the manifest's initial condition leads.
     pub kept_after_start_count: u64,
-    /// Those of them that came without a checksum that holds, and were proven by recomputing them.
+    /// The kept states that came without a valid checksum, and were proven by recomputing them.
     pub proven_without_checksum_count: u64,
     /// Frames that were recomputed, from and up to; the first ranges.
     pub recomputed: Vec<(u64, u64)>,
-    /// How many states were recomputed.
+    /// Number of recomputed states.
     pub recomputed_count: u64,
     /// States of the file that do not follow from the states before them: recomputed or left out.
     pub differences: Vec<Difference>,
-    /// How many there are.
+    /// Number of differences.
     pub difference_count: u64,
     /// States without a checksum that holds and that could not be proven: left out, unless recomputed.
     pub unproven_count: u64,
     /// Frames missing in the new file, from and up to; up to an unknown one where the
     /// file was cut off after damage. The first ranges.
     pub lost: Vec<(u64, Option<u64>)>,
-    /// How many ranges there are.
+    /// Number of lost ranges.
     pub lost_count: u64,
-    /// What became of the messages of other channels, by topic.
+    /// Numbers of kept and lost messages of other channels, by topic.
     pub others: BTreeMap<String, OtherCounts>,
-    /// What is wrong with the file; the first ones.
+    /// Damages of the file; the first ones.
     pub damages: Vec<Damage>,
-    /// How many damages there are.
+    /// Number of damages.
     pub damage_count: u64,
     /// The run cannot be recomputed by this program.
     pub other_kernel: Option<OtherKernel>,
@@ -74,7 +74,7 @@ pub struct OtherCounts {
 }
 
 impl Recovery {
-    /// Whether everything in the file was right, and is in the new one.
+    /// True if everything in the file was right, and is in the new one.
     pub fn is_whole(&self) -> bool {
         self.lost_count + self.difference_count == 0 && self.others.values().all(|counts| counts.lost == 0)
     }
@@ -99,9 +99,9 @@ pub enum RecoveryError {
     Stopped,
 }
 
-/// Writes everything that can be saved of the recording `audit`, which begins as `begin` says, to `writer`, which must still be
-/// finished. With `fill` frames that are lost are recomputed. Of each topic the file should have `expected` messages,
-/// if that is known. `watch` sees the step of each state, and says whether to go on.
+/// Writes everything that can be saved of the recording `audit`, which begins as `begin` says, to `writer`, which must
+/// still be finished. With `fill` it recomputes lost frames. The file should have `expected` messages of each topic, if
+/// that is known. `watch` sees the step of each state, and returns false to stop.
 ///
 /// # Errors
 /// When reading or writing fails, or `watch` says so.
@@ -151,7 +151,7 @@ pub fn recover(
     Ok(recovery)
 }
 
-/// Whether something that was in the file is damaged after the last state: more than a record that was never whole.
+/// True if some content after the last state is damaged, more than a record that was never whole.
 fn loses_tail(audit: &Audit) -> bool {
     let is_open = |damage: &&Damage| damage.frames.is_some_and(|frames| frames.to.is_none());
     audit.damages().iter().filter(is_open).any(|damage| damage.kind != DamageKind::Torn)

@@ -6,7 +6,7 @@ use schemas::manifest::RunManifest;
 use schemas::run_name::RunName;
 use std::ops::ControlFlow;
 
-/// What a replay does before frames and between steps: pacing, pauses, progress, a request to stop.
+/// A conductor acts before frames and between steps of a replay: pacing, pauses, progress, a request to stop.
 pub trait Conductor<P: FrameSink> {
     /// Called before each frame is published; may take its time. `Break` ends the replay with the frame before.
     fn before_frame(&mut self, frame: &Frame<'_>, publisher: &mut P) -> ControlFlow<()>;
@@ -16,7 +16,7 @@ pub trait Conductor<P: FrameSink> {
         ControlFlow::Continue(())
     }
 
-    /// Whether the publisher refused a frame because the replay is to end, which is no error.
+    /// True if the publisher refused a frame because the replay is to end, which is no error.
     fn is_stop(&self, _error: &P::Error) -> bool {
         false
     }
@@ -36,7 +36,7 @@ pub fn published_manifest(recorded: &RunManifest, name: Option<RunName>, every_s
     manifest
 }
 
-/// Whether `published` has frames that a whole recording of `recorded` does not hold.
+/// True if `published` has frames that a whole recording of `recorded` does not hold.
 pub fn is_sparse(recorded: &RunManifest, published: &RunManifest) -> bool {
     recorded.provenance.record_every_steps > published.provenance.publish_every_steps
 }
@@ -71,7 +71,7 @@ fn span(window: &Window) -> String {
 pub struct PublishFailed<E: std::error::Error + 'static> {
     /// The frame.
     pub frame: u64,
-    /// What the publisher said.
+    /// The publisher's error.
     pub source: E,
 }
 
@@ -93,7 +93,7 @@ pub enum Broken<E: std::error::Error + 'static> {
     },
 }
 
-/// How a replay went.
+/// Result of a replay.
 #[derive(Debug)]
 pub struct ReplayOutcome<E: std::error::Error + 'static> {
     /// The end for consumers: the end of the recording; [`EndReason::Interrupted`] when the window ended
@@ -156,12 +156,12 @@ impl<S: FrameSource> Replay<S> {
         Ok(Self { source, manifest, until_s: window.until_s, first })
     }
 
-    /// What is published.
+    /// The manifest that is published.
     pub fn manifest(&self) -> &RunManifest {
         &self.manifest
     }
 
-    /// Whether the source must recompute frames that the recording does not hold.
+    /// True if the source must recompute frames that the recording does not hold.
     pub fn is_recomputed(&self) -> bool {
         is_sparse(self.source.manifest(), &self.manifest)
     }

@@ -17,7 +17,7 @@ use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Which states a [`Resimulation`] lends.
+/// States that a [`Resimulation`] lends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Lend {
     /// Every frame of the run.
@@ -27,7 +27,7 @@ pub enum Lend {
 }
 
 impl Lend {
-    /// Whether the state of `step` is one of these.
+    /// True if the state of `step` is one of these.
     fn includes(self, step: u64, manifest: &RunManifest) -> bool {
         self == Self::Steps || manifest.is_frame(step)
     }
@@ -42,12 +42,12 @@ impl Lend {
     }
 }
 
-/// A source that lends what its own source does not hold.
+/// A source that recomputes the states that its own source lacks.
 ///
-/// Gaps are bridged from the state before them, that at the end, too, unless it is
-/// [`ending_with_the_last_state`](Self::ending_with_the_last_state); with [`Resimulation::from_start`] also the frames
-/// before the first. Each state that the source delivers is compared bit for bit with the one computed up to there. What is
-/// missing before the first state, without [`Resimulation::from_start`], stays missing.
+/// It fills gaps from the state before them. It also fills the gap at the end, unless it is
+/// [`ending_with_the_last_state`](Self::ending_with_the_last_state), and with [`Resimulation::from_start`] the frames
+/// before the first; without it these stay missing. It compares each state of its source bit for bit with the computed
+/// one.
 #[derive(Debug)]
 pub struct Resimulation<S> {
     source: S,
@@ -64,7 +64,7 @@ pub struct Resimulation<S> {
     next: Next,
     /// The frames that were missed since the last state.
     missed: Option<(u64, u64)>,
-    /// What is missing after the last state stays missing.
+    /// Nothing is recomputed after the last state.
     ends_with_last_state: bool,
     /// Ends it when it is set.
     stop: Option<Arc<AtomicBool>>,
@@ -86,7 +86,7 @@ enum Next {
     End(EndReason),
 }
 
-/// What of a bead a double in a state is.
+/// Quantity of a bead that a double in a state holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// Displacement (m).
@@ -129,7 +129,7 @@ pub struct Difference {
     pub from_step: Option<u64>,
     /// The first bead that differs.
     pub bead: usize,
-    /// What of it.
+    /// Its quantity.
     pub quantity: Quantity,
     /// The value in the state.
     pub found: f64,
@@ -137,7 +137,7 @@ pub struct Difference {
     pub computed: f64,
 }
 
-/// Where a computation began, for messages.
+/// Beginning of a computation, for messages.
 struct Origin(Option<u64>);
 
 impl fmt::Display for Origin {
@@ -287,7 +287,7 @@ impl<S: FrameSource> Resimulation<S> {
         found.map_or(Ok(()), |difference| Err(ResimulationError::Differs(difference)))
     }
 
-    /// Whether the state that was reached is to be lent.
+    /// True if the state that was reached is to be lent.
     fn is_lent(&self) -> bool {
         let step = self.state.as_ref().map_or(0, |state| state.step);
         step >= self.first_step && self.lend.includes(step, self.source.manifest())
@@ -356,7 +356,7 @@ impl<S: FrameSource> FrameSource for Resimulation<S> {
     }
 }
 
-/// Whether no bit differs. Looks at all of them, which is done with vectors and faster than looking for the first one.
+/// True if no bit differs. Looks at all of them, which is done with vectors and faster than looking for the first one.
 fn is_same(a: &[f64], b: &[f64]) -> bool {
     a.iter().zip(b).fold(
         0,

@@ -1,5 +1,5 @@
-//! Proves a recording: every state must follow from the state before it, every summary must match its state, and the
-//! file what was written.
+//! Proves a recording: every state must follow from the state before it, every summary must match its state, and every
+//! other record the rest of the file.
 //!
 //! The file is read once, in order; its states are handed as they are, in batches, to threads that decode them and
 //! recompute the steps between. Memory is bounded by a few batches and two chunks.
@@ -37,7 +37,7 @@ const MOST_WAITING: usize = 4;
 /// The differences that are kept; more are only counted.
 pub const MOST_DIFFERENCES: usize = 20;
 
-/// What a recording was found to be.
+/// Result of verifying a recording.
 #[derive(Debug)]
 pub struct Verification {
     /// The run.
@@ -64,25 +64,25 @@ pub struct Verification {
     pub has_summary_section: bool,
     /// States that do not follow from the one before; the first ones, in order.
     pub differences: Vec<Difference>,
-    /// How many there are.
+    /// Number of differences.
     pub difference_count: u64,
     /// The first summaries, in order, that do not match their states.
     pub summary_differences: Vec<SummaryDifference>,
-    /// How many there are.
+    /// Number of differing summaries.
     pub summary_difference_count: u64,
-    /// What is wrong with the file; the first ones, in order.
+    /// Damages of the file; the first ones, in order.
     pub damages: Vec<Damage>,
-    /// How many there are.
+    /// Number of damages.
     pub damage_count: u64,
     /// The hash that the end of the file names, if it is not that of the last state.
     pub wrong_end_hash: Option<String>,
     /// Frames that should be there but are not, from and up to; the first ranges.
     pub missing: Vec<(u64, u64)>,
-    /// How many ranges there are.
+    /// Number of missing ranges.
     pub missing_count: u64,
-    /// Where the recording begins.
+    /// Begin of the recording.
     pub begin: BeginRecord,
-    /// What the file says of its end, if it does.
+    /// The record of the end, if there is one.
     pub end_record: Option<EndRecord>,
     /// Why the states end.
     pub end: EndReason,
@@ -91,18 +91,18 @@ pub struct Verification {
 }
 
 impl Verification {
-    /// Whether all is as it must be, from the first state to the end of the recording. What the first state follows is
-    /// for [`follows`] or [`follows_the_run`] to say, if it is not that of step 0.
+    /// True if everything is correct, from the first state to the end of the recording. [`follows`] or [`follows_the_run`]
+    /// proves the first state, if it is not that of step 0.
     pub fn is_proven(&self) -> bool {
         self.is_proven_so_far() && self.end.is_orderly()
     }
 
-    /// Whether what there is, is as it must be.
+    /// True if everything in the file is correct.
     pub fn is_proven_so_far(&self) -> bool {
         self.is_sound_so_far() && self.other_kernel.is_none()
     }
 
-    /// Whether this program finds nothing wrong with the file.
+    /// True if this program finds nothing wrong with the file.
     pub fn is_sound_so_far(&self) -> bool {
         let cut_off = |damage: &Damage| damage.kind == recording::DamageKind::Torn;
         self.state_count > 0
@@ -166,7 +166,7 @@ pub fn verify(
     })
 }
 
-/// What reading found.
+/// Results of reading.
 struct Read {
     state_count: u64,
     summary_count: u64,
@@ -281,7 +281,7 @@ fn decode(batch: &EncodedStates, index: usize, manifest: &RunManifest) -> Option
     batch.decode(index, manifest, &mut doubles).ok().map(|frame| ChainState::of_frame(&frame))
 }
 
-/// How the first state differs from the manifest's initial condition, if it should be that.
+/// Difference of the first state from the manifest's initial condition, if it should equal it.
 fn initial_difference(manifest: &RunManifest, first: &ChainState) -> Option<Difference> {
     let is_initial = first.step == 0 && check_kernel(manifest).is_ok();
     let initial = is_initial.then(|| ChainState::initial(&manifest.physics))?;

@@ -1,4 +1,4 @@
-"""Chains, and what they are made of."""
+"""Chains and their parts."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ PerPlace = Number | Values | Mapping[str, Any]
 
 
 class Chain:
-    """A chain of beads that repel where they touch, with ``F = k·δ^α``, or of others: CONFIGURATION explains all of them.
+    """A chain of beads. By default beads that touch repel with ``F = k·δ^α``; CONFIGURATION explains all other kinds.
 
     Args:
         beads: Number of beads N.
@@ -49,12 +49,12 @@ class Chain:
         bonds: Springs that pull as well as push, in place of contacts: ``{"linear": 1.0, "quadratic": 0.25, "cubic": 0.0}``, or
             ``{"toda": {"stiffness": 1.0, "steepness_per_m": 1.0}}``.
         disorder: Random factors: ``[{"of": "masses", "uniform": 0.2}]``. They follow from the ``seed`` of the run.
-        on_site: What holds each bead at its place: ``linear_n_per_m``, ``cubic_n_per_m3``, ``drag_n_s_per_m``.
+        on_site: Springs that hold each bead at its place, and drag: ``linear_n_per_m``, ``cubic_n_per_m3``, ``drag_n_s_per_m``.
         resonators: A mass on a spring inside each bead: ``{"mass_kg": 1e-3, "stiffness_n_per_m": 1e4}``.
-        left, right: What the ends touch: ``"free"`` (nothing), ``"fixed"`` (a wall), ``"periodic"`` (both: each other) or
+        left, right: The ends: ``"free"`` (nothing), ``"fixed"`` (a wall), ``"periodic"`` (both: each other) or
             ``"absorbing"`` (drag that grows towards the end).
-        left_stiffness, right_stiffness: Of the contacts with the walls (N·m^−α); else that of the chain.
-        ends: What else is said of the ends: ``absorbing_beads``, ``absorbing_drag_n_s_per_m``, ``left_material``, ….
+        left_stiffness, right_stiffness: Stiffness of the contacts with the walls (N·m^−α); by default that of the chain.
+        ends: Further keys of the ends: ``absorbing_beads``, ``absorbing_drag_n_s_per_m``, ``left_material``, ….
         gravity_m_s2: Acceleration of every bead (m/s²), positive towards higher bead numbers.
         precompression_n: Force (N) that presses the chain together.
         restitution: Coefficient of restitution of two beads, between 0 and 1.
@@ -62,11 +62,11 @@ class Chain:
         kuwabara_kono_s: Or viscoelastic spheres (s): ``F = k·δ^α + α·k·A·δ^(α−1)·dδ/dt``.
         power_damping: Or any power η·δ^p·dδ/dt: ``{"coefficient": 1.0, "exponent": 0.25}``.
 
-    Where each bead has a mass of its own, lengths and times are scaled with the median mass; so are stiffnesses.
+    If each bead has a mass of its own, the median mass scales lengths and times. The same holds for stiffnesses.
 
-    Numbers are in SI units. Quantities with units, of pint, astropy or unyt, are converted to the unit that the name ends with; others
-    are refused. So it is in :class:`Run`, too. ``spheres`` have their masses and stiffnesses from the material: others beside them are
-    refused.
+    Numbers are in SI units. Quantities of pint, astropy or unyt are converted to the unit at the end of the name; quantities of
+    another dimension are refused. The same holds for :class:`Run`. ``spheres`` get their masses and stiffnesses from the material: other
+    masses and stiffnesses beside them are refused.
     """
 
     def __init__(

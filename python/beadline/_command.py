@@ -1,4 +1,4 @@
-"""The command ``beadline`` in a process of its own: what works on whole files is asked of it."""
+"""The command ``beadline`` in a process of its own, for work on whole files."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def run_command(
     """Runs ``beadline ARGUMENTS --json`` and gives what it prints. Ctrl-C ends it in order.
 
     If it finished, but something was lost or is not proven, its notices become a warning, if ``warn``.
-    ``path`` is the recording that it reads: what is wrong with that is a :class:`RecordingError`. ``keys`` are the arguments here
+    ``path`` is the recording that it reads: a fault of this file is a :class:`RecordingError`. ``keys`` are the arguments here
     that flags are made of.
     """
     command = [*PROGRAM, *arguments, "--json"]
@@ -83,7 +83,7 @@ def run_command(
 
 
 def failure(lines: list[str], code: int, path: str | None, keys: Mapping[str, str] = _KEYS) -> Exception:
-    """What a command has said as it failed, as an exception."""
+    """The error message of a command that failed, as an exception."""
     try:
         told = json.loads(lines[-1])["error"]
         message = ": ".join([told["message"], *told["causes"]])
@@ -109,7 +109,7 @@ _WRONG = (
 
 
 def _in_words(message: str, keys: Mapping[str, str]) -> tuple[str, str | None]:
-    """What a command says of its flags, in words of the arguments here; and the one that is wrong."""
+    """A command's message about its flags, in words of the arguments here; and the wrong argument."""
     message = message.partition(": For more information, try")[0]
 
     def key_of(flag: str) -> str:

@@ -1,4 +1,4 @@
-"""Packages that some things need and that are not installed with this one."""
+"""Packages that some functions need and that are not installed with this one."""
 
 from __future__ import annotations
 

@@ -118,7 +118,7 @@ class FieldArray(NDArrayOperatorsMixin):
         return part if part.shape else float(part.compute())
 
     def _points(self, key: Any) -> Any:
-        """What NumPy's rules make of ``key``, from no more rows and columns than it needs."""
+        """The values of ``key`` by NumPy's rules, from no more rows and columns than they need."""
         keys = list(key) if isinstance(key, tuple) else [key]
         axes = [axis for axis in self._axes if not isinstance(axis, int)]
         used = sum(np.ndim(k) if _is_mask(k) else 1 for k in keys if k is not None and k is not Ellipsis)
@@ -206,7 +206,7 @@ class FieldArray(NDArrayOperatorsMixin):
         return np.asarray(self).std(axis=axis, ddof=ddof, keepdims=keepdims)
 
     def argmax(self, axis: int | None = None, *, keepdims: bool = False) -> Any:
-        """Where the largest value is, or that along an axis."""
+        """Position of the largest value, or of that along an axis."""
         values: Any = np.asarray(self)
         return values.argmax(axis=axis, keepdims=keepdims)
 
@@ -278,7 +278,7 @@ def _as_index(key: Any) -> Any:
 
 
 def _chosen(axis: Axis, key: Any) -> Any:
-    """What a slice or an array of indices takes of an axis; a number for a single one."""
+    """The positions that a slice or an array of indices takes of an axis; a number for a single one."""
     if isinstance(axis, range) and isinstance(key, slice):
         return axis[key]
     if isinstance(axis, range) and np.issubdtype(key.dtype, np.integer):

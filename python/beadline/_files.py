@@ -1,4 +1,4 @@
-"""What the command makes of a recording: proofs, other files, pages."""
+"""Products of the command from a recording: proofs, other files, pages."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _PATIENCE_S = 5.0
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a recording is proven; true if so.
+    """A verdict on a recording; true if it is proven.
 
     Attributes:
-        verdict: What was found, in words.
-        report: The JSON of ``beadline verify``: what was proven, compared, damaged or different.
+        verdict: The verdict in words.
+        report: The JSON of ``beadline verify``: proven, compared, damaged and different contents.
     """
 
     verdict: str
@@ -38,7 +38,7 @@ class Verdict:
 
     @property
     def is_proven(self) -> bool:
-        """Whether every state is what the one before leads to, and nothing is missing or damaged."""
+        """True if every state follows from the one before, and nothing is missing or damaged."""
         return bool(self.report["proven"])
 
     def __bool__(self) -> bool:
@@ -67,7 +67,7 @@ def share(
     every: int | None = None,
     force: bool = False,
 ) -> Json:
-    """Makes one HTML file of a recording that anyone can open, with every step in it. Says what is in it:
+    """Makes one HTML file of a recording that anyone can open, with every step in it. Returns its contents:
     ``path``, ``bytes``, ``steps``, ….
 
     Args:
@@ -98,7 +98,7 @@ def export(
     jobs: int | None = None,
     force: bool = False,
 ) -> Json:
-    """Writes the states in another format. Says what was written: ``paths``, ``states``, ….
+    """Writes the states in another format. Returns a summary: ``paths``, ``states``, ….
 
     Args:
         path: The file.
@@ -123,7 +123,7 @@ def export(
 def thin(
     rec: Recording, path: str | os.PathLike[str], every: int, *, jobs: int | None = None, force: bool = False
 ) -> Recording:
-    """Writes a smaller recording of the same run, and gives it: every step can still be had. What is left out is proven first.
+    """Writes a smaller recording of the same run, and returns it: it still has every step. The states that it leaves out are proven first.
 
     Args:
         path: The file, ``.mcap``.
@@ -143,13 +143,13 @@ def thin(
 def recover(
     rec: Recording, path: str | os.PathLike[str], *, fill: bool = True, jobs: int | None = None, force: bool = False
 ) -> Recording:
-    """Writes a whole recording of what is left of a damaged or unfinished one, and gives it. What was lost between is recomputed.
+    """Writes a whole recording from a damaged or unfinished one, and returns it. Lost states between others are recomputed.
 
-    What cannot be brought back is a ``RuntimeWarning``, and ``summary`` of the new recording says what was done.
+    A loss that cannot be recomputed is a ``RuntimeWarning``. ``summary`` of the new recording describes the work.
 
     Args:
         path: The file, ``.mcap``.
-        fill: Recompute what was lost; else it is left out.
+        fill: Recompute lost states; else they are left out.
         jobs: Threads; by default one for each core.
         force: Replace a file that exists.
 
@@ -165,8 +165,8 @@ def recover(
 
 
 def check(rec: Recording, *, tolerance: float | None = None) -> Table:
-    """Says until when the run is determined, and to how many digits: a table of how its errors grow over time, those of the time step
-    and of rounding, in units of L, v0 and ½·m·v0². ``summary`` has ``determined_until_s``, the digits of each quantity, ….
+    """Finds the time until which the run is determined, and the digits: a table of its errors over time, from the time step
+    and from rounding, in units of L, v0 and ½·m·v0². ``summary`` has ``determined_until_s``, the digits of each quantity, ….
 
     Args:
         tolerance: Largest error of a determined quantity, in these units; by default 1e-4.
@@ -181,7 +181,7 @@ def check(rec: Recording, *, tolerance: float | None = None) -> Table:
 def _make(
     rec: Recording, command: str, path: str | os.PathLike[str], force: bool, options: dict[str, str | float | bool | None]
 ) -> Json:
-    """What a command says that makes ``path`` of a recording."""
+    """The output of a command that makes ``path`` from a recording."""
     flags = [f"--{flag}" for flag, value in {**options, "force": force}.items() if value is True]
     flags += [f"--{flag}={value}" for flag, value in options.items() if value is not None and not isinstance(value, bool)]
     with rec._file() as file:
@@ -248,7 +248,7 @@ def view(rec: Recording, *, open: bool = True, port: int = 0) -> View:
     """Shows the recording on the page, in the browser, and goes on.
 
     Args:
-        open: Open it in the browser; ``url`` of what is given is its address.
-        port: Where it is served, on this machine only; by default one that is free.
+        open: Open it in the browser; ``url`` of the result is its address.
+        port: Port of the server, on this machine only; by default a free one.
     """
     return View(rec, open=open, port=count("port", port, 0))

@@ -1,4 +1,4 @@
-"""What notebooks show of recordings, runs, states and tables."""
+"""Views of recordings, runs, states and tables in notebooks."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _ALL_SHOWN, _SHOWN = 30, 5
 def of_recording(rec: Recording) -> str:
     """A summary of a recording for a notebook, with a small map.
 
-    It never fails: it says what cannot be read.
+    It never fails: it describes a file that cannot be read.
     """
     try:
         rows = _rows(_summary(rec))

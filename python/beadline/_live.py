@@ -40,9 +40,9 @@ def attach(
 
     Args:
         name: The run; by default the only one.
-        latest: Never hold the run back; what is missed is counted. Otherwise every frame comes.
-        timeout_s: How long to wait for the run (s); ``None``: for ever.
-        label: What others see this consumer as.
+        latest: Never hold the run back, and count missed frames. By default every frame comes.
+        timeout_s: Longest wait for the run (s); ``None``: for ever.
+        label: Name of this consumer for others.
 
     Raises:
         LiveError: If no run comes in time, or there are several and none was named.
@@ -51,7 +51,7 @@ def attach(
 
 
 def _patience(timeout_s: float | None) -> float | None:
-    """How long to wait (s)."""
+    """Longest wait (s)."""
     if timeout_s is None:
         return None
     found = number("timeout_s", timeout_s)
@@ -140,10 +140,10 @@ class AsyncLive:
 
 @dataclass(frozen=True)
 class LiveConsumer:
-    """Who listens to a run.
+    """A consumer of a live run.
 
     Attributes:
-        label: What it calls itself.
+        label: Its name.
         delivery: ``"lossless"`` or ``"latest"``.
         pid: Its process.
         behind: Published frames that it does not have yet, if it says so.
@@ -170,9 +170,9 @@ class LiveRun:
         step: Its step.
         step_count: Steps of the whole run.
         time_s: Simulated time of the last frame (s).
-        ends_in_s: How long the rest takes (s).
+        ends_in_s: Time for the rest (s).
         pid: Process of the producer.
-        consumers: Who listens.
+        consumers: Its consumers.
     """
 
     name: str
@@ -206,7 +206,7 @@ class Consumer:
     It can be called as the function itself.
 
     Attributes:
-        name: What its results are called on the bus: ``own/NAME``.
+        name: Name of its results on the bus: ``own/NAME``.
         columns: Names of the columns, which end in their units; one may stand for many values.
     """
 
@@ -243,11 +243,11 @@ class Consumer:
             publish: Put the rows on the bus while they come, for ``beadline record`` and others.
             latest: Never hold a live run back.
             every_step: All steps of a recording, not only the recorded ones.
-            timeout_s: How long to wait for a live run (s).
+            timeout_s: Longest wait for a live run (s).
 
         Raises:
             LostError: If frames of a live run were lost.
-            ValueError: If the function does not give what its columns say.
+            ValueError: If the function does not give the values of its columns.
         """
         run = _live_name(source)
         if run is None:
@@ -317,7 +317,7 @@ def consumer(
 
     Args:
         columns: Names of the columns, with their units; one may stand for many values.
-        name: What its results are called on the bus, ``own/NAME``; by default the name of the function.
+        name: Name of its results on the bus, ``own/NAME``; by default the name of the function.
 
     >>> @consumer(columns=["momentum_n_s"])
     ... def momentum(frame):

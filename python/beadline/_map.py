@@ -28,7 +28,7 @@ class Map:
         places: The beads or contacts.
         from_s, until_s: Times of the first and of the last row (s).
         dt_s: The time step (s).
-        is_loaded: Whether something is taken off, that at rest.
+        is_loaded: True if the values at rest are subtracted.
     """
 
     values: Doubles
@@ -86,7 +86,7 @@ def map_of(
 
 
 def rows_of(rec: Recording, steps: Steps) -> Steps:
-    """Where steps are on the first axis of the arrays of a recording."""
+    """Positions of steps on the first axis of the arrays of a recording."""
     if isinstance(rec.steps, range):
         return (steps - rec.steps.start) // rec.steps.step
     return np.searchsorted(rec.steps, steps).astype(np.int64)
@@ -120,7 +120,7 @@ def _read(array: FieldArray, rows: Steps, places: range, rest: Doubles, columns:
 
 @dataclass(frozen=True)
 class Shades:
-    """How numbers become shades from −1 to 1: white for 0, as dark as they are far from it.
+    """A scale from numbers to shades from −1 to 1: white for 0, and darker farther from it.
 
     Attributes:
         limit: The number that has the darkest shade.

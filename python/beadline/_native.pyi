@@ -1,4 +1,4 @@
-"""What the extension module has. Arrays are of float64 and contiguous, and of their own memory unless it says otherwise."""
+"""Contents of the extension module. Arrays are of float64 and contiguous, and own their memory unless stated otherwise."""
 
 from collections.abc import Callable, Sequence
 from os import PathLike

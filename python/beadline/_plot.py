@@ -1,4 +1,4 @@
-"""What is seen of a recording: figures, and a dataset of xarray; figures of tables."""
+"""Figures of recordings and of tables, and recordings as datasets of xarray."""
 
 from __future__ import annotations
 
@@ -91,16 +91,16 @@ def plot(
         field: ``"velocity"``, ``"displacement"``, ``"overlap"``, ``"force"``,
             ``"resonator_displacement"`` or ``"resonator_velocity"``. A map of a chain under load
             shows overlaps and forces beyond those at rest.
-        ax: Where to draw; by default in a figure of its own.
+        ax: Axes to draw in; by default those of a new figure.
         step: A step, or several.
         time_s: A time (s), or several.
-        during_s: Of a map: its first and its last time (s).
+        during_s: First and last time of a map (s).
         beads: The beads, or contacts, that are shown: ``slice(400, 600)``.
-        every: Of a map: take one of so many steps, recorded or not.
-        scale: Of a map: ``"linear"`` for colours in proportion to numbers, ``"log"`` to see weak
+        every: For a map: take one of so many steps, recorded or not.
+        scale: For a map: ``"linear"`` for colours in proportion to numbers, ``"log"`` to show weak
             pulses beside strong ones; by default linear for displacements only.
-        limit: Where colours, or the axis of values, end on both sides of 0 (in the SI unit); by
-            default with the values.
+        limit: End of the colours, or of the axis of values, on both sides of 0 (in the SI unit); by
+            default that of the values.
     """
     array = _array(rec, field)
     if step is not None and time_s is not None:
@@ -329,7 +329,7 @@ def to_xarray(
 
     Args:
         every: One of so many steps; by default the recorded ones.
-        fields: Of ``"velocity"``, ``"displacement"``, ``"overlap"``, ``"force"``.
+        fields: Some of ``"velocity"``, ``"displacement"``, ``"overlap"``, ``"force"``.
 
     Its dimensions are ``time`` (s), ``bead`` and ``contact``; ``step``, ``mass_kg`` and
     ``stiffness`` are coordinates, and the attribute ``manifest`` is the run as JSON.

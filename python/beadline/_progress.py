@@ -1,4 +1,4 @@
-"""How far something is: a line in a terminal, a bar in a notebook, nothing elsewhere."""
+"""Progress of work: a line in a terminal, a bar in a notebook, nothing elsewhere."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _BETWEEN_S = 0.2
 
 
 class Progress:
-    """Shows how much of ``total`` is done, and how long the rest takes; gone when it ends.
+    """Shows the finished part of ``total``, and the time for the rest; gone when it ends.
 
     ``show`` is whether to show it at all; ``None``: in terminals and notebooks. ``unit`` is what is
     counted.

@@ -82,8 +82,8 @@ class State:
         time_s: Its time (s).
         displacement_m: Displacement of each bead (m), N values.
         velocity_m_s: Velocity of each bead (m/s), N values.
-        extra: What else is needed to go on: of ``"gear5"`` some values for each bead, then what ``resonator_displacement_m`` and
-            the others below are made of; FORMAT has the order.
+        extra: Further values that the run needs to go on: for ``"gear5"`` some values for each bead, then the values behind
+            ``resonator_displacement_m`` and the others below; FORMAT has the order.
     """
 
     def __init__(self, manifest: _native.Manifest, state: StateTuple) -> None:
@@ -180,13 +180,13 @@ class State:
 class Recording(Analyses):
     """A recording, or a run in memory, of :func:`open`, ``Run.record`` or ``Run.simulate``.
 
-    Every step of it can be had: what was not kept is recomputed, and proven by the next state that was. ``rec[12345]`` is
+    It has every step: a step that was not kept is recomputed, and the next kept state proves it. ``rec[12345]`` is
     the :class:`State` of a step, ``rec[-1]`` the last one, ``len(rec)`` the number of steps; a loop over ``rec`` goes
     through all of them, :meth:`states` through those that are kept. ``with bl.open(…) as rec`` closes it at the end.
 
     Attributes:
         path: The file; None of a run in memory.
-        summary: What the run said when it ended, if this process has made it: ``end``, ``last_step``,
+        summary: The summary of the run, if this process has made it: ``end``, ``last_step``,
             ``recorded_states``, ``relative_drift`` of the energy, and of a file ``path`` and ``bytes``. Else None.
     """
 
@@ -205,7 +205,7 @@ class Recording(Analyses):
         return self._open
 
     def close(self) -> None:
-        """Lets go of the file, or of the states in memory. What was computed stays; anything else is a ``ValueError`` from now on."""
+        """Lets go of the file, or of the states in memory. Computed arrays stay; anything else is a ``ValueError`` from now on."""
         self._open = None
 
     def __enter__(self) -> Recording:
@@ -223,7 +223,7 @@ class Recording(Analyses):
 
     @cached_property
     def manifest(self) -> dict[str, Any]:
-        """The validated run: ``physics`` decides every bit, ``provenance`` says where it comes from."""
+        """The validated run: ``physics`` decides every bit, ``provenance`` is its origin."""
         found: dict[str, Any] = json.loads(self._manifest.json)
         return found
 
@@ -275,8 +275,8 @@ class Recording(Analyses):
 
     @cached_property
     def about(self) -> dict[str, Any]:
-        """What there is: how many ``states`` and ``bytes``; the ``end`` of the run; ``is_finished``, whether the file was
-        closed; ``is_complete``, whether no state is missing; ``damage`` in words; ``channels`` and their messages."""
+        """Contents: the numbers of ``states`` and ``bytes``; the ``end`` of the run; ``is_finished``, true if the file was
+        closed; ``is_complete``, true if no state is missing; ``damage`` in words; ``channels`` and their messages."""
         return self._states.about()
 
     @property
@@ -296,7 +296,7 @@ class Recording(Analyses):
 
     @property
     def recomputes(self) -> bool:
-        """Whether the steps between can be had: this Beadline has the dynamics that has computed the run."""
+        """True if the steps between can be recomputed: this Beadline has the dynamics of the run."""
         return self._states.recomputes
 
     @cached_property
@@ -394,7 +394,7 @@ class Recording(Analyses):
         return self.states(every=1)
 
     def __contains__(self, state: object) -> bool:
-        """Whether it has this state, to the bit."""
+        """True if it has this state, to the bit."""
         if not isinstance(state, State):
             raise TypeError(f"found {state!r} in rec; expected a State, or a value in an array, such as rec.velocity")
         if not self.first_step <= state.step <= self.last_step or state.velocity_m_s.size != self.beads:
@@ -439,7 +439,7 @@ class Recording(Analyses):
         return self if self.path is None else open(self.path.removesuffix(".partial"))
 
     def save(self, path: str | os.PathLike[str], *, force: bool = False) -> Recording:
-        """Writes a run in memory to the file ``path``, and gives that recording. ``force`` replaces a file that exists.
+        """Writes a run in memory to the file ``path``, and returns that recording. ``force`` replaces a file that exists.
 
         Raises:
             FileExistsError: If there is such a file.

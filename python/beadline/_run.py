@@ -35,21 +35,21 @@ _TOLD_S, _ABSURD_S = 60.0, 365 * 86400.0
 
 
 class Run:
-    """A run: a chain, what moves it, and for how long.
+    """A run: a chain, its strikers and drives, and a duration.
 
     Args:
         chain: The chain.
         strikers: Beads that move at first, and their velocities (m/s), positive towards higher bead numbers: ``{0: 5.0}``, or
             ``{0: 5.0, 99: -5.0}`` for two pulses that meet.
-        drives: What moves walls or beads, or pushes beads: ``[{"wall": "left", "velocity_m_s": 5.0}]`` is a piston,
+        drives: Drives, which move walls or beads, or push beads: ``[{"wall": "left", "velocity_m_s": 5.0}]`` is a piston,
             ``[{"bead": 3, "force_n": {"sine": {"amplitude": 1e-3, "frequency_hz": 1e3}}}]`` a shaker. CONFIGURATION has the waveforms.
-        initial: How it begins: displacements (m) and velocities (m/s) of all beads, ``(u, v)``; a :class:`State` of another run,
-            such as ``rec[1000]``; or rules, such as ``{"thermal": {"temperature_k": 300}}``. What it gives is added to strikers.
-        seed: Of everything that is random: disorder and thermal velocities.
+        initial: Its beginning: displacements (m) and velocities (m/s) of all beads, ``(u, v)``; a :class:`State` of another run,
+            such as ``rec[1000]``; or rules, such as ``{"thermal": {"temperature_k": 300}}``. Strikers are added to it.
+        seed: Seed of disorder and thermal velocities.
         duration_s: Simulated time (s).
         dt_s: Time step (s); by default a fraction of the collision time.
-        method: ``"rkn4"``, ``"velocity-verlet"``, ``"gear5"`` or ``"rk5"``; by default ``"rkn4"``, or one that can do what the chain
-            needs.
+        method: ``"rkn4"``, ``"velocity-verlet"``, ``"gear5"`` or ``"rk5"``; by default ``"rkn4"``, or one that can compute the
+            chain.
         name: Name on the bus and in files, of ``a`` to ``z``, digits and ``-``.
         publish_every: Steps from one frame to the next.
 
@@ -121,7 +121,7 @@ class Run:
 
     @classmethod
     def from_recording(cls, recording: Recording) -> Run:
-        """The run that a recording is of, to be made again or changed: ``bl.Run.from_recording(rec).replace(…)``.
+        """The run of a recording, to be made again or changed: ``bl.Run.from_recording(rec).replace(…)``.
 
         Raises:
             ValueError: If the recording has no configuration.
@@ -140,7 +140,7 @@ class Run:
     @classmethod
     def from_config(cls, config: Mapping[str, Any]) -> Run:
         """A run of a configuration as nested dictionaries and lists, such as ``tomllib`` reads: everything of CONFIGURATION. Arrays of
-        NumPy's are lists, and what is None is left out.
+        NumPy become lists, and None is left out.
 
         Raises:
             ConfigError: With the key.
@@ -157,7 +157,7 @@ class Run:
         Keys are those of :meth:`to_toml`. A key that is not there yet is added.
 
         Raises:
-            ConfigError: If there can be no such key, or no such value.
+            ConfigError: If the key or the value is impossible.
         """
         config: Config = tomllib.loads(self._toml)
         for key, value in values.items():
@@ -173,13 +173,13 @@ class Run:
         return self._of(_toml(config), None, self.name, folder=self._folder)
 
     def starting_from(self, state: State | tuple[Values, Values]) -> Run:
-        """The same chain, begun from a state: that of any step, ``rec[1000]``, or one that you have changed,
+        """The same chain, begun from a state: a state of any step, ``rec[1000]``, or one that you have changed,
         ``(displacements in m, velocities in m/s)``. Strikers and other initial states are left out.
 
         Time begins at 0 again, so drives do, too; resonators begin unstretched and at rest, as everywhere.
 
         Raises:
-            ConfigError: If it is no state of this chain.
+            ConfigError: If the state does not fit this chain.
         """
         return self.replace({"striker": None, "initial": _initial(state)})
 
@@ -190,7 +190,7 @@ class Run:
 
     @property
     def manifest(self) -> Config:
-        """The validated run: ``physics`` decides every bit, ``provenance`` says where it comes from."""
+        """The validated run: ``physics`` decides every bit, ``provenance`` is its origin."""
         found: Config = json.loads(self._manifest.json)
         return found
 
@@ -229,8 +229,8 @@ class Run:
     ) -> Recording:
         """Simulates the run and records it.
 
-        Ctrl-C ends it in order: the file is whole and says that it was interrupted. A run of more than a minute begins with a warning
-        that says how long it takes at least.
+        Ctrl-C ends it in order: the file is whole, with the end ``interrupted``. A run of more than a minute begins with a warning
+        that has its least time.
 
         Args:
             path: The file, ``.mcap``; by default the name of the run.
@@ -238,11 +238,11 @@ class Run:
                 default every frame is recorded.
             force: Replace a file that exists.
             publish: Publish the run on the bus, as ``beadline run`` does.
-            wait_for: Of a published run: begin when so many lossless consumers are attached.
+            wait_for: For a published run: begin when so many lossless consumers are attached.
             on_frame: Called with the :class:`State` of frames; something true ends the run. It must not
                 make this run, nor attach to it.
             on_frame_every: Frames from one call to the next.
-            progress: Whether to show how far it is; by default in terminals and notebooks.
+            progress: Show the progress; by default in terminals and notebooks.
             yes: Begin without that warning, also if it takes more than a year.
 
         Raises:
@@ -344,7 +344,7 @@ class Run:
 
 
 def _initial(initial: Initial) -> Config:
-    """How a run begins, as a configuration says it."""
+    """The beginning of a run, in the form of a configuration."""
     from ._recording import State
 
     if isinstance(initial, Mapping):
@@ -372,7 +372,7 @@ def _frames_to(
 class Simulation:
     """A run that is made step by step, by one thread at a time.
 
-    Its arrays are read-only and go on with the run; take ``.copy()`` of what is to stay, or a :meth:`state`.
+    Its arrays are read-only and go on with the run; take a ``.copy()`` of an array that is to stay, or a :meth:`state`.
     """
 
     def __init__(self, manifest: _native.Manifest) -> None:
@@ -400,7 +400,7 @@ class Simulation:
 
     @property
     def is_done(self) -> bool:
-        """Whether the last step was made."""
+        """True if the last step was made."""
         return self._native.step_number == self._manifest.step_count
 
     @property
@@ -429,7 +429,7 @@ class Simulation:
 
 
 def presets() -> dict[str, str]:
-    """The ready-made runs: their names, and what they show."""
+    """The ready-made runs: their names and descriptions."""
     return {name: about for name, about, _ in _native.presets()}
 
 
@@ -446,7 +446,7 @@ def preset(name: str) -> Run:
 
 
 def _toml(config: Mapping[str, Any]) -> str:
-    """A configuration as text; what is None or empty is left out."""
+    """A configuration as text; None and empty values are left out."""
     config = in_si("", config)
     plain = {key: value for key, value in config.items() if not isinstance(value, Mapping)}
     lines = _lines(plain)

@@ -61,17 +61,17 @@ def sweep(
     """Simulates a grid of runs and makes a table of their results: a row for each, its parameters first.
 
     The rows are those of ``beadline sweep``, with the same bits wherever they are computed. A run that
-    fails has a row, too; its column ``error`` says why.
+    fails has a row, too; its column ``error`` has the reason.
 
     Args:
-        run: What the runs have in common; or the path of a sweep file, which has everything up to
+        run: The base of all runs; or the path of a sweep file, which has everything up to
             ``split``. Frames are analysed every tenth of the collision time, or as often as the run is
             published if that is not every step.
         grid: Values by the keys of a configuration, ``{"chain.alpha": [1.5, 2]}``; the last key varies
             fastest. Or ranges as of a sweep file: ``{"from": 1, "to": 2, "count": 5, "spacing": "log"}``.
         cases: Keys that are set together; every case is combined with the whole grid.
         until: ``"end"``; ``"stationary"`` ends a run when its reflected energy no longer changes.
-        check: Adds columns of how long each run is determined; takes eight times as long.
+        check: Adds columns with the time until which each run is determined; takes eight times as long.
         split: The bead that divides reflected from transmitted energy; by default the first impurity
             that is not the striker, else the middle bead.
         measure: Numbers of any analysis as further columns: ``["forces.peak_n@right", "modes.last_j@1"]``. ``beadline analyses``
@@ -82,11 +82,11 @@ def sweep(
             after Ctrl-C.
         out: A directory for the results, as of ``beadline sweep``: rows that it has are not computed again.
         record: Record each run there.
-        force: Remove what another sweep has left there.
-        progress: Whether to show how many are done; by default in terminals and notebooks.
+        force: Remove the files of another sweep there.
+        progress: Show the number of finished runs; by default in terminals and notebooks.
 
     Raises:
-        ConfigError: If a run cannot be; none was begun then.
+        ConfigError: If a run is impossible; no run has begun then.
     """
     jobs = None if jobs is None else count("jobs", jobs)
     settings: dict[str, Any] = {"until": until, "check": check, "split_bead": split, "measure": list(measure) or None}
@@ -207,7 +207,7 @@ def _in_directory(
     record: bool,
     force: bool,
 ) -> Table:
-    """What the command makes of a sweep in the directory ``out``."""
+    """The command's results of a sweep in the directory ``out``."""
     flags = [f"--out={os.fspath(out)}", "--yes"]
     flags += [flag for flag, is_set in (("--record", record), ("--force", force)) if is_set]
     flags += [] if jobs is None else [f"--jobs={jobs}"]

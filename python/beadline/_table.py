@@ -1,4 +1,4 @@
-"""Tables of results, and what the command's analyses make of a recording."""
+"""Tables of results, and the command's analyses of a recording."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ class Table(dict[str, Column]):
     dictionaries. Whole numbers are int64; where one is missing the column is of doubles. A missing number is NaN, a missing word ``""``.
 
     ``pd.DataFrame(table)``, ``pl.DataFrame(table)``, ``pa.table(table)`` and ``np.asarray(table)``, which has a field for each column,
-    have all of it.
+    have all columns.
 
     Attributes:
-        summary: What the command prints about all of it with ``--json``, if anything.
+        summary: The summary that the command prints with ``--json``, if any.
     """
 
     summary: Json
@@ -110,7 +110,7 @@ class Table(dict[str, Column]):
         Args:
             y: A column, or several; by default all numbers that have the unit of the last one.
             x: The column below; by default ``time_s`` if there is one, else the first.
-            ax: Where to draw; by default in a figure of its own.
+            ax: Axes to draw in; by default those of a new figure.
         """
         from ._plot import plot_table
 
@@ -192,7 +192,7 @@ class Table(dict[str, Column]):
 
 
 def analyse(rec: Recording, name: str, *tables: str, **options: object) -> list[Table]:
-    """What the command's analysis ``name`` makes of a recording: its table, and those of flags ``tables``.
+    """The result of the command's analysis ``name`` for a recording: its table, and those of flags ``tables``.
 
     Names of ``options`` are those of flags, followed by units.
     """

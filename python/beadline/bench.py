@@ -1,6 +1,6 @@
 """Measures this machine: each figure of the package beside its limit. ``python -m beadline.bench``; exit code 3 if one is missed.
 
-Where two programs are compared, they run in turns; the figure is the median over the rounds.
+Two programs that are compared run in turns; the figure is the median over the rounds.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Row(NamedTuple):
 
     @property
     def is_met(self) -> bool:
-        """Whether the figure keeps to its limit."""
+        """True if the figure keeps to its limit."""
         return self.value >= self.limit if self.is_floor else self.value <= self.limit
 
     def __str__(self) -> str:
@@ -47,14 +47,14 @@ class Row(NamedTuple):
 
 
 def timed(work: Callable[[], object]) -> float:
-    """How long it takes (s)."""
+    """Time that it takes (s)."""
     start = time.perf_counter()
     work()
     return time.perf_counter() - start
 
 
 def command(*arguments: str) -> dict[str, Any]:
-    """What a command answers."""
+    """A command's answer."""
     done = subprocess.run([*COMMAND, *arguments, "--json"], check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     answer: dict[str, Any] = json.loads(done.stdout)
     return answer

@@ -1,4 +1,4 @@
-"""What can go wrong. Every exception of the package that is not one of Python's own is a :class:`BeadlineError`."""
+"""Exceptions of the package. Every exception that is not one of Python's own is a :class:`BeadlineError`."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from __future__ import annotations
 class BeadlineError(Exception):
     """Something went wrong in Beadline.
 
-    What is not known is ``None``.
+    Unknown attributes are ``None``.
 
     Attributes:
         path: The file.
-        byte: Where the file is damaged, from its start.
-        step, frame, bead: Which value is wrong.
-        key: Which key of a configuration.
+        byte: Place of the damage, from the start of the file.
+        step, frame, bead: Place of the wrong value.
+        key: Key of a configuration.
         line: Its line.
-        remedy: What to do.
+        remedy: A remedy.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ def _again(kind: type[BeadlineError], message: str, about: dict[str, object]) ->
 
 
 class ConfigError(BeadlineError, ValueError):
-    """A run that cannot be: ``key`` says which value, the message what is allowed."""
+    """An impossible run: ``key`` names the value, the message has the allowed values."""
 
 
 class RunError(BeadlineError):
@@ -84,8 +84,8 @@ class CommandError(BeadlineError):
 
 
 class CommandValueError(CommandError, ValueError):
-    """A command of Beadline's was asked for what cannot be: ``key`` says which argument, the message what is expected."""
+    """A command of Beadline's got an impossible argument: ``key`` names it, the message has the expected values."""
 
 
 class MissingExtraError(BeadlineError, ImportError):
-    """A package is not installed that this needs; the message has the ``pip`` line."""
+    """A needed package is not installed; the message has the ``pip`` line."""

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// How often consumers are served while frames are computed.
+/// Interval at which consumers are served while frames are computed.
 const SERVE_PERIOD: Duration = Duration::from_millis(20);
 /// States whose frames are not all published: of one they are, of one they are computed, and one is next.
 const MOST_ASKED: usize = 3;
@@ -24,7 +24,7 @@ const TOO_OLD: Duration = Duration::from_secs(10);
 /// Why the far side cannot go on.
 #[derive(Debug, thiserror::Error)]
 pub enum FarError {
-    /// What arrived.
+    /// A message that arrived is wrong.
     #[error(transparent)]
     Message(#[from] MessageError),
     /// The state that arrived is not the one that was computed.
@@ -32,7 +32,7 @@ pub enum FarError {
     Differs {
         /// The last step that was published.
         proven_step: u64,
-        /// Where it differs.
+        /// The difference.
         source: Difference,
     },
     /// Frames are missing that cannot be computed here.
@@ -46,7 +46,7 @@ pub enum FarError {
         /// The last.
         to: u64,
     },
-    /// The end is not that of the run, or not that of what arrived.
+    /// The end contradicts the run, or the frames that arrived.
     #[error(
         "the other side says that the run ended `{reason}` after {frames} frames, but {but}; it is taken as failed, because not \
          both can be true"
@@ -54,9 +54,9 @@ pub enum FarError {
     End {
         /// The reason that was given.
         reason: EndReason,
-        /// How many frames the run is said to have had.
+        /// Number of frames of the run, by its end message.
         frames: u64,
-        /// What contradicts it.
+        /// The fact that contradicts it.
         but: String,
     },
     /// The run was computed by another dynamics.
@@ -67,7 +67,7 @@ pub enum FarError {
     Publish(#[from] PublishError),
 }
 
-/// What arrived, and what became of it.
+/// Numbers of frames that arrived, by their proof.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Arrived {
     /// Messages.
@@ -76,9 +76,9 @@ pub struct Arrived {
     pub bytes: u64,
     /// Frames published.
     pub frames: u64,
-    /// Of these, recomputed and proven by a later state.
+    /// Recomputed frames that a later state proved.
     pub proven: u64,
-    /// Of these, recomputed after the last state: nothing proves them.
+    /// Frames recomputed after the last state: nothing proves them.
     pub unproven: u64,
     /// Rows of results published.
     pub rows: u64,
@@ -104,7 +104,7 @@ pub struct Far {
     told: u64,
     /// Frames come as they are.
     frames: bool,
-    /// Another near side goes on: its first frame must follow from what was published before it is believed.
+    /// Another near side goes on: its first frame must follow from the published frames.
     is_again: bool,
     results: Results,
     scratch: Vec<f64>,
@@ -115,10 +115,10 @@ pub struct Far {
     lost_before: u64,
 }
 
-/// Refuses the end of a run that is not what its manifest says, or before what is there of it, `arrived` frames.
+/// Refuses an end of a run that contradicts its manifest, or that lies before the `arrived` frames.
 ///
 /// # Errors
-/// With what the end says and what contradicts it.
+/// With the end and the fact that contradicts it.
 pub fn check_end(
     manifest: &RunManifest,
     (reason, last_frame): (EndReason, Option<u64>),
@@ -171,7 +171,7 @@ impl Far {
         &mut self.publisher
     }
 
-    /// What arrived so far.
+    /// Numbers of frames that arrived so far.
     pub fn arrived(&self) -> Arrived {
         let (rows, lost) = self.results.counts();
         Arrived { rows, rows_lost: self.lost_before + self.arrived.rows_lost + lost, ..self.arrived }
@@ -187,8 +187,8 @@ impl Far {
         self.results.take_troubles()
     }
 
-    /// Whether others make frames faster than we recompute them: whether messages wait for us for long, though hardly
-    /// any consumer holds us back.
+    /// True if frames arrive faster than we recompute them: messages wait for us for long, though hardly any consumer
+    /// holds us back.
     pub fn is_too_slow(&mut self, place: Place) -> bool {
         if self.frames || Duration::from_millis(place.age_ms) < TOO_OLD {
             self.late = None;
@@ -199,8 +199,8 @@ impl Far {
         since.elapsed() >= TOO_OLD && 2 * held_back.saturating_sub(before) < since.elapsed()
     }
 
-    /// Another near side goes on with the run, whose messages after `seq` come. Consumers hear nothing of it: what arrives is
-    /// published if it follows from what was.
+    /// Another near side goes on with the run, whose messages after `seq` come. Consumers hear nothing of it: frames
+    /// are published if they follow from the published ones.
     pub fn again(&mut self, seq: u64, frames: bool) {
         self.asked.iter_mut().for_each(|asked| *asked = seq + 1);
         (self.seq, self.told) = (seq, 0);
@@ -222,7 +222,7 @@ impl Far {
         Ok(self.publisher.serve()?)
     }
 
-    /// Whether frames are computed that have not been published.
+    /// True if frames are computed that have not been published.
     pub fn is_recomputing(&self) -> bool {
         !self.asked.is_empty()
     }
@@ -322,7 +322,7 @@ impl Far {
         self.next_asked = last + 1;
     }
 
-    /// Publishes what has been computed until no more than this many states are left that lead to more.
+    /// Publishes computed frames until no more than this many states are left that lead to more.
     fn publish_asked(&mut self, most_left: usize) -> Result<(), FarError> {
         while self.asked.len() > most_left {
             self.publish_next()?;

@@ -5,7 +5,7 @@
 //!
 //! [`message`] is what is said, [`log`] what the near side has to say and who has heard it, [`near`] and [`far`] are the
 //! two sides on their buses: none of them knows a transport. `wire`, with the feature `zenoh`, is the only importer of
-//! zenoh. `docs/RELAY.md` describes the bytes. Nothing here prints.
+//! zenoh. `docs/SCALE.md` describes the bytes. Nothing here prints.
 
 pub mod far;
 pub mod log;

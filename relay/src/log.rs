@@ -1,6 +1,6 @@
-//! What the near side has to say, until every far side has done with it.
+//! Messages of the near side, kept until every far side has done with them.
 //!
-//! Decided without a transport and without a clock: times are passed in.
+//! The log decides without a transport and without a clock: times are passed in.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -16,10 +16,10 @@ pub const WINDOW_MESSAGES: usize = 32;
 const HOLD_MESSAGES: usize = 8;
 /// Most far sides that are known at a time, more than anybody runs: beyond that the one goes that was silent for longest.
 const MOST_RECEIVERS: usize = 256;
-/// How long a far side that has done with everything is waited for until it has asked whether we know: it asks twice a second.
+/// Time for which a far side that has done with everything may still ask for confirmation: it asks twice a second.
 const FAREWELL: Duration = Duration::from_secs(1);
 
-/// What a message is to those who come late or are slow.
+/// Importance of a message to far sides that come late or are slow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// It begins with a state, from which all later ones can be computed.
@@ -35,11 +35,11 @@ pub enum Kind {
 pub struct Entry<P> {
     /// Its number, from 1.
     pub seq: u64,
-    /// What it is.
+    /// Its kind.
     pub kind: Kind,
     /// Its bytes, cheap to clone.
     pub payload: P,
-    /// How many bytes.
+    /// Its size (bytes).
     pub bytes: usize,
     /// Since when it is there.
     pub at: Instant,
@@ -72,7 +72,7 @@ pub struct Log<P> {
     receivers: HashMap<u64, Receiver>,
     /// A far side has asked for the run.
     was_joined: bool,
-    /// How long a far side may be silent.
+    /// Longest silence of a far side.
     patience: Duration,
     ended: bool,
     /// Rows that were left out because nobody fetched them in time.
@@ -116,8 +116,8 @@ impl<P: Clone> Log<P> {
         }
     }
 
-    /// Removes what every far side has done with, but not the last state and what follows it: one that comes late
-    /// begins there.
+    /// Removes the messages that every far side has done with, but not the last state and the messages after it: a late
+    /// far side begins there.
     fn forget_done(&mut self, now: Instant) {
         let patience = self.patience;
         let before = self.receivers.len();
@@ -136,7 +136,7 @@ impl<P: Clone> Log<P> {
         self.entries.iter().rev().find(|entry| entry.kind == Kind::Frames).map(|entry| entry.seq)
     }
 
-    /// A far side asks for the run: what it has before it asks for messages. The first one, for which the run was
+    /// A far side asks for the run: its place before it asks for messages. The first one, for which the run was
     /// joined, begins with the first message, any other one with the last state.
     pub fn join(&mut self, receiver: u64, now: Instant) -> u64 {
         let first = self.entries.front().map(|first| first.seq);
@@ -147,7 +147,7 @@ impl<P: Clone> Log<P> {
         done
     }
 
-    /// Gives up whoever was silent for longest where there is no room for one more.
+    /// Gives up the far side that was silent for longest if there is no room for one more.
     fn make_room(&mut self, receiver: u64) {
         if self.receivers.len() < MOST_RECEIVERS || self.receivers.contains_key(&receiver) {
             return;
@@ -184,7 +184,7 @@ impl<P: Clone> Log<P> {
         (fits || under_way == 0).then(|| entry.clone())
     }
 
-    /// Whether a run that waits for its far sides may go on.
+    /// True if a run that waits for its far sides may go on.
     pub fn has_room(&mut self, now: Instant) -> bool {
         self.forget_done(now);
         let done = self.receivers.values().map(|receiver| receiver.done).min().unwrap_or(self.next - 1);
@@ -192,12 +192,12 @@ impl<P: Clone> Log<P> {
         waiting.count() < HOLD_MESSAGES
     }
 
-    /// How many far sides there are.
+    /// Number of far sides.
     pub fn receiver_count(&self) -> usize {
         self.receivers.len()
     }
 
-    /// Whether this far side has done with everything.
+    /// True if this far side has done with everything.
     pub fn is_done_with(&self, receiver: u64) -> bool {
         self.ended && self.receivers.get(&receiver).is_some_and(|known| known.done + 1 == self.next)
     }
@@ -209,7 +209,7 @@ impl<P: Clone> Log<P> {
         }
     }
 
-    /// Whether the end was said and every far side has it and has heard that we know, or was given up.
+    /// True if the end was said and every far side has it and has heard that we know, or was given up.
     pub fn is_over(&mut self, now: Instant) -> bool {
         self.forget_done(now);
         let has_left = |known: &Receiver| {

@@ -1,7 +1,7 @@
-//! What is said between the two sides: short requests and answers as JSON, the run itself in binary.
+//! Messages between the two sides: short requests and answers as JSON, the run itself in binary.
 //!
-//! Architecture invariant: the other side is not believed. Lengths are checked before they are used, and what is taken
-//! is no longer than what came.
+//! Architecture invariant: no side believes the other. Lengths are checked before they are used, and nothing longer
+//! than the received bytes is taken.
 
 mod bounds;
 
@@ -16,7 +16,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// Version of what is said; another one is refused.
+/// Version of the protocol; another one is refused.
 pub const PROTOCOL_VERSION: u32 = 1;
 
 /// Longest request (bytes).
@@ -39,22 +39,22 @@ const END: u64 = 3;
 /// Why something that was said cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum MessageError {
-    /// Not what a relay says.
+    /// No message of a relay.
     #[error("the other side sent what no `beadline relay` of this version says: {what}")]
     Garbage {
-        /// What was expected and found.
+        /// The expected and the found value.
         what: String,
     },
-    /// Another version of what is said, of the schemas or of the dynamics.
+    /// Another version of the protocol, of the schemas or of the dynamics.
     #[error("{what}: the other side has version {found}, this one has {ours}; {remedy}")]
     Version {
-        /// Of what.
+        /// The thing that has versions.
         what: &'static str,
         /// The other side's.
         found: String,
         /// Ours.
         ours: String,
-        /// What to do.
+        /// The remedy.
         remedy: &'static str,
     },
 }
@@ -66,11 +66,11 @@ pub(crate) fn garbage(what: impl fmt::Display) -> MessageError {
 /// The versions of one side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Versions {
-    /// Of what is said.
+    /// Version of this protocol.
     pub protocol: u32,
-    /// Of manifests and frames.
+    /// Version of manifests and frames.
     pub schema: SchemaVersion,
-    /// Of the dynamics.
+    /// Version of the dynamics.
     pub kernel: u32,
 }
 
@@ -103,34 +103,34 @@ impl Versions {
     }
 }
 
-/// What the far side asks.
+/// A request of the far side.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Request {
     /// Its versions.
     pub versions: Versions,
-    /// Which far side: the same after a restart.
+    /// Number of the far side: the same after a restart.
     pub receiver: u64,
     /// It wants every frame instead of states.
     pub frames: bool,
-    /// What it has, once it knows the run; without it, it asks for the run.
+    /// Its last message, once it knows the run; without this, it asks for the run.
     pub have: Option<Have>,
     /// It has published all messages up to this one.
     pub done: u64,
 }
 
-/// What a far side has.
+/// The last message that a far side has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Have {
-    /// Of this publishing of the run.
+    /// Stream id of this publishing of the run.
     pub stream: u64,
     /// All messages up to this one.
     pub seq: u64,
 }
 
-/// What the far side has done with, said unasked.
+/// A far side's report of the messages that it has done with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Done {
-    /// Which far side.
+    /// Number of the far side.
     pub receiver: u64,
     /// All messages up to this one have been published there.
     pub have: Have,
@@ -150,7 +150,7 @@ pub struct Welcome {
 pub struct Offer {
     /// The manifest as JSON, byte for byte as on the bus.
     pub manifest: String,
-    /// Ask for what comes after this.
+    /// Ask for the messages after this one.
     pub have: Have,
     /// Every frame is sent.
     pub frames: bool,
@@ -165,17 +165,17 @@ pub struct Place {
     pub after: u64,
     /// Rows of results that no far side can have any more.
     pub rows_lost: u64,
-    /// How long it has waited for the far side (ms).
+    /// Time that it has waited for the far side (ms).
     pub age_ms: u64,
 }
 
 impl Place {
-    /// As bytes.
+    /// Writes it as bytes.
     pub fn encode(self) -> Vec<u8> {
         [self.seq, self.after, self.rows_lost, self.age_ms].iter().flat_map(|n| n.to_le_bytes()).collect()
     }
 
-    /// From bytes.
+    /// Reads it from bytes.
     ///
     /// # Errors
     /// When they are none.
@@ -263,7 +263,7 @@ impl FramesMessage {
         self.next = frame.frame + 1;
     }
 
-    /// Whether `frame` comes right after what is in it.
+    /// True if `frame` comes right after the frames in it.
     pub fn continues_with(&self, frame: u64) -> bool {
         self.bytes.is_empty() || frame == self.next
     }
@@ -273,7 +273,7 @@ impl FramesMessage {
         self.bytes.len()
     }
 
-    /// Whether nothing is in it.
+    /// True if nothing is in it.
     pub fn is_empty(&self) -> bool {
         self.bytes.is_empty()
     }
@@ -285,7 +285,7 @@ impl FramesMessage {
     }
 }
 
-/// What rows of results are.
+/// Head of rows of results: their description.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RowsHead {
     /// The last part of the topic's name; somebody's own begin with `own/`.
@@ -294,14 +294,14 @@ pub struct RowsHead {
     pub width: usize,
     /// Names of the columns.
     pub names: String,
-    /// Of classes of contacts: what counts as touching (m).
+    /// Largest overlap or gap (m) that counts as touching, for classes of contacts.
     pub tolerance_m: Option<f64>,
     /// No more rows come: in order, or because the publisher is gone.
     pub ended: Option<bool>,
 }
 
 impl RowsHead {
-    /// Of results of these columns.
+    /// The head of rows of these columns.
     pub fn new(topic: Topic, columns: &ResultColumns) -> Self {
         let ResultColumns { width, names, tolerance_m } = columns.clone();
         Self { topic: topic.as_str().to_owned(), width, names, tolerance_m, ended: None }
@@ -331,7 +331,7 @@ impl RowsMessage {
         self.rows.len()
     }
 
-    /// Whether nothing is in it.
+    /// True if nothing is in it.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
@@ -346,7 +346,7 @@ impl RowsMessage {
     }
 }
 
-/// How the run ended.
+/// End of the run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EndMessage {
     /// The word for it.
@@ -382,7 +382,7 @@ pub enum Message<'a> {
     },
     /// Rows of results.
     Rows {
-        /// Of which.
+        /// Their head.
         head: RowsHead,
         /// The number of the frame and the values of each.
         rows: &'a [u8],
@@ -402,7 +402,7 @@ pub fn value_bytes(topic: Topic) -> usize {
 }
 
 impl<'a> Message<'a> {
-    /// From bytes, about the run of `manifest`.
+    /// Reads it from bytes, about the run of `manifest`.
     ///
     /// # Errors
     /// When they are no message about it.

@@ -11,11 +11,11 @@ use schemas::frame::{EndReason, Received};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Frames between two states are at least so many bytes: what waits for its proof stays in a cache.
+/// Frames between two states are at least so many bytes: frames that wait for their proof stay in a cache.
 const WINDOW_BYTES: u64 = 4 << 20;
 /// Least frames between two states: they take less than 1/100 of the frames' bytes.
 const LEAST_FRAMES: u64 = 128;
-/// Where frames come slowly, states take so many bytes in a second …
+/// Most bytes of states in a second, where frames come slowly …
 const SLOW_BYTES_PER_S: f64 = 1e6;
 /// … but there are no more of them than one in this time.
 const SLOW_PERIOD: Duration = Duration::from_millis(10);
@@ -26,7 +26,7 @@ const BATCH_PERIOD: Duration = Duration::from_millis(10);
 /// Longest wait for a frame.
 const WAIT: Duration = Duration::from_millis(10);
 
-/// What is sent of a run.
+/// Contents of the messages about a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sending {
     /// Every frame, not states alone.
@@ -37,7 +37,7 @@ pub struct Sending {
     pub every: Option<u64>,
 }
 
-/// What was sent.
+/// Counts of sent messages and bytes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Sent {
     /// Frames that the run published meanwhile.
@@ -123,7 +123,7 @@ impl<'a, P: Clone + From<Vec<u8>>> Sender<'a, P> {
         self.sending.frames = true;
     }
 
-    /// What was sent so far.
+    /// Counts so far.
     pub fn sent(&self) -> Sent {
         self.sent
     }
@@ -192,7 +192,7 @@ impl<'a, P: Clone + From<Vec<u8>>> Sender<'a, P> {
         }
     }
 
-    /// Sends what has waited.
+    /// Sends the frames that have waited.
     fn flush(&mut self) {
         if let Some(held) = self.newest.take() {
             self.batch.push(&held.frame());
@@ -216,7 +216,7 @@ impl<'a, P: Clone + From<Vec<u8>>> Sender<'a, P> {
         self.sent.bytes += count as u64;
     }
 
-    /// Says that no more comes.
+    /// Ends the messages about the run.
     pub fn end(&mut self, reason: EndReason) {
         let end = EndMessage { reason: reason.as_str().to_owned(), last_frame: self.last_frame };
         self.push(Kind::End, end.encode());

@@ -1,4 +1,5 @@
-//! From one state that arrived to the next: every frame between, in a thread of its own, proven before anybody sees it.
+//! Recomputation of every frame from one state that arrived to the next, in a thread of its own, proven before anybody
+//! sees it.
 
 use producer::integrator::Integrator;
 use producer::resimulation::{Difference, OtherKernel, check_kernel, difference};
@@ -16,8 +17,8 @@ use std::time::Duration;
 /// room until they are proven are computed a second time.
 const MOST_WINDOW_BYTES: usize = 16 << 20;
 
-/// The first frame of a run as it arrived, and what it leads to. What is asked for is computed in the order of the questions,
-/// while what was computed before is published.
+/// The first frame of a run as it arrived, and the frames that follow from it. It computes in the order of the
+/// questions, while earlier frames are published.
 pub struct Recompute {
     asks: Sender<Ask>,
     windows: Receiver<Result<Window, Difference>>,
@@ -31,9 +32,9 @@ pub struct Recompute {
 pub struct Window {
     first: u64,
     doubles: Vec<f64>,
-    /// Whether a state proves them.
+    /// True if a state proves them.
     pub is_proven: bool,
-    /// Whether nothing is left of what was asked for.
+    /// True if nothing is left to be computed.
     pub is_last: bool,
 }
 
@@ -139,7 +140,7 @@ impl Drop for Recompute {
     }
 }
 
-/// How the first state of a run differs from the initial condition of its manifest.
+/// Difference of the first state of a run from the initial condition of its manifest.
 pub fn initial_difference(manifest: &RunManifest, first: &Frame<'_>) -> Option<Difference> {
     let initial = (first.step == 0).then(|| ChainState::initial(&manifest.physics))?;
     difference(&initial, first, None)
@@ -158,7 +159,7 @@ struct Computing {
 }
 
 impl Computing {
-    /// Whether to go on.
+    /// Answers a question; false to stop.
     fn answer(&mut self, ask: Ask) -> bool {
         match ask {
             Ask::Reach(last, target) => self.reach(last, target.as_ref()).is_some(),

@@ -28,31 +28,32 @@ use std::thread;
 use std::time::Duration;
 use zenoh::{Config, Session, Wait as _};
 
-/// What a message of the near side's log is made of.
+/// Bytes of a message in the near side's log.
 pub type Payload = zenoh::bytes::ZBytes;
 
-/// Where runs are offered: `beadline/relay/RUN`.
+/// Key under which runs are offered: `beadline/relay/RUN`.
 const KEY: &str = "beadline/relay";
-/// Where far sides say what they have done with.
+/// Key under which far sides report the messages that they have done with.
 const DONE_KEY: &str = "beadline/relay-done";
-/// How long a request is answered before the far side asks anew; also how soon an idle near side shows that it lives.
+/// Time for which a request is answered before the far side asks anew; an idle near side also shows within this time
+/// that it lives.
 const ANSWER_TIME: Duration = Duration::from_millis(500);
-/// How long an answer may take before it is asked for again.
+/// Time after which an answer is asked for again.
 const ANSWER_PATIENCE: Duration = Duration::from_secs(4);
-/// How long a connection may take to come about when we look whether anybody listens.
+/// Time in which a connection must come about when we look for a listener.
 const PROBE_TIME: Duration = Duration::from_secs(2);
-/// How often whoever waits looks whether it is to stop.
+/// Interval at which a waiting thread checks if it is to stop.
 const LOOK_PERIOD: Duration = Duration::from_millis(10);
-/// How long the connections may take to close in order; after that the system closes them.
+/// Time for the connections to close in order; after that the system closes them.
 const CLOSE_TIME: Duration = Duration::from_millis(100);
-/// How long whoever connects may take to say who it is, twice a round trip of half a second and more; silence longer than that
-/// takes its place.
+/// Time in which a connecting peer must introduce itself, twice a round trip of half a second and more; after a longer
+/// silence it loses its place.
 const FIRST_WORDS_MS: &str = "2000";
 /// Most connections that have not said yet who they are: silent ones go after [`FIRST_WORDS_MS`], so that only more than a
 /// thousand new ones in every second would keep others out.
 const MOST_SILENT: &str = "2048";
 
-/// Where the near side is met, as Zenoh writes it: `tcp/HOST:PORT`.
+/// Address of the near side, in Zenoh's notation: `tcp/HOST:PORT`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Endpoint(String);
 
@@ -79,7 +80,7 @@ impl fmt::Display for Endpoint {
 }
 
 impl Endpoint {
-    /// Whether anything listens there.
+    /// True if anything listens there.
     fn answers(&self) -> bool {
         let address = self.0.split_once('/').map_or("", |(_, address)| address);
         let Ok(mut addresses) = address.to_socket_addrs() else { return false };
@@ -95,15 +96,15 @@ pub enum WireError {
     Config {
         /// The file.
         path: PathBuf,
-        /// What Zenoh says.
+        /// Zenoh's message.
         cause: String,
     },
     /// Nobody can be met there.
     #[error("cannot listen at {endpoint}: {cause}")]
     Listen {
-        /// Where.
+        /// The address.
         endpoint: String,
-        /// What Zenoh says.
+        /// Zenoh's message.
         cause: String,
     },
     /// Something listens there, but does not let us in.
@@ -112,9 +113,9 @@ pub enum WireError {
          there, with the same protocol (tcp or tls), certificates and password"
     )]
     Refused {
-        /// Where.
+        /// The address.
         endpoint: String,
-        /// What Zenoh says.
+        /// Zenoh's message.
         cause: String,
     },
     /// Zenoh.
@@ -123,7 +124,7 @@ pub enum WireError {
     /// The other side does not want us.
     #[error("the other side refuses: {0}")]
     Turned(String),
-    /// What came from the other side.
+    /// An error of the other side's message.
     #[error(transparent)]
     Message(#[from] MessageError),
     /// The run that is offered is none.
@@ -139,7 +140,7 @@ pub enum WireError {
         expected: RunId,
         /// The one that is offered now.
         found: RunId,
-        /// What else is to be said.
+        /// An addition to the message.
         differs: &'static str,
     },
 }
@@ -217,7 +218,7 @@ fn set(config: &mut Config, key: &str, value: &str) -> Result<(), WireError> {
     config.insert_json5(key, value).map_err(zenoh_error)
 }
 
-/// Replaces what Zenoh would do by itself, but not what a user's file says.
+/// Replaces defaults of Zenoh, but no value of the user's file.
 fn bound(config: &mut Config, key: &str, zenohs: &str, ours: &str) -> Result<(), WireError> {
     if config.get_json(key).is_ok_and(|found| found == zenohs) { set(config, key, ours) } else { Ok(()) }
 }

@@ -1,4 +1,4 @@
-//! Until when a run is determined.
+//! The check of the time until which a run is determined.
 
 use super::Overrides;
 use super::figures::LookArgs;
@@ -10,17 +10,17 @@ use std::path::PathBuf;
 #[command(
     allow_negative_numbers = true,
     after_help = "Examples:\n  \
-    beadline check run.mcap                           a recording: its run is made again, from step 0\n  \
-    beadline check --preset walls --figure growth.png how the differences grow\n  \
+    beadline check run.mcap                           a recording: simulates its run again\n  \
+    beadline check --preset walls --figure growth.png draws the growth of errors\n  \
     beadline check chain.toml --dt 2e-7               a configuration, as for `beadline run`\n  \
     beadline check --beads 1200 --impurity 0=10e-3 --tolerance 1e-3\n\n\
-    Energy that is conserved does not make a run right. Three twins are computed beside it: with half and with a quarter of \
-    the step, and one whose velocities differ in the last place at first. The error of the step is taken as twice the larger \
-    difference to the first two, the largest of about the last T; that of rounding as the difference to the third. Each \
-    quantity is determined until one of these first exceeds the tolerance, in units of L, v0 and ½·m·v0²; counts until \
-    they differ (of contacts, 1 in 100 may). What \
-    ends the time is the step (a shorter one helps) or chaos (nothing helps).\n\
-    It takes eight times as long as the run. Exit code 3: something is not determined to the end."
+    A run that conserves energy can still be wrong. `check` computes three twins beside the run: one with half and one with \
+    a quarter of the step, and one with initial velocities that differ in the last place. The error of the step is twice the \
+    larger difference to the first two, the largest of about the last T. The error of rounding is the difference to the \
+    third. Each quantity is determined until one of these errors first exceeds the tolerance, in units of L, v0 and \
+    ½·m·v0²; counts until they differ (1 in 100 contacts may). The step (a shorter one helps) or chaos (nothing helps) ends \
+    this time.\n\
+    `check` takes eight times as long as the run. Exit code 3: something is not determined to the end."
 )]
 pub(crate) struct CheckArgs {
     /// A recording, or a configuration file
@@ -32,7 +32,7 @@ pub(crate) struct CheckArgs {
     /// Largest error of a determined quantity, in units of L, v0 and ½·m·v0²
     #[arg(long, value_name = "X", default_value_t = consumers::determination::TOLERANCE, value_parser = parse_tolerance)]
     pub(crate) tolerance: f64,
-    /// Draw how the errors grow, repeatable
+    /// Draw the growth of the errors, repeatable
     #[arg(long, value_name = "FILE.svg|.png")]
     pub(crate) figure: Vec<PathBuf>,
     #[command(flatten)]

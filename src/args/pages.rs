@@ -8,19 +8,19 @@ use std::path::PathBuf;
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
-    beadline view                          the runs of this user, as they go\n  \
+    beadline view                          the live runs of this user\n  \
     beadline view run.mcap --open          a recording, in the browser\n  \
-    beadline view run.mcap other.mcap      two of them one under the other, or their difference\n  \
+    beadline view run.mcap other.mcap      two recordings, or their difference\n  \
     beadline view results/                 the recordings in a folder, or the points of a sweep\n  \
-    ssh -L 8080:localhost:8080 host beadline view --port 8080      of another machine\n\n\
-    Whoever knows the printed address can see everything that is served, and nobody else: a part of it is random. The \
-    page never holds a run back. Ctrl-C ends it.")]
+    ssh -L 8080:localhost:8080 host beadline view --port 8080      on another machine\n\n\
+    Only those who know the printed address can see the page, and they see everything: a part of the address is random. \
+    The page never holds a run back. Ctrl-C ends `view`.")]
 pub(crate) struct ViewArgs {
     /// `live` (the live runs of this user), `live:RUN`, a recording or several, a folder of recordings, or the directory of a
     /// sweep
     #[arg(value_name = "SOURCE", default_value = "live", num_args = 1..)]
     pub(crate) sources: Vec<Named>,
-    /// Port to listen at [default: one that is free]
+    /// Port to listen at [default: a free one]
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     pub(crate) port: u16,
     /// Address of this machine to listen at; without encryption
@@ -36,8 +36,8 @@ pub(crate) struct ViewArgs {
     beadline share run.mcap            run.html, at most 2 MB\n  \
     beadline share run.mcap --every-steps 100 --out talk.html\n  \
     beadline share                     beadline.html, which waits for a recording\n\n\
-    The page opens by a double click, without a network and without Beadline. It holds every step: it carries some \
-    states of the recording, and recomputes those between, bit for bit. K is a multiple of the steps between two \
+    A double click opens the page, without a network and without Beadline. It holds every step: it carries some \
+    states of the recording, and recomputes the states between, bit for bit. K is a multiple of the steps between two \
     frames of the run.")]
 pub(crate) struct ShareArgs {
     /// The recording [default: none, the page waits for one]
@@ -48,7 +48,7 @@ pub(crate) struct ShareArgs {
     /// Carry every K-th step, the first and the last [default: as many as 2 MB hold]
     #[arg(long, value_name = "K", value_parser = parse_whole, requires = "file")]
     pub(crate) every_steps: Option<u64>,
-    /// Find the pulses however long it takes [default: where a chain is short, or a run]
+    /// Find the pulses, however long it takes [default: only for short chains or runs]
     #[arg(long, requires = "file")]
     pub(crate) pulses: bool,
     /// Replace a file that exists, and make pages of more than 200 MB

@@ -15,16 +15,16 @@ use std::path::PathBuf;
     allow_negative_numbers = true,
     after_help = "Examples:\n  \
     beadline record --out run.mcap                            the only live run, from here on\n  \
-    beadline record live:long --out long.mcap --from-start    with what came before, recomputed\n  \
+    beadline record live:long --out long.mcap --from-start    with earlier frames, recomputed\n  \
     beadline record --out run.mcap --split-size 500MB         run-part-0001.mcap, …-0002.mcap …\n  \
     beadline record --out run.mcap --split-duration 0.01      a part for each 10 simulated ms\n  \
     beadline record --out s3://bucket/run.mcap                sent to a store while it is written\n\n\
-    The run waits for the recorder when it cannot keep up. A part is finished before the next one begins; each \
-    is a recording by itself: `beadline info`, `verify` and every analysis read it. Results are those that \
-    `beadline energies`, `impurity`, `contacts` and `pulses` publish, from the first row on if the analysis \
-    starts after the recorder. SIGINT ends the recording in order, and the run goes on.\n\
-    Exit code 3: frames or rows of results were missed, the run vanished, the disk is nearly full, or it was asked \
-    to stop before the run ended."
+    The run waits for the recorder when it cannot keep up. A part is finished before the next one begins. Each part \
+    is a recording by itself: `beadline info`, `verify` and every analysis read it. The recorder also keeps the \
+    results that analyses publish, from the first row on if the analysis starts after the recorder. SIGINT ends \
+    the recording in order, and the run goes on.\n\
+    Exit code 3: frames or rows of results were missed, the run vanished, the disk is nearly full, or a signal \
+    stopped the recorder before the run ended."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub(crate) struct RecordArgs {
@@ -34,7 +34,7 @@ pub(crate) struct RecordArgs {
     /// Recording to write; parts of it are NAME-part-0001.mcap and so on
     #[arg(long, value_name = "FILE.mcap|URL")]
     pub(crate) out: PathBuf,
-    /// Where a recording that goes to a URL is until it is there [default: beadline/spool in the user's cache]
+    /// Directory for a recording on its way to a URL [default: beadline/spool in the user's cache]
     #[arg(long, value_name = "DIR")]
     pub(crate) spool: Option<PathBuf>,
     /// Go on in a new part with the first frame after the file has this size
@@ -46,7 +46,7 @@ pub(crate) struct RecordArgs {
     /// End in order when the disk has less left than this [default: 100 MB, or 1 % of a small disk]
     #[arg(long, value_name = "BYTES|500MB", value_parser = parse_bytes)]
     pub(crate) min_free: Option<u64>,
-    /// Record every K-th step, the first and the last [default: as the run does]
+    /// Record every K-th step, the first and the last [default: that of the run]
     #[arg(long, value_name = "K", value_parser = parse_whole)]
     pub(crate) record_every_steps: Option<u64>,
     /// Recompute the frames before the first one that arrives, from step 0 on
@@ -61,10 +61,10 @@ pub(crate) struct RecordArgs {
     /// Record states only
     #[arg(long)]
     pub(crate) no_results: bool,
-    /// Write what was recorded to the file at least this often (s): what a kill costs
+    /// Write the recorded part to the file at least this often (s): a kill costs this time
     #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = parse_seconds)]
     pub(crate) flush_period: f64,
-    /// Sync the file to the disk at least this often (s): what a power failure costs
+    /// Sync the file to the disk at least this often (s): a power failure costs this time
     #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = parse_seconds)]
     pub(crate) sync_period: f64,
     /// Give up when no run appears within this time (s) [default: wait]
@@ -82,18 +82,18 @@ pub(crate) struct RecordArgs {
 #[command(
     allow_negative_numbers = true,
     after_help = "Examples:\n  \
-    beadline replay run.mcap                             waits for an analysis, then goes as fast …\n  \
-    beadline energies --figure e.svg                     … as that one takes\n  \
+    beadline replay run.mcap                             waits for an analysis, then goes at …\n  \
+    beadline energies --figure e.svg                     … the pace of this one\n  \
     beadline replay run.mcap --rate 0.01 --loop          at 1/100 of real time, again and again\n  \
     beadline replay run.mcap --from 0.02 --until 0.03    a part of it\n  \
     beadline replay sparse.mcap --every-step             every step as a frame, recomputed\n\n\
-    Frames that a sparse recording does not hold are recomputed. On a terminal: space pauses and goes on, \
+    `replay` recomputes frames that a sparse recording does not hold. On a terminal: space pauses and goes on, \
     → or . shows one more frame and pauses, + and - double and halve the rate, q quits; [ and ] go a twentieth back \
-    and on, ← one frame back, Home to the first one. In a stream frames only ever go on, so each of these four ends \
-    the stream, for consumers as an interrupted run, and begins another. What is held up by a consumer or suspended \
-    goes on at its rate. \
-    The recording of a run that was not closed ends as a failed run does. Exit code 3: it was not closed, it is \
-    damaged, a consumer was dropped, or it was asked to stop before its end, which is the only end of --loop."
+    and on, ← one frame back, Home to the first frame. Frames of a stream only go forward, so each of these four keys \
+    ends the stream and begins another; consumers see an interrupted run. After a delay or a suspension the replay \
+    goes on at its rate. The replay of a recording that was not closed ends as a failed run. Exit code 3: the \
+    recording was not closed or is damaged, a consumer was dropped, or a signal stopped the replay, which is the \
+    only end of --loop."
 )]
 pub(crate) struct ReplayArgs {
     /// The recording
@@ -101,7 +101,7 @@ pub(crate) struct ReplayArgs {
     /// Name on the bus: a-z, 0-9 and - [default: that of the run]
     #[arg(long, value_name = "RUN")]
     pub(crate) name: Option<RunName>,
-    /// How fast to go: `max`, or simulated seconds per second
+    /// Pace of the replay: `max`, or simulated seconds per second
     #[arg(long, value_name = "max|X", default_value = "max", value_parser = parse_pace)]
     pub(crate) rate: Pace,
     /// Begin with the first frame at or after this simulated time (s)
@@ -110,7 +110,7 @@ pub(crate) struct ReplayArgs {
     /// End with the last frame at or before this simulated time (s)
     #[arg(long, value_name = "S", value_parser = parse_time)]
     pub(crate) until: Option<f64>,
-    /// Begin again when it is over, as a new stream, until it is stopped
+    /// Begin again after the end, as a new stream, until a signal
     #[arg(long = "loop")]
     pub(crate) again: bool,
     /// Publish every step as a frame of its own
@@ -130,8 +130,8 @@ pub(crate) struct ReplayArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  \
     beadline thin run.mcap --every-steps 100 --out sparse.mcap\n\n\
-    Every state is proven on the way: recomputed from the one before. `beadline expand` brings the others back. \
-    Other channels, results and those of other programs, stay whole. \
+    `thin` proves every state on the way: it recomputes the state from the one before. `beadline expand` brings the \
+    others back. Other channels (results, and those of other programs) stay whole. \
     K is a multiple of the steps between two frames of the run.")]
 pub(crate) struct ThinArgs {
     /// The recording
@@ -147,9 +147,9 @@ pub(crate) struct ThinArgs {
 #[command(after_help = "Examples:\n  \
     beadline expand sparse.mcap --out full.mcap                       every frame of the run\n  \
     beadline expand sparse.mcap --every-steps 1 --out all.mcap        also the steps between frames\n\n\
-    Every state of the recording is proven on the way, and other channels stay whole. K is a multiple of the \
-    steps between two frames of the run, or divides them: states between frames are then recorded without a \
-    frame number, and whoever reads frames passes over them.")]
+    `expand` proves every state of the recording on the way, and other channels stay whole. K is a multiple of the \
+    steps between two frames of the run, or divides them. States between frames then have no frame number, and \
+    readers of frames skip them.")]
 pub(crate) struct ExpandArgs {
     /// The recording
     pub(crate) file: PathBuf,
@@ -160,7 +160,7 @@ pub(crate) struct ExpandArgs {
     pub(crate) output: RewriteArgs,
 }
 
-/// Where a recording is written again.
+/// Destination of a recording that is written again.
 #[derive(Debug, Args)]
 pub(crate) struct RewriteArgs {
     /// Recording to write
@@ -179,16 +179,15 @@ pub(crate) struct RewriteArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
-    beadline verify run.mcap                     `proven`, or what differs: frame, bead and quantity\n  \
-    beadline verify run-part-*.mcap              each part, and that one follows from the other\n  \
+    beadline verify run.mcap                     `proven`, or the difference: frame, bead, quantity\n  \
+    beadline verify run-part-*.mcap              each part, and the links between parts\n  \
     beadline verify run.mcap --json              the same for a program\n\n\
-    Three lists: what was proven by making it again (each state from the one before and the first one from the \
-    manifest, summaries, rows of our analyses); what was compared (every checksum, index and number, schemas, \
-    `run.toml`); and what cannot be known (who made it, channels of others). Damage is named with its chunk and \
-    frames, and what follows is verified all the same; `beadline recover` brings the frames back.\n\
-    Exit code 3 if anything is not as it was written, frames or rows are missing, the file is cut off, its \
-    beginning is not proven, or the run was computed by another kernel version: then nothing is wrong, but \
-    nothing is proven.")]
+    `verify` prints three lists. It proved the first by computing it again: each state from the one before, the first \
+    state from the manifest, summaries, rows of our analyses. It compared the second: every checksum, index and \
+    number, schemas, `run.toml`. It cannot know the third: who made the file, channels of other programs. It names \
+    damage with its chunk and frames, and verifies the rest; `beadline recover` brings the frames back.\n\
+    Exit code 3 if any content has changed, frames or rows are missing, the file is cut off, its beginning is not \
+    proven, or another kernel version computed the run. In the last case nothing is wrong, but nothing is proven.")]
 pub(crate) struct VerifyArgs {
     /// The recording, or consecutive parts of one
     #[arg(value_name = "FILE", required = true)]
@@ -205,15 +204,15 @@ pub(crate) struct VerifyArgs {
 #[command(after_help = "Examples:\n  \
     beadline recover run.mcap.partial --out run.mcap     after a crash or a power failure\n  \
     beadline recover damaged.mcap --out whole.mcap       after a bad disk or a bad copy\n\n\
-    Every whole message of the file is salvaged, from a torn last chunk, too. Frames that are lost are \
-    recomputed from the state before, bit for bit, and proven by the next state of the file. A state without a \
-    checksum that holds counts only if it is what the one before leads to. The file itself is left as it is.\n\
-    Exit code 3 if something that was in the file is not in the new one, or was not what it must be; a last record \
-    that was never written to its end is no loss. The new recording is verified; what that finds is said.")]
+    `recover` salvages every whole message of the file, also from a torn last chunk. It recomputes lost frames from \
+    the state before, bit for bit, and the next state of the file proves them. A state without a valid checksum \
+    counts only if it follows from the one before. The file itself stays unchanged.\n\
+    Exit code 3 if some content of the file is missing in the new one, or was wrong. A last record that was never \
+    written to its end is no loss. `recover` then verifies the new recording, and prints the result.")]
 pub(crate) struct RecoverArgs {
     /// The damaged or unfinished recording
     pub(crate) file: PathBuf,
-    /// Leave out frames that are lost rather than recompute them
+    /// Leave out lost frames, do not recompute them
     #[arg(long)]
     pub(crate) no_fill: bool,
     #[command(flatten)]
@@ -224,13 +223,14 @@ pub(crate) struct RecoverArgs {
 #[command(after_help = "Examples:\n  \
     beadline upload run.mcap s3://bucket/run.mcap\n  \
     beadline upload run.mcap.partial s3://bucket/run.mcap     recovers run.mcap first, and sends that\n\n\
-    The object is there when all of it was sent, and not before; its size is compared, and FILE stays. Parts that an \
-    earlier attempt with this FILE has sent to s3:// are not sent again; others are removed. Credentials and endpoints \
-    come from the environment (AWS_*, GOOGLE_*, AZURE_*). Exit code 3: it was asked to stop, or the recording could not be recovered without loss.")]
+    The object exists only when all of it was sent. `upload` then compares its size, and FILE stays. Parts that an \
+    earlier attempt with this FILE has sent to s3:// are not sent again; other parts are removed. Credentials and \
+    endpoints come from the environment (AWS_*, GOOGLE_*, AZURE_*). Exit code 3: a signal stopped the upload, or the \
+    recording could not be recovered without loss.")]
 pub(crate) struct UploadArgs {
     /// The recording
     pub(crate) file: PathBuf,
-    /// Where it goes: a URL (s3://, gs://, az://)
+    /// Destination: a URL (s3://, gs://, az://)
     pub(crate) url: PathBuf,
     /// Replace an object that exists
     #[arg(long)]
@@ -245,8 +245,9 @@ pub(crate) struct UploadArgs {
     beadline catalog runs --out catalog.parquet\n  \
     beadline catalog s3://bucket/runs --out catalog.csv\n  \
     duckdb -c \"SELECT path, alpha, steps FROM 'catalog.parquet' WHERE complete = 1\"\n\n\
-    A row for each .mcap and .mcap.partial, in the order of their names, from their summaries alone; `docs/CATALOG.md` has \
-    the columns. What cannot be read has a row that says why, in the column `error`, and makes the exit code 3.")]
+    The table has a row for each .mcap and .mcap.partial, in the order of their names, from their summaries alone. \
+    `docs/SCALE.md` has the columns. A file that cannot be read has the reason in its column `error`, and makes the \
+    exit code 3.")]
 pub(crate) struct CatalogArgs {
     /// A directory or a URL
     #[arg(value_name = "DIR|URL")]

@@ -15,22 +15,22 @@ use std::path::PathBuf;
     beadline energies live:shock                                    there, as if the run were local\n  \
     beadline relay --from live --hold                               the run waits for consumers there\n  \
     beadline relay --connect tls/lab.example:7447 --config zenoh.json5\n\n\
-    The near side (--from) sends the run, not its frames: the manifest, a state now and then, results, the end. The \
-    far side (--connect) recomputes every frame, compares with the next state bit for bit, and then publishes it under \
-    the same name and run id. It begins with the frame that a consumer would begin with that attached when the far side \
-    asked. Nothing is lost over a cut: the far side asks for what follows the last proven state. So it does when a near side that went \
-    is begun again with the same run within --silence.\n\n\
-    Who connects may read the run; by default that is who can reach this host's loopback. The file of --config is Zenoh's own \
-    (TLS, access control, user and password) and is used as it is, with --listen or --connect in place of its endpoints; \
-    nothing else is listened to and nobody is searched for unless it says so.\n\
-    Exit code 0: the run ended in order, and so did this side. 3: something was lost, the run or the other side vanished, or \
-    it was asked to stop."
+    The near side (--from) sends the manifest, a state now and then, results and the end, but no frames. The far side \
+    (--connect) recomputes every frame, compares it with the next state bit for bit, and then publishes it under the \
+    same name and run id. It begins like a consumer that attaches at this moment. A cut costs nothing: the far side asks \
+    again for everything after the last proven state. It also does so when the near side starts again with the same run \
+    within --silence.\n\n\
+    Everybody who can connect may read the run; by default these are the programs on this host. The file of --config is \
+    Zenoh's own (TLS, access control, user and password) and is used as it is, with --listen or --connect in place of its \
+    endpoints. Unless this file says so, the relay listens nowhere else and searches for nobody.\n\
+    Exit code 0: the run and this side ended in order. 3: something was lost, the run or the other side vanished, or a \
+    signal stopped this side."
 )]
 pub(crate) struct RelayArgs {
     /// Near side: `live` (the only live run) or `live:RUN`
     #[arg(long, value_name = "SOURCE", conflicts_with = "connect")]
     pub(crate) from: Option<Named>,
-    /// Near side: where it is met
+    /// Near side: its address
     #[arg(
         long,
         value_name = "tcp/HOST:PORT",
@@ -38,7 +38,7 @@ pub(crate) struct RelayArgs {
         conflicts_with = "connect"
     )]
     pub(crate) listen: String,
-    /// Far side: where the near side is met
+    /// Far side: address of the near side
     #[arg(long, value_name = "tcp/HOST:PORT")]
     pub(crate) connect: Option<String>,
     /// Zenoh's own configuration, for TLS, access control, user and password
@@ -59,7 +59,7 @@ pub(crate) struct RelayArgs {
     /// Far side: drop a lossless consumer that takes nothing for this long (s)
     #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = parse_seconds, conflicts_with = "from")]
     pub(crate) stall_timeout: f64,
-    /// Give the other side up when it is silent for this long (s)
+    /// Give up the other side when it is silent for this long (s)
     #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = parse_seconds)]
     pub(crate) silence: f64,
     /// Print the summary as JSON

@@ -13,7 +13,7 @@ pub(crate) struct TimeLimit {
     pub(crate) seconds: Option<u64>,
 }
 
-/// `90`, `90:00`, `1:30:00`, `2-12`, `2-12:30`, `2-12:30:00`, `UNLIMITED`: what sbatch takes for --time.
+/// `90`, `90:00`, `1:30:00`, `2-12`, `2-12:30`, `2-12:30:00`, `UNLIMITED`: the times that sbatch takes for --time.
 fn parse_time_limit(text: &str) -> Result<TimeLimit, String> {
     let text = parse_directive(text)?;
     if ["infinite", "unlimited"].contains(&text.to_lowercase().as_str()) {
@@ -73,14 +73,14 @@ fn meant(text: &str) -> String {
     format!("; {text} is {days}-{hours:02}:{:02}:{:02}", rest / 60, rest % 60)
 }
 
-/// What stands in the script of a job array. Values go to Slurm as they are: it knows what its site allows.
+/// Options in the script of a job array. Values go to Slurm unchecked: Slurm knows what its site allows.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "As a job array of Slurm")]
 pub(crate) struct SlurmArgs {
     /// Compute nothing; write the script of a job array, DIR/slurm/array.sh
     #[arg(long, conflicts_with_all = ["shard", "merge", "jobs", "yes", "plan"])]
     pub(crate) slurm: bool,
-    /// Send it with sbatch
+    /// Submit it with sbatch
     #[arg(long, requires = "slurm")]
     pub(crate) submit: bool,
     /// Tasks of the array, a shard of the points for each [default: 1000, if there are as many points]
@@ -89,7 +89,7 @@ pub(crate) struct SlurmArgs {
     /// Cores of a task
     #[arg(long, value_name = "N", requires = "slurm", default_value = "1", value_parser = parse_jobs)]
     pub(crate) cpus: NonZero<usize>,
-    /// Time limit of a task, also as MINUTES, HH:MM:SS or D-HH; one that needs more begins again where it was
+    /// Time limit of a task, also as MINUTES, HH:MM:SS or D-HH; a task that needs more goes on in another turn
     #[arg(long, value_name = "D-HH:MM:SS", requires = "slurm", value_parser = parse_time_limit)]
     pub(crate) time: Option<TimeLimit>,
     /// Memory of a task, such as 500M

@@ -8,17 +8,17 @@ use source::Named;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     beadline top                                     all live runs; waits for one if there is none\n  \
-    beadline top live:long --field energy            one of them, where its energy is\n  \
+    beadline top live:long --field energy            one of them, with its energy\n  \
     ssh -t cluster beadline top --rate 2             two screens a second, over a slow line\n\n\
     Keys: ↑ ↓ or k j choose a run, f and F a field, l linear or logarithmic colours, p pauses the screen but not the \
-    run, ? shows this, q ends. The run never waits for the screen. The map goes from when the run was first seen \
-    until now; its oldest rows are merged and keep the values farthest from 0. Colours follow COLORTERM and \
+    run, ? shows the keys, q ends. The run never waits for the screen. The map shows the run since `top` first saw it; \
+    its oldest rows are merged and keep the values farthest from 0. Colours follow COLORTERM and \
     TERM; programs read `beadline ls --json`.")]
 pub(crate) struct TopArgs {
     /// `live:RUN` [default: the first live run]
     #[arg(value_name = "SOURCE", default_value = "live", hide_default_value = true)]
     pub(crate) source: Named,
-    /// What is shown along the chain and over time
+    /// Field along the chain and over time
     #[arg(long, default_value = "velocity", value_parser = fields())]
     pub(crate) field: Field,
     /// Screens a second, at most

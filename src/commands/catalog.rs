@@ -21,7 +21,7 @@ use storage::{Entry, Listing, Skipped, list};
 /// Rows that wait in memory for the ones before them.
 const WINDOW: usize = 1024;
 
-/// A column, and what it says of a recording.
+/// A column, and its value for a recording.
 type Of = (&'static str, Kind, fn(&RecordingInfo) -> Cell);
 
 /// After `path` and `bytes`, and before `error`. A name has its unit.
@@ -155,7 +155,7 @@ fn add_row(table: &mut Table, entry: &Entry, info: &Result<RecordingInfo, String
     error.is_none()
 }
 
-/// Adds the cells of what cannot be read, behind its path and size.
+/// Adds the cells of a file that cannot be read, behind its path and size.
 fn add_error(table: &mut Table, error: &str) {
     for _ in &COLUMNS {
         table.empty();

@@ -69,7 +69,7 @@ pub(crate) fn check(args: &CheckArgs) -> Result<Done, Failure> {
     Ok(Done::whole_if(is_whole(&outcome) && !stopped && !differs))
 }
 
-/// Whether everything is determined to the end.
+/// True if everything is determined to the end.
 fn is_whole(outcome: &Outcome) -> bool {
     outcome.first_lost().is_none()
 }

@@ -1,4 +1,4 @@
-//! `beadline info FILE`: what is in a recording.
+//! `beadline info FILE`: the contents of a recording.
 
 use crate::display::{self, bytes, count, seconds};
 use crate::failure::{BadInput, Done, Failure};
@@ -87,7 +87,7 @@ fn text(info: &RecordingInfo, is_being_written: bool) -> String {
     rows.under(info.path.display())
 }
 
-/// The chain, what strikes it, and how it is computed.
+/// The chain, its strikers, and its computation.
 pub(crate) fn of_physics(physics: &Physics) -> Rows {
     let mut rows = Rows::default();
     rows.add("chain", chain_in_words(physics));

@@ -1,4 +1,4 @@
-//! `beadline ls`: the runs on this user's bus, how far they are, and who listens; or the recordings of a place.
+//! `beadline ls`: the runs on this user's bus with their progress and consumers; or the recordings of a place.
 
 mod recordings;
 
@@ -70,7 +70,7 @@ fn aligned<const N: usize>(
     rows.iter().map(line).collect()
 }
 
-/// What the list shows of a run.
+/// Cells of a run in the list.
 pub(super) fn cells(run: &RunInfo) -> [String; COLUMNS.len()] {
     let (step, part) = match run.step_count {
         Some(steps) => {

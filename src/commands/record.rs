@@ -24,7 +24,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// How long a living publisher of results may be silent once the run is over.
+/// Longest silence of a living publisher of results once the run is over.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// The same when it is we who leave.
@@ -236,7 +236,7 @@ impl Following<'_> {
     }
 }
 
-/// What was recorded, in numbers.
+/// Summary of a recording, in numbers.
 struct Summary<'a> {
     manifest: &'a RunManifest,
     end: EndReason,
@@ -249,7 +249,7 @@ struct Summary<'a> {
     disk_is_short: bool,
     results: Vec<RowTally>,
     parts: Vec<Finished>,
-    /// What came of sending them, if they go to a URL.
+    /// Result of sending the files, if they go to a URL.
     uploaded: Option<Uploaded>,
 }
 

@@ -113,25 +113,25 @@ pub(crate) fn recover_file(
     Ok(Outcome { manifest, recovery, finished, lying_toml, verified })
 }
 
-/// What came of it.
+/// Result of recovering.
 pub(crate) struct Outcome {
     manifest: RunManifest,
     recovery: Recovery,
     finished: Finished,
-    /// How the configuration in the file differs from its manifest; it was left out then.
+    /// Differences between the configuration in the file and its manifest; the configuration was then left out.
     lying_toml: Vec<String>,
     /// The new recording.
     verified: Verified,
 }
 
 impl Outcome {
-    /// Whether everything that was in the file is in the new one, and as it must be.
+    /// True if everything in the file was correct, and is in the new one.
     pub(crate) fn is_whole(&self) -> bool {
         self.recovery.is_whole() && self.lying_toml.is_empty() && !self.verified.is_refuted()
     }
 }
 
-/// Whether a state of the run can be read in the file.
+/// True if a state of the run can be read in the file.
 fn has_a_state(path: &Path) -> Result<bool, Failure> {
     let mut audit = Audit::open(path).bad_input()?;
     loop {
@@ -156,14 +156,14 @@ fn lock(path: &Path) -> Result<File, Failure> {
     }
 }
 
-/// Whether `file` is still the file at `path`, so that anything opened there since it was locked is the same file.
+/// True if `file` is still the file at `path`, so that anything opened there since it was locked is the same file.
 fn is_at(file: &File, path: &Path) -> bool {
     let identity = |found: Metadata| (found.dev(), found.ino());
     let (ours, there) = (file.metadata().map(identity).ok(), path.metadata().map(identity).ok());
     ours.is_some() && ours == there
 }
 
-/// Where the new recording is written: under its own name, unless its `.partial` would be the source.
+/// Path at which the new recording is written: its own name, unless its `.partial` would be the source.
 fn working_place(from: &Path, to: &Path) -> PathBuf {
     let with = |suffix: &str| {
         let mut name = OsString::from(to);

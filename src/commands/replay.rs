@@ -99,7 +99,7 @@ fn begin(
     }
 }
 
-/// Says what is published.
+/// Announces the replay.
 fn announce(args: &ReplayArgs, replay: &Replay<Frames>) {
     let manifest = replay.manifest();
     display::notice_of_version(manifest);

@@ -153,7 +153,7 @@ fn write_figure(figure: &Figure, study: &Study, args: &ReproduceArgs) -> Result<
     Ok(())
 }
 
-/// How far the runs are: a bar on a terminal, a line for each tenth elsewhere.
+/// Progress of the runs: a bar on a terminal, a line for each tenth elsewhere.
 struct Shown {
     bar: ProgressBar,
     tenths: u32,
@@ -172,7 +172,7 @@ impl Shown {
     }
 }
 
-/// What the command leaves behind, in numbers.
+/// Summary of the command, in numbers.
 struct Outcome<'a> {
     report: &'a Report<'a>,
     done: &'a workers::Done,

@@ -142,7 +142,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     Ok(Done::whole_if(counts.evicted == 0 && reason == EndReason::Complete && is_determined && is_sent))
 }
 
-/// What a run begins with.
+/// Beginning of a run.
 enum Start {
     /// The chain at rest; where the run is recorded, if it is.
     Fresh(Option<PathBuf>),
@@ -151,7 +151,7 @@ enum Start {
 }
 
 impl Start {
-    /// The run that the arguments mean, and what it begins with; none if there is nothing left to be done.
+    /// The run of the arguments, and its beginning; none if there is nothing left to be done.
     fn of(args: &RunArgs, spool: Option<&Spool>, force: bool) -> Result<Option<(Configured, Self)>, Failure> {
         let out = spool.map(|spool| &spool.file).or(args.out.as_ref());
         if let Some(path) = &args.resume {
@@ -176,7 +176,7 @@ impl Start {
         }
     }
 
-    /// Where the run is recorded, if it is; refuses a name that is taken.
+    /// Path of the recording, if there is one; refuses a name that is taken.
     fn check_out(&self, force: bool) -> Result<Option<PathBuf>, Failure> {
         let out = match self {
             Self::Fresh(out) => out.as_deref(),
@@ -192,8 +192,8 @@ impl Start {
         Ok(out.map(Path::to_owned))
     }
 
-    /// Opens the run to its consumers, waits for those that it is to wait for, and begins its recording, with
-    /// what was recorded before. None if `stop` was set meanwhile.
+    /// Opens the run to its consumers, waits for the consumers of `--wait-for`, and begins its recording, with the part
+    /// that was recorded before. None if `stop` was set meanwhile.
     fn prepare(
         self,
         args: &RunArgs,
@@ -246,7 +246,7 @@ fn write_options(args: &RunArgs) -> WriteOptions {
     }
 }
 
-/// Says so if the energy has drifted far, and why: rounding, or the time step.
+/// Warns if the energy has drifted far, with the cause: rounding, or the time step.
 fn tell_drift(physics: &Physics, drift: f64) {
     let large = if physics.damping.is_some() { LARGE_DAMPED_DRIFT } else { LARGE_DRIFT };
     if drift.abs() <= large {
@@ -296,7 +296,7 @@ fn has_default_step(physics: &Physics) -> bool {
     default.is_ok_and(|(dt_s, _)| (dt_s / physics.dt_s - 1.0).abs() <= NEARLY)
 }
 
-/// Where the recording `path` is if the process is ended at once.
+/// Message about the recording `path` for the case that the process ends at once.
 fn what_stays(path: &Path, spool: Option<&Spool>) -> String {
     let path = path.display();
     format!(
@@ -306,12 +306,12 @@ fn what_stays(path: &Path, spool: Option<&Spool>) -> String {
     )
 }
 
-/// How to send what was recorded, if it was to be sent.
+/// Command that sends the recording, if it was to be sent.
 fn advice(spool: Option<&Spool>) -> String {
     spool.map_or_else(String::new, |spool| format!("; {}", spool.advice()))
 }
 
-/// Says where what was recorded is, and how to go on, when the rest could not be written.
+/// Reports the place of the recording, and the way to go on, when the rest could not be written.
 fn tell_what_stays(path: &Path, spool: Option<&Spool>) {
     let path = path.display();
     notice!(
@@ -321,7 +321,7 @@ fn tell_what_stays(path: &Path, spool: Option<&Spool>) {
     );
 }
 
-/// Whether a recording was begun that could not be written to its end.
+/// True if a recording was begun that could not be written to its end.
 fn failed_to_record<P: std::error::Error, T>(
     result: &Result<RunOutcome, RunError<P, WriteError>>,
     recording: &Result<T, WriteError>,
@@ -330,7 +330,8 @@ fn failed_to_record<P: std::error::Error, T>(
     matches!(result, Err(RunError::Record { .. })) || recording.as_ref().is_err_and(lost)
 }
 
-/// Says what the run will write, and refuses what cannot fit; the part of the free disk that it needs at least.
+/// Announces the bytes that the run will write, and refuses what cannot fit; returns the least part of the free disk
+/// that it needs.
 fn announce(configured: &Configured, out: Option<&Path>, options: &WriteOptions) -> Result<f64, Failure> {
     let manifest = &configured.manifest;
     let frame_bytes = 8 * manifest.frame_doubles() as u64;
@@ -361,7 +362,7 @@ fn announce(configured: &Configured, out: Option<&Path>, options: &WriteOptions)
     Ok(needed.at_least_bytes as f64 / free.max(1) as f64)
 }
 
-/// The step, and what decided it where that is not T.
+/// The step, and the part of the chain that decided it if that is not T.
 fn step_in_words(physics: &Physics) -> String {
     let (dt, (_, limit)) = (seconds(physics.dt_s), physics.usual_step());
     if limit == Limit::Collision || !has_default_step(physics) {
@@ -370,7 +371,7 @@ fn step_in_words(physics: &Physics) -> String {
     format!("{dt} ({})", physics.limit_words(limit))
 }
 
-/// Says so if the given step does not divide the duration.
+/// Warns if the given step does not divide the duration.
 fn tell_end(configured: &Configured) {
     let physics = &configured.manifest.physics;
     let (asked_s, end_s) = (configured.duration_s, physics.time_s(physics.step_count));
@@ -411,7 +412,7 @@ impl Conductor<Outlet, RecordingWriter> for Stage<'_> {
     }
 }
 
-/// What a run leaves behind, in numbers.
+/// Summary of a run, in numbers.
 struct Summary<'a> {
     manifest: &'a RunManifest,
     outcome: RunOutcome,
@@ -420,9 +421,9 @@ struct Summary<'a> {
     counts: PublishCounts,
     left: Left,
     recording: Option<Finished>,
-    /// What came of sending it, if it goes to a URL.
+    /// Result of sending it, if it goes to a URL.
     uploaded: Option<Uploaded>,
-    /// Until when the run is determined, if asked.
+    /// Time until which the run is determined, if asked.
     determined: Option<Determined>,
 }
 

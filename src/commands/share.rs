@@ -31,12 +31,12 @@ const UNPACKED_BYTES: u64 = 64_000_000;
 const FEW_BEADS_LOOKED_AT: u64 = 200_000_000;
 /// States that are measured, to know how many fit.
 const SAMPLES: u64 = 16;
-/// What comes with a state besides its doubles: its summary, and its place in the index (bytes in the page).
+/// Bytes in the page of a state besides its doubles: its summary, and its place in the index.
 const BESIDE_A_STATE: usize = 150;
-/// How often the states are thinned anew because the measured ones were smaller than the others.
+/// Number of times the states are thinned anew because the measured ones were smaller than the others.
 const MAX_ATTEMPTS: u32 = 5;
 
-/// What was made.
+/// Result of the command.
 #[derive(Debug, Serialize)]
 pub(crate) struct Shared {
     pub(crate) path: PathBuf,
@@ -205,7 +205,7 @@ fn too_large(page_bytes: usize) -> Failure {
     )
 }
 
-/// How large pages become (bytes).
+/// Estimates of the sizes of pages (bytes).
 struct Sizes {
     without_states: usize,
     of_a_state: usize,

@@ -35,7 +35,7 @@ struct Rewrite<'a> {
     place: Place,
 }
 
-/// Where the new recording will be read.
+/// Destination of the new recording.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Place {
     File,
@@ -45,7 +45,7 @@ enum Place {
 }
 
 impl<'a> Rewrite<'a> {
-    /// Of every `every_steps`-th state.
+    /// A job that keeps every `every_steps`-th state.
     fn new(from: &'a Path, to: &'a Path, every_steps: u64) -> Self {
         Self {
             from,
@@ -195,14 +195,14 @@ impl Rewrite<'_> {
         })
     }
 
-    /// Whether states between frames are asked for: several from one frame to the next.
+    /// True if states between frames are asked for: several from one frame to the next.
     fn is_between_frames(&self, manifest: &RunManifest) -> bool {
         let published = manifest.provenance.publish_every_steps;
         self.between_frames && self.every_steps < published && published.is_multiple_of(self.every_steps)
     }
 
-    /// Copies the states that are due, and the last one, and between them what else is in the file; every state of
-    /// the source is proven on the way.
+    /// Copies the states that are due, and the last one, and between them the other contents of the file; every state
+    /// of the source is proven on the way.
     fn copy(
         &self,
         states: &mut Frames,

@@ -143,7 +143,7 @@ impl Write for Out {
     }
 }
 
-/// What goes on between the bus and the screen.
+/// Link between the bus and the screen.
 struct Top {
     bus: Bus,
     list: List,
@@ -155,12 +155,12 @@ struct Top {
     runs: Vec<RunInfo>,
     speeds: HashMap<RunName, Speed>,
     screen: Screen,
-    /// What is shown while the screen is paused.
+    /// The screen while it is paused.
     frozen: Option<Screen>,
     palette: Palette,
 }
 
-/// Steps a second of a run, from what its producer wrote twice.
+/// Steps a second of a run, from two reports of its producer.
 struct Speed {
     step: u64,
     written: SystemTime,
@@ -188,7 +188,7 @@ impl Top {
         Ok(())
     }
 
-    /// Changes what is shown, paused or not.
+    /// Changes the screen, paused or not.
     fn change(&mut self, change: impl Fn(&mut Screen)) {
         change(&mut self.screen);
         self.frozen.iter_mut().for_each(change);
@@ -218,7 +218,7 @@ impl Top {
         Ok(())
     }
 
-    /// Takes what has come since the last look.
+    /// Takes the news since the last look.
     fn look(&mut self) -> Result<(), Failure> {
         match self.list.take() {
             None => {}
@@ -262,7 +262,7 @@ impl Top {
         Ok(())
     }
 
-    /// Whether the run that is watched has ended, and all of it was shown.
+    /// True if the run that is watched has ended, and all of it was shown.
     fn is_over(&self) -> bool {
         self.watch.as_ref().is_some_and(Watch::is_over)
     }

@@ -41,7 +41,7 @@ pub(crate) fn upload(args: &UploadArgs) -> Result<Done, Failure> {
     Ok(Done::whole_if(is_whole))
 }
 
-/// The recording `path`, or what can be recovered of it, and whether that is all.
+/// The recording `path`, or its recoverable part, and whether that is all.
 fn whole(path: &Path, stop: &Arc<AtomicBool>) -> Result<(RecordingInfo, bool), Failure> {
     if is_being_written(path) {
         return Err(bad_input!("{} is being written by a running process; wait for its end", path.display()));

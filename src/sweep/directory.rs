@@ -19,7 +19,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Most bytes of what says which sweep a directory is of: the names of its columns.
+/// Most bytes of the description of a sweep: the names of its columns.
 pub(super) const MOST_SIGN_BYTES: u64 = 16 << 20;
 
 pub(super) const SWEEP_JSON: &str = "sweep.json";
@@ -36,10 +36,10 @@ pub(super) struct Directory {
     head: JournalHead,
 }
 
-/// What `sweep.json` says.
+/// Contents of `sweep.json`.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Sign {
-    /// SHA-256 of what decides the rows.
+    /// SHA-256 of the values that decide the rows.
     identity: String,
     program: String,
     points: u64,
@@ -47,8 +47,8 @@ struct Sign {
 }
 
 impl Directory {
-    /// Makes `path` the directory of `sweep`, or finds that it is; what belongs to another sweep is refused, or
-    /// removed with `force`.
+    /// Makes `path` the directory of `sweep`, or finds that it is; files of another sweep are refused, or removed with
+    /// `force`.
     pub(super) fn open(path: &Path, sweep: &Sweep, force: bool) -> Result<Self, Failure> {
         let directory = Self::of(path, sweep);
         create_directory(&path.join(ROWS))
@@ -129,7 +129,7 @@ impl Directory {
         Ok(())
     }
 
-    /// Removes what a sweep has left here, unless somebody computes it.
+    /// Removes the files of a sweep here, unless somebody computes it.
     fn clear(&self) -> Result<(), Failure> {
         if !self.path.join(SWEEP_JSON).exists() {
             return Ok(());
@@ -170,7 +170,7 @@ impl Directory {
         self.path.join(name)
     }
 
-    /// What all journals of the sweep have in common.
+    /// The common head of all journals of the sweep.
     pub(super) fn head(&self) -> &JournalHead {
         &self.head
     }
@@ -199,18 +199,18 @@ impl Directory {
         Ok(others.filter(|path| !path.to_string_lossy().ends_with(&of_as_many)).collect())
     }
 
-    /// What all journals have in them.
+    /// Size of all journals together.
     pub(super) fn journal_bytes(&self) -> Result<u64, Failure> {
         let sizes = self.journals()?.into_iter().map(|path| Ok(fs::metadata(path)?.len()));
         sizes.sum()
     }
 
-    /// Where the journals are.
+    /// Directory of the journals.
     pub(super) fn rows(&self) -> PathBuf {
         self.path.join(ROWS)
     }
 
-    /// Where the recording of a point goes.
+    /// Path of the recording of a point.
     pub(super) fn recording(&self, index: u64) -> PathBuf {
         self.path.join(RECORDINGS).join(format!("point-{index:06}.mcap"))
     }

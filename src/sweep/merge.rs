@@ -1,4 +1,4 @@
-//! The results of a sweep, the same bytes whoever computed its rows in whatever order.
+//! The results of a sweep: the same bytes for any workers and any order of its rows.
 
 use super::directory::{Directory, ENSEMBLES};
 use super::pending::Points;
@@ -42,7 +42,7 @@ impl Failed {
     }
 }
 
-/// Which points have a row.
+/// Points that have a row.
 ///
 /// # Errors
 /// When a journal cannot be read.

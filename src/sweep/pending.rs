@@ -1,4 +1,4 @@
-//! The points that are left to compute: a bit for each point, and a guess at what they cost.
+//! The points that are left to compute: a bit for each point, and a guess at their cost.
 
 use super::directory::Directory;
 use crate::args::Shard;
@@ -37,7 +37,7 @@ impl Points {
         self.bits[word] & bit != 0
     }
 
-    /// How many they are.
+    /// Number of the points.
     pub(super) fn count(&self) -> u64 {
         self.count
     }
@@ -66,7 +66,7 @@ impl Pending<'_> {
         shard.filter(move |index| !(self.rows.has(*index) && has_recording(*index)))
     }
 
-    /// What they are likely to cost: from some that lie evenly among all `count`.
+    /// Their likely cost, from some that lie evenly among all `count`.
     pub(super) fn guess(&self, sweep: &Sweep, count: u64) -> Guess {
         let step = usize::try_from(count).unwrap_or(usize::MAX).div_ceil(LOOKED_AT).max(1);
         let looked_at = self.indices().step_by(step).filter_map(|index| sweep.point(index).ok());
@@ -82,13 +82,13 @@ impl Pending<'_> {
     }
 }
 
-/// What points are likely to cost.
+/// Likely cost of points.
 #[derive(Debug)]
 pub(super) struct Guess {
-    /// How many they are.
+    /// Number of the points.
     pub(super) count: u64,
     /// Steps of beads of one of them, unless it ends early.
     pub(super) cost: u64,
-    /// What the first of them is, if it can be.
+    /// Physics of the first of them, if it is valid.
     pub(super) like: Option<Physics>,
 }

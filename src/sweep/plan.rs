@@ -1,4 +1,4 @@
-//! What a sweep will take: some of its points computed now, and what follows from them.
+//! Plan of a sweep: some of its points computed now, and estimates from them.
 
 use crate::configuration::origin;
 use crate::display::{bytes, count, counted, left, seconds};
@@ -18,11 +18,11 @@ use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// How long points are computed, and at most how many.
+/// Longest time for computing points, and their largest number.
 const BUDGET: Duration = Duration::from_secs(2);
 const MOST_TRIED: u32 = 256;
 
-/// How long rows are merged.
+/// Time for merging rows.
 const MERGE_BUDGET: Duration = Duration::from_millis(300);
 
 /// A shorter shard (s) costs more to begin than it is worth; a longer one is lost too easily, and schedulers end it.
@@ -38,7 +38,7 @@ const MOST_FILES: u64 = 10_000;
 /// Cores that are planned for, besides those of this machine.
 const CORES: [u64; 4] = [1, 100, 1000, 10_000];
 
-/// What a sweep will take.
+/// The plan.
 #[derive(Debug, Serialize)]
 pub(crate) struct Plan {
     points: u64,
@@ -55,7 +55,7 @@ pub(crate) struct Plan {
     bytes: Sizes,
     merge_s: f64,
     on: Vec<OnCores>,
-    /// What keeps more cores from being of use, the first one first.
+    /// Limits that keep more cores from being of use, the first one first.
     limits: Vec<Limit>,
 }
 
@@ -67,7 +67,7 @@ struct Sizes {
     parquet: f64,
 }
 
-/// How it goes on so many cores.
+/// Plan for some number of cores.
 #[derive(Debug, Serialize)]
 struct OnCores {
     cores: u64,
@@ -197,7 +197,7 @@ impl OnCores {
     }
 }
 
-/// What keeps more cores from being of use, by their number.
+/// Limits that keep more cores from being of use, by their number.
 fn limits(points: u64, core_s: f64, merge_s: f64) -> Vec<Limit> {
     let limit = |cores: u64, why: &str| Limit { cores: cores.max(1), why: why.to_owned() };
     let mut limits = vec![
@@ -226,8 +226,8 @@ fn sum(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |sum, value| sum + value)
 }
 
-/// Computes points that lie evenly among all, one after the other, until there are enough of them or the time is over. What is
-/// under way then counts with the time that it is likely to take.
+/// Computes points that lie evenly among all, one after the other, until there are enough of them or the time is over.
+/// Points under way then count with their likely time.
 fn tried(sweep: &Sweep, stop: &AtomicBool) -> Result<Tried, Failure> {
     let over = AtomicBool::new(false);
     let (done, waits) = mpsc::channel::<()>();
@@ -268,7 +268,7 @@ fn tried(sweep: &Sweep, stop: &AtomicBool) -> Result<Tried, Failure> {
     })
 }
 
-/// How many bytes a row takes, and how long (s) it takes to merge it.
+/// Bytes of a row, and the time (s) for merging it.
 fn written(sweep: &Sweep, rows: &[Entry]) -> Result<(Sizes, f64), Failure> {
     let columns = columns(sweep);
     // without a finished point a row of nothing stands for all

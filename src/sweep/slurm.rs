@@ -16,13 +16,13 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What follows the options of sbatch, which are made by [`script`].
+/// Rest of the script after the options of sbatch, which [`script`] makes.
 const TASK: &str = include_str!("slurm/task.sh");
 
 /// Slurm's own default for the largest array is 1001, its `MaxArraySize`.
 const DEFAULT_ARRAY_SIZE: u64 = 1000;
 
-/// Where all of it is, in the directory of a sweep.
+/// Directory of the job array in the directory of a sweep.
 pub(super) const SLURM: &str = "slurm";
 pub(super) const SCRIPT: &str = "array.sh";
 

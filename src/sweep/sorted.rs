@@ -22,7 +22,7 @@ pub(super) type Row = (u64, Box<[u8]>);
 
 /// Takes rows in any order.
 pub(super) struct Sorter {
-    /// Where there is room for all rows.
+    /// Directory with room for all rows.
     directory: PathBuf,
     rows: Vec<Row>,
     bytes: usize,
@@ -42,7 +42,7 @@ impl Sorter {
         if self.bytes > PART_BYTES { self.put_away() } else { Ok(()) }
     }
 
-    /// Writes what is in memory to the file.
+    /// Writes the rows in memory to the file.
     fn put_away(&mut self) -> io::Result<()> {
         // no other process sees it, and none finds it after a kill
         let file = match &mut self.file {

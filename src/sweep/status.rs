@@ -1,5 +1,5 @@
-//! How far a sweep in a directory is, whoever computes it: from its journals, the traces of a job array, and squeue if it is
-//! there. Memory is a bit for each point and a few words for each shard.
+//! Progress of a sweep in a directory, from its journals, the traces of a job array, and squeue if
+//! it is there. Memory is a bit for each point and a few words for each shard.
 
 use super::directory::{MOST_SIGN_BYTES, ROWS, SWEEP_JSON, files};
 use super::pending::Points;
@@ -15,11 +15,11 @@ use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, SystemTime};
 
-/// A shard stands still if it has no new row for this long, and for so many times what its longest point took.
+/// A shard stands still if it has no new row for this long, and for so many times the time of its longest point.
 const STILL: Duration = Duration::from_mins(10);
 const STILL_POINTS: f64 = 10.0;
 
-/// How far a sweep is.
+/// Progress of a sweep.
 #[derive(Debug, Serialize)]
 pub(crate) struct Status {
     pub(crate) points: u64,
@@ -30,18 +30,18 @@ pub(crate) struct Status {
     pub(crate) unreadable: Vec<String>,
     /// Points a second of the shards that run; none if none runs.
     pub(crate) rate: Option<f64>,
-    /// How long the rest takes at that rate (s).
+    /// Time for the rest at that rate (s).
     pub(crate) left_s: Option<f64>,
     pub(crate) shard_count: u64,
-    /// How many shards are in each state.
+    /// Number of shards in each state.
     pub(crate) shards: HashMap<State, u64>,
-    /// How many shards began more than once.
+    /// Number of shards that began more than once.
     pub(crate) begun_again: u64,
-    /// Those that have begun, and have not all their rows.
+    /// Shards that have begun, and lack rows.
     pub(crate) begun: Vec<Shard>,
 }
 
-/// What a shard is doing.
+/// State of a shard.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum State {
@@ -68,7 +68,7 @@ pub(crate) struct Shard {
     pub(crate) state: State,
     pub(crate) points: u64,
     pub(crate) done: u64,
-    /// How often it began; 0 where that is unknown, outside of a job array.
+    /// Number of its starts; 0 if that is unknown, outside of a job array.
     pub(crate) attempts: u64,
     pub(crate) node: Option<String>,
     pub(crate) exit_code: Option<u8>,
@@ -78,7 +78,7 @@ pub(crate) struct Shard {
     rate: Option<f64>,
 }
 
-/// How far the sweep in `directory` is.
+/// The progress of the sweep in `directory`.
 ///
 /// # Errors
 /// When it holds no sweep, or cannot be read.
@@ -147,7 +147,7 @@ fn point_count(directory: &Path) -> Result<u64, Failure> {
     Ok(found)
 }
 
-/// Into how many shards the sweep is divided: what its job array says, else its newest journal.
+/// Number of shards of the sweep: from its job array, else from its newest journal.
 fn shard_count(directory: &Path, rows: &Rows) -> u64 {
     let script = text_of(&directory.join(SLURM).join(SCRIPT));
     let array = script.lines().find_map(|line| line.strip_prefix("#SBATCH --array=0-"));
@@ -223,7 +223,7 @@ fn shard_of(path: &Path) -> Option<(u64, u64)> {
     Some((number.parse().ok()?, count.parse().ok()?))
 }
 
-/// What a task of a job array has left of itself.
+/// Trace of a task of a job array.
 #[derive(Debug, Default, PartialEq)]
 struct Trace {
     attempts: u64,
@@ -298,7 +298,7 @@ impl Shard {
     }
 }
 
-/// What is known of a shard that has not all its rows, in a word.
+/// State, in a word, of a shard that lacks rows.
 fn state(has_begun: bool, trace: &Trace, queued: Queued, is_still: bool) -> State {
     let going_on = if is_still { State::StandsStill } else { State::Running };
     if trace.attempts == 0 {
@@ -318,7 +318,7 @@ fn state(has_begun: bool, trace: &Trace, queued: Queued, is_still: bool) -> Stat
     }
 }
 
-/// What Slurm says of a task.
+/// State of a task in Slurm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Queued {
     /// There is no Slurm here, it does not answer, or it is just cleaning up.

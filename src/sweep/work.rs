@@ -23,7 +23,7 @@ use std::time::Instant;
 /// Most workers of one process: more than any machine has cores, fewer than the threads that systems grant.
 const MAX_WORKERS: usize = 1024;
 
-/// How the work went.
+/// Result of the work.
 #[derive(Debug, Default, Serialize)]
 pub(crate) struct Tally {
     /// Points that have a row now.
@@ -47,7 +47,7 @@ struct Computed {
     failed: bool,
 }
 
-/// Says what is about to be computed.
+/// Announces the points to be computed.
 pub(super) fn announce(sweep: &Sweep, count_to_compute: u64, shard: Shard) {
     let part = if shard == Shard::WHOLE { String::new() } else { format!(" in shard {shard}") };
     let keys: Vec<_> = sweep.parameters().iter().map(|parameter| parameter.key.as_str()).collect();
@@ -121,22 +121,21 @@ pub(super) fn work(
     Ok(tally)
 }
 
-/// How far all workers are: a bar on a terminal, a line for each tenth elsewhere. Work is counted in steps of
-/// beads.
+/// Progress of all workers: a bar on a terminal, a line for each tenth elsewhere. Work is counted in steps of beads.
 struct Overview<'a> {
     at: &'a [At],
-    /// Points in all, and what one costs.
+    /// Points in all, and the cost of one.
     guess: &'a Guess,
     /// Points that are finished.
     ended: u64,
-    /// Whether points end before the time of their runs.
+    /// True if points end before the time of their runs.
     ends_early: bool,
     bar: ProgressBar,
     start: Instant,
     shown: Instant,
-    /// Of the finished points, had they all taken their whole time.
+    /// Work of the finished points, had they all taken their whole time.
     expected: u64,
-    /// Of the finished points, as it was.
+    /// Real work of the finished points.
     finished: u64,
     tenths: u64,
 }
@@ -188,7 +187,7 @@ impl<'a> Overview<'a> {
         self.guess.cost.saturating_mul(self.guess.count.saturating_sub(self.ended))
     }
 
-    /// What is done, and what there is in all: points to come end as early as those before did.
+    /// The work that is done, and all of it: points to come are assumed to end as early as those before.
     fn work(&self) -> (u64, u64) {
         let steps =
             |at: &At| at.step.load(Ordering::Relaxed).saturating_mul(at.beads.load(Ordering::Relaxed));

@@ -66,7 +66,7 @@ fn duckdb_reads_a_catalog() {
     let place = Place::new();
     shelf(&place);
     place.run("catalog runs --out catalog.parquet").exits(3);
-    let docs = include_str!("../../docs/CATALOG.md");
+    let docs = include_str!("../../docs/SCALE.md");
     let query = docs.split("```python\n").find(|block| block.starts_with("import duckdb")).unwrap();
     let query = query.split("```").next().unwrap();
     let output = place.foreign(python, ["-c", query]).output().unwrap();

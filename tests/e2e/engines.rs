@@ -19,7 +19,7 @@ chain.alpha = { from = 1.4, to = 2.0, count = 50 }
 
 /// The first block of code in `language` under a heading of the page.
 fn block(heading: &str, language: &str) -> &'static str {
-    let (_, section) = PAGE.split_once(&format!("\n## {heading}\n")).unwrap();
+    let (_, section) = PAGE.split_once(&format!("\n### {heading}\n")).unwrap();
     let (_, code) = section.split_once(&format!("```{language}\n")).unwrap();
     code.split_once("```").unwrap().0
 }

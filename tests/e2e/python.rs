@@ -1,4 +1,4 @@
-//! `examples/python`, as docs/PYTHON.md shows it, against real runs and recordings.
+//! `examples/python`, as docs/python/7-without-the-package.md shows it, against real runs and recordings.
 
 use crate::harness::{Place, Running, python};
 use std::fs;

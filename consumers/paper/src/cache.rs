@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// A run with its place in the cache.
 #[derive(Debug)]
 pub struct Cached {
-    /// What is simulated, and what is looked at.
+    /// The simulation, and the things to observe.
     pub run: Run,
     /// The run, resolved.
     pub manifest: RunManifest,

@@ -1,7 +1,7 @@
-//! Where two curves over the same masses cross, and where that cannot be told yet.
+//! Crossings of two curves over the same masses, and the masses at which a crossing is still uncertain.
 //!
-//! A difference has a sign only where it is larger than its uncertainty. That two curves do not cross is claimed
-//! only where the masses lie close enough: [`wanting`] names the masses to add first.
+//! A difference has a sign only if it is larger than its uncertainty. Two curves count as not crossing only if the
+//! masses lie close enough: [`wanting`] names the masses to add first.
 
 use consumers::uncertain::Uncertain;
 
@@ -56,8 +56,9 @@ pub(super) fn wanting(differences: &[Difference]) -> Vec<f64> {
         .collect()
 }
 
-/// Whether the difference may come to zero between number `left` and the next, which have the same certain sign. Both its
-/// branches are continued as straight lines: a curve that dips towards zero and comes back lies above where these meet.
+/// True if the difference may come to zero between number `left` and the next, which have the same certain sign. Both
+/// its branches are continued as straight lines: a curve that dips towards zero and comes back lies above their meeting
+/// point.
 fn may_touch_zero(differences: &[Difference], left: usize) -> bool {
     let (from, to) = (differences[left], differences[left + 1]);
     let sign = from.sign();

@@ -18,7 +18,7 @@ use figures::{draw_corrected, draw_pulse, draw_total, draw_transmitted};
 use std::collections::BTreeSet;
 
 const SECTION: &str = "section 3";
-/// What the reference is good to.
+/// Error of the reference.
 const GOOD_TO: f64 = 3e-5;
 const FROM_WINDOW: &str =
     "what may still cross the impurity, the change over the last 50 to 100 T, and the error of the step";
@@ -129,7 +129,7 @@ pub(super) const PULSE: Study = Study {
     ..ENERGY
 };
 
-/// What the studies of this module have in common.
+/// The common part of the studies of this module.
 const ENERGY: Study =
     Study { slug: "", title: "", place: "", runs: Vec::new, sweep: true, draw: draw_total, claims: &[] };
 
@@ -179,7 +179,7 @@ fn all(seen: &Observations, of: fn(&Reflected) -> f64) -> Result<Vec<Vec<(f64, f
     ALPHAS.into_iter().map(|alpha| curve(seen, alpha, of)).collect()
 }
 
-/// Whether the magnitudes of a curve over the masses fall to the bead's mass and rise from it.
+/// True if the magnitudes of a curve over the masses fall to the bead's mass and rise from it.
 fn grows_with_difference(curve: &[(f64, f64)]) -> bool {
     let falls =
         curve.windows(2).filter(|pair| pair[1].0 <= BEAD_G).all(|pair| pair[1].1.abs() < pair[0].1.abs());
@@ -213,7 +213,7 @@ struct Meeting {
     at: Uncertain,
 }
 
-/// Where neighbouring curves cross.
+/// Crossings of neighbouring curves.
 fn meetings(seen: &Observations, of: fn(&Reflected) -> Uncertain) -> Vec<Meeting> {
     let pairs = ALPHAS.windows(2);
     let of_pair = |pair: &[f64]| {
@@ -404,7 +404,7 @@ fn judge_recoil(seen: &Observations) -> Result<Judgement, StudyError> {
     })
 }
 
-/// How many of the crossings are left, and which.
+/// The number of crossings that are left, and their masses, in words.
 fn left_of(all: usize, left: &[Meeting]) -> String {
     if left.is_empty() {
         return format!("none of the {all} crossings are left, as far as masses 0.0125 g apart show");
@@ -414,7 +414,7 @@ fn left_of(all: usize, left: &[Meeting]) -> String {
     format!("{} crossings are left in place of {all}: {each} g", left.len())
 }
 
-/// What two hard spheres reflect: `((m_i − m)/(m_i + m))²`, for `m_i ≥ m` the limit α → ∞.
+/// Reflected share of the energy of two hard spheres: `((m_i − m)/(m_i + m))²`, for `m_i ≥ m` the limit α → ∞.
 fn hard_limit(mass_g: f64) -> f64 {
     ((mass_g - BEAD_G) / (mass_g + BEAD_G)).powi(2)
 }
@@ -438,7 +438,7 @@ fn pulse_numbers(what: &str, points: &[(f64, f64)], unit: &'static str) -> Vec<N
     points.iter().map(number).collect()
 }
 
-/// Whether they grow away from the bead's mass, in words.
+/// Growth away from the bead's mass, in words.
 fn growth(points: &[(f64, f64)]) -> &'static str {
     if grows_with_difference(points) { "grows" } else { "does not always grow" }
 }

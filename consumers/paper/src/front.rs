@@ -12,7 +12,7 @@ use schemas::frame::Frame;
 pub struct Front {
     /// When (s).
     pub time_s: f64,
-    /// Where its crest is (beads), between two beads.
+    /// Position of its crest (beads), between two beads.
     pub bead: f64,
     /// The velocity there (m/s).
     pub v_max_m_s: f64,
@@ -46,7 +46,7 @@ impl Front {
         Some(Self { time_s: frame.time_s, bead, v_max_m_s, fwhm_beads, asymmetry })
     }
 
-    /// The first pulse of a run as it passes a bead, if that is what happened.
+    /// The first pulse of a run as it passes a bead, if it does.
     pub(super) fn in_time(happening: &Happening) -> Option<Self> {
         let Happening::Passed(point) = happening else { return None };
         let shape = point.shape.filter(|_| point.pulse == 1)?;
@@ -74,7 +74,7 @@ fn crest(v: &[f64], top: usize) -> Option<(f64, f64)> {
     Some((place, window.at(place)))
 }
 
-/// Where between `bead` and the next the velocity passes `level`, by bisection.
+/// Position between `bead` and the next at which the velocity passes `level`, by bisection.
 fn crossing(v: &[f64], bead: usize, level: f64) -> Option<f64> {
     let window = window(v, bead)?;
     let (mut low, mut high) = (bead as f64, bead as f64 + 1.0);

@@ -16,9 +16,9 @@ use consumers::theory::{SolitaryWave, Strength};
 use figure::{Axis, Colour, Curve, Figure, Panel};
 
 const SECTION: &str = "section 3";
-/// What the reference of the pulses is good to.
+/// Error of the reference of the pulses.
 const GOOD_TO: f64 = 1e-6;
-/// Which kept frame is that of the figures.
+/// Number of the kept frame in the figures.
 const AT_80_MS: usize = 1;
 
 pub(super) const VELOCITY: Study = Study {
@@ -217,7 +217,7 @@ fn judge_solitons(seen: &Observations) -> Result<Judgement, StudyError> {
 }
 
 fn judge_low_pulses(seen: &Observations) -> Result<Judgement, StudyError> {
-    /// What can be seen in a plot that shows the whole range.
+    /// Smallest part that is visible in a plot of the whole range.
     const VISIBLE: f64 = 0.01;
     let (ahead, behind) = (forward(seen)?, backward(seen)?);
     let part = |of: fn(&Passed) -> f64| of(&behind[1]).abs() / (of(&ahead[0]) - of(&behind[0]));

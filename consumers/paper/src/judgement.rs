@@ -1,10 +1,10 @@
-//! What is found of a claim: a verdict with its reason and numbers.
+//! Judgement of a claim: a verdict with its reason and numbers.
 
 use consumers::uncertain::Uncertain;
 use serde::Serialize;
 use std::fmt;
 
-/// How a statement fared.
+/// Verdict on a statement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
     /// It is so.
@@ -21,8 +21,8 @@ impl Verdict {
         if holds { Self::Reproduced } else { Self::NotSo }
     }
 
-    /// [`Reproduced`](Self::Reproduced) if the statement holds to the letter, [`Corrected`](Self::Corrected) if
-    /// only what is at the heart of it does.
+    /// [`Reproduced`](Self::Reproduced) if the statement holds to the letter, [`Corrected`](Self::Corrected) if only
+    /// its core does.
     pub(super) fn graded(heart: bool, letter: bool) -> Self {
         match (heart, letter) {
             (true, true) => Self::Reproduced,
@@ -50,7 +50,7 @@ impl fmt::Display for Verdict {
 /// The outcome of judging a claim.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judgement {
-    /// Whether it is so.
+    /// The verdict.
     pub verdict: Verdict,
     /// Why, in one sentence.
     pub why: String,
@@ -61,37 +61,37 @@ pub struct Judgement {
 /// A number of ours.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Number {
-    /// What it is.
+    /// Name of the quantity.
     pub what: String,
     /// The value.
     pub value: f64,
     /// Its unit, empty for a ratio or a count.
     pub unit: &'static str,
-    /// How far it may be off; absent for counts, and where nobody knows.
+    /// Its uncertainty; absent for counts, and where nobody knows it.
     pub uncertainty: Option<Uncertainty>,
     /// For a count: its values in runs that ought to give the same.
     pub range: Option<Range>,
-    /// What others computed.
+    /// The value that others computed.
     pub reference: Option<Reference>,
 }
 
-/// How far a number may be off, and how we know.
+/// Uncertainty of a number, and its origin.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Uncertainty {
     /// Half the width of the interval, in the unit of the number.
     pub plus_minus: f64,
-    /// Where it comes from.
+    /// Its origin.
     pub from: &'static str,
 }
 
-/// What a count is in a run and in its partners.
+/// A count in a run and in its partners.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Range {
     /// The least of these counts.
     pub least: f64,
     /// The largest.
     pub most: f64,
-    /// What the partners are.
+    /// The partners, in words.
     pub from: &'static str,
 }
 
@@ -100,7 +100,7 @@ pub struct Range {
 pub struct Reference {
     /// The value.
     pub value: f64,
-    /// How good it is, in the unit of the number.
+    /// Its error, in the unit of the number.
     pub good_to: f64,
 }
 
@@ -110,9 +110,9 @@ impl Number {
         Self { what: what.into(), value, unit, uncertainty: None, range: None, reference: None }
     }
 
-    /// A number from a run and from the same run with twice the step and frames half as often. What differs
-    /// is taken for the uncertainty, which it overestimates: both errors fall faster than the step. Two runs may agree by
-    /// chance, so that the error of the energy in the first, the part `drift`, is the least that is believed.
+    /// A number from a run and from the same run with twice the step and frames half as often. The difference is the
+    /// uncertainty, and overestimates it: both errors fall faster than the step. Two runs may agree by chance, so the
+    /// uncertainty is at least the error of the energy in the first run, the part `drift`.
     pub(super) fn stepped(
         what: impl Into<String>,
         (fine, coarse): (f64, f64),
@@ -128,7 +128,7 @@ impl Number {
         Self { range: Some(range), ..Self::new(what, count.count as f64, "") }
     }
 
-    /// A number that knows how far it may be off, and from what.
+    /// A number with its uncertainty and the origin of that.
     pub(super) fn known(
         what: impl Into<String>,
         found: Uncertain,
@@ -161,7 +161,7 @@ impl Number {
         self.uncertainty.map_or(0.0, |found| found.plus_minus / self.value.abs())
     }
 
-    /// Whether it differs from its reference by more than three times their uncertainties.
+    /// True if it differs from its reference by more than three times their uncertainties.
     pub fn contradicts_reference(&self) -> bool {
         let ours = self.uncertainty.map_or(0.0, |uncertainty| uncertainty.plus_minus);
         self.reference.is_some_and(|reference| {
@@ -172,11 +172,11 @@ impl Number {
     }
 }
 
-/// Where the uncertainty of [`Number::stepped`] comes from.
+/// Origin of the uncertainty of [`Number::stepped`].
 pub(super) const FROM_STEP: &str =
     "a run with twice the step, recorded half as often, and from the error of the energy";
 
-/// What [`Counted`] compares.
+/// Runs that [`Counted`] compares.
 pub(super) const FROM_PARTNERS: &str = "Counts are the same in this run, in one with twice the step, and in one whose striker is one unit in the last place \
      faster, unless brackets give the least and the most of them.";
 
@@ -199,8 +199,9 @@ impl Counted {
         Self { count: counts.first().copied().unwrap_or(0), least, most }
     }
 
-    /// Whether counts grow from the first to the last, and from each to the next as far as their ranges tell them apart;
-    /// and whether they do so from each to the next whichever of the runs is taken.
+    /// Two flags. The first is true if counts grow from the first to the last, and from each to the next as far as
+    /// their ranges tell them apart. The second is true if they grow from each to the next in every combination of the
+    /// runs.
     pub(super) fn grow(counts: &[Self]) -> (bool, bool) {
         let pairs = || counts.windows(2);
         let overlap = |pair: &[Self]| pair[0].least <= pair[1].most && pair[0] != pair[1];
@@ -238,12 +239,12 @@ pub enum StudyError {
         /// The run.
         run: String,
     },
-    /// What the study measures does not occur in the run.
+    /// The quantity of the study does not occur in the run.
     #[error("{run}: there is no {what} to be measured")]
     Absent {
         /// The run.
         run: String,
-        /// What is missing.
+        /// The missing quantity.
         what: String,
     },
     /// A theory has no answer.
@@ -257,7 +258,7 @@ pub enum StudyError {
     NoReference {
         /// The file.
         file: &'static str,
-        /// What was looked for.
+        /// The row.
         row: String,
     },
     /// The rows of a sweep are not those of this program.
@@ -269,7 +270,7 @@ pub enum StudyError {
     /// A figure's raster is broken.
     #[error("the figure cannot be drawn: {reason}")]
     Figure {
-        /// What the drawing said.
+        /// The reason that the drawing gave.
         reason: String,
     },
 }

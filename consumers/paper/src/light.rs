@@ -15,9 +15,9 @@ use figure::{Axis, Figure};
 use std::ops::Range;
 
 const SECTION: &str = "section 3";
-/// What the reference of the pulses is good to.
+/// Error of the reference of the pulses.
 const GOOD_TO: f64 = 1e-5;
-/// Which kept frame is that of the figures.
+/// Number of the kept frame in the figures.
 const AT_80_MS: usize = 3;
 
 pub(super) const VELOCITY: Study = Study {
@@ -218,7 +218,8 @@ fn crest(v_m_s: &[f64], beads: Range<usize>) -> Option<usize> {
     beads.max_by(|a, b| v_m_s[*a].abs().total_cmp(&v_m_s[*b].abs()))
 }
 
-/// Where, to the right of the bead `from`, the displacement first falls below `level_m`; in beads, interpolated.
+/// First position to the right of the bead `from` at which the displacement falls below `level_m`; in beads,
+/// interpolated.
 fn falls_below(u_m: &[f64], from: usize, level_m: f64) -> f64 {
     let below = (from..u_m.len()).find(|bead| u_m[*bead] < level_m).unwrap_or(u_m.len() - 1);
     let (inside, outside) = (u_m[below - 1], u_m[below]);

@@ -1,4 +1,4 @@
-//! What is seen of a run.
+//! Observations of a run.
 
 use super::front::Front;
 use super::judgement::{Number, StudyError};
@@ -29,13 +29,13 @@ pub struct KeptFrame {
     pub u_m: Vec<f64>,
     /// Velocity (m/s) of each bead.
     pub v_m_s: Vec<f64>,
-    /// How many contacts are in which class.
+    /// Number of contacts in each class.
     pub counts: ContactCounts,
     /// The class of each contact.
     pub classes: Vec<u8>,
 }
 
-/// What was seen of a run.
+/// Observations of a run.
 #[derive(Debug, Clone)]
 pub struct Observed {
     /// The run.
@@ -48,7 +48,7 @@ pub struct Observed {
     pub deformations: Vec<Deformation>,
     /// The motion of the first bead followed.
     pub motion: Series<{ Motion::QUANTITIES.len() }>,
-    /// What happened to the beads followed.
+    /// Events of the followed beads.
     pub events: Vec<Event>,
     /// The classes of the contacts over space and time.
     pub map: Option<Picture<Class>>,
@@ -109,7 +109,7 @@ impl Observer {
         }
     }
 
-    /// What was seen.
+    /// The observations.
     pub fn finish(mut self) -> Observed {
         self.seen.passages = self.probes.passages();
         self.seen.deformations = self.deformations.results();
@@ -169,7 +169,7 @@ impl FrameObserver for Observer {
     }
 }
 
-/// What was seen of all runs.
+/// Observations of all runs.
 #[derive(Debug, Default)]
 pub struct Observations {
     runs: BTreeMap<String, Observed>,
@@ -177,7 +177,7 @@ pub struct Observations {
 }
 
 impl Observations {
-    /// Adds what was seen of a run.
+    /// Adds the observations of a run.
     pub fn insert(&mut self, run: &Run, observed: Observed) {
         self.runs.insert(run.name().to_owned(), observed);
     }
@@ -192,7 +192,7 @@ impl Observations {
         &self.reflected
     }
 
-    /// What was seen of `run`.
+    /// The observations of `run`.
     ///
     /// # Errors
     /// When it was not observed.
@@ -242,7 +242,7 @@ impl Observed {
         front.copied().ok_or_else(|| self.absent(format!("pulse at bead {bead}")))
     }
 
-    /// Says that something is not there.
+    /// The error that something does not occur in this run.
     pub(super) fn absent(&self, what: impl Into<String>) -> StudyError {
         StudyError::absent(self.manifest.provenance.name.as_str(), what)
     }

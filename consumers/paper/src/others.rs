@@ -44,7 +44,7 @@ pub(super) const OTHERS: Study = Study {
     ],
 };
 
-/// Where transmitted pulses are counted.
+/// Bead at which transmitted pulses are counted.
 const BEAD: u64 = 225;
 
 fn runs() -> Vec<Run> {

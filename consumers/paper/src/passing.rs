@@ -53,7 +53,7 @@ pub(super) fn counted(
     Ok(Counted::of(&counts))
 }
 
-/// How many pulses pass `bead` in one direction.
+/// Number of pulses that pass `bead` in one direction.
 pub(super) fn count_past(
     seen: &Observations,
     run: Run,
@@ -92,7 +92,7 @@ pub(super) fn pulses_of_table(
     pulses(seen, run, if forward { FORWARD_BEAD } else { BACKWARD_BEAD }, forward, count)
 }
 
-/// Where pulses behind and before the impurity at bead 500 are measured.
+/// Beads at which pulses behind and before the impurity at bead 500 are measured.
 pub(super) const FORWARD_BEAD: u64 = 700;
 pub(super) const BACKWARD_BEAD: u64 = 300;
 
@@ -125,7 +125,7 @@ pub(super) fn heights(pulses: &[Passed]) -> Vec<f64> {
     pulses.iter().map(|pulse| pulse.fine.v_peak_m_s).collect()
 }
 
-/// Whether the magnitudes fall from each to the next.
+/// True if the magnitudes fall from each to the next.
 pub(super) fn falls(values: &[f64]) -> bool {
     values.windows(2).all(|pair| pair[1].abs() < pair[0].abs())
 }

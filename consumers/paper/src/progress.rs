@@ -1,4 +1,4 @@
-//! How much work there is, how much is done, and how long the rest may take.
+//! Progress: all of the work, the part that is done, and an estimate of the time for the rest.
 
 use schemas::amounts;
 use schemas::manifest::RunManifest;
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 /// Only beads that have moved are computed: at the time t about t/T of them, for a shock passes about one bead in
 /// the collision time T. Other powers than that of Hertz take longer.
 pub(super) fn work(manifest: &RunManifest, step: u64) -> f64 {
-    /// The beads that a shock passes in T, and what a general power costs; both measured.
+    /// The beads that a shock passes in T, and the cost of a general power; both measured.
     const BEADS_PER_T: f64 = 0.9;
     const GENERAL_POWER: f64 = 3.0;
     let physics = &manifest.physics;
@@ -22,7 +22,7 @@ pub(super) fn work(manifest: &RunManifest, step: u64) -> f64 {
     bead_steps * if simple { 1.0 } else { GENERAL_POWER }
 }
 
-/// What all workers have done.
+/// Progress of all workers.
 #[derive(Debug)]
 pub struct Progress {
     start: Instant,
@@ -38,7 +38,7 @@ struct State {
 }
 
 impl Progress {
-    /// Of `jobs` jobs with `total` work.
+    /// No progress yet on `jobs` jobs with `total` work.
     pub(super) fn new(total: f64, jobs: usize) -> Self {
         Self { start: Instant::now(), total, jobs, state: Mutex::default() }
     }

@@ -39,7 +39,7 @@ pub(super) const HEAVY_PULSES: ReferenceTable = ReferenceTable {
     text: include_str!("../../../tests/reference/heavy-impurity-pulses.csv"),
 };
 
-/// Where the light impurity turns; good to 0.1 µs and 0.01 µm.
+/// Turning points of the light impurity; good to 0.1 µs and 0.01 µm.
 pub(super) const LIGHT_TURNS: ReferenceTable = ReferenceTable {
     file: "light-impurity-turning-points.csv",
     text: include_str!("../../../tests/reference/light-impurity-turning-points.csv"),

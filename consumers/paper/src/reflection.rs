@@ -30,7 +30,7 @@ pub struct Reflected {
     pub over_transmitted: Uncertain,
     /// Since when the reflected energy is stationary (s); NaN if it is not.
     pub stationary_since_s: f64,
-    /// Reflected energy without what the struck end keeps, over the total energy.
+    /// Reflected energy without the energy that the struck end keeps, over the total energy.
     pub corrected_over_total: Uncertain,
     /// The same over the energy that arrives.
     pub corrected: Uncertain,
@@ -71,7 +71,7 @@ impl Reflected {
 }
 
 impl Row<'_> {
-    /// A double with what it may be off by.
+    /// A double with its uncertainty.
     fn uncertain(&self, name: &str) -> Result<Uncertain, StudyError> {
         Ok(Uncertain::new(self.double(name)?, self.double(&format!("{name}_uncertainty"))?))
     }
@@ -125,7 +125,7 @@ fn sweep(head: &str, stream: &str, masses_g: &[f64]) -> String {
     text
 }
 
-/// Whether a mass (g) is one of the figures', not one that was added.
+/// True if a mass (g) belongs to the figures, and was not added.
 pub(super) fn is_shown(mass_g: f64) -> bool {
     MASSES_G.iter().any(|shown| (shown - mass_g).abs() < 1e-9)
 }

@@ -1,19 +1,19 @@
-//! What was found, as one value, and as JSON.
+//! Report of all judgements, as one value, and as JSON.
 
 use crate::{Claim, Judgement, Number, Study, Verdict};
 use schemas::manifest::RunManifest;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// The paper by figures, with what we find.
+/// The paper by figures, with our results.
 pub struct Report<'a> {
     /// In the order of the paper.
     pub studies: Vec<Studied>,
     /// The runs behind it, in the order of their names.
     pub runs: Vec<RunManifest>,
-    /// Until when some of them are determined, by their names.
+    /// Times until which some of them are determined, by their names.
     pub determined: &'a BTreeMap<String, String>,
-    /// What found it.
+    /// The program and its version.
     pub program: String,
 }
 
@@ -21,12 +21,12 @@ pub struct Report<'a> {
 pub struct Studied {
     /// The figure.
     pub study: &'static Study,
-    /// What the paper says about it, and what we say about that.
+    /// The claims of the paper, with our judgements.
     pub claims: Vec<(&'static Claim, Judgement)>,
 }
 
 impl Report<'_> {
-    /// How many claims got `verdict`.
+    /// Number of claims with `verdict`.
     pub fn count(&self, verdict: Verdict) -> usize {
         self.claims().filter(|(_, judgement)| judgement.verdict == verdict).count()
     }
@@ -39,7 +39,7 @@ impl Report<'_> {
         numbers.filter(|(_, number)| number.contradicts_reference()).collect()
     }
 
-    /// How many numbers have a reference.
+    /// Number of numbers with a reference.
     pub fn reference_count(&self) -> usize {
         let numbers = self.claims().flat_map(|(_, judgement)| &judgement.numbers);
         numbers.filter(|number| number.reference.is_some()).count()
@@ -64,7 +64,7 @@ impl Report<'_> {
         })
     }
 
-    /// How many claims have which verdict.
+    /// Numbers of claims with each verdict.
     pub fn summary(&self) -> Value {
         json!({
             "figures": self.studies.len(),
@@ -81,7 +81,7 @@ impl Report<'_> {
 /// The paper.
 pub const PAPER: &str = "E. Hascoët and H. J. Herrmann, Shocks in non-loaded bead chains with impurities";
 
-/// Where the figure of a study is, below the directory of the report.
+/// Path of the figure of a study, below the directory of the report.
 pub fn figure_path(study: &Study, extension: &str) -> String {
     format!("img/paper/{}.{extension}", study.slug)
 }

@@ -4,18 +4,18 @@ use schemas::config::{Impurity, RunConfig, StreamConfig};
 use schemas::manifest::Physics;
 use schemas::presets::PRESETS;
 
-/// A run, and what to look at in it.
+/// A run, and the things to observe in it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
     /// Its configuration; the name is unique among all runs of the paper.
     pub config: RunConfig,
-    /// What to look at.
+    /// The things to observe.
     pub watch: Watch,
-    /// Whether it is there only to be compared with another one.
+    /// True if it only serves for comparison with another run.
     pub is_partner: bool,
 }
 
-/// What to look at in a run.
+/// Things to observe in a run.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Watch {
     /// Times (s) at which to keep the whole state: that of the first frame at or after each.
@@ -26,13 +26,13 @@ pub struct Watch {
     pub deformed: Vec<u64>,
     /// Beads to follow.
     pub followed: Vec<u64>,
-    /// Until when (s) to map the contacts, if at all.
+    /// End (s) of the map of the contacts, if there is one.
     pub map_until_s: Option<f64>,
-    /// Whether and how to measure the leading pulse.
+    /// Method of measuring the leading pulse, if any.
     pub front: FrontBy,
 }
 
-/// How the leading pulse is measured.
+/// Method of measuring the leading pulse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FrontBy {
     /// Not at all.
@@ -95,8 +95,8 @@ impl Run {
         self
     }
 
-    /// The same run with `factor` times its step, recorded every so many steps as before: what differs
-    /// between the two shows what the step and the interpolation between frames cost.
+    /// The same run with `factor` times its step, recorded every so many steps as before: the difference of the two
+    /// shows the error of the step and of the interpolation between frames.
     pub(super) fn with_step_times(mut self, factor: u32) -> Self {
         // a configuration of ours that cannot be used is refused when the run is prepared
         if let Ok(physics) = Physics::resolve(&self.config) {
@@ -107,8 +107,8 @@ impl Run {
         self
     }
 
-    /// The same run with a striker that is one unit in the last place faster: what differs more than that is not
-    /// determined by what is known of the start.
+    /// The same run with a striker that is one unit in the last place faster: the start does not determine a quantity
+    /// that differs more than that.
     pub(super) fn twin(mut self) -> Self {
         self.config.striker.velocity_m_s = self.config.striker.velocity_m_s.next_up();
         self.config.name = Some(format!("{}-twin", self.name()));

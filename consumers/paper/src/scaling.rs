@@ -15,7 +15,7 @@ const SECTION: &str = "section 2";
 pub(super) const ALPHAS: [f64; 7] = [1.004, 1.01, 1.014, 1.02, 1.03, 1.05, 1.1];
 /// Power laws are fitted for α − 1 from 0.01 to 0.05, as in the reference.
 const FITTED: std::ops::RangeInclusive<f64> = 0.0099..=0.0501;
-/// What the reference gives `v_max/v0` to: six digits.
+/// Error of the reference of `v_max/v0`: it has six digits.
 const GOOD_TO: f64 = 1e-6;
 /// Stationary `v_max/v0` of the project's reference, computed independently.
 const REFERENCE: [(f64, f64); 5] =
@@ -145,7 +145,7 @@ fn width_law(pulses: &[Stationary]) -> Result<PowerLaw, StudyError> {
     law(pulses, |pulse| pulse.fwhm_beads.value)
 }
 
-/// How far an exponent between two neighbours in the fitted range may be off.
+/// Error of an exponent between two neighbours in the fitted range.
 fn neighbour_error(pulses: &[Stationary], of: fn(&Stationary) -> Uncertain) -> f64 {
     let fitted: Vec<_> = pulses.iter().filter(|pulse| FITTED.contains(&(pulse.alpha - 1.0))).collect();
     let pairs = fitted.windows(2).map(|pair| {
@@ -387,7 +387,7 @@ fn crosses(label: &str, points: &[(f64, f64)]) -> Curve {
     Curve::points(label, points.to_vec()).mark(Mark::Cross).colour(Colour::Orange)
 }
 
-/// How far points, and those of a reference, are off the law.
+/// Deviations of points, and of the points of a reference, from the law.
 fn deviations(points: &[(f64, f64)], reference: &[(f64, f64)], law: &PowerLaw) -> Panel {
     let off = |points: &[(f64, f64)]| -> Vec<_> { points.iter().copied().map(deviation(law)).collect() };
     Panel::new()

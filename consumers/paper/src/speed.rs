@@ -12,7 +12,7 @@ use consumers::pulses::Passage;
 use consumers::theory::{Coefficients, ContinuumWave, SolitaryWave, WaveError};
 use figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};
 
-/// Of the exponents of the deformation curves, those whose pulse is stationary at contact 100.
+/// Exponents of the deformation curves with a pulse that is stationary at contact 100.
 fn stationary() -> impl Iterator<Item = f64> {
     ALPHAS.into_iter().filter(|alpha| *alpha > 1.1)
 }

@@ -11,7 +11,7 @@ use figure::Figure;
 const SECTION: &str = "section 3";
 /// The masses (g) of the first bead over which pulses are counted.
 const MASSES_G: [f64; 5] = [1.0, 2.0, 3.0, 5.0, 10.0];
-/// Where they are counted.
+/// Bead at which they are counted.
 const BEAD: u64 = 450;
 
 pub(super) const THREE_GRAMS: Study = Study {
@@ -59,7 +59,7 @@ pub(super) const TEN_GRAMS: Study = Study {
     }],
 };
 
-/// How many pulses pass bead 450 behind a first bead of `mass_g`.
+/// Number of pulses that pass bead 450 behind a first bead of `mass_g`.
 fn emitted(seen: &Observations, mass_g: f64) -> Result<Counted, StudyError> {
     count_past(seen, striker_long(mass_g), BEAD, true)
 }

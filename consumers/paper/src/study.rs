@@ -1,4 +1,4 @@
-//! What the paper is taken apart into.
+//! Studies: the paper by figures and claims.
 
 use super::judgement::{Judgement, StudyError};
 use super::observe::Observations;
@@ -10,17 +10,17 @@ use figure::Figure;
 pub struct Study {
     /// Its name on the command line and in files.
     pub slug: &'static str,
-    /// What it shows.
+    /// Title of the figure.
     pub title: &'static str,
     /// The label of the figure in the paper, or the passage that it stands for.
     pub place: &'static str,
     /// The runs that it needs.
     pub runs: fn() -> Vec<Run>,
-    /// Whether it needs the sweep of [`super::reflection_sweep`].
+    /// True if it needs the sweep of [`super::reflection_sweep`].
     pub sweep: bool,
     /// Draws the figure.
     pub draw: fn(&Observations) -> Result<Figure, StudyError>,
-    /// What the paper says about it.
+    /// The claims of the paper about it.
     pub claims: &'static [Claim],
 }
 
@@ -29,7 +29,7 @@ pub struct Study {
 pub struct Claim {
     /// A short name that stays the same: `light-almost-same-amplitudes`.
     pub id: &'static str,
-    /// Where in the paper it stands.
+    /// Its place in the paper.
     pub place: &'static str,
     /// The paper's words, with its formulas in plain text.
     pub quote: &'static str,

@@ -1,4 +1,4 @@
-//! How a pulse becomes stationary near α = 1, and what it is then.
+//! Transient of a pulse near α = 1, and the stationary pulse.
 
 use super::fit::PowerLaw;
 use super::front::Front;
@@ -87,7 +87,7 @@ pub(super) const GAUSSIAN_LIMIT: Study = Study {
     }],
 };
 
-/// Where a quantity of the leading pulse comes, for good, within the part `within` of `goal`.
+/// Position at which a quantity of the leading pulse comes, for good, within the part `within` of `goal`.
 fn settles(fronts: &[Front], of: fn(&Front) -> f64, goal: f64, within: f64) -> Option<f64> {
     let outside = fronts.iter().rposition(|front| (of(front) / goal - 1.0).abs() > within);
     fronts.get(outside.map_or(0, |outside| outside + 1)).map(|front| front.bead)

@@ -18,20 +18,20 @@ const RUNS_PER_CHECK: f64 = 5.0;
 /// Runs of more steps times beads are not checked: that takes minutes.
 const MOST_CHECKED: f64 = 4e8;
 
-/// What the workers leave.
+/// Results of the workers.
 pub struct Done {
-    /// What was seen in the runs.
+    /// Observations of the runs.
     pub observations: Observations,
     /// Runs that were simulated, because there was no whole recording of them.
     pub simulated: Vec<String>,
     /// Runs whose recordings were there.
     pub reused: Vec<String>,
-    /// Until when runs are determined, by their names.
+    /// Times until which runs are determined, by their names.
     pub determined: BTreeMap<String, String>,
 }
 
-/// Simulates what is not recorded and observes all, with `jobs` workers, and tells now and then how far they are; nothing if `stop`
-/// was set.
+/// Simulates the runs without a recording and observes all runs, with `jobs` workers, and reports their progress now
+/// and then; nothing if `stop` was set.
 ///
 /// # Errors
 /// When a run cannot be made, recorded or read.
@@ -95,7 +95,7 @@ fn job_work(cached: &Cached) -> f64 {
         + if is_checked(cached) { RUNS_PER_CHECK * run } else { 0.0 }
 }
 
-/// Whether it is found out until when a run is determined: not of those that others are compared with.
+/// True if `check` determines this run; runs that only serve for comparison are not determined.
 fn is_checked(cached: &Cached) -> bool {
     let physics = &cached.manifest.physics;
     !cached.run.is_partner && (physics.step_count * physics.beads) as f64 <= MOST_CHECKED
@@ -107,7 +107,7 @@ struct Outcome {
     determined: Option<String>,
 }
 
-/// What the workers share.
+/// The workers' shared state.
 struct Shift<'a> {
     progress: Progress,
     /// Set when a worker failed or the user asked to stop: no more work is wanted.
@@ -135,7 +135,7 @@ impl Shift<'_> {
         Ok(Some(Outcome { observed, simulated, determined }))
     }
 
-    /// Until when a run is determined, in words; none if that was stopped.
+    /// Time until which a run is determined, in words; none if the computation was stopped.
     fn determined(&self, manifest: &RunManifest) -> Result<Option<String>, Error> {
         let physics = &manifest.physics;
         let mut before = 0;

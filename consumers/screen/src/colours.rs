@@ -3,7 +3,7 @@
 use figure::{diverging, diverging_on_dark};
 use ratatui::style::Color;
 
-/// How many colours a terminal has.
+/// Number of colours of a terminal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Depth {
     /// The sixteen that each user chooses.
@@ -17,9 +17,9 @@ pub enum Depth {
 /// The colours of a screen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Palette {
-    /// How many there are.
+    /// Number of colours.
     pub depth: Depth,
-    /// Whether the terminal's background is dark.
+    /// True if the terminal's background is dark.
     pub is_dark: bool,
 }
 

@@ -1,4 +1,4 @@
-//! From what is known to cells of a screen.
+//! Drawing of a screen in cells.
 
 use crate::field::Field;
 use crate::profile::profile;
@@ -13,7 +13,7 @@ use ratatui::text::Line;
 use ratatui::widgets::{Block, Borders, Clear, Paragraph, Widget as _};
 use schemas::amounts::{count, seconds, unit};
 
-/// What the keys do.
+/// The keys and their effects.
 const KEYS: [(&str, &str); 7] = [
     ("↑ ↓, k j", "choose a run"),
     ("f, F", "the next or the last field: velocity, displacement, overlap, energy, contacts"),
@@ -76,12 +76,12 @@ pub fn draw(buffer: &mut Buffer, screen: &Screen, palette: Palette) {
     draw_help(buffer, screen);
 }
 
-/// As a number of rows.
+/// Number of rows.
 fn lines(count: usize) -> u16 {
     u16::try_from(count).unwrap_or(u16::MAX)
 }
 
-/// A line with a title, and what is below it.
+/// A line with a title, and the area below it.
 fn titled(buffer: &mut Buffer, area: Rect, title: &str) -> Rect {
     titled_twice(buffer, area, title, "")
 }

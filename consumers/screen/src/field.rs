@@ -1,4 +1,4 @@
-//! What is shown along the chain and over time.
+//! Quantities shown along the chain and over time.
 
 use consumers::contacts::{COMPRESSED, Contacts, OPEN, default_tolerance_m};
 use consumers::fields;
@@ -18,7 +18,7 @@ pub enum Field {
     Overlap,
     /// Energy (J) of each bead, with half of that of its contacts, and all of that with a wall.
     Energy,
-    /// Which contacts are compressed (1), touching (0) and open (−½).
+    /// Classes of contacts: compressed (1), touching (0) and open (−½).
     Contacts,
 }
 
@@ -49,7 +49,7 @@ impl Field {
         Self::ALL[(self as usize + turns) % Self::ALL.len()]
     }
 
-    /// What has a value.
+    /// The kind of place that has a value.
     pub(crate) fn place(self) -> &'static str {
         if matches!(self, Self::Overlap | Self::Contacts) { "contact" } else { "bead" }
     }
@@ -92,7 +92,7 @@ impl Fields {
     }
 }
 
-/// Compressed contacts are farthest from 0, so that what is compressed is shown where both kinds fall into one cell.
+/// Compressed contacts are farthest from 0, so that a cell with both kinds shows the compressed ones.
 fn class_value(class: u8) -> f64 {
     match class {
         COMPRESSED => 1.0,

@@ -1,5 +1,5 @@
-//! What `beadline top` shows: live runs, and one of them from the first state that was seen until now, on a screen of
-//! characters.
+//! The screen of `beadline top`: live runs, and one of them from the first state that was seen until now, on a screen
+//! of characters.
 //!
 //! Nothing here reads a bus, a terminal or a clock: a [`Screen`] is filled with what is known, and [`draw`] is a pure
 //! function of it and of the size of the buffer.
@@ -23,11 +23,11 @@ pub struct Screen {
     pub runs: Vec<RunLine>,
     /// The one among them that is watched.
     pub chosen: Option<usize>,
-    /// Who listens to it, a line each.
+    /// Its consumers, a line each.
     pub consumers: Vec<String>,
     /// Its newest state, and those before.
     pub watched: Option<Watched>,
-    /// What is shown of it.
+    /// The quantity shown.
     pub field: Field,
     /// Colours are linear where they are logarithmic by default, and the other way round.
     pub other_scale: bool,
@@ -35,15 +35,15 @@ pub struct Screen {
     pub is_paused: bool,
     /// The keys are explained.
     pub shows_help: bool,
-    /// What is to be said of the whole, such as that there are no runs.
+    /// A message about the whole, such as that there are no runs.
     pub notice: String,
 }
 
-/// What the list says of a run, in the order of [`RunLine::HEADER`].
+/// One line of the list of runs, in the order of [`RunLine::HEADER`].
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct RunLine(pub [String; 6]);
 
 impl RunLine {
-    /// What the columns show.
+    /// Heads of the columns.
     pub const HEADER: [&'static str; 6] = ["NAME", "STATE", "STEP", "DONE", "RATE", "ENDS IN"];
 }

@@ -6,7 +6,7 @@ use consumers::energies::{Energies, EnergyOutcome, default_split_bead};
 use schemas::frame::{EndReason, Frame};
 use schemas::manifest::RunManifest;
 
-/// The newest state of a run, its energies, and maps of what was seen before.
+/// The newest state of a run, its energies, and maps of the states before.
 #[derive(Debug, Clone)]
 pub struct Watched {
     pub(crate) name: String,

@@ -38,7 +38,7 @@ pub(super) struct Errors {
 }
 
 impl Sample {
-    /// What is compressed (m); a gap is no deformation.
+    /// The compression (m); a gap is no deformation.
     pub fn compression_m(&self) -> f64 {
         if self.overlap_m > 0.0 { self.overlap_m } else { 0.0 }
     }
@@ -84,7 +84,7 @@ pub(super) fn shape(samples: &[Sample], force: impl Fn(f64) -> f64) -> Result<Sh
     })
 }
 
-/// Steps in which what a theory has outside of the samples is integrated, on either side.
+/// Steps in which a theory is integrated outside of the samples, on either side.
 const OUTSIDE: u32 = 512;
 
 /// The differences of `samples`, and of nothing outside of them, to `theory` (m, of a time in s), which is 0

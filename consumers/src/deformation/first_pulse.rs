@@ -4,7 +4,7 @@ use super::Untold;
 use super::curve::{self, Sample, Shape};
 
 /// A pulse begins and ends where the overlap passes this part of the collision length L: far above
-/// rounding, which is 1e-14 of it, and far below what a comparison shows.
+/// rounding, which is 1e-14 of it, and far below the differences of a comparison.
 pub const CLOSED: f64 = 1e-9;
 
 /// A disturbance below this part of L is not a pulse.
@@ -28,7 +28,7 @@ pub struct FirstPulse {
     stride: u64,
     offered: u64,
     peak_m: f64,
-    /// Where the overlap is smallest after the peak.
+    /// The smallest overlap after the peak, and its sample.
     lowest: Option<(usize, f64)>,
     later_count: u64,
 }

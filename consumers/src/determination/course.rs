@@ -1,9 +1,9 @@
-//! How the errors of one quantity went.
+//! Course of the errors of one quantity.
 
 use super::{CHAOTIC, Quantity, WORTH_A_STEP};
 use serde::Serialize;
 
-/// How one error of a quantity went, in units of its scale.
+/// Course of one error of a quantity, in units of its scale.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Course {
     /// The time (s) of the last look before it first exceeded the tolerance; none if it never did.
@@ -32,14 +32,14 @@ impl Course {
     }
 }
 
-/// What ends the time for which a quantity is determined.
+/// Reason for the end of the time for which a quantity is determined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bound {
     /// The step: a shorter one helps.
     Step,
     /// Chaos: neither a shorter step nor another solver helps.
     Chaos,
-    /// Rounding, from the beginning: the disturbance is too weak for what it meets.
+    /// Rounding, from the beginning: the disturbance is too weak for the load that it meets.
     Rounding,
 }
 
@@ -54,23 +54,23 @@ impl Bound {
     }
 }
 
-/// Until when a quantity is determined.
+/// Time until which a quantity is determined.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Determined {
     /// Which.
     pub quantity: Quantity,
-    /// Until when (s); none if it is to the end.
+    /// The time (s); none if it is determined to the end.
     pub until_s: Option<f64>,
-    /// What ends that time, if anything does.
+    /// Reason for the end of that time, if it ends.
     pub bound: Option<Bound>,
-    /// How the error of the step went.
+    /// Course of the error of the step.
     pub step: Course,
-    /// How the error of rounding went.
+    /// Course of the error of rounding.
     pub rounding: Course,
 }
 
 impl Determined {
-    /// From how both errors went; the moved twin was moved by `moved_by` v0.
+    /// The result from the courses of both errors; the moved twin was moved by `moved_by` v0.
     pub(super) fn new(quantity: Quantity, step: Course, rounding: Course, moved_by: f64) -> Self {
         let bound_of_rounding =
             if rounding.worst < CHAOTIC * moved_by { Bound::Rounding } else { Bound::Chaos };

@@ -1,4 +1,4 @@
-//! What is compared of a run and its twins.
+//! Quantities that are compared between a run and its twins.
 
 use crate::contacts::{Contacts, default_tolerance_m};
 use crate::energies::Energies;
@@ -10,9 +10,9 @@ use schemas::summary::Summarizer;
 /// The quantities of a run that are reported and compared with its twins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
-    /// Of the bead that differs most, in L.
+    /// Displacement of the bead that differs most, in L.
     Displacement,
-    /// Of the bead that differs most, in v0.
+    /// Velocity of the bead that differs most, in v0.
     Velocity,
     /// Velocity of the fastest bead, in v0: the peak of the strongest pulse.
     Peak,
@@ -39,7 +39,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// How many there are.
+    /// Number of quantities.
     pub const COUNT: usize = 13;
 
     /// All of them, in the order of the report.
@@ -89,7 +89,7 @@ impl Quantity {
         }
     }
 
-    /// Whether it is a whole number.
+    /// True if it is a whole number.
     pub fn is_count(self) -> bool {
         self.scale().is_empty()
     }
@@ -109,7 +109,7 @@ pub(super) struct Sibling {
     seen: Seen,
 }
 
-/// What analyses say of one look.
+/// Results of the analyses at one look.
 #[derive(Debug, Clone, Copy, Default)]
 struct Seen {
     /// Total, left, split, right (J).
@@ -142,7 +142,7 @@ impl Sibling {
         }
     }
 
-    /// Whether the split bead reflects anything that can be measured.
+    /// True if the split bead has a measurable reflection.
     pub(super) fn reflects(&self) -> bool {
         self.seen.reflected.is_some()
     }

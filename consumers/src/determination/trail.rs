@@ -1,4 +1,4 @@
-//! How errors went, in memory that does not grow.
+//! Course of the errors, in memory that does not grow.
 
 use super::Quantity;
 
@@ -48,7 +48,7 @@ impl Trail {
     /// Growth is exponential where it is a straight line on a logarithmic scale with this coefficient of
     /// determination.
     const STRAIGHT: f64 = 0.9;
-    /// Where chaos has begun to saturate, in units of the scales.
+    /// Error at which chaos has begun to saturate, in units of the scales.
     const SATURATED: f64 = 1e-3;
 
     pub(super) fn push(&mut self, sample: Sample) {

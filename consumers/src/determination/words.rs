@@ -1,4 +1,4 @@
-//! What was found, in words.
+//! Results in words.
 
 use super::{Outcome, Quantity};
 use schemas::amounts::seconds;
@@ -27,7 +27,7 @@ pub fn time(physics: &Physics, time_s: f64) -> String {
     format!("{} ({:.0} T)", seconds(time_s), time_s / physics.scales().time_s)
 }
 
-/// What a quantity is called in text.
+/// Name of a quantity in text.
 pub fn label(quantity: Quantity, physics: &Physics, split_bead: u64) -> String {
     let bead = match &physics.impurities[..] {
         [] => format!("bead {split_bead}"),

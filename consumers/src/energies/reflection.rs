@@ -1,13 +1,12 @@
-//! When the energy that comes back from the split bead has stopped changing, and how much of what lies
-//! on that side never went there.
+//! Reflection by the split bead: the time from which the energy that comes back is stationary, and the part of the
+//! energy on that side that never went to the split bead.
 //!
-//! # What is decided, and how
+//! # Criteria
 //!
-//! The side of the split bead that the striker is on is the *incident* side. The energy there changes only
-//! through the contact with the split bead, and that takes energy which moves towards it. So the
-//! **inbound energy** is what decides: the energy of the split bead, of all beads of the incident side that move
-//! towards it, and of the contacts between them whose two beads do so on average. Pulses that run away from
-//! the split bead do not count, a bead that will hit it in a long while does.
+//! The striker's side of the split bead is the *incident* side. The energy there changes only through the contact with
+//! the split bead, which takes energy that moves towards it. So the **inbound energy** decides: the energy of the split
+//! bead, of all beads of the incident side that move towards it, and of the contacts between them whose two beads do so
+//! on average. Pulses that run away from the split bead do not count; a bead that will hit it in a long while counts.
 //!
 //! - The pulse *arrives* with the first frame in which [`ARRIVED`] of the energy is in or beyond the split bead.
 //! - The reflected energy is *stationary* from when the inbound energy has fallen to [`STATIONARY`] of the
@@ -35,8 +34,8 @@ use schemas::manifest::RunManifest;
 use serde::Serialize;
 use std::fmt;
 
-/// Part of the total energy that has reached the split bead when a pulse has arrived. What it reflects
-/// from its leading edge has then not met its rear, so that the recoil is still untouched.
+/// Part of the total energy that has reached the split bead when a pulse has arrived. The reflection of its leading
+/// edge has then not met its rear, so that the recoil is still untouched.
 pub const ARRIVED: f64 = 1e-3;
 
 /// Part of the total energy that may still cross the split bead when the reflected energy is stationary.
@@ -114,8 +113,8 @@ pub struct Moment {
 pub struct Recoil {
     /// The energy (J).
     pub energy_j: f64,
-    /// How much it changed (J) over the last 10 to 20 T, because near α = 1 the pulse leaves something behind at
-    /// every bead, also while it is being reflected; and the error of the time step.
+    /// Its change (J) over the last 10 to 20 T, because near α = 1 the pulse leaves something behind at every bead,
+    /// also while it is being reflected; and the error of the time step.
     pub uncertainty_j: f64,
     /// The frame it was measured in, the last before the pulse arrived.
     pub at: Moment,
@@ -132,7 +131,7 @@ pub struct Reflected {
     pub transmitted_j: f64,
     /// Energy of the chain (J).
     pub total_j: f64,
-    /// What the reflected energy may yet change by, and be off by (J); see the [module](self).
+    /// Largest error (J) and future change of the reflected energy; see the [module](self).
     pub uncertainty_j: f64,
     /// The inbound part of that (J).
     pub inbound_j: f64,
@@ -180,7 +179,7 @@ pub struct Corrected {
     pub over_transmitted: Uncertain,
 }
 
-/// What a run has shown of a reflection.
+/// The reflection that a run has shown so far.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reflection {
     /// The incident side.
@@ -215,7 +214,7 @@ impl Reflection {
     }
 }
 
-/// What the watcher needs to know of a frame: energies in J, velocities in m/s.
+/// Values of a frame that the watcher needs: energies in J, velocities in m/s.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Parts {
     pub(super) at: Moment,
@@ -231,7 +230,7 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// What may still cross the split bead (J).
+    /// Energy (J) that may still cross the split bead.
     pub(super) fn inbound_j(&self) -> f64 {
         self.split_j + self.towards_j
     }
@@ -384,8 +383,8 @@ mod tests {
         RunManifest::new(&config, "run", origin).expect("valid")
     }
 
-    /// A frame `collisions` T after the start, of 1 J in all, with these parts on the incident side, in the
-    /// split bead, and of the first what moves towards the second.
+    /// A frame `collisions` T after the start, of 1 J in all, with these parts on the incident side, in the split bead,
+    /// and on the incident side moving towards the split bead.
     fn frame(watch: &ReflectionWatch, collisions: u64, [incident_j, split_j, towards_j]: [f64; 3]) -> Parts {
         Parts {
             at: Moment {

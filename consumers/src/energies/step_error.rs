@@ -1,12 +1,12 @@
-//! What the time step costs in energies.
+//! Errors of energies from the time step.
 //!
-//! A run knows its own error: the total energy, with what contacts have dissipated and without what drives have given, must
-//! not change, and it does. By how much it was off at most is of the size of the error of every part of the energy that has come to rest, because the
-//! same collisions make both. [`STEP_SAFETY`] times as much covers the difference to a step that is four times shorter
-//! in every case of `docs/NUMERICS.md`. Rounding adds a unit in the last place for every bead.
+//! A run knows its own error: the total energy, with the dissipated energy and without the work of drives, must not
+//! change, and it does. Its largest error has the size of the error of every part of the energy that has come to rest,
+//! because the same collisions make both. [`STEP_SAFETY`] times as much covers the difference to a step that is four
+//! times shorter in every case of `docs/NUMERICS.md`. Rounding adds a unit in the last place for every bead.
 //!
-//! It does not cover the parts while energy crosses from one to the other: then what counts is when. Nor does it cover the work of
-//! drives and of damping, which may be as wrong as the energy that it became.
+//! It does not cover the parts while energy crosses from one to the other: then the time matters. It also does not
+//! cover the work of drives and of damping, which may be as wrong as the energy that it became.
 
 /// The error of a part of the energy, in largest errors of the total.
 pub const STEP_SAFETY: f64 = 3.0;

@@ -1,4 +1,4 @@
-//! How much a quantity has changed lately, in bounded memory.
+//! Change of a quantity over the last time, in bounded memory.
 
 /// The range of a quantity over the last one to two lengths of time.
 ///

@@ -1,8 +1,8 @@
-//! What passed along the chain and is in no track.
+//! Control of the tracker: disturbances that passed along the chain and are in no track.
 //!
-//! The tracker can be wrong about a chain that nobody thought of. This looks at each bead alone, and remembers when
-//! its speed rose most since a pulse passed it last. Beads in a row whose rises no pulse explains, one after the other
-//! in time, are a disturbance that was not followed.
+//! The tracker can be wrong about a chain that nobody thought of. The control looks at each bead alone, and remembers
+//! its largest rise of speed since a pulse passed it last. Beads in a row whose rises no pulse explains, one after the
+//! other in time, are a disturbance that was not followed.
 
 use super::Direction;
 use super::front::Front;
@@ -64,7 +64,7 @@ struct Bead {
     unexplained: Rise,
 }
 
-/// How a bead got faster.
+/// A rise of the speed of a bead.
 #[expect(clippy::struct_field_names, reason = "they end with units")]
 #[derive(Debug, Clone, Copy, Default)]
 struct Rise {
@@ -133,7 +133,7 @@ impl Control {
         }
     }
 
-    /// Frames are missing, or there are no more: what still rises has not passed yet.
+    /// Frames are missing, or there are no more: a speed that still rises has not passed yet.
     pub(super) fn gap(&mut self) {
         self.front.gap();
         for bead in &mut self.beads {
@@ -173,7 +173,7 @@ impl Control {
         found
     }
 
-    /// Whether the front that was not followed is more than a forerunner of what came behind.
+    /// True if the front that was not followed is more than a forerunner of a stronger wave.
     fn is_strong(&self, front: &Unfollowed) -> bool {
         let [low, high] = front.sorted_beads();
         let number = |bead: u64| usize::try_from(bead).unwrap_or_default();
@@ -230,7 +230,7 @@ impl Unfollowed {
         if from < to { [from, to] } else { [to, from] }
     }
 
-    /// Whether `other` is about the same beads and times.
+    /// True if `other` is about the same beads and times.
     fn is_part(&self, other: &Self) -> bool {
         let ([low, high], [from, to]) = (self.sorted_beads(), other.sorted_beads());
         low <= to

@@ -64,7 +64,7 @@ impl History {
         self.filled = 0;
     }
 
-    /// Whether there are [`DEPTH`] frames in a row.
+    /// True if there are [`DEPTH`] frames in a row.
     pub(super) fn is_full(&self) -> bool {
         self.filled == DEPTH
     }
@@ -111,7 +111,7 @@ impl History {
         }
     }
 
-    /// Whether |v| of `bead` has a minimum in the middle frame, or v another sign than in the frame before.
+    /// True if |v| of `bead` has a minimum in the middle frame, or v another sign than in the frame before.
     pub(super) fn is_least(&self, bead: usize) -> bool {
         let [before, at, after] = [3, 2, 1].map(|back| self.v_m_s(back)[bead - self.first]);
         at * before <= 0.0 || (at.abs() < before.abs() && at.abs() <= after.abs())
@@ -178,7 +178,7 @@ fn value(coefficients: &[f64], x: f64) -> f64 {
     coefficients.iter().rev().fold(0.0, |sum, coefficient| sum * x + coefficient)
 }
 
-/// Where a quartic has its extremum near 0, between `low` and `high`.
+/// Extremum of a quartic near 0, between `low` and `high`.
 fn extremum(quartic: [f64; DEPTH], low: f64, high: f64) -> f64 {
     let mut at = 0.0;
     for _ in 0..8 {
@@ -221,7 +221,7 @@ mod tests {
         assert!((-v(level) - 2.97).abs() < 0.01, "{level}");
     }
 
-    /// What [`ENOUGH_FRAMES`] promises, wherever the crest lies between frames.
+    /// The promise of [`ENOUGH_FRAMES`], for any position of the crest between frames.
     #[test]
     fn eight_frames_a_width_give_the_peak_to_a_ten_thousandth() {
         let mut worst = 0.0_f64;

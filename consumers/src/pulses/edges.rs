@@ -77,7 +77,7 @@ impl Edges {
         }
     }
 
-    /// How far (beads) the edges are ahead of and behind a crest that passes `bead` at `time_s`, at
+    /// Distances (beads) of the edges ahead of and behind a crest that passes `bead` at `time_s`, at
     /// `speed_beads_per_s`.
     pub(super) fn half_widths_beads(
         &self,
@@ -93,7 +93,7 @@ impl Edges {
         (front > 0.0 && rear > 0.0).then_some([front, rear])
     }
 
-    /// Whether `bead` lies between the edges.
+    /// True if `bead` lies between the edges.
     pub(super) fn enclose(&self, bead: i64) -> bool {
         (self.front.bead - bead) * self.ahead >= 0 && (bead - self.rear.bead) * self.ahead >= 0
     }

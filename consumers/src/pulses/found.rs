@@ -1,8 +1,8 @@
-//! What the tracker gives out.
+//! Output of the tracker.
 
 use super::{Point, Pulse};
 
-/// What a frame brought.
+/// Something that the tracker found in a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Happening {
     /// A pulse passed a bead, a few beads ago.
@@ -16,7 +16,7 @@ pub enum Happening {
 pub struct UnderWay {
     /// Its number.
     pub number: u64,
-    /// Where its crest is (beads).
+    /// Position of its crest (beads).
     pub position_beads: f64,
     /// Velocity of the bead that its crest passed last (m/s).
     pub v_peak_m_s: f64,
@@ -26,13 +26,13 @@ pub struct UnderWay {
     pub fwhm_beads: Option<f64>,
 }
 
-/// What was seen.
+/// Counts of pulses and crests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts {
     /// Pulses found.
     pub pulses: u64,
-    /// How many of those that have ended are clear: also found if the threshold were twice as high, and over
-    /// [`super::Pulses::CLEAR_TRACK`] beads. Whether the others are counted depends on the threshold.
+    /// Pulses that have ended and are clear: also found if the threshold were twice as high, and over
+    /// [`super::Pulses::CLEAR_TRACK`] beads. The threshold decides whether the others count.
     pub clear_pulses: u64,
     /// Disturbances that no pulse follows, known at the end: [`super::Pulses::unfollowed`].
     pub unfollowed: u64,

@@ -1,7 +1,7 @@
-//! The front: how far motion has come along the chain, and whether a pulse leads it.
+//! The front: the farthest motion along the chain, and the pulse that leads it, if any.
 //!
-//! Beads that move for the first time, one after the other, are the front, whatever the tracker makes of it. Close
-//! behind there is a pulse that leads. Where none is for many beads, the leading pulse was not followed.
+//! Beads that move for the first time, one after the other, are the front, independent of the tracker. A leading pulse
+//! runs close behind the front. If there is none for many beads, the tracker has not followed the leading pulse.
 
 use super::Direction;
 use super::control::{MATTERS, SHORTEST, Unfollowed};
@@ -16,7 +16,7 @@ const RIPPLE: f64 = 0.25;
 #[derive(Debug, Clone)]
 pub(super) struct Front {
     threshold_m_s: f64,
-    /// Whether each bead has moved faster than the threshold.
+    /// One flag for each bead: true if it has moved faster than the threshold.
     reached: Vec<bool>,
     /// Nothing is known of what has moved before.
     is_first: bool,
@@ -120,7 +120,7 @@ impl Front {
         self.is_first = true;
     }
 
-    /// What led a front without being followed, once there are no more frames.
+    /// Disturbances that led a front without being followed, once there are no more frames.
     pub(super) fn unfollowed(&mut self) -> &[Unfollowed] {
         self.end();
         &self.found
@@ -147,7 +147,7 @@ fn fastest(v_m_s: &[f64]) -> f64 {
 }
 
 impl Surroundings {
-    /// How far (beads) behind the front at `bead` the crest of the pulse is that leads it, at most. Without a solitary
+    /// Largest distance (beads) behind the front at `bead` of the crest of the pulse that leads it. Without a solitary
     /// wave a front gets wider with the cube root of its way.
     fn behind_front(&self, bead: usize) -> usize {
         /// From the first motion to the first crest of the Airy function, in its units, and some more.

@@ -6,7 +6,7 @@
 use super::surroundings::Surroundings;
 use super::track::Track;
 
-/// How far pulses have come.
+/// The farthest beads that pulses have passed.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Lead {
     /// The farthest bead that a pulse has passed forward and backward, that times −1.
@@ -24,7 +24,7 @@ impl Lead {
     }
 
     /// The track that leads in its direction and can go on to a crest of `crest_m_s` at a bead and a time (s), if there is
-    /// one: a pulse rather than what may become one, and the nearest.
+    /// one: a pulse rather than a track that may become one, and the nearest.
     pub(super) fn find(
         &self,
         around: &Surroundings,

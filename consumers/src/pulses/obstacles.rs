@@ -1,4 +1,4 @@
-//! What breaks a pulse up: beads of another mass than the chain around them, and the ends.
+//! Obstacles, which break a pulse up: beads of another mass than the chain around them, and the ends.
 
 use schemas::chain::Chain;
 
@@ -19,8 +19,9 @@ const MOST_CHANGES: usize = 8;
 /// Beads where a pulse ends and others begin.
 ///
 /// An obstacle is a bead whose mass differs from that of a neighbour behind which the chain goes on evenly: an
-/// impurity, or either side of a step. Where more than a tenth of the beads would be one, or the masses change often
-/// around it, as in a chain of dimers or a disordered one, that is how the chain is made, and pulses travel through it.
+/// impurity, or either side of a step. There are no obstacles if more than a tenth of the beads would be one, or if the
+/// masses change often around them, as in a chain of dimers or a disordered one: then the chain is made that way, and
+/// pulses travel through it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Obstacles {
     bead_count: i64,
@@ -59,12 +60,12 @@ impl Obstacles {
         self.beads.iter().min_by_key(distance).map_or(bead, |nearest| nearest.unsigned_abs())
     }
 
-    /// Whether a bead is one.
+    /// True if a bead is an obstacle.
     pub(super) fn contains(&self, bead: i64) -> bool {
         self.beads.binary_search(&bead).is_ok()
     }
 
-    /// Whether one lies between two beads.
+    /// True if an obstacle lies between two beads.
     pub(super) fn between(&self, a: i64, b: i64) -> bool {
         let (low, high) = if a < b { (a, b) } else { (b, a) };
         let next = self.beads.partition_point(|bead| *bead < low);
@@ -84,7 +85,7 @@ impl Obstacles {
     }
 }
 
-/// Whether `bead` differs from the two `ahead`, which are alike, and the chain is even ahead or `behind`.
+/// True if `bead` differs from the two `ahead`, which are alike, and the chain is even ahead or `behind`.
 fn ends_at(
     bead: usize,
     even: usize,

@@ -1,4 +1,4 @@
-//! Origins of pulses and what they run into: strikers, drives, walls, free ends, the seam of a ring.
+//! Origins and ends of pulses: strikers, drives, walls, free ends, the seam of a ring.
 
 use super::surroundings::signed;
 use super::{Birth, Fate};

@@ -1,4 +1,4 @@
-//! How long a pulse takes to pass a bead, which decides how far apart frames may be.
+//! Time that a pulse takes to pass a bead, which bounds the interval between frames.
 
 use super::Obstacles;
 use super::surroundings::signed;

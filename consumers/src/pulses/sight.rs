@@ -1,4 +1,5 @@
-//! What is looked at in a frame: the velocity of each bead or, where beads are not alike, of those around it together.
+//! Velocities that the tracker sees in a frame: of each bead or, where beads are not alike, the mean of several around
+//! it.
 
 use super::crest::{Crest, History};
 use super::surroundings::{Surroundings, signed};
@@ -77,7 +78,7 @@ impl Sight {
         crests.extend(found.map(|bead| (*bead, self.history.crest(*bead))));
     }
 
-    /// Whether the beads around `bead` move together rather than against each other. Their mean velocity squared is
+    /// True if the beads around `bead` move together rather than against each other. Their mean velocity squared is
     /// this part of their mean squared velocity: 1 where all move alike, 0.6 to 0.8 in pulses through chains of dimers.
     fn is_coherent(&self, around: &Surroundings, bead: usize) -> bool {
         const TOGETHER: f64 = 0.3;

@@ -3,7 +3,7 @@
 use super::{Happening, Point, Pulse};
 use std::collections::BTreeMap;
 
-/// Where a pulse went: at most [`Path::CAPACITY`] points, evenly spread over its beads, and the last one.
+/// Path of a pulse: at most [`Path::CAPACITY`] points, evenly spread over its beads, and the last one.
 #[derive(Debug, Clone)]
 pub struct Path {
     kept: Vec<Point>,
@@ -60,7 +60,7 @@ impl Strongest {
         Self { pulses: Vec::new(), paths: with_paths.then(BTreeMap::new) }
     }
 
-    /// Takes what a frame brought.
+    /// Takes the happenings of a frame.
     pub fn take(&mut self, happening: &Happening) {
         match happening {
             Happening::Passed(point) => {

@@ -15,7 +15,7 @@ use schemas::manifest::RunManifest;
 pub(super) struct Surroundings {
     pub(super) chain: Chain,
     pub(super) obstacles: Obstacles,
-    /// How beads differ, in a chain that is not even.
+    /// Differences between beads, in a chain that is not even.
     pub(super) texture: Option<Texture>,
     /// Nothing pulls in a chain that is not loaded: its pulses move the way their beads do.
     pub(super) loaded: bool,
@@ -26,14 +26,14 @@ pub(super) struct Surroundings {
     wave: Option<Coefficients>,
 }
 
-/// How far (beads) things around a pulse matter to it.
+/// Distances (beads) within which things around a pulse matter to it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Reach {
     /// A pulse that ends so near to something has to do with it.
     pub(super) near: i64,
     /// A pulse that begins so near to something comes from it: weak ones get their crest only at a distance.
     pub(super) origin: i64,
-    /// A pulse so far from what is ahead of it is undisturbed.
+    /// A pulse so far from the next thing ahead is undisturbed.
     pub(super) free: i64,
     /// A pulse may be out of sight for so long, as when two meet.
     pub(super) coast: i64,
@@ -54,17 +54,17 @@ impl Surroundings {
         }
     }
 
-    /// Whether several beads are looked at together at `bead`.
+    /// True if the tracker sees several beads together at `bead`.
     pub(super) fn is_uneven(&self, bead: usize) -> bool {
         self.texture.as_ref().is_some_and(|texture| texture.is_uneven(bead))
     }
 
-    /// Whether `bead` is not a light one among heavy ones.
+    /// True if `bead` is not a light one among heavy ones.
     pub(super) fn carries(&self, bead: usize) -> bool {
         self.texture.as_ref().is_none_or(|texture| texture.carries(bead))
     }
 
-    /// Whether `bead` is pressed from both sides. Beads that are not alike are not all pressed at a time.
+    /// True if `bead` is pressed from both sides. Beads that are not alike are not all pressed at a time.
     pub(super) fn is_pressed(&self, frame: &Frame<'_>, bead: usize) -> bool {
         let pressed = |contact: usize| self.chain.overlap_m(frame.u_m, contact) > 0.0;
         let inner = bead > 0 && bead + 1 < self.chain.bead_count();
@@ -82,7 +82,7 @@ impl Surroundings {
         if uneven { AMONG_OTHERS } else { self.reach.coast }
     }
 
-    /// Whether a pulse at `bead` has a free way: no obstacle, no end and no gap between beads near.
+    /// True if a pulse at `bead` has a free way: no obstacle, no end and no gap between beads near.
     pub(super) fn is_free(&self, frame: &Frame<'_>, track: &Track, bead: i64, v_m_s: f64) -> bool {
         /// A gap g takes the time g/v to close. One that takes this part of the time for a bead changes the
         /// speed by as much at most.
@@ -120,7 +120,7 @@ impl Surroundings {
     /// Momentum (kg·m/s) and energy (J) of the hump around `bead`, from one minimum of the velocity in `history` to the
     /// next.
     pub(super) fn hump(&self, history: &History, frame: &Frame<'_>, bead: i64, sign: f64) -> (f64, f64) {
-        /// Where |v| has sunk to this part of the peak the pulse is over.
+        /// The pulse is over where |v| has sunk to this part of the peak.
         const FADED: f64 = 1e-6;
         let height = |bead: usize| history.at(0, signed(bead as u64)).map_or(0.0, |v| sign * v);
         let last = self.chain.bead_count() - 1;

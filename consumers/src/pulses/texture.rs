@@ -1,4 +1,4 @@
-//! Where beads and contacts are not alike, a pulse is followed by the mean velocity of several beads.
+//! Texture of an uneven chain: there a pulse is followed by the mean velocity of several beads.
 //!
 //! A light bead rattles between heavy ones while one pulse passes, so that it and its neighbours move fastest
 //! several times, and lose touch in between. Rattling carries no momentum along the chain: the velocity of the
@@ -45,13 +45,13 @@ pub(super) struct Texture {
 #[derive(Debug, Clone)]
 struct Window {
     beads: Range<usize>,
-    /// Where its weights begin.
+    /// Index of its first weight.
     weights: usize,
     /// Mean mass of its beads (kg).
     mass_kg: f64,
     /// The smallest stiffness of their contacts (N·m^−α), of one bead that of the next contact.
     stiffness: f64,
-    /// Whether the bead is one of the heavy ones.
+    /// True if the bead is one of the heavy ones.
     carries: bool,
 }
 
@@ -90,12 +90,12 @@ impl Texture {
         self.weights.extend(parts.iter().map(|part| part / whole));
     }
 
-    /// Whether the chain is uneven around `bead`.
+    /// True if the chain is uneven around `bead`.
     pub(super) fn is_uneven(&self, bead: usize) -> bool {
         self.windows[bead].beads.len() > 1
     }
 
-    /// Whether `bead` is one of the heavy ones around it.
+    /// True if `bead` is one of the heavy ones around it.
     pub(super) fn carries(&self, bead: usize) -> bool {
         self.windows[bead].carries
     }
@@ -127,7 +127,7 @@ impl Texture {
     }
 }
 
-/// How many beads on either side are looked at together with each.
+/// Number of beads on either side that the tracker sees together with each bead.
 fn reaches(chain: &Chain) -> Vec<usize> {
     let (masses, stiffnesses) = (turns(&chain.mass_kg), turns(&chain.stiffness));
     let count = chain.bead_count();
@@ -165,7 +165,7 @@ fn whole_periods(period: usize) -> usize {
     window.map_or(REACH, |beads| beads / 2 - 1)
 }
 
-/// Where `values` stop to rise and begin to fall, or the other way round, in their order.
+/// Indices at which `values` stop to rise and begin to fall, or the other way round, in their order.
 fn turns(values: &[f64]) -> Vec<usize> {
     let mut turns = Vec::new();
     let mut rose = None;

@@ -34,17 +34,17 @@ pub struct Point {
     pub shape: Option<Shape>,
 }
 
-/// What a pulse is like at one bead.
+/// Values of a pulse at one bead.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
-    /// Where, when, how fast, how wide.
+    /// Its bead, time, speed and width.
     pub point: Point,
     /// Momentum (kg·m/s) of the hump from one minimum of |v| to the next.
     pub momentum_kg_m_s: f64,
     /// Kinetic and potential energy (J) of the hump, in a loaded chain beyond that at rest: `φ(δ) − φ(δ₀) −
     /// φ′(δ₀)·(δ − δ₀)` of each contact.
     pub energy_j: f64,
-    /// Whether the pulse was seen at each of the 5 beads before and behind, and neither an obstacle, nor an end,
+    /// True if the pulse was seen at each of the 5 beads before and behind, and neither an obstacle, nor an end,
     /// nor a gap between beads was near.
     pub undisturbed: bool,
 }
@@ -81,16 +81,16 @@ pub(super) struct Track {
     pub(super) birth: Birth,
     pub(super) first: Passed,
     pub(super) bead_count: u64,
-    /// How many of the beads it would pass if the threshold were higher.
+    /// Number of the beads that it would pass if the threshold were higher.
     pub(super) clear_bead_count: u64,
     pub(super) edges: Option<Edges>,
-    /// What it was like where that could be seen best, and whether that was at a bead that carries it.
+    /// Its best values so far, and true if they are of a bead that carries it.
     pub(super) measured: Option<(Measured, bool)>,
     /// Frames were missing since the last bead.
     pub(super) gap: bool,
     /// The last beads passed.
     recent: VecDeque<Passed>,
-    /// How many of those have not been given out as points.
+    /// Number of these that have not been given out as points.
     pending: usize,
 }
 
@@ -139,9 +139,9 @@ impl Track {
         }
     }
 
-    /// `bead` moves with `v_m_s` while `around_m_s` is what is followed there: faster than before in the same crest?
+    /// Notes the velocity `v_m_s` of `bead`, if it is faster than before in the same crest; `around_m_s` is the followed velocity there.
     pub(super) fn rattle(&mut self, bead: i64, v_m_s: f64, around_m_s: f64) {
-        /// Where what is followed has sunk to this part of its crest the pulse has passed.
+        /// The pulse has passed where the followed velocity has sunk to this part of its crest.
         const PASSED: f64 = 0.5;
         let passed = self.recent.iter_mut().rev().take(self.pending).find(|passed| passed.bead == bead);
         if let Some(passed) = passed
@@ -174,16 +174,16 @@ impl Track {
         speed(&self.recent[first], self.head())
     }
 
-    /// Where its crest is at `time_s` (beads), if it moves on as it did.
+    /// Position of its crest at `time_s` (beads), if it moves on at its speed.
     pub(super) fn position_beads(&self, time_s: f64) -> f64 {
         let head = self.head();
         let moved = self.speed_beads_per_s().unwrap_or_default() * (time_s - head.time_s);
         head.bead as f64 + moved * self.ahead as f64
     }
 
-    /// How well a crest at `bead` at `time_s` goes on with this track: the difference (beads) from where it
-    /// would be, or none if it is none of its. Up to `coast` beads may have been skipped; the first step
-    /// takes less than `longest_s` a bead.
+    /// Distance (beads) of a crest at `bead` at `time_s` from the place where this track expects its next crest, or
+    /// none if the crest does not belong to it. Up to `coast` beads may have been skipped; the first step takes less
+    /// than `longest_s` a bead.
     pub(super) fn fit_beads(&self, (bead, time_s): (i64, f64), coast: i64, longest_s: f64) -> Option<f64> {
         let head = self.head();
         let (beads, passed_s) = (bead - head.bead, time_s - head.time_s);
@@ -204,8 +204,8 @@ impl Track {
         (beads <= most && near).then_some((moved - expected).abs())
     }
 
-    /// Whether a crest at `bead` at `time_s`, of the height `crest_m_s`, goes on with this track where nothing else has
-    /// been before: it leads, so that a crest so far ahead can only be its own. How far (beads) it is, if so.
+    /// Distance (beads) to a crest at `bead` at `time_s`, of the height `crest_m_s`, if this track goes on with it
+    /// where nothing else has been before: the track leads, so that a crest so far ahead can only be its own.
     pub(super) fn leads_to(&self, (bead, time_s): (i64, f64), crest_m_s: f64) -> Option<i64> {
         /// Beads that may be skipped: no crest of a leading pulse is lost for longer.
         const FAR: i64 = 12;

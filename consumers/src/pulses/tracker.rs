@@ -75,19 +75,19 @@ impl Pulses {
         }
     }
 
-    /// What velocities of a run are measured by (m/s): L/T, the speed of a striker.
+    /// Unit of the velocities of a run (m/s): L/T, the speed of a striker.
     pub fn velocity_scale_m_s(manifest: &RunManifest) -> f64 {
         manifest.physics.scales().speed_m_s()
     }
 
-    /// How many steps apart frames may be to show a pulse of [`Pulses::velocity_scale_m_s`] to 1e-4: eight in
-    /// the time that it takes to pass the bead that it passes fastest, by its full width at half maximum. On a load it is
-    /// sound that passes. None where there is neither a solitary wave nor a load.
+    /// Largest interval of frames, in steps, that shows a pulse of [`Pulses::velocity_scale_m_s`] to 1e-4: eight frames
+    /// in the time that it takes to pass the bead that it passes fastest, by its full width at half maximum. On a load
+    /// it is sound that passes. None if there is neither a solitary wave nor a load.
     pub fn longest_fine_interval_steps(manifest: &RunManifest) -> Option<u64> {
         Self::interval_steps(manifest, ENOUGH_FRAMES)
     }
 
-    /// How many steps apart frames may be to show that pulse at all: three in that time.
+    /// Largest interval of frames, in steps, that shows that pulse at all: three frames in that time.
     pub fn longest_interval_steps(manifest: &RunManifest) -> Option<u64> {
         Self::interval_steps(manifest, FEWEST_FRAMES)
     }
@@ -160,12 +160,12 @@ impl Pulses {
         &self.happenings
     }
 
-    /// What passed along the chain and is in no pulse, what led a front and then the strongest first; known at the end.
+    /// Disturbances that are in no pulse: first those that led a front, then the strongest; known at the end.
     pub fn unfollowed(&self) -> &[Unfollowed] {
         &self.unfollowed
     }
 
-    /// Tells the control what pulses have passed.
+    /// Tells the control which pulses have passed.
     fn explain(&mut self) {
         let Some(control) = &mut self.control else { return };
         for happening in &self.happenings {
@@ -186,12 +186,12 @@ impl Pulses {
         })
     }
 
-    /// What was seen so far.
+    /// Counts so far.
     pub fn counts(&self) -> Counts {
         self.counts
     }
 
-    /// What single beads do while a pulse passes them that is followed by the mean of several.
+    /// Listens to single beads while a pulse passes them that is followed by the mean of several.
     fn hear_rattles(&mut self) {
         self.sight.own_crests(&self.around, self.threshold_m_s, &mut self.own_crests);
         for (bead, crest) in &self.own_crests {
@@ -299,7 +299,7 @@ impl Pulses {
         Some(Shape { fwhm_beads: front + rear, asymmetry: (rear - front) / (rear + front) })
     }
 
-    /// Whether the crest of another pulse lies between the edges of a track.
+    /// True if the crest of another pulse lies between the edges of a track.
     fn encloses_another(&self, track: usize, time_s: f64) -> bool {
         let Some(edges) = self.tracks[track].edges else { return false };
         let mut others = self.tracks.iter().enumerate().filter(|(i, other)| *i != track && other.number > 0);

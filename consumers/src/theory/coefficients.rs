@@ -1,7 +1,7 @@
 //! The dimensionless numbers of a wave, and the wave in units.
 
-/// What a wave of exponent α is in terms of the mass m (kg) of a bead, the stiffness k (N·m^−α) and the
-/// largest velocity `v_max` (m/s) that a bead reaches.
+/// Coefficients of a wave of exponent α in terms of the mass m (kg) of a bead, the stiffness k (N·m^−α) and the largest
+/// velocity `v_max` (m/s) that a bead reaches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coefficients {
     /// The exponent α of the contact law.
@@ -22,7 +22,7 @@ pub struct Coefficients {
     pub velocity_fwhm_beads: f64,
 }
 
-/// What is known of a wave, to scale it by.
+/// A known quantity of a wave, which scales it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Strength {
     /// The largest velocity of a bead.
@@ -62,9 +62,9 @@ pub struct WaveScale {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("the {quantity} of a wave must be positive and finite, but it is {value}")]
 pub struct ScaleError {
-    /// Which quantity.
+    /// The quantity.
     pub quantity: &'static str,
-    /// What it is, in the unit that [`Coefficients::scaled`] takes or [`WaveScale`] gives.
+    /// Its value, in the unit that [`Coefficients::scaled`] takes or [`WaveScale`] gives.
     pub value: f64,
 }
 

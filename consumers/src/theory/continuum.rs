@@ -101,8 +101,7 @@ fn integral_of_cosine_power(power: f64) -> f64 {
     factor * (PI / x).sqrt() * series.exp()
 }
 
-/// What the wave becomes for α → 1: `δ(ξ) ∝ exp(−6(α−1)/(α(α+1))·ξ²)`, a Gaussian whose width grows
-/// as `(α−1)^(−1/2)`.
+/// Limit of the wave for α → 1: `δ(ξ) ∝ exp(−6(α−1)/(α(α+1))·ξ²)`, a Gaussian whose width grows as `(α−1)^(−1/2)`.
 ///
 /// # Source
 /// E. Hascoët and H. J. Herrmann, the equation for v after eq. (speed).

@@ -12,7 +12,7 @@ const REDUCTION: f64 = 1e-4;
 /// Directions searched for a solution of a linear system.
 const DIRECTION_LIMIT: usize = 60;
 
-/// Where an iteration ended.
+/// End of an iteration.
 #[derive(Debug)]
 pub(super) struct Ended {
     /// The last point.

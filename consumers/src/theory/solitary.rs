@@ -17,8 +17,8 @@ const EXTENT_SIGMA: f64 = 9.0;
 /// The error of the wave asked for, relative to its height: the last step of Newton's method.
 const ERROR: f64 = 1e-12;
 
-/// What rounding changes in one application of the map. The direction in which it contracts least makes
-/// that an error of the wave `1/(1 − 1/α)` times as large.
+/// Error from rounding in one application of the map. The direction in which the map contracts least makes the error of
+/// the wave `1/(1 − 1/α)` times as large.
 const ROUNDING: f64 = 2e-15;
 
 /// Exponents whose coefficients each thread remembers.

@@ -1,4 +1,4 @@
-//! Who may ask: whoever knows the token, names this server, and is no other page.
+//! Guard of the server: a request must have the token, name this server, and come from no other page.
 
 use axum::http::header::{self, HeaderName};
 use axum::http::{Method, request::Parts};
@@ -12,7 +12,7 @@ const TOKEN_BYTES: usize = 16;
 pub(super) struct Guard {
     token: String,
     address: SocketAddr,
-    /// What browsers call us, with the port.
+    /// Names of this server in browsers, with the port.
     hosts: [String; 4],
 }
 

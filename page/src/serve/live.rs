@@ -19,7 +19,7 @@ const PATIENCE: Duration = Duration::from_secs(30);
 /// Version of the binary messages.
 const VERSION: f64 = 1.0;
 
-/// What clients are shown; what they have seen of it they know by the numbers.
+/// State of a live run for clients; numbers tell them the parts that they have seen.
 #[derive(Default)]
 struct Shown {
     run: Option<Utf8Bytes>,
@@ -31,7 +31,7 @@ struct Shown {
 /// Shows a live run to its clients.
 pub struct LiveWriter(watch::Sender<Shown>);
 
-/// What a client is shown of a live run.
+/// Latest state of a live run for a client.
 #[derive(Clone)]
 pub struct LiveFeed(watch::Receiver<Shown>);
 
@@ -42,7 +42,7 @@ impl LiveWriter {
         (Self(sender), LiveFeed(receiver))
     }
 
-    /// How many feeds there are.
+    /// Number of feeds.
     pub fn feed_count(&self) -> usize {
         self.0.receiver_count()
     }
@@ -75,15 +75,15 @@ impl LiveWriter {
         self.0.send_modify(|shown| shown.state = (shown.state.0 + 1, bytes));
     }
 
-    /// Says that no more states come, why, and which step was the run's last, if that is known: who never holds a run
-    /// back may have missed it.
+    /// Ends the feed, with the reason and the run's last step, if that is known: a client that never holds a run back
+    /// may have missed it.
     pub fn end(&self, reason: &str, last_step: Option<u64>) {
         let text = json!({ "end": reason, "step": last_step }).to_string().into();
         self.0.send_modify(|shown| shown.end = Some(text));
     }
 }
 
-/// How far a client is.
+/// Progress of a client.
 #[derive(Default)]
 struct Seen {
     run: bool,

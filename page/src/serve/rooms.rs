@@ -1,7 +1,7 @@
-//! Who is connected: three rooms of bounded size. Where one is full, the next who comes takes the place of who leads to nothing.
+//! Rooms of connections: three, of bounded size. If a room is full, a newcomer takes the place of an idle connection.
 //!
-//! Architecture invariant: accepting a connection waits for no client. A connection begins among the strangers, who have little
-//! room and little time; the token leads to the known, and a web socket to the viewers.
+//! Architecture invariant: accepting a connection waits for no client. A connection begins among the strangers, who
+//! have little room and little time. The token leads to the known clients, and a web socket to the viewers.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -20,18 +20,18 @@ const MAX_STRANGERS: usize = 32;
 const MAX_KNOWN: usize = 64;
 /// Most viewers of live runs.
 const MAX_VIEWERS: usize = 16;
-/// How long a stranger may take for a request with the token.
+/// Time for a stranger to send a request with the token.
 const STRANGER_TIME: Duration = Duration::from_secs(10);
 /// A client that takes nothing of an answer for so long is let go of.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// How often each is looked at.
+/// Interval at which each connection is checked.
 const LOOK_PERIOD: Duration = Duration::from_millis(500);
 /// Bytes that a connection is sent before others have their turn: some microseconds.
 const TURN_BYTES: usize = 64 << 10;
 /// Connections that go where the system grants no more files: recordings need some, too.
 const MADE_WAY: usize = 8;
 
-/// Where a connection is, in the order in which they make way for others.
+/// Room of a connection, in the order in which they make way for others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Room {
     Strangers,
@@ -56,7 +56,7 @@ struct Visit {
     since: Instant,
     /// Since when it takes nothing of an answer.
     stuck: Option<Instant>,
-    /// Whether we have not answered yet.
+    /// True if we have not answered yet.
     waits: bool,
     dismissed: Arc<Notify>,
 }
@@ -154,7 +154,7 @@ impl Guest {
         }
     }
 
-    /// Says whether an answer is being found.
+    /// Notes if an answer is being found.
     pub(super) fn waits(&self, waits: bool) {
         self.with(|visit| visit.waits = waits);
     }
@@ -186,8 +186,8 @@ impl Guest {
         }
     }
 
-    /// Returns when it has left the connection `stream` and waits for an answer. What it has asked for behind that may be there to be
-    /// read, so that who answers hears of no end.
+    /// Returns when it has left the connection `stream` and waits for an answer. Its next request may already be there
+    /// to be read, and hides the end from the answering task.
     pub(super) async fn left(&self, stream: &TcpStream) {
         loop {
             sleep(LOOK_PERIOD).await;

@@ -12,7 +12,7 @@ use tokio::sync::{Notify, watch};
 /// Most threads: one for each connection that may wait, so that no file waits for another.
 const MAX_THREADS: usize = 64;
 
-/// What is being computed, by its name.
+/// Computations under way, by their names.
 #[derive(Default)]
 pub(super) struct Works {
     current: Mutex<HashMap<String, Work>>,
@@ -39,7 +39,7 @@ impl Works {
         self.current.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What `work` gives, which is told by a flag when nobody waits for it any more. The name says what it computes.
+    /// Result of `work`, which learns by a flag that nobody waits for it any more. The name says what it computes.
     pub(super) async fn answer(
         self: &Arc<Self>,
         name: &str,

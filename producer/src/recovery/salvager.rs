@@ -10,11 +10,12 @@ use schemas::frame::{EndReason, Frame, FrameSink};
 use schemas::manifest::RunManifest;
 use std::collections::BTreeMap;
 
-/// How many recorded states ahead one without a checksum is always looked for. Its step may be wrong like the rest of
-/// it, so that farther ones are only looked for if that costs no more than what has been computed to an end.
+/// Number of recorded states ahead within which the salvager always looks for one without a checksum. The step of such
+/// a state may be wrong like the rest of it, so the salvager looks for farther ones only if that costs no more than the
+/// steps computed so far.
 const NEAR_STATES: u64 = 64;
 
-/// How often to ask whether to go on, while nothing is written.
+/// Steps between two questions to the caller about going on, while nothing is written.
 const WATCH_STEPS: u64 = 1024;
 
 /// Takes the states of a file in order and writes those that can be saved.
@@ -24,7 +25,7 @@ pub(super) struct Salvager<'a> {
     watch: &'a mut dyn FnMut(u64) -> bool,
     /// Lost states that are still recomputed.
     fill_left: u64,
-    /// Of another kernel version nothing is computed.
+    /// None for another kernel version: nothing is computed then.
     integrator: Option<Integrator>,
     /// The last state that is proven, or believed until the next one shows; none before the first.
     state: Option<ChainState>,
@@ -88,7 +89,7 @@ impl<'a> Salvager<'a> {
         }
     }
 
-    /// Where messages of other channels go.
+    /// The writer of messages of other channels.
     pub(super) fn writer(&mut self) -> &mut RecordingWriter {
         self.writer
     }
@@ -136,7 +137,7 @@ impl<'a> Salvager<'a> {
         self.advance(frame.step, Some(frame))
     }
 
-    /// How many steps it takes to compute the state at `step` ahead.
+    /// Number of steps that lead to the state at `step` ahead.
     fn cost_of(&self, step: u64) -> u64 {
         let from = self.start_of(step).map_or(step, |state| state.step);
         step.saturating_sub(from)
@@ -149,7 +150,7 @@ impl<'a> Salvager<'a> {
         self.probe.as_ref().filter(is_between).or(Some(proven))
     }
 
-    /// Whether the last proven state leads to `frame`; none if that comes before it, or there is none.
+    /// True if the last proven state leads to `frame`; none if that comes before it, or there is none.
     fn leads_to(&mut self, frame: &Frame<'_>) -> Result<Option<bool>, RecoveryError> {
         Ok(self.probed(frame.step)?.map(|probe| difference(probe, frame, None).is_none()))
     }
@@ -227,7 +228,7 @@ impl<'a> Salvager<'a> {
         Ok(())
     }
 
-    /// Whether no state from step `from` on is due before `step`.
+    /// True if no state from step `from` on is due before `step`.
     fn is_nothing_due(&self, from: u64, step: u64) -> bool {
         from < self.due_from && self.next_due() >= step
     }
@@ -258,7 +259,7 @@ impl<'a> Salvager<'a> {
         self.write(frame)
     }
 
-    /// Whether the state of `step` is the last of the last range of recomputed ones.
+    /// True if the state of `step` is the last of the last range of recomputed ones.
     fn is_recomputed(&self, step: u64) -> bool {
         let last = self.recovery.recomputed.last().map(|(_, to)| *to);
         last == Some(self.manifest.frame_at(step))

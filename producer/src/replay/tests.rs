@@ -160,8 +160,8 @@ fn a_window_has_exactly_its_frames() {
     }
 }
 
-/// What is missing at the beginning is like what comes before one attaches; elsewhere the replay breaks off,
-/// unless it is over before.
+/// Frames missing at the beginning are like frames before an attachment. Elsewhere the replay breaks off, unless it is
+/// over before.
 #[test]
 fn consumers_never_see_a_gap() {
     let late = [vec![Item::Missed(0, 2)], steps((6..=20).step_by(2), COMPLETE)].concat();

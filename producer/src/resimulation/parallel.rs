@@ -15,14 +15,14 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
 use stretch::{Block, Piece, Stretch, Workers};
 
-/// A recording with at most one state in this many steps is recomputed faster by several threads. Where states are
-/// closer, reading them and handing them over takes longer than computing them.
+/// Several threads are faster for a recording with at most one state in this many steps. If states are closer, reading
+/// and handing them over takes longer than computing them.
 const FEW_STATES_STEPS: u64 = 8;
 
-/// How often somebody who waits for states looks whether it is to stop.
+/// Interval at which a thread that waits for states checks if it is to stop.
 const LOOK_PERIOD: Duration = Duration::from_millis(50);
 
-/// How much is kept in memory at most.
+/// Bounds of the memory.
 #[derive(Debug, Clone, Copy)]
 struct Limits {
     /// A stretch covers at least this many steps, unless its recorded states have [`Self::stretch_doubles`].
@@ -47,7 +47,7 @@ impl Default for Limits {
     }
 }
 
-/// What a [`Resimulation`](super::Resimulation) that ends with the last state is, computed ahead by several threads: the
+/// A [`Resimulation`](super::Resimulation) that ends with the last state, computed ahead by several threads: the
 /// same states in the same order, the same gaps, errors and end.
 ///
 /// It reads its source ahead, so that it suits files and not live runs. At most one stretch more than there
@@ -58,7 +58,7 @@ impl Default for Limits {
 pub struct ParallelResimulation<S: FrameSource> {
     source: S,
     limits: Limits,
-    /// What comes next, in order. Before the workers, so that none waits for room in it when they are dropped.
+    /// The next states, in order. Dropped before the workers, so that none waits for room in it.
     upcoming: VecDeque<Upcoming<S::Error>>,
     workers: Workers,
     /// The recorded states of the next stretch so far; the first is the last one of the stretch before.
@@ -118,7 +118,7 @@ impl<S: FrameSource> ParallelResimulation<S> {
         Ok(Self::new(source, lend, threads)?.with_initial_state())
     }
 
-    /// Whether several threads are faster than one with the recordings of `manifest`: with sparse ones.
+    /// True if several threads are faster than one with the recordings of `manifest`: with sparse ones.
     pub fn pays(manifest: &RunManifest) -> bool {
         manifest.provenance.record_every_steps >= FEW_STATES_STEPS
     }
@@ -220,7 +220,7 @@ impl<S: FrameSource> ParallelResimulation<S> {
         }
     }
 
-    /// Whether the recorded states read so far make a stretch.
+    /// True if the recorded states read so far make a stretch.
     fn is_enough(&self) -> bool {
         let (Some(first), Some(last)) = (self.states.first(), self.states.last()) else { return false };
         let doubles = self.states.len() * self.source.manifest().frame_doubles();
@@ -276,7 +276,7 @@ impl<S: FrameSource> ParallelResimulation<S> {
         Ok(None)
     }
 
-    /// What comes after a state that is wrong is not trusted.
+    /// Ends the stream at a wrong state: nothing after it is trusted.
     fn refuse<T>(&mut self, difference: Difference) -> Result<T, ResimulationError<S::Error>> {
         self.workers.stop();
         self.upcoming.clear();

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender};
 use std::sync::{Mutex, PoisonError};
 
-/// What a thread found.
+/// Results of a thread.
 #[derive(Debug, Default)]
 pub(super) struct Proof {
     pub(super) differences: Vec<Difference>,

@@ -16,13 +16,13 @@ const MOST_BEYOND: u64 = 1 << 34;
 /// As many times the steps that the states of a file cover are computed beyond them.
 const TIMES_COVERED: u64 = 1024;
 
-/// Whether so many steps before or after the states of a file of this run, which cover `covered` steps, are worth
+/// True if so many steps before or after the states of a file of this run, which cover `covered` steps, are worth
 /// computing: a file's claim of its length costs nothing to make.
 pub(crate) fn is_affordable(steps: u64, covered: u64, run: &RunManifest) -> bool {
     steps <= covered.saturating_mul(TIMES_COVERED).saturating_add(MOST_BEYOND / run.physics.beads)
 }
 
-/// How a recording begins that does not begin with the run, or that continues another one.
+/// Begin of a recording that does not begin with the run, or that continues another one.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Follows {
     /// Its first state follows from the last state of the part before, or from the initial condition.
@@ -40,13 +40,13 @@ pub enum Follows {
 }
 
 impl Follows {
-    /// Whether that is proven.
+    /// True if the begin is proven.
     pub fn is_proven(&self) -> bool {
         *self == Self::Proven
     }
 }
 
-/// Whether the first state of the recording `found` follows from the manifest's initial condition; none if it has no
+/// True if the first state of the recording `found` follows from the manifest's initial condition; none if it has no
 /// state, or nothing can be recomputed. `stop` ends the computation, which is bounded by what the file covers.
 pub fn follows_the_run(found: &Verification, stop: &AtomicBool) -> Option<Follows> {
     let run = &found.manifest;
@@ -64,7 +64,7 @@ pub fn follows_the_run(found: &Verification, stop: &AtomicBool) -> Option<Follow
     Some(difference(&state, &frame, None).map_or(Follows::Proven, Follows::Differs))
 }
 
-/// Whether the recording `next` is the part that follows `before`. `stop` ends the computation.
+/// True if the recording `next` is the part that follows `before`. `stop` ends the computation.
 pub fn follows(before: &Verification, next: &Verification, stop: &AtomicBool) -> Follows {
     let (run, other) = (&before.manifest, &next.manifest);
     if run.provenance.run_id != other.provenance.run_id || run.physics != other.physics {

@@ -111,7 +111,7 @@ impl Results {
         self.topics.iter_mut().for_each(|(_, of_topic)| of_topic.has_gap = true);
     }
 
-    /// Where results of this topic are, with a publisher.
+    /// Index of the results of this topic, after giving them a publisher.
     fn at(&mut self, topic: Topic, head: &RowsHead) -> Result<usize, MessageError> {
         let found = self.topics.iter().position(|(known, _)| *known == topic);
         if let Some(at) = found

@@ -1,4 +1,4 @@
-//! Bounds of what is taken from the other side: all that can be counted is counted before it is used.
+//! Bounds of the messages from the other side: everything is counted before it is used.
 
 use super::{MessageError, garbage};
 use schemas::manifest::RunManifest;
@@ -13,7 +13,7 @@ pub const MOST_TOPICS: usize = 32;
 pub const BEGINNINGS_PER_S: u64 = 1;
 /// Most bytes of messages before the first state: the near side keeps no more.
 pub const MOST_BYTES_BEFORE: usize = 64 << 20;
-/// Longest part of a message beside its longest frame or row (bytes): what a near side gathers, and the heads.
+/// Longest part of a message beside its longest frame or row (bytes): the batch of a near side, and the heads.
 const MOST_BATCH_BYTES: usize = (1 << 20) + (8 << 10);
 
 /// Longest message about a run (bytes).

@@ -18,13 +18,13 @@ use std::time::{Duration, Instant};
 const BATCH_BYTES: usize = 64 << 10;
 /// Longest wait for more of them.
 const BATCH_PERIOD: Duration = Duration::from_millis(10);
-/// How long to wait for a publisher before looking again.
+/// Interval between two searches for a publisher.
 const LOOK_PERIOD: Duration = Duration::from_millis(100);
-/// How long to trust that publishers of topics that are not ours announce themselves.
+/// Time for which the near side trusts that publishers of topics that are not ours announce themselves.
 const OWN_LOOK_PERIOD: Duration = Duration::from_secs(1);
 /// Most topics that are not ours; a far side takes no more.
 const MOST_OWN_TOPICS: usize = MOST_TOPICS - 4;
-/// How long after the end of the run a living publisher may be silent.
+/// Longest silence of a living publisher after the end of the run.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// A value as bytes.
@@ -220,7 +220,7 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
         }
     }
 
-    /// No frame is sent after `last_frame`: waits for the rest of the rows, and gives what went wrong.
+    /// No frame is sent after `last_frame`: waits for the rest of the rows, and returns the troubles.
     pub fn finish(&self, last_frame: u64) -> Vec<String> {
         let _ = self.last_frame.set(last_frame);
         for thread in std::mem::take(&mut *lock(&self.started)) {

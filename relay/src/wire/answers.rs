@@ -30,7 +30,7 @@ struct Room {
 }
 
 impl Answers {
-    /// Asks whoever offers a run.
+    /// Asks everybody who offers a run.
     pub(super) fn ask(session: &Session, request: &Request) -> Result<Self, WireError> {
         let (sender, replies) = sync_channel(MOST_ANSWERS);
         let room = Arc::new(Room::default());

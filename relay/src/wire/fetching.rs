@@ -18,14 +18,14 @@ use zenoh::{Session, Wait as _};
 
 /// Messages that wait for us, each as it came.
 const MOST_WAITING: usize = 4;
-/// How often the near side hears from us.
+/// Interval of our messages to the near side.
 const HEARTBEAT: Duration = Duration::from_millis(250);
 /// A pause before asking again where nobody answers, or has nothing.
 const PAUSE: Duration = Duration::from_millis(50);
-/// How long to wait at the end for the near side's word that it knows: it waits no longer for our question.
+/// Time to wait at the end for the near side's confirmation: the near side waits no longer for our question.
 const LEAVE_TIME: Duration = Duration::from_secs(1);
 
-/// What has arrived.
+/// Something that arrived from the near side.
 #[derive(Debug)]
 pub enum Arrival {
     /// A message of the run.
@@ -36,14 +36,14 @@ pub enum Arrival {
     Failed(WireError),
 }
 
-/// Whom a far side asks, and for what.
+/// The request of a far side, and its address.
 #[derive(Debug, Clone)]
 pub struct Wanted {
-    /// Where the near side is met.
+    /// Address of the near side.
     pub endpoint: Endpoint,
     /// Zenoh's configuration, if the user has one.
     pub config: Option<PathBuf>,
-    /// Which far side this is: the same number after a restart.
+    /// Number of this far side: the same after a restart.
     pub receiver: u64,
     /// Every frame instead of states.
     pub frames: bool,
@@ -80,7 +80,7 @@ struct State {
     has_left: bool,
 }
 
-/// What a far side waits for.
+/// The thing that a far side waits for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Waiting {
     /// Nothing listens there.
@@ -93,7 +93,7 @@ impl Fetching {
     /// Connects to the near side and asks for its run; waits for both until `stop` is set, which gives none.
     ///
     /// # Errors
-    /// When the other side is none, or another version, or refuses us, or offers what is no run.
+    /// When the other side is no relay, or another version, or refuses us, or offers no possible run.
     pub fn start(
         wanted: &Wanted,
         stop: &AtomicBool,
@@ -137,7 +137,7 @@ impl Fetching {
         Ok(Some(Self { manifest, frames, shared, arrivals, _connections: session }))
     }
 
-    /// What arrives next, within this time.
+    /// The next arrival, within this time.
     pub fn next(&self, patience: Duration) -> Option<Arrival> {
         match self.arrivals.recv_timeout(patience) {
             Ok(Arrival::Again(have, frames)) => {
@@ -165,7 +165,7 @@ impl Fetching {
         self.shared.frames.store(true, Ordering::Relaxed);
     }
 
-    /// How long the near side has been silent.
+    /// Time since the near side's last sign of life.
     pub fn silence(&self) -> Duration {
         self.shared.state().heard.elapsed()
     }
@@ -255,11 +255,11 @@ fn turned(said: &[u8]) -> WireError {
     WireError::Turned(String::from_utf8_lossy(said).chars().take(400).collect())
 }
 
-/// What came of a question.
+/// Result of a question.
 enum Asked {
     /// The near side lives.
     Answered,
-    /// Nobody is there, or what came does not follow from what we have.
+    /// Nobody is there, or the answer does not follow our last message.
     Nothing,
     /// Another near side is there.
     Gone,
@@ -282,7 +282,7 @@ impl Shared {
         self.change.wait_timeout(state, at_most).unwrap_or_else(PoisonError::into_inner).0
     }
 
-    /// Asks for what comes after `have`, again and again, until nobody wants it.
+    /// Asks for the messages after `have`, again and again, until nobody wants them.
     fn fetch(
         &self,
         session: &Session,
@@ -314,7 +314,7 @@ impl Shared {
         Ok(())
     }
 
-    /// Asks once for what comes after `have`.
+    /// Asks once for the messages after `have`.
     fn ask(
         &self,
         session: &Session,
@@ -375,7 +375,7 @@ impl Shared {
         }
     }
 
-    /// Tells the near side what is done, when it changes and now and then.
+    /// Tells the near side the last message that is done, when it changes and now and then.
     fn beat(&self, session: &Session) {
         while !self.over.load(Ordering::Relaxed) {
             let done = self.state().done;

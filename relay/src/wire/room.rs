@@ -1,5 +1,5 @@
-//! Requests that wait until there is something to say. The room is bounded: whoever waits in vain for longest gives way, so that
-//! those who say nothing keep nobody out.
+//! Requests that wait until there is something to say. The room is bounded: the request that waits in vain for longest
+//! gives way, so that silent ones keep nobody out.
 //!
 //! Decided without a transport and without a clock: times are passed in.
 
@@ -61,7 +61,7 @@ impl<T> Room<T> {
         self.answering -= 1;
     }
 
-    /// How many are being answered.
+    /// Number of requests that are being answered.
     pub(super) fn answering(&self) -> usize {
         self.answering
     }

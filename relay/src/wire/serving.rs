@@ -1,4 +1,4 @@
-//! The near side: answers those who ask.
+//! The near side: it answers requests.
 
 use super::room::{Room, Turn};
 use super::{
@@ -22,7 +22,7 @@ use zenoh::sample::Sample;
 
 /// Words about strangers that are kept until they are told: more of them say nothing new.
 const MOST_TROUBLES: usize = 64;
-/// How long an answer stays with its thread when there is nothing more to say.
+/// Time for which an answer keeps its thread when there is nothing more to send.
 const LINGER: Duration = Duration::from_millis(20);
 /// Shortest wait before the requests that wait are looked at again, where all threads are taken.
 const SHORTEST_LOOK: Duration = Duration::from_millis(1);
@@ -51,7 +51,7 @@ struct Offered {
     run: Option<Run>,
     /// Somebody has asked.
     asked: bool,
-    /// What came that was no request, and who was turned away.
+    /// Messages that were no requests, and peers that were turned away.
     troubles: Vec<String>,
 }
 
@@ -80,7 +80,7 @@ enum What {
 }
 
 impl Serving {
-    /// Listens at `endpoint`, for those who ask for `run`, or for whatever run there is; none if `stop` is set before.
+    /// Listens at `endpoint` for requests for `run`, or for any run; none if `stop` is set before.
     ///
     /// # Errors
     /// When it cannot.
@@ -114,12 +114,12 @@ impl Serving {
         Ok(Some(Self { shared, _connections: session }))
     }
 
-    /// Whether somebody has asked for the run.
+    /// True if somebody has asked for the run.
     pub fn is_asked(&self) -> bool {
         lock(&self.shared.offered).asked
     }
 
-    /// Whether somebody wants every frame.
+    /// True if somebody wants every frame.
     pub fn wants_frames(&self) -> bool {
         self.shared.frames.load(Ordering::Relaxed)
     }
@@ -130,12 +130,12 @@ impl Serving {
         self.shared.wake();
     }
 
-    /// What came that was no request, and who was turned away, since the last call.
+    /// Messages that were no requests, and peers that were turned away, since the last call.
     pub fn take_troubles(&self) -> Vec<String> {
         std::mem::take(&mut lock(&self.shared.offered).troubles)
     }
 
-    /// Leaves when what is being said has been said, or `stop` is set.
+    /// Leaves when the answers under way have ended, or `stop` is set.
     pub fn stop(self, stop: &AtomicBool) {
         let start = Instant::now();
         while lock(&self.shared.room).answering() > 0
@@ -155,7 +155,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Shared {
-    /// Lets those look who wait for something to say.
+    /// Wakes the answers that wait for a message.
     fn wake(&self) {
         self.log.change(|_| ());
     }
@@ -246,7 +246,7 @@ impl Shared {
         }
     }
 
-    /// Tells the other side what it looks like from here.
+    /// Tells the other side its state as seen from here.
     fn refuse(&self, query: &Query, said: String) {
         let _ = query.reply_err(said.clone()).wait();
         let mut offered = lock(&self.offered);
@@ -276,7 +276,7 @@ impl Shared {
         Ok(())
     }
 
-    /// Sends what comes after `have`; gives what the far side has then, if more may be said.
+    /// Sends the messages after `have`; returns the last message that the far side then has, if more may come.
     fn send(&self, query: &Query, receiver: u64, have: Have, until: Instant) -> Option<Have> {
         if self.stream() != Some(have.stream) {
             let _ = query.reply_err(GONE).wait();
@@ -316,7 +316,7 @@ impl Shared {
         None
     }
 
-    /// A far side says what it has done with.
+    /// A far side reports the messages that it has done with.
     fn hear(&self, sample: &Sample) {
         if let Ok(done) = request::<Done>(&sample.payload().to_bytes()) {
             self.hear_of(done.receiver, false, done.have);
@@ -325,7 +325,7 @@ impl Shared {
 }
 
 impl What {
-    /// Whether there is something to say.
+    /// True if there is something to say.
     fn has_news(&self, log: &Log<Payload>, stream: Option<u64>) -> bool {
         match self {
             Self::Run(_) => stream.is_some(),

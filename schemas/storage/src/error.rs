@@ -1,4 +1,4 @@
-//! What goes wrong with objects behind URLs.
+//! Errors of objects behind URLs.
 
 use crate::secrets::masked;
 use std::io;
@@ -46,7 +46,7 @@ pub enum StorageError {
 }
 
 impl StorageError {
-    /// Whether another name, or another build of the command, is needed.
+    /// True if another name, or another build of the command, is needed.
     pub fn is_of_usage(&self) -> bool {
         matches!(self, Self::NotBuilt | Self::Url(_) | Self::Exists)
     }

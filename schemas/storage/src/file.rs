@@ -34,7 +34,7 @@ pub fn read_file(path: &Path, most_bytes: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Refuses what is no file; a directory is refused by the operating system when it is read.
+/// Refuses anything but a file; the operating system refuses a directory when it is read.
 fn refuse(found: FileType) -> io::Result<()> {
     match not_a_file(found) {
         None => Ok(()),

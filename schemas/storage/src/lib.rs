@@ -31,10 +31,10 @@ pub use stop::stop_when;
 
 use std::path::Path;
 
-/// What a URL may begin with.
+/// Schemes of URLs.
 const SCHEMES: [&str; 5] = ["s3", "gs", "az", "http", "https"];
 
-/// Whether `path` is a URL, and not the name of a file.
+/// True if `path` is a URL, and not the name of a file.
 pub fn is_url(path: &Path) -> bool {
     let scheme = path.to_str().and_then(|text| text.split_once("://")).map(|(scheme, _)| scheme);
     scheme.is_some_and(|scheme| SCHEMES.contains(&scheme))

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 /// A file or an object.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Entry {
-    /// Where it is.
+    /// Its path or URL.
     pub path: PathBuf,
     /// Its size in bytes.
     pub bytes: u64,
@@ -29,7 +29,7 @@ pub struct Skipped {
 pub struct Listing {
     /// In the order of their names.
     pub entries: Vec<Entry>,
-    /// The first of what cannot be read.
+    /// The first paths that cannot be read.
     pub skipped: Vec<Skipped>,
     /// The number of all of these.
     pub skipped_count: u64,

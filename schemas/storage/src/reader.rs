@@ -50,20 +50,20 @@ impl Reader {
         }
     }
 
-    /// Whether each stretch of it costs a request.
+    /// True if each stretch of it costs a request.
     pub fn is_remote(&self) -> bool {
         matches!(self.0, Inner::Object(_))
     }
 
-    /// Says that all of `range` will be read: an object is then asked for no other bytes. `and_more` says that reading may
-    /// well go on after it.
+    /// Announces that all of `range` will be read: an object is then asked for no other bytes. `and_more` means that
+    /// reading may well go on after it.
     pub fn expect(&mut self, range: Range<u64>, and_more: bool) {
         if let Inner::Object(object) = &mut self.0 {
             object.expect(range, and_more);
         }
     }
 
-    /// Whether reading at `offset` was expected, or costs nothing.
+    /// True if reading at `offset` was expected, or costs nothing.
     pub fn expects(&self, offset: u64) -> bool {
         match &self.0 {
             Inner::File(..) => true,

@@ -44,8 +44,8 @@ fn start() -> Result<Handle, StorageError> {
     Ok(handle)
 }
 
-/// Runs `work` on the thread that makes requests, and waits for it, unless the program is asked to stop meanwhile. No message of
-/// what went wrong holds a secret.
+/// Runs `work` on the thread that makes requests, and waits for it, unless the program is asked to stop meanwhile. No
+/// error message holds a secret.
 pub(crate) fn wait<T: Send + 'static>(
     work: impl Future<Output = Result<T, StorageError>> + Send + 'static,
 ) -> Result<T, StorageError> {

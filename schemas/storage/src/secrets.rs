@@ -16,7 +16,7 @@ const STORES: [&str; 3] = ["AWS_", "GOOGLE_", "AZURE_"];
 /// Words in the names of variables that hold secrets.
 const SECRET: [&str; 6] = ["SECRET", "TOKEN", "PASSWORD", "KEY", "SAS", "SIGNATURE"];
 
-/// Ends of the names of variables that say where something is, or who somebody is.
+/// Ends of the names of variables for places and identities.
 const OPEN: [&str; 6] = ["_ID", "_FILE", "_PATH", "_URI", "_URL", "_ENDPOINT"];
 
 /// Keys of queries whose values are secrets: signed URLs of S3, Google and Azure, and bearer tokens.
@@ -68,7 +68,7 @@ impl Secrets {
         secrets
     }
 
-    /// Adds a value, and what a header says with it: `Bearer VALUE`, `…, Signature=VALUE`.
+    /// Adds a value, and its forms in a header: `Bearer VALUE`, `…, Signature=VALUE`.
     pub(crate) fn add(&mut self, value: &str) {
         let ends = ["Signature=", "sig=", "Bearer ", "Basic "];
         let parts = ends.iter().filter_map(|end| Some(value.split_once(end)?.1));

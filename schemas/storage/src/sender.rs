@@ -1,6 +1,6 @@
 //! Sends files to objects while they are written, in a thread of its own.
 //!
-//! Whoever writes a file only ever appends to it, so what is there is sent as soon as it makes a part. The writer never waits.
+//! The writer of a file only appends to it, so bytes are sent as soon as they make a part. The writer never waits.
 
 use crate::{StorageError, Upload, open_file, read_file, stop};
 use std::fmt::{self, Display};
@@ -27,21 +27,21 @@ const MOST_NOTE_BYTES: u64 = 64 << 10;
 /// Between two looks at a file that grows.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// Before what a store did not take is sent again, while the file grows.
+/// Pause before refused bytes are sent again, while the file grows.
 const PAUSE: Duration = Duration::from_secs(10);
 
 /// A file on its way to an object.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Errand {
-    /// What the file is called once it is whole.
+    /// Name of the file once it is whole.
     pub file: PathBuf,
-    /// What it is called while it is written.
+    /// Name of the file while it grows.
     pub growing: PathBuf,
-    /// Where it goes.
+    /// Its destination.
     pub url: PathBuf,
 }
 
-/// How files are sent.
+/// Options of sending.
 #[derive(Debug, Clone)]
 pub struct SendOptions {
     /// The run that they are recordings of.
@@ -57,7 +57,7 @@ pub struct SendOptions {
 /// An object that is there, whole.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Sent {
-    /// Where it is.
+    /// Its URL.
     pub url: PathBuf,
     /// Its size.
     pub bytes: u64,
@@ -73,7 +73,7 @@ pub enum SendError {
     /// The store refuses, or cannot be reached.
     #[error("{} was not written", url.display())]
     Store {
-        /// Where the file was to go.
+        /// Destination of the file.
         url: PathBuf,
         /// Why.
         source: StorageError,
@@ -83,7 +83,7 @@ pub enum SendError {
     File {
         /// The file.
         file: PathBuf,
-        /// What the operating system says.
+        /// The operating system's error.
         source: io::Error,
     },
     /// It was asked to stop.
@@ -92,12 +92,12 @@ pub enum SendError {
     /// It was never finished.
     #[error("{} was not finished, so that nothing is left of it behind the URL", file.display())]
     Unfinished {
-        /// What it is called.
+        /// Its name.
         file: PathBuf,
     },
 }
 
-/// What came of sending.
+/// Result of sending.
 #[derive(Debug)]
 pub struct Outcome {
     /// The objects, in the order of their files.
@@ -120,7 +120,7 @@ struct Shared {
 
 #[derive(Default)]
 struct State {
-    /// How many files there are, once that is known.
+    /// Number of files, once it is known.
     files: Option<u64>,
     sent_bytes: u64,
     sent: Vec<Sent>,
@@ -134,8 +134,8 @@ pub struct Begun {
 }
 
 impl Begun {
-    /// Begins to send `errand`, of which nothing need be there yet, so that a store that refuses is known before anything is
-    /// written. What an earlier attempt left in the store is gone on with if it can be, and else removed.
+    /// Begins to send `errand`, even before its file exists, so that a store can refuse before anything is written. It
+    /// goes on with the parts of an earlier attempt if that is possible, and else removes them.
     ///
     /// # Errors
     /// When there is such an object and it is not to be replaced, or when the store refuses.
@@ -172,7 +172,7 @@ impl Begun {
 }
 
 impl Sender {
-    /// Says that `files` files are finished, and that there will be no more.
+    /// Announces that `files` files are finished, and that there will be no more.
     pub fn end(&self, files: u64) {
         self.shared.lock().files = Some(files);
         self.shared.changed.notify_all();
@@ -183,12 +183,12 @@ impl Sender {
         self.shared.lock().sent_bytes
     }
 
-    /// Whether everything is sent, or given up.
+    /// True if everything is sent, or given up.
     pub fn is_done(&self) -> bool {
         self.thread.is_finished()
     }
 
-    /// Does not wait for the end. What was sent stays in the store until the file is sent again.
+    /// Does not wait for the end. Sent parts stay in the store until the file is sent again.
     pub fn leave(self) -> Outcome {
         Outcome { sent: self.shared.lock().sent.clone(), error: Some(SendError::Stopped) }
     }
@@ -205,12 +205,12 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// How many files there are, if that is known by now.
+    /// Number of files, if it is known by now.
     fn files(&self) -> Option<u64> {
         self.lock().files
     }
 
-    /// Waits until there is news from whoever writes, or for `time`.
+    /// Waits until there is news from the writer, or for `time`.
     fn wait(&self, time: Duration) {
         let state = self.lock();
         if state.files.is_none() {
@@ -219,7 +219,7 @@ impl Shared {
     }
 }
 
-/// What the thread does.
+/// The work of the thread.
 struct Work {
     shared: Arc<Shared>,
     options: SendOptions,
@@ -291,7 +291,7 @@ impl Work {
         }
     }
 
-    /// Sends what is in the file until it is whole, and completes the object.
+    /// Sends the file until it is whole, and completes the object.
     fn follow(
         &self,
         number: u64,
@@ -339,7 +339,7 @@ impl Work {
         Ok(was_sent)
     }
 
-    /// Does what may go wrong for a while, again and again as long as files are written, and once after that.
+    /// Repeats work that may fail for a while, as long as files are written, and once after that.
     fn patiently<T>(&self, mut attempt: impl FnMut() -> Result<T, SendError>) -> Result<T, SendError> {
         let mut was_told = false;
         loop {
@@ -359,12 +359,12 @@ impl Work {
 }
 
 impl SendError {
-    /// Whether it may go better later.
+    /// True if it may go better later.
     fn may_pass(&self) -> bool {
         matches!(self, Self::Store { source: StorageError::Failed(_), .. })
     }
 
-    /// True if another attempt may go on with what was sent.
+    /// True if another attempt may go on with the sent parts.
     fn leaves_parts(&self) -> bool {
         let Self::Store { source, .. } = self else { return false };
         matches!(source, StorageError::Failed(_) | StorageError::Denied(_) | StorageError::Stopped)
@@ -448,7 +448,7 @@ impl Display for Note {
     }
 }
 
-/// Removes what was sent. If that fails, the next attempt does it.
+/// Removes the sent parts. If that fails, the next attempt does it.
 fn give_up(errand: &Errand, upload: &Upload) {
     if Upload::give_up(&errand.url, upload.id()).is_ok() {
         forget(errand);
@@ -460,14 +460,14 @@ fn forget(errand: &Errand) {
     let _ = fs::remove_file(note_of(errand));
 }
 
-/// Where the id of an upload is that is not over.
+/// Path of the note with the id of an upload that is not over.
 fn note_of(errand: &Errand) -> PathBuf {
     let mut name = errand.file.clone().into_os_string();
     name.push(".upload");
     name.into()
 }
 
-/// Whether `file` is what stands at `path`.
+/// True if `file` is the file at `path`.
 fn is_at(file: &File, path: &Path) -> bool {
     let ours = file.metadata().map(|found| (found.dev(), found.ino()));
     path.symlink_metadata().is_ok_and(|found| ours.is_ok_and(|ours| ours == (found.dev(), found.ino())))

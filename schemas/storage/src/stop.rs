@@ -8,16 +8,16 @@ use std::sync::{Arc, Mutex, PoisonError};
 static ASKED: Mutex<Option<Arc<AtomicBool>>> = Mutex::new(None);
 
 thread_local! {
-    /// True of a thread that finishes what it has begun.
+    /// True in a thread that finishes its work after a stop.
     static IS_PATIENT: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Has every thread that waits for a store give up when `flag` is set, but for those that send what was recorded.
+/// Lets every thread that waits for a store give up when `flag` is set, except for threads that send recordings.
 pub fn stop_when(flag: Arc<AtomicBool>) {
     *ASKED.lock().unwrap_or_else(PoisonError::into_inner) = Some(flag);
 }
 
-/// Says that this thread goes on after the program was asked to stop.
+/// Lets this thread go on after the program was asked to stop.
 pub(crate) fn be_patient() {
     IS_PATIENT.set(true);
 }

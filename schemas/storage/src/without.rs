@@ -1,4 +1,4 @@
-//! What stands for objects behind URLs in a build without them.
+//! Stand-ins for objects behind URLs in a build without them.
 
 use crate::{Listing, StorageError};
 use std::convert::Infallible;
@@ -54,7 +54,7 @@ pub(crate) fn list(_: &Path, _: &dyn Fn(&Path) -> bool, _: &mut Listing) -> Resu
     Err(StorageError::NotBuilt)
 }
 
-/// Forgets what is known of the object behind the URL `path`: the next reader opens it anew.
+/// Forgets the object behind the URL `path`: the next reader opens it anew.
 pub fn forget(_: &Path) {}
 
 /// None can be written.

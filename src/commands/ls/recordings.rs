@@ -65,7 +65,7 @@ fn recordings(place: &Path) -> std::io::Result<Listing> {
     storage::list(place, is_recording)
 }
 
-/// Says what cannot be read, and why.
+/// Reports the paths that cannot be read, with their reasons.
 pub(crate) fn tell_skipped(skipped: &[Skipped], skipped_count: u64) {
     for Skipped { name, why } in skipped {
         notice!("{name} is left out: {why}");
@@ -76,13 +76,13 @@ pub(crate) fn tell_skipped(skipped: &[Skipped], skipped_count: u64) {
     }
 }
 
-/// Whether `path` has the name of a recording, finished or not.
+/// True if `path` has the name of a recording, finished or not.
 pub(crate) fn is_recording(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     name.ends_with(".mcap") || name.ends_with(".mcap.partial")
 }
 
-/// What recordings say of themselves, in the order of `paths`, several at a time.
+/// Summaries of recordings, in the order of `paths`, read several at a time.
 pub(crate) fn summaries(paths: &[&Path]) -> Vec<Found> {
     let next = Mutex::new(paths.iter().enumerate());
     let work = || {
@@ -109,7 +109,8 @@ pub(crate) fn summaries(paths: &[&Path]) -> Vec<Found> {
     all.into_iter().map(|(_, found)| found).collect()
 }
 
-/// What `look` finds in the recording at `path`, or a sentence for its row: one file's failure is no other's.
+/// The result of `look` at the recording at `path`, or a sentence for its row: one file's failure does not affect
+/// others.
 pub(crate) fn glance<T, E>(path: &Path, look: impl FnOnce(&Path) -> Result<T, E>) -> Result<T, String>
 where
     E: std::error::Error + Send + Sync + 'static,
@@ -124,7 +125,7 @@ where
     }
 }
 
-/// How it ended, in a word or two.
+/// Its end, in a word or two.
 fn state(info: &RecordingInfo) -> String {
     match &info.end {
         None if is_being_written(&info.path) => "being written".to_owned(),

@@ -1,4 +1,4 @@
-//! Where the keys lead to.
+//! Targets of the keys that seek.
 
 use crate::args::ReplayArgs;
 use crate::failure::{BadInput, Failure};

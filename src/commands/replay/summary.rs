@@ -1,4 +1,4 @@
-//! What a replay leaves behind, in numbers.
+//! Summary of a replay, in numbers.
 
 use crate::args::{Pace, ReplayArgs};
 use crate::display::{self, count, duration};
@@ -20,11 +20,11 @@ pub(super) struct Summary {
     /// Streams published: one a loop, and one more after each seek.
     pub(super) streams: u64,
     seek_count: u64,
-    /// Where the keys lead from the end of the last stream.
+    /// Targets of the keys from the end of the last stream.
     pub(super) seeks: Vec<Seek>,
     /// The pace for the next stream.
     pub(super) pace: Pace,
-    /// Whether that begins with a pause.
+    /// True if the next stream begins with a pause.
     pub(super) is_paused: bool,
     run: Option<(RunName, RunId)>,
     first_frame: Option<u64>,
@@ -63,17 +63,17 @@ impl Summary {
         }
     }
 
-    /// Which run it is.
+    /// Notes the run.
     pub(super) fn name(&mut self, manifest: &RunManifest) {
         self.run = Some((manifest.provenance.name.clone(), manifest.provenance.run_id));
     }
 
-    /// How often it was published from its beginning.
+    /// Number of times it was published from its beginning.
     fn loops(&self) -> u64 {
         self.streams - self.seek_count
     }
 
-    /// Which loop the next stream belongs to, if there are several.
+    /// Number of the loop of the next stream, if there are several.
     pub(super) fn number(&self) -> String {
         let number = self.loops() + u64::from(self.seeks.is_empty());
         if number > 1 { format!("loop {number}") } else { String::new() }

@@ -1,8 +1,8 @@
-//! What keys mean on the screen.
+//! Meaning of keys on the screen.
 
 use crate::keyboard::{Meaning, Press, presses};
 
-/// What a person wants, or what the terminal answers.
+/// A wish of the user, or an answer of the terminal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Key {
     /// The run above.
@@ -21,7 +21,7 @@ pub(super) enum Key {
     Help,
     /// The terminal's background.
     Background {
-        /// Whether text on it is light.
+        /// True if text on it is light.
         is_dark: bool,
     },
     /// The end.
@@ -50,7 +50,7 @@ impl Meaning for Key {
     }
 }
 
-/// Whether the background is dark, from an answer such as `11;rgb:1e1e/2020/ffff`.
+/// True if the background is dark, from an answer such as `11;rgb:1e1e/2020/ffff`.
 fn is_dark(answer: &[u8]) -> Option<bool> {
     let text = std::str::from_utf8(answer).ok()?.strip_prefix("11;rgb:")?;
     let part = |digits: &str| {

@@ -1,4 +1,4 @@
-//! What is read from the bus, in threads of their own, so that keys are obeyed at once.
+//! Threads that read the bus, so that keys are obeyed at once.
 
 use crate::display;
 use crate::failure::Failure;
@@ -17,10 +17,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-/// How often the runs are listed.
+/// Interval between two lists of the runs.
 const LIST_PERIOD: Duration = Duration::from_millis(500);
 
-/// Between two states that are taken from a run, at most: what is shown is not older than this.
+/// Longest time between two states that are taken from a run: the screen is not older than this.
 const LONGEST_PAUSE: Duration = Duration::from_millis(50);
 
 /// The runs on the bus, again and again.
@@ -53,7 +53,7 @@ pub(super) struct Watch {
     is_over: bool,
 }
 
-/// What has come since the last look.
+/// News since the last look.
 #[derive(Default)]
 struct News {
     manifest: Option<Box<RunManifest>>,
@@ -94,12 +94,12 @@ impl Watch {
         Ok(Self { name: name.clone(), news, _task: Task::start("states", stop, watch)?, is_over: false })
     }
 
-    /// Whether no more states come.
+    /// True if no more states come.
     pub(super) fn is_over(&self) -> bool {
         self.is_over
     }
 
-    /// Shows what has come; what cannot be attached to is said.
+    /// Hands over the news; an attachment that fails has a message.
     pub(super) fn take(&mut self, watched: &mut Option<Watched>) -> Result<Option<String>, Failure> {
         let mut news = lock(&self.news);
         if let Some(manifest) = news.manifest.take() {

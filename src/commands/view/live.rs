@@ -16,9 +16,9 @@ use std::time::{Duration, Instant};
 
 /// A state is shown at most so often.
 const FRAME_PERIOD: Duration = Duration::from_nanos(1_000_000_000 / 60);
-/// How often viewers are told how the run is doing.
+/// Interval at which viewers get the status of the run.
 const STATUS_PERIOD: Duration = Duration::from_millis(250);
-/// How often we look whether anybody still looks.
+/// Interval at which we check for viewers.
 const LOOK_PERIOD: Duration = Duration::from_millis(50);
 /// Statuses over which the speed is measured.
 const SPEED_SPAN: usize = 5;
@@ -49,7 +49,7 @@ impl Watches {
         &self.bus
     }
 
-    /// What a viewer of the run is shown; the first one starts a consumer, and it waits for the run if need be.
+    /// The feed of the run for a viewer; the first viewer starts a consumer, which waits for the run if need be.
     pub(super) fn feed(self: &Arc<Self>, run: &RunName) -> LiveFeed {
         let mut watched = lock(&self.watched);
         if let Some(feed) = watched.get(run) {
@@ -106,7 +106,7 @@ impl Watches {
         list_runs(&self.bus).ok()?.into_iter().find(|found| found.name == *run)
     }
 
-    /// Whether the last viewer has left; the next one starts anew.
+    /// True if the last viewer has left; the next one starts anew.
     fn is_left(&self, run: &RunName, writer: &LiveWriter) -> bool {
         let mut watched = lock(&self.watched);
         // the feed that is kept here for the next viewer is one, too

@@ -30,7 +30,7 @@ const MOST_MODE_BEADS: u64 = 400;
 pub(crate) struct Results {
     /// The strongest ones.
     pub(crate) pulses: Vec<Value>,
-    /// How many more there are.
+    /// Number of further ones.
     more: u64,
     /// The modes of a chain that has some, and at most [`MOST_MODE_BEADS`].
     modes: Vec<Value>,

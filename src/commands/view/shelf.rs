@@ -1,4 +1,4 @@
-//! What is served: runs of the bus, a recording, a folder of recordings, a sweep.
+//! Things that the server shows: runs of the bus, a recording, a folder of recordings, a sweep.
 
 use super::live::{Watches, chain};
 use super::results;
@@ -34,15 +34,15 @@ const MAX_ENTRIES: usize = 10_000;
 const ROW_TEXT_BYTES: usize = 1 << 10;
 /// Longest list of a manifest in a row: a table compares numbers and words.
 const ROW_LIST: usize = 16;
-/// How often we look for a run while there is none.
+/// Interval at which we look for a run while there is none.
 const SEARCH_PERIOD: Duration = Duration::from_millis(100);
 
-/// What is served.
+/// All runs that the server shows.
 pub(super) struct Runs {
     kind: Kind,
     /// Recordings by their ids: the numbers of their places here, so that no address names a path.
     files: Mutex<Files>,
-    /// Results by recordings, with what the file was like when they were computed.
+    /// Results by recordings, with the state of the file when they were computed.
     results: Mutex<HashMap<PathBuf, (Stamp, String)>>,
 }
 
@@ -159,7 +159,7 @@ impl Runs {
         Ok((entries, more))
     }
 
-    /// Whether `path` lies in what is viewed: a file that was named, or one in a folder to which no link leads.
+    /// True if `path` may be shown: a file that was named, or one in a folder to which no link leads.
     fn is_inside(&self, path: &Path) -> bool {
         match &self.kind {
             Kind::Folder(folder) | Kind::Sweep(folder, _) => !leads_out(path, folder),
@@ -304,7 +304,7 @@ fn refused(name: String, error: &str) -> Entry {
     Entry { id: format!("refused-{name}"), name, kind: "recording", error, ..Entry::default() }
 }
 
-/// A manifest without what no table shows: long lists, and the ends of long texts.
+/// A manifest without the parts that no table shows: long lists, and the ends of long texts.
 fn of_a_row(mut manifest: Value) -> Value {
     fn shorten(value: &mut Value) {
         match value {
@@ -359,7 +359,7 @@ fn damage(info: &RecordingInfo, path: &Path) -> Option<String> {
     }
 }
 
-/// Whether `path` has the name of a recording; what is no file there, and a link wherever it leads, has an entry with the reason.
+/// True if `path` has the name of a recording; anything else but a file there, and any link, has an entry with the reason.
 fn is_recording(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "mcap") && !path.is_dir()
 }
@@ -381,7 +381,7 @@ fn wait_for_run(bus: &Bus, name: Option<&RunName>, stop: &AtomicBool) -> Result<
     Ok(())
 }
 
-/// A failure as a sentence for who looks at the page.
+/// A failure as a sentence for the page.
 fn said(failure: Failure) -> String {
     let (Failure::BadInput(error) | Failure::Stopped(error) | Failure::Failed(error)) = failure;
     shown(&format!("{error:#}")).into_owned()

@@ -1,4 +1,4 @@
-//! What is measured of a deformation, in a run and in its partner with twice the step.
+//! Measures of a deformation, in a run and in its partner with twice the step.
 
 use super::super::judgement::{Number, StudyError};
 use super::super::observe::{Observations, Observed};
@@ -65,7 +65,7 @@ fn speed_of_reference(seen: &Observed) -> Result<f64, StudyError> {
     Ok(11.0 / (peak_s(105)? - peak_s(94)?))
 }
 
-/// How far the theory is off, as shares of the peak.
+/// Errors of the theory, as shares of the peak.
 pub(super) fn norms(seen: &Observations, alpha: f64) -> Result<Vec<Number>, StudyError> {
     let mean = format!("root-mean-square error over the width of eq. (cos), α = {alpha}");
     let mean = seen.stepped(&homogeneous(alpha), mean, "", |seen| Ok(continuum(seen)?.l2))?;
@@ -77,8 +77,8 @@ pub(super) fn largest_error(seen: &Observations, alpha: f64) -> Result<Number, S
     seen.stepped(&homogeneous(alpha), what, "", |seen| Ok(continuum(seen)?.l_infinity))
 }
 
-/// Where, before and after the peak, the measured overlap and the theory's are [`TAIL`] of the peak: half the time between
-/// (s) of each.
+/// Half the times (s) between the points, before and after the peak, at which the measured overlap and the theory's
+/// overlap are [`TAIL`] of the peak.
 fn tails(seen: &Observed) -> Result<(f64, f64), StudyError> {
     let (found, theory, shape) = (deformation(seen)?, continuum(seen)?, shape(seen)?);
     let alpha = seen.manifest.physics.alpha;

@@ -1,7 +1,7 @@
 //! What a person reads for the name of a column.
 
 /// The ends of names that are units, the longest of those that fit first.
-const UNITS: [(&str, &str); 17] = [
+const UNITS: [(&str, &str); 19] = [
     ("_beads_per_s", "beads/s"),
     ("_rad_per_s", "rad/s"),
     ("_n_per_m", "N/m"),
@@ -9,6 +9,8 @@ const UNITS: [(&str, &str); 17] = [
     ("_kg_m3", "kg/m³"),
     ("_m_s2", "m/s²"),
     ("_beads2", "beads²"),
+    ("_kg_m_s", "kg m/s"),
+    ("_n_s", "N s"),
     ("_m_s", "m/s"),
     ("_per_s", "1/s"),
     ("_beads", "beads"),

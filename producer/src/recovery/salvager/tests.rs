@@ -29,7 +29,7 @@ fn states(manifest: &RunManifest, steps: &[u64]) -> Vec<ChainState> {
     states
 }
 
-/// What is in a file.
+/// A message of a file.
 enum Found {
     Checked(ChainState),
     Unchecked(ChainState),

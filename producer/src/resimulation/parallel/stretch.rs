@@ -29,14 +29,14 @@ pub(super) struct Block {
     doubles: Vec<f64>,
 }
 
-/// What a thread hands over of a stretch.
+/// A message from a thread about its stretch.
 #[derive(Debug)]
 pub(super) enum Piece {
     /// The next states.
     Block(Block),
     /// The next recorded state is wrong; nothing comes after this.
     Differs(Difference),
-    /// That was all.
+    /// The end of the stretch.
     Done,
 }
 
@@ -52,7 +52,7 @@ pub(super) struct Workers {
     in_work: usize,
 }
 
-/// What all threads use.
+/// State that all threads share.
 #[derive(Debug)]
 struct Shared {
     manifest: Arc<RunManifest>,
@@ -102,7 +102,7 @@ impl Workers {
         self.shared.first_step.store(first_step, Ordering::Relaxed);
     }
 
-    /// Whether another stretch is taken: one more than there are threads.
+    /// True if another stretch is taken: one more than there are threads.
     pub(super) fn have_room(&self) -> bool {
         self.in_work <= self.threads.len()
     }
@@ -130,7 +130,7 @@ impl Workers {
         }
     }
 
-    /// What is in work is not wanted any more.
+    /// Stops the work on all stretches.
     pub(super) fn stop(&self) {
         self.shared.stop.store(true, Ordering::Relaxed);
     }
@@ -216,7 +216,7 @@ impl Shared {
     }
 }
 
-/// Where the states of a stretch go.
+/// Outlet of the states of a stretch.
 struct Outlet<'a> {
     shared: &'a Shared,
     block: Block,

@@ -96,7 +96,7 @@ fn several_threads_say_the_same_of_what_is_missing_or_wrong() {
     }
 }
 
-/// Who stops listening is not held up by what is in work.
+/// A consumer that stops listening does not wait for work that is under way.
 #[test]
 fn it_can_be_dropped_at_any_time() {
     let m = manifest(1);

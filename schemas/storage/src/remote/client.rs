@@ -1,4 +1,4 @@
-//! The HTTP client of all stores: where a server may send us, how much of its answer is read, and what of an error is told.
+//! The HTTP client of all stores. It bounds redirects, the length of answers, and the texts of errors.
 //!
 //! `object_store` takes whole answers into memory, but for objects, follows redirects with the headers that it was given, and prints
 //! the bodies of errors. All its requests go through here.
@@ -189,7 +189,7 @@ fn length_of(range: &str) -> Option<u64> {
     if from.is_empty() { Some(to) } else { to.checked_sub(from.parse().ok()?)?.checked_add(1) }
 }
 
-/// Refuses a part that is longer than what was asked for, or lies where no object reaches.
+/// Refuses a part that is longer than its request, or lies where no object reaches.
 fn check_range(headers: &HeaderMap, asked: Option<u64>) -> Result<(), HttpError> {
     let text = |name: HeaderName| headers.get(name).and_then(|value| value.to_str().ok());
     let length = text(CONTENT_LENGTH).and_then(|length| length.parse::<u64>().ok());
@@ -231,8 +231,8 @@ fn is_listing(method: &Method, query: &str) -> bool {
     method.as_str() == "PROPFIND" || is_of("list-type=2") || is_of("comp=list")
 }
 
-/// A listing without the objects whose names are no plain paths. What this does not find, `object_store` refuses with the whole
-/// listing.
+/// A listing without the objects whose names are no plain paths. `object_store` refuses the whole listing for any such
+/// name that this misses.
 fn plain_names_of(bytes: Vec<u8>, skipped: &mut Skips) -> Vec<u8> {
     let Ok(text) = str::from_utf8(&bytes) else { return bytes };
     let (mut kept, mut from) = (String::new(), 0);

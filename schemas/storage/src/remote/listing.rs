@@ -53,7 +53,7 @@ pub(crate) fn list(
 }
 
 impl Directory {
-    /// The page of the listing that `token` stands for, or the first one, and what the next one's token is.
+    /// The page of the listing for `token`, or the first one, and the token of the next one.
     fn page(&self, token: Option<String>) -> Result<(Vec<ObjectMeta>, Option<String>), StorageError> {
         let prefix = self.prefix.clone();
         match &self.pages {

@@ -10,7 +10,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, PoisonError, Weak};
 
-/// What the request that opens an object brings of its end: footer and summary of most recordings.
+/// Bytes of its end that the request brings that opens an object: footer and summary of most recordings.
 const TAIL_BYTES: u64 = 256 << 10;
 
 /// Parts that an object keeps; each is at most as long as a reader asks for.
@@ -48,7 +48,7 @@ struct Known {
 
 static KNOWN: Mutex<Known> = Mutex::new(Known { all: Vec::new(), idle: VecDeque::new() });
 
-/// Forgets what is known of the object behind the URL `path`: the next reader opens it anew.
+/// Forgets the object behind the URL `path`: the next reader opens it anew.
 pub fn forget(path: &Path) {
     let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
     known.idle.retain(|object| object.url != path);
@@ -149,12 +149,12 @@ impl Object {
     }
 }
 
-/// Whether both are of the same object, as far as the store tells.
+/// True if both are of the same object, as far as the store tells.
 fn same(one: &ObjectMeta, other: &ObjectMeta) -> bool {
     (&one.e_tag, one.size, one.last_modified) == (&other.e_tag, other.size, other.last_modified)
 }
 
-/// What the store says of an object, and its end: where that starts, and its bytes.
+/// The store's description of an object, and the end of the object: its offset, and its bytes.
 async fn tail(
     store: &dyn ObjectStore,
     path: &ObjectPath,

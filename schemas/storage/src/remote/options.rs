@@ -94,7 +94,7 @@ fn duration(text: &str) -> Result<Duration> {
     if text.trim().is_empty() { Err(wrong()) } else { Ok(time) }
 }
 
-/// Follows what stays at the host that was asked, and without keys also elsewhere, but never from TLS to none.
+/// Follows redirects that stay at the host, and without keys also others, but never from TLS to none.
 fn redirect(attempt: Attempt<'_>, is_public: bool) -> Action {
     let place =
         |url: &Url| (url.scheme().to_owned(), url.host_str().map(str::to_owned), url.port_or_known_default());

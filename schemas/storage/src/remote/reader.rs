@@ -1,5 +1,5 @@
-//! Reads an object from place to place, with few requests: what is expected in large parts, the next one on its way while
-//! one is used; else little at first, and more each time that reading simply goes on.
+//! Reads an object from place to place, with few requests. Announced ranges come in large parts, the next one on its
+//! way while one is used. Else parts are small at first, and grow as reading goes on.
 
 use super::object::{Object, Part};
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
@@ -7,10 +7,10 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What is asked for where nothing is expected: the beginning of most recordings.
+/// Bytes of the first request without an announcement: the beginning of most recordings.
 const LITTLE_BYTES: u64 = 64 << 10;
 
-/// How many times more when reading goes on.
+/// Factor by which requests grow as reading goes on.
 const GROWTH: u64 = 8;
 
 /// The most that one request brings.
@@ -21,15 +21,15 @@ const MOST_BYTES: u64 = 8 << 20;
 pub(crate) struct ObjectReader {
     object: Arc<Object>,
     position: u64,
-    /// Where the bytes at hand are from.
+    /// Range of the bytes at hand.
     here: Range<u64>,
     bytes: Arc<Vec<u8>>,
     /// On its way.
     next: Option<Arc<Part>>,
     expected: Range<u64>,
-    /// Reading may go on after what is expected.
+    /// Reading may go on after the announced range.
     and_more: bool,
-    /// How much is asked for where nothing is expected.
+    /// Bytes of the next request without an announcement.
     amount: u64,
 }
 
@@ -60,7 +60,7 @@ impl ObjectReader {
         self.expected.contains(&offset) || self.here.contains(&offset)
     }
 
-    /// Where a part that starts at `offset` should end.
+    /// End of a part that starts at `offset`.
     fn end_of(&self, offset: u64) -> u64 {
         let most = if self.expected.contains(&offset) { self.expected.end - offset } else { self.amount };
         // a server may claim any size

@@ -1,4 +1,4 @@
-//! The store of a URL, and what it says when it refuses.
+//! The store of a URL, and the meaning of its refusals.
 
 use super::client::{Connector, Skips};
 use crate::StorageError;
@@ -14,7 +14,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// How often a request is tried again, and for how long.
+/// Number of retries of a request, and their longest time.
 const RETRIES: usize = 6;
 const RETRY_FOR: Duration = Duration::from_mins(1);
 
@@ -39,9 +39,9 @@ pub(super) fn place_of_object(url: &Path) -> Result<(&str, ObjectPath), StorageE
 /// A place with objects.
 pub(crate) struct Directory {
     pub(super) pages: Pages,
-    /// What their names begin with.
+    /// Prefix of their names.
     pub(crate) prefix: Option<ObjectPath>,
-    /// What their URLs begin with.
+    /// Base of their URLs.
     pub(crate) base: String,
     /// Objects that were left out of the last page.
     pub(super) skipped: Arc<Mutex<Skips>>,
@@ -116,7 +116,7 @@ pub(super) fn unusable(error: Error) -> StorageError {
     StorageError::Url(error.to_string()).masked()
 }
 
-/// How requests are tried again.
+/// Rules for the retries of requests.
 pub(super) fn retries() -> RetryConfig {
     RetryConfig {
         max_retries: RETRIES,
@@ -156,7 +156,7 @@ fn build(base: &str, connector: Connector) -> object_store::Result<Built> {
     })
 }
 
-/// What a store's error means.
+/// Meaning of a store's error.
 #[expect(clippy::needless_pass_by_value, reason = "for `map_err`")]
 pub(crate) fn refused(error: Error) -> StorageError {
     if causes(&error).any(|cause| matches!(cause.downcast_ref(), Some(Error::Precondition { .. }))) {

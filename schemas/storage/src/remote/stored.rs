@@ -1,4 +1,4 @@
-//! Parts of an upload that the store has, as S3 lists them, and whether they are what a file holds.
+//! Parts of an upload that the store has, as S3 lists them, compared with those of a file.
 
 use super::client::Connector;
 use super::{store, wait, xml};

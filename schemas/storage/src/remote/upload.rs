@@ -22,7 +22,7 @@ use std::sync::Arc;
 /// Slowest connection over which a part arrives before its request is given up.
 const LEAST_BYTES_PER_S: u64 = 100_000;
 
-/// What an object says about itself: the run that it is a recording of.
+/// Name of the metadata of an object that name its run.
 const RUN: &str = "beadline-run";
 
 trait Store: ObjectStore + MultipartStore {}
@@ -35,7 +35,7 @@ struct Target {
     store: Arc<dyn Store>,
     /// The same, which completes no object that is there already; none if the store cannot do that.
     new_only: Option<Arc<dyn Store>>,
-    /// Whether an object can say more about itself than its size.
+    /// True if an object can say more about itself than its size.
     takes_attributes: bool,
     /// Lists parts that were sent; none if the store cannot be asked for them.
     lister: Option<Lister>,
@@ -82,8 +82,8 @@ impl Upload {
         Ok(Self { target, id, parts, stored, part_bytes, bytes: 0, run, replace })
     }
 
-    /// Goes on with the upload `id`, which was begun in the same way: parts that the store has are not sent again. None if the
-    /// store has no such upload any more, or does not say what it has.
+    /// Goes on with the upload `id`, which was begun in the same way: parts that the store has are not sent again. None
+    /// if the store has no such upload any more, or does not list its parts.
     ///
     /// # Errors
     /// When there is an object and it is not to be replaced, or when the store refuses.
@@ -126,7 +126,7 @@ impl Upload {
         }
     }
 
-    /// What the store calls it.
+    /// The store's name of the upload.
     pub fn id(&self) -> &str {
         &self.id
     }
@@ -200,7 +200,7 @@ impl Upload {
         }
     }
 
-    /// Whether an object is what was sent.
+    /// True if an object is the sent one.
     fn is_sent(&self, (found, attributes): &(ObjectMeta, Attributes)) -> bool {
         let run = attributes.get(&Attribute::Metadata(RUN.into()));
         found.size == self.bytes && run.is_some_and(|run| **run == *self.run)
@@ -232,7 +232,7 @@ impl Target {
         Ok(Self { store, new_only, takes_attributes: !base.starts_with("az"), lister, path })
     }
 
-    /// What the store says of the object, if there is one.
+    /// The store's description of the object, if there is one.
     fn look(&self) -> Result<Option<(ObjectMeta, Attributes)>, StorageError> {
         let target = self.clone();
         let options = GetOptions { head: true, ..GetOptions::default() };
@@ -267,7 +267,7 @@ fn s3(base: &str, timeout: &str) -> object_store::Result<Stores> {
     Ok((any, Some(Arc::new(new_only)), Some(lister)))
 }
 
-/// What the environment says of connections to S3; options that are given replace it.
+/// Options of connections to S3 from the environment; options that are given replace them.
 fn client_options() -> ClientOptions {
     let known = std::env::vars().filter_map(|(name, value)| {
         let key = name.strip_prefix("AWS_")?.to_ascii_lowercase().parse::<ClientConfigKey>().ok()?;
