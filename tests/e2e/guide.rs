@@ -6,7 +6,7 @@
 //! the pictures of the guide are made anew.
 
 use crate::harness::{Ended, Place, Running, python, skip};
-use crate::own_consumer;
+use crate::{own_analysis, own_consumer};
 use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -46,9 +46,10 @@ fn blocks(page: &str) -> Vec<Block> {
     blocks
 }
 
-/// What the guide shows in Rust is a part of this, which is compiled.
-fn example() -> String {
-    fs::read_to_string(root().join("examples/own_consumer.rs")).unwrap()
+/// Every Rust block of the guide is a part of one of these, which are compiled.
+fn examples() -> String {
+    let text = |name: &str| fs::read_to_string(root().join("examples").join(name)).unwrap();
+    text("own_consumer.rs") + &text("own_analysis.rs")
 }
 
 /// A page of the guide, the place where its commands run, and the Python of `tests/setup`, if that is there.
@@ -98,7 +99,7 @@ impl Reader<'_> {
                 first_terminal.take().expect("a first terminal").wait().exits(0);
             }
             "rust" => {
-                assert!(example().contains(&block.code), "{}:{} is another", self.page, block.line);
+                assert!(examples().contains(&block.code), "{}:{} is another", self.page, block.line);
             }
             "text" | "toml" => (),
             other => panic!("{}:{}: nobody runs a block of `{other}`", self.page, block.line),
@@ -200,7 +201,7 @@ fn elsewhere() {
 #[test]
 fn own_consumer() {
     // without it the run in the first terminal would wait for ever
-    if own_consumer::example().is_some() {
+    if own_consumer::example().is_some() && own_analysis::example().is_some() {
         read("docs/guide/9-own-consumer.md");
     }
 }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 const RUN: &str = "run --preset homogeneous --beads 30 --duration 0.0002 --publish-every-steps 10";
 
 /// The example, which `cargo test` builds unless it is told to build this test alone.
-fn example() -> Option<PathBuf> {
+pub(crate) fn example() -> Option<PathBuf> {
     let built = Path::new(env!("CARGO_BIN_EXE_beadline")).with_file_name("examples").join("own_analysis");
     if !built.exists() {
         skip("`cargo build --example own_analysis` first");
