@@ -199,15 +199,15 @@ def test_ctrl_c_ends_a_sweep_and_no_run_begins_after_it(
 
 
 def test_an_analysis_of_ones_own_is_measured_in_a_sweep() -> None:
-    @beadline.analysis(columns={"way_m": "way that bead 0 has gone"}, name="way-of-0")
+    @bl.analysis(columns={"way_m": "way that bead 0 has gone"}, name="way-of-0")
     def way():  # type: ignore[no-untyped-def]
         way = last = 0.0
         while True:
             frame = yield way
             way, last = way + abs(frame.displacement_m[0] - last), frame.displacement_m[0]
 
-    run = beadline.preset("homogeneous").replace({"chain.beads": 20, "time.duration_s": 2e-4})
-    table = beadline.sweep(run, {"chain.alpha": [1.5, 2.0]}, measure=["way-of-0.way_m", "energies.driven_j"], jobs=2)
+    run = bl.preset("homogeneous").replace({"chain.beads": 20, "time.duration_s": 2e-4})
+    table = bl.sweep(run, {"chain.alpha": [1.5, 2.0]}, measure=["way-of-0.way_m", "energies.driven_j"], jobs=2)
     assert table["energies.driven_j"].tolist() == [0.0, 0.0]
     every = int(table["steps"][0]) // 10
     assert (table["way-of-0.way_m"] > 0).all() and every > 0
@@ -217,13 +217,13 @@ def test_an_analysis_of_ones_own_is_measured_in_a_sweep() -> None:
 
 
 def test_an_analysis_of_ones_own_that_raises_ends_the_sweep() -> None:
-    @beadline.analysis(columns={"a_m": "nothing"})
+    @bl.analysis(columns={"a_m": "nothing"})
     class Wrong:
         def frame(self, frame: object) -> float:
             raise RuntimeError("of mine")
 
-    run = beadline.preset("homogeneous").replace({"chain.beads": 20, "time.duration_s": 2e-4})
+    run = bl.preset("homogeneous").replace({"chain.beads": 20, "time.duration_s": 2e-4})
     with pytest.raises(RuntimeError, match="of mine"):
-        beadline.sweep(run, {"chain.alpha": [1.5]}, measure=["wrong.a_m"])
+        bl.sweep(run, {"chain.alpha": [1.5]}, measure=["wrong.a_m"])
     with pytest.raises(ValueError, match="energies"):
-        beadline.analysis(columns={"a_m": "nothing"}, name="energies")(Wrong.function)
+        bl.analysis(columns={"a_m": "nothing"}, name="energies")(Wrong.function)
