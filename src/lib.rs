@@ -42,7 +42,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 /// process; without it, it is the running program.
 pub fn command(arguments: &[OsString], program: Option<Vec<OsString>>) -> u8 {
     let form = Form::asked_for(arguments);
-    limits::prepare(form);
+    limits::prepare(|message| form.line(message));
     bus::while_waiting(signals::while_waiting);
     bench::child::set_program(program);
     let arguments = args::command().try_get_matches_from(arguments);

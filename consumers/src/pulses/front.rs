@@ -3,10 +3,10 @@
 //! Beads that move for the first time, one after the other, are the front, whatever the tracker makes of it. Close
 //! behind there is a pulse that leads. Where none is for many beads, the leading pulse was not followed.
 
-use super::Direction;
-use super::control::{MATTERS, SHORTEST, Unfollowed};
-use super::surroundings::{Surroundings, nearest, signed};
+use super::found::{MATTERS, SHORTEST, Unfollowed};
+use super::surroundings::Surroundings;
 use super::track::Track;
+use super::{Direction, nearest, signed};
 use schemas::frame::Frame;
 
 /// Crests lower than this part of the largest velocity near the front are not of the pulse that leads it.

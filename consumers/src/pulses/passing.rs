@@ -1,7 +1,7 @@
 //! How long a pulse takes to pass a bead, which decides how far apart frames may be.
 
 use super::Obstacles;
-use super::surroundings::signed;
+use super::signed;
 use crate::theory::{SolitaryWave, Strength};
 use schemas::chain::Chain;
 use schemas::manifest::Physics;

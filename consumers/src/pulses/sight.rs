@@ -1,7 +1,8 @@
 //! What is looked at in a frame: the velocity of each bead or, where beads are not alike, of those around it together.
 
 use super::crest::{Crest, History};
-use super::surroundings::{Surroundings, signed};
+use super::signed;
+use super::surroundings::Surroundings;
 use schemas::frame::Frame;
 use std::ops::Range;
 
